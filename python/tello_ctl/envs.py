@@ -14,8 +14,8 @@ Reward: per step -(distance + 0.3 |heading error|) * dt - 0.002 |action|^2 * dt 
 1 for each corner. An episode terminates with -5 when the vehicle leaves its box, and in the square at the last
 corner; it is truncated after `max_episode_steps`.
 
-`expert_action()` is what the flight program's own controller (MHE, prediction, MPC) would send. It takes its
-answers to be flown: mixed with other actions it knows less than it believes.
+`expert_action()` is what the flight program's own controller (MHE, prediction, MPC) would send. It assumes
+that its actions are applied: mixed with other actions its estimate is wrong.
 """
 
 from __future__ import annotations

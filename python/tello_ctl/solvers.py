@@ -32,7 +32,7 @@ class Fit:
 
     parameter: Floats
     deviation: Floats
-    """Standard deviation of each entry by the Laplace approximation; NaN if the data do not determine it."""
+    """Standard deviation of each entry by Laplace's approximation (`horizon_estim::Laplace::plain`); NaN if the data do not determine it."""
     cost: float
     iterations: int
 

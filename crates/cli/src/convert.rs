@@ -193,7 +193,7 @@ fn convert(from: &Path, arguments: &Arguments) -> Result<Converted> {
         }
     };
     if to.canonicalize().is_ok_and(|to| from.canonicalize().is_ok_and(|from| from == to)) {
-        bail!("the original would be replaced");
+        bail!("{} would be replaced: choose another name with -o", from.display());
     }
     let flight = match format {
         Format::Csv => RowFlight::from(csv::read(from)?),

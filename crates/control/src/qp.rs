@@ -125,25 +125,25 @@ pub enum Reason {
     #[error("{0}")]
     Clarabel(SolverStatus),
     /// The working set was not optimal within the iteration limit.
-    #[error("IterationLimit")]
+    #[error("the iteration limit")]
     IterationLimit,
     /// The caller reported that it is late, before the interior point began.
-    #[error("Late")]
+    #[error("lateness before the interior point")]
     Late,
     /// The Hessian with the second derivatives of the dynamics is indefinite, or not finite.
-    #[error("Indefinite")]
+    #[error("an indefinite Hessian")]
     Indefinite,
     /// A pivot of the recursion is not positive, or not finite.
-    #[error("NotPositive")]
+    #[error("a pivot that is not positive")]
     NotPositive,
     /// A step is not finite.
-    #[error("NotFinite")]
+    #[error("a step that is not finite")]
     NotFinite,
 }
 
 /// The solver ended without an accurate step.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
-#[error("the quadratic subproblem ended as {reason} after {iterations} iterations")]
+#[error("the quadratic subproblem ended by {reason} after {iterations} iterations")]
 pub struct Unsolved {
     reason: Reason,
     /// Iterations spent.

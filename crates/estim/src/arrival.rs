@@ -1,4 +1,4 @@
-//! Arrival cost: what the steps that left the window say of its oldest state and of the parameter.
+//! Arrival cost: the information of the steps that left the window on its oldest state and the parameter.
 //!
 //! Owns the quadratic that stands for those steps, how it takes up one more of them and how it forgets.
 //! When a step leaves the window is decided in `mhe.rs`; the elimination is that of `chain.rs`.
@@ -25,10 +25,10 @@ pub enum ArrivalTable {
     /// Nothing of it remains but the estimate of the state after it, which is kept as it is, as in
     /// the thesis.
     Fixed,
-    /// What it says of the state after it and of the parameter remains. `C_p` must be positive.
+    /// Its information on the next state and the parameter is kept. `C_p` must be positive.
     Carried {
         /// Weights of the first state against rest at its first observation, one per state row.
-        /// 1 / unit of the row, > 0
+        /// 1 / unit of the row, 1e-6..=1e6
         #[serde(rename = "C_0")]
         c_0: Vec<f64>,
         /// Time in which all but a part `1/e` of the information is forgotten in favour of the
@@ -44,7 +44,7 @@ pub enum ArrivalSettings<const NS: usize> {
     Fixed,
     /// The oldest state is free under an arrival cost.
     Carried {
-        /// Weights of the first state against rest, > 0. Unit: 1 / unit of the row.
+        /// Weights of the first state against rest, 1e-6..=1e6. Unit: 1 / unit of the row.
         c_0: SVector<f64, NS>,
         /// Time constant of forgetting. s, > 0
         forget_s: f64,

@@ -19,21 +19,21 @@ impl Default for LmTable {
 /// What estimator and identification are given alike: a method for each setting, and the check of all.
 macro_rules! fit_setters {
     ($settings:ty) => {
-        /// Weight of each observation residual. 1 / unit of the row, >= 0
+        /// Weight of each observation residual. 1 / unit of the row, 0 or 1e-6..=1e6
         #[must_use]
         pub fn c_o(mut self, c_o: [f64; NO]) -> Self {
             self.table.c_o = c_o.into();
             self
         }
 
-        /// Weight of each transition residual, which is divided by the period. s / unit of the row, > 0
+        /// Weight of each transition residual, which is divided by the period. s / unit of the row, 1e-6..=1e6
         #[must_use]
         pub fn c_s(mut self, c_s: [f64; NS]) -> Self {
             self.table.c_s = c_s.into();
             self
         }
 
-        /// Weight of the prior on each parameter. 1 / unit of the row, >= 0
+        /// Weight of the prior on each parameter. 1 / unit of the row, 0 or 1e-6..=1e6
         #[must_use]
         pub fn c_p(mut self, c_p: [f64; NP]) -> Self {
             self.table.c_p = c_p.into();

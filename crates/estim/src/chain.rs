@@ -37,7 +37,7 @@ impl<const NS: usize, const NP: usize> Block<NS, NP> {
         }
     }
 
-    /// Makes it zero where it is.
+    /// Sets all entries to zero in place.
     #[inline]
     pub(crate) fn clear(&mut self) {
         self.diagonal.fill(0.0);

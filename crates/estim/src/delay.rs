@@ -10,7 +10,7 @@
 //! the inputs move, and favours no fraction.
 //!
 //! At a minimum over states and parameter the gradient of the profile is that of the cost itself, so one
-//! solve tells the gradients for all groups. They hardly depend on each other; all move at once.
+//! solve yields the gradients for all groups. They hardly depend on each other; all groups move at once.
 
 mod one_by_one;
 mod search;
@@ -94,7 +94,7 @@ pub enum DelayVerdict {
 
 /// Uncertainty of a dead time.
 ///
-/// With `J` the profile over the dead time `d` and `J_i` the contribution of piece `i` to it, curvature and
+/// With `J` the profile over the dead time `D` and `J_i` the contribution of piece `i` to it, curvature and
 /// gradients are differences over one period to either side. With `n` < 10 pieces, whose gradients add up to zero,
 /// `std_s` is multiplied by `sqrt(n / (n - 1))` and is at least `sqrt(max(1, 2 J / dof) / J'')`, with the degrees of
 /// freedom `dof`.

@@ -332,7 +332,7 @@ pub fn solve<P: Problem>(
 /// that the step leaves is `E d`: the next step gains about `d' E H^-1 E d / 2 <= eta` as long as the
 /// iteration contracts. Along a direction of curvature `l`, damping holds back `damping^2 |d|^2 / (2 l)`, less than
 /// half of `damping |d|^2` where `l` exceeds the damping. Where it does not, the step is short because of the damping,
-/// and tells of no end: it is held back.
+/// and shows no convergence: it is held back.
 fn attempt<P: Problem>(problem: &mut P, settings: &LmSettings, damping: f64, cost: f64) -> Attempt {
     let Ok(step) = problem.try_step(damping) else { return Attempt::Rejected };
     let damped = damping * step.norm * step.norm;

@@ -27,14 +27,14 @@ pub use builder::MheBuilder;
 pub struct MheTable {
     /// Length of the window. steps, 2..=200
     pub window_steps: usize,
-    /// Weights of the observation residuals, one per observation row. 1 / unit of the row, >= 0
+    /// Weights of the observation residuals, one per observation row. 1 / unit of the row, 0 or 1e-6..=1e6
     #[serde(rename = "C_o")]
     pub c_o: Vec<f64>,
     /// Weights of the transition residuals, which are divided by the period, one per state row.
-    /// s / unit of the row, > 0
+    /// s / unit of the row, 1e-6..=1e6
     #[serde(rename = "C_s")]
     pub c_s: Vec<f64>,
-    /// Weights of the prior on the parameter, one per parameter row. 1 / unit of the row, >= 0
+    /// Weights of the prior on the parameter, one per parameter row. 1 / unit of the row, 0 or 1e-6..=1e6
     #[serde(rename = "C_p")]
     pub c_p: Vec<f64>,
     /// Expected parameter, where estimation starts. Between `p_lb` and `p_ub`. Unit of each row

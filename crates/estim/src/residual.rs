@@ -77,9 +77,9 @@ pub struct Residuals<M, const NS: usize, const NU: usize, const NO: usize, const
     pub model: M,
     /// Period. s, > 0
     pub dt_s: f64,
-    /// Weight of an observation residual, >= 0. Unit: 1 / unit of the row.
+    /// Weight of an observation residual, 0 or 1e-6..=1e6. Unit: 1 / unit of the row.
     pub c_o: SVector<f64, NO>,
-    /// Weight of a transition residual, > 0. Unit: s / unit of the row.
+    /// Weight of a transition residual, 1e-6..=1e6. Unit: s / unit of the row.
     pub c_s: SVector<f64, NS>,
     /// Loss of each observation.
     pub observation_loss: Loss,

@@ -20,7 +20,7 @@ use crate::residual::{Curvature, Iterate, Observed, Residuals};
 /// Prior of the parameter, before any observation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prior<const NP: usize> {
-    /// Weight of the residual `C_p (p - p_prior)`, >= 0. Unit: 1 / unit of the row.
+    /// Weight of the residual `C_p (p - p_prior)`, 0 or 1e-6..=1e6. Unit: 1 / unit of the row.
     pub c_p: SVector<f64, NP>,
     /// Expected parameter, inside the box. Unit of each row
     pub p_prior: SVector<f64, NP>,

@@ -139,11 +139,16 @@ impl ParameterFile {
         let ParameterEstimate { p, covariance, dead_time_change_s } = flight.found;
         let is_whole = covariance.iter().all(|row| row.len() == rows.len());
         if self.model != settings.model || p.len() != rows.len() || covariance.len() != rows.len() {
-            bail!("the flight was of another model");
+            bail!(
+                "the flight was of the model {} with {} parameters, the file is of {}",
+                settings.model.name(),
+                p.len(),
+                self.model.name()
+            );
         }
         let values = p.iter().chain(covariance.iter().flatten()).chain(dead_time_change_s);
         if !is_whole || !values.copied().all(f64::is_finite) {
-            bail!("the estimate is not finite");
+            bail!("the estimate at the end of the flight is not finite: the file stays as it was");
         }
         let mhe = &settings.mhe;
         let mut changed = Vec::new();

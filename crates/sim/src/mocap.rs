@@ -1,7 +1,7 @@
 //! What the motion capture makes of the true pose.
 //!
 //! Owns noise, stalls, lost poses and heading flips with the rates and lengths counted in real
-//! recordings (231 705 samples). Each kind of fault is a small state machine with its own random
+//! recordings of the thesis. Each kind of fault is a small state machine with its own random
 //! stream. The bytes of the protocols are `tello_io::mocap`'s.
 
 use std::f64::consts::PI;

@@ -80,21 +80,21 @@ impl<const NS: usize, const NU: usize> MpcSettings<NS, NU> {
 }
 
 impl<const NS: usize, const NU: usize> MpcBuilder<NS, NU> {
-    /// Weight of each input, or of its change. 1/unit, > 0
+    /// Weight of each input, or of its change. 1/unit, 1e-6..=1e6
     #[must_use]
     pub fn c_u(mut self, c_u: [f64; NU]) -> Self {
         self.table.c_u = c_u.into();
         self
     }
 
-    /// Weight of each state's distance to the reference, all steps but the last. 1/unit, >= 0
+    /// Weight of each state's distance to the reference, all steps but the last. 1/unit, 0 or 1e-6..=1e6
     #[must_use]
     pub fn c_s(mut self, c_s: [f64; NS]) -> Self {
         self.table.c_s = c_s.into();
         self
     }
 
-    /// The same for the last step. 1/unit, >= 0
+    /// The same for the last step. 1/unit, 0 or 1e-6..=1e6
     #[must_use]
     pub fn c_s_end(mut self, c_s_end: [f64; NS]) -> Self {
         self.c_s_end = Some(c_s_end);

@@ -60,7 +60,7 @@ impl<const NS: usize, const NO: usize, const NP: usize> IdentSettings<NS, NO, NP
 impl<const NS: usize, const NO: usize, const NP: usize> IdentBuilder<NS, NO, NP> {
     fit_setters!(IdentSettings<NS, NO, NP>);
 
-    /// Weight of each piece's first state against rest. 1 / unit of the row, >= 0
+    /// Weight of each piece's first state against rest. 1 / unit of the row, 0 or 1e-6..=1e6
     #[must_use]
     pub fn c_0(mut self, c_0: [f64; NS]) -> Self {
         self.table.c_0 = c_0.into();

@@ -18,7 +18,7 @@ use crate::residual::{Curvature, Iterate, Observed, Residuals, finite};
 #[derive(Debug, Clone)]
 pub(super) struct Terms<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
     pub(super) residuals: Residuals<M, NS, NU, NO, NP>,
-    /// Weight of the first state's residual against rest. 1 / unit of the row, >= 0
+    /// Weight of the first state's residual against rest. 1 / unit of the row, 0 or 1e-6..=1e6
     pub(super) c_0: SVector<f64, NS>,
 }
 

@@ -26,18 +26,18 @@ pub enum LinearSolver {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct IdentTable {
-    /// Weights of the observation residuals, one per observation row. 1 / unit of the row, >= 0
+    /// Weights of the observation residuals, one per observation row. 1 / unit of the row, 0 or 1e-6..=1e6
     #[serde(rename = "C_o")]
     pub c_o: Vec<f64>,
     /// Weights of the transition residuals, which are divided by the period, one per state row.
-    /// s / unit of the row, > 0
+    /// s / unit of the row, 1e-6..=1e6
     #[serde(rename = "C_s")]
     pub c_s: Vec<f64>,
-    /// Weights of the prior on the parameter, one per parameter row. 1 / unit of the row, >= 0
+    /// Weights of the prior on the parameter, one per parameter row. 1 / unit of the row, 0 or 1e-6..=1e6
     #[serde(rename = "C_p")]
     pub c_p: Vec<f64>,
     /// Weights of each piece's first state against rest at its first observation, one per state row;
-    /// 0 leaves a row free. 1 / unit of the row, >= 0
+    /// 0 leaves a row free. 1 / unit of the row, 0 or 1e-6..=1e6
     #[serde(rename = "C_0")]
     pub c_0: Vec<f64>,
     /// Expected parameter, where identification starts. Between `p_lb` and `p_ub`. Unit of each row

@@ -18,7 +18,7 @@ use crate::{Mission, Reference, clip_target};
 /// Ticks after which an unused plan has lost `1 - 1/e` of its authority, thesis section 4.3.9.
 const PLAN_DECAY_TICKS: f64 = 10.0;
 
-/// Ticks after which an unused plan says nothing of walls.
+/// Ticks after which an unused plan is too old to be judged against walls.
 const CLEAR_LAG_MAX: u32 = 5;
 
 /// What the plan follows from.

@@ -1,7 +1,7 @@
 //! The direction of the motion beside that of the inputs.
 //!
 //! Owns the angle between both: a rigid body that was defined turned, a mirrored frame, a heading that
-//! is wrong. Changes of the velocity are compared, not velocities: wind that the inputs work against has no say.
+//! is wrong. Changes of the velocity are compared, not velocities: so constant wind does not matter.
 //! The angle is that of the covariance of the velocity `v_u`, which the inputs ask for after the lag
 //! of a typical vehicle, and `v_o`, which the poses show, both as complex numbers:
 //! `arg m((v_u - m(v_u))^* (v_o - m(v_o)))`, with the exponentially weighted mean `m`. The dead time may be wrong,

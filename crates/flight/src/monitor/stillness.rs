@@ -1,6 +1,6 @@
-//! A pose that stands still to a millimetre is hardly that of a flying vehicle, and never of one that is steered.
+//! Poses that stand still to a millimetre: a hovering vehicle is seldom so still, a steered one never.
 //!
-//! Owns the recognition of a pose that goes on and says nothing: another object at rest, one pose
+//! Owns the recognition of poses that arrive without information on the vehicle: another object at rest, one pose
 //! repeated with noise, or one of its axes. Means of short blocks are compared, so that noise does not hide it.
 
 use horizon_model::rows::{Pose, Sticks, pose, stick};

@@ -202,7 +202,7 @@ impl VelocityMonitor {
 }
 
 /// Exponentially weighted sums over poses and reports. Deviations from the means are compared: a constant drift
-/// of the poses has no say about the axes.
+/// of the poses does not change the axes.
 #[derive(Debug, Clone, Default)]
 struct Sums {
     time_s: f64,

@@ -73,7 +73,7 @@ fn a_solve_cut_short_is_no_solution() {
     assert_eq!(unsolved, Unsolved { reason, iterations: 2 });
     assert_eq!(
         unsolved.to_string(),
-        "the quadratic subproblem ended as MaxIterations after 2 iterations"
+        "the quadratic subproblem ended by MaxIterations after 2 iterations"
     );
     assert_eq!(du, before);
 }

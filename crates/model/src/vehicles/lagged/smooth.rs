@@ -172,7 +172,7 @@ mod tests {
             worst = maximum(worst, (smooth - ratio.min(1.0)).abs());
         }
         assert!(worst < 0.25 * width, "{worst}");
-        assert!(acceleration_max < 1.0 + 1e-2, "{acceleration_max}");
+        assert!(acceleration_max < 1.0 + 3e-4, "{acceleration_max}");
         assert!((limit(0.0, width).factor - 1.0).abs() < f64::EPSILON);
     }
 
