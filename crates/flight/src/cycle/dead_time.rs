@@ -149,6 +149,7 @@ mod tests {
             dead_time.is_too_long()
         };
         assert!(followed(0.3, 0.09, 0.02));
+        assert!(!followed(0.3, LEFT_MAX_S, 0.02), "the limit itself");
         assert!(!followed(0.3, 0.07, 0.02) && !followed(0.3, -0.09, 0.02), "little left, or early");
         assert!(!followed(0.5, 0.09, 0.02), "after 20 of 25 steps");
         assert!(
