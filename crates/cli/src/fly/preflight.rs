@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use horizon_model::rows::{Pose, pose};
+use nix::sys::termios::{FlushArg, tcflush};
 use tello_flight::cycle::FlightTable;
 use tello_flight::{Mission, Room, RoomTable};
 use tello_io::config::{self, FlyTable};
@@ -134,6 +135,8 @@ fn refuse_built_in_room(table: &FlyTable) -> Result<()> {
 }
 
 fn confirm(address: &str, checks: &[Check]) -> Result<()> {
+    // Keys from before the question are no answer to it. Without a terminal there are none.
+    tcflush(io::stdin(), FlushArg::TCIFLUSH).ok();
     write!(io::stderr(), "{}", question(address, checks))?;
     let mut answer = String::new();
     let bytes = io::stdin().read_line(&mut answer)?;
