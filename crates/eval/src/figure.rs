@@ -67,13 +67,15 @@ impl Place {
     pub fn of(name: &Path) -> Result<Self> {
         let stem = name.file_stem().with_context(|| format!("{} is no name", name.display()))?;
         let stem = stem.to_string_lossy().into_owned();
-        let dir = name.parent().unwrap_or(Path::new("")).to_owned();
-        if dir != Path::new("") {
-            fs::create_dir_all(&dir).with_context(|| format!("cannot make {}", dir.display()))?;
-        }
-        let place = Self { dir, stem };
+        let dir = name.parent().unwrap_or(Path::new(""));
+        let place = Self::inside(dir, stem)?;
         place.paths().iter().try_for_each(|path| whole_file::probe(path))?;
         Ok(place)
+    }
+
+    fn inside(dir: &Path, stem: String) -> Result<Self> {
+        fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
+        Ok(Self { dir: dir.to_owned(), stem })
     }
 
     /// The name without folder and ending, for a title.
@@ -102,9 +104,9 @@ impl Place {
 /// Writes `figure` to `dir`, which is created if it is missing, as [`Place::save`].
 ///
 /// # Errors
-/// As [`Place::of`] and [`Place::save`].
+/// The folder cannot be made; those of [`Place::save`].
 pub fn save(dir: &Path, name: &str, figure: &Figure) -> Result<[PathBuf; 2]> {
-    Place::of(&dir.join(name))?.save(figure)
+    Place::inside(dir, name.to_owned())?.save(figure)
 }
 
 /// Name and unit of a row as an axis shows them; a ratio has no unit.
