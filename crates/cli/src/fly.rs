@@ -1,9 +1,10 @@
 //! `tello-ctl fly`: mocap bytes in, stick bytes out, fifty times a second.
 //!
-//! Owns the threads: the tokio runtime on this one (mocap reader, Tello writer), the control thread, the
+//! Owns the threads: the tokio runtime on this one (Tello writer), the mocap reader's, the control thread, the
 //! logger's, the status line's, those of the signals, of the terminal, of the live views, of input devices and of the
 //! end; and the guardian's process.
 
+mod connection_limit;
 mod control_loop;
 mod drill;
 #[cfg(feature = "live")]
@@ -270,7 +271,7 @@ async fn fly(
         drill: arguments.drill,
     };
 
-    let (mocap, tello) = (tokio::spawn(sources.run(stop.clone())), tokio::spawn(tello.run(stop)));
+    let (mocap, tello) = (sources.start(stop.clone())?, tokio::spawn(tello.run(stop)));
     if let Some(drill) = arguments.drill {
         tokio::spawn(drill.strike_link(tello.abort_handle()));
     }
@@ -288,7 +289,7 @@ async fn fly(
     let control = control.join();
     // Before any error leaves: the link lands a drone that still flies.
     stopper.stop();
-    let (mocap, tello) = (mocap.await, tello.await);
+    let (tello, mocap) = (tello.await, mocap.join());
     if let (Some(guardian), Ok(Ok(()))) = (guardian, &tello) {
         guardian.end();
     }
@@ -296,7 +297,7 @@ async fn fly(
     let summary = close_log(recorder, &tally);
     // Every record is seen: viewers receive the last one.
     drop(view);
-    mocap?;
+    mocap.map_err(|_panic| anyhow!("the reader of the motion capture panicked"))?;
     tello??;
     let patience = leave_screen(status_line, move || {
         drop(inputs);

@@ -35,9 +35,12 @@ use self::reader::Outlet;
 use self::terminal::Mode;
 use crate::clock::{Clock, TimeNs};
 
-/// Events in transit from one reader: a second of the quickest typing. A reader that finds the queue
-/// full waits; behind it the kernel keeps what comes.
-const EVENTS: usize = 64;
+/// Events in transit from one reader, and per tick: all that a terminal holds when text was pasted, so that an order
+/// behind it is heard in the next tick. A reader that finds the queue full waits; behind it the kernel keeps what comes.
+const EVENTS: usize = 4096;
+
+/// Orders in transit from a view, which is informed that the control thread takes none before many gather.
+const REMOTE_EVENTS: usize = 64;
 
 /// An order of the person at the controls, the weakest first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -84,7 +87,7 @@ impl Pilot {
 
     /// Where a view of the flight gives its orders. One there is: a second call closes the first.
     pub fn remote(&mut self, clock: Clock) -> Remote {
-        let (events, remote) = RingBuffer::new(EVENTS);
+        let (events, remote) = RingBuffer::new(REMOTE_EVENTS);
         self.remote = Some(remote);
         Remote::new(events, clock)
     }

@@ -1,8 +1,14 @@
 //! What is read of the motion capture: the vehicle, and the obstacle that moves if there is one.
+//!
+//! Owns the thread that it is read on, apart from the one of the drone's sockets: a source that floods must not hold up
+//! the link.
+
+use std::io;
+use std::thread::{self, JoinHandle};
 
 use horizon_model::setting::SettingError;
 use tello_io::StopSignal;
-use tello_io::clock::Clock;
+use tello_io::clock::{Clock, Role, request_priority};
 use tello_io::config::{self, FlyTable};
 use tello_io::mocap::{MocapClient, MocapFeed};
 
@@ -26,6 +32,21 @@ impl Sources {
         let (moving, moving_feed) =
             moving.map(|settings| MocapClient::new(settings, clock)).unzip();
         Ok((Self { vehicle, moving }, feed, moving_feed))
+    }
+
+    /// Starts the thread, which reads until it is stopped.
+    ///
+    /// # Errors
+    /// No thread, or nothing to wait for sockets with.
+    pub(super) fn start(self, stop: StopSignal) -> io::Result<JoinHandle<()>> {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        thread::Builder::new().name("tello-mocap".into()).spawn(move || {
+            // The control thread reports a refusal.
+            request_priority(Role::Mocap).ok();
+            runtime.block_on(self.run(stop));
+            // Without waiting for the address of a host that is not found.
+            runtime.shutdown_background();
+        })
     }
 
     /// Reads until it is stopped.

@@ -15,12 +15,13 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Result, bail};
-use ratatui::Terminal;
-use ratatui::backend::CrosstermBackend;
+use ratatui::backend::{Backend, CrosstermBackend};
 use ratatui::crossterm::cursor::{Hide, Show};
 use ratatui::crossterm::execute;
 use ratatui::crossterm::style::Colored;
 use ratatui::crossterm::terminal::{EnterAlternateScreen, LeaveAlternateScreen};
+use ratatui::layout::Rect;
+use ratatui::{Terminal, TerminalOptions, Viewport};
 use rtrb::Consumer;
 use tello_io::held_messages::{Messages, Newest};
 
@@ -36,6 +37,9 @@ const OLD_AFTER: u32 = 10;
 
 /// Most samples of the histories, one for each picture: more than a screen is wide.
 const HISTORY: usize = 400;
+
+/// Largest picture: a terminal may claim any size, and each cell costs memory. columns, rows
+const SIZE_MAX: (u16, u16) = (1000, 400);
 
 /// Room for all that a picture sends, so that it goes in one piece. bytes
 const PICTURE_BYTES: usize = 1 << 16;
@@ -110,7 +114,10 @@ impl Picture {
     /// Draws until the control thread, which pushes `statuses`, or the terminal is gone.
     pub(super) fn show(mut self, mut statuses: Consumer<Status>) {
         let out = BufWriter::with_capacity(PICTURE_BYTES, io::stdout());
-        let Ok(mut terminal) = Terminal::new(CrosstermBackend::new(out)) else { return };
+        let viewport = TerminalOptions { viewport: Viewport::Fixed(Rect::ZERO) };
+        let terminal = Terminal::with_options(CrosstermBackend::new(out), viewport);
+        let Ok(mut terminal) = terminal else { return };
+        let mut area = Rect::ZERO;
         while !self.view.is_over {
             // The last picture says so: it stays while a drone without control is landed.
             self.view.is_over = statuses.is_abandoned();
@@ -122,12 +129,25 @@ impl Picture {
             if let Some(messages) = &self.messages {
                 self.view.messages = messages.lines(picture::MESSAGES_MAX);
             }
-            if terminal.draw(|frame| draw(frame, &self.view)).is_err() {
+            if fit(&mut terminal, &mut area).is_err()
+                || terminal.draw(|frame| draw(frame, &self.view)).is_err()
+            {
                 return;
             }
             thread::sleep(PERIOD);
         }
     }
+}
+
+/// Brings the picture to the size of the terminal, at most [`SIZE_MAX`].
+fn fit<B: Backend>(terminal: &mut Terminal<B>, area: &mut Rect) -> Result<(), B::Error> {
+    let size = terminal.size()?;
+    let fitting = Rect::new(0, 0, size.width.min(SIZE_MAX.0), size.height.min(SIZE_MAX.1));
+    if *area != fitting {
+        *area = fitting;
+        terminal.resize(fitting)?;
+    }
+    Ok(())
 }
 
 impl View {

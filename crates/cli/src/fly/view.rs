@@ -4,7 +4,6 @@
 //! the log's thread, orders go where keys go, and whatever fails here ends the page alone. The thread is
 //! not that of the drone's sockets: a flood of requests must not hold up the link.
 
-mod connection_limit;
 mod orders;
 mod playback;
 mod server;

@@ -13,6 +13,8 @@ use thread_priority::{
 /// What a thread does in a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
+    /// Reads the motion capture.
+    Mocap,
     /// Estimates and plans.
     Control,
     /// Talks to the drone: it levels the sticks and lands when control hangs, busy or not.
@@ -23,9 +25,10 @@ pub enum Role {
 
 impl Role {
     /// Above every ordinary thread, below the kernel's own real-time threads (50 and more), and a thread
-    /// that watches above the one that it watches.
+    /// that watches above the one that it watches. A source that floods must not take the processor from those who fly.
     fn fifo_priority(self) -> u8 {
         match self {
+            Self::Mocap => 35,
             Self::Control => 40,
             Self::Sender => 45,
             Self::Guardian => 48,
@@ -61,8 +64,8 @@ pub enum RealTimeWarning {
     },
 }
 
-/// Moves the calling thread to the `SCHED_FIFO` priority of `role`: 40 for control, 45 for the sender, 48 for
-/// the guardian. Threads that it starts afterwards have the same.
+/// Moves the calling thread to the `SCHED_FIFO` priority of `role`: 35 for the motion capture, 40 for control, 45 for the
+/// sender, 48 for the guardian. Threads that it starts afterwards have the same.
 ///
 /// # Errors
 /// The system refuses: the thread stays among the ordinary ones.

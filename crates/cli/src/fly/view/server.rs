@@ -19,10 +19,10 @@ use axum::routing::get;
 use tello_io::clock::Clock;
 use tokio::sync::watch;
 
-use super::connection_limit::{LimitHandle, LimitedListener};
 use super::orders::OrderAccess;
 use super::viewer::{MESSAGE_BYTES_MAX, ViewerConnection};
 use super::viewer_slots::ViewerSlots;
+use crate::fly::connection_limit::{ConnectionLimit, LimitHandle, LimitedListener};
 use crate::fly::live::{Briefing, Watched};
 
 pub(super) const PAGE: &str = include_str!("page.html");
@@ -35,6 +35,9 @@ const BEGIN: &str = "listen();\nconnect();\n";
 /// Nothing from anywhere but the files of the page, and a socket back to here.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; \
                       img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+/// For connections that are not yet web sockets: each has one request and its answer.
+const REQUESTS: ConnectionLimit = ConnectionLimit { count: 24, time: Some(Duration::from_secs(3)) };
 
 /// What is shown, and to whom orders go.
 #[derive(Debug, Clone)]
@@ -72,7 +75,7 @@ pub(super) async fn serve(listener: tokio::net::TcpListener, shown: Shown, goodb
         is_over.wait_for(|is_over| *is_over).await.ok();
     };
     let routes = routes.into_make_service_with_connect_info::<LimitHandle>();
-    let server = axum::serve(LimitedListener::new(listener), routes);
+    let server = axum::serve(LimitedListener::new(listener, REQUESTS), routes);
     tokio::select! {
         // It does not end by itself.
         served = server.into_future() => drop(served),
@@ -93,6 +96,7 @@ async fn watch_flight(
     upgrade.max_message_size(MESSAGE_BYTES_MAX).max_frame_size(MESSAGE_BYTES_MAX).on_upgrade(
         async move |socket| {
             let (slot, goes) = state.slots.enter();
+            // The slots bound it from now on.
             handle.release();
             let viewer = ViewerConnection::new(&state.shown, &slot);
             tokio::select! {

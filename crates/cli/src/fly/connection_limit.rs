@@ -1,8 +1,8 @@
-//! A listener that limits connections which are not yet web sockets of viewers: their number, their duration and how
-//! many are accepted in a second. The flight needs the same file handles and processors.
+//! A listener that limits the connections of viewers: their number, their duration and how many are accepted in a
+//! second. The flight needs the same file handles and processors.
 //!
-//! A connection has 3 s for its one request and the answer. If the limit is reached, the oldest connection of the peer
-//! that has most of them is closed, so that idle connections cannot block others.
+//! If the limit is reached, the oldest connection of the peer that has most of them is closed, so that idle connections
+//! cannot block others.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -19,18 +19,22 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::oneshot;
 use tokio::time::{Interval, MissedTickBehavior, Sleep, interval, sleep};
 
-/// Largest number of connections that are not yet web sockets.
-const CONNECTIONS_MAX: usize = 24;
-
-/// Time from the acceptance of a connection to the last byte of the answer.
-const REQUEST_TIME: Duration = Duration::from_secs(3);
+/// Bounds of the connections.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ConnectionLimit {
+    /// Largest number of connections that were not released, at least one.
+    pub(super) count: usize,
+    /// Time from the acceptance of a connection to its release or its last byte.
+    pub(super) time: Option<Duration>,
+}
 
 /// Time between two accepted connections. Each has one request, so this bounds the load.
 const ACCEPT_PERIOD: Duration = Duration::from_millis(10);
 
 /// The connections under the limit, each with the sender whose drop closes it.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct OpenConnections {
+    count_max: usize,
     newest: u64,
     /// By their numbers, and so by their age.
     inside: BTreeMap<u64, (IpAddr, oneshot::Sender<()>)>,
@@ -43,9 +47,13 @@ fn lock(shared: &SharedConnections) -> MutexGuard<'_, OpenConnections> {
 }
 
 impl OpenConnections {
+    fn new(count_max: usize) -> Self {
+        Self { count_max, newest: 0, inside: BTreeMap::new() }
+    }
+
     /// Adds a connection, if need be in the place of another. Its number, and what signals its end.
     fn enter(&mut self, peer: IpAddr) -> (u64, oneshot::Receiver<()>) {
-        if self.inside.len() >= CONNECTIONS_MAX
+        if self.inside.len() >= self.count_max
             && let Some(number) = self.oldest_of_busiest_peer()
         {
             // Dropping the sender closes it.
@@ -65,9 +73,10 @@ impl OpenConnections {
     }
 }
 
-/// A listener that keeps at most [`CONNECTIONS_MAX`].
+/// A listener whose connections stay within a [`ConnectionLimit`].
 pub(super) struct LimitedListener {
     listener: TcpListener,
+    time: Option<Duration>,
     shared: SharedConnections,
     pace: Interval,
 }
@@ -76,16 +85,16 @@ pub(super) struct LimitedListener {
 pub(super) struct LimitedStream {
     stream: TcpStream,
     handle: LimitHandle,
-    /// Its limit in time; `None` once it is a web socket.
+    /// `None` once it was released.
     limit: Option<RequestLimit>,
 }
 
 struct RequestLimit {
-    over: Pin<Box<Sleep>>,
+    over: Option<Pin<Box<Sleep>>>,
     is_closed: oneshot::Receiver<()>,
 }
 
-/// Takes a connection out of the limit when it becomes a web socket.
+/// Takes a connection out of the limit.
 #[derive(Debug, Clone)]
 pub(super) struct LimitHandle {
     number: u64,
@@ -94,10 +103,11 @@ pub(super) struct LimitHandle {
 
 impl LimitedListener {
     /// Needs the runtime of the calling thread.
-    pub(super) fn new(listener: TcpListener) -> Self {
+    pub(super) fn new(listener: TcpListener, limit: ConnectionLimit) -> Self {
         let mut pace = interval(ACCEPT_PERIOD);
         pace.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        Self { listener, shared: SharedConnections::default(), pace }
+        let shared = Arc::new(Mutex::new(OpenConnections::new(limit.count)));
+        Self { listener, time: limit.time, shared, pace }
     }
 }
 
@@ -112,7 +122,8 @@ impl Listener for LimitedListener {
         stream.set_nodelay(true).ok();
         let (number, is_closed) = lock(&self.shared).enter(address.ip());
         let handle = LimitHandle { number, shared: Arc::clone(&self.shared) };
-        let limit = RequestLimit { over: Box::pin(sleep(REQUEST_TIME)), is_closed };
+        let over = self.time.map(|time| Box::pin(sleep(time)));
+        let limit = RequestLimit { over, is_closed };
         (LimitedStream { stream, handle, limit: Some(limit) }, address)
     }
 
@@ -128,7 +139,7 @@ impl Connected<IncomingStream<'_, LimitedListener>> for LimitHandle {
 }
 
 impl LimitHandle {
-    /// The connection is a web socket from now on: [`super::viewer_slots`] bounds it.
+    /// The connection is outside of the limit from now on: its caller bounds it.
     pub(super) fn release(&self) {
         if let Some((_, go)) = lock(&self.shared).inside.remove(&self.number) {
             go.send(()).ok();
@@ -148,9 +159,9 @@ impl LimitedStream {
             Poll::Ready(Err(_)) => return Err(io::ErrorKind::ConnectionAborted.into()),
             Poll::Pending => {}
         }
-        match limit.over.as_mut().poll(context) {
-            Poll::Ready(()) => Err(io::ErrorKind::TimedOut.into()),
-            Poll::Pending => Ok(()),
+        match limit.over.as_mut().map(|over| over.as_mut().poll(context)) {
+            Some(Poll::Ready(())) => Err(io::ErrorKind::TimedOut.into()),
+            Some(Poll::Pending) | None => Ok(()),
         }
     }
 }
@@ -199,31 +210,33 @@ mod tests {
 
     use super::*;
 
+    const COUNT_MAX: usize = 24;
+
     fn peer(last: u8) -> IpAddr {
         Ipv4Addr::new(10, 0, 0, last).into()
     }
 
     #[test]
     fn many_connections_from_one_address_keep_no_other_out() {
-        let mut open = OpenConnections::default();
+        let mut open = OpenConnections::new(COUNT_MAX);
         let (_, mut first) = open.enter(peer(1));
-        let mut crowd: Vec<_> = (0..CONNECTIONS_MAX - 1).map(|_| open.enter(peer(2)).1).collect();
+        let mut crowd: Vec<_> = (0..COUNT_MAX - 1).map(|_| open.enter(peer(2)).1).collect();
         assert!(crowd[0].try_recv().is_err_and(|e| e == oneshot::error::TryRecvError::Empty));
-        for _ in 0..CONNECTIONS_MAX {
+        for _ in 0..COUNT_MAX {
             let (_, go) = open.enter(peer(2));
             crowd.push(go);
-            assert_eq!(open.inside.len(), CONNECTIONS_MAX);
+            assert_eq!(open.inside.len(), COUNT_MAX);
         }
         // The oldest viewer, and the only one of its address.
         assert_eq!(first.try_recv(), Err(oneshot::error::TryRecvError::Empty));
         let gone = crowd.iter_mut().map(oneshot::Receiver::try_recv);
         let gone = gone.take_while(|go| *go == Err(oneshot::error::TryRecvError::Closed)).count();
-        assert_eq!(gone, CONNECTIONS_MAX, "the oldest of the crowd go first");
+        assert_eq!(gone, COUNT_MAX, "the oldest of the crowd go first");
     }
 
     #[test]
-    fn a_place_is_free_again_when_its_connection_is_a_web_socket() {
-        let shared = SharedConnections::default();
+    fn a_place_is_free_again_when_its_connection_is_released() {
+        let shared = Arc::new(Mutex::new(OpenConnections::new(COUNT_MAX)));
         let (number, mut goes) = lock(&shared).enter(peer(1));
         LimitHandle { number, shared: Arc::clone(&shared) }.release();
         assert_eq!(goes.try_recv(), Ok(()));
