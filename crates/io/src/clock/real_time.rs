@@ -28,7 +28,7 @@ impl Role {
     /// that watches above the one that it watches. A source that floods must not take the processor from those who fly.
     fn fifo_priority(self) -> u8 {
         match self {
-            Self::Mocap => 35,
+            Self::Mocap => 39,
             Self::Control => 40,
             Self::Sender => 45,
             Self::Guardian => 48,
@@ -64,7 +64,7 @@ pub enum RealTimeWarning {
     },
 }
 
-/// Moves the calling thread to the `SCHED_FIFO` priority of `role`: 35 for the motion capture, 40 for control, 45 for the
+/// Moves the calling thread to the `SCHED_FIFO` priority of `role`: 39 for the motion capture, 40 for control, 45 for the
 /// sender, 48 for the guardian. Threads that it starts afterwards have the same.
 ///
 /// # Errors
