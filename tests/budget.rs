@@ -31,7 +31,7 @@ struct Seen {
     planned: usize,
     unplanned: usize,
     /// Changes of the link to down, and back to up.
-    losses: usize,
+    outages: usize,
     returns: usize,
     /// Ticks whose plan is nearer to an obstacle than the margin.
     constrained: usize,
@@ -103,8 +103,8 @@ fn a_tick_calls_the_heap_only_inside_clarabel() {
         println!("{name}: {seen:?}");
         assert!(seen.planned > planned_min, "{name}: few of {TICKS} ticks planned: {seen:?}");
         if name == "outages" {
-            // Each loss amends the window, each return resumes the mission.
-            assert!(seen.losses > 0 && seen.returns > 0, "no outage noticed: {seen:?}");
+            // Each outage amends the window, each return resumes the mission.
+            assert!(seen.outages > 0 && seen.returns > 0, "no outage noticed: {seen:?}");
         }
         if name == "whole flight" {
             assert!(seen.by_hand > 90 && seen.is_landed, "{seen:?}");
@@ -169,7 +169,7 @@ fn count_heap_calls(case: &Case) -> Seen {
         }
         seen.constrained += usize::from(out.clearance.is_some_and(|near| near.active > 0));
         if let Some(link) = out.link.filter(|link| link.changed) {
-            *(if link.state.is_down() { &mut seen.losses } else { &mut seen.returns }) += 1;
+            *(if link.state.is_down() { &mut seen.outages } else { &mut seen.returns }) += 1;
         }
         seen.by_hand += usize::from(out.ruling.is_some_and(|one| one.pilot == Some(Pilot::Person)));
         seen.is_landed |= out.phase() == Phase::Landed;

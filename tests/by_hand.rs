@@ -88,7 +88,7 @@ fn backspace_stops_the_motors_in_flight() {
     assert_ne!(status.code(), Some(0), "{}", person.screen());
     assert!(person.has_echo(), "the terminal is not as it was");
     let phases = phases(&person.log);
-    assert_eq!(phases, ["idle", "taking_off", "flying", "cut"], "{}", person.screen());
+    assert_eq!(phases, ["idle", "taking_off", "flying", "motors_stopped"], "{}", person.screen());
 }
 
 #[test]

@@ -51,14 +51,14 @@ fn orders_of_the_live_page_are_given_and_acknowledged_by_keys() {
     browser.until("document.getElementById('steers').textContent === 'automatic'");
 
     // A short press stops no motor, a long one does.
-    browser.tabs_to("e.id === 'cut'");
+    browser.tabs_to("e.id === 'emergency_stop'");
     browser.presses("Enter");
     sleep(Duration::from_millis(700));
     flight.wait_for(Phase::Flying);
     browser.key("Enter", true);
     flight.wait_for(Phase::Falling);
     browser.key("Enter", false);
-    browser.until("seen.includes('cut:done')");
+    browser.until("seen.includes('emergency_stop:done')");
     flight.wait_for(Phase::Grounded);
     flight.ends();
     assert_eq!(browser.complaints(), Vec::<String>::new());

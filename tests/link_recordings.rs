@@ -119,7 +119,7 @@ impl Tally {
 struct Outcome {
     steps: usize,
     false_alarms: usize,
-    losses: Tally,
+    outages: Tally,
     returns: Tally,
 }
 
@@ -127,7 +127,7 @@ impl Outcome {
     fn print(&self, name: &str) {
         let minutes = self.steps as f64 * DT_S / 60.0;
         println!("{name}: {minutes:.0} min, {} false alarms", self.false_alarms);
-        let tallies = [("losses", &self.losses), ("returns", &self.returns)];
+        let tallies = [("outages", &self.outages), ("returns", &self.returns)];
         for (what, tally) in tallies.into_iter().filter(|(_, tally)| tally.due > 0) {
             let mut delays_s = tally.delays_s.clone();
             delays_s.sort_by(f64::total_cmp);
@@ -162,10 +162,10 @@ fn watch(params: &PlantParams, profile: Profile, seed: u64, u_sent: &[Sticks], s
         let raw = if let MocapReport::Pose(o) = report { Some(o) } else { None };
         let verdict = monitor.update(&fifo.applied(-1), &eyes.look(raw.as_ref()), &of_settings());
         if let Some(unchanged) = &mut unchanged {
-            let tally = if link_was_up { &mut sum.returns } else { &mut sum.losses };
+            let tally = if link_was_up { &mut sum.returns } else { &mut sum.outages };
             unchanged.judge(k, &verdict, &plant, tally);
         }
-        // A loss that has just ended may still be noticed: its commands act on for a dead time.
+        // An outage that has just ended may still be noticed: its commands act on for a dead time.
         let recent = verdict.onset_steps as usize + 50;
         let is_false = lost_at.is_none_or(|lost_at| lost_at + recent < k);
         sum.false_alarms += usize::from(verdict.changed && verdict.state.is_down() && is_false);
@@ -236,8 +236,8 @@ fn drawn(seed: u64) -> PlantParams {
 fn changes_of_the_link_are_noticed_in_time() {
     let sum = watch_both(drawn, Profile::Outages, 101..=105);
     sum.print("outages");
-    assert!(sum.losses.due > 30 && sum.returns.due > 20, "{sum:?}");
-    for tally in [&sum.losses, &sum.returns] {
+    assert!(sum.outages.due > 30 && sum.returns.due > 20, "{sum:?}");
+    for tally in [&sum.outages, &sum.returns] {
         assert!(tally.fraction_in_time() >= 0.9, "{}", tally.fraction_in_time());
     }
     assert!(sum.false_alarms <= 1, "{} false alarms in 20 min", sum.false_alarms);
@@ -290,7 +290,7 @@ struct Agreement {
     alarms: usize,
     /// Alarms with no lost step within a second of the time that they claim.
     alone: usize,
-    /// From the beginning of a loss to the verdict. s
+    /// From the beginning of an outage to the verdict. s
     delays_s: Vec<f64>,
     unnoticed: usize,
 }
@@ -356,7 +356,7 @@ impl Agreement {
 #[test]
 fn verdicts_in_real_flights_agree_with_what_is_found_afterwards() {
     // Recall and fraction of the other steps called down, with a margin of a fifth of what was measured.
-    // Neither side is the truth: the losses found afterwards miss a third of those simulated.
+    // Neither side is the truth: the outages found afterwards miss a third of those simulated.
     for (folder, prefix, turn_rad, is_raw, recall_min, wrong_max) in [
         ("thesis/ident/raw", "", 0.0, true, 0.45, 0.05),
         ("thesis/manual/raw", "", PI, true, 0.25, 0.03),
@@ -370,7 +370,7 @@ fn verdicts_in_real_flights_agree_with_what_is_found_afterwards() {
         }
         sum.delays_s.sort_by(f64::total_cmp);
         println!(
-            "{folder}: {:.0} s, lost {:.3}, recall {:.2}, wrong {:.3}, {} of {} losses unnoticed, \
+            "{folder}: {:.0} s, lost {:.3}, recall {:.2}, wrong {:.3}, {} of {} outages unnoticed, \
              median delay {:.2?} s, {} of {} alarms alone",
             sum.steps as f64 * DT_S,
             sum.lost as f64 / sum.steps as f64,

@@ -167,14 +167,14 @@ fn a_page_that_holds_the_drone_and_falls_silent_is_replaced_by_a_landing() {
 
 #[test]
 fn an_emergency_stop_from_the_page_reaches_the_drone_at_once() {
-    let flight = Flight::start("cut");
+    let flight = Flight::start("emergency-stop");
     let mut pilot = Watcher::open(&flight);
     pilot.says(&json!({ "token": flight.token }));
     assert_eq!(pilot.hears("access")["may_order"], true);
     pilot.until("flying", |facts| facts["phase"] == "flying");
-    pilot.says(&json!({ "order": "cut" }));
+    pilot.says(&json!({ "order": "emergency_stop" }));
     flight.wait_for(Phase::Falling);
-    pilot.until("cut", |facts| facts["phase"] == "cut");
+    pilot.until("emergency stop", |facts| facts["phase"] == "motors_stopped");
     flight.wait_for(Phase::Grounded);
     flight.ends();
 }
@@ -200,7 +200,7 @@ fn a_browser_draws_the_flight_and_its_land_button_lands_the_drone() {
     assert_ne!(before, after, "the numbers stand still");
 
     // A stray click stops no motor.
-    browser.clicks("cut");
+    browser.clicks("emergency_stop");
     sleep(Duration::from_millis(300));
     assert_eq!(flight.emulator.truth().phase, Phase::Flying);
     browser.clicks("land");

@@ -84,8 +84,8 @@ const EXCEPTIONS: [(&str, &str, &str); 8] = [
     ("docs/install.md", "share", "the folder `/usr/share`"),
     ("docs/logs.md", "course", "the log channel `/scene/course`"),
     ("docs/notation.md", "course", "the log channel `/scene/course`"),
-    ("crates/flight/src/supervisor/evidence.rs", "cut", "names in logs: old logs must load"),
-    ("crates/flight/src/supervisor/fault.rs", "cut", "a name in logs: old logs must load"),
+    ("crates/flight/src/supervisor/evidence.rs", "cut", "the name in old logs, which must load"),
+    ("crates/flight/src/supervisor/fault.rs", "cut", "the name in old logs, which must load"),
     ("xtask/src/package.rs", "share", "the folder `/usr/share`"),
     ("xtask/src/package/deb.rs", "share", "the folder `/usr/share`"),
 ];

@@ -35,8 +35,9 @@ pub struct OutageTable {
     /// Time over which its errors are alike: so much motion is one piece of evidence. s, > 0
     pub correlation_s: f64,
     /// Evidence from which on an outage counts. Negative log likelihood. 1, > 0
-    pub loss_cost: f64,
-    /// Evidence for the end of a loss. Negative log likelihood. 1, > 0
+    #[serde(alias = "loss_cost")]
+    pub outage_cost: f64,
+    /// Evidence for the end of an outage. Negative log likelihood. 1, > 0
     pub return_cost: f64,
 }
 
@@ -54,7 +55,7 @@ impl TryFrom<&OutageTable> for OutageSettings {
         in_range("dead_h", table.dead_h, 0.0..=0.5)?;
         positive("sd_mps", table.sd_mps)?;
         positive("correlation_s", table.correlation_s)?;
-        positive("loss_cost", table.loss_cost)?;
+        positive("outage_cost", table.outage_cost)?;
         positive("return_cost", table.return_cost)?;
         Ok(Self(table.clone()))
     }
@@ -68,7 +69,7 @@ const ERROR_MAX: f64 = 100.0;
 /// The motion implies a commanded velocity `v + tau dv/dt`. It is compared with the one of the applied
 /// sticks `u_applied` and with zero; dynamic programming finds the sequence of "link up" and "link down"
 /// of least cost, half the squared error over variance and correlation time plus the cost of every
-/// change. A loss with sticks near the dead zone cannot be seen.
+/// change. An outage with sticks near the dead zone cannot be seen.
 ///
 /// `u_applied` and `track` have equal lengths. Linear in them.
 pub fn lost_commands(
@@ -81,12 +82,12 @@ pub fn lost_commands(
     let scale = 0.5 * dt_s / table.correlation_s;
     let cost_of =
         |error: Vector2<f64>| scale * (error.norm_squared() / table.sd_mps.powi(2)).min(ERROR_MAX);
-    let (mut up, mut down) = (0.0_f64, table.loss_cost);
+    let (mut up, mut down) = (0.0_f64, table.outage_cost);
     // Whether the best sequence that is up (down) in a step was down in the step before.
     let mut was_down = Vec::with_capacity(u_applied.len());
     for (k, u) in u_applied.iter().enumerate() {
         let implied = implied_command(table, track, k);
-        let before = (up + table.loss_cost, down + table.return_cost);
+        let before = (up + table.outage_cost, down + table.return_cost);
         was_down.push([before.1 < up, down <= before.0]);
         up = up.min(before.1) + cost_of(implied - command(table, u, track.pose[k][pose::THETA]));
         down = down.min(before.0) + cost_of(implied);

@@ -167,8 +167,10 @@ impl LinkMonitor {
     /// Real time: no allocation, constant cost.
     pub fn dead_time_error(&self) -> Option<DeadTimeError> {
         let test = self.test.as_ref()?;
-        let is_doubted =
-            test.others.iter().any(|other| other.evidence > DOUBT * self.tables.link.loss_evidence);
+        let is_doubted = test
+            .others
+            .iter()
+            .any(|other| other.evidence > DOUBT * self.tables.link.outage_evidence);
         let is_known = test.present.state == LinkState::Up && !is_doubted;
         let Branch { hypothesis, dead_time, .. } = &test.present;
         is_known.then(|| dead_time.as_ref().unwrap_or(hypothesis).dead_time_error())
@@ -205,7 +207,7 @@ impl LinkMonitor {
             *test = Test::start(tables, observed);
             return LinkVerdict {
                 state: LinkState::Up,
-                score: -tables.link.loss_evidence,
+                score: -tables.link.outage_evidence,
                 changed: false,
                 onset_steps: 0,
             };
@@ -291,7 +293,7 @@ impl Other {
     fn excess(&self, table: &LinkTable) -> f64 {
         let needed = match self.branch.state {
             LinkState::Up => table.return_evidence,
-            LinkState::Released | LinkState::Held => table.loss_evidence,
+            LinkState::Released | LinkState::Held => table.outage_evidence,
         };
         self.evidence - needed
     }

@@ -98,9 +98,9 @@ pub enum Fault {
     },
     /// The object is lost again and again.
     MocapOccluded {
-        /// From one loss to the next. s, > 0
+        /// From one outage to the next. s, > 0
         period_s: f64,
-        /// Length of each loss. s, > 0
+        /// Length of each outage. s, > 0
         lost_s: f64,
     },
     /// What the mocap sends arrives late. After the fault all that is on its way arrives at once.

@@ -312,9 +312,9 @@ impl Display for Summary {
             let names: Vec<&str> = self.faults.iter().copied().map(Fault::name).collect();
             writeln!(f, "faults        {}", names.join(", "))?;
         }
-        let Outages { losses, down_s } = self.outages;
-        if losses > 0 {
-            writeln!(f, "link down     {losses} times, {down_s:.2} s together")?;
+        let Outages { count, down_s } = self.outages;
+        if count > 0 {
+            writeln!(f, "link down     {count} times, {down_s:.2} s together")?;
         }
         writeln!(f, "mocap         {}", self.mocap)?;
         if let Some(firmware) = &self.firmware {

@@ -32,7 +32,7 @@ pub struct IdentFileTable {
     pub logs: Vec<PathBuf>,
     /// Most logs that are read; further ones are named and left out. 1..=100000
     pub logs_max: usize,
-    /// Whether a smoother first leaves out stalls, losses and heading flips.
+    /// Whether a smoother first leaves out stalls, outages and heading flips.
     pub clean_observations: bool,
     /// How periods in which the drone ignores its sticks are found, to be left out; null keeps them.
     pub lost_commands: Option<OutageTable>,

@@ -6,12 +6,12 @@ use tello_flight::Phase;
 
 use tello_flight::cycle::Outcome;
 
-/// Losses of the commands while flying, as the link monitor sees them: zero without one.
+/// Outages of the commands while flying, as the link monitor sees them: zero without one.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Outages {
-    /// Number of losses; a change between released and held commands counts as another one.
-    pub losses: u64,
-    /// Time from noticing a loss to noticing its end, all losses together. s
+    /// Number of outages; a change between released and held commands counts as another one.
+    pub count: u64,
+    /// Time from noticing an outage to noticing its end, all together. s
     pub down_s: f64,
 }
 
@@ -23,7 +23,7 @@ impl Outages {
         }
         let Some(link) = out.link.filter(|link| link.state.is_down()) else { return };
         // The first one may be older than the flight.
-        self.losses += u64::from(link.changed || self.losses == 0);
+        self.count += u64::from(link.changed || self.count == 0);
         self.down_s += dt_s;
     }
 }
@@ -37,7 +37,7 @@ mod tests {
 
     const DT_S: f64 = 0.02;
 
-    /// Losses, and how long they lasted. s
+    /// Outages, and how long they lasted. s
     fn of(ticks: &[(Phase, LinkState, bool)]) -> (u64, String) {
         let mut outages = Outages::default();
         for (phase, state, changed) in ticks {
@@ -45,23 +45,23 @@ mod tests {
             let link = Some(LinkVerdict { state, score: 0.0, changed, onset_steps: 0 });
             outages.add(&Outcome { link, ..out(0, *phase) }, DT_S);
         }
-        (outages.losses, format!("{:.2}", outages.down_s))
+        (outages.count, format!("{:.2}", outages.down_s))
     }
 
     #[test]
-    fn a_loss_counts_when_it_is_noticed_and_lasts_until_its_end_is() {
+    fn an_outage_counts_when_it_is_noticed_and_lasts_until_its_end_is() {
         use LinkState::{Held, Released, Up};
         let flying = Phase::Flying;
-        let loss = [(flying, Up, false), (flying, Released, true), (flying, Released, false)];
-        assert_eq!(of(&loss), (1, "0.04".into()));
-        let twice = [loss.as_slice(), &[(flying, Up, true)], &loss].concat();
+        let outage = [(flying, Up, false), (flying, Released, true), (flying, Released, false)];
+        assert_eq!(of(&outage), (1, "0.04".into()));
+        let twice = [outage.as_slice(), &[(flying, Up, true)], &outage].concat();
         assert_eq!(of(&twice), (2, "0.08".into()));
-        let other = [loss.as_slice(), &[(flying, Held, true)]].concat();
-        assert_eq!(of(&other), (2, "0.06".into()), "another kind of loss");
+        let other = [outage.as_slice(), &[(flying, Held, true)]].concat();
+        assert_eq!(of(&other), (2, "0.06".into()), "another kind of outage");
     }
 
     #[test]
-    fn a_loss_that_is_older_than_the_flight_counts_once() {
+    fn an_outage_that_is_older_than_the_flight_counts_once() {
         let old = |phase| (phase, LinkState::Released, false);
         assert_eq!(
             of(&[old(Phase::TakingOff), old(Phase::Flying), old(Phase::Flying)]),

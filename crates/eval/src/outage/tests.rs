@@ -14,7 +14,7 @@ fn table() -> OutageTable {
         dead_h: 0.07,
         sd_mps: 0.25,
         correlation_s: 0.25,
-        loss_cost: 8.0,
+        outage_cost: 8.0,
         return_cost: 4.0,
     }
 }
@@ -43,7 +43,7 @@ fn flight(steps: usize, is_lost: impl Fn(usize) -> bool) -> (Vec<Sticks>, Track)
 }
 
 #[test]
-fn a_loss_is_found_with_its_ends_and_nothing_else() {
+fn an_outage_is_found_with_its_ends_and_nothing_else() {
     let truth = |k: usize| (500..650).contains(&k) || (1200..1500).contains(&k);
     let (u, track) = flight(2000, truth);
     let is_lost = lost_commands(&(&table()).try_into().unwrap(), &u, &track, DT_S);
@@ -67,5 +67,5 @@ fn a_bad_value_is_refused_by_name() {
     let refused = |table: OutageTable| OutageSettings::try_from(&table).unwrap_err().key;
     assert_eq!(refused(OutageTable { sd_mps: 0.0, ..table() }), "sd_mps");
     assert_eq!(refused(OutageTable { dead_h: 0.6, ..table() }), "dead_h");
-    assert_eq!(refused(OutageTable { loss_cost: f64::NAN, ..table() }), "loss_cost");
+    assert_eq!(refused(OutageTable { outage_cost: f64::NAN, ..table() }), "outage_cost");
 }

@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use super::flight::Flight;
 use super::quantity::{Measured, Numbers, OF_FLIGHT, OfFlight, Quantity, Spreads, spreads};
-use super::verdict::{self, FaultTime, Judgement, Losses};
-use crate::metrics::VALID_DISTANCE_M;
+use super::verdict::{self, FaultTime, Judgement};
+use crate::metrics::{Outages, VALID_DISTANCE_M};
 use crate::{median_interval, quantile};
 
 /// Seed of the bootstrap of differences.
@@ -42,7 +42,7 @@ pub(super) struct FlightRow {
     /// Quantiles over the flight's own samples.
     pub numbers: Spreads,
     /// Null without a link monitor.
-    pub losses: Option<Losses>,
+    pub outages: Option<Outages>,
     pub faults: Vec<FaultTime>,
 }
 
@@ -89,18 +89,18 @@ impl Looked {
         let measured = Measured::of(&flight);
         let numbers = spreads(&measured.numbers);
         let (judgement, reasons) = verdict::judge(&flight, &measured, &numbers);
-        let (losses, faults) = (verdict::losses(&flight), verdict::faults(&flight));
+        let (outages, faults) = (verdict::outages(&flight), verdict::faults(&flight));
         let [targets_reached, targets_count] = flight.reached;
         let row = FlightRow {
             name: flight.name.clone(),
             file: flight.path.clone(),
             judgement,
             reasons,
-            remarks: verdict::remarks(&flight, &measured, losses, &faults),
+            remarks: verdict::remarks(&flight, &measured, outages, &faults),
             targets_reached,
             targets_count,
             numbers,
-            losses,
+            outages,
             faults,
         };
         Self { flight, measured, row }
@@ -238,7 +238,7 @@ mod tests {
             targets_reached: 5,
             targets_count: 5,
             numbers: Spreads::from([(Quantity::FinishS, Spread::of(&[*finish_s]).unwrap())]),
-            losses: None,
+            outages: None,
             faults: vec![],
         });
         let flights: Vec<_> = flights.collect();

@@ -11,7 +11,7 @@ use tello_flight::Phase;
 
 use super::flight::Flight;
 use super::quantity::{Measured, Quantity, Spread, Spreads};
-use crate::metrics::VALID_DISTANCE_M;
+use crate::metrics::{Outages, VALID_DISTANCE_M};
 use crate::recordings::ticks::TickRow;
 
 /// Lateness beyond which a tick is worth a remark. ms
@@ -27,15 +27,6 @@ pub(super) enum Judgement {
     Bad,
     /// There was no line to follow.
     NotJudged,
-}
-
-/// Losses of the commands, as the link monitor saw them.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-pub(super) struct Losses {
-    /// Number of losses.
-    pub count: usize,
-    /// Time from noticing a loss to noticing its end, all together. s
-    pub down_s: f64,
 }
 
 /// A fault that was present for some time.
@@ -93,15 +84,15 @@ pub(super) fn judge(
     (if reasons.is_empty() { Judgement::Good } else { Judgement::Bad }, reasons)
 }
 
-/// Losses of the commands in flight; `None` without a link monitor.
-pub(super) fn losses(flight: &Flight) -> Option<Losses> {
+/// Outages of the commands in flight, without their kinds; `None` without a link monitor.
+pub(super) fn outages(flight: &Flight) -> Option<Outages> {
     let verdicts = flight.ticks.iter().filter(|tick| tick.phase == Some(Phase::Flying));
     let is_down: Vec<bool> = verdicts.filter_map(|tick| tick.is_link_down).collect();
     let begins = |pair: &&[bool]| matches!(pair, [false, true]);
-    let count =
-        is_down.windows(2).filter(begins).count() + usize::from(is_down.first() == Some(&true));
+    let begun = is_down.windows(2).filter(begins).count();
+    let count = (begun + usize::from(is_down.first() == Some(&true))) as u64;
     let down_s = is_down.iter().filter(|is_down| **is_down).count() as f64 * flight.dt_s;
-    (!is_down.is_empty()).then_some(Losses { count, down_s })
+    (!is_down.is_empty()).then_some(Outages { count, down_s })
 }
 
 /// Whether there is a fault between take-off and the end.
@@ -133,11 +124,11 @@ fn faults_of(flight: &Flight, counts: impl Fn(&TickRow) -> bool) -> Vec<FaultTim
 pub(super) fn remarks(
     flight: &Flight,
     measured: &Measured,
-    losses: Option<Losses>,
+    outages: Option<Outages>,
     faults: &[FaultTime],
 ) -> Vec<String> {
     let mut remarks = Vec::new();
-    if let Some(Losses { count, down_s }) = losses.filter(|losses| losses.count > 0) {
+    if let Some(Outages { count, down_s }) = outages.filter(|outages| outages.count > 0) {
         let times = if count == 1 { "once" } else { &format!("{count} times") };
         remarks.push(format!("commands did not act {times}, {down_s:.2} s together"));
     }
@@ -226,7 +217,7 @@ mod tests {
                 tick.phase = Some(*phase);
             }
             flight.ticks.last_mut().unwrap().faults = vec!["landed_by_drone".to_owned()];
-            remarks(&flight, &Measured::default(), losses(&flight), &faults(&flight))
+            remarks(&flight, &Measured::default(), outages(&flight), &faults(&flight))
         };
         assert_eq!(of_phases(&[Phase::Flying, Phase::Landed]), Vec::<String>::new());
         let from_ground = of_phases(&[Phase::Idle, Phase::Flying, Phase::Landed]);
@@ -234,12 +225,12 @@ mod tests {
     }
 
     #[test]
-    fn every_loss_and_fault_is_counted_once() {
+    fn every_outage_and_fault_is_counted_once() {
         let flight = flight(2, &[true, true, false, true, false]);
-        assert_eq!(losses(&flight), Some(Losses { count: 2, down_s: 0.06 }));
+        assert_eq!(outages(&flight), Some(Outages { count: 2, down_s: 0.06 }));
         let faults = faults(&flight);
         assert_eq!(faults, [FaultTime { name: "mocap lost".into(), first_s: 0.0, ticks: 3 }]);
-        let remarks = remarks(&flight, &Measured::default(), losses(&flight), &faults);
+        let remarks = remarks(&flight, &Measured::default(), outages(&flight), &faults);
         assert!(remarks[0].contains("2 times, 0.06 s"), "{remarks:?}");
     }
 }

@@ -33,7 +33,8 @@ pub struct LinkTable {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dead_time_adapt_s: Option<f64>,
     /// Evidence from which on a command outage counts. Log likelihood ratio. 1, > 0
-    pub loss_evidence: f64,
+    #[serde(alias = "loss_evidence")]
+    pub outage_evidence: f64,
     /// Evidence from which on its end counts. Log likelihood ratio. 1, > 0
     pub return_evidence: f64,
     /// Time after which an outage no longer counts if no motion speaks for or against it. s, > 0
@@ -94,7 +95,7 @@ impl TryFrom<&LinkTable> for LinkSettings {
         positive("sd_rate", table.sd_rate)?;
         positive("adapt_s", table.adapt_s)?;
         table.dead_time_adapt_s.map(|time_s| positive("dead_time_adapt_s", time_s)).transpose()?;
-        positive("loss_evidence", table.loss_evidence)?;
+        positive("outage_evidence", table.outage_evidence)?;
         positive("return_evidence", table.return_evidence)?;
         positive("forget_s", table.forget_s)?;
         in_range("dead_time_change_s", table.dead_time_change_s, 0.0..=0.5)?;

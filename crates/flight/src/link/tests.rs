@@ -16,7 +16,7 @@ pub(crate) fn table() -> LinkTable {
         sd_rate: 0.2,
         adapt_s: 30.0,
         dead_time_adapt_s: Some(100.0),
-        loss_evidence: 10.0,
+        outage_evidence: 10.0,
         return_evidence: 5.0,
         forget_s: 10.0,
         dead_time_change_s: 0.0,
@@ -79,7 +79,7 @@ impl Flight {
 }
 
 #[test]
-fn a_loss_and_its_end_are_found_with_their_moments() {
+fn an_outage_and_its_end_are_found_with_their_moments() {
     let mut flight = Flight::new();
     assert!(flight.fly(200, 0.3, true).iter().all(|verdict| !verdict.state.is_down()));
     for (is_heard, steps_max) in [(false, 40), (true, 40)] {
@@ -140,12 +140,12 @@ fn a_dead_time_far_from_the_link_s_starts_again_from_it() {
 }
 
 #[test]
-fn a_loss_is_no_delay() {
+fn an_outage_is_no_delay() {
     let mut flight = Flight::new();
     assert!(flight.monitor.dead_time_error().is_some());
     flight.fly(100, 0.3, true);
     let before = flight.monitor.dead_time_error().unwrap();
-    // From the first doubt on there is no answer, and what the loss looked like is forgotten with it.
+    // From the first doubt on there is no answer, and what the outage looked like is forgotten with it.
     let silent = (0..40).filter(|_| {
         flight.fly(1, 0.3, false);
         flight.monitor.dead_time_error().is_none()
@@ -181,7 +181,7 @@ fn a_turn_shows_an_outage_and_its_end() {
     assert!(up.iter().all(|verdict| verdict.state == LinkState::Up));
     let lost = flight.fly_with(stick::YAW, 150, 0.5, 0.0);
     let found = lost.iter().position(|verdict| verdict.changed).unwrap();
-    println!("loss after {} steps, onset {}", found + 1, lost[found].onset_steps);
+    println!("outage after {} steps, onset {}", found + 1, lost[found].onset_steps);
     assert!(found < 100 && lost[found].state == LinkState::Released, "{:?}", lost[found]);
     assert!((found + 1).abs_diff(lost[found].onset_steps as usize) <= 5, "{:?}", lost[found]);
     let back = flight.fly_with(stick::YAW, 100, 0.5, 0.5);
@@ -229,7 +229,7 @@ fn without_its_settings_the_heading_says_nothing() {
     flight.fly(100, 0.0, true);
     let verdicts = flight.fly_with(stick::YAW, 100, 0.5, 0.0);
     let (first, last) = (verdicts[0].score, verdicts[99].score);
-    assert!((first + table().loss_evidence).abs() < 1e-9, "{first}");
+    assert!((first + table().outage_evidence).abs() < 1e-9, "{first}");
     assert!((first - last).abs() < 1e-12, "{first} {last}");
 }
 
@@ -247,11 +247,11 @@ fn the_score_is_positive_exactly_while_the_link_is_down() {
 }
 
 #[test]
-fn sticks_in_the_dead_zone_say_nothing_and_a_loss_fades() {
+fn sticks_in_the_dead_zone_say_nothing_and_an_outage_fades() {
     let mut flight = Flight::new();
     let quiet = flight.fly(500, 0.06, true);
     for verdict in &quiet {
-        assert!((verdict.score + table().loss_evidence).abs() < 1e-12, "{verdict:?}");
+        assert!((verdict.score + table().outage_evidence).abs() < 1e-12, "{verdict:?}");
     }
     flight.fly(100, 0.3, true);
     assert!(flight.fly(60, 0.3, false).iter().any(|verdict| verdict.state.is_down()));
@@ -287,7 +287,7 @@ fn missing_rows_are_no_evidence() {
     // Neither before the first pose nor after it.
     for o in [observed, Observed::full(Pose::zeros()), observed, observed, observed] {
         let verdict = monitor.update(&u, &o, &parameter());
-        assert!((verdict.score + table().loss_evidence).abs() < 1e-12, "{verdict:?}");
+        assert!((verdict.score + table().outage_evidence).abs() < 1e-12, "{verdict:?}");
     }
     let first = monitor.update(&u, &Observed::full(Pose::zeros()), &parameter());
     monitor.reset();

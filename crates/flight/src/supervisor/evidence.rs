@@ -36,7 +36,7 @@ pub enum Phase {
     /// The landing was not confirmed in time; it is ordered until the vehicle is down. The end.
     Fault,
     /// Emergency stop: the motors are stopped, repeatedly until the vehicle is down. The end.
-    #[serde(rename = "cut")]
+    #[serde(alias = "cut")]
     MotorsStopped,
 }
 
@@ -72,7 +72,7 @@ pub enum Operator {
     /// Land now; never taken back.
     Land,
     /// Emergency stop, in any phase; stronger than all else and never taken back.
-    #[serde(rename = "cut")]
+    #[serde(alias = "cut")]
     EmergencyStop,
 }
 
@@ -274,13 +274,14 @@ mod tests {
     }
 
     #[test]
-    fn logs_without_dated_poses_are_read_and_keep_their_word_for_an_emergency_stop() {
+    fn logs_without_dated_poses_or_with_the_old_word_for_an_emergency_stop_are_read() {
         let old = r#"{"is_guardian_lost": true, "has_landed_unasked": false, "has_input_expired": false}"#;
         let expected = Incidents { is_guardian_lost: true, ..Incidents::NONE };
         assert_eq!(serde_json::from_str::<Incidents>(old).unwrap(), expected);
         let unknown = old.replace("has_input_expired", "has_input_expires");
         assert!(serde_json::from_str::<Incidents>(&unknown).is_err());
-        assert_eq!(serde_json::to_value(Operator::EmergencyStop).unwrap(), "cut");
-        assert_eq!(serde_json::to_value(Phase::MotorsStopped).unwrap(), "cut");
+        let old = || serde_json::json!("cut");
+        assert_eq!(serde_json::from_value::<Operator>(old()).unwrap(), Operator::EmergencyStop);
+        assert_eq!(serde_json::from_value::<Phase>(old()).unwrap(), Phase::MotorsStopped);
     }
 }

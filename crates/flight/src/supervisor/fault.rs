@@ -92,7 +92,7 @@ pub enum Fault {
     /// The operator asks to land.
     OperatorStop,
     /// The operator asks for the motors to stop.
-    #[serde(rename = "operator_cut")]
+    #[serde(alias = "operator_cut")]
     OperatorEmergencyStop,
 }
 

@@ -53,8 +53,8 @@ pub struct Batch {
     pub outside_fence: f64,
     /// Least true distance to walls and obstacles of all flights.
     pub clearance: LeastClearance,
-    /// Losses of the commands per flight, as the link monitor saw them. 1
-    pub losses_per_flight: f64,
+    /// Outages of the commands per flight, as the link monitor saw them. 1
+    pub outages_per_flight: f64,
     /// Time without link per flight, as the link monitor saw it. s
     pub down_s_per_flight: f64,
     /// What went wrong in the solvers, all flights together.
@@ -129,7 +129,7 @@ impl Batch {
                 least.add(flight.clearance);
                 least
             }),
-            losses_per_flight: per_flight(|outages| outages.losses as f64),
+            outages_per_flight: per_flight(|outages| outages.count as f64),
             down_s_per_flight: per_flight(|outages| outages.down_s),
             solvers: flights
                 .iter()
@@ -235,7 +235,7 @@ impl Display for Batch {
         write!(f, "{}", self.laps)?;
         let Self { fence_distance_m, fence_height_m, outside_fence, .. } = self;
         self.write_clearance(f)?;
-        let Self { losses_per_flight, down_s_per_flight, .. } = self;
+        let Self { outages_per_flight, down_s_per_flight, .. } = self;
         writeln!(
             f,
             "{:<18} {outside_fence:.3} of all flights beyond {FENCE_M} m; largest \
@@ -244,7 +244,7 @@ impl Display for Batch {
         )?;
         writeln!(
             f,
-            "{:<18} noticed to be down {losses_per_flight:.2} times and {down_s_per_flight:.2} s per flight",
+            "{:<18} noticed to be down {outages_per_flight:.2} times and {down_s_per_flight:.2} s per flight",
             "link"
         )?;
         let SolverCounts { ticks, estimator_failures, controller_failures, old_plans } =

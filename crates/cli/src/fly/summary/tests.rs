@@ -113,7 +113,7 @@ fn only_trouble_has_a_line_of_its_own() {
         links,
         records_dropped: 4,
         log_error: Some("disk full".to_owned()),
-        outages: Outages { losses: 2, down_s: 1.5 },
+        outages: Outages { count: 2, down_s: 1.5 },
         ..summary(Phase::Fault, &[Fault::BatteryLow])
     };
     let text = trouble.to_string();

@@ -27,7 +27,6 @@ pub(super) enum PageOrder {
     /// C.
     Automatic,
     /// Backspace.
-    #[serde(rename = "cut")]
     EmergencyStop,
 }
 

@@ -8,7 +8,7 @@ const PRESS_MS = 500;
 const CONFIRM_MS = 3000;
 const ANSWER_MS = 2000;
 const RETRY_MS = [250, 5000];
-const KEYS = { Backspace: "cut", r: "land", q: "land", e: "hold", c: "automatic" };
+const KEYS = { Backspace: "emergency_stop", r: "land", q: "land", e: "hold", c: "automatic" };
 
 const byId = (id) => document.getElementById(id);
 const known = { briefing: null, facts: null, trail: [], history: [] };
@@ -200,7 +200,7 @@ function slow(button) {
 
 function listen() {
   ["land", "hold", "automatic"].forEach((id) => byId(id).addEventListener("click", () => order(id)));
-  ["take_off", "cut"].forEach((id) => slow(byId(id)));
+  ["take_off", "emergency_stop"].forEach((id) => slow(byId(id)));
   document.addEventListener("keydown", (event) => {
     const name = KEYS[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (name && !event.repeat && !event.ctrlKey && !event.altKey && !event.metaKey) {

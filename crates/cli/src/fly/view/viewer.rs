@@ -277,7 +277,10 @@ mod tests {
     #[test]
     fn only_messages_of_the_page_make_sense() {
         let parsed = |text: &str| serde_json::from_str::<FromViewer>(text).ok();
-        assert_eq!(parsed(r#"{"order":"cut"}"#), Some(FromViewer::Order(PageOrder::EmergencyStop)));
+        assert_eq!(
+            parsed(r#"{"order":"emergency_stop"}"#),
+            Some(FromViewer::Order(PageOrder::EmergencyStop))
+        );
         assert_eq!(parsed(r#"{"token":"x"}"#), Some(FromViewer::Token("x".to_owned())));
         for bad in ["", "land", r#"{"order":"fly_away"}"#, r#"{"order":"land","token":"x"}"#, "[]"]
         {

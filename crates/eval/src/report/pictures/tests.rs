@@ -29,7 +29,7 @@ fn looked(name: &str, finish_s: Option<f64>, distance_m: f64) -> Looked {
         targets_reached: 0,
         targets_count: 0,
         numbers,
-        losses: None,
+        outages: None,
         faults: vec![],
     };
     Looked { flight, measured: Measured::default(), row }

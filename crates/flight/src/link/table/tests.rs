@@ -40,7 +40,7 @@ fn a_number_that_is_not_finite_is_refused_by_its_own_key() {
     let refused = |table: LinkTable| LinkSettings::try_from(&table).unwrap_err().key;
     let (dead_time, turn) = (table().dead_time.unwrap(), table().turn.unwrap());
     for bad in [f64::NAN, f64::INFINITY] {
-        assert_eq!(refused(LinkTable { loss_evidence: bad, ..table() }), "loss_evidence");
+        assert_eq!(refused(LinkTable { outage_evidence: bad, ..table() }), "outage_evidence");
         assert_eq!(refused(LinkTable { forget_s: bad, ..table() }), "forget_s");
         let dead_time = Some(DeadTimeTable { adapt_s: bad, ..dead_time });
         assert_eq!(refused(LinkTable { dead_time, ..table() }), "dead_time.adapt_s");

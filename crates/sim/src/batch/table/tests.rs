@@ -2,11 +2,11 @@ use tello_eval::metrics::Fence;
 
 use super::*;
 
-/// A flight with its fence, losses and ending.
-fn flown(finish_s: Option<f64>, fence: (f64, f64), losses: u64) -> Flown {
+/// A flight with its fence, outages and ending.
+fn flown(finish_s: Option<f64>, fence: (f64, f64), outages: u64) -> Flown {
     let mut flown = Flown::example(finish_s, 0.2);
     flown.row.fence = Fence { distance_m: fence.0, height_m: fence.1 };
-    flown.row.outages = Outages { losses, down_s: 1.5 * losses as f64 };
+    flown.row.outages = Outages { count: outages, down_s: 1.5 * outages as f64 };
     flown.row.solvers =
         SolverCounts { ticks: 100, estimator_failures: 1, controller_failures: 2, old_plans: 3 };
     flown
@@ -45,7 +45,7 @@ fn the_fence_is_left_aside_or_up_and_sums_are_per_flight() {
     assert!((batch.outside_fence - 0.5).abs() < 1e-15, "{}", batch.outside_fence);
     let largest = [batch.fence_distance_m, batch.fence_height_m];
     assert_eq!(largest.map(f64::to_bits), [0.7_f64, 0.6].map(f64::to_bits));
-    assert!((batch.losses_per_flight - 1.0).abs() < 1e-15);
+    assert!((batch.outages_per_flight - 1.0).abs() < 1e-15);
     assert!((batch.down_s_per_flight - 1.5).abs() < 1e-15);
     let sum =
         SolverCounts { ticks: 400, estimator_failures: 4, controller_failures: 8, old_plans: 12 };
