@@ -22,6 +22,7 @@ mod simulator;
 mod sources;
 mod status;
 mod summary;
+mod threads;
 mod tui;
 mod vehicle;
 mod view;
@@ -34,7 +35,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Result, anyhow, bail};
 use clap::Args;
 use rtrb::{Consumer, RingBuffer};
 use tello_eval::flight_log::TickRecord;
@@ -42,16 +43,14 @@ use tello_eval::parameter_file;
 use tello_eval::vehicle::before_flight;
 use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{Mission, Operator, Phase, SPEED_AS_WRITTEN, Start};
-use tello_io::Stopper;
 use tello_io::clock::{Clock, Role, SpanNs, request_priority};
 use tello_io::config::{self, FlyTable};
 use tello_io::log::Recorder;
 use tello_io::manual::{Inputs, KEYS_HELP, Pilot};
 use tello_io::tello::{DroneClient, TelloSettings};
 use tello_sim::Profile;
-use tokio::sync::oneshot;
 
-use self::control_loop::{ControlLoop, ControlThread};
+use self::control_loop::ControlLoop;
 use self::drill::Drill;
 use self::live::Live;
 use self::log_thread::Notes;
@@ -60,6 +59,7 @@ use self::simulator::start_simulator;
 use self::sources::Sources;
 use self::status::{Status, show_statuses};
 use self::summary::{Summary, Tally};
+use self::threads::Threads;
 use self::tui::{Picture, Screen};
 pub(crate) use self::view::Playback;
 use self::view::View;
@@ -229,7 +229,6 @@ async fn fly(
     // Before anything moves: from here on every way to end the program lands the drone first.
     let asks_to_land = Arc::new(AtomicBool::new(false));
     signals::listen(Arc::clone(&asks_to_land))?;
-    let (stopper, stop) = Stopper::new();
     let (sources, feed, moving_feed) = Sources::new(table, clock)?;
     let tello_settings =
         TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
@@ -271,34 +270,15 @@ async fn fly(
         drill: arguments.drill,
     };
 
-    let (mocap, tello) = (sources.start(stop.clone())?, tokio::spawn(tello.run(stop)));
-    if let Some(drill) = arguments.drill {
-        tokio::spawn(drill.strike_link(tello.abort_handle()));
-    }
     let status_line = show(picture, statuses)?;
-    let (done, is_done) = oneshot::channel();
-    let control =
-        ControlThread::start(control, table.real_time.core, Arc::clone(&asks_to_land), done)?;
+    let threads = Threads::start((sources, tello, control), guardian, table.real_time.core)?;
     // After all threads, which would inherit it. The control thread reports a refusal.
     request_priority(Role::Sender).ok();
-    tokio::select! {
-        // An error is the end of the control thread, too.
-        _ = is_done => {}
-        () = drill::strike_main(arguments.drill) => {}
-    }
-    let control = control.join();
-    // Before any error leaves: the link lands a drone that still flies.
-    stopper.stop();
-    let (tello, mocap) = (tello.await, mocap.join());
-    if let (Some(guardian), Ok(Ok(()))) = (guardian, &tello) {
-        guardian.end();
-    }
-    let (end, recorder) = control.context("the control thread panicked")??;
+    let (end, recorder, links) = threads.run_to_end(arguments.drill).await?;
     let summary = close_log(recorder, &tally);
     // Every record is seen: viewers receive the last one.
     drop(view);
-    mocap.map_err(|_panic| anyhow!("the reader of the motion capture panicked"))?;
-    tello??;
+    links?;
     let patience = leave_screen(status_line, move || {
         drop(inputs);
         drop(screen);

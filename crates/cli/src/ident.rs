@@ -156,18 +156,8 @@ fn identify(
     let (others, unusable) = ident::load_judged(&arguments.judge, arguments.judge_turn)?;
     files_skipped.extend(unusable);
     let observer = Shown::new(io::stderr().is_terminal() && !arguments.json, interrupt);
-    let out = match (&arguments.out, arguments.json && arguments.bootstrap.is_none()) {
-        (Some(dir), _) => Some(dir.as_path()),
-        (None, true) => None,
-        (None, false) => Some(Path::new("ident")),
-    };
-    let plan = arguments.bootstrap.map(|resamples| BootstrapPlan {
-        resamples,
-        seed: arguments.seed,
-        shard: arguments.shard.unwrap_or(Shard::WHOLE),
-        part: part_file(arguments, out.unwrap_or(Path::new(""))),
-        earlier: arguments.resume.clone(),
-    });
+    let out = folder(arguments);
+    let plan = bootstrap_plan(arguments, out);
     let flight = ident::flight_settings(table.model, arguments.flight.as_deref())?;
     let jobs: Vec<Job<'_>> = tables
         .iter()
@@ -226,6 +216,25 @@ fn identify(
         Verdict::Good
     } else {
         Verdict::Bad
+    })
+}
+
+/// Where files go: none are written where standard output holds all there is.
+fn folder(arguments: &Arguments) -> Option<&Path> {
+    match (&arguments.out, arguments.json && arguments.bootstrap.is_none()) {
+        (Some(dir), _) => Some(dir),
+        (None, true) => None,
+        (None, false) => Some(Path::new("ident")),
+    }
+}
+
+fn bootstrap_plan(arguments: &Arguments, out: Option<&Path>) -> Option<BootstrapPlan> {
+    arguments.bootstrap.map(|resamples| BootstrapPlan {
+        resamples,
+        seed: arguments.seed,
+        shard: arguments.shard.unwrap_or(Shard::WHOLE),
+        part: part_file(arguments, out.unwrap_or(Path::new(""))),
+        earlier: arguments.resume.clone(),
     })
 }
 

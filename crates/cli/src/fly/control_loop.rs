@@ -92,9 +92,9 @@ impl ControlThread {
     pub(super) fn start(
         control: ControlLoop,
         core: Option<usize>,
-        asks_to_land: Arc<AtomicBool>,
         done: oneshot::Sender<()>,
     ) -> io::Result<Self> {
+        let asks_to_land = Arc::clone(&control.asks_to_land);
         let thread = thread::Builder::new().name("tello-control".into()).spawn(move || {
             for warning in request_real_time(core) {
                 stdio::note(format_args!("warning: {warning}"));
