@@ -19,6 +19,7 @@ mod height;
 mod hidden;
 mod settings;
 mod stillness;
+mod typical_vehicle;
 mod velocity;
 
 pub use settings::{MonitorSettings, MonitorTable};
@@ -202,14 +203,6 @@ impl Monitors {
             heading.rest();
         }
     }
-}
-
-/// Dead zone of a typical vehicle. 1
-const DEAD: f64 = 0.07;
-
-/// Excess of a stick over the dead zone of a typical vehicle, with the stick's sign. 1
-fn excess(u: f64) -> f64 {
-    (u.abs() - DEAD).max(0.0).copysign(u)
 }
 
 /// From doubt to disagreement: a difference beyond the limit for a while, or beyond twice the limit for some reports.

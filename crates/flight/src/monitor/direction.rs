@@ -15,11 +15,10 @@ use horizon_model::rows::{Pose, pose, stick};
 use nalgebra::Complex;
 
 use super::Sample;
+use super::typical_vehicle::decay;
 
 /// Time within which motion is forgotten. s
 const FORGET_S: f64 = 4.0;
-/// Lag of a typical vehicle. s
-const LAG_S: f64 = 0.6;
 /// Variance of the inputs, after the lag, that shows a direction. 1
 const VARIANCE_MIN: f64 = 0.012;
 /// Velocity per input below which the motion does not follow the inputs. m/s; 1.9 nominal
@@ -174,7 +173,7 @@ impl DirectionMonitor {
         let u = sample.u_applied;
         let asked =
             Complex::new(u[stick::PITCH], -u[stick::ROLL]) * Complex::from_polar(1.0, theta_rad);
-        let keep = (-self.dt_s / LAG_S).exp();
+        let keep = decay(self.dt_s);
         self.v_u += (asked - self.v_u) * (1.0 - keep);
         self.decay *= keep;
     }
@@ -246,7 +245,7 @@ mod tests {
         let mut sums = Sums::default();
         for k in 0..200_u32 {
             let t_s = f64::from(k) * 0.02;
-            let (u, y) = (Complex::new((5.0 * t_s).sin(), (3.0 * t_s).cos()), (-t_s / LAG_S).exp());
+            let (u, y) = (Complex::new((5.0 * t_s).sin(), (3.0 * t_s).cos()), decay(t_s));
             sums.add([u, gain * u + before * y], y, 0.02);
         }
         let Turn { angle_rad, correlation2 } = sums.turn().unwrap();

@@ -9,7 +9,8 @@
 use horizon_model::angle::wrap;
 use horizon_model::rows::{pose, stick};
 
-use super::{Agreement, Sample, Verdict, excess};
+use super::typical_vehicle::{YAW_GAIN_RADPS, YAW_LAG_S, excess};
+use super::{Agreement, Sample, Verdict};
 
 /// Time within which a turn is forgotten. s
 const FORGET_S: f64 = 15.0;
@@ -23,9 +24,6 @@ const NEARER: f64 = 0.5;
 const TURN_MAX_RAD: f64 = 1.0;
 /// Time after which a turn that was not seen meanwhile is not known: more than half a turn looks like less. s
 const GAP_MAX_S: f64 = 1.0;
-/// Yaw rate per input of a typical vehicle, and its lag. rad/s, s
-const GAIN_RADPS: f64 = 1.4;
-const LAG_S: f64 = 0.12;
 
 /// Turns so far.
 #[derive(Debug, Clone)]
@@ -110,8 +108,9 @@ impl HeadingMonitor {
             return (Agreement::Unknown, 0.0);
         }
         let keep = (-self.dt_s / FORGET_S).exp();
-        let target_radps = GAIN_RADPS * excess(sample.u_applied[stick::YAW]);
-        self.asked_radps += (target_radps - self.asked_radps) * (1.0 - (-self.dt_s / LAG_S).exp());
+        let target_radps = YAW_GAIN_RADPS * excess(sample.u_applied[stick::YAW]);
+        self.asked_radps +=
+            (target_radps - self.asked_radps) * (1.0 - (-self.dt_s / YAW_LAG_S).exp());
         let turns = &mut self.turns;
         turns.drone = turns.drone * keep + turned_rad;
         turns.inputs = turns.inputs * keep + self.asked_radps * self.dt_s;

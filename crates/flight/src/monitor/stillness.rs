@@ -7,6 +7,7 @@ use horizon_model::rows::{Pose, Sticks, pose, stick};
 use nalgebra::Vector3;
 
 use super::hidden::HiddenMotion;
+use super::typical_vehicle::decay;
 use super::{Agreement, Sample};
 
 /// Blocks whose means are compared.
@@ -21,8 +22,6 @@ const LONG_LIMIT: f64 = 2.5;
 /// The rows that a flying vehicle cannot keep still.
 const ROWS: [usize; 3] = [pose::X, pose::Y, pose::Z];
 
-/// Lag of a typical vehicle. s
-const LAG_S: f64 = 0.6;
 /// Inputs, after the lag, that no dead zone swallows: a vehicle with half the nominal gain moves 5 cm in 0.4 s. 1
 const INPUT_MIN: f64 = 0.2;
 /// How long they must have been so large: longer than the dead time may be wrong. s
@@ -186,7 +185,7 @@ impl FrozenMonitor {
             sin * forward + cos * left,
             u[stick::THROTTLE],
         );
-        self.u_lagged_w += (u_w - self.u_lagged_w) * (1.0 - (-self.dt_s / LAG_S).exp());
+        self.u_lagged_w += (u_w - self.u_lagged_w) * (1.0 - decay(self.dt_s));
         self.u_mean_w += (self.u_lagged_w - self.u_mean_w) * (1.0 - (-self.dt_s / LEAN_S).exp());
     }
 }

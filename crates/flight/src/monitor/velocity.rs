@@ -9,7 +9,8 @@
 use horizon_model::rows::{Pose, pose, stick};
 use nalgebra::Complex;
 
-use super::{Agreement, Sample, Verdict, excess};
+use super::typical_vehicle::{GAIN_MPS, decay, excess};
+use super::{Agreement, Sample, Verdict};
 
 /// Time within which a difference is forgotten. s
 const FORGET_S: f64 = 15.0;
@@ -40,9 +41,6 @@ const TOLERANCE_MPS: f64 = 0.1;
 /// Time constant of the low-pass filter of both velocities before their speeds are compared: longer than the
 /// age of a report. s
 const SPEED_TAU_S: f64 = 0.4;
-/// Velocity per input of a typical vehicle, and its lag. m/s, s
-const GAIN_MPS: f64 = 1.9;
-const LAG_S: f64 = 0.6;
 
 /// Ways in which the drone's axes may lie: fixed, or turning with the body; each of either hand.
 const FRAMES: usize = 4;
@@ -290,7 +288,7 @@ impl Ways {
         let keep = (-dt_s / WAY_FORGET_S).exp();
         let keep_difference = (-dt_s / SPEED_FORGET_S).exp();
         let smooth = 1.0 - (-dt_s / SPEED_TAU_S).exp();
-        self.asked_mps += (asked_mps - self.asked_mps) * (1.0 - (-dt_s / LAG_S).exp());
+        self.asked_mps += (asked_mps - self.asked_mps) * (1.0 - decay(dt_s));
         self.inputs_m = self.inputs_m * keep + self.asked_mps * dt_s;
         self.poses_m = self.poses_m * keep + moved_m;
         self.poses_mps += (moved_m / dt_s - self.poses_mps) * smooth;

@@ -1,7 +1,8 @@
 use horizon_model::rows::{Pose, Sticks};
 
 use super::*;
-use crate::monitor::{DEAD, DroneMotion};
+use crate::monitor::DroneMotion;
+use crate::monitor::typical_vehicle::DEAD_ZONE;
 
 const DT_S: f64 = 0.02;
 const LIMIT_RAD: f64 = 0.6;
@@ -43,7 +44,7 @@ impl Flight {
         *by_pose += (rates.true_radps + rates.poses_radps) * DT_S;
         *by_drone += (rates.sense * rates.true_radps + rates.drone_radps) * DT_S;
         let mut u_applied = Sticks::zeros();
-        let u = rates.asked_radps.abs() / GAIN_RADPS + DEAD;
+        let u = rates.asked_radps.abs() / YAW_GAIN_RADPS + DEAD_ZONE;
         u_applied[stick::YAW] =
             if rates.asked_radps == 0.0 { 0.0 } else { u.copysign(rates.asked_radps) };
         let heading_rad = Some(wrap(*by_drone));
@@ -217,7 +218,7 @@ fn without_a_pose_nothing_is_known_and_its_turn_comes_with_the_next() {
         flight.headings[2] += 0.5 * DT_S;
         flight.headings[1] += 0.5 * DT_S;
         let mut u_applied = Sticks::zeros();
-        u_applied[stick::YAW] = 0.5 / GAIN_RADPS + DEAD;
+        u_applied[stick::YAW] = 0.5 / YAW_GAIN_RADPS + DEAD_ZONE;
         let heading_rad = Some(wrap(flight.headings[2]));
         let drone = Some(DroneMotion { horizontal_mps: None, height_m: None, heading_rad });
         let lost = Sample { pose: None, drone, u_applied, link_is_up: true };
@@ -232,7 +233,7 @@ fn the_inputs_turn_a_typical_vehicle_after_its_lag() {
     let mut flight = Flight::new();
     flight.fly(0.5, &TURN);
     // The integral of a first-order lag; a thirtieth of it is forgotten.
-    let expected_rad = 0.5 * (0.5 - LAG_S * (1.0 - (-0.5 / LAG_S).exp()));
+    let expected_rad = 0.5 * (0.5 - YAW_LAG_S * (1.0 - (-0.5 / YAW_LAG_S).exp()));
     let turned_rad = flight.monitor.turns.inputs;
     assert!((turned_rad / expected_rad - 1.0).abs() < 0.05, "{turned_rad}, {expected_rad} rad");
 }

@@ -128,7 +128,7 @@ fn swaying(turn_rad: f64, poses_mps: f64, count: u32) -> VelocityMonitor {
         let sample = Sample { pose, drone: Some(drone), u_applied, link_is_up: true };
         monitor.update(&sample);
         let asked_mps = asked(&sample, pose).re;
-        v_mps += (asked_mps - v_mps) * (1.0 - (-DT_S / LAG_S).exp());
+        v_mps += (asked_mps - v_mps) * (1.0 - decay(DT_S));
     }
     monitor
 }
