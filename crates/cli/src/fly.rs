@@ -42,7 +42,7 @@ use tello_eval::flight_log::TickRecord;
 use tello_eval::parameter_file;
 use tello_eval::vehicle::before_flight;
 use tello_flight::cycle::{self, FlightTable};
-use tello_flight::{Mission, Operator, Phase, SPEED_AS_WRITTEN, Start};
+use tello_flight::{Mission, Phase, SPEED_AS_WRITTEN, Start};
 use tello_io::clock::{Clock, Role, SpanNs, request_priority};
 use tello_io::config::{self, FlyTable};
 use tello_io::log::Recorder;
@@ -50,7 +50,7 @@ use tello_io::manual::{Inputs, KEYS_HELP, Pilot};
 use tello_io::tello::{DroneClient, TelloSettings};
 use tello_sim::Profile;
 
-use self::control_loop::ControlLoop;
+use self::control_loop::{ControlLoop, Orders};
 use self::drill::Drill;
 use self::live::Live;
 use self::log_thread::Notes;
@@ -266,7 +266,7 @@ async fn fly(
         status,
         asks_to_land: Arc::clone(&asks_to_land),
         person: pilot,
-        operator: Operator::Fly,
+        orders: Orders::to_fly(PATIENCE),
         drill: arguments.drill,
     };
 

@@ -31,6 +31,7 @@ pub use settings::{ManualSettings, ManualTable};
 
 use self::device::Layout;
 use self::notes::Notes;
+use self::panel::Note;
 use self::reader::Outlet;
 use self::terminal::Mode;
 use crate::clock::{Clock, TimeNs};
@@ -108,6 +109,11 @@ impl Pilot {
             self.notes.leave(note);
         }
         Hand { has_expired: note.is_some(), ..hand }
+    }
+
+    /// Tells the person that their order to take off counts no more. Real time: never waits.
+    pub fn note_lapsed_take_off(&self) {
+        self.notes.leave(Note::TakeOffLapsed);
     }
 }
 

@@ -60,8 +60,8 @@ pub(super) struct ControlLoop {
     pub(super) asks_to_land: Arc<AtomicBool>,
     /// The person at the controls.
     pub(super) person: Pilot,
-    /// The strongest order so far: no order is taken back.
-    pub(super) operator: Operator,
+    /// What is asked of the vehicle.
+    pub(super) orders: Orders,
     /// A failure on order.
     pub(super) drill: Option<Drill>,
 }
@@ -184,7 +184,7 @@ impl ControlLoop {
             let beat = ticker.wait()?;
             record.inbox.open(step, beat.due.after(beat.lateness));
             record.inbox.skipped = beat.skipped;
-            end.sightings_dropped += self.fill(&mut record.inbox);
+            end.sightings_dropped += self.fill(&mut record.inbox, end.phase);
             over.hear(record.inbox.drone);
             end.is_unseen &= record.inbox.sightings.is_empty();
             let has_lost_order = self.tick(&mut record, beat.due.after(self.solver_time));
@@ -222,7 +222,7 @@ impl ControlLoop {
     }
 
     /// Puts into the inbox what arrived since the last tick; the number of sightings that found no room.
-    fn fill(&mut self, inbox: &mut Inbox) -> u64 {
+    fn fill(&mut self, inbox: &mut Inbox, phase: Phase) -> u64 {
         let mut dropped = 0;
         // The newest count: what does not fit is older than what does.
         while let Ok(sighting) = self.feed.sightings.pop() {
@@ -237,8 +237,13 @@ impl ControlLoop {
         let hand = self.person.poll(inbox.now);
         let by_signal = self.asks_to_land.load(Ordering::Relaxed).then_some(Operator::Land);
         let by_hand = hand.ask.map(|ask| meaning(ask, &hand));
-        self.operator = [by_signal, by_hand].into_iter().flatten().fold(self.operator, Ord::max);
-        inbox.operator = self.operator;
+        if self.orders.lapse(inbox.now, phase) {
+            self.person.note_lapsed_take_off();
+        }
+        for order in [by_signal, by_hand].into_iter().flatten() {
+            self.orders.give(order, inbox.now);
+        }
+        inbox.operator = self.orders.strongest;
         // A drone that was landed in place of this loop: for the supervisor and the log.
         inbox.incidents = Incidents {
             is_guardian_lost: self.drone.counters.has_lost_guardian(),
@@ -268,6 +273,45 @@ fn meaning(ask: Ask, hand: &Hand) -> Operator {
         Ask::Land => Operator::Land,
         Ask::EmergencyStop => Operator::EmergencyStop,
     }
+}
+
+/// The orders of the person at the controls and of signals.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Orders {
+    strongest: Operator,
+    /// When the newest order to take off was given.
+    take_off_at: TimeNs,
+    patience: SpanNs,
+}
+
+impl Orders {
+    /// A flight is ordered at time 0; the order lapses after `patience`.
+    pub(super) fn to_fly(patience: SpanNs) -> Self {
+        Self { strongest: Operator::Fly, take_off_at: TimeNs(0), patience }
+    }
+
+    /// Takes `order`, unless there is a stronger one.
+    fn give(&mut self, order: Operator, now: TimeNs) {
+        if is_take_off(order) {
+            self.take_off_at = now;
+        }
+        self.strongest = self.strongest.max(order);
+    }
+
+    /// Drops an order to take off that was not obeyed in time; whether there was one. No other order is taken back. A
+    /// fault that is mended later must not start a drone beside which the person stands.
+    fn lapse(&mut self, now: TimeNs, phase: Phase) -> bool {
+        let is_late = now.since(self.take_off_at) > self.patience;
+        let lapses = phase == Phase::Idle && is_take_off(self.strongest) && is_late;
+        if lapses {
+            self.strongest = Operator::Wait;
+        }
+        lapses
+    }
+}
+
+fn is_take_off(order: Operator) -> bool {
+    matches!(order, Operator::Fly | Operator::FlyByHand)
 }
 
 /// When to stop ticking.

@@ -17,7 +17,9 @@ pub(super) fn not_ready(
     let faults = faults.join(", ");
     // The others are waited for.
     let is_ended = is_any(&[Fault::GuardianLost, Fault::ProgramStalled, Fault::OperatorStop]);
-    let mut text = if is_ended {
+    let mut text = if faults_last.is_empty() {
+        format!("did not take off: no such order in the last {} s", patience.seconds())
+    } else if is_ended {
         format!("did not take off: {faults}")
     } else {
         format!("not ready to fly within {} s: {faults}", patience.seconds())

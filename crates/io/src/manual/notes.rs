@@ -1,4 +1,4 @@
-//! Warns the person when a timer let go of a key or a stick in the person's place.
+//! Warns the person when a timer let go of a key or a stick in the person's place, or an order counts no more.
 //!
 //! Owns the way from the control thread to the terminal. The control thread leaves a number; a thread of its
 //! own writes: a terminal that blocks must hold up neither the flight nor a reader of keys.
@@ -26,8 +26,8 @@ impl Notes {
 
     fn take(&self) -> Option<&'static str> {
         let left = self.0.swap(0, Ordering::Relaxed);
-        let note = [Note::KeyExpired, Note::AxisExpired].into_iter().find(|n| *n as u8 == left);
-        note.map(Note::text)
+        let mut notes = [Note::KeyExpired, Note::AxisExpired, Note::TakeOffLapsed].into_iter();
+        notes.find(|note| *note as u8 == left).map(Note::text)
     }
 }
 
@@ -41,6 +41,9 @@ impl Note {
             Self::AxisExpired => {
                 "the gamepad is silent with a stick pushed: the stick counts as centred; centre it, \
                  then push it again"
+            }
+            Self::TakeOffLapsed => {
+                "the order to take off could not be obeyed for 10 s and counts no more: order it again"
             }
         }
     }

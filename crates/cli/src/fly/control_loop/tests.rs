@@ -74,3 +74,20 @@ fn a_report_that_is_missing_leaves_the_one_before() {
     over.hear(None);
     assert!(over.is_flying);
 }
+
+#[test]
+fn an_order_to_take_off_lapses_on_the_ground_and_no_other_does() {
+    let at = |s: i64| TimeNs(0).after(SpanNs::from_ms(1000 * s));
+    let mut orders = Orders::to_fly(PATIENCE);
+    assert!(!orders.lapse(at(10), Phase::Idle) && orders.strongest == Operator::Fly);
+    assert!(orders.lapse(at(11), Phase::Idle) && orders.strongest == Operator::Wait);
+    assert!(!orders.lapse(at(12), Phase::Idle), "once");
+    orders.give(Operator::FlyByHand, at(20));
+    assert!(!orders.lapse(at(30), Phase::Idle) && orders.strongest == Operator::FlyByHand);
+    assert!(!orders.lapse(at(40), Phase::Flying), "it is obeyed");
+    for order in [Operator::Land, Operator::EmergencyStop] {
+        orders.give(order, at(41));
+        orders.give(Operator::Fly, at(42));
+        assert!(!orders.lapse(at(90), Phase::Idle) && orders.strongest == order);
+    }
+}
