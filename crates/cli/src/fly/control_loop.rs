@@ -3,6 +3,8 @@
 //! Owns the fixed period and nothing of control. It waits for nothing but its next deadline and, a millisecond at
 //! most, the frame that is due then.
 
+mod orders;
+
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
@@ -18,11 +20,13 @@ use tello_flight::cycle::{
 use tello_flight::{FaultSet, Incidents, Phase, Ruling};
 use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs, request_real_time};
 use tello_io::log::Recorder;
-use tello_io::manual::{Ask, Hand, Pilot};
+use tello_io::manual::Pilot;
 use tello_io::mocap::MocapFeed;
 use tello_io::tello::{DroneLink, DroneStatus};
 use tokio::sync::oneshot;
 
+use self::orders::meaning;
+pub(super) use self::orders::{LastOrders, Orders};
 use super::drill::Drill;
 use super::status::Status;
 use crate::stdio;
@@ -74,8 +78,8 @@ fn newest_place(feed: &mut MocapFeed, now: TimeNs) -> Option<[f64; 3]> {
     newest.pose.filter(|_| is_new).map(|at| [at[pose::X], at[pose::Y], at[pose::Z]])
 }
 
-/// How the loop ended, and the log to close.
-pub(super) type LoopResult = Result<(LoopEnd, Recorder<TickRecord>), TickerError>;
+/// How the loop ended, the log to close, and the person with the link, for an emergency stop after it.
+pub(super) type LoopResult = Result<(LoopEnd, Recorder<TickRecord>, LastOrders), TickerError>;
 
 /// The thread of the loop. Dropping it, as a panic beside it does, asks to land and waits for the end: the
 /// log is closed then, whatever landed the drone.
@@ -118,7 +122,7 @@ impl Drop for ControlThread {
         let Some(thread) = self.thread.take() else { return };
         self.asks_to_land.store(true, Ordering::Relaxed);
         // A second panic has been printed, and no summary is left that could name a log that cannot be closed.
-        if let Ok(Ok((_, recorder))) = thread.join() {
+        if let Ok(Ok((_, recorder, _))) = thread.join() {
             recorder.stop().ok();
         }
     }
@@ -218,7 +222,8 @@ impl ControlLoop {
             }
         }
         end.records_dropped = self.recorder.dropped();
-        Ok((end, self.recorder))
+        let last_orders = LastOrders { clock: self.clock, person: self.person, drone: self.drone };
+        Ok((end, self.recorder, last_orders))
     }
 
     /// Puts into the inbox what arrived since the last tick; the number of sightings that found no room.
@@ -263,55 +268,6 @@ impl ControlLoop {
         record.timing = watch.timing(record.inbox.step);
         watch.has_lost_order
     }
-}
-
-/// What an order of the person at the controls means. A take-off with the sticks in hand does not need the cameras.
-fn meaning(ask: Ask, hand: &Hand) -> Operator {
-    match ask {
-        Ask::TakeOff if hand.sticks.is_some() => Operator::FlyByHand,
-        Ask::TakeOff => Operator::Fly,
-        Ask::Land => Operator::Land,
-        Ask::EmergencyStop => Operator::EmergencyStop,
-    }
-}
-
-/// The orders of the person at the controls and of signals.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Orders {
-    strongest: Operator,
-    /// When the newest order to take off was given.
-    take_off_at: TimeNs,
-    patience: SpanNs,
-}
-
-impl Orders {
-    /// A flight is ordered at time 0; the order lapses after `patience`.
-    pub(super) fn to_fly(patience: SpanNs) -> Self {
-        Self { strongest: Operator::Fly, take_off_at: TimeNs(0), patience }
-    }
-
-    /// Takes `order`, unless there is a stronger one.
-    fn give(&mut self, order: Operator, now: TimeNs) {
-        if is_take_off(order) {
-            self.take_off_at = now;
-        }
-        self.strongest = self.strongest.max(order);
-    }
-
-    /// Drops an order to take off that was not obeyed in time; whether there was one. No other order is taken back. A
-    /// fault that is mended later must not start a drone beside which the person stands.
-    fn lapse(&mut self, now: TimeNs, phase: Phase) -> bool {
-        let is_late = now.since(self.take_off_at) > self.patience;
-        let lapses = phase == Phase::Idle && is_take_off(self.strongest) && is_late;
-        if lapses {
-            self.strongest = Operator::Wait;
-        }
-        lapses
-    }
-}
-
-fn is_take_off(order: Operator) -> bool {
-    matches!(order, Operator::Fly | Operator::FlyByHand)
 }
 
 /// When to stop ticking.

@@ -1,6 +1,4 @@
-//! When the loop ends, and what an order of a person means.
-
-use horizon_model::rows::Sticks;
+//! When the loop ends.
 
 use super::*;
 
@@ -56,38 +54,9 @@ fn on_the_ground_the_loop_waits_as_long_as_it_is_patient_and_for_a_person_longer
 }
 
 #[test]
-fn a_take_off_with_the_sticks_held_is_one_by_hand() {
-    let hand = |sticks| Hand { ask: None, sticks, has_expired: false };
-    let held = hand(Some(Sticks::zeros()));
-    assert_eq!(meaning(Ask::TakeOff, &held), Operator::FlyByHand);
-    assert_eq!(meaning(Ask::TakeOff, &hand(None)), Operator::Fly);
-    for hand in [held, hand(None)] {
-        assert_eq!(meaning(Ask::Land, &hand), Operator::Land);
-        assert_eq!(meaning(Ask::EmergencyStop, &hand), Operator::EmergencyStop);
-    }
-}
-
-#[test]
 fn a_report_that_is_missing_leaves_the_one_before() {
     let mut over = Over::new(PATIENCE);
     over.is_flying = true;
     over.hear(None);
     assert!(over.is_flying);
-}
-
-#[test]
-fn an_order_to_take_off_lapses_on_the_ground_and_no_other_does() {
-    let at = |s: i64| TimeNs(0).after(SpanNs::from_ms(1000 * s));
-    let mut orders = Orders::to_fly(PATIENCE);
-    assert!(!orders.lapse(at(10), Phase::Idle) && orders.strongest == Operator::Fly);
-    assert!(orders.lapse(at(11), Phase::Idle) && orders.strongest == Operator::Wait);
-    assert!(!orders.lapse(at(12), Phase::Idle), "once");
-    orders.give(Operator::FlyByHand, at(20));
-    assert!(!orders.lapse(at(30), Phase::Idle) && orders.strongest == Operator::FlyByHand);
-    assert!(!orders.lapse(at(40), Phase::Flying), "it is obeyed");
-    for order in [Operator::Land, Operator::EmergencyStop] {
-        orders.give(order, at(41));
-        orders.give(Operator::Fly, at(42));
-        assert!(!orders.lapse(at(90), Phase::Idle) && orders.strongest == order);
-    }
 }
