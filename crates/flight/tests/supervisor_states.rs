@@ -86,6 +86,7 @@ fn evidence(
         is_obstacle_unseen: flag(0) && flag(1) && flag(3),
         is_pose_repeated: flag(2),
         jump_m: (flag(1) && flag(2)).then_some(2.0),
+        is_pose_rough: flag(1) && flag(2) && flag(0),
         drop_m: None,
         is_pose_settled: !(flag(1) && flag(3)),
         findings: Findings {

@@ -43,6 +43,7 @@ where
             is_obstacle_unseen: self.planner.is_obstacle_unseen(),
             is_pose_repeated: self.is_frozen(),
             jump_m: self.plausibility.jump_m(),
+            is_pose_rough: self.plausibility.is_rough(),
             drop_m: self.plausibility.drop_m(),
             is_pose_settled: self.start.is_settled(),
             findings,

@@ -19,6 +19,9 @@ pub enum Fault {
     MocapFrozen,
     /// A pose further than `jump_m` from any possible flight was accepted: another object, or new axes.
     MocapJumped,
+    /// Within a second five accepted poses or more were further from those before than a vehicle flies and 0.1 m: an
+    /// object that is found in two places, or noise.
+    MocapRough,
     /// Before the take-off the poses of the last half second do not agree.
     MocapUnsettled,
     /// Before the take-off the frame numbers have not kept pace with time for two seconds: poses cannot be dated.
@@ -134,6 +137,7 @@ impl Fault {
             Self::MocapLost => "mocap lost",
             Self::MocapFrozen => "mocap frozen",
             Self::MocapJumped => "mocap jumped",
+            Self::MocapRough => "mocap rough",
             Self::MocapUnsettled => "mocap unsettled",
             Self::MocapUndated => "mocap undated",
             Self::WitnessDoubtful => "mocap and drone differ",
@@ -179,6 +183,7 @@ impl Fault {
         Self::MocapLost,
         Self::MocapFrozen,
         Self::MocapJumped,
+        Self::MocapRough,
         Self::MocapUnsettled,
         Self::MocapUndated,
         Self::WitnessDoubtful,
@@ -248,6 +253,7 @@ impl Fault {
             Self::BatteryCritical => (Reaction::BrakeAndLand, Reaction::Land),
             Self::MocapLost
             | Self::MocapJumped
+            | Self::MocapRough
             | Self::WitnessDisagrees
             | Self::HeadingWrong
             | Self::FenceLeft

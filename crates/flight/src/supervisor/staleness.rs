@@ -9,7 +9,7 @@ use super::{Supervisor, elapsed_s, is_older};
 
 impl Supervisor {
     /// What is wrong with the poses.
-    pub(super) fn pose_faults(&self, e: &Evidence) -> [(Fault, bool); 7] {
+    pub(super) fn pose_faults(&self, e: &Evidence) -> [(Fault, bool); 8] {
         let table = &self.table;
         let running_s = self.began_ns.map_or(0.0, |began_ns| elapsed_s(began_ns, e.t_ns));
         // A person who carries the vehicle may take time to show it to the cameras.
@@ -28,6 +28,7 @@ impl Supervisor {
                 self.is_in_the_air()
                     && e.jump_m.is_some_and(|jump_m| is_older(jump_m, table.jump_m)),
             ),
+            (Fault::MocapRough, self.is_in_the_air() && e.is_pose_rough),
             (Fault::MocapUnsettled, self.phase == Phase::Idle && !e.is_pose_settled),
             (Fault::MocapUndated, self.phase == Phase::Idle && e.incidents.is_mocap_undated),
             (Fault::StartMisplaced, self.phase == Phase::Idle && !self.may_start(e)),

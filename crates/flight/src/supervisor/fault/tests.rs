@@ -27,6 +27,7 @@ fn every_fault_has_the_reaction_that_was_decided() {
         (Fault::MocapLost, [Reaction::Land, Reaction::Note]),
         (Fault::MocapFrozen, [Reaction::Hold, Reaction::Note]),
         (Fault::MocapJumped, [Reaction::Land, Reaction::Note]),
+        (Fault::MocapRough, [Reaction::Land, Reaction::Note]),
         (Fault::MocapUnsettled, [Reaction::StayDown, Reaction::Note]),
         (Fault::MocapUndated, [Reaction::StayDown, Reaction::Note]),
         (Fault::WitnessDoubtful, [Reaction::Hold, Reaction::Note]),
