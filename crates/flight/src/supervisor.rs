@@ -49,6 +49,9 @@ const REPEAT_S: f64 = 0.5;
 /// The controller brakes for so long after a plan led out of the room or into an obstacle. s
 const BRAKE_S: f64 = 0.4;
 
+/// A drone that says for so long that it flies, without an order to take off, is landed. s
+const ALOFT_S: f64 = 1.0;
+
 /// How long a vehicle must look grounded to count as down. s
 const DOWN_HOLD_S: f64 = 1.0;
 
@@ -89,6 +92,8 @@ pub struct Supervisor {
     blocked_ns: Option<i64>,
     /// When the vehicle began to brake before a landing. ns
     braking_since_ns: Option<i64>,
+    /// Since when the drone says that it flies, without an order to take off. ns
+    aloft_since_ns: Option<i64>,
     /// Since when nothing has confirmed the command outage. ns
     alone_since_ns: Option<i64>,
     take_off_ordered_ns: Option<i64>,
@@ -133,6 +138,7 @@ impl Supervisor {
             dead_time_long_since_ns: None,
             blocked_ns: None,
             braking_since_ns: None,
+            aloft_since_ns: None,
             alone_since_ns: None,
             take_off_ordered_ns: None,
             end_ordered_ns: None,
@@ -211,6 +217,8 @@ impl Supervisor {
         let has_failed = e.estimator_failed || self.has_controller_failed(e);
         self.failures = if has_failed { self.failures.saturating_add(1) } else { 0 };
         self.late_periods = (self.late_periods - LATE_FORGIVEN).max(0.0) + e.skipped as f64;
+        let is_aloft = self.is_aloft_unasked(e);
+        keep_since(&mut self.aloft_since_ns, is_aloft, e.t_ns);
         let is_standing = self.phase == Phase::Idle && self.drone_says_flying(e) != Some(true);
         if is_standing && !self.is_pose_stale(e) {
             self.ground_height_m = e.pose.map(|at| at[pose::Z]);
@@ -252,6 +260,7 @@ impl Supervisor {
             Phase::Idle if asks_to_land && self.drone_says_flying(e) == Some(true) => {
                 Phase::Landing
             }
+            Phase::Idle if has_lasted(self.aloft_since_ns, e.t_ns, ALOFT_S) => Phase::Landing,
             Phase::Idle if asks_to_fly && reaction < Reaction::StayDown => Phase::TakingOff,
             Phase::TakingOff | Phase::Flying if reaction == Reaction::Land => Phase::Landing,
             Phase::TakingOff if reaction == Reaction::BrakeAndLand => Phase::Landing,

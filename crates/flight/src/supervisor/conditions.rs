@@ -86,15 +86,19 @@ impl Supervisor {
         let silent_s = e.drone.map_or(running_s, |drone| drone.age_s);
         let battery_below = |limit| e.drone.is_some_and(|drone| drone.battery_pct < limit);
         let is_grounded = has_lasted(self.grounded_since_ns, e.t_ns, DOWN_HOLD_S);
-        let is_aloft = self.phase == Phase::Idle && self.drone_says_flying(e) == Some(true);
         [
             (Fault::DroneUnheard, e.drone.is_none() && !self.is_carried),
-            (Fault::DroneAloft, is_aloft && !self.is_carried),
+            (Fault::DroneAloft, self.is_aloft_unasked(e)),
             (Fault::DroneSilent, is_older(silent_s, table.drone_silent_s) && !self.is_carried),
             (Fault::NotFlying, is_grounded && !self.is_carried),
             (Fault::BatteryLow, battery_below(table.battery_low_pct)),
             (Fault::BatteryCritical, battery_below(table.battery_critical_pct)),
         ]
+    }
+
+    /// Whether the drone says that it flies and no take-off was ordered.
+    pub(super) fn is_aloft_unasked(&self, e: &Evidence) -> bool {
+        self.phase == Phase::Idle && !self.is_carried && self.drone_says_flying(e) == Some(true)
     }
 
     /// What is wrong with the program, or has taken too long, and what the operator asks for.
