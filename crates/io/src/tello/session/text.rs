@@ -20,10 +20,10 @@ const VIDEO_PORT: u16 = 11111;
 /// An `ok` that comes sooner after a take-off order answers something older: the drone says it when it
 /// hovers, 6 s after the order in the median, and no reply is later than 0.3 s.
 const TAKE_OFF_MIN: SpanNs = SpanNs::from_ms(2500);
-/// A drone whose motors run so long after the order hovers: its reply was lost.
+/// A drone that flies so long after the order hovers: its reply was lost.
 const TAKE_OFF_TYPICAL: SpanNs = SpanNs::from_ms(8000);
-/// After so long the take-off is over, one way or the other.
-const TAKE_OFF_MAX: SpanNs = SpanNs::from_ms(20_000);
+/// After so long the take-off is over, one way or the other: before the drone lands by itself, 15 s after the last packet.
+const TAKE_OFF_MAX: SpanNs = SpanNs::from_ms(12_000);
 
 /// The count of seconds with motors on stands still for so long if they are off.
 const MOTORS_REST: SpanNs = SpanNs::from_ms(3000);
@@ -41,6 +41,8 @@ pub(super) struct TextTalk {
     state_port: Option<u16>,
     take_off: TakeOff,
     motors: Option<Motors>,
+    /// Whether the newest distance to the floor is that of a flying drone.
+    is_high: Option<bool>,
     battery_pct: Option<u8>,
 }
 
@@ -68,7 +70,7 @@ struct Motors {
 impl TextTalk {
     pub(super) fn new(state_port: u16) -> Self {
         let state_port = (state_port != STATE_PORT).then_some(state_port);
-        Self { state_port, take_off: TakeOff::None, motors: None, battery_pct: None }
+        Self { state_port, take_off: TakeOff::None, motors: None, is_high: None, battery_pct: None }
     }
 
     /// Sends the state line where it is listened for.
@@ -95,7 +97,7 @@ impl TextTalk {
     pub(super) fn is_taking_off(&self, now: TimeNs) -> bool {
         match self.take_off {
             TakeOff::None | TakeOff::Over => false,
-            TakeOff::Ordered { at } if self.motors_run(now) == Some(true) => {
+            TakeOff::Ordered { at } if self.is_flying(now) == Some(true) => {
                 now.since(at) < TAKE_OFF_TYPICAL
             }
             TakeOff::Ordered { at } => now.since(at) < TAKE_OFF_MAX,
@@ -138,10 +140,8 @@ impl TextTalk {
         if let Some(count_s) = line.get(Field::Time) {
             self.motors = Some(Motors::seen(self.motors, count_s, now));
         }
-        let by_distance = line.get(Field::Tof).and_then(|tof_cm| self.flies_at(tof_cm));
-        let (Some(is_flying), Some(battery_pct)) =
-            (self.motors_run(now).or(by_distance), self.battery_pct)
-        else {
+        self.is_high = line.get(Field::Tof).and_then(|tof_cm| self.flies_at(tof_cm));
+        let (Some(is_flying), Some(battery_pct)) = (self.is_flying(now), self.battery_pct) else {
             return Some(Heard::Life);
         };
         Some(Heard::Status(DroneStatus {
@@ -164,6 +164,11 @@ impl TextTalk {
     fn flies_at(&self, tof_cm: f64) -> Option<bool> {
         let is_echo = tof_cm <= *TOF_FLYING_CM.end();
         (is_echo || self.motors.is_none()).then(|| TOF_FLYING_CM.contains(&tof_cm))
+    }
+
+    /// Whether the drone flies: by its motors or, while these are unknown, by its distance to the floor.
+    fn is_flying(&self, now: TimeNs) -> Option<bool> {
+        self.motors_run(now).or(self.is_high)
     }
 
     /// Whether the motors run; `None` before their count was watched for long enough.
@@ -257,11 +262,18 @@ mod tests {
             talk.motors = motors;
             talk
         };
-        for (motors, over_ms) in [(None, 20_000), (Some(running(7_500)), 8_000)] {
-            assert!(ordered(motors).is_taking_off(ms(over_ms - 1)), "{motors:?}");
-            assert!(!ordered(motors).is_taking_off(ms(over_ms)), "{motors:?}");
-            assert!(!ordered(motors).takes_sticks(ms(over_ms - 1)), "{motors:?}");
-            assert!(ordered(motors).takes_sticks(ms(over_ms)), "{motors:?}");
+        for (motors, state, over_ms) in [
+            (None, "bat:90;", 12_000),
+            (None, "bat:90;tof:30;", 12_000),
+            (None, "bat:90;tof:31;", 8_000),
+            (Some(running(7_500)), "bat:90;tof:10;", 8_000),
+        ] {
+            let mut talk = ordered(motors);
+            talk.hear_state(state.as_bytes(), ms(7_000));
+            assert!(talk.is_taking_off(ms(over_ms - 1)), "{motors:?} {state}");
+            assert!(!talk.is_taking_off(ms(over_ms)), "{motors:?} {state}");
+            assert!(!talk.takes_sticks(ms(over_ms - 1)), "{motors:?} {state}");
+            assert!(talk.takes_sticks(ms(over_ms)), "{motors:?} {state}");
         }
         for (at_ms, heard, is_running) in
             [(2_499, Heard::Connected, true), (2_500, Heard::Acknowledged, false)]
