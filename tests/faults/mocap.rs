@@ -93,6 +93,16 @@ fn another_object_that_stands_still_lands() {
     assert_ends(SimFault::MocapGhost, Fault::MocapJumped, [0.4, 2.1]);
 }
 
+/// Each jump alone is too small for `jump_m`, and the vehicle would be steered between the two.
+#[test]
+fn an_object_in_two_places_lands_before_it_is_flown_by() {
+    for (offset_m, fraction) in [(0.15, 0.5), (0.2, 0.5), (0.25, 0.5)] {
+        let fault = SimFault::MocapSplit { offset_m: [offset_m, 0.0, 0.0], fraction };
+        let story = fly_alone(&settings(&scripted(fault, 1e3)), 60.0);
+        story.assert_landed_by(Fault::MocapRough, [0.08, 0.6]);
+    }
+}
+
 /// The settings of a hover above the place of the take-off, with `fault` in it: too little motion shows the drone's
 /// axes.
 fn hover(fault: SimFault) -> (FlightTable, SimTable) {

@@ -48,6 +48,13 @@ pub enum Fault {
         /// Standard deviation of the heading. rad
         noise_rad: f64,
     },
+    /// The object is found in two places: in some frames another object at rest is taken for the drone.
+    MocapSplit {
+        /// From the true position at the onset to the other object, world frame. m
+        offset_m: [f64; 3],
+        /// Fraction of the frames, drawn one by one, that show the other object. 1
+        fraction: f64,
+    },
     /// Some coordinates of the position are stuck, the others are right.
     MocapAxesStuck {
         /// Whether x, y, z stay at their true values of the onset.

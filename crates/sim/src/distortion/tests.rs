@@ -67,6 +67,20 @@ fn a_still_object_stands_where_the_drone_was_plus_its_offset() {
 }
 
 #[test]
+fn a_split_object_is_the_drone_or_the_other_one_as_often_as_set() {
+    let offset_m = [0.25, 0.0, 0.0];
+    let other = truth(50) + Pose::new(0.25, 0.0, 0.0, 0.0);
+    let split = poses(Fault::MocapSplit { offset_m, fraction: 0.5 });
+    let is_other = |o: &&Pose| amax(&(*o - other)) < 1e-12;
+    let elsewhere = split.iter().filter(is_other).count();
+    // Four standard deviations of 100 draws.
+    assert!((30..=70).contains(&elsewhere), "{elsewhere}");
+    for (k, o) in (0_u64..).zip(&split).filter(|(_, o)| !is_other(o)) {
+        assert_close(o, &truth(50 + k), 1e-12);
+    }
+}
+
+#[test]
 fn stuck_axes_stay_under_their_noise_and_the_others_are_right() {
     let stuck = |noise_m| poses(Fault::MocapAxesStuck { axes: [true, false, true], noise_m });
     for (k, o) in (0_u64..).zip(stuck(0.0)) {

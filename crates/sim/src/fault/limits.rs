@@ -35,6 +35,10 @@ impl Fault {
                 sd("mocap_still.noise_m", noise_m)?;
                 sd("mocap_still.noise_rad", noise_rad)
             }
+            Self::MocapSplit { offset_m, fraction } => {
+                size("mocap_split.offset_m", &offset_m)?;
+                all("mocap_split.fraction", &[fraction], 0.0, 1.0)
+            }
             Self::MocapAxesStuck { axes: _, noise_m } => sd("mocap_axes_stuck.noise_m", noise_m),
             Self::MocapWalker { offset_m, radius_m, speed_mps, noise_m, noise_rad } => {
                 size("mocap_walker.offset_m", &offset_m)?;
@@ -101,7 +105,7 @@ mod tests {
     /// Each fault with a value at `at`, its key, the least and the largest of what it may be.
     type Rule = (&'static str, fn(f64) -> Fault, [f64; 2]);
 
-    const RULES: [Rule; 25] = [
+    const RULES: [Rule; 27] = [
         ("mocap_still.offset_m", |at| still([0.0, at, 0.0], [0.0; 3]), [-100.0, 100.0]),
         ("mocap_still.turn_rad", |at| still([0.0; 3], [at, 0.0, 0.0]), [-10.0, 10.0]),
         ("mocap_still.noise_m", |at| still([0.0; 3], [0.0, at, 0.0]), [0.0, 100.0]),
@@ -137,6 +141,16 @@ mod tests {
         ("mocap_noise.growth_radps", |at| noise(0.0, at), [0.0, 100.0]),
         ("mocap_occluded.period_s", |at| occluded(at, 1.0), [0.02, 1000.0]),
         ("mocap_occluded.lost_s", |at| occluded(1.0, at), [0.02, 1000.0]),
+        (
+            "mocap_split.offset_m",
+            |at| Fault::MocapSplit { offset_m: [0.0, at, 0.0], fraction: 0.5 },
+            [-100.0, 100.0],
+        ),
+        (
+            "mocap_split.fraction",
+            |fraction| Fault::MocapSplit { offset_m: [0.0; 3], fraction },
+            [0.0, 1.0],
+        ),
         ("mocap_lag.delay_s", |delay_s| Fault::MocapLag { delay_s }, [0.0, 1000.0]),
         ("mocap_lag_ramp.growth", |growth| Fault::MocapLagRamp { growth }, [0.0, 10.0]),
         (
