@@ -10,12 +10,11 @@ use crate::time::TimeNs;
 use crate::{Filtered, Verdict};
 
 /// Repetitions in a row that are no coincidence: a vehicle in the air never stands still to a tenth of
-/// a millimetre, along x and y at once. In 37,000 poses of real flights both are repeated 29 times, never twice in a
-/// row; a height is repeated up to 5, a heading up to 8 times, so that they show nothing alone.
+/// a millimetre, along x and y at once. In real flights both repeat at times, but never twice in a row unless the stream
+/// stalls; a height repeats up to 5 times, so that it shows nothing alone: docs/benchmarks/2026-11-27-poses.
 const REPEATS_MIN: u32 = 3;
 
-/// No vehicle of ours is faster. In 25 minutes of real flights poses that are accepted exceed it by 0.38 m
-/// at most, after a refusal, and by 0.27 m otherwise. m/s
+/// No vehicle of ours is faster. m/s
 const SPEED_MAX_MPS: f64 = 2.0;
 
 /// Excess from which on poses are rough, as those of an object that is found in two places in turn. m
@@ -25,8 +24,8 @@ const ROUGH_M: f64 = 0.1;
 /// the history.
 const ROUGH_TICKS: u32 = 50;
 
-/// Ticks with rough poses among these by which no vehicle can be flown. In the raw poses of real flights (27,832 steps
-/// of six, 5,042 of three others) a second has 2 at most.
+/// More ticks with rough poses among these are no coincidence: real flights have one within a second at most
+/// (docs/benchmarks/2026-11-27-poses).
 const ROUGH_MAX: u32 = 4;
 
 /// The newest poses, seen one by one.
