@@ -142,7 +142,7 @@ fn resolve(room_of: Option<&Path>, file: Option<&Path>) -> Result<Value> {
     let keys: Value = match config::load(path) {
         Ok(keys) => keys,
         Err(error) => {
-            // A text that is no JSON: the same for all kinds, with its place.
+            // Not JSON: every kind of file gets the same message, with line and column.
             config::mission_problems(path).none()?;
             return Err(error);
         }

@@ -133,7 +133,7 @@ fn lagged_flight(window_steps: usize) -> (LaggedMhe, Vec<(Sticks, Observed<4>)>)
         let t = f64::from(k) * DT_S;
         let u = Sticks::new(0.5 * t.sin(), 0.4 * t.cos(), 0.3, 0.2 * (2.0 * t).sin());
         s = model.step(&s, &u, &p, DT_S);
-        // Deterministic noise of a tenth of a millimetre, and now and then an outlier.
+        // Deterministic noise of 0 to 0.3 mm; every 50th pose is 0.1 m off.
         let noise = f64::from(k * 7919 % 101) * 3e-6 + if k % 50 == 0 { 0.1 } else { 0.0 };
         (u, Observed::full(model.observe(&s) + Pose::repeat(noise)))
     });

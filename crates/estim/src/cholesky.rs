@@ -32,7 +32,7 @@ impl<const N: usize> Cholesky<N> {
             for k in 0..j {
                 pivot -= l[(j, k)] * l[(j, k)];
             }
-            // Quicker than asking whether it is finite; false for a NaN.
+            // False for a NaN.
             let is_positive = pivot > 0.0 && pivot < f64::INFINITY;
             if !is_positive {
                 return Err(NotPositive);

@@ -59,7 +59,7 @@ fn add_column<const R: usize, const K: usize>(
 ) {
     let Some((column, b)) = column else { return };
     let mut entries = *column;
-    // An array's iterator takes fewer instructions than that of the matrix library.
+    // As an array, whose length is known to the iterator.
     let [weight] = &weight.data.0;
     for ((a, b), weight) in a.data.0.iter().zip(b).zip(weight) {
         if *b != 0.0 {

@@ -60,7 +60,7 @@ pub enum RosTopic {
 pub type RosMessage = (RosTopic, Vec<u8>);
 
 impl RosTopic {
-    /// All of them.
+    /// Every message, in the order of the documentation.
     pub const ALL: [Self; 9] = [
         Self::Pose,
         Self::Transform,

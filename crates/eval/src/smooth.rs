@@ -56,7 +56,7 @@ pub struct Track {
 /// its position is complete, is not "object lost" and differs from the one before.
 ///
 /// `turn_rad[k]` is the turn that the sticks explain from step `k - 1` to `k`; zeros will do. Missing
-/// entries count as zero. About 0.1 ms per step; allocates 1 kB per step.
+/// entries count as zero. Time and memory grow linearly with the steps.
 pub fn smooth(o: &[Observed<{ pose::COUNT }>], turn_rad: &[f64], dt_s: f64) -> Track {
     estimate(o, turn_rad, circle::best_path, |samples, noise| jerk::smooth(samples, noise, dt_s))
 }

@@ -13,8 +13,8 @@ use crate::time::{SpanNs, TimeNs};
 pub const CONTROL_SILENCE_NEUTRAL: SpanNs = SpanNs::from_ms(100);
 
 /// Time for which one witness, motion capture or the drone, has to say without a break that the drone is
-/// down where the other says nothing: LAND is repeated meanwhile. Drones were measured to refuse LAND for
-/// 9 s. Longer than 15 s is of no use: a drone that hears nothing lands by itself then.
+/// down where the other says nothing: LAND is repeated meanwhile, since a drone may
+/// refuse it for seconds. Longer than 15 s is of no use: a drone that hears nothing lands by itself then.
 pub const ALONE_HOLD: SpanNs = SpanNs::from_ms(10_000);
 
 /// Height above that on the ground beyond which a drone does not stand, whatever it says. Heights come in

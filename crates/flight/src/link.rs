@@ -369,7 +369,7 @@ impl Test {
             }
         }
         let [first, second] = self.others.each_ref().map(|other| other.excess(table));
-        // The first of a state that is down is the return.
+        // While the link is down, the first alternative is its return.
         let score = if state.is_down() { -first } else { first.max(second) };
         LinkVerdict { state, score, changed, onset_steps }
     }

@@ -46,7 +46,7 @@ impl SpanNs {
         Self(ms.saturating_mul(1_000_000))
     }
 
-    /// The span of so many seconds, to the nearest nanosecond.
+    /// The span of so many seconds, to the nearest nanosecond; beyond what 64 bits hold the longest one, 0 for NaN.
     pub fn from_seconds(seconds: f64) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "a cast saturates")]
         Self((seconds * NS_PER_S as f64).round() as i64)

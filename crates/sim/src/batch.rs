@@ -58,7 +58,7 @@ pub fn by_contender(by_seed: Vec<Vec<Flown>>) -> Vec<Vec<Flown>> {
     by_contender
 }
 
-/// Flights by contender as flights by seed, without the tracks: what a part file holds.
+/// Transposes flights `[contender][seed]` to `[seed][contender]`, and drops their tracks: what a part file holds.
 pub fn by_seed(by_contender: Vec<Vec<Flown>>) -> Vec<Vec<Flown>> {
     let mut by_seed: Vec<Vec<Flown>> = Vec::new();
     for flights in by_contender {

@@ -139,7 +139,7 @@ mod tests {
         });
         let trials = trials.unwrap();
         assert!(trials.iter().flat_map(|trial| &trial.x).all(|x| (0.0..=1.0).contains(x)));
-        // The best point costs -1.8. A plane cannot model a wall: half of the way there must do.
+        // The best point costs -1.8. A linear model does not see the jump of the cost beside it.
         let best = best(&trials).unwrap();
         assert!(best.cost < -1.4, "{best:?}");
     }

@@ -262,7 +262,7 @@ where
         let pieces: f64 = self.ident.multiplicities().iter().map(|count| f64::from(*count)).sum();
         let mut std_s = scatter.sqrt() / curvature;
         if pieces < PIECES_MIN {
-            // Weights that are too cautious make no residual more certain.
+            // A residual variance below 1 is of weights that are too small: it must not narrow the interval.
             let least_s = (variance.max(1.0) / curvature).sqrt();
             std_s = (std_s * (pieces / (pieces - 1.0).max(1.0)).sqrt()).max(least_s);
         }

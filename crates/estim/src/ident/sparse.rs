@@ -1,7 +1,7 @@
 //! The same elimination by a general sparse factorization: the check of `chain.rs`.
 //!
 //! Owns nothing of the chain's structure: it writes the matrix of all states of a piece entry by entry and leaves
-//! it to the sparse Cholesky factorization of nalgebra. Several times slower than the chain.
+//! it to the sparse Cholesky factorization of nalgebra.
 
 use std::convert::Infallible;
 

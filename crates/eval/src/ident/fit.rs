@@ -259,7 +259,7 @@ where
             Ok(laplace) if is_clustered => laplace.spread(p),
             Ok(laplace) => {
                 let variance = laplace.residual_variance.max(1.0);
-                // Weights that are too cautious make no residual more certain.
+                // A residual variance below 1 is of weights that are too small: it must not narrow the interval.
                 Spread::normal(p, &(laplace.plain * variance))
             }
             Err(_) => Spread::normal(p, &SMatrix::repeat(f64::NAN)),

@@ -157,17 +157,17 @@ impl From<DelayVerdict> for DelayMinimum {
 /// What the resamples say.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Bootstrap {
-    /// Resamples that are there.
+    /// Resamples finished.
     pub resamples: usize,
-    /// Resamples of them whose solve did not converge.
+    /// Resamples among them whose solve did not converge.
     pub unconverged: usize,
     /// Different samples of the pieces among them.
     pub distinct: usize,
     /// Resamples that were asked for.
     pub asked: u64,
-    /// Seed.
+    /// Seed of the draws.
     pub seed: u64,
-    /// Time. s
+    /// Time of all resamples. s
     pub seconds: f64,
     /// Mean of the estimates. Unit of each row
     pub mean: Vec<f64>,
@@ -176,7 +176,7 @@ pub struct Bootstrap {
 }
 
 impl Bootstrap {
-    /// Whether every resample that was asked for is there.
+    /// Whether every resample that was asked for is finished.
     pub fn is_whole(&self) -> bool {
         self.resamples as u64 == self.asked
     }

@@ -61,7 +61,7 @@ impl From<CsvFlight> for RowFlight {
     }
 }
 
-/// The foreign recording in a CSV file or in a converted one.
+/// The foreign recording in a CSV file, or in a log that `convert` made of one if `is_mcap`.
 ///
 /// # Errors
 /// The file cannot be read, or has no line of a recording in it.

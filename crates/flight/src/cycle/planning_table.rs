@@ -23,13 +23,13 @@ pub struct PlanningTable {
     pub stages: Vec<(usize, u32)>,
     /// What `C_u` multiplies.
     pub input_cost: InputCost,
-    /// Weight of each effective input, or of its change. 1/unit, > 0
+    /// Weight of each effective input, or of its change. 1, 1e-6..=1e6
     #[serde(rename = "C_u")]
     pub c_u: Vec<f64>,
-    /// Weight of each state's distance to the reference, all steps but the last. 1/unit, >= 0
+    /// Weight of each state's distance to the reference, all steps but the last. 1/unit, 0 or 1e-6..=1e6
     #[serde(rename = "C_s")]
     pub c_s: Vec<f64>,
-    /// The same for the last step. 1/unit, >= 0
+    /// The same for the last step. 1/unit, 0 or 1e-6..=1e6
     #[serde(rename = "C_s_end")]
     pub c_s_end: Vec<f64>,
     /// Lower bound of each input. 1, <= 0

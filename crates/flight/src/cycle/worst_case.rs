@@ -66,7 +66,7 @@ mod tests {
         u_meant[stick::PITCH] = 1.0;
         let mut worst_case = WorstCase::new(Vector4::new(1.5, 0.4, 1.0, 0.0));
         let s_hat = Vector4::new(1.0, 0.0, 1.0, 0.0);
-        // Poses that follow nothing have lowered the gain.
+        // An outage has lowered the estimate of the gain.
         let estimate = (&s_hat, &Vector4::new(0.5, 0.4, 1.0, 0.0));
         for _ in 0..50 {
             worst_case.follow(&Kinematic, false, estimate, &u_meant, 0.02);

@@ -304,7 +304,7 @@ impl Follower {
             Stage::Approach(carrot) | Stage::Return(carrot) => {
                 return self.fill_led(carrot, first_ahead, stages, refs);
             }
-            // The period in which the last one is counted is still spent at the beginning.
+            // The last period of settling is spent at the beginning of the path, too.
             Stage::Settle { left } => (left + 1, START),
             Stage::Run => (0, self.phase),
         };

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 #[schemars(extend("required" = ["still_m", "displacement_m", "height_m", "direction_rad"]))]
 pub struct MonitorTable {
     /// A vehicle whose pose moves less in 0.8 s does not fly: means of 0.2 s, the axis that moves most.
-    /// The least in 25 minutes of real flights is 0.0020. m, 0.0005..=0.01
+    /// m, 0.0005..=0.01
     pub still_m: f64,
     /// Difference between the displacement by the poses and by the drone's velocity, forgotten within
     /// 15 s, from which on it is in doubt; from twice as much on the flight ends. `null`: the drone's

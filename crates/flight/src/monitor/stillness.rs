@@ -120,7 +120,7 @@ impl Contradiction {
     fn update(&mut self, is_asked: bool, is_still: bool, is_denied: bool, dt_s: f64) {
         self.asked_s = if is_asked { self.asked_s + dt_s } else { 0.0 };
         let is_new = !is_denied && self.asked_s >= ASKED_MIN_S;
-        // What the hold that follows does not ask for any more was asked for.
+        // The finding stays during the hold that follows, whose neutral sticks ask for no motion.
         self.is_found = is_still && (self.is_found || is_new);
     }
 }

@@ -362,7 +362,7 @@ fn replace(value: &mut Value, template: &Value, place: &Place) -> Option<Place> 
                 return Some(here);
             }
             None if outside.of(template).is_some() && parent.remove(key).is_some() => {
-                // A table of one kind has nothing left.
+                // Nothing is left of an alternative of another kind: the valid one takes its place.
                 if parent.is_empty()
                     && let Some(Value::Object(valid)) = outside.of(template)
                 {

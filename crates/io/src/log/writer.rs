@@ -135,8 +135,8 @@ impl LogWriter {
         Ok(log)
     }
 
-    /// Appends `record` to `topic` at `t`. May close a chunk, which has taken up to 40 ms: never call
-    /// it from the control thread.
+    /// Appends `record` to `topic` at `t`. May close a chunk, which is compressed and written: never
+    /// call it from the control thread.
     ///
     /// # Errors
     /// [`LogError::NoChannel`] and [`LogError::Encode`] leave the log as it was; after

@@ -84,7 +84,7 @@ pub enum Direction {
 }
 
 impl Direction {
-    /// All of them.
+    /// Every direction.
     pub const ALL: [Self; 8] = [
         Self::Right,
         Self::Left,

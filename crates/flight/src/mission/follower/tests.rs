@@ -87,7 +87,7 @@ fn a_missed_corner_is_flown_to_before_the_path_goes_on() {
         // The reference begins its way to the corner at the vehicle.
         returns += u32::from(place_gap(&reference.pose, &before) > 0.2);
         before = reference.pose;
-        // Pushed outwards around the corner until then.
+        // Pushed outwards around the corner until the first return.
         let is_pushed = returns == 0 && place_gap(at, &corner) < 0.5;
         let push_m = if is_pushed { 0.3 } else { 0.0 };
         reference.pose + Pose::new(-push_m, push_m, 0.0, 0.0)

@@ -146,12 +146,12 @@ fn a_drone_that_flies_already_is_landed_and_not_ordered_to_take_off() {
         [asks_to_fly(flies), Evidence { operator: Operator::FlyByHand, is_by_hand: true, ..flies }]
     {
         let mut bench = Bench::new(Start::Grounded);
-        let ruling = bench.run(50, &e);
+        let ruling = bench.run(10, &e);
         assert_eq!((ruling.phase, ruling.order), (Phase::Idle, SupervisorOrder::None));
         assert_eq!(faults(ruling), [Fault::DroneAloft]);
         // A report that was wrong for a moment counts no more.
         assert_eq!(bench.tick(&CALM).phase, Phase::Idle);
-        assert_eq!(bench.run(50, &e).phase, Phase::Idle);
+        assert_eq!(bench.run(10, &e).phase, Phase::Idle);
         let ruling = bench.tick(&e);
         assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
         assert_eq!(faults(ruling), [Fault::DroneAloft]);

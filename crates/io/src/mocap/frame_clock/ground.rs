@@ -115,7 +115,7 @@ impl Ground {
             return None;
         }
         let goes_on = |line: &Line| {
-            // Of numbers at a wrong pace none is where the line expects it.
+            // Frames whose numbers have another pace do not lie on the line.
             let is_near = line.late_ns(arrival).abs() <= SAME_COUNT_NS;
             self.announced_hz.total_cmp(&rate_hz).is_eq()
                 && arrival.number > self.newest

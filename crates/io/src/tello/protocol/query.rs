@@ -43,7 +43,7 @@ pub struct Version {
 }
 
 impl Query {
-    /// All of them.
+    /// Every query, in the order of the declaration.
     pub const ALL: [Self; 4] =
         [Self::Version, Self::AltitudeLimit, Self::BatteryThreshold, Self::TiltLimit];
 

@@ -45,7 +45,7 @@ impl Session {
                 self.witnesses.hear_status(&status, self.may_have_flown, now);
                 self.may_have_flown |= status.is_flying;
                 // A drone that reports to us in the binary protocol knows us, should every
-                // acknowledgement be lost. State lines come in SDK mode only: it outlived the silence.
+                // acknowledgement be lost. State lines come in SDK mode only: the drone has kept that mode.
                 if self.was_connected || self.talk.protocol() == Protocol::Binary {
                     self.connect(now);
                 }

@@ -312,8 +312,8 @@ fn the_convex_curvature_is_that_of_the_limit_without_its_signs() {
         let scale = exact.norm();
         assert!(convex.symmetric_eigenvalues().min() > -1e-12 * scale, "{convex}");
         saddles += u32::from(exact.symmetric_eigenvalues().min() < -1e-3 * scale);
-        // The horizontal velocities move the change alike, and no other row depends on them twice:
-        // their block, by differences of the gradient, is the Hessian by the change times the square of this.
+        // The change is e = k (c - v), and no other row is nonlinear in v: the block of the horizontal velocities, by
+        // differences of the gradient, is k^2 times the Hessian by e.
         let fraction = 1.0 - (-dt_s / p[lag::TAU_H]).exp();
         let gradient = |v: &SVector<f64, 2>| {
             let mut s = s;

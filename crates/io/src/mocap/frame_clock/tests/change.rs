@@ -57,7 +57,7 @@ fn an_announcement_alone_changes_nothing() {
             late_after_change((240.0, 240.0), announced_hz, |frame| 1e3 * frame as f64 / 240.0);
         let is_known = |late_ms: &Option<f64>| late_ms.is_some_and(|late_ms| late_ms < 9.0);
         assert!(late_ms.iter().all(is_known), "{announced_hz} Hz");
-        // Frames that fall behind meanwhile are as late as they are.
+        // Frames that really fall behind meanwhile are reported as late.
         let late_ms = late_after_change((240.0, 240.0), announced_hz, |frame| {
             1e3 * frame as f64 / 240.0 + 400.0
         });
