@@ -14,6 +14,7 @@
 //! | `monitor/direction.rs` | the direction of the motion with that of the applied inputs   |
 
 mod direction;
+mod displacement;
 mod heading;
 mod height;
 mod hidden;

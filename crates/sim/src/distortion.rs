@@ -61,10 +61,10 @@ impl Distortion {
                 *o = at + Pose::new(x_m, y_m, z_m, turn_rad);
                 self.add_noise(o, noise_m, noise_rad);
             }
-            Fault::MocapSplit { offset_m: [x_m, y_m, z_m], fraction } => {
-                if self.noise.chance(fraction) {
-                    *o = at + Pose::new(x_m, y_m, z_m, 0.0);
-                }
+            Fault::MocapSplit { offset_m: [x_m, y_m, z_m], fraction }
+                if self.noise.chance(fraction) =>
+            {
+                *o = at + Pose::new(x_m, y_m, z_m, 0.0);
             }
             Fault::MocapAxesStuck { axes, noise_m } => {
                 for row in (pose::X..=pose::Z).filter(|&row| axes[row]) {

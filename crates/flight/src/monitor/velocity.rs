@@ -9,7 +9,8 @@
 use horizon_model::rows::{Pose, pose, stick};
 use nalgebra::Complex;
 
-use super::typical_vehicle::{GAIN_MPS, decay, excess};
+use super::displacement::Displacements;
+use super::typical_vehicle::{GAIN_MPS, excess};
 use super::{Agreement, Sample, Verdict};
 
 /// Time within which a difference is forgotten. s
@@ -25,27 +26,10 @@ const FIT: std::ops::RangeInclusive<f64> = 0.6..=1.6;
 /// Least fraction of the variance of the poses' velocity that the drone's explains if the axes fit (R^2).
 const DETERMINATION_MIN: f64 = 0.7;
 
-/// Time within which a way is forgotten while the axes are not known, and a difference between speeds. s
-const WAY_FORGET_S: f64 = 15.0;
-const SPEED_FORGET_S: f64 = 4.0;
-/// Way of the drone that counts. m
-const WAY_MIN_M: f64 = 0.6;
-/// Way of the drone over that of the inputs if the drone is a witness.
-const WAY_FIT: std::ops::RangeInclusive<f64> = 0.4..=2.5;
-/// Turn of the inputs' axes that does not count: that of the vehicle's own axes in the body of the mocap. rad
-const TURN: f64 = 0.785;
-/// Difference between ways or speeds by poses and by drone that does not count: a fraction of the larger one,
-/// and of the speeds at least so much. 1, m/s
-const TOLERANCE: f64 = 0.25;
-const TOLERANCE_MPS: f64 = 0.1;
-/// Time constant of the low-pass filter of both velocities before their speeds are compared: longer than the
-/// age of a report. s
-const SPEED_TAU_S: f64 = 0.4;
-
-/// Ways in which the drone's axes may lie: fixed, or turning with the body; each of either hand.
-const FRAMES: usize = 4;
-const FIXED: usize = 0;
-const TURNING: usize = 2;
+/// Kinds of axes that the drone's may be: fixed, or turning with the body; each of either hand.
+pub(super) const FRAMES: usize = 4;
+pub(super) const FIXED: usize = 0;
+pub(super) const TURNING: usize = 2;
 
 /// Poses and velocity reports so far.
 #[derive(Debug, Clone)]
@@ -60,7 +44,7 @@ pub(super) struct VelocityMonitor {
     sums_by_inputs: Sums,
     /// Rotation of each frame's axes from those of the world, as motion showed it last.
     axes: [Option<Complex<f64>>; FRAMES],
-    ways: Ways,
+    displacements: Displacements,
     /// Newest speed by the drone; `None` before the first that was not zero. m/s
     speed_mps: Option<f64>,
     /// Of each frame: displacement by the poses less that by the drone. m
@@ -89,7 +73,7 @@ impl VelocityMonitor {
             since_pose_s: 0.0,
             sums: Sums::default(),
             sums_by_inputs: Sums::default(),
-            ways: Ways::default(),
+            displacements: Displacements::default(),
             speed_mps: None,
             error_m: [Complex::default(); FRAMES],
             verdict: Verdict::default(),
@@ -100,7 +84,7 @@ impl VelocityMonitor {
     pub(super) fn rest(&mut self, sample: &Sample) {
         self.displacement(sample);
         self.error_m = [Complex::default(); FRAMES];
-        self.ways = Ways::default();
+        self.displacements = Displacements::default();
         self.verdict = Verdict::default();
     }
 
@@ -119,10 +103,10 @@ impl VelocityMonitor {
         let speed_mps = first_mps.hypot(second_mps);
         self.speed_mps = (self.speed_mps.is_some() || speed_mps > 0.0).then_some(speed_mps);
         let seen = frames(Complex::new(first_mps, second_mps), self.before);
-        self.ways.add(moved_m, &seen, asked(sample, self.before), self.dt_s);
+        self.displacements.add(moved_m, &seen, asked(sample, self.before), self.dt_s);
         let error_m = self.compare(moved_m, &seen);
         self.learn(&Motion { moved_m, moved_in_s, seen }, error_m);
-        let asked_m = self.ways.asked_mps * self.dt_s;
+        let asked_m = self.displacements.asked_mps * self.dt_s;
         let by_inputs = Motion { moved_m: asked_m, moved_in_s: self.dt_s, seen };
         self.sums_by_inputs.add(&by_inputs, self.dt_s);
         if sample.pose.is_none() {
@@ -155,8 +139,9 @@ impl VelocityMonitor {
     /// drone that fitted a short motion by accident must be found out.
     fn learn(&mut self, motion: &Motion, error_m: Option<f64>) {
         let is_well_known = self.sums.variance(FIXED) >= WELL_KNOWN * MOTION_MIN;
-        let agrees =
-            |error_m| error_m <= 0.5 * self.limit_m && (!is_well_known || self.ways.speeds_agree());
+        let agrees = |error_m| {
+            error_m <= 0.5 * self.limit_m && (!is_well_known || self.displacements.speeds_agree())
+        };
         if !error_m.is_none_or(agrees) {
             return;
         }
@@ -182,12 +167,12 @@ impl VelocityMonitor {
     /// By how much the poses differ from drone and inputs while their motion shows no axes: by lengths, and by
     /// directions if drone and inputs show axes. m
     fn difference_m(&self) -> Option<f64> {
-        let by_length_m = self.ways.difference_m();
+        let by_length_m = self.displacements.difference_m();
         let by_vector_m = (0..FRAMES)
             .filter(|&frame| self.sums_by_inputs.variance(frame) >= MOTION_MIN)
             .filter_map(|frame| {
                 let axes = self.sums_by_inputs.axes(frame)?;
-                self.ways.vector_difference_m(axes * self.ways.flown_m[frame])
+                self.displacements.vector_difference_m(axes * self.displacements.flown_m[frame])
             })
             .reduce(f64::min);
         [by_length_m, by_vector_m].into_iter().flatten().reduce(f64::max)
@@ -246,94 +231,6 @@ impl Sums {
         let fits = FIT.contains(&(covariance.norm() / variance))
             && covariance.norm_sqr() >= DETERMINATION_MIN * variance * moved_variance;
         fits.then(|| covariance / covariance.norm())
-    }
-}
-
-/// Motion of the last seconds by three witnesses, while the drone's axes are not known: lengths of ways and
-/// speeds do not depend on the axes. Ways show a drift that is flown against, speeds one that is not.
-#[derive(Debug, Clone, Copy, Default)]
-struct Ways {
-    poses_m: Complex<f64>,
-    /// Velocity by the poses, low-pass filtered. m/s
-    poses_mps: Complex<f64>,
-    /// Way by the drone in each frame. m
-    flown_m: [Complex<f64>; FRAMES],
-    /// Speed by the drone in each kind of axes, those that are fixed and those that turn with the body.
-    drone: [DroneSpeed; 2],
-    /// By the inputs of a typical vehicle. m
-    inputs_m: Complex<f64>,
-    /// Velocity that the inputs ask for, after the lag. m/s
-    asked_mps: Complex<f64>,
-}
-
-/// Speed by the drone in one kind of axes.
-#[derive(Debug, Clone, Copy, Default)]
-struct DroneSpeed {
-    /// Low-pass filtered. m/s
-    velocity_mps: Complex<f64>,
-    /// Difference between the speeds by poses and by drone, less a tolerance. m/s
-    excess_mps: f64,
-    /// Its leaky integral. m
-    difference_m: f64,
-}
-
-impl Ways {
-    fn add(
-        &mut self,
-        moved_m: Complex<f64>,
-        seen: &[Complex<f64>; FRAMES],
-        asked_mps: Complex<f64>,
-        dt_s: f64,
-    ) {
-        let keep = (-dt_s / WAY_FORGET_S).exp();
-        let keep_difference = (-dt_s / SPEED_FORGET_S).exp();
-        let smooth = 1.0 - (-dt_s / SPEED_TAU_S).exp();
-        self.asked_mps += (asked_mps - self.asked_mps) * (1.0 - decay(dt_s));
-        self.inputs_m = self.inputs_m * keep + self.asked_mps * dt_s;
-        self.poses_m = self.poses_m * keep + moved_m;
-        self.poses_mps += (moved_m / dt_s - self.poses_mps) * smooth;
-        let by_poses_mps = self.poses_mps.norm();
-        for (flown_m, seen) in self.flown_m.iter_mut().zip(seen) {
-            *flown_m = *flown_m * keep + seen * dt_s;
-        }
-        for (drone, seen) in self.drone.iter_mut().zip([seen[FIXED], seen[TURNING]]) {
-            drone.velocity_mps += (seen - drone.velocity_mps) * smooth;
-            let by_drone_mps = drone.velocity_mps.norm();
-            let tolerance_mps = (TOLERANCE * by_poses_mps.max(by_drone_mps)).max(TOLERANCE_MPS);
-            drone.excess_mps = ((by_poses_mps - by_drone_mps).abs() - tolerance_mps).max(0.0);
-            drone.difference_m = drone.difference_m * keep_difference + drone.excess_mps * dt_s;
-        }
-    }
-
-    /// Whether the speeds by poses and by drone agree.
-    fn speeds_agree(&self) -> bool {
-        self.drone.iter().any(|drone| drone.excess_mps <= 0.0)
-    }
-
-    /// By how much the poses differ from the two others, less a tolerance; `None` if those do not agree,
-    /// as with a drone whose unit is not ours, or did not move. m
-    fn difference_m(&self) -> Option<f64> {
-        let (inputs_m, poses_m) = (self.inputs_m.norm(), self.poses_m.norm());
-        let difference_m = |frame: usize, drone: &DroneSpeed| {
-            let way_m = self.flown_m[frame].norm();
-            // A drone whose unit is another differs from the inputs more than the poses do.
-            let is_nearer = (way_m - inputs_m).abs() <= (poses_m - inputs_m).abs();
-            let is_witness =
-                way_m >= WAY_MIN_M && WAY_FIT.contains(&(way_m / inputs_m)) && is_nearer;
-            let difference_m = (poses_m - way_m).abs() - TOLERANCE * way_m;
-            is_witness.then(|| difference_m.max(drone.difference_m))
-        };
-        let [fixed, turning] = &self.drone;
-        Some(difference_m(FIXED, fixed)?.min(difference_m(TURNING, turning)?))
-    }
-
-    /// By how much the way of the poses differs from `way_m` of the drone, less a tolerance; `None` unless
-    /// the drone is closer than half as far from the inputs as the poses are. m
-    fn vector_difference_m(&self, way_m: Complex<f64>) -> Option<f64> {
-        let turn_rad = (self.poses_m * way_m.conj()).arg().clamp(-TURN, TURN);
-        let poses_m = self.poses_m * Complex::from_polar(1.0, -turn_rad);
-        let is_nearer = (way_m - self.inputs_m).norm() <= 0.5 * (poses_m - self.inputs_m).norm();
-        is_nearer.then(|| (poses_m - way_m).norm() - TOLERANCE * way_m.norm())
     }
 }
 

@@ -1,0 +1,119 @@
+//! Displacements of the last seconds by the poses, the drone and the inputs, for motion that shows no axes of the drone.
+//!
+//! Owns which of the three is a witness: the drone is one only if it agrees with the inputs of a typical vehicle better
+//! than the poses do.
+
+use nalgebra::Complex;
+
+use super::typical_vehicle::decay;
+use super::velocity::{FIXED, FRAMES, TURNING};
+
+/// Time within which a displacement is forgotten, and a difference between speeds. s
+const FORGET_S: f64 = 15.0;
+const SPEED_FORGET_S: f64 = 4.0;
+/// Displacement by the drone that counts. m
+const FLOWN_MIN_M: f64 = 0.6;
+/// Displacement by the drone over that by the inputs if the drone is a witness.
+const FIT: std::ops::RangeInclusive<f64> = 0.4..=2.5;
+/// Turn of the inputs' axes that does not count: that of the vehicle's own axes in the body of the mocap. rad
+const TURN: f64 = 0.785;
+/// Difference between displacements or speeds by poses and by drone that does not count: a fraction of the larger one,
+/// and of the speeds at least so much. 1, m/s
+const TOLERANCE: f64 = 0.25;
+const TOLERANCE_MPS: f64 = 0.1;
+/// Time constant of the low-pass filter of both velocities before their speeds are compared: longer than the
+/// age of a report. s
+const SPEED_TAU_S: f64 = 0.4;
+
+/// Motion of the last seconds by three witnesses, while the drone's axes are not known: lengths of displacements
+/// and speeds do not depend on the axes. Displacements show a drift that is flown against, speeds one that is not.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Displacements {
+    /// By the poses. m
+    pub(super) poses_m: Complex<f64>,
+    /// Velocity by the poses, low-pass filtered. m/s
+    poses_mps: Complex<f64>,
+    /// By the drone in each frame. m
+    pub(super) flown_m: [Complex<f64>; FRAMES],
+    /// Speed by the drone in each kind of axes, those that are fixed and those that turn with the body.
+    drone: [DroneSpeed; 2],
+    /// By the inputs of a typical vehicle. m
+    pub(super) inputs_m: Complex<f64>,
+    /// Velocity that the inputs ask for, after the lag. m/s
+    pub(super) asked_mps: Complex<f64>,
+}
+
+/// Speed by the drone in one kind of axes.
+#[derive(Debug, Clone, Copy, Default)]
+struct DroneSpeed {
+    /// Low-pass filtered. m/s
+    velocity_mps: Complex<f64>,
+    /// Difference between the speeds by poses and by drone, less a tolerance. m/s
+    excess_mps: f64,
+    /// Its leaky integral. m
+    difference_m: f64,
+}
+
+impl Displacements {
+    /// Adds a period.
+    pub(super) fn add(
+        &mut self,
+        moved_m: Complex<f64>,
+        seen: &[Complex<f64>; FRAMES],
+        asked_mps: Complex<f64>,
+        dt_s: f64,
+    ) {
+        let keep = (-dt_s / FORGET_S).exp();
+        let keep_difference = (-dt_s / SPEED_FORGET_S).exp();
+        let smooth = 1.0 - (-dt_s / SPEED_TAU_S).exp();
+        self.asked_mps += (asked_mps - self.asked_mps) * (1.0 - decay(dt_s));
+        self.inputs_m = self.inputs_m * keep + self.asked_mps * dt_s;
+        self.poses_m = self.poses_m * keep + moved_m;
+        self.poses_mps += (moved_m / dt_s - self.poses_mps) * smooth;
+        let by_poses_mps = self.poses_mps.norm();
+        for (flown_m, seen) in self.flown_m.iter_mut().zip(seen) {
+            *flown_m = *flown_m * keep + seen * dt_s;
+        }
+        for (drone, seen) in self.drone.iter_mut().zip([seen[FIXED], seen[TURNING]]) {
+            drone.velocity_mps += (seen - drone.velocity_mps) * smooth;
+            let by_drone_mps = drone.velocity_mps.norm();
+            let tolerance_mps = (TOLERANCE * by_poses_mps.max(by_drone_mps)).max(TOLERANCE_MPS);
+            drone.excess_mps = ((by_poses_mps - by_drone_mps).abs() - tolerance_mps).max(0.0);
+            drone.difference_m = drone.difference_m * keep_difference + drone.excess_mps * dt_s;
+        }
+    }
+
+    /// Whether the speeds by poses and by drone agree.
+    pub(super) fn speeds_agree(&self) -> bool {
+        self.drone.iter().any(|drone| drone.excess_mps <= 0.0)
+    }
+
+    /// By how much the poses differ from the two others, less a tolerance; `None` if those do not agree,
+    /// as with a drone whose unit is not ours, or did not move. m
+    pub(super) fn difference_m(&self) -> Option<f64> {
+        let (inputs_m, poses_m) = (self.inputs_m.norm(), self.poses_m.norm());
+        let difference_m = |frame: usize, drone: &DroneSpeed| {
+            let flown_m = self.flown_m[frame].norm();
+            // A drone whose unit is another differs from the inputs more than the poses do.
+            let is_nearer = (flown_m - inputs_m).abs() <= (poses_m - inputs_m).abs();
+            let is_witness =
+                flown_m >= FLOWN_MIN_M && FIT.contains(&(flown_m / inputs_m)) && is_nearer;
+            let difference_m = (poses_m - flown_m).abs() - TOLERANCE * flown_m;
+            is_witness.then(|| difference_m.max(drone.difference_m))
+        };
+        let [fixed, turning] = &self.drone;
+        Some(difference_m(FIXED, fixed)?.min(difference_m(TURNING, turning)?))
+    }
+
+    /// By how much the displacement by the poses differs from `flown_m` by the drone, less a tolerance; `None` unless
+    /// the drone is closer than half as far from the inputs as the poses are. m
+    pub(super) fn vector_difference_m(&self, flown_m: Complex<f64>) -> Option<f64> {
+        let turn_rad = (self.poses_m * flown_m.conj()).arg().clamp(-TURN, TURN);
+        let poses_m = self.poses_m * Complex::from_polar(1.0, -turn_rad);
+        let is_nearer = (flown_m - self.inputs_m).norm() <= 0.5 * (poses_m - self.inputs_m).norm();
+        is_nearer.then(|| (poses_m - flown_m).norm() - TOLERANCE * flown_m.norm())
+    }
+}
+
+#[cfg(test)]
+mod tests;
