@@ -141,6 +141,30 @@ mod tests {
     }
 
     #[test]
+    fn a_drop_is_what_the_largest_descent_of_a_tick_exceeds_a_vehicles() {
+        let mut plausibility = Plausibility::default();
+        let mut see = |dz_m: f64, ms| {
+            let o = HERE + Pose::new(0.0, 0.0, dz_m, 0.0);
+            plausibility.judge(
+                Some(&o),
+                &filtered(o, Verdict::Accepted, Verdict::Accepted),
+                at(ms),
+            );
+            plausibility.drop_m()
+        };
+        assert_eq!(see(0.0, 0), None);
+        // 2 m/s for 20 ms are 0.04 m.
+        assert!((see(-0.5, 20).unwrap() - 0.46).abs() < 1e-9);
+        assert!((see(-0.6, 40).unwrap() - 0.46).abs() < 1e-9, "the largest of the tick");
+        assert!((see(-1.3, 60).unwrap() - 0.66).abs() < 1e-9);
+        plausibility.open();
+        assert_eq!(plausibility.drop_m(), None);
+        let up = HERE + Pose::new(0.0, 0.0, 0.5, 0.0);
+        plausibility.judge(Some(&up), &filtered(up, Verdict::Accepted, Verdict::Accepted), at(80));
+        assert!((plausibility.drop_m().unwrap() + 1.84).abs() < 1e-9, "a climb");
+    }
+
+    #[test]
     fn what_jumps_between_two_places_tells_nothing_of_the_commands_for_a_second() {
         let mut plausibility = Plausibility::default();
         let observed = Observed { o: HERE, is_present: [true, true, true, false] };
@@ -197,9 +221,9 @@ mod tests {
         plausibility.judge(Some(&there), &seen, at(80));
         assert!((plausibility.jump_m().unwrap() - 0.44).abs() < 1e-9);
         plausibility.restart();
-        plausibility.judge(Some(&HERE), &filtered(HERE, Verdict::Accepted, Verdict::Held), at(100));
         plausibility.open();
-        assert_eq!(plausibility.jump_m(), None, "begun anew");
+        plausibility.judge(Some(&HERE), &filtered(HERE, Verdict::Accepted, Verdict::Held), at(100));
+        assert_eq!((plausibility.jump_m(), plausibility.drop_m()), (None, None), "begun anew");
     }
 
     #[test]
