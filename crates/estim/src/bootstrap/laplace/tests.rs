@@ -77,6 +77,26 @@ fn pieces_that_move_the_dead_time_move_the_parameter_with_it() {
     assert!((found / expected - 1.0).abs() < 0.1, "{found} instead of {expected}");
 }
 
+/// The reference needs no gradient: a piece moves the parameter against what leaving it out does (jackknife).
+#[test]
+fn a_dead_time_may_undo_or_double_what_a_piece_does_to_the_parameter() {
+    let all = solved(pieces());
+    let without = |piece: usize| {
+        let mut others = pieces();
+        others.remove(piece);
+        solved(others).parameter()[0] - all.parameter()[0]
+    };
+    let left_out: Vec<f64> = (0..pieces().len()).map(without).collect();
+    let variance = |sign: f64| {
+        let by_piece_s = left_out.iter().map(|moved| sign * moved / 2.0).collect();
+        Laplace::with_dead_times(&all, &[influence(by_piece_s)]).unwrap().clustered[(0, 0)]
+    };
+    let given = Laplace::of(&all).unwrap().clustered[(0, 0)];
+    let [undone, doubled] = [1.0, -1.0].map(|sign| variance(sign) / given);
+    assert!(undone < 0.05, "{undone}");
+    assert!((doubled - 4.0).abs() < 0.5, "{doubled}");
+}
+
 #[test]
 fn the_spread_is_normal_around_the_estimate_by_the_sandwich() {
     let ident: Ident<Kinematic, 4, 4, 4, 4> = solved(pieces());
