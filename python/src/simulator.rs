@@ -73,7 +73,7 @@ impl Drone {
     }
 
     pub(crate) fn step(&mut self, u: Sticks) {
-        self.world.hear(&HostPacket::Sticks { u, is_fast: false, time: MIDNIGHT });
+        self.world.receive(&HostPacket::Sticks { u, is_fast: false, time: MIDNIGHT });
         self.world.advance();
         self.measure();
     }

@@ -100,7 +100,7 @@ fn release(
 
 /// What the drone was sent, and when.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Heard {
+pub(crate) struct Received {
     /// The last sticks that were not neutral.
     pub(crate) last_stick_at: Option<TimeNs>,
     pub(crate) first_landing_at: Option<TimeNs>,
@@ -109,7 +109,7 @@ pub(crate) struct Heard {
 /// A UDP socket that the program takes for the drone.
 pub(crate) struct Radio {
     pub(crate) address: SocketAddr,
-    heard: Arc<Mutex<Heard>>,
+    heard: Arc<Mutex<Received>>,
 }
 
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
@@ -119,7 +119,7 @@ impl Radio {
         let far = UdpSocket::bind("127.0.0.1:0").unwrap();
         far.connect(drone).unwrap();
         let address = near.local_addr().unwrap();
-        let heard = Arc::new(Mutex::new(Heard::default()));
+        let heard = Arc::new(Mutex::new(Received::default()));
         let program: Arc<Mutex<Option<SocketAddr>>> = Arc::default();
         let (near_back, far_back) = (near.try_clone().unwrap(), far.try_clone().unwrap());
         let (noted, sender) = (Arc::clone(&heard), Arc::clone(&program));
@@ -143,12 +143,12 @@ impl Radio {
         Self { address, heard }
     }
 
-    pub(crate) fn heard(&self) -> Heard {
+    pub(crate) fn heard(&self) -> Received {
         *self.heard.lock().unwrap()
     }
 }
 
-impl Heard {
+impl Received {
     fn note(&mut self, packet: &[u8], now: TimeNs) {
         match HostPacket::decode(packet) {
             Ok(HostPacket::Sticks { u, .. }) if u.amax() > 0.0 => self.last_stick_at = Some(now),

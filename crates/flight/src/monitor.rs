@@ -137,17 +137,17 @@ impl Monitors {
     /// stands still. A stream that repeats a pose and changes its last digit now and then shows too few new ones.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn see_repeated(&mut self, pose: &Pose) {
-        self.stillness.see(pose);
+    pub fn observe_repeated(&mut self, pose: &Pose) {
+        self.stillness.observe(pose);
     }
 
     /// Takes whether the pose of the coming tick has a heading of its own: otherwise it was lost or refused, and that
     /// of an earlier one stands in its place. Without a call it has.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn see_heading(&mut self, is_its_own: bool) {
+    pub fn observe_heading(&mut self, is_its_own: bool) {
         if let Some(heading) = &mut self.heading {
-            heading.see(is_its_own);
+            heading.observe(is_its_own);
         }
     }
 

@@ -100,7 +100,7 @@ impl Pilot {
         for events in [&mut self.terminal, &mut self.device].into_iter().chain(&mut self.remote) {
             for _ in 0..EVENTS {
                 let Ok(event) = events.pop() else { break };
-                self.controls.hear(&event);
+                self.controls.receive(&event);
             }
         }
         let hand = self.controls.hand(now);

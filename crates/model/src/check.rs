@@ -183,39 +183,39 @@ where
 
     // What a user writes comes first: of equal gaps the first is reported, and the others follow from it.
     let given = model.step_by_state(s, u, p, *dt_s) / *dt_s;
-    check.see("step_by_state", worst_of(&given, &by_state), (states, states));
+    check.observe("step_by_state", worst_of(&given, &by_state), (states, states));
     let given = model.step_by_input(s, u, p, *dt_s) / *dt_s;
-    check.see("step_by_input", worst_of(&given, &by_input), (states, inputs));
+    check.observe("step_by_input", worst_of(&given, &by_input), (states, inputs));
     let given = model.step_by_parameter(s, u, p, *dt_s) / *dt_s;
-    check.see("step_by_parameter", worst_of(&given, &by_parameter), (states, parameters));
+    check.observe("step_by_parameter", worst_of(&given, &by_parameter), (states, parameters));
     let driven = model.linearize_drive(s, u, p, *dt_s);
     let name = "linearize_drive";
-    check.see(name, worst_of(&(driven.s_next / *dt_s), &s_next), (states, &[]));
-    check.see(name, worst_of(&(driven.by_state / *dt_s), &by_state), (states, states));
-    check.see(name, worst_of(&(driven.by_input / *dt_s), &by_input), (states, inputs));
+    check.observe(name, worst_of(&(driven.s_next / *dt_s), &s_next), (states, &[]));
+    check.observe(name, worst_of(&(driven.by_state / *dt_s), &by_state), (states, states));
+    check.observe(name, worst_of(&(driven.by_input / *dt_s), &by_input), (states, inputs));
 
     let linearized = model.linearize(s, u, p, *dt_s);
     let name = "linearize";
-    check.see(name, worst_of(&(linearized.s_next / *dt_s), &s_next), (states, &[]));
-    check.see(name, worst_of(&(linearized.by_state / *dt_s), &by_state), (states, states));
+    check.observe(name, worst_of(&(linearized.s_next / *dt_s), &s_next), (states, &[]));
+    check.observe(name, worst_of(&(linearized.by_state / *dt_s), &by_state), (states, states));
     let entry = worst_of(&(linearized.by_parameter / *dt_s), &by_parameter);
-    check.see(name, entry, (states, parameters));
+    check.observe(name, entry, (states, parameters));
 
     let observed = model.observe_by_state(s);
     let entry = worst_entry(|s| model.observe(s), s, &observed);
-    check.see("observe_by_state", entry, (&M::OBSERVATION, states));
+    check.observe("observe_by_state", entry, (&M::OBSERVATION, states));
     let entry = worst_entry(|s| model.coasting(s, p), s, &model.coasting_by_state(s, p));
-    check.see("coasting_by_state", entry, (&M::OBSERVATION, states));
+    check.observe("coasting_by_state", entry, (&M::OBSERVATION, states));
 
     check_hessians(&mut check, model, at);
     let entry = structure::reach(&driven, M::CONTROLLABLE, *dt_s);
-    check.see("CONTROLLABLE", entry, (states, &[]));
+    check.observe("CONTROLLABLE", entry, (states, &[]));
     let mut groups = Vec::new();
     M::groups(&mut groups);
     let entry = structure::joint(&driven, &linearized, &groups, *dt_s);
-    check.see("groups", entry, (states, &[]));
+    check.observe("groups", entry, (states, &[]));
     let entry = structure::joint_observation(&observed, &groups);
-    check.see("groups", entry, (&M::OBSERVATION, states));
+    check.observe("groups", entry, (&M::OBSERVATION, states));
     check.worst.unwrap_or(Gap {
         derivative: "",
         row_name: "",
@@ -232,7 +232,12 @@ struct Check {
 
 impl Check {
     /// Keeps `entry` of `derivative` if it is worse; `rows` and `columns` are named by the model.
-    fn see(&mut self, derivative: &'static str, entry: Entry, (rows, columns): (&[Row], &[Row])) {
+    fn observe(
+        &mut self,
+        derivative: &'static str,
+        entry: Entry,
+        (rows, columns): (&[Row], &[Row]),
+    ) {
         let before = self.worst.map_or(Entry::NONE, |worst| worst.entry);
         if before.or_worse(entry) == before || before.gap.is_nan() {
             return;
@@ -266,22 +271,22 @@ fn check_hessians<M, const NS: usize, const NU: usize, const NO: usize, const NP
     if let Some(curvature) = model.step_curvature(s, u, p, *dt_s, &w) {
         let name = "step_curvature";
         let entry = worst_entry(|s| by_state(s, p), s, &curvature.by_state);
-        check.see(name, entry, (states, states));
+        check.observe(name, entry, (states, states));
         let entry = worst_entry(|p| by_state(s, p), p, &curvature.by_state_parameter);
-        check.see(name, entry, (states, parameters));
+        check.observe(name, entry, (states, parameters));
         let entry = worst_entry(by_parameter, p, &curvature.by_parameter);
-        check.see(name, entry, (parameters, parameters));
+        check.observe(name, entry, (parameters, parameters));
     }
     let along_input = model.step_by_input(s, u, p, *dt_s);
     let kind = (&w, HessianKind::Exact);
     if let Some(curvature) = model.drive_curvature((s, u), p, *dt_s, &along_input, kind) {
         let name = "drive_curvature";
         let entry = worst_entry(|s| by_state(s, p), s, &curvature.by_state);
-        check.see(name, entry, (states, states));
+        check.observe(name, entry, (states, states));
         let entry = worst_entry(|s| by_input(s, u), s, &curvature.by_input_state);
-        check.see(name, entry, (inputs, states));
+        check.observe(name, entry, (inputs, states));
         let entry = worst_entry(|u| by_input(s, u), u, &curvature.by_input);
-        check.see(name, entry, (inputs, inputs));
+        check.observe(name, entry, (inputs, inputs));
     }
 }
 

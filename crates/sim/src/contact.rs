@@ -197,7 +197,7 @@ impl Scene {
 
 /// One step of `world` with these sticks.
 fn steer(world: &mut World, u: Sticks) {
-    world.hear(&HostPacket::Sticks { u, is_fast: false, time: TimeOfDay::default() });
+    world.receive(&HostPacket::Sticks { u, is_fast: false, time: TimeOfDay::default() });
     world.advance();
 }
 

@@ -210,7 +210,7 @@ impl Drone {
     }
 
     /// Notes that something was heard: the watchdog starts again, its landing is called off.
-    pub fn hear(&mut self) {
+    pub fn receive(&mut self) {
         self.silent_s = 0.0;
         if self.phase == Phase::Landing(Cause::Silence) {
             self.enter(Phase::Flying);
@@ -293,7 +293,7 @@ impl Drone {
     }
 
     /// Lands, unless the switches of [`crate::LandingTable`] or a fault keep it from that.
-    pub(crate) fn hear_land(&mut self) -> LandAnswer {
+    pub(crate) fn receive_land(&mut self) -> LandAnswer {
         if self.phase != Phase::Grounded {
             self.lands = self.lands.saturating_add(1);
             self.first_land_s.get_or_insert(0.0);

@@ -162,12 +162,12 @@ impl Room {
         while !self.is_stopping.load(Ordering::Relaxed) {
             let beat = self.ticker.wait()?;
             let mut world = lock(&self.world);
-            self.drone.hear(&mut world);
+            self.drone.receive(&mut world);
             // Time that was missed has passed for the drone, too.
             for _ in 0..=beat.skipped {
                 world.advance();
             }
-            self.drone.speak(&mut world);
+            self.drone.report(&mut world);
             if world.mocap_rate_hz() > 1.0 / DT_S {
                 drop(world);
                 self.show_between(beat.due);

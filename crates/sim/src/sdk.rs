@@ -63,8 +63,13 @@ impl Sdk {
     }
 
     /// Obeys a command; appends what is answered at once.
-    pub(crate) fn hear(&mut self, datagram: &[u8], drone: &mut Drone, replies: &mut Vec<String>) {
-        drone.hear();
+    pub(crate) fn receive(
+        &mut self,
+        datagram: &[u8],
+        drone: &mut Drone,
+        replies: &mut Vec<String>,
+    ) {
+        drone.receive();
         let text = String::from_utf8_lossy(datagram);
         let unknown = || format!("unknown command: {}", text.trim());
         match Command::decode(datagram) {
@@ -107,7 +112,7 @@ impl Sdk {
                 drone.stop_motors();
             }
             Command::Land if self.running == Some(Running::Land) => {}
-            Command::Land => match drone.hear_land() {
+            Command::Land => match drone.receive_land() {
                 // Not heard early in a take-off.
                 LandAnswer::Unheard => {}
                 LandAnswer::Refused => reply("error"),

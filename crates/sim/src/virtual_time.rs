@@ -179,7 +179,7 @@ impl VirtualFlight {
         if let Some(order) = self.out.order() {
             self.session.order(order, now);
         }
-        self.session.see_pose(self.out.pose_is_airborne(), now);
+        self.session.observe_pose(self.out.pose_is_airborne(), now);
         self.session.approve(self.out.approved, now, now);
     }
 
@@ -243,7 +243,7 @@ impl VirtualFlight {
         }
         for sent in 0..self.wire.len() {
             let Some(packet) = self.wire.get(sent) else { break };
-            if let Some(answer) = self.world.hear(packet) {
+            if let Some(answer) = self.world.receive(packet) {
                 self.answer(&answer, now);
             }
         }

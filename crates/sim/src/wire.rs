@@ -29,12 +29,12 @@ impl World {
     /// Actions are acknowledged when they are accepted, an emergency stop never is. A deaf drone hears nothing, a mute
     /// one obeys without a word. While commands get lost by chance the packets still arrive: only the sticks do not
     /// act, since the recordings contain no more.
-    pub fn hear(&mut self, packet: &HostPacket) -> Option<DronePacket> {
+    pub fn receive(&mut self, packet: &HostPacket) -> Option<DronePacket> {
         self.is_connected |= matches!(packet, HostPacket::ConnReq { .. }) && !self.is_deaf();
         if self.is_deaf() || !self.is_connected {
             return None;
         }
-        self.drone.hear();
+        self.drone.receive();
         let answer = match *packet {
             HostPacket::ConnReq { video_port } => Some(DronePacket::ConnAck { video_port }),
             HostPacket::Sticks { u, .. } => {
@@ -50,7 +50,7 @@ impl World {
                     }
                     Action::Land => {
                         self.drone.note(DroneOrder::Land);
-                        self.drone.hear_land() == LandAnswer::Accepted
+                        self.drone.receive_land() == LandAnswer::Accepted
                     }
                 };
                 is_accepted.then_some(DronePacket::Ack { action, sequence })

@@ -195,7 +195,7 @@ impl World {
 
     /// Simulates one step with the last command of the drone.
     pub fn advance(&mut self) {
-        self.hear_second_controllers();
+        self.receive_second_controllers();
         self.earlier = self.drone.truth().pose;
         self.drone.advance();
         self.reporter.advance(&self.drone.truth());
@@ -324,7 +324,7 @@ impl World {
     }
 
     /// Passes on what other controllers send in the present step, after what ours sent.
-    fn hear_second_controllers(&mut self) {
+    fn receive_second_controllers(&mut self) {
         if self.is_deaf() {
             return;
         }
@@ -332,7 +332,7 @@ impl World {
             let Fault::SecondController { sticks, rate_hz } = present.fault else { continue };
             let packets = |time_s: f64| (time_s * rate_hz + 1e-9).floor();
             if packets(present.elapsed_s + DT_S) > packets(present.elapsed_s) {
-                self.drone.hear();
+                self.drone.receive();
                 self.drone.obey_sticks(Sticks::from(sticks));
             }
         }

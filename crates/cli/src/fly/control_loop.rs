@@ -189,7 +189,7 @@ impl ControlLoop {
             record.inbox.open(step, beat.due.after(beat.lateness));
             record.inbox.skipped = beat.skipped;
             end.sightings_dropped += self.fill(&mut record.inbox, end.phase);
-            over.hear(record.inbox.drone);
+            over.receive(record.inbox.drone);
             end.is_unseen &= record.inbox.sightings.is_empty();
             let has_lost_order = self.tick(&mut record, beat.due.after(self.solver_time));
             end.orders_lost += u64::from(has_lost_order);
@@ -283,7 +283,7 @@ impl Over {
         Self { patience, is_flying: false, went_on_at: TimeNs(0) }
     }
 
-    fn hear(&mut self, status: Option<DroneStatus>) {
+    fn receive(&mut self, status: Option<DroneStatus>) {
         self.is_flying = status.map_or(self.is_flying, |status| status.is_flying);
     }
 

@@ -115,7 +115,7 @@ impl Live {
     }
 
     /// Takes note of a tick; called for every one. `mocap` says how the poses come.
-    pub(super) fn see(&mut self, tick: &TickRecord, mocap: impl FnOnce() -> StreamReport) {
+    pub(super) fn observe(&mut self, tick: &TickRecord, mocap: impl FnOnce() -> StreamReport) {
         let TickRecord { inbox, out, timing } = tick;
         self.remember(inbox, out, timing);
         if out.step.is_multiple_of(self.every) {
@@ -219,7 +219,7 @@ mod tests {
         let (mut live, briefing, mut watched) = live();
         assert!(!briefing.path.is_empty() && briefing.targets_count > 0, "{briefing:?}");
         for step in 0..5_000 {
-            live.see(&tick(step), StreamReport::default);
+            live.observe(&tick(step), StreamReport::default);
         }
         let facts = Arc::clone(&watched.borrow_and_update());
         assert_eq!((facts.step, facts.trail.len()), (4_998, TRAIL_POINTS));
@@ -234,12 +234,12 @@ mod tests {
         let (mut live, _, watched) = live();
         let mut late = tick(0);
         late.timing.late_ns = 7_000_000;
-        live.see(&late, StreamReport::default);
+        live.observe(&late, StreamReport::default);
         let worst = |watched: &Watched| watched.borrow().worst_ms.late;
         assert!((worst(&watched) - 7.0).abs() < 1e-9, "{} ms", worst(&watched));
         for (until, expected) in [(49, 7.0), (53, 0.0)] {
             for step in 1..until {
-                live.see(&tick(step), StreamReport::default);
+                live.observe(&tick(step), StreamReport::default);
             }
             assert!((worst(&watched) - expected).abs() < 1e-9, "{until}: {} ms", worst(&watched));
         }

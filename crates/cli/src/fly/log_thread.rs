@@ -61,7 +61,7 @@ pub(super) fn start(
     let mut scene = Scene::new(flight, started_unix_ns(clock))?;
     Ok(Recorder::start(log, pool, FLUSH_PERIOD, move |log, tick| {
         if let Some(live) = &mut live {
-            live.see(tick, || mocap.report());
+            live.observe(tick, || mocap.report());
         }
         let mut tally = tally.lock().unwrap_or_else(PoisonError::into_inner);
         tally.add(tick);

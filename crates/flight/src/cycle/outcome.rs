@@ -229,7 +229,7 @@ impl Outcome {
         self.ruling = None;
     }
 
-    pub(super) fn see(&mut self, sighting: Option<&Sighting>, filtered: &Filtered) {
+    pub(super) fn observe(&mut self, sighting: Option<&Sighting>, filtered: &Filtered) {
         self.raw = sighting.and_then(|sighting| sighting.pose).or(self.raw);
         self.filtered = Some(*filtered);
     }
@@ -315,12 +315,12 @@ mod tests {
     fn a_sighting_without_a_pose_leaves_the_one_before_and_a_new_tick_none() {
         let mut out = outcome();
         let held = Filtered { o: None, position: Verdict::Held, heading: Verdict::Held };
-        out.see(Some(&sighting(Some(HERE))), &held);
-        out.see(Some(&sighting(None)), &held);
-        out.see(None, &held);
+        out.observe(Some(&sighting(Some(HERE))), &held);
+        out.observe(Some(&sighting(None)), &held);
+        out.observe(None, &held);
         assert_eq!((out.raw, out.filtered), (Some(HERE), Some(held)));
         let there = HERE + Pose::new(0.1, 0.0, 0.0, 0.0);
-        out.see(Some(&sighting(Some(there))), &held);
+        out.observe(Some(&sighting(Some(there))), &held);
         assert_eq!(out.raw, Some(there), "the newest");
         out.s_hat.push(1.0);
         out.plan.push([0.0; stick::COUNT]);

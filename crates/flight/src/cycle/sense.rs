@@ -66,7 +66,7 @@ where
             };
             let filtered = self.confirm_heading(raw, filtered);
             let filtered = self.check_heading(filtered);
-            out.see(sighting, &filtered);
+            out.observe(sighting, &filtered);
             self.plausibility.judge(raw, &filtered, at);
             let is_new = !self.is_frozen();
             let measured_at = Some(at);
@@ -74,7 +74,7 @@ where
                 is_position_new = true;
                 self.memory.position_at = measured_at;
                 self.memory.o_seen = filtered.o;
-                self.monitors.see_heading(filtered.heading == Verdict::Accepted);
+                self.monitors.observe_heading(filtered.heading == Verdict::Accepted);
             } else if filtered.position == Verdict::Accepted {
                 self.memory.o_repeated = filtered.o;
             }
@@ -93,10 +93,10 @@ where
         let finite = raw.filter(|raw| raw.iter().all(|row| row.is_finite()));
         let Some(raw) = finite else { return };
         let is_other = match self.supervisor.phase() {
-            Phase::Idle => self.start.see(raw, at),
+            Phase::Idle => self.start.observe(raw, at),
             Phase::Flying if self.has_few_headings() => {
                 let theta_hat_rad = self.mhe.s_hat()[pose::THETA];
-                self.start.see_in_flight(raw[pose::THETA], theta_hat_rad, at)
+                self.start.observe_in_flight(raw[pose::THETA], theta_hat_rad, at)
             }
             _ => false,
         };

@@ -35,7 +35,7 @@ pub(super) struct StandingStart {
 impl StandingStart {
     /// Takes a raw pose of the vehicle on the ground. Whether it contradicts the ones before: then the
     /// filter has to begin anew.
-    pub(super) fn see(&mut self, raw: &Pose, at: TimeNs) -> bool {
+    pub(super) fn observe(&mut self, raw: &Pose, at: TimeNs) -> bool {
         let agrees = self.first.is_some_and(|(first, _)| {
             let apart = raw - first;
             apart.fixed_rows::<3>(pose::X).norm() <= DISTANCE_MAX_M
@@ -54,7 +54,12 @@ impl StandingStart {
 
     /// Takes a raw heading of a flight that began in the air, where nothing has to settle first. Whether it
     /// has contradicted the estimate `theta_hat_rad` for so long that the estimate began with a false one.
-    pub(super) fn see_in_flight(&mut self, theta_rad: f64, theta_hat_rad: f64, at: TimeNs) -> bool {
+    pub(super) fn observe_in_flight(
+        &mut self,
+        theta_rad: f64,
+        theta_hat_rad: f64,
+        at: TimeNs,
+    ) -> bool {
         let (_, began) = *self.first.get_or_insert((Pose::zeros(), at));
         if self.is_settled || at.since(began) > BEGIN {
             return false;
@@ -80,8 +85,8 @@ mod tests {
 
     /// Shows `count` poses, 50 a second from `from` on; whether one contradicted those before.
     fn show(start: &mut StandingStart, pose: &Pose, from: i64, count: i64) -> bool {
-        let seen =
-            (from..from + count).map(|k| start.see(pose, TimeNs(0).after(SpanNs::from_ms(20 * k))));
+        let seen = (from..from + count)
+            .map(|k| start.observe(pose, TimeNs(0).after(SpanNs::from_ms(20 * k))));
         seen.filter(|is_other| *is_other).count() > 0
     }
 
@@ -98,7 +103,7 @@ mod tests {
     fn few_poses_are_no_agreement() {
         let mut start = StandingStart::default();
         for k in 0..9 {
-            start.see(&HERE, TimeNs(0).after(SpanNs::from_ms(400 * k)));
+            start.observe(&HERE, TimeNs(0).after(SpanNs::from_ms(400 * k)));
         }
         assert!(!start.is_settled());
     }
@@ -108,7 +113,7 @@ mod tests {
         let at = |k: i64| TimeNs(0).after(SpanNs::from_ms(20 * k));
         let detected = |seen: &dyn Fn(i64) -> f64| {
             let mut start = StandingStart::default();
-            (0..200).find(|k| start.see_in_flight(seen(*k), 2.8, at(*k)))
+            (0..200).find(|k| start.observe_in_flight(seen(*k), 2.8, at(*k)))
         };
         assert_eq!(detected(&|_| 2.9), None);
         assert_eq!(detected(&|k| if k < 10 { 2.8 } else { 0.1 }), Some(50));

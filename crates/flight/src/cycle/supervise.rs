@@ -84,7 +84,7 @@ where
         match self.supervisor.phase() {
             Phase::TakingOff | Phase::Flying if !self.is_carried => {
                 if let Some(repeated) = self.memory.o_repeated.filter(|_| sample.pose.is_none()) {
-                    self.monitors.see_repeated(&repeated);
+                    self.monitors.observe_repeated(&repeated);
                 }
                 self.monitors.update(&sample)
             }

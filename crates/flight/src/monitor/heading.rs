@@ -87,7 +87,7 @@ impl HeadingMonitor {
     }
 
     /// Takes whether the pose of the next tick has a heading of its own.
-    pub(super) fn see(&mut self, is_its_own: bool) {
+    pub(super) fn observe(&mut self, is_its_own: bool) {
         self.is_held = !is_its_own;
     }
 

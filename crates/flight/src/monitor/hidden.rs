@@ -71,7 +71,7 @@ impl HiddenMotion {
 
     /// Takes a tick in flight.
     pub(super) fn update(&mut self, sample: &Sample) {
-        self.see(sample.pose.as_ref());
+        self.observe(sample.pose.as_ref());
         let reported = sample.drone.and_then(|drone| drone.horizontal_mps);
         let drone_mps = reported.map(|[first_mps, second_mps]| first_mps.hypot(second_mps));
         self.has_reported |= drone_mps.is_some_and(|drone_mps| drone_mps > 0.0);
@@ -103,7 +103,7 @@ impl HiddenMotion {
     }
 
     /// Follows the velocity by the poses; without a pose it stays as it was.
-    fn see(&mut self, pose: Option<&Pose>) {
+    fn observe(&mut self, pose: Option<&Pose>) {
         self.since_pose_s += self.dt_s;
         let Some(now) = pose else { return };
         let before = self.before.replace(*now).unwrap_or(*now);

@@ -54,15 +54,15 @@ impl StillnessMonitor {
     }
 
     /// Takes a pose.
-    pub(super) fn see(&mut self, pose: &Pose) {
-        self.0.iter_mut().for_each(|window| window.see(pose));
+    pub(super) fn observe(&mut self, pose: &Pose) {
+        self.0.iter_mut().for_each(|window| window.observe(pose));
     }
 
     /// Takes the pose of a tick; how long the poses have been still. A tick without a pose changes nothing
     /// but that time.
     pub(super) fn update(&mut self, pose: Option<&Pose>) -> Still {
         if let Some(pose) = pose {
-            self.see(pose);
+            self.observe(pose);
         }
         let [short, long] = self.0.each_mut().map(Window::advance);
         Still {
@@ -217,7 +217,7 @@ impl Window {
         self.still_s = [None; ROWS.len()];
     }
 
-    fn see(&mut self, pose: &Pose) {
+    fn observe(&mut self, pose: &Pose) {
         self.newest = (self.newest + 1) % self.poses.len();
         self.poses[self.newest] = *pose;
         self.count = self.count.saturating_add(1);

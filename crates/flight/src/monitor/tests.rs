@@ -326,7 +326,7 @@ fn a_heading_that_is_not_the_poses_own_is_not_compared() {
                 DroneMotion { horizontal_mps: None, height_m: None, heading_rad: Some(drone_rad) };
             let pose = Some(Pose::new(0.0, 0.0, 1.0, theta_rad));
             let is_step = (theta_rad - drone_rad).abs() > 1.0;
-            monitors.see_heading(is_its_own || !is_step);
+            monitors.observe_heading(is_its_own || !is_step);
             let sample = Sample { pose, drone: Some(drone), u_applied, link_is_up: true };
             monitors.update(&sample).heading
         };

@@ -81,7 +81,7 @@ impl FramePhase {
             let received_at = Some(sighting.received_at);
             // A stall ends in a burst: its first frame alone says when frames arrive.
             if received_at > std::mem::replace(&mut self.received_at, received_at) {
-                self.see(sighting, sighting.received_at.since(due).0 as f64);
+                self.observe(sighting, sighting.received_at.since(due).0 as f64);
             }
         }
         let step_ns = self.pending_ns.clamp(-STEP_MAX_NS, STEP_MAX_NS);
@@ -90,11 +90,11 @@ impl FramePhase {
     }
 
     /// A frame that arrived `late_ns` after a tick was due.
-    fn see(&mut self, sighting: &Sighting, late_ns: f64) {
+    fn observe(&mut self, sighting: &Sighting, late_ns: f64) {
         self.frames += 1;
         match &mut self.stage {
             Stage::Learning => {
-                self.cadence.see(sighting);
+                self.cadence.observe(sighting);
                 if self.frames < LEARN_FRAMES {
                     return;
                 }
@@ -148,7 +148,7 @@ struct Cadence {
 }
 
 impl Cadence {
-    fn see(&mut self, sighting: &Sighting) {
+    fn observe(&mut self, sighting: &Sighting) {
         let frame = (sighting.frame, sighting.received_at);
         let stride = self.last.map_or(0, |(last, _)| frame.0.saturating_sub(last));
         if self.last.is_some() && stride <= 0 {

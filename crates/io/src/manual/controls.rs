@@ -148,14 +148,14 @@ impl Controls {
     /// Takes note of `event`.
     ///
     /// Whatever is held when the pilot changes does nothing until it is pushed anew.
-    pub fn hear(&mut self, event: &Event) {
+    pub fn receive(&mut self, event: &Event) {
         let Event { at, source, act } = *event;
         let timers = *self.settings.timers();
         let panel = self.panel(source);
         panel.lapse(at, &timers);
         if act != Act::Lost && !matches!(act, Act::Repeat(_)) {
             // Repetitions are made by this computer, also for a device out of range.
-            panel.hear(at);
+            panel.receive(at);
         }
         let is_pushed = match act {
             Act::Press(direction) => panel.press(direction, at, true, &timers),

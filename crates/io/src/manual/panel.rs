@@ -147,7 +147,7 @@ impl Panel {
     }
 
     /// The device sent something.
-    pub(super) fn hear(&mut self, at: TimeNs) {
+    pub(super) fn receive(&mut self, at: TimeNs) {
         self.heard = Some(at);
     }
 

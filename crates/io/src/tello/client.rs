@@ -226,7 +226,7 @@ impl DroneClient {
                 }
                 Ok(()) = approved.changed() => {
                     let newest = *approved.borrow_and_update();
-                    session.see_pose(newest.pose_is_airborne, newest.at);
+                    session.observe_pose(newest.pose_is_airborne, newest.at);
                     session.approve(newest.approved, newest.at, clock.now());
                     handed_over = Some(newest.at);
                 }

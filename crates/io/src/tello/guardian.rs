@@ -104,7 +104,7 @@ pub struct Guardian {
 
 /// What was read from the channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Heard {
+enum Received {
     Beat,
     Silence,
     Over,
@@ -136,17 +136,17 @@ impl Guardian {
         loop {
             let patience = self.duty.is_guarded().then(|| self.clock.now().after(PATIENCE));
             let heard = match self.listen(patience) {
-                Heard::Silence => self.land(),
+                Received::Silence => self.land(),
                 heard => heard,
             };
             match heard {
-                Heard::Beat | Heard::Silence => {}
-                Heard::End if self.duty.is_guarded() => {
+                Received::Beat | Received::Silence => {}
+                Received::End if self.duty.is_guarded() => {
                     self.send_landing();
                     return Watch::Abandoned;
                 }
-                Heard::End if self.has_landed => return Watch::Landed,
-                Heard::Over | Heard::End => return Watch::Over,
+                Received::End if self.has_landed => return Watch::Landed,
+                Received::Over | Received::End => return Watch::Over,
             }
         }
     }
@@ -162,7 +162,7 @@ impl Guardian {
     }
 
     /// Lands until the sender goes on with it.
-    fn land(&mut self) -> Heard {
+    fn land(&mut self) -> Received {
         self.has_landed = true;
         while self.landings < LANDINGS_MAX {
             // Before the packets: a sender that goes on reads it before it sends anything.
@@ -173,8 +173,8 @@ impl Guardian {
             loop {
                 match self.listen(Some(again_at)) {
                     // What it sent before it learned of the landing, or it does not know of it yet.
-                    Heard::Beat if self.duty == Duty::Steering => {}
-                    Heard::Silence => break,
+                    Received::Beat if self.duty == Duty::Steering => {}
+                    Received::Silence => break,
                     heard => {
                         self.landings = 0;
                         return heard;
@@ -185,21 +185,21 @@ impl Guardian {
         // The drone has been on the ground for long, whatever the last message of the sender was.
         self.landings = 0;
         self.duty = Duty::Idle;
-        Heard::Silence
+        Received::Silence
     }
 
     /// Waits for heartbeats until `until`, for ever without it.
-    fn listen(&mut self, until: Option<TimeNs>) -> Heard {
+    fn listen(&mut self, until: Option<TimeNs>) -> Received {
         loop {
             let left = until.map(|until| until.since(self.clock.now()).duration());
             // Zero would mean for ever.
             let left = left.map(|left| left.max(Duration::from_millis(1)));
             if self.post.channel.set_read_timeout(left).is_err() {
-                return Heard::End;
+                return Received::End;
             }
             let mut bytes = [0; 64];
             match self.post.channel.read(&mut bytes) {
-                Ok(0) => return Heard::End,
+                Ok(0) => return Received::End,
                 Ok(count) => {
                     let heard = bytes.iter().take(count).filter_map(|byte| Duty::of(*byte));
                     let mut is_over = false;
@@ -209,15 +209,15 @@ impl Guardian {
                     }
                     // A sender that is gone shows in the next reading.
                     self.post.channel.write_all(&[HEARD]).ok();
-                    return if is_over { Heard::Over } else { Heard::Beat };
+                    return if is_over { Received::Over } else { Received::Beat };
                 }
                 Err(error) if is_timeout_or_signal(&error) => {
                     let is_early = until.is_none_or(|until| self.clock.now() < until);
                     if !is_early {
-                        return Heard::Silence;
+                        return Received::Silence;
                     }
                 }
-                Err(_) => return Heard::End,
+                Err(_) => return Received::End,
             }
         }
     }

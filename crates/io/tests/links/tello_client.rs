@@ -48,16 +48,16 @@ impl Bench {
     async fn flying() -> Self {
         let mut bench = Self::start(false).await;
         bench.connect().await;
-        bench.drone.say_flying(true).await;
+        bench.drone.send_flying(true).await;
         bench.status().await;
         bench
     }
 
     async fn connect(&mut self) {
-        let HostPacket::ConnReq { video_port } = self.drone.hear().await else {
+        let HostPacket::ConnReq { video_port } = self.drone.receive().await else {
             panic!("no request")
         };
-        self.drone.say(DronePacket::ConnAck { video_port }).await;
+        self.drone.send(DronePacket::ConnAck { video_port }).await;
         while !self.link.counters.is_connected() {
             sleep(Duration::from_millis(1)).await;
         }
@@ -84,22 +84,22 @@ impl Bench {
 
 #[expect(clippy::unwrap_used, clippy::expect_used, reason = "a test may panic")]
 impl Drone {
-    async fn say(&self, packet: DronePacket) {
+    async fn send(&self, packet: DronePacket) {
         let mut bytes = Vec::new();
         packet.encode(&mut bytes);
         self.socket.send_to(&bytes, self.host.unwrap()).await.unwrap();
     }
 
-    async fn say_flying(&self, is_flying: bool) {
-        self.say(DronePacket::Status { sequence: 0, status: FlightStatus::new(is_flying) }).await;
+    async fn send_flying(&self, is_flying: bool) {
+        self.send(DronePacket::Status { sequence: 0, status: FlightStatus::new(is_flying) }).await;
     }
 
     /// The next packet of the host that is no question about the drone.
-    async fn hear(&mut self) -> HostPacket {
-        self.hear_within(PATIENCE).await.expect("the host is silent")
+    async fn receive(&mut self) -> HostPacket {
+        self.receive_within(PATIENCE).await.expect("the host is silent")
     }
 
-    async fn hear_within(&mut self, limit: Duration) -> Option<HostPacket> {
+    async fn receive_within(&mut self, limit: Duration) -> Option<HostPacket> {
         let mut buffer = [0; 100];
         loop {
             let received = timeout(limit, self.socket.recv_from(&mut buffer)).await.ok()?;
@@ -113,20 +113,20 @@ impl Drone {
     }
 
     /// The next packet that satisfies `wanted`, and how many came before it.
-    async fn hear_until(&mut self, wanted: impl Fn(HostPacket) -> bool) -> usize {
+    async fn receive_until(&mut self, wanted: impl Fn(HostPacket) -> bool) -> usize {
         let mut others = 0;
-        while !wanted(self.hear().await) {
+        while !wanted(self.receive().await) {
             others += 1;
         }
         others
     }
 
     /// All packets of the next `span`.
-    async fn hear_for(&mut self, span: Duration) -> Vec<HostPacket> {
+    async fn receive_for(&mut self, span: Duration) -> Vec<HostPacket> {
         let mut packets = Vec::new();
         let listen = async {
             loop {
-                packets.push(self.hear().await);
+                packets.push(self.receive().await);
             }
         };
         timeout(span, listen).await.expect_err("the drone listens for ever");
@@ -198,17 +198,17 @@ fn assert_landings(packets: &[HostPacket]) {
 async fn sticks_reach_the_drone_and_its_status_comes_back() {
     let mut bench = Bench::flying().await;
     bench.link.send(approved(0.5), None);
-    let first = roll_of(bench.drone.hear().await);
-    let again = roll_of(bench.drone.hear().await);
+    let first = roll_of(bench.drone.receive().await);
+    let again = roll_of(bench.drone.receive().await);
     assert_eq!((first, again), (Some(0.5), Some(0.5)), "sent at once, and repeated");
     // At once, not at the next repetition.
     let latency_ms = bench.link.counters.sticks_latency().seconds() * 1e3;
     assert!(latency_ms > 0.0 && latency_ms < 15.0, "{latency_ms} ms to the socket");
     bench
         .drone
-        .say(DronePacket::WifiStrength { sequence: 0, strength_pct: 90, disturbance: 0 })
+        .send(DronePacket::WifiStrength { sequence: 0, strength_pct: 90, disturbance: 0 })
         .await;
-    bench.drone.say_flying(false).await;
+    bench.drone.send_flying(false).await;
     let status = bench.status().await;
     assert!(status.is_on_ground && !status.is_flying, "{status:?}");
     assert_eq!(bench.link.poll_status(), None);
@@ -218,13 +218,14 @@ async fn sticks_reach_the_drone_and_its_status_comes_back() {
 async fn orders_carry_numbers_and_their_acknowledgement_is_counted() {
     let mut bench = Bench::start(false).await;
     bench.connect().await;
-    bench.drone.say_flying(false).await;
+    bench.drone.send_flying(false).await;
     bench.status().await;
     bench.link.order(DroneOrder::TakeOff).unwrap();
-    let HostPacket::Action { action: Action::TakeOff, sequence } = bench.drone.hear().await else {
+    let HostPacket::Action { action: Action::TakeOff, sequence } = bench.drone.receive().await
+    else {
         panic!("no take-off")
     };
-    bench.drone.say(DronePacket::Ack { action: Action::TakeOff, sequence }).await;
+    bench.drone.send(DronePacket::Ack { action: Action::TakeOff, sequence }).await;
     let acknowledged = async {
         while bench.link.counters.acks.get() == 0 {
             sleep(Duration::from_millis(1)).await;
@@ -237,21 +238,21 @@ async fn orders_carry_numbers_and_their_acknowledgement_is_counted() {
 async fn the_drones_questions_are_answered() {
     let mut bench = Bench::start(false).await;
     bench.connect().await;
-    bench.drone.say(DronePacket::DateTimeRequest { sequence: 3 }).await;
-    let HostPacket::DateTime { sequence: 3, time } = bench.drone.hear().await else {
+    bench.drone.send(DronePacket::DateTimeRequest { sequence: 3 }).await;
+    let HostPacket::DateTime { sequence: 3, time } = bench.drone.receive().await else {
         panic!("no time")
     };
     assert!(time.year >= 2020, "{time}");
-    bench.drone.say(DronePacket::LogHeader { sequence: 4, header_id: 0x1234 }).await;
+    bench.drone.send(DronePacket::LogHeader { sequence: 4, header_id: 0x1234 }).await;
     let expected = HostPacket::LogHeaderAck { sequence: 4, header_id: 0x1234 };
-    assert_eq!(bench.drone.hear().await, expected);
+    assert_eq!(bench.drone.receive().await, expected);
 }
 
 #[tokio::test]
 async fn a_control_thread_that_hangs_leaves_neutral_sticks_and_then_a_landing() {
     let mut bench = Bench::flying().await;
     bench.link.send(approved(0.5), None);
-    let packets = bench.drone.hear_for(Duration::from_millis(1300)).await;
+    let packets = bench.drone.receive_for(Duration::from_millis(1300)).await;
     let rolls: Vec<f64> = packets.iter().filter_map(|packet| roll_of(*packet)).collect();
     let steering = rolls.iter().take_while(|roll| **roll > 0.1).count();
     // 5 in 100 ms; a loaded machine may repeat fewer.
@@ -267,7 +268,7 @@ async fn a_control_thread_that_is_gone_ends_in_a_landing() {
     let mut bench = Bench::flying().await;
     bench.link.send(approved(0.5), None);
     drop(bench.link);
-    bench.drone.hear_until(is_landing).await;
+    bench.drone.receive_until(is_landing).await;
 }
 
 #[tokio::test]
@@ -275,17 +276,17 @@ async fn neither_sticks_nor_a_take_off_follow_a_landing() {
     let mut bench = Bench::flying().await;
     bench.link.send(approved(0.5), None);
     bench.link.order(DroneOrder::Land).unwrap();
-    bench.drone.hear_until(is_landing).await;
+    bench.drone.receive_until(is_landing).await;
     for _ in 0..50 {
         bench.link.send(approved(0.5), None);
         sleep(Duration::from_millis(5)).await;
     }
     bench.link.order(DroneOrder::TakeOff).unwrap();
-    bench.drone.say_flying(false).await;
+    bench.drone.send_flying(false).await;
     bench.status().await;
     bench.link.order(DroneOrder::TakeOff).unwrap();
     bench.link.send(approved(0.5), None);
-    let packets = bench.drone.hear_for(Duration::from_millis(600)).await;
+    let packets = bench.drone.receive_for(Duration::from_millis(600)).await;
     assert_landings(&packets);
 }
 
@@ -296,7 +297,7 @@ async fn a_drone_that_never_answers_is_asked_again_and_never_steered() {
         bench.link.send(approved(0.5), None);
         sleep(Duration::from_millis(5)).await;
     }
-    let packets = bench.drone.hear_for(Duration::from_secs(2)).await;
+    let packets = bench.drone.receive_for(Duration::from_secs(2)).await;
     let requests = packets.iter().filter(|p| matches!(p, HostPacket::ConnReq { .. })).count();
     assert_eq!(requests, 2, "{packets:?}");
     let first = packets.iter().position(|packet| roll_of(*packet).is_some());
@@ -319,7 +320,7 @@ async fn garbage_and_foreign_senders_are_counted_and_survived() {
     let mut bytes = Vec::new();
     DronePacket::Status { sequence: 0, status: FlightStatus::new(true) }.encode(&mut bytes);
     foreign.send_to(&bytes, host).await.unwrap();
-    bench.drone.say_flying(false).await;
+    bench.drone.send_flying(false).await;
     assert!(!bench.status().await.is_flying, "the foreign status was taken");
     assert_eq!(bench.link.counters.malformed.get(), 6);
 }
@@ -328,19 +329,19 @@ async fn garbage_and_foreign_senders_are_counted_and_survived() {
 async fn the_end_of_the_program_lands_a_drone_and_waits_until_it_stands() {
     let Bench { mut drone, link, stopper, task } = Bench::flying().await;
     link.send(approved(0.5), None);
-    drone.hear_until(|packet| roll_of(packet).is_some()).await;
+    drone.receive_until(|packet| roll_of(packet).is_some()).await;
     stopper.stop();
-    drone.hear_until(is_landing).await;
+    drone.receive_until(is_landing).await;
     // It was taking off: the first landings are ignored, and nothing else may be sent.
     for _ in 0..2 {
         link.send(approved(0.5), None);
-        drone.say_flying(true).await;
-        let packets = [drone.hear().await, drone.hear().await];
+        drone.send_flying(true).await;
+        let packets = [drone.receive().await, drone.receive().await];
         assert!(is_neutral(packets[0]) && is_landing(packets[1]), "{packets:?}");
     }
     assert!(!task.is_finished(), "it flies");
     link.send(approved(0.5), Some(false));
-    drone.say_flying(false).await;
+    drone.send_flying(false).await;
     timeout(PATIENCE, task).await.expect("still running").unwrap().unwrap();
 }
 
@@ -348,7 +349,7 @@ async fn the_end_of_the_program_lands_a_drone_and_waits_until_it_stands() {
 async fn the_end_of_the_program_leaves_a_standing_drone_alone() {
     let mut bench = Bench::start(false).await;
     bench.connect().await;
-    bench.drone.say_flying(false).await;
+    bench.drone.send_flying(false).await;
     bench.status().await;
     assert_eq!(unheard(&bench.stop().await), [], "something was sent");
 }
@@ -358,14 +359,14 @@ async fn a_dry_run_connects_and_listens_but_never_steers() {
     let mut bench = Bench::start(true).await;
     bench.connect().await;
     bench.link.order(DroneOrder::TakeOff).unwrap();
-    bench.drone.say_flying(true).await;
+    bench.drone.send_flying(true).await;
     bench.status().await;
     for _ in 0..20 {
         bench.link.send(approved(0.5), None);
         sleep(Duration::from_millis(5)).await;
     }
     bench.link.order(DroneOrder::Land).unwrap();
-    assert_eq!(bench.drone.hear_for(Duration::from_millis(100)).await, []);
+    assert_eq!(bench.drone.receive_for(Duration::from_millis(100)).await, []);
     assert_eq!(unheard(&bench.stop().await), [], "something was sent");
 }
 

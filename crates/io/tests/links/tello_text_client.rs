@@ -46,27 +46,27 @@ impl Bench {
         let (stopper, stop) = Stopper::new();
         let task = tokio::spawn(client.run(stop));
         let mut bench = Self { drone, host: None, state_port: 0, link, stopper, task };
-        assert_eq!(bench.hear().await, "command");
-        bench.say(b"\xcc\x18\x01\xb9\x88\x56\x00\x09\x00").await;
-        bench.say(b"OK\r\n").await;
-        let port = bench.hear().await;
+        assert_eq!(bench.receive().await, "command");
+        bench.send(b"\xcc\x18\x01\xb9\x88\x56\x00\x09\x00").await;
+        bench.send(b"OK\r\n").await;
+        let port = bench.receive().await;
         let ports = port.strip_prefix("port ").expect("no port").split_once(' ').unwrap();
         bench.state_port = ports.0.parse().unwrap();
-        bench.say(format!("unknown command: {port}").as_bytes()).await;
+        bench.send(format!("unknown command: {port}").as_bytes()).await;
         bench
     }
 
-    async fn say(&self, reply: &[u8]) {
+    async fn send(&self, reply: &[u8]) {
         self.drone.send_to(reply, self.host.unwrap()).await.unwrap();
     }
 
-    async fn say_state(&self, time_s: u32) {
+    async fn send_state(&self, time_s: u32) {
         let host = SocketAddr::new(self.host.unwrap().ip(), self.state_port);
         let line = format!("tof:80;bat:77;time:{time_s};\r\n");
         self.drone.send_to(line.as_bytes(), host).await.unwrap();
     }
 
-    async fn hear(&mut self) -> String {
+    async fn receive(&mut self) -> String {
         let mut buffer = [0; 200];
         let received = timeout(PATIENCE, self.drone.recv_from(&mut buffer)).await;
         let (count, host) = received.expect("the host is silent").unwrap();
@@ -75,12 +75,12 @@ impl Bench {
     }
 
     /// What the host says next, each answered twice and wrongly, until it says `wanted`.
-    async fn hear_until(&mut self, wanted: &str) -> Vec<String> {
+    async fn receive_until(&mut self, wanted: &str) -> Vec<String> {
         let mut heard = Vec::new();
         loop {
-            let command = self.hear().await;
+            let command = self.receive().await;
             for reply in ["error Not joystick", "ok", "ok"] {
-                self.say(reply.as_bytes()).await;
+                self.send(reply.as_bytes()).await;
             }
             if command == wanted {
                 return heard;
@@ -97,8 +97,8 @@ impl Bench {
 
     async fn fly(&mut self) {
         // The motors' seconds grow.
-        self.say_state(3).await;
-        self.say_state(4).await;
+        self.send_state(3).await;
+        self.send_state(4).await;
         let poll = async {
             while !self.link.poll_status().is_some_and(|status| status.is_flying) {
                 sleep(Duration::from_millis(1)).await;
@@ -119,19 +119,19 @@ async fn wrong_and_doubled_answers_stop_neither_sticks_nor_landing() {
     let mut bench = Bench::connected().await;
     bench.fly().await;
     bench.link.send(approved(0.504), None);
-    assert_eq!(bench.hear().await, "rc 0 50 0 0");
+    assert_eq!(bench.receive().await, "rc 0 50 0 0");
     for pitch in [0.1, 0.2, -0.3] {
         bench.link.send(approved(pitch), None);
         let wanted = format!("rc 0 {:.0} 0 0", 100.0 * pitch);
-        let others = bench.hear_until(&wanted).await;
+        let others = bench.receive_until(&wanted).await;
         assert!(others.iter().all(|text| text.starts_with("rc ")), "{others:?}");
     }
     bench.link.order(DroneOrder::Land).unwrap();
-    bench.hear_until("land").await;
+    bench.receive_until("land").await;
     for _ in 0..3 {
         bench.link.send(approved(0.5), None);
         bench.link.order(DroneOrder::TakeOff).unwrap();
-        let next = bench.hear_until("land").await;
+        let next = bench.receive_until("land").await;
         assert_eq!(next, ["rc 0 0 0 0"], "directly before every landing");
     }
     bench.end();
@@ -150,6 +150,6 @@ async fn a_drone_that_never_answers_costs_the_control_thread_no_time() {
     let took_s = clock.now().since(tello_io::clock::TimeNs(0)).seconds();
     assert!(took_s < 1.0, "{took_s} s");
     bench.link.order(DroneOrder::Land).unwrap();
-    bench.hear_until("land").await;
+    bench.receive_until("land").await;
     bench.end();
 }

@@ -53,26 +53,26 @@ impl<S: Default> Clients<S> {
         }
     }
 
-    /// Passes the bytes of each client to `hear`; a client that left or caused an error is removed.
-    pub(super) fn hear(&mut self, mut hear: impl FnMut(&mut S, &[u8]) -> io::Result<()>) {
-        self.clients.retain_mut(|client| client.hear(&mut hear).is_ok());
+    /// Passes the bytes of each client to `handle`; a client that left or caused an error is removed.
+    pub(super) fn receive(&mut self, mut handle: impl FnMut(&mut S, &[u8]) -> io::Result<()>) {
+        self.clients.retain_mut(|client| client.receive(&mut handle).is_ok());
     }
 
     /// Sends what `speak` appends for each client; who left is forgotten.
-    pub(super) fn speak(&mut self, mut speak: impl FnMut(&mut S, &mut Vec<u8>)) {
+    pub(super) fn send(&mut self, mut send: impl FnMut(&mut S, &mut Vec<u8>)) {
         self.clients.retain_mut(|client| {
-            speak(&mut client.state, &mut client.backlog);
+            send(&mut client.state, &mut client.backlog);
             client.send().is_ok()
         });
     }
 }
 
 impl<S> Client<S> {
-    fn hear(&mut self, hear: impl FnOnce(&mut S, &[u8]) -> io::Result<()>) -> io::Result<()> {
+    fn receive(&mut self, handle: impl FnOnce(&mut S, &[u8]) -> io::Result<()>) -> io::Result<()> {
         let mut chunk = [0; CHUNK_BYTES];
         match self.stream.read(&mut chunk) {
             Ok(0) => Err(ErrorKind::UnexpectedEof.into()),
-            Ok(count) => hear(&mut self.state, chunk.get(..count).unwrap_or_default()),
+            Ok(count) => handle(&mut self.state, chunk.get(..count).unwrap_or_default()),
             Err(error) if is_passing(&error) => Ok(()),
             Err(error) => Err(error),
         }
@@ -108,7 +108,7 @@ mod tests {
 
     fn push(clients: &mut Clients<()>, line: &[u8]) {
         clients.accept(b"");
-        clients.speak(|(), to| to.extend_from_slice(line));
+        clients.send(|(), to| to.extend_from_slice(line));
     }
 
     #[test]

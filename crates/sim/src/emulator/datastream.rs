@@ -66,15 +66,15 @@ impl DatastreamPort {
     }
 
     /// Accepts new clients, and reads from all.
-    pub(super) fn hear(&mut self) {
+    pub(super) fn receive(&mut self) {
         self.clients.accept(&self.greeting);
-        self.clients.hear(Session::hear);
-        self.clients.speak(|_, _| ());
+        self.clients.receive(Session::receive);
+        self.clients.send(|_, _| ());
     }
 
     /// Sends `shot` to whom it is due, with a second object.
     pub(super) fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
-        self.clients.speak(|session, to| session.speak(shot, other, to));
+        self.clients.send(|session, to| session.send(shot, other, to));
     }
 }
 
@@ -83,7 +83,7 @@ impl Session {
     ///
     /// # Errors
     /// Something that is no DataStream.
-    fn hear(&mut self, bytes: &[u8]) -> io::Result<()> {
+    fn receive(&mut self, bytes: &[u8]) -> io::Result<()> {
         let Self { packets, wanted, wants_every_frame, frames_due, pings } = self;
         let mut is_clear = true;
         let result = packets.push(bytes, |packet| {
@@ -123,7 +123,7 @@ impl Session {
     }
 
     /// Appends the packet of `shot`, if it is due.
-    fn speak(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>, to: &mut Vec<u8>) {
+    fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>, to: &mut Vec<u8>) {
         if !self.wants_every_frame && self.frames_due == 0 {
             return;
         }
@@ -189,7 +189,7 @@ mod tests {
 
     fn session(ids: &[u32]) -> Session {
         let mut session = Session::default();
-        session.hear(&request(|packet| packet.object_enums(ids))).unwrap();
+        session.receive(&request(|packet| packet.object_enums(ids))).unwrap();
         session
     }
 
@@ -198,7 +198,7 @@ mod tests {
         let body = Body { name: b"tello", pos_w: [1.0, 2.0, 3.0], angles: [0.0; 3] };
         let body = is_seen.then_some(body);
         let mut bytes = Vec::new();
-        session.speak(&Shot { frame: 1, rate_hz: 50.0, object: "tello", body }, None, &mut bytes);
+        session.send(&Shot { frame: 1, rate_hz: 50.0, object: "tello", body }, None, &mut bytes);
         let objects = objects(bytes.get(8..).unwrap_or_default());
         objects.map(|object| object.unwrap().0).collect()
     }
@@ -208,35 +208,35 @@ mod tests {
         let mut session = session(&[id::FRAME_INFO]);
         let is_sent = |session: &mut Session| !sent(session, true).is_empty();
         assert!(!is_sent(&mut session), "not asked for");
-        session.hear(&request(|packet| packet.request_frame(false))).unwrap();
+        session.receive(&request(|packet| packet.request_frame(false))).unwrap();
         assert_eq!([(); 2].map(|()| is_sent(&mut session)), [true, false]);
-        session.hear(&request(|packet| packet.request_next_frames(2))).unwrap();
+        session.receive(&request(|packet| packet.request_next_frames(2))).unwrap();
         assert_eq!([(); 3].map(|()| is_sent(&mut session)), [true, true, false]);
-        session.hear(&request(|packet| packet.request_frame(true))).unwrap();
+        session.receive(&request(|packet| packet.request_frame(true))).unwrap();
         assert_eq!([(); 3].map(|()| is_sent(&mut session)), [true; 3]);
-        session.hear(&request(|packet| packet.request_frame(false))).unwrap();
+        session.receive(&request(|packet| packet.request_frame(false))).unwrap();
         assert_eq!([(); 2].map(|()| is_sent(&mut session)), [true, false]);
-        session.hear(&request(|packet| packet.request_next_frames(u32::MAX))).unwrap();
+        session.receive(&request(|packet| packet.request_next_frames(u32::MAX))).unwrap();
         assert_eq!(session.frames_due, WAITING_MAX);
     }
 
     #[test]
     fn what_is_wanted_is_sent_and_a_lost_subject_is_left_out() {
         let mut session = session(&ALL);
-        session.hear(&request(|packet| packet.request_frame(true))).unwrap();
-        session.hear(&request(|packet| packet.ping(7))).unwrap();
+        session.receive(&request(|packet| packet.request_frame(true))).unwrap();
+        session.receive(&request(|packet| packet.ping(7))).unwrap();
         assert_eq!(sent(&mut session, true), [1, 2, 5, 8, 9, 26, 37, 42, 100_004]);
         assert_eq!(sent(&mut session, false), [1, 2, 5, 26, 37, 100_004]);
-        session.hear(&request(|packet| packet.object_enums(&[5, 9, 999]))).unwrap();
+        session.receive(&request(|packet| packet.object_enums(&[5, 9, 999]))).unwrap();
         assert_eq!(sent(&mut session, true), [5, 9]);
     }
 
     #[test]
     fn what_is_no_datastream_ends_the_connection() {
-        assert!(Session::default().hear(b"GET / HTTP/1.1\r\n").is_err());
+        assert!(Session::default().receive(b"GET / HTTP/1.1\r\n").is_err());
         let mut short = request(|packet| packet.request_frame(true));
         short.truncate(short.len() - 1);
         *short.get_mut(4).unwrap() -= 1;
-        assert!(Session::default().hear(&short).is_err());
+        assert!(Session::default().receive(&short).is_err());
     }
 }

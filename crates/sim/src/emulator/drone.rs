@@ -82,7 +82,7 @@ impl DronePort {
     }
 
     /// Passes on what has arrived and answers it.
-    pub(super) fn hear(&mut self, world: &mut World) {
+    pub(super) fn receive(&mut self, world: &mut World) {
         let now_s = now_s(world);
         for _ in 0..PACKETS_MAX {
             let (length, from) = match self.socket.recv_from(&mut self.inbound) {
@@ -106,7 +106,7 @@ impl DronePort {
     }
 
     /// Reports what is due, and delivers what is.
-    pub(super) fn speak(&mut self, world: &mut World) {
+    pub(super) fn report(&mut self, world: &mut World) {
         match &mut self.mode {
             Mode::Undecided => {}
             Mode::Binary => self.report_binary(world),
@@ -139,7 +139,7 @@ impl DronePort {
                 if self.table.binary_first
                     && let Some(status) = world.flight_status()
                 {
-                    self.say(&DronePacket::Status { sequence: 0, status }, world);
+                    self.send_packet(&DronePacket::Status { sequence: 0, status }, world);
                 }
             } else {
                 return;
@@ -154,7 +154,7 @@ impl DronePort {
             Mode::Text(_) if !datagram.is_ascii() => {}
             Mode::Text(sdk) => {
                 let mut replies = Vec::new();
-                sdk.hear(datagram, &mut world.drone, &mut replies);
+                sdk.receive(datagram, &mut world.drone, &mut replies);
                 self.reply(replies, world);
             }
         }
@@ -171,8 +171,8 @@ impl DronePort {
     fn take_packet(&mut self, datagram: &[u8], world: &mut World) {
         let Ok(packet) = HostPacket::decode(datagram) else { return };
         self.sends_log |= matches!(packet, HostPacket::LogHeaderAck { .. });
-        if let Some(answer) = world.hear(&packet) {
-            self.say(&answer, world);
+        if let Some(answer) = world.receive(&packet) {
+            self.send_packet(&answer, world);
             if matches!(packet, HostPacket::ConnReq { .. }) {
                 self.greet(world);
             }
@@ -183,7 +183,7 @@ impl DronePort {
         let Some(status) = world.flight_status() else { return };
         if world.step().is_multiple_of(STATUS_STEPS) {
             let sequence = self.count();
-            self.say(&DronePacket::Status { sequence, status }, world);
+            self.send_packet(&DronePacket::Status { sequence, status }, world);
             if self.sends_log {
                 self.log(world);
             }
@@ -191,7 +191,10 @@ impl DronePort {
         if world.step().is_multiple_of(WIFI_STEPS) {
             let sequence = self.count();
             let strength_pct = WIFI_STRENGTH_PCT;
-            self.say(&DronePacket::WifiStrength { sequence, strength_pct, disturbance: 0 }, world);
+            self.send_packet(
+                &DronePacket::WifiStrength { sequence, strength_pct, disturbance: 0 },
+                world,
+            );
         }
     }
 
@@ -199,16 +202,16 @@ impl DronePort {
     fn log(&mut self, world: &World) {
         let sequence = self.count();
         if let Some(record) = world.log_record(sequence, self.theta_start) {
-            self.say(&record, world);
+            self.send_packet(&record, world);
         }
     }
 
     /// What a drone asks of a new host.
     fn greet(&mut self, world: &World) {
         let sequence = self.count();
-        self.say(&DronePacket::DateTimeRequest { sequence }, world);
+        self.send_packet(&DronePacket::DateTimeRequest { sequence }, world);
         let sequence = self.count();
-        self.say(&DronePacket::LogHeader { sequence, header_id: LOG_HEADER_ID }, world);
+        self.send_packet(&DronePacket::LogHeader { sequence, header_id: LOG_HEADER_ID }, world);
     }
 
     /// Running number of what is sent unasked.
@@ -217,7 +220,7 @@ impl DronePort {
         self.sequence
     }
 
-    fn say(&mut self, packet: &DronePacket, world: &World) {
+    fn send_packet(&mut self, packet: &DronePacket, world: &World) {
         let mut bytes = Vec::new();
         packet.encode(&mut bytes);
         if let Some(host) = self.host {

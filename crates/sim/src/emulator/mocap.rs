@@ -112,23 +112,23 @@ impl MocapServers {
             relay.accept(b"");
         }
         if let Some(datastream) = &mut self.datastream {
-            datastream.hear();
+            datastream.receive();
         }
         if let Some(natnet) = &mut self.natnet {
-            natnet.hear();
+            natnet.receive();
         }
         if let Some(qtm) = &mut self.qtm {
-            qtm.hear();
+            qtm.receive();
         }
         if let Some(vrpn) = &mut self.vrpn {
-            vrpn.hear();
+            vrpn.receive();
         }
         for shot in shots {
             self.send(&shot, other);
         }
         // What the sockets did not take before.
         if let Some(relay) = &mut self.relay {
-            relay.speak(|(), _| ());
+            relay.send(|(), _| ());
         }
     }
 
@@ -139,7 +139,7 @@ impl MocapServers {
             let Shot { frame, rate_hz, object, body } = shot;
             let frame = i64::from(*frame);
             format_line(frame, *rate_hz, object, body.as_ref(), &mut self.line);
-            relay.speak(|(), to| to.extend_from_slice(&self.line));
+            relay.send(|(), to| to.extend_from_slice(&self.line));
         }
     }
 

@@ -83,7 +83,7 @@ impl NatnetPort {
     }
 
     /// Answers what was asked.
-    pub(super) fn hear(&mut self) {
+    pub(super) fn receive(&mut self) {
         let mut chunk = [0; 2048];
         for _ in 0..HEARD_MAX {
             // Errors of earlier datagrams show up here; the next call hears the others.

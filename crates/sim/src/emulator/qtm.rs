@@ -51,11 +51,11 @@ impl QtmPort {
     }
 
     /// Accepts new clients, reads and answers all.
-    pub(super) fn hear(&mut self) {
+    pub(super) fn receive(&mut self) {
         self.clients.accept(&self.greeting);
-        self.clients.hear(Session::hear);
+        self.clients.receive(Session::receive);
         let room = &self.room;
-        self.clients.speak(|session, to| {
+        self.clients.send(|session, to| {
             to.append(&mut session.answers);
             // Before the first shot it is not known what is in the room.
             if let Some((rate_hz, names)) = room
@@ -83,7 +83,7 @@ impl QtmPort {
             reason = "u64 us last for ages"
         )]
         let time_us = (1e6 * f64::from(frame) / rate_hz) as u64;
-        self.clients.speak(|session, to| {
+        self.clients.send(|session, to| {
             if std::mem::take(&mut session.wants_frame) || session.wants_every_frame {
                 encode::frame(frame, time_us, &places, to);
             }
@@ -96,7 +96,7 @@ impl Session {
     ///
     /// # Errors
     /// Something that is no packet.
-    fn hear(&mut self, bytes: &[u8]) -> io::Result<()> {
+    fn receive(&mut self, bytes: &[u8]) -> io::Result<()> {
         let mut packets = std::mem::take(&mut self.packets);
         let result = packets.push(bytes, |kind, body| {
             if kind == kind::COMMAND {

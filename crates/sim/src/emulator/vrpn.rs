@@ -60,10 +60,10 @@ impl VrpnPort {
     }
 
     /// Accepts new clients, and reads from all.
-    pub(super) fn hear(&mut self) {
+    pub(super) fn receive(&mut self) {
         self.clients.accept(&self.greeting);
-        self.clients.hear(Session::hear);
-        self.clients.speak(|_, _| ());
+        self.clients.receive(Session::receive);
+        self.clients.send(|_, _| ());
     }
 
     /// Sends `shot` to all, with a second object.
@@ -76,21 +76,21 @@ impl VrpnPort {
         };
         let poses = [(TRACKER, body.map(pose)), (OTHER, other.map(pose))];
         let senders = [TRACKER, OTHER].into_iter().zip(names(object, other));
-        let say = |sender, kind, body: &[u8], to: &mut Vec<u8>| {
+        let append = |sender, kind, body: &[u8], to: &mut Vec<u8>| {
             encode::message(&Message { time_s, sender, kind, body }, to);
         };
-        self.clients.speak(|session, to| {
+        self.clients.send(|session, to| {
             if !std::mem::replace(&mut session.knows_tracker, true) {
                 for (sender, name) in senders.clone() {
                     describe(kind::SENDER, sender, &name, to);
                 }
             }
             if std::mem::take(&mut session.wants_pong) {
-                say(TRACKER, PONGS, &[], to);
+                append(TRACKER, PONGS, &[], to);
             }
             for (sender, pose) in &poses {
                 if let Some(pose) = pose {
-                    say(*sender, POSES, pose, to);
+                    append(*sender, POSES, pose, to);
                 }
             }
         });
@@ -102,7 +102,7 @@ impl Session {
     ///
     /// # Errors
     /// Something that is no VRPN.
-    fn hear(&mut self, bytes: &[u8]) -> io::Result<()> {
+    fn receive(&mut self, bytes: &[u8]) -> io::Result<()> {
         let Self { messages, pings, wants_pong, .. } = self;
         let result = messages.push(bytes, |message| {
             if message.kind == kind::TYPE

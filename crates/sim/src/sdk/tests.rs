@@ -44,8 +44,8 @@ impl Bench {
         bench
     }
 
-    fn say(&mut self, text: &str) -> Vec<String> {
-        self.sdk.hear(text.as_bytes(), &mut self.world.drone, &mut self.replies);
+    fn send(&mut self, text: &str) -> Vec<String> {
+        self.sdk.receive(text.as_bytes(), &mut self.world.drone, &mut self.replies);
         std::mem::take(&mut self.replies)
     }
 
@@ -59,7 +59,7 @@ impl Bench {
 
     /// The first reply to `text`, at most 25 s later.
     fn run(&mut self, text: &str) -> String {
-        let mut replies = self.say(text);
+        let mut replies = self.send(text);
         for _ in 0..1_250 {
             if let Some(reply) = replies.pop() {
                 return reply;
@@ -81,18 +81,18 @@ impl Bench {
 #[test]
 fn a_take_off_is_answered_at_the_hover_and_a_landing_on_the_floor() {
     let mut bench = Bench::new(SdkVersion::V1_3, 90.0);
-    assert_eq!(bench.say("command"), ["ok"]);
-    assert_eq!(bench.say("takeoff"), [""; 0]);
-    assert_eq!(bench.say("land"), [""; 0], "not heard early in a take-off");
+    assert_eq!(bench.send("command"), ["ok"]);
+    assert_eq!(bench.send("takeoff"), [""; 0]);
+    assert_eq!(bench.send("land"), [""; 0], "not heard early in a take-off");
     assert_eq!(bench.wait(100), [""; 0]);
-    assert_eq!(bench.say("battery?"), [""; 0], "one command at a time");
-    assert_eq!(bench.say("takeoff"), ["error Not joystick"]);
+    assert_eq!(bench.send("battery?"), [""; 0], "one command at a time");
+    assert_eq!(bench.send("takeoff"), ["error Not joystick"]);
     assert_eq!(bench.wait(150), ["ok"]);
     assert!(bench.pose()[pose::Z] > 0.8, "{:?}", bench.pose());
     assert_eq!((bench.state(Field::Time), bench.state(Field::Bat)), (Some(4.0), Some(90.0)));
-    assert_eq!(bench.say("takeoff"), ["error"]);
-    assert_eq!(bench.say("land"), [""; 0]);
-    assert_eq!(bench.say("land"), [""; 0]);
+    assert_eq!(bench.send("takeoff"), ["error"]);
+    assert_eq!(bench.send("land"), [""; 0]);
+    assert_eq!(bench.send("land"), [""; 0]);
     assert_eq!(bench.wait(300), ["ok"]);
     assert_eq!(bench.world.truth().phase, Phase::Grounded);
     assert_eq!(bench.state(Field::Tof), Some(10.0));
@@ -130,32 +130,32 @@ fn movements_end_at_their_target() {
 #[test]
 fn what_cannot_be_done_is_refused_in_the_words_of_the_sdk() {
     let mut bench = Bench::new(SdkVersion::V1_3, 90.0);
-    assert_eq!(bench.say("forward 30"), ["error Motor stop"]);
-    assert_eq!(bench.say("up 3"), ["out of range"]);
-    assert_eq!(bench.say("sdk?"), ["unknown command: sdk?"]);
-    assert_eq!(bench.say("port 8891 11111"), ["unknown command: port 8891 11111"]);
-    assert_eq!(bench.say("fly me"), ["unknown command: fly me"]);
-    assert_eq!(bench.say("rc 0 0 0 0"), [""; 0]);
+    assert_eq!(bench.send("forward 30"), ["error Motor stop"]);
+    assert_eq!(bench.send("up 3"), ["out of range"]);
+    assert_eq!(bench.send("sdk?"), ["unknown command: sdk?"]);
+    assert_eq!(bench.send("port 8891 11111"), ["unknown command: port 8891 11111"]);
+    assert_eq!(bench.send("fly me"), ["unknown command: fly me"]);
+    assert_eq!(bench.send("rc 0 0 0 0"), [""; 0]);
     bench.wait(20);
-    assert_eq!(bench.say("takeoff"), ["error Not joystick"], "0.4 s after sticks");
+    assert_eq!(bench.send("takeoff"), ["error Not joystick"], "0.4 s after sticks");
     bench.wait(5);
-    assert_eq!(bench.say("takeoff"), [""; 0]);
-    assert_eq!(Bench::new(SdkVersion::V1_3, 9.0).say("takeoff"), ["error Motor stop"]);
+    assert_eq!(bench.send("takeoff"), [""; 0]);
+    assert_eq!(Bench::new(SdkVersion::V1_3, 9.0).send("takeoff"), ["error Motor stop"]);
     let mut later = Bench::new(SdkVersion::V3_0, 90.0);
-    assert_eq!(later.say("sdk?"), ["30"]);
-    assert_eq!(later.say("port 8891 11111"), ["ok"]);
+    assert_eq!(later.send("sdk?"), ["30"]);
+    assert_eq!(later.send("port 8891 11111"), ["ok"]);
     assert_eq!(later.sdk.state_port(), 8891);
 }
 
 #[test]
 fn a_landing_ends_a_movement_and_an_emergency_stop_ends_everything() {
     let mut bench = Bench::hovering();
-    assert_eq!(bench.say("forward 300"), [""; 0]);
+    assert_eq!(bench.send("forward 300"), [""; 0]);
     bench.wait(50);
-    assert_eq!(bench.say("forward 20"), ["error Not joystick"]);
-    assert_eq!(bench.say("land"), ["error Auto land"]);
+    assert_eq!(bench.send("forward 20"), ["error Not joystick"]);
+    assert_eq!(bench.send("land"), ["error Auto land"]);
     bench.wait(10);
-    assert_eq!(bench.say("emergency"), [""; 0]);
+    assert_eq!(bench.send("emergency"), [""; 0]);
     assert_eq!(bench.world.truth().phase, Phase::Falling);
     assert_eq!(bench.wait(60), [""; 0]);
     assert_eq!(bench.world.truth().phase, Phase::Grounded);
@@ -166,7 +166,7 @@ fn silence_lands_and_any_command_calls_it_off() {
     let mut bench = Bench::hovering();
     bench.wait(575);
     assert!(matches!(bench.world.truth().phase, Phase::Landing(_)), "{:?}", bench.world.truth());
-    assert_eq!(bench.say("battery?"), ["89"]);
+    assert_eq!(bench.send("battery?"), ["89"]);
     assert_eq!(bench.world.truth().phase, Phase::Flying);
 }
 
@@ -185,15 +185,15 @@ fn yaw_counts_clockwise_from_the_start_and_stays_within_half_a_turn() {
 #[test]
 fn an_emergency_or_a_landing_is_not_obeyed_or_refused() {
     let mut bench = Bench::hovering_as(|drone| drone.emergency.text = false);
-    assert_eq!(bench.say("emergency"), [""; 0]);
+    assert_eq!(bench.send("emergency"), [""; 0]);
     assert_eq!(bench.world.truth().phase, Phase::Flying);
 
     let mut bench = Bench::hovering_as(|drone| drone.landing.is_refused = true);
-    assert_eq!(bench.say("land"), ["error"]);
+    assert_eq!(bench.send("land"), ["error"]);
     assert_eq!(bench.world.truth().phase, Phase::Flying);
 
     let mut bench = Bench::hovering_as(|drone| drone.landing.deaf_count = 1);
-    assert_eq!(bench.say("land"), [""; 0]);
+    assert_eq!(bench.send("land"), [""; 0]);
     assert_eq!(bench.world.truth().phase, Phase::Flying);
     assert_eq!(bench.run("land"), "ok");
 }
@@ -207,9 +207,9 @@ fn sticks_call_a_landing_off_or_do_not() {
         (CancelledBy::AnySticks, "rc 0 0 0 0", true),
     ] {
         let mut bench = Bench::hovering_as(|drone| drone.landing.cancelled_by = cancelled_by);
-        assert_eq!(bench.say("land"), [""; 0]);
+        assert_eq!(bench.send("land"), [""; 0]);
         bench.wait(10);
-        bench.say(sticks);
+        bench.send(sticks);
         let is_flying = bench.world.truth().phase == Phase::Flying;
         assert_eq!(is_flying, is_cancelled, "{cancelled_by:?} {sticks}");
         let replies = bench.wait(1);
@@ -232,7 +232,7 @@ fn a_drone_that_denies_flying_counts_no_motor_time() {
 fn a_flip_ends_where_it_began_and_video_is_refused() {
     let mut bench = Bench::hovering();
     let before = bench.world.truth().pose;
-    assert_eq!(bench.say("flip f"), Vec::<String>::new());
+    assert_eq!(bench.send("flip f"), Vec::<String>::new());
     assert_eq!(bench.wait(60), Vec::<String>::new(), "it takes its time");
     assert_eq!(bench.wait(60), ["ok"]);
     assert!((bench.world.truth().pose - before).norm() < 0.1);

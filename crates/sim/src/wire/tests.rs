@@ -25,7 +25,7 @@ fn world(faults: Vec<ScriptedFault>) -> World {
 
 fn wait(world: &mut World, steps: u32) {
     for _ in 0..steps {
-        world.hear(&sticks(Sticks::zeros()));
+        world.receive(&sticks(Sticks::zeros()));
         world.advance();
     }
 }
@@ -34,7 +34,7 @@ fn wait(world: &mut World, steps: u32) {
 fn every_question_is_answered_with_its_number() {
     let mut world = world(Vec::new());
     for (sequence, query) in (100..).zip(Query::ALL) {
-        let answer = world.hear(&HostPacket::Query { sequence, query });
+        let answer = world.receive(&HostPacket::Query { sequence, query });
         let Some(DronePacket::Answer { sequence: answered, answer }) = answer else {
             panic!("{query:?}: {answer:?}");
         };
@@ -46,11 +46,11 @@ fn every_question_is_answered_with_its_number() {
 fn a_flight_from_the_first_packet_to_the_last() {
     let mut world = world(Vec::new());
     let request = HostPacket::ConnReq { video_port: 6038 };
-    assert_eq!(world.hear(&request), Some(DronePacket::ConnAck { video_port: 6038 }));
+    assert_eq!(world.receive(&request), Some(DronePacket::ConnAck { video_port: 6038 }));
     assert!(world.flight_status().unwrap().is_on_ground());
     let ack = |action, sequence| Some(DronePacket::Ack { action, sequence });
-    assert_eq!(world.hear(&TAKE_OFF), ack(Action::TakeOff, 7));
-    assert_eq!(world.hear(&LAND), None, "the first seconds of a take-off hear no landing");
+    assert_eq!(world.receive(&TAKE_OFF), ack(Action::TakeOff, 7));
+    assert_eq!(world.receive(&LAND), None, "the first seconds of a take-off hear no landing");
     wait(&mut world, 300);
     let status = world.flight_status().unwrap();
     assert!(status.is_flying() && !status.is_on_ground(), "{status:?}");
@@ -58,13 +58,13 @@ fn a_flight_from_the_first_packet_to_the_last() {
     assert_eq!((status.battery_pct, status.fly_time_ds), (90, 60));
 
     for _ in 0..100 {
-        assert_eq!(world.hear(&sticks(Sticks::new(0.0, 0.5, 0.0, 0.0))), None);
+        assert_eq!(world.receive(&sticks(Sticks::new(0.0, 0.5, 0.0, 0.0))), None);
         world.advance();
     }
     assert!(world.truth().pose[pose::X] > 0.3, "{:?}", world.truth());
     assert!(world.flight_status().unwrap().vel_north_dm_s > 3);
 
-    assert_eq!(world.hear(&LAND), ack(Action::Land, 8));
+    assert_eq!(world.receive(&LAND), ack(Action::Land, 8));
     wait(&mut world, 300);
     let status = world.flight_status().unwrap();
     assert!(status.is_on_ground() && !status.is_flying(), "{status:?}");
@@ -73,24 +73,24 @@ fn a_flight_from_the_first_packet_to_the_last() {
 #[test]
 fn a_landing_can_be_taken_back() {
     let mut world = world(Vec::new());
-    world.hear(&TAKE_OFF);
+    world.receive(&TAKE_OFF);
     wait(&mut world, 300);
-    assert!(world.hear(&LAND).is_some());
+    assert!(world.receive(&LAND).is_some());
     assert_eq!(world.truth().phase, Phase::Landing(crate::drone::Cause::Order));
-    assert!(world.hear(&HostPacket::CancelLanding { sequence: 9 }).is_some());
+    assert!(world.receive(&HostPacket::CancelLanding { sequence: 9 }).is_some());
     assert_eq!(world.truth().phase, Phase::Flying);
-    assert_eq!(world.hear(&HostPacket::CancelLanding { sequence: 10 }), None);
+    assert_eq!(world.receive(&HostPacket::CancelLanding { sequence: 10 }), None);
 }
 
 #[test]
 fn a_deaf_drone_hears_nothing_and_a_mute_one_says_nothing() {
     let fault = |fault, from_s| ScriptedFault { fault, from_s, for_s: 1.0 };
     let mut world = world(vec![fault(Fault::DroneDeaf, 0.0), fault(Fault::DroneMute, 1.0)]);
-    assert_eq!(world.hear(&TAKE_OFF), None);
+    assert_eq!(world.receive(&TAKE_OFF), None);
     assert_eq!(world.truth().phase, Phase::Grounded);
     assert!(world.flight_status().is_some());
     wait(&mut world, 50);
-    assert_eq!(world.hear(&TAKE_OFF), None);
+    assert_eq!(world.receive(&TAKE_OFF), None);
     assert_eq!(world.truth().phase, Phase::TakingOff);
     assert_eq!(world.flight_status(), None);
     wait(&mut world, 50);

@@ -31,7 +31,7 @@ fn reports(table: &SimTable, seed: u64) -> Vec<MocapReport> {
     world.drone.steer(Sticks::new(0.1, 0.2, 0.0, 0.0));
     (0..1000)
         .map(|_| {
-            world.drone.hear();
+            world.drone.receive();
             world.advance();
             world.report()
         })
@@ -111,7 +111,7 @@ fn outages_let_the_drone_drift_to_a_stop() {
     world.drone.steer(Sticks::new(0.0, 0.5, 0.0, 0.0));
     let (mut down, mut slowest_mps, mut down_s) = (0, f64::INFINITY, 0.0);
     for _ in 0..3000 {
-        world.drone.hear();
+        world.drone.receive();
         world.advance();
         let truth = world.truth();
         down_s = if truth.link_is_up { 0.0 } else { down_s + DT_S };
@@ -177,7 +177,7 @@ fn a_pose_of_an_age_is_that_of_where_the_vehicle_was() {
     world.drone.steer(Sticks::new(0.4, 0.8, 0.5, 0.0));
     let mut earlier = world.truth().pose;
     for _ in 0..200 {
-        world.drone.hear();
+        world.drone.receive();
         world.advance();
         let now = world.truth().pose;
         let MocapReport::Pose(o) = world.report() else { panic!("a clean stream is complete") };

@@ -57,6 +57,6 @@ fn on_the_ground_the_loop_waits_as_long_as_it_is_patient_and_for_a_person_longer
 fn a_report_that_is_missing_leaves_the_one_before() {
     let mut over = Over::new(PATIENCE);
     over.is_flying = true;
-    over.hear(None);
+    over.receive(None);
     assert!(over.is_flying);
 }

@@ -46,7 +46,7 @@ impl Playback {
     /// # Errors
     /// A number that JSON does not know.
     pub(crate) fn add(&mut self, tick: &TickRecord) -> Result<()> {
-        self.live.see(tick, StreamReport::default);
+        self.live.observe(tick, StreamReport::default);
         if self.watched.has_changed()? {
             self.facts.push(serde_json::to_string(&**self.watched.borrow_and_update())?);
         }

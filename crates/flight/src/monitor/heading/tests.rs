@@ -202,7 +202,7 @@ fn a_heading_that_is_held_while_the_drone_turns_is_no_measurement() {
     flight.fly(1.0, &TURN);
     let by_pose = flight.headings[1];
     for _ in 0..45 {
-        flight.monitor.see(false);
+        flight.monitor.observe(false);
         assert_eq!(flight.tick(&TURN).0, Agreement::Unknown);
         flight.headings[1] = by_pose;
     }

@@ -124,7 +124,7 @@ fn a_pose_that_is_repeated_and_changes_its_last_digit_now_and_then_is_frozen() {
             let at = Pose::new(1.0 + 1e-4 * f64::from(k / 8 % 2), 2.0, 1.0, 0.0);
             let pose = k.is_multiple_of(8).then_some(at);
             if see_repeated && pose.is_none() {
-                monitors.see_repeated(&at);
+                monitors.observe_repeated(&at);
             }
             let sample = Sample { pose, drone: None, u_applied, link_is_up: true };
             monitors.update(&sample).frozen_s.is_some()

@@ -24,7 +24,7 @@ impl Desk {
     }
 
     pub(super) fn act(&mut self, source: Source, act: Act) {
-        self.controls.hear(&Event { at: self.now, source, act });
+        self.controls.receive(&Event { at: self.now, source, act });
     }
 
     pub(super) fn key(&mut self, act: Act) {
@@ -157,7 +157,7 @@ fn a_late_event_does_not_act_beyond_its_pulse() {
     let mut desk = Desk::new();
     let pulse = Event { at: desk.now, source: Source::Terminal, act: Act::Pulse(Direction::Down) };
     desk.now = desk.now.after(SpanNs::from_ms(3_000));
-    desk.controls.hear(&pulse);
+    desk.controls.receive(&pulse);
     assert_near(desk.sticks_after(1_000)[stick::THROTTLE], 0.0);
 }
 

@@ -89,10 +89,10 @@ fn keys_of_one_stick_add_up_and_to_its_axis() {
 fn an_axis_of_a_silent_device_acts_again_once_it_was_centred() {
     let mut panel = Panel::default();
     assert!(panel.move_axis(stick::ROLL, 0.5));
-    panel.hear(at(0));
+    panel.receive(at(0));
     assert_eq!(look(&mut panel, stick::ROLL, 299), (0.5, None));
     assert_eq!(look(&mut panel, stick::ROLL, 300), (0.0, Some(Note::AxisExpired)));
-    panel.hear(at(301));
+    panel.receive(at(301));
     assert!(!panel.move_axis(stick::ROLL, 0.6), "not centred since");
     assert!(!panel.move_axis(stick::ROLL, 0.0));
     assert!(panel.move_axis(stick::ROLL, 0.7));

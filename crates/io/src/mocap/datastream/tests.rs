@@ -33,30 +33,30 @@ pub(super) fn body() -> Body<'static> {
 }
 
 /// What a client for `tello` makes of `pieces`.
-struct Heard {
+struct Received {
     frames: Vec<Frame>,
     requests: Vec<u8>,
     result: Result<(), SourceError>,
     counters: MocapCounters,
 }
 
-fn hear<'a>(pieces: impl IntoIterator<Item = &'a [u8]>) -> Heard {
+fn receive<'a>(pieces: impl IntoIterator<Item = &'a [u8]>) -> Received {
     let mut source = DatastreamSource::new("tello");
-    let mut heard = Heard {
+    let mut received = Received {
         frames: Vec::new(),
         requests: Vec::new(),
         result: Ok(()),
         counters: MocapCounters::default(),
     };
     for piece in pieces {
-        let mut on_frame = |frame| heard.frames.push(frame);
-        heard.result = source.push(piece, &heard.counters, &mut on_frame);
-        source.take_requests(&mut heard.requests);
-        if heard.result.is_err() {
+        let mut on_frame = |frame| received.frames.push(frame);
+        received.result = source.push(piece, &received.counters, &mut on_frame);
+        source.take_requests(&mut received.requests);
+        if received.result.is_err() {
             break;
         }
     }
-    heard
+    received
 }
 
 pub(super) fn packet(fill: impl FnOnce(&mut encode::Packet<'_>)) -> Vec<u8> {
@@ -67,18 +67,18 @@ pub(super) fn packet(fill: impl FnOnce(&mut encode::Packet<'_>)) -> Vec<u8> {
 
 #[test]
 fn the_greeting_is_answered_with_the_documented_bytes() {
-    let heard = hear([bytes(HELLO).as_slice()]);
-    assert_eq!(heard.requests, bytes(&format!("{HELLO}{PUSH}")));
-    assert_eq!((heard.result, heard.frames), (Ok(()), vec![]));
+    let received = receive([bytes(HELLO).as_slice()]);
+    assert_eq!(received.requests, bytes(&format!("{HELLO}{PUSH}")));
+    assert_eq!((received.result, received.frames), (Ok(()), vec![]));
 }
 
 #[test]
 fn everything_useful_is_asked_for_and_nothing_else() {
     let offered = [1, 2, 3, 5, 8, 9, 23, 26, 28, 37, 42, 100_004];
-    let heard = hear([packet(|packet| packet.object_enums(&offered)).as_slice()]);
+    let received = receive([packet(|packet| packet.object_enums(&offered)).as_slice()]);
     let mut expected = packet(|packet| packet.object_enums(&[1, 2, 5, 9, 26, 37, 100_004]));
     expected.extend(bytes(PUSH));
-    assert_eq!(heard.requests, expected);
+    assert_eq!(received.requests, expected);
 }
 
 #[test]
@@ -91,10 +91,10 @@ fn the_documented_frame_is_read_and_written_byte_by_byte() {
         packet.segments(id::GLOBAL_SEGMENTS, 1, &body());
     });
     assert_eq!(written, frame);
-    let heard = hear([frame.as_slice()]);
+    let received = receive([frame.as_slice()]);
     let pose = Some(Pose::new(1.0, -2.0, 1.3, 0.0));
     let expected = Frame { number: 1000, rate_hz: 0.0, stamp: None, latency: SpanNs(0), pose };
-    assert_eq!((heard.result, heard.frames), (Ok(()), vec![expected]));
+    assert_eq!((received.result, received.frames), (Ok(()), vec![expected]));
 }
 
 #[test]
@@ -110,9 +110,9 @@ fn rate_latency_and_the_heading_of_a_tilted_body_are_read() {
         packet.frame_info(7);
         packet.contents(&[(id::SUBJECT_INFO, 1)]);
     });
-    let heard = hear([frame.as_slice()]);
-    let [Frame { number: 7, rate_hz, latency, pose: Some(pose), .. }] = *heard.frames else {
-        panic!("{:?}", heard.frames)
+    let received = receive([frame.as_slice()]);
+    let [Frame { number: 7, rate_hz, latency, pose: Some(pose), .. }] = *received.frames else {
+        panic!("{:?}", received.frames)
     };
     assert!((rate_hz - 100.0).abs() < 1e-9, "{rate_hz}");
     assert_eq!(latency, SpanNs(3_500_000));
@@ -127,7 +127,7 @@ fn a_latency_that_cannot_be_is_not_believed() {
             packet.latency_info(&stages);
             packet.frame_info(7);
         });
-        assert_eq!(hear([frame.as_slice()]).frames[0].latency, SpanNs(0), "{stages:?}");
+        assert_eq!(receive([frame.as_slice()]).frames[0].latency, SpanNs(0), "{stages:?}");
     }
 }
 
@@ -148,11 +148,11 @@ fn a_subject_that_is_left_out_is_not_seen_and_a_removed_one_is_unknown() {
         packet.frame_info(4);
         packet.segments(id::GLOBAL_SEGMENTS, 1, &body());
     });
-    let heard = hear([&*info, &*seen, &*occluded, &*zeros, &*removed]);
-    let is_seen: Vec<_> = heard.frames.iter().map(|f| (f.number, f.pose.is_some())).collect();
+    let received = receive([&*info, &*seen, &*occluded, &*zeros, &*removed]);
+    let is_seen: Vec<_> = received.frames.iter().map(|f| (f.number, f.pose.is_some())).collect();
     // At the origin, but with a matrix: that is a pose.
     assert_eq!(is_seen, [(1, true), (2, false), (3, true), (4, false)]);
-    assert_eq!(heard.counters.other_object.get(), 1);
+    assert_eq!(received.counters.other_object.get(), 1);
 }
 
 #[test]
@@ -160,10 +160,10 @@ fn packets_cut_at_every_byte_and_several_in_one_piece_are_read() {
     let stream: Vec<u8> = [HELLO, FRAME, FRAME].iter().flat_map(|hex| bytes(hex)).collect();
     for cut in 0..stream.len() {
         let (left, right) = stream.split_at(cut);
-        let heard = hear([left, right]);
-        assert_eq!((heard.result, heard.frames.len()), (Ok(()), 2), "cut at {cut}");
+        let received = receive([left, right]);
+        assert_eq!((received.result, received.frames.len()), (Ok(()), 2), "cut at {cut}");
     }
-    assert_eq!(hear(stream.chunks(1)).frames.len(), 2);
+    assert_eq!(receive(stream.chunks(1)).frames.len(), 2);
 }
 
 #[test]
@@ -174,26 +174,26 @@ fn a_frame_truncated_anywhere_inside_its_packet_is_refused_and_the_next_one_read
         stream.extend(u32::try_from(length).unwrap().to_le_bytes());
         stream.extend(&frame[8..8 + length]);
         stream.extend(&frame);
-        let heard = hear([stream.as_slice()]);
-        assert_eq!(heard.result, Ok(()), "{length} bytes");
-        assert!(heard.frames.last().unwrap().pose.is_some(), "{length} bytes");
+        let received = receive([stream.as_slice()]);
+        assert_eq!(received.result, Ok(()), "{length} bytes");
+        assert!(received.frames.last().unwrap().pose.is_some(), "{length} bytes");
         // Whole objects are a packet, too: none, FrameInfo, FrameInfo and SubjectInfo.
         let is_whole = [0, 12, 86].contains(&length);
-        assert_eq!(heard.counters.malformed.get() == 0, is_whole, "{length} bytes");
+        assert_eq!(received.counters.malformed.get() == 0, is_whole, "{length} bytes");
     }
 }
 
 #[test]
 fn what_is_no_datastream_is_given_up_with_a_reason() {
     let relay = b"1000 100.0 tello 0 1 2 3 0 0 0\n";
-    assert!(matches!(hear([&relay[..]]).result, Err(SourceError::Magic { .. })));
+    assert!(matches!(receive([&relay[..]]).result, Err(SourceError::Magic { .. })));
     let long = bytes("01002b1a 00001000");
     let error = SourceError::TooLong { length: 1 << 20, max: (1 << 20) - 8 };
-    assert_eq!(hear([long.as_slice()]).result, Err(error));
+    assert_eq!(receive([long.as_slice()]).result, Err(error));
     let poor = packet(|packet| packet.object_enums(&[id::SUBJECT_INFO, id::FRAME_INFO]));
-    assert_eq!(hear([poor.as_slice()]).result, Err(SourceError::NotOffered { id: 9 }));
+    assert_eq!(receive([poor.as_slice()]).result, Err(SourceError::NotOffered { id: 9 }));
     let y_up = bytes("01002b1a 09000000 25000000 01000000 01");
-    assert_eq!(hear([y_up.as_slice()]).result, Err(SourceError::UpIsY));
+    assert_eq!(receive([y_up.as_slice()]).result, Err(SourceError::UpIsY));
 }
 
 proptest! {
@@ -217,7 +217,7 @@ proptest! {
         stream.extend(MAGIC.to_le_bytes());
         stream.extend(u32::try_from(rest.len()).unwrap().to_le_bytes());
         stream.extend(rest);
-        for frame in hear([stream.as_slice()]).frames {
+        for frame in receive([stream.as_slice()]).frames {
             prop_assert!(frame.pose.is_none_or(|pose| pose.iter().all(|value| value.is_finite())));
             prop_assert!(frame.rate_hz.is_finite() && frame.latency.0 >= 0);
         }
@@ -227,7 +227,7 @@ proptest! {
     fn a_frame_with_any_byte_changed_is_survived(at in 8..210_usize, byte: u8) {
         let mut frame = bytes(FRAME);
         frame[at] = byte;
-        for frame in hear([frame.as_slice()]).frames {
+        for frame in receive([frame.as_slice()]).frames {
             prop_assert!(frame.pose.is_none_or(|pose| pose.iter().all(|value| value.is_finite())));
         }
     }
@@ -239,7 +239,7 @@ proptest! {
     ) {
         let mut stream = if is_packet { bytes("01002b1a") } else { Vec::new() };
         stream.extend(pieces.concat());
-        hear(stream.chunks(37));
+        receive(stream.chunks(37));
         let mut packets = Packets::default();
         packets.push(&stream, |_| Ok(())).ok();
         prop_assert!(packets.capacity() <= 2 * stream.len() + 64, "{}", packets.capacity());

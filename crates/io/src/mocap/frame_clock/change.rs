@@ -45,7 +45,7 @@ impl RateChange {
 
     /// Takes in a frame that comes after the number `before` on `line`; the line of a new rate, once that is
     /// proven and this frame is not on time by the old one.
-    pub(super) fn see(
+    pub(super) fn observe(
         &mut self,
         arrival: Arrival,
         rate_hz: f64,
@@ -95,7 +95,7 @@ mod tests {
         let mut change = RateChange::new(BEFORE_HZ);
         let see = |number: i64| {
             let at = TimeNs(0).after(SpanNs::from_ms(20 * number + late_ms));
-            change.see(Arrival { number, at }, rate_hz, line(), 0, false)
+            change.observe(Arrival { number, at }, rate_hz, line(), 0, false)
         };
         numbers.map(see).last().flatten()
     }
@@ -128,7 +128,7 @@ mod tests {
         let mut change = RateChange::new(BEFORE_HZ);
         for number in 1..=60 {
             let at = TimeNs(0).after(SpanNs::from_ms(20 * number));
-            let found = change.see(Arrival { number, at }, AFTER_HZ, line(), 0, true);
+            let found = change.observe(Arrival { number, at }, AFTER_HZ, line(), 0, true);
             assert!(found.is_none(), "on time by the old line");
         }
     }

@@ -86,7 +86,7 @@ impl Flight {
         let is_possible = self.is_possible(arrival, drifted)?;
         // Only a frame on time tells of the drift: a late one stays late for as long as it lasts.
         let is_on_time = is_possible && drifted.late_ns(arrival) <= ON_TIME_NS;
-        let next = self.change.see(arrival, rate_hz, drifted, self.newest, is_on_time);
+        let next = self.change.observe(arrival, rate_hz, drifted, self.newest, is_on_time);
         if let Some(line) = next {
             *self = Self {
                 line: Some(line),

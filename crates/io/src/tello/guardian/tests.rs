@@ -25,7 +25,7 @@ impl Bench {
         bench
     }
 
-    fn say(&mut self, duty: Duty) {
+    fn send(&mut self, duty: Duty) {
         self.sender.write_all(&[duty as u8]).unwrap();
     }
 
@@ -66,20 +66,20 @@ impl Bench {
 #[test]
 fn silence_in_flight_lands_until_the_sender_goes_on_with_it_and_silence_then_lands_again() {
     let mut bench = Bench::start();
-    bench.say(Duty::Steering);
+    bench.send(Duty::Steering);
     let since_s = bench.clock.now().seconds();
     let first_s = bench.landing(1.0);
     assert!((0.25..0.45).contains(&(first_s - since_s)), "{}", first_s - since_s);
     assert_eq!(bench.word(0.1), Some(LANDED));
     // It does not know of the landing yet.
-    bench.say(Duty::Steering);
+    bench.send(Duty::Steering);
     let second_s = bench.landing(1.0);
     assert!((0.2..0.4).contains(&(second_s - first_s)), "{}", second_s - first_s);
-    bench.say(Duty::Landing);
+    bench.send(Duty::Landing);
     let since_s = bench.clock.now().seconds();
     let third_s = bench.landing(1.0);
     assert!(third_s - since_s > 0.25, "it lands beside a sender that does: {third_s} {since_s}");
-    bench.say(Duty::Over);
+    bench.send(Duty::Over);
     assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(Watch::Over));
     assert_eq!(bench.packet(0.1), None);
 }
@@ -87,14 +87,14 @@ fn silence_in_flight_lands_until_the_sender_goes_on_with_it_and_silence_then_lan
 #[test]
 fn a_sender_that_goes_on_with_the_landing_is_left_alone() {
     let mut bench = Bench::start();
-    bench.say(Duty::Steering);
+    bench.send(Duty::Steering);
     bench.landing(1.0);
     // Two and a half times as long as between two landings of the guardian.
     for _ in 0..15 {
-        bench.say(Duty::Landing);
+        bench.send(Duty::Landing);
         assert_eq!(bench.packet(0.04), None);
     }
-    bench.say(Duty::Over);
+    bench.send(Duty::Over);
     assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(Watch::Over));
 }
 
@@ -102,11 +102,11 @@ fn a_sender_that_goes_on_with_the_landing_is_left_alone() {
 #[ignore = "seconds of real time: in .ci/run all"]
 fn a_sender_that_steers_on_is_landed_all_the_same() {
     let mut bench = Bench::start();
-    bench.say(Duty::Steering);
+    bench.send(Duty::Steering);
     let since_s = bench.landing(1.0);
     let mut landings = 0;
     while bench.clock.now().seconds() < since_s + 1.0 {
-        bench.say(Duty::Steering);
+        bench.send(Duty::Steering);
         landings += usize::from(bench.packet(0.04).is_some_and(|(_, text)| text == "land"));
     }
     assert!(landings >= 2, "{landings} more in 1 s");
@@ -116,11 +116,11 @@ fn a_sender_that_steers_on_is_landed_all_the_same() {
 fn every_heartbeat_is_answered_at_once_whatever_is_going_on() {
     let mut bench = Bench::start();
     for duty in [Duty::Idle, Duty::Steering, Duty::Landing] {
-        bench.say(duty);
+        bench.send(duty);
         assert_eq!(bench.any_word(0.2), Some(HEARD), "{duty:?}");
     }
     assert_eq!(bench.any_word(1.0), Some(LANDED));
-    bench.say(Duty::Landing);
+    bench.send(Duty::Landing);
     assert_eq!(bench.any_word(0.2), Some(HEARD));
 }
 
@@ -138,7 +138,7 @@ fn a_sender_that_reads_nothing_does_not_hold_up_the_guardian() {
 #[test]
 fn the_landing_is_reported_before_it_is_ordered() {
     let mut bench = Bench::start();
-    bench.say(Duty::Steering);
+    bench.send(Duty::Steering);
     assert_eq!(bench.any_word(0.2), Some(HEARD));
     bench.packet(1.0).unwrap();
     bench.sender.set_nonblocking(true).unwrap();
@@ -150,7 +150,7 @@ fn the_landing_is_reported_before_it_is_ordered() {
 fn a_channel_that_closes_in_flight_lands_at_once() {
     for duty in [Duty::Steering, Duty::Landing] {
         let mut bench = Bench::start();
-        bench.say(duty);
+        bench.send(duty);
         let since_s = bench.clock.now().seconds();
         drop(std::mem::replace(&mut bench.sender, UnixStream::pair().unwrap().0));
         let after_s = bench.landing(1.0) - since_s;
@@ -166,7 +166,7 @@ fn without_a_drone_in_the_air_neither_silence_nor_an_end_says_anything_to_it() {
         let mut bench = Bench::start();
         for duty in [Duty::Steering, Duty::Landing].into_iter().chain(last) {
             if last.is_some() {
-                bench.say(duty);
+                bench.send(duty);
             }
         }
         assert_eq!(bench.packet(0.5), None, "{last:?}");
@@ -180,7 +180,7 @@ fn without_a_drone_in_the_air_neither_silence_nor_an_end_says_anything_to_it() {
 #[ignore = "15 s of real time: .ci/run all runs it"]
 fn a_sender_that_stays_silent_is_given_up_after_15_s_and_its_end_is_reported() {
     let mut bench = Bench::start();
-    bench.say(Duty::Steering);
+    bench.send(Duty::Steering);
     let first_s = bench.landing(1.0);
     let mut last_s = first_s;
     for _ in 1..LANDINGS_MAX {

@@ -13,8 +13,8 @@ impl Session {
     /// A landing ends only when both witnesses, status and pose, say that the drone is down, or one of them
     /// for 10 s while the other says nothing. "On the floor" counts for 0.5 s. "In the air" counts until the
     /// opposite is seen, or until there was no fresh pose for 2 s.
-    pub fn see_pose(&mut self, is_airborne: Option<bool>, now: TimeNs) {
-        self.witnesses.see_pose(is_airborne, now);
+    pub fn observe_pose(&mut self, is_airborne: Option<bool>, now: TimeNs) {
+        self.witnesses.observe_pose(is_airborne, now);
         self.note_rest(now);
     }
 
@@ -162,7 +162,7 @@ mod tests {
         let mut session = reported(false);
         session.take_off_at = Some(ms(0));
         session.receive(&status(false), ms(4_999));
-        session.see_pose(Some(false), ms(4_999));
+        session.observe_pose(Some(false), ms(4_999));
         assert!(session.may_be_airborne(ms(4_999)));
         assert!(!session.may_be_airborne(ms(5_000)));
     }

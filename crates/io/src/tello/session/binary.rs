@@ -1,6 +1,6 @@
 //! The session in the binary protocol: sequence numbers, the drone's questions, its settings.
 
-use super::talk::{Heard, Message};
+use super::talk::{Message, Received};
 use super::{Approved, DroneOrder};
 use crate::clock::{CivilTime, SpanNs, TimeNs};
 use crate::tello::protocol::{Action, DronePacket, HostPacket, PacketError, Query, Setting};
@@ -104,56 +104,56 @@ impl BinaryTalk {
         if is_lost { TAKE_OFF_PATIENCE } else { super::TAKE_OFF_TIME }
     }
 
-    pub(super) fn hear(
+    pub(super) fn receive(
         &mut self,
         datagram: &[u8],
         now: TimeNs,
         outbox: &mut Vec<Message>,
-    ) -> Option<Heard> {
+    ) -> Option<Received> {
         let packet = match DronePacket::decode(datagram) {
             Ok(packet) => packet,
-            Err(PacketError::Unread { .. }) => return Some(Heard::Life),
+            Err(PacketError::Unread { .. }) => return Some(Received::Life),
             Err(_) => return None,
         };
         Some(match packet {
-            DronePacket::ConnAck { .. } => Heard::Connected,
+            DronePacket::ConnAck { .. } => Received::Connected,
             DronePacket::DateTimeRequest { sequence } => {
                 let time = self.civil(now);
                 outbox.push(Message::Binary(HostPacket::DateTime { sequence, time }));
-                Heard::Life
+                Received::Life
             }
             DronePacket::LogHeader { sequence, header_id } => {
                 outbox.push(Message::Binary(HostPacket::LogHeaderAck { sequence, header_id }));
-                Heard::Life
+                Received::Life
             }
             DronePacket::Ack { action, sequence } => {
                 if self.unacknowledged == Some((action, sequence)) {
                     self.unacknowledged = None;
-                    Heard::Acknowledged
+                    Received::Acknowledged
                 } else {
-                    Heard::Life
+                    Received::Life
                 }
             }
             DronePacket::Answer { answer, .. } => {
                 for query in &mut self.queries {
                     *query = query.filter(|query| *query != answer.query());
                 }
-                Heard::Fact(answer)
+                Received::Fact(answer)
             }
             DronePacket::SettingAck { setting: Setting::AltitudeLimit, .. } => {
                 self.altitude_limit_m = None;
-                Heard::Life
+                Received::Life
             }
             DronePacket::Status { status, .. } => {
                 let is_fresh = |(_, at): &(f64, TimeNs)| now.since(*at) <= HEADING_AGE_MAX;
                 let heading_rad = self.heading.filter(is_fresh).map(|(heading_rad, _)| heading_rad);
-                Heard::Status(DroneStatus { heading_rad, ..status_from_binary(&status, now) })
+                Received::Status(DroneStatus { heading_rad, ..status_from_binary(&status, now) })
             }
             DronePacket::LogData { yaw_rad, .. } => {
                 self.heading = Some((-yaw_rad, now));
-                Heard::Life
+                Received::Life
             }
-            DronePacket::WifiStrength { .. } => Heard::Life,
+            DronePacket::WifiStrength { .. } => Received::Life,
         })
     }
 
@@ -169,12 +169,12 @@ mod tests {
     use super::*;
     use crate::tello::protocol::FlightStatus;
 
-    fn hear(talk: &mut BinaryTalk, packet: DronePacket) -> Option<Heard> {
-        hear_at(talk, 0, packet)
+    fn receive(talk: &mut BinaryTalk, packet: DronePacket) -> Option<Received> {
+        receive_at(talk, 0, packet)
     }
 
-    fn hear_at(talk: &mut BinaryTalk, now_ms: i64, packet: DronePacket) -> Option<Heard> {
-        talk.hear(&bytes(packet), ms(now_ms), &mut Vec::new())
+    fn receive_at(talk: &mut BinaryTalk, now_ms: i64, packet: DronePacket) -> Option<Received> {
+        talk.receive(&bytes(packet), ms(now_ms), &mut Vec::new())
     }
 
     #[test]
@@ -192,12 +192,12 @@ mod tests {
         talk.order(DroneOrder::Land, &mut Vec::new());
         let ack = |action, sequence| DronePacket::Ack { action, sequence };
         for (packet, expected) in [
-            (ack(Action::Land, 6), Heard::Life),
-            (ack(Action::TakeOff, 7), Heard::Life),
-            (ack(Action::Land, 7), Heard::Acknowledged),
-            (ack(Action::Land, 7), Heard::Life),
+            (ack(Action::Land, 6), Received::Life),
+            (ack(Action::TakeOff, 7), Received::Life),
+            (ack(Action::Land, 7), Received::Acknowledged),
+            (ack(Action::Land, 7), Received::Life),
         ] {
-            assert_eq!(hear(&mut talk, packet), Some(expected), "{packet:?}");
+            assert_eq!(receive(&mut talk, packet), Some(expected), "{packet:?}");
         }
     }
 
@@ -207,7 +207,7 @@ mod tests {
         assert_eq!(talk.take_off_patience(), super::super::TAKE_OFF_TIME);
         talk.order(DroneOrder::TakeOff, &mut Vec::new());
         assert_eq!(talk.take_off_patience(), TAKE_OFF_PATIENCE);
-        hear(&mut talk, DronePacket::Ack { action: Action::TakeOff, sequence: 0 });
+        receive(&mut talk, DronePacket::Ack { action: Action::TakeOff, sequence: 0 });
         assert_eq!(talk.take_off_patience(), super::super::TAKE_OFF_TIME);
         talk.order(DroneOrder::Land, &mut Vec::new());
         assert_eq!(talk.take_off_patience(), super::super::TAKE_OFF_TIME);
@@ -217,13 +217,13 @@ mod tests {
     fn a_status_has_the_heading_of_the_log_counter_clockwise_while_it_is_fresh() {
         let mut talk = BinaryTalk::new(0, None);
         let status = DronePacket::Status { sequence: 1, status: FlightStatus::new(true) };
-        let heading = |talk: &mut BinaryTalk, now_ms| match hear_at(talk, now_ms, status) {
-            Some(Heard::Status(status)) => status.heading_rad,
+        let heading = |talk: &mut BinaryTalk, now_ms| match receive_at(talk, now_ms, status) {
+            Some(Received::Status(status)) => status.heading_rad,
             heard => panic!("{heard:?}"),
         };
         assert_eq!(heading(&mut talk, 0), None, "no log");
         let log = DronePacket::LogData { sequence: 2, tick: 77, yaw_rad: 0.5 };
-        assert_eq!(hear_at(&mut talk, 100, log), Some(Heard::Life));
+        assert_eq!(receive_at(&mut talk, 100, log), Some(Received::Life));
         let near = |got: Option<f64>| got.is_some_and(|got| (got + 0.5).abs() < 1e-6);
         assert!(near(heading(&mut talk, 100)) && near(heading(&mut talk, 400)));
         assert_eq!(heading(&mut talk, 401), None, "an old one");
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn noise_is_not_understood_and_an_emergency_stop_has_no_number() {
         let mut talk = BinaryTalk::new(0, None);
-        assert_eq!(talk.hear(b"noise", ms(0), &mut Vec::new()), None);
+        assert_eq!(talk.receive(b"noise", ms(0), &mut Vec::new()), None);
         let mut outbox = Vec::new();
         talk.order(DroneOrder::EmergencyStop, &mut outbox);
         assert_eq!(outbox, [Message::Binary(HostPacket::EmergencyStop)]);

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::Ordering;
 
-use super::talk::Heard;
+use super::talk::Received;
 use super::{Flight, Link, PING_PERIOD, Session};
 use crate::clock::TimeNs;
 use crate::tello::{DroneStatus, Protocol};
@@ -11,7 +11,7 @@ impl Session {
     /// Takes a datagram of the drone's command port; its status, if it is one.
     pub fn receive(&mut self, datagram: &[u8], now: TimeNs) -> Option<DroneStatus> {
         let answered_from = self.outbox.len();
-        let heard = self.talk.hear(datagram, now, &mut self.outbox);
+        let heard = self.talk.receive(datagram, now, &mut self.outbox);
         let is_ending = matches!(self.flight, Flight::Landing { .. } | Flight::EmergencyStop(_));
         if is_ending && !self.is_dry_run {
             // The drone asks again; an answer between two landings might cancel the first.
@@ -22,11 +22,11 @@ impl Session {
 
     /// Takes a state line of the text SDK, which comes to a port of its own.
     pub fn receive_state(&mut self, datagram: &[u8], now: TimeNs) -> Option<DroneStatus> {
-        let heard = self.talk.hear_state(datagram, now);
+        let heard = self.talk.receive_state(datagram, now);
         self.take(heard, now)
     }
 
-    fn take(&mut self, heard: Option<Heard>, now: TimeNs) -> Option<DroneStatus> {
+    fn take(&mut self, heard: Option<Received>, now: TimeNs) -> Option<DroneStatus> {
         let Some(heard) = heard else {
             self.counters.malformed.count();
             return None;
@@ -36,13 +36,13 @@ impl Session {
             *heard_at = now;
         }
         match heard {
-            Heard::Life => {}
-            Heard::Connected => self.connect(now),
-            Heard::Acknowledged => self.counters.acks.count(),
-            Heard::Refused => self.counters.refusals.count(),
-            Heard::Fact(answer) => self.counters.note(answer),
-            Heard::Status(status) => {
-                self.witnesses.hear_status(&status, self.may_have_flown, now);
+            Received::Life => {}
+            Received::Connected => self.connect(now),
+            Received::Acknowledged => self.counters.acks.count(),
+            Received::Refused => self.counters.refusals.count(),
+            Received::Fact(answer) => self.counters.note(answer),
+            Received::Status(status) => {
+                self.witnesses.receive_status(&status, self.may_have_flown, now);
                 self.may_have_flown |= status.is_flying;
                 // A drone that reports to us in the binary protocol knows us, should every
                 // acknowledgement be lost. State lines come in SDK mode only: the drone has kept that mode.

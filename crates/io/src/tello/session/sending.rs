@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn the_ladder_lands_every_other_time_once_its_patience_is_over_and_none_is_at_rest() {
         let mut down = Witnesses::default();
-        down.see_pose(Some(false), ms(0));
+        down.observe_pose(Some(false), ms(0));
         let alone = down.rest(None, ms(0));
         let stop = |at_rest, is_landing_next| EmergencyStop {
             since: ms(0),

@@ -1,6 +1,6 @@
 //! Decisions of the session as messages of a protocol, and the meaning of the drone's datagrams.
 //!
-//! Owns [`Message`] and [`Heard`], the two sides of that translation. The protocols are `binary` and
+//! Owns [`Message`] and [`Received`], the two sides of that translation. The protocols are `binary` and
 //! `text`; the session decides when something is sent.
 
 use super::binary::BinaryTalk;
@@ -32,7 +32,7 @@ impl Message {
 
 /// What a datagram of the drone means.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Heard {
+pub(super) enum Received {
     /// The drone is there, and nothing else.
     Life,
     /// The request for a connection is answered.
@@ -138,23 +138,23 @@ impl Talk {
     }
 
     /// Takes a datagram of the command port; `None` if it is not understood.
-    pub(super) fn hear(
+    pub(super) fn receive(
         &mut self,
         datagram: &[u8],
         now: TimeNs,
         outbox: &mut Vec<Message>,
-    ) -> Option<Heard> {
+    ) -> Option<Received> {
         match self {
-            Self::Binary(talk) => talk.hear(datagram, now, outbox),
-            Self::Text(talk) => talk.hear_reply(datagram, now),
+            Self::Binary(talk) => talk.receive(datagram, now, outbox),
+            Self::Text(talk) => talk.receive_reply(datagram, now),
         }
     }
 
     /// Takes a datagram of the state port, which only the text SDK has.
-    pub(super) fn hear_state(&mut self, datagram: &[u8], now: TimeNs) -> Option<Heard> {
+    pub(super) fn receive_state(&mut self, datagram: &[u8], now: TimeNs) -> Option<Received> {
         match self {
             Self::Binary(_) => None,
-            Self::Text(talk) => talk.hear_state(datagram, now),
+            Self::Text(talk) => talk.receive_state(datagram, now),
         }
     }
 }
@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn a_state_line_means_something_in_the_text_sdk_only() {
-        let heard = both().map(|mut talk| talk.hear_state(b"tof:10;bat:80;", ms(0)).is_some());
+        let heard = both().map(|mut talk| talk.receive_state(b"tof:10;bat:80;", ms(0)).is_some());
         assert_eq!(heard, [false, true]);
     }
 }

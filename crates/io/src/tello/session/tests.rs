@@ -61,7 +61,7 @@ impl Bench {
     /// A bench whose drone says at 0 ms that it stands.
     fn standing() -> Self {
         let mut bench = Self::connected();
-        bench.hear(0, &status(false));
+        bench.receive(0, &status(false));
         bench
     }
 
@@ -69,7 +69,7 @@ impl Bench {
     fn connected() -> Self {
         let mut bench = Self::new(false);
         bench.run(0, 0);
-        bench.hear(0, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
+        bench.receive(0, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
         bench.sent.clear();
         bench
     }
@@ -113,7 +113,7 @@ impl Bench {
         }
     }
 
-    fn hear(&mut self, now_ms: i64, datagram: &[u8]) -> Option<DroneStatus> {
+    fn receive(&mut self, now_ms: i64, datagram: &[u8]) -> Option<DroneStatus> {
         let status = self.session.receive(datagram, ms(now_ms));
         self.note(now_ms);
         status
@@ -121,8 +121,8 @@ impl Bench {
 
     /// Both witnesses say that the drone is down.
     fn stand(&mut self, now_ms: i64) {
-        self.see_pose(now_ms, Some(false));
-        self.hear(now_ms, &status(false));
+        self.observe_pose(now_ms, Some(false));
+        self.receive(now_ms, &status(false));
     }
 
     fn approve(&mut self, now_ms: i64, roll: f64) {
@@ -135,8 +135,8 @@ impl Bench {
         self.note(now_ms);
     }
 
-    fn see_pose(&mut self, now_ms: i64, is_airborne: Option<bool>) {
-        self.session.see_pose(is_airborne, ms(now_ms));
+    fn observe_pose(&mut self, now_ms: i64, is_airborne: Option<bool>) {
+        self.session.observe_pose(is_airborne, ms(now_ms));
         self.note(now_ms);
     }
 
@@ -159,7 +159,7 @@ fn a_connection_is_asked_for_every_2_s_until_it_is_acknowledged() {
     bench.run(0, 9_000);
     assert_eq!(bench.times(|sent| sent == Sent::ConnReq), [0, 2_000, 4_000, 6_000, 8_000]);
     assert!(!bench.session.counters.is_connected());
-    bench.hear(9_001, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
+    bench.receive(9_001, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
     assert!(bench.session.counters.is_connected());
     bench.sent.clear();
     bench.run(9_002, 11_000);
@@ -170,7 +170,7 @@ fn a_connection_is_asked_for_every_2_s_until_it_is_acknowledged() {
 fn a_silent_drone_is_lost_after_2_s_and_asked_for_again() {
     let mut bench = Bench::connected();
     bench.run(0, 1_500);
-    bench.hear(1_500, &status(true));
+    bench.receive(1_500, &status(true));
     bench.run(1_500, 3_499);
     assert!(bench.session.counters.is_connected());
     assert_eq!(bench.sent, []);
@@ -196,7 +196,7 @@ fn sticks_wait_for_the_first_connection_but_outlive_a_silent_downlink() {
     bench.approve(0, 0.5);
     bench.run(0, 90);
     assert_eq!(bench.times(is_roll), [0; 0]);
-    bench.hear(90, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
+    bench.receive(90, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
     for now_ms in (100..4_000).step_by(20) {
         bench.approve(now_ms, 0.5);
     }
@@ -206,9 +206,9 @@ fn sticks_wait_for_the_first_connection_but_outlive_a_silent_downlink() {
 #[test]
 fn a_standing_drone_gets_sticks_before_the_first_landing() {
     let mut bench = Bench::connected();
-    bench.hear(0, &status(false));
+    bench.receive(0, &status(false));
     bench.approve(1, 0.0);
-    bench.hear(2, &status(false));
+    bench.receive(2, &status(false));
     bench.approve(21, 0.0);
     assert_eq!(bench.times(is_roll), [1, 21]);
 }
@@ -234,11 +234,11 @@ fn a_take_off_that_was_lost_is_sent_again_only_to_a_drone_that_says_it_stands() 
     bench.order(0, DroneOrder::TakeOff);
     bench.order(2_600, DroneOrder::TakeOff);
     assert_eq!(take_offs(&bench), [0], "it has not sent for 2 s that it stands");
-    bench.hear(2_700, &status(false));
+    bench.receive(2_700, &status(false));
     bench.order(2_700, DroneOrder::TakeOff);
     assert_eq!(take_offs(&bench), [0, 2_700], "it was not even acknowledged");
-    bench.hear(2_800, &bytes(DronePacket::Ack { action: Action::TakeOff, sequence: 2 }));
-    bench.hear(7_600, &status(false));
+    bench.receive(2_800, &bytes(DronePacket::Ack { action: Action::TakeOff, sequence: 2 }));
+    bench.receive(7_600, &status(false));
     bench.order(7_600, DroneOrder::TakeOff);
     assert_eq!(take_offs(&bench), [0, 2_700], "acknowledged, so it may run for 5 s");
     bench.order(7_700, DroneOrder::TakeOff);
@@ -248,13 +248,13 @@ fn a_take_off_that_was_lost_is_sent_again_only_to_a_drone_that_says_it_stands() 
 #[test]
 fn a_drone_in_the_air_is_never_ordered_to_take_off() {
     let mut first = Bench::connected();
-    first.hear(0, &status(true));
+    first.receive(0, &status(true));
     first.order(1, DroneOrder::TakeOff);
     let mut again = Bench::standing();
     again.order(0, DroneOrder::TakeOff);
     for now_ms in 1..20_000 {
         again.approve(now_ms, 0.0);
-        again.hear(now_ms, &status(now_ms > 500));
+        again.receive(now_ms, &status(now_ms > 500));
         again.order(now_ms, DroneOrder::TakeOff);
     }
     assert_eq!((take_offs(&first), take_offs(&again)), (vec![], vec![0]));
@@ -265,15 +265,15 @@ fn only_a_drone_that_reports_now_that_it_stands_is_ordered_to_take_off() {
     let mut bench = Bench::connected();
     bench.order(10, DroneOrder::TakeOff);
     assert_eq!(take_offs(&bench), [0; 0], "it has not sent anything");
-    bench.hear(20, &status(true));
-    bench.hear(30, &status(false));
+    bench.receive(20, &status(true));
+    bench.receive(30, &status(false));
     bench.order(2_031, DroneOrder::TakeOff);
     assert_eq!(take_offs(&bench), [0; 0], "2 s ago it stood");
-    bench.hear(2_100, &status(false));
-    bench.hear(2_200, &status(true));
+    bench.receive(2_100, &status(false));
+    bench.receive(2_200, &status(true));
     bench.order(2_201, DroneOrder::TakeOff);
     assert_eq!(take_offs(&bench), [0; 0], "it flies");
-    bench.hear(2_300, &status(false));
+    bench.receive(2_300, &status(false));
     bench.order(4_300, DroneOrder::TakeOff);
     assert_eq!(take_offs(&bench), [4_300]);
 }
@@ -282,12 +282,12 @@ fn only_a_drone_that_reports_now_that_it_stands_is_ordered_to_take_off() {
 fn a_drone_whose_acknowledgement_is_lost_but_that_reports_is_steered() {
     let mut bench = Bench::new(false);
     bench.run(0, 0);
-    bench.hear(5, &status(false));
+    bench.receive(5, &status(false));
     assert!(bench.session.counters.is_connected());
     bench.approve(10, 0.5);
     assert_eq!(bench.times(is_roll), [10]);
     for now_ms in (100..5_000).step_by(100) {
-        bench.hear(now_ms, &status(false));
+        bench.receive(now_ms, &status(false));
         bench.run(now_ms, now_ms + 99);
     }
     assert_eq!(bench.times(|sent| sent == Sent::ConnReq), [0], "it knows us");
@@ -296,14 +296,14 @@ fn a_drone_whose_acknowledgement_is_lost_but_that_reports_is_steered() {
 #[test]
 fn a_drone_that_starts_anew_in_flight_is_asked_for_and_not_steered_on_by_old_sticks() {
     let mut bench = Bench::connected();
-    bench.hear(0, &status(true));
+    bench.receive(0, &status(true));
     for now_ms in (0..3_000).step_by(20) {
         bench.approve(now_ms, 0.5);
         bench.run(now_ms, now_ms + 19);
     }
     let requests = |bench: &Bench| bench.times(|sent| sent == Sent::ConnReq);
     assert_eq!(requests(&bench), [2_000], "silent while it starts");
-    bench.hear(3_000, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
+    bench.receive(3_000, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
     bench.stand(3_001);
     bench.order(3_002, DroneOrder::Land);
     bench.run(3_002, 4_900);
@@ -316,16 +316,16 @@ fn an_altitude_limit_is_repeated_on_the_way_until_it_is_confirmed() {
     let counters = Arc::clone(&bench.session.counters);
     bench.session = Session::binary(0, Some(3), false, counters);
     bench.run(0, 0);
-    bench.hear(0, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
+    bench.receive(0, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
     for now_ms in (100..=2_400).step_by(100) {
-        bench.hear(now_ms, &status(false));
+        bench.receive(now_ms, &status(false));
         bench.run(now_ms, now_ms + 99);
     }
     assert_eq!(bench.sent[1..], [(0, Sent::Limit(3, 1)), (2_000, Sent::Limit(3, 2))]);
     let setting = crate::tello::protocol::Setting::AltitudeLimit;
-    bench.hear(2_500, &bytes(DronePacket::SettingAck { setting, sequence: 2 }));
+    bench.receive(2_500, &bytes(DronePacket::SettingAck { setting, sequence: 2 }));
     for now_ms in (2_500..=8_000).step_by(100) {
-        bench.hear(now_ms, &status(false));
+        bench.receive(now_ms, &status(false));
         bench.run(now_ms, now_ms + 99);
     }
     assert_eq!(bench.sent.len(), 3, "{:?}", bench.sent);
@@ -336,11 +336,11 @@ fn only_the_newest_order_is_acknowledged() {
     let mut bench = Bench::standing();
     bench.order(0, DroneOrder::TakeOff);
     let acks = |bench: &Bench| bench.session.counters.acks.get();
-    bench.hear(5, &bytes(DronePacket::Ack { action: Action::TakeOff, sequence: 9 }));
-    bench.hear(6, &bytes(DronePacket::Ack { action: Action::Land, sequence: 1 }));
+    bench.receive(5, &bytes(DronePacket::Ack { action: Action::TakeOff, sequence: 9 }));
+    bench.receive(6, &bytes(DronePacket::Ack { action: Action::Land, sequence: 1 }));
     assert_eq!(acks(&bench), 0);
-    bench.hear(7, &bytes(DronePacket::Ack { action: Action::TakeOff, sequence: 1 }));
-    bench.hear(8, &bytes(DronePacket::Ack { action: Action::TakeOff, sequence: 1 }));
+    bench.receive(7, &bytes(DronePacket::Ack { action: Action::TakeOff, sequence: 1 }));
+    bench.receive(8, &bytes(DronePacket::Ack { action: Action::TakeOff, sequence: 1 }));
     assert_eq!(acks(&bench), 1);
 }
 
@@ -348,14 +348,14 @@ fn only_the_newest_order_is_acknowledged() {
 fn a_dry_run_talks_but_neither_steers_nor_orders() {
     let mut bench = Bench::new(true);
     bench.run(0, 0);
-    bench.hear(0, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
-    bench.hear(0, &status(false));
+    bench.receive(0, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
+    bench.receive(0, &status(false));
     bench.order(1, DroneOrder::TakeOff);
     for now_ms in 2..1_500 {
         bench.approve(now_ms, 0.5);
     }
     bench.order(1_500, DroneOrder::Land);
-    bench.hear(1_600, &bytes(DronePacket::DateTimeRequest { sequence: 0 }));
+    bench.receive(1_600, &bytes(DronePacket::DateTimeRequest { sequence: 0 }));
     bench.run(1_600, 1_900);
     assert_eq!(bench.sent, [(0, Sent::ConnReq), (1_600, Sent::Answer)]);
     assert_eq!(bench.session.counters.sticks.get() + bench.session.counters.orders.get(), 0);
@@ -384,14 +384,14 @@ fn a_status_is_handed_on_with_its_time_and_garbage_is_counted() {
     let mut bench = Bench::connected();
     let flight = FlightStatus { battery_pct: 87, height_dm: 12, ..FlightStatus::new(true) };
     let sent = bytes(DronePacket::Status { sequence: 3, status: flight });
-    let status = bench.hear(20, &sent).unwrap();
+    let status = bench.receive(20, &sent).unwrap();
     assert_eq!((status.received_at, status.battery_pct), (ms(20), 87));
     assert_eq!(status.height_m, Some(12.0 * 0.1));
     assert!(status.is_flying && !status.is_on_ground && status.is_battery_low == Some(false));
-    assert_eq!(bench.hear(21, b"ok"), None);
-    assert_eq!(bench.hear(22, &sent[..20]), None);
+    assert_eq!(bench.receive(21, b"ok"), None);
+    assert_eq!(bench.receive(22, &sent[..20]), None);
     // A frame of a message that is not read shows that the drone is there.
-    assert_eq!(bench.hear(1_900, b"\xcc\x58\x00\x7c\x48\x45\x00\x06\x00\xe9\x62"), None);
+    assert_eq!(bench.receive(1_900, b"\xcc\x58\x00\x7c\x48\x45\x00\x06\x00\xe9\x62"), None);
     bench.run(1_900, 3_000);
     let counters = &bench.session.counters;
     assert_eq!((counters.malformed.get(), counters.packets.get()), (2, 3));

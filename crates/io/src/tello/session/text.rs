@@ -7,7 +7,7 @@
 use tello_flight::drone::M_PER_DM;
 
 use super::DroneOrder;
-use super::talk::{Heard, Message};
+use super::talk::{Message, Received};
 use crate::clock::{SpanNs, TimeNs};
 use crate::tello::DroneStatus;
 use crate::tello::text::{Command, Field, Query, Reply, StateLine};
@@ -116,7 +116,7 @@ impl TextTalk {
         }
     }
 
-    pub(super) fn hear_reply(&mut self, datagram: &[u8], now: TimeNs) -> Option<Heard> {
+    pub(super) fn receive_reply(&mut self, datagram: &[u8], now: TimeNs) -> Option<Received> {
         let ordered_for = match self.take_off {
             TakeOff::Ordered { at } => Some(now.since(at)),
             TakeOff::None | TakeOff::Over => None,
@@ -124,17 +124,17 @@ impl TextTalk {
         Some(match (Reply::decode(datagram)?, ordered_for) {
             (Reply::Done, Some(so_long)) if so_long >= TAKE_OFF_MIN => {
                 self.take_off = TakeOff::Over;
-                Heard::Acknowledged
+                Received::Acknowledged
             }
-            (Reply::Done, _) => Heard::Connected,
+            (Reply::Done, _) => Received::Connected,
             // It may refuse a doubled take-off while the first is running: the motors decide.
-            (Reply::Refused, _) => Heard::Refused,
-            (Reply::Value, _) => Heard::Life,
+            (Reply::Refused, _) => Received::Refused,
+            (Reply::Value, _) => Received::Life,
         })
     }
 
     /// A status needs a charge and a sign of the motors; a line without them is a sign of life.
-    pub(super) fn hear_state(&mut self, datagram: &[u8], now: TimeNs) -> Option<Heard> {
+    pub(super) fn receive_state(&mut self, datagram: &[u8], now: TimeNs) -> Option<Received> {
         let line = StateLine::decode(datagram)?;
         self.battery_pct = line.get(Field::Bat).map(percent).or(self.battery_pct);
         if let Some(count_s) = line.get(Field::Time) {
@@ -142,9 +142,9 @@ impl TextTalk {
         }
         self.is_high = line.get(Field::Tof).and_then(|tof_cm| self.flies_at(tof_cm));
         let (Some(is_flying), Some(battery_pct)) = (self.is_flying(now), self.battery_pct) else {
-            return Some(Heard::Life);
+            return Some(Received::Life);
         };
-        Some(Heard::Status(DroneStatus {
+        Some(Received::Status(DroneStatus {
             received_at: now,
             is_flying,
             is_on_ground: !is_flying,
@@ -269,17 +269,17 @@ mod tests {
             (Some(running(7_500)), "bat:90;tof:10;", 8_000),
         ] {
             let mut talk = ordered(motors);
-            talk.hear_state(state.as_bytes(), ms(7_000));
+            talk.receive_state(state.as_bytes(), ms(7_000));
             assert!(talk.is_taking_off(ms(over_ms - 1)), "{motors:?} {state}");
             assert!(!talk.is_taking_off(ms(over_ms)), "{motors:?} {state}");
             assert!(!talk.takes_sticks(ms(over_ms - 1)), "{motors:?} {state}");
             assert!(talk.takes_sticks(ms(over_ms)), "{motors:?} {state}");
         }
         for (at_ms, heard, is_running) in
-            [(2_499, Heard::Connected, true), (2_500, Heard::Acknowledged, false)]
+            [(2_499, Received::Connected, true), (2_500, Received::Acknowledged, false)]
         {
             let mut talk = ordered(None);
-            assert_eq!(talk.hear_reply(b"ok", ms(at_ms)), Some(heard));
+            assert_eq!(talk.receive_reply(b"ok", ms(at_ms)), Some(heard));
             assert_eq!(talk.is_taking_off(ms(at_ms)), is_running, "{at_ms} ms");
         }
         let mut landing = ordered(None);

@@ -59,7 +59,7 @@ impl Rest {
 
 impl Witnesses {
     /// Takes a status; `has_flown`: whether a take-off may have been before it.
-    pub(super) fn hear_status(&mut self, status: &DroneStatus, has_flown: bool, now: TimeNs) {
+    pub(super) fn receive_status(&mut self, status: &DroneStatus, has_flown: bool, now: TimeNs) {
         let height_m = status.height_m;
         if !has_flown && !status.is_flying {
             self.ground_m = height_m;
@@ -83,7 +83,7 @@ impl Witnesses {
     ///
     /// Without a call a pose in the air does not expire: the control thread may be gone, and the drone that it left in
     /// the air is still there.
-    pub(super) fn see_pose(&mut self, is_airborne: Option<bool>, now: TimeNs) {
+    pub(super) fn observe_pose(&mut self, is_airborne: Option<bool>, now: TimeNs) {
         match is_airborne {
             Some(is_airborne) => self.pose = Some(Word { is_airborne, at: now }),
             None => self.pose = self.pose.filter(|word| now.since(word.at) < AIRBORNE_HELD),
@@ -148,11 +148,11 @@ mod tests {
     fn a_status_counts_for_two_seconds_and_the_floor_for_half_of_one() {
         let mut witnesses = Witnesses::default();
         assert_eq!((witnesses.is_airborne(ms(0)), witnesses.last_status()), (None, None));
-        witnesses.hear_status(&status(true, None), true, ms(0));
+        witnesses.receive_status(&status(true, None), true, ms(0));
         assert_eq!(witnesses.status(ms(2_000)), Some(true));
         assert_eq!(witnesses.status(ms(2_000).after(NS)), None);
         assert_eq!(witnesses.last_status(), Some(true), "however old");
-        witnesses.see_pose(Some(false), ms(0));
+        witnesses.observe_pose(Some(false), ms(0));
         assert_eq!(witnesses.pose(ms(500)), Some(false));
         assert_eq!(witnesses.pose(ms(500).after(NS)), None);
     }
@@ -160,18 +160,18 @@ mod tests {
     #[test]
     fn a_pose_in_the_air_counts_until_two_seconds_without_one_were_noticed() {
         let mut witnesses = Witnesses::default();
-        witnesses.see_pose(Some(true), ms(0));
+        witnesses.observe_pose(Some(true), ms(0));
         assert_eq!(witnesses.pose(ms(60_000)), Some(true), "the control thread is gone");
-        witnesses.see_pose(None, ms(1_999));
+        witnesses.observe_pose(None, ms(1_999));
         assert_eq!(witnesses.pose(ms(1_999)), Some(true));
-        witnesses.see_pose(None, ms(2_000));
+        witnesses.observe_pose(None, ms(2_000));
         assert_eq!(witnesses.pose(ms(2_000)), None);
     }
 
     #[test]
     fn a_drone_that_stands_high_by_its_own_height_is_no_witness() {
         let mut witnesses = Witnesses::default();
-        witnesses.hear_status(&status(false, Some(0.2)), false, ms(0));
+        witnesses.receive_status(&status(false, Some(0.2)), false, ms(0));
         // By at most 0.4 m above the height before the flight, which does not change any more.
         for (is_flying, height_m, expected) in [
             (false, Some(0.6), Some(false)),
@@ -181,7 +181,7 @@ mod tests {
             (false, Some(-0.5), Some(false)),
             (false, Some(0.7), None),
         ] {
-            witnesses.hear_status(&status(is_flying, height_m), true, ms(0));
+            witnesses.receive_status(&status(is_flying, height_m), true, ms(0));
             assert_eq!(witnesses.status(ms(0)), expected, "{height_m:?}, flying {is_flying}");
             assert_eq!(witnesses.last_status(), Some(is_flying));
         }
@@ -199,9 +199,9 @@ mod tests {
         ] {
             let mut witnesses = Witnesses::default();
             if let Some(is_flying) = by_status {
-                witnesses.hear_status(&status(is_flying, None), true, ms(0));
+                witnesses.receive_status(&status(is_flying, None), true, ms(0));
             }
-            witnesses.see_pose(by_pose, ms(0));
+            witnesses.observe_pose(by_pose, ms(0));
             assert_eq!(witnesses.is_airborne(ms(0)), is_airborne, "{by_status:?}, {by_pose:?}");
             assert_eq!(witnesses.is_alone(ms(0)), is_alone, "{by_status:?}, {by_pose:?}");
             let is_agreed = witnesses.rest(None, ms(0)).map(Rest::is_agreed);
@@ -213,12 +213,12 @@ mod tests {
     #[test]
     fn rest_counts_from_its_beginning_and_agreement_never_delays_its_end() {
         let mut witnesses = Witnesses::default();
-        witnesses.hear_status(&status(false, None), true, ms(100));
+        witnesses.receive_status(&status(false, None), true, ms(100));
         let alone = witnesses.rest(None, ms(100)).unwrap();
         assert_eq!(alone.is_over_at(SpanNs::from_ms(300)), ms(100).after(ALONE_HOLD));
         for (agreed_ms, over_ms) in [(1_000, 1_300), (10_000, 10_100)] {
-            witnesses.hear_status(&status(false, None), true, ms(agreed_ms));
-            witnesses.see_pose(Some(false), ms(agreed_ms));
+            witnesses.receive_status(&status(false, None), true, ms(agreed_ms));
+            witnesses.observe_pose(Some(false), ms(agreed_ms));
             let agreed = witnesses.rest(Some(alone), ms(agreed_ms));
             let later = witnesses.rest(agreed, ms(agreed_ms + 50)).unwrap();
             assert_eq!(later.is_over_at(SpanNs::from_ms(300)), ms(over_ms), "{agreed_ms} ms");

@@ -41,9 +41,9 @@ impl Bench {
     fn step(&mut self, steps: u32) -> Vec<Vec<u8>> {
         let mut received = Vec::new();
         for _ in 0..steps {
-            self.port.hear(&mut self.world);
+            self.port.receive(&mut self.world);
             self.world.advance();
-            self.port.speak(&mut self.world);
+            self.port.report(&mut self.world);
             let mut bytes = [0; 2048];
             while let Ok(length) = self.host.recv(&mut bytes) {
                 received.push(bytes[..length].to_vec());

@@ -28,7 +28,7 @@ fn ask(server: &mut NatnetPort, client: &UdpSocket, kind: u16, body: &[u8]) -> V
     let mut bytes = Vec::new();
     encode::request(kind, body, &mut bytes);
     client.send(&bytes).unwrap();
-    server.hear();
+    server.receive();
     arrived(client)
 }
 

@@ -6,7 +6,7 @@ use super::*;
 fn answers(session: &mut Session, command: &str) -> Vec<(u32, String)> {
     let mut bytes = Vec::new();
     encode::text(kind::COMMAND, command, &mut bytes);
-    session.hear(&bytes).unwrap();
+    session.receive(&bytes).unwrap();
     let mut answers = Vec::new();
     let sent = std::mem::take(&mut session.answers);
     Packets::default()
@@ -73,9 +73,9 @@ fn a_command_in_pieces_is_obeyed_once_it_is_whole_and_nonsense_ends_the_connecti
     let mut bytes = Vec::new();
     encode::text(kind::COMMAND, "GetCurrentFrame 6D", &mut bytes);
     let (last, rest) = bytes.split_last().unwrap();
-    session.hear(rest).unwrap();
+    session.receive(rest).unwrap();
     assert!(!session.wants_frame);
-    session.hear(&[*last]).unwrap();
+    session.receive(&[*last]).unwrap();
     assert!(session.wants_frame);
-    assert!(session.hear(&[0xff; 16]).is_err());
+    assert!(session.receive(&[0xff; 16]).is_err());
 }

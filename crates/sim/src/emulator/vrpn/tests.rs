@@ -20,7 +20,7 @@ fn session() -> Session {
     let mut session = Session::default();
     let mut cookie = Vec::new();
     encode::cookie(&mut cookie);
-    session.hear(&cookie).unwrap();
+    session.receive(&cookie).unwrap();
     session
 }
 
@@ -42,13 +42,13 @@ fn each_object_is_a_tracker_and_one_that_is_not_seen_is_not_reported() {
 #[test]
 fn a_ping_is_answered_by_the_number_that_the_client_gave_it() {
     let mut session = session();
-    session.hear(&says(7)).unwrap();
+    session.receive(&says(7)).unwrap();
     assert!(!session.wants_pong, "nothing is known of 7");
-    session.hear(&describes(7, PING)).unwrap();
-    session.hear(&describes(8, b"vrpn_Tracker Pos_Quat")).unwrap();
-    session.hear(&says(8)).unwrap();
+    session.receive(&describes(7, PING)).unwrap();
+    session.receive(&describes(8, b"vrpn_Tracker Pos_Quat")).unwrap();
+    session.receive(&says(8)).unwrap();
     assert!(!session.wants_pong);
-    session.hear(&says(7)).unwrap();
+    session.receive(&says(7)).unwrap();
     assert!(session.wants_pong);
 }
 
@@ -56,12 +56,12 @@ fn a_ping_is_answered_by_the_number_that_the_client_gave_it() {
 fn a_client_that_describes_types_without_end_takes_no_more_memory() {
     let mut session = session();
     for number in 0..2 * TYPES_MAX {
-        session.hear(&describes(i32::try_from(number).unwrap(), PING)).unwrap();
+        session.receive(&describes(i32::try_from(number).unwrap(), PING)).unwrap();
     }
     assert_eq!(session.pings.len(), TYPES_MAX);
 }
 
 #[test]
 fn what_is_no_vrpn_ends_the_connection() {
-    assert!(Session::default().hear(b"GET / HTTP/1.1\r\nHost: localhost\r\n").is_err());
+    assert!(Session::default().receive(b"GET / HTTP/1.1\r\nHost: localhost\r\n").is_err());
 }

@@ -37,7 +37,7 @@ fn wait(world: &mut World, time_s: f64) {
 /// Sends sticks in every step.
 fn steer(world: &mut World, u: Sticks, time_s: f64) {
     for _ in 0..steps(time_s) {
-        world.hear(&sticks(u));
+        world.receive(&sticks(u));
         world.advance();
     }
 }
@@ -60,7 +60,7 @@ fn fault(fault: Fault, from_s: f64, for_s: f64) -> Vec<ScriptedFault> {
 fn an_emergency_is_obeyed_or_not() {
     for is_obeyed in [true, false] {
         let mut world = world(|drone| drone.emergency.binary = is_obeyed, Vec::new());
-        world.hear(&HostPacket::EmergencyStop);
+        world.receive(&HostPacket::EmergencyStop);
         let phase = if is_obeyed { Phase::Falling } else { Phase::Flying };
         assert_eq!((world.truth().phase, world.truth().received.emergency_stops), (phase, 1));
     }
@@ -72,7 +72,7 @@ fn a_landing_levels_or_goes_on_with_the_last_sticks() {
         let mut world = world(|drone| drone.landing.keeps_sticks = keeps_sticks, Vec::new());
         steer(&mut world, FORWARD, 3.0);
         let before_mps = speed_mps(&world);
-        world.hear(&LAND);
+        world.receive(&LAND);
         let from_m = world.truth().pose[pose::X];
         wait(&mut world, 2.5);
         let way_m = world.truth().pose[pose::X] - from_m;
@@ -87,8 +87,8 @@ fn a_landing_levels_or_goes_on_with_the_last_sticks() {
     }
     let mut world = world(|drone| drone.landing.keeps_sticks = true, Vec::new());
     steer(&mut world, FORWARD, 3.0);
-    world.hear(&sticks(Sticks::zeros()));
-    world.hear(&LAND);
+    world.receive(&sticks(Sticks::zeros()));
+    world.receive(&LAND);
     wait(&mut world, 2.5);
     assert!(speed_mps(&world) < 0.1, "neutral sticks before the order level it");
 }
@@ -98,7 +98,7 @@ fn orders_to_land_are_not_heard_for_a_time_or_a_number() {
     let answers = |change: fn(&mut DroneTable)| -> Vec<bool> {
         let mut world = world(change, Vec::new());
         let mut answer = || {
-            let is_accepted = world.hear(&LAND).is_some();
+            let is_accepted = world.receive(&LAND).is_some();
             wait(&mut world, 0.5);
             is_accepted
         };
@@ -120,8 +120,8 @@ fn sticks_call_a_landing_off_or_do_not() {
         (CancelledBy::AnySticks, neutral, true),
     ] {
         let mut world = world(|drone| drone.landing.cancelled_by = cancelled_by, Vec::new());
-        world.hear(&LAND);
-        world.hear(&sticks(u));
+        world.receive(&LAND);
+        world.receive(&sticks(u));
         let phase = if is_cancelled { Phase::Flying } else { Phase::Landing(Cause::Order) };
         assert_eq!(world.truth().phase, phase, "{cancelled_by:?} {u}");
     }
@@ -131,7 +131,7 @@ fn sticks_call_a_landing_off_or_do_not() {
 fn a_drone_that_hears_nothing_lands_or_keeps_on() {
     for lands in [true, false] {
         let mut world = world(|drone| drone.lands_on_silence = lands, Vec::new());
-        world.hear(&sticks(FORWARD));
+        world.receive(&sticks(FORWARD));
         wait(&mut world, 40.0);
         let phase = if lands { Phase::Grounded } else { Phase::Flying };
         assert_eq!(world.truth().phase, phase);
@@ -150,7 +150,7 @@ fn an_outage_levels_or_holds() {
         for _ in 0..3000 {
             // Ours turns while the link is down: that does not arrive.
             let u = if world.truth().link_is_up { FORWARD } else { -FORWARD };
-            world.hear(&sticks(u));
+            world.receive(&sticks(u));
             world.advance();
             down_s = if world.truth().link_is_up { 0.0 } else { down_s + DT_S };
             if down_s > 3.0 {
@@ -170,15 +170,15 @@ fn stuck_sticks_leave_orders_alone_and_a_refused_landing_leaves_sticks_alone() {
     steer(&mut world, FORWARD, 2.0);
     steer(&mut world, Sticks::zeros(), 3.0);
     assert!(speed_mps(&world) > 0.7, "{} m/s", speed_mps(&world));
-    assert!(world.hear(&LAND).is_some());
+    assert!(world.receive(&LAND).is_some());
 
     let mut world = self::world(|_| (), fault(Fault::DroneRefusesLand, 0.0, 5.0));
     steer(&mut world, FORWARD, 2.0);
     steer(&mut world, Sticks::zeros(), 3.02);
     assert!(speed_mps(&world) < 0.1, "{} m/s", speed_mps(&world));
-    assert!(world.hear(&LAND).is_some(), "it obeys when the fault is over");
+    assert!(world.receive(&LAND).is_some(), "it obeys when the fault is over");
     let mut world = self::world(|_| (), fault(Fault::DroneRefusesLand, 0.0, 5.0));
-    assert_eq!(world.hear(&LAND), None);
+    assert_eq!(world.receive(&LAND), None);
     assert_eq!(world.truth().phase, Phase::Flying);
 }
 
@@ -221,11 +221,11 @@ fn a_drone_that_starts_anew_forgets_its_host_and_levels_or_falls() {
             steer(&mut world, FORWARD, 3.9);
             assert!(world.truth().phase == Phase::Flying && speed_mps(&world) < 0.1);
             let request = HostPacket::ConnReq { video_port: 6038 };
-            assert_eq!(world.hear(&request), None, "not before it is up");
+            assert_eq!(world.receive(&request), None, "not before it is up");
             steer(&mut world, FORWARD, 2.0);
             assert_eq!(world.flight_status(), None, "it knows no host");
             assert!(speed_mps(&world) < 0.1, "and obeys none");
-            assert!(world.hear(&request).is_some() && world.flight_status().is_some());
+            assert!(world.receive(&request).is_some() && world.flight_status().is_some());
             steer(&mut world, FORWARD, 2.0);
             assert!(speed_mps(&world) > 0.5);
         }

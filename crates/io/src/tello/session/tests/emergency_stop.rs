@@ -10,7 +10,7 @@ fn stops(bench: &Bench) -> Vec<i64> {
 #[test]
 fn neutral_sticks_and_three_emergency_stops_go_out_at_once_and_one_every_200_ms() {
     let mut bench = Bench::connected();
-    bench.hear(0, &status(true));
+    bench.receive(0, &status(true));
     bench.approve(0, 0.5);
     bench.order(10, DroneOrder::EmergencyStop);
     bench.run(11, 100);
@@ -35,10 +35,10 @@ fn a_drone_that_does_not_obey_is_ordered_to_land_after_every_emergency_stop() {
             if now_ms % 100 == 0
                 && let Some(is_flying) = says
             {
-                bench.hear(now_ms, &status(is_flying));
+                bench.receive(now_ms, &status(is_flying));
             }
             if now_ms % 20 == 0 {
-                bench.see_pose(now_ms, sees);
+                bench.observe_pose(now_ms, sees);
             }
             bench.run(now_ms, now_ms);
         }
@@ -55,15 +55,15 @@ fn a_drone_that_does_not_obey_is_ordered_to_land_after_every_emergency_stop() {
 #[test]
 fn the_ladder_ends_when_status_and_pose_agree_that_the_drone_is_down() {
     let mut bench = Bench::connected();
-    bench.hear(0, &status(true));
+    bench.receive(0, &status(true));
     bench.order(10, DroneOrder::EmergencyStop);
     for now_ms in 11..6_000 {
         if now_ms % 100 == 0 {
-            bench.hear(now_ms, &status(now_ms < 1_000));
+            bench.receive(now_ms, &status(now_ms < 1_000));
         }
         if now_ms % 20 == 0 {
             // The status denies the flight a second before the drone is down.
-            bench.see_pose(now_ms, Some(now_ms < 2_000));
+            bench.observe_pose(now_ms, Some(now_ms < 2_000));
         }
         bench.run(now_ms, now_ms);
     }
@@ -72,7 +72,7 @@ fn the_ladder_ends_when_status_and_pose_agree_that_the_drone_is_down() {
     assert_eq!(last, 2_810, "1 s after both agree");
     assert_eq!(bench.session.counters.sender(), SenderState::MotorsStopped);
     // A pose in the air, again: the agreement was wrong.
-    bench.see_pose(6_000, Some(true));
+    bench.observe_pose(6_000, Some(true));
     bench.run(6_000, 7_000);
     assert_eq!(stops(&bench).iter().filter(|at| **at >= 6_000).count(), 3 + 2 + 1);
     assert_eq!(bench.times(is_landing)[4..], [6_600, 7_000]);
@@ -81,7 +81,7 @@ fn the_ladder_ends_when_status_and_pose_agree_that_the_drone_is_down() {
 #[test]
 fn no_order_and_no_sticks_of_the_control_thread_follow_an_emergency_stop() {
     let mut bench = Bench::connected();
-    bench.hear(0, &status(true));
+    bench.receive(0, &status(true));
     bench.order(10, DroneOrder::EmergencyStop);
     for now_ms in 11..5_000 {
         bench.approve(now_ms, 0.5);
@@ -102,7 +102,7 @@ fn no_order_and_no_sticks_of_the_control_thread_follow_an_emergency_stop() {
 #[test]
 fn an_emergency_stop_ends_a_landing_and_comes_after_one() {
     let mut bench = Bench::connected();
-    bench.hear(0, &status(true));
+    bench.receive(0, &status(true));
     bench.order(0, DroneOrder::Land);
     bench.order(100, DroneOrder::EmergencyStop);
     bench.run(100, 1_900);
@@ -111,7 +111,7 @@ fn an_emergency_stop_ends_a_landing_and_comes_after_one() {
 
     let mut landed = Bench::connected();
     landed.order(0, DroneOrder::Land);
-    landed.hear(1, &status(false));
+    landed.receive(1, &status(false));
     landed.run(1, 400);
     landed.order(410, DroneOrder::EmergencyStop);
     assert_eq!(stops(&landed), [410, 410, 410]);
@@ -125,8 +125,8 @@ fn an_emergency_stop_is_repeated_until_the_drone_has_been_still_for_1_s() {
     // The flag "flying" comes late in a take-off: until 5 s after the order it says nothing.
     for now_ms in (1_100..6_100).step_by(100) {
         // One status of a drone that bounces.
-        bench.see_pose(now_ms, Some(false));
-        bench.hear(now_ms, &status(now_ms == 5_200));
+        bench.observe_pose(now_ms, Some(false));
+        bench.receive(now_ms, &status(now_ms == 5_200));
         bench.run(now_ms, now_ms + 99);
     }
     let last = *stops(&bench).last().unwrap();
@@ -175,7 +175,7 @@ fn a_dry_run_sends_no_emergency_stop() {
 #[test]
 fn a_stopped_session_repeats_the_emergency_stop_until_the_drone_lies_still() {
     let mut bench = Bench::connected();
-    bench.hear(0, &status(true));
+    bench.receive(0, &status(true));
     bench.order(10, DroneOrder::EmergencyStop);
     bench.session.stop(ms(20));
     for now_ms in (100..1_100).step_by(100) {
@@ -202,9 +202,9 @@ fn a_drone_that_is_down_by_one_witness_alone_is_landed_beside_the_emergency_stop
         bench.order(10, DroneOrder::EmergencyStop);
         for now_ms in 11..14_000 {
             if now_ms % 100 == 0 {
-                bench.see_pose(now_ms, sees);
+                bench.observe_pose(now_ms, sees);
                 if let Some(is_flying) = says {
-                    bench.hear(now_ms, &status(is_flying));
+                    bench.receive(now_ms, &status(is_flying));
                 }
             }
             bench.run(now_ms, now_ms);

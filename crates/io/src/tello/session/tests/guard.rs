@@ -11,15 +11,15 @@ fn duty(bench: &Bench, now_ms: i64) -> Duty {
 fn a_drone_that_may_be_in_the_air_is_guarded_until_it_stands() {
     let mut bench = Bench::connected();
     assert_eq!(duty(&bench, 0), Duty::Idle);
-    bench.hear(0, &status(false));
+    bench.receive(0, &status(false));
     bench.order(10, DroneOrder::TakeOff);
     assert_eq!(duty(&bench, 10), Duty::Steering, "before the order is sent");
-    bench.hear(20, &status(true));
+    bench.receive(20, &status(true));
     bench.approve(30, 0.5);
     assert_eq!(duty(&bench, 6_000), Duty::Steering);
     bench.order(6_010, DroneOrder::Land);
     assert_eq!(duty(&bench, 6_010), Duty::Landing);
-    bench.hear(9_000, &status(false));
+    bench.receive(9_000, &status(false));
     assert_eq!(duty(&bench, 9_000), Duty::Landing, "its own word alone");
     for now_ms in (9_100..9_500).step_by(100) {
         bench.stand(now_ms);
@@ -30,12 +30,12 @@ fn a_drone_that_may_be_in_the_air_is_guarded_until_it_stands() {
 #[test]
 fn nothing_is_guarded_in_a_dry_run_and_an_emergency_stop_is_followed_by_landings() {
     let mut dry = Bench::new(true);
-    dry.hear(0, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
-    dry.hear(0, &status(true));
+    dry.receive(0, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
+    dry.receive(0, &status(true));
     dry.order(10, DroneOrder::TakeOff);
     assert_eq!(duty(&dry, 20), Duty::Idle);
     let mut stopped = Bench::connected();
-    stopped.hear(0, &status(true));
+    stopped.receive(0, &status(true));
     stopped.order(10, DroneOrder::EmergencyStop);
     assert_eq!(duty(&stopped, 10), Duty::Landing);
     for now_ms in (100..1_300).step_by(100) {
@@ -47,7 +47,7 @@ fn nothing_is_guarded_in_a_dry_run_and_an_emergency_stop_is_followed_by_landings
 #[test]
 fn what_waits_to_be_sent_does_not_follow_a_landing_of_the_guardian() {
     let mut bench = Bench::connected();
-    bench.hear(0, &status(true));
+    bench.receive(0, &status(true));
     // Decided, and not sent yet.
     bench.session.approve(approved(0.5), ms(10), ms(10));
     bench.session.adopt_landing(ms(10));
@@ -59,7 +59,7 @@ fn what_waits_to_be_sent_does_not_follow_a_landing_of_the_guardian() {
     assert_eq!(take_offs(&bench), [0; 0]);
     assert_eq!(bench.times(is_landing).first(), Some(&10));
     let mut ground = Bench::connected();
-    ground.hear(0, &status(false));
+    ground.receive(0, &status(false));
     ground.session.order(DroneOrder::TakeOff, ms(10));
     ground.session.adopt_landing(ms(10));
     ground.note(10);

@@ -6,7 +6,7 @@ use crate::tello::SenderState;
 #[test]
 fn every_landing_follows_neutral_sticks_directly() {
     let mut bench = Bench::connected();
-    bench.hear(0, &status(true));
+    bench.receive(0, &status(true));
     bench.approve(0, 0.5);
     bench.session.order(DroneOrder::Land, ms(10));
     for now_ms in 10..1_200 {
@@ -45,13 +45,13 @@ fn a_lost_drone_is_asked_for_directly_before_a_landing() {
 fn nothing_answers_the_drones_questions_between_two_landings() {
     let mut bench = Bench::connected();
     bench.order(0, DroneOrder::Land);
-    bench.hear(100, &bytes(DronePacket::DateTimeRequest { sequence: 0 }));
-    bench.hear(110, &bytes(DronePacket::LogHeader { sequence: 5, header_id: 1 }));
+    bench.receive(100, &bytes(DronePacket::DateTimeRequest { sequence: 0 }));
+    bench.receive(110, &bytes(DronePacket::LogHeader { sequence: 5, header_id: 1 }));
     bench.run(110, 400);
     assert_eq!(bench.times(|sent| sent == Sent::Answer), [0; 0]);
     bench.stand(400);
     bench.run(400, 800);
-    bench.hear(800, &bytes(DronePacket::DateTimeRequest { sequence: 0 }));
+    bench.receive(800, &bytes(DronePacket::DateTimeRequest { sequence: 0 }));
     assert_eq!(bench.times(|sent| sent == Sent::Answer), [800], "it is down");
 }
 
@@ -74,7 +74,7 @@ fn a_landing_that_the_socket_refused_goes_out_again_soon() {
 #[test]
 fn a_silent_control_thread_means_neutral_sticks_and_then_a_landing() {
     let mut bench = Bench::connected();
-    bench.hear(0, &status(true));
+    bench.receive(0, &status(true));
     bench.approve(0, 0.5);
     bench.run(1, 1_900);
     for (at, sent) in &bench.sent {
@@ -103,7 +103,7 @@ fn a_silent_control_thread_means_neutral_sticks_and_then_a_landing() {
 #[test]
 fn nothing_but_the_landing_is_sent_until_the_drone_is_down() {
     let mut bench = Bench::connected();
-    bench.hear(0, &status(true));
+    bench.receive(0, &status(true));
     bench.approve(0, 0.5);
     bench.order(10, DroneOrder::Land);
     for now_ms in 11..1_200 {
@@ -112,7 +112,7 @@ fn nothing_but_the_landing_is_sent_until_the_drone_is_down() {
         bench.order(now_ms, DroneOrder::TakeOff);
         bench.run(now_ms, now_ms);
     }
-    bench.hear(1_200, &status(true));
+    bench.receive(1_200, &status(true));
     bench.run(1_200, 1_600);
     bench.stand(1_600);
     bench.approve(1_700, 0.5);
@@ -133,7 +133,7 @@ fn a_flight_that_was_landed_is_not_followed_by_another() {
     bench.run(20, 1_900);
     assert_eq!(bench.sent, [(0, Sent::Order(DroneOrder::Land, 1))]);
     // It was on the ground by its own word only, or another program ordered the take-off.
-    bench.hear(1_900, &status(true));
+    bench.receive(1_900, &status(true));
     bench.run(1_900, 2_300);
     bench.order(2_310, DroneOrder::Land);
     bench.run(2_310, 2_410);
@@ -155,7 +155,7 @@ fn a_landing_that_is_ordered_in_every_period_is_repeated_no_sooner() {
     let mut bench = Bench::connected();
     for now_ms in 0..4_900 {
         if now_ms % 100 == 0 {
-            bench.hear(now_ms, &status(false));
+            bench.receive(now_ms, &status(false));
         }
         if now_ms % 20 == 0 {
             bench.order(now_ms, DroneOrder::Land);
@@ -173,7 +173,7 @@ fn a_stopped_session_lands_until_the_drone_stands() {
     bench.note(100);
     for now_ms in (101..6_000).step_by(100) {
         // The drone ignored the first landings: it was taking off.
-        bench.hear(now_ms, &status(now_ms > 3_000));
+        bench.receive(now_ms, &status(now_ms > 3_000));
         bench.approve(now_ms, 0.5);
         bench.order(now_ms, DroneOrder::TakeOff);
         bench.run(now_ms, now_ms + 99);
@@ -191,7 +191,7 @@ fn a_stopped_session_lands_until_the_drone_stands() {
 #[test]
 fn a_stopped_session_gives_a_silent_drone_15_s() {
     let mut bench = Bench::connected();
-    bench.hear(0, &status(true));
+    bench.receive(0, &status(true));
     bench.order(200, DroneOrder::Land);
     bench.session.stop(ms(300));
     bench.run(300, 15_299);
@@ -212,13 +212,13 @@ fn a_stopped_session_with_nothing_in_the_air_is_over_at_once() {
     let standing = {
         let mut bench = Bench::connected();
         bench.approve(0, 0.0);
-        bench.hear(0, &status(false));
+        bench.receive(0, &status(false));
         bench
     };
     let dry_run = {
         let mut bench = Bench::new(true);
         bench.order(0, DroneOrder::TakeOff);
-        bench.hear(0, &status(true));
+        bench.receive(0, &status(true));
         bench
     };
     for mut bench in [never_connected, standing, dry_run] {
@@ -237,7 +237,7 @@ fn a_landing_ordered_during_the_take_off_goes_on_until_it_is_heard() {
     bench.order(0, DroneOrder::TakeOff);
     bench.order(1_000, DroneOrder::Land);
     // The flag "flying" comes late in a take-off, and a landing ordered then is ignored.
-    bench.hear(1_100, &status(false));
+    bench.receive(1_100, &status(false));
     bench.run(1_100, 4_999);
     assert_eq!(bench.times(is_landing).len(), 8);
     bench.stand(5_000);
@@ -259,11 +259,11 @@ fn in_doubt_the_drone_is_airborne() {
     assert!(!bench.session.may_be_airborne(ms(0)), "nothing was ever sent");
     bench.approve(0, 0.0);
     assert!(bench.session.may_be_airborne(ms(0)), "steered, and never heard of");
-    bench.hear(1, &status(false));
+    bench.receive(1, &status(false));
     assert!(!bench.session.may_be_airborne(ms(1)), "it says that it stands");
     bench.order(2, DroneOrder::TakeOff);
     assert!(bench.session.may_be_airborne(ms(4_999)), "it may be taking off");
-    bench.hear(5_010, &status(true));
+    bench.receive(5_010, &status(true));
     assert!(bench.session.may_be_airborne(ms(9_000)), "it says that it flies");
 }
 
@@ -277,7 +277,7 @@ fn a_drone_that_has_landed_and_connects_again_is_sent_nothing_but_the_request() 
     bench.run(1, 400);
     bench.sent.clear();
     bench.run(400, 2_100);
-    bench.hear(2_100, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
+    bench.receive(2_100, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
     bench.run(2_100, 4_050);
     assert!(bench.session.counters.is_connected());
     assert_eq!(bench.sent, [(2_001, Sent::ConnReq)], "no setting, which may end a landing");

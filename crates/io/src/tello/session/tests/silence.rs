@@ -26,7 +26,7 @@ fn sticks_that_waited_for_the_sender_have_spent_a_part_of_their_time() {
 #[test]
 fn a_session_that_was_not_advanced_for_1_s_lands_instead_of_steering_on() {
     let mut bench = Bench::connected();
-    bench.hear(0, &status(true));
+    bench.receive(0, &status(true));
     bench.approve(0, 0.5);
     bench.approve(1_000, 0.5);
     assert_eq!(bench.sent[1..], [(1_000, Sent::Order(DroneOrder::Land, 1))]);

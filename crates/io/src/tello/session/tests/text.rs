@@ -146,20 +146,20 @@ fn a_drone_flies_while_its_motors_count_seconds() {
 #[test]
 fn a_line_that_lacks_what_a_status_needs_is_a_sign_of_life() {
     let mut bench = Text::new();
-    let hear = |bench: &mut Text, line: &[u8]| bench.session.receive_state(line, ms(1));
-    assert_eq!(hear(&mut bench, b"pitch:0;time:3;tof:10;"), None, "no charge");
-    assert_eq!(hear(&mut bench, b"bat:50;"), None, "no sign of the motors");
+    let receive = |bench: &mut Text, line: &[u8]| bench.session.receive_state(line, ms(1));
+    assert_eq!(receive(&mut bench, b"pitch:0;time:3;tof:10;"), None, "no charge");
+    assert_eq!(receive(&mut bench, b"bat:50;"), None, "no sign of the motors");
     assert_eq!(bench.session.counters.malformed.get(), 0);
     // The charge is remembered. Without an echo the motors decide, once they were watched.
-    assert_eq!(hear(&mut bench, b"bat:50;tof:6553;time:3;"), None);
-    assert!(!hear(&mut bench, b"tof:10;").unwrap().is_flying);
-    assert!(hear(&mut bench, b"tof:80;").unwrap().is_flying);
+    assert_eq!(receive(&mut bench, b"bat:50;tof:6553;time:3;"), None);
+    assert!(!receive(&mut bench, b"tof:10;").unwrap().is_flying);
+    assert!(receive(&mut bench, b"tof:80;").unwrap().is_flying);
     // SDK 3.0 by its document: no time.
     let mut bench = Text::new();
-    assert!(!hear(&mut bench, b"bat:50;tof:10;").unwrap().is_flying);
-    assert!(hear(&mut bench, b"tof:80;").unwrap().is_flying);
-    assert!(!hear(&mut bench, b"tof:6553;").unwrap().is_flying, "no echo");
-    assert_eq!(hear(&mut bench, b"nonsense"), None);
+    assert!(!receive(&mut bench, b"bat:50;tof:10;").unwrap().is_flying);
+    assert!(receive(&mut bench, b"tof:80;").unwrap().is_flying);
+    assert!(!receive(&mut bench, b"tof:6553;").unwrap().is_flying, "no echo");
+    assert_eq!(receive(&mut bench, b"nonsense"), None);
     assert_eq!(bench.session.counters.malformed.get(), 1);
 }
 
@@ -295,7 +295,7 @@ fn a_landing_is_repeated_until_the_motors_are_off_and_a_silent_drone_is_asked_be
     }
     bench.reply(16_000, "error Auto land");
     for now_ms in (16_000..25_000).step_by(20) {
-        bench.session.see_pose(Some(false), ms(now_ms));
+        bench.session.observe_pose(Some(false), ms(now_ms));
         bench.steer(now_ms, now_ms + 20, |_| 17);
     }
     let landings: Vec<_> = (12_000..=19_000).step_by(500).collect();
@@ -315,7 +315,7 @@ fn an_emergency_stop_is_sent_in_any_phase() {
     assert_eq!(bench.times("rc"), [5_000], "neutral sticks before the first emergency stop");
     assert_eq!(bench.sent[1], (5_000, "rc 0 0 0 0".into()));
     for now_ms in (5_500..30_000).step_by(20) {
-        bench.session.see_pose(Some(false), ms(now_ms));
+        bench.session.observe_pose(Some(false), ms(now_ms));
         bench.steer(now_ms, now_ms + 20, |_| 8);
     }
     // Its motors show for 3 s after they stopped, and "not flying" counts from 9 s on.

@@ -19,12 +19,12 @@ fn landings(
     let mut landings = Vec::new();
     for now_ms in 0..20_000 {
         if now_ms % 20 == 0 {
-            session.see_pose(sees(now_ms), ms(now_ms));
+            session.observe_pose(sees(now_ms), ms(now_ms));
         }
         if now_ms % 100 == 0
             && let Some(is_flying) = says(now_ms)
         {
-            hear(&mut session, is_text, is_flying, now_ms);
+            receive(&mut session, is_text, is_flying, now_ms);
         }
         if ms(now_ms) >= session.next_deadline() {
             session.advance(ms(now_ms));
@@ -40,7 +40,7 @@ fn landings(
 
 /// A status of a drone; in the text SDK one whose lines do not count the motors' seconds, since these
 /// show 3 s late.
-fn hear(session: &mut Session, is_text: bool, is_flying: bool, now_ms: i64) {
+fn receive(session: &mut Session, is_text: bool, is_flying: bool, now_ms: i64) {
     let status = if is_text {
         let line = format!("tof:{};bat:80;", if is_flying { 80 } else { 10 });
         session.receive_state(line.as_bytes(), ms(now_ms))
@@ -167,7 +167,7 @@ fn last_landing(is_text: bool, [ground_dm, last_dm]: [i16; 2], sees_floor: bool)
             0 => session.order(DroneOrder::TakeOff, ms(now_ms)),
             10_000 => session.order(DroneOrder::Land, ms(now_ms)),
             1..10_000 => session.approve(approved(0.5), ms(now_ms), ms(now_ms)),
-            _ => session.see_pose(sees_floor.then_some(false), ms(now_ms)),
+            _ => session.observe_pose(sees_floor.then_some(false), ms(now_ms)),
         }
         session.advance(ms(now_ms));
         if session.drain().any(|message| is_land(&message)) {
@@ -196,19 +196,19 @@ fn a_landing_is_resumed_when_the_pose_comes_back_in_the_air() {
 fn a_stop_lands_a_drone_that_only_its_own_word_puts_on_the_ground() {
     let mut bench = Bench::standing();
     bench.order(0, DroneOrder::TakeOff);
-    bench.hear(1_000, &status(true));
+    bench.receive(1_000, &status(true));
     for now_ms in (20..10_000).step_by(20) {
         bench.approve(now_ms, 0.5);
     }
-    bench.hear(10_000, &status(false));
+    bench.receive(10_000, &status(false));
     bench.session.stop(ms(10_000));
     for now_ms in (10_000..20_000).step_by(100) {
-        bench.hear(now_ms, &status(false));
+        bench.receive(now_ms, &status(false));
         bench.run(now_ms, now_ms + 99);
         assert!(!bench.session.is_over(ms(now_ms)), "{now_ms} ms");
         assert_eq!(bench.session.duty(ms(now_ms)), crate::tello::guardian::Duty::Landing);
     }
-    bench.hear(20_000, &status(false));
+    bench.receive(20_000, &status(false));
     assert!(bench.session.is_over(ms(20_000)));
     assert_eq!(bench.times(is_landing), (10_000..20_000).step_by(500).collect::<Vec<_>>());
 }
@@ -219,13 +219,13 @@ fn after_the_stop_a_drone_that_was_seen_in_the_air_is_landed_for_15_s() {
     bench.order(0, DroneOrder::TakeOff);
     for now_ms in (0..10_000).step_by(20) {
         bench.approve(now_ms, 0.5);
-        bench.see_pose(now_ms, Some(true));
+        bench.observe_pose(now_ms, Some(true));
     }
     bench.session.stop(ms(10_000));
     for now_ms in 10_000..25_000 {
         // No pose from here on: the control thread is gone.
         if now_ms % 100 == 0 {
-            bench.hear(now_ms, &status(false));
+            bench.receive(now_ms, &status(false));
         }
         bench.run(now_ms, now_ms);
         assert!(!bench.session.is_over(ms(now_ms)), "{now_ms} ms");
@@ -240,11 +240,11 @@ fn a_stop_with_a_pose_on_the_floor_waits_for_it_only() {
     let mut bench = Bench::standing();
     bench.order(0, DroneOrder::TakeOff);
     bench.approve(6_000, 0.5);
-    bench.hear(6_000, &status(false));
-    bench.see_pose(6_000, Some(true));
+    bench.receive(6_000, &status(false));
+    bench.observe_pose(6_000, Some(true));
     bench.session.stop(ms(6_000));
     for now_ms in (6_000..8_000).step_by(20) {
-        bench.see_pose(now_ms, Some(now_ms < 7_000));
+        bench.observe_pose(now_ms, Some(now_ms < 7_000));
         bench.run(now_ms, now_ms + 19);
         assert_eq!(bench.session.is_over(ms(now_ms)), now_ms >= 7_300, "{now_ms} ms");
     }
@@ -254,15 +254,15 @@ fn a_stop_with_a_pose_on_the_floor_waits_for_it_only() {
 fn a_drone_that_is_carried_before_the_flight_is_not_landed_by_the_stop() {
     let mut bench = Bench::standing();
     bench.approve(10, 0.0);
-    bench.see_pose(20, Some(true));
-    bench.hear(20, &status(false));
+    bench.observe_pose(20, Some(true));
+    bench.receive(20, &status(false));
     bench.session.stop(ms(30));
     assert!(bench.session.is_over(ms(30)));
     // Sticks that deflect may have flown it, whatever it says.
     let mut bench = Bench::standing();
     bench.approve(10, 0.1);
-    bench.see_pose(20, Some(true));
-    bench.hear(20, &status(false));
+    bench.observe_pose(20, Some(true));
+    bench.receive(20, &status(false));
     bench.session.stop(ms(30));
     bench.note(30);
     assert!(!bench.session.is_over(ms(30)));
@@ -283,9 +283,9 @@ fn a_drone_that_was_last_heard_standing_and_never_flew_does_not_hold_up_the_stop
 fn a_pose_in_the_air_counts_for_2_s_after_it_was_lost() {
     let mut bench = Bench::connected();
     let airborne = |bench: &Bench, now_ms| bench.session.witnesses.is_airborne(ms(now_ms));
-    bench.see_pose(1_000, Some(true));
-    bench.see_pose(2_999, None);
+    bench.observe_pose(1_000, Some(true));
+    bench.observe_pose(2_999, None);
     assert_eq!(airborne(&bench, 2_999), Some(true));
-    bench.see_pose(3_000, None);
+    bench.observe_pose(3_000, None);
     assert_eq!(airborne(&bench, 3_000), None);
 }
