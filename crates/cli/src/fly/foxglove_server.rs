@@ -7,7 +7,6 @@
 //! The server of the crate accepts any number of connections. So it listens at a random address of this machine's
 //! loopback network, and clients connect to a listener that limits them and relays their bytes.
 
-use std::io::{self, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::thread;
@@ -24,6 +23,7 @@ use tokio::runtime;
 use tokio::task::JoinSet;
 
 use super::connection_limit::{ConnectionLimit, LimitedListener, LimitedStream};
+use crate::stdio;
 
 /// For clients: a viewer has one connection for as long as it likes.
 const CLIENTS: ConnectionLimit = ConnectionLimit { count: 8, time: None };
@@ -35,12 +35,11 @@ const FAREWELL: Duration = Duration::from_millis(200);
 /// the flight goes on.
 pub(super) fn show_at(address: Option<SocketAddr>, log: &mut LogWriter, channels: &[Channel]) {
     match address.map(|address| FoxgloveServer::start(address, channels)) {
-        // No terminal, no reader.
         Some(Ok((server, bound))) => {
-            writeln!(io::stderr(), "Foxglove and Lichtblick: open connection ws://{bound}").ok();
+            stdio::note(format_args!("Foxglove and Lichtblick: open connection ws://{bound}"));
             log.add_tap(Box::new(server));
         }
-        Some(Err(error)) => drop(writeln!(io::stderr(), "warning: {error:#}")),
+        Some(Err(error)) => stdio::note(format_args!("warning: {error:#}")),
         None => {}
     }
 }
@@ -73,8 +72,7 @@ impl FoxgloveServer {
         let (stopper, stop) = Stopper::new();
         thread::Builder::new().name("tello-foxglove".into()).spawn(move || {
             if let Err(error) = serve(server.bind(inside.to_string(), 0), inside, listener, stop) {
-                // No terminal, no reader.
-                writeln!(io::stderr(), "warning: the flight is not shown live: {error:#}").ok();
+                stdio::note(format_args!("warning: the flight is not shown live: {error:#}"));
             }
         })?;
         Ok((Self { channels, _context: context, _stopper: stopper }, bound))
@@ -144,6 +142,7 @@ async fn relay(mut client: LimitedStream, server: SocketAddr) {
 
 #[cfg(test)]
 mod tests {
+    use std::io;
     use std::net::TcpStream as Client;
 
     use tokio_tungstenite::tungstenite::client;

@@ -10,7 +10,7 @@ mod server;
 mod viewer;
 mod viewer_slots;
 
-use std::io::{self, Write};
+use std::io;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
@@ -25,6 +25,7 @@ use self::orders::OrderAccess;
 pub(crate) use self::playback::Playback;
 use self::server::{Shown, serve};
 use super::live::{Briefing, Watched};
+use crate::stdio;
 
 /// Where the page is unless an address is given.
 pub(super) const DEFAULT: &str = "127.0.0.1:8080";
@@ -111,8 +112,7 @@ fn announce(asked: SocketAddr, bound: SocketAddr, token: &str) {
              a reader of the network traffic can land the drone or stop its motors\n",
         );
     }
-    // No terminal, no reader.
-    io::stderr().write_all(lines.as_bytes()).ok();
+    stdio::note_raw(lines);
 }
 
 fn run(listener: TcpListener, shown: Shown) {
@@ -127,6 +127,6 @@ fn run(listener: TcpListener, shown: Shown) {
         Ok(())
     });
     if let Err(error) = served {
-        writeln!(io::stderr(), "warning: the live page is not shown: {error}").ok();
+        stdio::note(format_args!("warning: the live page is not shown: {error}"));
     }
 }

@@ -5,13 +5,12 @@ use std::time::Duration;
 
 use horizon_model::rows::{Sticks, stick};
 use tello_flight::gate::{Gate, GateTable};
-use tello_io::Stopper;
-use tello_io::clock::Clock;
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
 use tello_io::tello::{
     Approved, DroneClient, DroneLink, DroneOrder, DroneStatus, LinkError, OrderError, Protocol,
     TelloSettings, TelloTable,
 };
+use tello_io::{Stopper, clock::Clock};
 use tokio::time::{sleep, timeout};
 use tokio::{net::UdpSocket, task::JoinHandle};
 
@@ -221,8 +220,8 @@ async fn orders_carry_numbers_and_their_acknowledgement_is_counted() {
     bench.drone.send_flying(false).await;
     bench.status().await;
     bench.link.order(DroneOrder::TakeOff).unwrap();
-    let HostPacket::Action { action: Action::TakeOff, sequence } = bench.drone.receive().await
-    else {
+    let packet = bench.drone.receive().await;
+    let HostPacket::Action { action: Action::TakeOff, sequence } = packet else {
         panic!("no take-off")
     };
     bench.drone.send(DronePacket::Ack { action: Action::TakeOff, sequence }).await;
