@@ -16,6 +16,8 @@ use tello_sim::{Fault, ScriptedFault};
 
 use person::Person;
 
+use crate::rig;
+
 /// The records of one channel, in order.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn records(log: &Path, topic: &str) -> Vec<Value> {
@@ -209,6 +211,17 @@ fn a_terminal_that_is_closed_lands_the_drone() {
     person.ends();
     let phases = phases(&person.log);
     assert_eq!(phases, ["idle", "taking_off", "flying", "landing", "landed"]);
+}
+
+#[test]
+fn keys_that_follow_the_enter_of_the_question_at_once_count_and_earlier_ones_do_not() {
+    let (folder, _emulator) = rig::start("by-hand-question", |relay| relay);
+    let mut person = Person::fly_in(&folder, &["--config", "fly.json"]);
+    person.types(b"no\n");
+    person.sees("Enter starts");
+    person.types(b"\nq");
+    person.ends();
+    assert_eq!(phases(&person.log), ["idle"], "{}", person.screen());
 }
 
 #[test]

@@ -9,7 +9,7 @@ use std::path::Path;
 use horizon_model::angle::wrap;
 use horizon_model::check::{amax, maximum};
 use horizon_model::rows::{Pose, pose};
-use tello_flight::{FilterTable, Filtered, PoseFilter, Verdict};
+use tello_flight::{Acceptance, FilterTable, Filtered, PoseFilter};
 use tello_io::config;
 
 /// One second of samples.
@@ -82,8 +82,8 @@ fn longest_refusal(raw: &[Pose], filtered: &[Filtered]) -> (usize, usize) {
         if is_zero(&raw[k]) || raw[k] == raw[k - 1] {
             continue;
         }
-        position = if filtered[k].position == Verdict::Held { position + 1 } else { 0 };
-        heading = if filtered[k].heading == Verdict::Held { heading + 1 } else { 0 };
+        position = if filtered[k].position == Acceptance::Held { position + 1 } else { 0 };
+        heading = if filtered[k].heading == Acceptance::Held { heading + 1 } else { 0 };
         position_max = position_max.max(position);
         heading_max = heading_max.max(heading);
     }
@@ -130,7 +130,7 @@ fn flipped_headings_are_held() {
         let Some(raw) = poses(&format!("thesis/ident/raw/{flight}.log")) else { return };
         let filtered = run(&for_flight(), &raw);
         for before in 0..raw.len() {
-            let follows = filtered[before].heading == Verdict::Accepted;
+            let follows = filtered[before].heading == Acceptance::Accepted;
             let is_turned =
                 |k: &usize| wrap(theta(&raw[*k]) - theta(&raw[before])).abs() > FLIP_RAD;
             let turned = (before + 1..raw.len()).take_while(is_turned).count();
@@ -142,7 +142,7 @@ fn flipped_headings_are_held() {
                 continue;
             }
             flips += 1;
-            let held = filtered[before + 1..after].iter().all(|f| f.heading == Verdict::Held);
+            let held = filtered[before + 1..after].iter().all(|f| f.heading == Acceptance::Held);
             assert!(held, "flight {flight}: the flip after sample {before} was followed");
         }
     }

@@ -12,7 +12,7 @@ use horizon_model::{InputFifo, Kinematic, Model};
 use nalgebra::SVector;
 use tello_eval::outage::{OutageSettings, OutageTable, lost_commands};
 use tello_eval::smooth::smooth;
-use tello_flight::{LinkMonitor, LinkSettings, LinkVerdict, PoseFilter, Verdict};
+use tello_flight::{Acceptance, LinkMonitor, LinkSettings, LinkVerdict, PoseFilter};
 use tello_io::config;
 use tello_sim::mocap::Mocap;
 use tello_sim::plant::{NOMINAL, Plant, PlantParams, PlantTable, Velocity};
@@ -48,8 +48,8 @@ impl Eyes {
 
     fn look(&mut self, raw: Option<&Pose>) -> Observed<{ pose::COUNT }> {
         let filtered = self.0.update(raw);
-        let mut is_present = [filtered.position == Verdict::Accepted; pose::COUNT];
-        is_present[pose::THETA] = filtered.heading == Verdict::Accepted;
+        let mut is_present = [filtered.position == Acceptance::Accepted; pose::COUNT];
+        is_present[pose::THETA] = filtered.heading == Acceptance::Accepted;
         filtered.o.map_or_else(Observed::missing, |o| Observed { o, is_present })
     }
 }

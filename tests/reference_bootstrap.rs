@@ -4,10 +4,7 @@ use crate::support;
 
 use std::fs;
 
-use horizon_estim::{
-    Curvature, Ident, IdentTable, Laplace, LinearSolver, LmTable, LossTable, Observed, Piece,
-    Spread, bootstrap,
-};
+use horizon_estim::{Ident, IdentSettings, Laplace, LmTable, Observed, Piece, Spread, bootstrap};
 use horizon_model::Kinematic;
 use serde_json::Value;
 use tello_io::log::csv;
@@ -15,26 +12,16 @@ use tello_io::log::csv;
 const DT_S: f64 = 0.02;
 
 /// The weights and free bounds of the reference.
-fn table() -> IdentTable {
-    IdentTable {
-        c_o: vec![3.0, 3.0, 2.0, 0.3],
-        c_s: vec![1.0, 1.0, 0.1, 0.3],
-        c_p: vec![1.0; 4],
-        c_0: vec![0.0; 4],
-        p_prior: vec![0.9, 0.6, 0.9, 0.0],
-        p_lb: vec![0.1, 0.1, 0.1, -3.0],
-        p_ub: vec![10.0, 10.0, 10.0, 3.0],
-        observation_loss: LossTable::None {},
-        transition_loss: LossTable::None {},
-        curvature: Curvature::Exact,
-        linear_solver: LinearSolver::Chain,
-        solver: LmTable {
-            damping_start: 1e-8,
-            cost_tolerance: 1e-9,
-            step_tolerance: 1e-8,
-            iterations_max: 100,
-        },
-    }
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn settings() -> IdentSettings<4, 4, 4> {
+    IdentSettings::builder([0.9, 0.6, 0.9, 0.0])
+        .c_o([3.0, 3.0, 2.0, 0.3])
+        .c_s([1.0, 1.0, 0.1, 0.3])
+        .c_p([1.0; 4])
+        .bounds([0.1, 0.1, 0.1, -3.0], [10.0, 10.0, 10.0, 3.0])
+        .solver(LmTable { damping_start: 1e-8, step_tolerance: 1e-8, ..LmTable::default() })
+        .build(&Kinematic)
+        .unwrap()
 }
 
 /// The identification of the thesis' pieces, solved, if the data are there.
@@ -50,9 +37,8 @@ fn solved() -> Option<Ident<Kinematic, 4, 4, 4, 4>> {
         let o = rows.iter().map(|row| Observed::full(row.pos.unwrap())).collect();
         Piece { u, o }
     };
-    let settings = table().check::<Kinematic, 4, 4, 4, 4>().unwrap();
     let pieces = paths.iter().map(piece).collect();
-    let mut ident = Ident::new(Kinematic, &settings, DT_S, pieces).unwrap();
+    let mut ident = Ident::new(Kinematic, &settings(), DT_S, pieces).unwrap();
     let report = ident.solve(&mut || false).unwrap();
     assert!(report.iterations < 100, "{report:?}");
     Some(ident)

@@ -5,7 +5,7 @@ use crate::support;
 use std::fs;
 
 use horizon_estim::{
-    Curvature, Ident, IdentTable, LinearSolver, LmTable, LossTable, Observed, Piece, SolveReport,
+    Curvature, Ident, IdentBuilder, IdentSettings, LmTable, Observed, Piece, SolveReport,
 };
 use horizon_model::check::amax;
 use horizon_model::rows::gain;
@@ -20,29 +20,22 @@ const DT_S: f64 = 0.02;
 const CONVERGED: (Curvature, f64) = (Curvature::Exact, 1e-10);
 
 /// The weights of the thesis.
-fn table(
+fn settings(
     (p_lb, p_ub): ([f64; 4], [f64; 4]),
     (curvature, cost_tolerance): (Curvature, f64),
-) -> IdentTable {
-    IdentTable {
-        c_o: vec![3.0, 3.0, 2.0, 0.3],
-        c_s: vec![1.0, 1.0, 0.1, 0.3],
-        c_p: vec![1.0; 4],
-        c_0: vec![0.0; 4],
-        p_prior: vec![0.9, 0.6, 0.9, 0.0],
-        p_lb: p_lb.to_vec(),
-        p_ub: p_ub.to_vec(),
-        observation_loss: LossTable::None {},
-        transition_loss: LossTable::None {},
-        curvature,
-        linear_solver: LinearSolver::Chain,
-        solver: LmTable {
+) -> IdentBuilder<4, 4, 4> {
+    IdentSettings::builder([0.9, 0.6, 0.9, 0.0])
+        .c_o([3.0, 3.0, 2.0, 0.3])
+        .c_s([1.0, 1.0, 0.1, 0.3])
+        .c_p([1.0; 4])
+        .bounds(p_lb, p_ub)
+        .curvature(curvature)
+        .solver(LmTable {
             damping_start: 1e-8,
             cost_tolerance,
             step_tolerance: 1e-8,
             iterations_max: 100,
-        },
-    }
+        })
 }
 
 const FREE: ([f64; 4], [f64; 4]) = ([0.1, 0.1, 0.1, -3.0], [10.0, 10.0, 10.0, 3.0]);
@@ -79,7 +72,7 @@ fn solve<M>(
 where
     M: Model<4, 4, 4, 4> + Sync,
 {
-    let settings = table(bounds, stop).check::<M, 4, 4, 4, 4>().unwrap();
+    let settings = settings(bounds, stop).build(&model).unwrap();
     let mut ident = Ident::new(model, &settings, DT_S, pieces).unwrap();
     let report = ident.solve(&mut || false).unwrap();
     println!("{}: {report:?}, p = {:?}", M::NAME, ident.parameter().as_slice());

@@ -4,7 +4,7 @@ use crate::support;
 
 use std::fs;
 
-use horizon_estim::{ArrivalTable, LmTable, LossTable, Mhe, MheTable, Observed};
+use horizon_estim::{ArrivalTable, LmTable, LossTable, Mhe, MheSettings, Observed};
 use horizon_model::Kinematic;
 use horizon_model::check::{amax, maximum};
 use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
@@ -23,34 +23,25 @@ struct Window {
 }
 
 /// The weights with which the reference was computed; the bounds are inactive there.
-fn table() -> MheTable {
-    MheTable {
-        window_steps: 30,
-        c_o: vec![3.0, 3.0, 2.0, 0.5],
-        c_s: vec![0.4, 0.4, 0.4, 0.2],
-        c_p: vec![20.0, 20.0, 20.0, 100.0],
-        p_prior: vec![1.29, 0.445, 0.994, 0.033],
-        p_lb: vec![0.1, 0.1, 0.1, -3.0],
-        p_ub: vec![10.0, 10.0, 10.0, 3.0],
-        observation_loss: LossTable::Huber { scale: 1.0 },
-        transition_loss: LossTable::None {},
-        arrival: ArrivalTable::Fixed,
-        shift_prior: false,
-        solver: LmTable {
-            damping_start: 1e-6,
-            cost_tolerance: 1e-13,
-            step_tolerance: 1e-12,
-            iterations_max: 100,
-        },
-    }
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn settings() -> MheSettings<4, 4, 4> {
+    MheSettings::builder([1.29, 0.445, 0.994, 0.033])
+        .c_o([3.0, 3.0, 2.0, 0.5])
+        .c_s([0.4, 0.4, 0.4, 0.2])
+        .c_p([20.0, 20.0, 20.0, 100.0])
+        .bounds([0.1, 0.1, 0.1, -3.0], [10.0, 10.0, 10.0, 3.0])
+        .losses(LossTable::Huber { scale: 1.0 }, LossTable::None {})
+        .arrival(ArrivalTable::Fixed)
+        .solver(LmTable { cost_tolerance: 1e-13, step_tolerance: 1e-12, ..LmTable::default() })
+        .build(&Kinematic)
+        .unwrap()
 }
 
 #[test]
 fn every_reference_window_is_solved_to_the_same_optimum() {
     let Some(path) = support::data("mhe_windows.jsonl") else { return };
     let text = fs::read_to_string(path).unwrap();
-    let settings = table().check::<Kinematic, 4, 4, 4, 4>().unwrap();
-    let mut mhe = Mhe::new(Kinematic, settings, 0.02).unwrap();
+    let mut mhe = Mhe::new(Kinematic, settings(), 0.02).unwrap();
     let (mut cost_gap, mut state_gap, mut parameter_gap) = (0.0_f64, 0.0_f64, 0.0_f64);
     let mut count = 0;
     for line in text.lines() {

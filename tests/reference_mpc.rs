@@ -2,7 +2,7 @@
 
 use crate::support;
 
-use horizon_control::{Ask, InputCost, Mpc, MpcTable, QpKind, SolverTable, Stop};
+use horizon_control::{Ask, InputCost, Mpc, MpcSettings, QpKind, SolverTable, Stop};
 use horizon_model::Kinematic;
 use horizon_model::check::{amax, maximum};
 use horizon_model::rows::{Pose, Sticks};
@@ -33,24 +33,24 @@ struct Problem {
 }
 
 /// Weights and bounds of the reference problems.
-fn table(problem: &Problem, qp: QpKind) -> MpcTable {
-    MpcTable {
-        horizon_steps: problem.horizon_steps,
-        stages: Vec::new(),
-        input_cost: problem.input_cost,
-        c_u: vec![1.2, 1.2, 0.8, 0.8],
-        c_s: vec![1.5, 1.5, 1.0, 1.0],
-        c_s_end: vec![15.0, 15.0, 10.0, 10.0],
-        u_lb: vec![-0.8, -0.8, -1.0, -1.0],
-        u_ub: vec![0.8, 0.8, 1.0, 1.0],
-        solver: SolverTable {
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+fn settings(problem: &Problem, qp: QpKind) -> MpcSettings<4, 4> {
+    let u_max = [0.8, 0.8, 1.0, 1.0];
+    MpcSettings::builder(problem.horizon_steps)
+        .input_cost(problem.input_cost)
+        .c_u([1.2, 1.2, 0.8, 0.8])
+        .c_s([1.5, 1.5, 1.0, 1.0])
+        .c_s_end([15.0, 15.0, 10.0, 10.0])
+        .bounds(u_max.map(|max: f64| -max), u_max)
+        .solver(SolverTable {
             qp,
             cost_tolerance: 1e-9,
             iterations_max: 100,
             qp_tolerance: 1e-10,
             qp_iterations_max: 50,
-        },
-    }
+        })
+        .build(&Kinematic)
+        .unwrap()
 }
 
 /// Worst values over problems of one kind.
@@ -72,7 +72,7 @@ fn every_reference_problem_is_solved_from_zero_inputs() {
     let by_both = |line| [QpKind::Riccati, QpKind::Clarabel].map(|qp| (line, qp));
     for ((line, problem), qp) in text.lines().enumerate().flat_map(by_both) {
         let problem: Problem = serde_json::from_str(problem).unwrap();
-        let settings = table(&problem, qp).check::<Kinematic, 4, 4, 4, 4>().unwrap();
+        let settings = settings(&problem, qp);
         let mut mpc = Mpc::<_, 4, 4, 4, 4, 4>::new(Kinematic, settings, DT_S).unwrap();
         let s_ref = vec![Pose::from(problem.s_ref); problem.horizon_steps];
         let ask = Ask {

@@ -58,6 +58,12 @@ impl Person {
         let mut sim = SimTable { profile: Profile::Clean, ..tello_sim::settings(None).unwrap() };
         change(&mut sim);
         fs::write(folder.join("sim.json"), serde_json::to_string(&sim).unwrap()).unwrap();
+        Self::fly_in(&folder, &[&["--sim", "--sim-config", "sim.json"], arguments].concat())
+    }
+
+    /// Starts a flight with the files of `folder`.
+    #[expect(clippy::unwrap_used, reason = "a test may panic")]
+    pub(crate) fn fly_in(folder: &Path, arguments: &[&str]) -> Self {
         // Handles of `openpty` survive into every child that starts meanwhile; copies do not. A child
         // that held this side would keep the terminal open when the person closes it.
         let alone = STARTING.lock().unwrap();
@@ -71,9 +77,9 @@ impl Person {
         // A session of its own with the terminal in control: Ctrl-C is then the kernel's, as in life.
         let program = Command::new("setsid")
             .args(["--ctty", "--wait", env!("CARGO_BIN_EXE_tello-ctl")])
-            .args(["fly", "--sim", "--sim-config", "sim.json", "--log", "flight.mcap"])
+            .args(["fly", "--log", "flight.mcap"])
             .args(arguments)
-            .current_dir(&folder)
+            .current_dir(folder)
             .stdin(end())
             .stdout(end())
             .stderr(end())

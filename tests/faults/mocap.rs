@@ -115,7 +115,7 @@ fn hover(fault: SimFault) -> (FlightTable, SimTable) {
 #[test]
 fn an_object_that_leaves_a_hover_lands() {
     // The sooner the drone's way differs from that of the object, the sooner that is seen.
-    for (speed_mps, neutral_s, landing_s) in [(0.15, 1.9, 3.3), (0.3, 0.8, 3.1), (1.0, 0.5, 1.7)] {
+    for (speed_mps, neutral_s, landing_s) in [(0.15, 1.9, 3.3), (0.3, 0.8, 3.1), (1.0, 0.6, 1.7)] {
         let leaves = SimFault::MocapWalker {
             offset_m: [0.0; 3],
             radius_m: 20.0,

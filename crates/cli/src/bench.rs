@@ -133,20 +133,10 @@ fn described(number: usize, check: &Check) -> String {
     )
 }
 
-/// Does one check. Whether it was done to its end, with a drone that reports that it is down.
-fn run_check(
-    check: &Check,
-    link: &mut Link,
-    console: &Console,
-    (table, report): (&TelloTable, &Path),
-) -> Result<bool> {
-    let number = CHECKS.iter().position(|other| other.name == check.name).unwrap_or_default() + 1;
-    stdio::note(described(number, check));
+/// Asks the person, and refuses to start if the drone or the guardian is not as it must be.
+fn is_confirmed(check: &Check, link: &mut Link, console: &Console, address: &str) -> Result<bool> {
     if !link.connect(console) {
-        bail!(
-            "no status from {}: is its Wi-Fi joined, and no other program talking to it?",
-            table.address
-        );
+        bail!("no status from {address}: is its Wi-Fi joined, and no other program talking to it?");
     }
     let go = if check.place.spins() { "YES" } else { "" };
     let question = match go {
@@ -154,7 +144,6 @@ fn run_check(
         _ => format!("The motors will start ({}). YES starts, anything else leaves.", check.place),
     };
     if !console.is_unattended() && console.ask(&question, link).as_deref() != Some(go) {
-        stdio::note("not started");
         return Ok(false);
     }
     // The question may have stood there for long.
@@ -166,6 +155,22 @@ fn run_check(
     }
     if link.has_lost_guardian() {
         bail!("the process tello-guardian was ended or stopped: no motor starts without it");
+    }
+    Ok(true)
+}
+
+/// Does one check. Whether it was done to its end, with a drone that reports that it is down.
+fn run_check(
+    check: &Check,
+    link: &mut Link,
+    console: &Console,
+    (table, report): (&TelloTable, &Path),
+) -> Result<bool> {
+    let number = CHECKS.iter().position(|other| other.name == check.name).unwrap_or_default() + 1;
+    stdio::note(described(number, check));
+    if !is_confirmed(check, link, console, &table.address)? {
+        stdio::note("not started");
+        return Ok(false);
     }
     stdio::note("running; Enter or Ctrl-C ends it");
     console.forget_lines();

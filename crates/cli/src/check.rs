@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use horizon_model::rows::pose;
-use schemars::schema_for;
+use schemars::{Schema, schema_for};
 use serde::Serialize;
 use serde_json::{Value, json};
 use tello_eval::figure::{self, Place, SeenFlights};
@@ -73,14 +73,7 @@ const MISSION_KINDS: [&str; 5] = ["targets", "waypoints", "spline", "circle", "t
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     if let Some(kind) = arguments.schema {
-        let schema = match kind {
-            Kind::Fly => schema_for!(FlyTable),
-            Kind::Sim => schema_for!(SimTable),
-            Kind::Mission => schema_for!(MissionTable),
-            Kind::Ident => schema_for!(IdentFileTable),
-            Kind::Params => schema_for!(ParameterFile),
-        };
-        stdio::line(serde_json::to_string_pretty(&schema)?)?;
+        stdio::line(serde_json::to_string_pretty(&schema(kind))?)?;
         return Ok(Verdict::Good);
     }
     let mut verdict = Verdict::Good;
@@ -112,26 +105,41 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
                 json!({ "file": name, "is_valid": false, "error": stdio::chain(error) })
             }
         });
-        if arguments.json {
-            continue;
-        }
-        match &looked {
-            Ok((values, look)) => {
-                let values = serde_json::to_string_pretty(values)?;
-                stdio::line(format_args!("{name}: valid\n{values}"))?;
-                if let Some(look) = look {
-                    stdio::line(format_args!("mission\n{look}"))?;
-                }
-            }
-            Err(error) => {
-                stdio::line(format_args!("{name}: refused: {}", stdio::chain(error)))?;
-            }
+        if !arguments.json {
+            print(&name, &looked)?;
         }
     }
     if arguments.json {
         stdio::line(json!({ "files": reports }))?;
     }
     Ok(verdict)
+}
+
+/// The JSON schema of a kind of file.
+fn schema(kind: Kind) -> Schema {
+    match kind {
+        Kind::Fly => schema_for!(FlyTable),
+        Kind::Sim => schema_for!(SimTable),
+        Kind::Mission => schema_for!(MissionTable),
+        Kind::Ident => schema_for!(IdentFileTable),
+        Kind::Params => schema_for!(ParameterFile),
+    }
+}
+
+/// What was found in the file `name`, as text.
+fn print(name: &str, looked: &Result<(Value, Option<Look>)>) -> Result<()> {
+    let (values, look) = match looked {
+        Ok(found) => found,
+        Err(error) => {
+            return stdio::line(format_args!("{name}: refused: {}", stdio::chain(error)));
+        }
+    };
+    let values = serde_json::to_string_pretty(values)?;
+    stdio::line(format_args!("{name}: valid\n{values}"))?;
+    match look {
+        Some(look) => stdio::line(format_args!("mission\n{look}")),
+        None => Ok(()),
+    }
 }
 
 /// The resolved values of a file, once everything in it is checked.

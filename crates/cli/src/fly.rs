@@ -46,7 +46,7 @@ use tello_flight::{Mission, Phase, SPEED_AS_WRITTEN, Start};
 use tello_io::clock::{Clock, Role, SpanNs, request_priority};
 use tello_io::config::{self, FlyTable};
 use tello_io::log::Recorder;
-use tello_io::manual::{Inputs, KEYS_HELP, Pilot};
+use tello_io::manual::{self, Inputs, KEYS_HELP, Person};
 use tello_io::tello::{DroneClient, TelloSettings};
 use tello_sim::Profile;
 
@@ -175,6 +175,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
+    manual::discard_typed();
     let (mut table, mission) =
         config::fly(arguments.config.as_deref(), arguments.mission.as_deref())?;
     parameter_file::apply(arguments.params.as_deref(), &mut table.cycle)?;
@@ -237,12 +238,12 @@ async fn fly(
         if arguments.dry_run { None } else { Some(tello.start_guardian(Guardian::spawn)?) };
     // The terminal is as it was when these go, the keys before the screen, whatever ends the flight.
     let screen = arguments.tui.then(Screen::enter).transpose()?;
-    let (mut pilot, inputs) = open_inputs(arguments, table, clock)?;
+    let (mut person, inputs) = open_inputs(arguments, table, clock)?;
     let (mocap_counters, drone_counters) =
         (Arc::clone(&feed.counters), Arc::clone(&drone.counters));
 
     let tally = Arc::new(Mutex::new(Tally::new(flight)?));
-    let (live, picture, view) = watch(arguments, screen.as_ref(), flight, &mut pilot, clock)?;
+    let (live, picture, view) = watch(arguments, screen.as_ref(), flight, &mut person, clock)?;
     let notes = Notes {
         tally: Arc::clone(&tally),
         live,
@@ -265,8 +266,8 @@ async fn fly(
         recorder,
         status,
         asks_to_land: Arc::clone(&asks_to_land),
-        person: pilot,
-        orders: Orders::to_fly(PATIENCE),
+        person,
+        orders: Orders::to_fly(),
         drill: arguments.drill,
     };
 
@@ -351,13 +352,13 @@ fn end_within(patience: Duration, code: i32) -> Result<()> {
 }
 
 /// What a person can steer with: the terminal's keys, unless they shall be left alone, and a device.
-fn open_inputs(arguments: &Arguments, table: &FlyTable, clock: Clock) -> Result<(Pilot, Inputs)> {
-    let (pilot, inputs) = Inputs::open(&config::manual(table)?, !arguments.no_keys, clock)?;
+fn open_inputs(arguments: &Arguments, table: &FlyTable, clock: Clock) -> Result<(Person, Inputs)> {
+    let (person, inputs) = Inputs::open(&config::manual(table)?, !arguments.no_keys, clock)?;
     if inputs.has_keys() && !arguments.tui {
         // In parts, since terminals of 80 columns would break the whole.
         KEYS_HELP.split("; ").for_each(stdio::note);
     }
-    Ok((pilot, inputs))
+    Ok((person, inputs))
 }
 
 /// Facts for viewers, if there are any, what draws them on `screen`, and the live page.
@@ -365,7 +366,7 @@ fn watch(
     arguments: &Arguments,
     screen: Option<&Screen>,
     flight: &FlightTable,
-    pilot: &mut Pilot,
+    person: &mut Person,
     clock: Clock,
 ) -> Result<(Option<Live>, Option<Picture>, Option<View>)> {
     if screen.is_none() && arguments.view.is_none() {
@@ -373,6 +374,6 @@ fn watch(
     }
     let (live, briefing, watched) = Live::new(flight)?;
     let picture = screen.map(|screen| screen.picture(briefing.clone(), watched.clone()));
-    let open = |address| View::open(address, (briefing, watched), pilot.remote(clock), clock);
+    let open = |address| View::open(address, (briefing, watched), person.remote(clock), clock);
     Ok((Some(live), picture, arguments.view.map(open).transpose()?))
 }

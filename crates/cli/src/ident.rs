@@ -4,7 +4,7 @@ use std::fs;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use clap::Args;
 use tello_eval::REVISION;
 use tello_eval::ident::{
@@ -144,9 +144,9 @@ fn load_table(path: Option<&Path>, arguments: &Arguments) -> Result<(String, Ide
     Ok((name, table))
 }
 
-fn identify(
+fn identify<'a>(
     arguments: &Arguments,
-    tables: &[(String, IdentFileTable)],
+    tables: &'a [(String, IdentFileTable)],
     interrupt: &Interrupt,
     clock: &Clock,
 ) -> Result<Verdict> {
@@ -159,28 +159,26 @@ fn identify(
     let out = folder(arguments);
     let plan = bootstrap_plan(arguments, out);
     let flight = ident::flight_settings(table.model, arguments.flight.as_deref())?;
-    let jobs: Vec<Job<'_>> = tables
-        .iter()
-        .enumerate()
-        .map(|(position, (name, table))| Job {
-            name,
-            table,
-            logs: &logs,
-            bootstrap: plan.as_ref(),
-            // The parameters of the first settings are written; those of the others are only compared.
-            flight: flight.as_ref().filter(|_| position == 0),
-            observer: &observer,
-            keeps_estimates: out.is_some(),
-        })
-        .collect();
+    let job = |(position, (name, table)): (usize, &'a (String, IdentFileTable))| Job {
+        name,
+        table,
+        logs: &logs,
+        bootstrap: plan.as_ref(),
+        // The parameters of the first settings are written; those of the others are only compared.
+        flight: flight.as_ref().filter(|_| position == 0),
+        observer: &observer,
+        keeps_estimates: out.is_some(),
+    };
+    let jobs: Vec<Job<'_>> = tables.iter().enumerate().map(job).collect();
     if let Some(dir) = out.filter(|_| arguments.part.is_none()) {
         fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
     }
-    let mut fits = vec![ident::fit(&jobs[0])?];
+    let main = ident::fit(&jobs[0])?;
     let mut written = match out {
-        Some(dir) => ident::write(dir, &jobs[0], &fits[0])?,
+        Some(dir) => ident::write(dir, &jobs[0], &main)?,
         None => Vec::new(),
     };
+    let mut fits = vec![main];
     let mut comparison = None;
     if !interrupt.is_asked() {
         for job in &jobs[1..] {
@@ -189,13 +187,12 @@ fn identify(
         if arguments.compare {
             let ranked = ident::compare(&jobs, &fits, arguments.folds.into(), &others)?;
             if let Some(dir) = out {
-                written.extend(ident::save_prediction(dir, &ranked, tables[0].1.dt_s)?);
+                written.extend(ident::save_prediction(dir, &ranked, table.dt_s)?);
             }
             comparison = Some(ranked);
         }
     }
-    let against = fits.split_off(1);
-    let Some(main) = fits.pop() else { bail!("no settings") };
+    let main = fits.remove(0);
     // A part is whole when it is done.
     let is_whole =
         arguments.shard.is_some() || main.fit.bootstrap.as_ref().is_none_or(Bootstrap::is_whole);
@@ -203,7 +200,7 @@ fn identify(
     let is_taken = main.fit.refused.is_none();
     let report = IdentReport {
         fit: main.fit,
-        against: against.into_iter().map(|fitted| fitted.fit).collect(),
+        against: fits.into_iter().map(|fitted| fitted.fit).collect(),
         comparison,
         files_used: logs.into_iter().map(FileUsed::from).collect(),
         files_skipped,

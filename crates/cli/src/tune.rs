@@ -1,11 +1,11 @@
 //! `tello-ctl tune`: numbers of a configuration that fly better.
 //!
 //! Owns the command: what is tried, which progress is printed, what is written. What a number is and where
-//! it stands is `tune/knob.rs`, what better means `tune/objective.rs`, the optimizer `tune/search.rs`.
+//! it stands is `tune/variable.rs`, what better means `tune/objective.rs`, the optimizer `tune/search.rs`.
 
-mod knob;
 mod objective;
 mod search;
+mod variable;
 
 use std::path::{Path, PathBuf};
 
@@ -22,9 +22,9 @@ use tello_io::whole_file::{self, write_json};
 use tello_sim::SimTable;
 use tello_sim::batch::{self, Contender};
 
-use self::knob::{Knob, Range, Scale};
 use self::objective::{Weigh, Weights};
 use self::search::Trial;
+use self::variable::{Range, Scale, Variable};
 use crate::interrupt::Interrupt;
 use crate::sim::{WorldArguments, seeds_from};
 use crate::{Verdict, stdio};
@@ -32,7 +32,7 @@ use crate::{Verdict, stdio};
 /// Search numbers in a configuration by flying batches.
 ///
 /// Every try flies the same seeds in virtual time; its cost is the mean over flights of the time from
-/// entering the first target to reaching the last, by the true pose, plus what --weigh charges. Writes
+/// entering the first target to reaching the last, by the true pose, plus the penalties of --weigh. Writes
 /// the best configuration, complete, and its mission beside it. Judge it on other seeds than it was
 /// tuned on. Equal arguments write equal files.
 #[derive(Debug, Args)]
@@ -57,7 +57,7 @@ pub(crate) struct Arguments {
     /// The same, searched by its logarithm: for weights.
     #[arg(long, value_name = "KEY=LO..HI")]
     over_log: Vec<Range>,
-    /// What a flight is charged beside its time: `distance` (s per m of its median horizontal distance
+    /// Penalties of a flight beside its time: `distance` (s per m of its median horizontal distance
     /// to the outline), `distance_p95` (of its 95 % quantile), `overshoot` (s per m of its mean overshoot),
     /// `outside` (s if it was further than 0.3 m off), `unfinished` (s in place of the time, and the
     /// most for it). Beyond 0.5 m nothing costs more; a flight that never begins or ends with a fault
@@ -99,7 +99,7 @@ struct Summary {
     /// Cost of the configuration as it was, and of the best. s
     cost_before: f64,
     cost: f64,
-    /// What the cost charges.
+    /// What the cost weighs.
     weights: Weights,
     /// Every number, before and after.
     numbers: Vec<Number>,
@@ -118,7 +118,7 @@ struct Number {
 struct Setup<'a> {
     /// The flight's settings before.
     document: Value,
-    knobs: Vec<Knob>,
+    variables: Vec<Variable>,
     weights: Weights,
     sim: SimTable,
     seeds: std::ops::Range<u64>,
@@ -140,7 +140,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let interrupt = Interrupt::listen()?;
     let setup = Setup {
         document: serde_json::to_value(&before)?,
-        knobs: knobs(arguments)?,
+        variables: variables(arguments)?,
         weights: Weights::new(&arguments.weigh),
         sim: arguments.world.table()?,
         seeds: seeds_from(arguments.seed, arguments.flights)?,
@@ -157,7 +157,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         search::minimize(&start, arguments.step, tries, &mut |x, trials| {
             let cost = setup.cost(x);
             if let (Ok(Some(cost)), false) = (&cost, arguments.json) {
-                print_try(&setup.knobs, x, *cost, trials, tries, clock.now().seconds());
+                print_try(&setup.variables, x, *cost, trials, tries, clock.now().seconds());
             }
             cost
         })
@@ -176,27 +176,30 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     Ok(if is_good { Verdict::Good } else { Verdict::Bad })
 }
 
-fn knobs(arguments: &Arguments) -> Result<Vec<Knob>> {
-    let linear = arguments.over.iter().map(|range| Knob::new(range, Scale::Linear));
-    let log = arguments.over_log.iter().map(|range| Knob::new(range, Scale::Logarithmic));
-    let knobs: Vec<Knob> = linear.chain(log).collect::<Result<_>>()?;
-    if knobs.is_empty() {
+fn variables(arguments: &Arguments) -> Result<Vec<Variable>> {
+    let linear = arguments.over.iter().map(|range| Variable::new(range, Scale::Linear));
+    let log = arguments.over_log.iter().map(|range| Variable::new(range, Scale::Logarithmic));
+    let variables: Vec<Variable> = linear.chain(log).collect::<Result<_>>()?;
+    if variables.is_empty() {
         bail!("nothing to search: name numbers with --over or --over-log");
     }
-    Ok(knobs)
+    Ok(variables)
 }
 
 impl Setup<'_> {
     /// Where the search begins: the present numbers, as fractions of their ranges.
     fn start(&self) -> Result<Vec<f64>> {
-        self.knobs.iter().map(|knob| Ok(knob.fraction(knob.value(&self.document)?))).collect()
+        self.variables
+            .iter()
+            .map(|variable| Ok(variable.fraction(variable.value(&self.document)?)))
+            .collect()
     }
 
     /// The flight's settings with the numbers at the fractions `x` of their ranges.
     fn flight(&self, x: &[f64]) -> Result<Value> {
         let mut document = self.document.clone();
-        for (knob, fraction) in self.knobs.iter().zip(x) {
-            knob.set(&mut document, *fraction)?;
+        for (variable, fraction) in self.variables.iter().zip(x) {
+            variable.set(&mut document, *fraction)?;
         }
         Ok(document)
     }
@@ -219,9 +222,9 @@ impl Setup<'_> {
 
     fn summary(&self, trials: &[Trial], first: &Trial, best: &Trial) -> Result<Summary> {
         let after = self.flight(&best.x)?;
-        let number = |knob: &Knob| -> Result<Number> {
-            let (before, after) = (knob.value(&self.document)?, knob.value(&after)?);
-            Ok(Number { key: knob.name().to_owned(), before, after })
+        let number = |variable: &Variable| -> Result<Number> {
+            let (before, after) = (variable.value(&self.document)?, variable.value(&after)?);
+            Ok(Number { key: variable.name().to_owned(), before, after })
         };
         Ok(Summary {
             tries: trials.len(),
@@ -229,21 +232,28 @@ impl Setup<'_> {
             cost_before: first.cost,
             cost: best.cost,
             weights: self.weights,
-            numbers: self.knobs.iter().map(number).collect::<Result<_>>()?,
+            numbers: self.variables.iter().map(number).collect::<Result<_>>()?,
             written: Vec::new(),
         })
     }
 }
 
 /// A line about the try at `x`, which comes after `trials`.
-fn print_try(knobs: &[Knob], x: &[f64], cost: f64, trials: &[Trial], tries: usize, elapsed_s: f64) {
+fn print_try(
+    variables: &[Variable],
+    x: &[f64],
+    cost: f64,
+    trials: &[Trial],
+    tries: usize,
+    elapsed_s: f64,
+) {
     let done = trials.len() + 1;
     let best = search::best(trials).map_or(cost, |best| best.cost.min(cost));
     let left_s = elapsed_s / done as f64 * (tries - done) as f64;
-    let numbers: Vec<String> = knobs
+    let numbers: Vec<String> = variables
         .iter()
         .zip(x)
-        .map(|(knob, fraction)| format!("{} {:.4}", knob.name(), knob.at(*fraction)))
+        .map(|(variable, fraction)| format!("{} {:.4}", variable.name(), variable.at(*fraction)))
         .collect();
     stdio::note(format_args!(
         "{done:>4}/{tries}  cost {cost:.3} s, best {best:.3} s, at most {left_s:.0} s left: {}",

@@ -4,9 +4,7 @@
 //! `cargo bench -p horizon-estim --bench ident`. The flights are simulated, with noise of a fixed seed.
 
 use divan::{Bencher, black_box};
-use horizon_estim::{
-    Curvature, Ident, IdentTable, LinearSolver, LmTable, LossTable, Observed, Piece,
-};
+use horizon_estim::{Curvature, Ident, IdentSettings, LmTable, Observed, Piece};
 use horizon_model::rows::{Pose, Sticks};
 use horizon_model::{Kinematic, Model};
 use nalgebra::SVector;
@@ -21,26 +19,25 @@ fn main() {
     divan::main();
 }
 
-fn table(curvature: Curvature, iterations_max: u32) -> IdentTable {
-    IdentTable {
-        c_o: vec![3.0, 3.0, 2.0, 0.3],
-        c_s: vec![1.0, 1.0, 0.1, 0.3],
-        c_p: vec![1.0; 4],
-        c_0: vec![0.0; 4],
-        p_prior: vec![0.9, 0.6, 0.9, 0.0],
-        p_lb: vec![0.1, 0.1, 0.1, -3.0],
-        p_ub: vec![10.0, 10.0, 10.0, 3.0],
-        observation_loss: LossTable::None {},
-        transition_loss: LossTable::None {},
-        curvature,
-        linear_solver: LinearSolver::Chain,
-        solver: LmTable {
+#[expect(
+    clippy::expect_used,
+    reason = "there is nothing to measure with settings that are refused"
+)]
+fn settings(curvature: Curvature, iterations_max: u32) -> IdentSettings<4, 4, 4> {
+    IdentSettings::builder([0.9, 0.6, 0.9, 0.0])
+        .c_o([3.0, 3.0, 2.0, 0.3])
+        .c_s([1.0, 1.0, 0.1, 0.3])
+        .c_p([1.0; 4])
+        .bounds([0.1, 0.1, 0.1, -3.0], [10.0, 10.0, 10.0, 3.0])
+        .curvature(curvature)
+        .solver(LmTable {
             damping_start: 1e-8,
             cost_tolerance: 1e-8,
             step_tolerance: 1e-10,
             iterations_max,
-        },
-    }
+        })
+        .build(&Kinematic)
+        .expect("each weight is in its range")
 }
 
 /// Flights that the model explains up to noise of a few centimetres.
@@ -62,19 +59,15 @@ fn pieces(count: u32) -> Vec<Piece<4, 4>> {
     (0..count).map(piece).collect()
 }
 
-#[expect(
-    clippy::expect_used,
-    reason = "there is nothing to measure with settings that are refused"
-)]
-fn ident(table: &IdentTable, times: u32) -> Ident<Kinematic, 4, 4, 4, 4> {
-    let settings = table.check::<Kinematic, 4, 4, 4, 4>().expect("the table above is valid");
-    Ident::new(Kinematic, &settings, DT_S, pieces(PIECES * times)).expect("the pieces are finite")
+#[expect(clippy::expect_used, reason = "there is nothing to measure without pieces")]
+fn ident(settings: &IdentSettings<4, 4, 4>, times: u32) -> Ident<Kinematic, 4, 4, 4, 4> {
+    Ident::new(Kinematic, settings, DT_S, pieces(PIECES * times)).expect("the pieces are finite")
 }
 
 /// Solves from the start and counts steps of data.
 #[expect(clippy::expect_used, reason = "a solve that fails is not what is measured")]
-fn measure(bencher: Bencher<'_, '_>, table: &IdentTable, times: u32) {
-    let mut ident = ident(table, times);
+fn measure(bencher: Bencher<'_, '_>, settings: &IdentSettings<4, 4, 4>, times: u32) {
+    let mut ident = ident(settings, times);
     bencher.counter(divan::counter::ItemsCount::new(PIECES * times * STEPS)).bench_local(|| {
         ident.start();
         black_box(ident.solve(&mut || false)).expect("simulated flights are finite").cost
@@ -84,11 +77,11 @@ fn measure(bencher: Bencher<'_, '_>, table: &IdentTable, times: u32) {
 /// One iteration, with the pass that starts a solve.
 #[divan::bench(args = [1, 4, 16])]
 fn one_iteration(bencher: Bencher<'_, '_>, times: u32) {
-    measure(bencher, &table(Curvature::GaussNewton, 1), times);
+    measure(bencher, &settings(Curvature::GaussNewton, 1), times);
 }
 
 /// Until the cost no longer changes.
 #[divan::bench(args = [1, 4, 16])]
 fn whole_solve(bencher: Bencher<'_, '_>, times: u32) {
-    measure(bencher, &table(Curvature::Exact, 100), times);
+    measure(bencher, &settings(Curvature::Exact, 100), times);
 }

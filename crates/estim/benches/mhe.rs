@@ -4,8 +4,9 @@
 //! `cargo bench -p horizon-estim`. The flights are simulated with noise, so that the robust loss works.
 
 use divan::{Bencher, black_box};
-use horizon_estim::{ArrivalTable, LmTable, LossTable, Mhe, MheTable, Observed};
-use horizon_model::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
+use horizon_estim::{ArrivalTable, LmTable, LossTable, Mhe, MheSettings, Observed};
+use horizon_model::rows::{Pose, Sticks, lag, motion, pose, stick};
+use horizon_model::setting::SettingError;
 use horizon_model::{Kinematic, Lagged, Model};
 use nalgebra::SVector;
 
@@ -17,34 +18,34 @@ fn main() {
     divan::main();
 }
 
-fn table(iterations_max: u32) -> MheTable {
-    MheTable {
-        window_steps: 30,
-        c_o: vec![3.0, 3.0, 2.0, 0.5],
-        c_s: vec![0.4, 0.4, 0.4, 0.2],
-        c_p: vec![20.0, 20.0, 20.0, 100.0],
-        p_prior: vec![1.29, 0.445, 0.994, 0.033],
-        p_lb: vec![0.7, 0.2, 0.8, -0.5],
-        p_ub: vec![1.5, 1.0, 1.2, 0.5],
-        observation_loss: LossTable::Huber { scale: 1.0 },
-        transition_loss: LossTable::None {},
-        arrival: ArrivalTable::Fixed,
-        shift_prior: false,
-        solver: LmTable {
+/// The expected parameter, with which the flights are simulated.
+const P: [f64; 4] = [1.29, 0.445, 0.994, 0.033];
+
+fn settings(iterations_max: u32) -> Result<MheSettings<4, 4, 4>, SettingError> {
+    MheSettings::builder(P)
+        .c_o([3.0, 3.0, 2.0, 0.5])
+        .c_s([0.4, 0.4, 0.4, 0.2])
+        .c_p([20.0, 20.0, 20.0, 100.0])
+        .bounds([0.7, 0.2, 0.8, -0.5], [1.5, 1.0, 1.2, 0.5])
+        .losses(LossTable::Huber { scale: 1.0 }, LossTable::None {})
+        .arrival(ArrivalTable::Fixed)
+        .solver(LmTable {
             damping_start: 1e-6,
             cost_tolerance: 1e-6,
             step_tolerance: 1e-8,
             iterations_max,
-        },
-    }
+        })
+        .build(&Kinematic)
 }
 
 /// A started estimator and the flight that it is to follow.
-#[expect(clippy::expect_used, reason = "there is nothing to measure with a table that is refused")]
+#[expect(
+    clippy::expect_used,
+    reason = "there is nothing to measure with settings that are refused"
+)]
 fn flight(iterations_max: u32) -> (Mhe<Kinematic, 4, 4, 4, 4>, Vec<(Sticks, Observed<4>)>) {
-    let table = table(iterations_max);
-    let settings = table.check::<Kinematic, 4, 4, 4, 4>().expect("the table above is valid");
-    let p = SVector::from_column_slice(&table.p_prior);
+    let settings = settings(iterations_max).expect("each weight is in its range");
+    let p = SVector::from(P);
     let mut mhe = Mhe::new(Kinematic, settings, DT_S).expect("the period is positive");
     let mut s = Pose::new(0.0, 0.0, 1.0, 3.0);
     mhe.start(&s);
@@ -89,41 +90,43 @@ fn a_thousand_updates(bencher: Bencher<'_, '_>, iterations_max: u32) {
     follow(bencher, &mhe, &steps);
 }
 
+/// The expected parameter of the vehicle with lag, with which its flights are simulated.
+const P_LAGGED: [f64; lag::COUNT] =
+    [1.9, 0.89, 1.4, -0.06, 0.64, 0.25, 0.12, 0.07, 0.12, 0.08, 1.1];
+
 /// The weights are those of `configs/fly.json`, up to what does not cost time.
-fn lagged_table(window_steps: usize) -> MheTable {
-    let p = [1.9, 0.89, 1.4, -0.06, 0.64, 0.25, 0.12, 0.07, 0.12, 0.08, 1.1];
-    let mut c_s = Motion::repeat(100.0);
-    c_s.fixed_rows_mut::<{ stick::COUNT }>(motion::V_X).fill(10.0);
+fn lagged_settings(
+    window_steps: usize,
+) -> Result<MheSettings<{ motion::COUNT }, { pose::COUNT }, { lag::COUNT }>, SettingError> {
+    let mut c_s = [100.0; motion::COUNT];
+    c_s[motion::V_X..motion::V_X + stick::COUNT].fill(10.0);
     (c_s[motion::D_X], c_s[motion::D_Y], c_s[motion::D_Z]) = (2.2, 2.2, 5.0);
-    MheTable {
-        window_steps,
-        c_o: vec![2500.0, 2500.0, 2500.0, 250.0],
-        c_s: c_s.as_slice().to_vec(),
-        c_p: vec![10.0; lag::COUNT],
-        p_prior: p.to_vec(),
-        p_lb: p.map(|p| p - 0.5 * f64::abs(p)).to_vec(),
-        p_ub: p.map(|p| p + 0.5 * f64::abs(p)).to_vec(),
-        observation_loss: LossTable::Huber { scale: 2.5 },
-        transition_loss: LossTable::None {},
-        arrival: ArrivalTable::Carried { c_0: vec![5.0; motion::COUNT], forget_s: 60.0 },
-        shift_prior: false,
-        solver: LmTable {
+    let beside = |fraction: f64| P_LAGGED.map(|p| p + fraction * p.abs());
+    MheSettings::builder(P_LAGGED)
+        .window_steps(window_steps)
+        .c_o([2500.0, 2500.0, 2500.0, 250.0])
+        .c_s(c_s)
+        .c_p([10.0; lag::COUNT])
+        .bounds(beside(-0.5), beside(0.5))
+        .losses(LossTable::Huber { scale: 2.5 }, LossTable::None {})
+        .arrival(ArrivalTable::Carried { c_0: vec![5.0; motion::COUNT], forget_s: 60.0 })
+        .solver(LmTable {
             damping_start: 0.0,
             cost_tolerance: 1e-3,
             step_tolerance: 1e-9,
             iterations_max: 3,
-        },
-    }
+        })
+        .build(&Lagged::default())
 }
 
 /// A started estimator of the vehicle with lag and the flight that it is to follow.
-#[expect(clippy::expect_used, reason = "there is nothing to measure with a table that is refused")]
+#[expect(
+    clippy::expect_used,
+    reason = "there is nothing to measure with settings that are refused"
+)]
 fn lagged_flight(window_steps: usize) -> (LaggedMhe, Vec<(Sticks, Observed<4>)>) {
-    let table = lagged_table(window_steps);
-    let settings = table
-        .check::<Lagged, { motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>()
-        .expect("the table above is valid");
-    let p = SVector::from_column_slice(&table.p_prior);
+    let settings = lagged_settings(window_steps).expect("each weight is in its range");
+    let p = SVector::from(P_LAGGED);
     let model = Lagged::default();
     let mut mhe = Mhe::new(model, settings, DT_S).expect("the period is positive");
     let o = Pose::new(0.0, 0.0, 1.0, 3.0);

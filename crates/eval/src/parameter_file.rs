@@ -41,7 +41,7 @@ pub struct ParameterFile {
     pub covariance: Option<Vec<Vec<f64>>>,
     /// The flights that changed the values since the identification; null without any.
     #[serde(default)]
-    pub flown: Option<Flown>,
+    pub flown: Option<FlightHistory>,
     /// Git revision of the program that wrote the file.
     pub revision: String,
 }
@@ -49,7 +49,7 @@ pub struct ParameterFile {
 /// The flights that changed a vehicle file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Flown {
+pub struct FlightHistory {
     /// How many. >= 1
     pub flights: u32,
     /// Start of the first of them, UTC.

@@ -109,3 +109,28 @@ fn is_mcap(path: &Path) -> Result<bool> {
     anyhow::ensure!(!head.is_empty(), "{} is empty: there is no flight in it", path.display());
     Ok(head == MCAP_MAGIC)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    fn refused(name: &str, content: &str, watch: Option<Watch<'_>>) -> String {
+        let name = format!("tello-ctl-replay-{}-{name}", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        fs::write(&path, content).unwrap();
+        let refused = run(std::slice::from_ref(&path), &Options::default(), watch);
+        fs::remove_file(&path).unwrap();
+        format!("{:#}", refused.unwrap_err())
+    }
+
+    #[test]
+    fn an_empty_file_is_no_flight_and_a_recording_of_others_has_nothing_to_watch() {
+        let error = refused("empty.log", "", None);
+        assert!(error.ends_with("is empty: there is no flight in it"), "{error}");
+        let ticks = "pos,0,0,0,1,0\ninput,0,0,0,0,0\npos,1,0,0,1,0\ninput,1,0,0,0,0\n";
+        let error = refused("watched.log", ticks, Some(&mut |_, _| Ok(())));
+        assert!(error.starts_with("--view is for a log of tello-ctl"), "{error}");
+    }
+}

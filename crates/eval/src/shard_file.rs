@@ -287,7 +287,12 @@ fn parse<T: Seeded>(text: &str) -> Result<(Head, Vec<T>)> {
     let body = checked_lines(text)?;
     let settings_sum = checksum(head.settings.to_string().as_bytes());
     ensure!(settings_sum == head.settings_sha256, "the hash of its settings is wrong");
-    ensure!((1..=head.parts).contains(&head.part), "part {} of {}", head.part, head.parts);
+    ensure!(
+        (1..=head.parts).contains(&head.part),
+        "part = {} violates 1..={}",
+        head.part,
+        head.parts
+    );
     let rows: Result<Vec<T>, _> = body.lines().skip(1).map(serde_json::from_str).collect();
     let rows = rows.context("a row cannot be read")?;
     let is_whole = rows.iter().map(Seeded::seed).eq(head.seeds().map(Some));

@@ -11,7 +11,9 @@ use horizon_model::rows::stick;
 use tello_flight::cycle::{CycleTable, ParameterEstimate};
 
 use crate::REVISION;
-use crate::parameter_file::{FORMAT, Flown, ParameterEntry, ParameterFile, TakesParameters as _};
+use crate::parameter_file::{
+    FORMAT, FlightHistory, ParameterEntry, ParameterFile, TakesParameters as _,
+};
 
 /// Most that a flight changes a parameter by, in standard deviations of the estimator's prior.
 const STEP_MAX: f64 = 3.0;
@@ -45,7 +47,7 @@ pub struct Changed {
 /// `settings` stay as they are.
 ///
 /// # Errors
-/// It cannot be read, breaks a rule, does not fit to the settings, is of the other world than `is_simulated`,
+/// It cannot be read, breaks a rule, does not fit to the settings, is of simulated flights where `is_simulated` is false or the other way round,
 /// or its folder does not exist.
 pub fn before_flight(path: &Path, settings: &mut CycleTable, is_simulated: bool) -> Result<()> {
     if !path.exists() {
@@ -56,7 +58,7 @@ pub fn before_flight(path: &Path, settings: &mut CycleTable, is_simulated: bool)
         return Ok(());
     }
     let file = ParameterFile::read(path)?;
-    file.check_world(is_simulated).with_context(|| format!("in {}", path.display()))?;
+    file.check_is_simulated(is_simulated).with_context(|| format!("in {}", path.display()))?;
     settings.take(&file).with_context(|| format!("with the vehicle of {}", path.display()))
 }
 
@@ -76,7 +78,7 @@ pub fn after_flight(
     } else {
         ParameterFile::of_settings(settings)
     };
-    file.check_world(flight.is_simulated)?;
+    file.check_is_simulated(flight.is_simulated)?;
     let changed = file.learn(settings, flight)?;
     if !changed.is_empty() {
         file.write(path)?;
@@ -111,7 +113,7 @@ impl ParameterFile {
         }
     }
 
-    fn check_world(&self, is_simulated: bool) -> Result<()> {
+    fn check_is_simulated(&self, is_simulated: bool) -> Result<()> {
         match &self.flown {
             Some(flown) if flown.is_simulated && !is_simulated => {
                 bail!("its flights were simulated: it is no file of a real drone")
@@ -136,20 +138,8 @@ impl ParameterFile {
         flight: &FlightDone<'_>,
     ) -> Result<Vec<Changed>> {
         let rows = self.model.parameters();
+        self.check_estimate(settings, flight.found)?;
         let ParameterEstimate { p, covariance, dead_time_change_s } = flight.found;
-        let is_whole = covariance.iter().all(|row| row.len() == rows.len());
-        if self.model != settings.model || p.len() != rows.len() || covariance.len() != rows.len() {
-            bail!(
-                "the flight was of the model {} with {} parameters, the file is of {}",
-                settings.model.name(),
-                p.len(),
-                self.model.name()
-            );
-        }
-        let values = p.iter().chain(covariance.iter().flatten()).chain(dead_time_change_s);
-        if !is_whole || !values.copied().all(f64::is_finite) {
-            bail!("the estimate at the end of the flight is not finite: the file stays as it was");
-        }
         let mhe = &settings.mhe;
         let mut changed = Vec::new();
         for (i, row) in rows.iter().enumerate() {
@@ -178,20 +168,44 @@ impl ParameterFile {
         if !changed.is_empty() {
             self.covariance = Some(covariance.clone());
             REVISION.clone_into(&mut self.revision);
-            let date = flight.date.to_owned();
-            self.flown = Some(match self.flown.take() {
-                Some(flown) => {
-                    Flown { flights: flown.flights.saturating_add(1), last: date, ..flown }
-                }
-                None => Flown {
-                    flights: 1,
-                    first: date.clone(),
-                    last: date,
-                    is_simulated: flight.is_simulated,
-                },
-            });
+            self.count_flight(flight);
         }
         Ok(changed)
+    }
+
+    /// Refuses an estimate of another model, and one that is not finite.
+    fn check_estimate(&self, settings: &CycleTable, found: &ParameterEstimate) -> Result<()> {
+        let count = self.model.parameters().len();
+        let ParameterEstimate { p, covariance, dead_time_change_s } = found;
+        if self.model != settings.model || p.len() != count || covariance.len() != count {
+            bail!(
+                "the flight was of the model {} with {} parameters, the file is of {}",
+                settings.model.name(),
+                p.len(),
+                self.model.name()
+            );
+        }
+        let is_square = covariance.iter().all(|row| row.len() == count);
+        let values = p.iter().chain(covariance.iter().flatten()).chain(dead_time_change_s);
+        if !is_square || !values.copied().all(f64::is_finite) {
+            bail!("the estimate at the end of the flight is not finite: the file stays as it was");
+        }
+        Ok(())
+    }
+
+    fn count_flight(&mut self, flight: &FlightDone<'_>) {
+        let last = flight.date.to_owned();
+        self.flown = Some(match self.flown.take() {
+            Some(flown) => {
+                FlightHistory { flights: flown.flights.saturating_add(1), last, ..flown }
+            }
+            None => FlightHistory {
+                flights: 1,
+                first: last.clone(),
+                last,
+                is_simulated: flight.is_simulated,
+            },
+        });
     }
 }
 

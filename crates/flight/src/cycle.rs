@@ -62,7 +62,7 @@ pub use planning_table::PlanningTable;
 pub use record::{FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, RowsRecord, SticksRecord};
 pub use record::{Sink, Topic};
 pub use sense::{SIGHTING_AGE_MAX, is_airborne};
-pub use table::{CycleTable, FlightTable};
+pub use table::{CycleTable, FlightTable, StandingTable};
 pub use timing::Timing;
 pub use vehicle::{ModelKind, WithModel};
 pub use walls::{Clearance, WallTable};

@@ -112,7 +112,7 @@ impl TryFrom<&FilterTable> for FilterSettings {
 /// What became of a group of rows, position or heading, of one sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
+pub enum Acceptance {
     /// There was nothing to judge.
     Missing,
     /// The raw value is accepted.
@@ -126,10 +126,10 @@ pub enum Verdict {
 pub struct Filtered {
     /// Last accepted pose, heading continuous; `None` before the first. m, rad
     pub o: Option<Pose>,
-    /// Verdict on x, y and z.
-    pub position: Verdict,
-    /// Verdict on theta.
-    pub heading: Verdict,
+    /// Acceptance on x, y and z.
+    pub position: Acceptance,
+    /// Acceptance on theta.
+    pub heading: Acceptance,
 }
 
 /// Filter with the last accepted pose and the lengths of the present holds.
@@ -199,7 +199,7 @@ impl PoseFilter {
         if let Some(o_ref) = &mut self.o_ref {
             o_ref[pose::THETA] = theta_rad;
         }
-        Filtered { o: self.o_ref, position: Verdict::Accepted, heading: Verdict::Held }
+        Filtered { o: self.o_ref, position: Acceptance::Accepted, heading: Acceptance::Held }
     }
 
     /// Accepts the refused heading of `raw` after all if it is that of the estimate, `theta_hat_rad`: the vehicle
@@ -213,7 +213,7 @@ impl PoseFilter {
         filtered: Filtered,
     ) -> Filtered {
         let is_refused =
-            (filtered.position, filtered.heading) == (Verdict::Accepted, Verdict::Held);
+            (filtered.position, filtered.heading) == (Acceptance::Accepted, Acceptance::Held);
         let is_near = (raw[pose::THETA] - theta_hat_rad).is_finite()
             && wrap(raw[pose::THETA] - theta_hat_rad).abs() <= self.settings.angle.base;
         let has_say = self.settings.angle_growth_refused.is_some();
@@ -222,7 +222,7 @@ impl PoseFilter {
         };
         o_ref[pose::THETA] += wrap(raw[pose::THETA] - o_ref[pose::THETA]);
         self.release_heading();
-        Filtered { o: self.o_ref, heading: Verdict::Accepted, ..filtered }
+        Filtered { o: self.o_ref, heading: Acceptance::Accepted, ..filtered }
     }
 
     fn refuse(&mut self) {
@@ -247,24 +247,24 @@ impl PoseFilter {
         }
     }
 
-    fn miss(&mut self) -> (Verdict, Verdict) {
+    fn miss(&mut self) -> (Acceptance, Acceptance) {
         self.position_hold.grow();
         self.heading_hold.grow();
-        (Verdict::Missing, Verdict::Missing)
+        (Acceptance::Missing, Acceptance::Missing)
     }
 
-    fn begin(&mut self, raw: &Pose) -> (Verdict, Verdict) {
+    fn begin(&mut self, raw: &Pose) -> (Acceptance, Acceptance) {
         let position = [raw[pose::X], raw[pose::Y], raw[pose::Z]];
         if position.iter().all(|row| row.abs() < self.settings.origin_m) {
-            return (Verdict::Missing, Verdict::Missing);
+            return (Acceptance::Missing, Acceptance::Missing);
         }
         self.o_ref = Some(*raw);
         self.position_hold.periods = 0;
         self.release_heading();
-        (Verdict::Accepted, Verdict::Accepted)
+        (Acceptance::Accepted, Acceptance::Accepted)
     }
 
-    fn judge(&mut self, raw: &Pose, o_ref: Pose) -> (Verdict, Verdict) {
+    fn judge(&mut self, raw: &Pose, o_ref: Pose) -> (Acceptance, Acceptance) {
         let turn_max = self.turn_max();
         let Self { settings, position_hold, .. } = self;
         let jump = raw - o_ref;
@@ -274,25 +274,25 @@ impl PoseFilter {
             && raw[pose::Z] >= settings.floor_m;
         if !is_near {
             position_hold.grow();
-            return (Verdict::Held, Verdict::Held);
+            return (Acceptance::Held, Acceptance::Held);
         }
         position_hold.periods = 0;
-        // |wrap(theta - theta_ref)| <= turn_max, thesis equation 4.9.
+        // |wrap(theta - theta_ref)| <= turn_max, thesis equations 4.9 and 4.12.
         let turn = wrap(jump[pose::THETA]);
         let heading = if turn.abs() <= turn_max {
             self.release_heading();
-            Verdict::Accepted
+            Acceptance::Accepted
         } else {
             self.refuse();
-            Verdict::Held
+            Acceptance::Held
         };
-        let theta = if heading == Verdict::Accepted {
+        let theta = if heading == Acceptance::Accepted {
             o_ref[pose::THETA] + turn
         } else {
             o_ref[pose::THETA]
         };
         self.o_ref = Some(Pose::new(raw[pose::X], raw[pose::Y], raw[pose::Z], theta));
-        (Verdict::Accepted, heading)
+        (Acceptance::Accepted, heading)
     }
 }
 

@@ -10,6 +10,7 @@
 //! |-----------------|---------------------------------------------------------------------|
 //! | `cycle.rs`      | one tick of the control loop, its settings and its log records      |
 //! | `filter.rs`     | outlier filter of the motion capture (thesis section 4.3.3)         |
+//! | `commanded.rs`  | velocity that sticks ask for                                        |
 //! | `link.rs`       | whether the sent sticks act                                         |
 //! | `monitor.rs`    | whether motion capture, drone and commands tell of one motion       |
 //! | `reference.rs`  | target list, reach test, clipping (thesis equation 4.20)            |
@@ -26,6 +27,7 @@
 //!
 //! Letters and units: `docs/notation.md`. Derivations: `docs/model.md`.
 
+mod commanded;
 pub mod cycle;
 pub mod drone;
 mod filter;
@@ -44,10 +46,11 @@ mod trajectory;
 
 use serde::{Deserialize, Deserializer};
 
-pub use filter::{FilterSettings, FilterTable, Filtered, PoseFilter, Verdict};
+pub use commanded::commanded_mps;
+pub use filter::{Acceptance, FilterSettings, FilterTable, Filtered, PoseFilter};
 pub use link::{
     DeadTimeError, DeadTimeTable, LinkMonitor, LinkSettings, LinkState, LinkTable, LinkVerdict,
-    TurnTable, commanded_mps,
+    TurnTable,
 };
 pub use mission::{
     CircleTable, CsvError, CsvErrors, Direction, FollowTable, LimitTable, Mission, MissionTable,

@@ -12,13 +12,15 @@ mod turn;
 
 use horizon_estim::Observed;
 use horizon_model::rows::{Sticks, lag, pose, stick};
-use hypothesis::{Command, Hypothesis};
+use hypothesis::{Hypothesis, LevelCommand};
 use nalgebra::{SVector, Vector2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 pub use table::{DeadTimeTable, LinkSettings, LinkTable};
 pub use turn::TurnTable;
 use turn::{Turn, TurnCommand};
+
+use crate::commanded::{commanded_mps, excess};
 
 /// Part of the evidence for an outage from which on the motion is in doubt.
 const DOUBT: f64 = 0.3;
@@ -120,7 +122,7 @@ struct Asked {
 /// What the sticks ask for in one period, and how that changes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Commands {
-    horizontal: Command,
+    horizontal: LevelCommand,
     turn: TurnCommand,
 }
 
@@ -276,7 +278,7 @@ impl Asked {
     /// The commands of a period of `dt_s` before which `before` was asked for.
     fn after(self, before: Self, dt_s: f64) -> Commands {
         Commands {
-            horizontal: Command {
+            horizontal: LevelCommand {
                 asked_w_mps: self.v_w_mps,
                 rate_w_mps2: (self.v_w_mps - before.v_w_mps) / dt_s,
             },
@@ -373,19 +375,6 @@ impl Test {
         let score = if state.is_down() { -first } else { first.max(second) };
         LinkVerdict { state, score, changed, onset_steps }
     }
-}
-
-/// What is left of a stick above its dead zone. 1
-fn excess(u: f64, dead: f64) -> f64 {
-    (u.abs() - dead).max(0.0).copysign(u)
-}
-
-/// Velocity that the sticks ask for in the direction of flight `psi_rad`, world frame. m/s
-pub fn commanded_mps(u: &Sticks, psi_rad: f64, lambda_h_mps: f64, dead_h: f64) -> Vector2<f64> {
-    let forward = lambda_h_mps * excess(u[stick::PITCH], dead_h);
-    let right = lambda_h_mps * excess(u[stick::ROLL], dead_h);
-    let (sin, cos) = psi_rad.sin_cos();
-    Vector2::new(cos * forward + sin * right, sin * forward - cos * right)
 }
 
 #[cfg(test)]

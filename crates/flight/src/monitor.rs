@@ -89,7 +89,8 @@ pub struct Findings {
     pub velocity: Agreement,
     /// Speed by the drone, if it has shown that it reports one. m/s
     pub drone_speed_mps: Option<f64>,
-    /// Length of the vector by which these two differ. m
+    /// By how much these two differ: the length of the vector; before the drone's axes are known what exceeds their
+    /// tolerances (docs/model.md, section 6). m
     pub displacement_error_m: f64,
     /// Height by the poses against the drone's.
     pub height: Agreement,
@@ -208,7 +209,7 @@ impl Monitors {
 
 /// From doubt to disagreement: a difference beyond the limit for a while, or beyond twice the limit for some reports.
 #[derive(Debug, Clone, Default)]
-struct Verdict {
+struct Doubt {
     doubtful_s: f64,
 }
 
@@ -220,8 +221,8 @@ const DOUBT_LARGE_MAX_S: f64 = 0.3;
 /// vehicle stops in it, adds up.
 const FORGIVEN: f64 = 0.2;
 
-impl Verdict {
-    fn on(&mut self, error: f64, limit: f64, dt_s: f64) -> Agreement {
+impl Doubt {
+    fn judge(&mut self, error: f64, limit: f64, dt_s: f64) -> Agreement {
         // NaN is in doubt.
         if error <= limit {
             self.doubtful_s = (self.doubtful_s - FORGIVEN * dt_s).max(0.0);

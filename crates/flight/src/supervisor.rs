@@ -7,7 +7,8 @@
 //! ```text
 //! Idle -- asked to fly, nothing wrong --> TakingOff -- risen --> Flying
 //!   |                                         |                    |
-//!   |  ordered to land, drone is flying       |  fault             |  mission done, fault
+//!   |  drone flies: ordered to land,          |  fault             |  mission done, fault
+//!   |  or it took off unasked                 |                    |  (some brake first)
 //!   v                                         v                    v
 //! Landing <-----------------------------------+--------------------+
 //!   |-- down --> Landed
@@ -39,7 +40,7 @@ use horizon_model::rows::pose;
 /// may be lost, but a drone spinning up must not receive the order twice. s
 const TAKE_OFF_RETRY_S: f64 = 3.0;
 
-/// Fraction of a missed period that is forgiven at each tick: one period in ten may be missed for ever.
+/// Fraction of a missed period that is forgiven at each tick: one may be missed after each ten ticks for ever.
 const LATE_FORGIVEN: f64 = 0.1;
 
 /// Landing, or a stop of the motors, is ordered this often until the vehicle is down; any other command
@@ -49,7 +50,10 @@ const REPEAT_S: f64 = 0.5;
 /// The controller brakes for so long after a plan led out of the room or into an obstacle. s
 const BRAKE_S: f64 = 0.4;
 
-/// A drone that says for so long that it flies, without an order to take off, is landed. s
+/// Turn away from the heading of the reference that no controlled vehicle makes. rad
+const TURNED_RAD: f64 = 1.0;
+
+/// A drone that says for so long that it flies took off without our order. s
 const ALOFT_S: f64 = 1.0;
 
 /// How long a vehicle must look grounded to count as down. s
@@ -84,6 +88,7 @@ pub struct Supervisor {
     done_since_ns: Option<i64>,
     /// Since when the controller's vehicle goes away from its reference. ns
     astray_since_ns: Option<i64>,
+    turned_since_ns: Option<i64>,
     /// Since when the vehicle is too fast. ns
     fast_since_ns: Option<i64>,
     /// Since when the dead time is too long. ns
@@ -94,6 +99,8 @@ pub struct Supervisor {
     braking_since_ns: Option<i64>,
     /// Since when the drone says that it flies, without an order to take off. ns
     aloft_since_ns: Option<i64>,
+    /// When the drone first showed that it received the order to take off.
+    took_off_ns: Option<i64>,
     /// Since when nothing has confirmed the command outage. ns
     alone_since_ns: Option<i64>,
     take_off_ordered_ns: Option<i64>,
@@ -134,11 +141,13 @@ impl Supervisor {
             climbs_still_since_ns: None,
             done_since_ns: None,
             astray_since_ns: None,
+            turned_since_ns: None,
             fast_since_ns: None,
             dead_time_long_since_ns: None,
             blocked_ns: None,
             braking_since_ns: None,
             aloft_since_ns: None,
+            took_off_ns: None,
             alone_since_ns: None,
             take_off_ordered_ns: None,
             end_ordered_ns: None,
@@ -227,9 +236,14 @@ impl Supervisor {
             self.drone_ground_m = drone.height_m;
         }
         self.remember_landing(e);
-        let says_grounded = self.phase == Phase::Flying
-            && self.is_past_take_off(e)
-            && self.drone_says_flying(e) == Some(false);
+        let says_flying = self.drone_says_flying(e);
+        let is_climbing = self.phase == Phase::TakingOff;
+        if is_climbing && (says_flying == Some(true) || self.has_risen(e)) {
+            self.took_off_ns.get_or_insert(e.t_ns);
+        }
+        let may_be_grounded = (self.phase == Phase::Flying && self.is_past_take_off(e))
+            || (is_climbing && self.took_off_ns.is_some());
+        let says_grounded = may_be_grounded && says_flying == Some(false);
         keep_since(&mut self.grounded_since_ns, says_grounded, e.t_ns);
         let climbs_still = self.phase == Phase::TakingOff
             && e.findings.still_s.is_some()
@@ -242,6 +256,10 @@ impl Supervisor {
         let is_astray = is_flown && !e.is_by_hand && is_off;
         let is_fast = is_flown && is_older(e.speed_mps, failsafe.speed_mps);
         keep_since(&mut self.astray_since_ns, is_astray, e.t_ns);
+        // In an outage the reference turns on without the vehicle.
+        let is_steered = is_flown && !e.is_by_hand && e.outage.is_none();
+        let is_turned = is_steered && e.turned_rad.is_some_and(|rad| is_older(rad, TURNED_RAD));
+        keep_since(&mut self.turned_since_ns, is_turned, e.t_ns);
         keep_since(&mut self.fast_since_ns, is_fast, e.t_ns);
         let is_long = is_flown && !e.is_by_hand && e.is_dead_time_long;
         keep_since(&mut self.dead_time_long_since_ns, is_long, e.t_ns);
@@ -260,7 +278,10 @@ impl Supervisor {
             Phase::Idle if asks_to_land && self.drone_says_flying(e) == Some(true) => {
                 Phase::Landing
             }
-            Phase::Idle if has_lasted(self.aloft_since_ns, e.t_ns, ALOFT_S) => Phase::Landing,
+            // Other faults land nothing: it stands.
+            Phase::Idle if reaction == Reaction::Land && self.has_taken_off_unasked(e) => {
+                Phase::Landing
+            }
             Phase::Idle if asks_to_fly && reaction < Reaction::StayDown => Phase::TakingOff,
             Phase::TakingOff | Phase::Flying if reaction == Reaction::Land => Phase::Landing,
             Phase::TakingOff if reaction == Reaction::BrakeAndLand => Phase::Landing,
@@ -289,6 +310,7 @@ impl Supervisor {
                 if self.take_off_ordered_ns.is_none()
                     || (is_due(self.take_off_ordered_ns, TAKE_OFF_RETRY_S)
                         && self.drone_says_flying(e) == Some(false)
+                        && self.took_off_ns.is_none()
                         && reaction < Reaction::StayDown) =>
             {
                 self.take_off_ordered_ns = Some(e.t_ns);

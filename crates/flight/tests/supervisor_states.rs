@@ -84,6 +84,7 @@ fn evidence(
         motion: pose.map(|pose| EstimatedMotion { pose, rate }),
         is_plan_clear: (flag(0) != flag(1)).then_some(flag(2)),
         is_obstacle_unseen: flag(0) && flag(1) && flag(3),
+        is_in_obstacle: flag(1) && flag(2) && flag(3),
         is_pose_repeated: flag(2),
         jump_m: (flag(1) && flag(2)).then_some(2.0),
         is_pose_rough: flag(1) && flag(2) && flag(0),
@@ -104,6 +105,7 @@ fn evidence(
         }),
         is_dead_time_long: flag(1) && flag(3),
         tracking_m: flag(0).then_some(2.0),
+        turned_rad: flag(2).then_some(2.0),
         speed_mps: if flag(3) { 4.0 } else { 0.0 },
         overtime_s: if flag(1) { 61.0 } else { 0.0 },
         drone: drone_age_s.map(|age_s| DroneReport {

@@ -23,7 +23,7 @@ use crate::whole_file;
 
 use place::Place;
 
-pub use problems::{Problem, Problems, fly_problems, mission_problems, problems};
+pub use problems::{Problems, SettingProblem, fly_problems, mission_problems, problems};
 
 /// Settings of `tello-ctl fly`: one file, every key required.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

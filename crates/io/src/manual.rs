@@ -28,6 +28,7 @@ pub use controls::{Act, Controls, Direction, Event, Source};
 pub use keys::{Decoder, KEYS_HELP, Typed};
 pub use remote::{Remote, RemoteBusy};
 pub use settings::{ManualSettings, ManualTable};
+pub use terminal::discard_typed;
 
 use self::device::Layout;
 use self::notes::Notes;
@@ -67,7 +68,7 @@ pub struct Hand {
 
 /// The control thread's end of the controls.
 #[derive(Debug)]
-pub struct Pilot {
+pub struct Person {
     controls: Controls,
     terminal: Consumer<Event>,
     device: Consumer<Event>,
@@ -76,14 +77,14 @@ pub struct Pilot {
     notes: Notes,
 }
 
-impl Pilot {
+impl Person {
     /// An end, and where the events of terminal and device go.
     pub fn new(settings: ManualSettings) -> (Self, Producer<Event>, Producer<Event>) {
         let (terminal_events, terminal) = RingBuffer::new(EVENTS);
         let (device_events, device) = RingBuffer::new(EVENTS);
         let controls = Controls::new(settings);
-        let pilot = Self { controls, terminal, device, remote: None, notes: Notes::default() };
-        (pilot, terminal_events, device_events)
+        let person = Self { controls, terminal, device, remote: None, notes: Notes::default() };
+        (person, terminal_events, device_events)
     }
 
     /// Where a view of the flight gives its orders. One there is: a second call closes the first.
@@ -174,11 +175,11 @@ impl Inputs {
         settings: &ManualSettings,
         uses_keys: bool,
         clock: Clock,
-    ) -> Result<(Pilot, Self), ManualError> {
-        let (pilot, terminal_events, device_events) = Pilot::new(settings.clone());
+    ) -> Result<(Person, Self), ManualError> {
+        let (person, terminal_events, device_events) = Person::new(settings.clone());
         let ends = Arc::new(AtomicBool::new(false));
         let mut inputs = Self { ends: Arc::clone(&ends), readers: Vec::new(), mode: None };
-        let shown = notes::show(pilot.notes.clone(), Arc::clone(&ends));
+        let shown = notes::show(person.notes.clone(), Arc::clone(&ends));
         shown.map_err(ManualError::Thread)?;
         if let Some(name) = settings.device() {
             let device = device::open(name)?;
@@ -194,7 +195,7 @@ impl Inputs {
             let outlet = Outlet::new(terminal_events, clock, ends);
             inputs.start("tello-keys", move || terminal::read_keys(outlet))?;
         }
-        Ok((pilot, inputs))
+        Ok((person, inputs))
     }
 
     /// Whether the keys of the terminal are live.
@@ -231,27 +232,27 @@ mod tests {
     #[test]
     fn the_end_polls_both_queues_and_the_strongest_order_wins() {
         let settings = ManualSettings::try_from(&table()).unwrap();
-        let (mut pilot, mut terminal, mut device) = Pilot::new(settings);
-        assert_eq!(pilot.poll(TimeNs(0)), Hand::default());
+        let (mut person, mut terminal, mut device) = Person::new(settings);
+        assert_eq!(person.poll(TimeNs(0)), Hand::default());
         let event = |source, act| Event { at: TimeNs(0), source, act };
         terminal.push(event(Source::Terminal, Act::Ask(Ask::EmergencyStop))).unwrap();
         device.push(event(Source::Device, Act::Ask(Ask::TakeOff))).unwrap();
         device.push(event(Source::Device, Act::Manual)).unwrap();
-        let hand = pilot.poll(TimeNs(20_000_000));
+        let hand = person.poll(TimeNs(20_000_000));
         let sticks = Some(Sticks::zeros());
         assert_eq!(hand, Hand { ask: Some(Ask::EmergencyStop), sticks, has_expired: false });
-        assert_eq!(pilot.poll(TimeNs(40_000_000)).ask, None, "an order is given once");
+        assert_eq!(person.poll(TimeNs(40_000_000)).ask, None, "an order is given once");
     }
 
     #[test]
     fn a_key_that_expires_is_reported_in_one_tick() {
         let settings = ManualSettings::try_from(&table()).unwrap();
-        let (mut pilot, mut terminal, _device) = Pilot::new(settings);
+        let (mut person, mut terminal, _device) = Person::new(settings);
         let press = Act::Press(Direction::Forward);
         terminal.push(Event { at: TimeNs(0), source: Source::Terminal, act: press }).unwrap();
         let expired: Vec<i64> = (0..250)
             .map(|tick| 20_000_000 * tick)
-            .filter(|now_ns| pilot.poll(TimeNs(*now_ns)).has_expired)
+            .filter(|now_ns| person.poll(TimeNs(*now_ns)).has_expired)
             .collect();
         assert_eq!(expired.len(), 1, "{expired:?}");
         assert!(expired[0] > 0, "{expired:?}");

@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 pub use bind::LinkError;
 pub use client::{DroneClient, DroneLink, OrderError};
-pub use guardian::{Duty, Guardian, Heartbeat, Post, Verdict, Watch};
+pub use guardian::{Duty, Guardian, GuardianReport, Heartbeat, Post, WatchEnd};
 use protocol::{Answer, FlightStatus, Version};
 pub use report::LinkReport;
 pub use session::{Message, STATE_PORT, Session};

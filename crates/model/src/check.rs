@@ -159,7 +159,8 @@ fn worst_of<const M: usize, const N: usize>(
 
 /// Entry of all derivatives of `model` that disagrees most with central differences at one point.
 ///
-/// Checked are the four Jacobians, those of [`Model::linearize`] and [`Model::linearize_drive`], the Hessians if
+/// Checked are the four Jacobians, that of [`Model::coasting`], those of [`Model::linearize`] and
+/// [`Model::linearize_drive`], the Hessians if
 /// the model has them, the rows behind [`Model::CONTROLLABLE`], which neither inputs nor controllable rows may move,
 /// and [`Model::groups`], which must not be coupled.
 ///

@@ -72,7 +72,7 @@ impl<const NU: usize> InputFifo<NU> {
         &self.nominal_steps
     }
 
-    /// Remembers `u_sent` as the input of the step that just ended its decision.
+    /// Remembers `u_sent` as the input of the newest step.
     ///
     /// Real time: no allocation, constant cost.
     pub fn push(&mut self, u_sent: &SVector<f64, NU>) {

@@ -42,7 +42,7 @@ const FALSE_RAD: f64 = 0.3;
 
 /// Without a pose for longer than this, where the vehicle is cannot be known to a decimetre: two standard deviations of
 /// its disturbance velocity. s
-const BLIND_S: f64 = 1.0;
+const NO_POSE_S: f64 = 1.0;
 
 /// What was touched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -55,15 +55,15 @@ pub enum Touched {
 
 /// Whether a contact could have been avoided by braking at the limit of the vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Verdict {
+pub enum Avoidability {
     /// Braking would have helped from a moment on in which the program knew where the vehicle was.
     Avoidable,
     /// Nothing helped after the last of the faults and turns of the obstacle had begun.
     TooLate,
     /// At the last moment the newest pose was false, or the program stood still.
-    Deceived,
+    FalsePose,
     /// At the last moment there had been no pose for a second.
-    Blind,
+    NoPose,
     /// No braking of the last seconds helped.
     Unavoidable,
 }
@@ -76,7 +76,7 @@ pub struct Contact {
     /// With what.
     pub touched: Touched,
     /// Whether braking would have helped.
-    pub verdict: Verdict,
+    pub verdict: Avoidability,
     /// The newest moment from which braking helps, before the contact. s
     pub ahead_s: Option<f64>,
 }
@@ -262,7 +262,7 @@ impl Watch {
         match self.newest {
             _ if world.has_fault(Fault::ControlStalled) => Knowledge::False,
             Some((_, false)) => Knowledge::False,
-            Some((taken, true)) if !is_longer(taken, world.step(), BLIND_S) => Knowledge::True,
+            Some((taken, true)) if !is_longer(taken, world.step(), NO_POSE_S) => Knowledge::True,
             _ => Knowledge::None,
         }
     }
@@ -275,11 +275,11 @@ impl Watch {
         let helps = |one: &&Moment| self.scene.is_clear_by_braking(&one.world, until);
         let last = self.moments.iter().rev().find(helps);
         let verdict = match last {
-            None => Verdict::Unavoidable,
-            Some(last) if self.changes_between(last.step, at) => Verdict::TooLate,
-            Some(Moment { knowledge: Knowledge::True, .. }) => Verdict::Avoidable,
-            Some(Moment { knowledge: Knowledge::False, .. }) => Verdict::Deceived,
-            Some(Moment { knowledge: Knowledge::None, .. }) => Verdict::Blind,
+            None => Avoidability::Unavoidable,
+            Some(last) if self.changes_between(last.step, at) => Avoidability::TooLate,
+            Some(Moment { knowledge: Knowledge::True, .. }) => Avoidability::Avoidable,
+            Some(Moment { knowledge: Knowledge::False, .. }) => Avoidability::FalsePose,
+            Some(Moment { knowledge: Knowledge::None, .. }) => Avoidability::NoPose,
         };
         let ahead_s = last.map(|last| (at - last.step) as f64 * DT_S);
         Some(Contact { at_s: at as f64 * DT_S, touched, verdict, ahead_s })

@@ -9,15 +9,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::random::{Purpose, Random};
 
-/// Shape of the delays: 95 % below 2.8 medians, as measured on real round trips.
+/// Shape of the delays, an assumption: 95 % below 2.8 medians, one in 200 above 5.
 const DELAY_SIGMA: f64 = 0.63;
 /// What is held back lets this much time of later datagrams pass. s
 const HELD_BACK_S: f64 = 0.1;
 /// Datagrams in transit; what is sent beyond is lost.
 const IN_TRANSIT_MAX: usize = 256;
 
-/// What happens to datagrams in each direction. Times are for one way: a real round trip takes 0.044 s
-/// in the median and 0.228 s at worst.
+/// What happens to datagrams in each direction. Times are for one way: a round trip takes 0.044 s in
+/// the median and 0.228 s at worst (TelloPy's documentation).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AirTable {

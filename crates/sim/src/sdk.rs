@@ -7,6 +7,7 @@
 mod motion;
 mod report;
 
+use horizon_model::rows::Sticks;
 use motion::SdkMotion;
 use tello_io::tello::DroneOrder;
 use tello_io::tello::text::{Command, CommandError, StateLine};
@@ -99,33 +100,17 @@ impl Sdk {
         }
         let mut reply = |text: &str| replies.push(text.into());
         match command {
-            Command::Sticks(u) => {
-                self.since_sticks_s = 0.0;
-                let is_landing = self.running == Some(Running::Land);
-                if self.running.is_none() || (is_landing && drone.is_landing_cancelled_by(&u)) {
-                    drone.obey_sticks(u);
-                }
-            }
+            Command::Sticks(u) => self.steer(u, drone),
             Command::EmergencyStop if !drone.obeys_text_emergency() => {}
             Command::EmergencyStop => {
                 self.running = None;
                 drone.stop_motors();
             }
             Command::Land if self.running == Some(Running::Land) => {}
-            Command::Land => match drone.receive_land() {
-                // Not heard early in a take-off.
-                LandAnswer::Unheard => {}
-                LandAnswer::Refused => reply("error"),
-                LandAnswer::Accepted => {
-                    if self.running.is_some() {
-                        reply("error Auto land");
-                    }
-                    self.running = Some(Running::Land);
-                }
-            },
+            Command::Land => self.land(drone, reply),
             Command::Stop => {
                 self.running = None;
-                drone.steer(horizon_model::rows::Sticks::zeros());
+                drone.steer(Sticks::zeros());
                 reply("ok");
             }
             // One command at a time: the drone does not listen to the others.
@@ -160,6 +145,28 @@ impl Sdk {
             }
         }
         Some(())
+    }
+
+    fn steer(&mut self, u: Sticks, drone: &mut Drone) {
+        self.since_sticks_s = 0.0;
+        let is_landing = self.running == Some(Running::Land);
+        if self.running.is_none() || (is_landing && drone.is_landing_cancelled_by(&u)) {
+            drone.obey_sticks(u);
+        }
+    }
+
+    fn land(&mut self, drone: &mut Drone, mut reply: impl FnMut(&str)) {
+        match drone.receive_land() {
+            // Not heard early in a take-off.
+            LandAnswer::Unheard => {}
+            LandAnswer::Refused => reply("error"),
+            LandAnswer::Accepted => {
+                if self.running.is_some() {
+                    reply("error Auto land");
+                }
+                self.running = Some(Running::Land);
+            }
+        }
     }
 
     fn move_by(&mut self, motion: SdkMotion, drone: &Drone, mut reply: impl FnMut(&str)) {

@@ -8,7 +8,7 @@ use horizon_model::rows::pose;
 use tello_eval::flight_log::{self, TickRecord};
 use tello_eval::recordings::{self, Loaded};
 use tello_flight::cycle::{FlightTable, Timing};
-use tello_flight::{Phase, Start, Verdict};
+use tello_flight::{Acceptance, Phase, Start};
 use tello_io::config;
 use tello_sim::Profile;
 use tello_sim::virtual_time::VirtualFlight;
@@ -66,8 +66,8 @@ fn of_a_flight_of_ours_the_accepted_poses_and_the_sent_sticks_count() {
         assert_eq!(loaded.recording.u[k], tick.out.u_sent, "tick {k}");
         let (o, filtered) = (&loaded.recording.o[k], tick.out.filtered.unwrap());
         assert_eq!(Some(o.o), filtered.o, "tick {k}");
-        assert_eq!(o.is_present[pose::X], filtered.position == Verdict::Accepted, "tick {k}");
-        assert_eq!(o.is_present[pose::THETA], filtered.heading == Verdict::Accepted, "tick {k}");
+        assert_eq!(o.is_present[pose::X], filtered.position == Acceptance::Accepted, "tick {k}");
+        assert_eq!(o.is_present[pose::THETA], filtered.heading == Acceptance::Accepted, "tick {k}");
         for (missing, is_present) in rows_missing.iter_mut().zip(o.is_present) {
             *missing += usize::from(!is_present);
         }

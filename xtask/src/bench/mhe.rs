@@ -9,7 +9,7 @@ use std::fs;
 
 use anyhow::{Context, Result, ensure};
 use horizon_estim::{
-    ArrivalSettings, ArrivalTable, Bounds, LmSettings, LmTable, Loss, LossTable, Mhe, MheTable,
+    ArrivalSettings, ArrivalTable, Bounds, LmSettings, LmTable, Loss, LossTable, Mhe, MheSettings,
     Observed, Prior, Residuals, Trajectory, solve,
 };
 use horizon_model::Kinematic;
@@ -88,21 +88,17 @@ pub(crate) fn solver(cost_tolerance: f64) -> LmTable {
 /// # Errors
 /// A window that is out of range.
 pub(crate) fn estimator(window_steps: usize) -> Result<Estimator> {
-    let table = MheTable {
-        window_steps,
-        c_o: C_O.to_vec(),
-        c_s: C_S.to_vec(),
-        c_p: C_P.to_vec(),
-        p_prior: P_PRIOR.to_vec(),
-        p_lb: P_LB.to_vec(),
-        p_ub: P_UB.to_vec(),
-        observation_loss: LossTable::Huber { scale: 1.0 },
-        transition_loss: LossTable::None {},
-        arrival: ArrivalTable::Fixed,
-        shift_prior: false,
-        solver: solver(TOLERANCE),
-    };
-    Ok(Mhe::new(Kinematic, table.check::<Kinematic, 4, 4, 4, 4>()?, DT_S)?)
+    let settings = MheSettings::builder(P_PRIOR)
+        .window_steps(window_steps)
+        .c_o(C_O)
+        .c_s(C_S)
+        .c_p(C_P)
+        .bounds(P_LB, P_UB)
+        .losses(LossTable::Huber { scale: 1.0 }, LossTable::None {})
+        .arrival(ArrivalTable::Fixed)
+        .solver(solver(TOLERANCE))
+        .build(&Kinematic)?;
+    Ok(Mhe::new(Kinematic, settings, DT_S)?)
 }
 
 /// The window as a problem at its cold start.

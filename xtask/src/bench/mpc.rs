@@ -8,7 +8,7 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use horizon_control::{Ask, InputCost, Mpc, MpcReport, MpcTable, QpKind, SolverTable};
+use horizon_control::{Ask, InputCost, Mpc, MpcReport, MpcSettings, QpKind, SolverTable};
 use horizon_model::rows::{Pose, Sticks};
 use horizon_model::{Kinematic, Model};
 use nalgebra::SVector;
@@ -143,24 +143,21 @@ pub(super) fn controller_of(
     input_cost: InputCost,
     (cost_tolerance, iterations_max): (f64, u32),
 ) -> Result<Controller> {
-    let table = MpcTable {
-        horizon_steps,
-        stages: Vec::new(),
-        input_cost,
-        c_u: C_U.to_vec(),
-        c_s: C_S.to_vec(),
-        c_s_end: C_S_END.to_vec(),
-        u_lb: U_MAX.map(|max| -max).to_vec(),
-        u_ub: U_MAX.to_vec(),
-        solver: SolverTable {
+    let settings = MpcSettings::builder(horizon_steps)
+        .input_cost(input_cost)
+        .c_u(C_U)
+        .c_s(C_S)
+        .c_s_end(C_S_END)
+        .bounds(U_MAX.map(|max| -max), U_MAX)
+        .solver(SolverTable {
             qp: QpKind::Riccati,
             cost_tolerance,
             iterations_max,
             qp_tolerance: 1e-10,
             qp_iterations_max: 50,
-        },
-    };
-    Ok(Mpc::new(Kinematic, table.check::<Kinematic, 4, 4, 4, 4>()?, DT_S)?)
+        })
+        .build(&Kinematic)?;
+    Ok(Mpc::new(Kinematic, settings, DT_S)?)
 }
 
 /// Solves from where the controller stands; `s_ref` is that of the case, once for each step.

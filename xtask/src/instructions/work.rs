@@ -3,7 +3,7 @@
 use anyhow::Result;
 use clap::ValueEnum;
 use horizon_control::InputCost;
-use horizon_estim::{Curvature, Ident, IdentTable, LinearSolver, LossTable, Observed, Piece};
+use horizon_estim::{Ident, IdentSettings, Observed, Piece};
 use horizon_model::rows::{Pose, Sticks};
 use horizon_model::{Kinematic, Model};
 
@@ -94,26 +94,18 @@ fn mpc(ticks: u32) -> Result<()> {
 }
 
 fn ident() -> Result<()> {
-    let table = IdentTable {
-        c_o: vec![3.0, 3.0, 2.0, 0.3],
-        c_s: vec![1.0, 1.0, 0.1, 0.3],
-        c_p: vec![1.0; 4],
-        c_0: vec![0.0; 4],
-        p_prior: vec![0.9, 0.6, 0.9, 0.0],
-        p_lb: vec![0.1, 0.1, 0.1, -3.0],
-        p_ub: vec![10.0, 10.0, 10.0, 3.0],
-        observation_loss: LossTable::None {},
-        transition_loss: LossTable::None {},
-        curvature: Curvature::Exact,
-        linear_solver: LinearSolver::Chain,
-        solver: mhe::solver(1e-8),
-    };
+    let settings = IdentSettings::builder([0.9, 0.6, 0.9, 0.0])
+        .c_o([3.0, 3.0, 2.0, 0.3])
+        .c_s([1.0, 1.0, 0.1, 0.3])
+        .c_p([1.0; 4])
+        .bounds([0.1, 0.1, 0.1, -3.0], [10.0, 10.0, 10.0, 3.0])
+        .solver(mhe::solver(1e-8))
+        .build(&Kinematic)?;
     let all: Vec<(Sticks, Pose)> = steps(800).collect();
     let pieces = all.chunks(100).map(|piece| Piece {
         u: piece.iter().map(|(u, _)| *u).collect(),
         o: piece.iter().map(|(_, o)| Observed::full(*o)).collect(),
     });
-    let settings = table.check::<Kinematic, 4, 4, 4, 4>()?;
     let mut ident = Ident::new(Kinematic, &settings, DT_S, pieces.collect())?;
     ident.start();
     anyhow::ensure!(ident.solve(&mut || false)?.cost.is_finite());

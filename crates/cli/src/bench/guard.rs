@@ -6,7 +6,7 @@ use std::net::{SocketAddr, UdpSocket};
 
 use anyhow::{Context, Result};
 use tello_io::clock::TimeNs;
-use tello_io::tello::{Duty, Heartbeat, Protocol, Verdict};
+use tello_io::tello::{Duty, GuardianReport, Heartbeat, Protocol};
 
 use crate::fly::Guardian;
 
@@ -47,7 +47,7 @@ impl Guard {
     /// 40 ms.
     pub(super) fn turn(&mut self, now: TimeNs) {
         self.has_failed |=
-            self.process.is_some() && self.heartbeat.verdict(now) != Verdict::Continue;
+            self.process.is_some() && self.heartbeat.verdict(now) != GuardianReport::Continue;
         self.heartbeat.beat(self.duty, now);
     }
 

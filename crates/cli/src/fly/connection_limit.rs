@@ -28,7 +28,7 @@ pub(super) struct ConnectionLimit {
     pub(super) time: Option<Duration>,
 }
 
-/// Time between two accepted connections. Each has one request, so this bounds the load.
+/// Time between two accepted connections: bounds the load of a peer that connects again and again.
 const ACCEPT_PERIOD: Duration = Duration::from_millis(10);
 
 /// The connections under the limit, each with the sender whose drop closes it.

@@ -20,7 +20,7 @@ use tello_flight::cycle::{
 use tello_flight::{FaultSet, Incidents, Phase, Ruling};
 use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs, request_real_time};
 use tello_io::log::Recorder;
-use tello_io::manual::Pilot;
+use tello_io::manual::Person;
 use tello_io::mocap::MocapFeed;
 use tello_io::tello::{DroneLink, DroneStatus};
 use tokio::sync::oneshot;
@@ -63,7 +63,7 @@ pub(super) struct ControlLoop {
     /// Set by a signal; never cleared.
     pub(super) asks_to_land: Arc<AtomicBool>,
     /// The person at the controls.
-    pub(super) person: Pilot,
+    pub(super) person: Person,
     /// What is asked of the vehicle.
     pub(super) orders: Orders,
     /// A failure on order.
@@ -242,7 +242,7 @@ impl ControlLoop {
         let hand = self.person.poll(inbox.now);
         let by_signal = self.asks_to_land.load(Ordering::Relaxed).then_some(Operator::Land);
         let by_hand = hand.ask.map(|ask| meaning(ask, &hand));
-        if self.orders.lapse(inbox.now, phase) {
+        if self.orders.lapse(inbox.now, phase, self.patience) {
             self.person.note_lapsed_take_off();
         }
         for order in [by_signal, by_hand].into_iter().flatten() {

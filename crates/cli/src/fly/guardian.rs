@@ -20,7 +20,7 @@ use nix::sys::prctl::set_name;
 use nix::sys::signal::SigSet;
 use nix::unistd::setsid;
 use tello_io::clock::{Role, request_priority};
-use tello_io::tello::{Post, Protocol, Watch};
+use tello_io::tello::{Post, Protocol, WatchEnd};
 
 use crate::{Verdict, stdio};
 
@@ -105,11 +105,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let mut guardian =
         tello_io::tello::Guardian::start(Post { socket, channel, address, protocol })?;
     match guardian.watch() {
-        Watch::Over => {}
-        Watch::Landed => stdio::note(format_args!(
+        WatchEnd::Over => {}
+        WatchEnd::Landed => stdio::note(format_args!(
             "tello-ctl: the flight stood still and then died; its guardian has landed the drone at {address}"
         )),
-        Watch::Abandoned => {
+        WatchEnd::Abandoned => {
             stdio::note(format_args!(
                 "tello-ctl: the flight died; its guardian lands the drone at {address} for 15 s"
             ));

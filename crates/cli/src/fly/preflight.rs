@@ -13,10 +13,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use horizon_model::rows::{Pose, pose};
-use nix::sys::termios::{FlushArg, tcflush};
 use tello_flight::cycle::FlightTable;
 use tello_flight::{Mission, Room, RoomTable};
 use tello_io::config::{self, FlyTable};
+use tello_io::manual;
 use tello_io::mocap::StreamReport;
 use tello_io::tello::{DroneFacts, DroneStatus};
 
@@ -51,7 +51,7 @@ struct Found {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Verdict {
+enum Readiness {
     Good,
     /// The flight goes on, with less.
     Note,
@@ -68,18 +68,18 @@ const FRAMES_MIN: f64 = 2.0;
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Check {
     what: &'static str,
-    verdict: Verdict,
+    readiness: Readiness,
     reason: String,
 }
 
 impl Display for Check {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let verdict = match self.verdict {
-            Verdict::Good => "ok",
-            Verdict::Note => "note",
-            Verdict::Bad | Verdict::Never => "FAIL",
+        let readiness = match self.readiness {
+            Readiness::Good => "ok",
+            Readiness::Note => "note",
+            Readiness::Bad | Readiness::Never => "FAIL",
         };
-        write!(f, "  {verdict:<4}  {:<9}  {}", self.what, self.reason)
+        write!(f, "  {readiness:<4}  {:<9}  {}", self.what, self.reason)
     }
 }
 
@@ -104,13 +104,13 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
     for check in &checks {
         stdio::note(check);
     }
-    if let Some(check) = checks.iter().find(|check| check.verdict == Verdict::Never) {
+    if let Some(check) = checks.iter().find(|check| check.readiness == Readiness::Never) {
         bail!("not started: {}", check.reason);
     }
     if !arguments.yes {
         return confirm(&table.tello.address, &checks);
     }
-    let failed = checks.iter().filter(|check| check.verdict == Verdict::Bad).count();
+    let failed = checks.iter().filter(|check| check.readiness == Readiness::Bad).count();
     if failed > 0 {
         let patience_s = super::PATIENCE.seconds();
         stdio::note(format_args!(
@@ -135,8 +135,8 @@ fn refuse_built_in_room(table: &FlyTable) -> Result<()> {
 }
 
 fn confirm(address: &str, checks: &[Check]) -> Result<()> {
-    // Keys from before the question are no answer to it. Without a terminal there are none.
-    tcflush(io::stdin(), FlushArg::TCIFLUSH).ok();
+    // Keys from before the question are no answer to it.
+    manual::discard_typed();
     write!(io::stderr(), "{}", question(address, checks))?;
     let mut answer = String::new();
     let bytes = io::stdin().read_line(&mut answer)?;
@@ -148,7 +148,7 @@ fn confirm(address: &str, checks: &[Check]) -> Result<()> {
 
 fn question(address: &str, checks: &[Check]) -> String {
     let is_clear = "Is the room clear? Enter starts, anything else leaves. ";
-    match checks.iter().filter(|check| check.verdict == Verdict::Bad).count() {
+    match checks.iter().filter(|check| check.readiness == Readiness::Bad).count() {
         0 => format!("The drone at {address} will take off. {is_clear}"),
         failed => format!(
             "{failed} of {} failed. The drone at {address} will take off as soon as all is well, if that is \
@@ -190,8 +190,8 @@ fn checks(found: &Found, table: &FlyTable, flight: &FlightTable) -> Result<Vec<C
     Ok(links.into_iter().chain(moving).chain(others).collect())
 }
 
-fn check(what: &'static str, verdict: Verdict, reason: impl Into<String>) -> Check {
-    Check { what, verdict, reason: reason.into() }
+fn check(what: &'static str, readiness: Readiness, reason: impl Into<String>) -> Check {
+    Check { what, readiness, reason: reason.into() }
 }
 
 /// A mission that leaves the room does not get as far as this.
@@ -199,7 +199,7 @@ fn mission_check(mission: &Mission, walls: Option<&RoomTable>) -> Check {
     let count = mission.targets_count();
     let Some(walls) = walls else {
         let reason = format!("{count} targets; no room is set, so that no wall is kept away from");
-        return check("mission", Verdict::Note, reason);
+        return check("mission", Readiness::Note, reason);
     };
     let RoomTable { x_m, y_m, z_m, .. } = walls;
     let to_wall_m = |at: &Pose| {
@@ -216,7 +216,7 @@ fn mission_check(mission: &Mission, walls: Option<&RoomTable>) -> Check {
         span(y_m),
         span(z_m)
     );
-    check("mission", Verdict::Good, reason)
+    check("mission", Readiness::Good, reason)
 }
 
 fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Check {
@@ -228,16 +228,16 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Chec
              needed",
             FRAMES_MIN / stale_s
         );
-        return check("mocap", Verdict::Never, reason);
+        return check("mocap", Readiness::Never, reason);
     }
     let (Some(_), Some(rate_hz)) = (found.at, rate_hz) else {
-        return check("mocap", Verdict::Bad, &*found.mocap_trouble);
+        return check("mocap", Readiness::Bad, &*found.mocap_trouble);
     };
     if !found.stream.has_clock {
         let reason = format!(
             "{object:?} is seen, but its frame numbers do not keep pace with time: its poses cannot be dated"
         );
-        return check("mocap", Verdict::Bad, reason);
+        return check("mocap", Readiness::Bad, reason);
     }
     let mut reason =
         vec![format!("{} poses of {object:?}, {rate_hz:.0} frames a second", frames - unseen)];
@@ -248,17 +248,17 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Chec
     if rate_hz + 0.5 < 1.0 / dt_s {
         reason.push(format!("the loop has {:.0} ticks a second", 1.0 / dt_s));
     }
-    let verdict = if reason.len() == 1 { Verdict::Good } else { Verdict::Note };
-    check("mocap", verdict, reason.join("; "))
+    let readiness = if reason.len() == 1 { Readiness::Good } else { Readiness::Note };
+    check("mocap", readiness, reason.join("; "))
 }
 
 fn moving_check(name: &str, at: Option<Pose>) -> Check {
     let Some(at) = at else {
         let reason = format!("no pose of {name:?}: the plan does not keep away from it");
-        return check("obstacle", Verdict::Bad, reason);
+        return check("obstacle", Readiness::Bad, reason);
     };
     let reason = format!("{name:?} at {:+.2} {:+.2} m", at[pose::X], at[pose::Y]);
-    check("obstacle", Verdict::Good, reason)
+    check("obstacle", Readiness::Good, reason)
 }
 
 fn start_check(
@@ -266,7 +266,7 @@ fn start_check(
     (walls, floor_m): (Option<&RoomTable>, f64),
     first: &Pose,
 ) -> Result<Check> {
-    let Some(at) = at else { return Ok(check("start", Verdict::Bad, "unknown without a pose")) };
+    let Some(at) = at else { return Ok(check("start", Readiness::Bad, "unknown without a pose")) };
     let room = walls.map(Room::try_from).transpose()?;
     let to_first_m = (first - at).fixed_rows::<3>(pose::X).norm();
     let place = format!(
@@ -281,28 +281,28 @@ fn start_check(
             "{place}: lower poses than {floor_m} m (filter.floor_m) count as wrong; lower it, or the origin of the \
              motion capture"
         );
-        check("start", Verdict::Bad, reason)
+        check("start", Readiness::Bad, reason)
     } else if room.is_some_and(|room| !room.may_start_at(at)) {
         let reason = format!(
             "{place}: outside of the room, or more than 1 m above its floor; is it the drone, in metres, \
              with z upwards?"
         );
-        check("start", Verdict::Bad, reason)
+        check("start", Readiness::Bad, reason)
     } else {
-        check("start", Verdict::Good, format!("{place}, {to_first_m:.1} m from the first target"))
+        check("start", Readiness::Good, format!("{place}, {to_first_m:.1} m from the first target"))
     })
 }
 
 fn drone_check(found: &Found, table: &FlyTable) -> Check {
     let address = &table.tello.address;
     match &found.drone {
-        None => check("drone", Verdict::Bad, drone_trouble(table)),
+        None => check("drone", Readiness::Bad, drone_trouble(table)),
         Some(status) if status.is_flying => {
-            check("drone", Verdict::Bad, format!("{address} says that it flies; R or Q lands it"))
+            check("drone", Readiness::Bad, format!("{address} says that it flies; R or Q lands it"))
         }
         Some(_) => {
             let reported = reported(&found.facts);
-            check("drone", Verdict::Good, format!("{address} answers and stands{reported}"))
+            check("drone", Readiness::Good, format!("{address} answers and stands{reported}"))
         }
     }
 }
@@ -323,32 +323,32 @@ fn reported(facts: &DroneFacts) -> String {
 
 fn battery_check(drone: Option<&DroneStatus>, low_pct: u8, critical_pct: u8) -> Check {
     let Some(DroneStatus { battery_pct, .. }) = drone else {
-        return check("battery", Verdict::Bad, "unknown without a report of the drone");
+        return check("battery", Readiness::Bad, "unknown without a report of the drone");
     };
     let limits = format!("takes off from {low_pct} % on and lands below {critical_pct} %");
-    let verdict = if *battery_pct < low_pct { Verdict::Bad } else { Verdict::Good };
-    check("battery", verdict, format!("{battery_pct} %; {limits}"))
+    let readiness = if *battery_pct < low_pct { Readiness::Bad } else { Readiness::Good };
+    check("battery", readiness, format!("{battery_pct} %; {limits}"))
 }
 
 fn log_check(found: &Found) -> Check {
     let folder = found.log_dir.display();
     let Some(free) = found.disk_free else {
         let reason = format!("{folder}: the system does not say how much is free");
-        return check("log", Verdict::Note, reason);
+        return check("log", Readiness::Note, reason);
     };
     let reason = format!("{folder}: {} MB free", free / 1_000_000);
     if free < LOG_BYTES {
-        check("log", Verdict::Note, reason + ", which a long flight may fill")
+        check("log", Readiness::Note, reason + ", which a long flight may fill")
     } else {
-        check("log", Verdict::Good, reason)
+        check("log", Readiness::Good, reason)
     }
 }
 
 fn real_time_check(refusals: &[String]) -> Check {
     if refusals.is_empty() {
-        check("real time", Verdict::Good, "priority and memory are granted")
+        check("real time", Readiness::Good, "priority and memory are granted")
     } else {
-        check("real time", Verdict::Note, refusals.join("; "))
+        check("real time", Readiness::Note, refusals.join("; "))
     }
 }
 
@@ -356,13 +356,13 @@ fn operator_check(found: &Found) -> Check {
     let keys = "Backspace stops the motors, R or Q lands";
     match (&found.device, found.has_keys) {
         (Some(device), true) => {
-            check("operator", Verdict::Good, format!("{device} and this terminal: {keys}"))
+            check("operator", Readiness::Good, format!("{device} and this terminal: {keys}"))
         }
-        (Some(device), false) => check("operator", Verdict::Good, format!("{device} alone")),
-        (None, true) => check("operator", Verdict::Good, format!("this terminal: {keys}")),
+        (Some(device), false) => check("operator", Readiness::Good, format!("{device} alone")),
+        (None, true) => check("operator", Readiness::Good, format!("this terminal: {keys}")),
         (None, false) => {
             let reason = "no keys and no device: nobody can take over, a signal to end lands";
-            check("operator", Verdict::Note, reason)
+            check("operator", Readiness::Note, reason)
         }
     }
 }

@@ -259,6 +259,25 @@ impl Display for Summary {
         let (reached, count) = (self.targets_reached, self.targets_count);
         let missing = self.missing_witness();
         writeln!(f, "result        {}{missing}, {reached} of {count} targets", self.phase.name())?;
+        self.write_accuracy(f)?;
+        self.write_timing(f)?;
+        self.write_events(f)?;
+        if self.records_dropped > 0 {
+            writeln!(f, "log gaps      {} ticks could not be recorded", self.records_dropped)?;
+        }
+        if let Some(path) = &self.log {
+            writeln!(f, "log           {}", path.display())?;
+        }
+        if let Some(error) = &self.log_error {
+            writeln!(f, "log           INCOMPLETE: {error}")?;
+        }
+        Ok(())
+    }
+}
+
+impl Summary {
+    /// How well the path was followed.
+    fn write_accuracy(&self, f: &mut Formatter<'_>) -> fmt::Result {
         if let Some(metrics) = &self.metrics {
             match metrics.finish_s {
                 Some(finish_s) => {
@@ -283,6 +302,11 @@ impl Display for Summary {
                 format!("lap {number}")
             )?;
         }
+        Ok(())
+    }
+
+    /// How long the solvers took, and how punctual the threads were.
+    fn write_timing(&self, f: &mut Formatter<'_>) -> fmt::Result {
         for (what, spread) in [("MHE + MPC", self.solve_ms), ("frame to UDP", self.answer_ms)] {
             let Some([p50, p95, p999, max]) = spread else { continue };
             writeln!(
@@ -307,7 +331,11 @@ impl Display for Summary {
                 ms(histogram.max_us())
             )?;
         }
-        writeln!(f, "sender        {:.0} ms longest pause in flight", self.sender_pause_ms)?;
+        writeln!(f, "sender        {:.0} ms longest pause in flight", self.sender_pause_ms)
+    }
+
+    /// Faults, outages and what the links counted.
+    fn write_events(&self, f: &mut Formatter<'_>) -> fmt::Result {
         if !self.faults.is_empty() {
             let names: Vec<&str> = self.faults.iter().copied().map(Fault::name).collect();
             writeln!(f, "faults        {}", names.join(", "))?;
@@ -322,15 +350,6 @@ impl Display for Summary {
         }
         if self.links != Links::default() {
             writeln!(f, "links         {}", self.links)?;
-        }
-        if self.records_dropped > 0 {
-            writeln!(f, "log gaps      {} ticks could not be recorded", self.records_dropped)?;
-        }
-        if let Some(path) = &self.log {
-            writeln!(f, "log           {}", path.display())?;
-        }
-        if let Some(error) = &self.log_error {
-            writeln!(f, "log           INCOMPLETE: {error}")?;
         }
         Ok(())
     }

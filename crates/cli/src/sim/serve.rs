@@ -100,3 +100,17 @@ fn print(emulator: &Emulator, object: &str) -> Result<()> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_further_emulator_has_the_next_ip_address_and_the_same_ports() {
+        let at = |text: &str| text.parse::<SocketAddr>().unwrap();
+        assert_eq!(moved(at("127.0.0.1:801"), 0), at("127.0.0.1:801"));
+        assert_eq!(moved(at("127.0.0.255:801"), 2), at("127.0.1.1:801"));
+        assert_eq!(moved(at("[::1]:801"), 2), at("[::3]:801"));
+        assert_eq!(moved(at("255.255.255.255:801"), 1), at("255.255.255.255:801"), "the last one");
+    }
+}

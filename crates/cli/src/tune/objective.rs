@@ -8,7 +8,7 @@ use tello_eval::metrics::VALID_DISTANCE_M;
 
 use tello_sim::batch::{Ending, Flown};
 
-/// What a flight is charged, in seconds.
+/// The penalties of a flight, in seconds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Weights {
     /// For the median horizontal distance to the outline. s/m
@@ -19,7 +19,7 @@ pub(super) struct Weights {
     overshoot: f64,
     /// For having been further than 0.3 m off. s
     outside: f64,
-    /// In place of the time of a flight that does not finish; more than it no time is charged. s
+    /// In place of the time of a flight that does not finish; no time counts more. s
     unfinished: f64,
 }
 
@@ -85,16 +85,16 @@ impl Weights {
         weights
     }
 
-    /// Mean charge of at least one flight, by the true pose. s
+    /// Mean cost of at least one flight, by the true pose. s
     ///
     /// The mean, not the median: a flight in a hundred that fails is worth avoiding.
     pub(super) fn cost(&self, flown: &[Flown]) -> f64 {
-        flown.iter().map(|flown| self.charge(flown)).sum::<f64>() / flown.len() as f64
+        flown.iter().map(|flown| self.cost_of(flown)).sum::<f64>() / flown.len() as f64
     }
 
     /// What one flight costs. A short one that a fault ended has had no time to go wrong: it and one
     /// that never began cost as much as any flight can.
-    fn charge(&self, flown: &Flown) -> f64 {
+    fn cost_of(&self, flown: &Flown) -> f64 {
         let begun = flown.row.by_truth.as_ref().filter(|_| flown.row.ending != Ending::Landed);
         let Some(score) = begun else {
             return self.sum(self.unfinished, [FAR_M; 3], true);
@@ -123,15 +123,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_flight_is_charged_for_what_it_did() {
+    fn a_flight_costs_what_it_did() {
         // 40 * 0.05 + 20 * 0.1 + 20 * 0.1 beside the time.
-        for (flight, charge) in [
+        for (flight, expected) in [
             (Flown::example(Some(10.0), 0.25), 16.0),
             (Flown::example(Some(10.0), 0.35), 21.0),
             (Flown::example(None, 0.25), 66.0),
         ] {
             let cost = Weights::new(&[]).cost(std::slice::from_ref(&flight));
-            assert!((cost - charge).abs() < 1e-12, "{cost} instead of {charge}: {flight:?}");
+            assert!((cost - expected).abs() < 1e-12, "{cost} instead of {expected}: {flight:?}");
         }
         let both = [Some(10.0), None].map(|time_s| Flown::example(time_s, 0.25));
         let both = Weights::new(&[]).cost(&both);

@@ -20,7 +20,7 @@ const OVER: [&str; 4] = ["--over", "a=0..4", "--over-log", "b[0]=0.1..10"];
 fn setup(document: Value, interrupt: &Interrupt) -> Setup<'_> {
     Setup {
         document,
-        knobs: knobs(&arguments(&OVER)).unwrap(),
+        variables: variables(&arguments(&OVER)).unwrap(),
         weights: Weights::new(&[]),
         sim: tello_sim::settings(None).unwrap(),
         seeds: 1..3,
@@ -76,12 +76,15 @@ fn the_summary_has_every_number_before_and_at_the_best_try() {
 
 #[test]
 fn without_a_number_there_is_nothing_to_search() {
-    let error = knobs(&arguments(&[])).unwrap_err().to_string();
+    let error = variables(&arguments(&[])).unwrap_err().to_string();
     assert!(error.starts_with("nothing to search"), "{error}");
     // Zero has no logarithm.
-    assert!(knobs(&arguments(&["--over-log", "a=0..1"])).is_err());
-    let names: Vec<String> =
-        knobs(&arguments(&OVER)).unwrap().iter().map(|knob| knob.name().to_owned()).collect();
+    assert!(variables(&arguments(&["--over-log", "a=0..1"])).is_err());
+    let names: Vec<String> = variables(&arguments(&OVER))
+        .unwrap()
+        .iter()
+        .map(|variable| variable.name().to_owned())
+        .collect();
     assert_eq!(names, ["a", "b[0]"]);
 }
 

@@ -19,9 +19,9 @@ pub(super) struct Against<'a, const NS: usize, const NU: usize> {
     pub(super) constraints: Option<&'a dyn SoftConstraints<NS>>,
 }
 
-/// Squared weights of `1/2 (sum |C_u du_k|^2 + sum |C_s (s_k - s_ref_k)|^2 + |C_s_end (s_N - s_ref_N)|^2)`.
+/// Squared weights of `1/2 (sum |C_u Delta u_k|^2 + sum |C_s (s_k - s_ref_k)|^2 + |C_s_end (s_N - s_ref_N)|^2)`.
 ///
-/// `du_k` is `u_k` or `u_k - u_{k-1}`, by [`InputCost`]. A quadratic function of inputs and states,
+/// `Delta u_k` is `u_k` or `u_k - u_{k-1}`, by [`InputCost`]. A quadratic function of inputs and states,
 /// so its second derivative is the same everywhere.
 /// A stage of several steps weighs as much as they do: its state counts once for each, its input too. A change of
 /// the input counts as if it were spread evenly over the steps from the middle of one stage to that of the next.

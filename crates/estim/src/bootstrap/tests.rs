@@ -6,10 +6,9 @@ use horizon_model::check::amax;
 use horizon_model::rows::{Pose, Sticks};
 
 use super::*;
-use crate::ident::{IdentTable, LinearSolver, Piece};
+use crate::ident::{IdentSettings, Piece};
 use crate::levenberg::LmTable;
-use crate::loss::LossTable;
-use crate::residual::{Curvature, Observed};
+use crate::residual::Observed;
 
 const DT_S: f64 = 0.02;
 const PIECES: usize = 12;
@@ -33,26 +32,19 @@ pub(super) fn pieces() -> Vec<Piece<4, 4>> {
 }
 
 pub(super) fn solved(pieces: Vec<Piece<4, 4>>) -> Ident<Kinematic, 4, 4, 4, 4> {
-    let table = IdentTable {
-        c_o: vec![3.0, 3.0, 2.0, 1.0],
-        c_s: vec![1.0, 1.0, 1.0, 1.0],
-        c_p: vec![0.1; 4],
-        c_0: vec![0.0; 4],
-        p_prior: vec![1.0, 0.5, 0.9, 0.0],
-        p_lb: vec![-10.0; 4],
-        p_ub: vec![10.0; 4],
-        observation_loss: LossTable::None {},
-        transition_loss: LossTable::None {},
-        curvature: Curvature::Exact,
-        linear_solver: LinearSolver::Chain,
-        solver: LmTable {
-            damping_start: 1e-8,
-            cost_tolerance: 1e-12,
-            step_tolerance: 1e-10,
-            iterations_max: 100,
-        },
+    let solver = LmTable {
+        damping_start: 1e-8,
+        cost_tolerance: 1e-12,
+        step_tolerance: 1e-10,
+        iterations_max: 100,
     };
-    let settings = table.check::<Kinematic, 4, 4, 4, 4>().unwrap();
+    let settings = IdentSettings::builder([1.0, 0.5, 0.9, 0.0])
+        .c_o([3.0, 3.0, 2.0, 1.0])
+        .c_p([0.1; 4])
+        .bounds([-10.0; 4], [10.0; 4])
+        .solver(solver)
+        .build(&Kinematic)
+        .unwrap();
     let mut ident = Ident::new(Kinematic, &settings, DT_S, pieces).unwrap();
     let report = ident.solve(&mut || false).unwrap();
     assert!(report.stop != Stop::IterationLimit, "{report:?}");

@@ -6,11 +6,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use super::*;
-use crate::ident::{IdentTable, LinearSolver};
+use crate::ident::IdentSettings;
 use crate::levenberg::LmTable;
-use crate::loss::LossTable;
 use crate::recording::cut;
-use crate::residual::{Curvature, Observed};
+use crate::residual::Observed;
 
 const DT_S: f64 = 0.02;
 const STEPS: usize = 400;
@@ -60,27 +59,21 @@ fn settings() -> DelaySettings {
 
 /// An identification of the flights' pieces.
 fn ident(flights: &Flights<'_, 4, 4>, dead_time_s: &Sticks) -> Ident<Kinematic, 4, 4, 4, 4> {
-    let table = IdentTable {
-        c_o: vec![300.0, 300.0, 300.0, 300.0],
-        c_s: vec![10.0; 4],
-        c_p: vec![0.1; 4],
-        c_0: vec![0.0; 4],
-        p_prior: vec![1.0, 1.0, 1.0, 0.0],
-        p_lb: vec![-9.0; 4],
-        p_ub: vec![9.0; 4],
-        observation_loss: LossTable::None {},
-        transition_loss: LossTable::None {},
-        curvature: Curvature::Exact,
-        linear_solver: LinearSolver::Chain,
-        solver: LmTable {
-            damping_start: 1e-8,
-            cost_tolerance: 1e-9,
-            step_tolerance: 1e-10,
-            iterations_max: 50,
-        },
+    let solver = LmTable {
+        damping_start: 1e-8,
+        step_tolerance: 1e-10,
+        iterations_max: 50,
+        ..LmTable::default()
     };
-    let checked = table.check::<Kinematic, 4, 4, 4, 4>().unwrap();
-    Ident::new(Kinematic, &checked, DT_S, flights.pieces(dead_time_s)).unwrap()
+    let settings = IdentSettings::builder([1.0, 1.0, 1.0, 0.0])
+        .c_o([300.0; 4])
+        .c_s([10.0; 4])
+        .c_p([0.1; 4])
+        .bounds([-9.0; 4], [9.0; 4])
+        .solver(solver)
+        .build(&Kinematic)
+        .unwrap();
+    Ident::new(Kinematic, &settings, DT_S, flights.pieces(dead_time_s)).unwrap()
 }
 
 /// Profiles of the flights' dead times, from a start far away.

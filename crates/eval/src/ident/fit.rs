@@ -134,32 +134,17 @@ where
         let parameters = self.parameter_rows(spread, &laplace);
         let traces = self.traces();
         let has_converged = !matches!(report.stop, Stop::IterationLimit | Stop::DampingLimit);
-        let delay_rows: Vec<DelayRow> = delay.iter().map(|curve| curve.row.clone()).collect();
-        let evidence = Evidence {
-            delay: &delay_rows,
-            parameters: &parameters,
-            prior_std: self.prior_std.clone(),
-            inputs: &M::INPUT,
-            input_rms: self.input_rms(),
-            observations: &M::OBSERVATION,
-            autocorrelation: autocorrelation(&traces, self.job.table.dt_s),
-            has_converged,
-            pieces: self.spans.len(),
-            resamples_distinct: bootstrap.as_ref().map(|bootstrap| bootstrap.distinct),
-            mostly_lost: self.mostly_lost(),
-        };
         let (values, moved) = acceptance::accepted_values(self.job, &parameters);
-        let verdict = [evidence.sentences(), moved].concat();
-        let fit = Fit {
+        let mut fit = Fit {
             settings: self.job.name.to_owned(),
             model: M::NAME,
             p: self.ident.parameter().iter().copied().collect(),
             std: parameters.iter().map(|row| row.std).collect(),
             covariance: covariance(spread),
-            verdict,
+            verdict: Vec::new(),
             parameters,
             dead_time_s: self.dead_time_s.iter().copied().collect(),
-            delay: delay_rows,
+            delay: delay.iter().map(|curve| curve.row.clone()).collect(),
             cost: report.cost,
             iterations: report.iterations,
             stop: report.stop.name(),
@@ -170,13 +155,13 @@ where
             bootstrap,
             refused: None,
         };
+        fit.verdict = self.evidence(&fit, &traces, has_converged).sentences();
+        fit.verdict.extend(moved);
         let file = acceptance::parameter_file(self.job, &fit, &values)?;
-        let refused = acceptance::refusal(self.job, &file).map(|error| format!("{error:#}"));
-        let parameter_file = refused.is_none().then_some(file);
-        let fit = Fit { refused, ..fit };
+        fit.refused = acceptance::refusal(self.job, &file).map(|error| format!("{error:#}"));
         Ok(Fitted {
+            parameter_file: fit.refused.is_none().then_some(file),
             fit,
-            parameter_file,
             state_rows: &M::STATE,
             observation_rows: &M::OBSERVATION,
             traces,
@@ -191,6 +176,23 @@ where
                 dt_s: self.job.table.dt_s,
             }),
         })
+    }
+
+    /// What the verdict on `fit` rests on.
+    fn evidence<'f>(&self, fit: &'f Fit, traces: &[Trace], has_converged: bool) -> Evidence<'f> {
+        Evidence {
+            delay: &fit.delay,
+            parameters: &fit.parameters,
+            prior_std: self.prior_std.clone(),
+            inputs: &M::INPUT,
+            input_rms: self.input_rms(),
+            observations: &M::OBSERVATION,
+            autocorrelation: autocorrelation(traces, self.job.table.dt_s),
+            has_converged,
+            pieces: fit.pieces,
+            resamples_distinct: fit.bootstrap.as_ref().map(|bootstrap| bootstrap.distinct),
+            mostly_lost: self.mostly_lost(),
+        }
     }
 
     /// Minimizes; Ctrl-C ends the program, since half a minimum is none.

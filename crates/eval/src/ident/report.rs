@@ -257,30 +257,37 @@ impl Display for Fit {
             writeln!(f, " s, dead time")?;
         }
         if let Some(bootstrap) = &self.bootstrap {
-            writeln!(
-                f,
-                "bootstrap     {} of {} resamples, {} distinct, {} not converged, seed {}, {:.1} s",
-                bootstrap.resamples,
-                bootstrap.asked,
-                bootstrap.distinct,
-                bootstrap.unconverged,
-                bootstrap.seed,
-                bootstrap.seconds
-            )?;
-            writeln!(f, "correlation")?;
-            for (row, line) in self.parameters.iter().zip(&bootstrap.correlation) {
-                write!(f, "  {:<11}", row.name)?;
-                for entry in line {
-                    write!(f, " {entry:>6.2}")?;
-                }
-                writeln!(f)?;
-            }
+            self.write_bootstrap(bootstrap, f)?;
         }
         for sentence in &self.verdict {
             writeln!(f, "note          {sentence}")?;
         }
         if let Some(why) = &self.refused {
             writeln!(f, "refused       no parameter file, since fly would refuse it: {why}")?;
+        }
+        Ok(())
+    }
+}
+
+impl Fit {
+    fn write_bootstrap(&self, bootstrap: &Bootstrap, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "bootstrap     {} of {} resamples, {} distinct, {} not converged, seed {}, {:.1} s",
+            bootstrap.resamples,
+            bootstrap.asked,
+            bootstrap.distinct,
+            bootstrap.unconverged,
+            bootstrap.seed,
+            bootstrap.seconds
+        )?;
+        writeln!(f, "correlation")?;
+        for (row, line) in self.parameters.iter().zip(&bootstrap.correlation) {
+            write!(f, "  {:<11}", row.name)?;
+            for entry in line {
+                write!(f, " {entry:>6.2}")?;
+            }
+            writeln!(f)?;
         }
         Ok(())
     }

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use horizon_estim::Observed;
 use horizon_model::rows::{Pose, pose};
-use tello_flight::{FilterSettings, PoseFilter, Verdict};
+use tello_flight::{Acceptance, FilterSettings, PoseFilter};
 use tello_io::log::csv::CsvRow;
 
 use super::rows::RowFlight;
@@ -49,11 +49,12 @@ pub(super) fn samples(
                     filter.update(None);
                 }
                 let filtered = filter.update(raw.as_ref());
-                positions_held += usize::from(filtered.position == Verdict::Held);
+                positions_held += usize::from(filtered.position == Acceptance::Held);
                 headings_held += usize::from(
-                    filtered.position == Verdict::Accepted && filtered.heading == Verdict::Held,
+                    filtered.position == Acceptance::Accepted
+                        && filtered.heading == Acceptance::Held,
                 );
-                let is_new = |verdict| verdict == Verdict::Accepted;
+                let is_new = |verdict| verdict == Acceptance::Accepted;
                 filtered.o.map_or_else(Observed::missing, |o| {
                     accepted(o, is_new(filtered.position), is_new(filtered.heading))
                 })

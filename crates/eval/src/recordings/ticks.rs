@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 use tello_flight::cycle::{
     FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, SticksRecord, Timing, Topic,
 };
-use tello_flight::{Phase, Verdict};
+use tello_flight::{Acceptance, Phase};
 use tello_io::clock::TimeNs;
 use tello_io::log::{CONFIG, LogReader, Message};
 
@@ -135,7 +135,7 @@ impl TickRow {
             Topic::Filtered => {
                 let record = decode::<FilteredRecord>(message, unreadable);
                 self.filtered = record.map(|record| {
-                    let is_new = |verdict| verdict == Verdict::Accepted;
+                    let is_new = |verdict| verdict == Acceptance::Accepted;
                     (record.pose.pose(), [is_new(record.position), is_new(record.heading)])
                 });
             }

@@ -13,7 +13,7 @@ use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIter
 use schemars::JsonSchema;
 use serde::Serialize;
 use tello_flight::cycle::{self, FlightTable, Outcome, Unwatched};
-use tello_flight::{Start, Verdict};
+use tello_flight::{Acceptance, Start};
 use tello_io::config;
 use tello_io::log::csv::CsvRow;
 
@@ -253,8 +253,8 @@ fn accepted(out: &Outcome) -> Observed<{ pose::COUNT }> {
     else {
         return Observed::missing();
     };
-    let mut is_present = [filtered.position == Verdict::Accepted; pose::COUNT];
-    is_present[pose::THETA] = filtered.heading == Verdict::Accepted;
+    let mut is_present = [filtered.position == Acceptance::Accepted; pose::COUNT];
+    is_present[pose::THETA] = filtered.heading == Acceptance::Accepted;
     Observed { o, is_present }
 }
 
@@ -267,8 +267,8 @@ impl Counts {
         self.estimates_failed += u64::from(matches!(out.estimator, Some(cycle::Solve::Failed(_))));
         self.ticks_link_down += u64::from(out.link.is_some_and(|link| link.state.is_down()));
         let Some(filtered) = &out.filtered else { return 0.0 };
-        self.positions_held += u64::from(filtered.position == Verdict::Held);
-        self.headings_held += u64::from(filtered.heading == Verdict::Held);
+        self.positions_held += u64::from(filtered.position == Acceptance::Held);
+        self.headings_held += u64::from(filtered.heading == Acceptance::Held);
         let (Some(o), Some(pose_hat)) = (filtered.o, out.pose_hat()) else { return 0.0 };
         self.ticks_airborne += u64::from(o[pose::Z] > AIRBORNE_M);
         (o - pose_hat).fixed_rows::<3>(pose::X).norm_squared()

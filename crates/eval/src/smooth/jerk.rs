@@ -14,7 +14,7 @@ mod row {
 
 /// Degrees of freedom of the noise.
 const DOF: f64 = 3.0;
-/// Reweighted passes. On the recorded flights the last one moves nothing by more than 0.1 mm.
+/// Reweighted passes: a fixed number, so that the cost does not depend on the noise.
 const PASSES: usize = 12;
 /// Standard deviation of the first value about the first sample (unit of the coordinate), of the first rate (unit/s)
 /// and of the first acceleration (unit/s^2).

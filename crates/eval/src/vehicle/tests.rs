@@ -45,7 +45,7 @@ fn a_flight_makes_the_file_and_the_next_one_starts_there() {
     assert_eq!(table.dead_time_s, settings().dead_time_s);
     after_flight(&path, &table, &done(&found(0.6, 0.1), "2026-11-23")).unwrap();
     let flown = ParameterFile::read(&path).unwrap().flown.unwrap();
-    let expected = Flown {
+    let expected = FlightHistory {
         flights: 2,
         first: "2026-11-22".into(),
         last: "2026-11-23".into(),

@@ -101,7 +101,7 @@ where
         mission: mission(table, dt_s)?,
         monitors: Monitors::new(&monitors, dt_s),
         progress: Progress::default(),
-        start: StandingStart::default(),
+        start: StandingStart::new(cycle.standing).map_err(under("cycle.standing"))?,
         supervisor: Supervisor::new(supervisor, table.start),
         hand_over: HandOver::default(),
         gate: Gate::new(&cycle.gate, table.protocol).map_err(under("cycle.gate"))?,

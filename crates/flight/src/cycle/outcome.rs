@@ -262,7 +262,7 @@ mod tests {
     use super::*;
     use crate::drone::DroneOrder;
     use crate::time::TimeNs;
-    use crate::{FaultSet, Pilot, Reference, Verdict};
+    use crate::{Acceptance, FaultSet, Pilot, Reference};
 
     const HERE: Pose = Pose::new(1.0, 2.0, 1.5, 0.3);
 
@@ -314,7 +314,7 @@ mod tests {
     #[test]
     fn a_sighting_without_a_pose_leaves_the_one_before_and_a_new_tick_none() {
         let mut out = outcome();
-        let held = Filtered { o: None, position: Verdict::Held, heading: Verdict::Held };
+        let held = Filtered { o: None, position: Acceptance::Held, heading: Acceptance::Held };
         out.observe(Some(&sighting(Some(HERE))), &held);
         out.observe(Some(&sighting(None)), &held);
         out.observe(None, &held);

@@ -355,6 +355,12 @@ where
         self.walls.iter_mut().for_each(|walls| walls.follow(obstacle_w, self.dt_s));
     }
 
+    /// Whether a vehicle at `at` is inside of an obstacle.
+    pub(super) fn is_in_obstacle(&self, at: &Pose) -> bool {
+        let at_w = at.fixed_rows::<3>(pose::X).into_owned();
+        self.walls.as_ref().is_some_and(|walls| walls.is_in_obstacle(&at_w))
+    }
+
     /// Whether plans should keep away from an obstacle that moves and was not seen for so long that they cannot.
     pub(super) fn is_obstacle_unseen(&self) -> bool {
         self.walls.as_ref().is_some_and(Walls::is_moving_unseen)

@@ -7,29 +7,36 @@ use horizon_estim::Observed;
 use horizon_model::rows::{Pose, pose};
 
 use crate::time::TimeNs;
-use crate::{Filtered, Verdict};
+use crate::{Acceptance, Filtered};
 
 /// Repetitions in a row that are no coincidence: a vehicle in the air never stands still to a tenth of
 /// a millimetre, along x and y at once. In real flights both repeat at times, but never twice in a row unless the stream
 /// stalls; a height repeats up to 5 times, so that it shows nothing alone: docs/benchmarks/2026-11-27-poses.
 const REPEATS_MIN: u32 = 3;
 
-/// No vehicle of ours is faster. m/s
+/// Speed of a step between poses that is no jump: full sticks along one axis reach 1.8 m/s. m/s
 const SPEED_MAX_MPS: f64 = 2.0;
 
 /// Excess from which on poses are rough, as those of an object that is found in two places in turn. m
 const ROUGH_M: f64 = 0.1;
 
-/// For so many ticks after a rough pose the poses tell neither whether commands act nor how late they do: the length of
-/// the history.
+/// For so many ticks after a rough pose the poses tell neither whether commands act nor how late they do: a second at
+/// 50 Hz.
 const ROUGH_TICKS: u32 = 50;
 
-/// More ticks with rough poses among these are no coincidence: real flights have one within a second at most
-/// (docs/benchmarks/2026-11-27-poses).
-const ROUGH_MAX: u32 = 4;
+/// So many rough ticks among so many are no coincidence.
+struct Burst {
+    count: usize,
+    ticks: u32,
+}
+
+/// Of jumps in quick succession and of slow ones. Real flights have one rough tick within a second at most, and two in a
+/// whole flight (docs/benchmarks/2026-11-27-poses). Three single outliers, which jump there and back, are six.
+const QUICK: Burst = Burst { count: 5, ticks: ROUGH_TICKS };
+const SLOW: Burst = Burst { count: 7, ticks: 4 * ROUGH_TICKS };
 
 /// The newest poses, seen one by one.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(super) struct Plausibility {
     raw: Option<Pose>,
     repeats: u32,
@@ -37,20 +44,34 @@ pub(super) struct Plausibility {
     accepted: Option<(Pose, TimeNs)>,
     jump_m: Option<f64>,
     drop_m: Option<f64>,
-    /// Whether the poses of each of the newest ticks were rough, the newest in the lowest bit.
-    rough: u64,
+    /// How many ticks ago the poses were rough, the newest first.
+    rough_ago: [u32; SLOW.count],
+}
+
+impl Default for Plausibility {
+    fn default() -> Self {
+        Self {
+            raw: None,
+            repeats: 0,
+            accepted: None,
+            jump_m: None,
+            drop_m: None,
+            rough_ago: [u32::MAX; SLOW.count],
+        }
+    }
 }
 
 impl Plausibility {
     /// A tick begins.
     pub(super) fn open(&mut self) {
         (self.jump_m, self.drop_m) = (None, None);
-        self.rough = (self.rough << 1) & !(u64::MAX << ROUGH_TICKS);
+        self.rough_ago = self.rough_ago.map(|ticks| ticks.saturating_add(1));
     }
 
     /// What of `observed` tells about the commands: nothing while poses are rough.
     pub(super) fn steady(&self, observed: &Observed<{ pose::COUNT }>) -> Observed<{ pose::COUNT }> {
-        let is_rough = self.rough != 0;
+        let [newest, ..] = self.rough_ago;
+        let is_rough = newest < ROUGH_TICKS;
         Observed { o: observed.o, is_present: observed.is_present.map(|it| it && !is_rough) }
     }
 
@@ -67,7 +88,7 @@ impl Plausibility {
             [pose::X, pose::Y].into_iter().all(|row| before[row].to_bits() == raw[row].to_bits())
         });
         self.repeats = if is_repeated { self.repeats.saturating_add(1) } else { 0 };
-        let Some(now) = filtered.o.filter(|_| filtered.position == Verdict::Accepted) else {
+        let Some(now) = filtered.o.filter(|_| filtered.position == Acceptance::Accepted) else {
             return;
         };
         if let Some((before, before_at)) = self.accepted.replace((now, at)) {
@@ -77,8 +98,11 @@ impl Plausibility {
             let distance_m = (now - before).fixed_rows::<3>(pose::X).norm();
             let jump_m = distance_m - flown_m;
             self.jump_m = Some(larger(self.jump_m, jump_m));
-            if jump_m > ROUGH_M {
-                self.rough |= 1;
+            // At most once in a tick.
+            if jump_m > ROUGH_M && !self.rough_ago.contains(&0) {
+                self.rough_ago.rotate_right(1);
+                let [newest, ..] = &mut self.rough_ago;
+                *newest = 0;
             }
             let descent_m = before[pose::Z] - now[pose::Z];
             self.drop_m = Some(larger(self.drop_m, descent_m - flown_m));
@@ -92,7 +116,7 @@ impl Plausibility {
 
     /// Whether poses jump to and fro: an object that is found in two places, or noise.
     pub(super) fn is_rough(&self) -> bool {
-        self.rough.count_ones() > ROUGH_MAX
+        [QUICK, SLOW].into_iter().any(|Burst { count, ticks }| self.rough_ago[count - 1] < ticks)
     }
 
     /// By how much the accepted poses of this tick are further apart than a vehicle flies; `None` without
@@ -113,7 +137,7 @@ mod tests {
 
     use super::*;
 
-    fn filtered(o: Pose, position: Verdict, heading: Verdict) -> Filtered {
+    fn filtered(o: Pose, position: Acceptance, heading: Acceptance) -> Filtered {
         Filtered { o: Some(o), position, heading }
     }
 
@@ -129,7 +153,7 @@ mod tests {
         let there = HERE + Pose::new(0.3, 0.4, 0.0, 0.0);
         for (ms, jump_m) in [(20, 0.46), (250, 0.0), (1000, -1.5)] {
             let mut plausibility = Plausibility::default();
-            let accepted = |o| filtered(o, Verdict::Accepted, Verdict::Accepted);
+            let accepted = |o| filtered(o, Acceptance::Accepted, Acceptance::Accepted);
             plausibility.judge(Some(&HERE), &accepted(HERE), at(0));
             assert_eq!(plausibility.jump_m(), None, "the first");
             plausibility.judge(Some(&there), &accepted(there), at(ms));
@@ -147,7 +171,7 @@ mod tests {
             let o = HERE + Pose::new(0.0, 0.0, dz_m, 0.0);
             plausibility.judge(
                 Some(&o),
-                &filtered(o, Verdict::Accepted, Verdict::Accepted),
+                &filtered(o, Acceptance::Accepted, Acceptance::Accepted),
                 at(ms),
             );
             plausibility.drop_m()
@@ -160,7 +184,11 @@ mod tests {
         plausibility.open();
         assert_eq!(plausibility.drop_m(), None);
         let up = HERE + Pose::new(0.0, 0.0, 0.5, 0.0);
-        plausibility.judge(Some(&up), &filtered(up, Verdict::Accepted, Verdict::Accepted), at(80));
+        plausibility.judge(
+            Some(&up),
+            &filtered(up, Acceptance::Accepted, Acceptance::Accepted),
+            at(80),
+        );
         assert!((plausibility.drop_m().unwrap() + 1.84).abs() < 1e-9, "a climb");
     }
 
@@ -171,7 +199,7 @@ mod tests {
         let mut see = |x_m: f64, ms| {
             let o = HERE + Pose::new(x_m, 0.0, 0.0, 0.0);
             plausibility.open();
-            let accepted = filtered(o, Verdict::Accepted, Verdict::Accepted);
+            let accepted = filtered(o, Acceptance::Accepted, Acceptance::Accepted);
             plausibility.judge(Some(&o), &accepted, at(ms));
             plausibility.steady(&observed).is_present
         };
@@ -193,14 +221,16 @@ mod tests {
             (0..500).find(|k| {
                 let o = HERE + Pose::new(0.2 * (k / period_ticks % 2) as f64, 0.0, 0.0, 0.0);
                 plausibility.open();
-                let seen = filtered(o, Verdict::Accepted, Verdict::Accepted);
+                let seen = filtered(o, Acceptance::Accepted, Acceptance::Accepted);
                 plausibility.judge(Some(&o), &seen, at(20 * k));
                 plausibility.is_rough()
             })
         };
         assert_eq!(rough_after(1), Some(5));
         assert_eq!(rough_after(12), Some(60));
-        assert_eq!(rough_after(13), None);
+        assert_eq!(rough_after(13), Some(91));
+        assert_eq!(rough_after(33), Some(231));
+        assert_eq!(rough_after(34), None);
     }
 
     #[test]
@@ -208,28 +238,32 @@ mod tests {
         let mut plausibility = Plausibility::default();
         plausibility.judge(
             Some(&HERE),
-            &filtered(HERE, Verdict::Accepted, Verdict::Accepted),
+            &filtered(HERE, Acceptance::Accepted, Acceptance::Accepted),
             at(0),
         );
         let there = HERE + Pose::new(0.6, 0.0, 0.0, 0.0);
         for k in 1..4 {
-            let held = filtered(HERE, Verdict::Held, Verdict::Held);
+            let held = filtered(HERE, Acceptance::Held, Acceptance::Held);
             plausibility.judge(Some(&there), &held, at(20 * k));
             assert_eq!(plausibility.jump_m(), None);
         }
-        let seen = filtered(there, Verdict::Accepted, Verdict::Accepted);
+        let seen = filtered(there, Acceptance::Accepted, Acceptance::Accepted);
         plausibility.judge(Some(&there), &seen, at(80));
         assert!((plausibility.jump_m().unwrap() - 0.44).abs() < 1e-9);
         plausibility.restart();
         plausibility.open();
-        plausibility.judge(Some(&HERE), &filtered(HERE, Verdict::Accepted, Verdict::Held), at(100));
+        plausibility.judge(
+            Some(&HERE),
+            &filtered(HERE, Acceptance::Accepted, Acceptance::Held),
+            at(100),
+        );
         assert_eq!((plausibility.jump_m(), plausibility.drop_m()), (None, None), "begun anew");
     }
 
     #[test]
     fn only_equal_poses_in_a_row_are_repetitions() {
         let mut plausibility = Plausibility::default();
-        let seen = filtered(HERE, Verdict::Accepted, Verdict::Accepted);
+        let seen = filtered(HERE, Acceptance::Accepted, Acceptance::Accepted);
         for _ in 0..3 {
             plausibility.judge(Some(&HERE), &seen, at(0));
             plausibility.judge(None, &seen, at(0));
@@ -242,7 +276,7 @@ mod tests {
         plausibility.judge(Some(&turned), &seen, at(0));
         assert!(plausibility.is_repeated());
         let moved = HERE + Pose::new(1e-4, 0.0, 0.0, 0.0);
-        let seen = filtered(moved, Verdict::Accepted, Verdict::Accepted);
+        let seen = filtered(moved, Acceptance::Accepted, Acceptance::Accepted);
         plausibility.judge(Some(&moved), &seen, at(0));
         assert!(!plausibility.is_repeated());
     }

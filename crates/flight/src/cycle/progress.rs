@@ -1,5 +1,6 @@
 //! By how much the vehicle goes away from its reference, and how long the mission takes.
 
+use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, pose};
 
 use crate::Mission;
@@ -14,8 +15,16 @@ pub(super) struct Progress {
     flown_s: f64,
     /// Number of targets reached.
     targets_reached: usize,
-    /// Least distance since the reference was chosen. m
-    least_m: Option<f64>,
+    /// Least distance and turn since the reference was chosen. m, rad
+    least: Option<(f64, f64)>,
+}
+
+/// By how much the vehicle has gone away from its reference: distance and turn less the least ones since the reference,
+/// or the constant target, was chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Tracking {
+    pub(super) away_m: f64,
+    pub(super) turned_rad: f64,
 }
 
 impl Progress {
@@ -34,22 +43,24 @@ impl Progress {
 
     /// The reference was chosen anew, for a vehicle that may be far away from it.
     pub(super) fn resume(&mut self) {
-        self.least_m = None;
+        self.least = None;
     }
 
-    /// How far the vehicle at `pose_hat` has gone away from its reference: its distance less the least one
-    /// since the reference, or the constant target, was chosen. m
-    pub(super) fn tracking_m(&mut self, mission: &Mission, pose_hat: &Pose) -> f64 {
+    /// How the vehicle at `pose_hat` tracks its reference.
+    pub(super) fn tracking(&mut self, mission: &Mission, pose_hat: &Pose) -> Tracking {
         let target = mission.is_pointwise().then(|| *mission.target());
-        let Some(reference) = mission.reference().or(target) else { return 0.0 };
+        let Some(reference) = mission.reference().or(target) else { return Tracking::default() };
         if target.is_some() && self.targets_reached != mission.targets_reached() {
             self.targets_reached = mission.targets_reached();
             self.resume();
         }
-        let now_m = (reference - pose_hat).fixed_rows::<3>(pose::X).norm();
-        let least_m = self.least_m.map_or(now_m, |least_m| least_m.min(now_m));
-        self.least_m = Some(least_m);
-        now_m - least_m
+        let apart = reference - pose_hat;
+        let (now_m, now_rad) =
+            (apart.fixed_rows::<3>(pose::X).norm(), wrap(apart[pose::THETA]).abs());
+        let (before_m, before_rad) = self.least.unwrap_or((now_m, now_rad));
+        let (least_m, least_rad) = (before_m.min(now_m), before_rad.min(now_rad));
+        self.least = Some((least_m, least_rad));
+        Tracking { away_m: now_m - least_m, turned_rad: now_rad - least_rad }
     }
 }
 
@@ -66,14 +77,17 @@ mod tests {
         let mut mission = mission(include_str!("../../../../configs/missions/square.json"));
         let mut progress = Progress::default();
         let far = mission.first_pose() + Pose::new(3.0, 4.0, 0.0, 9.0);
-        assert!(progress.tracking_m(&mission, &far) <= 0.0, "before it was seen");
+        assert!(progress.tracking(&mission, &far).away_m <= 0.0, "before it was seen");
         mission.advance(&far);
-        assert!(progress.tracking_m(&mission, &far) < 0.1, "the reference begins at the vehicle");
+        assert!(
+            progress.tracking(&mission, &far).away_m < 0.1,
+            "the reference begins at the vehicle"
+        );
         let away = far + Pose::new(2.0, 0.0, 0.0, 0.0);
-        let away_m = progress.tracking_m(&mission, &away);
+        let away_m = progress.tracking(&mission, &away).away_m;
         assert!((away_m - 2.0).abs() < 0.1, "{away_m} m");
         progress.resume();
-        assert!(progress.tracking_m(&mission, &away) <= 0.0, "it may come back from there");
+        assert!(progress.tracking(&mission, &away).away_m <= 0.0, "it may come back from there");
     }
 
     #[test]
@@ -82,8 +96,21 @@ mod tests {
         let mut progress = Progress::default();
         let at = |x_m: f64| mission.first_pose() + Pose::new(x_m, 0.0, 0.0, 0.0);
         for (x_m, tracking_m) in [(5.0, 0.0), (3.0, 0.0), (3.5, 0.5), (2.0, 0.0), (6.0, 4.0)] {
-            let found_m = progress.tracking_m(&mission, &at(x_m));
+            let found_m = progress.tracking(&mission, &at(x_m)).away_m;
             assert!((found_m - tracking_m).abs() < 1e-9, "{x_m} m: {found_m} m");
+        }
+    }
+
+    #[test]
+    fn a_vehicle_that_spins_turns_away_from_its_target_and_one_that_turns_to_it_does_not() {
+        let mission = mission(include_str!("../../../../configs/targets/square.json"));
+        let mut progress = Progress::default();
+        let turned = |rad: f64| mission.first_pose() + Pose::new(0.0, 0.0, 0.0, rad);
+        for (rad, turned_rad) in
+            [(3.0, 0.0), (1.0, 0.0), (0.2, 0.0), (-0.5, 0.3), (-3.0, 2.8), (-6.0, 0.083)]
+        {
+            let found_rad = progress.tracking(&mission, &turned(rad)).turned_rad;
+            assert!((found_rad - turned_rad).abs() < 1e-3, "{rad} rad: {found_rad} rad");
         }
     }
 

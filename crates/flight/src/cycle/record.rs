@@ -11,7 +11,7 @@ use super::outcome::SolveReport;
 use super::walls::Clearance;
 use super::{Inbox, Outcome, Solve, Timing};
 use crate::jitter::Jitter;
-use crate::{Fault, Findings, Phase, Verdict};
+use crate::{Acceptance, Fault, Findings, Phase};
 
 pub use rows::RowsRecord;
 use rows::rows_schema;
@@ -284,9 +284,9 @@ pub struct FilteredRecord {
     #[serde(flatten)]
     pub pose: PoseRecord,
     /// Of x, y and z.
-    pub position: Verdict,
+    pub position: Acceptance,
     /// Of theta.
-    pub heading: Verdict,
+    pub heading: Acceptance,
 }
 
 /// Whether the sent sticks of a step act.

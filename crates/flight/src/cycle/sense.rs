@@ -11,7 +11,7 @@ use nalgebra::SVector;
 use super::measurement_time::Seen;
 use super::{Cycle, HeldObservations, Inbox, Outcome};
 use crate::time::{SpanNs, TimeNs};
-use crate::{Filtered, Phase, Sighting, Verdict};
+use crate::{Acceptance, Filtered, Phase, Sighting};
 
 /// Age beyond which a sighting is not used: the estimator's window reaches back as far (`measurement_time.rs`), and
 /// in 0.1 s a Tello at 1 m/s is 0.1 m further on. A healthy pose is as old as its period, the tick's and the jitter of
@@ -19,8 +19,8 @@ use crate::{Filtered, Phase, Sighting, Verdict};
 /// once, and only the older ones of its burst are late.
 pub const SIGHTING_AGE_MAX: SpanNs = SpanNs::from_ms(100);
 
-/// Headings in flight that must agree with the estimate before one that does not is refused: a flight that begins in
-/// the air may begin with a wrong one.
+/// Headings accepted in flight before one that contradicts the estimate is refused: a flight that begins in the air may
+/// begin with a wrong one.
 const HEADINGS_MIN: u32 = 25;
 
 /// Whether the vehicle may be in the air in `phase`: the clock of the mocap system is held then.
@@ -70,15 +70,15 @@ where
             self.plausibility.judge(raw, &filtered, at);
             let is_new = !self.is_frozen();
             let measured_at = Some(at);
-            if filtered.position == Verdict::Accepted && is_new {
+            if filtered.position == Acceptance::Accepted && is_new {
                 is_position_new = true;
                 self.memory.position_at = measured_at;
                 self.memory.o_seen = filtered.o;
-                self.monitors.observe_heading(filtered.heading == Verdict::Accepted);
-            } else if filtered.position == Verdict::Accepted {
+                self.monitors.observe_heading(filtered.heading == Acceptance::Accepted);
+            } else if filtered.position == Acceptance::Accepted {
                 self.memory.o_repeated = filtered.o;
             }
-            if filtered.heading == Verdict::Accepted && is_new {
+            if filtered.heading == Acceptance::Accepted && is_new {
                 is_heading_new = true;
                 self.memory.heading_at = measured_at;
             }
@@ -133,7 +133,7 @@ where
     fn check_heading(&mut self, filtered: Filtered) -> Filtered {
         let is_flying = self.supervisor.phase() == Phase::Flying && !self.is_carried;
         let is_judged = is_flying && self.mhe.is_started();
-        let Some(o) = filtered.o.filter(|_| is_judged && filtered.heading == Verdict::Accepted)
+        let Some(o) = filtered.o.filter(|_| is_judged && filtered.heading == Acceptance::Accepted)
         else {
             return filtered;
         };

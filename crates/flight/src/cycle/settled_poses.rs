@@ -2,28 +2,59 @@
 //! a false heading.
 //!
 //! Owns the place where the vehicle stands: a first pose may be an outlier, and a filter that began with it
-//! refuses all that are right. Nothing is accepted before half a second of poses agrees.
+//! refuses all that are right. Nothing is accepted before the poses agree for a while.
 
 use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, pose};
+use horizon_model::setting::{SettingError, in_range};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::time::{SpanNs, TimeNs};
 
-/// How long the poses must agree, and how many there must be at least.
-const AGREE: SpanNs = SpanNs::from_ms(500);
-const POSES_MIN: u32 = 10;
-/// Largest distance and turn between poses that agree. m, rad
-const DISTANCE_MAX_M: f64 = 0.1;
-const TURN_MAX_RAD: f64 = 0.3;
+/// When the poses of a standing vehicle agree, as written in a file. 5 mm and 0.02 rad of noise (standard deviations)
+/// agree with the values of `configs/fly.json`, a drone in a hand does not.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StandingTable {
+    /// How long they must agree. s, 0.1..=10
+    pub for_s: f64,
+    /// Largest distance between poses that agree. m, 0.001..=1
+    pub distance_m: f64,
+    /// Largest turn between poses that agree. rad, 0.001..=3
+    pub turn_rad: f64,
+}
 
-/// In flight: how long headings must contradict the estimate, and how long after the begin they may. The
-/// heading flips of the real recordings last up to 0.7 s.
+impl Default for StandingTable {
+    /// As in logs of flights that had no such settings.
+    fn default() -> Self {
+        Self { for_s: 0.5, distance_m: 0.1, turn_rad: 0.3 }
+    }
+}
+
+impl StandingTable {
+    fn check(&self) -> Result<(), SettingError> {
+        in_range("for_s", self.for_s, 0.1..=10.0)?;
+        in_range("distance_m", self.distance_m, 0.001..=1.0)?;
+        in_range("turn_rad", self.turn_rad, 0.001..=3.0).map(|_| ())
+    }
+}
+
+/// How many poses must agree at least.
+const POSES_MIN: u32 = 10;
+/// Turn between a heading and the estimate that contradict each other. rad
+const CONTRADICTION_RAD: f64 = 0.3;
+
+/// In flight: how long headings must contradict the estimate, and how long after the begin they may. A compromise: a
+/// start with a wrong heading has to be found soon, and wrong headings of real recordings last up to 1.5 s
+/// (`tests/filter_recordings.rs`).
 const CONTRADICT: SpanNs = SpanNs::from_ms(800);
 const BEGIN: SpanNs = SpanNs::from_ms(2000);
 
 /// The poses at the start so far.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(super) struct StandingStart {
+    table: StandingTable,
     /// The pose that the others are compared with, and when it came.
     first: Option<(Pose, TimeNs)>,
     count: u32,
@@ -33,22 +64,33 @@ pub(super) struct StandingStart {
 }
 
 impl StandingStart {
+    /// Nothing was seen yet.
+    ///
+    /// # Errors
+    /// The first value that breaks its rule, with its key below this table.
+    pub(super) fn new(table: StandingTable) -> Result<Self, SettingError> {
+        table.check()?;
+        Ok(Self { table, first: None, count: 0, is_settled: false, contradicted_since: None })
+    }
+
     /// Takes a raw pose of the vehicle on the ground. Whether it contradicts the ones before: then the
     /// filter has to begin anew.
     pub(super) fn observe(&mut self, raw: &Pose, at: TimeNs) -> bool {
         let agrees = self.first.is_some_and(|(first, _)| {
             let apart = raw - first;
-            apart.fixed_rows::<3>(pose::X).norm() <= DISTANCE_MAX_M
-                && wrap(apart[pose::THETA]).abs() <= TURN_MAX_RAD
+            apart.fixed_rows::<3>(pose::X).norm() <= self.table.distance_m
+                && wrap(apart[pose::THETA]).abs() <= self.table.turn_rad
         });
         if !agrees {
             let is_first = self.first.is_none();
-            *self = Self { first: Some((*raw, at)), ..Self::default() };
+            self.first = Some((*raw, at));
+            (self.count, self.is_settled, self.contradicted_since) = (0, false, None);
             return !is_first;
         }
         self.count = self.count.saturating_add(1);
         let since = self.first.map_or(at, |(_, since)| since);
-        self.is_settled = self.count >= POSES_MIN && at.since(since) >= AGREE;
+        let has_lasted = at.since(since) >= SpanNs::from_seconds(self.table.for_s);
+        self.is_settled = self.count >= POSES_MIN && has_lasted;
         false
     }
 
@@ -64,7 +106,7 @@ impl StandingStart {
         if self.is_settled || at.since(began) > BEGIN {
             return false;
         }
-        if wrap(theta_rad - theta_hat_rad).abs() <= TURN_MAX_RAD {
+        if wrap(theta_rad - theta_hat_rad).abs() <= CONTRADICTION_RAD {
             self.contradicted_since = None;
             return false;
         }
@@ -83,6 +125,11 @@ mod tests {
 
     const HERE: Pose = Pose::new(1.0, 2.0, 0.1, 3.1);
 
+    fn standing() -> StandingStart {
+        let table = StandingTable { for_s: 1.0, distance_m: 0.03, turn_rad: 0.15 };
+        StandingStart::new(table).unwrap()
+    }
+
     /// Shows `count` poses, 50 a second from `from` on; whether one contradicted those before.
     fn show(start: &mut StandingStart, pose: &Pose, from: i64, count: i64) -> bool {
         let seen = (from..from + count)
@@ -91,17 +138,30 @@ mod tests {
     }
 
     #[test]
-    fn half_a_second_of_poses_has_to_agree() {
-        let mut start = StandingStart::default();
-        assert!(!start.is_settled() && !show(&mut start, &HERE, 0, 25));
-        assert!(!start.is_settled(), "0.48 s");
-        show(&mut start, &HERE, 25, 1);
+    fn a_second_of_poses_has_to_agree() {
+        let mut start = standing();
+        assert!(!start.is_settled() && !show(&mut start, &HERE, 0, 50));
+        assert!(!start.is_settled(), "0.98 s");
+        show(&mut start, &HERE, 50, 1);
         assert!(start.is_settled());
     }
 
     #[test]
+    fn a_bad_value_is_refused_with_its_key() {
+        let good = StandingTable::default();
+        for (table, refusal) in [
+            (StandingTable { for_s: 0.0, ..good }, "for_s = 0 violates 0.1..=10.0"),
+            (StandingTable { distance_m: 2.0, ..good }, "distance_m = 2 violates 0.001..=1.0"),
+            (StandingTable { turn_rad: f64::NAN, ..good }, "turn_rad = NaN violates 0.001..=3.0"),
+        ] {
+            assert_eq!(StandingStart::new(table).unwrap_err().to_string(), refusal);
+        }
+        assert!(StandingStart::new(good).is_ok());
+    }
+
+    #[test]
     fn few_poses_are_no_agreement() {
-        let mut start = StandingStart::default();
+        let mut start = standing();
         for k in 0..9 {
             start.observe(&HERE, TimeNs(0).after(SpanNs::from_ms(400 * k)));
         }
@@ -112,7 +172,7 @@ mod tests {
     fn a_false_initial_heading_is_detected_after_0_8_s_and_a_flip_is_none() {
         let at = |k: i64| TimeNs(0).after(SpanNs::from_ms(20 * k));
         let detected = |seen: &dyn Fn(i64) -> f64| {
-            let mut start = StandingStart::default();
+            let mut start = standing();
             (0..200).find(|k| start.observe_in_flight(seen(*k), 2.8, at(*k)))
         };
         assert_eq!(detected(&|_| 2.9), None);
@@ -129,12 +189,12 @@ mod tests {
     fn a_pose_elsewhere_or_turned_begins_anew_and_the_wrap_does_not() {
         let wrapped = HERE + Pose::new(0.0, 0.0, 0.0, 0.1 - std::f64::consts::TAU);
         for (other, is_other) in [
-            (HERE + Pose::new(0.09, 0.0, 0.0, 0.0), false),
-            (HERE + Pose::new(0.0, 0.0, 0.11, 0.0), true),
-            (HERE + Pose::new(0.0, 0.0, 0.0, 0.31), true),
+            (HERE + Pose::new(0.029, 0.0, 0.0, 0.0), false),
+            (HERE + Pose::new(0.0, 0.0, 0.031, 0.0), true),
+            (HERE + Pose::new(0.0, 0.0, 0.0, 0.16), true),
             (wrapped, false),
         ] {
-            let mut start = StandingStart::default();
+            let mut start = standing();
             show(&mut start, &HERE, 0, 50);
             assert_eq!(show(&mut start, &other, 50, 1), is_other, "{other}");
             assert_eq!(start.is_settled(), !is_other, "{other}");

@@ -30,17 +30,20 @@ where
         out.findings = Some(findings);
         let outage = self.outage();
         let motion = self.motion();
-        let tracking_m = motion.map(|motion| self.progress.tracking_m(&self.mission, &motion.pose));
+        let tracking = motion.map(|motion| self.progress.tracking(&self.mission, &motion.pose));
+        let tracking_m = tracking.map(|tracking| tracking.away_m);
         let speed_mps = motion.map_or(0.0, |motion| motion.rate.fixed_rows::<3>(pose::X).norm());
         (out.tracking_m, out.speed_mps) = (tracking_m, speed_mps);
+        let pose = out.filtered.and_then(|filtered| filtered.o);
         let ruling = self.supervisor.rule(&Evidence {
             t_ns: inbox.now.0,
             skipped: inbox.skipped,
             pose_age_s: self.pose_age_s(inbox),
-            pose: out.filtered.and_then(|filtered| filtered.o),
+            pose,
             motion,
             is_plan_clear: self.planner.is_clear(),
             is_obstacle_unseen: self.planner.is_obstacle_unseen(),
+            is_in_obstacle: pose.is_some_and(|at| self.planner.is_in_obstacle(&at)),
             is_pose_repeated: self.is_frozen(),
             jump_m: self.plausibility.jump_m(),
             is_pose_rough: self.plausibility.is_rough(),
@@ -50,6 +53,7 @@ where
             outage,
             is_dead_time_long: self.link.as_ref().is_some_and(Link::is_dead_time_long),
             tracking_m,
+            turned_rad: tracking.map(|tracking| tracking.turned_rad),
             speed_mps,
             overtime_s: self.progress.overtime_s(&self.mission),
             drone: self.memory.drone.map(|status| DroneReport {

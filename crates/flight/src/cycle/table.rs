@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::baseline::{HeldObservations, Pipeline};
 use super::planning_table::PlanningTable;
+pub use super::settled_poses::StandingTable;
 use super::vehicle::ModelKind;
 use crate::drone::Protocol;
 use crate::gate::GateTable;
@@ -47,6 +48,10 @@ pub struct CycleTable {
     /// rate; else, as in older settings and logs, as if it were measured at the tick.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub uses_measurement_time: bool,
+    /// When the poses of a vehicle on the ground agree; missing, as in older settings and logs: 0.5 s within 0.1 m and
+    /// 0.3 rad.
+    #[serde(default)]
+    pub standing: StandingTable,
     /// Outlier filter of the motion capture, thesis section 4.3.3.
     pub filter: FilterTable,
     /// Moving horizon estimator, thesis section 3.1.4.

@@ -80,7 +80,7 @@ impl Walls {
             if obstacles.is_empty() {
                 return Ok(None);
             }
-            let rule = "settings, with obstacles: the plan keeps away from them";
+            let rule = "a table: the plan has to keep away from `obstacles`";
             return Err(SettingError::new("mpc.walls", "null", rule));
         };
         let check = || {
@@ -105,6 +105,12 @@ impl Walls {
     /// Whether there is an obstacle that moves and nobody knows where.
     pub(super) fn is_moving_unseen(&self) -> bool {
         self.moving.is_none() && self.obstacles.iter().any(Obstacle::is_moving)
+    }
+
+    /// Whether `at_w` is inside of an obstacle now.
+    pub(super) fn is_in_obstacle(&self, at_w: &Vector3<f64>) -> bool {
+        (self.wall_count()..self.count())
+            .any(|i| self.distance(i, at_w, -self.lead_s).distance_m < 0.0)
     }
 
     /// The plan begins `lead_s` after now, at a position of this covariance. m^2

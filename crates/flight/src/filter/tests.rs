@@ -20,7 +20,7 @@ fn table() -> FilterTable {
 /// A filter whose reference is `o`.
 fn filter_at(o: &Pose) -> PoseFilter {
     let mut filter = PoseFilter::new((&table()).try_into().unwrap());
-    assert_eq!(filter.update(Some(o)).position, Verdict::Accepted);
+    assert_eq!(filter.update(Some(o)).position, Acceptance::Accepted);
     filter
 }
 
@@ -31,7 +31,7 @@ fn nothing_is_accepted_before_the_first_sight() {
     let nan = Pose::new(0.0, f64::NAN, 1.0, 0.0);
     for raw in [None, Some(&lost), Some(&nan)] {
         let filtered = filter.update(raw);
-        assert_eq!((filtered.o, filtered.position), (None, Verdict::Missing), "{raw:?}");
+        assert_eq!((filtered.o, filtered.position), (None, Acceptance::Missing), "{raw:?}");
     }
     let o = Pose::new(0.0, 0.0, 0.5, 1.0);
     assert_eq!(filter.update(Some(&o)).o, Some(o));
@@ -60,12 +60,12 @@ fn a_jump_is_held_until_the_limit_has_grown_to_it() {
         (Pose::new(0.0, 0.0, 1.5, 0.0), 4),
     ] {
         let mut filter = filter_at(&start);
-        let held = (0..100).take_while(|_| filter.update(Some(&raw)).position == Verdict::Held);
+        let held = (0..100).take_while(|_| filter.update(Some(&raw)).position == Acceptance::Held);
         assert_eq!(held.count(), expected, "{raw}");
     }
     let mut filter = filter_at(&start);
     let below = Pose::new(0.0, 0.0, 0.009, 0.0);
-    assert!((0..100).all(|_| filter.update(Some(&below)).position == Verdict::Held));
+    assert!((0..100).all(|_| filter.update(Some(&below)).position == Acceptance::Held));
 }
 
 #[test]
@@ -74,11 +74,11 @@ fn a_flipped_heading_is_held_while_the_position_goes_on() {
     for k in 1..=10 {
         let x = 0.02 * f64::from(k);
         let filtered = filter.update(Some(&Pose::new(x, 0.0, 1.0, 0.2 - PI)));
-        assert_eq!((filtered.position, filtered.heading), (Verdict::Accepted, Verdict::Held));
+        assert_eq!((filtered.position, filtered.heading), (Acceptance::Accepted, Acceptance::Held));
         assert_eq!(filtered.o, Some(Pose::new(x, 0.0, 1.0, 0.2)));
     }
     let back = filter.update(Some(&Pose::new(0.2, 0.0, 1.0, 0.25)));
-    assert_eq!(back.heading, Verdict::Accepted);
+    assert_eq!(back.heading, Acceptance::Accepted);
 }
 
 #[test]
@@ -89,22 +89,22 @@ fn a_heading_that_is_seen_and_refused_widens_its_limit_by_its_own_growth() {
     filter.update(Some(&turned(0.0)));
     // 0.15 + 0.01 n reaches 0.595 after 45 samples.
     let held =
-        (0..100).take_while(|_| filter.update(Some(&turned(0.595))).heading == Verdict::Held);
+        (0..100).take_while(|_| filter.update(Some(&turned(0.595))).heading == Acceptance::Held);
     assert_eq!(held.count(), 45);
     // Missing samples widen it as before: 0.15 + 0.04 * 9, and 0.01 for one that was refused.
     for _ in 0..9 {
         filter.update(None);
     }
-    assert_eq!(filter.update(Some(&turned(0.595 + 0.515))).heading, Verdict::Held);
-    assert_eq!(filter.update(Some(&turned(0.595 + 0.515))).heading, Verdict::Accepted);
+    assert_eq!(filter.update(Some(&turned(0.595 + 0.515))).heading, Acceptance::Held);
+    assert_eq!(filter.update(Some(&turned(0.595 + 0.515))).heading, Acceptance::Accepted);
     // A refused heading that is the estimate's is accepted.
     let raw = turned(-2.0);
     let filtered = filter.update(Some(&raw));
-    assert_eq!(filter.confirm_heading(&raw, -1.8, filtered).heading, Verdict::Held);
+    assert_eq!(filter.confirm_heading(&raw, -1.8, filtered).heading, Acceptance::Held);
     let confirmed = filter.confirm_heading(&raw, -2.1 + TAU, filtered);
-    assert_eq!(confirmed.heading, Verdict::Accepted);
+    assert_eq!(confirmed.heading, Acceptance::Accepted);
     assert!(wrap(confirmed.o.unwrap()[pose::THETA] + 2.0).abs() < 1e-12);
-    assert_eq!(filter.update(Some(&turned(-2.1))).heading, Verdict::Accepted);
+    assert_eq!(filter.update(Some(&turned(-2.1))).heading, Acceptance::Accepted);
     let mut without = filter_at(&turned(0.0));
     let filtered = without.update(Some(&raw));
     assert_eq!(without.confirm_heading(&raw, -2.0, filtered), filtered);
@@ -121,10 +121,10 @@ fn missing_samples_widen_both_limits() {
     let mut filter = filter_at(&Pose::new(0.0, 0.0, 1.0, 0.0));
     let far = Pose::new(1.0, 0.0, 1.0, 0.5);
     for _ in 0..9 {
-        assert_eq!(filter.update(None).position, Verdict::Missing);
+        assert_eq!(filter.update(None).position, Acceptance::Missing);
     }
     let filtered = filter.update(Some(&far));
-    assert_eq!((filtered.position, filtered.heading), (Verdict::Accepted, Verdict::Accepted));
+    assert_eq!((filtered.position, filtered.heading), (Acceptance::Accepted, Acceptance::Accepted));
 }
 
 #[test]
@@ -148,7 +148,7 @@ fn several_frames_a_period_loosen_the_limits_no_faster_than_one() {
                 // One pose of each period is wrong, the others repeat it.
                 let first = filter.update(Some(&raw));
                 let last = (1..*frames).fold(first, |_, _| filter.update_again(Some(&raw)));
-                [last.position, last.heading].contains(&Verdict::Held).then_some(period)
+                [last.position, last.heading].contains(&Acceptance::Held).then_some(period)
             };
             (0..1000).map_while(&mut is_held).count()
         });

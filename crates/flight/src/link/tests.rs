@@ -296,29 +296,6 @@ fn missing_rows_are_no_evidence() {
 }
 
 #[test]
-fn pitch_flies_forward_and_roll_to_the_right_of_the_direction_of_flight() {
-    let asked = |pitch, roll, psi_rad: f64| {
-        let u = Sticks::from_fn(|row, _| match row {
-            stick::PITCH => pitch,
-            stick::ROLL => roll,
-            _ => 0.0,
-        });
-        commanded_mps(&u, psi_rad, 2.0, 0.1)
-    };
-    let quarter = std::f64::consts::FRAC_PI_2;
-    for (found, expected) in [
-        (asked(0.6, 0.0, 0.0), [1.0, 0.0]),
-        (asked(-0.6, 0.0, 0.0), [-1.0, 0.0]),
-        (asked(0.0, 0.6, 0.0), [0.0, -1.0]),
-        (asked(0.6, 0.0, quarter), [0.0, 1.0]),
-        (asked(0.0, 0.6, quarter), [1.0, 0.0]),
-        (asked(0.1, -0.1, 0.3), [0.0, 0.0]),
-    ] {
-        assert!((found - Vector2::from(expected)).norm() < 1e-12, "{found} for {expected:?}");
-    }
-}
-
-#[test]
 fn the_direction_of_flight_is_the_heading_and_its_offset() {
     let mut p = parameter();
     p[lag::THETA_0] = 1.5;

@@ -11,11 +11,12 @@
 //! After an outage the vehicle has a velocity that no known input made. It decays with the lag, as `y = exp(-t / lag)`,
 //! so the part of both velocities that `y` explains is left out: the covariances are those given `y`.
 
-use horizon_model::rows::{Pose, pose, stick};
+use horizon_model::rows::{Pose, pose};
 use nalgebra::Complex;
 
 use super::Sample;
 use super::typical_vehicle::decay;
+use crate::commanded::inputs_w;
 
 /// Time within which motion is forgotten. s
 const FORGET_S: f64 = 4.0;
@@ -170,9 +171,8 @@ impl DirectionMonitor {
 
     /// The velocity that the inputs ask for follows them with the lag. Pitch leads forward, roll to the right.
     fn ask(&mut self, sample: &Sample, theta_rad: f64) {
-        let u = sample.u_applied;
-        let asked =
-            Complex::new(u[stick::PITCH], -u[stick::ROLL]) * Complex::from_polar(1.0, theta_rad);
+        let [x, y] = inputs_w(&sample.u_applied, theta_rad).into();
+        let asked = Complex::new(x, y);
         let keep = decay(self.dt_s);
         self.v_u += (asked - self.v_u) * (1.0 - keep);
         self.decay *= keep;

@@ -7,10 +7,10 @@
 //! it is twice as near to the inputs as they are: its own drift is no fault of the poses.
 
 use horizon_model::angle::wrap;
-use horizon_model::rows::{pose, stick};
+use horizon_model::rows::pose;
 
-use super::typical_vehicle::{YAW_GAIN_RADPS, YAW_LAG_S, excess};
-use super::{Agreement, Sample, Verdict};
+use super::typical_vehicle::{YAW_LAG_S, yaw_rate_radps};
+use super::{Agreement, Doubt, Sample};
 
 /// Time within which a turn is forgotten. s
 const FORGET_S: f64 = 15.0;
@@ -43,7 +43,7 @@ pub(super) struct HeadingMonitor {
     turns: Turns,
     /// Sense of the drone's heading, once a turn has shown it.
     sense: Option<Sense>,
-    verdict: Verdict,
+    doubt: Doubt,
 }
 
 /// Sense of rotation in which the drone's heading grows.
@@ -73,7 +73,7 @@ impl HeadingMonitor {
             asked_radps: 0.0,
             turns: Turns::default(),
             sense: None,
-            verdict: Verdict::default(),
+            doubt: Doubt::default(),
         }
     }
 
@@ -83,7 +83,7 @@ impl HeadingMonitor {
         self.since_s = [0.0; 2];
         self.asked_radps = 0.0;
         self.turns = Turns::default();
-        self.verdict = Verdict::default();
+        self.doubt = Doubt::default();
     }
 
     /// Takes whether the pose of the next tick has a heading of its own.
@@ -108,7 +108,7 @@ impl HeadingMonitor {
             return (Agreement::Unknown, 0.0);
         }
         let keep = (-self.dt_s / FORGET_S).exp();
-        let target_radps = YAW_GAIN_RADPS * excess(sample.u_applied[stick::YAW]);
+        let target_radps = yaw_rate_radps(&sample.u_applied);
         self.asked_radps +=
             (target_radps - self.asked_radps) * (1.0 - (-self.dt_s / YAW_LAG_S).exp());
         let turns = &mut self.turns;
@@ -135,7 +135,7 @@ impl HeadingMonitor {
         {
             return (Agreement::Unknown, error_rad);
         }
-        (self.verdict.on(error_rad, self.limit_rad, self.dt_s), error_rad)
+        (self.doubt.judge(error_rad, self.limit_rad, self.dt_s), error_rad)
     }
 }
 

@@ -7,7 +7,7 @@
 use horizon_model::check::maximum;
 use horizon_model::rows::pose;
 
-use super::{Agreement, Sample, Verdict};
+use super::{Agreement, Doubt, Sample};
 
 /// Time within which a difference is forgotten. s
 const FORGET_S: f64 = 30.0;
@@ -29,7 +29,7 @@ pub(super) struct HeightMonitor {
     ground_m: Option<f64>,
     is_witness: bool,
     error_m: f64,
-    verdict: Verdict,
+    doubt: Doubt,
 }
 
 impl HeightMonitor {
@@ -42,7 +42,7 @@ impl HeightMonitor {
             ground_m: None,
             is_witness: false,
             error_m: 0.0,
-            verdict: Verdict::default(),
+            doubt: Doubt::default(),
         }
     }
 
@@ -55,7 +55,7 @@ impl HeightMonitor {
         }
         self.is_witness = false;
         self.error_m = 0.0;
-        self.verdict = Verdict::default();
+        self.doubt = Doubt::default();
     }
 
     /// Takes a tick in flight; how both compare, and by how much they differ. m
@@ -74,7 +74,7 @@ impl HeightMonitor {
         self.level_m = Some(level_m + error_m * (1.0 - (-self.dt_s / FORGET_S).exp()));
         let of_flight_m = (z_m - height_m - self.ground_level_m).abs() / WHOLE_FLIGHT;
         let judged_m = maximum(of_flight_m, self.error_m);
-        (self.verdict.on(judged_m, self.limit_m, self.dt_s), self.error_m)
+        (self.doubt.judge(judged_m, self.limit_m, self.dt_s), self.error_m)
     }
 }
 

@@ -9,14 +9,15 @@ use nalgebra::Vector3;
 use super::hidden::HiddenMotion;
 use super::typical_vehicle::decay;
 use super::{Agreement, Sample};
+use crate::commanded::inputs_w;
 
 /// Blocks whose means are compared.
 const BLOCKS: usize = 4;
 /// Length of all blocks of the short and of the long window. s
 const WINDOWS_S: [f64; 2] = [0.8, 2.4];
 /// Limit of the long window over that of the short one: noise is less in longer means, and a vehicle goes
-/// further. The least range in 2.4 s of the real flights is 17 mm; the means of an object at rest under 5 mm
-/// of noise have 2.5 mm.
+/// further. Real flights range over 11.7 mm at least in 2.4 s and 2.1 mm in 0.8 s
+/// (docs/benchmarks/2026-11-27-poses); the means of an object at rest under 5 mm of noise over 2.5 mm.
 const LONG_LIMIT: f64 = 2.5;
 
 /// The rows that a flying vehicle cannot keep still.
@@ -115,9 +116,19 @@ struct Contradiction {
     is_found: bool,
 }
 
+/// What a tick shows of a contradiction.
+#[derive(Debug, Clone, Copy)]
+struct Signs {
+    /// The inputs are large.
+    is_asked: bool,
+    is_still: bool,
+    /// The drone denies that it followed the inputs.
+    is_denied: bool,
+}
+
 impl Contradiction {
     /// A contradiction that the drone denies begins no finding, and ends none.
-    fn update(&mut self, is_asked: bool, is_still: bool, is_denied: bool, dt_s: f64) {
+    fn update(&mut self, Signs { is_asked, is_still, is_denied }: Signs, dt_s: f64) {
         self.asked_s = if is_asked { self.asked_s + dt_s } else { 0.0 };
         let is_new = !is_denied && self.asked_s >= ASKED_MIN_S;
         // The finding stays during the hold that follows, whose neutral sticks ask for no motion.
@@ -150,18 +161,25 @@ impl FrozenMonitor {
     ) -> Option<f64> {
         self.hidden.update(sample);
         self.ask(sample);
-        let is_asked = self.u_lagged_w.norm() > INPUT_MIN;
-        self.all.update(is_asked, still.all_s.is_some(), false, self.dt_s);
+        let signs = Signs {
+            is_asked: self.u_lagged_w.norm() > INPUT_MIN,
+            is_still: still.all_s.is_some(),
+            is_denied: false,
+        };
+        self.all.update(signs, self.dt_s);
         let is_denied = self.hidden.is_denied();
         let change = self.u_lagged_w - self.u_mean_w;
         let least = INPUT_MIN.max(ALONG_MIN * change.norm());
         let mut longest_s = None;
         for (row, contradiction) in self.rows.iter_mut().enumerate() {
             let still_s = still.rows_s[row];
-            let is_asked = change[row].abs() > least;
             let is_height = ROWS[row] == pose::Z;
-            let is_still = still_s.is_some() && !(is_height && is_denied && !sample.link_is_up);
-            contradiction.update(is_asked, is_still, is_denied && !is_height, self.dt_s);
+            let signs = Signs {
+                is_asked: change[row].abs() > least,
+                is_still: still_s.is_some() && !(is_height && is_denied && !sample.link_is_up),
+                is_denied: is_denied && !is_height,
+            };
+            contradiction.update(signs, self.dt_s);
             longest_s = longest(still_s.filter(|_| contradiction.is_found), longest_s);
         }
         let by_all_s = still.all_s.and_then(|still_s| match velocity {
@@ -173,18 +191,12 @@ impl FrozenMonitor {
         longest(by_all_s, longest_s)
     }
 
-    /// The inputs after the lag of a typical vehicle. Pitch leads forward, roll to the right.
+    /// The inputs after the lag of a typical vehicle.
     fn ask(&mut self, sample: &Sample) {
         self.theta_rad = sample.pose.map_or(self.theta_rad, |pose| pose[pose::THETA]);
         let is_heard = sample.link_is_up || self.hidden.mps() >= FLOWN_MPS;
         let u = if is_heard { sample.u_applied } else { Sticks::zeros() };
-        let (sin, cos) = self.theta_rad.sin_cos();
-        let (forward, left) = (u[stick::PITCH], -u[stick::ROLL]);
-        let u_w = Vector3::new(
-            cos * forward - sin * left,
-            sin * forward + cos * left,
-            u[stick::THROTTLE],
-        );
+        let u_w = inputs_w(&u, self.theta_rad).push(u[stick::THROTTLE]);
         self.u_lagged_w += (u_w - self.u_lagged_w) * (1.0 - decay(self.dt_s));
         self.u_mean_w += (self.u_lagged_w - self.u_mean_w) * (1.0 - (-self.dt_s / LEAN_S).exp());
     }

@@ -3,10 +3,15 @@
 //! Owns one first-order model per direction. Learnt parameters do not enter it: the monitors must judge as well when these
 //! are wrong.
 
+use horizon_model::rows::{Sticks, stick};
+use nalgebra::Complex;
+
+use crate::commanded::{commanded_mps, excess};
+
 /// Velocity per input, after the dead zone. m/s
-pub(super) const GAIN_MPS: f64 = 1.9;
+const GAIN_MPS: f64 = 1.9;
 /// Lag of the velocity in x and y. s
-pub(super) const LAG_S: f64 = 0.6;
+const LAG_S: f64 = 0.6;
 /// Yaw rate per input, after the dead zone. rad/s
 pub(super) const YAW_GAIN_RADPS: f64 = 1.4;
 /// Lag of the yaw rate. s
@@ -14,12 +19,43 @@ pub(super) const YAW_LAG_S: f64 = 0.12;
 /// Dead zone of each input. 1
 pub(super) const DEAD_ZONE: f64 = 0.07;
 
-/// Excess of an input over the dead zone, with the input's sign. 1
-pub(super) fn excess(u: f64) -> f64 {
-    (u.abs() - DEAD_ZONE).max(0.0).copysign(u)
+/// Velocity along the floor that `u` asks for at the heading `theta_rad`, world frame. m/s
+pub(super) fn velocity_mps(u: &Sticks, theta_rad: f64) -> Complex<f64> {
+    let [x_mps, y_mps] = commanded_mps(u, theta_rad, GAIN_MPS, DEAD_ZONE).into();
+    Complex::new(x_mps, y_mps)
+}
+
+/// Yaw rate that `u` asks for. rad/s
+pub(super) fn yaw_rate_radps(u: &Sticks) -> f64 {
+    YAW_GAIN_RADPS * excess(u[stick::YAW], DEAD_ZONE)
 }
 
 /// What is left of a deviation of the velocity in x and y after `dt_s`. 1
 pub(super) fn decay(dt_s: f64) -> f64 {
     (-dt_s / LAG_S).exp()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn inputs_act_beyond_their_dead_zone_along_the_heading() {
+        let mut u = Sticks::zeros();
+        (u[stick::PITCH], u[stick::ROLL], u[stick::YAW]) =
+            (DEAD_ZONE + 0.5, -0.9 * DEAD_ZONE, -0.57);
+        let along = GAIN_MPS * 0.5 * Complex::from_polar(1.0, 2.0);
+        assert!((velocity_mps(&u, 2.0) - along).norm() < 1e-12, "{}", velocity_mps(&u, 2.0));
+        assert!(
+            (yaw_rate_radps(&u) + 0.5 * YAW_GAIN_RADPS).abs() < 1e-12,
+            "{}",
+            yaw_rate_radps(&u)
+        );
+    }
+
+    #[test]
+    fn a_third_of_a_velocity_is_left_after_the_lag() {
+        assert!((decay(LAG_S) - (-1.0_f64).exp()).abs() < 1e-12);
+        assert!((decay(0.02).powi(30) - decay(LAG_S)).abs() < 1e-12);
+    }
 }

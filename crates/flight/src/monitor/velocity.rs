@@ -6,12 +6,12 @@
 //! least difference counts. None is known before one fits: a drone that reports no velocity is no witness. Axes that
 //! were found stay while too little motion shows any, as in a hover.
 
-use horizon_model::rows::{Pose, pose, stick};
+use horizon_model::rows::{Pose, pose};
 use nalgebra::Complex;
 
 use super::displacement::Displacements;
-use super::typical_vehicle::{GAIN_MPS, excess};
-use super::{Agreement, Sample, Verdict};
+use super::typical_vehicle::velocity_mps;
+use super::{Agreement, Doubt, Sample};
 
 /// Time within which a difference is forgotten. s
 const FORGET_S: f64 = 15.0;
@@ -49,7 +49,7 @@ pub(super) struct VelocityMonitor {
     speed_mps: Option<f64>,
     /// Of each frame: displacement by the poses less that by the drone. m
     error_m: [Complex<f64>; FRAMES],
-    verdict: Verdict,
+    doubt: Doubt,
 }
 
 /// One period of the motion.
@@ -76,7 +76,7 @@ impl VelocityMonitor {
             displacements: Displacements::default(),
             speed_mps: None,
             error_m: [Complex::default(); FRAMES],
-            verdict: Verdict::default(),
+            doubt: Doubt::default(),
         }
     }
 
@@ -85,7 +85,7 @@ impl VelocityMonitor {
         self.displacement(sample);
         self.error_m = [Complex::default(); FRAMES];
         self.displacements = Displacements::default();
-        self.verdict = Verdict::default();
+        self.doubt = Doubt::default();
     }
 
     /// Takes a tick in flight; how both compare, and by how much they differ. m
@@ -114,7 +114,7 @@ impl VelocityMonitor {
             return (Agreement::Unknown, error_m.unwrap_or_default());
         }
         match error_m.or_else(|| self.difference_m()) {
-            Some(error_m) => (self.verdict.on(error_m, self.limit_m, self.dt_s), error_m),
+            Some(error_m) => (self.doubt.judge(error_m, self.limit_m, self.dt_s), error_m),
             None => (Agreement::Unknown, 0.0),
         }
     }
@@ -236,10 +236,7 @@ impl Sums {
 
 /// Velocity that the inputs ask of a typical vehicle.
 fn asked(sample: &Sample, at: Option<Pose>) -> Complex<f64> {
-    let u = sample.u_applied;
-    let theta_rad = at.map_or(0.0, |at| at[pose::THETA]);
-    let (forward, left) = (excess(u[stick::PITCH]), -excess(u[stick::ROLL]));
-    GAIN_MPS * Complex::new(forward, left) * Complex::from_polar(1.0, theta_rad)
+    velocity_mps(&sample.u_applied, at.map_or(0.0, |at| at[pose::THETA]))
 }
 
 /// A velocity of the drone in each of the frames: fixed or turning with the body, right- or left-handed.

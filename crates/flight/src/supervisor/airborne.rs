@@ -17,11 +17,15 @@ const TAKE_OFF_TAIL_S: f64 = 4.0;
 /// Fraction of `airborne_height_m` below which a vehicle looks grounded.
 const DOWN_HEIGHT_FRACTION: f64 = 0.5;
 
-/// By how much an accepted pose may be deeper than a descent at 2 m/s: real flights reach 0.27 m. m
+/// By how much an accepted pose may be deeper than a descent at 2 m/s: real flights reach 0.11 m
+/// (docs/benchmarks/2026-11-27-poses). m
 const DROP_MAX_M: f64 = 0.3;
 
 /// Above this rise by the drone's own height its pose has to move, too: between two steps of that height. m
 const CLIMB_MIN_M: f64 = 0.35;
+
+/// Above this rise by the poses an order to take off was received. m
+const RISE_MIN_M: f64 = 0.15;
 
 /// What the witnesses say of a vehicle that lands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -79,6 +83,11 @@ impl Supervisor {
         let height_m = drone.and_then(|drone| drone.height_m);
         let rise_m = height_m.zip(self.drone_ground_m).map(|(at_m, ground_m)| at_m - ground_m);
         rise_m.is_some_and(|rise_m| rise_m > CLIMB_MIN_M)
+    }
+
+    /// Whether a drone that takes off has left the ground by any measurement.
+    pub(super) fn has_risen(&self, e: &Evidence) -> bool {
+        self.drone_has_risen(e) || self.rise_m(e).is_some_and(|rise_m| rise_m > RISE_MIN_M)
     }
 
     /// Whether no take-off may still be in progress.

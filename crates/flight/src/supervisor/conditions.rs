@@ -4,11 +4,14 @@
 
 use super::evidence::{Evidence, Operator, Phase};
 use super::fault::{Fault, FaultSet};
-use super::{BRAKE_S, DOWN_HOLD_S, Supervisor, elapsed_s, has_lasted, is_older};
+use super::{ALOFT_S, BRAKE_S, DOWN_HOLD_S, Supervisor, elapsed_s, has_lasted, is_older};
 use crate::monitor::{Agreement, Findings};
 
 /// How long the vehicle must be off its reference, or too fast. s
 const ASTRAY_S: f64 = 0.3;
+
+/// How long the vehicle must be turned away from its reference: an outage is found within this time. s
+const TURNED_S: f64 = 1.5;
 
 /// How long the sticks must act too late: an outage that begins looks like it for a moment. s
 const DEAD_TIME_LONG_S: f64 = 3.0;
@@ -67,7 +70,11 @@ impl Supervisor {
             (Fault::ObstacleUnseen, e.is_obstacle_unseen && !self.is_carried),
             (Fault::FenceNear, self.is_in_the_air() && self.would_leave(e)),
             (Fault::FenceLeft, self.is_in_the_air() && self.is_outside(e)),
-            (Fault::TrackingLost, has_lasted(self.astray_since_ns, e.t_ns, ASTRAY_S)),
+            (
+                Fault::TrackingLost,
+                has_lasted(self.astray_since_ns, e.t_ns, ASTRAY_S)
+                    || has_lasted(self.turned_since_ns, e.t_ns, TURNED_S),
+            ),
             (Fault::TooFast, has_lasted(self.fast_since_ns, e.t_ns, ASTRAY_S)),
             (
                 Fault::DeadTimeLong,
@@ -80,7 +87,7 @@ impl Supervisor {
     }
 
     /// What is wrong with the drone.
-    fn drone_faults(&self, e: &Evidence) -> [(Fault, bool); 6] {
+    fn drone_faults(&self, e: &Evidence) -> [(Fault, bool); 7] {
         let table = &self.table;
         let running_s = self.began_ns.map_or(0.0, |began_ns| elapsed_s(began_ns, e.t_ns));
         let silent_s = e.drone.map_or(running_s, |drone| drone.age_s);
@@ -89,6 +96,7 @@ impl Supervisor {
         [
             (Fault::DroneUnheard, e.drone.is_none() && !self.is_carried),
             (Fault::DroneAloft, self.is_aloft_unasked(e)),
+            (Fault::TookOffUnasked, self.has_taken_off_unasked(e)),
             (Fault::DroneSilent, is_older(silent_s, table.drone_silent_s) && !self.is_carried),
             (Fault::NotFlying, is_grounded && !self.is_carried),
             (Fault::BatteryLow, battery_below(table.battery_low_pct)),
@@ -99,6 +107,11 @@ impl Supervisor {
     /// Whether the drone says that it flies and no take-off was ordered.
     pub(super) fn is_aloft_unasked(&self, e: &Evidence) -> bool {
         self.phase == Phase::Idle && !self.is_carried && self.drone_says_flying(e) == Some(true)
+    }
+
+    /// Whether it has reported so for too long to be a mistake.
+    pub(super) fn has_taken_off_unasked(&self, e: &Evidence) -> bool {
+        has_lasted(self.aloft_since_ns, e.t_ns, ALOFT_S)
     }
 
     /// What is wrong with the program, or has taken too long, and what the operator asks for.

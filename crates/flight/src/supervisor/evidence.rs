@@ -161,6 +161,8 @@ pub struct Evidence {
     pub is_plan_clear: Option<bool>,
     /// Whether there is an obstacle that moves and was not seen for half a second or ever.
     pub is_obstacle_unseen: bool,
+    /// Whether the pose is inside of an obstacle.
+    pub is_in_obstacle: bool,
     /// Whether the stream has repeated one pose since the age began to count.
     pub is_pose_repeated: bool,
     /// How much further the pose of this tick is from the one before than a vehicle flies in the time
@@ -181,6 +183,8 @@ pub struct Evidence {
     pub is_dead_time_long: bool,
     /// By how much the vehicle has gone away from its reference: its distance less the least one since. m
     pub tracking_m: Option<f64>,
+    /// By how much it has turned away from the heading of its reference, likewise. rad
+    pub turned_rad: Option<f64>,
     /// Speed by the estimate. m/s
     pub speed_mps: f64,
     /// By how much the flight of the mission is longer than twice its planned time; negative before. s

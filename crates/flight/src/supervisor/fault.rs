@@ -33,7 +33,7 @@ pub enum Fault {
     /// The vehicle moves in another direction than commanded, or turns otherwise by the poses than by the drone's own
     /// heading: the heading is wrong.
     HeadingWrong,
-    /// Before the take-off the vehicle is outside of the room or high above its floor: another
+    /// Before the take-off the vehicle is outside of the room, high above its floor or inside of an obstacle: another
     /// object, other units or other axes.
     StartMisplaced,
     /// The plan leads outside of the room or into an obstacle that does not move, or did so just now.
@@ -44,7 +44,8 @@ pub enum Fault {
     FenceNear,
     /// The vehicle is outside of the room.
     FenceLeft,
-    /// The vehicle has gone away from its reference by more than `failsafe.tracking_m` for 0.3 s.
+    /// The vehicle has gone away from its reference by more than `failsafe.tracking_m` for 0.3 s, or turned away from it
+    /// by more than 1 rad for 1.5 s.
     TrackingLost,
     /// For 0.3 s the vehicle is faster than `failsafe.speed_mps`.
     TooFast,
@@ -62,9 +63,12 @@ pub enum Fault {
     DroneUnheard,
     /// Before the take-off the drone says that it flies.
     DroneAloft,
+    /// It has reported so for a second: it took off without our order.
+    TookOffUnasked,
     /// The drone has not reported for longer than `drone_silent_s`.
     DroneSilent,
-    /// The drone says for a second that it stands while control flies it: it landed by itself.
+    /// The drone says for a second that it stands, in flight or after it flew in the take-off: it landed by itself, fell
+    /// or was caught.
     NotFlying,
     /// The battery is below `battery_low_pct`.
     BatteryLow,
@@ -157,6 +161,7 @@ impl Fault {
             Self::OutageUnsafe => "outage near a wall",
             Self::DroneUnheard => "drone unheard",
             Self::DroneAloft => "drone already flies",
+            Self::TookOffUnasked => "took off unasked",
             Self::DroneSilent => "drone silent",
             Self::NotFlying => "not flying",
             Self::BatteryLow => "battery low",
@@ -203,6 +208,7 @@ impl Fault {
         Self::OutageUnsafe,
         Self::DroneUnheard,
         Self::DroneAloft,
+        Self::TookOffUnasked,
         Self::DroneSilent,
         Self::NotFlying,
         Self::BatteryLow,
@@ -263,7 +269,8 @@ impl Fault {
             | Self::OutageLong
             | Self::OutageUnsafe
             | Self::SolverFailing => (Reaction::Land, Reaction::Note),
-            Self::NotFlying
+            Self::TookOffUnasked
+            | Self::NotFlying
             | Self::TicksLate
             | Self::TakeOffTimeout
             | Self::LandingTimeout

@@ -69,7 +69,7 @@ pub struct FailsafeTable {
     pub speed_mps: f64,
     /// Landing when a mission takes so much longer than twice its planned time. s, 5..=3600
     pub overtime_s: f64,
-    /// Landing when a command outage lasts longer and the drone's velocity agrees with the poses. s, 1..=60
+    /// Landing when a command outage lasts longer. s, 1..=60
     pub outage_s: f64,
     /// Landing when a command outage lasts longer during which nothing confirms it. s, 1..=`outage_s`
     pub outage_alone_s: f64,

@@ -41,7 +41,7 @@ const DT_S: f64 = 0.02;
 
 /// One mistake.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Problem {
+pub struct SettingProblem {
     /// The file; empty where the text names it.
     pub file: String,
     /// Line and column, from 1, if the mistake has a place in the file.
@@ -54,7 +54,7 @@ pub struct Problem {
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Problems {
     /// In the order in which they were found.
-    pub list: Vec<Problem>,
+    pub list: Vec<SettingProblem>,
 }
 
 impl Problems {
@@ -67,7 +67,7 @@ impl Problems {
     }
 }
 
-impl Display for Problem {
+impl Display for SettingProblem {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let Self { file, place, text } = self;
         match place {
@@ -97,7 +97,7 @@ struct Refusal {
     /// What the value is replaced by that was missing.
     missing: Option<String>,
     /// Mistakes that are found together, or in another file, in place of the text.
-    together: Vec<Problem>,
+    together: Vec<SettingProblem>,
 }
 
 impl From<SettingError> for Refusal {
@@ -171,7 +171,7 @@ pub fn fly_problems(path: Option<&Path>, mission: Option<&Path>) -> Problems {
             let key = Place::of_key("mission");
             let place = read(path).ok().and_then(|text| key.in_text(&text));
             let text = format!("{key}: {}", unread.text);
-            *unread = Problem { file: path.display().to_string(), place, text };
+            *unread = SettingProblem { file: path.display().to_string(), place, text };
         }
         found.list.extend(in_mission);
     }
@@ -195,7 +195,7 @@ fn misfits(
     mission: &MissionTable,
     path: Option<&Path>,
     named: Option<&Path>,
-) -> Vec<Problem> {
+) -> Vec<SettingProblem> {
     let whole = Mission::new(mission, table.cycle.dt_s)
         .and_then(|whole| cycle::misfits(mission, &whole, &table.cycle));
     let text = named.and_then(|file| read(file).ok()).unwrap_or_default();
@@ -206,7 +206,7 @@ fn misfits(
         let key = error.key.strip_prefix("mission.").map(str::to_owned);
         let place = key.as_deref().and_then(|key| Place::of_key(key).in_text(&text));
         error.key = key.unwrap_or(error.key);
-        Problem { file: file.clone(), place, text: format!("{error}, in {settings}") }
+        SettingProblem { file: file.clone(), place, text: format!("{error}, in {settings}") }
     };
     whole.unwrap_or_default().into_iter().map(problem).collect()
 }
@@ -234,7 +234,7 @@ fn check_mission(path: &Path, table: &MissionTable) -> Result<(), Refusal> {
         let csv = place.of(&table).and_then(Value::as_str).unwrap_or_default();
         let file = path.with_file_name(csv).display().to_string();
         let mistakes = error.downcast_ref::<CsvErrors>().into_iter().flat_map(|errors| &errors.0);
-        let problem = |CsvError { line, column, text }: &CsvError| Problem {
+        let problem = |CsvError { line, column, text }: &CsvError| SettingProblem {
             file: file.clone(),
             place: Some((*line, *column)),
             text: text.clone(),
@@ -257,7 +257,7 @@ fn place_of(error: &SettingError) -> Place {
 }
 
 /// Rows of a trajectory whose times do not rise: one cannot be replaced without the others.
-fn late_rows(path: &Path, table: &MissionTable) -> Vec<Problem> {
+fn late_rows(path: &Path, table: &MissionTable) -> Vec<SettingProblem> {
     let MissionTable::Trajectory(TrajectoryTable { points: PointsTable::Rows(rows), .. }) = table
     else {
         return Vec::new();
@@ -266,7 +266,7 @@ fn late_rows(path: &Path, table: &MissionTable) -> Vec<Problem> {
     let problem = |error: SettingError| {
         let error = error.under("trajectory");
         let (file, place) = (path.display().to_string(), place_of(&error).in_text(&text));
-        Problem { file, place, text: error.to_string() }
+        SettingProblem { file, place, text: error.to_string() }
     };
     falling_times(rows).map(problem).collect()
 }
@@ -281,7 +281,9 @@ fn of_file<T: DeserializeOwned>(
         Ok(text) => text,
         Err(error) => {
             let text = format!("{error:#}");
-            return Problems { list: vec![Problem { file: String::new(), place: None, text }] };
+            return Problems {
+                list: vec![SettingProblem { file: String::new(), place: None, text }],
+            };
         }
     };
     let mut found = Problems::default();
@@ -289,7 +291,7 @@ fn of_file<T: DeserializeOwned>(
     let mut value: Value = match serde_json::from_str(&text) {
         Ok(value) => value,
         Err(error) => {
-            found.list.push(Problem::of_text(&text, file, &error));
+            found.list.push(SettingProblem::of_text(&text, file, &error));
             return found;
         }
     };
@@ -297,7 +299,7 @@ fn of_file<T: DeserializeOwned>(
         settings.remove(SCHEMA);
     }
     let template = template(&value);
-    found.list.extend(doubles(&text).into_iter().map(|(place, at)| Problem {
+    found.list.extend(doubles(&text).into_iter().map(|(place, at)| SettingProblem {
         file: file.clone(),
         place: Some(at),
         text: format!("{place} is there twice"),
@@ -317,7 +319,7 @@ fn of_file<T: DeserializeOwned>(
             if refusal.together.is_empty() {
                 let place = refusal.place.in_text(&text);
                 let text = single_key(&refusal.text, target.of(&value));
-                found.list.push(Problem { file: file.clone(), place, text });
+                found.list.push(SettingProblem { file: file.clone(), place, text });
             }
             found.list.extend(refusal.together);
         }

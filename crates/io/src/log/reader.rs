@@ -13,7 +13,7 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use mcap::McapError;
-use mcap::records::{MessageHeader, Record, op};
+use mcap::records::{MessageHeader, Metadata, Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use serde::de::DeserializeOwned;
 
@@ -168,29 +168,8 @@ impl LogReader {
     /// hand out, whose bytes are in `self.data` then.
     fn advance(&mut self) -> Result<Option<(u16, TimeNs)>, LogError> {
         let record = match self.mcap.next_event() {
-            None => {
-                let more = self.framing.has_rest(&mut *self.source);
-                if more.map_err(read_error(&self.path))? {
-                    self.tear(BEHIND_THE_END.to_owned());
-                } else {
-                    self.ending = Some(Ending::Complete);
-                }
-                return Ok(None);
-            }
-            Some(Ok(LinearReadEvent::ReadRequest(_))) => {
-                if let Some(why) = self.framing.refusal() {
-                    self.tear(why.to_owned());
-                    return Ok(None);
-                }
-                let buffer = self.mcap.insert(READ_BYTES);
-                let read = read_some(&mut *self.source, buffer).map_err(read_error(&self.path))?;
-                let admitted = self.framing.admit(buffer.get(..read).unwrap_or_default());
-                if admitted > 0 || read == 0 {
-                    self.mcap.notify_read(admitted);
-                }
-                self.bytes += admitted as u64;
-                return Ok(None);
-            }
+            None => return self.end().map(|()| None),
+            Some(Ok(LinearReadEvent::ReadRequest(_))) => return self.read_on().map(|()| None),
             Some(Ok(LinearReadEvent::Record { opcode, data })) => parse(opcode, data),
             Some(Err(error)) => Err(error),
         };
@@ -214,13 +193,7 @@ impl LogReader {
                 self.channels.insert(channel.id, (channel.topic, is_json));
             }
             Ok(Some(Record::Metadata(record))) if record.name == metadata::NAME => {
-                let entry = |key| record.metadata.get(key).cloned().unwrap_or_default();
-                self.head.version = entry(metadata::VERSION);
-                self.head.revision = entry(metadata::REVISION);
-                if let Ok(started) = entry(metadata::STARTED).parse() {
-                    self.head.started_unix_ns = started;
-                    self.has_metadata = true;
-                }
+                self.take_metadata(&record);
             }
             Ok(Some(Record::Attachment { header, data, .. })) => {
                 let json = String::from_utf8_lossy(&data).into_owned();
@@ -230,6 +203,43 @@ impl LogReader {
             Err(error) => self.tear(error.to_string()),
         }
         Ok(None)
+    }
+
+    /// The log has no further record: it is complete, unless something follows.
+    fn end(&mut self) -> Result<(), LogError> {
+        let more = self.framing.has_rest(&mut *self.source);
+        if more.map_err(read_error(&self.path))? {
+            self.tear(BEHIND_THE_END.to_owned());
+        } else {
+            self.ending = Some(Ending::Complete);
+        }
+        Ok(())
+    }
+
+    /// Feeds the decoder with the next bytes.
+    fn read_on(&mut self) -> Result<(), LogError> {
+        if let Some(why) = self.framing.refusal() {
+            self.tear(why.to_owned());
+            return Ok(());
+        }
+        let buffer = self.mcap.insert(READ_BYTES);
+        let read = read_some(&mut *self.source, buffer).map_err(read_error(&self.path))?;
+        let admitted = self.framing.admit(buffer.get(..read).unwrap_or_default());
+        if admitted > 0 || read == 0 {
+            self.mcap.notify_read(admitted);
+        }
+        self.bytes += admitted as u64;
+        Ok(())
+    }
+
+    fn take_metadata(&mut self, record: &Metadata) {
+        let entry = |key| record.metadata.get(key).cloned().unwrap_or_default();
+        self.head.version = entry(metadata::VERSION);
+        self.head.revision = entry(metadata::REVISION);
+        if let Ok(started) = entry(metadata::STARTED).parse() {
+            self.head.started_unix_ns = started;
+            self.has_metadata = true;
+        }
     }
 
     fn count(&mut self, header: &MessageHeader) -> TimeNs {

@@ -43,7 +43,7 @@ impl Note {
                  then push it again"
             }
             Self::TakeOffLapsed => {
-                "the order to take off could not be obeyed for 10 s and counts no more: order it again"
+                "the order to take off could not be obeyed in time and counts no more: order it again"
             }
         }
     }

@@ -40,51 +40,51 @@ impl Remote {
 #[cfg(test)]
 mod tests {
     use super::super::settings::tests::table;
-    use super::super::{Ask, ManualSettings, Pilot};
+    use super::super::{Ask, ManualSettings, Person};
     use super::*;
     use crate::clock::{SpanNs, TimeNs};
 
-    fn pilot() -> Pilot {
-        Pilot::new(ManualSettings::try_from(&table()).unwrap()).0
+    fn person() -> Person {
+        Person::new(ManualSettings::try_from(&table()).unwrap()).0
     }
 
     #[test]
     fn an_order_from_elsewhere_is_heard_like_a_key() {
         let clock = Clock::start();
-        let mut pilot = pilot();
-        let mut remote = pilot.remote(clock);
+        let mut person = person();
+        let mut remote = person.remote(clock);
         remote.push(Act::Manual).unwrap();
         remote.push(Act::Ask(Ask::Land)).unwrap();
-        let hand = pilot.poll(clock.now());
+        let hand = person.poll(clock.now());
         assert_eq!(hand.ask, Some(Ask::Land));
         let sticks = hand.sticks.unwrap();
         assert!(sticks.norm() < 1e-12, "sticks in hand and level: {sticks}");
         remote.push(Act::Automatic).unwrap();
-        assert_eq!(pilot.poll(clock.now()).sticks, None);
+        assert_eq!(person.poll(clock.now()).sticks, None);
     }
 
     #[test]
     fn who_took_the_sticks_and_is_gone_is_replaced_by_a_landing() {
         let clock = Clock::start();
-        let mut pilot = pilot();
-        let mut remote = pilot.remote(clock);
+        let mut person = person();
+        let mut remote = person.remote(clock);
         let after = |ms| clock.now().after(SpanNs::from_ms(ms));
         remote.push(Act::Lost).unwrap();
-        assert_eq!(pilot.poll(after(5_000)).ask, None, "no person steered");
+        assert_eq!(person.poll(after(5_000)).ask, None, "no person steered");
         remote.push(Act::Manual).unwrap();
         remote.push(Act::Lost).unwrap();
-        assert_eq!(pilot.poll(after(500)).ask, None, "another device may take over");
-        assert_eq!(pilot.poll(after(1_500)).ask, Some(Ask::Land));
+        assert_eq!(person.poll(after(500)).ask, None, "another device may take over");
+        assert_eq!(person.poll(after(1_500)).ask, Some(Ask::Land));
     }
 
     #[test]
     fn a_full_queue_gives_the_order_back() {
-        let mut pilot = pilot();
-        let mut remote = pilot.remote(Clock::start());
+        let mut person = person();
+        let mut remote = person.remote(Clock::start());
         let taken = (0..1000).take_while(|_| remote.push(Act::Ask(Ask::Land)).is_ok()).count();
         assert!((10..1000).contains(&taken), "{taken} orders in transit");
-        pilot.poll(TimeNs(0));
+        person.poll(TimeNs(0));
         remote.push(Act::Ask(Ask::EmergencyStop)).unwrap();
-        assert_eq!(pilot.poll(TimeNs(0)).ask, Some(Ask::EmergencyStop));
+        assert_eq!(person.poll(TimeNs(0)).ask, Some(Ask::EmergencyStop));
     }
 }

@@ -44,6 +44,14 @@ pub(super) fn is_ours() -> bool {
     }
 }
 
+/// Throws away the keys that were typed before: they were not meant for a drone.
+pub fn discard_typed() {
+    if is_ours() {
+        // A terminal that refuses has no keys.
+        tcflush(io::stdin(), FlushArg::TCIFLUSH).ok();
+    }
+}
+
 /// The terminal with single keys, no echo, and no key that stops or kills the program in flight.
 /// Dropped, it is as it was.
 #[derive(Debug)]
@@ -52,7 +60,7 @@ pub(super) struct Mode {
 }
 
 impl Mode {
-    /// Changes the mode. What was typed before is thrown away: it was not meant for a drone.
+    /// Changes the mode. Keys that were typed before and not read are the first ones.
     ///
     /// Ctrl-C stays a signal, which lands even if no thread reads keys, and lines end as ever for whatever
     /// else is printed. Ctrl-Z and Ctrl-\ would leave a flying drone alone, Ctrl-S would hold up
@@ -64,7 +72,7 @@ impl Mode {
         let stdin = io::stdin();
         let before = tcgetattr(&stdin)?;
         let mode = steering(&before);
-        tcsetattr(&stdin, SetArg::TCSAFLUSH, &mode)?;
+        tcsetattr(&stdin, SetArg::TCSANOW, &mode)?;
         Ok(Self { before })
     }
 }

@@ -186,7 +186,7 @@ impl Axes {
     }
 
     /// The pose of a placement of the source; `None` if a number is not finite, the rotation is none, or
-    /// the nose points up or down. m, rad
+    /// the top is further than 60 degrees from up. m, rad
     pub fn pose(&self, at: &Placement) -> Option<Pose> {
         let Placement { pos, matrix } = self.place(at);
         if !is_rotation(&matrix) {

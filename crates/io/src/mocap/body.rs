@@ -11,8 +11,9 @@ use horizon_model::rows::Pose;
 /// Numbers of few decimals may lengthen a unit vector by this much.
 const UNIT_SLACK: f64 = 1e-3;
 
-/// Below this the x axis of the body points up or down and has no heading.
-const HEADING_LENGTH_MIN: f64 = 1e-2;
+/// Least height of the tip of the body's z axis: a vehicle whose top is further than 60 degrees from up has tipped over,
+/// or its object has other axes.
+const TOP_MIN: f64 = 0.5;
 
 /// A body that the mocap system sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,7 +45,7 @@ pub fn matrix_of_angles([a, b, c]: [f64; 3]) -> [f64; 9] {
     ]
 }
 
-/// Heading of three angles, in [-pi, pi]; `None` if the body's x axis is vertical. rad
+/// Heading of three angles, in [-pi, pi]; `None` if the top of the body is further than 60 degrees from up. rad
 pub(super) fn heading_of_angles(angles: [f64; 3]) -> Option<f64> {
     heading_of_matrix(&matrix_of_angles(angles))
 }
@@ -52,20 +53,21 @@ pub(super) fn heading_of_angles(angles: [f64; 3]) -> Option<f64> {
 /// Heading of a quaternion x y z w, likewise; `None` also if an entry is beyond 1.
 pub(super) fn heading_of_quaternion([x, y, z, w]: [f64; 4]) -> Option<f64> {
     let is_rotation = [x, y, z, w].iter().all(|q| q.abs() <= 1.0 + UNIT_SLACK);
-    // First column of its matrix.
+    // First column and last entry of its matrix.
     let (r00, r10) = (w * w + x * x - y * y - z * z, 2.0 * (x * y + w * z));
-    heading(r00, r10).filter(|_| is_rotation)
+    let r22 = w * w - x * x - y * y + z * z;
+    heading(r00, r10, r22).filter(|_| is_rotation)
 }
 
 /// Heading of a matrix, likewise.
 pub(super) fn heading_of_matrix(matrix: &[f64; 9]) -> Option<f64> {
     let is_rotation = matrix.iter().all(|r| r.abs() <= 1.0 + UNIT_SLACK);
-    let [r00, _, _, r10, ..] = *matrix;
-    heading(r00, r10).filter(|_| is_rotation)
+    let [r00, _, _, r10, .., r22] = *matrix;
+    heading(r00, r10, r22).filter(|_| is_rotation)
 }
 
-fn heading(r00: f64, r10: f64) -> Option<f64> {
-    (r00.hypot(r10) >= HEADING_LENGTH_MIN).then(|| r10.atan2(r00))
+fn heading(r00: f64, r10: f64, r22: f64) -> Option<f64> {
+    (r22 >= TOP_MIN).then(|| r10.atan2(r00))
 }
 
 /// The pose at `pos_w` with heading `theta`; `None` if a coordinate is not finite.

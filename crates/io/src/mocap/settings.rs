@@ -16,6 +16,7 @@ use super::relay::{RelayBodies, RelaySource};
 use super::source::Source;
 pub(super) use protocols::Bodies;
 pub use protocols::{NatnetTable, QtmTable, VrpnTable};
+use protocols::{of_natnet, of_qtm, of_vrpn};
 
 /// Where poses come from, as written in JSON: the source by its key.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -137,22 +138,24 @@ impl TryFrom<&MocapTable> for MocapSettings {
     type Error = SettingError;
 
     fn try_from(table: &MocapTable) -> Result<Self, SettingError> {
-        if let Some((transport, bodies)) = protocols::checked(table)? {
-            let object = bodies.object.clone();
-            return Ok(Self { transport, protocol: Protocol::Bodies(bodies), object });
-        }
-        match table {
-            MocapTable::Relay(table) => {
-                Self::of_server(Protocol::Relay, table).map_err(|error| error.under("relay"))
+        let (key, checked) = match table {
+            MocapTable::Relay(table) => ("relay", Self::of_server(Protocol::Relay, table)),
+            MocapTable::Udp(table) => ("udp", Self::of_udp(table)),
+            MocapTable::Datastream(table) => {
+                ("datastream", Self::of_server(Protocol::Datastream, table))
             }
-            MocapTable::Udp(table) => Self::of_udp(table).map_err(|error| error.under("udp")),
-            MocapTable::Datastream(table) => Self::of_server(Protocol::Datastream, table)
-                .map_err(|error| error.under("datastream")),
-            // `protocols::checked` took these.
-            MocapTable::Natnet(_) | MocapTable::Qtm(_) | MocapTable::Vrpn(_) => {
-                Err(SettingError::new("mocap", "", "a known source"))
-            }
-        }
+            MocapTable::Natnet(table) => ("natnet", of_natnet(table).map(Self::from)),
+            MocapTable::Qtm(table) => ("qtm", of_qtm(table).map(Self::from)),
+            MocapTable::Vrpn(table) => ("vrpn", of_vrpn(table).map(Self::from)),
+        };
+        checked.map_err(|error| error.under(key))
+    }
+}
+
+impl From<(Transport, Bodies)> for MocapSettings {
+    fn from((transport, bodies): (Transport, Bodies)) -> Self {
+        let object = bodies.object.clone();
+        Self { transport, protocol: Protocol::Bodies(bodies), object }
     }
 }
 

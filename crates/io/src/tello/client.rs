@@ -15,7 +15,7 @@ use tokio::sync::{mpsc, watch};
 use tokio::time::sleep;
 
 use super::bind::{LinkError, bind_socket, failed};
-use super::guardian::{BEAT_PERIOD, Heartbeat, Post, Verdict};
+use super::guardian::{BEAT_PERIOD, GuardianReport, Heartbeat, Post};
 use super::protocol::DATAGRAM_BYTES_MAX;
 use super::session::Session;
 use super::{DroneStatus, LinkCounters, TelloSettings};
@@ -271,14 +271,14 @@ impl Wire {
     fn ask_guardian(&self, heartbeat: &mut Heartbeat, session: &mut Session, now: TimeNs) {
         self.counters.note_pause(heartbeat.pause(now));
         match heartbeat.verdict(now) {
-            Verdict::Continue => {}
-            Verdict::Landed { is_steered } => {
+            GuardianReport::Continue => {}
+            GuardianReport::Landed { is_steered } => {
                 if is_steered {
                     self.counters.guardian_landings.count();
                 }
                 session.adopt_landing(now);
             }
-            Verdict::Gone => {
+            GuardianReport::Gone => {
                 self.counters.guardians_lost.count();
                 session.adopt_landing(now);
             }

@@ -20,7 +20,7 @@ use super::session::{LastWords, last_words};
 use crate::clock::{Clock, SpanNs, TimeNs};
 
 pub(super) use heartbeat::BEAT_PERIOD;
-pub use heartbeat::{Heartbeat, Verdict};
+pub use heartbeat::{GuardianReport, Heartbeat};
 
 /// Silence of a sender that is taken to be dead or stopped.
 const PATIENCE: SpanNs = SpanNs::from_ms(280);
@@ -81,7 +81,7 @@ pub struct Post {
 
 /// How a watch ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Watch {
+pub enum WatchEnd {
     /// No drone depended on the sender when it left.
     Over,
     /// The sender is gone, and the drone may be in the air: it was ordered to land once.
@@ -132,7 +132,7 @@ impl Guardian {
     }
 
     /// Watches, and lands the drone of a sender that falls silent, until the channel closes.
-    pub fn watch(&mut self) -> Watch {
+    pub fn watch(&mut self) -> WatchEnd {
         loop {
             let patience = self.duty.is_guarded().then(|| self.clock.now().after(PATIENCE));
             let heard = match self.listen(patience) {
@@ -143,10 +143,10 @@ impl Guardian {
                 Received::Beat | Received::Silence => {}
                 Received::End if self.duty.is_guarded() => {
                     self.send_landing();
-                    return Watch::Abandoned;
+                    return WatchEnd::Abandoned;
                 }
-                Received::End if self.has_landed => return Watch::Landed,
-                Received::Over | Received::End => return Watch::Over,
+                Received::End if self.has_landed => return WatchEnd::Landed,
+                Received::Over | Received::End => return WatchEnd::Over,
             }
         }
     }

@@ -40,15 +40,20 @@ pub(super) use guard::{LastWords, last_words};
 pub use talk::Message;
 pub use text::STATE_PORT;
 
+/// A connection is asked for this often: a drone that boots hears one of the next requests.
 const ASK_PERIOD: SpanNs = SpanNs::from_ms(2000);
 /// Silence of the drone after which the connection counts as lost and is asked for again.
 const LINK_SILENCE: SpanNs = SpanNs::from_ms(2000);
+/// Settings and values that the drone has not confirmed are asked for again this often; by text the battery, whose
+/// answer shows that requests arrive.
 const PING_PERIOD: SpanNs = SpanNs::from_ms(2000);
 
+/// Sticks leave at 50 Hz, whether or not there are new ones.
 const STICKS_PERIOD: SpanNs = SpanNs::from_ms(20);
 /// Silence of the control thread after which the drone is landed.
 const CONTROL_SILENCE_LAND: SpanNs = SpanNs::from_ms(1000);
 
+/// LAND is repeated this often: one of fifty datagrams is lost, and a drone that takes off ignores the first ones.
 const LAND_PERIOD: SpanNs = SpanNs::from_ms(500);
 /// How long the drone has to be down, to both witnesses, before a landing ends: a bounce, or one pose that
 /// is an outlier.

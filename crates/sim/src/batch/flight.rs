@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use anyhow::Result;
-use horizon_model::rows::pose;
+use horizon_model::rows::{Pose, pose};
 use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -176,15 +176,8 @@ impl Contender {
         let mut virtual_flight = VirtualFlight::new(&flight, sim, seed)?.without_plan();
         let dt_s = self.flight.cycle.dt_s;
         let time_limit_s = TIME_LIMIT_S + self.hover_s.unwrap_or(0.0);
-        let judge = Judge::new(&self.reference, dt_s);
-        let (mut truth, mut estimate) = (judge.clone(), judge);
-        let hover = self.hover_s.zip(self.reference.targets.first());
-        let mut hover = hover.map(|(hover_s, target)| Hover::new(target, hover_s));
-        let (mut solvers, mut outages) = (SolverCounts::default(), Outages::default());
-        let mut monitors = Largest::default();
-        let surroundings = Surroundings::of(&self.flight.cycle)?;
-        let mut clearance = LeastClearance::default();
-        let (mut track_w, mut landed_by) = (Vec::new(), Vec::new());
+        let mut measures = FlightMeasures::new(self)?;
+        let mut landed_by = Vec::new();
         let ending = loop {
             let out = virtual_flight.tick()?;
             if out.phase() != Phase::Flying {
@@ -194,44 +187,93 @@ impl Contender {
                 landed_by.extend(faults.iter());
                 break if is_done { Ending::Missed } else { Ending::Landed };
             }
-            solvers.count(out);
-            monitors.raise(out);
-            outages.add(out, dt_s);
             let now_s = out.step as f64 * dt_s;
             let (targets_reached, u_sent) = (out.targets_reached, out.u_sent);
-            if let Some(pose_hat) = out.pose_hat() {
-                estimate.add(now_s, &pose_hat, &u_sent, targets_reached);
-            }
+            measures.add_outcome(out, now_s, dt_s);
             let at = virtual_flight.true_pose();
-            truth.add(now_s, &at, &u_sent, targets_reached);
-            clearance.add(surroundings.at(&at, virtual_flight.true_obstacle_w()));
-            track_w.push((at[pose::X], at[pose::Y]));
-            let is_over = if let Some(hover) = &mut hover {
-                hover.add(now_s, &at, truth.has_begun());
-                hover.is_done()
-            } else {
-                truth.is_finished() && estimate.is_finished()
-            };
-            if is_over || now_s >= time_limit_s {
+            measures.truth.add(now_s, &at, &u_sent, targets_reached);
+            measures.add_place(&at, virtual_flight.true_obstacle_w(), now_s);
+            if measures.is_over() || now_s >= time_limit_s {
                 break Ending::TimeLimit;
             }
         };
-        let is_finished = hover.as_ref().map_or(truth.is_finished(), Hover::is_done);
+        Ok(measures.judged(seed, ending, landed_by))
+    }
+}
+
+/// What is measures of a flight while it lasts.
+struct FlightMeasures {
+    truth: Judge,
+    estimate: Judge,
+    hover: Option<Hover>,
+    solvers: SolverCounts,
+    outages: Outages,
+    monitors: Largest,
+    surroundings: Surroundings,
+    clearance: LeastClearance,
+    track_w: Vec<(f64, f64)>,
+}
+
+impl FlightMeasures {
+    fn new(contender: &Contender) -> Result<Self, SettingError> {
+        let Contender { flight, reference, hover_s, .. } = contender;
+        let judge = Judge::new(reference, flight.cycle.dt_s);
+        let hover = hover_s.zip(reference.targets.first());
+        Ok(Self {
+            truth: judge.clone(),
+            estimate: judge,
+            hover: hover.map(|(hover_s, target)| Hover::new(target, hover_s)),
+            solvers: SolverCounts::default(),
+            outages: Outages::default(),
+            monitors: Largest::default(),
+            surroundings: Surroundings::of(&flight.cycle)?,
+            clearance: LeastClearance::default(),
+            track_w: Vec::new(),
+        })
+    }
+
+    /// Counts what the tick at `now_s` found.
+    fn add_outcome(&mut self, out: &Outcome, now_s: f64, dt_s: f64) {
+        self.solvers.count(out);
+        self.monitors.raise(out);
+        self.outages.add(out, dt_s);
+        if let Some(pose_hat) = out.pose_hat() {
+            self.estimate.add(now_s, &pose_hat, &out.u_sent, out.targets_reached);
+        }
+    }
+
+    /// Adds the true pose at `now_s`, after `truth`, and the place of a moving obstacle.
+    fn add_place(&mut self, at: &Pose, obstacle_w: Option<[f64; 3]>, now_s: f64) {
+        self.clearance.add(self.surroundings.at(at, obstacle_w));
+        self.track_w.push((at[pose::X], at[pose::Y]));
+        if let Some(hover) = &mut self.hover {
+            hover.add(now_s, at, self.truth.has_begun());
+        }
+    }
+
+    /// Whether nothing more is to be measures.
+    fn is_over(&self) -> bool {
+        let has_finished = self.truth.is_finished() && self.estimate.is_finished();
+        self.hover.as_ref().map_or(has_finished, Hover::is_done)
+    }
+
+    fn judged(self, seed: u64, ending: Ending, landed_by: Vec<Fault>) -> Flown {
+        let is_finished = self.hover.as_ref().map_or(self.truth.is_finished(), Hover::is_done);
         let row = FlightRow {
             seed,
             ending: if is_finished { Ending::Finished } else { ending },
             landed_by: if is_finished { Vec::new() } else { landed_by },
-            by_truth: truth.score(),
-            by_estimate: estimate.score(),
-            fence: truth.fence(),
-            clearance,
-            hover: hover.and_then(|hover| hover.score()),
-            outages,
-            monitors,
-            solvers,
+            by_truth: self.truth.score(),
+            by_estimate: self.estimate.score(),
+            fence: self.truth.fence(),
+            clearance: self.clearance,
+            hover: self.hover.and_then(|hover| hover.score()),
+            outages: self.outages,
+            monitors: self.monitors,
+            solvers: self.solvers,
         };
-        let distances_m = [&truth, &estimate].map(|judge| judge.distances_m().to_vec());
-        Ok(Flown { row, distances_m, track_w })
+        let distances_m = [&self.truth, &self.estimate].map(|judge| judge.distances_m().to_vec());
+        Flown { row, distances_m, track_w: self.track_w }
     }
 }
 

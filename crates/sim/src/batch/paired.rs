@@ -1,7 +1,7 @@
 //! Two controllers on the same seeds: what differs, and how sure that is.
 //!
 //! Owns the paired differences. Both flew the same vehicles, starts, gusts and faults, so that the
-//! difference within a seed says more than two tables side by side. A flight without finish is charged
+//! difference within a seed says more than two tables side by side. A flight without finish counts
 //! the time limit, as in the table: a controller that fails must not gain by it.
 
 use std::fmt::{self, Display, Formatter};
@@ -136,7 +136,7 @@ mod tests {
     use crate::batch::Flown;
 
     #[test]
-    fn a_flight_that_fails_is_charged_the_time_limit_and_not_left_out() {
+    fn a_flight_that_fails_counts_as_the_time_limit_and_is_not_left_out() {
         let finished = Flown::example(Some(20.0), 0.2);
         let mut unbegun = Flown::example(None, 0.2);
         unbegun.row.by_truth = None;

@@ -247,18 +247,7 @@ impl Family {
                 noise_m: log_between(random, 1e-5, 5e-3),
                 noise_rad: log_between(random, 1e-5, 0.02),
             },
-            Self::AxesStuck => {
-                let axes = pick(
-                    &[
-                        [true, false, false],
-                        [false, true, false],
-                        [false, false, true],
-                        [true, true, false],
-                    ],
-                    random,
-                );
-                Fault::MocapAxesStuck { axes, noise_m: log_between(random, 1e-5, 5e-3) }
-            }
+            Self::AxesStuck => axes_stuck(random),
             Self::Walker => Fault::MocapWalker {
                 offset_m: vector(random, 0.0, 2.0),
                 radius_m: random.between(0.3, 2.0),
@@ -273,20 +262,7 @@ impl Family {
                 noise_m: random.between(0.0, 5e-3),
                 noise_rad: random.between(0.0, 0.02),
             },
-            Self::Drift => {
-                let speed_mps = log_between(random, 0.02, 1.0);
-                let (sin, cos) = random.between(0.0, TAU).sin_cos();
-                let velocity_mps = [speed_mps * cos, speed_mps * sin, 0.0];
-                Fault::MocapDrift { velocity_mps, yaw_radps: 0.0 }
-            }
-            Self::HeightDrift => {
-                let climb_mps = sign(random) * log_between(random, 0.02, 0.5);
-                Fault::MocapDrift { velocity_mps: [0.0, 0.0, climb_mps], yaw_radps: 0.0 }
-            }
-            Self::HeadingDrift => {
-                let yaw_radps = sign(random) * log_between(random, 0.02, 1.0);
-                Fault::MocapDrift { velocity_mps: [0.0; 3], yaw_radps }
-            }
+            Self::Drift | Self::HeightDrift | Self::HeadingDrift => self.drift(random),
             Self::HeadingStep => {
                 Fault::MocapHeading { turn_rad: sign(random) * random.between(0.3, PI) }
             }
@@ -305,6 +281,23 @@ impl Family {
             }
             _ => Fault::MocapSilent,
         }
+    }
+
+    /// The drift with values: along the floor, in height or in heading.
+    fn drift(self, random: &mut Random) -> Fault {
+        let (mut velocity_mps, mut yaw_radps) = ([0.0; 3], 0.0);
+        match self {
+            Self::HeightDrift => {
+                velocity_mps[2] = sign(random) * log_between(random, 0.02, 0.5);
+            }
+            Self::HeadingDrift => yaw_radps = sign(random) * log_between(random, 0.02, 1.0),
+            _ => {
+                let speed_mps = log_between(random, 0.02, 1.0);
+                let (sin, cos) = random.between(0.0, TAU).sin_cos();
+                velocity_mps = [speed_mps * cos, speed_mps * sin, 0.0];
+            }
+        }
+        Fault::MocapDrift { velocity_mps, yaw_radps }
     }
 
     /// Sets the switch in `sim`; nothing for a fault.
@@ -383,6 +376,14 @@ fn sign(random: &mut Random) -> f64 {
 /// The logarithm is uniform.
 fn log_between(random: &mut Random, low: f64, high: f64) -> f64 {
     random.between(low.ln(), high.ln()).exp()
+}
+
+/// One axis of the position stands still, or both of the floor.
+fn axes_stuck(random: &mut Random) -> Fault {
+    let all =
+        [[true, false, false], [false, true, false], [false, false, true], [true, true, false]];
+    let axes = pick(&all, random);
+    Fault::MocapAxesStuck { axes, noise_m: log_between(random, 1e-5, 5e-3) }
 }
 
 /// A vector in any direction with a length that is uniform.

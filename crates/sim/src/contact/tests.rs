@@ -65,13 +65,13 @@ fn a_contact_is_avoidable_unless_the_last_fault_comes_too_late_or_the_pose_is_fa
         }
     };
     let free = judged(None, 0.0);
-    assert_eq!((free.touched, free.verdict), (Touched::Wall, Verdict::Avoidable));
+    assert_eq!((free.touched, free.verdict), (Touched::Wall, Avoidability::Avoidable));
     let ahead_s = free.ahead_s.unwrap();
     assert!((0.6..2.0).contains(&ahead_s), "{free:?}");
     let at = steps(free.at_s);
-    assert_eq!(judged(Some(at - 5), 0.0).verdict, Verdict::TooLate);
-    assert_eq!(judged(Some(at - steps(ahead_s) - 20), 0.0).verdict, Verdict::Avoidable);
-    assert_eq!(judged(None, 1.0).verdict, Verdict::Deceived);
+    assert_eq!(judged(Some(at - 5), 0.0).verdict, Avoidability::TooLate);
+    assert_eq!(judged(Some(at - steps(ahead_s) - 20), 0.0).verdict, Avoidability::Avoidable);
+    assert_eq!(judged(None, 1.0).verdict, Avoidability::FalsePose);
 }
 
 #[test]
@@ -95,6 +95,6 @@ fn a_standing_vehicle_is_run_over_and_no_braking_avoids_it() {
         }
     };
     assert_eq!(contact.touched, Touched::Obstacle);
-    assert_eq!(contact.verdict, Verdict::Unavoidable);
+    assert_eq!(contact.verdict, Avoidability::Unavoidable);
     assert!((1.5..2.1).contains(&contact.at_s), "{contact:?}");
 }

@@ -116,7 +116,8 @@ struct Tilt {
     rate_radps: f64,
 }
 
-/// State of the rigid body beside pose and velocity. Frame `b`: forward, right, up; frame `w`: world x and y.
+/// State of the rigid body beside pose and velocity. Components `fr`: forward, right, as the sticks have them, and `fru`:
+/// up beside them; frame `w`: world x and y.
 #[derive(Debug, Clone)]
 pub(super) struct RigidBody {
     table: RigidBodyTable,
@@ -126,11 +127,11 @@ pub(super) struct RigidBody {
     /// Collective thrust by mass. m/s^2
     thrust_mps2: f64,
     /// Integrators of the velocity loops. m/s^2
-    integral_b_mps2: [f64; 3],
+    integral_fru_mps2: [f64; 3],
     /// Filtered velocity of the optical flow. m/s
-    flow_b_mps: [f64; 2],
+    flow_fr_mps: [f64; 2],
     /// Error of the optical flow. m/s
-    drift_b_mps: [f64; 2],
+    drift_fr_mps: [f64; 2],
     wind_w_mps: [f64; 2],
     gust_w_mps: [f64; 2],
     aloft_s: f64,
@@ -141,15 +142,15 @@ impl RigidBody {
     pub(super) fn new(table: RigidBodyTable, seed: u64) -> Self {
         let mut random = Random::new(seed, Purpose::RigidBody);
         let (sin, cos) = random.between(0.0, std::f64::consts::TAU).sin_cos();
-        let drift_b_mps = [0, 1].map(|_| table.flow_drift_mps * random.normal());
+        let drift_fr_mps = [0, 1].map(|_| table.flow_drift_mps * random.normal());
         Self {
             random,
             tilt: [Tilt::default(); 2],
             yaw_accel_radps2: 0.0,
             thrust_mps2: GRAVITY_MPS2,
-            integral_b_mps2: [0.0; 3],
-            flow_b_mps: [0.0; 2],
-            drift_b_mps,
+            integral_fru_mps2: [0.0; 3],
+            flow_fr_mps: [0.0; 2],
+            drift_fr_mps,
             wind_w_mps: [table.wind_mps * cos, table.wind_mps * sin],
             gust_w_mps: [0.0; 2],
             aloft_s: 0.0,
@@ -162,8 +163,8 @@ impl RigidBody {
         self.tilt = [Tilt::default(); 2];
         self.yaw_accel_radps2 = 0.0;
         self.thrust_mps2 = GRAVITY_MPS2;
-        self.integral_b_mps2 = [0.0; 3];
-        self.flow_b_mps = [0.0; 2];
+        self.integral_fru_mps2 = [0.0; 3];
+        self.flow_fr_mps = [0.0; 2];
         self.gust_w_mps = [0.0; 2];
     }
 
@@ -171,11 +172,12 @@ impl RigidBody {
     ///
     /// | symbol | equation, steps of 2 ms |
     /// |--------|-------------------------|
-    /// | `m`    | `m' = (R(psi)^T v + b - m) / tau_flow`, `psi = theta + theta_0` |
+    /// | `R`    | columns forward `(cos psi, sin psi)` and right `(sin psi, -cos psi)`, `psi = theta + theta_0` |
+    /// | `m`    | `m' = (R^T v + b - m) / tau_flow`, `b` the drift |
     /// | `a_sp` | `(c - m) / tau + i`, norm at most `accel_max`; `i' = ki (c - m)` unless limited |
     /// | tilt   | `phi'' = w^2 (atan(a_sp / g) - phi) - 2 z w phi'` |
-    /// | thrust | `T' = ((1 - sag t / 600 s) (g + kp (c_z - v_z) + i_z) - T) / tau_motor` |
-    /// | `v'`   | `T R(psi) (sin phi_f cos phi_r, sin phi_r) - drag (v - wind)`; `z`: `T cos phi_f cos phi_r - g - drag v_z` |
+    /// | thrust | `T' = (e (g + kp (c_z - v_z) + i_z) - T) / tau_motor`, `e = max(1 - sag t / 600 s, 1/2)` |
+    /// | `v'`   | `T R (sin phi_f cos phi_r, sin phi_r) - drag (v - wind)`; `z`: `T cos phi_f cos phi_r - g - drag v_z` |
     pub(super) fn step(
         &mut self,
         plant: &PlantTable,
@@ -192,9 +194,9 @@ impl RigidBody {
 
     fn substep(&mut self, plant: &PlantTable, asked: Asked, at: &mut Pose, v: &mut Velocity) {
         let (sin, cos) = (at[pose::THETA] + plant.theta_0).sin_cos();
-        let accel_b_mps2 = self.accel_asked(plant, asked, [cos, sin], v);
+        let accel_fr_mps2 = self.accel_asked(plant, asked, [cos, sin], v);
         let w = self.table.attitude_radps;
-        for (tilt, accel_mps2) in self.tilt.iter_mut().zip(accel_b_mps2) {
+        for (tilt, accel_mps2) in self.tilt.iter_mut().zip(accel_fr_mps2) {
             let target_rad = (accel_mps2 / GRAVITY_MPS2).atan();
             let damping = 2.0 * self.table.attitude_damping * w * tilt.rate_radps;
             tilt.rate_radps += H_S * (w * w * (target_rad - tilt.angle_rad) - damping);
@@ -232,31 +234,31 @@ impl RigidBody {
         [cos, sin]: [f64; 2],
         v: &Velocity,
     ) -> [f64; 2] {
-        let seen_b_mps = [cos * v.x_mps + sin * v.y_mps, sin * v.x_mps - cos * v.y_mps];
-        let target_b_mps = [asked.forward_mps, asked.right_mps];
-        let mut accel_b_mps2 = [0.0; 2];
-        let mut error_b_mps = [0.0; 2];
+        let seen_fr_mps = [cos * v.x_mps + sin * v.y_mps, sin * v.x_mps - cos * v.y_mps];
+        let target_fr_mps = [asked.forward_mps, asked.right_mps];
+        let mut accel_fr_mps2 = [0.0; 2];
+        let mut error_fr_mps = [0.0; 2];
         for axis in 0..2 {
-            let measured = seen_b_mps[axis] + self.drift_b_mps[axis];
-            self.flow_b_mps[axis] +=
-                H_S / self.table.flow_tau_s * (measured - self.flow_b_mps[axis]);
-            error_b_mps[axis] = target_b_mps[axis] - self.flow_b_mps[axis];
-            let proportional = error_b_mps[axis] / plant.horizontal.tau_s;
-            accel_b_mps2[axis] = proportional + self.integral_b_mps2[axis];
+            let measured = seen_fr_mps[axis] + self.drift_fr_mps[axis];
+            self.flow_fr_mps[axis] +=
+                H_S / self.table.flow_tau_s * (measured - self.flow_fr_mps[axis]);
+            error_fr_mps[axis] = target_fr_mps[axis] - self.flow_fr_mps[axis];
+            let proportional = error_fr_mps[axis] / plant.horizontal.tau_s;
+            accel_fr_mps2[axis] = proportional + self.integral_fru_mps2[axis];
         }
-        let [forward_mps2, right_mps2] = accel_b_mps2;
+        let [forward_mps2, right_mps2] = accel_fr_mps2;
         let scale = (plant.accel_max_mps2 / forward_mps2.hypot(right_mps2)).min(1.0);
         if scale >= 1.0 {
-            for (integral, error) in self.integral_b_mps2.iter_mut().zip(error_b_mps) {
+            for (integral, error) in self.integral_fru_mps2.iter_mut().zip(error_fr_mps) {
                 *integral += H_S * self.table.velocity_ki * error;
             }
         }
-        accel_b_mps2.map(|accel| scale * accel)
+        accel_fr_mps2.map(|accel| scale * accel)
     }
 
     /// Moves the thrust towards what the vertical velocity loop asks for.
     fn collective(&mut self, error_mps: f64) {
-        let [_, _, integral_mps2] = &mut self.integral_b_mps2;
+        let [_, _, integral_mps2] = &mut self.integral_fru_mps2;
         let margin_mps2 = THRUST_MARGIN * GRAVITY_MPS2;
         *integral_mps2 =
             (*integral_mps2 + H_S * CLIMB_KI * error_mps).clamp(-margin_mps2, margin_mps2);
@@ -273,7 +275,7 @@ impl RigidBody {
             self.table;
         for (values, sd, tau_s) in [
             (&mut self.gust_w_mps, gust_mps, gust_tau_s),
-            (&mut self.drift_b_mps, flow_drift_mps, flow_drift_tau_s),
+            (&mut self.drift_fr_mps, flow_drift_mps, flow_drift_tau_s),
         ] {
             let keep = (-DT_S / tau_s).exp();
             let kick = sd * (1.0 - keep * keep).sqrt();

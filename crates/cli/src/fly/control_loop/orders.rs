@@ -6,7 +6,7 @@ use std::time::Duration;
 use tello_flight::drone::DroneOrder;
 use tello_flight::{Operator, Phase};
 use tello_io::clock::{Clock, SpanNs, TimeNs};
-use tello_io::manual::{Ask, Hand, Pilot};
+use tello_io::manual::{Ask, Hand, Person};
 use tello_io::tello::DroneLink;
 
 use crate::stdio;
@@ -20,13 +20,12 @@ pub(in crate::fly) struct Orders {
     pub(super) strongest: Operator,
     /// When the newest order to take off was given.
     take_off_at: TimeNs,
-    patience: SpanNs,
 }
 
 impl Orders {
-    /// A flight is ordered at time 0; the order lapses after `patience`.
-    pub(in crate::fly) fn to_fly(patience: SpanNs) -> Self {
-        Self { strongest: Operator::Fly, take_off_at: TimeNs(0), patience }
+    /// A flight is ordered at time 0.
+    pub(in crate::fly) fn to_fly() -> Self {
+        Self { strongest: Operator::Fly, take_off_at: TimeNs(0) }
     }
 
     /// Takes `order`, unless there is a stronger one.
@@ -37,10 +36,10 @@ impl Orders {
         self.strongest = self.strongest.max(order);
     }
 
-    /// Drops an order to take off that was not obeyed in time; whether there was one. No other order is taken back. A
+    /// Drops an order to take off that was not obeyed for `patience`; whether there was one. No other order is taken back. A
     /// fault that is mended later must not start a drone beside which the person stands.
-    pub(super) fn lapse(&mut self, now: TimeNs, phase: Phase) -> bool {
-        let is_late = now.since(self.take_off_at) > self.patience;
+    pub(super) fn lapse(&mut self, now: TimeNs, phase: Phase, patience: SpanNs) -> bool {
+        let is_late = now.since(self.take_off_at) > patience;
         let lapses = phase == Phase::Idle && is_take_off(self.strongest) && is_late;
         if lapses {
             self.strongest = Operator::Wait;
@@ -66,7 +65,7 @@ pub(super) fn meaning(ask: Ask, hand: &Hand) -> Operator {
 /// The person and the link after the loop: the link may still land the drone.
 pub(in crate::fly) struct LastOrders {
     pub(super) clock: Clock,
-    pub(super) person: Pilot,
+    pub(super) person: Person,
     pub(super) drone: DroneLink,
 }
 
@@ -107,17 +106,20 @@ mod tests {
     #[test]
     fn an_order_to_take_off_lapses_on_the_ground_and_no_other_does() {
         let at = |s: i64| TimeNs(0).after(SpanNs::from_ms(1000 * s));
-        let mut orders = Orders::to_fly(PATIENCE);
-        assert!(!orders.lapse(at(10), Phase::Idle) && orders.strongest == Operator::Fly);
-        assert!(orders.lapse(at(11), Phase::Idle) && orders.strongest == Operator::Wait);
-        assert!(!orders.lapse(at(12), Phase::Idle), "once");
+        let lapses = |orders: &mut Orders, now, phase| orders.lapse(now, phase, PATIENCE);
+        let mut orders = Orders::to_fly();
+        assert!(!lapses(&mut orders, at(10), Phase::Idle) && orders.strongest == Operator::Fly);
+        assert!(lapses(&mut orders, at(11), Phase::Idle) && orders.strongest == Operator::Wait);
+        assert!(!lapses(&mut orders, at(12), Phase::Idle), "once");
         orders.give(Operator::FlyByHand, at(20));
-        assert!(!orders.lapse(at(30), Phase::Idle) && orders.strongest == Operator::FlyByHand);
-        assert!(!orders.lapse(at(40), Phase::Flying), "it is obeyed");
+        assert!(
+            !lapses(&mut orders, at(30), Phase::Idle) && orders.strongest == Operator::FlyByHand
+        );
+        assert!(!lapses(&mut orders, at(40), Phase::Flying), "it is obeyed");
         for order in [Operator::Land, Operator::EmergencyStop] {
             orders.give(order, at(41));
             orders.give(Operator::Fly, at(42));
-            assert!(!orders.lapse(at(90), Phase::Idle) && orders.strongest == order);
+            assert!(!lapses(&mut orders, at(90), Phase::Idle) && orders.strongest == order);
         }
     }
 }

@@ -87,73 +87,78 @@ fn what_is_ready_is_reported_line_by_line_and_the_question_is_asked() {
 fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
     let all = all_there;
     let stream = all().stream;
-    let cases: [(Found, &str, Verdict, &str); 16] = [
+    let cases: [(Found, &str, Readiness, &str); 16] = [
         (
             Found { stream: StreamReport { has_clock: false, ..stream }, ..all() },
             "mocap",
-            Verdict::Bad,
+            Readiness::Bad,
             "do not keep pace with time",
         ),
-        (Found { at: None, ..all() }, "mocap", Verdict::Bad, "nobody is at 127.0.0.1:51602"),
-        (Found { at: None, ..all() }, "start", Verdict::Bad, "unknown without a pose"),
+        (Found { at: None, ..all() }, "mocap", Readiness::Bad, "nobody is at 127.0.0.1:51602"),
+        (Found { at: None, ..all() }, "start", Readiness::Bad, "unknown without a pose"),
         (
             Found { stream: StreamReport { unseen: 12, ..stream }, ..all() },
             "mocap",
-            Verdict::Note,
+            Readiness::Note,
             "89 poses of \"tello\", 100 frames a second; 12 of 101 frames do not see it",
         ),
         (
             Found { stream: StreamReport { rate_hz: Some(25.0), ..stream }, ..all() },
             "mocap",
-            Verdict::Note,
+            Readiness::Note,
             "25 frames a second; the loop has 50 ticks a second",
         ),
         (
             Found { stream: StreamReport { rate_hz: Some(2.0), ..stream }, ..all() },
             "mocap",
-            Verdict::Never,
+            Readiness::Never,
             "2.0 frames a second: poses are stale after 0.5 s (supervisor.stale_s), so that 4 are needed",
         ),
         (
             Found { at: Some(Pose::new(-2.0, -3.0, -0.1, 0.0)), ..all() },
             "start",
-            Verdict::Bad,
+            Readiness::Bad,
             "lower poses than 0.01 m (filter.floor_m) count as wrong",
         ),
         (
             Found { at: Some(Pose::new(-2000.0, -3000.0, 50.0, 0.0)), ..all() },
             "start",
-            Verdict::Bad,
+            Readiness::Bad,
             "at -2000.00 -3000.00 +50.00 m, heading +0 degrees: outside of the room",
         ),
-        (Found { drone: None, ..all() }, "drone", Verdict::Bad, "does not answer on 192.168.10.1"),
-        (Found { drone: None, ..all() }, "battery", Verdict::Bad, "unknown without a report"),
-        (drone(|status| status.is_flying = true), "drone", Verdict::Bad, "says that it flies"),
+        (
+            Found { drone: None, ..all() },
+            "drone",
+            Readiness::Bad,
+            "does not answer on 192.168.10.1",
+        ),
+        (Found { drone: None, ..all() }, "battery", Readiness::Bad, "unknown without a report"),
+        (drone(|status| status.is_flying = true), "drone", Readiness::Bad, "says that it flies"),
         (
             drone(|status| status.battery_pct = 14),
             "battery",
-            Verdict::Bad,
+            Readiness::Bad,
             "14 %; takes off from 15 %",
         ),
         (
             Found { disk_free: Some(199_999_999), ..all() },
             "log",
-            Verdict::Note,
+            Readiness::Note,
             "199 MB free, which",
         ),
-        (Found { disk_free: None, ..all() }, "log", Verdict::Note, "does not say how much"),
+        (Found { disk_free: None, ..all() }, "log", Readiness::Note, "does not say how much"),
         (
             Found { refusals: vec!["no priority".into(), "no memory".into()], ..all() },
             "real time",
-            Verdict::Note,
+            Readiness::Note,
             "no priority; no memory",
         ),
-        (Found { has_keys: false, ..all() }, "operator", Verdict::Note, "nobody can take over"),
+        (Found { has_keys: false, ..all() }, "operator", Readiness::Note, "nobody can take over"),
     ];
-    for (found, what, verdict, reason) in cases {
+    for (found, what, readiness, reason) in cases {
         let checks = list(&found, |_| ());
         let check = checks.iter().find(|check| check.what == what).unwrap();
-        assert_eq!(check.verdict, verdict, "{check}");
+        assert_eq!(check.readiness, readiness, "{check}");
         assert!(check.reason.contains(reason), "{check}: {reason:?} is missing");
     }
 }
@@ -168,7 +173,7 @@ fn limits_that_are_kept_to_the_digit_are_good() {
         ..drone(|status| status.battery_pct = 15)
     };
     for check in list(&found, |_| ()) {
-        assert_eq!(check.verdict, Verdict::Good, "{check}");
+        assert_eq!(check.readiness, Readiness::Good, "{check}");
     }
 }
 
@@ -176,22 +181,22 @@ fn limits_that_are_kept_to_the_digit_are_good() {
 fn without_walls_that_is_reported_and_any_start_is_one() {
     let far = Found { at: Some(Pose::new(70.0, 0.0, 9.0, 0.0)), ..all_there() };
     let checks = list(&far, |table| table.cycle.supervisor.room = None);
-    assert_eq!(checks[0].verdict, Verdict::Note);
+    assert_eq!(checks[0].readiness, Readiness::Note);
     assert!(checks[0].reason.contains("no room is set"), "{}", checks[0]);
-    assert_eq!(checks[2].verdict, Verdict::Good, "{}", checks[2]);
+    assert_eq!(checks[2].readiness, Readiness::Good, "{}", checks[2]);
 }
 
 #[test]
 fn an_obstacle_that_moves_has_to_be_seen() {
     let at = Some(Pose::new(1.0, -2.0, 1.5, 0.0));
-    for (moving_at, verdict, reason) in [
-        (at, Verdict::Good, "\"person\" at +1.00 -2.00 m"),
-        (None, Verdict::Bad, "no pose of \"person\""),
+    for (moving_at, readiness, reason) in [
+        (at, Readiness::Good, "\"person\" at +1.00 -2.00 m"),
+        (None, Readiness::Bad, "no pose of \"person\""),
     ] {
         let found = Found { moving_at, ..all_there() };
         let checks = list(&found, |table| table.moving_object = Some("person".into()));
         let check = checks.iter().find(|check| check.what == "obstacle").unwrap();
-        assert_eq!(check.verdict, verdict, "{check}");
+        assert_eq!(check.readiness, readiness, "{check}");
         assert!(check.reason.contains(reason), "{check}");
     }
 }

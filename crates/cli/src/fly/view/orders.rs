@@ -122,15 +122,15 @@ fn digest(token: &str) -> [u8; 32] {
 mod tests {
     use tello_io::clock::{Clock, SpanNs};
     use tello_io::config;
-    use tello_io::manual::{ManualSettings, Pilot};
+    use tello_io::manual::{ManualSettings, Person};
 
     use super::*;
 
-    fn access(clock: Clock) -> (Arc<OrderAccess>, Pilot) {
+    fn access(clock: Clock) -> (Arc<OrderAccess>, Person) {
         let (table, _) = config::fly(None, None).unwrap();
-        let (mut pilot, ..) = Pilot::new(ManualSettings::try_from(&table.manual).unwrap());
-        let remote = pilot.remote(clock);
-        (Arc::new(OrderAccess::new("right", remote)), pilot)
+        let (mut person, ..) = Person::new(ManualSettings::try_from(&table.manual).unwrap());
+        let remote = person.remote(clock);
+        (Arc::new(OrderAccess::new("right", remote)), person)
     }
 
     #[test]
@@ -148,7 +148,7 @@ mod tests {
     #[test]
     fn each_order_does_what_its_key_does() {
         let clock = Clock::start();
-        let (access, mut pilot) = access(clock);
+        let (access, mut person) = access(clock);
         let right = access.authorize("right").unwrap();
         for (order, ask, steers) in [
             (PageOrder::TakeOff, Some(Ask::TakeOff), false),
@@ -158,7 +158,7 @@ mod tests {
             (PageOrder::EmergencyStop, Some(Ask::EmergencyStop), false),
         ] {
             right.order(order).unwrap();
-            let hand = pilot.poll(clock.now());
+            let hand = person.poll(clock.now());
             assert_eq!((hand.ask, hand.sticks.is_some()), (ask, steers), "{order:?}");
         }
     }
@@ -166,14 +166,14 @@ mod tests {
     #[test]
     fn who_holds_from_a_page_and_closes_the_last_one_is_landed() {
         let clock = Clock::start();
-        let (access, mut pilot) = access(clock);
+        let (access, mut person) = access(clock);
         let rights = [access.authorize("right").unwrap(), access.authorize("right").unwrap()];
         rights[0].order(PageOrder::Hold).unwrap();
         let later = || clock.now().after(SpanNs::from_ms(1_500));
         let [first, second] = rights;
         drop(first);
-        assert_eq!(pilot.poll(later()).ask, None, "another page is open");
+        assert_eq!(person.poll(later()).ask, None, "another page is open");
         drop(second);
-        assert_eq!(pilot.poll(later()).ask, Some(Ask::Land));
+        assert_eq!(person.poll(later()).ask, Some(Ask::Land));
     }
 }

@@ -94,19 +94,7 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     next: &Value<NS, NU>,
 ) -> Result<(), Reason> {
     let Stage { by_state: a, by_input: b } = &problem.stages[k];
-    // The cost of ds_{k+1} joins what follows it.
-    let mut hessian = next.by_state;
-    for i in 0..NS {
-        hessian[(i, i)] += curvature.diagonal.s[k][i];
-    }
-    let mut gradient = next.gradient + problem.gradient.s[k];
-    let penalties = working.penalties.iter().zip(working.penalized);
-    for (penalty, _) in penalties.filter(|(_, is_active)| **is_active) {
-        let weighted = penalty.gradient * penalty.weight;
-        add_mul(&mut hessian, &weighted, &transpose(&penalty.gradient));
-        gradient += weighted * penalty.excess;
-    }
-
+    let (hessian, gradient) = at_next_state(k, problem, curvature, working, next);
     let mut through = mul(&hessian, b);
     let mut by_input = SMatrix::from_diagonal(&curvature.diagonal.u[k]);
     let mut offset = problem.gradient.u[k] + tr_mul(b, &gradient);
@@ -158,6 +146,29 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
         policy.offset[i] += active.unwrap_or(0.0);
     }
     Ok(())
+}
+
+/// Hessian and gradient by `ds_{k+1}` of its own cost and all that follows.
+#[inline]
+fn at_next_state<const NS: usize, const NU: usize>(
+    k: usize,
+    problem: &Problem<'_, NS, NU>,
+    curvature: &CostHessian<NS, NU>,
+    working: &Working<'_, NS, NU>,
+    next: &Value<NS, NU>,
+) -> (SMatrix<f64, NS, NS>, SVector<f64, NS>) {
+    let mut hessian = next.by_state;
+    for i in 0..NS {
+        hessian[(i, i)] += curvature.diagonal.s[k][i];
+    }
+    let mut gradient = next.gradient + problem.gradient.s[k];
+    let penalties = working.penalties.iter().zip(working.penalized);
+    for (penalty, _) in penalties.filter(|(_, is_active)| **is_active) {
+        let weighted = penalty.gradient * penalty.weight;
+        add_mul(&mut hessian, &weighted, &transpose(&penalty.gradient));
+        gradient += weighted * penalty.excess;
+    }
+    (hessian, gradient)
 }
 
 /// The matrix that maps a gradient to policies: the rows of inactive bounds are those of `-H^-1` over these inputs

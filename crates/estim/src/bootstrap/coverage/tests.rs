@@ -7,10 +7,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use super::*;
-use crate::ident::{IdentTable, LinearSolver, Piece};
+use crate::ident::{IdentSettings, Piece};
 use crate::levenberg::LmTable;
-use crate::loss::LossTable;
-use crate::residual::{Curvature, Observed};
+use crate::residual::Observed;
 
 const DT_S: f64 = 0.02;
 const TRUTH: [f64; 4] = [1.3, 0.5, 1.0, 0.1];
@@ -48,27 +47,15 @@ fn drawn(seed: u64, pieces: u32, steps: u32) -> Vec<Piece<4, 4>> {
 
 /// Identification of drawn data; every weight is `factor` times what it should be.
 fn trial(seed: u64, factor: f64, resamples: u64) -> Result<Trial<4>, TrialError> {
-    let scaled = |weights: [f64; 4]| weights.map(|weight| weight * factor).to_vec();
-    let table = IdentTable {
-        c_o: scaled(C_O),
-        c_s: scaled(C_S),
-        c_p: vec![0.01; 4],
-        c_0: vec![0.0; 4],
-        p_prior: vec![1.0, 1.0, 1.0, 0.0],
-        p_lb: vec![-9.0; 4],
-        p_ub: vec![9.0; 4],
-        observation_loss: LossTable::None {},
-        transition_loss: LossTable::None {},
-        curvature: Curvature::Exact,
-        linear_solver: LinearSolver::Chain,
-        solver: LmTable {
-            damping_start: 1e-8,
-            cost_tolerance: 1e-9,
-            step_tolerance: 1e-9,
-            iterations_max: 50,
-        },
-    };
-    let settings = table.check::<Kinematic, 4, 4, 4, 4>().unwrap();
+    let scaled = |weights: [f64; 4]| weights.map(|weight| weight * factor);
+    let settings = IdentSettings::builder([1.0, 1.0, 1.0, 0.0])
+        .c_o(scaled(C_O))
+        .c_s(scaled(C_S))
+        .c_p([0.01; 4])
+        .bounds([-9.0; 4], [9.0; 4])
+        .solver(LmTable { damping_start: 1e-8, iterations_max: 50, ..LmTable::default() })
+        .build(&Kinematic)
+        .unwrap();
     let mut ident = Ident::new(Kinematic, &settings, DT_S, drawn(seed, 30, 20)).unwrap();
     let report = ident.solve(&mut || false)?;
     assert!(report.iterations < 50, "{report:?}");

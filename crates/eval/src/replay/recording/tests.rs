@@ -6,7 +6,7 @@ use super::*;
 
 const AT: Pose = Pose::new(1.0, 2.0, 1.3, 0.5);
 
-fn record(o: Option<Pose>, [position, heading]: [Verdict; 2]) -> TickRecord {
+fn record(o: Option<Pose>, [position, heading]: [Acceptance; 2]) -> TickRecord {
     let mut out = Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 3);
     out.filtered = Some(Filtered { o, position, heading });
     TickRecord::with_buffers(&out)
@@ -14,7 +14,7 @@ fn record(o: Option<Pose>, [position, heading]: [Verdict; 2]) -> TickRecord {
 
 #[test]
 fn rows_that_the_filter_held_are_not_observed() {
-    use Verdict::{Accepted, Held};
+    use Acceptance::{Accepted, Held};
     for (position, heading) in [(Accepted, Accepted), (Accepted, Held), (Held, Held)] {
         let o = accepted(&record(Some(AT), [position, heading]).out);
         let mut is_present = [position == Accepted; pose::COUNT];
@@ -28,7 +28,7 @@ fn rows_that_the_filter_held_are_not_observed() {
 
 #[test]
 fn ticks_are_counted_by_what_the_filter_did_and_the_estimate_by_its_distance() {
-    use Verdict::{Accepted, Held};
+    use Acceptance::{Accepted, Held};
     let mut counts = Counts::default();
     let mut tick = |o: Option<Pose>, verdicts, s_hat: Option<Pose>| {
         let mut record = record(o, verdicts);

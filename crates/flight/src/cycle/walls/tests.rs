@@ -135,7 +135,7 @@ fn each_bad_value_is_refused_with_key_value_and_rule() {
         assert_eq!(walls(Some(&table)).unwrap_err().to_string(), refusal);
     }
     let refused = walls(None).unwrap_err().to_string();
-    assert!(refused.starts_with("mpc.walls = null violates settings, with obst"), "{refused}");
+    assert!(refused.starts_with("mpc.walls = null violates a table: the plan"), "{refused}");
     assert!(Walls::new(None, None, &[]).unwrap().is_none());
 }
 

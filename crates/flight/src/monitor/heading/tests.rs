@@ -1,8 +1,8 @@
-use horizon_model::rows::{Pose, Sticks};
+use horizon_model::rows::{Pose, Sticks, stick};
 
 use super::*;
 use crate::monitor::DroneMotion;
-use crate::monitor::typical_vehicle::DEAD_ZONE;
+use crate::monitor::typical_vehicle::{DEAD_ZONE, YAW_GAIN_RADPS};
 
 const DT_S: f64 = 0.02;
 const LIMIT_RAD: f64 = 0.6;

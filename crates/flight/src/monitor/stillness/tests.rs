@@ -353,15 +353,14 @@ fn all_rows_are_still_as_long_as_the_one_that_stopped_last_and_windows_add_the_l
 
 #[test]
 fn inputs_contradict_from_their_least_time_on_and_a_denial_neither_begins_nor_ends_that() {
-    // Asked for, still, denied.
-    const ASKED: (bool, bool, bool) = (true, true, false);
-    const QUIET: (bool, bool, bool) = (false, true, false);
-    const DENIED: (bool, bool, bool) = (true, true, true);
-    const MOVED: (bool, bool, bool) = (true, false, false);
-    let found = |ticks: &[(bool, bool, bool)]| {
+    const ASKED: Signs = Signs { is_asked: true, is_still: true, is_denied: false };
+    const QUIET: Signs = Signs { is_asked: false, ..ASKED };
+    const DENIED: Signs = Signs { is_denied: true, ..ASKED };
+    const MOVED: Signs = Signs { is_still: false, ..ASKED };
+    let found = |ticks: &[Signs]| {
         let mut contradiction = Contradiction::default();
-        for (is_asked, is_still, is_denied) in ticks {
-            contradiction.update(*is_asked, *is_still, *is_denied, ASKED_MIN_S / 2.0);
+        for signs in ticks {
+            contradiction.update(*signs, ASKED_MIN_S / 2.0);
         }
         contradiction.is_found
     };

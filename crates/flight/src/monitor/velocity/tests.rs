@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use horizon_model::rows::Sticks;
+use horizon_model::rows::{Sticks, stick};
 
 use super::*;
 use crate::monitor::DroneMotion;

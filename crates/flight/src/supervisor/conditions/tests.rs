@@ -93,6 +93,23 @@ fn a_lost_reference_and_too_much_speed_land_after_a_third_of_a_second() {
 }
 
 #[test]
+fn a_vehicle_that_turns_away_from_its_reference_while_commands_act_lands_after_one_and_a_half_seconds()
+ {
+    let turned = Evidence { turned_rad: Some(1.01), ..ALOFT };
+    let mut bench = Bench::flying();
+    assert!(bench.run(15, &turned).may_steer(), "1.4 s");
+    let ruling = bench.tick(&turned);
+    assert_eq!((ruling.phase, faults(ruling)), (Phase::Landing, vec![Fault::TrackingLost]));
+    for held in [
+        Evidence { turned_rad: Some(1.0), ..turned },
+        Evidence { is_by_hand: true, ..turned },
+        Evidence { outage: Some(outage(1.0, false, 0.0)), ..turned },
+    ] {
+        assert_eq!(Bench::flying().run(20, &held).phase, Phase::Flying, "{held:?}");
+    }
+}
+
+#[test]
 fn an_outage_ends_at_its_limit() {
     let agrees = |findings: &mut Findings| findings.velocity = Agreement::Agrees;
     let e = |for_s| Evidence { outage: Some(outage(for_s, false, 0.0)), ..found(agrees) };
@@ -154,7 +171,7 @@ fn a_drone_that_flies_already_is_landed_and_not_ordered_to_take_off() {
         assert_eq!(bench.run(10, &e).phase, Phase::Idle);
         let ruling = bench.tick(&e);
         assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
-        assert_eq!(faults(ruling), [Fault::DroneAloft]);
+        assert_eq!(faults(ruling), [Fault::DroneAloft, Fault::TookOffUnasked]);
     }
 }
 

@@ -47,6 +47,7 @@ fn every_fault_has_the_reaction_that_was_decided() {
         (Fault::OutageUnsafe, [Reaction::Land, Reaction::Note]),
         (Fault::DroneUnheard, [Reaction::StayDown, Reaction::StayDown]),
         (Fault::DroneAloft, [Reaction::StayDown, Reaction::StayDown]),
+        (Fault::TookOffUnasked, [Reaction::Land, Reaction::Land]),
         (Fault::DroneSilent, [Reaction::BrakeAndLand, Reaction::Note]),
         (Fault::NotFlying, [Reaction::Land, Reaction::Land]),
         (Fault::BatteryLow, [Reaction::StayDown, Reaction::StayDown]),

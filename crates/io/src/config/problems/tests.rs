@@ -104,10 +104,11 @@ fn a_file_that_is_not_there_is_named_by_its_text() {
 
 #[test]
 fn one_mistake_is_a_line_and_more_are_counted() {
-    let problem = |line| Problem { file: "f".into(), place: Some((line, 2)), text: "t".into() };
+    let problem =
+        |line| SettingProblem { file: "f".into(), place: Some((line, 2)), text: "t".into() };
     let one = Problems { list: vec![problem(1)] };
     assert_eq!(one.to_string(), "f:1:2: t");
-    let two = Problems { list: vec![problem(1), Problem { place: None, ..problem(3) }] };
+    let two = Problems { list: vec![problem(1), SettingProblem { place: None, ..problem(3) }] };
     assert_eq!(two.to_string(), "2 mistakes\n  f:1:2: t\n  f: t");
 }
 
@@ -130,7 +131,7 @@ fn rows_of_a_trajectory_are_all_named_by_their_lines() {
     {
         let found: Vec<_> = problems.list.iter().filter_map(|problem| problem.place).collect();
         assert_eq!(found, places, "{problems}");
-        let is_there = |problem: &Problem| problem.file == file.display().to_string();
+        let is_there = |problem: &SettingProblem| problem.file == file.display().to_string();
         assert!(problems.list.iter().all(is_there), "{problems}");
     }
 }

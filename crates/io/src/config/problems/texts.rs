@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use super::super::{not_finite_number, parse};
-use super::{Place, Problem, Problems};
+use super::{Place, Problems, SettingProblem};
 
 /// `text` with a 0 for each number that JSON does not have, such as `NaN`; these are noted, with their places.
 pub(super) fn finite_text(
@@ -14,7 +14,7 @@ pub(super) fn finite_text(
     let mut replaced = Vec::new();
     while let Some(number) = not_finite_number(&text) {
         let place = Place::of_key(&number.key);
-        found.list.push(Problem {
+        found.list.push(SettingProblem {
             file: file.to_owned(),
             place: Some(number.place),
             text: format!("{place} = {} violates finite", &text[number.range.clone()]),
@@ -27,7 +27,7 @@ pub(super) fn finite_text(
     (text, replaced)
 }
 
-impl Problem {
+impl SettingProblem {
     /// Of a text that is no JSON.
     pub(super) fn of_text(text: &str, file: String, error: &serde_json::Error) -> Self {
         let place = Some((error.line(), error.column()));

@@ -66,3 +66,61 @@ impl Plain {
 pub(super) fn parsed<T: FromStr>(field: &[u8]) -> Option<T> {
     std::str::from_utf8(field).ok()?.parse().ok()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plain(field: &str) -> Option<Plain> {
+        Plain::read(&mut field.as_bytes().iter(), None)
+    }
+
+    #[test]
+    fn numbers_are_those_of_the_standard_library_to_the_last_bit() {
+        let mut digits = 1_u64;
+        for length in 1..=12_u32 {
+            for behind_point in 0..=length as usize {
+                // A linear congruential generator: any digits will do.
+                digits = digits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                let width = length as usize;
+                let text = format!("{:0>width$}", digits % 10_u64.pow(length));
+                let (before, behind) = text.split_at(width - behind_point);
+                for field in [format!("{before}.{behind}"), format!("-{before}.{behind}")] {
+                    let (found, found_behind) = number(field.as_bytes()).unwrap();
+                    let expected: f64 = field.parse().unwrap();
+                    assert_eq!(found.to_bits(), expected.to_bits(), "{field}");
+                    assert_eq!(found_behind, behind_point, "{field}");
+                }
+            }
+        }
+        for (field, expected) in [("-0", -0.0_f64), ("1e-3", 1e-3), ("+7", 7.0), (".5", 0.5)] {
+            let (found, _) = number(field.as_bytes()).unwrap();
+            assert_eq!(found.to_bits(), expected.to_bits(), "{field}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_finite_number_is_none() {
+        for field in ["", "-", ".", "-.", "1.2.3", "1-2", "nan", "inf", "1e999", "1 ", "0x1", "é"]
+        {
+            assert_eq!(number(field.as_bytes()), None, "{field:?}");
+        }
+        assert_eq!(number(&[b'1', 0xFF]), None, "no UTF-8");
+    }
+
+    #[test]
+    fn a_step_has_neither_sign_nor_point() {
+        assert_eq!(plain("4294967295").and_then(Plain::step), Some(4_294_967_295));
+        for field in ["-1", "1.0", "1.", "4294967296", ""] {
+            assert_eq!(plain(field).and_then(Plain::step), None, "{field:?}");
+        }
+    }
+
+    #[test]
+    fn reading_stops_behind_the_end_of_a_field() {
+        let mut bytes = b"12,34".iter();
+        assert_eq!(Plain::read(&mut bytes, Some(b',')).and_then(Plain::step), Some(12));
+        assert_eq!(bytes.as_slice(), b"34");
+        assert!(Plain::read(&mut b"12".iter(), Some(b',')).is_none(), "its end is missing");
+    }
+}

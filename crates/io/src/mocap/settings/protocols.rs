@@ -10,7 +10,7 @@ use super::super::protocol::{BodyProtocol, OBJECT_NAME_BYTES_MAX, Picked};
 use super::super::qtm::QtmProtocol;
 use super::super::source::Source;
 use super::super::vrpn::VrpnProtocol;
-use super::{MocapTable, Transport, name_error, named, server_address};
+use super::{Transport, name_error, named, server_address};
 
 /// An OptiTrack system: Motive's NatNet stream.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -88,31 +88,32 @@ impl Bodies {
     }
 }
 
-/// How bytes arrive from a server of `table` and what they mean; `None` for the other sources.
-pub(super) fn checked(table: &MocapTable) -> Result<Option<(Transport, Bodies)>, SettingError> {
-    let (key, checked) = match table {
-        MocapTable::Natnet(table) => ("natnet", of_natnet(table)),
-        MocapTable::Qtm(table) => ("qtm", of_qtm(table)),
-        MocapTable::Vrpn(table) => ("vrpn", of_vrpn(table)),
-        MocapTable::Relay(_) | MocapTable::Udp(_) | MocapTable::Datastream(_) => return Ok(None),
-    };
-    checked.map(Some).map_err(|error| error.under(key))
-}
-
-fn of_natnet(table: &NatnetTable) -> Result<(Transport, Bodies), SettingError> {
+/// How bytes arrive from a NatNet server, and what they mean.
+///
+/// # Errors
+/// The first value that breaks its rule, by its key in the table.
+pub(super) fn of_natnet(table: &NatnetTable) -> Result<(Transport, Bodies), SettingError> {
     let rate_hz = table.rate_hz.map(|rate_hz| in_range("rate_hz", rate_hz, 1.0..=2000.0));
     let kind = Kind::Natnet { rate_hz: rate_hz.transpose()? };
     let bodies = bodies(kind, &table.object, table.frame.as_ref(), Unit::Metre)?;
     Ok((Transport::Natnet(server_address(&table.address)?), bodies))
 }
 
-fn of_qtm(table: &QtmTable) -> Result<(Transport, Bodies), SettingError> {
+/// The same for QTM.
+///
+/// # Errors
+/// The first value that breaks its rule, by its key in the table.
+pub(super) fn of_qtm(table: &QtmTable) -> Result<(Transport, Bodies), SettingError> {
     let up = table.frame.as_ref().and_then(|frame| frame.axes).map(|[_, _, up]| up);
     let bodies = bodies(Kind::Qtm { up }, &table.object, table.frame.as_ref(), Unit::Millimetre)?;
     Ok((Transport::Tcp(server_address(&table.address)?), bodies))
 }
 
-fn of_vrpn(table: &VrpnTable) -> Result<(Transport, Bodies), SettingError> {
+/// The same for VRPN.
+///
+/// # Errors
+/// The first value that breaks its rule, by its key in the table.
+pub(super) fn of_vrpn(table: &VrpnTable) -> Result<(Transport, Bodies), SettingError> {
     let kind = Kind::Vrpn { rate_hz: in_range("rate_hz", table.rate_hz, 1.0..=2000.0)? };
     let bodies = bodies(kind, &table.object, table.frame.as_ref(), Unit::Metre)?;
     Ok((Transport::Tcp(server_address(&table.address)?), bodies))

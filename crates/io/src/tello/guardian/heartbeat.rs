@@ -31,7 +31,7 @@ const END_TIME: Duration = Duration::from_millis(500);
 
 /// What the sender has to know before it sends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
+pub enum GuardianReport {
     /// Nothing to report.
     Continue,
     /// The guardian has landed the drone, or must be taken to have.
@@ -51,7 +51,7 @@ pub struct Heartbeat {
     last: Option<(Duty, TimeNs)>,
     /// Time without an answer of the guardian while the sender had its turns.
     silence: SpanNs,
-    /// Whether [`Verdict::Gone`] was reported.
+    /// Whether [`GuardianReport::Gone`] was reported.
     is_lost: bool,
 }
 
@@ -102,8 +102,8 @@ impl Heartbeat {
     }
 
     /// What the guardian has reported up to `now`.
-    pub fn verdict(&mut self, now: TimeNs) -> Verdict {
-        let Some(channel) = &mut self.channel else { return Verdict::Continue };
+    pub fn verdict(&mut self, now: TimeNs) -> GuardianReport {
+        let Some(channel) = &mut self.channel else { return GuardianReport::Continue };
         let mut bytes = [0; 64];
         let (mut has_landed, mut has_ended) = (false, false);
         match channel.read(&mut bytes) {
@@ -126,15 +126,15 @@ impl Heartbeat {
         // One that goes on later finds the channel open, and what the sender does: it has no reason to land.
         if (has_ended || self.silence >= SILENCE_MAX) && !self.is_lost {
             self.is_lost = true;
-            return Verdict::Gone;
+            return GuardianReport::Gone;
         }
         let has_paused =
             self.last.is_some_and(|(duty, at)| duty.is_guarded() && now.since(at) >= PAUSE_MAX);
         if has_landed || (has_paused && !has_ended) {
             let is_steered = matches!(self.last, Some((Duty::Steering, _)));
-            return Verdict::Landed { is_steered };
+            return GuardianReport::Landed { is_steered };
         }
-        Verdict::Continue
+        GuardianReport::Continue
     }
 
     /// How long ago the last heartbeat was, if a drone depended on it.

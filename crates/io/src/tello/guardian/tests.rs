@@ -8,7 +8,7 @@ struct Bench {
     sender: UnixStream,
     drone: UdpSocket,
     clock: Clock,
-    end: mpsc::Receiver<Watch>,
+    end: mpsc::Receiver<WatchEnd>,
 }
 
 impl Bench {
@@ -80,7 +80,7 @@ fn silence_in_flight_lands_until_the_sender_goes_on_with_it_and_silence_then_lan
     let third_s = bench.landing(1.0);
     assert!(third_s - since_s > 0.25, "it lands beside a sender that does: {third_s} {since_s}");
     bench.send(Duty::Over);
-    assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(Watch::Over));
+    assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::Over));
     assert_eq!(bench.packet(0.1), None);
 }
 
@@ -95,7 +95,7 @@ fn a_sender_that_goes_on_with_the_landing_is_left_alone() {
         assert_eq!(bench.packet(0.04), None);
     }
     bench.send(Duty::Over);
-    assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(Watch::Over));
+    assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::Over));
 }
 
 #[test]
@@ -155,7 +155,7 @@ fn a_channel_that_closes_in_flight_lands_at_once() {
         drop(std::mem::replace(&mut bench.sender, UnixStream::pair().unwrap().0));
         let after_s = bench.landing(1.0) - since_s;
         assert!(after_s < 0.2, "{duty:?}: {after_s} s");
-        assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(Watch::Abandoned));
+        assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::Abandoned));
     }
 }
 
@@ -171,7 +171,7 @@ fn without_a_drone_in_the_air_neither_silence_nor_an_end_says_anything_to_it() {
         }
         assert_eq!(bench.packet(0.5), None, "{last:?}");
         drop(std::mem::replace(&mut bench.sender, UnixStream::pair().unwrap().0));
-        assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(Watch::Over), "{last:?}");
+        assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::Over), "{last:?}");
         assert_eq!(bench.packet(0.1), None, "{last:?}");
     }
 }
@@ -189,7 +189,7 @@ fn a_sender_that_stays_silent_is_given_up_after_15_s_and_its_end_is_reported() {
     assert!((14.5..17.0).contains(&(last_s - first_s)), "{}", last_s - first_s);
     assert_eq!(bench.packet(0.6), None);
     drop(std::mem::replace(&mut bench.sender, UnixStream::pair().unwrap().0));
-    assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(Watch::Landed));
+    assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::Landed));
 }
 
 #[test]

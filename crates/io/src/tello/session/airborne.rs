@@ -50,8 +50,9 @@ impl Session {
     /// Whether a take-off may be ordered: only to a drone that says now that it stands, and not while an
     /// earlier take-off may be running.
     pub(super) fn may_take_off(&self, now: TimeNs) -> bool {
-        let is_first_or_lost =
-            self.take_off_at.is_none_or(|at| now.since(at) >= self.talk.take_off_patience());
+        let may_be_lost =
+            |at| self.talk.take_off_patience().is_some_and(|patience| now.since(at) >= patience);
+        let is_first_or_lost = self.take_off_at.is_none_or(may_be_lost);
         self.may_steer() && self.witnesses.status(now) == Some(false) && is_first_or_lost
     }
 
@@ -138,10 +139,10 @@ mod tests {
     }
 
     #[test]
-    fn a_take_off_is_repeated_after_its_patience_which_an_acknowledgement_makes_longer() {
+    fn a_take_off_is_repeated_after_its_patience_unless_it_was_acknowledged() {
         assert!(reported(false).may_take_off(ms(0)) && !reported(true).may_take_off(ms(0)));
         assert!(!reported(false).may_take_off(ms(2_001)), "an old status");
-        for (is_acknowledged, patience_ms) in [(false, 2_500), (true, 5_000)] {
+        for is_acknowledged in [false, true] {
             let mut session = reported(false);
             session.order(DroneOrder::TakeOff, ms(0));
             if is_acknowledged {
@@ -149,11 +150,12 @@ mod tests {
                 session.receive(&bytes(ack), ms(10));
                 assert_eq!(session.counters.acks.get(), 1);
             }
-            session.receive(&status(false), ms(patience_ms - 1));
-            assert!(!session.may_take_off(ms(patience_ms - 1)), "{patience_ms} ms");
-            assert!(session.may_take_off(ms(patience_ms)), "{patience_ms} ms");
-            session.order(DroneOrder::Land, ms(patience_ms));
-            assert!(!session.may_take_off(ms(60_000)), "after a landing");
+            for (at_ms, may) in [(2_499, false), (2_500, true), (5_000, true), (60_000, true)] {
+                session.receive(&status(false), ms(at_ms));
+                assert_eq!(session.may_take_off(ms(at_ms)), may && !is_acknowledged, "{at_ms} ms");
+            }
+            session.order(DroneOrder::Land, ms(60_000));
+            assert!(!session.may_take_off(ms(60_001)), "after a landing");
         }
     }
 

@@ -98,10 +98,11 @@ impl BinaryTalk {
         outbox.push(Message::Binary(HostPacket::Action { action, sequence }));
     }
 
-    /// A take-off that was acknowledged is taken to run for as long as any take-off may be.
-    pub(super) fn take_off_patience(&self) -> SpanNs {
+    /// An order to take off that was not acknowledged may be lost. One that was is never repeated: somebody may have the
+    /// drone in the hand since.
+    pub(super) fn take_off_patience(&self) -> Option<SpanNs> {
         let is_lost = matches!(self.unacknowledged, Some((Action::TakeOff, _)));
-        if is_lost { TAKE_OFF_PATIENCE } else { super::TAKE_OFF_TIME }
+        is_lost.then_some(TAKE_OFF_PATIENCE)
     }
 
     pub(super) fn receive(
@@ -202,15 +203,15 @@ mod tests {
     }
 
     #[test]
-    fn only_a_take_off_that_was_not_acknowledged_counts_as_lost_soon() {
+    fn only_a_take_off_that_was_not_acknowledged_may_be_lost() {
         let mut talk = BinaryTalk::new(0, None);
-        assert_eq!(talk.take_off_patience(), super::super::TAKE_OFF_TIME);
+        assert_eq!(talk.take_off_patience(), None);
         talk.order(DroneOrder::TakeOff, &mut Vec::new());
-        assert_eq!(talk.take_off_patience(), TAKE_OFF_PATIENCE);
+        assert_eq!(talk.take_off_patience(), Some(TAKE_OFF_PATIENCE));
         receive(&mut talk, DronePacket::Ack { action: Action::TakeOff, sequence: 0 });
-        assert_eq!(talk.take_off_patience(), super::super::TAKE_OFF_TIME);
+        assert_eq!(talk.take_off_patience(), None);
         talk.order(DroneOrder::Land, &mut Vec::new());
-        assert_eq!(talk.take_off_patience(), super::super::TAKE_OFF_TIME);
+        assert_eq!(talk.take_off_patience(), None);
     }
 
     #[test]

@@ -129,11 +129,11 @@ impl Talk {
         }
     }
 
-    /// How long a drone that says that it stands may still be about to take off.
-    pub(super) fn take_off_patience(&self) -> SpanNs {
+    /// After which time an order to take off may be repeated to a drone that says that it stands; `None`: never.
+    pub(super) fn take_off_patience(&self) -> Option<SpanNs> {
         match self {
             Self::Binary(talk) => talk.take_off_patience(),
-            Self::Text(_) => super::TAKE_OFF_TIME,
+            Self::Text(talk) => talk.take_off_patience(),
         }
     }
 

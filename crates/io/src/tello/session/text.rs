@@ -53,6 +53,8 @@ enum TakeOff {
     None,
     Ordered {
         at: TimeNs,
+        /// Whether the drone refused something since: it has received the order.
+        is_refused: bool,
     },
     Over,
 }
@@ -88,19 +90,26 @@ impl TextTalk {
 
     pub(super) fn begin(&mut self, order: DroneOrder, now: TimeNs) {
         self.take_off = match order {
-            DroneOrder::TakeOff => TakeOff::Ordered { at: now },
+            DroneOrder::TakeOff => TakeOff::Ordered { at: now, is_refused: false },
             DroneOrder::Land | DroneOrder::EmergencyStop => TakeOff::Over,
         };
+    }
+
+    /// An order to take off that was not answered may be lost. One that was is never repeated.
+    pub(super) fn take_off_patience(&self) -> Option<SpanNs> {
+        let is_answered =
+            matches!(self.take_off, TakeOff::Over | TakeOff::Ordered { is_refused: true, .. });
+        (!is_answered).then_some(super::TAKE_OFF_TIME)
     }
 
     /// Whether a take-off was ordered that may not be over.
     pub(super) fn is_taking_off(&self, now: TimeNs) -> bool {
         match self.take_off {
             TakeOff::None | TakeOff::Over => false,
-            TakeOff::Ordered { at } if self.is_flying(now) == Some(true) => {
+            TakeOff::Ordered { at, .. } if self.is_flying(now) == Some(true) => {
                 now.since(at) < TAKE_OFF_TYPICAL
             }
-            TakeOff::Ordered { at } => now.since(at) < TAKE_OFF_MAX,
+            TakeOff::Ordered { at, .. } => now.since(at) < TAKE_OFF_MAX,
         }
     }
 
@@ -118,7 +127,7 @@ impl TextTalk {
 
     pub(super) fn receive_reply(&mut self, datagram: &[u8], now: TimeNs) -> Option<Received> {
         let ordered_for = match self.take_off {
-            TakeOff::Ordered { at } => Some(now.since(at)),
+            TakeOff::Ordered { at, .. } => Some(now.since(at)),
             TakeOff::None | TakeOff::Over => None,
         };
         Some(match (Reply::decode(datagram)?, ordered_for) {
@@ -128,7 +137,12 @@ impl TextTalk {
             }
             (Reply::Done, _) => Received::Connected,
             // It may refuse a doubled take-off while the first is running: the motors decide.
-            (Reply::Refused, _) => Received::Refused,
+            (Reply::Refused, _) => {
+                if let TakeOff::Ordered { is_refused, .. } = &mut self.take_off {
+                    *is_refused = true;
+                }
+                Received::Refused
+            }
             (Reply::Value, _) => Received::Life,
         })
     }
@@ -252,6 +266,17 @@ mod tests {
         assert_eq!(seen(10.0), Motors { count_s: 10.0, since: ms(500), has_grown: true });
         assert_eq!(seen(8.0), Motors { count_s: 8.0, since: ms(500), has_grown: false });
         assert!(!Motors::seen(None, 9.0, ms(500)).has_grown);
+    }
+
+    #[test]
+    fn an_order_to_take_off_that_was_answered_is_never_repeated() {
+        for (reply, is_answered) in [("87", false), ("error Motor stop", true), ("ok", true)] {
+            let mut talk = TextTalk::new(8890);
+            assert_eq!(talk.take_off_patience(), Some(super::super::TAKE_OFF_TIME));
+            talk.begin(DroneOrder::TakeOff, ms(0));
+            talk.receive_reply(reply.as_bytes(), ms(5_000));
+            assert_eq!(talk.take_off_patience().is_none(), is_answered, "{reply}");
+        }
     }
 
     #[test]

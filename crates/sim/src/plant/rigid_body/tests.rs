@@ -116,19 +116,19 @@ fn a_velocity_loop_at_its_limit_does_not_wind_up() {
         );
         assert!((4.0 * forward + 3.0 * right).abs() < 1e-12, "{forward}, {right}");
     }
-    assert_eq!(body.integral_b_mps2.map(f64::to_bits), [0; 3]);
+    assert_eq!(body.integral_fru_mps2.map(f64::to_bits), [0; 3]);
     let slow = Asked { forward_mps: 0.1, ..HOVER };
     for _ in 0..100 {
         body.accel_asked(&NOMINAL, slow, cos_sin, &still);
     }
     // 0.4 / s^2 of 0.1 m/s over 0.2 s.
     assert!(
-        (body.integral_b_mps2[0] - 0.4 * 0.1 * 0.2).abs() < 1e-12,
+        (body.integral_fru_mps2[0] - 0.4 * 0.1 * 0.2).abs() < 1e-12,
         "{:?}",
-        body.integral_b_mps2
+        body.integral_fru_mps2
     );
     body.rest();
-    assert_eq!(body.integral_b_mps2.map(f64::to_bits), [0; 3]);
+    assert_eq!(body.integral_fru_mps2.map(f64::to_bits), [0; 3]);
 }
 
 #[test]
@@ -140,7 +140,7 @@ fn the_velocity_loop_sees_the_velocity_in_the_direction_of_flight() {
         body.accel_asked(&NOMINAL, HOVER, [0.0, 1.0], &v);
     }
     // After 33 time constants of its filter the flow is the velocity.
-    let [forward, right] = body.flow_b_mps;
+    let [forward, right] = body.flow_fr_mps;
     assert!(forward.abs() < 1e-12 && (right + 0.2).abs() < 1e-9, "{forward}, {right}");
 }
 

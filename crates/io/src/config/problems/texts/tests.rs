@@ -1,7 +1,7 @@
 use super::*;
 
 /// Finite text, places of what was replaced, and the problems with their places.
-fn finite(text: &str) -> (String, Vec<Place>, Vec<Problem>) {
+fn finite(text: &str) -> (String, Vec<Place>, Vec<SettingProblem>) {
     let mut found = Problems::default();
     let (finite, replaced) = finite_text(text.to_owned(), "a.json", &mut found);
     (finite, replaced, found.list)
@@ -13,7 +13,7 @@ fn every_number_that_json_does_not_have_becomes_a_zero_of_its_length() {
         finite("{\n  \"a\": NaN,\n  \"b\": { \"c\": [1.5, -Infinity, 2] }, \"d\": inf\n}");
     assert_eq!(text, "{\n  \"a\": 0  ,\n  \"b\": { \"c\": [1.5, 0        , 2] }, \"d\": 0  \n}");
     assert_eq!(replaced, ["a", "b.c[1]", "d"].map(Place::of_key));
-    let of = |place, text: &str| Problem {
+    let of = |place, text: &str| SettingProblem {
         file: "a.json".to_owned(),
         place: Some(place),
         text: text.to_owned(),
@@ -43,7 +43,7 @@ fn a_text_that_is_no_json_has_a_place_and_no_second_one() {
         ("", (1, 0), "EOF while parsing a value"),
     ] {
         let error = serde_json::from_str::<Value>(text).unwrap_err();
-        let problem = Problem::of_text(text, "a.json".to_owned(), &error);
+        let problem = SettingProblem::of_text(text, "a.json".to_owned(), &error);
         assert_eq!((problem.place, problem.text.as_str()), (Some(place), reported), "{text}");
     }
 }

@@ -1,5 +1,5 @@
 use super::super::MocapSettings;
-use super::*;
+use super::super::MocapTable;
 
 fn error(text: &str) -> String {
     let table: MocapTable = serde_json::from_str(text).unwrap();

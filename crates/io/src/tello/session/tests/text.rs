@@ -267,16 +267,21 @@ fn a_take_off_whose_reply_is_lost_is_not_repeated_and_ends_by_its_time() {
 }
 
 #[test]
-fn a_take_off_that_was_refused_or_lost_is_repeated_to_a_standing_drone_only() {
-    let mut bench = Text::standing();
-    bench.order(4_000, DroneOrder::TakeOff);
-    bench.reply(4_050, "error Motor stop");
-    assert_eq!(bench.session.counters.refusals.get(), 1);
-    for now_ms in 4_051..20_000 {
-        bench.order(now_ms, DroneOrder::TakeOff);
-        bench.steer(now_ms, now_ms + 1, running(10_000));
+fn a_take_off_that_was_lost_is_repeated_to_a_standing_drone_only_and_one_that_was_refused_is_not() {
+    for is_refused in [false, true] {
+        let mut bench = Text::standing();
+        bench.order(4_000, DroneOrder::TakeOff);
+        if is_refused {
+            bench.reply(4_050, "error Motor stop");
+            assert_eq!(bench.session.counters.refusals.get(), 1);
+        }
+        for now_ms in 4_051..20_000 {
+            bench.order(now_ms, DroneOrder::TakeOff);
+            bench.steer(now_ms, now_ms + 1, running(10_000));
+        }
+        let expected: &[i64] = if is_refused { &[4_000] } else { &[4_000, 9_000] };
+        assert_eq!(bench.times("takeoff"), expected, "motors run from 11 s on");
     }
-    assert_eq!(bench.times("takeoff"), [4_000, 9_000], "motors run from 11 s on");
 }
 
 #[test]

@@ -22,7 +22,7 @@ pub(super) enum Scale {
 
 /// A number, or several of one value, with its range.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Knob {
+pub(super) struct Variable {
     range: Range,
     scale: Scale,
     /// JSON pointers to the places of the number, at least one.
@@ -47,7 +47,7 @@ impl FromStr for Range {
     }
 }
 
-impl Knob {
+impl Variable {
     /// The number of `range`, searched on `scale`.
     ///
     /// # Errors
@@ -139,17 +139,17 @@ mod tests {
 
     use super::*;
 
-    fn knob(text: &str, scale: Scale) -> Knob {
-        Knob::new(&text.parse().unwrap(), scale).unwrap()
+    fn variable(text: &str, scale: Scale) -> Variable {
+        Variable::new(&text.parse().unwrap(), scale).unwrap()
     }
 
     #[test]
     fn a_number_goes_where_its_keys_say() {
         let mut document = json!({ "mpc": { "C_u": [1.0, 2.0, 3.0], "horizon_steps": 13 } });
-        let both = knob("mpc.C_u[0]+/mpc/C_u/2=0.1..10", Scale::Logarithmic);
+        let both = variable("mpc.C_u[0]+/mpc/C_u/2=0.1..10", Scale::Logarithmic);
         assert_eq!(both.value(&document).unwrap().to_bits(), 1.0_f64.to_bits());
         both.set(&mut document, 1.0).unwrap();
-        knob("mpc.horizon_steps=10..20", Scale::Linear).set(&mut document, 0.26).unwrap();
+        variable("mpc.horizon_steps=10..20", Scale::Linear).set(&mut document, 0.26).unwrap();
         let expected = json!({ "mpc": { "C_u": [10.0, 2.0, 10.0], "horizon_steps": 13 } });
         assert_eq!(document, expected);
     }
@@ -159,14 +159,17 @@ mod tests {
         for (text, scale, middle) in
             [("a=-2..6", Scale::Linear, 2.0), ("a=0.1..10", Scale::Logarithmic, 1.0)]
         {
-            let knob = knob(text, scale);
-            assert!((knob.at(0.5) - middle).abs() < 1e-12, "{text}: {}", knob.at(0.5));
+            let variable = variable(text, scale);
+            assert!((variable.at(0.5) - middle).abs() < 1e-12, "{text}: {}", variable.at(0.5));
             for k in 0..=10 {
                 let fraction = f64::from(k) / 10.0;
-                let back = knob.fraction(knob.at(fraction));
+                let back = variable.fraction(variable.at(fraction));
                 assert!((back - fraction).abs() < 1e-12, "{text}: {back} instead of {fraction}");
             }
-            assert!(knob.fraction(-1e9).abs() < 1e-12 && (knob.fraction(1e9) - 1.0).abs() < 1e-12);
+            assert!(
+                variable.fraction(-1e9).abs() < 1e-12
+                    && (variable.fraction(1e9) - 1.0).abs() < 1e-12
+            );
         }
     }
 
@@ -183,13 +186,15 @@ mod tests {
             assert!(error.contains(reason), "{text}: {error}");
         }
         let range: Range = "a=0..1".parse().unwrap();
-        assert!(Knob::new(&range, Scale::Logarithmic).unwrap_err().to_string().contains("0 < LO"));
+        assert!(
+            Variable::new(&range, Scale::Logarithmic).unwrap_err().to_string().contains("0 < LO")
+        );
         let document = json!({ "a": "text", "b": [1.0] });
         for key in ["a", "c", "b[1]", "b"] {
-            let knob = knob(&format!("{key}=0..1"), Scale::Linear);
-            let error = knob.value(&document).unwrap_err().to_string();
+            let variable = variable(&format!("{key}=0..1"), Scale::Linear);
+            let error = variable.value(&document).unwrap_err().to_string();
             assert!(error.contains("no number at /"), "{error}");
-            assert!(knob.set(&mut document.clone(), 0.5).is_err(), "{key}");
+            assert!(variable.set(&mut document.clone(), 0.5).is_err(), "{key}");
         }
     }
 }
