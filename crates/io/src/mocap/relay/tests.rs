@@ -121,15 +121,19 @@ fn a_quaternion_and_a_matrix_give_the_heading_of_a_tilted_body() {
         format!("1 100 tello 0 1 2 3 {}", numbers.join(" "))
     };
     for psi in [-3.1, -FRAC_PI_2, 0.0, 0.7, 2.0, 3.1] {
-        for (pitch, roll) in [(0.0, 0.0), (0.3, -0.4), (-1.2, 0.9)] {
+        for (pitch, roll) in [(0.0, 0.0), (0.3, -0.4), (-0.8, 0.7)] {
             let by_matrix = pose_of(&text(&matrix(psi, pitch, roll)))[pose::THETA];
             let by_quaternion = pose_of(&text(&quaternion(psi, pitch, roll)))[pose::THETA];
             assert!((by_matrix - psi).abs() < 1e-12, "{by_matrix} for {psi}");
             assert!((by_quaternion - psi).abs() < 1e-12, "{by_quaternion} for {psi}");
         }
     }
-    let upright = matrix(0.7, FRAC_PI_2, 0.0);
-    assert_eq!(error_of(&text(&upright)), LineError::Rotation { count: 9 }, "nose straight up");
+    for (pitch, roll) in [(FRAC_PI_2, 0.0), (-0.9, 0.9), (0.0, 1.06), (0.0, 3.1)] {
+        let tilted = matrix(0.7, pitch, roll);
+        assert_eq!(error_of(&text(&tilted)), LineError::Rotation { count: 9 }, "{pitch} {roll}");
+        let tilted = quaternion(0.7, pitch, roll);
+        assert_eq!(error_of(&text(&tilted)), LineError::Rotation { count: 4 }, "{pitch} {roll}");
+    }
 }
 
 #[test]
