@@ -128,6 +128,15 @@ fn evidence(
     }
 }
 
+/// A take-off needs poses inside of the room, or a person who sees, and a drone that can fly.
+fn assert_may_take_off(before: Phase, sees: bool, e: &Evidence) {
+    let is_by_sight = e.is_by_hand && (e.operator == Operator::FlyByHand || before != Phase::Idle);
+    assert!(sees || is_by_sight, "takes off blind: {before:?}, {e:?}");
+    let is_able =
+        |drone: DroneReport| drone.battery_pct >= 30 && (is_by_sight || drone.age_s <= 2.0);
+    assert!(e.drone.is_some_and(is_able), "takes off without a drone that can: {before:?}, {e:?}");
+}
+
 /// What a ruling must never break, seen from the phase before it.
 fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
     let case = || format!("{before:?}, {e:?}, {ruling:?}");
@@ -158,17 +167,8 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
     if ruling.order == SupervisorOrder::TakeOff {
         assert_eq!(ruling.phase, Phase::TakingOff, "{}", case());
         assert!(!has_landed, "takes off after a landing: {}", case());
-        let sees = is_fresh && is_inside;
-        let is_by_sight =
-            e.is_by_hand && (e.operator == Operator::FlyByHand || before != Phase::Idle);
-        assert!(sees || is_by_sight, "takes off blind: {}", case());
         assert!(!asks_to_end, "takes off against orders: {}", case());
-        assert!(
-            e.drone.is_some_and(|drone| drone.battery_pct >= 30)
-                && (is_by_sight || e.drone.is_some_and(|drone| drone.age_s <= 2.0)),
-            "takes off without a drone that can: {}",
-            case()
-        );
+        assert_may_take_off(before, is_fresh && is_inside, e);
     }
     if ruling.order == SupervisorOrder::Land {
         assert!(matches!(ruling.phase, Phase::Landing | Phase::Fault), "{}", case());

@@ -85,75 +85,61 @@ fn what_is_ready_is_reported_line_by_line_and_the_question_is_asked() {
 
 #[test]
 fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
+    use Readiness::{Bad, Never, Note};
     let all = all_there;
     let stream = all().stream;
     let cases: [(Found, &str, Readiness, &str); 16] = [
         (
             Found { stream: StreamReport { has_clock: false, ..stream }, ..all() },
             "mocap",
-            Readiness::Bad,
+            Bad,
             "do not keep pace with time",
         ),
-        (Found { at: None, ..all() }, "mocap", Readiness::Bad, "nobody is at 127.0.0.1:51602"),
-        (Found { at: None, ..all() }, "start", Readiness::Bad, "unknown without a pose"),
+        (Found { at: None, ..all() }, "mocap", Bad, "nobody is at 127.0.0.1:51602"),
+        (Found { at: None, ..all() }, "start", Bad, "unknown without a pose"),
         (
             Found { stream: StreamReport { unseen: 12, ..stream }, ..all() },
             "mocap",
-            Readiness::Note,
+            Note,
             "89 poses of \"tello\", 100 frames a second; 12 of 101 frames do not see it",
         ),
         (
             Found { stream: StreamReport { rate_hz: Some(25.0), ..stream }, ..all() },
             "mocap",
-            Readiness::Note,
+            Note,
             "25 frames a second; the loop has 50 ticks a second",
         ),
         (
             Found { stream: StreamReport { rate_hz: Some(2.0), ..stream }, ..all() },
             "mocap",
-            Readiness::Never,
+            Never,
             "2.0 frames a second: poses are stale after 0.5 s (supervisor.stale_s), so that 4 are needed",
         ),
         (
             Found { at: Some(Pose::new(-2.0, -3.0, -0.1, 0.0)), ..all() },
             "start",
-            Readiness::Bad,
+            Bad,
             "lower poses than 0.01 m (filter.floor_m) count as wrong",
         ),
         (
             Found { at: Some(Pose::new(-2000.0, -3000.0, 50.0, 0.0)), ..all() },
             "start",
-            Readiness::Bad,
+            Bad,
             "at -2000.00 -3000.00 +50.00 m, heading +0 degrees: outside of the room",
         ),
-        (
-            Found { drone: None, ..all() },
-            "drone",
-            Readiness::Bad,
-            "does not answer on 192.168.10.1",
-        ),
-        (Found { drone: None, ..all() }, "battery", Readiness::Bad, "unknown without a report"),
-        (drone(|status| status.is_flying = true), "drone", Readiness::Bad, "says that it flies"),
-        (
-            drone(|status| status.battery_pct = 14),
-            "battery",
-            Readiness::Bad,
-            "14 %; takes off from 15 %",
-        ),
-        (
-            Found { disk_free: Some(199_999_999), ..all() },
-            "log",
-            Readiness::Note,
-            "199 MB free, which",
-        ),
-        (Found { disk_free: None, ..all() }, "log", Readiness::Note, "does not say how much"),
+        (Found { drone: None, ..all() }, "drone", Bad, "does not answer on 192.168.10.1"),
+        (Found { drone: None, ..all() }, "battery", Bad, "unknown without a report"),
+        (drone(|status| status.is_flying = true), "drone", Bad, "says that it flies"),
+        (drone(|status| status.battery_pct = 14), "battery", Bad, "14 %; takes off from 15 %"),
+        (Found { disk_free: Some(199_999_999), ..all() }, "log", Note, "199 MB free, which"),
+        (Found { disk_free: None, ..all() }, "log", Note, "does not say how much"),
         (
             Found { refusals: vec!["no priority".into(), "no memory".into()], ..all() },
             "real time",
-            Readiness::Note,
+            Note,
             "no priority; no memory",
         ),
-        (Found { has_keys: false, ..all() }, "operator", Readiness::Note, "nobody can take over"),
+        (Found { has_keys: false, ..all() }, "operator", Note, "nobody can take over"),
     ];
     for (found, what, readiness, reason) in cases {
         let checks = list(&found, |_| ());
