@@ -99,8 +99,9 @@ pub struct Supervisor {
     braking_since_ns: Option<i64>,
     /// Since when the drone says that it flies, without an order to take off. ns
     aloft_since_ns: Option<i64>,
-    /// When the drone first showed that it received the order to take off.
+    /// When the drone first showed that it received the order to take off, by any measurement and by its own report.
     took_off_ns: Option<i64>,
+    reported_take_off_ns: Option<i64>,
     /// Since when nothing has confirmed the command outage. ns
     alone_since_ns: Option<i64>,
     take_off_ordered_ns: Option<i64>,
@@ -148,6 +149,7 @@ impl Supervisor {
             braking_since_ns: None,
             aloft_since_ns: None,
             took_off_ns: None,
+            reported_take_off_ns: None,
             alone_since_ns: None,
             take_off_ordered_ns: None,
             end_ordered_ns: None,
@@ -238,12 +240,17 @@ impl Supervisor {
         self.remember_landing(e);
         let says_flying = self.drone_says_flying(e);
         let is_climbing = self.phase == Phase::TakingOff;
+        if is_climbing && says_flying == Some(true) {
+            self.reported_take_off_ns.get_or_insert(e.t_ns);
+        }
         if is_climbing && (says_flying == Some(true) || self.has_risen(e)) {
             self.took_off_ns.get_or_insert(e.t_ns);
         }
-        let may_be_grounded = (self.phase == Phase::Flying && self.is_past_take_off(e))
-            || (is_climbing && self.took_off_ns.is_some());
-        let says_grounded = may_be_grounded && says_flying == Some(false);
+        let has_flown = self.phase == Phase::Flying || (is_climbing && self.took_off_ns.is_some());
+        // Its report may be late, but does not take itself back.
+        let counts =
+            self.is_past_take_off(e) || (is_climbing && self.reported_take_off_ns.is_some());
+        let says_grounded = has_flown && counts && says_flying == Some(false);
         keep_since(&mut self.grounded_since_ns, says_grounded, e.t_ns);
         let climbs_still = self.phase == Phase::TakingOff
             && e.findings.still_s.is_some()
