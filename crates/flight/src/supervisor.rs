@@ -53,6 +53,9 @@ const BRAKE_S: f64 = 0.4;
 /// Turn away from the heading of the reference that no controlled vehicle makes. rad
 const TURNED_RAD: f64 = 1.0;
 
+/// Yaw rate above which a vehicle turns by itself in an outage. rad/s
+const TURNING_RADPS: f64 = 0.3;
+
 /// A drone that says for so long that it flies took off without our order. s
 const ALOFT_S: f64 = 1.0;
 
@@ -263,8 +266,9 @@ impl Supervisor {
         let is_astray = is_flown && !e.is_by_hand && is_off;
         let is_fast = is_flown && is_older(e.speed_mps, failsafe.speed_mps);
         keep_since(&mut self.astray_since_ns, is_astray, e.t_ns);
-        // In an outage the reference turns on without the vehicle.
-        let is_steered = is_flown && !e.is_by_hand && e.outage.is_none();
+        // In an outage the reference may turn on without the vehicle.
+        let turns = e.motion.is_some_and(|motion| motion.rate[pose::THETA].abs() > TURNING_RADPS);
+        let is_steered = is_flown && !e.is_by_hand && (e.outage.is_none() || turns);
         let is_turned = is_steered && e.turned_rad.is_some_and(|rad| is_older(rad, TURNED_RAD));
         keep_since(&mut self.turned_since_ns, is_turned, e.t_ns);
         keep_since(&mut self.fast_since_ns, is_fast, e.t_ns);

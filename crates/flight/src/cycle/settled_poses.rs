@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::time::{SpanNs, TimeNs};
 
 /// When the poses of a standing vehicle agree, as written in a file. 5 mm and 0.02 rad of noise (standard deviations)
-/// agree with the values of `configs/fly.json`, a drone in a hand does not.
+/// agree with the values of `configs/fly.json`, a drone that is carried does not.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StandingTable {

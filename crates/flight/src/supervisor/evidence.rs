@@ -168,7 +168,7 @@ pub struct Evidence {
     /// How much further the pose of this tick is from the one before than a vehicle flies in the time
     /// between; `None` if no pose was accepted. m
     pub jump_m: Option<f64>,
-    /// Whether poses have jumped to and fro by less than that within the last second.
+    /// Whether poses have jumped to and fro by less than that, several times within the last 50 or 200 ticks.
     pub is_pose_rough: bool,
     /// How much deeper the pose of this tick is below the one before than a vehicle descends in the time
     /// between; `None` if no pose was accepted. m

@@ -19,10 +19,10 @@ pub enum Fault {
     MocapFrozen,
     /// A pose further than `jump_m` from any possible flight was accepted: another object, or new axes.
     MocapJumped,
-    /// Within a second five accepted poses or more were further from those before than a vehicle flies and 0.1 m: an
-    /// object that is found in two places, or noise.
+    /// In 5 of the newest 50 ticks, or 7 of the newest 200, an accepted pose was further from the one before than a vehicle
+    /// flies and 0.1 m: an object that is found in two places, or noise.
     MocapRough,
-    /// Before the take-off the poses of the last half second do not agree.
+    /// Before the take-off the poses of the last `standing.for_s` do not agree.
     MocapUnsettled,
     /// Before the take-off the frame numbers have not kept pace with time for two seconds: poses cannot be dated.
     MocapUndated,

@@ -96,6 +96,17 @@ fn a_lost_reference_and_too_much_speed_land_after_a_third_of_a_second() {
 fn a_vehicle_that_turns_away_from_its_reference_while_commands_act_lands_after_one_and_a_half_seconds()
  {
     let turned = Evidence { turned_rad: Some(1.01), ..ALOFT };
+    let spinning = |yaw_radps: f64| {
+        let mut e = Evidence {
+            outage: Some(outage(1.0, false, 0.0)),
+            turned_rad: Some(1.01),
+            ..moving(0.0, 0.0)
+        };
+        if let Some(motion) = &mut e.motion {
+            motion.rate[pose::THETA] = yaw_radps;
+        }
+        e
+    };
     let mut bench = Bench::flying();
     assert!(bench.run(15, &turned).may_steer(), "1.4 s");
     let ruling = bench.tick(&turned);
@@ -103,10 +114,12 @@ fn a_vehicle_that_turns_away_from_its_reference_while_commands_act_lands_after_o
     for held in [
         Evidence { turned_rad: Some(1.0), ..turned },
         Evidence { is_by_hand: true, ..turned },
-        Evidence { outage: Some(outage(1.0, false, 0.0)), ..turned },
+        spinning(0.3),
     ] {
         assert_eq!(Bench::flying().run(20, &held).phase, Phase::Flying, "{held:?}");
     }
+    let ruling = Bench::flying().run(16, &spinning(-0.31));
+    assert_eq!((ruling.phase, faults(ruling)), (Phase::Landing, vec![Fault::TrackingLost]));
 }
 
 #[test]
