@@ -196,7 +196,7 @@ fn check_names_wrong_obstacles_and_draws_right_ones() {
         (json!([pole(-2.3, 0.2), pole(-2.3, -0.2)]), "cycle.obstacles[1].radius_m = -0.2 violates"),
         (
             json!([{ "kind": "box", "x_m": [1, 0], "y_m": [0, 1], "z_m": [0, 1] }]),
-            "x_m = 0 violates above 1",
+            "x_m = [1, 0] violates the first number",
         ),
         (json!([{ "kind": "ball", "x_m": [1, 0] }]), "unknown variant `ball`"),
         (

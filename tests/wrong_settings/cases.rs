@@ -245,7 +245,10 @@ pub(super) const SETTINGS: [(Changes<'_>, &[&str]); 25] = [
     ),
     (
         &[("/cycle/supervisor/room/x_m", "[2, -2]"), ("/cycle/supervisor/room/floor", "0")],
-        &["cycle.supervisor.room.x_m = -2 violates above 2", "room.floor: unknown field `floor`"],
+        &[
+            "cycle.supervisor.room.x_m = [2, -2] violates the first number",
+            "room.floor: unknown field `floor`",
+        ],
     ),
     (
         &[("/cycle/mpc/horizon_steps", "10.5"), ("/cycle/dt_s", "\"0.02\"")],
@@ -273,7 +276,7 @@ pub(super) const SETTINGS: [(Changes<'_>, &[&str]); 25] = [
             "cycle.obstacles[0].radius_m = -1 violates",
             "cycle.obstacles[1].kind: unknown variant `sphere`",
             "cycle.obstacles[2]: missing field `z_m`",
-            "cycle.obstacles[2].x_m = 0 violates above 1",
+            "cycle.obstacles[2].x_m = [1, 0] violates the first number",
         ],
     ),
     (

@@ -148,7 +148,7 @@ fn is_confirmed(check: &Check, link: &mut Link, console: &Console, address: &str
     }
     // The question may have stood there for long.
     if !link.connect(console) {
-        bail!("the drone has fallen silent");
+        bail!("the drone sends no status any more: is it still switched on and its Wi-Fi joined?");
     }
     if check.place.spins() && link.status().is_none_or(|status| status.is_running) {
         bail!("the drone says that it flies, or that its motors run: land it, then begin anew");

@@ -17,9 +17,8 @@ use crate::{Verdict, stdio};
 /// Design a flight for identification.
 ///
 /// Writes a mission that moves all four axes at once, with sums of sines that have no frequency in common, in the
-/// middle of the room of --config and as large as that allows. Fly it as any mission, then identify its log. One minute
-/// tells the acceleration limit and yaw better than six minutes by hand, gain and lag of roll and pitch half as well
-/// (docs/identification.md).
+/// middle of the room of --config and as large as that allows. Fly it as any mission, then identify its log. What one
+/// minute of it tells beside five minutes by hand: docs/identification.md.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   tello-ctl excite --config lab/fly.json               excite.json, for the room of the settings

@@ -106,13 +106,14 @@ where
     /// Thesis equations 3.46-3.49, one half of the weighted squares:
     ///
     /// ```text
-    /// minimize    sum   1/2 |C_u du_k|^2 +  sum   1/2 |C_s (s_k - s_ref_k)|^2
+    /// minimize    sum   1/2 |C_u Delta u_k|^2 +  sum   1/2 |C_s (s_k - s_ref_k)|^2
     ///            k < N                    0<k<N
     ///                                    + 1/2 |C_s_end (s_N - s_ref_N)|^2
     /// subject to  s_{k+1} = f(s_k, u_k, p),  u_lb <= u_k <= u_ub where it is not given
     /// ```
     ///
-    /// over the stages `k` of the horizon; one of several steps weighs as they do (`docs/model.md`, section 5).
+    /// with the input or its change `Delta u_k` ([`InputCost`]), over the stages `k` of the horizon; one of several steps
+    /// weighs as they do (`docs/model.md`, section 5).
     ///
     /// First the plan takes over the inputs that `ask` gives; what they cost counts. `is_late` is asked
     /// once per iteration, before its first quadratic subproblem, and again before Clarabel gets one that the

@@ -66,8 +66,8 @@ pub fn before_flight(path: &Path, settings: &mut CycleTable, is_simulated: bool)
 /// file is replaced as a whole.
 ///
 /// # Errors
-/// As [`ParameterFile::read`], [`ParameterFile::learn`] and [`ParameterFile::write`]; the file is of the other
-/// world.
+/// As [`ParameterFile::read`], [`ParameterFile::learn`] and [`ParameterFile::write`]; the file is of
+/// real flights and this one is simulated, or the other way round.
 pub fn after_flight(
     path: &Path,
     settings: &CycleTable,

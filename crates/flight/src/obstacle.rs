@@ -115,7 +115,8 @@ fn middle(key: &str, [low_m, high_m]: [f64; 2]) -> Result<(f64, f64), SettingErr
     place(key, low_m)?;
     place(key, high_m)?;
     if low_m >= high_m {
-        return Err(SettingError::new(key, high_m, format!("above {low_m}")));
+        let given = format!("[{low_m}, {high_m}]");
+        return Err(SettingError::new(key, given, "the first number below the second"));
     }
     Ok((0.5 * (low_m + high_m), 0.5 * (high_m - low_m)))
 }
@@ -301,9 +302,14 @@ mod tests {
             (CYLINDER, "0.5", "1000.1", "radius_m = 1000.1 violates 0.0..=1000.0"),
             (CYLINDER, "[1, 2]", "[1, -1e300]", "centre_m[1] = -1"),
             (BOX, "[1, 2]", "[1, 1000.1]", "y_m = 1000.1 violates -1000.0..=1000.0"),
-            (CYLINDER, "[0, 2]", "[2, 0]", "z_m = 0 violates above 2"),
+            (
+                CYLINDER,
+                "[0, 2]",
+                "[2, 0]",
+                "z_m = [2, 0] violates the first number below the second",
+            ),
             (CYLINDER, "[1, 2]", "[1, 1e999]", "number out of range"),
-            (BOX, "[1, 2]", "[2, 2]", "y_m = 2 violates above 2"),
+            (BOX, "[1, 2]", "[2, 2]", "y_m = [2, 2] violates the first number below the second"),
             (BOX, "\"z_m\"", "\"height_m\"", "unknown field `height_m`"),
             (BOX, "box", "sphere", "unknown variant `sphere`"),
         ] {

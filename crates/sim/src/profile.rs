@@ -21,9 +21,9 @@ pub enum Profile {
     Typical,
     /// The day of the identification flights: a fifth of the samples is stalled.
     BadDay,
-    /// A good day on which commands get lost for 3 s every 20 s.
+    /// A good day on which commands get lost for 3 s after 20 s on average.
     MildOutages,
-    /// A good day on which commands get lost for 4 s every 14 s, as in the closed-loop flights.
+    /// A good day on which commands get lost for 4 s after 14 s on average, as in the closed-loop flights.
     Outages,
 }
 

@@ -183,7 +183,7 @@ pub enum SolveError {
         max: usize,
     },
     /// The present plan leads out of the range of numbers: the ask is absurdly large.
-    #[error("the present plan costs {cost}")]
+    #[error("the present plan costs {cost}: state, reference or weights are too large")]
     Cost {
         /// Its cost.
         cost: f64,

@@ -346,7 +346,10 @@ fn what_is_not_finite_is_refused_and_changes_nothing() {
         (|case| case.p[gain::THETA_0] = f64::INFINITY, "p[3] = inf is not finite"),
         (|case| case.u_before[stick::YAW] = f64::NAN, "u_before[2] = NaN is not finite"),
         (|case| case.s_ref[2][pose::X] = f64::NAN, "s_ref[0] = NaN is not finite"),
-        (|case| case.s_0[pose::X] = 1e300, "the present plan costs inf"),
+        (
+            |case| case.s_0[pose::X] = 1e300,
+            "the present plan costs inf: state, reference or weights are too large",
+        ),
     ];
     for (spoil, message) in spoils {
         case = Case { mpc: case.mpc, ..Case::new(&table(3, 0.8)) };

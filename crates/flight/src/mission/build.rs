@@ -106,7 +106,11 @@ pub(super) fn timed(table: &TrajectoryTable, dt_s: f64) -> Result<Follower, Sett
     let rows = match &table.points {
         PointsTable::Rows(rows) => rows,
         PointsTable::Csv(name) => {
-            return Err(SettingError::new("points.csv", name, "read before the mission is made"));
+            return Err(SettingError::new(
+                "points.csv",
+                name,
+                "rows of `points`: a CSV file is read only from a mission file",
+            ));
         }
     };
     if rows.len() < 2 {

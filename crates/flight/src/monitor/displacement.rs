@@ -17,8 +17,8 @@ const FLOWN_MIN_M: f64 = 0.6;
 const FIT: std::ops::RangeInclusive<f64> = 0.4..=2.5;
 /// Turn of the inputs' axes that does not count: that of the vehicle's own axes in the body of the mocap. rad
 const TURN: f64 = 0.785;
-/// Difference between displacements or speeds by poses and by drone that does not count: a fraction of the larger one,
-/// and of the speeds at least so much. 1, m/s
+/// Difference between displacements or speeds by poses and by drone that does not count: a fraction of the drone's
+/// displacement, or of the larger speed and at least so much. 1, m/s
 const TOLERANCE: f64 = 0.25;
 const TOLERANCE_MPS: f64 = 0.1;
 /// Time constant of the low-pass filter of both velocities before their speeds are compared: longer than the

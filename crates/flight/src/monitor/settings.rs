@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 #[schemars(extend("required" = ["still_m", "displacement_m", "height_m", "direction_rad"]))]
 pub struct MonitorTable {
-    /// A vehicle whose pose moves less in 0.8 s does not fly: means of 0.2 s, the axis that moves most.
+    /// A pose is still if no axis moves by more in 0.8 s (means of 0.2 s), or by 2.5 times it in 2.4 s.
     /// m, 0.0005..=0.01
     pub still_m: f64,
     /// Difference between the displacement by the poses and by the drone's velocity, forgotten within
@@ -20,7 +20,8 @@ pub struct MonitorTable {
     /// The same for the height by the poses and by the drone. m, 0.2..=5
     #[serde(deserialize_with = "crate::present")]
     pub height_m: Option<f64>,
-    /// The same for the turns by the poses and by the drone, forgotten within 15 s; missing: 0.6. rad, 0.2..=1.5
+    /// The same for the turns by the poses and by the drone, forgotten within 15 s; missing: 0.6; `null`: not
+    /// compared. rad, 0.2..=1.5
     #[serde(default = "usual_heading_rad")]
     pub heading_rad: Option<f64>,
     /// Angle between the motion and the inputs from which on the heading is wrong. rad, 0.5..=1.5

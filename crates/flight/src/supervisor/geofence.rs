@@ -52,7 +52,8 @@ impl TryFrom<&RoomTable> for Room {
             finite(key, low_m)?;
             finite(key, high_m)?;
             if low_m >= high_m {
-                return Err(SettingError::new(key, high_m, format!("above {low_m}")));
+                let given = format!("[{low_m}, {high_m}]");
+                return Err(SettingError::new(key, given, "the first number below the second"));
             }
         }
         Ok(Self { walls_m, stop_s: not_negative("stop_s", table.stop_s)? })
@@ -219,7 +220,7 @@ mod tests {
     fn a_room_without_an_inside_is_refused() {
         let refused = |table| Room::try_from(&table).unwrap_err().to_string();
         let error = refused(RoomTable { y_m: [1.0, 1.0], ..TABLE });
-        assert_eq!(error, "y_m = 1 violates above 1");
+        assert_eq!(error, "y_m = [1, 1] violates the first number below the second");
         let error = refused(RoomTable { z_m: [0.0, f64::NAN], ..TABLE });
         assert!(error.starts_with("z_m = NaN"), "{error}");
         let error = refused(RoomTable { stop_s: -1.0, ..TABLE });

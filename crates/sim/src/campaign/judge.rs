@@ -13,7 +13,7 @@ use tello_io::tello::protocol::{Action, HostPacket};
 
 use crate::{Phase as DronePhase, Truth};
 
-/// Time after which a flight without an end is one of those sought: a mission may take 60 s more than twice
+/// Time after which a flight without an end is one of those sought: a mission may take 30 s more than twice
 /// its planned time, and begin 40 s after the start. s
 const TIME_LIMIT_S: f64 = 240.0;
 /// Time between two orders to land. s

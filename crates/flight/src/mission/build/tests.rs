@@ -90,7 +90,7 @@ fn bad_points_are_refused() {
         assert_eq!(refusal(&bad), format!("trajectory.{message}"));
     }
     let unread = with(timed(), "trajectory.points", json!({ "csv": "eight.csv" }));
-    let rule = "trajectory.points.csv = eight.csv violates read before the mission is made";
+    let rule = "trajectory.points.csv = eight.csv violates rows of `points`: a CSV file is read only from a mission file";
     assert_eq!(refusal(&unread), rule);
 }
 

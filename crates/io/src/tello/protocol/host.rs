@@ -34,7 +34,7 @@ pub enum HostPacket {
         u: Sticks,
         /// Faster flight for the same sticks.
         is_fast: bool,
-        /// Time of day at the host, for the drone's log.
+        /// Time of day at the host in UTC, for the drone's log.
         time: TimeOfDay,
     },
     /// Take off or land; answered with the same sequence number.
@@ -56,7 +56,7 @@ pub enum HostPacket {
     DateTime {
         /// Running number.
         sequence: u16,
-        /// Date and time at the host.
+        /// Date and time at the host in UTC.
         time: CivilTime,
     },
     /// Answer to [`super::DronePacket::LogHeader`].

@@ -18,7 +18,7 @@ pub const STATE_PORT: u16 = 8890;
 const VIDEO_PORT: u16 = 11111;
 
 /// An `ok` that comes sooner after a take-off order answers something older: the drone says it when it
-/// hovers, 6 s after the order in the median, and no reply is later than 0.3 s.
+/// hovers, after about 6 s, and a reply takes 0.3 s at most: assumptions (docs/bench-test.md).
 const TAKE_OFF_MIN: SpanNs = SpanNs::from_ms(2500);
 /// A drone that flies so long after the order hovers: its reply was lost.
 const TAKE_OFF_TYPICAL: SpanNs = SpanNs::from_ms(8000);

@@ -7,8 +7,8 @@ use tello_flight::drone::{ALONE_HOLD, DroneStatus, denies_standing};
 
 use crate::clock::{SpanNs, TimeNs};
 
-/// Age beyond which a status no longer counts. Real statuses come ten times a second; the longest gaps
-/// are 0.6 s.
+/// Age beyond which a status no longer counts. Statuses come ten times a second; gaps of up to 0.6 s are assumed
+/// (docs/bench-test.md).
 const STATUS_FRESH: SpanNs = SpanNs::from_ms(2000);
 /// Age beyond which a pose on the floor no longer counts.
 const FLOOR_FRESH: SpanNs = SpanNs::from_ms(500);
