@@ -234,6 +234,23 @@ mod tests {
     }
 
     #[test]
+    fn a_jump_counts_for_fifty_ticks_with_four_others() {
+        for (last, is_rough) in [(50, true), (51, false)] {
+            let mut plausibility = Plausibility::default();
+            let mut x_m = 0.0;
+            for k in 0..=last {
+                plausibility.open();
+                // The first pose is none that jumped.
+                x_m += if [1, 10, 20, 30, last].contains(&k) { 0.2 } else { 0.0 };
+                let o = HERE + Pose::new(x_m, 0.0, 0.0, 0.0);
+                let seen = filtered(o, Acceptance::Accepted, Acceptance::Accepted);
+                plausibility.judge(Some(&o), &seen, at(20 * k));
+            }
+            assert_eq!(plausibility.is_rough(), is_rough, "{last}");
+        }
+    }
+
+    #[test]
     fn refused_poses_are_not_the_vehicles_and_time_goes_on() {
         let mut plausibility = Plausibility::default();
         plausibility.judge(

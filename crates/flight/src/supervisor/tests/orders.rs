@@ -63,6 +63,22 @@ fn a_drone_that_rose_and_never_reported_it_is_landed_when_its_report_cannot_be_l
 }
 
 #[test]
+fn a_rise_of_fifteen_centimetres_is_none_yet() {
+    for (height_m, order) in [(0.15, SupervisorOrder::TakeOff), (0.16, SupervisorOrder::None)] {
+        let mut bench = Bench::new(Start::Grounded);
+        let at = |height_m| Evidence { pose: Some(at_height(height_m)), ..CALM };
+        bench.pass(1, &at(0.0));
+        bench.pass(1, &asks_to_fly(at(0.0)));
+        bench.pass(29, &at(height_m));
+        assert_eq!(
+            bench.tick(&at(height_m)).order,
+            order,
+            "{height_m} m, 3 s after the first order"
+        );
+    }
+}
+
+#[test]
 fn a_take_off_that_is_not_confirmed_in_time_ends_in_landing() {
     let mut bench = Bench::taking_off();
     assert_eq!(bench.run(79, &spinning()).phase, Phase::TakingOff, "7.9 s");
