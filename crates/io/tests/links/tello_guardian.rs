@@ -10,7 +10,7 @@ use tello_flight::gate::{Gate, GateTable};
 use tello_io::Stopper;
 use tello_io::clock::{Clock, TimeNs};
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
-use tello_io::tello::{DroneClient, Guardian, Protocol, TelloSettings, TelloTable, Watch};
+use tello_io::tello::{DroneClient, Guardian, Protocol, TelloSettings, TelloTable, WatchEnd};
 
 /// What happens to the sender half a second after the sticks began.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -95,8 +95,8 @@ async fn host(
         Ok(thread::spawn(|| {
             let mut guardian = Guardian::start(post).unwrap();
             match guardian.watch() {
-                Watch::Abandoned => guardian.land_alone(),
-                Watch::Over | Watch::Landed => 0,
+                WatchEnd::Abandoned => guardian.land_alone(),
+                WatchEnd::Over | WatchEnd::Landed => 0,
             }
         }))
     });
