@@ -2,8 +2,9 @@
 //!
 //! Owns which rows belong to which subsystem. Least squares couple no subsystems, so their solutions together are the
 //! solution. The second derivative of a robust loss couples the rows of an outlier; these entries are left out of the
-//! step, which is accepted on the true cost. The cost of an elimination grows with the cube of its rows. Block sizes known at compile time make an
-//! elimination fast: each subsystem has blocks of its own sizes, which the model names ([`Model::groups`]).
+//! step, which is accepted on the true cost. The cost of an elimination grows with the cube of its rows. Block sizes
+//! known at compile time make an elimination fast: each subsystem has blocks of its own sizes, which the model names
+//! ([`Model::groups`]).
 
 use std::fmt::Debug;
 

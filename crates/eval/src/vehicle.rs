@@ -47,8 +47,8 @@ pub struct Changed {
 /// `settings` stay as they are.
 ///
 /// # Errors
-/// It cannot be read, breaks a rule, does not fit to the settings, is of simulated flights where `is_simulated` is false or the other way round,
-/// or its folder does not exist.
+/// It cannot be read, breaks a rule, does not fit to the settings, is of simulated flights where `is_simulated` is false
+/// or the other way round, or its folder does not exist.
 pub fn before_flight(path: &Path, settings: &mut CycleTable, is_simulated: bool) -> Result<()> {
     if !path.exists() {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());

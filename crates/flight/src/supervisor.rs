@@ -62,6 +62,16 @@ const ALOFT_S: f64 = 1.0;
 /// How long a vehicle must look grounded to count as down. s
 const DOWN_HOLD_S: f64 = 1.0;
 
+/// Whether the drone has shown that it received the order to take off, the surest sign last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum TakeOffSeen {
+    No,
+    /// Its height or its poses rose.
+    Measured,
+    /// It reported that it flies.
+    Reported,
+}
+
 /// The state machine of a flight; see the top of this file.
 #[derive(Debug, Clone)]
 pub struct Supervisor {
@@ -102,9 +112,7 @@ pub struct Supervisor {
     braking_since_ns: Option<i64>,
     /// Since when the drone says that it flies, without an order to take off. ns
     aloft_since_ns: Option<i64>,
-    /// When the drone first showed that it received the order to take off, by any measurement and by its own report.
-    took_off_ns: Option<i64>,
-    reported_take_off_ns: Option<i64>,
+    take_off_seen: TakeOffSeen,
     /// Since when nothing has confirmed the command outage. ns
     alone_since_ns: Option<i64>,
     take_off_ordered_ns: Option<i64>,
@@ -151,8 +159,7 @@ impl Supervisor {
             blocked_ns: None,
             braking_since_ns: None,
             aloft_since_ns: None,
-            took_off_ns: None,
-            reported_take_off_ns: None,
+            take_off_seen: TakeOffSeen::No,
             alone_since_ns: None,
             take_off_ordered_ns: None,
             end_ordered_ns: None,
@@ -242,18 +249,22 @@ impl Supervisor {
         }
         self.remember_landing(e);
         let says_flying = self.drone_says_flying(e);
-        let is_climbing = self.phase == Phase::TakingOff;
-        if is_climbing && says_flying == Some(true) {
-            self.reported_take_off_ns.get_or_insert(e.t_ns);
+        if self.phase == Phase::TakingOff {
+            self.take_off_seen = self.take_off_seen.max(match says_flying {
+                Some(true) => TakeOffSeen::Reported,
+                _ if self.has_risen(e) => TakeOffSeen::Measured,
+                _ => TakeOffSeen::No,
+            });
         }
-        if is_climbing && (says_flying == Some(true) || self.has_risen(e)) {
-            self.took_off_ns.get_or_insert(e.t_ns);
-        }
-        let has_flown = self.phase == Phase::Flying || (is_climbing && self.took_off_ns.is_some());
-        // Its report may be late, but does not take itself back.
-        let counts =
-            self.is_past_take_off(e) || (is_climbing && self.reported_take_off_ns.is_some());
-        let says_grounded = has_flown && counts && says_flying == Some(false);
+        // A report may be late, but does not take itself back.
+        let counts = match (self.phase, self.take_off_seen) {
+            (Phase::TakingOff, TakeOffSeen::Reported) => true,
+            (Phase::TakingOff, TakeOffSeen::Measured) | (Phase::Flying, _) => {
+                self.is_past_take_off(e)
+            }
+            _ => false,
+        };
+        let says_grounded = counts && says_flying == Some(false);
         keep_since(&mut self.grounded_since_ns, says_grounded, e.t_ns);
         let climbs_still = self.phase == Phase::TakingOff
             && e.findings.still_s.is_some()
@@ -321,7 +332,7 @@ impl Supervisor {
                 if self.take_off_ordered_ns.is_none()
                     || (is_due(self.take_off_ordered_ns, TAKE_OFF_RETRY_S)
                         && self.drone_says_flying(e) == Some(false)
-                        && self.took_off_ns.is_none()
+                        && self.take_off_seen == TakeOffSeen::No
                         && reaction < Reaction::StayDown) =>
             {
                 self.take_off_ordered_ns = Some(e.t_ns);

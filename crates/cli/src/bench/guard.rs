@@ -47,7 +47,7 @@ impl Guard {
     /// 40 ms.
     pub(super) fn turn(&mut self, now: TimeNs) {
         self.has_failed |=
-            self.process.is_some() && self.heartbeat.verdict(now) != GuardianReport::Continue;
+            self.process.is_some() && self.heartbeat.report(now) != GuardianReport::Continue;
         self.heartbeat.beat(self.duty, now);
     }
 

@@ -54,7 +54,7 @@ pub(super) fn samples(
                     filtered.position == Acceptance::Accepted
                         && filtered.heading == Acceptance::Held,
                 );
-                let is_new = |verdict| verdict == Acceptance::Accepted;
+                let is_new = |acceptance| acceptance == Acceptance::Accepted;
                 filtered.o.map_or_else(Observed::missing, |o| {
                     accepted(o, is_new(filtered.position), is_new(filtered.heading))
                 })

@@ -135,7 +135,7 @@ impl TickRow {
             Topic::Filtered => {
                 let record = decode::<FilteredRecord>(message, unreadable);
                 self.filtered = record.map(|record| {
-                    let is_new = |verdict| verdict == Acceptance::Accepted;
+                    let is_new = |acceptance| acceptance == Acceptance::Accepted;
                     (record.pose.pose(), [is_new(record.position), is_new(record.heading)])
                 });
             }

@@ -35,6 +35,7 @@ where
         let speed_mps = motion.map_or(0.0, |motion| motion.rate.fixed_rows::<3>(pose::X).norm());
         (out.tracking_m, out.speed_mps) = (tracking_m, speed_mps);
         let pose = out.filtered.and_then(|filtered| filtered.o);
+        let is_idle = self.supervisor.phase() == Phase::Idle;
         let ruling = self.supervisor.rule(&Evidence {
             t_ns: inbox.now.0,
             skipped: inbox.skipped,
@@ -43,7 +44,9 @@ where
             motion,
             is_plan_clear: self.planner.is_clear(),
             is_obstacle_unseen: self.planner.is_obstacle_unseen(),
-            is_in_obstacle: pose.is_some_and(|at| self.planner.is_in_obstacle(&at)),
+            is_in_obstacle: pose
+                .filter(|_| is_idle)
+                .is_some_and(|at| self.planner.is_in_obstacle(&at)),
             is_pose_repeated: self.is_frozen(),
             jump_m: self.plausibility.jump_m(),
             is_pose_rough: self.plausibility.is_rough(),

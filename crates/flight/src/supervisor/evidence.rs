@@ -161,7 +161,7 @@ pub struct Evidence {
     pub is_plan_clear: Option<bool>,
     /// Whether there is an obstacle that moves and was not seen for half a second or ever.
     pub is_obstacle_unseen: bool,
-    /// Whether the pose is inside of an obstacle.
+    /// Whether the vehicle stands inside of an obstacle; false in flight.
     pub is_in_obstacle: bool,
     /// Whether the stream has repeated one pose since the age began to count.
     pub is_pose_repeated: bool,

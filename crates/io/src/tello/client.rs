@@ -270,7 +270,7 @@ impl Wire {
     /// lost, no process would land the drone in place of this task: it lands the drone now.
     fn ask_guardian(&self, heartbeat: &mut Heartbeat, session: &mut Session, now: TimeNs) {
         self.counters.note_pause(heartbeat.pause(now));
-        match heartbeat.verdict(now) {
+        match heartbeat.report(now) {
             GuardianReport::Continue => {}
             GuardianReport::Landed { is_steered } => {
                 if is_steered {

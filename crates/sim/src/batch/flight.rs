@@ -201,7 +201,7 @@ impl Contender {
     }
 }
 
-/// What is measures of a flight while it lasts.
+/// What is measured of a flight while it lasts.
 struct FlightMeasures {
     truth: Judge,
     estimate: Judge,
@@ -251,7 +251,7 @@ impl FlightMeasures {
         }
     }
 
-    /// Whether nothing more is to be measures.
+    /// Whether nothing more is to be measured.
     fn is_over(&self) -> bool {
         let has_finished = self.truth.is_finished() && self.estimate.is_finished();
         self.hover.as_ref().map_or(has_finished, Hover::is_done)

@@ -36,8 +36,8 @@ impl Orders {
         self.strongest = self.strongest.max(order);
     }
 
-    /// Drops an order to take off that was not obeyed for `patience`; whether there was one. No other order is taken back. A
-    /// fault that is mended later must not start a drone beside which the person stands.
+    /// Drops an order to take off that was not obeyed for `patience`; whether there was one. No other order is taken
+    /// back. A fault that is mended later must not start a drone beside which the person stands.
     pub(super) fn lapse(&mut self, now: TimeNs, phase: Phase, patience: SpanNs) -> bool {
         let is_late = now.since(self.take_off_at) > patience;
         let lapses = phase == Phase::Idle && is_take_off(self.strongest) && is_late;

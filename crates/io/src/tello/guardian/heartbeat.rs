@@ -1,6 +1,6 @@
 //! The sender's side of its guardian: heartbeats out, their answers and the report of a landing in.
 //!
-//! The sender asks [`Heartbeat::verdict`] before it sends anything: a program that was stopped and goes on must not
+//! The sender asks [`Heartbeat::report`] before it sends anything: a program that was stopped and goes on must not
 //! steer a drone that the guardian has landed. It does not rely on the guardian's byte alone: whichever
 //! process the system lets run first, a pause of nearly the guardian's patience counts as a landing. A guardian that
 //! does not answer cannot land: it counts as gone.
@@ -93,7 +93,7 @@ impl Heartbeat {
             return;
         }
         if let Some(channel) = &mut self.channel {
-            // A guardian that is gone shows in `verdict`; one that does not read has enough to read.
+            // A guardian that is gone shows in `report`; one that does not read has enough to read.
             channel.write_all(&[duty as u8]).ok();
             let unanswered = self.last.map_or(SpanNs(0), |(_, at)| now.since(at).min(BEAT_PERIOD));
             self.silence = SpanNs(self.silence.0.saturating_add(unanswered.0));
@@ -102,7 +102,7 @@ impl Heartbeat {
     }
 
     /// What the guardian has reported up to `now`.
-    pub fn verdict(&mut self, now: TimeNs) -> GuardianReport {
+    pub fn report(&mut self, now: TimeNs) -> GuardianReport {
         let Some(channel) = &mut self.channel else { return GuardianReport::Continue };
         let mut bytes = [0; 64];
         let (mut has_landed, mut has_ended) = (false, false);

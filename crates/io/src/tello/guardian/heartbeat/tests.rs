@@ -34,22 +34,22 @@ fn news_is_sent_at_once_and_the_rest_in_time() {
 fn a_landing_of_the_guardian_is_heard_once() {
     let (mut heartbeat, mut channel) = pair();
     heartbeat.beat(Duty::Steering, ms(0));
-    assert_eq!(heartbeat.verdict(ms(1)), GuardianReport::Continue);
+    assert_eq!(heartbeat.report(ms(1)), GuardianReport::Continue);
     channel.write_all(&[LANDED]).unwrap();
-    assert_eq!(heartbeat.verdict(ms(2)), GuardianReport::Landed { is_steered: true });
-    assert_eq!(heartbeat.verdict(ms(3)), GuardianReport::Continue);
+    assert_eq!(heartbeat.report(ms(2)), GuardianReport::Landed { is_steered: true });
+    assert_eq!(heartbeat.report(ms(3)), GuardianReport::Continue);
 }
 
 #[test]
 fn a_pause_in_flight_is_a_landing_even_before_the_guardian_says_so() {
     let (mut heartbeat, _channel) = pair();
     heartbeat.beat(Duty::Idle, ms(0));
-    assert_eq!(heartbeat.verdict(ms(5_000)), GuardianReport::Continue, "nothing was in the air");
+    assert_eq!(heartbeat.report(ms(5_000)), GuardianReport::Continue, "nothing was in the air");
     for duty in [Duty::Steering, Duty::Landing] {
         heartbeat.beat(duty, ms(10_000));
-        assert_eq!(heartbeat.verdict(ms(10_249)), GuardianReport::Continue);
+        assert_eq!(heartbeat.report(ms(10_249)), GuardianReport::Continue);
         let is_steered = duty == Duty::Steering;
-        assert_eq!(heartbeat.verdict(ms(10_250)), GuardianReport::Landed { is_steered });
+        assert_eq!(heartbeat.report(ms(10_250)), GuardianReport::Landed { is_steered });
     }
     assert!(PAUSE_MAX < super::super::PATIENCE, "a stick could follow the landing");
 }
@@ -60,8 +60,8 @@ fn a_guardian_that_has_ended_is_missed_once() {
     heartbeat.beat(Duty::Steering, ms(0));
     drop(channel);
     heartbeat.beat(Duty::Steering, ms(20));
-    assert_eq!(heartbeat.verdict(ms(21)), GuardianReport::Gone);
-    assert_eq!(heartbeat.verdict(ms(22)), GuardianReport::Continue);
+    assert_eq!(heartbeat.report(ms(21)), GuardianReport::Gone);
+    assert_eq!(heartbeat.report(ms(22)), GuardianReport::Continue);
     assert_eq!(heartbeat.pause(ms(30)), Some(SpanNs::from_ms(10)));
     // The sender goes on with its landing: its pauses are counted as before.
     heartbeat.beat(Duty::Landing, ms(40));
@@ -72,9 +72,9 @@ fn a_guardian_that_has_ended_is_missed_once() {
 fn missed_ms(period_ms: usize, mut answer: impl FnMut(i64, &mut UnixStream)) -> Option<i64> {
     let (mut heartbeat, mut channel) = pair();
     for at_ms in (0..5_000).step_by(period_ms) {
-        match heartbeat.verdict(ms(at_ms)) {
+        match heartbeat.report(ms(at_ms)) {
             GuardianReport::Gone => return Some(at_ms),
-            verdict => assert_eq!(verdict, GuardianReport::Continue, "{at_ms} ms"),
+            report => assert_eq!(report, GuardianReport::Continue, "{at_ms} ms"),
         }
         heartbeat.beat(Duty::Steering, ms(at_ms));
         answer(at_ms, &mut channel);
@@ -108,7 +108,7 @@ fn time_in_which_the_sender_has_no_turn_is_no_silence_of_the_guardian() {
     heartbeat.beat(Duty::Idle, ms(0));
     // Something stalls both, again and again.
     for turn in 1..10 {
-        assert_eq!(heartbeat.verdict(ms(5_000 * turn)), GuardianReport::Continue, "turn {turn}");
+        assert_eq!(heartbeat.report(ms(5_000 * turn)), GuardianReport::Continue, "turn {turn}");
         heartbeat.beat(Duty::Idle, ms(5_000 * turn));
     }
 }
@@ -118,12 +118,12 @@ fn a_guardian_that_answers_again_hears_what_the_sender_does_and_stays_missed() {
     let (mut heartbeat, mut channel) = pair();
     let missed = (0..100).find(|turn| {
         heartbeat.beat(Duty::Steering, ms(20 * turn));
-        heartbeat.verdict(ms(20 * turn)) == GuardianReport::Gone
+        heartbeat.report(ms(20 * turn)) == GuardianReport::Gone
     });
     let gone_ms = 20 * missed.unwrap();
     channel.write_all(&[HEARD]).unwrap();
     heartbeat.beat(Duty::Landing, ms(gone_ms + 20));
-    assert_eq!(heartbeat.verdict(ms(gone_ms + 21)), GuardianReport::Continue, "it is missed once");
+    assert_eq!(heartbeat.report(ms(gone_ms + 21)), GuardianReport::Continue, "it is missed once");
     assert_eq!(heard(&mut channel).last(), Some(&(Duty::Landing as u8)));
 }
 
@@ -149,7 +149,7 @@ fn without_a_guardian_there_is_nothing_to_heed() {
     heartbeat.beat(Duty::Steering, ms(0));
     let pause = Some(SpanNs::from_ms(5_000));
     assert_eq!(
-        (heartbeat.verdict(ms(5_000)), heartbeat.pause(ms(5_000))),
+        (heartbeat.report(ms(5_000)), heartbeat.pause(ms(5_000))),
         (GuardianReport::Continue, pause)
     );
 }
