@@ -40,7 +40,8 @@ impl TrajectoryPredictor {
     /// A dead time or the period breaks its rule.
     pub fn new(cycle: &CycleTable) -> Result<Self, SettingError> {
         let fifo = InputFifo::new(&cycle.dead_time_s, &Kinematic::INPUT, cycle.dt_s)?;
-        Ok(Self { fifo: fifo.with_room(CHANGE_MAX), dt_s: cycle.dt_s })
+        let fifo = fifo.with_room(CHANGE_MAX).with_min_ratio(cycle.dead_time_min_ratio());
+        Ok(Self { fifo, dt_s: cycle.dt_s })
     }
 
     /// The path ahead as the tick of `out` saw it; called before [`TrajectoryPredictor::note`] of the same tick.

@@ -303,8 +303,7 @@ where
         u_applied
     }
 
-    /// Corrects the dead times by what the motion of this flight says of them. `ahead` is the period that ended
-    /// last, seen from the coming step.
+    /// Corrects the dead times by the motion of this flight; `ahead` of the coming step is the period that ended last.
     fn correct_dead_time(&mut self, ahead: isize) {
         let Some(link) = &mut self.link else { return };
         if !link.correct_dead_time() {
@@ -336,6 +335,7 @@ where
             }
             (Some(pilot @ Pilot::Controller), _) => {
                 let u_plan = self.planner.sticks();
+                let u_plan = self.link.as_ref().map_or(u_plan, |link| link.limited(&u_plan));
                 let u_wish = self.hand_over.blend(pilot, &u_plan, u_newest, dt_s);
                 (u_wish, self.gate.pass(&u_wish, self.pose_age_s(inbox)))
             }

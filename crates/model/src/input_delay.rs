@@ -25,6 +25,8 @@ pub struct InputFifo<const NU: usize> {
     dead_time_steps: SVector<f64, NU>,
     /// The same before a correction.
     nominal_steps: SVector<f64, NU>,
+    /// Part of it that a correction leaves of each. 1, 0..=1
+    min_ratio: f64,
     /// Ring of sent inputs; `newest` is the latest.
     sent: Vec<SVector<f64, NU>>,
     newest: usize,
@@ -47,7 +49,13 @@ impl<const NU: usize> InputFifo<NU> {
         });
         let depth = whole_steps(dead_time_steps.max()) + LOOK_BACK_STEPS + 2;
         let sent = vec![SVector::zeros(); depth];
-        Ok(Self { dead_time_steps, nominal_steps: dead_time_steps, sent, newest: 0 })
+        Ok(Self {
+            dead_time_steps,
+            nominal_steps: dead_time_steps,
+            min_ratio: 0.0,
+            sent,
+            newest: 0,
+        })
     }
 
     /// The same with room for `steps` more: for a longer dead time ([`InputFifo::correct`]) or a look further
@@ -58,13 +66,21 @@ impl<const NU: usize> InputFifo<NU> {
         self
     }
 
+    /// The same, but a correction leaves at least `min_ratio` of each dead time, 0..=1; without it, 0.
+    #[must_use]
+    pub fn with_min_ratio(mut self, min_ratio: f64) -> Self {
+        self.min_ratio = min_ratio;
+        self
+    }
+
     /// Makes every dead time longer than [`InputFifo::new`] was given by `steps`, or shorter; none falls below
-    /// 0. What was sent stays. A longer one takes as much room, see [`InputFifo::with_room`].
+    /// its least one ([`InputFifo::with_min_ratio`]). What was sent stays. A longer one takes as much room, see [`InputFifo::with_room`].
     ///
     /// Real time: no allocation, constant cost.
     pub fn correct(&mut self, steps: i32) {
+        let longer = f64::from(steps);
         self.dead_time_steps =
-            self.nominal_steps.map(|nominal| (nominal + f64::from(steps)).max(0.0));
+            self.nominal_steps.map(|steps| (steps + longer).max(self.min_ratio * steps));
     }
 
     /// Dead time of each axis as [`InputFifo::new`] was given it. steps
@@ -210,6 +226,19 @@ mod tests {
         assert!((fifo.nominal_steps()[1] - 3.5).abs() < 1e-9);
         fifo.correct(0);
         assert_close(fifo.applied(0), [38.5, -47.5]);
+    }
+
+    #[test]
+    fn a_correction_leaves_each_axis_its_part() {
+        let mut fifo = InputFifo::new(&[0.24, 0.08], &ROWS, DT_S).unwrap().with_min_ratio(0.5);
+        for k in 1..=50_u32 {
+            fifo.push(&SVector::from([f64::from(k), -f64::from(k)]));
+        }
+        // 12 and 4 steps: the second axis keeps two of them.
+        fifo.correct(-3);
+        assert_close(fifo.applied(0), [42.0, -49.0]);
+        fifo.correct(-50);
+        assert_close(fifo.applied(0), [45.0, -49.0]);
     }
 
     #[test]

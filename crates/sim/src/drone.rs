@@ -8,7 +8,7 @@ use tello_io::tello::DroneOrder;
 
 use crate::DT_S;
 use crate::firmware::{CancelledBy, DroneTable};
-use crate::plant::{Plant, STANDING_M, Velocity};
+use crate::plant::{External, Plant, STANDING_M, Velocity};
 use crate::radio::Radio;
 
 /// From the order until the motors lift. s
@@ -193,7 +193,13 @@ impl Drone {
     }
 
     /// Takes on the faults of the present step.
-    pub(crate) fn trouble(&mut self, are_sticks_stuck: bool, refuses_land: bool) {
+    pub(crate) fn trouble(
+        &mut self,
+        are_sticks_stuck: bool,
+        refuses_land: bool,
+        external: External,
+    ) {
+        self.plant.set_external(external);
         self.are_sticks_stuck = are_sticks_stuck;
         self.refuses_land = refuses_land;
     }

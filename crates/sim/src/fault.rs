@@ -139,6 +139,14 @@ pub enum Fault {
         /// Whether the motors stop in the air.
         falls: bool,
     },
+    /// The drone is held where it was at the onset, as by a hand or in a net; it stands still for its own sensors, too.
+    DroneHeld,
+    /// The drone is carried on with a velocity beside the one that it flies with, as by a gust that its own velocity
+    /// control does not balance; its own sensors show it.
+    DronePushed {
+        /// World x, y, z. m/s
+        velocity_mps: [f64; 3],
+    },
     /// Another controller sends its sticks to the drone, which follows the newest packet.
     SecondController {
         /// Roll, pitch, yaw, throttle. 1, -1..=1

@@ -63,6 +63,19 @@ pub struct Plant {
     disturbance: Velocity,
     /// The second structure, in place of the first-order lags.
     rigid_body: Option<RigidBody>,
+    external: External,
+}
+
+/// What acts on the vehicle from outside.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) enum External {
+    /// Nothing.
+    #[default]
+    None,
+    /// It stays where it is.
+    Held,
+    /// It is carried on with this velocity, world x, y, z. m/s
+    Pushed([f64; 3]),
 }
 
 /// What the parameters make of a step, computed once.
@@ -96,6 +109,15 @@ impl Factors {
     }
 }
 
+impl External {
+    fn push_w_mps(self) -> [f64; 3] {
+        match self {
+            Self::None | Self::Held => [0.0; 3],
+            Self::Pushed(velocity_mps) => velocity_mps,
+        }
+    }
+}
+
 impl Plant {
     /// A vehicle at `pose` with velocity `driven`, hovering under neutral sticks so far.
     ///
@@ -118,7 +140,13 @@ impl Plant {
             pose,
             driven,
             disturbance: Velocity::default(),
+            external: External::None,
         })
+    }
+
+    /// From the next step on `external` acts on the vehicle.
+    pub(crate) fn set_external(&mut self, external: External) {
+        self.external = external;
     }
 
     /// Flies one step of [`DT_S`] with the sticks `u_sent`, which count as neutral while the link is
@@ -164,19 +192,17 @@ impl Plant {
     /// Falls for one step, without drag: from the heights of a room it hardly matters.
     pub fn step_falling(&mut self) {
         self.fifo.push(&Sticks::zeros());
+        let before = self.pose;
         self.driven.z_mps -= GRAVITY_MPS2 * DT_S;
         self.integrate();
+        self.act_from_outside(before);
     }
 
     /// Stands on the floor for one step.
     pub fn step_grounded(&mut self) {
         self.fifo.push(&Sticks::zeros());
         self.pose[pose::Z] = STANDING_M;
-        self.driven = Velocity::default();
-        self.disturbance = Velocity::default();
-        if let Some(body) = &mut self.rigid_body {
-            body.rest();
-        }
+        self.rest();
     }
 
     /// True pose, world frame; the heading is continuous. m, rad
@@ -186,6 +212,18 @@ impl Plant {
 
     /// True velocity.
     pub fn velocity(&self) -> Velocity {
+        let Velocity { x_mps, y_mps, z_mps, yaw_radps } = self.flown();
+        let [push_x_mps, push_y_mps, push_z_mps] = self.external.push_w_mps();
+        Velocity {
+            x_mps: x_mps + push_x_mps,
+            y_mps: y_mps + push_y_mps,
+            z_mps: z_mps + push_z_mps,
+            yaw_radps,
+        }
+    }
+
+    /// Velocity without a push.
+    fn flown(&self) -> Velocity {
         Velocity {
             x_mps: self.driven.x_mps + self.disturbance.x_mps,
             y_mps: self.driven.y_mps + self.disturbance.y_mps,
@@ -210,6 +248,7 @@ impl Plant {
 
     /// One step with the applied sticks and the climb that is asked for.
     fn fly(&mut self, u_applied: &Sticks, climb_mps: f64) {
+        let before = self.pose;
         if let Some(body) = &mut self.rigid_body {
             let PlantTable { horizontal, yaw, .. } = self.params.0;
             let asked = Asked {
@@ -219,11 +258,40 @@ impl Plant {
                 yaw_radps: yaw.answer(u_applied[stick::YAW]),
             };
             body.step(&self.params.0, asked, &mut self.pose, &mut self.driven);
-            return;
+        } else {
+            self.drive(u_applied, climb_mps);
+            self.wander();
+            self.integrate();
         }
-        self.drive(u_applied, climb_mps);
-        self.wander();
-        self.integrate();
+        self.act_from_outside(before);
+    }
+
+    /// One step of what acts from outside on the vehicle, which flew here from `before`.
+    fn act_from_outside(&mut self, before: Pose) {
+        match self.external {
+            External::None => {}
+            External::Held => {
+                self.pose = before;
+                self.rest();
+            }
+            External::Pushed(_) => {
+                for (axis, push_mps) in
+                    [pose::X, pose::Y, pose::Z].into_iter().zip(self.external.push_w_mps())
+                {
+                    self.pose[axis] += DT_S * push_mps;
+                }
+                self.pose[pose::Z] = self.pose[pose::Z].max(0.0);
+            }
+        }
+    }
+
+    /// Neither speed nor tilt.
+    fn rest(&mut self) {
+        self.driven = Velocity::default();
+        self.disturbance = Velocity::default();
+        if let Some(body) = &mut self.rigid_body {
+            body.rest();
+        }
     }
 
     /// Moves the driven velocity towards what the applied sticks ask for.
@@ -252,7 +320,7 @@ impl Plant {
     }
 
     fn integrate(&mut self) {
-        let velocity = self.velocity();
+        let velocity = self.flown();
         self.pose[pose::X] += DT_S * velocity.x_mps;
         self.pose[pose::Y] += DT_S * velocity.y_mps;
         // The floor holds what would sink below it.

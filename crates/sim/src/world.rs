@@ -19,7 +19,9 @@ use crate::fault::{Fault, Faults, Present, ScriptedFault};
 use crate::firmware::DroneTable;
 use crate::frame_lag::{Frame, Lag};
 use crate::mocap::{Mocap, MocapReport, Shot};
-use crate::plant::{Plant, PlantParams, PlantTable, STANDING_M, VariationTable, Velocity};
+use crate::plant::{
+    External, Plant, PlantParams, PlantTable, STANDING_M, VariationTable, Velocity,
+};
 use crate::profile::Profile;
 use crate::radio::Radio;
 use crate::random::{Purpose, Random};
@@ -311,7 +313,12 @@ impl World {
     fn trouble_the_drone(&mut self) {
         let is_on = |fault| self.faults.is_on(fault, self.step);
         let (are_stuck, refuses) = (is_on(Fault::DroneSticksStuck), is_on(Fault::DroneRefusesLand));
-        self.drone.trouble(are_stuck, refuses);
+        let external = self.faults.present(self.step).find_map(|present| match present.fault {
+            Fault::DroneHeld => Some(External::Held),
+            Fault::DronePushed { velocity_mps } => Some(External::Pushed(velocity_mps)),
+            _ => None,
+        });
+        self.drone.trouble(are_stuck, refuses, external.unwrap_or_default());
         let reboot = self.faults.present(self.step).find_map(|present| match present.fault {
             Fault::DroneReboot { falls } => Some(falls),
             _ => None,

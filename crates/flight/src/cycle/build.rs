@@ -75,6 +75,7 @@ where
     let fifo = InputFifo::new(&cycle.dead_time_s, &M::INPUT, dt_s).map_err(under("cycle"))?;
     let link = link(cycle, dt_s, M::NAME)?;
     let fifo = fifo.with_room(link.as_ref().map_or(0, Link::room_steps));
+    let fifo = fifo.with_min_ratio(cycle.dead_time_min_ratio());
     let filter: FilterSettings = (&cycle.filter).try_into().map_err(under("cycle.filter"))?;
     let mhe = cycle.mhe.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();
     let mhe = Mhe::new(model, mhe.map_err(under("cycle.mhe"))?, dt_s)?;
@@ -168,9 +169,13 @@ fn link(cycle: &CycleTable, dt_s: f64, model: &str) -> Result<Option<Link>, Sett
         return Err(SettingError::new("cycle.link", format!("settings for {model}"), rule));
     }
     let settings = LinkSettings::try_from(table).map_err(|error| error.under("cycle.link"))?;
-    let (monitor, dead_time) = (LinkMonitor::new(&settings, dt_s), DeadTime::new(table, dt_s));
+    let monitor = LinkMonitor::new(&settings, dt_s);
+    // Checked with the FIFO: one entry an axis.
+    let horizontal_s = cycle.dead_time_s.get(stick::PITCH).copied().unwrap_or_default();
+    let dead_time = DeadTime::new(table, horizontal_s, dt_s);
     let window_steps = cycle.mhe.window_steps().map_err(|error| error.under("cycle.mhe"))?;
-    Ok(Some(Link::new(monitor, dead_time, window_steps, dt_s)))
+    let stick_max = table.outage_stick_max.unwrap_or(cycle.gate.stick_max);
+    Ok(Some(Link::new(monitor, dead_time, stick_max, window_steps, dt_s)))
 }
 
 /// The gate refuses what control must never ask for; within its limits control must be free, or a

@@ -36,6 +36,8 @@ pub struct DeadTimeChange {
 pub(super) struct DeadTime {
     dt_s: f64,
     sd_prior_s: f64,
+    /// Least and largest correction. steps
+    steps_min: i32,
     steps_max: i32,
     steps: i32,
     /// Periods since the newest correction.
@@ -45,11 +47,22 @@ pub(super) struct DeadTime {
 }
 
 impl DeadTime {
-    /// No correction. `dt_s` > 0 is the period.
-    pub(super) fn new(table: &LinkTable, dt_s: f64) -> Self {
-        #[expect(clippy::cast_possible_truncation, reason = "at most 0.5 s of periods")]
-        let steps_max = (table.dead_time_change_s / dt_s).round() as i32;
-        Self { dt_s, sd_prior_s: table.sd_dead_time_s, steps_max, steps: 0, since: 0, error: None }
+    /// No correction yet of a horizontal dead time that is configured as `horizontal_s`. `dt_s` > 0 is the period.
+    pub(super) fn new(table: &LinkTable, horizontal_s: f64, dt_s: f64) -> Self {
+        let LinkTable { sd_dead_time_s, dead_time_change_s, dead_time_min_ratio, .. } = *table;
+        #[expect(clippy::cast_possible_truncation, reason = "at most 2 s of periods")]
+        let whole = |steps: f64| steps as i32;
+        let steps_max = whole((dead_time_change_s / dt_s).round());
+        let given_up_s = (1.0 - dead_time_min_ratio) * horizontal_s;
+        Self {
+            dt_s,
+            sd_prior_s: sd_dead_time_s,
+            steps_min: -steps_max.min(whole(given_up_s / dt_s + 1e-9)),
+            steps_max,
+            steps: 0,
+            since: 0,
+            error: None,
+        }
     }
 
     /// The correction; `None` if the dead times stay as they are configured.
@@ -68,7 +81,7 @@ impl DeadTime {
         is_largest && self.error.is_some_and(|error| error.mean_s > LEFT_MAX_S)
     }
 
-    /// Largest correction, either way. steps
+    /// Largest correction. steps
     pub(super) fn steps_max(&self) -> i32 {
         self.steps_max
     }
@@ -81,7 +94,7 @@ impl DeadTime {
         let DeadTimeError { mean_s, sd_s } = error;
         let is_clear = mean_s.abs() >= (ERROR_MIN * self.dt_s).max(CERTAINTY_MIN * sd_s);
         let step = if mean_s > 0.0 { 1 } else { -1 };
-        let is_allowed = (self.steps + step).abs() <= self.steps_max;
+        let is_allowed = (self.steps_min..=self.steps_max).contains(&(self.steps + step));
         if is_clear && is_allowed && self.since >= PERIODS_BETWEEN {
             self.since = 0;
             self.steps += step;
@@ -99,19 +112,20 @@ mod tests {
     use super::*;
 
     const DT_S: f64 = 0.02;
+    const HORIZONTAL_S: f64 = 0.34;
 
     fn dead_time(change_s: f64) -> DeadTime {
         let text = include_str!("../../../../configs/fly.json");
         let settings: serde_json::Value = serde_json::from_str(text).unwrap();
         let link = settings["cycle"]["link"].clone();
         let table: LinkTable = serde_json::from_value(link).unwrap();
-        DeadTime::new(&LinkTable { dead_time_change_s: change_s, ..table }, DT_S)
+        DeadTime::new(&LinkTable { dead_time_change_s: change_s, ..table }, HORIZONTAL_S, DT_S)
     }
 
-    /// The corrections in 40 periods of a vehicle whose dead time is wrong by `error_s`, known to `sd_s`. steps
+    /// The corrections in 60 periods of a vehicle whose dead time is wrong by `error_s`, known to `sd_s`. steps
     fn corrected(change_s: f64, error_s: f64, sd_s: f64) -> i32 {
         let mut dead_time = dead_time(change_s);
-        for period in 0..40 {
+        for period in 0..60 {
             let left_s = error_s - dead_time.change().map_or(0.0, |change| change.change_s);
             let step = dead_time.follow(Some(DeadTimeError { mean_s: left_s, sd_s }));
             assert!(step.abs() <= 1 && (step == 0 || period % PERIODS_BETWEEN as usize == 4));
@@ -132,6 +146,8 @@ mod tests {
             (0.3, 0.1, 0.04, 0),
             (0.06, 0.1, 0.02, 3),
             (0.06, -0.1, 0.02, -3),
+            // Half of the dead time stays: at least 8.5 of 17 periods.
+            (0.3, -0.3, 0.02, -8),
             (0.0, 0.1, 0.02, 0),
         ] {
             assert_eq!(corrected(change_s, error_s, sd_s), steps, "{error_s} +- {sd_s} s");

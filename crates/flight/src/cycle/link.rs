@@ -19,6 +19,8 @@ pub(super) struct Link {
     dt_s: f64,
     monitor: LinkMonitor,
     dead_time: DeadTime,
+    /// Largest stick of the controller while the link is down. 1
+    stick_max: f64,
     /// Steps that the estimator can amend.
     window_steps: usize,
     /// Ring of the applied sticks if the link was up.
@@ -34,6 +36,7 @@ impl Link {
     pub(super) fn new(
         monitor: LinkMonitor,
         dead_time: DeadTime,
+        stick_max: f64,
         window_steps: usize,
         dt_s: f64,
     ) -> Self {
@@ -42,6 +45,7 @@ impl Link {
             dt_s,
             monitor,
             dead_time,
+            stick_max,
             window_steps,
             meant,
             newest: 0,
@@ -121,6 +125,16 @@ impl Link {
         }
     }
 
+    /// `u_plan` as it may be sent. While the link is down little of it acts, or what looks like an outage is a hand or
+    /// a push, against which full sticks press.
+    pub(super) fn limited(&self, u_plan: &Sticks) -> Sticks {
+        if self.is_up() {
+            *u_plan
+        } else {
+            u_plan.map(|u| u.clamp(-self.stick_max, self.stick_max))
+        }
+    }
+
     fn meant(&self, back: usize) -> Sticks {
         let len = self.meant.len();
         self.meant[(self.newest + len - back % len) % len]
@@ -138,11 +152,12 @@ mod tests {
 
     const DT_S: f64 = 0.02;
     const WINDOW_STEPS: usize = 10;
+    const STICK_MAX: f64 = 0.4;
 
     fn link() -> Link {
         let table = LinkTable { dead_time_change_s: 0.1, ..table() };
         let monitor = LinkMonitor::new(&LinkSettings::try_from(&table).unwrap(), DT_S);
-        Link::new(monitor, DeadTime::new(&table, DT_S), WINDOW_STEPS, DT_S)
+        Link::new(monitor, DeadTime::new(&table, 0.34, DT_S), STICK_MAX, WINDOW_STEPS, DT_S)
     }
 
     #[test]
@@ -153,6 +168,7 @@ mod tests {
             link.judge(&meant(step), &Observed::missing(), &p);
         }
         assert!(link.is_up() && link.instead().is_none());
+        assert_eq!(link.limited(&Sticks::repeat(-1.0)), Sticks::repeat(-1.0));
         for back in 0..60 {
             assert_eq!(link.applied(back as usize), meant(199 - back), "{back} steps ago");
         }
@@ -183,5 +199,7 @@ mod tests {
         assert_eq!(since_steps, Some(WINDOW_STEPS.min(onset_steps as usize)));
         assert_eq!((link.state(), link.is_up()), (LinkState::Released, false));
         assert_eq!((link.instead(), link.applied(3)), (Some(Sticks::zeros()), Sticks::zeros()));
+        let u_plan = Sticks::new(-0.9, 0.3, 0.41, 1.0);
+        assert_eq!(link.limited(&u_plan), Sticks::new(-0.4, 0.3, 0.4, 0.4));
     }
 }

@@ -72,3 +72,10 @@ pub struct CycleTable {
     /// Last check before the wire.
     pub gate: GateTable,
 }
+
+impl CycleTable {
+    /// Part of each dead time that a correction in flight leaves at least. 1, 0..=1
+    pub fn dead_time_min_ratio(&self) -> f64 {
+        self.link.as_ref().map_or(0.0, |link| link.dead_time_min_ratio)
+    }
+}

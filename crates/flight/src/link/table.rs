@@ -43,6 +43,14 @@ pub struct LinkTable {
     /// 0, they stay. s, 0..=0.5
     #[serde(default)]
     pub dead_time_change_s: f64,
+    /// Part of its configured dead time that such a correction leaves each axis. An axis that is taken for faster
+    /// than it is oscillates, and what pushes the vehicle on looks like an early answer. Missing: 0. 1, 0..=1
+    #[serde(default)]
+    pub dead_time_min_ratio: f64,
+    /// Largest stick of the controller while commands do not act: what looks like an outage may be a hand that holds
+    /// the vehicle, or a push. Missing: that of the gate. 1, 0.1..=1
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outage_stick_max: Option<f64>,
     /// The filter that the dead time is learnt from. Missing: those that the link is judged by
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dead_time: Option<DeadTimeTable>,
@@ -99,6 +107,9 @@ impl TryFrom<&LinkTable> for LinkSettings {
         positive("return_evidence", table.return_evidence)?;
         positive("forget_s", table.forget_s)?;
         in_range("dead_time_change_s", table.dead_time_change_s, 0.0..=0.5)?;
+        in_range("dead_time_min_ratio", table.dead_time_min_ratio, 0.0..=1.0)?;
+        let stick_max = table.outage_stick_max;
+        stick_max.map(|max| in_range("outage_stick_max", max, 0.1..=1.0)).transpose()?;
         table.dead_time.as_ref().map_or(Ok(()), DeadTimeTable::check)?;
         table.turn.as_ref().map_or(Ok(()), TurnTable::check)?;
         Ok(Self(table.clone()))

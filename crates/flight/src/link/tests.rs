@@ -20,6 +20,8 @@ pub(crate) fn table() -> LinkTable {
         return_evidence: 5.0,
         forget_s: 10.0,
         dead_time_change_s: 0.0,
+        dead_time_min_ratio: 0.5,
+        outage_stick_max: Some(0.4),
         dead_time: Some(DeadTimeTable { sd_position_m: 0.004, adapt_s: 1000.0 }),
         turn: Some(TurnTable { sd_theta_rad: 0.03, sd_disturbance_radps: 0.2, decay_s: 0.5 }),
     }

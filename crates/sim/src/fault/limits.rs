@@ -70,6 +70,9 @@ impl Fault {
             Self::MocapSlowLink { bytes_per_s } => {
                 all("mocap_slow_link.bytes_per_s", &[bytes_per_s], SMALL, BYTES_PER_S_MAX)
             }
+            Self::DronePushed { velocity_mps } => {
+                all("drone_pushed.velocity_mps", &velocity_mps, -SPEED_MAX_MPS, SPEED_MAX_MPS)
+            }
             Self::SecondController { sticks, rate_hz } => {
                 all("second_controller.sticks", &sticks, -1.0, 1.0)?;
                 all("second_controller.rate_hz", &[rate_hz], SMALL, 1.0 / crate::DT_S)
@@ -89,6 +92,7 @@ impl Fault {
             | Self::DroneSticksStuck
             | Self::DroneRefusesLand
             | Self::DroneReboot { .. }
+            | Self::DroneHeld
             | Self::ControlStalled => Ok(()),
         }
     }
@@ -105,7 +109,12 @@ mod tests {
     /// Each fault with a value at `at`, its key, the least and the largest of what it may be.
     type Rule = (&'static str, fn(f64) -> Fault, [f64; 2]);
 
-    const RULES: [Rule; 27] = [
+    const RULES: [Rule; 28] = [
+        (
+            "drone_pushed.velocity_mps",
+            |at| Fault::DronePushed { velocity_mps: [0.0, at, 0.0] },
+            [-10.0, 10.0],
+        ),
         ("mocap_still.offset_m", |at| still([0.0, at, 0.0], [0.0; 3]), [-100.0, 100.0]),
         ("mocap_still.turn_rad", |at| still([0.0; 3], [at, 0.0, 0.0]), [-10.0, 10.0]),
         ("mocap_still.noise_m", |at| still([0.0; 3], [0.0, at, 0.0]), [0.0, 100.0]),

@@ -1,4 +1,5 @@
 mod dead_time;
+mod push;
 
 use tello_io::config;
 

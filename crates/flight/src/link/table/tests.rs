@@ -3,6 +3,13 @@ use serde_json::{Value, json};
 use super::*;
 use crate::link::tests::table;
 
+/// Keys with the least and the largest of what they may be.
+const RANGES: [(&str, f64, f64); 3] = [
+    ("dead_time_change_s", 0.0, 0.5),
+    ("dead_time_min_ratio", 0.0, 1.0),
+    ("outage_stick_max", 0.1, 1.0),
+];
+
 /// The key that is refused when `key` of `section`, or of the table itself, is `value`.
 fn refused(section: Option<&str>, key: &str, value: f64) -> Option<String> {
     let mut document = serde_json::to_value(table()).unwrap();
@@ -28,7 +35,7 @@ fn every_number_has_to_be_positive_and_is_refused_by_its_own_key() {
     for (key, value) in document.as_object().unwrap() {
         match value {
             Value::Object(section) => section.keys().for_each(|inner| check(Some(key), inner)),
-            _ if key == "dead_time_change_s" => {}
+            _ if RANGES.iter().any(|(ranged, ..)| key == ranged) => {}
             _ => check(None, key),
         }
     }
@@ -50,12 +57,14 @@ fn a_number_that_is_not_finite_is_refused_by_its_own_key() {
 }
 
 #[test]
-fn the_correction_of_the_dead_times_may_be_none_and_half_a_second() {
-    for good in [0.0, 0.5] {
-        assert_eq!(refused(None, "dead_time_change_s", good), None);
-    }
-    for bad in [-0.001, 0.501] {
-        assert_eq!(refused(None, "dead_time_change_s", bad).unwrap(), "dead_time_change_s");
+fn what_has_a_range_is_refused_outside_of_it_by_its_own_key() {
+    for (key, low, high) in RANGES {
+        for good in [low, high] {
+            assert_eq!(refused(None, key, good), None, "{key} = {good}");
+        }
+        for bad in [low - 0.001, high + 0.001, f64::MAX] {
+            assert_eq!(refused(None, key, bad).as_deref(), Some(key), "{key} = {bad}");
+        }
     }
 }
 
@@ -63,13 +72,16 @@ fn the_correction_of_the_dead_times_may_be_none_and_half_a_second() {
 fn a_log_from_before_the_newer_keys_keeps_its_behaviour() {
     let mut document = serde_json::to_value(table()).unwrap();
     let older = document.as_object_mut().unwrap();
-    for key in ["dead_time_adapt_s", "dead_time_change_s", "dead_time", "turn"] {
+    let newer = ["dead_time_adapt_s", "dead_time", "turn"];
+    for key in newer.into_iter().chain(RANGES.map(|(key, ..)| key)) {
         assert!(older.remove(key).is_some(), "{key}");
     }
     let older: LinkTable = serde_json::from_value(document.clone()).unwrap();
     let expected = LinkTable {
         dead_time_adapt_s: None,
         dead_time_change_s: 0.0,
+        dead_time_min_ratio: 0.0,
+        outage_stick_max: None,
         dead_time: None,
         turn: None,
         ..table()

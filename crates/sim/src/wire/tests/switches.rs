@@ -1,12 +1,14 @@
 //! Both positions of each switch of the drone, and the faults of the drone, by what it is sent.
 
-use horizon_model::rows::Sticks;
+use horizon_model::rows::{Sticks, pose};
+use nalgebra::Vector2;
 use tello_io::clock::TimeOfDay;
 
 use super::super::*;
-use crate::drone::{Cause, Phase};
+use crate::drone::{Cause, Phase, Truth};
 use crate::fault::ScriptedFault;
 use crate::firmware::{CancelledBy, DroneTable, Outage, PLAIN};
+use crate::plant::RIGID_BODY;
 use crate::world::tests::table;
 use crate::{DT_S, Profile, SimTable, Start};
 
@@ -21,11 +23,15 @@ fn sticks(u: Sticks) -> HostPacket {
 fn world(change: impl FnOnce(&mut DroneTable), faults: Vec<ScriptedFault>) -> World {
     let mut drone = PLAIN;
     change(&mut drone);
+    World::new(&SimTable { faults, ..air(drone) }, 1).unwrap()
+}
+
+fn air(drone: DroneTable) -> SimTable {
     let start = Start::Air { x: 0.0, y: 0.0, z: 1.3, theta: 0.06 };
-    let mut table = SimTable { start, drone, faults, ..table() };
+    let mut table = SimTable { start, drone, ..table() };
     (table.profile, table.has_spread) = (Profile::Clean, false);
     (table.plant.disturbance_h_mps, table.plant.disturbance_v_mps) = (0.0, 0.0);
-    World::new(&table, 1).unwrap()
+    table
 }
 
 fn wait(world: &mut World, time_s: f64) {
@@ -180,6 +186,41 @@ fn stuck_sticks_leave_orders_alone_and_a_refused_landing_leaves_sticks_alone() {
     let mut world = self::world(|_| (), fault(Fault::DroneRefusesLand, 0.0, 5.0));
     assert_eq!(world.receive(&LAND), None);
     assert_eq!(world.truth().phase, Phase::Flying);
+}
+
+#[test]
+fn a_drone_that_is_held_stays_where_it_is_and_starts_from_rest() {
+    let mut world = world(|_| (), fault(Fault::DroneHeld, 2.0, 3.0));
+    steer(&mut world, FORWARD, 2.02);
+    let held = world.truth().pose;
+    steer(&mut world, FORWARD, 2.98);
+    assert_eq!((world.truth().pose, speed_mps(&world)), (held, 0.0));
+    steer(&mut world, FORWARD, 0.04);
+    let speed_mps = speed_mps(&world);
+    assert!(speed_mps > 0.0 && speed_mps < 0.1, "{speed_mps} m/s");
+}
+
+#[test]
+fn a_push_adds_its_velocity_to_that_of_the_sticks_and_ends_at_the_floor() {
+    for is_rigid_body in [false, true] {
+        let flown = |push: Option<[f64; 3]>| {
+            let push =
+                push.map(|velocity_mps| fault(Fault::DronePushed { velocity_mps }, 0.0, 9.0));
+            let mut table = SimTable { faults: push.unwrap_or_default(), ..air(PLAIN) };
+            table.plant.rigid_body = is_rigid_body.then_some(RIGID_BODY);
+            let mut world = World::new(&table, 1).unwrap();
+            steer(&mut world, FORWARD, 4.0);
+            world.truth()
+        };
+        let (free, pushed) = (flown(None), flown(Some([0.3, -0.5, -1.0])));
+        let moved = pushed.pose - free.pose;
+        assert!((moved[pose::X] - 1.2).abs() < 1e-9, "{moved}");
+        assert!((moved[pose::Y] + 2.0).abs() < 1e-9, "{moved}");
+        assert!(pushed.pose[pose::Z].abs() < 0.05, "{}", pushed.pose);
+        let velocity = |truth: Truth| Vector2::new(truth.velocity.x_mps, truth.velocity.y_mps);
+        let push_mps = velocity(pushed) - velocity(free);
+        assert!((push_mps - Vector2::new(0.3, -0.5)).amax() < 1e-9, "{push_mps}");
+    }
 }
 
 #[test]

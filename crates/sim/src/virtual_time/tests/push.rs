@@ -1,0 +1,65 @@
+//! A vehicle that something from outside holds or carries on: it looks like a command outage.
+
+use horizon_model::check::amax;
+use horizon_model::rows::{Sticks, pose};
+use tello_flight::{Phase, Start};
+use tello_io::config;
+
+use super::super::VirtualFlight;
+use crate::plant::RIGID_BODY;
+use crate::{Fault, ScriptedFault};
+
+/// Height of the square. m
+const HEIGHT_M: f64 = 1.3;
+
+/// What is seen of a tick.
+struct Flown {
+    height_m: f64,
+    u_sent: Sticks,
+    is_outage: bool,
+}
+
+/// The ticks of the square from the air, with `fault` from its fifth second on, until the program ends the flight.
+fn flown(fault: Fault, seed: u64, is_rigid_body: bool) -> Vec<Flown> {
+    let (fly, mission) = config::fly(None, None).unwrap();
+    let flight = config::flight(&fly, mission, Start::Airborne);
+    let mut sim = crate::settings(None).unwrap();
+    sim.plant.rigid_body = is_rigid_body.then_some(RIGID_BODY);
+    sim.faults = vec![ScriptedFault { fault, from_s: 4.0, for_s: 60.0 }];
+    let mut flight = VirtualFlight::new(&flight, &sim, seed).unwrap();
+    let mut ticks = Vec::new();
+    for _ in 0..2500 {
+        let height_m = flight.true_pose()[pose::Z];
+        let out = flight.tick().unwrap();
+        if out.phase() != Phase::Flying {
+            return ticks;
+        }
+        let is_outage = out.link.is_some_and(|link| link.state.is_down());
+        ticks.push(Flown { height_m, u_sent: out.u_sent, is_outage });
+    }
+    panic!("seed {seed} flies on");
+}
+
+#[test]
+fn a_push_leaves_the_height_as_it_is() {
+    let push = Fault::DronePushed { velocity_mps: [0.56, 0.56, 0.0] };
+    for (seed, is_rigid_body) in [(1, false), (2, false), (3, false), (3, true)] {
+        let ticks = flown(push, seed, is_rigid_body);
+        let off_m = |tick: &Flown| (tick.height_m - HEIGHT_M).abs();
+        // From 2 s on the climb of the start is over.
+        let off_m = ticks.iter().skip(100).map(off_m).fold(0.0, f64::max);
+        assert!(off_m < 0.08, "seed {seed}, rigid body {is_rigid_body}: {off_m} m");
+    }
+}
+
+#[test]
+fn a_drone_that_is_held_is_pressed_by_small_sticks_only() {
+    for seed in 1..=3 {
+        let ticks = flown(Fault::DroneHeld, seed, false);
+        let in_outage: Vec<f64> =
+            ticks.iter().filter(|tick| tick.is_outage).map(|tick| amax(&tick.u_sent)).collect();
+        assert!(in_outage.len() > 100, "seed {seed}: {} ticks", in_outage.len());
+        let largest = in_outage.iter().copied().fold(0.0, f64::max);
+        assert!(largest > 0.1 && largest < 0.401, "seed {seed}: {largest}");
+    }
+}
