@@ -3,11 +3,11 @@
 //! Owns the trajectory as points. It repeats the prediction of the tick from the recorded values of the tick, so
 //! that the tick need not record it. Nothing that flies reads it.
 
-use horizon_model::rows::{Sticks, motion, pose, stick};
+use horizon_model::rows::{Sticks, pose, stick};
 use horizon_model::setting::SettingError;
-use horizon_model::{InputFifo, Kinematic, Lagged, Model};
+use horizon_model::{InputFifo, Kinematic, Model};
 
-use tello_flight::cycle::{CycleTable, Outcome};
+use tello_flight::cycle::{CycleTable, ModelKind, Outcome, WithModel};
 
 use crate::view_numbers::{Place, every, to_thousandths};
 
@@ -29,6 +29,7 @@ pub struct Ahead {
 /// Predicts the trajectory from the sticks in transit and the plan.
 #[derive(Debug)]
 pub struct TrajectoryPredictor {
+    model: ModelKind,
     fifo: InputFifo<{ stick::COUNT }>,
     dt_s: f64,
 }
@@ -41,16 +42,12 @@ impl TrajectoryPredictor {
     pub fn new(cycle: &CycleTable) -> Result<Self, SettingError> {
         let fifo = InputFifo::new(&cycle.dead_time_s, &Kinematic::INPUT, cycle.dt_s)?;
         let fifo = fifo.with_room(CHANGE_MAX).with_min_ratio(cycle.dead_time_min_ratio());
-        Ok(Self { fifo, dt_s: cycle.dt_s })
+        Ok(Self { model: cycle.model, fifo, dt_s: cycle.dt_s })
     }
 
     /// The path ahead as the tick of `out` saw it; called before [`TrajectoryPredictor::note`] of the same tick.
     pub fn ahead(&self, out: &Outcome) -> Ahead {
-        match out.s_hat.len() {
-            pose::COUNT => self.led(&Kinematic, out),
-            motion::COUNT => self.led(&Lagged::default(), out),
-            _ => Ahead::default(),
-        }
+        self.model.with(Led { predictor: self, out })
     }
 
     /// Takes note of the sticks that the tick of `out` sent; called for every tick.
@@ -61,9 +58,9 @@ impl TrajectoryPredictor {
         self.fifo.push(&out.u_sent);
     }
 
-    fn led<const NS: usize, const NO: usize, const NP: usize>(
+    fn led<const NS: usize, const NP: usize>(
         &self,
-        model: &impl Model<NS, { stick::COUNT }, NO, NP>,
+        model: &impl Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
         out: &Outcome,
     ) -> Ahead {
         let (Some(s_hat), Some(p)) = (out.s_hat.first_chunk::<NS>(), out.p_hat.first_chunk::<NP>())
@@ -80,7 +77,7 @@ impl TrajectoryPredictor {
             s = model.step(&s, &u, &p, self.dt_s);
             path.push(place(&s));
         }
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=400")]
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=500")]
         let decided = self.fifo.dead_time_steps().max() as usize;
         let turn = decided.min(path.len().saturating_sub(1));
         let has_plan = !out.plan.is_empty();
@@ -88,6 +85,23 @@ impl TrajectoryPredictor {
             if has_plan { thinned(path.get(turn..).unwrap_or_default()) } else { Vec::new() };
         path.truncate(turn + 1);
         Ahead { committed: thinned(&path), plan }
+    }
+}
+
+/// [`TrajectoryPredictor::led`] with the model of the flight.
+struct Led<'a> {
+    predictor: &'a TrajectoryPredictor,
+    out: &'a Outcome,
+}
+
+impl WithModel for Led<'_> {
+    type Output = Ahead;
+
+    fn run<M, const NS: usize, const NP: usize, const NR: usize>(self, model: M) -> Ahead
+    where
+        M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+    {
+        self.predictor.led(&model, self.out)
     }
 }
 
@@ -112,6 +126,7 @@ mod tests {
     fn predictor() -> TrajectoryPredictor {
         let (table, mission) = config::fly(None, None).unwrap();
         let mut flight = config::flight(&table, mission, Start::Grounded);
+        flight.cycle.model = ModelKind::Kinematic;
         flight.cycle.dead_time_s = vec![3.0 * flight.cycle.dt_s; stick::COUNT];
         TrajectoryPredictor::new(&flight.cycle).unwrap()
     }
@@ -154,6 +169,21 @@ mod tests {
             let last = predictor.ahead(&out).committed.pop().map(|[_, _, z]| z);
             assert_eq!(last, Some(to_thousandths(3.0 + 3.0 * throttle * dt_s)), "{throttle}");
         }
+    }
+
+    #[test]
+    fn the_model_of_the_flight_leads_the_way() {
+        let mut out = out();
+        out.s_hat[pose::THETA] = 0.5;
+        out.u_sent[stick::ROLL] = 1.0;
+        let last = |model| {
+            let mut predictor = TrajectoryPredictor { model, ..predictor() };
+            (0..3).for_each(|_| predictor.note(&out));
+            predictor.ahead(&out).committed.pop()
+        };
+        // The last one has other states than `out`.
+        let [right, published, _] = ModelKind::ALL.map(last);
+        assert!(right.is_some() && right != published, "{right:?}");
     }
 
     #[test]

@@ -133,7 +133,7 @@ where
 /// What one tick leaves to the next beside the states of the parts.
 #[derive(Debug, Default)]
 struct Memory {
-    /// When the newest accepted position and heading with anything new were measured.
+    /// When the newest accepted position with anything new was measured; and such a heading.
     position_at: Option<TimeNs>,
     heading_at: Option<TimeNs>,
     /// Headings accepted so far.

@@ -1,7 +1,7 @@
 //! The last code before the wire: limits and freshness, nothing of control.
 //!
-//! Owns [`Approved`], which only this module can make; no other stick value reaches the socket. It
-//! knows no model, no estimate and no clock.
+//! Owns [`Approved`], which only this module can make; in a flight no other stick value reaches the socket. The
+//! checks of `bench`, with a person beside the drone, send their own. It knows no model, no estimate and no clock.
 
 use horizon_model::rows::Sticks;
 use horizon_model::setting::{SettingError, in_range};
@@ -30,7 +30,7 @@ pub struct Gate {
     stale_s: f64,
 }
 
-/// Sticks that passed the gate; nothing else reaches the socket.
+/// Sticks that passed the gate; in a flight nothing else reaches the socket.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Approved(Sticks);
 

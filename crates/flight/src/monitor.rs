@@ -66,7 +66,7 @@ pub struct DroneMotion {
 /// What one tick knows of the motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
-    /// Pose accepted in this tick; `None` if there was none. m, rad
+    /// Pose accepted in this tick, world frame; `None` if there was none. m, rad
     pub pose: Option<Pose>,
     /// Newest report of the drone; `None` if there is no fresh one.
     pub drone: Option<DroneMotion>,

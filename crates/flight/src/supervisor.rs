@@ -101,6 +101,7 @@ pub struct Supervisor {
     done_since_ns: Option<i64>,
     /// Since when the controller's vehicle goes away from its reference. ns
     astray_since_ns: Option<i64>,
+    /// Since when it is turned away from its reference. ns
     turned_since_ns: Option<i64>,
     /// Since when the vehicle is too fast. ns
     fast_since_ns: Option<i64>,
@@ -300,7 +301,7 @@ impl Supervisor {
             Phase::Idle if asks_to_land && self.drone_says_flying(e) == Some(true) => {
                 Phase::Landing
             }
-            // Other faults land nothing: it stands.
+            // On the ground no other fault orders a landing.
             Phase::Idle if reaction == Reaction::Land && self.has_taken_off_unasked(e) => {
                 Phase::Landing
             }

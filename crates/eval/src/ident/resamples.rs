@@ -149,7 +149,10 @@ impl ResampleFile {
         }
         let (head, rows) = shard_file::read::<ResampleRow>(path)?;
         if head.revision() != REVISION {
-            bail!("{} is of revision {} of the program", path.display(), head.revision());
+            let (path, theirs) = (path.display(), head.revision());
+            bail!(
+                "{path} is of revision {theirs} of the program, and this one is {REVISION}: compute it anew"
+            );
         }
         Self::of(&head, rows).with_context(|| path.display().to_string())
     }
@@ -162,7 +165,11 @@ impl ResampleFile {
 
     fn check(&self, parameters: usize) -> Result<()> {
         match self.resamples.iter().find(|row| row.p.len() != parameters) {
-            Some(row) => bail!("resample {} has {} values", row.index, row.p.len()),
+            Some(row) => bail!(
+                "resample {} has {} values in place of {parameters}, one a parameter: compute it anew",
+                row.index,
+                row.p.len()
+            ),
             None => Ok(()),
         }
     }

@@ -114,7 +114,7 @@ impl Plausibility {
         self.repeats >= REPEATS_MIN
     }
 
-    /// Whether poses jump to and fro: an object that is found in two places, or noise.
+    /// Whether poses jump again and again, in whatever direction: an object that is found in two places, or noise.
     pub(super) fn is_rough(&self) -> bool {
         [QUICK, SLOW].into_iter().any(|Burst { count, ticks }| self.rough_ago[count - 1] < ticks)
     }

@@ -30,17 +30,17 @@ const SPEED_TAU_S: f64 = 0.4;
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Displacements {
     /// By the poses. m
-    pub(super) poses_m: Complex<f64>,
+    pub(super) poses_w_m: Complex<f64>,
     /// Velocity by the poses, low-pass filtered. m/s
-    poses_mps: Complex<f64>,
+    poses_w_mps: Complex<f64>,
     /// By the drone in each frame. m
     pub(super) flown_m: [Complex<f64>; FRAMES],
     /// Speed by the drone in each kind of axes, those that are fixed and those that turn with the body.
     drone: [DroneSpeed; 2],
     /// By the inputs of a typical vehicle. m
-    pub(super) inputs_m: Complex<f64>,
+    pub(super) inputs_w_m: Complex<f64>,
     /// Velocity that the inputs ask for, after the lag. m/s
-    pub(super) asked_mps: Complex<f64>,
+    pub(super) asked_w_mps: Complex<f64>,
 }
 
 /// Speed by the drone in one kind of axes.
@@ -58,19 +58,19 @@ impl Displacements {
     /// Adds a period.
     pub(super) fn add(
         &mut self,
-        moved_m: Complex<f64>,
+        moved_w_m: Complex<f64>,
         seen: &[Complex<f64>; FRAMES],
-        asked_mps: Complex<f64>,
+        asked_w_mps: Complex<f64>,
         dt_s: f64,
     ) {
         let keep = (-dt_s / FORGET_S).exp();
         let keep_difference = (-dt_s / SPEED_FORGET_S).exp();
         let smooth = 1.0 - (-dt_s / SPEED_TAU_S).exp();
-        self.asked_mps += (asked_mps - self.asked_mps) * (1.0 - decay(dt_s));
-        self.inputs_m = self.inputs_m * keep + self.asked_mps * dt_s;
-        self.poses_m = self.poses_m * keep + moved_m;
-        self.poses_mps += (moved_m / dt_s - self.poses_mps) * smooth;
-        let by_poses_mps = self.poses_mps.norm();
+        self.asked_w_mps += (asked_w_mps - self.asked_w_mps) * (1.0 - decay(dt_s));
+        self.inputs_w_m = self.inputs_w_m * keep + self.asked_w_mps * dt_s;
+        self.poses_w_m = self.poses_w_m * keep + moved_w_m;
+        self.poses_w_mps += (moved_w_m / dt_s - self.poses_w_mps) * smooth;
+        let by_poses_mps = self.poses_w_mps.norm();
         for (flown_m, seen) in self.flown_m.iter_mut().zip(seen) {
             *flown_m = *flown_m * keep + seen * dt_s;
         }
@@ -91,7 +91,7 @@ impl Displacements {
     /// By how much the poses differ from the two others, less a tolerance; `None` if those do not agree,
     /// as with a drone whose unit is not ours, or did not move. m
     pub(super) fn difference_m(&self) -> Option<f64> {
-        let (inputs_m, poses_m) = (self.inputs_m.norm(), self.poses_m.norm());
+        let (inputs_m, poses_m) = (self.inputs_w_m.norm(), self.poses_w_m.norm());
         let difference_m = |frame: usize, drone: &DroneSpeed| {
             let flown_m = self.flown_m[frame].norm();
             // A drone whose unit is another differs from the inputs more than the poses do.
@@ -108,9 +108,10 @@ impl Displacements {
     /// By how much the displacement by the poses differs from `flown_m` by the drone, less a tolerance; `None` unless
     /// the drone is closer than half as far from the inputs as the poses are. m
     pub(super) fn vector_difference_m(&self, flown_m: Complex<f64>) -> Option<f64> {
-        let turn_rad = (self.poses_m * flown_m.conj()).arg().clamp(-TURN, TURN);
-        let poses_m = self.poses_m * Complex::from_polar(1.0, -turn_rad);
-        let is_nearer = (flown_m - self.inputs_m).norm() <= 0.5 * (poses_m - self.inputs_m).norm();
+        let turn_rad = (self.poses_w_m * flown_m.conj()).arg().clamp(-TURN, TURN);
+        let poses_m = self.poses_w_m * Complex::from_polar(1.0, -turn_rad);
+        let is_nearer =
+            (flown_m - self.inputs_w_m).norm() <= 0.5 * (poses_m - self.inputs_w_m).norm();
         is_nearer.then(|| (poses_m - flown_m).norm() - TOLERANCE * flown_m.norm())
     }
 }

@@ -39,7 +39,7 @@ pub(super) struct HiddenMotion {
     /// Since the newest pose. s
     since_pose_s: f64,
     /// Horizontal velocity by the poses, world frame, low-pass filtered. m/s
-    velocity_mps: Vector2<f64>,
+    velocity_w_mps: Vector2<f64>,
     /// Largest speed by the poses of late. m/s
     poses_mps: f64,
     /// Way by the poses, and by the drone, while the poses moved. m
@@ -59,7 +59,7 @@ impl HiddenMotion {
             dt_s,
             before: None,
             since_pose_s: 0.0,
-            velocity_mps: Vector2::zeros(),
+            velocity_w_mps: Vector2::zeros(),
             poses_mps: 0.0,
             way_m: 0.0,
             flown_m: 0.0,
@@ -81,7 +81,7 @@ impl HiddenMotion {
         if self.mps() >= HIDDEN_MPS {
             self.since_hidden_s = 0.0;
         }
-        let speed_mps = self.velocity_mps.norm();
+        let speed_mps = self.velocity_w_mps.norm();
         if let Some(drone_mps) = drone_mps.filter(|_| speed_mps >= COMPARED_MPS) {
             let keep = (-self.dt_s / WAY_FORGET_S).exp();
             self.way_m = self.way_m * keep + speed_mps * self.dt_s;
@@ -107,11 +107,12 @@ impl HiddenMotion {
         self.since_pose_s += self.dt_s;
         let Some(now) = pose else { return };
         let before = self.before.replace(*now).unwrap_or(*now);
-        let moved_m = Vector2::new(now[pose::X] - before[pose::X], now[pose::Y] - before[pose::Y]);
+        let moved_w_m =
+            Vector2::new(now[pose::X] - before[pose::X], now[pose::Y] - before[pose::Y]);
         let part = 1.0 - (-self.since_pose_s / FILTER_S).exp();
-        self.velocity_mps += (moved_m / self.since_pose_s - self.velocity_mps) * part;
+        self.velocity_w_mps += (moved_w_m / self.since_pose_s - self.velocity_w_mps) * part;
         let kept_mps = self.poses_mps * (-self.since_pose_s / FORGET_S).exp();
-        self.poses_mps = kept_mps.max(self.velocity_mps.norm());
+        self.poses_mps = kept_mps.max(self.velocity_w_mps.norm());
         self.since_pose_s = 0.0;
     }
 }

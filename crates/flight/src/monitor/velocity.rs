@@ -56,7 +56,7 @@ pub(super) struct VelocityMonitor {
 #[derive(Debug, Clone, Copy)]
 struct Motion {
     /// Displacement by the poses. m
-    moved_m: Complex<f64>,
+    moved_w_m: Complex<f64>,
     /// Time that it took. s
     moved_in_s: f64,
     /// Velocity by the drone in each frame. m/s
@@ -90,7 +90,7 @@ impl VelocityMonitor {
 
     /// Takes a tick in flight; how both compare, and by how much they differ. m
     pub(super) fn update(&mut self, sample: &Sample) -> (Agreement, f64) {
-        let (moved_m, moved_in_s) = self.displacement(sample);
+        let (moved_w_m, moved_in_s) = self.displacement(sample);
         let keep = (-self.dt_s / FORGET_S).exp();
         for error_m in &mut self.error_m {
             *error_m *= keep;
@@ -103,11 +103,11 @@ impl VelocityMonitor {
         let speed_mps = first_mps.hypot(second_mps);
         self.speed_mps = (self.speed_mps.is_some() || speed_mps > 0.0).then_some(speed_mps);
         let seen = frames(Complex::new(first_mps, second_mps), self.before);
-        self.displacements.add(moved_m, &seen, asked(sample, self.before), self.dt_s);
-        let error_m = self.compare(moved_m, &seen);
-        self.learn(&Motion { moved_m, moved_in_s, seen }, error_m);
-        let asked_m = self.displacements.asked_mps * self.dt_s;
-        let by_inputs = Motion { moved_m: asked_m, moved_in_s: self.dt_s, seen };
+        self.displacements.add(moved_w_m, &seen, asked(sample, self.before), self.dt_s);
+        let error_m = self.compare(moved_w_m, &seen);
+        self.learn(&Motion { moved_w_m, moved_in_s, seen }, error_m);
+        let asked_m = self.displacements.asked_w_mps * self.dt_s;
+        let by_inputs = Motion { moved_w_m: asked_m, moved_in_s: self.dt_s, seen };
         self.sums_by_inputs.add(&by_inputs, self.dt_s);
         if sample.pose.is_none() {
             // What the drone flew since is in the next pose.
@@ -126,13 +126,13 @@ impl VelocityMonitor {
         let before = self.before;
         self.before = sample.pose.or(before);
         self.since_pose_s = if sample.pose.is_some() { 0.0 } else { moved_in_s };
-        let moved_m = match (sample.pose, before) {
+        let moved_w_m = match (sample.pose, before) {
             (Some(now), Some(before)) => {
                 Complex::new(now[pose::X] - before[pose::X], now[pose::Y] - before[pose::Y])
             }
             _ => Complex::default(),
         };
-        (moved_m, moved_in_s)
+        (moved_w_m, moved_in_s)
     }
 
     /// Learns the axes from a motion that does not contradict them, also not by its speed once they are well known: a
@@ -154,11 +154,11 @@ impl VelocityMonitor {
     }
 
     /// Integrates the difference in each frame that fits; the least one, `None` before a frame fits. m
-    fn compare(&mut self, moved_m: Complex<f64>, seen: &[Complex<f64>; FRAMES]) -> Option<f64> {
+    fn compare(&mut self, moved_w_m: Complex<f64>, seen: &[Complex<f64>; FRAMES]) -> Option<f64> {
         let mut least_m = None;
         for (frame, error_m) in self.error_m.iter_mut().enumerate() {
             let Some(axes) = self.axes[frame] else { continue };
-            *error_m += moved_m - axes * seen[frame] * self.dt_s;
+            *error_m += moved_w_m - axes * seen[frame] * self.dt_s;
             least_m = Some(error_m.norm().min(least_m.unwrap_or(f64::INFINITY)));
         }
         least_m
@@ -190,7 +190,7 @@ impl VelocityMonitor {
 struct Sums {
     time_s: f64,
     /// Displacement by the poses. m
-    moved_m: Complex<f64>,
+    moved_w_m: Complex<f64>,
     /// Of each frame: the displacement by the drone. m
     flown_m: [Complex<f64>; FRAMES],
     /// Of each frame: displacement by the poses times conjugate velocity by the drone. m^2/s
@@ -203,16 +203,16 @@ struct Sums {
 
 impl Sums {
     fn add(&mut self, motion: &Motion, dt_s: f64) {
-        let Motion { moved_m, moved_in_s, ref seen } = *motion;
+        let Motion { moved_w_m, moved_in_s, ref seen } = *motion;
         let keep = (-dt_s / AXES_FORGET_S).exp();
         self.time_s = self.time_s * keep + dt_s;
-        self.moved_m = self.moved_m * keep + moved_m;
-        self.moved_squares = self.moved_squares * keep + moved_m.norm_sqr() / moved_in_s;
+        self.moved_w_m = self.moved_w_m * keep + moved_w_m;
+        self.moved_squares = self.moved_squares * keep + moved_w_m.norm_sqr() / moved_in_s;
         self.squares = self.squares * keep + seen[FIXED].norm_sqr() * dt_s;
         let sums = self.flown_m.iter_mut().zip(&mut self.products);
         for ((flown_m, product), seen) in sums.zip(seen) {
             *flown_m = *flown_m * keep + seen * dt_s;
-            *product = *product * keep + moved_m * seen.conj();
+            *product = *product * keep + moved_w_m * seen.conj();
         }
     }
 
@@ -225,9 +225,9 @@ impl Sums {
     fn axes(&self, frame: usize) -> Option<Complex<f64>> {
         let time_s = self.time_s.max(f64::MIN_POSITIVE);
         let flown_m = self.flown_m[frame];
-        let covariance = self.products[frame] - self.moved_m * flown_m.conj() / time_s;
+        let covariance = self.products[frame] - self.moved_w_m * flown_m.conj() / time_s;
         let variance = self.variance(frame);
-        let moved_variance = self.moved_squares - self.moved_m.norm_sqr() / time_s;
+        let moved_variance = self.moved_squares - self.moved_w_m.norm_sqr() / time_s;
         let fits = FIT.contains(&(covariance.norm() / variance))
             && covariance.norm_sqr() >= DETERMINATION_MIN * variance * moved_variance;
         fits.then(|| covariance / covariance.norm())

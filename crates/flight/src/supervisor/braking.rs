@@ -11,7 +11,7 @@ use super::{Supervisor, has_lasted};
 /// A vehicle that is slower lands at once. m/s
 const SLOW_MPS: f64 = 0.2;
 
-/// Longest braking: the dead time, and full speed by the limit of the acceleration. s
+/// Longest braking: a dead time of 0.34 s, and 1.2 m/s at 1.1 m/s^2. s
 const BRAKE_MAX_S: f64 = 1.5;
 
 impl Supervisor {

@@ -79,7 +79,7 @@ pub enum Operator {
 /// Where the vehicle is and where to, by the estimate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EstimatedMotion {
-    /// Pose. m, rad
+    /// Pose, world frame. m, rad
     pub pose: Pose,
     /// Its derivative by time. m/s, rad/s
     pub rate: Pose,
@@ -152,7 +152,7 @@ pub struct Evidence {
     /// Age of the older of the newest accepted position and heading with anything new; `None` before
     /// both were there. s
     pub pose_age_s: Option<f64>,
-    /// The newest accepted pose. m, rad
+    /// The newest accepted pose, world frame. m, rad
     pub pose: Option<Pose>,
     /// The newest estimate; `None` if there is none.
     pub motion: Option<EstimatedMotion>,
@@ -168,7 +168,7 @@ pub struct Evidence {
     /// How much further the pose of this tick is from the one before than a vehicle flies in the time
     /// between; `None` if no pose was accepted. m
     pub jump_m: Option<f64>,
-    /// Whether poses have jumped to and fro by less than that, several times within the last 50 or 200 ticks.
+    /// Whether poses have jumped several times within the last 50 or 200 ticks, by whatever more than 0.1 m.
     pub is_pose_rough: bool,
     /// How much deeper the pose of this tick is below the one before than a vehicle descends in the time
     /// between; `None` if no pose was accepted. m

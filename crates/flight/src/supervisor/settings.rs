@@ -6,8 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use super::geofence::{Room, RoomTable};
 
-/// A vehicle at 2 m/s goes as far blind as a room has to spare. s
+/// Longest age of a pose to steer by: a vehicle at 2 m/s flies 2 m in it. s
 const STALE_MAX_S: f64 = 1.0;
+/// Longest wait for a pose before the landing, with neutral sticks. s
 const LOST_MAX_S: f64 = 5.0;
 
 /// When the supervisor reacts.

@@ -32,11 +32,11 @@ fn displacements_are_integrals_over_the_last_15_s() {
     for count in [1, 10, 100, 500] {
         let displacements = displacements(0.5, [0.9, 0.3], 1.2, count);
         for (got_m, expected_m) in [
-            (displacements.poses_m.norm(), integral_m(|_| 0.5, 15.0, count)),
+            (displacements.poses_w_m.norm(), integral_m(|_| 0.5, 15.0, count)),
             (displacements.flown_m[FIXED].norm(), integral_m(|_| 0.9, 15.0, count)),
             (displacements.flown_m[TURNING].norm(), integral_m(|_| 0.3, 15.0, count)),
             // The vehicle follows its inputs with a lag of 0.6 s.
-            (displacements.inputs_m.norm(), integral_m(|k| 1.2 * step(k, 0.6), 15.0, count)),
+            (displacements.inputs_w_m.norm(), integral_m(|k| 1.2 * step(k, 0.6), 15.0, count)),
         ] {
             assert!((got_m - expected_m).abs() < 1e-9, "{count}: {got_m}, {expected_m} m");
         }
@@ -64,9 +64,9 @@ fn displacements_differ_if_drone_and_inputs_agree_in_both_kinds_of_axes() {
     let difference_m = |poses_m: f64, flown_m: [f64; 2], inputs_m: f64, speeds_m: [f64; 2]| {
         let drone =
             speeds_m.map(|difference_m| DroneSpeed { difference_m, ..DroneSpeed::default() });
-        let (poses_m, inputs_m) = (Complex::from(poses_m), Complex::from(inputs_m));
+        let (poses_w_m, inputs_w_m) = (Complex::from(poses_m), Complex::from(inputs_m));
         let mut displacements =
-            Displacements { poses_m, drone, inputs_m, ..Displacements::default() };
+            Displacements { poses_w_m, drone, inputs_w_m, ..Displacements::default() };
         (displacements.flown_m[FIXED], displacements.flown_m[TURNING]) =
             (flown_m[0].into(), flown_m[1].into());
         displacements.difference_m()
@@ -87,8 +87,8 @@ fn displacements_differ_if_drone_and_inputs_agree_in_both_kinds_of_axes() {
 fn directions_differ_beyond_the_turn_of_the_vehicles_own_axes() {
     let difference_m = |length_m: f64, turn_rad: f64, inputs_m: f64| {
         let flown_m = Complex::from_polar(length_m, turn_rad);
-        let inputs_m = Complex::from_polar(inputs_m, turn_rad);
-        Displacements { poses_m: Complex::new(1.2, 0.0), inputs_m, ..Displacements::default() }
+        let inputs_w_m = Complex::from_polar(inputs_m, turn_rad);
+        Displacements { poses_w_m: Complex::new(1.2, 0.0), inputs_w_m, ..Displacements::default() }
             .vector_difference_m(flown_m)
     };
     for (length_m, turn_rad, expected_m) in [

@@ -38,8 +38,8 @@ fn swaying(turn_rad: f64, poses_mps: f64, count: u32) -> VelocityMonitor {
 fn drone_and_inputs_that_agree_show_the_displacement_that_the_poses_deny() {
     for turn_rad in [0.0, 1.0, -2.5] {
         let monitor = swaying(turn_rad, 0.1, 180);
-        let asked_m = monitor.displacements.inputs_m.re;
-        let poses_m = monitor.displacements.poses_m.re;
+        let asked_m = monitor.displacements.inputs_w_m.re;
+        let poses_m = monitor.displacements.poses_w_m.re;
         assert!(asked_m < -0.5 && poses_m > 0.15, "{asked_m}, {poses_m} m");
         // The drone's report is a period late.
         let (square_m2, product_m2) = (poses_m.powi(2) + asked_m.powi(2), poses_m * asked_m);

@@ -75,7 +75,7 @@ pub(super) fn stick_for(value: f64, dead: f64, width: f64) -> f64 {
     value + t.copysign(value)
 }
 
-/// Factor of a vector that limits its norm, to 0.02 % at the usual width, and its derivative.
+/// Factor of a vector that limits its norm, to 0.03 % at the usual width, and its derivative.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limit {
     /// `phi(q)`, in (0, 1]. 1
