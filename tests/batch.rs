@@ -50,7 +50,7 @@ fn a_configuration_does_not_differ_from_itself() {
 fn variations_change_the_vehicle_that_is_flown() {
     let folder = folder("vary");
     let speed = |more: &[&str]| {
-        let speed = &batch(&folder, "2", more)["by_truth"]["speed_median_m_s"];
+        let speed = &batch(&folder, "2", more)["by_truth"]["speed_median_mps"];
         speed.as_f64().unwrap()
     };
     let (weak, nominal, strong) =

@@ -33,7 +33,7 @@ fn fly(flight: &FlightTable, sim: &SimTable, seed: u64) -> (Vec<Phase>, Option<M
             phases.push(out.phase());
         }
         let (reached, u_sent, step) = (out.targets_reached, out.u_sent, out.step);
-        let is_over = matches!(out.phase(), Phase::Landed | Phase::Fault);
+        let is_over = matches!(out.phase(), Phase::Landed | Phase::LandingUnconfirmed);
         let at = virtual_flight.true_pose();
         height_max_m = maximum(height_max_m, at[pose::Z]);
         track.add(step as f64 * flight.cycle.dt_s, &at, &u_sent, reached);
@@ -99,7 +99,7 @@ fn poses_of_any_age_that_still_counts_fly_the_square() {
 #[test]
 fn both_pipelines_finish_the_square() {
     let (mut flight, sim) = tables(Start::Airborne, Profile::Clean);
-    for pipeline in [Pipeline::SameTick, Pipeline::Lagged] {
+    for pipeline in [Pipeline::SameTick, Pipeline::NextTick] {
         flight.cycle.pipeline = pipeline;
         let (phases, metrics, _) = fly(&flight, &sim, 4);
         assert_eq!(phases.first(), Some(&Phase::Flying), "{pipeline:?}");

@@ -24,7 +24,7 @@ fn the_real_squares_have_the_numbers_of_the_thesis() {
         ("finish_s/q25", 2, "14.78"),
         ("finish_s/median", 2, "18.18"),
         ("finish_s/q75", 2, "22.20"),
-        ("speed_m_s/median", 3, "0.351"),
+        ("speed_mps/median", 3, "0.351"),
         // To the line itself; to the samples of the thesis, 0.02 m apart, it is 0.0784.
         ("distance_m/median", 4, "0.0782"),
         ("distance_m/p90", 3, "0.192"),

@@ -1,5 +1,6 @@
 //! `NumPy` arrays in and out, with checked shapes.
 
+use nalgebra::SVector;
 use numpy::{Element, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
@@ -39,19 +40,43 @@ pub(crate) fn matrix(
     values: &PyReadonlyArray2<'_, f64>,
     (rows, columns): (Option<usize>, usize),
 ) -> PyResult<Vec<Vec<f64>>> {
-    let shape = values.shape();
-    let (given_rows, given_columns) = (shape[0], shape[1]);
-    if given_columns != columns || rows.is_some_and(|rows| rows != given_rows) {
-        let rows = rows.map_or_else(|| "n".to_owned(), |rows| rows.to_string());
-        let message = format!(
-            "{name}: expected shape ({rows}, {columns}), given ({given_rows}, {given_columns})"
-        );
-        return Err(TelloError::new_err(message));
-    }
+    check_shape(name, values, (rows, columns))?;
     let rows: Vec<Vec<f64>> =
         values.as_array().rows().into_iter().map(|row| row.iter().copied().collect()).collect();
     rows.iter().try_for_each(|row| finite(name, row))?;
     Ok(rows)
+}
+
+/// The same with `N` columns and `rows` rows.
+///
+/// # Errors
+/// As [`matrix`].
+pub(crate) fn fixed_rows<const N: usize>(
+    name: &str,
+    values: &PyReadonlyArray2<'_, f64>,
+    rows: usize,
+) -> PyResult<Vec<SVector<f64, N>>> {
+    check_shape(name, values, (Some(rows), N))?;
+    let array = values.as_array();
+    let rows = array.rows().into_iter().map(|row| SVector::from_fn(|column, _| row[column]));
+    let rows: Vec<SVector<f64, N>> = rows.collect();
+    rows.iter().try_for_each(|row| finite(name, row.as_slice()))?;
+    Ok(rows)
+}
+
+fn check_shape(
+    name: &str,
+    values: &PyReadonlyArray2<'_, f64>,
+    (rows, columns): (Option<usize>, usize),
+) -> PyResult<()> {
+    let shape = values.shape();
+    let (given_rows, given_columns) = (shape[0], shape[1]);
+    if given_columns == columns && rows.is_none_or(|rows| rows == given_rows) {
+        return Ok(());
+    }
+    let rows = rows.map_or_else(|| "n".to_owned(), |rows| rows.to_string());
+    let given = format!("given ({given_rows}, {given_columns})");
+    Err(TelloError::new_err(format!("{name}: expected shape ({rows}, {columns}), {given}")))
 }
 
 fn finite(name: &str, values: &[f64]) -> PyResult<()> {

@@ -1,6 +1,6 @@
 //! Model predictive controller of any model.
 
-use horizon_control::{Ask, InputCost, MpcTable, SolverTable};
+use horizon_control::{Ask, InputCost, MpcTable, SolveError, SolverTable};
 use horizon_model::expression::Dimensions;
 use horizon_model::setting::SettingError;
 use nalgebra::SVector;
@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use crate::model::{Model, padded};
 use crate::settings::{self, Rows};
 use crate::sizes::{AnyModel, Visit};
-use crate::{TelloError, array, raised};
+use crate::{array, raised};
 
 /// See `tello_ctl.Mpc`.
 #[pyclass(module = "tello_ctl", subclass)]
@@ -23,7 +23,7 @@ pub(crate) struct Mpc {
 
 /// A controller of any dimensions; vectors may be shorter than those of the model.
 trait AnyMpc: Send + Sync {
-    fn solve(&mut self, ask: &AnyAsk<'_>) -> Result<(f64, u32), String>;
+    fn solve(&mut self, ask: &AnyAsk<'_>) -> Result<(f64, u32), SolveError>;
     fn shift(&mut self);
     fn plan(&self, inputs: usize) -> Vec<f64>;
     fn states(&self, states: usize) -> Vec<f64>;
@@ -58,7 +58,7 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize, cons
 where
     M: AnyModel<NS, NU, NO, NP>,
 {
-    fn solve(&mut self, ask: &AnyAsk<'_>) -> Result<(f64, u32), String> {
+    fn solve(&mut self, ask: &AnyAsk<'_>) -> Result<(f64, u32), SolveError> {
         self.s_ref.clear();
         self.s_ref.extend(ask.reference.iter().map(|row| padded::<NS>(row)));
         if let [all] = self.s_ref[..] {
@@ -66,7 +66,7 @@ where
         }
         let (s, p, u_before) = (padded(ask.s), padded(ask.p), padded(ask.u_before));
         let solved = self.mpc.solve(&Ask::new(&s, &p, &u_before, &self.s_ref), &mut || false);
-        solved.map(|report| (report.cost, report.iterations)).map_err(|error| error.to_string())
+        solved.map(|report| (report.cost, report.iterations))
     }
 
     fn shift(&mut self) {
@@ -127,7 +127,7 @@ impl Mpc {
         let u_before = array::vector("u_before", &u_before, inputs)?;
         let ask = AnyAsk { s: &s, p: &p, u_before: &u_before, reference: &reference };
         let controller = &mut self.controller;
-        py.detach(|| controller.solve(&ask)).map_err(TelloError::new_err)
+        py.detach(|| controller.solve(&ask)).map_err(raised)
     }
 
     /// Moves the plan on by one period, the start of the next solution.

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use rayon::prelude::*;
 use tello_sim::{DT_S, SimTable};
 
-use crate::simulator::{CHUNK, Drone, Seen, Shown, rows, seen};
+use crate::simulator::{CHUNK, Drone, Seen, Shown, seen};
 use crate::{TelloError, array, raised};
 
 /// Actions in an observation: more than the longest dead time.
@@ -187,7 +187,8 @@ impl Environment {
         let [x, y, z, vx, vy, vz] = *self.target(rules);
         let way = [x - measured[pose::X], y - measured[pose::Y], z - measured[pose::Z]];
         let v = self.velocity;
-        let ([dx, dy, dz], [own_x, own_y, own_z]) = (turned(way), turned([v[0], v[1], v[2]]));
+        let ([dx, dy, dz], [own_x, own_y, own_z]) =
+            (turned(way), turned([v[pose::X], v[pose::Y], v[pose::Z]]));
         let [vx, vy, vz] = turned([vx, vy, vz]);
         let age_s = self.drone.age_s();
         let yaw = v[pose::THETA];
@@ -283,7 +284,7 @@ impl Environments {
         sticks: PyReadonlyArray2<'_, f64>,
         seeds: Vec<u64>,
     ) -> PyResult<Stepped<'py>> {
-        let sticks = rows("sticks", &sticks, self.vehicles.len())?;
+        let sticks = array::fixed_rows("sticks", &sticks, self.vehicles.len())?;
         let over = self.are_over.iter().filter(|is_over| **is_over).count();
         if seeds.len() != over {
             let message = format!("seeds: expected {over} values, given {}", seeds.len());

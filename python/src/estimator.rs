@@ -1,6 +1,6 @@
 //! Moving horizon estimator of any model.
 
-use horizon_estim::{ArrivalTable, LmTable, LossTable, MheTable, Observed};
+use horizon_estim::{ArrivalTable, LmTable, LossTable, MheTable, Observed, SolveError};
 use horizon_model::expression::Dimensions;
 use horizon_model::setting::SettingError;
 use numpy::{PyArray1, PyReadonlyArray1};
@@ -23,7 +23,7 @@ pub(crate) struct Mhe {
 /// An estimator of any dimensions; vectors may be shorter than those of the model.
 trait AnyMhe: Send + Sync {
     fn start(&mut self, o: &[f64]) -> bool;
-    fn update(&mut self, u: &[f64], o: Option<&[f64]>) -> Result<(f64, u32), String>;
+    fn update(&mut self, u: &[f64], o: Option<&[f64]>) -> Result<(f64, u32), SolveError>;
     fn s_hat(&self) -> &[f64];
     fn p_hat(&self) -> &[f64];
 }
@@ -38,10 +38,10 @@ where
         self.is_started()
     }
 
-    fn update(&mut self, u: &[f64], o: Option<&[f64]>) -> Result<(f64, u32), String> {
+    fn update(&mut self, u: &[f64], o: Option<&[f64]>) -> Result<(f64, u32), SolveError> {
         let observed = o.map_or_else(Observed::missing, |o| Observed::full(padded(o)));
         let solved = self.update(&padded(u), &observed, &mut || false);
-        solved.map(|report| (report.cost, report.iterations)).map_err(|error| error.to_string())
+        solved.map(|report| (report.cost, report.iterations))
     }
 
     fn s_hat(&self) -> &[f64] {
@@ -102,7 +102,7 @@ impl Mhe {
         let observations = self.dimensions.observations;
         let o = o.map(|o| array::vector("o", &o, observations)).transpose()?;
         let estimator = &mut self.estimator;
-        py.detach(|| estimator.update(&u, o.as_deref())).map_err(TelloError::new_err)
+        py.detach(|| estimator.update(&u, o.as_deref())).map_err(raised)
     }
 
     /// The newest state estimate.

@@ -12,7 +12,7 @@ use crate::long_call::{self, Stop};
 use crate::model::{Model, padded};
 use crate::settings::{self, Rows};
 use crate::sizes::{AnyModel, Visit};
-use crate::{TelloError, array};
+use crate::{TelloError, array, raised};
 
 /// What identification found.
 pub(crate) struct Found {
@@ -67,7 +67,7 @@ pub(crate) fn fit(
     let visited = long_call::run(py, |stop| {
         Ok(handle.visit(Solve { table: &table, pieces: &numbers, dt_s: dt, parameters, stop }))
     })?;
-    let found = visited?.map_err(TelloError::new_err)?;
+    let found = visited?.map_err(raised)?;
     Ok((found.parameter, found.deviation, found.cost, found.iterations))
 }
 
@@ -84,7 +84,7 @@ struct Solve<'a> {
 }
 
 impl Visit for Solve<'_> {
-    type Out = Result<Found, String>;
+    type Out = anyhow::Result<Found>;
 
     fn visit<
         M,
@@ -100,17 +100,14 @@ impl Visit for Solve<'_> {
     where
         M: AnyModel<NS, NU, NO, NP>,
     {
-        let settings =
-            self.table.check::<M, NS, NU, NO, NP>().map_err(|error| error.to_string())?;
+        let settings = self.table.check::<M, NS, NU, NO, NP>()?;
         let vectors = |(u, o): &Recorded| Piece::<NU, NO> {
             u: u.iter().map(|row| padded(row)).collect::<Vec<SVector<f64, NU>>>(),
             o: o.iter().map(|row| Observed::full(padded(row))).collect(),
         };
         let pieces = self.pieces.iter().map(vectors).collect();
-        let mut ident =
-            Ident::new(model, &settings, self.dt_s, pieces).map_err(|error| error.to_string())?;
-        let solved =
-            ident.solve(&mut || self.stop.is_asked()).map_err(|error| error.to_string())?;
+        let mut ident = Ident::new(model, &settings, self.dt_s, pieces)?;
+        let solved = ident.solve(&mut || self.stop.is_asked())?;
         let covariance = ident.information().ok().and_then(|information| {
             let rows = self.parameters;
             information.view((0, 0), (rows, rows)).clone_owned().try_inverse()

@@ -4,7 +4,7 @@ use std::sync::{Mutex, PoisonError};
 
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::setting::SettingError;
-use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use tello_flight::Sighting;
@@ -169,7 +169,7 @@ impl Simulators {
         py: Python<'py>,
         sticks: PyReadonlyArray2<'_, f64>,
     ) -> PyResult<Seen<'py>> {
-        let sticks = rows("sticks", &sticks, self.drones.len())?;
+        let sticks = array::fixed_rows("sticks", &sticks, self.drones.len())?;
         let drones = &mut self.drones;
         let step = |(drone, u): (&mut Drone, &Sticks)| {
             drone.step(u.map(|u| u.clamp(-1.0, 1.0)));
@@ -306,9 +306,9 @@ impl Controllers {
         pose: PyReadonlyArray2<'_, f64>,
         velocity: PyReadonlyArray2<'_, f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let measured = rows("measured", &measured, self.controllers.len())?;
-        let poses = rows("pose", &pose, self.controllers.len())?;
-        let velocities = rows("velocity", &velocity, self.controllers.len())?;
+        let measured = array::fixed_rows("measured", &measured, self.controllers.len())?;
+        let poses = array::fixed_rows("pose", &pose, self.controllers.len())?;
+        let velocities = array::fixed_rows("velocity", &velocity, self.controllers.len())?;
         let own = |(pose, velocity): (Pose, Pose)| Witness { pose, velocity };
         let drones: Vec<Witness> = poses.into_iter().zip(velocities).map(own).collect();
         let is_new: Vec<bool> = is_new.as_array().iter().copied().collect();
@@ -328,30 +328,5 @@ impl Controllers {
         });
         let flat: Vec<f64> = sticks.iter().flat_map(|u| u.iter().copied()).collect();
         array::table(py, stick::COUNT, &flat)
-    }
-}
-
-/// One row of four finite numbers per drone.
-pub(crate) fn rows(
-    name: &str,
-    values: &PyReadonlyArray2<'_, f64>,
-    count: usize,
-) -> PyResult<Vec<Pose>> {
-    let shape = values.shape();
-    let (given_rows, given_columns) = (shape[0], shape[1]);
-    if (given_rows, given_columns) != (count, 4) {
-        let message =
-            format!("{name}: expected shape ({count}, 4), given ({given_rows}, {given_columns})");
-        return Err(TelloError::new_err(message));
-    }
-    let rows: Vec<Pose> = values
-        .as_array()
-        .rows()
-        .into_iter()
-        .map(|row| Pose::from_fn(|column, _| row[column]))
-        .collect();
-    match rows.iter().flat_map(|row| row.iter()).find(|value| !value.is_finite()) {
-        Some(value) => Err(TelloError::new_err(format!("{name}: {value} is not a finite number"))),
-        None => Ok(rows),
     }
 }

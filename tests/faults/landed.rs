@@ -47,7 +47,7 @@ fn a_silent_drone_that_refuses_to_land_is_landed_on_whatever_object_lies_on_the_
         let story = fly(&settings(&script), 60.0, asks(Operator::Land, FAULT_AT_S));
         story.assert_sound();
         assert_lands_what_flies(&story, FAULT_AT_S);
-        assert_eq!(story.last().phase, Phase::Fault, "nobody confirms it");
+        assert_eq!(story.last().phase, Phase::LandingUnconfirmed, "nobody confirms it");
     }
 }
 

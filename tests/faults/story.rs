@@ -119,8 +119,10 @@ pub(crate) fn fly_with(
         });
         has_flown |= truth.phase == tello_sim::Phase::Flying;
         let is_down = has_flown && truth.phase == tello_sim::Phase::Grounded;
-        let is_over =
-            matches!(ruling.phase, Phase::Landed | Phase::Fault | Phase::MotorsStopped) && is_down;
+        let is_over = matches!(
+            ruling.phase,
+            Phase::Landed | Phase::LandingUnconfirmed | Phase::MotorsStopped
+        ) && is_down;
         if is_over || at_s >= seconds {
             break;
         }

@@ -6,21 +6,29 @@ use super::check;
 use super::repository::{File, files};
 
 /// Where vectors are indexed by named rows and equations are quoted.
-pub(crate) const KERNELS: [&str; 10] = [
+pub(crate) const KERNELS: [&str; 18] = [
     "crates/model/src/",
     "crates/estim/src/",
     "crates/control/src/",
     "crates/flight/src/",
-    "crates/eval/src/smooth.rs",
-    "crates/sim/src/contact.rs",
+    "crates/eval/src/forecast",
+    "crates/eval/src/metrics",
+    "crates/eval/src/smooth",
+    "crates/eval/src/vehicle",
+    "crates/sim/src/campaign",
+    "crates/sim/src/contact",
+    "crates/sim/src/distortion",
+    "crates/sim/src/drone",
     "crates/sim/src/emulator/",
-    "crates/sim/src/plant.rs",
-    "crates/sim/src/plant/",
+    "crates/sim/src/mocap",
+    "crates/sim/src/plant",
+    "crates/sim/src/world",
     "examples/",
+    "python/src/",
 ];
 
 /// What has places in time, along a path or in a pair, and not rows.
-const SEQUENCES: [&str; 16] = [
+const SEQUENCES: [&str; 17] = [
     "self.s",
     "self.s_candidate",
     "self.o",
@@ -37,6 +45,7 @@ const SEQUENCES: [&str; 16] = [
     "poses",
     "waypoints",
     "plan",
+    "shape",
 ];
 
 /// Values that a literal index follows in `line`, up to the bracket: `v[0]`, `m[(0, 3)]`.

@@ -44,7 +44,8 @@ pub struct Metrics {
     /// Horizontal distance to the path, largest. m
     pub distance_max_m: f64,
     /// Speed in x, y, z, median. m/s
-    pub speed_median_m_s: f64,
+    #[serde(alias = "speed_median_m_s")]
+    pub speed_median_mps: f64,
     /// Euclidean norm of the four sticks, median. 1
     pub input_norm_median: f64,
 }
@@ -68,7 +69,7 @@ struct Samples {
     distances_m: Vec<f64>,
     /// Where in `distances_m` each lap after the first begins.
     lap_begins: Vec<usize>,
-    speeds_m_s: Vec<f64>,
+    speeds_mps: Vec<f64>,
     input_norms: Vec<f64>,
     previous: Option<(f64, Pose)>,
 }
@@ -81,7 +82,7 @@ impl Samples {
         self.input_norms.push(u_sent.norm());
         if let Some((previous_s, previous)) = &self.previous {
             let moved_w = at.fixed_rows::<3>(pose::X) - previous.fixed_rows::<3>(pose::X);
-            self.speeds_m_s.push(moved_w.norm() / (now_s - previous_s));
+            self.speeds_mps.push(moved_w.norm() / (now_s - previous_s));
         }
         self.previous = Some((now_s, *at));
     }
@@ -119,7 +120,7 @@ impl Samples {
             distance_median_m: quantile(&self.distances_m, 0.5)?,
             distance_p95_m: quantile(&self.distances_m, 0.95)?,
             distance_max_m: quantile(&self.distances_m, 1.0)?,
-            speed_median_m_s: quantile(&self.speeds_m_s, 0.5)?,
+            speed_median_mps: quantile(&self.speeds_mps, 0.5)?,
             input_norm_median: quantile(&self.input_norms, 0.5)?,
         })
     }

@@ -7,6 +7,7 @@
 
 mod baseline;
 mod build;
+mod catch_up;
 mod dead_time;
 mod feasible;
 mod hand_over;
@@ -36,7 +37,7 @@ use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::{InputFifo, Model};
 use nalgebra::SVector;
 
-use crate::drone::{CONTROL_SILENCE_NEUTRAL, DroneStatus};
+use crate::drone::DroneStatus;
 use crate::gate::{Approved, Gate};
 use crate::time::TimeNs;
 use crate::{Mission, Monitors, Pilot, PoseFilter, Supervisor};
@@ -73,9 +74,6 @@ const COMING: isize = 0;
 const JUST_ENDED: isize = -1;
 /// The same period after the push, which moves the coming step on by one.
 const JUST_ENDED_AFTER_PUSH: isize = -2;
-
-/// Periods without a tick that are made up for: a second of the shortest ones. Then the sender lands the drone.
-const SKIPPED_MAX: u64 = 200;
 
 /// A cycle of any model: what flight, simulation and replay hold.
 pub trait Tick: Send {
@@ -155,7 +153,7 @@ where
     /// Sense, estimate, supervise, plan, gate, remember.
     ///
     /// With [`Pipeline::SameTick`] the sticks of this tick follow from the newest observation. With
-    /// [`Pipeline::Lagged`] plan and estimate are made after the decision and used one tick later,
+    /// [`Pipeline::NextTick`] plan and estimate are made after the decision and used one tick later,
     /// as the published controller does with its asynchronous handlers.
     ///
     /// Real time: no allocation of ours; the solvers poll `watch` once per iteration and before a fall-back.
@@ -193,7 +191,7 @@ where
         out.decide(&u_wish, approved, &u_sent, self.planner.lag());
         watch.send(out);
 
-        if self.pipeline == Pipeline::Lagged {
+        if self.pipeline == Pipeline::NextTick {
             self.solve_for_next_tick(may_steer, seen.as_ref(), watch, out);
         }
         if !may_steer {
@@ -225,24 +223,6 @@ impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    /// Catches up after missed periods: the sender repeated the last commands, then sent neutral ones.
-    fn catch_up(&mut self, inbox: &Inbox, watch: &mut dyn Watch) {
-        for missed in 1..=inbox.skipped.min(SKIPPED_MAX) {
-            let is_repeated = missed as f64 * self.dt_s < CONTROL_SILENCE_NEUTRAL.seconds();
-            self.fifo.push(&if is_repeated { *self.fifo.newest() } else { Sticks::zeros() });
-            self.planner.skip();
-            if self.mhe.is_started() {
-                let missing = Observed::missing();
-                let u_applied = self.follow_link(JUST_ENDED_AFTER_PUSH, &missing, None);
-                let solved = self.mhe.update(&u_applied, &missing, &mut || watch.is_late());
-                self.memory.estimator_failed = solved.is_err();
-                if self.memory.is_on_mission {
-                    self.aim();
-                }
-            }
-        }
-    }
-
     /// Step 6 of thesis section 4.3.11: the newest state and the parameters, from the window that ends now.
     fn estimate(
         &mut self,

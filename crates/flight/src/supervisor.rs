@@ -12,7 +12,7 @@
 //!   v                                         v                    v
 //! Landing <-----------------------------------+--------------------+
 //!   |-- down --> Landed
-//!   '-- timeout --> Fault, which goes on ordering to land until the vehicle is down
+//!   '-- timeout --> LandingUnconfirmed, which goes on ordering to land until the vehicle is down
 //!
 //! any phase -- emergency stop --> MotorsStopped
 //! ```
@@ -198,7 +198,7 @@ impl Supervisor {
             self.phase_since_ns = e.t_ns;
             match next {
                 Phase::Flying => self.risen_ns = Some(e.t_ns),
-                Phase::Landing | Phase::Fault | Phase::MotorsStopped => {
+                Phase::Landing | Phase::LandingUnconfirmed | Phase::MotorsStopped => {
                     if next == Phase::MotorsStopped {
                         self.end_ordered_ns = None;
                     }
@@ -312,13 +312,13 @@ impl Supervisor {
             Phase::TakingOff if self.is_airborne(e) => Phase::Flying,
             Phase::Flying if self.is_held_out(e) => Phase::Landing,
             Phase::Landing if self.is_down(e) => Phase::Landed,
-            Phase::Landing if self.is_landing_overdue(e) => Phase::Fault,
+            Phase::Landing if self.is_landing_overdue(e) => Phase::LandingUnconfirmed,
             Phase::Idle
             | Phase::TakingOff
             | Phase::Flying
             | Phase::Landing
             | Phase::Landed
-            | Phase::Fault
+            | Phase::LandingUnconfirmed
             | Phase::MotorsStopped => self.phase,
         }
     }
@@ -339,7 +339,7 @@ impl Supervisor {
                 self.take_off_ordered_ns = Some(e.t_ns);
                 SupervisorOrder::TakeOff
             }
-            Phase::Landing | Phase::Fault | Phase::MotorsStopped
+            Phase::Landing | Phase::LandingUnconfirmed | Phase::MotorsStopped
                 if is_due(self.end_ordered_ns, REPEAT_S) && !self.is_down(e) =>
             {
                 self.end_ordered_ns = Some(e.t_ns);

@@ -171,7 +171,7 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
         assert_may_take_off(before, is_fresh && is_inside, e);
     }
     if ruling.order == SupervisorOrder::Land {
-        assert!(matches!(ruling.phase, Phase::Landing | Phase::Fault), "{}", case());
+        assert!(matches!(ruling.phase, Phase::Landing | Phase::LandingUnconfirmed), "{}", case());
     }
     let is_on_the_way = matches!(before, Phase::TakingOff | Phase::Flying);
     let pilot = if e.is_by_hand { Pilot::Person } else { Pilot::Controller };
@@ -194,9 +194,9 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
         Phase::Idle => &[Phase::Idle, Phase::TakingOff, Phase::Landing],
         Phase::TakingOff => &[Phase::TakingOff, Phase::Flying, Phase::Landing],
         Phase::Flying => &[Phase::Flying, Phase::Landing],
-        Phase::Landing => &[Phase::Landing, Phase::Landed, Phase::Fault],
+        Phase::Landing => &[Phase::Landing, Phase::Landed, Phase::LandingUnconfirmed],
         Phase::Landed => &[Phase::Landed],
-        Phase::Fault => &[Phase::Fault],
+        Phase::LandingUnconfirmed => &[Phase::LandingUnconfirmed],
         Phase::MotorsStopped => &[Phase::MotorsStopped],
     };
     assert!(may_follow.contains(&ruling.phase), "no such transition: {}", case());
@@ -288,7 +288,7 @@ fn long_random_flights_break_no_invariant_and_visit_every_phase() {
             assert_safe(before, has_landed, &e, ruling);
             has_landed |= matches!(
                 ruling.phase,
-                Phase::Landing | Phase::Landed | Phase::Fault | Phase::MotorsStopped
+                Phase::Landing | Phase::Landed | Phase::LandingUnconfirmed | Phase::MotorsStopped
             );
             if !visited.contains(&ruling.phase) {
                 visited.push(ruling.phase);

@@ -129,7 +129,7 @@ pub fn fly_beside(
         watch.remember(virtual_flight.world());
         let out = virtual_flight.tick()?;
         is_finished |= out.targets_reached > 0 && out.targets_reached == out.target_number;
-        if matches!(out.phase(), Phase::Landed | Phase::Fault | Phase::MotorsStopped) {
+        if matches!(out.phase(), Phase::Landed | Phase::LandingUnconfirmed | Phase::MotorsStopped) {
             break;
         }
         let contact = watch.contact(virtual_flight.world());

@@ -76,7 +76,10 @@ pub fn fly(flight: &FlightTable, sim: &SimTable, seed: u64, path: &Path) -> Resu
         tick.timing = Timing { step: tick.inbox.step, ..Timing::default() };
         flight_log::write_tick(&mut log, &tick)?;
         scene.write(&mut log, &tick)?;
-        if matches!(tick.out.phase(), Phase::Landed | Phase::Fault | Phase::MotorsStopped) {
+        if matches!(
+            tick.out.phase(),
+            Phase::Landed | Phase::LandingUnconfirmed | Phase::MotorsStopped
+        ) {
             break;
         }
     }

@@ -301,12 +301,12 @@ impl Over {
                 is_ended || has_waited > self.patience
             }
             // The drone has time to receive the order again, and the log to show it on the ground.
-            Phase::Fault | Phase::MotorsStopped
+            Phase::LandingUnconfirmed | Phase::MotorsStopped
                 if self.is_flying || pose_is_airborne == Some(true) =>
             {
                 has_waited > SETTLE_IN_FAULT
             }
-            Phase::Landed | Phase::Fault | Phase::MotorsStopped => has_waited > SETTLE,
+            Phase::Landed | Phase::LandingUnconfirmed | Phase::MotorsStopped => has_waited > SETTLE,
         }
     }
 }

@@ -290,7 +290,7 @@ impl Summary {
                 "2-D distance  {:.3} m median, {:.3} m 95 %, {:.3} m largest",
                 metrics.distance_median_m, metrics.distance_p95_m, metrics.distance_max_m
             )?;
-            writeln!(f, "speed         {:.2} m/s median", metrics.speed_median_m_s)?;
+            writeln!(f, "speed         {:.2} m/s median", metrics.speed_median_mps)?;
             writeln!(f, "stick norm    {:.2} median", metrics.input_norm_median)?;
         }
         for (number, lap) in (1..).zip(&self.laps) {

@@ -203,7 +203,7 @@ pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<
     note(skipped, count(&[Phase::Idle]), "ticks before the take-off");
     note(skipped, count(&[Phase::TakingOff]), "ticks of the take-off");
     note(skipped, count(&[Phase::Landing, Phase::Landed]), "ticks of the landing");
-    note(skipped, count(&[Phase::Fault]), "ticks of a landing that was not confirmed");
+    note(skipped, count(&[Phase::LandingUnconfirmed]), "ticks of a landing that was not confirmed");
     note(skipped, count(&[Phase::MotorsStopped]), "ticks after an emergency stop");
     let Some(alone) = commands_act(&ticks[first..=last]) else {
         bail!("no command was sent while it flew");

@@ -95,7 +95,7 @@ impl Quantity {
     pub(super) fn key(self) -> &'static str {
         match self {
             Self::FinishS => "finish_s",
-            Self::SpeedMS => "speed_m_s",
+            Self::SpeedMS => "speed_mps",
             Self::DistanceM => "distance_m",
             Self::Distance4d => "distance_4d",
             Self::InputNorm => "input_norm",

@@ -78,7 +78,7 @@ pub(super) fn judge(
             measured.farthest_s
         ));
     }
-    if flight.ticks.last().is_some_and(|tick| tick.phase == Some(Phase::Fault)) {
+    if flight.ticks.last().is_some_and(|tick| tick.phase == Some(Phase::LandingUnconfirmed)) {
         reasons.push("its landing was not confirmed".to_owned());
     }
     (if reasons.is_empty() { Judgement::Good } else { Judgement::Bad }, reasons)

@@ -21,7 +21,8 @@ pub enum Pipeline {
     /// In the tick that made them.
     SameTick,
     /// One tick later each, as the published controller's asynchronous handlers do.
-    Lagged,
+    #[serde(alias = "lagged")]
+    NextTick,
 }
 
 /// What the estimator gets while the filter holds a value.
@@ -63,7 +64,7 @@ impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    /// Plan and estimate of [`Pipeline::Lagged`], made after the sticks of this tick are sent: the plan by the estimate
+    /// Plan and estimate of [`Pipeline::NextTick`], made after the sticks of this tick are sent: the plan by the estimate
     /// of the tick before.
     pub(super) fn solve_for_next_tick(
         &mut self,

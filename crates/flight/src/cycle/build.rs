@@ -61,7 +61,7 @@ where
     Ok(Box::new(cycle::<M, NS, NP, NR>(model, table)?))
 }
 
-fn cycle<M, const NS: usize, const NP: usize, const NR: usize>(
+pub(super) fn cycle<M, const NS: usize, const NP: usize, const NR: usize>(
     model: M,
     table: &FlightTable,
 ) -> Result<Cycle<M, NS, NP, NR>, SettingError>

@@ -179,7 +179,7 @@ mod tests {
 
     #[test]
     fn after_a_pause_the_sticks_in_transit_are_neutral() {
-        // Over the dead time of 0.3 s the driven velocity decays with the lag of 0.64 s, along both axes.
+        // Over the dead time of 0.34 s the driven velocity decays with the lag of 0.64 s, along both axes.
         let is_coasting = |is_reported| {
             let out = after_a_pause(20, is_reported);
             [motion::V_X, motion::V_Y]

@@ -29,9 +29,11 @@ const HEADINGS_MIN: u32 = 25;
 pub fn is_airborne(phase: Phase) -> bool {
     match phase {
         Phase::Idle | Phase::Landed => false,
-        Phase::TakingOff | Phase::Flying | Phase::Landing | Phase::Fault | Phase::MotorsStopped => {
-            true
-        }
+        Phase::TakingOff
+        | Phase::Flying
+        | Phase::Landing
+        | Phase::LandingUnconfirmed
+        | Phase::MotorsStopped => true,
     }
 }
 
@@ -306,9 +308,13 @@ pub(super) mod tests {
     #[test]
     fn the_vehicle_may_be_in_the_air_unless_it_was_never_or_is_down() {
         assert!(!is_airborne(Phase::Idle) && !is_airborne(Phase::Landed));
-        for phase in
-            [Phase::TakingOff, Phase::Flying, Phase::Landing, Phase::Fault, Phase::MotorsStopped]
-        {
+        for phase in [
+            Phase::TakingOff,
+            Phase::Flying,
+            Phase::Landing,
+            Phase::LandingUnconfirmed,
+            Phase::MotorsStopped,
+        ] {
             assert!(is_airborne(phase), "{phase:?}");
         }
     }

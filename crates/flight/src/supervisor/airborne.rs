@@ -120,7 +120,8 @@ impl Supervisor {
         let has_jumped = jumped_m(e.jump_m, self.table.jump_m) || jumped_m(e.drop_m, DROP_MAX_M);
         self.is_pose_displaced |= has_jumped && self.phase != Phase::Idle;
         self.is_pose_displaced &= self.pose_is_airborne(e) != Some(true);
-        let is_landing = matches!(self.phase, Phase::Landing | Phase::Fault | Phase::MotorsStopped);
+        let is_landing =
+            matches!(self.phase, Phase::Landing | Phase::LandingUnconfirmed | Phase::MotorsStopped);
         let ground = if is_landing { self.ground(e) } else { Ground::Unconfirmed };
         keep_since(&mut self.down_since_ns, ground != Ground::Unconfirmed, e.t_ns);
         keep_since(&mut self.agreed_since_ns, ground == Ground::ByBoth, e.t_ns);

@@ -34,7 +34,8 @@ pub enum Phase {
     /// Down. The end.
     Landed,
     /// The landing was not confirmed in time; it is ordered until the vehicle is down. The end.
-    Fault,
+    #[serde(alias = "fault")]
+    LandingUnconfirmed,
     /// Emergency stop: the motors are stopped, repeatedly until the vehicle is down. The end.
     #[serde(alias = "cut")]
     MotorsStopped,
@@ -49,7 +50,7 @@ impl Phase {
             Self::Flying => "flying",
             Self::Landing => "landing",
             Self::Landed => "landed",
-            Self::Fault => "fault",
+            Self::LandingUnconfirmed => "landing unconfirmed",
             Self::MotorsStopped => "emergency stop",
         }
     }
@@ -253,8 +254,8 @@ mod tests {
         let names = ["idle", "taking off", "flying", "landing", "landed"];
         assert_eq!(phases.map(Phase::name), names);
         assert_eq!(
-            [Phase::Fault, Phase::MotorsStopped].map(Phase::name),
-            ["fault", "emergency stop"]
+            [Phase::LandingUnconfirmed, Phase::MotorsStopped].map(Phase::name),
+            ["landing unconfirmed", "emergency stop"]
         );
     }
 

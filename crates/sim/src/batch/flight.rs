@@ -319,7 +319,7 @@ impl Flown {
             distance_median_m: 0.05,
             distance_p95_m: 0.1,
             distance_max_m,
-            speed_median_m_s: 0.5,
+            speed_median_mps: 0.5,
             input_norm_median: 0.3,
         };
         let score =

@@ -79,7 +79,7 @@ pub struct Spread {
     /// Overshoot over all corners of all flights: median, 90 %; null without corners. m
     pub overshoot_m: Option<[f64; 2]>,
     /// Median over flights of the median speed. m/s
-    pub speed_median_m_s: f64,
+    pub speed_median_mps: f64,
     /// Median over flights of the median stick norm. 1
     pub input_norm_median: f64,
 }
@@ -167,7 +167,7 @@ impl Spread {
             within_valid_distance: scores().filter(|score| is_valid(score)).count() as f64
                 / flown.len() as f64,
             overshoot_m: quantiles(&overshoots, [0.5, 0.9]),
-            speed_median_m_s: median(|score| score.metrics.speed_median_m_s)?,
+            speed_median_mps: median(|score| score.metrics.speed_median_mps)?,
             input_norm_median: median(|score| score.metrics.input_norm_median)?,
         })
     }
@@ -213,7 +213,7 @@ pub(super) const LINES: [Line; 15] = [
     ("within 0.3 m", "of all flights", 3, |spread| Some(spread.within_valid_distance)),
     ("overshoot", "m, median", 3, |spread| Some(spread.overshoot_m?[0])),
     ("", "m, 90 %", 3, |spread| Some(spread.overshoot_m?[1])),
-    ("speed", "m/s, median", 3, |spread| Some(spread.speed_median_m_s)),
+    ("speed", "m/s, median", 3, |spread| Some(spread.speed_median_mps)),
     ("stick norm", "median", 3, |spread| Some(spread.input_norm_median)),
 ];
 

@@ -6,6 +6,7 @@
 use std::f64::consts::{PI, TAU};
 
 use clap::ValueEnum;
+use horizon_model::rows::pose;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -288,7 +289,7 @@ impl Family {
         let (mut velocity_mps, mut yaw_radps) = ([0.0; 3], 0.0);
         match self {
             Self::HeightDrift => {
-                velocity_mps[2] = sign(random) * log_between(random, 0.02, 0.5);
+                velocity_mps[pose::Z] = sign(random) * log_between(random, 0.02, 0.5);
             }
             Self::HeadingDrift => yaw_radps = sign(random) * log_between(random, 0.02, 1.0),
             _ => {

@@ -27,6 +27,7 @@ impl Fault {
     pub(super) fn check(&self) -> Result<(), SettingError> {
         let size = |key: &str, values: &[f64]| all(key, values, -SIZE_MAX_M, SIZE_MAX_M);
         let sd = |key: &str, value: f64| all(key, &[value], 0.0, SIZE_MAX_M);
+        let speed = |key: &str, values: &[f64]| all(key, values, -SPEED_MAX_MPS, SPEED_MAX_MPS);
         let turn = |key: &str, value: f64| all(key, &[value], -TURN_MAX, TURN_MAX);
         match *self {
             Self::MocapStill { offset_m, turn_rad, noise_m, noise_rad } => {
@@ -48,8 +49,7 @@ impl Fault {
                 sd("mocap_walker.noise_rad", noise_rad)
             }
             Self::MocapDrift { velocity_mps, yaw_radps } => {
-                let key = "mocap_drift.velocity_mps";
-                all(key, &velocity_mps, -SPEED_MAX_MPS, SPEED_MAX_MPS)?;
+                speed("mocap_drift.velocity_mps", &velocity_mps)?;
                 turn("mocap_drift.yaw_radps", yaw_radps)
             }
             Self::MocapFrame { turn_rad, scale, is_mirrored: _ } => {
@@ -70,13 +70,8 @@ impl Fault {
             Self::MocapSlowLink { bytes_per_s } => {
                 all("mocap_slow_link.bytes_per_s", &[bytes_per_s], SMALL, BYTES_PER_S_MAX)
             }
-            Self::DronePushed { velocity_mps } => {
-                all("drone_pushed.velocity_mps", &velocity_mps, -SPEED_MAX_MPS, SPEED_MAX_MPS)
-            }
-            Self::SecondController { sticks, rate_hz } => {
-                all("second_controller.sticks", &sticks, -1.0, 1.0)?;
-                all("second_controller.rate_hz", &[rate_hz], SMALL, 1.0 / crate::DT_S)
-            }
+            Self::DronePushed { velocity_mps } => speed("drone_pushed.velocity_mps", &velocity_mps),
+            Self::SecondController { sticks, rate_hz } => check_second(&sticks, rate_hz),
             Self::MocapLost
             | Self::MocapSilent
             | Self::MocapGhost
@@ -96,6 +91,11 @@ impl Fault {
             | Self::ControlStalled => Ok(()),
         }
     }
+}
+
+fn check_second(sticks: &[f64], rate_hz: f64) -> Result<(), SettingError> {
+    all("second_controller.sticks", sticks, -1.0, 1.0)?;
+    all("second_controller.rate_hz", &[rate_hz], SMALL, 1.0 / crate::DT_S)
 }
 
 fn all(key: &str, values: &[f64], low: f64, high: f64) -> Result<(), SettingError> {

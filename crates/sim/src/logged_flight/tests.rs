@@ -37,7 +37,7 @@ fn a_flight_is_a_success_only_if_it_reached_all_and_landed() {
     for (phase, reached, is_success) in [
         (Phase::Landed, 2, true),
         (Phase::Landed, 1, false),
-        (Phase::Fault, 2, false),
+        (Phase::LandingUnconfirmed, 2, false),
         (Phase::MotorsStopped, 2, false),
         (Phase::Flying, 2, false),
     ] {

@@ -29,13 +29,13 @@ fn the_loop_goes_on_in_flight_and_for_a_while_after_it() {
         assert_eq!(end_ms(phase, true, None, |_| ()), None, "{phase:?}");
     }
     assert_eq!(end_ms(Phase::Landed, true, None, |_| ()), Some(1520));
-    assert_eq!(end_ms(Phase::Fault, false, None, |_| ()), Some(1520));
+    assert_eq!(end_ms(Phase::LandingUnconfirmed, false, None, |_| ()), Some(1520));
     assert_eq!(end_ms(Phase::MotorsStopped, false, Some(false), |_| ()), Some(1520));
 }
 
 #[test]
 fn a_drone_that_still_flies_after_a_fault_is_given_fifteen_seconds() {
-    for phase in [Phase::Fault, Phase::MotorsStopped] {
+    for phase in [Phase::LandingUnconfirmed, Phase::MotorsStopped] {
         assert_eq!(end_ms(phase, true, None, |_| ()), Some(16_020), "{phase:?}, by its report");
         assert_eq!(
             end_ms(phase, false, Some(true), |_| ()),

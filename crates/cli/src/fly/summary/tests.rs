@@ -47,7 +47,8 @@ fn a_tick_is_late_beyond_five_milliseconds() {
 
 #[test]
 fn an_answer_is_as_old_as_its_frame_when_the_sticks_are_at_the_socket() {
-    for (pipeline, expected_ms) in [(Pipeline::SameTick, Some([5.5; 4])), (Pipeline::Lagged, None)]
+    for (pipeline, expected_ms) in
+        [(Pipeline::SameTick, Some([5.5; 4])), (Pipeline::NextTick, None)]
     {
         let mut tally = tally(pipeline);
         let mut first = tick();
@@ -81,7 +82,7 @@ fn summary(phase: Phase, faults: &[Fault]) -> Summary {
 fn a_flight_is_a_success_if_it_landed_after_its_last_target() {
     let landed = summary(Phase::Landed, &[]);
     assert!(landed.is_success() && landed.targets_count > 0);
-    assert!(!summary(Phase::Fault, &[]).is_success());
+    assert!(!summary(Phase::LandingUnconfirmed, &[]).is_success());
     let targets_reached = landed.targets_count - 1;
     assert!(!Summary { targets_reached, ..landed }.is_success());
 }
@@ -114,7 +115,7 @@ fn only_trouble_has_a_line_of_its_own() {
         records_dropped: 4,
         log_error: Some("disk full".to_owned()),
         outages: Outages { count: 2, down_s: 1.5 },
-        ..summary(Phase::Fault, &[Fault::BatteryLow])
+        ..summary(Phase::LandingUnconfirmed, &[Fault::BatteryLow])
     };
     let text = trouble.to_string();
     for line in [

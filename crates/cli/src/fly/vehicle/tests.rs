@@ -80,7 +80,7 @@ fn a_flight_that_ended_early_leaves_the_file_as_it_was() {
     let path = path("early");
     for (phase, missed, has_flown) in [
         (Phase::Landed, 1, true),
-        (Phase::Fault, 0, true),
+        (Phase::LandingUnconfirmed, 0, true),
         (Phase::MotorsStopped, 0, true),
         (Phase::Landed, 0, false),
     ] {

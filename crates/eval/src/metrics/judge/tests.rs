@@ -61,7 +61,7 @@ fn a_perfect_square_at_constant_speed_takes_its_length() {
     near(score.metrics.finish_s.unwrap(), 581.0 * DT_S, "finish");
     near(score.since_entry_s.unwrap(), 581.0 * DT_S, "since entry");
     near(score.metrics.distance_max_m, 0.0, "distance");
-    near(score.metrics.speed_median_m_s, 0.5, "speed");
+    near(score.metrics.speed_median_mps, 0.5, "speed");
     near(score.metrics.input_norm_median, 0.5, "norm");
     assert_eq!(score.overshoots_m, [0.0; 3]);
 }

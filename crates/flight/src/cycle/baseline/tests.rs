@@ -57,7 +57,7 @@ fn the_lagged_pipeline_sends_first_then_plans_by_the_old_estimate_then_estimates
     use Deed::{Estimated, Planned, Sent};
     for (pipeline, expected) in [
         (Pipeline::SameTick, [Estimated, Planned, Sent]),
-        (Pipeline::Lagged, [Sent, Planned, Estimated]),
+        (Pipeline::NextTick, [Sent, Planned, Estimated]),
     ] {
         let ticks = ticks(pipeline, Operator::Wait);
         for (order, _) in &ticks[2..] {
@@ -75,12 +75,12 @@ fn a_plan_of_the_lagged_pipeline_is_flown_in_the_next_tick() {
         planned.zip(steered).map(|(planned, steered)| steered - planned)
     };
     assert_eq!(first_steered(Pipeline::SameTick), Some(0));
-    assert_eq!(first_steered(Pipeline::Lagged), Some(1));
+    assert_eq!(first_steered(Pipeline::NextTick), Some(1));
 }
 
 #[test]
 fn the_lagged_pipeline_goes_on_to_estimate_but_not_to_plan_while_it_may_not_steer() {
-    let ticks = ticks(Pipeline::Lagged, Operator::Land);
+    let ticks = ticks(Pipeline::NextTick, Operator::Land);
     for (order, out) in &ticks[5..] {
         assert_eq!(*order, [Deed::Sent, Deed::Estimated]);
         assert!(out.estimator.is_some() && out.controller.is_none());
@@ -89,7 +89,9 @@ fn the_lagged_pipeline_goes_on_to_estimate_but_not_to_plan_while_it_may_not_stee
 
 #[test]
 fn the_names_of_the_choices_in_files_stay() {
-    for (pipeline, name) in [(Pipeline::SameTick, "same_tick"), (Pipeline::Lagged, "lagged")] {
+    // As logs before it was renamed have it.
+    assert_eq!(serde_json::from_str::<Pipeline>("\"lagged\"").unwrap(), Pipeline::NextTick);
+    for (pipeline, name) in [(Pipeline::SameTick, "same_tick"), (Pipeline::NextTick, "next_tick")] {
         assert_eq!(serde_json::to_value(pipeline).unwrap(), name);
     }
     for (held, name) in [(HeldObservations::Skip, "skip"), (HeldObservations::Use, "use")] {

@@ -49,7 +49,7 @@ fn a_landing_is_ordered_until_one_witness_alone_has_lasted_and_the_other_is_name
         } else {
             Evidence { pose: ALOFT.pose, ..CALM }
         };
-        assert_eq!(bench.tick(&denies).phase, Phase::Fault, "10 s");
+        assert_eq!(bench.tick(&denies).phase, Phase::LandingUnconfirmed, "10 s");
         assert_eq!(landings(&mut bench, 100, &e), 20);
     }
 }
@@ -64,7 +64,7 @@ fn a_pose_that_came_to_the_floor_by_a_jump_is_no_witness() {
         assert_eq!(bench.tick(&jump).pose_is_airborne, counts.then_some(false));
         let ruling = bench.run(200, &MUTE);
         assert_eq!(ruling.pose_is_airborne, counts.then_some(false));
-        let phase = if counts { Phase::Landed } else { Phase::Fault };
+        let phase = if counts { Phase::Landed } else { Phase::LandingUnconfirmed };
         assert_eq!(ruling.phase, phase, "{jump:?}");
         // The drone alone decides, later than with a pose.
         let mut bench = Bench::landing();
@@ -85,7 +85,7 @@ fn a_jump_in_flight_discredits_the_pose_for_the_landing() {
     bench.pass(1, &CALM);
     let ruling = bench.tick(&Evidence { jump_m: Some(9.0), ..CALM });
     assert_eq!(ruling.phase, Phase::Landing);
-    assert_eq!(bench.run(200, &MUTE).phase, Phase::Fault);
+    assert_eq!(bench.run(200, &MUTE).phase, Phase::LandingUnconfirmed);
 }
 
 #[test]
@@ -93,8 +93,8 @@ fn a_drone_that_stands_in_the_air_by_its_own_height_is_no_witness() {
     let blind = |height_m| stands_at(BLIND, height_m);
     for (e, ticks, phase) in [
         // 1.1 m above the ground: it denies its flight, and nothing confirms the landing.
-        (blind(Some(1.3)), 150, Phase::Fault),
-        (blind(Some(0.7)), 150, Phase::Fault),
+        (blind(Some(1.3)), 150, Phase::LandingUnconfirmed),
+        (blind(Some(0.7)), 150, Phase::LandingUnconfirmed),
         // 0.4 m: a height that drifts.
         (blind(Some(0.6)), 99, Phase::Landing),
         (blind(Some(0.6)), 101, Phase::Landed),

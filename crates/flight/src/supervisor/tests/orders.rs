@@ -195,7 +195,7 @@ fn an_old_report_of_the_drone_does_not_make_it_land() {
 #[test]
 fn a_silent_drone_is_down_when_it_is_back_at_the_ground() {
     // The ground is at 0.25 m, half of the airborne height above it at 0.5 m.
-    for (height_m, phase) in [(0.49, Phase::Landed), (0.5, Phase::Fault)] {
+    for (height_m, phase) in [(0.49, Phase::Landed), (0.5, Phase::LandingUnconfirmed)] {
         let mut bench = Bench::new(Start::Grounded);
         bench.pass(1, &asks_to_fly(Evidence { pose: Some(at_height(0.25)), ..CALM }));
         bench.pass(30, &ALOFT);
@@ -225,13 +225,13 @@ fn a_landing_that_is_not_confirmed_is_a_fault_and_goes_on() {
     let ruling = bench.run(99, &ALOFT);
     assert_eq!(ruling.phase, Phase::Landing, "9.9 s");
     let ruling = bench.tick(&ALOFT);
-    assert_eq!(ruling.phase, Phase::Fault, "10.0 s");
+    assert_eq!(ruling.phase, Phase::LandingUnconfirmed, "10.0 s");
     assert_eq!(faults(ruling), [Fault::LandingTimeout, Fault::OperatorStop]);
     for _ in 0..4 {
         assert_eq!(ticks_until(&mut bench, SupervisorOrder::Land, &asks_to_fly(ALOFT)), Some(5));
     }
     let ruling = bench.run(11, &CALM);
-    assert_eq!((ruling.phase, ruling.order), (Phase::Fault, SupervisorOrder::None));
+    assert_eq!((ruling.phase, ruling.order), (Phase::LandingUnconfirmed, SupervisorOrder::None));
     assert_eq!(faults(ruling), [Fault::LandingTimeout, Fault::OperatorStop]);
     assert_eq!(ticks_until(&mut bench, SupervisorOrder::Land, &CALM), None);
 }

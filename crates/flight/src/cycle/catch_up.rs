@@ -1,0 +1,75 @@
+//! Periods in which the loop did not run.
+//!
+//! Owns what is known of them: which sticks the sender sent in the meantime. When so many are missed that the flight
+//! ends, the supervisor decides.
+
+use horizon_estim::Observed;
+use horizon_model::Model;
+use horizon_model::rows::{Sticks, pose, stick};
+
+use super::{Cycle, Inbox, JUST_ENDED_AFTER_PUSH, Watch};
+use crate::drone::CONTROL_SILENCE_NEUTRAL;
+
+/// Periods without a tick that are made up for: a second of the shortest ones. Then the sender lands the drone.
+const SKIPPED_MAX: u64 = 200;
+
+impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    /// Catches up after missed periods: the sender repeated the last commands, then sent neutral ones.
+    pub(super) fn catch_up(&mut self, inbox: &Inbox, watch: &mut dyn Watch) {
+        for missed in 1..=inbox.skipped.min(SKIPPED_MAX) {
+            let is_repeated = missed as f64 * self.dt_s < CONTROL_SILENCE_NEUTRAL.seconds();
+            self.fifo.push(&if is_repeated { *self.fifo.newest() } else { Sticks::zeros() });
+            self.planner.skip();
+            if self.mhe.is_started() {
+                let missing = Observed::missing();
+                let u_applied = self.follow_link(JUST_ENDED_AFTER_PUSH, &missing, None);
+                let solved = self.mhe.update(&u_applied, &missing, &mut || watch.is_late());
+                self.memory.estimator_failed = solved.is_err();
+                if self.memory.is_on_mission {
+                    self.aim();
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::Lagged;
+    use horizon_model::rows::{lag, motion};
+
+    use super::*;
+    use crate::cycle::Unwatched;
+    use crate::cycle::build;
+    use crate::cycle::sense::tests::table;
+
+    type LaggedCycle = Cycle<Lagged, { motion::COUNT }, { lag::COUNT }, { motion::CONTROLLABLE }>;
+
+    /// The sticks that would act `back` periods before the coming one on an axis without dead time, after a pause of
+    /// `skipped` periods before which sticks of 0.5 were sent.
+    fn sent(skipped: u64, back: isize) -> f64 {
+        let mut table = table();
+        table.cycle.dead_time_s = vec![0.0; stick::COUNT];
+        let mut cycle: LaggedCycle = build::cycle(Lagged::default(), &table).unwrap();
+        (0..20).for_each(|_| cycle.fifo.push(&Sticks::repeat(0.5)));
+        let inbox = Inbox { skipped, ..Inbox::new() };
+        cycle.catch_up(&inbox, &mut Unwatched::default());
+        cycle.fifo.applied(-back)[stick::PITCH]
+    }
+
+    #[test]
+    fn the_last_sticks_were_repeated_for_less_than_the_time_after_which_the_sender_is_neutral() {
+        // 0.1 s are five periods.
+        assert_eq!([0, 1, 4].map(|skipped| sent(skipped, 1)), [0.5; 3]);
+        assert_eq!([5, 6, 30].map(|skipped| sent(skipped, 1)), [0.0; 3]);
+        assert_eq!([1, 2, 3].map(|back| sent(6, back)), [0.0, 0.0, 0.5]);
+    }
+
+    #[test]
+    fn a_pause_of_any_length_is_made_up_for_in_a_bounded_time() {
+        assert_eq!(sent(u64::MAX, 1), 0.0);
+    }
+}
