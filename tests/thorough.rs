@@ -28,6 +28,7 @@ mod log_python;
 mod mocap_foreign;
 mod mocap_python;
 mod monitor_recordings;
+mod pictures;
 mod prediction;
 mod program;
 mod python;

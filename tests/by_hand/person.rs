@@ -165,7 +165,7 @@ impl Person {
     pub(crate) fn speaks_kitty(&mut self) {
         self.sees("\x1b[?u");
         self.types(b"\x1b[?0u");
-        self.sees("\x1b[>11u");
+        self.sees("\x1b[>15u");
     }
 
     /// Repeats a key that was pressed.

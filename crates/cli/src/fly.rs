@@ -239,6 +239,7 @@ async fn fly(
     // The terminal is as it was when these go, the keys before the screen, whatever ends the flight.
     let screen = arguments.tui.then(Screen::enter).transpose()?;
     let (mut person, inputs) = open_inputs(arguments, table, clock)?;
+    tello.obey(person.emergency());
     let (mocap_counters, drone_counters) =
         (Arc::clone(&feed.counters), Arc::clone(&drone.counters));
 

@@ -12,6 +12,10 @@ use crate::time::{SpanNs, TimeNs};
 /// ones.
 pub const CONTROL_SILENCE_NEUTRAL: SpanNs = SpanNs::from_ms(100);
 
+/// LAND, or the emergency stop, is repeated this often: one of fifty datagrams is lost, and a drone that takes off
+/// ignores the first ones.
+pub const LAND_PERIOD: SpanNs = SpanNs::from_ms(500);
+
 /// Time for which one witness, motion capture or the drone, has to say without a break that the drone is
 /// down where the other says nothing: LAND is repeated meanwhile, since a drone may
 /// refuse it for seconds. Longer than 15 s is of no use: a drone that hears nothing lands by itself then.

@@ -36,6 +36,8 @@ pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 
 use horizon_model::rows::pose;
 
+use crate::drone::LAND_PERIOD;
+
 /// Take-off is ordered again when the drone still reports to be grounded after this time: the order
 /// may be lost, but a drone spinning up must not receive the order twice. s
 const TAKE_OFF_RETRY_S: f64 = 3.0;
@@ -43,9 +45,8 @@ const TAKE_OFF_RETRY_S: f64 = 3.0;
 /// Fraction of a missed period that is forgiven at each tick: one may be missed after each ten ticks for ever.
 const LATE_FORGIVEN: f64 = 0.1;
 
-/// Landing, or a stop of the motors, is ordered this often until the vehicle is down; any other command
-/// would cancel a landing. s
-const REPEAT_S: f64 = 0.5;
+/// Failures of a solver that a tick without one makes up for, off the ground: one in three may fail for ever.
+const FAILURE_FORGIVEN: f64 = 0.5;
 
 /// The controller brakes for so long after a plan led out of the room or into an obstacle. s
 const BRAKE_S: f64 = 0.4;
@@ -123,8 +124,8 @@ pub struct Supervisor {
     ground_height_m: Option<f64>,
     /// The drone's own height there. m
     drone_ground_m: Option<f64>,
-    /// Ticks in a row in which a solver failed.
-    failures: u32,
+    /// Ticks in which a solver failed, less what those without a failure made up for.
+    failures: f64,
     /// Periods missed and not yet forgiven.
     late_periods: f64,
     /// Whether the controller steered in the tick before.
@@ -166,7 +167,7 @@ impl Supervisor {
             end_ordered_ns: None,
             ground_height_m: None,
             drone_ground_m: None,
-            failures: 0,
+            failures: 0.0,
             late_periods: 0.0,
             was_steering: false,
             ended_by: FaultSet::default(),
@@ -237,7 +238,12 @@ impl Supervisor {
     fn remember(&mut self, e: &Evidence) {
         self.began_ns.get_or_insert(e.t_ns);
         let has_failed = e.estimator_failed || self.has_controller_failed(e);
-        self.failures = if has_failed { self.failures.saturating_add(1) } else { 0 };
+        let forgiven = match self.phase {
+            _ if has_failed => -1.0,
+            Phase::Idle => self.failures,
+            _ => FAILURE_FORGIVEN,
+        };
+        self.failures = (self.failures - forgiven).max(0.0);
         self.late_periods = (self.late_periods - LATE_FORGIVEN).max(0.0) + e.skipped as f64;
         let is_aloft = self.is_aloft_unasked(e);
         keep_since(&mut self.aloft_since_ns, is_aloft, e.t_ns);
@@ -323,6 +329,11 @@ impl Supervisor {
         }
     }
 
+    /// Whether the emergency stop was not ordered yet: it is, whatever says that the drone is down.
+    fn is_first_stop(&self) -> bool {
+        self.phase == Phase::MotorsStopped && self.end_ordered_ns.is_none()
+    }
+
     /// The order of this tick, after the phase is known.
     fn order(&mut self, e: &Evidence, reaction: Reaction) -> SupervisorOrder {
         let is_due = |ordered_ns: Option<i64>, after_s| {
@@ -340,7 +351,8 @@ impl Supervisor {
                 SupervisorOrder::TakeOff
             }
             Phase::Landing | Phase::LandingUnconfirmed | Phase::MotorsStopped
-                if is_due(self.end_ordered_ns, REPEAT_S) && !self.is_down(e) =>
+                if is_due(self.end_ordered_ns, LAND_PERIOD.seconds())
+                    && (self.is_first_stop() || !self.is_down(e)) =>
             {
                 self.end_ordered_ns = Some(e.t_ns);
                 if self.phase == Phase::MotorsStopped {

@@ -18,4 +18,4 @@ pub mod tello;
 pub mod whole_file;
 
 pub use counter::Counter;
-pub use stop::{StopSignal, Stopper};
+pub use stop::{EmergencyRequest, StopSignal, Stopper};

@@ -35,6 +35,7 @@ use self::notes::Notes;
 use self::panel::Note;
 use self::reader::Outlet;
 use self::terminal::Mode;
+use crate::EmergencyRequest;
 use crate::clock::{Clock, TimeNs};
 
 /// Events in transit from one reader, and per tick: all that a terminal holds when text was pasted, so that an order
@@ -74,6 +75,7 @@ pub struct Person {
     device: Consumer<Event>,
     /// A view of this program, if one was asked for.
     remote: Option<Consumer<Event>>,
+    emergency: EmergencyRequest,
     notes: Notes,
 }
 
@@ -83,7 +85,8 @@ impl Person {
         let (terminal_events, terminal) = RingBuffer::new(EVENTS);
         let (device_events, device) = RingBuffer::new(EVENTS);
         let controls = Controls::new(settings);
-        let person = Self { controls, terminal, device, remote: None, notes: Notes::default() };
+        let (emergency, notes) = (EmergencyRequest::default(), Notes::default());
+        let person = Self { controls, terminal, device, remote: None, emergency, notes };
         (person, terminal_events, device_events)
     }
 
@@ -91,7 +94,12 @@ impl Person {
     pub fn remote(&mut self, clock: Clock) -> Remote {
         let (events, remote) = RingBuffer::new(REMOTE_EVENTS);
         self.remote = Some(remote);
-        Remote::new(events, clock)
+        Remote::new(events, self.emergency.clone(), clock)
+    }
+
+    /// Emergency stops from every source, for the sender: [`crate::tello::DroneClient::obey`].
+    pub fn emergency(&self) -> EmergencyRequest {
+        self.emergency.clone()
     }
 
     /// What the person wants at `now`; called once per tick.
@@ -187,12 +195,12 @@ impl Inputs {
                 .get_absinfo()
                 .map_err(|source| ManualError::Open { name: name.into(), source })?;
             let layout = Layout::new(settings.clone(), axes);
-            let outlet = Outlet::new(device_events, clock, Arc::clone(&ends));
+            let outlet = Outlet::new(device_events, person.emergency(), clock, Arc::clone(&ends));
             inputs.start("tello-device", move || device::read_events(device, layout, outlet))?;
         }
         if uses_keys && terminal::is_ours() {
             inputs.mode = Some(Mode::enter().map_err(ManualError::Terminal)?);
-            let outlet = Outlet::new(terminal_events, clock, ends);
+            let outlet = Outlet::new(terminal_events, person.emergency(), clock, ends);
             inputs.start("tello-keys", move || terminal::read_keys(outlet))?;
         }
         Ok((person, inputs))

@@ -1,4 +1,7 @@
-//! The order to stop, from the program to its socket tasks.
+//! Orders that pass by the control loop: the end of the program to its socket tasks, and a person's emergency stop.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use tokio::sync::watch;
 
@@ -16,6 +19,23 @@ impl Stopper {
     /// Orders every holder of the [`StopSignal`] to finish.
     pub fn stop(self) {
         drop(self.0);
+    }
+}
+
+/// A person's emergency stop, from the readers of keys, devices and views to the sender: a control loop that stands
+/// still cannot hold it up. The loop is given the same order with all others.
+#[derive(Debug, Clone, Default)]
+pub struct EmergencyRequest(Arc<AtomicBool>);
+
+impl EmergencyRequest {
+    /// Asks for the emergency stop.
+    pub fn ask(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether it was asked for since the last call.
+    pub fn take(&self) -> bool {
+        self.0.swap(false, Ordering::Relaxed)
     }
 }
 

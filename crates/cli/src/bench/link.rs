@@ -11,6 +11,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 use horizon_model::rows::Sticks;
+use tello_flight::drone::LAND_PERIOD;
 use tello_io::clock::{CivilTime, Clock, TimeNs};
 use tello_io::tello::protocol::DATAGRAM_BYTES_MAX;
 use tello_io::tello::{Duty, Protocol, STATE_PORT, TelloSettings};
@@ -24,7 +25,6 @@ use super::wire::{self, Event, Motor, Packet, Status, What, hex};
 /// How often the sockets are looked at.
 const LOOK: Duration = Duration::from_millis(5);
 const STICKS_PERIOD_S: f64 = 0.05;
-const LAND_PERIOD_S: f64 = 0.5;
 /// Age from which a status does not count. s
 const STATUS_AGE_MAX_S: f64 = 2.0;
 /// A take-off may last so long; until then standing motors do not mean that it is over. s
@@ -155,7 +155,7 @@ impl Link {
                 while self.t_s() < until_s && !self.is_over() {
                     self.send(Packet::Land(sequence));
                     sequence = if has_same_number { sequence } else { self.count() };
-                    if !self.wait(LAND_PERIOD_S, console, |_| false) {
+                    if !self.wait(LAND_PERIOD.seconds(), console, |_| false) {
                         return false;
                     }
                 }
@@ -253,7 +253,8 @@ impl Link {
                     self.send_land();
                 }
                 is_stop_next = !is_stop_next;
-                next_s = t_s + if stops { LAND_PERIOD_S / 2.0 } else { LAND_PERIOD_S };
+                let period_s = LAND_PERIOD.seconds();
+                next_s = t_s + if stops { period_s / 2.0 } else { period_s };
             }
             self.receive();
             down_since_s = self.is_over().then(|| down_since_s.unwrap_or(t_s));

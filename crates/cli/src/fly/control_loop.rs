@@ -25,8 +25,8 @@ use tello_io::mocap::MocapFeed;
 use tello_io::tello::{DroneLink, DroneStatus};
 use tokio::sync::oneshot;
 
+pub(super) use self::orders::Orders;
 use self::orders::meaning;
-pub(super) use self::orders::{LastOrders, Orders};
 use super::drill::Drill;
 use super::status::Status;
 use crate::stdio;
@@ -78,8 +78,8 @@ fn newest_place(feed: &mut MocapFeed, now: TimeNs) -> Option<[f64; 3]> {
     newest.pose.filter(|_| is_new).map(|at| [at[pose::X], at[pose::Y], at[pose::Z]])
 }
 
-/// How the loop ended, the log to close, and the person with the link, for an emergency stop after it.
-pub(super) type LoopResult = Result<(LoopEnd, Recorder<TickRecord>, LastOrders), TickerError>;
+/// How the loop ended, and the log to close.
+pub(super) type LoopResult = Result<(LoopEnd, Recorder<TickRecord>), TickerError>;
 
 /// The thread of the loop. Dropping it, as a panic beside it does, asks to land and waits for the end: the
 /// log is closed then, whatever landed the drone.
@@ -122,7 +122,7 @@ impl Drop for ControlThread {
         let Some(thread) = self.thread.take() else { return };
         self.asks_to_land.store(true, Ordering::Relaxed);
         // A second panic has been printed, and no summary is left that could name a log that cannot be closed.
-        if let Ok(Ok((_, recorder, _))) = thread.join() {
+        if let Ok(Ok((_, recorder))) = thread.join() {
             recorder.stop().ok();
         }
     }
@@ -222,8 +222,7 @@ impl ControlLoop {
             }
         }
         end.records_dropped = self.recorder.dropped();
-        let last_orders = LastOrders { clock: self.clock, person: self.person, drone: self.drone };
-        Ok((end, self.recorder, last_orders))
+        Ok((end, self.recorder))
     }
 
     /// Puts into the inbox what arrived since the last tick; the number of sightings that found no room.

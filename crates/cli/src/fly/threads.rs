@@ -3,7 +3,6 @@
 //! Owns the order in which they end: control first, then the link, which lands a drone that still flies and takes an
 //! emergency stop until its end, then the guardian.
 
-use std::future::pending;
 use std::thread::JoinHandle;
 
 use anyhow::{Context, Result, anyhow};
@@ -68,25 +67,12 @@ impl Threads {
         // Before any error leaves: the link lands a drone that still flies.
         self.stopper.stop();
         let control = control.context("the control thread panicked").and_then(|ended| Ok(ended?));
-        let (ended, orders) = match control {
-            Ok((end, recorder, orders)) => (Ok((end, recorder)), Some(orders)),
-            Err(error) => (Err(error), None),
-        };
-        let asked = async {
-            match orders {
-                Some(orders) => orders.stop_motors_if_asked().await,
-                None => pending().await,
-            }
-        };
-        let link = tokio::select! {
-            link = self.link => link,
-            never = asked => match never {},
-        };
+        let link = self.link.await;
         let mocap = self.mocap.join();
         if let (Some(guardian), Ok(Ok(()))) = (self.guardian, &link) {
             guardian.end();
         }
-        let (end, recorder) = ended?;
+        let (end, recorder) = control?;
         let links = match mocap {
             Ok(()) => link.map_err(Into::into).and_then(|link| Ok(link?)),
             Err(_panic) => Err(anyhow!("the reader of the motion capture panicked")),

@@ -18,7 +18,7 @@ use crate::quantile;
 #[serde(rename_all = "snake_case")]
 pub(super) enum Quantity {
     FinishS,
-    SpeedMS,
+    SpeedMps,
     DistanceM,
     #[serde(rename = "distance_4d")]
     Distance4d,
@@ -63,7 +63,7 @@ pub(super) const OF_FLIGHT: [OfFlight; 7] = [
     (Quantity::DistanceM, "median", |spread| spread.median),
     (Quantity::DistanceM, "max", |spread| spread.max),
     (Quantity::OvershootM, "max", |spread| spread.max),
-    (Quantity::SpeedMS, "median", |spread| spread.median),
+    (Quantity::SpeedMps, "median", |spread| spread.median),
     (Quantity::InputNorm, "median", |spread| spread.median),
     (Quantity::SolveMs, "median", |spread| spread.median),
 ];
@@ -81,7 +81,7 @@ pub(super) struct Measured {
 impl Quantity {
     pub(super) const ALL: [Self; 9] = [
         Self::FinishS,
-        Self::SpeedMS,
+        Self::SpeedMps,
         Self::DistanceM,
         Self::Distance4d,
         Self::InputNorm,
@@ -95,7 +95,7 @@ impl Quantity {
     pub(super) fn key(self) -> &'static str {
         match self {
             Self::FinishS => "finish_s",
-            Self::SpeedMS => "speed_mps",
+            Self::SpeedMps => "speed_mps",
             Self::DistanceM => "distance_m",
             Self::Distance4d => "distance_4d",
             Self::InputNorm => "input_norm",
@@ -110,7 +110,7 @@ impl Quantity {
     pub(super) fn label(self) -> (&'static str, &'static str, usize) {
         match self {
             Self::FinishS => ("time to finish", "s", 2),
-            Self::SpeedMS => ("speed", "m/s", 3),
+            Self::SpeedMps => ("speed", "m/s", 3),
             Self::DistanceM => ("distance, horizontal", "m", 4),
             Self::Distance4d => ("distance, x y z theta", "m, rad", 4),
             Self::InputNorm => ("input norm", "1", 3),
@@ -128,7 +128,7 @@ impl Quantity {
                 "From the tick in which the first target is reached to the tick in which the last is, both \
                  included, one period each. Only flights that reached every target; one number per flight."
             }
-            Self::SpeedMS => {
+            Self::SpeedMps => {
                 "Norm of the difference of two successive poses over x, y and z, by the time between them. All \
                  samples of all flights."
             }
@@ -211,7 +211,7 @@ impl Measured {
             let [(before_s, from), (now_s, to)] = pair else { return None };
             Some((to - from).fixed_rows::<3>(pose::X).norm() / (now_s - before_s))
         });
-        self.add(Quantity::SpeedMS, speed);
+        self.add(Quantity::SpeedMps, speed);
         let sticks = ticks.iter().filter_map(|tick| tick.u_sent);
         self.add(Quantity::InputNorm, sticks.map(|u| u.norm()));
     }

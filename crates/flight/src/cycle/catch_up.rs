@@ -23,6 +23,7 @@ where
             let is_repeated = missed as f64 * self.dt_s < CONTROL_SILENCE_NEUTRAL.seconds();
             self.fifo.push(&if is_repeated { *self.fifo.newest() } else { Sticks::zeros() });
             self.planner.skip();
+            self.planner.follow(None);
             if self.mhe.is_started() {
                 let missing = Observed::missing();
                 let u_applied = self.follow_link(JUST_ENDED_AFTER_PUSH, &missing, None);

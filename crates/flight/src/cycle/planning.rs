@@ -355,7 +355,7 @@ where
         self.walls.iter_mut().for_each(|walls| walls.follow(obstacle_w, self.dt_s));
     }
 
-    /// Whether a vehicle at `at` is inside of an obstacle.
+    /// Whether a vehicle that stands at `at` is inside of an obstacle, or climbs into one in its take-off.
     pub(super) fn is_in_obstacle(&self, at: &Pose) -> bool {
         let at_w = at.fixed_rows::<3>(pose::X).into_owned();
         self.walls.as_ref().is_some_and(|walls| walls.is_in_obstacle(&at_w))

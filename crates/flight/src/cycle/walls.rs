@@ -19,6 +19,10 @@ use crate::{Obstacle, ObstacleTable, Room};
 /// What is further away than this is not looked at. m
 const NEAR_M: f64 = 1.0;
 
+/// A take-off climbs 1.2 m, of which this is looked at every so far: nothing that is described is thinner.
+const CLIMB_STEPS: u32 = 13;
+const CLIMB_STEP_M: f64 = 0.1;
+
 /// How the plan keeps away from walls and obstacles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -107,10 +111,14 @@ impl Walls {
         self.moving.is_none() && self.obstacles.iter().any(Obstacle::is_moving)
     }
 
-    /// Whether `at_w` is inside of an obstacle now.
+    /// Whether a vehicle that stands at `at_w` is inside of an obstacle now, or climbs into one in its take-off.
     pub(super) fn is_in_obstacle(&self, at_w: &Vector3<f64>) -> bool {
-        (self.wall_count()..self.count())
-            .any(|i| self.distance(i, at_w, -self.lead_s).distance_m < 0.0)
+        let is_at = |risen_m: f64| {
+            let at_w = at_w + Vector3::new(0.0, 0.0, risen_m);
+            (self.wall_count()..self.count())
+                .any(|i| self.distance(i, &at_w, -self.lead_s).distance_m < 0.0)
+        };
+        (0..=CLIMB_STEPS).any(|step| is_at(f64::from(step) * CLIMB_STEP_M))
     }
 
     /// The plan begins `lead_s` after now, at a position of this covariance. m^2

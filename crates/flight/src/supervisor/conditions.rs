@@ -128,7 +128,7 @@ impl Supervisor {
             ),
             (Fault::EstimatorFailed, e.estimator_failed),
             (Fault::ControllerFailed, self.has_controller_failed(e)),
-            (Fault::SolverFailing, self.failures > table.solver_failures_max),
+            (Fault::SolverFailing, self.failures > f64::from(table.solver_failures_max)),
             (Fault::TicksLate, self.late_periods > f64::from(table.late_periods_max)),
             (Fault::TakeOffTimeout, is_take_off_overdue),
             (Fault::LandingTimeout, self.is_landing_overdue(e)),

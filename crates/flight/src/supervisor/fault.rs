@@ -78,7 +78,8 @@ pub enum Fault {
     EstimatorFailed,
     /// The controller has no plan; the previous one goes on.
     ControllerFailed,
-    /// Estimator or controller failed in more than `solver_failures_max` ticks in a row.
+    /// Estimator or controller failed in more than `solver_failures_max` ticks; one without a failure makes up for half
+    /// a failure.
     SolverFailing,
     /// The loop missed more than `late_periods_max` periods in a short time.
     TicksLate,

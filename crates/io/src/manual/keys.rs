@@ -112,7 +112,7 @@ enum State {
     FunctionKey,
 }
 
-/// The numbers of a control sequence that a key needs: `code ; modifiers : motion u`.
+/// The numbers of a control sequence that a key needs: `code : shifted : base ; modifiers : motion u`.
 #[derive(Debug, Clone, Copy)]
 struct Sequence {
     /// Whether nothing stood in it yet.
@@ -123,6 +123,8 @@ struct Sequence {
     field: u8,
     part: u8,
     code: u32,
+    /// The character of the key on a US keyboard, if that is another one.
+    base: u32,
     modifiers: u32,
     motion: u32,
 }
@@ -189,6 +191,7 @@ impl Sequence {
         field: 0,
         part: 0,
         code: 0,
+        base: 0,
         modifiers: 0,
         motion: 0,
     };
@@ -202,6 +205,7 @@ impl Sequence {
             b'0'..=b'9' => {
                 let number = match (self.field, self.part) {
                     (0, 0) => &mut self.code,
+                    (0, 2) => &mut self.base,
                     (1, 0) => &mut self.modifiers,
                     (1, 1) => &mut self.motion,
                     _ => return,
@@ -225,7 +229,9 @@ impl Sequence {
         };
         // One more than the sum of shift 1, alt 2, ctrl 4 and others.
         let is_ctrl = self.modifiers.saturating_sub(1) & 4 != 0;
-        act(self.code, is_ctrl, motion).map(Typed::Act)
+        // A Cyrillic or Greek letter has no meaning, and its key does; a Latin one is what is printed on the key.
+        let is_latin = self.code < 0x80 || self.base == 0;
+        act(if is_latin { self.code } else { self.base }, is_ctrl, motion).map(Typed::Act)
     }
 }
 

@@ -10,7 +10,8 @@ use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, poll};
 use rtrb::{Producer, PushError};
 
-use super::{Act, Event, Source};
+use super::{Act, Ask, Event, Source};
+use crate::EmergencyRequest;
 use crate::clock::{Clock, TimeNs};
 
 /// How long a reader waits for data before it checks whether it shall end. ms
@@ -23,19 +24,25 @@ const QUEUE_PAUSE: Duration = Duration::from_millis(2);
 #[derive(Debug)]
 pub(super) struct Outlet {
     events: Producer<Event>,
+    emergency: EmergencyRequest,
     clock: Clock,
     ends: Arc<AtomicBool>,
 }
 
 impl Outlet {
-    /// An outlet that closes when `ends` is set or the other end is gone.
-    pub(super) fn new(events: Producer<Event>, clock: Clock, ends: Arc<AtomicBool>) -> Self {
-        Self { events, clock, ends }
+    /// An outlet that closes when `ends` is set: an emergency stop is heard also when the other end is gone.
+    pub(super) fn new(
+        events: Producer<Event>,
+        emergency: EmergencyRequest,
+        clock: Clock,
+        ends: Arc<AtomicBool>,
+    ) -> Self {
+        Self { events, emergency, clock, ends }
     }
 
-    /// Whether the other end still takes events.
+    /// Whether the reader is to go on.
     pub(super) fn is_open(&self) -> bool {
-        !(self.ends.load(Ordering::Relaxed) || self.events.is_abandoned())
+        !self.ends.load(Ordering::Relaxed)
     }
 
     /// Now, by the clock of the events.
@@ -44,11 +51,14 @@ impl Outlet {
     }
 
     /// Hands an event over; waits while the queue is full. A release that got lost would leave a
-    /// stick where it is.
+    /// stick where it is. An emergency stop waits for nothing.
     pub(super) fn push(&mut self, source: Source, act: Act) {
+        if act == Act::Ask(Ask::EmergencyStop) {
+            self.emergency.ask();
+        }
         let mut event = Event { at: self.clock.now(), source, act };
         while let Err(PushError::Full(refused)) = self.events.push(event) {
-            if !self.is_open() {
+            if !self.is_open() || self.events.is_abandoned() {
                 return;
             }
             event = refused;

@@ -6,7 +6,8 @@
 use rtrb::Producer;
 use thiserror::Error;
 
-use super::{Act, Event, Source};
+use super::{Act, Ask, Event, Source};
+use crate::EmergencyRequest;
 use crate::clock::Clock;
 
 /// The control thread has not taken the orders before this one.
@@ -19,28 +20,36 @@ pub struct RemoteBusy;
 #[derive(Debug)]
 pub struct Remote {
     events: Producer<Event>,
+    emergency: EmergencyRequest,
     clock: Clock,
 }
 
 impl Remote {
-    pub(super) fn new(events: Producer<Event>, clock: Clock) -> Self {
-        Self { events, clock }
+    pub(super) fn new(events: Producer<Event>, emergency: EmergencyRequest, clock: Clock) -> Self {
+        Self { events, emergency, clock }
     }
 
-    /// Hands `act` to the control thread, which takes it in its next tick. Never waits.
+    /// Hands `act` to the control thread, which takes it in its next tick, and an emergency stop to the sender as well.
+    /// Never waits.
     ///
     /// # Errors
-    /// The queue is full: the control thread has not polled since 64 events. The event is not queued.
+    /// The queue is full: the control thread has not polled since 64 events. The event is not queued. Never for an
+    /// emergency stop, which the sender obeys.
     pub fn push(&mut self, act: Act) -> Result<(), RemoteBusy> {
         let event = Event { at: self.clock.now(), source: Source::Remote, act };
-        self.events.push(event).map_err(|_full| RemoteBusy)
+        let pushed = self.events.push(event).map_err(|_full| RemoteBusy);
+        if act == Act::Ask(Ask::EmergencyStop) {
+            self.emergency.ask();
+            return Ok(());
+        }
+        pushed
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::settings::tests::table;
-    use super::super::{Ask, ManualSettings, Person};
+    use super::super::{ManualSettings, Person};
     use super::*;
     use crate::clock::{SpanNs, TimeNs};
 
@@ -61,6 +70,17 @@ mod tests {
         assert!(sticks.norm() < 1e-12, "sticks in hand and level: {sticks}");
         remote.push(Act::Automatic).unwrap();
         assert_eq!(person.poll(clock.now()).sticks, None);
+    }
+
+    #[test]
+    fn an_emergency_stop_needs_no_room() {
+        let mut person = person();
+        let emergency = person.emergency();
+        let mut remote = person.remote(Clock::start());
+        while remote.push(Act::Manual).is_ok() {}
+        assert!(!emergency.take());
+        remote.push(Act::Ask(Ask::EmergencyStop)).unwrap();
+        assert!(emergency.take() && !emergency.take());
     }
 
     #[test]

@@ -23,9 +23,9 @@ const DISABLED: u8 = 0;
 /// Asks a terminal whether it speaks the kitty keyboard protocol; others skip it.
 const ASK_FOR_RELEASES: &[u8] = b"\x1b[?u";
 
-/// Unambiguous codes, event types and every key as a sequence: 1 + 2 + 8. And the focus: a key that is held
-/// while another window takes the keyboard is released there.
-const REPORT_RELEASES: &[u8] = b"\x1b[>11u\x1b[?1004h";
+/// Unambiguous codes, event types, the key on a US keyboard and every key as a sequence: 1 + 2 + 4 + 8. And the focus:
+/// a key that is held while another window takes the keyboard is released there.
+const REPORT_RELEASES: &[u8] = b"\x1b[>15u\x1b[?1004h";
 
 /// Back to what was before [`REPORT_RELEASES`].
 const REPORT_AS_BEFORE: &[u8] = b"\x1b[?1004l\x1b[<u";

@@ -19,8 +19,8 @@ use super::guardian::{BEAT_PERIOD, GuardianReport, Heartbeat, Post};
 use super::protocol::DATAGRAM_BYTES_MAX;
 use super::session::Session;
 use super::{DroneStatus, LinkCounters, TelloSettings};
-use crate::StopSignal;
 use crate::clock::{Clock, TimeNs};
+use crate::{EmergencyRequest, StopSignal};
 use tello_flight::drone::DroneOrder;
 use tello_flight::gate::Approved;
 
@@ -114,6 +114,7 @@ pub struct DroneClient {
     counters: Arc<LinkCounters>,
     protocol: super::Protocol,
     heartbeat: Heartbeat,
+    emergency: EmergencyRequest,
 }
 
 impl DroneClient {
@@ -156,6 +157,7 @@ impl DroneClient {
             counters: Arc::clone(&counters),
             protocol: settings.protocol,
             heartbeat: Heartbeat::default(),
+            emergency: EmergencyRequest::default(),
         };
         let link = DroneLink {
             clock,
@@ -182,6 +184,11 @@ impl DroneClient {
         Ok(started)
     }
 
+    /// Obeys an emergency stop also while no orders come from the control thread.
+    pub fn obey(&mut self, emergency: EmergencyRequest) {
+        self.emergency = emergency;
+    }
+
     /// Talks to the drone until it is stopped. A drone that may fly is landed before the end: that lasts until its
     /// status and the poses say that it is down, and 15 s at most.
     ///
@@ -192,7 +199,7 @@ impl DroneClient {
         let Self {
             address, clock, socket, state_socket, mut session, counters, mut heartbeat, ..
         } = self;
-        let Self { mut approved, mut orders, mut statuses, .. } = self;
+        let Self { mut approved, mut orders, mut statuses, emergency, .. } = self;
         let usable = |socket| UdpSocket::from_std(socket).map_err(failed("use the UDP socket"));
         let (socket, state_socket) = (usable(socket)?, state_socket.map(usable).transpose()?);
         let mut wire = Wire { socket, state_socket, address, counters, bytes: Vec::new() };
@@ -202,6 +209,9 @@ impl DroneClient {
         while !session.is_over(clock.now()) {
             // Before anything is decided or sent: this program may have been stopped and the drone landed.
             wire.ask_guardian(&mut heartbeat, &mut session, clock.now());
+            if emergency.take() {
+                session.order(DroneOrder::EmergencyStop, clock.now());
+            }
             // After every event, so that a flood of one kind cannot hold up what is due.
             session.advance(clock.now());
             heartbeat.beat(session.duty(clock.now()), clock.now());

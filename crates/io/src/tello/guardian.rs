@@ -16,7 +16,7 @@ use std::thread;
 use std::time::Duration;
 
 use super::Protocol;
-use super::session::{LastWords, last_words};
+use super::session::last_words;
 use crate::clock::{Clock, SpanNs, TimeNs};
 
 pub(super) use heartbeat::BEAT_PERIOD;
@@ -94,11 +94,12 @@ pub enum WatchEnd {
 #[derive(Debug)]
 pub struct Guardian {
     post: Post,
-    words: LastWords,
     clock: Clock,
     duty: Duty,
     /// LANDs sent in the landing that goes on.
     landings: u32,
+    /// LANDs sent so far.
+    sent: u32,
     has_landed: bool,
 }
 
@@ -118,15 +119,14 @@ impl Guardian {
     /// # Errors
     /// The channel is no channel, or closed.
     pub fn start(mut post: Post) -> io::Result<Self> {
-        let words = last_words(post.protocol);
         post.channel.set_write_timeout(Some(CHANNEL_PATIENCE))?;
         post.channel.write_all(&[READY])?;
         Ok(Self {
             post,
-            words,
             clock: Clock::start(),
             duty: Duty::Idle,
             landings: 0,
+            sent: 0,
             has_landed: false,
         })
     }
@@ -224,11 +224,12 @@ impl Guardian {
 
     /// Levels the sticks, since a drone may keep the last ones while it lands, and orders the landing.
     fn send_landing(&mut self) {
-        self.landings = self.landings.saturating_add(1);
-        for packet in [&self.words.neutral, &self.words.land] {
+        for packet in last_words(self.post.protocol, self.sent) {
             // A socket that takes nothing now may do so at the next repetition.
-            self.post.socket.send_to(packet, self.post.address).ok();
+            self.post.socket.send_to(&packet, self.post.address).ok();
         }
+        self.landings = self.landings.saturating_add(1);
+        self.sent = self.sent.saturating_add(1);
     }
 }
 

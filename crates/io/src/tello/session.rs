@@ -26,7 +26,7 @@ mod witness;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use tello_flight::drone::{CONTROL_SILENCE_NEUTRAL, DroneOrder};
+use tello_flight::drone::{CONTROL_SILENCE_NEUTRAL, DroneOrder, LAND_PERIOD};
 use tello_flight::gate::Approved;
 
 use super::LinkCounters;
@@ -36,7 +36,7 @@ use talk::Talk;
 use text::TextTalk;
 use witness::{Rest, Witnesses};
 
-pub(super) use guard::{LastWords, last_words};
+pub(super) use guard::last_words;
 pub use talk::Message;
 pub use text::STATE_PORT;
 
@@ -53,8 +53,6 @@ const STICKS_PERIOD: SpanNs = SpanNs::from_ms(20);
 /// Silence of the control thread after which the drone is landed.
 const CONTROL_SILENCE_LAND: SpanNs = SpanNs::from_ms(1000);
 
-/// LAND is repeated this often: one of fifty datagrams is lost, and a drone that takes off ignores the first ones.
-const LAND_PERIOD: SpanNs = SpanNs::from_ms(500);
 /// How long the drone has to be down, to both witnesses, before a landing ends: a bounce, or one pose that
 /// is an outlier.
 const LAND_REST: SpanNs = SpanNs::from_ms(300);
@@ -304,7 +302,10 @@ impl Session {
     pub fn order(&mut self, order: DroneOrder, now: TimeNs) {
         match order {
             DroneOrder::EmergencyStop if self.is_stopping() => {}
-            DroneOrder::EmergencyStop => self.emergency_stop(now),
+            DroneOrder::EmergencyStop => {
+                self.emergency_stop(now);
+                self.over_at = self.over_at.map(|at| at.max(now.after(LAST_LANDING_TIME)));
+            }
             DroneOrder::Land
                 if self.is_landing()
                     || self.is_stopping()

@@ -4,12 +4,12 @@ use std::time::Duration;
 
 use horizon_model::rows::Sticks;
 use tello_flight::gate::{Gate, GateTable};
-use tello_io::Stopper;
 use tello_io::clock::Clock;
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
 use tello_io::tello::{
     Approved, DroneClient, DroneLink, DroneOrder, Protocol, SenderState, TelloSettings, TelloTable,
 };
+use tello_io::{EmergencyRequest, Stopper};
 use tokio::net::UdpSocket;
 use tokio::time::{sleep, timeout};
 
@@ -116,4 +116,27 @@ async fn a_socket_that_refuses_a_landing_is_asked_again_soon() {
     assert!((8..=24).contains(&errors), "{errors} packets refused");
     stopper.stop();
     timeout(PATIENCE, task).await.expect("no answer ever came").unwrap().unwrap();
+}
+
+#[tokio::test]
+async fn an_emergency_stop_reaches_the_drone_though_the_control_thread_is_gone() {
+    let drone = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    let (mut client, link) = bind(drone.local_addr().unwrap().to_string());
+    let emergency = EmergencyRequest::default();
+    client.obey(emergency.clone());
+    let (_stopper, stop) = Stopper::new();
+    let task = tokio::spawn(client.run(stop));
+    let listen = async {
+        while !link.counters.is_connected() {
+            deny(&drone).await;
+        }
+        link.send(forward(), Some(true));
+        while !is_landing(deny(&drone).await) {}
+        // The watchdog lands a drone whose control thread is silent.
+        drop(link);
+        emergency.ask();
+        while deny(&drone).await != HostPacket::EmergencyStop {}
+    };
+    timeout(PATIENCE, listen).await.expect("no emergency stop");
+    task.abort();
 }

@@ -1,18 +1,8 @@
 //! What is asked of the vehicle: the strongest of all orders, and how long an order to take off counts.
 
-use std::convert::Infallible;
-use std::time::Duration;
-
-use tello_flight::drone::DroneOrder;
 use tello_flight::{Operator, Phase};
-use tello_io::clock::{Clock, SpanNs, TimeNs};
-use tello_io::manual::{Ask, Hand, Person};
-use tello_io::tello::DroneLink;
-
-use crate::stdio;
-
-/// Time between two looks for an order after the loop.
-const LOOK_PERIOD: Duration = Duration::from_millis(20);
+use tello_io::clock::{SpanNs, TimeNs};
+use tello_io::manual::{Ask, Hand};
 
 /// The orders of the person at the controls and of signals.
 #[derive(Debug, Clone, Copy)]
@@ -59,27 +49,6 @@ pub(super) fn meaning(ask: Ask, hand: &Hand) -> Operator {
         Ask::TakeOff => Operator::Fly,
         Ask::Land => Operator::Land,
         Ask::EmergencyStop => Operator::EmergencyStop,
-    }
-}
-
-/// The person and the link after the loop: the link may still land the drone.
-pub(in crate::fly) struct LastOrders {
-    pub(super) clock: Clock,
-    pub(super) person: Person,
-    pub(super) drone: DroneLink,
-}
-
-impl LastOrders {
-    /// Hands every emergency stop to the link; never ends.
-    pub(in crate::fly) async fn stop_motors_if_asked(mut self) -> Infallible {
-        loop {
-            if self.person.poll(self.clock.now()).ask == Some(Ask::EmergencyStop) {
-                stdio::note("emergency stop, after the end of the control loop");
-                // A full channel: the person presses again.
-                self.drone.order(DroneOrder::EmergencyStop).ok();
-            }
-            tokio::time::sleep(LOOK_PERIOD).await;
-        }
     }
 }
 

@@ -155,3 +155,16 @@ fn what_moves_is_where_it_is_when_the_plan_comes_there() {
     // About 1 m/s towards the place.
     assert!((0.05..0.12).contains(&(sooner_m - later_m)), "{sooner_m} {later_m}");
 }
+
+#[test]
+fn a_vehicle_stays_down_inside_of_an_obstacle_and_below_one_that_its_climb_meets() {
+    let shelf = |low_m| ObstacleTable::Box { x_m: [0.0, 1.0], y_m: [0.0, 1.0], z_m: [low_m, 2.4] };
+    let is_blocked = |obstacle: ObstacleTable, x_m: f64, z_m: f64| {
+        let walls = Walls::new(Some(&TABLE), None, &[obstacle]).unwrap().unwrap();
+        walls.is_in_obstacle(&Vector3::new(x_m, 0.5, z_m))
+    };
+    assert!(is_blocked(shelf(-0.1), 0.5, 0.05), "inside");
+    assert!(is_blocked(shelf(1.3), 0.5, 0.05) && !is_blocked(shelf(1.4), 0.5, 0.05), "above");
+    assert!(!is_blocked(shelf(1.3), 1.1, 0.05), "beside");
+    assert!(!is_blocked(shelf(-0.1), 0.5, 2.45), "on top");
+}

@@ -273,3 +273,31 @@ fn an_operator_can_land_a_drone_that_flies_without_an_order() {
     let mut bench = Bench::new(Start::Grounded);
     assert_eq!(bench.tick(&asks_to_land(old)).phase, Phase::Idle);
 }
+
+#[test]
+fn one_solve_in_three_may_fail_for_ever_and_one_in_two_may_not() {
+    for (every, ends) in [(3, false), (2, true)] {
+        let mut bench = Bench::flying();
+        for tick in 0..1000 {
+            bench.pass(1, &Evidence { estimator_failed: tick % every == 0, ..ALOFT });
+        }
+        assert_eq!(bench.supervisor.phase() != Phase::Flying, ends, "one in {every}");
+    }
+}
+
+#[test]
+fn an_emergency_stop_is_ordered_once_though_everything_says_that_the_drone_is_down() {
+    let mut bench = Bench::landing();
+    assert_eq!(bench.run(60, &CALM).phase, Phase::Landed);
+    let mut unconfirmed = Bench::landing();
+    unconfirmed.pass(110, &ALOFT);
+    unconfirmed.pass(30, &CALM);
+    let mut standing = Bench::new(Start::Grounded);
+    standing.pass(20, &CALM);
+    let stop = Evidence { operator: Operator::EmergencyStop, ..CALM };
+    for bench in [&mut bench, &mut unconfirmed, &mut standing] {
+        let ruling = bench.tick(&stop);
+        assert_eq!(ruling.order, SupervisorOrder::EmergencyStop, "{:?}", ruling.phase);
+        assert_eq!(ticks_until(bench, SupervisorOrder::EmergencyStop, &stop), None, "down");
+    }
+}

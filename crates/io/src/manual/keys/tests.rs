@@ -55,6 +55,16 @@ fn backspace_stops_the_motors_at_any_place() {
 }
 
 #[test]
+fn a_key_of_another_script_counts_by_its_place_and_a_latin_letter_by_itself() {
+    // Cyrillic es and tse, on the keys C and W; A of a French keyboard, on the key Q.
+    assert_eq!(acts(b"\x1b[1089::99;5u"), [Act::Ask(Ask::Land)]);
+    assert_eq!(acts(b"\x1b[1094::119u"), [Act::Press(Direction::Forward)]);
+    assert_eq!(acts(b"\x1b[1094:1062:119;2:3u"), [Act::Release(Direction::Forward)]);
+    assert_eq!(acts(b"\x1b[97::113u"), [Act::Press(Direction::Left)]);
+    assert_eq!(acts(b"\x1b[1094u"), []);
+}
+
+#[test]
 fn interrupt_lands() {
     assert_eq!(acts(b"\x03"), [Act::Ask(Ask::Land)]);
     assert_eq!(acts(b"\x1b[99;5u"), [Act::Ask(Ask::Land)]);

@@ -10,18 +10,40 @@ use super::*;
 fn outlet() -> (Outlet, Consumer<Event>, Arc<AtomicBool>) {
     let (producer, consumer) = RingBuffer::new(2);
     let ends = Arc::new(AtomicBool::new(false));
-    (Outlet::new(producer, Clock::start(), Arc::clone(&ends)), consumer, ends)
+    let emergency = EmergencyRequest::default();
+    (Outlet::new(producer, emergency, Clock::start(), Arc::clone(&ends)), consumer, ends)
 }
 
 #[test]
-fn an_outlet_closes_at_the_end_of_the_flight_and_with_its_reader() {
+fn an_outlet_closes_at_the_end_of_the_flight() {
     let (open, _events, ends) = outlet();
     assert!(open.is_open());
     ends.store(true, Ordering::Relaxed);
     assert!(!open.is_open());
-    let (abandoned, events, _ends) = outlet();
+}
+
+#[test]
+fn an_emergency_stop_needs_neither_room_nor_a_control_loop() {
+    let (mut outlet, events, ends) = outlet();
+    let emergency = outlet.emergency.clone();
+    outlet.push(Source::Terminal, Act::Press(Direction::Forward));
+    outlet.push(Source::Terminal, Act::Release(Direction::Forward));
+    assert!(!emergency.take(), "nobody asked for it");
+    let stuck = thread::spawn(move || {
+        outlet.push(Source::Terminal, Act::Ask(Ask::EmergencyStop));
+        outlet
+    });
+    while !emergency.take() {
+        thread::yield_now();
+    }
+    assert!(!stuck.is_finished() && !emergency.take(), "asked for once, and the queue is full");
     drop(events);
-    assert!(!abandoned.is_open());
+    let mut outlet = stuck.join().unwrap();
+    assert!(outlet.is_open());
+    outlet.push(Source::Terminal, Act::Ask(Ask::EmergencyStop));
+    assert!(emergency.take());
+    ends.store(true, Ordering::Relaxed);
+    assert!(!outlet.is_open());
 }
 
 #[test]

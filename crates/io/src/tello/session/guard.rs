@@ -9,32 +9,27 @@ use super::super::text::Command;
 use super::{DroneOrder, Message, Session};
 use crate::clock::{TimeNs, TimeOfDay};
 
-/// Packets that need no session: what a guardian sends.
-#[derive(Debug, Clone)]
-pub(in crate::tello) struct LastWords {
-    /// All sticks at rest.
-    pub(in crate::tello) neutral: Vec<u8>,
-    /// The order to land.
-    pub(in crate::tello) land: Vec<u8>,
-}
-
-/// The last words in `protocol`.
-pub(in crate::tello) fn last_words(protocol: Protocol) -> LastWords {
+/// Packets that need no session, what a guardian sends in `protocol`: all sticks at rest, and the order to land.
+///
+/// `landings` counts the orders before. Each has a number of its own, from the largest downwards: a drone may take a
+/// known number for a copy of a landing that the neutral sticks have just cancelled.
+pub(in crate::tello) fn last_words(protocol: Protocol, landings: u32) -> [Vec<u8>; 2] {
     let u = Sticks::zeros();
-    let (neutral, land) = match protocol {
+    let messages = match protocol {
         Protocol::Binary => {
             let time = TimeOfDay::default();
-            let land = HostPacket::Action { action: Action::Land, sequence: u16::MAX };
-            (Message::Binary(HostPacket::Sticks { u, is_fast: false, time }), Message::Binary(land))
+            // At most 60 within 15 s.
+            let sequence = u16::try_from(landings).map_or(0, |landings| u16::MAX - landings);
+            let land = HostPacket::Action { action: Action::Land, sequence };
+            [HostPacket::Sticks { u, is_fast: false, time }, land].map(Message::Binary)
         }
-        Protocol::Text => (Message::Text(Command::Sticks(u)), Message::Text(Command::Land)),
+        Protocol::Text => [Command::Sticks(u), Command::Land].map(Message::Text),
     };
-    let encoded = |message: Message| {
+    messages.map(|message| {
         let mut bytes = Vec::new();
         message.encode(&mut bytes);
         bytes
-    };
-    LastWords { neutral: encoded(neutral), land: encoded(land) }
+    })
 }
 
 impl Session {
@@ -75,16 +70,13 @@ mod tests {
 
     #[test]
     fn the_last_words_are_neutral_sticks_and_a_landing_in_either_protocol() {
-        let text = last_words(Protocol::Text);
-        assert_eq!((&*text.neutral, &*text.land), (&b"rc 0 0 0 0"[..], &b"land"[..]));
-        let binary = last_words(Protocol::Binary);
-        let neutral = HostPacket::decode(&binary.neutral).unwrap();
-        assert!(
-            matches!(neutral, HostPacket::Sticks { u, .. } if u == Sticks::zeros()),
-            "{neutral:?}"
-        );
-        let land = HostPacket::decode(&binary.land).unwrap();
-        assert!(matches!(land, HostPacket::Action { action: Action::Land, .. }), "{land:?}");
+        assert_eq!(last_words(Protocol::Text, 0), [&b"rc 0 0 0 0"[..], &b"land"[..]]);
+        for (landings, expected) in [(0, u16::MAX), (1, u16::MAX - 1), (59, u16::MAX - 59)] {
+            let packets = last_words(Protocol::Binary, landings);
+            let [neutral, land] = packets.map(|bytes| HostPacket::decode(&bytes).unwrap());
+            assert!(matches!(neutral, HostPacket::Sticks { u, .. } if u == Sticks::zeros()));
+            assert_eq!(land, HostPacket::Action { action: Action::Land, sequence: expected });
+        }
     }
 
     #[test]

@@ -59,12 +59,20 @@ enum TakeOff {
     Over,
 }
 
+impl TakeOff {
+    /// The same after it was seen that the drone flies: its reply was lost.
+    fn flown(self) -> Self {
+        if matches!(self, Self::Ordered { .. }) { Self::Over } else { self }
+    }
+}
+
 /// The newest count of seconds with motors on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Motors {
     count_s: f64,
-    /// When this count was first seen.
+    /// When this count was first seen, and last.
     since: TimeNs,
+    last: TimeNs,
     /// Whether it was ever seen to grow; before, it may have stood still for long.
     has_grown: bool,
 }
@@ -106,7 +114,7 @@ impl TextTalk {
     pub(super) fn is_taking_off(&self, now: TimeNs) -> bool {
         match self.take_off {
             TakeOff::None | TakeOff::Over => false,
-            TakeOff::Ordered { at, .. } if self.is_flying(now) == Some(true) => {
+            TakeOff::Ordered { at, .. } if self.is_flying() == Some(true) => {
                 now.since(at) < TAKE_OFF_TYPICAL
             }
             TakeOff::Ordered { at, .. } => now.since(at) < TAKE_OFF_MAX,
@@ -117,9 +125,11 @@ impl TextTalk {
     /// take-off that follows is refused.
     pub(super) fn takes_sticks(&self, now: TimeNs) -> bool {
         match self.take_off {
-            TakeOff::None => self.motors_run(now) == Some(true),
+            TakeOff::None => self.motors_run() == Some(true),
             TakeOff::Ordered { .. } => {
-                !self.is_taking_off(now) && self.motors_run(now) != Some(false)
+                let is_silent =
+                    self.motors.is_some_and(|motors| now.since(motors.last) >= MOTORS_REST);
+                !self.is_taking_off(now) && (self.motors_run() != Some(false) || is_silent)
             }
             TakeOff::Over => true,
         }
@@ -155,7 +165,10 @@ impl TextTalk {
             self.motors = Some(Motors::seen(self.motors, count_s, now));
         }
         self.is_high = line.get(Field::Tof).and_then(|tof_cm| self.flies_at(tof_cm));
-        let (Some(is_flying), Some(battery_pct)) = (self.is_flying(now), self.battery_pct) else {
+        if !self.is_taking_off(now) && self.motors_run() == Some(true) {
+            self.take_off = self.take_off.flown();
+        }
+        let (Some(is_flying), Some(battery_pct)) = (self.is_flying(), self.battery_pct) else {
             return Some(Received::Life);
         };
         Some(Received::Status(DroneStatus {
@@ -181,14 +194,14 @@ impl TextTalk {
     }
 
     /// Whether the drone flies: by its motors or, while these are unknown, by its distance to the floor.
-    fn is_flying(&self, now: TimeNs) -> Option<bool> {
-        self.motors_run(now).or(self.is_high)
+    fn is_flying(&self) -> Option<bool> {
+        self.motors_run().or(self.is_high)
     }
 
-    /// Whether the motors run; `None` before their count was watched for long enough.
-    fn motors_run(&self, now: TimeNs) -> Option<bool> {
-        let Motors { since, has_grown, .. } = self.motors?;
-        let is_at_rest = now.since(since) >= MOTORS_REST;
+    /// Whether the motors run, by the newest line; `None` before their count was watched for long enough.
+    fn motors_run(&self) -> Option<bool> {
+        let Motors { since, last, has_grown, .. } = self.motors?;
+        let is_at_rest = last.since(since) >= MOTORS_REST;
         (has_grown || is_at_rest).then_some(!is_at_rest)
     }
 }
@@ -199,10 +212,10 @@ impl Motors {
     fn seen(before: Option<Self>, count_s: f64, now: TimeNs) -> Self {
         match before {
             Some(before) if count_s > before.count_s => {
-                Self { count_s, since: now, has_grown: true }
+                Self { count_s, since: now, last: now, has_grown: true }
             }
-            Some(before) if count_s >= before.count_s => before,
-            _ => Self { count_s, since: now, has_grown: false },
+            Some(before) if count_s >= before.count_s => Self { last: now, ..before },
+            _ => Self { count_s, since: now, last: now, has_grown: false },
         }
     }
 }
@@ -241,30 +254,32 @@ mod tests {
 
     /// Motors whose count was seen to grow at `since_ms`.
     fn running(since_ms: i64) -> Motors {
-        Motors { count_s: 9.0, since: ms(since_ms), has_grown: true }
+        Motors { count_s: 9.0, since: ms(since_ms), last: ms(since_ms), has_grown: true }
     }
 
     #[test]
     fn motors_run_while_their_count_grows_and_stand_three_seconds_after_it_did() {
         let mut talk = TextTalk::new(STATE_PORT);
-        assert_eq!(talk.motors_run(ms(0)), None);
+        assert_eq!(talk.motors_run(), None);
         for (has_grown, at_ms, expected) in [
             (true, 2_999, Some(true)),
             (true, 3_000, Some(false)),
             (false, 2_999, None),
             (false, 3_000, Some(false)),
         ] {
-            talk.motors = Some(Motors { count_s: 7.0, since: ms(0), has_grown });
-            assert_eq!(talk.motors_run(ms(at_ms)), expected, "{has_grown}, {at_ms} ms");
+            let last = ms(at_ms);
+            talk.motors = Some(Motors { count_s: 7.0, since: ms(0), last, has_grown });
+            assert_eq!(talk.motors_run(), expected, "{has_grown}, {at_ms} ms");
         }
     }
 
     #[test]
     fn a_count_that_goes_back_begins_anew_and_one_that_stays_keeps_its_time() {
         let seen = |count_s| Motors::seen(Some(running(0)), count_s, ms(500));
-        assert_eq!(seen(9.0), running(0));
-        assert_eq!(seen(10.0), Motors { count_s: 10.0, since: ms(500), has_grown: true });
-        assert_eq!(seen(8.0), Motors { count_s: 8.0, since: ms(500), has_grown: false });
+        let last = ms(500);
+        assert_eq!(seen(9.0), Motors { last, ..running(0) });
+        assert_eq!(seen(10.0), Motors { count_s: 10.0, since: last, last, has_grown: true });
+        assert_eq!(seen(8.0), Motors { count_s: 8.0, since: last, last, has_grown: false });
         assert!(!Motors::seen(None, 9.0, ms(500)).has_grown);
     }
 
@@ -310,6 +325,34 @@ mod tests {
         let mut landing = ordered(None);
         landing.begin(DroneOrder::Land, ms(10));
         assert!(!landing.is_taking_off(ms(10)) && landing.takes_sticks(ms(10)));
+    }
+
+    #[test]
+    fn a_drone_that_was_seen_to_fly_takes_sticks_though_its_state_lines_end() {
+        let mut talk = TextTalk::new(STATE_PORT);
+        talk.begin(DroneOrder::TakeOff, ms(0));
+        // No `ok`; the count of seconds grows until 9 s.
+        for (count_s, at_ms) in [(0, 1_000), (3, 4_000), (7, 7_999), (8, 9_000)] {
+            let line = format!("bat:90;time:{count_s};");
+            talk.receive_state(line.as_bytes(), ms(at_ms));
+            assert_eq!(talk.takes_sticks(ms(at_ms)), at_ms >= 8_000, "{at_ms} ms");
+        }
+        for at_ms in [9_100, 12_100, 60_000] {
+            assert!(talk.takes_sticks(ms(at_ms)) && !talk.is_taking_off(ms(at_ms)), "{at_ms} ms");
+        }
+        assert_eq!(talk.take_off_patience(), None, "it is not repeated");
+    }
+
+    #[test]
+    fn after_the_longest_take_off_a_drone_takes_sticks_unless_it_says_that_it_stands() {
+        for (last_ms, takes) in [(4_000, true), (9_000, true), (9_001, false), (12_000, false)] {
+            let mut talk = TextTalk::new(STATE_PORT);
+            talk.begin(DroneOrder::TakeOff, ms(0));
+            talk.motors =
+                Some(Motors { count_s: 0.0, since: ms(0), last: ms(last_ms), has_grown: false });
+            assert!(!talk.takes_sticks(ms(11_999)), "{last_ms} ms");
+            assert_eq!(talk.takes_sticks(ms(12_000)), takes, "{last_ms} ms");
+        }
     }
 
     #[test]
