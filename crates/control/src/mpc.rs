@@ -15,7 +15,7 @@ mod settings;
 mod soft;
 
 use horizon_model::setting::{SettingError, positive};
-use horizon_model::{DriveHessian, HessianKind, Model};
+use horizon_model::{Bounds, DriveHessian, HessianKind, Model};
 use nalgebra::SVector;
 
 pub use self::builder::MpcBuilder;
@@ -27,7 +27,7 @@ pub use self::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverSetting
 use crate::SoftConstraints;
 use crate::horizon::Horizon;
 use crate::qp::product::resized;
-use crate::qp::{Bounds, Limits, Problem, Qp, Solved, Stage, Unsolved};
+use crate::qp::{Limits, Problem, Qp, Solved, Stage, Unsolved};
 
 /// Smallest ratio of the first-order to the second-order predicted decrease of a step with the exact Hessian.
 const DESCENT_MIN: f64 = 0.5;

@@ -46,6 +46,6 @@ pub use levenberg::{
 pub use loss::{Loss, LossTable, Rho};
 pub use mhe::{Mhe, MheBuilder, MheSettings, MheTable};
 pub use recording::{Recording, cut};
-pub use reduced_system::{Bounds, ReducedSystem};
+pub use reduced_system::ReducedSystem;
 pub use residual::{Curvature, Iterate, Observed, Residuals};
 pub use trajectory::{Prior, Trajectory};

@@ -14,6 +14,7 @@
 struct Readme;
 
 pub mod angle;
+mod bounds;
 pub mod check;
 pub mod differences;
 #[cfg(feature = "dual")]
@@ -27,6 +28,7 @@ mod row;
 pub mod setting;
 mod vehicles;
 
+pub use bounds::Bounds;
 #[cfg(feature = "dual")]
 pub use dual::{Dual, DualModel, Scalar};
 pub use group::{Group, VisitGroups};

@@ -11,9 +11,9 @@ use std::path::Path;
 
 use anyhow::Result;
 use horizon_control::InputCost;
-use horizon_control::qp::{Bounds, CostHessian, Horizon, Limits, Penalty, Problem, Qp, Stage};
+use horizon_control::qp::{CostHessian, Horizon, Limits, Penalty, Problem, Qp, Stage};
 use horizon_model::rows::{Pose, Sticks, pose};
-use horizon_model::{Kinematic, Model};
+use horizon_model::{Bounds, Kinematic, Model};
 use nalgebra::{SMatrix, SVector};
 use tello_io::clock::Clock;
 

@@ -3,13 +3,13 @@
 //! Owns derivatives, reduced gradient, costates and the step; inputs and bounds belong to the caller. Only the `NR`
 //! controllable rows of the state are part of it: inputs do not change the other rows.
 
-use horizon_model::DriveHessian;
+use horizon_model::{Bounds, DriveHessian};
 use nalgebra::SVector;
 
 use crate::horizon::Horizon;
 use crate::qp::penalty::of_stage;
 use crate::qp::product::{mul, tr_mul};
-use crate::qp::{Bounds, CostHessian, Penalty, Stage};
+use crate::qp::{CostHessian, Penalty, Stage};
 
 /// Derivatives along a plan, and a step away from it.
 #[derive(Debug)]

@@ -13,11 +13,11 @@ use clarabel::solver::{
     DataUpdateError, DefaultSettings, DefaultSolver, IPSolver, SolverError, SolverStatus,
     SupportedConeT,
 };
-
+use horizon_model::Bounds;
 use nalgebra::SVector;
 
 use super::penalty::{Penalty, of_stage};
-use super::{Bounds, CostHessian, Limits, Problem, Reason, SolveQp, Stage, Unsolved};
+use super::{CostHessian, Limits, Problem, Reason, SolveQp, Stage, Unsolved};
 
 /// A problem of fixed shape with its solver, reused for every linearization.
 pub(crate) struct Clarabel<const NS: usize, const NU: usize> {

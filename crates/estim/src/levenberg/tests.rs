@@ -1,9 +1,10 @@
 //! The loop on dense curve fits with certified answers: the nonlinear regression set of NIST.
 
+use horizon_model::Bounds;
 use nalgebra::SVector;
 
 use super::*;
-use crate::reduced_system::{Bounds, ReducedSystem};
+use crate::reduced_system::ReducedSystem;
 
 /// A curve `y = f(b, x)` and its fit, in units of the start so that identity damping is fair.
 struct Curve<const N: usize> {
