@@ -141,7 +141,7 @@ mod tests {
         }
         for (stage, excess) in [(0, 0.3), (1, -0.2), (1, 0.1), (3, -5.0)] {
             let gradient = vector(90 + stage);
-            expansion.penalties.push(Penalty { stage, weight: 3.0, excess, gradient });
+            expansion.penalties.push(Penalty { stage, squared_weight: 3.0, excess, gradient });
         }
         expansion
     }

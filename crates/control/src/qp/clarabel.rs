@@ -25,7 +25,7 @@ pub(crate) struct Clarabel<const NS: usize, const NU: usize> {
     curvature: CostHessian<NS, NU>,
     /// Penalties per stage, at most.
     penalties_max: usize,
-    /// Whether `P` lacks couplings, because inputs were given, or holds weights of penalties.
+    /// Whether `P` lacks couplings, because inputs were given, or holds squared weights of penalties.
     is_cut: bool,
     /// Nonzeros of `P`, column by column.
     quadratic: Vec<f64>,
@@ -208,7 +208,7 @@ fn curvature_entries<const NS: usize, const NU: usize>(
         let penalties = &penalties[of_stage(penalties, k)];
         for j in 0..slacks {
             let col = k * width + NU + NS + j;
-            visit(col, col, penalties.get(j).map_or(1.0, |penalty| penalty.weight));
+            visit(col, col, penalties.get(j).map_or(1.0, |penalty| penalty.squared_weight));
         }
     }
 }

@@ -164,7 +164,7 @@ fn at_next_state<const NS: usize, const NU: usize>(
     let mut gradient = next.gradient + problem.gradient.s[k];
     let penalties = working.penalties.iter().zip(working.penalized);
     for (penalty, _) in penalties.filter(|(_, is_active)| **is_active) {
-        let weighted = penalty.gradient * penalty.weight;
+        let weighted = penalty.gradient * penalty.squared_weight;
         add_mul(&mut hessian, &weighted, &transpose(&penalty.gradient));
         gradient += weighted * penalty.excess;
     }
