@@ -46,8 +46,11 @@ impl<const NS: usize, const NU: usize> Value<NS, NU> {
 /// the minimizer if this bound alone were removed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Policy<const NS: usize, const NU: usize> {
+    /// `-H_ff^-1 S_f` in the rows `f`.
     by_state: SMatrix<f64, NU, NS>,
+    /// `-H_ff^-1 C_f` in the rows `f`.
     by_before: SMatrix<f64, NU, NU>,
+    /// `k_f` in the rows `f`.
     offset: SVector<f64, NU>,
 }
 
@@ -80,7 +83,8 @@ pub(super) struct Working<'a, const NS: usize, const NU: usize> {
 
 /// Fills in the policy of step `k` and the value before it, from the value after it.
 ///
-/// The gradient by `du` is `H du + S ds + C dv + h`.
+/// The gradient by `du` is `H du + S ds + C dv + h`. Letters as in `docs/model.md`, section 5: `f` for inputs at inactive
+/// bounds, `c` for those of the working set, `+` for what is after the step.
 ///
 /// # Errors
 /// A pivot is not positive, or not finite.
@@ -94,10 +98,11 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     next: &Value<NS, NU>,
 ) -> Result<(), Reason> {
     let Stage { by_state: a, by_input: b } = &problem.stages[k];
+    // P+ and p+.
     let (hessian, gradient) = at_next_state(k, problem, curvature, working, next);
-    let mut through = mul(&hessian, b);
-    let mut by_input = SMatrix::from_diagonal(&curvature.diagonal.u[k]);
-    let mut offset = problem.gradient.u[k] + tr_mul(b, &gradient);
+    let mut through = mul(&hessian, b); // P+ B + W, then its transpose
+    let mut by_input = SMatrix::from_diagonal(&curvature.diagonal.u[k]); // H, D first
+    let mut offset = problem.gradient.u[k] + tr_mul(b, &gradient); // h, then h_f + H_fc du_c
     let coupling = curvature.coupling.get(k);
     if coupling.is_some() {
         through += next.by_state_before;
@@ -106,16 +111,16 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     }
     let through = transpose(&through);
     add_mul(&mut by_input, &through, b);
-    let mut by_state = mul(&through, a);
+    let mut by_state = mul(&through, a); // S
     if let Some(second) = problem.second_derivatives.get(k) {
         by_state += second.by_input_state;
         by_input += second.by_input;
     }
-    let by_before = coupling.map_or(SMatrix::zeros(), SMatrix::from_diagonal);
+    let by_before = coupling.map_or(SMatrix::zeros(), SMatrix::from_diagonal); // C
 
     let active = &working.active;
-    let mut taken = transpose(&by_state);
-    let mut taken_before = by_before;
+    let mut taken = transpose(&by_state); // S', then S_f': the columns c become zero
+    let mut taken_before = by_before; // C', which is C, then C_f'
     value.gradient = tr_mul(a, &gradient);
     value.gradient_before = SVector::zeros();
     for (i, active) in active.iter().enumerate() {
@@ -127,7 +132,7 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
         taken.column_mut(i).fill(0.0);
         taken_before.column_mut(i).fill(0.0);
     }
-    let transform = transform(by_input, active)?;
+    let transform = transform(by_input, active)?; // -H_ff^-1 in the rows f
     policy.by_state = mul(&transform, &by_state);
     policy.offset = mul(&transform, &offset);
     add_mul(&mut value.gradient, &taken, &policy.offset);
