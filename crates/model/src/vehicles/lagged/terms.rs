@@ -76,8 +76,9 @@ impl Lags {
 /// What a step at `(s, u, p)` and its derivatives have in common.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Terms {
-    /// What of a velocity after the step enters the pose, `dt (1 - kappa)`, and what of one before it, `dt kappa`. s
+    /// How long a velocity after the step moves the pose, `dt (1 - kappa)`. s
     after_s: f64,
+    /// How long a velocity before the step moves it, `dt kappa`. s
     before_s: f64,
     /// `n(roll)`, and of the other sticks likewise.
     roll: Excess,
