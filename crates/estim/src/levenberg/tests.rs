@@ -333,3 +333,22 @@ fn a_setting_out_of_range_is_named() {
     let error = LmSettings::try_from(&table).unwrap_err();
     assert_eq!(error.to_string(), "cost_tolerance = 0.2 violates 0.0..=0.1");
 }
+
+#[test]
+fn the_name_of_each_reason_to_stop_is_that_of_serde() {
+    let all = [
+        Stop::CostTolerance,
+        Stop::StepTolerance,
+        Stop::IterationLimit,
+        Stop::Late,
+        Stop::DampingLimit,
+    ];
+    // The schema has one entry for each variant, in their order.
+    let schema = serde_json::to_value(schemars::schema_for!(Stop)).unwrap();
+    let variants = schema["oneOf"].as_array().unwrap();
+    assert_eq!(variants.len(), all.len(), "{variants:?}");
+    for (stop, variant) in all.into_iter().zip(variants) {
+        assert_eq!(serde_json::to_value(stop).unwrap(), stop.name());
+        assert_eq!(variant["const"], stop.name());
+    }
+}
