@@ -20,7 +20,7 @@ use thiserror::Error;
 
 use self::clarabel::Clarabel;
 pub use self::penalty::Penalty;
-use self::product::mul;
+use self::product::mul_sparse;
 use self::riccati::Riccati;
 pub use crate::horizon::Horizon;
 
@@ -44,7 +44,7 @@ impl<const NS: usize, const NU: usize> Stage<NS, NU> {
     /// Real time: no allocation, `2 NS (NS + NU)` operations.
     #[inline]
     pub fn next(&self, ds: &SVector<f64, NS>, du: &SVector<f64, NU>) -> SVector<f64, NS> {
-        mul(&self.by_state, ds) + mul(&self.by_input, du)
+        mul_sparse(&self.by_state, ds) + mul_sparse(&self.by_input, du)
     }
 }
 

@@ -7,11 +7,12 @@
 
 use std::borrow::Borrow;
 
+use horizon_model::transpose;
 use nalgebra::{SMatrix, SVector};
 
 use crate::cholesky::{Cholesky, NotPositive};
 use crate::partition::Partition;
-use crate::product::{mul, sub_mul, sub_outer, sub_square_lower, tr_mul, transpose};
+use crate::product::{mul, sub_mul, sub_outer, sub_square_lower, tr_mul};
 use crate::reduced_system::ReducedSystem;
 
 /// Row block `k` of the normal equations.

@@ -26,6 +26,7 @@ mod model;
 mod rest;
 mod row;
 pub mod setting;
+mod transpose;
 mod vehicles;
 
 pub use bounds::Bounds;
@@ -35,4 +36,5 @@ pub use group::{Group, VisitGroups};
 pub use input_delay::{DEAD_TIME_MAX_S, InputFifo};
 pub use model::{DriveHessian, Driven, HessianKind, Linearized, Model, StepHessian};
 pub use row::{Domain, Row};
+pub use transpose::transpose;
 pub use vehicles::*;

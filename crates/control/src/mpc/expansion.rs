@@ -8,7 +8,7 @@ use nalgebra::SVector;
 
 use crate::horizon::Horizon;
 use crate::qp::penalty::of_stage;
-use crate::qp::product::{mul, tr_mul};
+use crate::qp::product::{mul_sparse, tr_mul_vector};
 use crate::qp::{CostHessian, Penalty, Stage};
 
 /// Derivatives along a plan, and a step away from it.
@@ -67,8 +67,8 @@ impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
                 by_next += penalty.gradient_at_zero();
             }
             self.costate[k] = by_next;
-            self.reduced_gradient[k] = self.gradient.u[k] + tr_mul(by_input, &by_next);
-            by_next = tr_mul(by_state, &by_next);
+            self.reduced_gradient[k] = self.gradient.u[k] + tr_mul_vector(by_input, &by_next);
+            by_next = tr_mul_vector(by_state, &by_next);
         }
     }
 
@@ -92,9 +92,10 @@ impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
             }
             if let Some(second) = self.second_derivatives.get(k).filter(|_| has_second_derivatives)
             {
-                curved += mul(&second.by_state, &ds).dot(&ds);
-                curved +=
-                    (2.0 * mul(&second.by_input_state, &ds) + mul(&second.by_input, &du)).dot(&du);
+                curved += mul_sparse(&second.by_state, &ds).dot(&ds);
+                curved += (2.0 * mul_sparse(&second.by_input_state, &ds)
+                    + mul_sparse(&second.by_input, &du))
+                .dot(&du);
             }
             ds = stage.next(&ds, &du);
             curved += diagonal.s[k].component_mul(&ds).dot(&ds);
