@@ -14,8 +14,10 @@ mod report;
 mod settings;
 mod soft;
 
+use std::fmt::Display;
+
 use horizon_model::setting::{SettingError, positive};
-use horizon_model::{DriveHessian, HessianKind, Model};
+use horizon_model::{Bounds, DriveHessian, HessianKind, Model};
 use nalgebra::SVector;
 
 pub use self::builder::MpcBuilder;
@@ -27,7 +29,7 @@ pub use self::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverSetting
 use crate::SoftConstraints;
 use crate::horizon::Horizon;
 use crate::qp::product::resized;
-use crate::qp::{Bounds, Limits, Problem, Qp, Solved, Stage, Unsolved};
+use crate::qp::{Limits, Problem, Qp, Solved, Stage, Unsolved};
 
 /// Smallest ratio of the first-order to the second-order predicted decrease of a step with the exact Hessian.
 const DESCENT_MIN: f64 = 0.5;
@@ -73,7 +75,7 @@ where
         const { assert!(NR == M::CONTROLLABLE && NR <= NS, "NR is not Model::CONTROLLABLE") };
         let dt_s = positive("dt_s", dt_s)?;
         let stage_s = settings.stage_steps().iter().map(|steps| dt_s * f64::from(*steps)).collect();
-        let steps = settings.stage_steps().len();
+        let stages = settings.stage_steps().len();
         let cost = Cost::new(&settings);
         let limits = Limits {
             tolerance: settings.solver().qp_tolerance,
@@ -83,7 +85,7 @@ where
         let is_stage_wise = settings.solver().qp == QpKind::Riccati;
         let curvature = cost.curvature();
         let qp = Qp::new(&curvature, limits, is_stage_wise)
-            .map_err(|error| SettingError::new("horizon_steps", steps, error.to_string()))?;
+            .map_err(|error| refusal(&settings, &error))?;
         let bounds = Bounds { lo: *settings.u_lb(), hi: *settings.u_ub() };
         let mut mpc = Self {
             model,
@@ -91,11 +93,11 @@ where
             stage_s,
             cost,
             qp,
-            plan: Horizon::zeros(steps),
-            trial: Horizon::zeros(steps),
-            trial_stages: vec![Stage::zeros(); steps],
+            plan: Horizon::zeros(stages),
+            trial: Horizon::zeros(stages),
+            trial_stages: vec![Stage::zeros(); stages],
             expansion: Expansion::new(curvature, limits.penalties_max),
-            bounds: vec![bounds; steps],
+            bounds: vec![bounds; stages],
         };
         mpc.reset();
         Ok(mpc)
@@ -365,6 +367,14 @@ where
             spent = solved.iterations;
         }
     }
+}
+
+/// What the quadratic solver says against a horizon.
+fn refusal<const NS: usize, const NU: usize>(
+    settings: &MpcSettings<NS, NU>,
+    error: &impl Display,
+) -> SettingError {
+    SettingError::new("horizon_steps", settings.horizon_steps(), error.to_string())
 }
 
 /// What a roll-out fills.

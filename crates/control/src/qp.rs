@@ -14,13 +14,13 @@ pub(crate) mod product;
 mod riccati;
 
 use ::clarabel::solver::{SolverError, SolverStatus};
-use horizon_model::DriveHessian;
+use horizon_model::{Bounds, DriveHessian};
 use nalgebra::{SMatrix, SVector};
 use thiserror::Error;
 
 use self::clarabel::Clarabel;
 pub use self::penalty::Penalty;
-use self::product::mul;
+use self::product::mul_sparse;
 use self::riccati::Riccati;
 pub use crate::horizon::Horizon;
 
@@ -44,7 +44,7 @@ impl<const NS: usize, const NU: usize> Stage<NS, NU> {
     /// Real time: no allocation, `2 NS (NS + NU)` operations.
     #[inline]
     pub fn next(&self, ds: &SVector<f64, NS>, du: &SVector<f64, NU>) -> SVector<f64, NS> {
-        mul(&self.by_state, ds) + mul(&self.by_input, du)
+        mul_sparse(&self.by_state, ds) + mul_sparse(&self.by_input, du)
     }
 }
 
@@ -56,38 +56,6 @@ pub struct CostHessian<const NS: usize, const NU: usize> {
     /// By step, the diagonal of the block between `du_{k-1}` and `du_k`; the first one has no effect,
     /// since no input is before. Empty if there are none. 1 / squared unit of the row
     pub coupling: Vec<SVector<f64, NU>>,
-}
-
-/// The box of one input.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bounds<const NU: usize> {
-    /// Lower bound. Unit of each row
-    pub lo: SVector<f64, NU>,
-    /// Upper bound, not below `lo`. Where it equals `lo` the input is given. Unit of each row
-    pub hi: SVector<f64, NU>,
-}
-
-impl<const NU: usize> Bounds<NU> {
-    /// Whether row `i` has no choice.
-    #[inline]
-    pub fn is_given(&self, i: usize) -> bool {
-        self.lo[i] >= self.hi[i]
-    }
-
-    /// The projected gradient: rows whose descent direction leaves the box at `u` are 0. 1 / unit of the row
-    #[inline]
-    pub fn open(&self, gradient: &SVector<f64, NU>, u: &SVector<f64, NU>) -> SVector<f64, NU> {
-        SVector::from_fn(|i, _| {
-            let is_open = if gradient[i] > 0.0 { u[i] > self.lo[i] } else { u[i] < self.hi[i] };
-            if is_open { gradient[i] } else { 0.0 }
-        })
-    }
-
-    /// The input of the box that is nearest to `u`, row by row, in its units.
-    #[inline]
-    pub fn clamp(&self, u: &SVector<f64, NU>) -> SVector<f64, NU> {
-        u.sup(&self.lo).inf(&self.hi)
-    }
 }
 
 /// What changes from one subproblem to the next.

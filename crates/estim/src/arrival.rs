@@ -10,6 +10,7 @@ use nalgebra::{SMatrix, SVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::back_substitution::BackSubstitute;
 use crate::chain::{Block, Eliminated, Link};
 use crate::cholesky::{Cholesky, NotPositive};
 use crate::partition::Partition;

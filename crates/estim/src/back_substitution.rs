@@ -1,6 +1,6 @@
-//! Back substitution of a long chain that is eliminated block by block.
+//! Back substitution, and the long chain that is eliminated block by block.
 //!
-//! Owns the rows that the back substitution needs, two thirds of the factors of the elimination. The smaller
+//! Owns its loop, and the rows that a long chain needs for it, two thirds of the factors of the elimination. The smaller
 //! rows matter for chains of thousands of states, whose rows are written once per read. The elimination itself
 //! is `chain.rs`, its division into decoupled subsystems `partition.rs`.
 
@@ -9,7 +9,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::chain::{Block, Eliminated};
 use crate::cholesky::NotPositive;
-use crate::partition::Partition;
+use crate::partition::{Division, Partition};
 use crate::product::tr_mul;
 use crate::reduced_system::ReducedSystem;
 
@@ -46,10 +46,37 @@ impl<const NS: usize, const NP: usize> EliminationFront<NS, NP> {
     }
 }
 
-/// One row of the back substitution: the step of a state from the steps of the parameter and the next state. Names
-/// as in [`Eliminated`], letters as in `docs/model.md`, section 4.
+/// A row of the back substitution.
+pub(crate) trait BackSubstitute<const NS: usize, const NP: usize> {
+    /// The step of the state from the parameter step `p_step` and `taken`, the contribution of the next state. The
+    /// contribution to the previous state is returned, too.
+    fn step(
+        &self,
+        p_step: &SVector<f64, NP>,
+        taken: &SVector<f64, NS>,
+    ) -> (SVector<f64, NS>, SVector<f64, NS>);
+}
+
+/// Tells `put` the steps of the first `len` states, the last one first.
+#[inline]
+pub(crate) fn back_substitute<const NS: usize, const NP: usize>(
+    rows: &[impl BackSubstitute<NS, NP>],
+    p_step: &SVector<f64, NP>,
+    len: usize,
+    mut put: impl FnMut(usize, SVector<f64, NS>),
+) {
+    let mut taken = SVector::zeros();
+    for (k, row) in rows.iter().enumerate().take(len).rev() {
+        let step;
+        (step, taken) = row.step(p_step, &taken);
+        put(k, step);
+    }
+}
+
+/// A row of the back substitution whose factor is divided out. Names as in [`Eliminated`], letters as in
+/// `docs/model.md`, section 4.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct BackSubstitution<const NS: usize, const NP: usize> {
+pub(crate) struct SolvedRow<const NS: usize, const NP: usize> {
     /// `L_k'^-1 y_k`.
     gradient: SVector<f64, NS>,
     /// `(L_k'^-1 B_k)'`.
@@ -58,11 +85,9 @@ pub(crate) struct BackSubstitution<const NS: usize, const NP: usize> {
     before: SMatrix<f64, NS, NS>,
 }
 
-impl<const NS: usize, const NP: usize> BackSubstitution<NS, NP> {
-    /// The step of the state from the parameter step `p_step` and `taken`, the contribution of the next state. The
-    /// contribution to the previous state is returned, too.
+impl<const NS: usize, const NP: usize> BackSubstitute<NS, NP> for SolvedRow<NS, NP> {
     #[inline]
-    pub(crate) fn step(
+    fn step(
         &self,
         p_step: &SVector<f64, NP>,
         taken: &SVector<f64, NS>,
@@ -72,22 +97,22 @@ impl<const NS: usize, const NP: usize> BackSubstitution<NS, NP> {
     }
 }
 
-/// The rows of the back substitution of a chain that is eliminated block by block, and what is left for the
-/// parameter. Their memory is reused.
+/// What a long chain that is eliminated block by block leaves: the rows of its back substitution, and the reduced
+/// system without the parameter block. Their memory is reused.
 #[derive(Debug, Clone)]
-pub(crate) struct Rows<const NS: usize, const NP: usize> {
+pub(crate) struct LongElimination<const NS: usize, const NP: usize> {
     front: EliminationFront<NS, NP>,
     reduced: ReducedSystem<NP>,
-    steps: Vec<BackSubstitution<NS, NP>>,
+    rows: Vec<SolvedRow<NS, NP>>,
 }
 
-impl<const NS: usize, const NP: usize> Rows<NS, NP> {
+impl<const NS: usize, const NP: usize> LongElimination<NS, NP> {
     /// No rows, with room for `len_max`.
     pub(crate) fn new(len_max: usize) -> Self {
         Self {
             front: EliminationFront::new(),
             reduced: ReducedSystem::zeros(),
-            steps: Vec::with_capacity(len_max),
+            rows: Vec::with_capacity(len_max),
         }
     }
 
@@ -105,15 +130,15 @@ impl<const NS: usize, const NP: usize> Rows<NS, NP> {
         if k == 0 {
             self.reduced = ReducedSystem::zeros();
         }
-        let (row, previous) = self.front.eliminate(k, block, damping, &mut self.reduced)?;
-        let step = BackSubstitution {
-            gradient: row.factor.backward(row.gradient),
-            border: row.factor.backward_rows(row.border),
-            before: previous.factor.backward_rows(row.before),
+        let (eliminated, previous) = self.front.eliminate(k, block, damping, &mut self.reduced)?;
+        let row = SolvedRow {
+            gradient: eliminated.factor.backward(eliminated.gradient),
+            border: eliminated.factor.backward_rows(eliminated.border),
+            before: previous.factor.backward_rows(eliminated.before),
         };
-        match self.steps.get_mut(k) {
-            Some(place) => *place = step,
-            None => self.steps.push(step),
+        match self.rows.get_mut(k) {
+            Some(place) => *place = row,
+            None => self.rows.push(row),
         }
         Ok(())
     }
@@ -123,29 +148,15 @@ impl<const NS: usize, const NP: usize> Rows<NS, NP> {
         &self.reduced
     }
 
-    /// Tells `put` the steps of the first `len` states, the last one first.
-    #[inline]
-    pub(crate) fn back_substitute(
-        &self,
-        p_step: &SVector<f64, NP>,
-        len: usize,
-        mut put: impl FnMut(usize, &SVector<f64, NS>),
-    ) {
-        let mut taken = SVector::zeros();
-        for (k, row) in self.steps.iter().enumerate().take(len).rev() {
-            let step;
-            (step, taken) = row.step(p_step, &taken);
-            put(k, &step);
-        }
+    /// The rows of the back substitution, in the order of `k`.
+    pub(crate) fn rows(&self) -> &[SolvedRow<NS, NP>] {
+        &self.rows
     }
 }
 
-/// [`Rows`] of a whole system or of its decoupled subsystems. What couples the subsystems is left out.
-#[derive(Debug, Clone)]
-pub(crate) enum LongChain<const NS: usize, const NP: usize> {
-    Whole(Rows<NS, NP>),
-    Partition(Partition<NS, NP>),
-}
+/// A chain that is eliminated block by block. What couples its decoupled subsystems is left out.
+pub(crate) type LongChain<const NS: usize, const NP: usize> =
+    Division<LongElimination<NS, NP>, NS, NP>;
 
 impl<const NS: usize, const NP: usize> LongChain<NS, NP> {
     /// No rows, with room for `len_max` unless the model `M` has subsystems.
@@ -153,11 +164,11 @@ impl<const NS: usize, const NP: usize> LongChain<NS, NP> {
     where
         M: Model<NS, NU, NO, NP>,
     {
-        let whole = || Self::Whole(Rows::new(len_max));
+        let whole = || Self::Whole(LongElimination::new(len_max));
         Partition::of::<M, NU, NO>(0).map_or_else(whole, Self::Partition)
     }
 
-    /// As [`Rows::eliminate`].
+    /// As [`LongElimination::eliminate`].
     ///
     /// # Errors
     /// The damped matrix is not positive definite.
@@ -169,7 +180,7 @@ impl<const NS: usize, const NP: usize> LongChain<NS, NP> {
         damping: f64,
     ) -> Result<(), NotPositive> {
         match self {
-            Self::Whole(rows) => rows.eliminate(k, block, damping),
+            Self::Whole(whole) => whole.eliminate(k, block, damping),
             Self::Partition(partition) => partition.eliminate_one(k, block, damping),
         }
     }
@@ -177,8 +188,8 @@ impl<const NS: usize, const NP: usize> LongChain<NS, NP> {
     /// What the eliminated states leave for the parameter, `parameter_block` included.
     pub(crate) fn reduced(&self, parameter_block: &ReducedSystem<NP>) -> ReducedSystem<NP> {
         match self {
-            Self::Whole(rows) => {
-                let mut sum = *rows.reduced();
+            Self::Whole(whole) => {
+                let mut sum = *whole.reduced();
                 sum += parameter_block;
                 sum
             }
@@ -193,8 +204,8 @@ impl<const NS: usize, const NP: usize> LongChain<NS, NP> {
         steps: &mut [SVector<f64, NS>],
     ) {
         match self {
-            Self::Whole(rows) => {
-                rows.back_substitute(p_step, steps.len(), |k, step| steps[k] = *step);
+            Self::Whole(whole) => {
+                back_substitute(whole.rows(), p_step, steps.len(), |k, step| steps[k] = step);
             }
             Self::Partition(partition) => partition.back_substitute_long(p_step, steps),
         }
@@ -218,15 +229,15 @@ mod tests {
             block.gradient = SVector::from_fn(|i, _| entry(k + 2, i, 0));
         }
         let p_step = SVector::from([0.3, -0.7]);
-        let mut rows = Rows::new(0);
+        let mut long = LongElimination::new(0);
         // The second time in the places of the first.
         for damping in [1.0, 0.5] {
             for (k, block) in chain.blocks_mut().iter().enumerate() {
-                rows.eliminate(k, block, damping).unwrap();
+                long.eliminate(k, block, damping).unwrap();
             }
-            assert_eq!(chain.eliminate(damping).as_ref(), Ok(rows.reduced()));
+            assert_eq!(chain.eliminate(damping).as_ref(), Ok(long.reduced()));
             let expected = chain.back_substitute(&p_step);
-            rows.back_substitute(&p_step, expected.len(), |k, step| {
+            back_substitute(long.rows(), &p_step, expected.len(), |k, step| {
                 let gap = (step - expected[k]).norm();
                 assert!(gap < 1e-13, "gap {gap:e}");
             });

@@ -7,11 +7,13 @@
 
 use std::borrow::Borrow;
 
+use horizon_model::transpose;
 use nalgebra::{SMatrix, SVector};
 
+use crate::back_substitution::{BackSubstitute, back_substitute};
 use crate::cholesky::{Cholesky, NotPositive};
-use crate::partition::Partition;
-use crate::product::{mul, sub_mul, sub_outer, sub_square_lower, tr_mul, transpose};
+use crate::partition::{Division, Partition};
+use crate::product::{mul, sub_mul, sub_outer, sub_square_lower, tr_mul};
 use crate::reduced_system::ReducedSystem;
 
 /// Row block `k` of the normal equations.
@@ -142,11 +144,11 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
         let by_parameter = mul(&Cholesky::new(*reduced)?.forward(self.border), &root);
         Ok(tr_mul(&root, &root) + tr_mul(&by_parameter, &by_parameter))
     }
+}
 
-    /// The step of the state that belongs to the parameter step `p_step` and to what the state after
-    /// it takes from the right-hand side, and what this state takes from the one before.
+impl<const NS: usize, const NP: usize> BackSubstitute<NS, NP> for Eliminated<NS, NP> {
     #[inline]
-    pub(crate) fn step(
+    fn step(
         &self,
         p_step: &SVector<f64, NP>,
         taken: &SVector<f64, NS>,
@@ -157,13 +159,6 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
     }
 }
 
-/// The row blocks after elimination.
-#[derive(Debug, Clone)]
-enum Rows<const NS: usize, const NP: usize> {
-    Whole(Vec<Eliminated<NS, NP>>),
-    Partition(Partition<NS, NP>),
-}
-
 /// The normal equations `(H + damping I) d = -gradient` of `NS`-blocks in a row and an `NP`-block of the parameter.
 ///
 /// The buffers are made once for the longest chain expected; [`Chain::clear`] sets the length.
@@ -172,7 +167,8 @@ pub struct Chain<const NS: usize, const NP: usize> {
     blocks: Vec<Block<NS, NP>>,
     /// `H[p, p]` and the gradient by `p`.
     pub parameter_block: ReducedSystem<NP>,
-    rows: Rows<NS, NP>,
+    /// The row blocks after elimination.
+    eliminated: Division<Vec<Eliminated<NS, NP>>, NS, NP>,
     steps: Vec<SVector<f64, NS>>,
 }
 
@@ -182,7 +178,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         Self {
             blocks: Vec::with_capacity(len_max),
             parameter_block: ReducedSystem::zeros(),
-            rows: Rows::Whole(Vec::with_capacity(len_max)),
+            eliminated: Division::Whole(Vec::with_capacity(len_max)),
             steps: Vec::with_capacity(len_max),
         }
     }
@@ -192,7 +188,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     #[must_use]
     pub(crate) fn partitioned(self, partition: Option<Partition<NS, NP>>) -> Self {
         match partition {
-            Some(partition) => Self { rows: Rows::Partition(partition), ..self },
+            Some(partition) => Self { eliminated: Division::Partition(partition), ..self },
             None => self,
         }
     }
@@ -242,11 +238,11 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     /// The damped matrix is not positive definite.
     pub fn eliminate(&mut self, damping: f64) -> Result<ReducedSystem<NP>, NotPositive> {
         let mut reduced = self.parameter_block;
-        match &mut self.rows {
-            Rows::Whole(rows) => {
+        match &mut self.eliminated {
+            Division::Whole(rows) => {
                 eliminate(rows, self.blocks.iter(), damping, &mut reduced)?;
             }
-            Rows::Partition(partition) => {
+            Division::Partition(partition) => {
                 partition.eliminate(&self.blocks, damping, &mut reduced)?;
             }
         }
@@ -261,11 +257,11 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     /// Real time: no allocation up to `len_max` states; linear in their number, about `NS (NS + NP)` each.
     pub fn back_substitute(&mut self, p_step: &SVector<f64, NP>) -> &[SVector<f64, NS>] {
         self.steps.resize(self.blocks.len(), SVector::zeros());
-        match &self.rows {
-            Rows::Whole(rows) => {
-                back_substitute(rows, p_step, |k, step| self.steps[k] = step, self.blocks.len());
+        match &self.eliminated {
+            Division::Whole(rows) => {
+                back_substitute(rows, p_step, self.blocks.len(), |k, step| self.steps[k] = step);
             }
-            Rows::Partition(partition) => partition.back_substitute(p_step, &mut self.steps),
+            Division::Partition(partition) => partition.back_substitute(p_step, &mut self.steps),
         }
         &self.steps
     }
@@ -282,9 +278,11 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         reduced: &ReducedSystem<NP>,
     ) -> Result<SMatrix<f64, NS, NS>, NotPositive> {
         let last = self.blocks.len().checked_sub(1).ok_or(NotPositive)?;
-        match &self.rows {
-            Rows::Whole(rows) => rows.get(last).ok_or(NotPositive)?.covariance(&reduced.hessian),
-            Rows::Partition(partition) => partition.covariance(last, reduced),
+        match &self.eliminated {
+            Division::Whole(rows) => {
+                rows.get(last).ok_or(NotPositive)?.covariance(&reduced.hessian)
+            }
+            Division::Partition(partition) => partition.covariance(last, reduced),
         }
     }
 }
@@ -309,22 +307,6 @@ pub(crate) fn eliminate<const NS: usize, const NP: usize>(
         row.become_after(done.last(), block.borrow(), damping, reduced)?;
     }
     Ok(())
-}
-
-/// Tells `put` the steps of the first `len` states.
-#[inline]
-pub(crate) fn back_substitute<const NS: usize, const NP: usize>(
-    rows: &[Eliminated<NS, NP>],
-    p_step: &SVector<f64, NP>,
-    mut put: impl FnMut(usize, SVector<f64, NS>),
-    len: usize,
-) {
-    let mut taken = SVector::zeros();
-    for (k, row) in rows.iter().enumerate().take(len).rev() {
-        let step;
-        (step, taken) = row.step(p_step, &taken);
-        put(k, step);
-    }
 }
 
 #[cfg(test)]

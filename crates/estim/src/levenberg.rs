@@ -125,9 +125,6 @@ pub enum SolveError {
         /// Step inside the window, 0 is the oldest.
         k: usize,
     },
-    /// There is no first state yet.
-    #[error("the estimator is not started")]
-    NotStarted,
 }
 
 /// A problem at its current iterate.

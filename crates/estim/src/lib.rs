@@ -44,8 +44,8 @@ pub use levenberg::{
     Linearization, LmSettings, LmTable, Problem, SolveError, SolveReport, Step, Stop, solve,
 };
 pub use loss::{Loss, LossTable, Rho};
-pub use mhe::{Mhe, MheBuilder, MheSettings, MheTable};
+pub use mhe::{Mhe, MheBuilder, MheError, MheSettings, MheTable};
 pub use recording::{Recording, cut};
-pub use reduced_system::{Bounds, ReducedSystem};
+pub use reduced_system::ReducedSystem;
 pub use residual::{Curvature, Iterate, Observed, Residuals};
 pub use trajectory::{Prior, Trajectory};

@@ -11,6 +11,7 @@ use horizon_model::setting::{SettingError, in_range, positive, vector, weight, w
 use nalgebra::{SMatrix, SVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 use crate::arrival::{ArrivalSettings, ArrivalTable};
 use crate::cholesky::Cholesky;
@@ -115,6 +116,18 @@ impl MheTable {
     }
 }
 
+/// Why the estimator takes nothing in, or leaves no estimate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum MheError {
+    /// There is no first state yet.
+    #[error("the estimator is not started")]
+    NotStarted,
+    /// What was given is not finite, or the problem over the window is not.
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+}
+
 /// Estimator of the states of the last `window_steps` steps and of the parameter.
 #[derive(Debug, Clone)]
 pub struct Mhe<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
@@ -195,26 +208,26 @@ where
     /// iterate, at worst the model's prediction of one step.
     ///
     /// # Errors
-    /// - [`SolveError::NotStarted`]: call [`Mhe::start`].
-    /// - [`SolveError::NonFinite`] for an input or an observation: the window did not move and the
+    /// - [`MheError::NotStarted`]: call [`Mhe::start`].
+    /// - [`MheError::Solve`] for an input or an observation: the window did not move and the
     ///   estimator remains usable.
-    /// - [`SolveError::NonFinite`] for a residual or a derivative: the window is lost and the
+    /// - [`MheError::Solve`] for a residual or a derivative: the window is lost and the
     ///   estimator no longer started.
     pub fn update(
         &mut self,
         u_applied: &SVector<f64, NU>,
         observed: &Observed<NO>,
         is_late: &mut dyn FnMut() -> bool,
-    ) -> Result<SolveReport, SolveError> {
+    ) -> Result<SolveReport, MheError> {
         if !self.is_started {
-            return Err(SolveError::NotStarted);
+            return Err(MheError::NotStarted);
         }
         let k = self.window().len();
         if !u_applied.iter().all(|row| row.is_finite()) {
-            return Err(SolveError::NonFinite { block: "input", k: k - 1 });
+            return Err(SolveError::NonFinite { block: "input", k: k - 1 }.into());
         }
         if !observed.is_finite() {
-            return Err(SolveError::NonFinite { block: "observation", k });
+            return Err(SolveError::NonFinite { block: "observation", k }.into());
         }
         if k > self.window_steps {
             self.trajectory.pop();
@@ -225,7 +238,7 @@ where
         if self.is_started && self.shift_prior {
             self.trajectory.set_prior(*self.trajectory.parameter());
         }
-        solved
+        solved.map_err(MheError::from)
     }
 
     /// Adds what was seen late: `observed` is of the state `back` steps before the newest. Its present rows replace
@@ -234,18 +247,18 @@ where
     /// Real time: no allocation, constant cost.
     ///
     /// # Errors
-    /// [`SolveError::NotStarted`], or [`SolveError::NonFinite`] for an observation; nothing is added.
+    /// [`MheError::NotStarted`], or [`MheError::Solve`] for an observation; nothing is added.
     pub fn observe_earlier(
         &mut self,
         back: usize,
         observed: &Observed<NO>,
-    ) -> Result<(), SolveError> {
+    ) -> Result<(), MheError> {
         if !self.is_started {
-            return Err(SolveError::NotStarted);
+            return Err(MheError::NotStarted);
         }
         let k = (self.window().len() - 1).saturating_sub(back);
         if !observed.is_finite() {
-            return Err(SolveError::NonFinite { block: "observation", k });
+            return Err(SolveError::NonFinite { block: "observation", k }.into());
         }
         self.trajectory.observe(k, observed);
         Ok(())

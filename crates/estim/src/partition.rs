@@ -13,8 +13,8 @@ use horizon_model::{Model, VisitGroups};
 use nalgebra::{SMatrix, SVector};
 
 use crate::arrival::{Fading, Folded, fold};
-use crate::back_substitution::Rows;
-use crate::chain::{Block, Eliminated, back_substitute, eliminate};
+use crate::back_substitution::{LongElimination, back_substitute};
+use crate::chain::{Block, Eliminated, eliminate};
 use crate::cholesky::NotPositive;
 use crate::reduced_system::ReducedSystem;
 
@@ -50,7 +50,7 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
         self.subsystems.iter_mut().try_for_each(|one| one.eliminate(blocks, damping, reduced))
     }
 
-    /// As [`back_substitute`].
+    /// As [`back_substitute`], of the states that were eliminated at once.
     pub(crate) fn back_substitute(
         &self,
         p_step: &SVector<f64, NP>,
@@ -73,7 +73,7 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
         Ok(whole)
     }
 
-    /// As [`Rows::eliminate`].
+    /// As [`LongElimination::eliminate`].
     ///
     /// # Errors
     /// The damped matrix is not positive definite.
@@ -94,7 +94,7 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
         reduced
     }
 
-    /// As [`Rows::back_substitute`].
+    /// As [`back_substitute`], of the states that were eliminated one by one.
     pub(crate) fn back_substitute_long(
         &self,
         p_step: &SVector<f64, NP>,
@@ -122,6 +122,13 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
     }
 }
 
+/// A whole system, of which `W` is kept, or its decoupled subsystems.
+#[derive(Debug, Clone)]
+pub(crate) enum Division<W, const NS: usize, const NP: usize> {
+    Whole(W),
+    Partition(Partition<NS, NP>),
+}
+
 /// The subsystems that a model has named so far.
 struct Collected<const NS: usize, const NP: usize> {
     len_max: usize,
@@ -140,7 +147,7 @@ impl<const NS: usize, const NP: usize> VisitGroups for Collected<NS, NP> {
         self.states += S;
         self.parameters += P;
         let rows = Vec::with_capacity(self.len_max);
-        let one_by_one = Rows::new(0);
+        let one_by_one = LongElimination::new(0);
         self.subsystems.push(Box::new(Subsystem { states, parameters, rows, one_by_one }));
     }
 }
@@ -200,7 +207,7 @@ struct Subsystem<const S: usize, const P: usize> {
     parameters: &'static [usize; P],
     rows: Vec<Eliminated<S, P>>,
     /// In place of `rows`, of a chain that is eliminated block by block.
-    one_by_one: Rows<S, P>,
+    one_by_one: LongElimination<S, P>,
 }
 
 impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate<NS, NP>
@@ -221,9 +228,10 @@ impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate
     }
 
     fn back_substitute(&self, p_step: &SVector<f64, NP>, steps: &mut [SVector<f64, NS>]) {
-        let len = steps.len();
-        let put = |k: usize, step: SVector<f64, S>| put(&step, self.states, &[0], &mut steps[k]);
-        back_substitute(&self.rows, &pick(p_step, self.parameters), put, len);
+        let p_step = pick(p_step, self.parameters);
+        back_substitute(&self.rows, &p_step, steps.len(), |k, step| {
+            put(&step, self.states, &[0], &mut steps[k]);
+        });
     }
 
     fn put_covariance(
@@ -255,8 +263,8 @@ impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate
 
     fn back_substitute_long(&self, p_step: &SVector<f64, NP>, steps: &mut [SVector<f64, NS>]) {
         let p_step = pick(p_step, self.parameters);
-        self.one_by_one.back_substitute(&p_step, steps.len(), |k, step| {
-            put(step, self.states, &[0], &mut steps[k]);
+        back_substitute(self.one_by_one.rows(), &p_step, steps.len(), |k, step| {
+            put(&step, self.states, &[0], &mut steps[k]);
         });
     }
 

@@ -3,6 +3,7 @@
 //! Owns nothing but the loops: written over columns of known length they unroll and vectorize, where
 //! the general product of the matrix library is a call.
 
+use horizon_model::transpose;
 use nalgebra::{ArrayStorage, SMatrix, SVector};
 
 /// `a b`.
@@ -180,20 +181,6 @@ pub(crate) fn outer<const R: usize, const K: usize, const C: usize>(
     mul(a, &transpose(b))
 }
 
-/// `a'`.
-#[inline]
-pub(crate) fn transpose<const R: usize, const C: usize>(
-    a: &SMatrix<f64, R, C>,
-) -> SMatrix<f64, C, R> {
-    let mut transposed = [[0.0; C]; R];
-    for (col, column) in a.data.0.iter().enumerate() {
-        for (row, entry) in column.iter().enumerate() {
-            transposed[row][col] = *entry;
-        }
-    }
-    SMatrix::from_data(ArrayStorage(transposed))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -208,7 +195,6 @@ mod tests {
         assert_eq!(mul(&a, &b), a * b);
         assert_eq!(tr_mul(&a, &c), a.transpose() * c);
         assert_eq!(outer(&scale, &a.column(0).into()), scale * a.column(0).transpose());
-        assert_eq!(transpose(&a), a.transpose());
         let mut sum = a * b;
         sub_outer(&mut sum, &a, &transpose(&b));
         assert_eq!(sum, SMatrix::<f64, 3, 4>::zeros());

@@ -7,18 +7,10 @@
 
 use std::ops::AddAssign;
 
+use horizon_model::Bounds;
 use nalgebra::{SMatrix, SVector};
 
 use crate::cholesky::{Cholesky, NotPositive};
-
-/// Box of the parameter, `lo <= hi` in every row, in the units of the rows.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bounds<const NP: usize> {
-    /// Lower bounds, finite or minus infinity. Unit of each row
-    pub lo: SVector<f64, NP>,
-    /// Upper bounds, finite or infinity. Unit of each row
-    pub hi: SVector<f64, NP>,
-}
 
 /// A quadratic in the parameter step `d`: `gradient' d + d' hessian d / 2 - decrease`. The cost has no unit, `d` has
 /// those of the parameter.

@@ -4,7 +4,7 @@
 //! residuals; a cost is half the sum of `rho`. The prior on the parameter and the iteration live in
 //! `trajectory.rs`.
 
-use horizon_model::{Linearized, Model};
+use horizon_model::{Linearized, Model, transpose};
 use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::chain::{Block, Chain, Link};
 use crate::levenberg::SolveError;
 use crate::loss::Loss;
-use crate::product::{add_mul_sparse, add_sparse, outer, sub_scaled_sparse, tr_mul, transpose};
+use crate::product::{add_mul_sparse, add_sparse, outer, sub_scaled_sparse, tr_mul};
 
 /// An observation of which any row may be absent.
 #[derive(Debug, Clone, Copy, PartialEq)]

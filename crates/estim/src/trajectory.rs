@@ -6,7 +6,7 @@
 //! decided in `mhe.rs`.
 
 use horizon_model::setting::{SettingError, bounds, in_range, vector, weight_or_zero};
-use horizon_model::{Model, Row};
+use horizon_model::{Bounds, Model, Row};
 use nalgebra::{SMatrix, SVector};
 
 use crate::arrival::{Arrival, ArrivalSettings};
@@ -14,7 +14,7 @@ use crate::chain::{Block, Chain};
 use crate::cholesky::NotPositive;
 use crate::levenberg::{Linearization, Problem, SolveError, Step};
 use crate::partition::Partition;
-use crate::reduced_system::{Bounds, ReducedSystem};
+use crate::reduced_system::ReducedSystem;
 use crate::residual::{Curvature, Iterate, Observed, Residuals};
 
 /// Prior of the parameter, before any observation.

@@ -12,7 +12,7 @@ mod turn;
 
 use horizon_estim::Observed;
 use horizon_model::rows::{Sticks, lag, pose, stick};
-use hypothesis::{Hypothesis, LevelCommand};
+use hypothesis::{HorizontalCommand, Hypothesis};
 use nalgebra::{SVector, Vector2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -122,7 +122,7 @@ struct Asked {
 /// What the sticks ask for in one period, and how that changes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Commands {
-    horizontal: LevelCommand,
+    horizontal: HorizontalCommand,
     turn: TurnCommand,
 }
 
@@ -278,7 +278,7 @@ impl Asked {
     /// The commands of a period of `dt_s` before which `before` was asked for.
     fn after(self, before: Self, dt_s: f64) -> Commands {
         Commands {
-            horizontal: LevelCommand {
+            horizontal: HorizontalCommand {
                 asked_w_mps: self.v_w_mps,
                 rate_w_mps2: (self.v_w_mps - before.v_w_mps) / dt_s,
             },

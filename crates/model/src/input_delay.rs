@@ -139,7 +139,7 @@ impl<const NU: usize> InputFifo<NU> {
     }
 
     /// Steps from sending an input until it acts on every axis: the longest dead time, rounded up.
-    pub fn horizon_steps(&self) -> usize {
+    pub fn longest_steps(&self) -> usize {
         whole_steps(self.dead_time_steps.max().ceil())
     }
 
@@ -156,9 +156,13 @@ impl<const NU: usize> InputFifo<NU> {
     }
 }
 
-/// A checked, non-negative number of steps as an index.
+/// A non-negative number of steps as an index.
 fn whole_steps(steps: f64) -> usize {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=2 s of steps")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a dead time is not negative: at most 2 s of steps, and those of a correction"
+    )]
     let whole = steps as usize;
     whole
 }
@@ -187,7 +191,7 @@ mod tests {
     fn an_input_acts_one_dead_time_after_it_was_sent() {
         // The coming step is 101; what acts in it was sent in step 101 - 30.
         let fifo = counted([0.6, 0.6], 100);
-        assert_eq!((fifo.known_steps(), fifo.horizon_steps()), (30, 30));
+        assert_eq!((fifo.known_steps(), fifo.longest_steps()), (30, 30));
         assert_close(fifo.applied(0), [71.0, -71.0]);
         assert_close(fifo.applied(-2), [69.0, -69.0]);
         assert_close(fifo.applied(29), [100.0, -100.0]);
@@ -198,7 +202,7 @@ mod tests {
         // 0.25 and 0.07 s are 12.5 and 3.5 steps.
         let fifo = counted([0.25, 0.07], 50);
         assert_close(fifo.applied(0), [38.5, -47.5]);
-        assert_eq!((fifo.known_steps(), fifo.horizon_steps()), (3, 13));
+        assert_eq!((fifo.known_steps(), fifo.longest_steps()), (3, 13));
     }
 
     #[test]
@@ -219,7 +223,7 @@ mod tests {
         fifo.correct(5);
         assert_close(fifo.applied(0), [33.5, -42.5]);
         assert_close(fifo.applied(-3), [30.5, -39.5]);
-        assert_eq!((fifo.known_steps(), fifo.horizon_steps()), (8, 18));
+        assert_eq!((fifo.known_steps(), fifo.longest_steps()), (8, 18));
         fifo.correct(-5);
         assert_close(fifo.applied(0), [43.5, -50.0]);
         assert_eq!(fifo.known_steps(), 0);

@@ -14,6 +14,7 @@
 struct Readme;
 
 pub mod angle;
+mod bounds;
 pub mod check;
 pub mod differences;
 #[cfg(feature = "dual")]
@@ -25,12 +26,15 @@ mod model;
 mod rest;
 mod row;
 pub mod setting;
+mod transpose;
 mod vehicles;
 
+pub use bounds::Bounds;
 #[cfg(feature = "dual")]
 pub use dual::{Dual, DualModel, Scalar};
 pub use group::{Group, VisitGroups};
 pub use input_delay::{DEAD_TIME_MAX_S, InputFifo};
 pub use model::{DriveHessian, Driven, HessianKind, Linearized, Model, StepHessian};
 pub use row::{Domain, Row};
+pub use transpose::transpose;
 pub use vehicles::*;

@@ -9,11 +9,11 @@ use std::fs;
 
 use anyhow::{Context, Result, ensure};
 use horizon_estim::{
-    ArrivalSettings, ArrivalTable, Bounds, LmSettings, LmTable, Loss, LossTable, Mhe, MheSettings,
+    ArrivalSettings, ArrivalTable, LmSettings, LmTable, Loss, LossTable, Mhe, MheSettings,
     Observed, Prior, Residuals, Trajectory, solve,
 };
-use horizon_model::Kinematic;
 use horizon_model::rows::{Pose, Sticks};
+use horizon_model::{Bounds, Kinematic};
 use nalgebra::SVector;
 use serde::Deserialize;
 use tello_io::clock::Clock;

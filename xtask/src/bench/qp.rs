@@ -11,9 +11,9 @@ use std::path::Path;
 
 use anyhow::Result;
 use horizon_control::InputCost;
-use horizon_control::qp::{Bounds, CostHessian, Horizon, Limits, Penalty, Problem, Qp, Stage};
+use horizon_control::qp::{CostHessian, Horizon, Limits, Penalty, Problem, Qp, Stage};
 use horizon_model::rows::{Pose, Sticks, pose};
-use horizon_model::{Kinematic, Model};
+use horizon_model::{Bounds, Kinematic, Model};
 use nalgebra::{SMatrix, SVector};
 use tello_io::clock::Clock;
 
@@ -40,7 +40,7 @@ const WALLS: [(usize, f64, f64); 4] =
     [(pose::X, 1.0, 1.4), (pose::X, -1.0, -0.1), (pose::Y, 1.0, 1.4), (pose::Y, -1.0, -0.1)];
 
 /// Squared weight of each metre beyond a wall. 1/m^2
-const WALL_WEIGHT: f64 = 1e4;
+const WALL_SQUARED_WEIGHT: f64 = 1e4;
 
 /// Both horizons.
 ///
@@ -175,7 +175,8 @@ impl Subproblem {
                 let mut gradient = Pose::zeros();
                 gradient[row] = outwards;
                 let excess = outwards * s[row] - wall_m;
-                let penalty = Penalty { stage, weight: WALL_WEIGHT, excess, gradient };
+                let penalty =
+                    Penalty { stage, squared_weight: WALL_SQUARED_WEIGHT, excess, gradient };
                 self.cost += penalty.cost(excess);
                 self.penalties.push(penalty);
             }

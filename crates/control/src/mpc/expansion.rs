@@ -3,13 +3,13 @@
 //! Owns derivatives, reduced gradient, costates and the step; inputs and bounds belong to the caller. Only the `NR`
 //! controllable rows of the state are part of it: inputs do not change the other rows.
 
-use horizon_model::DriveHessian;
+use horizon_model::{Bounds, DriveHessian};
 use nalgebra::SVector;
 
 use crate::horizon::Horizon;
 use crate::qp::penalty::of_stage;
-use crate::qp::product::{mul, tr_mul};
-use crate::qp::{Bounds, CostHessian, Penalty, Stage};
+use crate::qp::product::{mul_sparse, tr_mul_vector};
+use crate::qp::{CostHessian, Penalty, Stage};
 
 /// Derivatives along a plan, and a step away from it.
 #[derive(Debug)]
@@ -67,8 +67,8 @@ impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
                 by_next += penalty.gradient_at_zero();
             }
             self.costate[k] = by_next;
-            self.reduced_gradient[k] = self.gradient.u[k] + tr_mul(by_input, &by_next);
-            by_next = tr_mul(by_state, &by_next);
+            self.reduced_gradient[k] = self.gradient.u[k] + tr_mul_vector(by_input, &by_next);
+            by_next = tr_mul_vector(by_state, &by_next);
         }
     }
 
@@ -92,9 +92,10 @@ impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
             }
             if let Some(second) = self.second_derivatives.get(k).filter(|_| has_second_derivatives)
             {
-                curved += mul(&second.by_state, &ds).dot(&ds);
-                curved +=
-                    (2.0 * mul(&second.by_input_state, &ds) + mul(&second.by_input, &du)).dot(&du);
+                curved += mul_sparse(&second.by_state, &ds).dot(&ds);
+                curved += (2.0 * mul_sparse(&second.by_input_state, &ds)
+                    + mul_sparse(&second.by_input, &du))
+                .dot(&du);
             }
             ds = stage.next(&ds, &du);
             curved += diagonal.s[k].component_mul(&ds).dot(&ds);
@@ -141,7 +142,7 @@ mod tests {
         }
         for (stage, excess) in [(0, 0.3), (1, -0.2), (1, 0.1), (3, -5.0)] {
             let gradient = vector(90 + stage);
-            expansion.penalties.push(Penalty { stage, weight: 3.0, excess, gradient });
+            expansion.penalties.push(Penalty { stage, squared_weight: 3.0, excess, gradient });
         }
         expansion
     }

@@ -51,8 +51,8 @@ where
 
 #[cfg(test)]
 mod tests {
-    use horizon_model::Kinematic;
     use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
+    use horizon_model::{Bounds, Kinematic};
     use nalgebra::SVector;
 
     use super::*;
@@ -129,8 +129,8 @@ mod tests {
         du
     }
 
-    fn wide() -> crate::qp::Bounds<4> {
-        crate::qp::Bounds { lo: Sticks::repeat(-1e3), hi: Sticks::repeat(1e3) }
+    fn wide() -> Bounds<4> {
+        Bounds { lo: Sticks::repeat(-1e3), hi: Sticks::repeat(1e3) }
     }
 
     #[test]

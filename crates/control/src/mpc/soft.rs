@@ -38,9 +38,9 @@ where
     pub(super) fn fill_penalties(&mut self, against: &Against<'_, NS, NU>) {
         let mut penalties = std::mem::take(&mut self.expansion.penalties);
         penalties.clear();
-        self.visit_excesses(&self.plan, against, |stage, weight, excess| {
+        self.visit_excesses(&self.plan, against, |stage, squared_weight, excess| {
             let gradient = resized(&excess.gradient);
-            penalties.push(Penalty { stage, weight, excess: excess.value, gradient });
+            penalties.push(Penalty { stage, squared_weight, excess: excess.value, gradient });
         });
         self.expansion.penalties = penalties;
     }
@@ -151,11 +151,11 @@ mod tests {
         }
         let penalties = &mpc.expansion.penalties;
         assert_eq!(penalties.len(), 3);
-        for (k, (weight, excess)) in
+        for (k, (squared_weight, excess)) in
             [(25.0, 0.5), (75.0, -0.5), (50.0, 0.1)].into_iter().enumerate()
         {
             let [penalty] = &penalties[of_stage(penalties, k)] else { panic!("{penalties:?}") };
-            assert!((penalty.weight - weight).abs() < 1e-12, "{penalty:?}");
+            assert!((penalty.squared_weight - squared_weight).abs() < 1e-12, "{penalty:?}");
             assert!((penalty.excess - excess).abs() < 1e-12, "{penalty:?}");
             assert!((penalty.gradient[pose::Z] + 1.0).abs() <= 0.0, "{penalty:?}");
         }

@@ -13,11 +13,11 @@ use clarabel::solver::{
     DataUpdateError, DefaultSettings, DefaultSolver, IPSolver, SolverError, SolverStatus,
     SupportedConeT,
 };
-
+use horizon_model::Bounds;
 use nalgebra::SVector;
 
 use super::penalty::{Penalty, of_stage};
-use super::{Bounds, CostHessian, Limits, Problem, Reason, SolveQp, Stage, Unsolved};
+use super::{CostHessian, Limits, Problem, Reason, SolveQp, Stage, Unsolved};
 
 /// A problem of fixed shape with its solver, reused for every linearization.
 pub(crate) struct Clarabel<const NS: usize, const NU: usize> {
@@ -25,7 +25,7 @@ pub(crate) struct Clarabel<const NS: usize, const NU: usize> {
     curvature: CostHessian<NS, NU>,
     /// Penalties per stage, at most.
     penalties_max: usize,
-    /// Whether `P` lacks couplings, because inputs were given, or holds weights of penalties.
+    /// Whether `P` lacks couplings, because inputs were given, or holds squared weights of penalties.
     is_cut: bool,
     /// Nonzeros of `P`, column by column.
     quadratic: Vec<f64>,
@@ -208,7 +208,7 @@ fn curvature_entries<const NS: usize, const NU: usize>(
         let penalties = &penalties[of_stage(penalties, k)];
         for j in 0..slacks {
             let col = k * width + NU + NS + j;
-            visit(col, col, penalties.get(j).map_or(1.0, |penalty| penalty.weight));
+            visit(col, col, penalties.get(j).map_or(1.0, |penalty| penalty.squared_weight));
         }
     }
 }

@@ -1,18 +1,18 @@
 //! Soft constraints of the quadratic subproblem.
 //!
-//! Owns the one-sided quadratic penalty `1/2 weight max(0, c + g' ds)^2` of a linearized constraint `c + g' ds <= 0`.
-//! It is what a slack variable leaves: `min 1/2 weight sigma^2` subject to `sigma >= c + g' ds`.
+//! Owns the one-sided quadratic penalty `1/2 squared_weight max(0, c + g' ds)^2` of a linearized constraint `c + g' ds <= 0`.
+//! It is what a slack variable leaves: `min 1/2 squared_weight sigma^2` subject to `sigma >= c + g' ds`.
 
 use nalgebra::SVector;
 
-/// Penalty on the state after a stage: `1/2 weight max(0, excess + gradient' ds_{k+1})^2`.
+/// Penalty on the state after a stage: `1/2 squared_weight max(0, excess + gradient' ds_{k+1})^2`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Penalty<const NS: usize> {
     /// The stage `k`.
     pub stage: usize,
     /// `w^2 m_k` of `docs/model.md`: the squared weight of a step times the steps of the stage. 1 / squared unit of
     /// `c`, > 0
-    pub weight: f64,
+    pub squared_weight: f64,
     /// `c`: positive where the constraint is violated. In the unit of the constraint
     pub excess: f64,
     /// `g`. Unit of `c` / unit of the row
@@ -29,13 +29,13 @@ impl<const NS: usize> Penalty<NS> {
     /// The penalty of an excess, which is in the unit of the constraint. 1
     #[inline]
     pub fn cost(&self, excess: f64) -> f64 {
-        one_sided(self.weight, excess)
+        one_sided(self.squared_weight, excess)
     }
 
     /// Derivative of the penalty at `ds = 0`. 1 / unit of the row
     #[inline]
     pub(crate) fn gradient_at_zero(&self) -> SVector<f64, NS> {
-        self.gradient * (self.weight * if self.excess <= 0.0 { 0.0 } else { self.excess })
+        self.gradient * (self.squared_weight * if self.excess <= 0.0 { 0.0 } else { self.excess })
     }
 
     /// What the penalty at `ds` has more than its tangent at `ds = 0`; not negative. 1
@@ -46,10 +46,10 @@ impl<const NS: usize> Penalty<NS> {
     }
 }
 
-/// `1/2 weight max(0, excess)^2`; NaN if the excess is.
+/// `1/2 squared_weight max(0, excess)^2`; NaN if the excess is.
 #[inline]
-pub(crate) fn one_sided(weight: f64, excess: f64) -> f64 {
-    if excess <= 0.0 { 0.0 } else { 0.5 * weight * excess * excess }
+pub(crate) fn one_sided(squared_weight: f64, excess: f64) -> f64 {
+    if excess <= 0.0 { 0.0 } else { 0.5 * squared_weight * excess * excess }
 }
 
 /// Indices of the penalties of stage `k`; `penalties` are in the order of their stages.
@@ -71,7 +71,7 @@ mod tests {
     use horizon_model::check::jacobian_gap;
 
     fn penalty(excess: f64) -> Penalty<2> {
-        Penalty { stage: 0, weight: 4.0, excess, gradient: SVector::from([1.0, -0.5]) }
+        Penalty { stage: 0, squared_weight: 4.0, excess, gradient: SVector::from([1.0, -0.5]) }
     }
 
     #[test]
@@ -91,7 +91,7 @@ mod tests {
             let penalty = penalty(excess);
             for ds in [[0.5, 0.1], [-0.5, 0.1], [0.1, 2.0], [-1.0, -1.0]].map(SVector::from) {
                 let along = penalty.gradient.dot(&ds);
-                let quadratic = 0.5 * penalty.weight * along * along;
+                let quadratic = 0.5 * penalty.squared_weight * along * along;
                 let above = penalty.above_tangent(&ds);
                 assert!((-1e-15..=quadratic + 1e-15).contains(&above), "{above} of {quadratic}");
             }

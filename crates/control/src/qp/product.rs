@@ -5,9 +5,9 @@
 
 use nalgebra::{ArrayStorage, SMatrix, SVector};
 
-/// `a b`.
+/// `a b`, the quicker the more entries of `b` are zero.
 #[inline]
-pub(crate) fn mul<const R: usize, const K: usize, const C: usize>(
+pub(crate) fn mul_sparse<const R: usize, const K: usize, const C: usize>(
     a: &SMatrix<f64, R, K>,
     b: &SMatrix<f64, K, C>,
 ) -> SMatrix<f64, R, C> {
@@ -44,25 +44,11 @@ pub(super) fn add_scaled<const N: usize>(a: &mut [f64; N], scale: f64, b: &[f64;
 
 /// `a' v`.
 #[inline]
-pub(crate) fn tr_mul<const R: usize, const C: usize>(
+pub(crate) fn tr_mul_vector<const R: usize, const C: usize>(
     a: &SMatrix<f64, R, C>,
     v: &SVector<f64, R>,
 ) -> SVector<f64, C> {
     SVector::from_fn(|i, _| a.data.0[i].iter().zip(v).map(|(a, v)| a * v).sum())
-}
-
-/// `a'`.
-#[inline]
-pub(super) fn transpose<const R: usize, const C: usize>(
-    a: &SMatrix<f64, R, C>,
-) -> SMatrix<f64, C, R> {
-    let mut transposed = [[0.0; C]; R];
-    for (col, column) in a.data.0.iter().enumerate() {
-        for (row, entry) in column.iter().enumerate() {
-            transposed[row][col] = *entry;
-        }
-    }
-    SMatrix::from_data(ArrayStorage(transposed))
 }
 
 /// The entries of `a` that fit, zeros elsewhere.
@@ -90,10 +76,9 @@ mod tests {
         let v = SVector::from([2.0, -3.0, 0.5]);
         let mut sum = SMatrix::<f64, 3, 4>::from_fn(|i, j| (i + j * j) as f64 - 0.5);
         // Small multiples of 1/8, some of them zero: every sum is exact.
-        assert_eq!(mul(&a, &b), a * b);
-        assert_eq!(mul(&b.transpose(), &a.transpose()), (a * b).transpose());
-        assert_eq!(tr_mul(&a, &v), a.transpose() * v);
-        assert_eq!(transpose(&a), a.transpose());
+        assert_eq!(mul_sparse(&a, &b), a * b);
+        assert_eq!(mul_sparse(&b.transpose(), &a.transpose()), (a * b).transpose());
+        assert_eq!(tr_mul_vector(&a, &v), a.transpose() * v);
         let expected = sum + a * b;
         add_mul(&mut sum, &a, &b);
         assert_eq!(sum, expected);
@@ -109,6 +94,6 @@ mod tests {
     #[test]
     fn what_is_not_finite_is_no_zero() {
         let a = SMatrix::<f64, 1, 1>::new(2.0);
-        assert!(mul(&a, &SMatrix::<f64, 1, 1>::new(f64::NAN))[0].is_nan());
+        assert!(mul_sparse(&a, &SMatrix::<f64, 1, 1>::new(f64::NAN))[0].is_nan());
     }
 }

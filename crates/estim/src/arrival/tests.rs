@@ -2,15 +2,14 @@
 
 use std::ops::Range;
 
-use horizon_model::Row;
 use horizon_model::check::amax;
 use horizon_model::check::jacobian_gap;
+use horizon_model::{Bounds, Row};
 use nalgebra::{DMatrix, DVector};
 
 use super::*;
 use crate::levenberg::{LmSettings, LmTable, Problem, solve};
 use crate::loss::Loss;
-use crate::reduced_system::Bounds;
 use crate::residual::Observed;
 use crate::trajectory::Trajectory;
 

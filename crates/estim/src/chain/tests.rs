@@ -1,5 +1,5 @@
 use super::*;
-use crate::reduced_system::Bounds;
+use horizon_model::Bounds;
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;

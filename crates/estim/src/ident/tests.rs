@@ -2,7 +2,7 @@
 
 use horizon_model::check::amax;
 use horizon_model::rows::{Pose, Sticks, gain, pose};
-use horizon_model::{Kinematic, Model};
+use horizon_model::{Bounds, Kinematic, Model};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
@@ -11,7 +11,6 @@ use super::settle::{Scratch, Start, TOLERANCE_MIN};
 use super::*;
 use crate::levenberg::{LmTable, Problem, Stop};
 use crate::loss::LossTable;
-use crate::reduced_system::Bounds;
 
 type Vehicle = Ident<Kinematic, 4, 4, 4, 4>;
 

@@ -1,9 +1,10 @@
 //! The loop on dense curve fits with certified answers: the nonlinear regression set of NIST.
 
+use horizon_model::Bounds;
 use nalgebra::SVector;
 
 use super::*;
-use crate::reduced_system::{Bounds, ReducedSystem};
+use crate::reduced_system::ReducedSystem;
 
 /// A curve `y = f(b, x)` and its fit, in units of the start so that identity damping is fair.
 struct Curve<const N: usize> {
@@ -331,4 +332,23 @@ fn a_setting_out_of_range_is_named() {
     };
     let error = LmSettings::try_from(&table).unwrap_err();
     assert_eq!(error.to_string(), "cost_tolerance = 0.2 violates 0.0..=0.1");
+}
+
+#[test]
+fn the_name_of_each_reason_to_stop_is_that_of_serde() {
+    let all = [
+        Stop::CostTolerance,
+        Stop::StepTolerance,
+        Stop::IterationLimit,
+        Stop::Late,
+        Stop::DampingLimit,
+    ];
+    // The schema has one entry for each variant, in their order.
+    let schema = serde_json::to_value(schemars::schema_for!(Stop)).unwrap();
+    let variants = schema["oneOf"].as_array().unwrap();
+    assert_eq!(variants.len(), all.len(), "{variants:?}");
+    for (stop, variant) in all.into_iter().zip(variants) {
+        assert_eq!(serde_json::to_value(stop).unwrap(), stop.name());
+        assert_eq!(variant["const"], stop.name());
+    }
 }

@@ -170,12 +170,12 @@ fn what_is_seen_late_counts_as_if_it_had_been_seen_in_time() {
 fn what_cannot_be_added_is_refused() {
     let mut mhe = estimator(&table());
     let zero = Observed::full(Pose::zeros());
-    assert_eq!(mhe.observe_earlier(0, &zero), Err(SolveError::NotStarted));
+    assert_eq!(mhe.observe_earlier(0, &zero), Err(MheError::NotStarted));
     fly(&mut mhe, 3, |_, s| Observed::full(*s));
     let broken = Observed::full(Pose::repeat(f64::NAN));
     assert_eq!(
         mhe.observe_earlier(1, &broken),
-        Err(SolveError::NonFinite { block: "observation", k: 2 })
+        Err(SolveError::NonFinite { block: "observation", k: 2 }.into())
     );
 }
 
@@ -229,7 +229,7 @@ fn a_refused_update_leaves_the_estimator_usable() {
     let mut mhe = estimator(&table());
     let nothing = Observed::missing();
     let u = Sticks::zeros();
-    assert_eq!(mhe.update(&u, &nothing, &mut || false), Err(SolveError::NotStarted));
+    assert_eq!(mhe.update(&u, &nothing, &mut || false), Err(MheError::NotStarted));
     mhe.start(&Pose::new(0.0, f64::NAN, 0.0, 0.0));
     assert!(!mhe.is_started());
 

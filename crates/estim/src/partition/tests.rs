@@ -1,12 +1,11 @@
-use horizon_model::Lagged;
 use horizon_model::check::amax;
 use horizon_model::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
+use horizon_model::{Bounds, Lagged};
 
 use crate::arrival::ArrivalSettings;
 use crate::chain::Chain;
 use crate::levenberg::{LmSettings, LmTable, solve};
 use crate::loss::Loss;
-use crate::reduced_system::Bounds;
 use crate::residual::{Observed, Residuals};
 use crate::trajectory::{Prior, Trajectory};
 

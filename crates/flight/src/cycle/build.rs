@@ -137,7 +137,7 @@ where
     let by_effect = MpcTable { u_lb: effect(&u_lb), u_ub: effect(&u_ub), ..cycle.mpc.mpc() };
     let mut settings = by_effect.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>()?;
     let given_steps = planning::given_steps(fifo.nominal_steps());
-    let given_max = fifo.horizon_steps() - fifo.known_steps();
+    let given_max = fifo.longest_steps() - fifo.known_steps();
     if settings.horizon_steps() <= given_max {
         let rule = format!(
             "above {given_max}, the steps between the shortest and the longest \

@@ -26,7 +26,7 @@ pub enum Solve {
 #[derive(Debug, Clone, PartialEq)]
 pub enum SolveFailure {
     /// The estimator's reason.
-    Estimator(horizon_estim::SolveError),
+    Estimator(horizon_estim::MheError),
     /// The controller's reason.
     Controller(horizon_control::SolveError),
 }
@@ -56,8 +56,8 @@ pub struct SolveReport {
     pub qp_fallbacks: u32,
 }
 
-impl From<Result<horizon_estim::SolveReport, horizon_estim::SolveError>> for Solve {
-    fn from(solved: Result<horizon_estim::SolveReport, horizon_estim::SolveError>) -> Self {
+impl From<Result<horizon_estim::SolveReport, horizon_estim::MheError>> for Solve {
+    fn from(solved: Result<horizon_estim::SolveReport, horizon_estim::MheError>) -> Self {
         match solved {
             Ok(report) => Self::Done(SolveReport {
                 stop: report.stop.name(),

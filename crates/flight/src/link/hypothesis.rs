@@ -41,7 +41,7 @@ const SD_START_MPS: f64 = 0.5;
 
 /// What the sticks ask for in one period, world frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct LevelCommand {
+pub(super) struct HorizontalCommand {
     /// Velocity. m/s
     pub(super) asked_w_mps: Vector2<f64>,
     /// Its rate. m/s^2
@@ -79,11 +79,11 @@ impl Hypothesis {
     pub(super) fn predict(
         &mut self,
         table: &LinkTable,
-        command: &LevelCommand,
+        command: &HorizontalCommand,
         p: &SVector<f64, { lag::COUNT }>,
         dt_s: f64,
     ) {
-        let LevelCommand { asked_w_mps, rate_w_mps2 } = *command;
+        let HorizontalCommand { asked_w_mps, rate_w_mps2 } = *command;
         let turned_w_mps = Vector2::new(-asked_w_mps.y, asked_w_mps.x);
         let v_w_mps = Vector2::new(self.s[row::V_X], self.s[row::V_Y]);
         let missing_w_mps = asked_w_mps * (1.0 + self.s[row::GAIN])
@@ -203,7 +203,7 @@ mod tests {
 
     /// Largest gap of the covariance after a period to that by differences of the mean, and of the velocity's
     /// derivative by the dead time.
-    fn gap(start: &Hypothesis, command: &LevelCommand) -> (f64, f64) {
+    fn gap(start: &Hypothesis, command: &HorizontalCommand) -> (f64, f64) {
         let (table, p) = (table(), parameter());
         let predicted = |s: &State| {
             let mut hypothesis = Hypothesis { s: *s, ..start.clone() };
@@ -238,7 +238,7 @@ mod tests {
             states.iter().flat_map(|s| [0.0, 2.0, PI - 1e-9, PI + 1e-9, -1.2].map(|rad| (s, rad)))
         {
             let direction_w = Vector2::new(f64::cos(direction_rad), f64::sin(direction_rad));
-            let command = LevelCommand {
+            let command = HorizontalCommand {
                 asked_w_mps: 0.22 * direction_w,
                 rate_w_mps2: Vector2::new(0.5 * direction_w.y, 0.3 - direction_w.x),
             };
@@ -254,7 +254,7 @@ mod tests {
     fn each_error_moves_the_mean_to_its_side() {
         let (table, p) = (table(), parameter());
         // From rest; what is asked for grows.
-        let command = LevelCommand {
+        let command = HorizontalCommand {
             asked_w_mps: Vector2::new(0.4, 0.0),
             rate_w_mps2: Vector2::new(2.0, 0.0),
         };
@@ -276,7 +276,7 @@ mod tests {
             let expected_m = DT_S * 0.2 * (-DT_S / table.decay_s).exp();
             assert!((drift_m - expected_m).abs() < 1e-12, "{drift_m}");
         }
-        let sideways = LevelCommand { asked_w_mps: Vector2::new(0.0, 0.4), ..command };
+        let sideways = HorizontalCommand { asked_w_mps: Vector2::new(0.0, 0.4), ..command };
         let mut hypothesis = Hypothesis::new(&table, Vector2::zeros());
         hypothesis.s[row::HEADING] = 0.1;
         hypothesis.predict(&table, &sideways, &p, DT_S);

@@ -75,7 +75,8 @@ impl Default for LaggedShape {
 /// The effective input, the excess of a stick over its dead zone, times the gain is the velocity that the vehicle
 /// follows with a first-order lag.
 ///
-/// One period, explicit in the velocities and then in the pose, with `psi = theta + theta_0`:
+/// One period by semi-implicit (symplectic) Euler: first the velocities, with the exact answer of a lag to a constant
+/// target, from the heading before the step `psi = theta + theta_0`; then the pose, with the new velocities:
 ///
 /// | symbol  | equation |
 /// |---------|----------|

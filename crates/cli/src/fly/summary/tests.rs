@@ -1,4 +1,4 @@
-use horizon_estim::SolveError;
+use horizon_estim::MheError;
 use horizon_model::rows::Pose;
 use horizon_model::{Kinematic, Model};
 use tello_flight::Start;
@@ -29,7 +29,7 @@ fn tick() -> TickRecord {
 }
 
 fn solve() -> Solve {
-    Err(SolveError::NotStarted).into()
+    Err(MheError::NotStarted).into()
 }
 
 #[test]

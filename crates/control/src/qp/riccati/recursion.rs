@@ -9,9 +9,10 @@
 //! with `ds_{k+1} = A ds + B du`. `C`, `W`, `Q` and `q` are there only if neighbouring inputs are coupled.
 //! The working set is chosen in `riccati.rs`.
 
+use horizon_model::transpose;
 use nalgebra::{SMatrix, SVector};
 
-use crate::qp::product::{add_mul, add_scaled, mul, tr_mul, transpose};
+use crate::qp::product::{add_mul, add_scaled, mul_sparse, tr_mul_vector};
 use crate::qp::{CostHessian, Penalty, Problem, Reason, Stage};
 
 /// Cost to go as a quadratic in the state and the previous input.
@@ -46,8 +47,11 @@ impl<const NS: usize, const NU: usize> Value<NS, NU> {
 /// the minimizer if this bound alone were removed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Policy<const NS: usize, const NU: usize> {
+    /// `-H_ff^-1 S_f` in the rows `f`.
     by_state: SMatrix<f64, NU, NS>,
+    /// `-H_ff^-1 C_f` in the rows `f`.
     by_before: SMatrix<f64, NU, NU>,
+    /// `k_f` in the rows `f`.
     offset: SVector<f64, NU>,
 }
 
@@ -63,7 +67,7 @@ impl<const NS: usize, const NU: usize> Policy<NS, NU> {
         ds: &SVector<f64, NS>,
         du_before: &SVector<f64, NU>,
     ) -> SVector<f64, NU> {
-        self.offset + mul(&self.by_state, ds) + mul(&self.by_before, du_before)
+        self.offset + mul_sparse(&self.by_state, ds) + mul_sparse(&self.by_before, du_before)
     }
 }
 
@@ -80,7 +84,8 @@ pub(super) struct Working<'a, const NS: usize, const NU: usize> {
 
 /// Fills in the policy of step `k` and the value before it, from the value after it.
 ///
-/// The gradient by `du` is `H du + S ds + C dv + h`.
+/// The gradient by `du` is `H du + S ds + C dv + h`. Letters as in `docs/model.md`, section 5: `f` for inputs at inactive
+/// bounds, `c` for those of the working set, `+` for what is after the step.
 ///
 /// # Errors
 /// A pivot is not positive, or not finite.
@@ -94,29 +99,30 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     next: &Value<NS, NU>,
 ) -> Result<(), Reason> {
     let Stage { by_state: a, by_input: b } = &problem.stages[k];
+    // P+ and p+.
     let (hessian, gradient) = at_next_state(k, problem, curvature, working, next);
-    let mut through = mul(&hessian, b);
-    let mut by_input = SMatrix::from_diagonal(&curvature.diagonal.u[k]);
-    let mut offset = problem.gradient.u[k] + tr_mul(b, &gradient);
+    let mut through = mul_sparse(&hessian, b); // P+ B + W, then its transpose
+    let mut by_input = SMatrix::from_diagonal(&curvature.diagonal.u[k]); // H, D first
+    let mut offset = problem.gradient.u[k] + tr_mul_vector(b, &gradient); // h, then h_f + H_fc du_c
     let coupling = curvature.coupling.get(k);
     if coupling.is_some() {
         through += next.by_state_before;
-        by_input += next.by_before + mul(&transpose(b), &next.by_state_before);
+        by_input += next.by_before + mul_sparse(&transpose(b), &next.by_state_before);
         offset += next.gradient_before;
     }
     let through = transpose(&through);
     add_mul(&mut by_input, &through, b);
-    let mut by_state = mul(&through, a);
+    let mut by_state = mul_sparse(&through, a); // S
     if let Some(second) = problem.second_derivatives.get(k) {
         by_state += second.by_input_state;
         by_input += second.by_input;
     }
-    let by_before = coupling.map_or(SMatrix::zeros(), SMatrix::from_diagonal);
+    let by_before = coupling.map_or(SMatrix::zeros(), SMatrix::from_diagonal); // C
 
     let active = &working.active;
-    let mut taken = transpose(&by_state);
-    let mut taken_before = by_before;
-    value.gradient = tr_mul(a, &gradient);
+    let mut taken = transpose(&by_state); // S', then S_f': the columns c become zero
+    let mut taken_before = by_before; // C', which is C, then C_f'
+    value.gradient = tr_mul_vector(a, &gradient);
     value.gradient_before = SVector::zeros();
     for (i, active) in active.iter().enumerate() {
         let Some(du) = *active else { continue };
@@ -127,19 +133,19 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
         taken.column_mut(i).fill(0.0);
         taken_before.column_mut(i).fill(0.0);
     }
-    let transform = transform(by_input, active)?;
-    policy.by_state = mul(&transform, &by_state);
-    policy.offset = mul(&transform, &offset);
+    let transform = transform(by_input, active)?; // -H_ff^-1 in the rows f
+    policy.by_state = mul_sparse(&transform, &by_state);
+    policy.offset = mul_sparse(&transform, &offset);
     add_mul(&mut value.gradient, &taken, &policy.offset);
-    value.by_state = mul(&transpose(&mul(&hessian, a)), a);
+    value.by_state = mul_sparse(&transpose(&mul_sparse(&hessian, a)), a);
     if let Some(second) = problem.second_derivatives.get(k) {
         value.by_state += second.by_state;
     }
     add_mul(&mut value.by_state, &taken, &policy.by_state);
     if coupling.is_some() {
-        policy.by_before = mul(&transform, &by_before);
-        value.by_state_before = mul(&taken, &policy.by_before);
-        value.by_before = mul(&taken_before, &policy.by_before);
+        policy.by_before = mul_sparse(&transform, &by_before);
+        value.by_state_before = mul_sparse(&taken, &policy.by_before);
+        value.by_before = mul_sparse(&taken_before, &policy.by_before);
         add_mul(&mut value.gradient_before, &taken_before, &policy.offset);
     }
     for (i, active) in active.iter().enumerate() {
@@ -164,7 +170,7 @@ fn at_next_state<const NS: usize, const NU: usize>(
     let mut gradient = next.gradient + problem.gradient.s[k];
     let penalties = working.penalties.iter().zip(working.penalized);
     for (penalty, _) in penalties.filter(|(_, is_active)| **is_active) {
-        let weighted = penalty.gradient * penalty.weight;
+        let weighted = penalty.gradient * penalty.squared_weight;
         add_mul(&mut hessian, &weighted, &transpose(&penalty.gradient));
         gradient += weighted * penalty.excess;
     }

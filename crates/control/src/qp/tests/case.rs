@@ -177,9 +177,9 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
             let mut left = count;
             while left > 0.0 {
                 let gradient = SVector::from_fn(|i, _| if i < rows { numbers.next() } else { 0.0 });
-                let weight = 10.0_f64.powf(2.0 * numbers.next() + 1.0);
+                let squared_weight = 10.0_f64.powf(2.0 * numbers.next() + 1.0);
                 let excess = 0.3 * numbers.next();
-                self.penalties.push(Penalty { stage, weight, excess, gradient });
+                self.penalties.push(Penalty { stage, squared_weight, excess, gradient });
                 left -= 1.0;
             }
         }
@@ -225,7 +225,7 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
             }
             costate += self.curvature.diagonal.s[k].component_mul(&ds[k]) + self.gradient.s[k];
             for one in self.penalties.iter().filter(|one| one.stage == k) {
-                costate += one.gradient * (one.weight * one.excess_at(&ds[k]).max(0.0));
+                costate += one.gradient * (one.squared_weight * one.excess_at(&ds[k]).max(0.0));
             }
             let by_input = self.curvature.by_input(du, k) + self.gradient.u[k];
             let gradient = by_input + self.stages[k].by_input.transpose() * costate;

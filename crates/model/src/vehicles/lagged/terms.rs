@@ -76,20 +76,16 @@ impl Lags {
 /// What a step at `(s, u, p)` and its derivatives have in common.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Terms {
-    /// What of a velocity after the step enters the pose, `dt (1 - kappa)`, and what of one before it, `dt kappa`. s
+    /// How long a velocity after the step moves the pose, `dt (1 - kappa)`. s
     after_s: f64,
+    /// How long a velocity before the step moves it, `dt kappa`. s
     before_s: f64,
     /// `n(roll)`, and of the other sticks likewise.
     roll: Excess,
     pitch: Excess,
     yaw: Excess,
     throttle: Excess,
-    /// `k_h`.
-    fraction_h: Fraction,
-    /// `k_v`.
-    fraction_v: Fraction,
-    /// `k_a`.
-    fraction_a: Fraction,
+    lags: Lags,
     /// Sine and cosine of psi. 1
     heading: (f64, f64),
     /// Horizontal velocity that the sticks ask for, `c`, world frame. m/s
@@ -107,9 +103,6 @@ pub(super) struct Terms {
     climb_missing_mps: f64,
     /// How much of the turn that the yaw stick asks for is missing, `lambda_a n(yaw) - omega`. rad/s
     turn_missing_radps: f64,
-    /// As in [`Lags`]. 1
-    keep_h: f64,
-    keep_v: f64,
 }
 
 impl Terms {
@@ -125,11 +118,10 @@ impl Terms {
         let (throttle, yaw) = (effect(stick::THROTTLE), effect(stick::YAW));
         let before_s = (0.5 * (dt_s - shape.period_s)).max(0.0);
         let heading = (s[motion::THETA] + p[lag::THETA_0]).sin_cos();
-        let Lags { fraction_h, fraction_v, fraction_a, keep_h, keep_v, .. } =
-            Lags::of(model, p, dt_s);
+        let lags = Lags::of(model, p, dt_s);
         let asked_w_mps = p[lag::LAMBDA_H] * world(heading, pitch.value, roll.value);
         let missing_w_mps = asked_w_mps - Vector2::new(s[motion::V_X], s[motion::V_Y]);
-        let change_w_mps = fraction_h.value * missing_w_mps;
+        let change_w_mps = lags.fraction_h.value * missing_w_mps;
         let per_limit2 = (p[lag::A_MAX] * dt_s).powi(-2);
         let ratio2 = change_w_mps.norm_squared() * per_limit2;
         Self {
@@ -139,9 +131,7 @@ impl Terms {
             pitch,
             yaw,
             throttle,
-            fraction_h,
-            fraction_v,
-            fraction_a,
+            lags,
             heading,
             asked_w_mps,
             missing_w_mps,
@@ -151,8 +141,6 @@ impl Terms {
             limit: limit(ratio2, shape.limit_width),
             climb_missing_mps: p[lag::LAMBDA_V] * throttle.value - s[motion::V_Z],
             turn_missing_radps: p[lag::LAMBDA_A] * yaw.value - s[motion::OMEGA],
-            keep_h,
-            keep_v,
         }
     }
 
@@ -163,11 +151,11 @@ impl Terms {
         let change_w_mps = self.limit.factor * self.change_w_mps;
         s_next[motion::V_X] += change_w_mps.x;
         s_next[motion::V_Y] += change_w_mps.y;
-        s_next[motion::V_Z] += self.fraction_v.value * self.climb_missing_mps;
-        s_next[motion::OMEGA] += self.fraction_a.value * self.turn_missing_radps;
-        s_next[motion::D_X] *= self.keep_h;
-        s_next[motion::D_Y] *= self.keep_h;
-        s_next[motion::D_Z] *= self.keep_v;
+        s_next[motion::V_Z] += self.lags.fraction_v.value * self.climb_missing_mps;
+        s_next[motion::OMEGA] += self.lags.fraction_a.value * self.turn_missing_radps;
+        s_next[motion::D_X] *= self.lags.keep_h;
+        s_next[motion::D_Y] *= self.lags.keep_h;
+        s_next[motion::D_Z] *= self.lags.keep_v;
         integrate(&mut s_next, self.after_s);
         for (at, v) in MOVED {
             s_next[at] += self.before_s * s[v];
@@ -178,16 +166,16 @@ impl Terms {
     /// Derivative of [`Terms::next`] by the state.
     #[inline]
     pub(super) fn next_by_state(&self) -> ByState {
-        let fraction = self.fraction_h.value;
+        let fraction = self.lags.fraction_h.value;
         let mut j = SMatrix::identity();
         set(&mut j, motion::THETA, self.limited(fraction * quarter_turn(self.asked_w_mps)));
         set(&mut j, motion::V_X, Vector2::x() - self.limited(fraction * Vector2::x()));
         set(&mut j, motion::V_Y, Vector2::y() - self.limited(fraction * Vector2::y()));
-        j[(motion::V_Z, motion::V_Z)] = 1.0 - self.fraction_v.value;
-        j[(motion::OMEGA, motion::OMEGA)] = 1.0 - self.fraction_a.value;
-        j[(motion::D_X, motion::D_X)] = self.keep_h;
-        j[(motion::D_Y, motion::D_Y)] = self.keep_h;
-        j[(motion::D_Z, motion::D_Z)] = self.keep_v;
+        j[(motion::V_Z, motion::V_Z)] = 1.0 - self.lags.fraction_v.value;
+        j[(motion::OMEGA, motion::OMEGA)] = 1.0 - self.lags.fraction_a.value;
+        j[(motion::D_X, motion::D_X)] = self.lags.keep_h;
+        j[(motion::D_Y, motion::D_Y)] = self.lags.keep_h;
+        j[(motion::D_Z, motion::D_Z)] = self.lags.keep_v;
         integrate(&mut j, self.after_s);
         for at in MOVED {
             j[at] += self.before_s;
@@ -203,9 +191,9 @@ impl Terms {
             set(&mut j, col, self.limited(by_stick));
         }
         j[(motion::V_Z, stick::THROTTLE)] =
-            self.fraction_v.value * p[lag::LAMBDA_V] * self.throttle.by_stick;
+            self.lags.fraction_v.value * p[lag::LAMBDA_V] * self.throttle.by_stick;
         j[(motion::OMEGA, stick::YAW)] =
-            self.fraction_a.value * p[lag::LAMBDA_A] * self.yaw.by_stick;
+            self.lags.fraction_a.value * p[lag::LAMBDA_A] * self.yaw.by_stick;
         integrate(&mut j, self.after_s);
         j
     }
@@ -213,25 +201,25 @@ impl Terms {
     /// Derivative of [`Terms::next`] by the parameter.
     #[inline]
     pub(super) fn next_by_parameter(&self, p: &Parameter) -> ByParameter {
-        let fraction = self.fraction_h.value;
+        let fraction = self.lags.fraction_h.value;
         let along = world(self.heading, self.pitch.value, self.roll.value);
         let shrunk = world(self.heading, self.pitch.by_dead, self.roll.by_dead);
         let by_limit = -2.0 * self.limit.by_ratio2 * self.ratio2 / p[lag::A_MAX];
         let mut j = SMatrix::zeros();
         set(&mut j, lag::LAMBDA_H, self.limited(fraction * along));
         set(&mut j, lag::THETA_0, self.limited(fraction * quarter_turn(self.asked_w_mps)));
-        set(&mut j, lag::TAU_H, self.limited(self.fraction_h.by_tau * self.missing_w_mps));
+        set(&mut j, lag::TAU_H, self.limited(self.lags.fraction_h.by_tau * self.missing_w_mps));
         set(&mut j, lag::DEAD_H, self.limited(fraction * p[lag::LAMBDA_H] * shrunk));
         set(&mut j, lag::A_MAX, by_limit * self.change_w_mps);
 
-        j[(motion::V_Z, lag::LAMBDA_V)] = self.fraction_v.value * self.throttle.value;
-        j[(motion::V_Z, lag::TAU_V)] = self.fraction_v.by_tau * self.climb_missing_mps;
+        j[(motion::V_Z, lag::LAMBDA_V)] = self.lags.fraction_v.value * self.throttle.value;
+        j[(motion::V_Z, lag::TAU_V)] = self.lags.fraction_v.by_tau * self.climb_missing_mps;
         j[(motion::V_Z, lag::DEAD_V)] =
-            self.fraction_v.value * p[lag::LAMBDA_V] * self.throttle.by_dead;
-        j[(motion::OMEGA, lag::LAMBDA_A)] = self.fraction_a.value * self.yaw.value;
-        j[(motion::OMEGA, lag::TAU_A)] = self.fraction_a.by_tau * self.turn_missing_radps;
+            self.lags.fraction_v.value * p[lag::LAMBDA_V] * self.throttle.by_dead;
+        j[(motion::OMEGA, lag::LAMBDA_A)] = self.lags.fraction_a.value * self.yaw.value;
+        j[(motion::OMEGA, lag::TAU_A)] = self.lags.fraction_a.by_tau * self.turn_missing_radps;
         j[(motion::OMEGA, lag::DEAD_A)] =
-            self.fraction_a.value * p[lag::LAMBDA_A] * self.yaw.by_dead;
+            self.lags.fraction_a.value * p[lag::LAMBDA_A] * self.yaw.by_dead;
         integrate(&mut j, self.after_s);
         j
     }
@@ -254,7 +242,7 @@ impl Terms {
         let w_h = Vector2::new(weight(motion::V_X, motion::X), weight(motion::V_Y, motion::Y));
         let h = self.limit_curvature(w_h, model.shape.limit_width);
         let h = if kind == HessianKind::Convexified { absolute(&h) } else { h };
-        let fraction = self.fraction_h.value;
+        let fraction = self.lags.fraction_h.value;
         let states = [
             (motion::THETA, fraction * quarter_turn(self.asked_w_mps)),
             (motion::V_X, -fraction * Vector2::x()),
@@ -285,9 +273,11 @@ impl Terms {
                 by_input_state[(i, motion::THETA)] += by_change.dot(&quarter_turn(by_i));
             }
             let scale = fraction * p[lag::LAMBDA_H];
-            let climb = weight(motion::V_Z, motion::Z) * self.fraction_v.value * p[lag::LAMBDA_V];
-            let turn =
-                weight(motion::OMEGA, motion::THETA) * self.fraction_a.value * p[lag::LAMBDA_A];
+            let climb =
+                weight(motion::V_Z, motion::Z) * self.lags.fraction_v.value * p[lag::LAMBDA_V];
+            let turn = weight(motion::OMEGA, motion::THETA)
+                * self.lags.fraction_a.value
+                * p[lag::LAMBDA_A];
             for (i, by_value) in [
                 (stick::ROLL, by_change.dot(&world(self.heading, 0.0, scale))),
                 (stick::PITCH, by_change.dot(&world(self.heading, scale, 0.0))),
@@ -314,7 +304,7 @@ impl Terms {
     /// Derivatives of the horizontal change before the limit by the sticks that drive it.
     #[inline]
     fn change_by_stick(&self, p: &Parameter) -> [(usize, Vector2<f64>); 2] {
-        let scale = self.fraction_h.value * p[lag::LAMBDA_H];
+        let scale = self.lags.fraction_h.value * p[lag::LAMBDA_H];
         [
             (stick::ROLL, world(self.heading, 0.0, scale * self.roll.by_stick)),
             (stick::PITCH, world(self.heading, scale * self.pitch.by_stick, 0.0)),

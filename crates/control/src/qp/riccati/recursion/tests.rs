@@ -49,7 +49,12 @@ impl Step {
             next.by_before = joint.fixed_view::<NU, NU>(NS, NS).into();
             next.gradient_before = numbers.fill();
         }
-        let penalty = |weight, excess, gradient| Penalty { stage: 0, weight, excess, gradient };
+        let penalty = |squared_weight, excess, gradient| Penalty {
+            stage: 0,
+            squared_weight,
+            excess,
+            gradient,
+        };
         Self {
             curvature: CostHessian { diagonal, coupling },
             stages: [Stage { by_state: numbers.fill(), by_input: numbers.fill() }],
@@ -94,7 +99,7 @@ impl Step {
         let coupled = self.curvature.coupling.iter().map(|c| dv.dot(&c.component_mul(du)));
         let penalized = self.penalties.iter().zip(PENALIZED).filter(|(_, is_active)| *is_active);
         let penalties =
-            penalized.map(|(one, _)| 0.5 * one.weight * one.excess_at(&ds_next).powi(2));
+            penalized.map(|(one, _)| 0.5 * one.squared_weight * one.excess_at(&ds_next).powi(2));
         du.dot(&(0.5 * by_input + second.by_input_state * ds + self.gradient.u[0]))
             + 0.5 * ds.dot(&(second.by_state * ds))
             + ds_next.dot(&(0.5 * by_state + self.gradient.s[0]))
