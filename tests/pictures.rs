@@ -55,7 +55,6 @@ fn workplace(control: &str) -> PathBuf {
 }
 
 #[test]
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn the_commands_beside_the_pictures_draw_them() {
     let is_written = std::env::var_os("TELLO_GOLDEN").is_some_and(|what| what == "write");
     let docs = project().join("docs");

@@ -1,6 +1,6 @@
 //! Moving horizon estimator of any model.
 
-use horizon_estim::{ArrivalTable, LmTable, LossTable, MheTable, Observed, SolveError};
+use horizon_estim::{ArrivalTable, LmTable, LossTable, MheError, MheTable, Observed};
 use horizon_model::expression::Dimensions;
 use horizon_model::setting::SettingError;
 use numpy::{PyArray1, PyReadonlyArray1};
@@ -23,7 +23,7 @@ pub(crate) struct Mhe {
 /// An estimator of any dimensions; vectors may be shorter than those of the model.
 trait AnyMhe: Send + Sync {
     fn start(&mut self, o: &[f64]) -> bool;
-    fn update(&mut self, u: &[f64], o: Option<&[f64]>) -> Result<(f64, u32), SolveError>;
+    fn update(&mut self, u: &[f64], o: Option<&[f64]>) -> Result<(f64, u32), MheError>;
     fn s_hat(&self) -> &[f64];
     fn p_hat(&self) -> &[f64];
 }
@@ -38,7 +38,7 @@ where
         self.is_started()
     }
 
-    fn update(&mut self, u: &[f64], o: Option<&[f64]>) -> Result<(f64, u32), SolveError> {
+    fn update(&mut self, u: &[f64], o: Option<&[f64]>) -> Result<(f64, u32), MheError> {
         let observed = o.map_or_else(Observed::missing, |o| Observed::full(padded(o)));
         let solved = self.update(&padded(u), &observed, &mut || false);
         solved.map(|report| (report.cost, report.iterations))

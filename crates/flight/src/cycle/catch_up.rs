@@ -49,28 +49,30 @@ mod tests {
 
     type LaggedCycle = Cycle<Lagged, { motion::COUNT }, { lag::COUNT }, { motion::CONTROLLABLE }>;
 
-    /// The sticks that would act `back` periods before the coming one on an axis without dead time, after a pause of
-    /// `skipped` periods before which sticks of 0.5 were sent.
-    fn sent(skipped: u64, back: isize) -> f64 {
+    /// Whether the sticks of before act `back` periods before the coming one on an axis without dead time, after a pause
+    /// of `skipped` periods; else neutral ones do.
+    fn acts(skipped: u64, back: isize) -> bool {
         let mut table = table();
         table.cycle.dead_time_s = vec![0.0; stick::COUNT];
         let mut cycle: LaggedCycle = build::cycle(Lagged::default(), &table).unwrap();
         (0..20).for_each(|_| cycle.fifo.push(&Sticks::repeat(0.5)));
         let inbox = Inbox { skipped, ..Inbox::new() };
         cycle.catch_up(&inbox, &mut Unwatched::default());
-        cycle.fifo.applied(-back)[stick::PITCH]
+        let u = cycle.fifo.applied(-back)[stick::PITCH];
+        assert!(u.abs() < 1e-12 || (u - 0.5).abs() < 1e-12, "{u}");
+        u > 0.0
     }
 
     #[test]
     fn the_last_sticks_were_repeated_for_less_than_the_time_after_which_the_sender_is_neutral() {
         // 0.1 s are five periods.
-        assert_eq!([0, 1, 4].map(|skipped| sent(skipped, 1)), [0.5; 3]);
-        assert_eq!([5, 6, 30].map(|skipped| sent(skipped, 1)), [0.0; 3]);
-        assert_eq!([1, 2, 3].map(|back| sent(6, back)), [0.0, 0.0, 0.5]);
+        assert_eq!([0, 1, 4].map(|skipped| acts(skipped, 1)), [true; 3]);
+        assert_eq!([5, 6, 30].map(|skipped| acts(skipped, 1)), [false; 3]);
+        assert_eq!([1, 2, 3].map(|back| acts(6, back)), [false, false, true]);
     }
 
     #[test]
     fn a_pause_of_any_length_is_made_up_for_in_a_bounded_time() {
-        assert_eq!(sent(u64::MAX, 1), 0.0);
+        assert!(!acts(u64::MAX, 1));
     }
 }
