@@ -28,7 +28,7 @@ fn an_emergency_stop_needs_neither_room_nor_a_control_loop() {
     let emergency = outlet.emergency.clone();
     outlet.push(Source::Terminal, Act::Press(Direction::Forward));
     outlet.push(Source::Terminal, Act::Release(Direction::Forward));
-    assert!(!emergency.take(), "nobody asked for it");
+    assert!(!emergency.take(), "no person asked for it");
     let stuck = thread::spawn(move || {
         outlet.push(Source::Terminal, Act::Ask(Ask::EmergencyStop));
         outlet
