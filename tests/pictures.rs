@@ -46,11 +46,11 @@ fn workplace(control: &str) -> PathBuf {
     symlink(project().join("configs"), folder.join("configs")).unwrap();
     let output = program::tello_ctl(&folder, &["init", "lab"]);
     assert!(output.status.success(), "{}", program::text(&output));
-    let fly = fs::read_to_string(project().join("configs/fly.json")).unwrap();
+    let fly = fs::read_to_string(folder.join("lab/fly.json")).unwrap();
     let mut pole: serde_json::Value = serde_json::from_str(&fly).unwrap();
     let obstacles = blocks(control, "json").last().unwrap();
     pole["cycle"]["obstacles"] = serde_json::from_str(obstacles).unwrap();
-    fs::write(folder.join("pole.json"), pole.to_string()).unwrap();
+    fs::write(folder.join("lab/pole.json"), pole.to_string()).unwrap();
     folder
 }
 
