@@ -131,8 +131,9 @@ where
 /// What one tick leaves to the next beside the states of the parts.
 #[derive(Debug, Default)]
 struct Memory {
-    /// When the newest accepted position with anything new was measured; and such a heading.
+    /// When the newest accepted position with anything new was measured.
     position_at: Option<TimeNs>,
+    /// When the newest accepted heading with anything new was measured.
     heading_at: Option<TimeNs>,
     /// Headings accepted so far.
     headings: u32,

@@ -238,12 +238,11 @@ impl Supervisor {
     fn remember(&mut self, e: &Evidence) {
         self.began_ns.get_or_insert(e.t_ns);
         let has_failed = e.estimator_failed || self.has_controller_failed(e);
-        let forgiven = match self.phase {
-            _ if has_failed => -1.0,
-            Phase::Idle => self.failures,
-            _ => FAILURE_FORGIVEN,
+        self.failures = match self.phase {
+            _ if has_failed => self.failures + 1.0,
+            Phase::Idle => 0.0,
+            _ => (self.failures - FAILURE_FORGIVEN).max(0.0),
         };
-        self.failures = (self.failures - forgiven).max(0.0);
         self.late_periods = (self.late_periods - LATE_FORGIVEN).max(0.0) + e.skipped as f64;
         let is_aloft = self.is_aloft_unasked(e);
         keep_since(&mut self.aloft_since_ns, is_aloft, e.t_ns);
