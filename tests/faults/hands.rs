@@ -50,6 +50,21 @@ fn a_person_flies_on_without_mocap() {
 }
 
 #[test]
+fn a_person_who_is_gone_is_landed() {
+    let mut flight = settings(&[]);
+    flight.0.cycle.supervisor.failsafe.person_gone_s = Some(10.0);
+    let gone_at_s = FAULT_AT_S + 2.0;
+    let story = fly(&flight, FAULT_AT_S + 25.0, |at_s, flight| {
+        // A released key: towards level with the time constant of `manual.smoothing_s`.
+        let decay = (-(at_s - gone_at_s).max(0.0) / 0.2).exp();
+        let is_by_hand = at_s >= FAULT_AT_S;
+        flight.set_manual(is_by_hand.then(|| Sticks::new(0.0, 0.4, 0.0, 0.0) * decay));
+    });
+    // From 0.4 to 0.02 it takes 0.6 s.
+    story.assert_landed_by(Fault::PersonGone, [12.55, 12.75]);
+}
+
+#[test]
 fn a_person_takes_off_and_lands_without_mocap() {
     let blind = [ScriptedFault { fault: SimFault::MocapSilent, from_s: 0.0, for_s: 1e3 }];
     let story = fly(&settings(&blind), 40.0, |at_s, flight| {

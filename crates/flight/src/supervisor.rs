@@ -108,6 +108,8 @@ pub struct Supervisor {
     fast_since_ns: Option<i64>,
     /// Since when the dead time is too long. ns
     dead_time_long_since_ns: Option<i64>,
+    /// Since when the sticks in a person's hand are neutral.
+    hand_neutral_since_ns: Option<i64>,
     /// When a plan that was flown led out of the room or into an obstacle. ns
     blocked_ns: Option<i64>,
     /// When the vehicle began to brake before a landing. ns
@@ -158,6 +160,7 @@ impl Supervisor {
             turned_since_ns: None,
             fast_since_ns: None,
             dead_time_long_since_ns: None,
+            hand_neutral_since_ns: None,
             blocked_ns: None,
             braking_since_ns: None,
             aloft_since_ns: None,
@@ -291,6 +294,7 @@ impl Supervisor {
         keep_since(&mut self.fast_since_ns, is_fast, e.t_ns);
         let is_long = is_flown && !e.is_by_hand && e.is_dead_time_long;
         keep_since(&mut self.dead_time_long_since_ns, is_long, e.t_ns);
+        keep_since(&mut self.hand_neutral_since_ns, is_flown && e.is_hand_neutral, e.t_ns);
         if self.was_steering && e.is_plan_clear == Some(false) {
             self.blocked_ns = Some(e.t_ns);
         }

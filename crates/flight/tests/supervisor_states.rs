@@ -122,6 +122,7 @@ fn evidence(
             is_mocap_undated: flag(0) && flag(2),
         },
         is_by_hand: flag(0),
+        is_hand_neutral: flag(0) && flag(2),
         is_mission_done: flag(1),
         estimator_failed: flag(2),
         controller_failed: flag(3),
@@ -209,6 +210,7 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
 fn no_single_piece_of_evidence_breaks_an_invariant_in_any_phase() {
     let calm = Evidence {
         is_by_hand: false,
+        is_hand_neutral: false,
         ..evidence(Some(0.0), PLACES[1], (Some(0.0), 0), (Operator::Wait, 0))
     };
     let fly = Evidence { operator: Operator::Fly, ..calm };

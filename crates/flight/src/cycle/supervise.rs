@@ -17,6 +17,9 @@ use crate::{
 /// Age beyond which a report of the drone says nothing of the present motion. s
 const REPORT_AGE_MAX_S: f64 = 0.5;
 
+/// Largest stick that moves nothing: a released key decays towards zero and never reaches it. 1
+const HAND_NEUTRAL: f64 = 0.02;
+
 impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
@@ -68,6 +71,9 @@ where
             operator: inbox.operator,
             incidents: inbox.incidents,
             is_by_hand: inbox.manual.is_some(),
+            is_hand_neutral: inbox
+                .manual
+                .is_some_and(|hand| hand.iter().all(|u| u.abs() <= HAND_NEUTRAL)),
             is_mission_done: self.mission.is_finished(),
             estimator_failed: self.memory.estimator_failed,
             controller_failed: self.memory.controller_failed,

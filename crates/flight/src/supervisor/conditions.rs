@@ -23,6 +23,9 @@ const LEVEL_MPS: f64 = 0.35;
 /// a return of the link the drone moves before the link monitor has decided. s
 const ALONE_S: f64 = 0.5;
 
+/// How long the sticks in a person's hand may be neutral outside of the room or beyond the speed limit. s
+const GONE_ASTRAY_S: f64 = 5.0;
+
 /// Whether the drone confirms that its commands are lost: its velocity agrees with the poses, or it
 /// does not move.
 pub(super) fn is_confirmed(findings: &Findings) -> bool {
@@ -115,7 +118,7 @@ impl Supervisor {
     }
 
     /// What is wrong with the program, or has taken too long, and what the operator asks for.
-    fn flight_faults(&self, e: &Evidence) -> [(Fault, bool); 12] {
+    fn flight_faults(&self, e: &Evidence) -> [(Fault, bool); 13] {
         let table = &self.table;
         let phase_s = elapsed_s(self.phase_since_ns, e.t_ns);
         let is_take_off_overdue = self.phase == Phase::TakingOff
@@ -134,10 +137,19 @@ impl Supervisor {
             (Fault::LandingTimeout, self.is_landing_overdue(e)),
             (Fault::GuardianLost, e.incidents.is_guardian_lost),
             (Fault::ProgramStalled, e.incidents.has_landed_unasked),
+            (Fault::PersonGone, self.is_person_gone(e)),
             (Fault::InputExpired, e.incidents.has_input_expired),
             (Fault::OperatorStop, e.operator == Operator::Land),
             (Fault::OperatorEmergencyStop, e.operator == Operator::EmergencyStop),
         ]
+    }
+
+    /// Whether a person holds the sticks and does nothing, for too long or where somebody should.
+    fn is_person_gone(&self, e: &Evidence) -> bool {
+        let is_idle_for = |limit_s| has_lasted(self.hand_neutral_since_ns, e.t_ns, limit_s);
+        let is_astray = self.is_outside(e) || has_lasted(self.fast_since_ns, e.t_ns, ASTRAY_S);
+        let gone_s = self.table.failsafe.person_gone_s;
+        gone_s.is_some_and(|gone_s| is_idle_for(if is_astray { GONE_ASTRAY_S } else { gone_s }))
     }
 
     /// Whether the vehicle flies: it is past its take-off and not carried by hand.

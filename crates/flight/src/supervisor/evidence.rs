@@ -198,6 +198,8 @@ pub struct Evidence {
     pub incidents: Incidents,
     /// Whether a person holds the sticks.
     pub is_by_hand: bool,
+    /// Whether a person holds the sticks and leaves them neutral.
+    pub is_hand_neutral: bool,
     /// Whether the last target is reached.
     pub is_mission_done: bool,
     /// Whether the newest estimate failed.

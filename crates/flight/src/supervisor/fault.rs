@@ -91,6 +91,9 @@ pub enum Fault {
     GuardianLost,
     /// Guardian or sender landed the drone because the program, or its control thread, stood still.
     ProgramStalled,
+    /// The sticks that a person holds have been neutral for `failsafe.person_gone_s`, or for 5 s outside of the room or
+    /// beyond the speed limit: nobody steers.
+    PersonGone,
     /// A timer let go of a key or a stick in the person's place.
     InputExpired,
     /// The landing is confirmed by the poses alone: the drone did not report, or its height denied it.
@@ -175,6 +178,7 @@ impl Fault {
             Self::LandingTimeout => "landing not confirmed",
             Self::GuardianLost => "guardian lost",
             Self::ProgramStalled => "program stood still",
+            Self::PersonGone => "person gone",
             Self::InputExpired => "key or stick expired",
             Self::LandedByPose => "landed by the pose alone",
             Self::LandedByDrone => "landed by the drone alone",
@@ -222,6 +226,7 @@ impl Fault {
         Self::LandingTimeout,
         Self::GuardianLost,
         Self::ProgramStalled,
+        Self::PersonGone,
         Self::InputExpired,
         Self::LandedByPose,
         Self::LandedByDrone,
@@ -277,6 +282,7 @@ impl Fault {
             | Self::LandingTimeout
             | Self::GuardianLost
             | Self::ProgramStalled
+            | Self::PersonGone
             | Self::OperatorStop => (Reaction::Land, Reaction::Land),
             Self::OperatorEmergencyStop => (Reaction::EmergencyStop, Reaction::EmergencyStop),
         };

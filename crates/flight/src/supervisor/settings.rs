@@ -74,10 +74,14 @@ pub struct FailsafeTable {
     pub outage_s: f64,
     /// Landing when a command outage lasts longer during which nothing confirms it. s, 1..=`outage_s`
     pub outage_alone_s: f64,
+    /// Landing when the sticks that a person holds have been neutral for longer; null or missing: never.
+    /// s, 10..=3600
+    #[serde(default)]
+    pub person_gone_s: Option<f64>,
 }
 
 impl Default for FailsafeTable {
-    /// The values of `configs/fly.json`, for logs of flights that had no such limits.
+    /// The values of `configs/fly.json`, for logs of flights that had no such limits; of `person_gone_s` none.
     fn default() -> Self {
         Self {
             tracking_m: 1.2,
@@ -85,6 +89,7 @@ impl Default for FailsafeTable {
             overtime_s: 30.0,
             outage_s: 20.0,
             outage_alone_s: 6.0,
+            person_gone_s: None,
         }
     }
 }
@@ -96,6 +101,9 @@ impl FailsafeTable {
         in_range("overtime_s", self.overtime_s, 5.0..=3600.0)?;
         in_range("outage_s", self.outage_s, 1.0..=60.0)?;
         in_range("outage_alone_s", self.outage_alone_s, 1.0..=self.outage_s)?;
+        if let Some(gone_s) = self.person_gone_s {
+            in_range("person_gone_s", gone_s, 10.0..=3600.0)?;
+        }
         Ok(())
     }
 }
@@ -236,8 +244,12 @@ mod tests {
                 "failsafe.outage_s = 61 violates 1.0..=60.0",
             ),
             (
-                FailsafeTable { outage_alone_s: 20.5, ..good },
+                FailsafeTable { outage_alone_s: 20.5, ..good.clone() },
                 "failsafe.outage_alone_s = 20.5 violates 1.0..=20.0",
+            ),
+            (
+                FailsafeTable { person_gone_s: Some(5.0), ..good },
+                "failsafe.person_gone_s = 5 violates 10.0..=3600.0",
             ),
         ] {
             assert_eq!(refused(failsafe), message);

@@ -28,6 +28,7 @@ pub(super) const TABLE: SupervisorTable = SupervisorTable {
         overtime_s: 60.0,
         outage_s: 16.0,
         outage_alone_s: 6.0,
+        person_gone_s: Some(60.0),
     },
 };
 
@@ -78,6 +79,7 @@ pub(super) const CALM: Evidence = Evidence {
     operator: Operator::Wait,
     incidents: Incidents::NONE,
     is_by_hand: false,
+    is_hand_neutral: false,
     is_mission_done: false,
     estimator_failed: false,
     controller_failed: false,

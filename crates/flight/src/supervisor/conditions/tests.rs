@@ -323,6 +323,30 @@ fn a_dead_time_that_is_too_long_lands_after_three_seconds() {
 }
 
 #[test]
+fn sticks_that_a_person_leaves_neutral_land_after_their_time_and_outside_of_the_room_after_5_s() {
+    let idle = Evidence { is_by_hand: true, is_hand_neutral: true, ..ALOFT };
+    let steered = Evidence { is_hand_neutral: false, ..idle };
+    let outside = Evidence { pose: Some([5.0, 0.0, 1.0, 0.0].into()), ..idle };
+    let fast = Evidence { speed_mps: 3.1, ..idle };
+    for (e, other, ticks) in
+        [(idle, None, 600), (outside, Some(Fault::FenceLeft), 50), (fast, Some(Fault::TooFast), 50)]
+    {
+        let mut bench = Bench::flying();
+        assert!(bench.run(ticks, &e).may_steer(), "{ticks} ticks of 0.1 s: {e:?}");
+        assert!(bench.tick(&steered).may_steer());
+        assert!(bench.run(ticks, &e).may_steer(), "a stick begins the time anew");
+        let ruling = bench.tick(&e);
+        let expected = other.into_iter().chain([Fault::PersonGone]).collect::<Vec<_>>();
+        assert_eq!((ruling.phase, faults(ruling)), (Phase::Landing, expected));
+    }
+    let by_controller = Evidence { is_by_hand: false, is_hand_neutral: false, ..idle };
+    assert_eq!(faults(Bench::flying().run(700, &by_controller)), []);
+    let mut never = Bench::flying();
+    never.supervisor.table.failsafe.person_gone_s = None;
+    assert!(never.run(3000, &outside).may_steer(), "without the key, as in older logs");
+}
+
+#[test]
 fn an_error_or_a_speed_or_an_outage_that_is_no_number_ends_the_flight() {
     let astray = Evidence { tracking_m: Some(f64::NAN), ..ALOFT };
     let fast = Evidence { speed_mps: f64::NAN, ..ALOFT };

@@ -60,6 +60,7 @@ fn every_fault_has_the_reaction_that_was_decided() {
         (Fault::LandingTimeout, [Reaction::Land, Reaction::Land]),
         (Fault::GuardianLost, [Reaction::Land, Reaction::Land]),
         (Fault::ProgramStalled, [Reaction::Land, Reaction::Land]),
+        (Fault::PersonGone, [Reaction::Land, Reaction::Land]),
         (Fault::InputExpired, [Reaction::Note, Reaction::Note]),
         (Fault::LandedByPose, [Reaction::Note, Reaction::Note]),
         (Fault::LandedByDrone, [Reaction::Note, Reaction::Note]),
