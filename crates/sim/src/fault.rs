@@ -139,8 +139,11 @@ pub enum Fault {
         /// Whether the motors stop in the air.
         falls: bool,
     },
-    /// The drone is held where it was at the onset, as by a hand or in a net; it stands still for its own sensors, too.
-    DroneHeld,
+    /// The drone is held where it was at the onset, as by a hand or in a net; its own sensors show it.
+    DroneHeld {
+        /// Amplitude with which the hand sways in x, y and z. m
+        sway_m: f64,
+    },
     /// The drone is carried on with a velocity beside the one that it flies with, as by a gust that its own velocity
     /// control does not balance; its own sensors show it.
     DronePushed {

@@ -72,8 +72,8 @@ pub(crate) enum External {
     /// Nothing.
     #[default]
     None,
-    /// It stays where it is.
-    Held,
+    /// It moves with this velocity, world x, y, z, whatever it flies. m/s
+    Held([f64; 3]),
     /// It is carried on with this velocity, world x, y, z. m/s
     Pushed([f64; 3]),
 }
@@ -110,10 +110,11 @@ impl Factors {
 }
 
 impl External {
-    fn push_w_mps(self) -> [f64; 3] {
+    /// Its own velocity. m/s
+    fn velocity_w_mps(self) -> [f64; 3] {
         match self {
-            Self::None | Self::Held => [0.0; 3],
-            Self::Pushed(velocity_mps) => velocity_mps,
+            Self::None => [0.0; 3],
+            Self::Held(velocity_mps) | Self::Pushed(velocity_mps) => velocity_mps,
         }
     }
 }
@@ -213,7 +214,7 @@ impl Plant {
     /// True velocity.
     pub fn velocity(&self) -> Velocity {
         let Velocity { x_mps, y_mps, z_mps, yaw_radps } = self.flown();
-        let [push_x_mps, push_y_mps, push_z_mps] = self.external.push_w_mps();
+        let [push_x_mps, push_y_mps, push_z_mps] = self.external.velocity_w_mps();
         Velocity {
             x_mps: x_mps + push_x_mps,
             y_mps: y_mps + push_y_mps,
@@ -269,20 +270,18 @@ impl Plant {
     /// One step of what acts from outside on the vehicle, which flew here from `before`.
     fn act_from_outside(&mut self, before: Pose) {
         match self.external {
-            External::None => {}
-            External::Held => {
+            External::None => return,
+            External::Held(_) => {
                 self.pose = before;
                 self.rest();
             }
-            External::Pushed(_) => {
-                for (axis, push_mps) in
-                    [pose::X, pose::Y, pose::Z].into_iter().zip(self.external.push_w_mps())
-                {
-                    self.pose[axis] += DT_S * push_mps;
-                }
-                self.pose[pose::Z] = self.pose[pose::Z].max(0.0);
-            }
+            External::Pushed(_) => {}
         }
+        let velocity_w_mps = self.external.velocity_w_mps();
+        for (axis, v_mps) in [pose::X, pose::Y, pose::Z].into_iter().zip(velocity_w_mps) {
+            self.pose[axis] += DT_S * v_mps;
+        }
+        self.pose[pose::Z] = self.pose[pose::Z].max(0.0);
     }
 
     /// Neither speed nor tilt.

@@ -314,7 +314,9 @@ impl World {
         let is_on = |fault| self.faults.is_on(fault, self.step);
         let (are_stuck, refuses) = (is_on(Fault::DroneSticksStuck), is_on(Fault::DroneRefusesLand));
         let external = self.faults.present(self.step).find_map(|present| match present.fault {
-            Fault::DroneHeld => Some(External::Held),
+            Fault::DroneHeld { sway_m } => {
+                Some(External::Held(sway_mps(sway_m, present.elapsed_s)))
+            }
             Fault::DronePushed { velocity_mps } => Some(External::Pushed(velocity_mps)),
             _ => None,
         });
@@ -378,6 +380,18 @@ impl Start {
         }
         (phase, at, velocity)
     }
+}
+
+/// Frequencies of a hand that sways, in x, y and z. Hz
+const SWAY_HZ: [f64; 3] = [0.7, 1.1, 0.9];
+
+/// Velocity of a hand that sways by `sway_m` in each direction, `t_s` after it took hold: slow sines of three
+/// frequencies. m/s
+fn sway_mps(sway_m: f64, t_s: f64) -> [f64; 3] {
+    SWAY_HZ.map(|hz| {
+        let rate = std::f64::consts::TAU * hz;
+        sway_m * rate * (rate * t_s).cos()
+    })
 }
 
 #[cfg(test)]

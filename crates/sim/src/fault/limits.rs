@@ -70,6 +70,7 @@ impl Fault {
             Self::MocapSlowLink { bytes_per_s } => {
                 all("mocap_slow_link.bytes_per_s", &[bytes_per_s], SMALL, BYTES_PER_S_MAX)
             }
+            Self::DroneHeld { sway_m } => sd("drone_held.sway_m", sway_m),
             Self::DronePushed { velocity_mps } => speed("drone_pushed.velocity_mps", &velocity_mps),
             Self::SecondController { sticks, rate_hz } => check_second(&sticks, rate_hz),
             Self::MocapLost
@@ -87,7 +88,6 @@ impl Fault {
             | Self::DroneSticksStuck
             | Self::DroneRefusesLand
             | Self::DroneReboot { .. }
-            | Self::DroneHeld
             | Self::ControlStalled => Ok(()),
         }
     }
@@ -109,7 +109,8 @@ mod tests {
     /// Each fault with a value at `at`, its key, the least and the largest of what it may be.
     type Rule = (&'static str, fn(f64) -> Fault, [f64; 2]);
 
-    const RULES: [Rule; 28] = [
+    const RULES: [Rule; 29] = [
+        ("drone_held.sway_m", |sway_m| Fault::DroneHeld { sway_m }, [0.0, 100.0]),
         (
             "drone_pushed.velocity_mps",
             |at| Fault::DronePushed { velocity_mps: [0.0, at, 0.0] },

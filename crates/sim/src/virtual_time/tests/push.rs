@@ -55,7 +55,7 @@ fn a_push_leaves_the_height_as_it_is() {
 #[test]
 fn a_drone_that_is_held_is_pressed_by_small_sticks_only() {
     for seed in 1..=3 {
-        let ticks = flown(Fault::DroneHeld, seed, false);
+        let ticks = flown(Fault::DroneHeld { sway_m: 0.0 }, seed, false);
         let in_outage: Vec<f64> =
             ticks.iter().filter(|tick| tick.is_outage).map(|tick| amax(&tick.u_sent)).collect();
         assert!(in_outage.len() > 100, "seed {seed}: {} ticks", in_outage.len());
