@@ -11,6 +11,7 @@ mod catch_up;
 mod dead_time;
 mod feasible;
 mod hand_over;
+mod immobility;
 mod inbox;
 mod link;
 mod measurement_time;
@@ -47,6 +48,7 @@ pub use build::{build, build_with};
 pub use dead_time::DeadTimeChange;
 pub use feasible::{misfits, notes};
 use hand_over::HandOver;
+use immobility::Immobility;
 use link::Link;
 use measurement_time::Seen;
 use planning::{Known, Planner};
@@ -117,6 +119,7 @@ where
     planner: Planner<M, NS, NP, NR>,
     monitors: Monitors,
     progress: Progress,
+    immobility: Immobility,
     start: StandingStart,
     worst_case: WorstCase<NS, NP>,
     supervisor: Supervisor,
@@ -188,6 +191,9 @@ where
             None if self.is_carried => Sticks::zeros(),
             None => approved.sticks(),
         };
+        if is_on_mission && self.link_is_up() {
+            self.immobility.press(&u_sent, self.dt_s);
+        }
         self.fifo.push(&u_sent);
         out.decide(&u_wish, approved, &u_sent, self.planner.lag());
         watch.send(out);

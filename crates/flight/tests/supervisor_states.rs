@@ -104,6 +104,7 @@ fn evidence(
             unseen: [EstimatedMotion { pose, rate }; 2],
         }),
         is_dead_time_long: flag(1) && flag(3),
+        pressed_s: if flag(2) && flag(3) { 9.0 } else { 0.0 },
         tracking_m: flag(0).then_some(2.0),
         turned_rad: flag(2).then_some(2.0),
         speed_mps: if flag(3) { 4.0 } else { 0.0 },

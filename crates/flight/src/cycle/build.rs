@@ -10,6 +10,7 @@ use nalgebra::SVector;
 use super::dead_time::DeadTime;
 use super::feasible;
 use super::hand_over::HandOver;
+use super::immobility::Immobility;
 use super::link::Link;
 use super::planning::{self, Planner};
 use super::plausible::Plausibility;
@@ -102,6 +103,7 @@ where
         mission: mission(table, dt_s)?,
         monitors: Monitors::new(&monitors, dt_s),
         progress: Progress::default(),
+        immobility: Immobility::default(),
         start: StandingStart::new(cycle.standing).map_err(under("cycle.standing"))?,
         supervisor: Supervisor::new(supervisor, table.start),
         hand_over: HandOver::default(),

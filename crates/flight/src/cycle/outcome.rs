@@ -136,6 +136,8 @@ pub struct Outcome {
     /// By how much the estimate has gone away from the reference: its distance less the least one since; `None` before
     /// the first estimate. m
     pub tracking_m: Option<f64>,
+    /// Inputs in one direction that have moved nothing. s of full deflection
+    pub pressed_s: f64,
     /// Speed by the estimate. m/s
     pub speed_mps: f64,
     /// The supervisor's decision.
@@ -177,6 +179,7 @@ impl Outcome {
             targets_reached: 0,
             findings: None,
             tracking_m: None,
+            pressed_s: 0.0,
             speed_mps: 0.0,
             ruling: None,
             state_rows,

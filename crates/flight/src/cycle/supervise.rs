@@ -37,6 +37,10 @@ where
         let tracking_m = tracking.map(|tracking| tracking.away_m);
         let speed_mps = motion.map_or(0.0, |motion| motion.rate.fixed_rows::<3>(pose::X).norm());
         (out.tracking_m, out.speed_mps) = (tracking_m, speed_mps);
+        if let Some(motion) = &motion {
+            self.immobility.see(&motion.pose);
+        }
+        out.pressed_s = self.immobility.pressed_s();
         let pose = out.filtered.and_then(|filtered| filtered.o);
         let is_idle = self.supervisor.phase() == Phase::Idle;
         let ruling = self.supervisor.rule(&Evidence {
@@ -60,6 +64,7 @@ where
             is_dead_time_long: self.link.as_ref().is_some_and(Link::is_dead_time_long),
             tracking_m,
             turned_rad: tracking.map(|tracking| tracking.turned_rad),
+            pressed_s: out.pressed_s,
             speed_mps,
             overtime_s: self.progress.overtime_s(&self.mission),
             drone: self.memory.drone.map(|status| DroneReport {

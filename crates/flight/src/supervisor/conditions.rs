@@ -50,7 +50,7 @@ impl Supervisor {
     }
 
     /// What is wrong with the motion.
-    fn motion_faults(&self, e: &Evidence) -> [(Fault, bool); 13] {
+    fn motion_faults(&self, e: &Evidence) -> [(Fault, bool); 14] {
         let (failsafe, findings) = (&self.table.failsafe, &e.findings);
         let is_flown = self.is_steered();
         // The drone's velocity is judged by what it showed in level flight, its height from the ground on.
@@ -62,6 +62,7 @@ impl Supervisor {
         let outage = e.outage.filter(|_| is_flown);
         let is_alone_for = |limit_s| has_lasted(self.alone_since_ns, e.t_ns, limit_s);
         let is_long = outage.is_some_and(|outage| is_older(outage.for_s, failsafe.outage_s));
+        let is_immobile = failsafe.pressed_s.is_some_and(|limit_s| is_older(e.pressed_s, limit_s));
         let may_have_left = self.room.zip(outage).is_some_and(|(room, outage)| {
             outage.unseen.iter().any(|motion| room.is_left_by(motion))
         });
@@ -78,6 +79,7 @@ impl Supervisor {
                 has_lasted(self.astray_since_ns, e.t_ns, ASTRAY_S)
                     || has_lasted(self.turned_since_ns, e.t_ns, TURNED_S),
             ),
+            (Fault::Immobile, is_flown && !e.is_by_hand && is_immobile),
             (Fault::TooFast, has_lasted(self.fast_since_ns, e.t_ns, ASTRAY_S)),
             (
                 Fault::DeadTimeLong,

@@ -186,6 +186,8 @@ pub struct Evidence {
     pub tracking_m: Option<f64>,
     /// By how much it has turned away from the heading of its reference, likewise. rad
     pub turned_rad: Option<f64>,
+    /// Inputs in one direction that have moved nothing. s of full deflection
+    pub pressed_s: f64,
     /// Speed by the estimate. m/s
     pub speed_mps: f64,
     /// By how much the flight of the mission is longer than twice its planned time; negative before. s

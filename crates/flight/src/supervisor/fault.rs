@@ -47,6 +47,8 @@ pub enum Fault {
     /// The vehicle has gone away from its reference by more than `failsafe.tracking_m` for 0.3 s, or turned away from it
     /// by more than 1 rad for 1.5 s.
     TrackingLost,
+    /// Inputs of `failsafe.pressed_s` in one direction have moved nothing: the vehicle is held, caught or blocked.
+    Immobile,
     /// For 0.3 s the vehicle is faster than `failsafe.speed_mps`.
     TooFast,
     /// For 3 s the sticks are applied more than 0.08 s later than the largest correction of the dead time allows for.
@@ -157,6 +159,7 @@ impl Fault {
             Self::FenceNear => "fence near",
             Self::FenceLeft => "outside of the room",
             Self::TrackingLost => "off the reference",
+            Self::Immobile => "immobile",
             Self::TooFast => "too fast",
             Self::DeadTimeLong => "sticks act late",
             Self::MissionOverdue => "mission overdue",
@@ -205,6 +208,7 @@ impl Fault {
         Self::FenceNear,
         Self::FenceLeft,
         Self::TrackingLost,
+        Self::Immobile,
         Self::TooFast,
         Self::DeadTimeLong,
         Self::MissionOverdue,
@@ -270,6 +274,7 @@ impl Fault {
             | Self::HeadingWrong
             | Self::FenceLeft
             | Self::TrackingLost
+            | Self::Immobile
             | Self::TooFast
             | Self::DeadTimeLong
             | Self::OutageLong

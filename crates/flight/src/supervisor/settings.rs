@@ -74,6 +74,10 @@ pub struct FailsafeTable {
     pub outage_s: f64,
     /// Landing when a command outage lasts longer during which nothing confirms it. s, 1..=`outage_s`
     pub outage_alone_s: f64,
+    /// Landing when inputs in one direction, in seconds of full deflection with a forgetting time of 4 s, have not moved
+    /// the vehicle 0.4 m. Those in outages do not count. Null or missing: never. s, 0.5..=4
+    #[serde(default)]
+    pub pressed_s: Option<f64>,
     /// Landing when the sticks that a person holds have been neutral for longer; null or missing: never.
     /// s, 10..=3600
     #[serde(default)]
@@ -81,7 +85,7 @@ pub struct FailsafeTable {
 }
 
 impl Default for FailsafeTable {
-    /// The values of `configs/fly.json`, for logs of flights that had no such limits; of `person_gone_s` none.
+    /// The values of `configs/fly.json`, for logs of flights that had no such limits; of later ones none.
     fn default() -> Self {
         Self {
             tracking_m: 1.2,
@@ -89,6 +93,7 @@ impl Default for FailsafeTable {
             overtime_s: 30.0,
             outage_s: 20.0,
             outage_alone_s: 6.0,
+            pressed_s: None,
             person_gone_s: None,
         }
     }
@@ -101,6 +106,9 @@ impl FailsafeTable {
         in_range("overtime_s", self.overtime_s, 5.0..=3600.0)?;
         in_range("outage_s", self.outage_s, 1.0..=60.0)?;
         in_range("outage_alone_s", self.outage_alone_s, 1.0..=self.outage_s)?;
+        if let Some(pressed_s) = self.pressed_s {
+            in_range("pressed_s", pressed_s, 0.5..=4.0)?;
+        }
         if let Some(gone_s) = self.person_gone_s {
             in_range("person_gone_s", gone_s, 10.0..=3600.0)?;
         }
@@ -246,6 +254,10 @@ mod tests {
             (
                 FailsafeTable { outage_alone_s: 20.5, ..good.clone() },
                 "failsafe.outage_alone_s = 20.5 violates 1.0..=20.0",
+            ),
+            (
+                FailsafeTable { pressed_s: Some(0.4), ..good.clone() },
+                "failsafe.pressed_s = 0.4 violates 0.5..=4.0",
             ),
             (
                 FailsafeTable { person_gone_s: Some(5.0), ..good },

@@ -29,6 +29,7 @@ pub(super) const TABLE: SupervisorTable = SupervisorTable {
         outage_s: 16.0,
         outage_alone_s: 6.0,
         person_gone_s: Some(60.0),
+        pressed_s: Some(2.2),
     },
 };
 
@@ -73,6 +74,7 @@ pub(super) const CALM: Evidence = Evidence {
     is_dead_time_long: false,
     tracking_m: Some(0.1),
     turned_rad: Some(0.1),
+    pressed_s: 0.0,
     speed_mps: 0.1,
     overtime_s: -30.0,
     drone: Some(DroneReport { age_s: 0.1, is_flying: false, height_m: None, battery_pct: 80 }),

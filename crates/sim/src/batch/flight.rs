@@ -91,6 +91,9 @@ pub struct Largest {
     pub still_s: f64,
     /// By how much the estimate went away from the reference: its distance less the least one before. m
     pub tracking_m: f64,
+    /// Inputs in one direction that moved nothing. s of full deflection
+    #[serde(default)]
+    pub pressed_s: f64,
     /// Speed by the estimate. m/s
     pub speed_mps: f64,
 }
@@ -286,6 +289,7 @@ impl Largest {
         raise(&mut self.direction_error_rad, findings.direction_error_rad.unwrap_or(0.0).abs());
         raise(&mut self.still_s, findings.still_s.unwrap_or(0.0));
         raise(&mut self.tracking_m, out.tracking_m.unwrap_or(0.0));
+        raise(&mut self.pressed_s, out.pressed_s);
         raise(&mut self.speed_mps, out.speed_mps);
     }
 }

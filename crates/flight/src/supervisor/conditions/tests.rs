@@ -312,6 +312,18 @@ fn the_drone_confirms_an_outage_by_a_speed_up_to_the_limit_and_not_by_one_that_i
 }
 
 #[test]
+fn large_inputs_that_move_nothing_land_the_vehicle() {
+    let held = Evidence { pressed_s: 2.21, ..ALOFT };
+    assert_eq!(after(&Evidence { pressed_s: 2.2, ..ALOFT }).0, Phase::Flying);
+    assert_eq!(after(&held), (Phase::Landing, false, vec![Fault::Immobile]));
+    let by_hand = Evidence { is_by_hand: true, ..held };
+    assert_eq!(faults(Bench::flying().run(9, &by_hand)), [], "a person may press on");
+    let mut never = Bench::flying();
+    never.supervisor.table.failsafe.pressed_s = None;
+    assert!(never.run(9, &held).may_steer(), "without the key, as in older logs");
+}
+
+#[test]
 fn a_dead_time_that_is_too_long_lands_after_three_seconds() {
     let late = Evidence { is_dead_time_long: true, ..ALOFT };
     let mut bench = Bench::flying();

@@ -39,6 +39,7 @@ fn every_fault_has_the_reaction_that_was_decided() {
         (Fault::FenceNear, [Reaction::Hold, Reaction::Note]),
         (Fault::FenceLeft, [Reaction::Land, Reaction::Note]),
         (Fault::TrackingLost, [Reaction::Land, Reaction::Note]),
+        (Fault::Immobile, [Reaction::Land, Reaction::Note]),
         (Fault::TooFast, [Reaction::Land, Reaction::Note]),
         (Fault::DeadTimeLong, [Reaction::Land, Reaction::Note]),
         (Fault::MissionOverdue, [Reaction::BrakeAndLand, Reaction::Note]),

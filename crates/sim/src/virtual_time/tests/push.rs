@@ -19,13 +19,19 @@ struct Flown {
     is_outage: bool,
 }
 
+/// Time of a tick. s
+const DT_S: f64 = 0.02;
+
+/// When the fault begins. s
+const HELD_FROM_S: f64 = 4.0;
+
 /// The ticks of the square from the air, with `fault` from its fifth second on, until the program ends the flight.
 fn flown(fault: Fault, seed: u64, is_rigid_body: bool) -> Vec<Flown> {
     let (fly, mission) = config::fly(None, None).unwrap();
     let flight = config::flight(&fly, mission, Start::Airborne);
     let mut sim = crate::settings(None).unwrap();
     sim.plant.rigid_body = is_rigid_body.then_some(RIGID_BODY);
-    sim.faults = vec![ScriptedFault { fault, from_s: 4.0, for_s: 60.0 }];
+    sim.faults = vec![ScriptedFault { fault, from_s: HELD_FROM_S, for_s: 60.0 }];
     let mut flight = VirtualFlight::new(&flight, &sim, seed).unwrap();
     let mut ticks = Vec::new();
     for _ in 0..2500 {
@@ -61,5 +67,21 @@ fn a_drone_that_is_held_is_pressed_by_small_sticks_only() {
         assert!(in_outage.len() > 100, "seed {seed}: {} ticks", in_outage.len());
         let largest = in_outage.iter().copied().fold(0.0, f64::max);
         assert!(largest > 0.1 && largest < 0.401, "seed {seed}: {largest}");
+    }
+}
+
+#[test]
+fn a_drone_in_a_hand_that_sways_is_landed() {
+    // A hand that hardly sways looks like an outage (20 s, small sticks), another one like outages that end: immobile.
+    for (sway_m, latest_s) in [(0.003, 22.0), (0.01, 22.0), (0.03, 16.0), (0.05, 16.0)] {
+        for (seed, is_rigid_body) in [(1, false), (2, true), (3, false)] {
+            let ticks = flown(Fault::DroneHeld { sway_m }, seed, is_rigid_body);
+            let held_s = ticks.len() as f64 * DT_S - HELD_FROM_S;
+            let large = ticks.iter().filter(|tick| amax(&tick.u_sent) > 0.41);
+            let large_s = large.count() as f64 * DT_S;
+            let case =
+                format!("sway {sway_m} m, seed {seed}: {held_s} s, {large_s} s of large sticks");
+            assert!(held_s < latest_s && large_s < 9.0, "{case}");
+        }
     }
 }

@@ -1,0 +1,121 @@
+//! Whether the vehicle stays where it is under large inputs: it is held by a hand, caught in a net or pressed against a
+//! wall.
+//!
+//! Sways of the hand look like answers to the inputs now and then, so that the link monitor finds an outage and its end
+//! in turns, and neither time limit of an outage is reached.
+
+use horizon_model::rows::{Pose, Sticks, pose, stick};
+use nalgebra::Vector3;
+
+/// The vehicle has moved when it is further away from where the time began. m
+const MOVED_M: f64 = 0.4;
+/// Forgetting time of the inputs: a steady input of 0.5, as wind asks for in a hover, adds up to 2 s at most. s
+const FORGETTING_S: f64 = 4.0;
+
+/// Inputs that moved nothing.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Immobility {
+    /// Where they began, world frame. m, rad
+    begun_at: Option<Pose>,
+    /// Heading of the newest estimate. rad
+    theta: f64,
+    /// q = int u_w(t) exp(-(now - t) / `FORGETTING_S`) dt, where u_w are the inputs of the three translations in the
+    /// world frame. s of full deflection
+    pressed_w_s: Vector3<f64>,
+}
+
+impl Immobility {
+    /// Takes the estimate `pose_hat`, world frame. m, rad
+    ///
+    /// Real time: no allocation, constant cost.
+    pub(super) fn see(&mut self, pose_hat: &Pose) {
+        let position = |at: &Pose| at.fixed_rows::<3>(pose::X).into_owned();
+        let has_moved = |from: Pose| (position(pose_hat) - position(&from)).norm() > MOVED_M;
+        if self.begun_at.is_none_or(has_moved) {
+            (self.begun_at, self.pressed_w_s) = (Some(*pose_hat), Vector3::zeros());
+        }
+        self.theta = pose_hat[pose::THETA];
+    }
+
+    /// One period of `dt_s` begins, in which the controller flies the mission by `u_sent` and its inputs are found to
+    /// act.
+    ///
+    /// Real time: no allocation, constant cost.
+    pub(super) fn press(&mut self, u_sent: &Sticks, dt_s: f64) {
+        let (sin, cos) = self.theta.sin_cos();
+        let (forward, right) = (u_sent[stick::PITCH], u_sent[stick::ROLL]);
+        let u_w = Vector3::new(
+            forward * cos + right * sin,
+            forward * sin - right * cos,
+            u_sent[stick::THROTTLE],
+        );
+        self.pressed_w_s = (-dt_s / FORGETTING_S).exp() * self.pressed_w_s + dt_s * u_w;
+    }
+
+    /// |q|. s of full deflection
+    pub(super) fn pressed_s(&self) -> f64 {
+        self.pressed_w_s.norm()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DT_S: f64 = 0.02;
+
+    /// |q| after `steps` periods with the input `u(step)` at the pose `at(step)`.
+    fn pressed_s(steps: u32, u: impl Fn(f64) -> Sticks, at: impl Fn(f64) -> Pose) -> f64 {
+        let mut immobility = Immobility::default();
+        for t_s in (0..steps).map(|step| DT_S * f64::from(step)) {
+            immobility.see(&at(t_s));
+            immobility.press(&u(t_s), DT_S);
+        }
+        immobility.pressed_s()
+    }
+
+    /// An input of one axis.
+    fn along(row: usize, value: f64) -> Sticks {
+        let mut u = Sticks::zeros();
+        u[row] = value;
+        u
+    }
+
+    #[test]
+    fn steady_inputs_add_up_while_the_vehicle_sways() {
+        let sway = |t_s: f64| Pose::new(0.15 * (5.0 * t_s).sin(), 1.0, -2.0, 0.3);
+        for row in [stick::ROLL, stick::PITCH, stick::THROTTLE] {
+            for u in [-1.0, 0.4] {
+                let found_s = pressed_s(150, |_| along(row, u), sway);
+                // 4 (1 - exp(-3 / 4)) = 2.11.
+                assert!((found_s - 2.11 * u.abs()).abs() < 0.01, "{row} {u}: {found_s} s");
+            }
+        }
+        assert_eq!(pressed_s(150, |_| along(stick::YAW, 1.0), sway), 0.0);
+        let long_s = pressed_s(3000, |_| along(stick::PITCH, 0.5), sway);
+        assert!((long_s - 2.0).abs() < 0.01, "{long_s} s");
+    }
+
+    #[test]
+    fn inputs_to_and_fro_and_motion_do_not() {
+        let still = |_| Pose::zeros();
+        let to_and_fro = |t_s: f64| along(stick::ROLL, (2.0 * t_s).sin().signum());
+        assert!(pressed_s(500, to_and_fro, still) < 1.6);
+        // 0.25 m/s: 0.4 m in 1.6 s.
+        let slow = |t_s: f64| Pose::new(0.25 * t_s, 0.0, 0.0, 0.0);
+        assert!(pressed_s(500, |_| along(stick::PITCH, 1.0), slow) < 1.65);
+    }
+
+    #[test]
+    fn a_vehicle_that_turns_presses_in_its_direction_in_the_world() {
+        // A stick that turns against the heading asks for one direction.
+        let turning = |t_s: f64| Pose::new(0.0, 0.0, 0.0, t_s);
+        let against =
+            |t_s: f64| Sticks::from([t_s.sin(), 0.0, 0.0, 0.0]) + along(stick::PITCH, t_s.cos());
+        let (turned_s, straight_s) = (
+            pressed_s(150, against, turning),
+            pressed_s(150, |_| along(stick::PITCH, 1.0), |_| Pose::zeros()),
+        );
+        assert!((turned_s - straight_s).abs() < 1e-9, "{turned_s} s, {straight_s} s");
+    }
+}
