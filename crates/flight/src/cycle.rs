@@ -146,6 +146,8 @@ struct Memory {
     o_repeated: Option<Pose>,
     estimator_failed: bool,
     controller_failed: bool,
+    /// Whether the flight began on the ground.
+    has_taken_off: bool,
     /// Whether the controller followed the mission in the tick before.
     is_on_mission: bool,
 }
@@ -323,6 +325,7 @@ where
             (Some(pilot @ Pilot::Controller), _) => {
                 let u_plan = self.planner.sticks();
                 let u_plan = self.link.as_ref().map_or(u_plan, |link| link.limited(&u_plan));
+                let u_plan = self.until_proven(u_plan);
                 let u_wish = self.hand_over.blend(pilot, &u_plan, u_newest, dt_s);
                 (u_wish, self.gate.pass(&u_wish, self.pose_age_s(inbox)))
             }
@@ -331,6 +334,13 @@ where
                 (Sticks::zeros(), Approved::neutral())
             }
         }
+    }
+
+    /// `u_plan` as far as sticks go before a flight has shown after its take-off that inputs and poses have the same
+    /// axes.
+    fn until_proven(&self, u_plan: Sticks) -> Sticks {
+        let limit = self.monitors.unproven_stick_max().filter(|_| self.memory.has_taken_off);
+        limit.map_or(u_plan, |limit| u_plan.map(|u| u.clamp(-limit, limit)))
     }
 
     /// Whether the drone is sent sticks: in the text SDK not before a take-off is over.

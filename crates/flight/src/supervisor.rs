@@ -45,6 +45,9 @@ const TAKE_OFF_RETRY_S: f64 = 3.0;
 /// Fraction of a missed period that is forgiven at each tick: one may be missed after each ten ticks for ever.
 const LATE_FORGIVEN: f64 = 0.1;
 
+/// Part of the time without a blocked plan that is taken off the time of blocked ones.
+const BLOCKED_FORGIVEN: f64 = 0.2;
+
 /// Failures of a solver that a tick without one makes up for, off the ground: one in three may fail for ever.
 const FAILURE_FORGIVEN: f64 = 0.5;
 
@@ -108,7 +111,11 @@ pub struct Supervisor {
     fast_since_ns: Option<i64>,
     /// Since when the dead time is too long. ns
     dead_time_long_since_ns: Option<i64>,
-    /// Since when the sticks in a person's hand are neutral.
+    /// When the tick before was. ns
+    remembered_ns: Option<i64>,
+    /// How long plans were blocked, less a fifth of the time without. s
+    blocked_s: f64,
+    /// Since when the sticks in a person's hand are neutral. ns
     hand_neutral_since_ns: Option<i64>,
     /// When a plan that was flown led out of the room or into an obstacle. ns
     blocked_ns: Option<i64>,
@@ -160,6 +167,8 @@ impl Supervisor {
             turned_since_ns: None,
             fast_since_ns: None,
             dead_time_long_since_ns: None,
+            remembered_ns: None,
+            blocked_s: 0.0,
             hand_neutral_since_ns: None,
             blocked_ns: None,
             braking_since_ns: None,
@@ -298,6 +307,12 @@ impl Supervisor {
         if self.was_steering && e.is_plan_clear == Some(false) {
             self.blocked_ns = Some(e.t_ns);
         }
+        let period_s =
+            self.remembered_ns.replace(e.t_ns).map_or(0.0, |t_ns| elapsed_s(t_ns, e.t_ns));
+        self.blocked_s = match self.is_blocked(e) {
+            true => self.blocked_s + period_s,
+            false => (self.blocked_s - BLOCKED_FORGIVEN * period_s).max(0.0),
+        };
         let is_alone = is_flown && e.outage.is_some() && !conditions::is_confirmed(&e.findings);
         keep_since(&mut self.alone_since_ns, is_alone, e.t_ns);
     }

@@ -284,8 +284,8 @@ fn start_check(
         check("start", Readiness::Bad, reason)
     } else if room.is_some_and(|room| !room.may_start_at(at)) {
         let reason = format!(
-            "{place}: outside of the room, or more than 1 m above its floor; is it the drone, in metres, \
-             with z upwards?"
+            "{place}: outside of the room, more than 1 m above its floor, or less than 1.2 m below its ceiling, which \
+             a take-off needs; is it the drone, in metres, with z upwards?"
         );
         check("start", Readiness::Bad, reason)
     } else {

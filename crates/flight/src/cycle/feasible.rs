@@ -1,14 +1,17 @@
 //! Whether a mission fits the room, the obstacles and the vehicle: what nothing that the settings describe can fly is
 //! refused, what is more than the expected vehicle does is noted.
 
-use horizon_model::rows::{Pose, lag, pos_w, stick};
+use horizon_model::rows::{Pose, lag, pos_w, pose, stick};
 use horizon_model::setting::SettingError;
 
 use super::{CycleTable, ModelKind};
 use crate::mission::Demand;
 use crate::{Mission, MissionTable, Room, RoomTable, obstacles};
 
-/// Why `mission`, which is that of `table`, cannot be flown: it leaves the room, stops inside of an obstacle, is faster
+/// A Tello does not hover lower above the floor. m
+const HOVER_MIN_M: f64 = 0.3;
+
+/// Why `mission`, which is that of `table`, cannot be flown: it leaves the room, is too low, stops inside of an obstacle, is faster
 /// than the failsafe lets a vehicle be or than the upper bounds of the gains. Each pose of `table` outside of the room
 /// is named, the farthest place of the path if none of them is. Allocates.
 ///
@@ -23,6 +26,7 @@ pub fn misfits(
         Some(room) => outside(table, mission, room)?,
         None => Vec::new(),
     };
+    found.extend(low(table, mission, cycle.filter.floor_m));
     let mut refuse = |value: String, rule: String| {
         found.push(SettingError::new("mission", value, rule));
     };
@@ -71,6 +75,26 @@ fn outside(
     let outside = outline.iter().filter(|at| !room.contains(at));
     let by_excess = |a: &&Pose, b: &&Pose| room.excess_m(a).total_cmp(&room.excess_m(b));
     Ok(outside.max_by(by_excess).map(|at| refusal("mission".into(), at)).into_iter().collect())
+}
+
+/// The poses of `table` that are lower than a drone hovers; if there is none, the lowest such place of its path.
+fn low(table: &MissionTable, mission: &Mission, floor_m: f64) -> Vec<SettingError> {
+    let least_m = floor_m + HOVER_MIN_M;
+    let is_low = |at: &Pose| at[pose::Z] < least_m;
+    let refusal = |key: String, at: &Pose| {
+        let rule =
+            format!("at least {least_m:.2} m high: {HOVER_MIN_M} m above cycle.filter.floor_m");
+        SettingError::new(key, place(pos_w(at).into()), rule)
+    };
+    let named = table.poses().filter(|(_, at)| is_low(at));
+    let named: Vec<_> = named.map(|(key, at)| refusal(format!("mission.{key}"), &at)).collect();
+    if !named.is_empty() {
+        return named;
+    }
+    let outline = mission.outline();
+    let by_height = |a: &&Pose, b: &&Pose| a[pose::Z].total_cmp(&b[pose::Z]);
+    let lowest = outline.iter().filter(|at| is_low(at)).min_by(by_height);
+    lowest.map(|at| refusal("mission".into(), at)).into_iter().collect()
 }
 
 /// Where `mission` asks for more than the vehicle of the prior parameters does, a sentence each: it is flown late
@@ -186,6 +210,16 @@ mod tests {
         let named: Vec<String> =
             named.map(|(k, _)| format!("mission.waypoints.waypoints[{k}]")).collect();
         assert_eq!(keys, named);
+    }
+
+    #[test]
+    fn each_waypoint_that_is_too_low_is_named() {
+        let lowest_m = flown().stops().iter().map(|at| at[2]).fold(f64::INFINITY, f64::min);
+        let above_floor = |height_m: f64| found(|cycle| cycle.filter.floor_m = lowest_m - height_m);
+        assert_eq!(above_floor(0.301), []);
+        let low = above_floor(0.29);
+        assert!(!low.is_empty() && low[0].1.starts_with("at least "), "{low:?}");
+        assert!(low.iter().all(|(key, _)| key.starts_with("mission.waypoints.waypoints[")));
     }
 
     #[test]

@@ -7,7 +7,7 @@
 use std::iter::repeat_n;
 
 use horizon_control::{Ask, Mpc, MpcReport, MpcSettings, SoftConstraints, SolveError, predict};
-use horizon_model::rows::{Pose, Sticks, pose, stick};
+use horizon_model::rows::{Pose, Sticks, pos_w, pose, stick};
 use horizon_model::{InputFifo, Model, angle};
 use nalgebra::{Matrix3, SMatrix, SVector};
 
@@ -356,9 +356,13 @@ where
     }
 
     /// Whether a vehicle that stands at `at` is inside of an obstacle, or climbs into one in its take-off.
+    pub(super) fn bars_start(&self, at: &Pose) -> bool {
+        self.walls.as_ref().is_some_and(|walls| walls.bars_start(&pos_w(at)))
+    }
+
+    /// Whether `at` is inside of an obstacle that does not move.
     pub(super) fn is_in_obstacle(&self, at: &Pose) -> bool {
-        let at_w = at.fixed_rows::<3>(pose::X).into_owned();
-        self.walls.as_ref().is_some_and(|walls| walls.is_in_obstacle(&at_w))
+        self.walls.as_ref().is_some_and(|walls| walls.is_in_obstacle(&pos_w(at)))
     }
 
     /// Whether plans should keep away from an obstacle that moves and was not seen for so long that they cannot.

@@ -51,9 +51,8 @@ where
             motion,
             is_plan_clear: self.planner.is_clear(),
             is_obstacle_unseen: self.planner.is_obstacle_unseen(),
-            is_in_obstacle: pose
-                .filter(|_| is_idle)
-                .is_some_and(|at| self.planner.is_in_obstacle(&at)),
+            is_start_barred: is_idle && pose.is_some_and(|at| self.planner.bars_start(&at)),
+            is_in_obstacle: pose.is_some_and(|at| self.planner.is_in_obstacle(&at)),
             is_pose_repeated: self.is_frozen(),
             jump_m: self.plausibility.jump_m(),
             is_pose_rough: self.plausibility.is_rough(),
@@ -84,6 +83,7 @@ where
             controller_failed: self.memory.controller_failed,
         });
         out.ruling = Some(ruling);
+        self.memory.has_taken_off |= ruling.phase == Phase::TakingOff;
         self.planner.brake(ruling.is_braking);
         ruling.pilot
     }

@@ -19,7 +19,7 @@ use crate::{Obstacle, ObstacleTable, Room};
 /// What is further away than this is not looked at. m
 const NEAR_M: f64 = 1.0;
 
-/// A take-off climbs 1.2 m, of which this is looked at every so far: nothing that is described is thinner.
+/// How far above a start obstacles are looked for, in steps: a take-off climbs 1.2 m, 0.1 m are to spare.
 const CLIMB_STEPS: u32 = 13;
 const CLIMB_STEP_M: f64 = 0.1;
 
@@ -111,8 +111,14 @@ impl Walls {
         self.moving.is_none() && self.obstacles.iter().any(Obstacle::is_moving)
     }
 
-    /// Whether a vehicle that stands at `at_w` is inside of an obstacle now, or climbs into one in its take-off.
+    /// Whether `at_w` is inside of an obstacle that does not move.
     pub(super) fn is_in_obstacle(&self, at_w: &Vector3<f64>) -> bool {
+        let at_rest = self.obstacles.iter().filter(|obstacle| !obstacle.is_moving());
+        at_rest.into_iter().any(|obstacle| obstacle.distance(at_w).distance_m < 0.0)
+    }
+
+    /// Whether a vehicle that stands at `at_w` is inside of an obstacle now, or climbs into one in its take-off.
+    pub(super) fn bars_start(&self, at_w: &Vector3<f64>) -> bool {
         let is_at = |risen_m: f64| {
             let at_w = at_w + Vector3::new(0.0, 0.0, risen_m);
             (self.wall_count()..self.count())

@@ -294,16 +294,17 @@ fn settings_out_of_range_are_refused_with_their_key() {
         (MonitorTable { height_m: Some(f64::NAN), ..good.clone() }, "height_m"),
         (MonitorTable { heading_rad: Some(1.6), ..good.clone() }, "heading_rad"),
         (MonitorTable { direction_rad: 1e9, ..good.clone() }, "direction_rad"),
+        (MonitorTable { unproven_stick_max: Some(0.0), ..good.clone() }, "unproven_stick_max"),
     ] {
         assert_eq!(check(table).unwrap_err().key, key);
     }
 }
 
 #[test]
-fn every_key_is_required_but_the_one_that_older_logs_lack() {
+fn every_key_is_required_but_those_that_older_logs_lack() {
     let schema = serde_json::to_value(schemars::schema_for!(MonitorTable)).unwrap();
     let required = schema["required"].as_array().unwrap();
-    assert_eq!(required.len() + 1, schema["properties"].as_object().unwrap().len(), "{schema}");
+    assert_eq!(required.len() + 2, schema["properties"].as_object().unwrap().len(), "{schema}");
     let older =
         r#"{"still_m": 0.001, "displacement_m": null, "height_m": null, "direction_rad": 0.8}"#;
     assert_eq!(serde_json::from_str::<MonitorTable>(older).unwrap().heading_rad, Some(0.6));

@@ -23,6 +23,9 @@ const LEVEL_MPS: f64 = 0.35;
 /// a return of the link the drone moves before the link monitor has decided. s
 const ALONE_S: f64 = 0.5;
 
+/// How long plans may be blocked in sum, a fifth of the time without a blocked one subtracted. s
+const BLOCKED_MAX_S: f64 = 3.0;
+
 /// How long the sticks in a person's hand may be neutral outside of the room or beyond the speed limit. s
 const GONE_ASTRAY_S: f64 = 5.0;
 
@@ -50,7 +53,7 @@ impl Supervisor {
     }
 
     /// What is wrong with the motion.
-    fn motion_faults(&self, e: &Evidence) -> [(Fault, bool); 14] {
+    fn motion_faults(&self, e: &Evidence) -> [(Fault, bool); 16] {
         let (failsafe, findings) = (&self.table.failsafe, &e.findings);
         let is_flown = self.is_steered();
         // The drone's velocity is judged by what it showed in level flight, its height from the ground on.
@@ -71,6 +74,8 @@ impl Supervisor {
             (Fault::WitnessDisagrees, worst >= Agreement::Disagrees),
             (Fault::HeadingWrong, is_flown && is_heading_wrong),
             (Fault::PlanBlocked, self.is_blocked(e)),
+            (Fault::BlockedLong, is_older(self.blocked_s, BLOCKED_MAX_S)),
+            (Fault::ObstacleEntered, self.has_entered_obstacle(e)),
             (Fault::ObstacleUnseen, e.is_obstacle_unseen && !self.is_carried),
             (Fault::FenceNear, self.is_in_the_air() && self.would_leave(e)),
             (Fault::FenceLeft, self.is_in_the_air() && self.is_outside(e)),
@@ -164,7 +169,7 @@ impl Supervisor {
     }
 
     /// Whether a plan that was flown just now leads out of the room or into an obstacle.
-    fn is_blocked(&self, e: &Evidence) -> bool {
+    pub(super) fn is_blocked(&self, e: &Evidence) -> bool {
         self.is_steered() && self.blocked_ns.is_some_and(|at_ns| elapsed_s(at_ns, e.t_ns) < BRAKE_S)
     }
 
@@ -181,6 +186,11 @@ impl Supervisor {
     fn is_outside(&self, e: &Evidence) -> bool {
         let fresh = e.pose.filter(|_| !self.is_pose_stale(e));
         self.room.zip(fresh).is_some_and(|(room, at)| !room.contains(&at))
+    }
+
+    /// Whether it is inside of an obstacle by such a position.
+    fn has_entered_obstacle(&self, e: &Evidence) -> bool {
+        self.is_in_the_air() && e.is_in_obstacle && !self.is_pose_stale(e)
     }
 
     /// The flag belongs to the plan of the previous tick, which was made only if it could be used.

@@ -162,7 +162,9 @@ pub struct Evidence {
     pub is_plan_clear: Option<bool>,
     /// Whether there is an obstacle that moves and was not seen for half a second or ever.
     pub is_obstacle_unseen: bool,
-    /// Whether the vehicle stands inside of an obstacle; false in flight.
+    /// Whether the vehicle stands inside of an obstacle or below one that it would climb into; false in flight.
+    pub is_start_barred: bool,
+    /// Whether the newest accepted pose is inside of an obstacle that does not move.
     pub is_in_obstacle: bool,
     /// Whether the stream has repeated one pose since the age began to count.
     pub is_pose_repeated: bool,

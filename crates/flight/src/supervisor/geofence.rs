@@ -17,6 +17,9 @@ use crate::obstacle::SignedDistance;
 /// table. m
 const GROUND_MAX_M: f64 = 1.0;
 
+/// A take-off climbs 0.8 to 1.2 m by itself. m
+pub(crate) const CLIMB_MAX_M: f64 = 1.2;
+
 /// The rows that have walls.
 const WALLED: [usize; 3] = [pose::X, pose::Y, pose::Z];
 
@@ -76,13 +79,14 @@ impl Room {
         !self.contains(&(motion.pose + motion.rate * self.stop_s))
     }
 
-    /// Whether something that stands there may be a vehicle before its take-off: inside, and at most
-    /// on a table.
+    /// Whether something that stands there may be a vehicle before its take-off: inside, at most on a table, and the
+    /// take-off ends below the ceiling.
     ///
     /// Real time: no allocation, constant cost.
     pub fn may_start_at(&self, at: &Pose) -> bool {
-        let [.., [floor_m, _]] = self.walls_m;
-        self.contains(at) && at[pose::Z] <= floor_m + GROUND_MAX_M
+        let [.., [floor_m, ceiling_m]] = self.walls_m;
+        let is_low = at[pose::Z] <= floor_m + GROUND_MAX_M;
+        self.contains(at) && is_low && at[pose::Z] + CLIMB_MAX_M <= ceiling_m
     }
 
     /// How far `at` is outside, along the worst axis; zero inside. m
@@ -184,6 +188,15 @@ mod tests {
             assert_eq!(room().may_start_at(&Pose::new(0.0, 0.0, z_m, 0.0)), may_start, "{z_m} m");
         }
         assert!(!room().may_start_at(&Pose::new(0.0, 1.2, 0.1, 0.0)));
+    }
+
+    #[test]
+    fn a_take_off_needs_room_below_the_ceiling() {
+        let under = |ceiling_m: f64| {
+            let table = RoomTable { z_m: [-0.2, ceiling_m], ..TABLE };
+            Room::try_from(&table).unwrap().may_start_at(&Pose::new(0.0, 0.0, 0.5, 0.0))
+        };
+        assert!(under(1.7) && !under(1.69));
     }
 
     #[test]

@@ -157,11 +157,22 @@ fn what_moves_is_where_it_is_when_the_plan_comes_there() {
 }
 
 #[test]
+fn a_vehicle_in_flight_is_inside_of_obstacles_that_do_not_move_alone() {
+    let still = ObstacleTable::Box { x_m: [0.0, 1.0], y_m: [0.0, 1.0], z_m: [0.0, 2.0] };
+    let walls = Walls::new(Some(&TABLE), None, &[still, ObstacleTable::Moving { radius_m: 0.2 }])
+        .unwrap()
+        .unwrap();
+    let is_inside = |x_m| walls.is_in_obstacle(&Vector3::new(x_m, 0.5, 0.9));
+    assert!(is_inside(0.01) && is_inside(0.99));
+    assert!(!is_inside(-0.01) && !is_inside(1.01), "within its margin");
+}
+
+#[test]
 fn a_vehicle_stays_down_inside_of_an_obstacle_and_below_one_that_its_climb_meets() {
     let shelf = |low_m| ObstacleTable::Box { x_m: [0.0, 1.0], y_m: [0.0, 1.0], z_m: [low_m, 2.4] };
     let is_blocked = |obstacle: ObstacleTable, x_m: f64, z_m: f64| {
         let walls = Walls::new(Some(&TABLE), None, &[obstacle]).unwrap().unwrap();
-        walls.is_in_obstacle(&Vector3::new(x_m, 0.5, z_m))
+        walls.bars_start(&Vector3::new(x_m, 0.5, z_m))
     };
     assert!(is_blocked(shelf(-0.1), 0.5, 0.05), "inside");
     assert!(is_blocked(shelf(1.3), 0.5, 0.05) && !is_blocked(shelf(1.4), 0.5, 0.05), "above");

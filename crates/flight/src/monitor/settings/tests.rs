@@ -24,6 +24,7 @@ fn limits_hold_at_both_ends_and_are_named_in_the_refusal() {
         ("height_m", 0.2, 5.0, "0.2..=5.0"),
         ("heading_rad", 0.2, 1.5, "0.2..=1.5"),
         ("direction_rad", 0.5, 1.5, "0.5..=1.5"),
+        ("unproven_stick_max", 0.1, 1.0, "0.1..=1.0"),
     ] {
         for good in [low, high] {
             assert_eq!(check(key, &json!(good)), Ok(()), "{key}");
@@ -36,7 +37,7 @@ fn limits_hold_at_both_ends_and_are_named_in_the_refusal() {
 
 #[test]
 fn a_monitor_can_be_switched_off_but_neither_stillness_nor_direction() {
-    for key in ["displacement_m", "height_m", "heading_rad"] {
+    for key in ["displacement_m", "height_m", "heading_rad", "unproven_stick_max"] {
         assert_eq!(check(key, &Value::Null), Ok(()), "{key}");
     }
     for key in ["still_m", "direction_rad"] {
@@ -51,7 +52,10 @@ fn a_key_that_is_missing_or_unknown_is_refused_save_the_newest() {
         let mut without = usual.clone();
         without.as_object_mut().unwrap().remove(key);
         match read(&without) {
-            Ok(table) => assert_eq!((key.as_str(), table.heading_rad), ("heading_rad", Some(0.6))),
+            Ok(table) => {
+                assert!(["heading_rad", "unproven_stick_max"].contains(&key.as_str()), "{key}");
+                assert_eq!((table.heading_rad, table.unproven_stick_max), (Some(0.6), None));
+            }
             Err(error) => assert_eq!(error, format!("missing field `{key}`")),
         }
     }
@@ -61,8 +65,10 @@ fn a_key_that_is_missing_or_unknown_is_refused_save_the_newest() {
 }
 
 #[test]
-fn logs_without_monitors_are_judged_by_the_settings_of_the_usual_flight() {
+fn logs_without_monitors_are_judged_by_the_settings_of_the_usual_flight_without_its_limit_of_sticks()
+ {
     let text = include_str!("../../../../../configs/fly.json");
     let document: Value = serde_json::from_str(text).unwrap();
-    assert_eq!(read(&document["cycle"]["monitors"]), Ok(MonitorTable::default()));
+    let usual = read(&document["cycle"]["monitors"]).unwrap();
+    assert_eq!(MonitorTable { unproven_stick_max: None, ..usual }, MonitorTable::default());
 }

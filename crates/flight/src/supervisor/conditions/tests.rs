@@ -312,6 +312,38 @@ fn the_drone_confirms_an_outage_by_a_speed_up_to_the_limit_and_not_by_one_that_i
 }
 
 #[test]
+fn a_vehicle_inside_of_an_obstacle_lands_if_a_fresh_pose_says_so() {
+    let inside = Evidence { is_in_obstacle: true, ..ALOFT };
+    assert_eq!(after(&inside), (Phase::Landing, false, vec![Fault::ObstacleEntered]));
+    let stale = Evidence { pose_age_s: Some(0.26), ..inside };
+    assert_eq!(after(&stale), (Phase::Flying, false, vec![Fault::MocapStale]));
+    let by_hand = Evidence { is_by_hand: true, ..inside };
+    assert_eq!(after(&by_hand).0, Phase::Flying);
+    let mut grounded = Bench::new(Start::Grounded);
+    assert_eq!(faults(grounded.run(9, &Evidence { is_in_obstacle: true, ..CALM })), []);
+}
+
+#[test]
+fn plans_that_are_blocked_again_and_again_end_the_flight() {
+    let blocked = Evidence { is_plan_clear: Some(false), ..ALOFT };
+    let clear = Evidence { is_plan_clear: Some(true), ..ALOFT };
+    let mut bench = Bench::flying();
+    for _ in 0..4 {
+        // Known a tick later, blocked for 0.8 s in sum, then clear for a second: 0.6 s remain of each.
+        bench.pass(5, &blocked);
+        assert!(bench.run(14, &clear).may_steer());
+    }
+    let ruling = bench.run(9, &blocked);
+    assert!(faults(ruling).contains(&Fault::BlockedLong), "{ruling:?}");
+    assert_eq!(bench.run(20, &clear).phase, Phase::Landing);
+    let mut seldom = Bench::flying();
+    for _ in 0..20 {
+        seldom.pass(5, &blocked);
+        assert!(seldom.run(60, &clear).may_steer(), "a fifth of the time is forgiven");
+    }
+}
+
+#[test]
 fn large_inputs_that_move_nothing_land_the_vehicle() {
     let held = Evidence { pressed_s: 2.21, ..ALOFT };
     assert_eq!(after(&Evidence { pressed_s: 2.2, ..ALOFT }).0, Phase::Flying);

@@ -35,6 +35,8 @@ fn every_fault_has_the_reaction_that_was_decided() {
         (Fault::HeadingWrong, [Reaction::Land, Reaction::Note]),
         (Fault::StartMisplaced, [Reaction::StayDown, Reaction::Note]),
         (Fault::PlanBlocked, [Reaction::Brake, Reaction::Note]),
+        (Fault::BlockedLong, [Reaction::BrakeAndLand, Reaction::Note]),
+        (Fault::ObstacleEntered, [Reaction::Land, Reaction::Note]),
         (Fault::ObstacleUnseen, [Reaction::Brake, Reaction::Note]),
         (Fault::FenceNear, [Reaction::Hold, Reaction::Note]),
         (Fault::FenceLeft, [Reaction::Land, Reaction::Note]),
