@@ -293,11 +293,10 @@ where
     /// Corrects the dead times by the motion of this flight; `ahead` of the coming step is the period that ended last.
     fn correct_dead_time(&mut self, ahead: isize) {
         let Some(link) = &mut self.link else { return };
-        if !link.correct_dead_time() {
+        let fifo = &mut self.fifo;
+        if !link.correct_dead_time(fifo) {
             return;
         }
-        let fifo = &mut self.fifo;
-        fifo.correct(link.dead_time().map_or(0, |change| change.steps));
         let steps = self.mhe.window().len() - 1;
         link.recall(steps, |back| fifo.applied(ahead - back.cast_signed()));
         let amended = self.mhe.amend(steps, |age| link.applied(age));
