@@ -23,7 +23,7 @@ const LEVEL_MPS: f64 = 0.35;
 /// a return of the link the drone moves before the link monitor has decided. s
 const ALONE_S: f64 = 0.5;
 
-/// How long the sticks in a person's hand may be neutral outside of the room or beyond the speed limit. s
+/// How long the sticks in a person's hand may be neutral while the vehicle is outside of the room or too fast. s
 const GONE_ASTRAY_S: f64 = 5.0;
 
 /// Whether the drone confirms that its commands are lost: its velocity agrees with the poses, or it
@@ -148,10 +148,10 @@ impl Supervisor {
 
     /// Whether a person holds the sticks and does nothing, for too long or where somebody should.
     fn is_person_gone(&self, e: &Evidence) -> bool {
-        let is_idle_for = |limit_s| has_lasted(self.hand_neutral_since_ns, e.t_ns, limit_s);
-        let is_astray = self.is_outside(e) || has_lasted(self.fast_since_ns, e.t_ns, ASTRAY_S);
-        let gone_s = self.table.failsafe.person_gone_s;
-        gone_s.is_some_and(|gone_s| is_idle_for(if is_astray { GONE_ASTRAY_S } else { gone_s }))
+        self.table.failsafe.person_gone_s.is_some_and(|gone_s| {
+            has_lasted(self.hand_neutral_since_ns, e.t_ns, gone_s)
+                || has_lasted(self.hand_idle_astray_since_ns, e.t_ns, GONE_ASTRAY_S)
+        })
     }
 
     /// Whether the vehicle flies: it is past its take-off and not carried by hand.
@@ -178,7 +178,7 @@ impl Supervisor {
     }
 
     /// Whether the vehicle is outside of the room by a position that is no guess.
-    fn is_outside(&self, e: &Evidence) -> bool {
+    pub(super) fn is_outside(&self, e: &Evidence) -> bool {
         let fresh = e.pose.filter(|_| !self.is_pose_stale(e));
         self.room.zip(fresh).is_some_and(|(room, at)| !room.contains(&at))
     }
