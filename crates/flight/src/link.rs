@@ -62,7 +62,8 @@ pub struct LinkVerdict {
     /// Which commands the vehicle follows.
     pub state: LinkState,
     /// Log likelihood ratio, less the evidence that a change takes: it is positive exactly while the
-    /// link is down, and its distance to zero is the evidence that is still missing for a change. 1
+    /// link is down, and its distance to zero is the evidence that is still missing: for an outage, while down for
+    /// the return. 1
     pub score: f64,
     /// Whether `state` has changed in this step.
     pub changed: bool,

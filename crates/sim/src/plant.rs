@@ -3,8 +3,8 @@
 //! Owns the plant fitted to real flights: dead time, dead zone, first-order velocity lag in the world
 //! frame, acceleration limit and a wandering disturbance velocity; and, by a setting, a rigid body
 //! behind the same dead time and dead zone. It is deliberately not a
-//! [`horizon_model::Model`]: the plant must not use code of the controller. What is on the wire, on the ground
-//! or in the measurement is not known here.
+//! [`horizon_model::Model`]: its motion must not use code of the controller. Dead times are those of [`InputFifo`],
+//! which its own tests hold. What is on the wire, on the ground or in the measurement is not known here.
 
 mod params;
 mod rigid_body;

@@ -297,7 +297,7 @@ pub struct LinkRecord {
     pub is_down: bool,
     /// Log likelihood ratio, less the evidence that a change takes: positive exactly while the link is down. 1
     score: f64,
-    /// What all dead times are corrected by; missing where they stay as configured. s
+    /// Correction of each dead time, as far as `dead_time_min_ratio` lets it; missing where they stay as configured. s
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dead_time_change_s: Option<f64>,
     /// What is missing from that by the latest motion that shows it; missing before. s
