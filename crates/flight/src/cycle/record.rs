@@ -7,7 +7,7 @@ use horizon_model::rows::{Pose, Sticks, pose, stick};
 use schemars::{JsonSchema, Schema, schema_for};
 use serde::{Deserialize, Serialize};
 
-use super::outcome::SolveReport;
+use super::outcome::SolveFigures;
 use super::walls::Clearance;
 use super::{Inbox, Outcome, Solve, Timing};
 use crate::jitter::Jitter;
@@ -359,7 +359,7 @@ struct PlanRecord<'a> {
 struct SolveRecord {
     step: u64,
     /// Null if the solve failed.
-    report: Option<SolveReport>,
+    report: Option<SolveFigures>,
     /// Null unless the solve failed.
     error: Option<String>,
     /// How near the plan comes to walls and obstacles; missing if it stays 1 m away or knows none.
