@@ -59,7 +59,7 @@ impl TurnTable {
     }
 }
 
-/// What the yaw stick asks for in one period.
+/// Turn that the yaw stick commands in one period.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct TurnCommand {
     /// Rate. rad/s
