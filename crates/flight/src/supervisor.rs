@@ -37,7 +37,7 @@ pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 
 use horizon_model::rows::pose;
 
-use self::since::{elapsed_s, has_lasted, is_older, keep_since};
+use self::since::{elapsed_s, exceeds, has_lasted, keep_since};
 use crate::drone::LAND_PERIOD;
 
 /// Take-off is ordered again when the drone still reports to be grounded after this time: the order
@@ -289,14 +289,14 @@ impl Supervisor {
         let is_done = e.is_mission_done && !e.is_by_hand;
         keep_since(&mut self.done_since_ns, is_done, e.t_ns);
         let (failsafe, is_flown) = (&self.table.failsafe, self.is_steered());
-        let is_off = e.tracking_m.is_some_and(|error_m| is_older(error_m, failsafe.tracking_m));
+        let is_off = e.tracking_m.is_some_and(|error_m| exceeds(error_m, failsafe.tracking_m));
         let is_astray = is_flown && !e.is_by_hand && is_off;
-        let is_fast = is_flown && is_older(e.speed_mps, failsafe.speed_mps);
+        let is_fast = is_flown && exceeds(e.speed_mps, failsafe.speed_mps);
         keep_since(&mut self.astray_since_ns, is_astray, e.t_ns);
         // In an outage the reference may turn on without the vehicle.
         let turns = e.motion.is_some_and(|motion| motion.rate[pose::THETA].abs() > TURNING_RADPS);
         let is_steered = is_flown && !e.is_by_hand && (e.outage.is_none() || turns);
-        let is_turned = is_steered && e.turned_rad.is_some_and(|rad| is_older(rad, TURNED_RAD));
+        let is_turned = is_steered && e.turned_rad.is_some_and(|rad| exceeds(rad, TURNED_RAD));
         keep_since(&mut self.turned_since_ns, is_turned, e.t_ns);
         keep_since(&mut self.fast_since_ns, is_fast, e.t_ns);
         let is_long = is_flown && !e.is_by_hand && e.is_dead_time_long;

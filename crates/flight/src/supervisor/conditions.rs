@@ -4,7 +4,7 @@
 
 use super::evidence::{Evidence, Operator, Phase};
 use super::fault::{Fault, FaultSet};
-use super::{ALOFT_S, BRAKE_S, DOWN_HOLD_S, Supervisor, elapsed_s, has_lasted, is_older};
+use super::{ALOFT_S, BRAKE_S, DOWN_HOLD_S, Supervisor, elapsed_s, exceeds, has_lasted};
 use crate::monitor::{Agreement, Findings};
 
 /// How long the vehicle must be off its reference, or too fast. s
@@ -61,8 +61,8 @@ impl Supervisor {
         let is_heading_wrong = findings.is_direction_wrong || heading >= Agreement::Disagrees;
         let outage = e.outage.filter(|_| is_flown);
         let is_alone_for = |limit_s| has_lasted(self.alone_since_ns, e.t_ns, limit_s);
-        let is_long = outage.is_some_and(|outage| is_older(outage.for_s, failsafe.outage_s));
-        let is_immobile = failsafe.pressed_s.is_some_and(|limit_s| is_older(e.pressed_s, limit_s));
+        let is_long = outage.is_some_and(|outage| exceeds(outage.for_s, failsafe.outage_s));
+        let is_immobile = failsafe.pressed_s.is_some_and(|limit_s| exceeds(e.pressed_s, limit_s));
         let may_have_left = self.room.zip(outage).is_some_and(|(room, outage)| {
             outage.unseen.iter().any(|motion| room.is_left_by(motion))
         });
@@ -102,7 +102,7 @@ impl Supervisor {
             (Fault::DroneUnheard, e.drone.is_none() && !self.is_carried),
             (Fault::DroneAloft, self.is_aloft_unasked(e)),
             (Fault::TookOffUnasked, self.has_taken_off_unasked(e)),
-            (Fault::DroneSilent, is_older(silent_s, table.drone_silent_s) && !self.is_carried),
+            (Fault::DroneSilent, exceeds(silent_s, table.drone_silent_s) && !self.is_carried),
             (Fault::NotFlying, is_grounded && !self.is_carried),
             (Fault::BatteryLow, battery_below(table.battery_low_pct)),
             (Fault::BatteryCritical, battery_below(table.battery_critical_pct)),
@@ -129,7 +129,7 @@ impl Supervisor {
         [
             (
                 Fault::MissionOverdue,
-                self.is_steered() && is_older(e.overtime_s, table.failsafe.overtime_s),
+                self.is_steered() && exceeds(e.overtime_s, table.failsafe.overtime_s),
             ),
             (Fault::EstimatorFailed, e.estimator_failed),
             (Fault::ControllerFailed, self.has_controller_failed(e)),

@@ -1,8 +1,8 @@
 //! Limits, and for how long a condition holds.
 
-/// Whether `age_s` exceeds `limit_s`; NaN does.
-pub(super) fn is_older(age_s: f64, limit_s: f64) -> bool {
-    age_s.is_nan() || age_s > limit_s
+/// Whether `value` is above `limit`, in the same unit; NaN is.
+pub(super) fn exceeds(value: f64, limit: f64) -> bool {
+    value.is_nan() || value > limit
 }
 
 /// Time from `since_ns` to `t_ns`. s
@@ -27,7 +27,7 @@ mod tests {
     #[test]
     fn a_limit_is_exceeded_above_it_and_by_nan() {
         for (value, is_above) in [(0.9, false), (1.0, false), (1.1, true), (f64::NAN, true)] {
-            assert_eq!(is_older(value, 1.0), is_above, "{value}");
+            assert_eq!(exceeds(value, 1.0), is_above, "{value}");
         }
     }
 
