@@ -55,8 +55,8 @@ struct Environment {
     drone: Drone,
     /// Newest first.
     sent: [f32; HISTORY * stick::COUNT],
-    /// By filtered differences of measured poses. m/s, rad/s
-    velocity: Pose,
+    /// By filtered differences of measured poses, world frame. m/s, rad/s
+    velocity_w: Pose,
     /// Newest measured pose and the time since.
     last: Pose,
     since_s: f64,
@@ -91,7 +91,7 @@ impl Environment {
         let drone = Drone::new(table, seed)?;
         Ok(Self {
             sent: [0.0; HISTORY * stick::COUNT],
-            velocity: Pose::zeros(),
+            velocity_w: Pose::zeros(),
             last: drone.measured(),
             drone,
             since_s: 0.0,
@@ -136,7 +136,7 @@ impl Environment {
         let mut change = measured - self.last;
         change[pose::THETA] = wrap(change[pose::THETA]);
         let rate = change / self.since_s.max(DT_S);
-        self.velocity += SMOOTHING * (rate - self.velocity);
+        self.velocity_w += SMOOTHING * (rate - self.velocity_w);
         (self.last, self.since_s) = (measured, 0.0);
     }
 
@@ -186,7 +186,7 @@ impl Environment {
         let turned = |[x, y, z]: [f64; 3]| [cos * x + sin * y, cos * y - sin * x, z];
         let [x, y, z, vx, vy, vz] = *self.target(rules);
         let way = [x - measured[pose::X], y - measured[pose::Y], z - measured[pose::Z]];
-        let v = self.velocity;
+        let v = self.velocity_w;
         let ([dx, dy, dz], [own_x, own_y, own_z]) =
             (turned(way), turned([v[pose::X], v[pose::Y], v[pose::Z]]));
         let [vx, vy, vz] = turned([vx, vy, vz]);

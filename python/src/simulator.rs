@@ -59,7 +59,8 @@ pub(crate) struct Shown {
     measured: Pose,
     age_s: f64,
     pose: Pose,
-    velocity: Pose,
+    /// World frame. m/s, rad/s
+    velocity_w: Pose,
     link_is_up: bool,
 }
 
@@ -105,8 +106,8 @@ impl Drone {
 
     pub(crate) fn shown(&self) -> Shown {
         let Truth { pose, velocity: v, link_is_up, .. } = self.truth();
-        let velocity = Pose::new(v.x_mps, v.y_mps, v.z_mps, v.yaw_radps);
-        Shown { measured: self.measured, age_s: self.age_s(), pose, velocity, link_is_up }
+        let velocity_w = Pose::new(v.x_mps, v.y_mps, v.z_mps, v.yaw_radps);
+        Shown { measured: self.measured, age_s: self.age_s(), pose, velocity_w, link_is_up }
     }
 }
 
@@ -120,7 +121,7 @@ pub(crate) fn seen<'py>(py: Python<'py>, shown: &[Shown]) -> PyResult<Seen<'py>>
         poses(|shown| &shown.measured)?,
         PyArray1::from_iter(py, shown.iter().map(|shown| shown.age_s)),
         poses(|shown| &shown.pose)?,
-        poses(|shown| &shown.velocity)?,
+        poses(|shown| &shown.velocity_w)?,
         PyArray1::from_iter(py, shown.iter().map(|shown| shown.link_is_up)),
     ))
 }

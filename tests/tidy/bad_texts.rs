@@ -128,3 +128,11 @@ fn a_variant_is_found_under_its_name_in_logs() {
     assert_eq!(snake_case("BatteryLow"), "battery_low");
     assert_eq!(snake_case("Idle"), "idle");
 }
+
+#[test]
+fn a_tested_failure_without_its_file_or_its_place_in_the_page_is_seen() {
+    let table = "test,failure,reaction\ntests/a.rs,x,\"y, z\"\ntests/b.rs,x,y\ntests/c.rs,x,y\n";
+    let page = "| `tests/a.rs`, `tests/b.rs` | x |";
+    let complaints = failure_complaints(table, page, |test| test != "tests/b.rs");
+    assert_eq!(complaints.len(), 2, "{complaints:?}");
+}

@@ -71,7 +71,8 @@ const ERROR_MAX: f64 = 100.0;
 /// of least cost, half the squared error over variance and correlation time plus the cost of every
 /// change. An outage with sticks near the dead zone cannot be seen.
 ///
-/// `u_applied` and `track` have equal lengths. Linear in them.
+/// `u_applied` (1) and `track`, world frame, have equal lengths, one entry per period of `dt_s` > 0 (s). Linear
+/// in them.
 pub fn lost_commands(
     settings: &OutageSettings,
     u_applied: &[Sticks],

@@ -127,8 +127,8 @@ impl ParameterFile {
 
     /// Takes over what `flight`, flown with `settings`, taught: of each parameter that was excited the estimate,
     /// within the bounds of the estimator and within 3 standard deviations of its prior around the value
-    /// before; the dead times as they were corrected. Returns what changed; of a flight that excited nothing the file
-    /// stays as it is.
+    /// before; the dead times as they were corrected, of each axis no further than the flight does
+    /// ([`CycleTable::dead_time_min_ratio`]). Returns what changed; of a flight that excited nothing the file stays as it is.
     ///
     /// # Errors
     /// Estimate or covariance are none of this model, or not finite.
@@ -159,8 +159,10 @@ impl ParameterFile {
         if let (Some(longer_s), Some(before)) =
             (dead_time_change_s, self.dead_time_s.first().copied())
         {
+            let min_ratio = settings.dead_time_min_ratio();
             for (after, before) in self.dead_time_s.iter_mut().zip(&settings.dead_time_s) {
-                *after = (before + longer_s).clamp(0.0, DEAD_TIME_MAX_S);
+                let flown_s = (before + longer_s).max(min_ratio * before);
+                *after = flown_s.min(DEAD_TIME_MAX_S);
             }
             let after = self.dead_time_s[stick::ROLL];
             changed.push(Changed { name: "dead_time", before, after });

@@ -85,11 +85,11 @@ pub trait Tick: Send {
     /// An empty outcome with all its buffers, to be filled by [`Tick::tick`] again and again.
     fn new_outcome(&self) -> Outcome;
 
-    /// Where the newest estimate leads if the sticks `u_meant` act for a period each, thesis equation
+    /// Where the newest estimate leads if the sticks `u_planned` act for a period each, thesis equation
     /// 4.26; while the link is judged to be down, what acts in their place. `None` before the first estimate.
     ///
     /// Real time: no allocation, one model step per period.
-    fn forecast(&self, u_meant: &[Sticks]) -> Option<Pose>;
+    fn forecast(&self, u_planned: &[Sticks]) -> Option<Pose>;
 
     /// The parameter by the estimator; `None` before the first estimate and with a fixed arrival.
     ///
@@ -213,12 +213,12 @@ where
         Outcome::with_buffers(&M::STATE, &M::PARAMETER, self.planner.horizon_steps())
     }
 
-    fn forecast(&self, u_meant: &[Sticks]) -> Option<Pose> {
+    fn forecast(&self, u_planned: &[Sticks]) -> Option<Pose> {
         if !self.mhe.is_started() {
             return None;
         }
         let instead = self.link_instead();
-        let applied = u_meant.iter().map(|u| instead.unwrap_or(*u));
+        let applied = u_planned.iter().map(|u| instead.unwrap_or(*u));
         let s_pred = predict(&self.model, self.mhe.s_hat(), self.mhe.p_hat(), applied, self.dt_s);
         Some(self.model.observe(&s_pred))
     }
@@ -295,11 +295,10 @@ where
     /// Corrects the dead times by the motion of this flight; `ahead` of the coming step is the period that ended last.
     fn correct_dead_time(&mut self, ahead: isize) {
         let Some(link) = &mut self.link else { return };
-        if !link.correct_dead_time() {
+        let fifo = &mut self.fifo;
+        if !link.correct_dead_time(fifo) {
             return;
         }
-        let fifo = &mut self.fifo;
-        fifo.correct(link.dead_time().map_or(0, |change| change.steps));
         let steps = self.mhe.window().len() - 1;
         link.recall(steps, |back| fifo.applied(ahead - back.cast_signed()));
         let amended = self.mhe.amend(steps, |age| link.applied(age));
@@ -395,3 +394,6 @@ where
         out.clearance = self.planner.clearance();
     }
 }
+
+#[cfg(test)]
+mod tests;

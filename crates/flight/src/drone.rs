@@ -36,6 +36,11 @@ pub fn denies_standing(height_m: Option<f64>, ground_m: Option<f64>) -> bool {
 /// The drone reports height and velocity in tenths of our units.
 pub const M_PER_DM: f64 = 0.1;
 
+/// Metres, or m/s, of a whole number of the drone's tenths.
+pub fn from_tenths(tenths: i16) -> f64 {
+    f64::from(tenths) * M_PER_DM
+}
+
 /// And the voltage of its battery in thousandths.
 pub const V_PER_MV: f64 = 1e-3;
 
@@ -125,7 +130,6 @@ struct StatusRecord {
 
 impl From<StatusRecord> for DroneStatus {
     fn from(record: StatusRecord) -> Self {
-        let from_tenths = |tenths: i16| f64::from(tenths) * M_PER_DM;
         Self {
             received_at: record.received_at,
             is_flying: record.is_flying,

@@ -62,7 +62,8 @@ pub struct LinkVerdict {
     /// Which commands the vehicle follows.
     pub state: LinkState,
     /// Log likelihood ratio, less the evidence that a change takes: it is positive exactly while the
-    /// link is down, and its distance to zero is the evidence that is still missing for a change. 1
+    /// link is down, and its distance to zero is the evidence that is still missing: for an outage, while down for
+    /// the return. 1
     pub score: f64,
     /// Whether `state` has changed in this step.
     pub changed: bool,
@@ -178,10 +179,11 @@ impl LinkMonitor {
         is_known.then(|| dead_time.as_ref().unwrap_or(hypothesis).dead_time_error())
     }
 
-    /// From now on `u_applied` of [`LinkMonitor::update`] assumes a dead time that is longer by `longer_s`.
+    /// From now on `u_applied` of [`LinkMonitor::update`] assumes dead times that are longer by `longer_s`, the
+    /// horizontal ones both alike. An axis at its least dead time keeps it, and with it the error.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn correct_dead_time(&mut self, longer_s: f64) {
+    pub fn correct_dead_time(&mut self, longer_s: &Sticks) {
         let Some(test) = &mut self.test else { return };
         test.present.correct_dead_time(longer_s);
         for other in &mut test.others {
@@ -254,13 +256,13 @@ impl Branch {
         horizontal + turn.unwrap_or(0.0)
     }
 
-    fn correct_dead_time(&mut self, longer_s: f64) {
-        self.hypothesis.correct_dead_time(longer_s);
+    fn correct_dead_time(&mut self, longer_s: &Sticks) {
+        self.hypothesis.correct_dead_time(longer_s[stick::PITCH]);
         if let Some(hypothesis) = &mut self.dead_time {
-            hypothesis.correct_dead_time(longer_s);
+            hypothesis.correct_dead_time(longer_s[stick::PITCH]);
         }
         if let Some(turn) = &mut self.turn {
-            turn.correct_dead_time(longer_s);
+            turn.correct_dead_time(longer_s[stick::YAW]);
         }
     }
 

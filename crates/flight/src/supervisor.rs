@@ -24,6 +24,7 @@ mod evidence;
 mod fault;
 mod geofence;
 mod settings;
+mod since;
 mod staleness;
 
 pub use self::evidence::{
@@ -36,6 +37,7 @@ pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 
 use horizon_model::rows::pose;
 
+use self::since::{elapsed_s, exceeds, has_lasted, keep_since};
 use crate::drone::LAND_PERIOD;
 
 /// Take-off is ordered again when the drone still reports to be grounded after this time: the order
@@ -117,15 +119,19 @@ pub struct Supervisor {
     blocked_s: f64,
     /// Since when the sticks in a person's hand are neutral. ns
     hand_neutral_since_ns: Option<i64>,
+    /// Since when they are so while the vehicle is outside of the room or too fast. ns
+    hand_idle_astray_since_ns: Option<i64>,
     /// When a plan that was flown led out of the room or into an obstacle. ns
     blocked_ns: Option<i64>,
     /// When the vehicle began to brake before a landing. ns
     braking_since_ns: Option<i64>,
     /// Since when the drone says that it flies, without an order to take off. ns
     aloft_since_ns: Option<i64>,
+    /// What has shown so far that the order to take off was received.
     take_off_seen: TakeOffSeen,
     /// Since when nothing has confirmed the command outage. ns
     alone_since_ns: Option<i64>,
+    /// When the take-off was ordered last. ns
     take_off_ordered_ns: Option<i64>,
     /// When landing or a stop of the motors was ordered. ns
     end_ordered_ns: Option<i64>,
@@ -170,6 +176,7 @@ impl Supervisor {
             remembered_ns: None,
             blocked_s: 0.0,
             hand_neutral_since_ns: None,
+            hand_idle_astray_since_ns: None,
             blocked_ns: None,
             braking_since_ns: None,
             aloft_since_ns: None,
@@ -291,19 +298,19 @@ impl Supervisor {
         let is_done = e.is_mission_done && !e.is_by_hand;
         keep_since(&mut self.done_since_ns, is_done, e.t_ns);
         let (failsafe, is_flown) = (&self.table.failsafe, self.is_steered());
-        let is_off = e.tracking_m.is_some_and(|error_m| is_older(error_m, failsafe.tracking_m));
+        let is_off = e.tracking_m.is_some_and(|error_m| exceeds(error_m, failsafe.tracking_m));
         let is_astray = is_flown && !e.is_by_hand && is_off;
-        let is_fast = is_flown && is_older(e.speed_mps, failsafe.speed_mps);
+        let is_fast = is_flown && exceeds(e.speed_mps, failsafe.speed_mps);
         keep_since(&mut self.astray_since_ns, is_astray, e.t_ns);
         // In an outage the reference may turn on without the vehicle.
         let turns = e.motion.is_some_and(|motion| motion.rate[pose::THETA].abs() > TURNING_RADPS);
         let is_steered = is_flown && !e.is_by_hand && (e.outage.is_none() || turns);
-        let is_turned = is_steered && e.turned_rad.is_some_and(|rad| is_older(rad, TURNED_RAD));
+        let is_turned = is_steered && e.turned_rad.is_some_and(|rad| exceeds(rad, TURNED_RAD));
         keep_since(&mut self.turned_since_ns, is_turned, e.t_ns);
         keep_since(&mut self.fast_since_ns, is_fast, e.t_ns);
         let is_long = is_flown && !e.is_by_hand && e.is_dead_time_long;
         keep_since(&mut self.dead_time_long_since_ns, is_long, e.t_ns);
-        keep_since(&mut self.hand_neutral_since_ns, is_flown && e.is_hand_neutral, e.t_ns);
+        self.remember_idle_hand(e, is_fast);
         if self.was_steering && e.is_plan_clear == Some(false) {
             self.blocked_ns = Some(e.t_ns);
         }
@@ -315,6 +322,16 @@ impl Supervisor {
         };
         let is_alone = is_flown && e.outage.is_some() && !conditions::is_confirmed(&e.findings);
         keep_since(&mut self.alone_since_ns, is_alone, e.t_ns);
+    }
+
+    /// Updates for how long a person leaves the sticks neutral: in all, and where somebody should act.
+    fn remember_idle_hand(&mut self, e: &Evidence, is_fast: bool) {
+        let is_idle = self.is_steered() && e.is_hand_neutral;
+        keep_since(&mut self.hand_neutral_since_ns, is_idle, e.t_ns);
+        // Outside of the room poses are rare: without one the vehicle counts as where it was.
+        let was_astray = self.hand_idle_astray_since_ns.is_some();
+        let is_astray = self.is_outside(e) || is_fast || (was_astray && self.is_pose_stale(e));
+        keep_since(&mut self.hand_idle_astray_since_ns, is_idle && is_astray, e.t_ns);
     }
 
     fn next_phase(&self, e: &Evidence, reaction: Reaction, has_braked: bool) -> Phase {
@@ -387,25 +404,6 @@ impl Supervisor {
     fn is_held_out(&self, e: &Evidence) -> bool {
         has_lasted(self.done_since_ns, e.t_ns, self.table.finish_hold_s)
     }
-}
-
-/// Whether `age_s` exceeds `limit_s`; NaN does.
-fn is_older(age_s: f64, limit_s: f64) -> bool {
-    age_s.is_nan() || age_s > limit_s
-}
-
-fn elapsed_s(since_ns: i64, t_ns: i64) -> f64 {
-    t_ns.saturating_sub(since_ns) as f64 / 1e9
-}
-
-/// Whether what began at `since_ns` goes on for `for_s`.
-fn has_lasted(since_ns: Option<i64>, t_ns: i64, for_s: f64) -> bool {
-    since_ns.is_some_and(|since_ns| elapsed_s(since_ns, t_ns) >= for_s)
-}
-
-/// Remembers since when `holds` is true without a break.
-fn keep_since(since_ns: &mut Option<i64>, holds: bool, t_ns: i64) {
-    *since_ns = holds.then(|| since_ns.unwrap_or(t_ns));
 }
 
 #[cfg(test)]

@@ -28,7 +28,6 @@ use protocol::{Answer, FlightStatus, Version};
 pub use report::LinkReport;
 pub use session::{Message, STATE_PORT, Session};
 pub use tello_flight::drone::{DroneOrder, DroneStatus, Protocol};
-use tello_flight::drone::{M_PER_DM, V_PER_MV};
 pub use tello_flight::gate::Approved;
 
 use crate::Counter;
@@ -36,8 +35,6 @@ use crate::clock::{SpanNs, TimeNs};
 
 /// What a status packet of the binary protocol says; the heading is in other packets.
 fn status_from_binary(status: &FlightStatus, received_at: TimeNs) -> DroneStatus {
-    let from_tenths = |tenths: i16| f64::from(tenths) * M_PER_DM;
-    let velocity_dm_s = [status.vel_north_dm_s, status.vel_east_dm_s, status.vel_down_dm_s];
     DroneStatus {
         received_at,
         is_flying: status.is_flying(),
@@ -45,9 +42,9 @@ fn status_from_binary(status: &FlightStatus, received_at: TimeNs) -> DroneStatus
         takes_sticks: true,
         is_battery_low: Some(status.is_battery_low()),
         battery_pct: status.battery_pct,
-        battery_v: Some(f64::from(status.battery_mv) * V_PER_MV),
-        height_m: Some(from_tenths(status.height_dm)),
-        velocity_mps: Some(velocity_dm_s.map(from_tenths)),
+        battery_v: Some(status.battery_v()),
+        height_m: Some(status.height_m()),
+        velocity_mps: Some(status.velocity_mps()),
         heading_rad: None,
         flight_mode: Some(status.flight_mode),
     }

@@ -9,6 +9,8 @@ mod flight;
 mod laps;
 mod paired;
 mod table;
+#[cfg(test)]
+mod testing;
 
 use std::ops::Range;
 

@@ -267,7 +267,7 @@ impl Drone {
         }
     }
 
-    /// Latches sticks; they act while flying, until replaced.
+    /// Latches the sticks `u`, rows `stick`, -1..=1; they act while flying, until replaced. 1
     pub fn steer(&mut self, u: Sticks) {
         self.u_latched = u;
     }

@@ -3,8 +3,8 @@
 //! Owns the plant fitted to real flights: dead time, dead zone, first-order velocity lag in the world
 //! frame, acceleration limit and a wandering disturbance velocity; and, by a setting, a rigid body
 //! behind the same dead time and dead zone. It is deliberately not a
-//! [`horizon_model::Model`]: the plant must not use code of the controller. What is on the wire, on the ground
-//! or in the measurement is not known here.
+//! [`horizon_model::Model`]: its motion must not use code of the controller. Dead times are those of [`InputFifo`],
+//! which its own tests hold. What is on the wire, on the ground or in the measurement is not known here.
 
 mod params;
 mod rigid_body;
@@ -72,10 +72,16 @@ pub(crate) enum External {
     /// Nothing.
     #[default]
     None,
-    /// It moves with this velocity, world x, y, z, whatever it flies. m/s
-    Held([f64; 3]),
-    /// It is carried on with this velocity, world x, y, z. m/s
-    Pushed([f64; 3]),
+    /// It moves with this velocity, whatever it flies.
+    Held {
+        /// World x, y, z. m/s
+        velocity_w_mps: [f64; 3],
+    },
+    /// It is carried on with this velocity.
+    Pushed {
+        /// World x, y, z. m/s
+        velocity_w_mps: [f64; 3],
+    },
 }
 
 /// What the parameters make of a step, computed once.
@@ -114,7 +120,7 @@ impl External {
     fn velocity_w_mps(self) -> [f64; 3] {
         match self {
             Self::None => [0.0; 3],
-            Self::Held(velocity_mps) | Self::Pushed(velocity_mps) => velocity_mps,
+            Self::Held { velocity_w_mps } | Self::Pushed { velocity_w_mps } => velocity_w_mps,
         }
     }
 }
@@ -177,13 +183,14 @@ impl Plant {
     }
 
     /// Flies one step by itself, as while taking off and landing: sticks neutral, climbing towards
-    /// `climb_mps`.
+    /// `climb_mps`, upwards. m/s
     pub fn step_automatic(&mut self, climb_mps: f64) {
         self.fifo.push(&Sticks::zeros());
         self.fly(&Sticks::zeros(), climb_mps);
     }
 
-    /// Flies one step of a landing in which the sticks `u_sent` stay applied horizontally and in yaw.
+    /// Flies one step of a landing in which the sticks `u_sent` (1) stay applied horizontally and in yaw, climbing towards
+    /// `climb_mps`, which is negative. m/s
     pub fn step_sinking(&mut self, u_sent: &Sticks, climb_mps: f64) {
         self.fifo.push(u_sent);
         let u_applied = self.fifo.applied(-1);
@@ -271,11 +278,11 @@ impl Plant {
     fn act_from_outside(&mut self, before: Pose) {
         match self.external {
             External::None => return,
-            External::Held(_) => {
+            External::Held { .. } => {
                 self.pose = before;
                 self.rest();
             }
-            External::Pushed(_) => {}
+            External::Pushed { .. } => {}
         }
         let velocity_w_mps = self.external.velocity_w_mps();
         for (axis, v_mps) in [pose::X, pose::Y, pose::Z].into_iter().zip(velocity_w_mps) {

@@ -193,7 +193,7 @@ impl VirtualFlight {
         self.cycle.parameter_estimate()
     }
 
-    /// Where the drone really was when the last tick began.
+    /// Where the drone really was when the last tick began, world frame. m, rad
     pub fn true_pose(&self) -> Pose {
         self.true_pose
     }

@@ -315,9 +315,11 @@ impl World {
         let (are_stuck, refuses) = (is_on(Fault::DroneSticksStuck), is_on(Fault::DroneRefusesLand));
         let external = self.faults.present(self.step).find_map(|present| match present.fault {
             Fault::DroneHeld { sway_m } => {
-                Some(External::Held(sway_mps(sway_m, present.elapsed_s)))
+                Some(External::Held { velocity_w_mps: sway_mps(sway_m, present.elapsed_s) })
             }
-            Fault::DronePushed { velocity_mps } => Some(External::Pushed(velocity_mps)),
+            Fault::DronePushed { velocity_mps } => {
+                Some(External::Pushed { velocity_w_mps: velocity_mps })
+            }
             _ => None,
         });
         self.drone.trouble(are_stuck, refuses, external.unwrap_or_default());

@@ -12,7 +12,7 @@ const CORNERS: [[f64; 2]; 4] = [[0.0, 0.0], [1.5, 0.0], [1.5, 1.5], [0.0, 1.5]];
 const ALTITUDE: f64 = 1.3;
 
 /// A corner is reached within this, metres and radians alike.
-const CONTROLLABLE: f64 = 0.2;
+const REACH: f64 = 0.2;
 
 /// Furthest target.
 const CLIP: f64 = 0.3;
@@ -63,7 +63,7 @@ impl Corners {
     pub(super) fn next(&mut self, at: &Pose) -> Pose {
         let [x, y] = CORNERS[self.count % CORNERS.len()];
         let target = Pose::new(x, y, ALTITUDE, 0.0);
-        if (target - at).norm() < CONTROLLABLE {
+        if (target - at).norm() < REACH {
             self.count += 1;
         }
         target

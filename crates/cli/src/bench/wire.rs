@@ -208,7 +208,7 @@ pub(super) fn read_state(bytes: &[u8], motor: &mut Motor, now: TimeNs) -> What {
     What::Status(Status {
         is_flying: is_high,
         is_running: is_high || is_growing,
-        height_dm: line.get(Field::H).map(|h_cm| h_cm / 10.0),
+        height_dm: line.height_dm(),
         velocity_dm_s,
         battery_pct: line.get(Field::Bat),
         yaw_deg: line.get(Field::Yaw),

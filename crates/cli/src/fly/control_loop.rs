@@ -37,8 +37,8 @@ const STATUS_EVERY_TICKS: u64 = 10;
 /// How long the loop goes on after the flight, so that the log shows the drone on the ground.
 const SETTLE: SpanNs = SpanNs::from_ms(500);
 
-/// How long a drone that says it flies is ordered to land after a fault.
-const SETTLE_IN_FAULT: SpanNs = SpanNs::from_ms(15_000);
+/// How long a drone that says it flies is ordered to land while its landing is unconfirmed.
+const SETTLE_UNCONFIRMED: SpanNs = SpanNs::from_ms(15_000);
 
 /// Everything that the control thread talks to.
 pub(super) struct ControlLoop {
@@ -303,7 +303,7 @@ impl Over {
             Phase::LandingUnconfirmed | Phase::MotorsStopped
                 if self.is_flying || pose_is_airborne == Some(true) =>
             {
-                has_waited > SETTLE_IN_FAULT
+                has_waited > SETTLE_UNCONFIRMED
             }
             Phase::Landed | Phase::LandingUnconfirmed | Phase::MotorsStopped => has_waited > SETTLE,
         }

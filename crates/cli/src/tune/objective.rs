@@ -120,20 +120,51 @@ impl Weights {
 
 #[cfg(test)]
 mod tests {
+    use tello_eval::metrics::{Fence, LeastClearance, Metrics, Outages, Score};
+    use tello_sim::batch::{FlightRow, Largest, SolverCounts};
+
     use super::*;
+
+    /// A flight with three corners that took `time_s` (s), at most `distance_max_m` off; without a time it did not finish.
+    fn flown(time_s: Option<f64>, distance_max_m: f64) -> Flown {
+        let metrics = Metrics {
+            finish_s: time_s,
+            distance_median_m: 0.05,
+            distance_p95_m: 0.1,
+            distance_max_m,
+            speed_median_mps: 0.5,
+            input_norm_median: 0.3,
+        };
+        let overshoots_m = vec![0.1, 0.0, 0.2];
+        let score = Score { metrics, since_entry_s: time_s, overshoots_m, laps: Vec::new() };
+        let row = FlightRow {
+            seed: 1,
+            ending: if time_s.is_some() { Ending::Finished } else { Ending::TimeLimit },
+            landed_by: Vec::new(),
+            by_truth: Some(score),
+            by_estimate: None,
+            fence: Fence::default(),
+            clearance: LeastClearance::default(),
+            hover: None,
+            outages: Outages::default(),
+            monitors: Largest::default(),
+            solvers: SolverCounts::default(),
+        };
+        Flown { row, distances_m: [Vec::new(), Vec::new()], track_w: Vec::new() }
+    }
 
     #[test]
     fn a_flight_costs_what_it_did() {
         // 40 * 0.05 + 20 * 0.1 + 20 * 0.1 beside the time.
         for (flight, expected) in [
-            (Flown::example(Some(10.0), 0.25), 16.0),
-            (Flown::example(Some(10.0), 0.35), 21.0),
-            (Flown::example(None, 0.25), 66.0),
+            (flown(Some(10.0), 0.25), 16.0),
+            (flown(Some(10.0), 0.35), 21.0),
+            (flown(None, 0.25), 66.0),
         ] {
             let cost = Weights::new(&[]).cost(std::slice::from_ref(&flight));
             assert!((cost - expected).abs() < 1e-12, "{cost} instead of {expected}: {flight:?}");
         }
-        let both = [Some(10.0), None].map(|time_s| Flown::example(time_s, 0.25));
+        let both = [Some(10.0), None].map(|time_s| flown(time_s, 0.25));
         let both = Weights::new(&[]).cost(&both);
         assert!((both - 41.0).abs() < 1e-12, "{both}");
     }
@@ -141,15 +172,15 @@ mod tests {
     #[test]
     fn no_flight_costs_more_than_one_that_never_begins_or_ends_with_a_fault() {
         let cost = |flight: &Flown| Weights::new(&[]).cost(std::slice::from_ref(flight));
-        let mut unbegun = Flown::example(None, 0.1);
+        let mut unbegun = flown(None, 0.1);
         unbegun.row.by_truth = None;
-        let mut landed = Flown::example(None, 0.1);
+        let mut landed = flown(None, 0.1);
         landed.row.ending = Ending::Landed;
         // 60 + (40 + 20 + 20) * 0.5 + 5.
         for flight in [&unbegun, &landed] {
             assert!((cost(flight) - 105.0).abs() < 1e-12, "{}: {flight:?}", cost(flight));
         }
-        let mut worst = Flown::example(Some(119.0), 9.0);
+        let mut worst = flown(Some(119.0), 9.0);
         if let Some(score) = &mut worst.row.by_truth {
             (score.metrics.distance_median_m, score.metrics.distance_p95_m) = (7.0, 8.0);
             score.overshoots_m = vec![6.0];

@@ -17,9 +17,9 @@ const PADDING: f64 = 0.05;
 pub struct SeenFlights<'a> {
     /// Name of the controller.
     pub name: &'a str,
-    /// Corners of the polyline to follow. m
+    /// Corners of the polyline to follow, x and y in the world frame. m
     pub outline: &'a [(f64, f64)],
-    /// Where each flight was, tick by tick. m
+    /// Where each flight was, tick by tick, x and y in the world frame. m
     pub tracks: &'a [&'a [(f64, f64)]],
 }
 
@@ -29,7 +29,7 @@ pub fn tracks(title: &str, seen: &[SeenFlights<'_>]) -> Figure {
     tracks_among(title, seen, &[])
 }
 
-/// [`tracks`] among obstacles, each a closed polyline.
+/// [`tracks`] among obstacles, each a closed polyline of x and y in the world frame. m
 pub fn tracks_among(
     title: &str,
     seen: &[SeenFlights<'_>],

@@ -37,10 +37,10 @@ impl Surroundings {
         Ok(Self { room, obstacles })
     }
 
-    /// The distances at the pose `at`, while the obstacle that moves is at `moving`: x, y, z. Both in the
-    /// world frame. m
-    pub fn at(&self, at: &Pose, moving: Option<[f64; 3]>) -> LeastClearance {
-        let moving_w = moving.map(Vector3::from);
+    /// The distances at the pose `at` (m, rad), while the obstacle that moves is at `moving_w` (m), both in the world
+    /// frame. Cost linear in the obstacles.
+    pub fn at(&self, at: &Pose, moving_w: Option<[f64; 3]>) -> LeastClearance {
+        let moving_w = moving_w.map(Vector3::from);
         let distance = |one: &Obstacle| one.distance_from(&pos_w(at), moving_w.as_ref()).distance_m;
         let distances = self.obstacles.iter().map(distance).filter(|one| one.is_finite());
         LeastClearance {

@@ -1,3 +1,4 @@
+use horizon_model::{InputFifo, Kinematic, Model as _};
 use tello_io::config;
 
 use super::*;
@@ -70,9 +71,39 @@ fn dead_times_change_alike_and_stay_within_their_range() {
         assert!((after - before - 0.1).abs() < 1e-12);
     }
     assert_eq!((changed.len(), changed[0].name), (1, "dead_time"));
-    let (sooner, _) = flown(Some(-0.1));
-    assert!(sooner[2] == 0.0 && (sooner[0] - settings.dead_time_s[0] + 0.1).abs() < 1e-12);
+    let (longest, _) = flown(Some(1.9));
+    assert_eq!(longest[stick::ROLL], DEAD_TIME_MAX_S);
     assert_eq!(flown(None), (settings.dead_time_s.clone(), Vec::new()));
+}
+
+#[test]
+fn each_dead_time_gets_shorter_as_far_as_the_flight_lets_its_axis() {
+    for (min_ratio, longer_s, expected_s) in [
+        (0.5, -0.16, [0.18, 0.18, 0.02, 0.095]),
+        (0.5, -0.03, [0.31, 0.31, 0.02, 0.16]),
+        (0.5, -1.0, [0.17, 0.17, 0.02, 0.095]),
+        (0.0, -0.16, [0.18, 0.18, 0.0, 0.03]),
+        (0.0, -1.0, [0.0; 4]),
+        (1.0, -0.16, [0.34, 0.34, 0.04, 0.19]),
+        (1.0, 0.02, [0.36, 0.36, 0.06, 0.21]),
+    ] {
+        let mut settings = settings();
+        settings.dead_time_s = vec![0.34, 0.34, 0.04, 0.19];
+        settings.link.as_mut().unwrap().dead_time_min_ratio = min_ratio;
+        let mut file = ParameterFile::of_settings(&settings);
+        let found = ParameterEstimate { dead_time_change_s: Some(longer_s), ..found(0.5, 0.9) };
+        file.learn(&settings, &done(&found, "2026-11-22")).unwrap();
+        file.check().unwrap();
+        // What the FIFO of the flight has after the same correction, whole periods of 0.02 s.
+        let mut fifo = InputFifo::new(&settings.dead_time_s, &Kinematic::INPUT, 0.02).unwrap();
+        fifo = fifo.with_min_ratio(min_ratio);
+        fifo.correct((longer_s / 0.02).round() as i32);
+        for (axis, (after_s, expected_s)) in file.dead_time_s.iter().zip(expected_s).enumerate() {
+            let flown_s = 0.02 * fifo.dead_time_steps()[axis];
+            assert!((after_s - expected_s).abs() < 1e-12, "{min_ratio}, {longer_s} s: {file:?}");
+            assert!((after_s - flown_s).abs() < 0.01 + 1e-9, "axis {axis}: {after_s}, {flown_s} s");
+        }
+    }
 }
 
 #[test]

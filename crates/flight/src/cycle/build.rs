@@ -75,7 +75,7 @@ where
     in_range("deadline_s", cycle.deadline_s, 1e-4..=0.9 * dt_s).map_err(under("cycle"))?;
     let fifo = InputFifo::new(&cycle.dead_time_s, &M::INPUT, dt_s).map_err(under("cycle"))?;
     let link = link(cycle, dt_s, M::NAME)?;
-    let fifo = fifo.with_room(link.as_ref().map_or(0, Link::room_steps));
+    let fifo = fifo.with_room(link.as_ref().map_or(0, Link::capacity_steps));
     let fifo = fifo.with_min_ratio(cycle.dead_time_min_ratio());
     let filter: FilterSettings = (&cycle.filter).try_into().map_err(under("cycle.filter"))?;
     let mhe = cycle.mhe.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();

@@ -23,7 +23,7 @@ const PERIODS_BETWEEN: u32 = 5;
 /// What the dead times of a flight were corrected by.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeadTimeChange {
-    /// Added to all that are configured. steps
+    /// Added to each that is configured, as far as `dead_time_min_ratio` lets it. steps
     pub steps: i32,
     /// The same. s
     pub change_s: f64,

@@ -4,7 +4,8 @@
 //! informed of are corrected back to the moment when the link changed.
 
 use horizon_estim::Observed;
-use horizon_model::rows::{Sticks, lag, pose};
+use horizon_model::InputFifo;
+use horizon_model::rows::{Sticks, lag, pose, stick};
 use nalgebra::SVector;
 
 use super::dead_time::{DeadTime, DeadTimeChange};
@@ -54,11 +55,16 @@ impl Link {
         }
     }
 
-    /// Corrects the dead times by what [`Link::judge`] saw; whether they change.
-    pub(super) fn correct_dead_time(&mut self) -> bool {
-        let longer = self.dead_time.follow(self.monitor.dead_time_error());
-        self.monitor.correct_dead_time(f64::from(longer) * self.dt_s);
-        longer != 0
+    /// Decides a correction of the dead times by what [`Link::judge`] saw, makes it in `fifo` and takes what each axis
+    /// changed by off the monitor's errors; whether there is one.
+    pub(super) fn correct_dead_time(&mut self, fifo: &mut InputFifo<{ stick::COUNT }>) -> bool {
+        if self.dead_time.follow(self.monitor.dead_time_error()) == 0 {
+            return false;
+        }
+        let before_steps = *fifo.dead_time_steps();
+        fifo.correct(self.dead_time.change().map_or(0, |change| change.steps));
+        self.monitor.correct_dead_time(&((fifo.dead_time_steps() - before_steps) * self.dt_s));
+        true
     }
 
     /// The correction of the dead times; `None` if they stay as they are configured.
@@ -80,7 +86,7 @@ impl Link {
     }
 
     /// Steps by which more of the sent sticks are asked for than without corrections.
-    pub(super) fn room_steps(&self) -> usize {
+    pub(super) fn capacity_steps(&self) -> usize {
         self.window_steps + self.dead_time.steps_max().unsigned_abs() as usize
     }
 
@@ -143,8 +149,8 @@ impl Link {
 
 #[cfg(test)]
 mod tests {
-    use horizon_model::rows::{Pose, stick};
-    use horizon_model::{Lagged, Model};
+    use horizon_model::rows::Pose;
+    use horizon_model::{Kinematic, Lagged, Model};
 
     use super::*;
     use crate::link::tests::{parameter, table};
@@ -175,7 +181,7 @@ mod tests {
         link.recall(5, |_| Sticks::repeat(0.5));
         assert_eq!(link.applied(4), Sticks::repeat(0.5));
         assert_eq!(link.applied(5), meant(194));
-        assert_eq!(link.room_steps(), WINDOW_STEPS + 5);
+        assert_eq!(link.capacity_steps(), WINDOW_STEPS + 5);
     }
 
     #[test]
@@ -201,5 +207,38 @@ mod tests {
         assert_eq!((link.instead(), link.applied(3)), (Some(Sticks::zeros()), Sticks::zeros()));
         let u_plan = Sticks::new(-0.9, 0.3, 0.41, 1.0);
         assert_eq!(link.limited(&u_plan), Sticks::new(-0.4, 0.3, 0.4, 0.4));
+    }
+
+    #[test]
+    fn a_correction_is_taken_off_the_error_of_each_axis_as_far_as_the_axis_changes() {
+        let table = LinkTable { dead_time_change_s: 0.3, ..table() };
+        let monitor = LinkMonitor::new(&LinkSettings::try_from(&table).unwrap(), DT_S);
+        let mut link =
+            Link::new(monitor, DeadTime::new(&table, 0.34, DT_S), STICK_MAX, WINDOW_STEPS, DT_S);
+        let fifo = |pitch_s| {
+            InputFifo::new(&[pitch_s, pitch_s, 0.04, 0.19], &Kinematic::INPUT, DT_S).unwrap()
+        };
+        let mut assumed = fifo(0.34).with_room(link.capacity_steps()).with_min_ratio(0.5);
+        // A vehicle that answers ten periods sooner, of which the correction may take eight.
+        let mut real = fifo(0.14);
+        let (model, p) = (Lagged::default(), parameter());
+        let mut s = model.at_rest(&Pose::new(0.0, 0.0, 1.0, 0.2));
+        let mut corrections = 0;
+        for k in 0..1500 {
+            let t_s = f64::from(k) * DT_S;
+            let mut u = Sticks::zeros();
+            u[stick::PITCH] = 0.3 * (3.0 * t_s).sin() + 0.25 * (8.0 * t_s).sin();
+            for fifo in [&mut assumed, &mut real] {
+                fifo.push(&u);
+            }
+            s = model.step(&s, &real.applied(-1), &p, DT_S);
+            link.judge(&assumed.applied(-1), &Observed::full(model.observe(&s)), &p);
+            corrections += u32::from(link.correct_dead_time(&mut assumed));
+        }
+        assert_eq!((link.dead_time().unwrap().steps, corrections), (-8, 8));
+        assert_eq!(*assumed.dead_time_steps(), Sticks::new(9.0, 9.0, 1.0, 4.75));
+        // Yaw went from two periods to one. Its filter has seen no turn since: the error fades with `adapt_s`, 30 s.
+        let left_s = link.monitor.yaw_dead_time_error_s().unwrap();
+        assert!((0.3 * DT_S..=DT_S).contains(&left_s), "{left_s} s");
     }
 }

@@ -24,22 +24,22 @@ pub(super) struct MovingObstacle {
 }
 
 impl MovingObstacle {
-    /// The motion after a period of `dt_s`, in which the obstacle was seen at `seen` or not at all; `None` if nothing
-    /// is known of it. Places that are not finite are not seen.
-    pub(super) fn after(before: Option<Self>, seen: Option<[f64; 3]>, dt_s: f64) -> Option<Self> {
-        let seen = seen.map(Vector3::from).filter(|seen| seen.iter().all(|x| x.is_finite()));
+    /// The motion after a period of `dt_s`, in which the obstacle was seen at `seen_w` (m) or not at all; `None` if
+    /// nothing is known of it. Places that are not finite are not seen.
+    pub(super) fn after(before: Option<Self>, seen_w: Option<[f64; 3]>, dt_s: f64) -> Option<Self> {
+        let seen_w = seen_w.map(Vector3::from).filter(|at_w| at_w.iter().all(|x| x.is_finite()));
         let Some(before) = before else {
-            return seen.map(|pos_w| Self { pos_w, vel_w: Vector3::zeros(), unseen_s: 0.0 });
+            return seen_w.map(|pos_w| Self { pos_w, vel_w: Vector3::zeros(), unseen_s: 0.0 });
         };
         let pos_w = before.pos_w + before.vel_w * dt_s;
-        let Some(seen) = seen else {
+        let Some(seen_w) = seen_w else {
             let unseen_s = before.unseen_s + dt_s;
             return (unseen_s <= FORGET_S).then_some(Self { pos_w, unseen_s, ..before });
         };
-        let innovation = seen - pos_w;
+        let innovation_w = seen_w - pos_w;
         Some(Self {
-            pos_w: pos_w + innovation * PLACE_GAIN,
-            vel_w: before.vel_w + innovation * (VELOCITY_GAIN / dt_s),
+            pos_w: pos_w + innovation_w * PLACE_GAIN,
+            vel_w: before.vel_w + innovation_w * (VELOCITY_GAIN / dt_s),
             unseen_s: 0.0,
         })
     }

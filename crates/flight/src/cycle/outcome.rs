@@ -17,7 +17,7 @@ use crate::{Filtered, Findings, LinkVerdict, Mission, Phase, Ruling, Sighting, S
 #[derive(Debug, Clone, PartialEq)]
 pub enum Solve {
     /// It left an iterate.
-    Done(SolveReport),
+    Done(SolveFigures),
     /// It left none.
     Failed(SolveFailure),
 }
@@ -42,7 +42,7 @@ impl Display for SolveFailure {
 
 /// Figures of a finished solve.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-pub struct SolveReport {
+pub struct SolveFigures {
     /// Why it stopped.
     pub stop: &'static str,
     /// Iterations of the outer solver.
@@ -59,7 +59,7 @@ pub struct SolveReport {
 impl From<Result<horizon_estim::SolveReport, horizon_estim::MheError>> for Solve {
     fn from(solved: Result<horizon_estim::SolveReport, horizon_estim::MheError>) -> Self {
         match solved {
-            Ok(report) => Self::Done(SolveReport {
+            Ok(report) => Self::Done(SolveFigures {
                 stop: report.stop.name(),
                 iterations: report.iterations,
                 cost_start: report.cost_start,
@@ -74,7 +74,7 @@ impl From<Result<horizon_estim::SolveReport, horizon_estim::MheError>> for Solve
 impl From<Result<horizon_control::MpcReport, horizon_control::SolveError>> for Solve {
     fn from(solved: Result<horizon_control::MpcReport, horizon_control::SolveError>) -> Self {
         match solved {
-            Ok(report) => Self::Done(SolveReport {
+            Ok(report) => Self::Done(SolveFigures {
                 stop: report.stop.name(),
                 iterations: report.iterations,
                 cost_start: report.cost_start,

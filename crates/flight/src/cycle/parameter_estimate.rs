@@ -13,7 +13,7 @@ pub struct ParameterEstimate {
     pub p: Vec<f64>,
     /// Its covariance in the units of the estimator's weights, row by row.
     pub covariance: Vec<Vec<f64>>,
-    /// What the dead times were longer by than configured, all alike; `None` if no motion showed it. s
+    /// Correction of each dead time, as far as `dead_time_min_ratio` lets it; `None` if no motion showed it. s
     pub dead_time_change_s: Option<f64>,
 }
 

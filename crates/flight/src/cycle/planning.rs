@@ -53,8 +53,8 @@ pub(super) fn given_steps(dead_time_steps: &Sticks) -> [usize; stick::COUNT] {
     std::array::from_fn(|axis| whole(dead_time_steps[axis]) - shortest)
 }
 
-/// What of a plan is already decided, by axis. A correction of the dead times shifts all axes alike, but none falls
-/// below 0, so that it may reduce the differences between them.
+/// Committed inputs of a plan by axis. A correction of the dead times shifts all axes alike, but none falls below its
+/// least one (`dead_time_min_ratio`), so that it may reduce the differences between them.
 #[derive(Debug, Clone, Copy)]
 struct Committed {
     dead_time_steps: Sticks,

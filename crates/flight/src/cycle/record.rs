@@ -7,7 +7,7 @@ use horizon_model::rows::{Pose, Sticks, pose, stick};
 use schemars::{JsonSchema, Schema, schema_for};
 use serde::{Deserialize, Serialize};
 
-use super::outcome::SolveReport;
+use super::outcome::SolveFigures;
 use super::walls::Clearance;
 use super::{Inbox, Outcome, Solve, Timing};
 use crate::jitter::Jitter;
@@ -297,7 +297,7 @@ pub struct LinkRecord {
     pub is_down: bool,
     /// Log likelihood ratio, less the evidence that a change takes: positive exactly while the link is down. 1
     score: f64,
-    /// What all dead times are corrected by; missing where they stay as configured. s
+    /// Correction of each dead time, as far as `dead_time_min_ratio` lets it; missing where they stay as configured. s
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dead_time_change_s: Option<f64>,
     /// What is missing from that by the latest motion that shows it; missing before. s
@@ -359,7 +359,7 @@ struct PlanRecord<'a> {
 struct SolveRecord {
     step: u64,
     /// Null if the solve failed.
-    report: Option<SolveReport>,
+    report: Option<SolveFigures>,
     /// Null unless the solve failed.
     error: Option<String>,
     /// How near the plan comes to walls and obstacles; missing if it stays 1 m away or knows none.

@@ -19,8 +19,9 @@ use crate::{Obstacle, ObstacleTable, Room};
 /// What is further away than this is not looked at. m
 const NEAR_M: f64 = 1.0;
 
-/// How far above a start obstacles are looked for, in steps: a take-off climbs 1.2 m, 0.1 m are to spare.
+/// How far above a start obstacles are looked for: a take-off climbs 1.2 m, 0.1 m are to spare.
 const CLIMB_STEPS: u32 = 13;
+/// Every so far: nothing that is described is thinner. m
 const CLIMB_STEP_M: f64 = 0.1;
 
 /// How the plan keeps away from walls and obstacles.
@@ -101,9 +102,9 @@ impl Walls {
         Ok(Some(Self { room, obstacles, table, moving: None, lead_s: 0.0, covariance_w }))
     }
 
-    /// Follows the obstacle that moves by a period of `dt_s`, in which it was seen at `seen`.
-    pub(super) fn follow(&mut self, seen: Option<[f64; 3]>, dt_s: f64) {
-        self.moving = MovingObstacle::after(self.moving, seen, dt_s);
+    /// Follows the obstacle that moves by a period of `dt_s`, in which it was seen at `seen_w`, world frame. m
+    pub(super) fn follow(&mut self, seen_w: Option<[f64; 3]>, dt_s: f64) {
+        self.moving = MovingObstacle::after(self.moving, seen_w, dt_s);
     }
 
     /// Whether there is an obstacle that moves and nobody knows where.
@@ -240,7 +241,7 @@ impl Walls {
     }
 }
 
-/// The constraints `margin + growth t - distance(s) <= 0` on the states of a model with this parameter.
+/// The soft constraints `c_i(s) <= 0` of `docs/control.md`, section 3, on the states of a model with this parameter.
 #[derive(Debug)]
 pub(super) struct PlanWalls<'a, M, const NP: usize> {
     pub(super) model: &'a M,

@@ -39,7 +39,7 @@ type State = SVector<f64, { row::COUNT }>;
 /// Velocity before the first samples have shown it. m/s
 const SD_START_MPS: f64 = 0.5;
 
-/// What the sticks ask for in one period, world frame.
+/// Horizontal velocity that the sticks command in one period, world frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct HorizontalCommand {
     /// Velocity. m/s

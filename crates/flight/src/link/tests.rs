@@ -32,6 +32,13 @@ pub(crate) fn parameter() -> SVector<f64, { lag::COUNT }> {
     SVector::from([2.0, 0.89, 1.4, -0.05, 0.63, 0.25, 0.12, 0.07, 0.12, 0.08, 1.04])
 }
 
+impl LinkMonitor {
+    /// Error of the dead time of yaw by the filter of the heading. s
+    pub(crate) fn yaw_dead_time_error_s(&self) -> Option<f64> {
+        Some(self.test.as_ref()?.present.turn.as_ref()?.dead_time_error_s())
+    }
+}
+
 /// A monitor beside a vehicle that is the model.
 struct Flight {
     monitor: LinkMonitor,

@@ -59,7 +59,7 @@ impl TurnTable {
     }
 }
 
-/// What the yaw stick asks for in one period.
+/// Turn that the yaw stick commands in one period.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct TurnCommand {
     /// Rate. rad/s
@@ -148,9 +148,15 @@ impl Turn {
         log_likelihood
     }
 
-    /// The assumed dead time is longer by `longer_s`: its error is as much smaller.
+    /// The assumed dead time of yaw is longer by `longer_s`: its error is as much smaller.
     pub(super) fn correct_dead_time(&mut self, longer_s: f64) {
         self.s[row::DEAD_TIME] -= longer_s;
+    }
+
+    /// Error of the dead time of yaw. s
+    #[cfg(test)]
+    pub(super) fn dead_time_error_s(&self) -> f64 {
+        self.s[row::DEAD_TIME]
     }
 }
 

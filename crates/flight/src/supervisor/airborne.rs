@@ -7,7 +7,7 @@ use horizon_model::rows::pose;
 
 use super::evidence::{Evidence, Phase};
 use super::fault::Fault;
-use super::{DOWN_HOLD_S, Supervisor, elapsed_s, has_lasted, is_older, keep_since};
+use super::{DOWN_HOLD_S, Supervisor, elapsed_s, exceeds, has_lasted, keep_since};
 use crate::drone::{ALONE_HOLD, denies_standing};
 
 /// A Tello ignores `land` during the first 1-3 s of a take-off and may not yet report to fly. Only
@@ -44,7 +44,7 @@ impl Supervisor {
     /// Whether the drone flies by its own fresh report.
     pub(super) fn drone_says_flying(&self, e: &Evidence) -> Option<bool> {
         e.drone
-            .filter(|drone| !is_older(drone.age_s, self.table.drone_silent_s))
+            .filter(|drone| !exceeds(drone.age_s, self.table.drone_silent_s))
             .map(|drone| drone.is_flying)
     }
 
@@ -79,7 +79,7 @@ impl Supervisor {
 
     /// Whether the vehicle is off the ground by the drone's own fresh height.
     pub(super) fn drone_has_risen(&self, e: &Evidence) -> bool {
-        let drone = e.drone.filter(|drone| !is_older(drone.age_s, self.table.drone_silent_s));
+        let drone = e.drone.filter(|drone| !exceeds(drone.age_s, self.table.drone_silent_s));
         let height_m = drone.and_then(|drone| drone.height_m);
         let rise_m = height_m.zip(self.drone_ground_m).map(|(at_m, ground_m)| at_m - ground_m);
         rise_m.is_some_and(|rise_m| rise_m > CLIMB_MIN_M)
@@ -115,7 +115,7 @@ impl Supervisor {
     /// Updates since when the vehicle is down, and whether the pose is that of another object.
     pub(super) fn remember_landing(&mut self, e: &Evidence) {
         let jumped_m = |excess_m: Option<f64>, limit_m| {
-            excess_m.is_some_and(|excess_m| is_older(excess_m, limit_m))
+            excess_m.is_some_and(|excess_m| exceeds(excess_m, limit_m))
         };
         let has_jumped = jumped_m(e.jump_m, self.table.jump_m) || jumped_m(e.drop_m, DROP_MAX_M);
         self.is_pose_displaced |= has_jumped && self.phase != Phase::Idle;

@@ -4,7 +4,7 @@
 
 use super::evidence::{Evidence, Operator, Phase};
 use super::fault::{Fault, FaultSet};
-use super::{ALOFT_S, BRAKE_S, DOWN_HOLD_S, Supervisor, elapsed_s, has_lasted, is_older};
+use super::{ALOFT_S, BRAKE_S, DOWN_HOLD_S, Supervisor, elapsed_s, exceeds, has_lasted};
 use crate::monitor::{Agreement, Findings};
 
 /// How long the vehicle must be off its reference, or too fast. s
@@ -26,7 +26,7 @@ const ALONE_S: f64 = 0.5;
 /// How long plans may be blocked in sum, a fifth of the time without a blocked one subtracted. s
 const BLOCKED_MAX_S: f64 = 3.0;
 
-/// How long the sticks in a person's hand may be neutral outside of the room or beyond the speed limit. s
+/// How long the sticks in a person's hand may be neutral while the vehicle is outside of the room or too fast. s
 const GONE_ASTRAY_S: f64 = 5.0;
 
 /// Whether the drone confirms that its commands are lost: its velocity agrees with the poses, or it
@@ -64,8 +64,8 @@ impl Supervisor {
         let is_heading_wrong = findings.is_direction_wrong || heading >= Agreement::Disagrees;
         let outage = e.outage.filter(|_| is_flown);
         let is_alone_for = |limit_s| has_lasted(self.alone_since_ns, e.t_ns, limit_s);
-        let is_long = outage.is_some_and(|outage| is_older(outage.for_s, failsafe.outage_s));
-        let is_immobile = failsafe.pressed_s.is_some_and(|limit_s| is_older(e.pressed_s, limit_s));
+        let is_long = outage.is_some_and(|outage| exceeds(outage.for_s, failsafe.outage_s));
+        let is_immobile = failsafe.pressed_s.is_some_and(|limit_s| exceeds(e.pressed_s, limit_s));
         let may_have_left = self.room.zip(outage).is_some_and(|(room, outage)| {
             outage.unseen.iter().any(|motion| room.is_left_by(motion))
         });
@@ -107,7 +107,7 @@ impl Supervisor {
             (Fault::DroneUnheard, e.drone.is_none() && !self.is_carried),
             (Fault::DroneAloft, self.is_aloft_unasked(e)),
             (Fault::TookOffUnasked, self.has_taken_off_unasked(e)),
-            (Fault::DroneSilent, is_older(silent_s, table.drone_silent_s) && !self.is_carried),
+            (Fault::DroneSilent, exceeds(silent_s, table.drone_silent_s) && !self.is_carried),
             (Fault::NotFlying, is_grounded && !self.is_carried),
             (Fault::BatteryLow, battery_below(table.battery_low_pct)),
             (Fault::BatteryCritical, battery_below(table.battery_critical_pct)),
@@ -134,7 +134,7 @@ impl Supervisor {
         [
             (
                 Fault::MissionOverdue,
-                self.is_steered() && is_older(e.overtime_s, table.failsafe.overtime_s),
+                self.is_steered() && exceeds(e.overtime_s, table.failsafe.overtime_s),
             ),
             (Fault::EstimatorFailed, e.estimator_failed),
             (Fault::ControllerFailed, self.has_controller_failed(e)),
@@ -153,10 +153,10 @@ impl Supervisor {
 
     /// Whether a person holds the sticks and does nothing, for too long or where somebody should.
     fn is_person_gone(&self, e: &Evidence) -> bool {
-        let is_idle_for = |limit_s| has_lasted(self.hand_neutral_since_ns, e.t_ns, limit_s);
-        let is_astray = self.is_outside(e) || has_lasted(self.fast_since_ns, e.t_ns, ASTRAY_S);
-        let gone_s = self.table.failsafe.person_gone_s;
-        gone_s.is_some_and(|gone_s| is_idle_for(if is_astray { GONE_ASTRAY_S } else { gone_s }))
+        self.table.failsafe.person_gone_s.is_some_and(|gone_s| {
+            has_lasted(self.hand_neutral_since_ns, e.t_ns, gone_s)
+                || has_lasted(self.hand_idle_astray_since_ns, e.t_ns, GONE_ASTRAY_S)
+        })
     }
 
     /// Whether the vehicle flies: it is past its take-off and not carried by hand.
@@ -183,7 +183,7 @@ impl Supervisor {
     }
 
     /// Whether the vehicle is outside of the room by a position that is no guess.
-    fn is_outside(&self, e: &Evidence) -> bool {
+    pub(super) fn is_outside(&self, e: &Evidence) -> bool {
         let fresh = e.pose.filter(|_| !self.is_pose_stale(e));
         self.room.zip(fresh).is_some_and(|(room, at)| !room.contains(&at))
     }

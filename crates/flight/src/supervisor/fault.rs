@@ -98,8 +98,8 @@ pub enum Fault {
     GuardianLost,
     /// Guardian or sender landed the drone because the program, or its control thread, stood still.
     ProgramStalled,
-    /// The sticks that a person holds have been neutral for `failsafe.person_gone_s`, or for 5 s outside of the room or
-    /// beyond the speed limit: nobody steers.
+    /// The sticks that a person holds have been neutral for `failsafe.person_gone_s`, or for 5 s during which the
+    /// vehicle was outside of the room or too fast: nobody steers.
     PersonGone,
     /// A timer let go of a key or a stick in the person's place.
     InputExpired,

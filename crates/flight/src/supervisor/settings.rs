@@ -46,8 +46,7 @@ pub struct SupervisorTable {
     pub settle_s: f64,
     /// Time after which a landing that is not confirmed is a fault. s, 1..=120
     pub landing_timeout_s: f64,
-    /// Ticks in a row in which estimator or controller may fail; one more means landing.
-    /// ticks, 0..=1000
+    /// Failed solves until landing; a tick without one makes up for half of one. ticks, 0..=1000
     pub solver_failures_max: u32,
     /// Periods without a tick that are tolerated at once, one more means landing; a tenth of a period
     /// is forgiven at each tick. periods, 0..=1000

@@ -5,7 +5,7 @@
 
 use super::evidence::{Evidence, Phase};
 use super::fault::Fault;
-use super::{Supervisor, elapsed_s, is_older};
+use super::{Supervisor, elapsed_s, exceeds};
 
 impl Supervisor {
     /// What is wrong with the poses.
@@ -16,8 +16,8 @@ impl Supervisor {
         let pose_age_s = e.pose_age_s.or((!self.is_carried).then_some(running_s));
         let climbs_still_s = self.climbs_still_since_ns.map(|since_ns| elapsed_s(since_ns, e.t_ns));
         let still_s = e.findings.frozen_s.filter(|_| self.is_steered()).or(climbs_still_s);
-        let is_still = |limit_s| still_s.is_some_and(|still_s| is_older(still_s, limit_s));
-        let is_lost = pose_age_s.is_some_and(|age_s| is_older(age_s, table.lost_s));
+        let is_still = |limit_s| still_s.is_some_and(|still_s| exceeds(still_s, limit_s));
+        let is_lost = pose_age_s.is_some_and(|age_s| exceeds(age_s, table.lost_s));
         let is_repeated = self.is_pose_stale(e) && e.is_pose_repeated;
         [
             (Fault::MocapStale, self.is_pose_stale(e)),
@@ -26,7 +26,7 @@ impl Supervisor {
             (
                 Fault::MocapJumped,
                 self.is_in_the_air()
-                    && e.jump_m.is_some_and(|jump_m| is_older(jump_m, table.jump_m)),
+                    && e.jump_m.is_some_and(|jump_m| exceeds(jump_m, table.jump_m)),
             ),
             (Fault::MocapRough, self.is_in_the_air() && e.is_pose_rough),
             (Fault::MocapUnsettled, self.phase == Phase::Idle && !e.is_pose_settled),
@@ -43,7 +43,7 @@ impl Supervisor {
 
     /// Whether the newest pose is too old to steer by, or there is none.
     pub(super) fn is_pose_stale(&self, e: &Evidence) -> bool {
-        e.pose_age_s.is_none_or(|age_s| is_older(age_s, self.table.stale_s))
+        e.pose_age_s.is_none_or(|age_s| exceeds(age_s, self.table.stale_s))
     }
 }
 

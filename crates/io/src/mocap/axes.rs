@@ -73,9 +73,9 @@ pub enum Unit {
 /// Where a rigid body is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
-    /// x, y, z. In the unit of the source
+    /// x, y, z in axes and unit of the source, by [`Axes::place`] in the world frame and m.
     pub pos: [f64; 3],
-    /// Rotation from body to world, row by row. 1
+    /// Rotation from body to the same axes, row by row. 1
     pub matrix: [f64; 9],
 }
 

@@ -104,8 +104,8 @@ impl NatnetProtocol {
         let (number, end) = packet::frame(body, server.version, |rigid| {
             let text = names.get(&rigid.id).map(String::as_str);
             is_unnamed |= text.is_none();
-            let placement = |matrix| Placement { pos: rigid.pos, matrix };
-            let is_seen = rigid.is_tracked && rigid.pos.iter().all(|value| value.is_finite());
+            let placement = |matrix| Placement { pos: rigid.pos_w, matrix };
+            let is_seen = rigid.is_tracked && rigid.pos_w.iter().all(|value| value.is_finite());
             let at = matrix_of_quaternion(rigid.quaternion).filter(|_| is_seen).map(placement);
             taker.body(Name { text, id: Some(rigid.id) }, at.as_ref());
         })?;

@@ -24,8 +24,9 @@ pub use heartbeat::{GuardianReport, Heartbeat};
 
 /// Silence of a sender that is taken to be dead or stopped.
 const PATIENCE: SpanNs = SpanNs::from_ms(280);
-/// A Tello ignores `land` for a while after a take-off, and any packet may be lost.
-const LAND_PERIOD: SpanNs = SpanNs::from_ms(250);
+/// A Tello ignores `land` for a while after a take-off, and any packet may be lost. Half of the sender's period: the
+/// drone has been alone for a while.
+const GUARDIAN_LAND_PERIOD: SpanNs = SpanNs::from_ms(250);
 /// Landings in 15 s: after so long without a packet a Tello lands by itself.
 const LANDINGS_MAX: u32 = 60;
 
@@ -155,7 +156,7 @@ impl Guardian {
     /// number of landings.
     pub fn land_alone(mut self) -> u32 {
         while self.landings < LANDINGS_MAX {
-            thread::sleep(LAND_PERIOD.duration());
+            thread::sleep(GUARDIAN_LAND_PERIOD.duration());
             self.send_landing();
         }
         self.landings
@@ -169,7 +170,7 @@ impl Guardian {
             // A sender that is gone shows in the next reading.
             self.post.channel.write_all(&[LANDED]).ok();
             self.send_landing();
-            let again_at = self.clock.now().after(LAND_PERIOD);
+            let again_at = self.clock.now().after(GUARDIAN_LAND_PERIOD);
             loop {
                 match self.listen(Some(again_at)) {
                     // What it sent before it learned of the landing, or it does not know of it yet.

@@ -171,7 +171,7 @@ impl Session {
         }
     }
 
-    /// What to send now, oldest first.
+    /// What to send now, oldest first. Real time: no allocation.
     pub fn drain(&mut self) -> std::vec::Drain<'_, Message> {
         self.outbox.drain(..)
     }

@@ -46,7 +46,7 @@ const VERTICAL_STATES: [usize; 3] = [motion::Z, motion::V_Z, motion::D_Z];
 const VERTICAL_INPUTS: [usize; 1] = [stick::THROTTLE];
 const VERTICAL_PARAMETERS: [usize; 3] = [lag::LAMBDA_V, lag::TAU_V, lag::DEAD_V];
 
-/// What of [`Lagged`] is chosen, not identified.
+/// Settings of [`Lagged`] that are not identified.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LaggedShape {
     /// Time in which the horizontal disturbance velocity decays. s, > 0

@@ -31,10 +31,10 @@ pub(in crate::fly) struct Facts {
     pub(in crate::fly) measured: Option<Spot>,
     /// The estimate.
     pub(in crate::fly) estimate: Option<Spot>,
-    /// By the estimate, x, y, z; `None` for a model without it. m/s
-    pub(in crate::fly) velocity: Option<[f64; 3]>,
-    /// The part of it that is disturbance. m/s
-    pub(in crate::fly) disturbance: Option<[f64; 3]>,
+    /// By the estimate, x, y, z in the world frame; `None` for a model without it. m/s
+    pub(in crate::fly) velocity_w: Option<[f64; 3]>,
+    /// The part of it that is disturbance, world frame. m/s
+    pub(in crate::fly) disturbance_w: Option<[f64; 3]>,
     /// The place to be reached next.
     pub(in crate::fly) target: Spot,
     /// Its number, from 1.
@@ -156,8 +156,8 @@ impl Facts {
             operator: inbox.operator,
             faults: out.ruling.map(|ruling| ruling.faults.iter().collect()).unwrap_or_default(),
             estimate: out.pose_hat().map(Into::into),
-            velocity: velocities.map(|[total, _]| total),
-            disturbance: velocities.map(|[_, drift]| drift),
+            velocity_w: velocities.map(|[total, _]| total),
+            disturbance_w: velocities.map(|[_, drift]| drift),
             target: out.target.into(),
             target_number: out.target_number,
             targets_reached: out.targets_reached,
@@ -173,7 +173,7 @@ impl Facts {
     }
 }
 
-/// Velocity and its part that is disturbance, x, y, z, of a model that has them. m/s
+/// Velocity and its part that is disturbance, x, y, z in the world frame, of a model that has them. m/s
 fn velocities(out: &Outcome) -> Option<[[f64; 3]; 2]> {
     let s: &[f64; motion::COUNT] = out.s_hat.first_chunk()?;
     let drift = [s[motion::D_X], s[motion::D_Y], s[motion::D_Z]];

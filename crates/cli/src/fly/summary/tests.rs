@@ -43,6 +43,8 @@ fn a_tick_is_late_beyond_five_milliseconds() {
     }
     let summary = tally.summary();
     assert_eq!((summary.ticks, summary.late_ticks, summary.missed_periods), (3, 1, 6));
+    let line = "\nticks         3, 1 more than 5 ms late, 6 periods missed\n";
+    assert!(summary.to_string().contains(line), "{summary}");
 }
 
 #[test]

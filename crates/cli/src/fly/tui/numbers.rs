@@ -60,7 +60,7 @@ fn places(facts: &Facts) -> Vec<Line<'static>> {
         named("at", facts.estimate.as_ref().map_or_else(absent, spot)),
         named("measured", facts.measured.as_ref().map_or_else(absent, spot)),
         named("target", spot(&facts.target)),
-        named("speed", facts.velocity.as_ref().map_or_else(absent, velocity)),
+        named("speed", facts.velocity_w.as_ref().map_or_else(absent, velocity)),
         named("off path", offset),
     ]
 }

@@ -231,8 +231,8 @@ function showNumbers(facts, briefing) {
   const at = facts.estimate;
   set("place", at === null ? "-" : three([at.x, at.y, at.z]));
   set("heading", at === null ? "-" : signed((at.theta * 180) / Math.PI, 0));
-  set("velocity", facts.velocity === null ? "-" : three(facts.velocity));
-  set("disturbance", facts.disturbance === null ? "-" : three(facts.disturbance));
+  set("velocity", facts.velocity_w === null ? "-" : three(facts.velocity_w));
+  set("disturbance", facts.disturbance_w === null ? "-" : three(facts.disturbance_w));
   set("offset", facts.offset === null ? "-" : `${facts.offset[0].toFixed(2)}\u2002${signed(facts.offset[1], 2)}`);
   Object.entries(facts.sticks).forEach(([name, value]) => set(name, signed(value, 2)));
   const { drone, link, mocap, now_ms: now, worst_ms: worst } = facts;

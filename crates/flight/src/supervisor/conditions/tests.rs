@@ -383,6 +383,19 @@ fn sticks_that_a_person_leaves_neutral_land_after_their_time_and_outside_of_the_
         let expected = other.into_iter().chain([Fault::PersonGone]).collect::<Vec<_>>();
         assert_eq!((ruling.phase, faults(ruling)), (Phase::Landing, expected));
     }
+    for away in [outside, fast] {
+        let mut bench = Bench::flying();
+        assert!(bench.run(300, &idle).may_steer(), "a rest of 30 s inside");
+        assert!(bench.run(50, &away).may_steer(), "does not count outside, or too fast");
+        assert!(bench.run(1, &idle).may_steer(), "back inside the time ends");
+        assert!(bench.run(50, &away).may_steer());
+        assert_eq!(bench.tick(&away).phase, Phase::Landing);
+    }
+    let unseen = Evidence { pose: None, pose_age_s: Some(10.0), ..idle };
+    let mut bench = Bench::flying();
+    assert!(bench.run(20, &outside).may_steer() && bench.run(30, &unseen).may_steer());
+    assert_eq!(bench.tick(&outside).phase, Phase::Landing, "without a pose it counts as outside");
+    assert!(Bench::flying().run(100, &unseen).may_steer(), "never seen outside");
     let by_controller = Evidence { is_by_hand: false, is_hand_neutral: false, ..idle };
     assert_eq!(faults(Bench::flying().run(700, &by_controller)), []);
     let mut never = Bench::flying();

@@ -135,9 +135,9 @@ impl Flight {
         };
         let Some(pace) = arrivals.pace(*line, WINDOW_MIN) else { return };
         let MeasuredPace { early, recent, period_ns, span_ns, bow_ns } = pace;
-        let window_ns = period_ns;
-        let corrected_ns = (window_ns / line.period_ns - 1.0).abs() * span_ns;
+        let corrected_ns = (period_ns / line.period_ns - 1.0).abs() * span_ns;
         let bow_max_ns = BOW_NS.max(BOW_MAX * corrected_ns);
+        // The lowest arrivals are not straight, or their pace is outside of what T seconds measured.
         if bow_ns.abs() > bow_max_ns || !bounds.contain(period_ns) {
             return;
         }
@@ -147,24 +147,99 @@ impl Flight {
             *anchor = early;
         }
         let anchor = *anchor;
-        let period_ns = anchor.period_to_ns(recent);
-        let apart_ns = (window_ns / period_ns - 1.0).abs() * span_ns;
-        if apart_ns > bow_max_ns || !bounds.contain(period_ns) {
+        let anchored_period_ns = anchor.period_to_ns(recent);
+        let apart_ns = (period_ns / anchored_period_ns - 1.0).abs() * span_ns;
+        // They do not agree with the first one, or the pace since that is outside of the same bounds.
+        if apart_ns > bow_max_ns || !bounds.contain(anchored_period_ns) {
             return;
         }
-        let span_ns = recent.at.since(anchor.at).0 as f64;
-        bounds.narrow(period_ns, span_ns);
-        let change = (period_ns / line.period_ns - 1.0).abs();
-        if change < CHANGE_MIN.max(CHANGE_MIN_NS / span_ns) {
+        let anchored_span_ns = recent.at.since(anchor.at).0 as f64;
+        bounds.narrow(anchored_period_ns, anchored_span_ns);
+        let change = (anchored_period_ns / line.period_ns - 1.0).abs();
+        // The drift of the offset, or jitter, explains the rest.
+        if change < CHANGE_MIN.max(CHANGE_MIN_NS / anchored_span_ns) {
             return;
         }
         // The new line is no nearer to its lowest arrival than the old one was.
-        let turned = Line::through(anchor, period_ns);
+        let turned = Line::through(anchor, anchored_period_ns);
         let lowest_ns = |line: Line| {
             arrivals.iter().map(|one| line.late_ns(*one)).fold(f64::INFINITY, f64::min)
         };
         let offset_ns = turned.offset_ns + lowest_ns(turned) - lowest_ns(*line);
-        *line = Line { origin: anchor.number, period_ns, offset_ns, ..*line };
-        begin.period_ns = period_ns;
+        *line = Line { origin: anchor.number, period_ns: anchored_period_ns, offset_ns, ..*line };
+        begin.period_ns = anchored_period_ns;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD_NS: f64 = 20e6;
+
+    /// A flight that took off at 10 s with the line through that moment.
+    fn flight() -> Flight {
+        let line = Line::through(Arrival { number: 500, at: TimeNs(10_000_000_000) }, PERIOD_NS);
+        Flight {
+            line: Some(line),
+            begin: Some(line),
+            is_climbing: true,
+            bounds: None,
+            anchor: None,
+            change: RateChange::new(50.0),
+            newest: 500,
+        }
+    }
+
+    /// The frame that is due `after_s` after the take-off and comes `late_ms` later.
+    fn frame(after_s: i64, late_ms: i64) -> Arrival {
+        let at = 10_000_000_000 + 1_000_000_000 * after_s + 1_000_000 * late_ms;
+        Arrival { number: 500 + 50 * after_s, at: TimeNs(at) }
+    }
+
+    fn is_taken(flight: &mut Flight, arrival: Arrival) -> bool {
+        flight.measured_at(arrival, 50.0, &mut Arrivals::new()).is_some()
+    }
+
+    #[test]
+    fn frames_may_be_earlier_in_the_climb_than_after_it_and_late_by_seconds() {
+        for (after_s, late_ms, expected) in [
+            (1, -249, true),
+            (1, -251, false),
+            (4, -49, true),
+            (4, -52, false),
+            (4, 4_900, true),
+            (4, 5_100, false),
+        ] {
+            let taken = is_taken(&mut flight(), frame(after_s, late_ms));
+            assert_eq!(taken, expected, "{late_ms} ms at {after_s} s");
+        }
+    }
+
+    #[test]
+    fn after_the_climb_the_line_of_that_moment_counts() {
+        let mut flight = flight();
+        assert!(is_taken(&mut flight, frame(1, -200)));
+        assert!(is_taken(&mut flight, frame(4, -200)) && !flight.is_climbing);
+        assert!(is_taken(&mut flight, frame(5, -240)), "40 ms below the line of then");
+        assert!(!is_taken(&mut flight, frame(6, -255)), "more than 50 ms");
+    }
+
+    #[test]
+    fn a_late_frame_is_dated_by_the_line_and_tells_no_drift() {
+        let mut flight = flight();
+        for (late_ms, tells) in [(51, false), (0, true)] {
+            let arrival = frame(4, late_ms);
+            let before = flight.line.unwrap();
+            let at = flight.measured_at(arrival, 50.0, &mut Arrivals::new()).unwrap();
+            assert!((at.0 - frame(4, 0).at.0).abs() < 100_000, "{late_ms} ms: {at:?}");
+            assert_eq!(flight.line.unwrap().as_of != before.as_of, tells, "{late_ms} ms");
+        }
+    }
+
+    #[test]
+    fn without_a_line_from_the_ground_no_frame_has_a_time() {
+        let mut flight = Flight { line: None, begin: None, ..flight() };
+        assert!(!is_taken(&mut flight, frame(1, 0)));
     }
 }

@@ -2,6 +2,8 @@
 
 #![deny(clippy::indexing_slicing)]
 
+use tello_flight::drone::{V_PER_MV, from_tenths};
+
 use super::{
     Action, Answer, Frame, PacketError, Query, Setting, flight_log, id, write_any_frame,
     write_frame,
@@ -228,6 +230,21 @@ impl FlightStatus {
     /// Whether the drone reports that it stands on the ground.
     pub fn is_on_ground(&self) -> bool {
         self.flags & ON_GROUND != 0
+    }
+
+    /// Height, low by an offset that differs from flight to flight. m
+    pub fn height_m(&self) -> f64 {
+        from_tenths(self.height_dm)
+    }
+
+    /// Velocity: north, east, down by their names. m/s
+    pub fn velocity_mps(&self) -> [f64; 3] {
+        [self.vel_north_dm_s, self.vel_east_dm_s, self.vel_down_dm_s].map(from_tenths)
+    }
+
+    /// Battery voltage. V
+    pub fn battery_v(&self) -> f64 {
+        f64::from(self.battery_mv) * V_PER_MV
     }
 
     /// Low or critical charge, by the drone's own thresholds.

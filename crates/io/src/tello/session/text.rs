@@ -4,8 +4,6 @@
 //! can prove: one that is late, doubled or missing shifts nothing. Charge comes from the state line,
 //! never from a reply.
 
-use tello_flight::drone::M_PER_DM;
-
 use super::DroneOrder;
 use super::talk::{Message, Received};
 use crate::clock::{SpanNs, TimeNs};
@@ -30,9 +28,6 @@ const MOTORS_REST: SpanNs = SpanNs::from_ms(3000);
 /// Distances to the floor at which a drone counts as flying while it is unknown whether its motors run. cm; 10 on
 /// the floor
 const TOF_FLYING_CM: std::ops::RangeInclusive<f64> = 31.0..=1000.0;
-
-/// A larger heading is none. degrees
-const YAW_MAX_DEG: f64 = 360.0;
 
 /// What the replies and the state lines have reported so far.
 #[derive(Debug)]
@@ -179,9 +174,9 @@ impl TextTalk {
             is_battery_low: None,
             battery_pct,
             battery_v: None,
-            height_m: line.get(Field::H).map(|height_cm| from_tenths(height_cm / 10.0)),
-            velocity_mps: velocity(&line),
-            heading_rad: heading(&line),
+            height_m: line.height_m(),
+            velocity_mps: line.velocity_mps(),
+            heading_rad: line.heading_rad(),
             flight_mode: None,
         }))
     }
@@ -228,23 +223,6 @@ fn percent(value: f64) -> u8 {
     )]
     let percent = value.clamp(0.0, 100.0) as u8;
     percent
-}
-
-/// Velocity, which the line has in dm/s. m/s
-fn velocity(line: &StateLine) -> Option<[f64; 3]> {
-    let axis = |field| line.get(field).map(from_tenths);
-    Some([axis(Field::Vgx)?, axis(Field::Vgy)?, axis(Field::Vgz)?])
-}
-
-/// Heading, which the line has in degrees, clockwise. rad
-fn heading(line: &StateLine) -> Option<f64> {
-    let yaw_deg = line.get(Field::Yaw).filter(|yaw_deg| yaw_deg.abs() <= YAW_MAX_DEG)?;
-    Some(-yaw_deg.to_radians())
-}
-
-/// A number of tenths as whole ones, which a log keeps in 16 bits, in our units. m or m/s
-fn from_tenths(tenths: f64) -> f64 {
-    tenths.round().clamp(i16::MIN.into(), i16::MAX.into()) * M_PER_DM
 }
 
 #[cfg(test)]
@@ -373,23 +351,5 @@ mod tests {
     #[test]
     fn numbers_out_of_range_are_limited() {
         assert_eq!([-5.0, 99.9, 250.0, f64::NAN].map(percent), [0, 99, 100, 0]);
-        for (tenths, expected) in [(-12.6, -1.3), (1e9, 3276.7), (-1e9, -3276.8)] {
-            assert!((from_tenths(tenths) - expected).abs() < 1e-9, "{tenths}");
-        }
-    }
-
-    #[test]
-    fn a_heading_is_counter_clockwise_in_radians_and_within_a_turn() {
-        for (line, expected) in [
-            ("yaw:90;", Some(-std::f64::consts::FRAC_PI_2)),
-            ("yaw:-180;", Some(std::f64::consts::PI)),
-            ("yaw:0;", Some(0.0)),
-            ("yaw:361;", None),
-            ("yaw:1e300;", None),
-            ("yaw:x;pitch:1;", None),
-        ] {
-            let got = heading(&StateLine::decode(line.as_bytes()).unwrap());
-            assert_eq!(got, expected, "{line}");
-        }
     }
 }

@@ -4,6 +4,11 @@
 
 use std::fmt::{self, Display};
 
+use tello_flight::drone::from_tenths;
+
+/// A larger heading is none. degrees
+const YAW_MAX_DEG: f64 = 360.0;
+
 /// One value of the state line, in the order in which drones send them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Field {
@@ -100,6 +105,28 @@ impl StateLine {
         self
     }
 
+    /// Height in the steps of the drone, low by an offset that differs from flight to flight. dm
+    pub fn height_dm(&self) -> Option<f64> {
+        Some(self.get(Field::H)? / 10.0)
+    }
+
+    /// The same in whole steps. m
+    pub fn height_m(&self) -> Option<f64> {
+        self.height_dm().map(|height_dm| from_tenths(whole(height_dm)))
+    }
+
+    /// Speeds along three axes; axis and sign differ between reports. m/s
+    pub fn velocity_mps(&self) -> Option<[f64; 3]> {
+        let axis = |field| Some(from_tenths(whole(self.get(field)?)));
+        Some([axis(Field::Vgx)?, axis(Field::Vgy)?, axis(Field::Vgz)?])
+    }
+
+    /// Heading from the direction at power-up, counter-clockwise from above; `None` beyond a turn. rad
+    pub fn heading_rad(&self) -> Option<f64> {
+        let yaw_deg = self.get(Field::Yaw).filter(|yaw_deg| yaw_deg.abs() <= YAW_MAX_DEG)?;
+        Some(-yaw_deg.to_radians())
+    }
+
     /// The line in a datagram; `None` if it has no value that is known. Keys that are not known and
     /// values that are no finite numbers count as absent.
     pub fn decode(datagram: &[u8]) -> Option<Self> {
@@ -137,6 +164,13 @@ impl Display for StateLine {
         }
         f.write_str("\r\n")
     }
+}
+
+/// The nearest whole number that a log keeps in 16 bits.
+fn whole(value: f64) -> i16 {
+    #[expect(clippy::cast_possible_truncation, reason = "a cast saturates")]
+    let whole = value.round() as i16;
+    whole
 }
 
 fn angles(value: &str) -> Option<[i16; 3]> {

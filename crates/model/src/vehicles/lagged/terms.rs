@@ -30,7 +30,7 @@ const MOVED: [(usize, usize); 7] = [
     (motion::THETA, motion::OMEGA),
 ];
 
-/// What of a step follows from the time constants and the period alone.
+/// Terms of a step that depend on the time constants and the period only.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Lags {
     /// Bits of the time constants and the period.

@@ -15,7 +15,7 @@ fn facts(inbox: &Inbox, out: &Outcome) -> Facts {
 fn a_tick_before_anything_was_seen_claims_nothing() {
     let facts = facts(&Inbox::new(), &outcome());
     assert_eq!((facts.phase, facts.pilot, facts.is_by_hand), (Some(Phase::Idle), None, false));
-    assert_eq!((facts.estimate, facts.velocity, facts.disturbance), (None, None, None));
+    assert_eq!((facts.estimate, facts.velocity_w, facts.disturbance_w), (None, None, None));
     assert_eq!((facts.reference, facts.link, facts.drone), (None, None, None));
     assert!(facts.faults.is_empty());
 }
@@ -52,11 +52,11 @@ fn the_velocity_has_the_disturbance_in_it_and_is_none_for_a_model_without() {
     (out.s_hat[motion::V_Y], out.s_hat[motion::D_Y]) = (-0.25, 0.05);
     (out.s_hat[motion::V_Z], out.s_hat[motion::D_Z]) = (0.02, -0.012_345);
     let shown = facts(&Inbox::new(), &out);
-    assert_eq!(shown.velocity, Some([0.6, -0.2, 0.008]));
-    assert_eq!(shown.disturbance, Some([0.1, 0.05, -0.012]));
+    assert_eq!(shown.velocity_w, Some([0.6, -0.2, 0.008]));
+    assert_eq!(shown.disturbance_w, Some([0.1, 0.05, -0.012]));
     out.s_hat.truncate(pose::COUNT);
     let shown = facts(&Inbox::new(), &out);
-    assert_eq!((shown.velocity, shown.disturbance), (None, None));
+    assert_eq!((shown.velocity_w, shown.disturbance_w), (None, None));
     assert!(shown.estimate.is_some());
 }
 

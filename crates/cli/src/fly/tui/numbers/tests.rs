@@ -43,7 +43,7 @@ fn what_is_not_known_is_no_number() {
 fn places_are_in_metres_and_degrees() {
     let facts = Facts {
         estimate: Some(Spot { x: -1.0, y: 0.25, z: 1.5, theta: -std::f64::consts::FRAC_PI_2 }),
-        velocity: Some([0.5, -0.5, 0.0]),
+        velocity_w: Some([0.5, -0.5, 0.0]),
         offset: Some([0.123, -0.5]),
         ..Facts::default()
     };

@@ -52,3 +52,32 @@ fn the_attitude_over_a_pad_is_three_integers_or_absent() {
         assert_eq!(mpry(wrong), None, "{wrong:?}");
     }
 }
+
+#[test]
+fn heights_and_speeds_are_whole_tenths_in_the_range_of_a_log() {
+    for (tenths, expected) in [(-12.6, -1.3), (1e9, 3276.7), (-1e9, -3276.8)] {
+        let line = StateLine::default().with(Field::H, 10.0 * tenths);
+        let height_m = line.height_m().unwrap();
+        assert!((height_m - expected).abs() < 1e-9, "{tenths}");
+        assert_eq!(line.velocity_mps(), None, "without an axis");
+        let axes = [Field::Vgx, Field::Vgy, Field::Vgz];
+        let line = axes.into_iter().fold(line, |line, axis| line.with(axis, tenths));
+        assert_eq!(line.velocity_mps(), Some([height_m; 3]));
+    }
+    assert_eq!(StateLine::default().height_m(), None);
+}
+
+#[test]
+fn a_heading_is_counter_clockwise_in_radians_and_within_a_turn() {
+    for (line, expected) in [
+        ("yaw:90;", Some(-std::f64::consts::FRAC_PI_2)),
+        ("yaw:-180;", Some(std::f64::consts::PI)),
+        ("yaw:0;", Some(0.0)),
+        ("yaw:361;", None),
+        ("yaw:1e300;", None),
+        ("yaw:x;pitch:1;", None),
+    ] {
+        let got = StateLine::decode(line.as_bytes()).unwrap().heading_rad();
+        assert_eq!(got, expected, "{line}");
+    }
+}

@@ -1,0 +1,110 @@
+use horizon_model::Lagged;
+use horizon_model::rows::{lag, motion};
+
+use super::*;
+use crate::cycle::sense::tests::{DT_NS, sighting, table};
+
+type LaggedCycle = Cycle<Lagged, { motion::COUNT }, { lag::COUNT }, { motion::CONTROLLABLE }>;
+
+const U_HAND: [f64; stick::COUNT] = [0.3, -0.2, 0.1, 0.0];
+
+fn cycle() -> LaggedCycle {
+    build::cycle(Lagged::default(), &table()).unwrap()
+}
+
+#[test]
+fn without_a_pilot_or_without_the_sticks_of_a_person_the_sticks_are_neutral() {
+    for pilot in [None, Some(Pilot::Person)] {
+        let mut cycle = cycle();
+        cycle.fifo.push(&Sticks::repeat(0.5));
+        let steered = cycle.steer(pilot, &Inbox::new());
+        assert_eq!(steered, (Sticks::zeros(), Approved::neutral()), "{pilot:?}");
+    }
+}
+
+#[test]
+fn a_person_needs_no_pose_and_takes_over_from_the_newest_sticks() {
+    let mut cycle = cycle();
+    cycle.fifo.push(&Sticks::repeat(0.5));
+    let inbox = Inbox { manual: Some(U_HAND), ..Inbox::new() };
+    let (first, _) = cycle.steer(Some(Pilot::Person), &inbox);
+    assert!(first.iter().all(|u| (0.4..0.5).contains(u)), "{first}");
+    let (last, approved) =
+        (0..20).map(|_| cycle.steer(Some(Pilot::Person), &inbox)).last().unwrap();
+    assert_eq!(last, Sticks::from(U_HAND));
+    assert!((approved.sticks() - last).amax() <= 0.5 / 660.0, "a step of the wire");
+    // Beyond full deflection the gate refuses.
+    let inbox = Inbox { manual: Some([1.1, 0.0, 0.0, 0.0]), ..inbox };
+    assert_eq!(cycle.steer(Some(Pilot::Person), &inbox).1, Approved::neutral());
+}
+
+#[test]
+fn the_sticks_of_the_controller_pass_on_a_fresh_pose_only() {
+    let mut cycle = cycle();
+    cycle.hand_over.blend(Pilot::Person, &Sticks::zeros(), &Sticks::repeat(0.5), 1.0);
+    cycle.fifo.push(&Sticks::repeat(0.5));
+    // Half of the way from the sticks of a person to those of a plan that is missing.
+    for (pose_age_ns, passes) in
+        [(None, false), (Some(20_000_000), true), (Some(i64::MAX / 4), false)]
+    {
+        let now = TimeNs(i64::MAX / 2);
+        cycle.memory.position_at = pose_age_ns.map(|age_ns| TimeNs(now.0 - age_ns));
+        cycle.memory.heading_at = cycle.memory.position_at;
+        let mut inbox = Inbox::new();
+        inbox.open(0, now);
+        let (u_wish, approved) = cycle.steer(Some(Pilot::Controller), &inbox);
+        assert!(u_wish.amax() > 0.1, "{u_wish}");
+        assert_eq!(approved != Approved::neutral(), passes, "{pose_age_ns:?}");
+    }
+}
+
+#[test]
+fn sticks_are_sent_to_a_drone_that_takes_them_or_has_not_reported() {
+    let mut cycle = cycle();
+    assert!(cycle.takes_sticks());
+    for takes_sticks in [true, false] {
+        cycle.memory.drone = Some(DroneStatus {
+            received_at: TimeNs(0),
+            is_flying: true,
+            is_on_ground: false,
+            takes_sticks,
+            is_battery_low: None,
+            battery_pct: 80,
+            battery_v: None,
+            height_m: None,
+            velocity_mps: None,
+            heading_rad: None,
+            flight_mode: None,
+        });
+        assert_eq!(cycle.takes_sticks(), takes_sticks);
+    }
+}
+
+/// Distance of the reference from a vehicle that a person carries 1 m aside for 2 s, in the first tick with the controller
+/// again. m
+fn reference_after_a_hand_back_m() -> f64 {
+    let mut cycle = cycle();
+    let (mut inbox, mut out) = (Inbox::new(), cycle.new_outcome());
+    for step in 0..=120 {
+        let now = TimeNs(step * DT_NS);
+        inbox.open(step.unsigned_abs(), now);
+        inbox.manual = (20..120).contains(&step).then_some([0.0; stick::COUNT]);
+        let mut seen = sighting(now, 0);
+        let aside_m = 0.01 * (step - 20).clamp(0, 100) as f64;
+        if let Some(pose) = &mut seen.pose {
+            pose[pose::Y] += aside_m;
+        }
+        inbox.sightings.push(seen);
+        cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
+    }
+    assert!(cycle.memory.is_on_mission);
+    let at = inbox.sightings[0].pose.unwrap();
+    (out.reference.unwrap() - at).fixed_rows::<2>(pose::X).norm()
+}
+
+#[test]
+fn after_a_hand_back_the_mission_goes_on_from_the_vehicle() {
+    let away_m = reference_after_a_hand_back_m();
+    // The reference is that of the time when the sticks of this tick act, 0.34 s ahead at 0.5 m/s.
+    assert!(away_m < 0.35, "{away_m} m");
+}

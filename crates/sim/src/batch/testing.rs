@@ -1,0 +1,36 @@
+//! A flown flight, for the tests of what reads batches.
+
+use tello_eval::metrics::{Fence, LeastClearance, Metrics, Outages, Score};
+
+use super::{Ending, FlightRow, Flown, Largest, SolverCounts};
+
+impl Flown {
+    /// A flight with three corners that took `since_entry_s` (s), at most `distance_max_m` off; without a time it did not
+    /// finish.
+    pub(crate) fn example(since_entry_s: Option<f64>, distance_max_m: f64) -> Self {
+        let metrics = Metrics {
+            finish_s: since_entry_s,
+            distance_median_m: 0.05,
+            distance_p95_m: 0.1,
+            distance_max_m,
+            speed_median_mps: 0.5,
+            input_norm_median: 0.3,
+        };
+        let score =
+            Score { metrics, since_entry_s, overshoots_m: vec![0.1, 0.0, 0.2], laps: Vec::new() };
+        let row = FlightRow {
+            seed: 1,
+            ending: if since_entry_s.is_some() { Ending::Finished } else { Ending::TimeLimit },
+            landed_by: Vec::new(),
+            by_truth: Some(score),
+            by_estimate: None,
+            fence: Fence::default(),
+            clearance: LeastClearance::default(),
+            hover: None,
+            outages: Outages::default(),
+            monitors: Largest::default(),
+            solvers: SolverCounts::default(),
+        };
+        Self { row, distances_m: [vec![0.05], vec![]], track_w: vec![] }
+    }
+}
