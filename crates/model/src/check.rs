@@ -136,16 +136,16 @@ pub fn jacobian_gap<const M: usize, const N: usize>(
     x: &SVector<f64, N>,
     exact: &SMatrix<f64, M, N>,
 ) -> f64 {
-    worst_entry(f, x, exact).gap
+    worst_entry(f, (x, &[Row::UNNAMED; N]), exact).gap
 }
 
-/// The entry of `exact` with the largest gap to central differences of `f` at `x`.
+/// The entry of `exact` with the largest gap to central differences of `f` at `x`, whose rows are `rows`.
 fn worst_entry<const M: usize, const N: usize>(
     f: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
-    x: &SVector<f64, N>,
+    (x, rows): (&SVector<f64, N>, &[Row; N]),
     exact: &SMatrix<f64, M, N>,
 ) -> Entry {
-    worst_of(exact, &differences::jacobian(f, x))
+    worst_of(exact, &differences::jacobian_of_rows(f, x, rows))
 }
 
 /// The entry of `given` with the largest gap to `numeric`.
@@ -165,7 +165,9 @@ fn worst_of<const M: usize, const N: usize>(
 /// and [`Model::groups`], which must not be coupled.
 ///
 /// Steps are divided by the period, so that an entry of order `dt_s` is checked as strictly as one of order 1. A
-/// right first derivative has a gap of about 1e-10 to 1e-8.
+/// right first derivative has a gap of about 1e-10 to 1e-8 if rows are of order 1 or positive; elsewhere the differences
+/// are wrong ([`crate::differences`]), and a right derivative has a large gap. A gap is relative to the larger of 1 and
+/// the numeric derivative: a wrong sign of an entry of 1e-9 is a gap of 2e-9. Choose units that make entries large.
 pub fn model_gap<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
     model: &M,
     at: &Point<NS, NU, NP>,
@@ -178,9 +180,9 @@ where
     let (states, inputs, parameters) = (&M::STATE[..], &M::INPUT[..], &M::PARAMETER[..]);
     let s_next = model.step(s, u, p, *dt_s) / *dt_s;
     let scaled_step = |s: &_, u: &_, p: &_| model.step(s, u, p, *dt_s) / *dt_s;
-    let by_state = differences::jacobian(|s| scaled_step(s, u, p), s);
-    let by_input = differences::jacobian(|u| scaled_step(s, u, p), u);
-    let by_parameter = differences::jacobian(|p| scaled_step(s, u, p), p);
+    let by_state = differences::jacobian_of_rows(|s| scaled_step(s, u, p), s, &M::STATE);
+    let by_input = differences::jacobian_of_rows(|u| scaled_step(s, u, p), u, &M::INPUT);
+    let by_parameter = differences::jacobian_of_rows(|p| scaled_step(s, u, p), p, &M::PARAMETER);
 
     // What a user writes comes first: of equal gaps the first is reported, and the others follow from it.
     let given = model.step_by_state(s, u, p, *dt_s) / *dt_s;
@@ -203,9 +205,10 @@ where
     check.observe(name, entry, (states, parameters));
 
     let observed = model.observe_by_state(s);
-    let entry = worst_entry(|s| model.observe(s), s, &observed);
+    let entry = worst_entry(|s| model.observe(s), (s, &M::STATE), &observed);
     check.observe("observe_by_state", entry, (&M::OBSERVATION, states));
-    let entry = worst_entry(|s| model.coasting(s, p), s, &model.coasting_by_state(s, p));
+    let entry =
+        worst_entry(|s| model.coasting(s, p), (s, &M::STATE), &model.coasting_by_state(s, p));
     check.observe("coasting_by_state", entry, (&M::OBSERVATION, states));
 
     check_hessians(&mut check, model, at);
@@ -271,22 +274,23 @@ fn check_hessians<M, const NS: usize, const NU: usize, const NO: usize, const NP
     let by_parameter = |p: &_| model.step_by_parameter(s, u, p, *dt_s).tr_mul(&w);
     if let Some(curvature) = model.step_curvature(s, u, p, *dt_s, &w) {
         let name = "step_curvature";
-        let entry = worst_entry(|s| by_state(s, p), s, &curvature.by_state);
+        let entry = worst_entry(|s| by_state(s, p), (s, &M::STATE), &curvature.by_state);
         check.observe(name, entry, (states, states));
-        let entry = worst_entry(|p| by_state(s, p), p, &curvature.by_state_parameter);
+        let entry =
+            worst_entry(|p| by_state(s, p), (p, &M::PARAMETER), &curvature.by_state_parameter);
         check.observe(name, entry, (states, parameters));
-        let entry = worst_entry(by_parameter, p, &curvature.by_parameter);
+        let entry = worst_entry(by_parameter, (p, &M::PARAMETER), &curvature.by_parameter);
         check.observe(name, entry, (parameters, parameters));
     }
     let along_input = model.step_by_input(s, u, p, *dt_s);
     let kind = (&w, HessianKind::Exact);
     if let Some(curvature) = model.drive_curvature((s, u), p, *dt_s, &along_input, kind) {
         let name = "drive_curvature";
-        let entry = worst_entry(|s| by_state(s, p), s, &curvature.by_state);
+        let entry = worst_entry(|s| by_state(s, p), (s, &M::STATE), &curvature.by_state);
         check.observe(name, entry, (states, states));
-        let entry = worst_entry(|s| by_input(s, u), s, &curvature.by_input_state);
+        let entry = worst_entry(|s| by_input(s, u), (s, &M::STATE), &curvature.by_input_state);
         check.observe(name, entry, (inputs, states));
-        let entry = worst_entry(|u| by_input(s, u), u, &curvature.by_input);
+        let entry = worst_entry(|u| by_input(s, u), (u, &M::INPUT), &curvature.by_input);
         check.observe(name, entry, (inputs, inputs));
     }
 }
