@@ -62,7 +62,7 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let mut mpc = Mpc::<_, 4, 2, 2, 1, 4>::new(car, settings, DT_S)?;
     let goal = SVector::from([4.0, 1.0, 0.0, 0.0]);
     let (mut s, mut u) = (SVector::zeros(), SVector::zeros());
-    mhe.start(&measure(&s, 0).o);
+    mhe.start(&measure(&s, 0).o)?;
     for k in 0..150 {
         mpc.solve(&Ask::new(mhe.s_hat(), &p, &u, &[goal; STEPS]), &mut || false)?;
         u = mpc.plan()[0];

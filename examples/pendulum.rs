@@ -61,7 +61,7 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let mut mpc = Mpc::<_, 4, 1, 2, 1, 4>::new(pendulum, settings, DT_S)?;
     let goal = SVector::from([0.5, 0.0, 0.0, 0.0]);
     let (mut s, mut u) = (SVector::from([0.0, 0.2, 0.0, 0.0]), SVector::zeros());
-    mhe.start(&measure(&s, 0).o);
+    mhe.start(&measure(&s, 0).o)?;
     for k in 0..250 {
         mpc.solve(&Ask::new(mhe.s_hat(), &p, &u, &[goal; STEPS]), &mut || false)?;
         u = mpc.plan()[0];

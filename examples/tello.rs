@@ -45,7 +45,7 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let mut mpc = Mpc::<_, 4, 4, 4, 4, 4>::new(Kinematic, settings, DT_S)?;
     let goal = Pose::new(0.0, 1.0, 1.5, 1.5);
     let (mut s, mut u) = (Pose::new(0.0, 0.0, 1.0, 0.0), Sticks::zeros());
-    mhe.start(&measure(&s, 0).o);
+    mhe.start(&measure(&s, 0).o)?;
     for k in 0..300 {
         mpc.solve(&Ask::new(mhe.s_hat(), &p, &u, &[goal; STEPS]), &mut || false)?;
         u = mpc.plan()[0];

@@ -224,9 +224,10 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
 
     /// The state at rest that is observed as `o`: where an estimator starts and what a target means.
     ///
-    /// `observe(at_rest(o)) == o`. The default is the least-squares solution by Gauss-Newton from `s = 0`, with
-    /// the minimum norm where `observe` is linear: rows that are not observed stay zero. Override it if rest means
-    /// something else.
+    /// `observe(at_rest(o)) == o`. The default is the least-squares solution by Gauss-Newton from `s = 0`, or from
+    /// `s = (0.1, 0.2, ..)` if that explains `o` better, as with distances; with the minimum norm where `observe` is
+    /// linear: rows that are not observed stay zero. Override it if rest means something else, or if `observe` has
+    /// other places without a derivative.
     fn at_rest(&self, o: &SVector<f64, NO>) -> SVector<f64, NS> {
         rest::least_squares(|s| self.observe(s), |s| self.observe_by_state(s), o)
     }
