@@ -1,5 +1,6 @@
-//! Numeric check of the derivatives of a model: which entry disagrees most with central differences.
+//! Numeric check of a model: which entry disagrees most, a derivative with central differences, or a function with another.
 
+mod equalities;
 mod structure;
 
 use std::fmt;
@@ -23,7 +24,7 @@ pub struct Point<const NS: usize, const NU: usize, const NP: usize> {
     pub dt_s: f64,
 }
 
-/// One entry of a derivative beside its numeric value.
+/// One entry of a derivative, or of a function, beside its numeric value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Entry {
     /// Row of the matrix, from 0.
@@ -32,7 +33,7 @@ pub struct Entry {
     pub column: usize,
     /// What the model returns. Unit of the row / unit of the column
     pub given: f64,
-    /// What it should be, by central differences. Unit of the row / unit of the column
+    /// What it should be, by central differences or by the function that must agree. Unit of the row / unit of the column
     pub numeric: f64,
     /// `|given - numeric| / max(1, |numeric|)`; NaN if either is. 1
     pub gap: f64,
@@ -54,7 +55,7 @@ impl Entry {
     }
 }
 
-/// The entry of all derivatives of a model that disagrees most with central differences, see [`model_gap`].
+/// The entry of a model that disagrees most with what it should be, see [`model_gap`].
 ///
 /// Displayed as `step_by_state[y, theta] = 0.1, by differences -0.1: gap 2e-1`; rows without a name are shown
 /// by their number.
@@ -88,7 +89,9 @@ impl fmt::Display for Gap {
         label(f, row_name, *row)?;
         f.write_str(", ")?;
         label(f, column_name, *column)?;
-        write!(f, "] = {given}, by differences {numeric}: gap {gap:e}")
+        let source =
+            if equalities::NAMES.contains(derivative) { "expected" } else { "by differences" };
+        write!(f, "] = {given}, {source} {numeric}: gap {gap:e}")
     }
 }
 
@@ -157,12 +160,17 @@ fn worst_of<const M: usize, const N: usize>(
     entries.map(|at| Entry::new(at, given[at], numeric[at])).fold(Entry::NONE, Entry::or_worse)
 }
 
-/// Entry of all derivatives of `model` that disagrees most with central differences at one point.
+/// Entry of `model` that disagrees most with what it should be, at one point.
 ///
 /// Checked are the four Jacobians, that of [`Model::coasting`], those of [`Model::linearize`] and
 /// [`Model::linearize_drive`], the Hessians if
 /// the model has them, the rows behind [`Model::CONTROLLABLE`], which neither inputs nor controllable rows may move,
-/// and [`Model::groups`], which must not be coupled.
+/// and [`Model::groups`], which must not be coupled. Derivatives are compared with central differences.
+///
+/// Functions that must agree with others are compared with these: [`Model::prepared`] with the model, `core` with the
+/// step at the effective input, `effect` of `input_for` with the effect, and the observation of [`Model::at_rest`] with
+/// that of `s`. A state that is not at rest may be observed as none at rest is, if velocities are observed and `at_rest`
+/// is overridden: check such a model at rest.
 ///
 /// Steps are divided by the period, so that an entry of order `dt_s` is checked as strictly as one of order 1. A
 /// right first derivative has a gap of about 1e-10 to 1e-8 if rows are of order 1 or positive; elsewhere the differences
@@ -212,6 +220,7 @@ where
     check.observe("coasting_by_state", entry, (&M::OBSERVATION, states));
 
     check_hessians(&mut check, model, at);
+    equalities::check(&mut check, model, at);
     let entry = structure::reach(&driven, M::CONTROLLABLE, *dt_s);
     check.observe("CONTROLLABLE", entry, (states, &[]));
     let mut groups = Vec::new();
