@@ -13,7 +13,7 @@ pub struct Excess<const NS: usize> {
     pub value: f64,
     /// Derivative of `c` by `s`. Unit of `c` / unit of the row
     pub gradient: SVector<f64, NS>,
-    /// Weight of the violation in one step, which is not squared. 1/unit, > 0
+    /// Weight of the violation in one step, which is not squared. 1/unit, >= 0; its square is finite
     pub weight: f64,
 }
 

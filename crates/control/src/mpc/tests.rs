@@ -5,6 +5,7 @@ mod hessian;
 mod indefinite;
 mod late;
 mod models;
+mod not_finite;
 mod soft;
 mod stages;
 mod termination;
@@ -345,10 +346,10 @@ fn what_is_not_finite_is_refused_and_changes_nothing() {
         (|case| case.s_0[pose::Y] = f64::NAN, "s_0[1] = NaN is not finite"),
         (|case| case.p[gain::THETA_0] = f64::INFINITY, "p[3] = inf is not finite"),
         (|case| case.u_before[stick::YAW] = f64::NAN, "u_before[2] = NaN is not finite"),
-        (|case| case.s_ref[2][pose::X] = f64::NAN, "s_ref[0] = NaN is not finite"),
+        (|case| case.s_ref[2][pose::X] = f64::NAN, "s_ref[2][0] = NaN is not finite"),
         (
             |case| case.s_0[pose::X] = 1e300,
-            "the present plan costs inf: state, reference or weights are too large",
+            "the present plan costs inf: state, reference or weights are too large, or the model is not finite",
         ),
     ];
     for (spoil, message) in spoils {

@@ -132,7 +132,7 @@ fn bad_given_inputs_are_refused_and_change_nothing() {
     case.u_given[0][stick::YAW] = f64::NAN;
     assert_eq!(
         case.solve_while(&mut || false).unwrap_err().to_string(),
-        "u_given[2] = NaN is not finite"
+        "u_given[0][2] = NaN is not finite"
     );
     assert_eq!(case.mpc.plan(), plan);
 }

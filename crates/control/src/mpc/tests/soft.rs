@@ -106,7 +106,7 @@ fn the_reduced_gradient_with_penalties_meets_its_numeric_twin() {
         mpc.trial.u = plan(&at);
         mpc.roll_out(&ask, &against, Trial::Linearized);
         mpc.take_trial();
-        mpc.fill_gradients(&against);
+        mpc.fill_gradients(&against).unwrap();
         let gradient = mpc.expansion.reduced_gradient.clone();
         let gradient =
             SVector::<f64, 24>::from_iterator(gradient.iter().flat_map(|g| g.iter()).copied());
@@ -141,7 +141,7 @@ fn the_predicted_decrease_with_penalties_is_exact_for_a_linear_motion() {
         mpc.trial.u.clone_from(&before);
         let cost = mpc.roll_out(&ask, &against, Trial::Linearized);
         mpc.take_trial();
-        mpc.fill_gradients(&against);
+        mpc.fill_gradients(&against).unwrap();
         mpc.expansion.du = (0..6).map(|k| sticks(k + 1, direction)).collect();
         let predicted = mpc.expansion.complete_step(&before, &bounds, false).decrease;
         mpc.trial.u = before.iter().zip(&mpc.expansion.du).map(|(u, du)| u + du).collect();
