@@ -41,7 +41,7 @@ impl TrajectoryPredictor {
     /// A dead time or the period breaks its rule.
     pub fn new(cycle: &CycleTable) -> Result<Self, SettingError> {
         let fifo = InputFifo::new(&cycle.dead_time_s, &Kinematic::INPUT, cycle.dt_s)?;
-        let fifo = fifo.with_room(CHANGE_MAX).with_min_ratio(cycle.dead_time_min_ratio());
+        let fifo = fifo.with_room(CHANGE_MAX).with_min_ratio(cycle.dead_time_min_ratio())?;
         Ok(Self { model: cycle.model, fifo, dt_s: cycle.dt_s })
     }
 
