@@ -164,6 +164,6 @@ pub(crate) fn default_table(model: Handle, dimensions: Dimensions) -> PyResult<M
         transition_loss: LossTable::None {},
         arrival: ArrivalTable::Carried { c_0: vec![1.0; dimensions.states], forget_s: 60.0 },
         shift_prior: false,
-        solver: LmTable::default(),
+        solver: LmTable { damping_start: 0.0, ..LmTable::default() },
     })
 }
