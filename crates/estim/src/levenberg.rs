@@ -114,6 +114,13 @@ pub struct SolveReport {
     pub cost: f64,
 }
 
+impl SolveReport {
+    /// Whether the iterate is optimal within the tolerances, not only the best before a limit.
+    pub fn is_converged(&self) -> bool {
+        matches!(self.stop, Stop::CostTolerance | Stop::StepTolerance)
+    }
+}
+
 /// What makes a solve impossible. No iterate is to be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]

@@ -123,6 +123,7 @@ impl Stop {
 
 /// How a solve went.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[must_use]
 pub struct MpcReport {
     /// Why it stopped.
     pub stop: Stop,

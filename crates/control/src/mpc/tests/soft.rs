@@ -74,10 +74,10 @@ fn a_plan_keeps_off_what_it_would_run_into() {
         case.mpc.planned_states().iter().map(excess).fold(-1.0, maximum)
     };
     let mut free = case(QpKind::Riccati, 40);
-    free.solve();
+    assert!(free.solve().has_new_plan());
     let free_m = excess_max(&free);
     let mut held = case(QpKind::Riccati, 40);
-    solve_with(&mut held, &POLE);
+    assert!(solve_with(&mut held, &POLE).has_new_plan());
     let held_m = excess_max(&held);
     assert!(free_m > 0.05 && held_m < 0.003, "{free_m} m without, {held_m} m with");
 }
@@ -174,11 +174,11 @@ fn bounded_rows_stop_at_their_bounds() {
         case.mpc.planned_states().iter().map(of_state).fold(-1.0, maximum)
     };
     let mut free = case(QpKind::Riccati, 40);
-    free.solve();
+    assert!(free.solve().has_new_plan());
     let mut held = case(QpKind::Riccati, 40);
     let settings = held.mpc.settings().clone().with_constraints(bounds.count());
     held.mpc = Mpc::new(Kinematic, settings, DT_S).unwrap();
-    solve_with(&mut held, &bounds);
+    assert!(solve_with(&mut held, &bounds).has_new_plan());
     let (free, held) = (beyond(&free), beyond(&held));
     assert!(free > 0.05 && held < 0.005, "{free} m without bounds, {held} m with them");
     let at = Pose::new(0.3, -0.2, 0.1, 3.3);
