@@ -40,19 +40,18 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
 
     // Identification from one recorded drive.
     let mut s = SVector::from([0.0, 0.0, 0.2, 1.0]);
-    let (mut drive_u, mut drive_o) = (Vec::new(), Vec::new());
+    let (mut us, mut os) = (Vec::new(), Vec::new());
     for k in 0..200 {
         let t = DT_S * k as f64;
         let u = SVector::from([0.4 * (0.9 * t).sin(), 0.4 * (0.5 * t).sin()]);
-        drive_o.push(measure(&s, k));
-        drive_u.push(u);
+        os.push(measure(&s, k));
+        us.push(u);
         s = car.step(&s, &u, &truth, DT_S);
     }
     let settings =
         IdentSettings::builder([2.0]).c_o([100.0; 2]).c_s([10.0; 4]).bounds([1.0], [5.0]);
-    let pieces = vec![Piece { u: drive_u, o: drive_o }];
-    let mut ident = Ident::new(car, &settings.build(&car)?, DT_S, pieces)?;
-    assert!(ident.solve(&mut || false)?.cost.is_finite());
+    let mut ident = Ident::new(car, &settings.build(&car)?, DT_S, vec![Piece { u: us, o: os }])?;
+    assert!(ident.solve(&mut || false)?.is_converged());
     let p = *ident.parameter();
     // Estimation and control: four metres ahead, one to the left, at rest.
     let settings = MheSettings::builder(p.into()).c_o([100.0; 2]).c_s([10.0; 4]).c_p([100.0]);
@@ -60,17 +59,18 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let settings = MpcSettings::builder(STEPS).c_s([3.0, 3.0, 1.0, 0.5]).c_s_end([20.0; 4]);
     let settings = settings.bounds([-1.5, -0.5], [1.5, 0.5]).build(&car)?;
     let mut mpc = Mpc::<_, 4, 2, 2, 1, 4>::new(car, settings, DT_S)?;
-    let goal = SVector::from([4.0, 1.0, 0.0, 0.0]);
+    let s_ref = [SVector::from([4.0, 1.0, 0.0, 0.0]); STEPS];
     let (mut s, mut u) = (SVector::zeros(), SVector::zeros());
-    mhe.start(&measure(&s, 0).o);
+    mhe.start(&measure(&s, 0).o)?;
     for k in 0..150 {
-        mpc.solve(&Ask::new(mhe.s_hat(), &p, &u, &[goal; STEPS]), &mut || false)?;
+        let ask = Ask::new(mhe.s_hat(), &p, &u, &s_ref);
+        assert!(mpc.solve(&ask, &mut || false)?.has_new_plan());
         u = mpc.plan()[0];
         mpc.shift();
         s = car.step(&s, &u, &truth, DT_S);
-        assert!(mhe.update(&u, &measure(&s, k), &mut || false)?.cost.is_finite());
+        assert!(mhe.update(&u, &measure(&s, k), &mut || false)?.is_converged());
     }
-    Ok([(p - truth).norm(), (mhe.s_hat() - s).norm(), (s - goal).norm()])
+    Ok([(p - truth).norm(), (mhe.s_hat() - s).norm(), (s - s_ref[0]).norm()])
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -35,7 +35,7 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let settings = IdentSettings::builder(PRIOR).c_o([500.0; 4]).c_s([10.0; 4]);
     let pieces = vec![Piece { u: flight_u, o: flight_o }];
     let mut ident = Ident::new(Kinematic, &settings.build(&Kinematic)?, DT_S, pieces)?;
-    assert!(ident.solve(&mut || false)?.cost.is_finite());
+    assert!(ident.solve(&mut || false)?.is_converged());
     let p = *ident.parameter();
     // Estimation and control: to a pose a metre aside, half a metre higher, turned by a quarter.
     let settings = MheSettings::builder(p.into()).c_o([500.0; 4]).c_s([10.0; 4]).c_p([100.0; 4]);
@@ -43,17 +43,18 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let settings = MpcSettings::builder(STEPS).c_u([0.5; 4]).c_s([5.0; 4]).c_s_end([20.0; 4]);
     let settings = settings.bounds([-0.8; 4], [0.8; 4]).build(&Kinematic)?;
     let mut mpc = Mpc::<_, 4, 4, 4, 4, 4>::new(Kinematic, settings, DT_S)?;
-    let goal = Pose::new(0.0, 1.0, 1.5, 1.5);
+    let s_ref = [Pose::new(0.0, 1.0, 1.5, 1.5); STEPS];
     let (mut s, mut u) = (Pose::new(0.0, 0.0, 1.0, 0.0), Sticks::zeros());
-    mhe.start(&measure(&s, 0).o);
+    mhe.start(&measure(&s, 0).o)?;
     for k in 0..300 {
-        mpc.solve(&Ask::new(mhe.s_hat(), &p, &u, &[goal; STEPS]), &mut || false)?;
+        let ask = Ask::new(mhe.s_hat(), &p, &u, &s_ref);
+        assert!(mpc.solve(&ask, &mut || false)?.has_new_plan());
         u = mpc.plan()[0];
         mpc.shift();
         s = Kinematic.step(&s, &u, &truth, DT_S);
-        assert!(mhe.update(&u, &measure(&s, k), &mut || false)?.cost.is_finite());
+        assert!(mhe.update(&u, &measure(&s, k), &mut || false)?.is_converged());
     }
-    Ok([(p - truth).norm(), (mhe.s_hat() - s).norm(), (s - goal).norm()])
+    Ok([(p - truth).norm(), (mhe.s_hat() - s).norm(), (s - s_ref[0]).norm()])
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -46,7 +46,7 @@ fn every_reference_window_is_solved_to_the_same_optimum() {
     let mut count = 0;
     for line in text.lines() {
         let window: Window = serde_json::from_str(line).unwrap();
-        mhe.start(&Pose::from(window.s0));
+        mhe.start(&Pose::from(window.s0)).unwrap();
         let mut cost = f64::NAN;
         for (u, o) in window.u.iter().zip(&window.o) {
             let observed = Observed::full(Pose::from(*o));

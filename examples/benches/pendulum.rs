@@ -155,7 +155,7 @@ fn fly<M: Model<4, 1, 2, 1>>(model: M) -> Result<Flight, Box<dyn Error>> {
     let goal = [SVector::from([0.5, 0.0, 0.0, 0.0]); STAGES];
     let (mut s, mut u) = (SVector::from([0.0, 0.2, 0.0, 0.0]), SVector::zeros());
     let mut flight = Flight { mpc_s: 0.0, mhe_s: 0.0, mpc_iterations: 0, mhe_iterations: 0, s };
-    mhe.start(&[0.0, 0.2].into());
+    mhe.start(&[0.0, 0.2].into())?;
     for k in 0..STEPS {
         let start = Instant::now();
         let ask = Ask::new(mhe.s_hat(), mhe.p_hat(), &u, &goal);

@@ -4,6 +4,9 @@
 #[path = "../car.rs"]
 mod car;
 #[expect(dead_code, reason = "main is that of the example")]
+#[path = "../carriage.rs"]
+mod carriage;
+#[expect(dead_code, reason = "main is that of the example")]
 #[path = "../pendulum.rs"]
 mod pendulum;
 #[expect(dead_code, reason = "main is that of the example")]
@@ -14,6 +17,7 @@ mod tello;
 fn every_example_identifies_estimates_and_arrives() {
     for (name, errors, bounds) in [
         ("car", car::run().unwrap(), [0.03, 0.1, 0.1]),
+        ("carriage", carriage::run().unwrap(), [0.02, 0.03, 0.02]),
         ("pendulum", pendulum::run().unwrap(), [0.003, 0.03, 0.05]),
         ("tello", tello::run().unwrap(), [0.02, 0.01, 0.02]),
     ] {

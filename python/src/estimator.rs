@@ -22,7 +22,7 @@ pub(crate) struct Mhe {
 
 /// An estimator of any dimensions; vectors may be shorter than those of the model.
 trait AnyMhe: Send + Sync {
-    fn start(&mut self, o: &[f64]) -> bool;
+    fn start(&mut self, o: &[f64]) -> Result<(), MheError>;
     fn update(&mut self, u: &[f64], o: Option<&[f64]>) -> Result<(f64, u32), MheError>;
     fn s_hat(&self) -> &[f64];
     fn p_hat(&self) -> &[f64];
@@ -33,9 +33,8 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> AnyM
 where
     M: AnyModel<NS, NU, NO, NP>,
 {
-    fn start(&mut self, o: &[f64]) -> bool {
-        self.start(&padded(o));
-        self.is_started()
+    fn start(&mut self, o: &[f64]) -> Result<(), MheError> {
+        self.start(&padded(o)).map(|_| ())
     }
 
     fn update(&mut self, u: &[f64], o: Option<&[f64]>) -> Result<(f64, u32), MheError> {
@@ -83,11 +82,8 @@ impl Mhe {
     /// Starts, or starts again, at rest where `o` was observed.
     fn start(&mut self, o: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
         let o = array::vector("o", &o, self.dimensions.observations)?;
-        if self.estimator.start(&o) {
-            Ok(())
-        } else {
-            Err(TelloError::new_err("o: no state is observed so"))
-        }
+        let started = self.estimator.start(&o);
+        started.map_err(|error| TelloError::new_err(format!("o: no state is observed so: {error}")))
     }
 
     /// One period later: input, observation or None; cost and iterations come back.
@@ -168,6 +164,6 @@ pub(crate) fn default_table(model: Handle, dimensions: Dimensions) -> PyResult<M
         transition_loss: LossTable::None {},
         arrival: ArrivalTable::Carried { c_0: vec![1.0; dimensions.states], forget_s: 60.0 },
         shift_prior: false,
-        solver: LmTable::default(),
+        solver: LmTable { damping_start: 0.0, ..LmTable::default() },
     })
 }

@@ -13,7 +13,7 @@ pub struct Excess<const NS: usize> {
     pub value: f64,
     /// Derivative of `c` by `s`. Unit of `c` / unit of the row
     pub gradient: SVector<f64, NS>,
-    /// Weight of the violation in one step, which is not squared. 1/unit, > 0
+    /// Weight of the violation in one step, which is not squared. 1/unit, >= 0; its square is finite
     pub weight: f64,
 }
 
@@ -47,7 +47,8 @@ pub struct Excess<const NS: usize> {
 /// let mut mpc = Mpc::<_, 4, 4, 4, 4, 4>::new(Kinematic, settings, 0.02)?;
 /// let (s, p, u) = (SVector::zeros(), SVector::from([1.3, 0.45, 1.0, 0.0]), SVector::zeros());
 /// let s_ref = [SVector::from([0.3, 0.0, 0.0, 0.0]); 30];
-/// mpc.solve_with(&Ask::new(&s, &p, &u, &s_ref), Some(&Wall), &mut || false)?;
+/// let report = mpc.solve_with(&Ask::new(&s, &p, &u, &s_ref), Some(&Wall), &mut || false)?;
+/// assert!(report.has_new_plan());
 /// assert!(mpc.planned_states().iter().all(|s| s[pose::X] < 0.051));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

@@ -13,26 +13,24 @@ mod prepared;
 mod report;
 mod settings;
 mod soft;
+mod subproblem;
 
 use std::fmt::Display;
 
-use horizon_model::setting::{SettingError, positive};
-use horizon_model::{Bounds, DriveHessian, HessianKind, Model};
+use horizon_model::setting::{SettingError, in_range, positive};
+use horizon_model::{Bounds, Model};
 use nalgebra::SVector;
 
 pub use self::builder::MpcBuilder;
 use self::cost::{Against, Cost};
-use self::expansion::{Expansion, Gain};
+use self::expansion::Expansion;
 use self::prepared::Prepared;
 pub use self::report::{Ask, MpcReport, SolveError, Stop};
 pub use self::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverSettings, SolverTable};
 use crate::SoftConstraints;
 use crate::horizon::Horizon;
 use crate::qp::product::resized;
-use crate::qp::{Limits, Problem, Qp, Solved, Stage, Unsolved};
-
-/// Smallest ratio of the first-order to the second-order predicted decrease of a step with the exact Hessian.
-const DESCENT_MIN: f64 = 0.5;
+use crate::qp::{Limits, Qp, Stage};
 
 /// Controller of one model, with the plan that it improves from solve to solve.
 ///
@@ -70,7 +68,8 @@ where
     /// A controller with the plan of [`Mpc::reset`]. All of our allocation happens here.
     ///
     /// # Errors
-    /// `dt_s` is not positive, or the quadratic solver refuses the horizon.
+    /// `dt_s` is not positive, there are more than 1000 places for constraints, or the quadratic solver refuses the
+    /// horizon.
     pub fn new(model: M, settings: MpcSettings<NS, NU>, dt_s: f64) -> Result<Self, SettingError> {
         const { assert!(NR == M::CONTROLLABLE && NR <= NS, "NR is not Model::CONTROLLABLE") };
         let dt_s = positive("dt_s", dt_s)?;
@@ -80,7 +79,7 @@ where
         let limits = Limits {
             tolerance: settings.solver().qp_tolerance,
             iterations_max: settings.solver().qp_iterations_max,
-            penalties_max: settings.constraints_max(),
+            penalties_max: in_range("constraints_max", settings.constraints_max(), 0..=1000)?,
         };
         let is_stage_wise = settings.solver().qp == QpKind::Riccati;
         let curvature = cost.curvature();
@@ -124,8 +123,9 @@ where
     ///
     /// # Errors
     /// The plan stays as it was. [`SolveError::NotFinite`], [`SolveError::Horizon`], [`SolveError::Given`] and
-    /// [`SolveError::Inside`]: `ask` does not fit the horizon, a mistake of the caller. [`SolveError::Cost`]: the
-    /// roll-out of the present plan is not finite; [`Mpc::reset`] it.
+    /// [`SolveError::Inside`]: `ask` does not fit the horizon, a mistake of the caller. [`SolveError::Cost`] and
+    /// [`SolveError::Derivative`]: the roll-out of the present plan, or the model along it, is not finite;
+    /// [`Mpc::reset`] it.
     ///
     /// Real time: no allocation of ours, one in Clarabel's timers per subproblem that it gets. Each
     /// subproblem is linear in the horizon.
@@ -140,7 +140,8 @@ where
     /// [`Mpc::solve`] with `constraints` on the states after each stage, whose penalties add to the cost.
     ///
     /// # Errors
-    /// As [`Mpc::solve`], and more constraints than [`MpcSettings::with_constraints`].
+    /// As [`Mpc::solve`], more constraints than [`MpcSettings::with_constraints`], and [`SolveError::Constraint`]: a
+    /// constraint along the present plan is not finite, or its weight is negative.
     ///
     /// Real time: as [`Mpc::solve`]; linear in the constraints that count.
     pub fn solve_with(
@@ -155,10 +156,29 @@ where
         self.take_given(ask);
         let cost_start = self.roll_out(ask, &against, Trial::Linearized);
         if !cost_start.is_finite() {
+            self.check_excesses(&self.trial, &against)?;
             return Err(SolveError::Cost { cost: cost_start });
         }
         self.take_trial();
+        let improved = self.improve(ask, &against, cost_start, is_late);
+        if improved.is_err() {
+            // No step was taken: the trial is still the plan before.
+            self.take_trial();
+        }
+        improved
+    }
 
+    /// Improves the plan, which costs `cost_start`, until it is optimal, or until a limit.
+    ///
+    /// # Errors
+    /// A derivative or a constraint along the first plan is not finite.
+    fn improve(
+        &mut self,
+        ask: &Ask<'_, NS, NU, NP>,
+        against: &Against<'_, NS, NU>,
+        cost_start: f64,
+        is_late: &mut dyn FnMut() -> bool,
+    ) -> Result<MpcReport, SolveError> {
         let solver = *self.settings.solver();
         let (mut cost, mut iterations) = (cost_start, 0);
         let (mut qp_iterations, mut qp_fallbacks) = (0, 0);
@@ -169,7 +189,9 @@ where
             if is_late() {
                 break Stop::Late;
             }
-            self.fill_gradients(&against);
+            if let Err(error) = self.fill_gradients(against) {
+                break if iterations == 0 { return Err(error) } else { Stop::QpUnsolved };
+            }
             if self.gain_max() <= solver.cost_tolerance * cost {
                 break Stop::CostTolerance;
             }
@@ -177,6 +199,9 @@ where
                 Ok(found) => found,
                 Err(unsolved) => {
                     qp_iterations += unsolved.iterations;
+                    if iterations == 0 {
+                        self.check_derivatives()?;
+                    }
                     break if unsolved.is_late() { Stop::Late } else { Stop::QpUnsolved };
                 }
             };
@@ -186,7 +211,7 @@ where
             let is_optimal = decrease <= solver.cost_tolerance * cost;
             let is_last = iterations + 1 == solver.iterations_max;
             let trial = if is_last { Trial::Costed } else { Trial::Linearized };
-            if let Some(lower) = self.search_line(ask, &against, (cost, decrease), trial) {
+            if let Some(lower) = self.search_line(ask, against, (cost, decrease), trial) {
                 cost = lower;
                 iterations += 1;
             } else if !is_optimal {
@@ -293,79 +318,31 @@ where
     }
 
     /// Fills gradient, costates and reduced gradient of the cost along the plan.
-    fn fill_gradients(&mut self, against: &Against<'_, NS, NU>) {
+    ///
+    /// # Errors
+    /// A constraint is not finite, or its weight is negative.
+    fn fill_gradients(&mut self, against: &Against<'_, NS, NU>) -> Result<(), SolveError> {
         self.cost.gradient(&self.plan, against, &mut self.expansion.gradient);
-        self.fill_penalties(against);
+        self.fill_penalties(against)?;
         self.expansion.fill_gradients();
+        Ok(())
+    }
+
+    /// Whether the linear dynamics along the plan are finite.
+    fn check_derivatives(&self) -> Result<(), SolveError> {
+        let is_finite = |Stage { by_state, by_input }: &Stage<NR, NU>| {
+            by_state.iter().chain(by_input).all(|entry| entry.is_finite())
+        };
+        match self.expansion.stages.iter().position(|stage| !is_finite(stage)) {
+            None => Ok(()),
+            Some(stage) => Err(SolveError::Derivative { stage }),
+        }
     }
 
     /// Most that the plan can still gain, see [`Cost::gain_max`].
     fn gain_max(&self) -> f64 {
         let gradients = self.expansion.reduced_gradient.iter().zip(&self.plan.u).zip(&self.bounds);
         self.cost.gain_max(gradients.map(|((gradient, u), bounds)| bounds.open(gradient, u)))
-    }
-
-    /// Fills the second derivatives of the dynamics for the Hessian of `kind`.
-    ///
-    /// With `w_k` the costate of `s_k`, step `k` adds the second derivatives of
-    /// `w_{k+1}' f(s_k, u_k, p)`. `None` adds nothing.
-    fn fill_second_derivatives(&mut self, ask: &Ask<'_, NS, NU, NP>, kind: Option<HessianKind>) {
-        self.expansion.second_derivatives.clear();
-        let Some(kind) = kind else { return };
-        let mut s = ask.s_0;
-        let mut prepared = Prepared::new(self.model);
-        for (k, Stage { by_input, .. }) in self.expansion.stages.iter().enumerate() {
-            let at = (s, &self.plan.u[k]);
-            let along = (&resized(&self.expansion.costate[k]), kind);
-            let (stage_s, by_input) = (self.stage_s[k], resized(by_input));
-            let model = prepared.over(ask.p, stage_s);
-            let second = model.drive_curvature(at, ask.p, stage_s, &by_input, along);
-            let Some(second) = second else { break };
-            self.expansion.second_derivatives.push(DriveHessian {
-                by_state: resized(&second.by_state),
-                by_input_state: resized(&second.by_input_state),
-                by_input: second.by_input,
-            });
-            s = &self.plan.s[k];
-        }
-    }
-
-    /// Solves the quadratic subproblem for the step. Returns the decrease that the quadratic model predicts, too.
-    ///
-    /// The Hessian is the exact one; if it is indefinite, the convexified one; if the model has none, that of
-    /// Gauss-Newton.
-    fn find_step(
-        &mut self,
-        ask: &Ask<'_, NS, NU, NP>,
-        is_late: &mut dyn FnMut() -> bool,
-    ) -> Result<(Solved, f64), Unsolved> {
-        let mut spent = 0;
-        let mut kinds = [HessianKind::Exact, HessianKind::Convexified].into_iter();
-        loop {
-            let kind = kinds.next();
-            self.fill_second_derivatives(ask, kind);
-            let (u, bounds) = (&self.plan.u, &self.bounds);
-            let Expansion { stages, gradient, second_derivatives, penalties, du, .. } =
-                &mut self.expansion;
-            let problem = Problem { stages, gradient, u, bounds, second_derivatives, penalties };
-            let solved = match self.qp.solve(&problem, du, is_late) {
-                Ok(solved) => solved.after(spent),
-                Err(unsolved) if unsolved.is_indefinite() => {
-                    spent += unsolved.iterations;
-                    continue;
-                }
-                Err(unsolved) => return Err(unsolved.after(spent)),
-            };
-            let Gain { descent, decrease } =
-                self.expansion.complete_step(u, bounds, solved.has_second_derivatives);
-            // An active bound may hide a direction of negative curvature: the directional derivative must confirm the
-            // decrease.
-            let is_steep = descent >= DESCENT_MIN * decrease.abs();
-            if is_steep || !solved.has_second_derivatives || kind != Some(HessianKind::Exact) {
-                return Ok((solved, decrease));
-            }
-            spent = solved.iterations;
-        }
     }
 }
 

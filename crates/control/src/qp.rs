@@ -230,6 +230,7 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
         let has_fallen_back = self.riccati.is_some();
         match self.clarabel.solve(problem, du) {
             Ok(iterations) => {
+                self.riccati.iter_mut().for_each(|riccati| riccati.warm_start(problem, du));
                 Ok(Solved { iterations, has_fallen_back, has_second_derivatives: false }
                     .after(spent))
             }

@@ -48,7 +48,7 @@ fn flight(iterations_max: u32) -> (Mhe<Kinematic, 4, 4, 4, 4>, Vec<(Sticks, Obse
     let p = SVector::from(P);
     let mut mhe = Mhe::new(Kinematic, settings, DT_S).expect("the period is positive");
     let mut s = Pose::new(0.0, 0.0, 1.0, 3.0);
-    mhe.start(&s);
+    mhe.start(&s).expect("the pose is finite");
     let steps: Vec<_> = (0..1000_u32)
         .map(|k| {
             let t = f64::from(k) * DT_S;
@@ -130,7 +130,7 @@ fn lagged_flight(window_steps: usize) -> (LaggedMhe, Vec<(Sticks, Observed<4>)>)
     let model = Lagged::default();
     let mut mhe = Mhe::new(model, settings, DT_S).expect("the period is positive");
     let o = Pose::new(0.0, 0.0, 1.0, 3.0);
-    mhe.start(&o);
+    mhe.start(&o).expect("the pose is finite");
     let mut s = model.at_rest(&o);
     let steps = (0..1000_u32).map(|k| {
         let t = f64::from(k) * DT_S;

@@ -127,6 +127,9 @@ pub struct DelayInfluence<const NP: usize> {
 
 impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
     /// The pieces with the applied inputs in them; `dead_time_s` is that of each input row. s, >= 0
+    ///
+    /// # Panics
+    /// A span is of no recording, ends before it begins, or leads beyond the end of its `u` or `o`.
     pub fn pieces(&self, dead_time_s: &SVector<f64, NU>) -> Vec<Piece<NU, NO>> {
         let observed = |span: &Span| self.recordings[span.recording].o[span.steps.clone()].to_vec();
         let pieces = self.inputs(dead_time_s).into_iter().zip(self.spans);

@@ -256,6 +256,9 @@ where
 
     /// `C_s (f(s, u, p) - s_next) / dt` of each step of a piece, without loss: NS rows, one vector fewer than
     /// observations. 1
+    ///
+    /// # Panics
+    /// There are fewer than `piece + 1` [`pieces`](Self::pieces).
     pub fn transition_residuals(&self, piece: usize) -> Vec<SVector<f64, NS>> {
         let Segment { s, u, .. } = &self.segments[piece];
         let pairs = s.iter().zip(s.iter().skip(1)).zip(u);
@@ -263,6 +266,9 @@ where
     }
 
     /// `C_o (o - g(s))` of each observation of a piece, zero in absent rows, without loss: NO rows. 1
+    ///
+    /// # Panics
+    /// There are fewer than `piece + 1` [`pieces`](Self::pieces).
     pub fn observation_residuals(&self, piece: usize) -> Vec<SVector<f64, NO>> {
         let Segment { s, o, .. } = &self.segments[piece];
         s.iter().zip(o).map(|(s, o)| self.terms.residuals.observation(s, o)).collect()

@@ -20,7 +20,8 @@ pub struct LmTable {
     pub damping_start: f64,
     /// Stop when a step lowers the cost by less than this part of it, thesis equation 3.65. 1, 0..=0.1
     pub cost_tolerance: f64,
-    /// Stop when a step is shorter than this part of the iterate, thesis equation 3.66. 1, 0..=0.1
+    /// Stop when a step is shorter than this part of the iterate, thesis equation 3.66; both are norms over all states
+    /// and the parameter, whatever their units. 1, 0..=0.1
     pub step_tolerance: f64,
     /// Most steps tried, rejected ones included. 1..=1000
     pub iterations_max: u32,
@@ -111,6 +112,13 @@ pub struct SolveReport {
     pub cost_start: f64,
     /// Cost of the iterate that is left. 1
     pub cost: f64,
+}
+
+impl SolveReport {
+    /// Whether the iterate is optimal within the tolerances, not only the best before a limit.
+    pub fn is_converged(&self) -> bool {
+        matches!(self.stop, Stop::CostTolerance | Stop::StepTolerance)
+    }
 }
 
 /// What makes a solve impossible. No iterate is to be used.

@@ -173,16 +173,39 @@ where
 
     /// Starts, or starts again, at rest where `o` was observed, with the prior parameter.
     ///
-    /// That state is fixed, or held by the weights `C_0` of a carried arrival. An `o` that is not
-    /// finite leaves the estimator not started.
+    /// That state is fixed, or held by the weights `C_0` of a carried arrival. Returns `o - g(s)`, what the state leaves
+    /// of the observation, in the unit of each row: zero where [`Model::at_rest`] solves it. If a large part is left,
+    /// write `at_rest` or use [`Mhe::start_at`].
     ///
     /// Real time: no allocation of ours, one call of [`Model::at_rest`].
-    pub fn start(&mut self, o: &SVector<f64, NO>) {
-        self.is_started = o.iter().all(|row| row.is_finite());
-        if self.is_started {
-            self.trajectory.set_prior(self.p_prior);
-            self.trajectory.start(self.trajectory.model().at_rest(o));
-        }
+    ///
+    /// # Errors
+    /// As [`Mhe::start_at`], and an `o` that is not finite; the estimator is not started.
+    pub fn start(&mut self, o: &SVector<f64, NO>) -> Result<SVector<f64, NO>, MheError> {
+        self.is_started = false;
+        finite("observation", o)?;
+        let s = self.trajectory.model().at_rest(o);
+        self.start_at(&s)?;
+        Ok(o - self.trajectory.model().observe(&s))
+    }
+
+    /// As [`Mhe::start`], at the state `s`: NS rows in the units of [`Model::STATE`].
+    ///
+    /// Real time: no allocation, constant cost.
+    ///
+    /// # Errors
+    /// [`MheError::Solve`]: the state, its observation or the derivative of that is not finite, as that of a distance at
+    /// distance zero; the estimator is not started.
+    pub fn start_at(&mut self, s: &SVector<f64, NS>) -> Result<(), MheError> {
+        self.is_started = false;
+        finite("state", s)?;
+        let model = self.trajectory.model();
+        finite("observation of the state", &model.observe(s))?;
+        finite("derivative", &model.observe_by_state(s))?;
+        self.trajectory.set_prior(self.p_prior);
+        self.trajectory.start(*s);
+        self.is_started = true;
+        Ok(())
     }
 
     /// Forgets the state: [`Mhe::start`] begins anew.
@@ -208,7 +231,7 @@ where
     /// iterate, at worst the model's prediction of one step.
     ///
     /// # Errors
-    /// - [`MheError::NotStarted`]: call [`Mhe::start`].
+    /// - [`MheError::NotStarted`]: call [`Mhe::start`], and look at what it returns.
     /// - [`MheError::Solve`] for an input or an observation: the window did not move and the
     ///   estimator remains usable.
     /// - [`MheError::Solve`] for a residual or a derivative: the window is lost and the
@@ -335,6 +358,15 @@ where
     pub fn window(&self) -> &[SVector<f64, NS>] {
         self.trajectory.states()
     }
+}
+
+/// Whether every entry of the `block` at the first state is finite.
+fn finite<'a>(
+    block: &'static str,
+    entries: impl IntoIterator<Item = &'a f64>,
+) -> Result<(), SolveError> {
+    let is_finite = entries.into_iter().all(|entry| entry.is_finite());
+    if is_finite { Ok(()) } else { Err(SolveError::NonFinite { block, k: 0 }) }
 }
 
 #[cfg(test)]

@@ -21,7 +21,8 @@ pub struct Recording<const NU: usize, const NO: usize> {
 impl<const NU: usize, const NO: usize> Recording<NU, NO> {
     /// The applied input in each step, one for each of `u` and in its units.
     ///
-    /// `dead_time_s` is that of each input row (s, >= 0), `dt_s` the period (s, > 0).
+    /// `dead_time_s` is that of each input row (s, >= 0), `dt_s` the period (s, > 0). A dead time that is negative, or no
+    /// number of steps, is none; an infinite one never acts.
     /// With a dead time of `whole + fraction` steps, `0 <= fraction < 1`, it is
     /// `(1 - fraction) u[k - whole] + fraction u[k - whole - 1]`: linear between what was sent, continuous in the
     /// dead time, zero before the start.
@@ -29,7 +30,10 @@ impl<const NU: usize, const NO: usize> Recording<NU, NO> {
         self.applied_during(0..self.u.len(), dead_time_s, dt_s)
     }
 
-    /// What [`Recording::applied`] says of `steps`, which may not lead beyond the end of `u`.
+    /// What [`Recording::applied`] says of `steps`.
+    ///
+    /// # Panics
+    /// `steps` lead beyond the end of `u`, and dead times do not.
     pub fn applied_during(
         &self,
         steps: Range<usize>,
@@ -59,13 +63,17 @@ struct Delay {
 
 impl Delay {
     fn new(steps: f64) -> Self {
+        // 0 for a NaN.
+        let steps = steps.max(0.0);
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "a cast saturates: what is negative or NaN is no delay, infinity never acts"
+            reason = "not negative, and a cast saturates: infinity never acts"
         )]
         let whole = steps as usize;
-        Self { whole, fraction: steps.fract() }
+        // Infinity has no fraction.
+        let fraction = if steps.is_finite() { steps.fract() } else { 0.0 };
+        Self { whole, fraction }
     }
 }
 
@@ -92,6 +100,7 @@ pub fn cut(is_usable: &[bool], min_steps: usize) -> Vec<Range<usize>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use horizon_model::check::maximum;
     use horizon_model::{InputFifo, Row};
     use proptest::prelude::*;
 
@@ -101,6 +110,23 @@ mod tests {
     fn recording(steps: u32) -> Recording<2, 1> {
         let u = (1..=steps).map(|k| SVector::from([f64::from(k), -f64::from(k * k)])).collect();
         Recording { u, o: vec![Observed::missing(); steps as usize] }
+    }
+
+    #[test]
+    fn what_is_no_dead_time_is_none_and_an_infinite_one_never_acts() {
+        let recording = recording(5);
+        for (dead_time_s, dt_s, acts) in [
+            (-0.01, DT_S, true),
+            (f64::NAN, DT_S, true),
+            (0.0, 0.0, true),
+            (f64::INFINITY, DT_S, false),
+            (0.1, 0.0, false),
+        ] {
+            let applied = recording.applied(&SVector::from([dead_time_s, 0.0]), dt_s);
+            let expected = |k: usize| if acts { recording.u[k][0] } else { 0.0 };
+            let gap = (0..5).map(|k| (applied[k][0] - expected(k)).abs()).fold(0.0, maximum);
+            assert!(gap <= 0.0, "{dead_time_s} s by {dt_s} s: {applied:?}");
+        }
     }
 
     #[test]

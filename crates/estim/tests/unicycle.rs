@@ -123,7 +123,7 @@ fn heading_and_gains_are_found_from_positions_alone() {
         let truth = Gains::new(1.3, 0.8);
         // The estimator starts with a heading of zero and must find out.
         let mut s = State::new(0.5, -0.5, 0.6);
-        mhe.start(&Unicycle.observe(&s));
+        mhe.start(&Unicycle.observe(&s)).unwrap();
         for k in 0..400 {
             let t = f64::from(k) * DT_S;
             let u = Input::new(1.0 + 0.3 * t.sin(), 0.7 * (0.7 * t).cos() + 0.2);

@@ -251,16 +251,21 @@ where
             self.mhe.hold_parameter(!self.link_is_up());
             self.memory.estimator_failed = solved.is_err();
             if solved.is_err() {
-                self.mhe.start(&at_tick.o);
+                self.start_estimate(&at_tick.o);
             }
             out.estimator = Some(solved.into());
         } else {
-            self.mhe.start(&at_tick.o);
+            self.start_estimate(&at_tick.o);
         }
         out.dead_time = self.link.as_ref().and_then(Link::dead_time);
         watch.mark(Stage::Estimated);
         out.s_hat.extend_from_slice(self.mhe.s_hat().as_slice());
         out.p_hat.extend_from_slice(self.mhe.p_hat().as_slice());
+    }
+
+    /// Starts the estimator at rest where `o` was observed.
+    fn start_estimate(&mut self, o: &Pose) {
+        self.memory.estimator_failed |= self.mhe.start(o).is_err();
     }
 
     /// Judges the link by the period `ahead` of the coming one; on a change corrects what the estimator received before

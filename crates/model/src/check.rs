@@ -1,5 +1,6 @@
-//! Numeric check of the derivatives of a model: which entry disagrees most with central differences.
+//! Numeric check of a model: which entry disagrees most, a derivative with central differences, or a function with another.
 
+mod equalities;
 mod structure;
 
 use std::fmt;
@@ -23,7 +24,7 @@ pub struct Point<const NS: usize, const NU: usize, const NP: usize> {
     pub dt_s: f64,
 }
 
-/// One entry of a derivative beside its numeric value.
+/// One entry of a derivative, or of a function, beside its numeric value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Entry {
     /// Row of the matrix, from 0.
@@ -32,7 +33,7 @@ pub struct Entry {
     pub column: usize,
     /// What the model returns. Unit of the row / unit of the column
     pub given: f64,
-    /// What it should be, by central differences. Unit of the row / unit of the column
+    /// What it should be, by central differences or by the function that must agree. Unit of the row / unit of the column
     pub numeric: f64,
     /// `|given - numeric| / max(1, |numeric|)`; NaN if either is. 1
     pub gap: f64,
@@ -54,7 +55,7 @@ impl Entry {
     }
 }
 
-/// The entry of all derivatives of a model that disagrees most with central differences, see [`model_gap`].
+/// The entry of a model that disagrees most with what it should be, see [`model_gap`].
 ///
 /// Displayed as `step_by_state[y, theta] = 0.1, by differences -0.1: gap 2e-1`; rows without a name are shown
 /// by their number.
@@ -88,7 +89,9 @@ impl fmt::Display for Gap {
         label(f, row_name, *row)?;
         f.write_str(", ")?;
         label(f, column_name, *column)?;
-        write!(f, "] = {given}, by differences {numeric}: gap {gap:e}")
+        let source =
+            if equalities::NAMES.contains(derivative) { "expected" } else { "by differences" };
+        write!(f, "] = {given}, {source} {numeric}: gap {gap:e}")
     }
 }
 
@@ -136,16 +139,16 @@ pub fn jacobian_gap<const M: usize, const N: usize>(
     x: &SVector<f64, N>,
     exact: &SMatrix<f64, M, N>,
 ) -> f64 {
-    worst_entry(f, x, exact).gap
+    worst_entry(f, (x, &[Row::UNNAMED; N]), exact).gap
 }
 
-/// The entry of `exact` with the largest gap to central differences of `f` at `x`.
+/// The entry of `exact` with the largest gap to central differences of `f` at `x`, whose rows are `rows`.
 fn worst_entry<const M: usize, const N: usize>(
     f: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
-    x: &SVector<f64, N>,
+    (x, rows): (&SVector<f64, N>, &[Row; N]),
     exact: &SMatrix<f64, M, N>,
 ) -> Entry {
-    worst_of(exact, &differences::jacobian(f, x))
+    worst_of(exact, &differences::jacobian_of_rows(f, x, rows))
 }
 
 /// The entry of `given` with the largest gap to `numeric`.
@@ -157,15 +160,22 @@ fn worst_of<const M: usize, const N: usize>(
     entries.map(|at| Entry::new(at, given[at], numeric[at])).fold(Entry::NONE, Entry::or_worse)
 }
 
-/// Entry of all derivatives of `model` that disagrees most with central differences at one point.
+/// Entry of `model` that disagrees most with what it should be, at one point.
 ///
 /// Checked are the four Jacobians, that of [`Model::coasting`], those of [`Model::linearize`] and
 /// [`Model::linearize_drive`], the Hessians if
 /// the model has them, the rows behind [`Model::CONTROLLABLE`], which neither inputs nor controllable rows may move,
-/// and [`Model::groups`], which must not be coupled.
+/// and [`Model::groups`], which must not be coupled. Derivatives are compared with central differences.
+///
+/// Functions that must agree with others are compared with these: [`Model::prepared`] with the model, `core` with the
+/// step at the effective input, `effect` of `input_for` with the effect, and the observation of [`Model::at_rest`] with
+/// that of `s`. A state that is not at rest may be observed as none at rest is, if velocities are observed and `at_rest`
+/// is overridden: check such a model at rest.
 ///
 /// Steps are divided by the period, so that an entry of order `dt_s` is checked as strictly as one of order 1. A
-/// right first derivative has a gap of about 1e-10 to 1e-8.
+/// right first derivative has a gap of about 1e-10 to 1e-8 if rows are of order 1 or positive; elsewhere the differences
+/// are wrong ([`crate::differences`]), and a right derivative has a large gap. A gap is relative to the larger of 1 and
+/// the numeric derivative: a wrong sign of an entry of 1e-9 is a gap of 2e-9. Choose units that make entries large.
 pub fn model_gap<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
     model: &M,
     at: &Point<NS, NU, NP>,
@@ -178,9 +188,9 @@ where
     let (states, inputs, parameters) = (&M::STATE[..], &M::INPUT[..], &M::PARAMETER[..]);
     let s_next = model.step(s, u, p, *dt_s) / *dt_s;
     let scaled_step = |s: &_, u: &_, p: &_| model.step(s, u, p, *dt_s) / *dt_s;
-    let by_state = differences::jacobian(|s| scaled_step(s, u, p), s);
-    let by_input = differences::jacobian(|u| scaled_step(s, u, p), u);
-    let by_parameter = differences::jacobian(|p| scaled_step(s, u, p), p);
+    let by_state = differences::jacobian_of_rows(|s| scaled_step(s, u, p), s, &M::STATE);
+    let by_input = differences::jacobian_of_rows(|u| scaled_step(s, u, p), u, &M::INPUT);
+    let by_parameter = differences::jacobian_of_rows(|p| scaled_step(s, u, p), p, &M::PARAMETER);
 
     // What a user writes comes first: of equal gaps the first is reported, and the others follow from it.
     let given = model.step_by_state(s, u, p, *dt_s) / *dt_s;
@@ -203,12 +213,14 @@ where
     check.observe(name, entry, (states, parameters));
 
     let observed = model.observe_by_state(s);
-    let entry = worst_entry(|s| model.observe(s), s, &observed);
+    let entry = worst_entry(|s| model.observe(s), (s, &M::STATE), &observed);
     check.observe("observe_by_state", entry, (&M::OBSERVATION, states));
-    let entry = worst_entry(|s| model.coasting(s, p), s, &model.coasting_by_state(s, p));
+    let entry =
+        worst_entry(|s| model.coasting(s, p), (s, &M::STATE), &model.coasting_by_state(s, p));
     check.observe("coasting_by_state", entry, (&M::OBSERVATION, states));
 
     check_hessians(&mut check, model, at);
+    equalities::check(&mut check, model, at);
     let entry = structure::reach(&driven, M::CONTROLLABLE, *dt_s);
     check.observe("CONTROLLABLE", entry, (states, &[]));
     let mut groups = Vec::new();
@@ -271,22 +283,23 @@ fn check_hessians<M, const NS: usize, const NU: usize, const NO: usize, const NP
     let by_parameter = |p: &_| model.step_by_parameter(s, u, p, *dt_s).tr_mul(&w);
     if let Some(curvature) = model.step_curvature(s, u, p, *dt_s, &w) {
         let name = "step_curvature";
-        let entry = worst_entry(|s| by_state(s, p), s, &curvature.by_state);
+        let entry = worst_entry(|s| by_state(s, p), (s, &M::STATE), &curvature.by_state);
         check.observe(name, entry, (states, states));
-        let entry = worst_entry(|p| by_state(s, p), p, &curvature.by_state_parameter);
+        let entry =
+            worst_entry(|p| by_state(s, p), (p, &M::PARAMETER), &curvature.by_state_parameter);
         check.observe(name, entry, (states, parameters));
-        let entry = worst_entry(by_parameter, p, &curvature.by_parameter);
+        let entry = worst_entry(by_parameter, (p, &M::PARAMETER), &curvature.by_parameter);
         check.observe(name, entry, (parameters, parameters));
     }
     let along_input = model.step_by_input(s, u, p, *dt_s);
     let kind = (&w, HessianKind::Exact);
     if let Some(curvature) = model.drive_curvature((s, u), p, *dt_s, &along_input, kind) {
         let name = "drive_curvature";
-        let entry = worst_entry(|s| by_state(s, p), s, &curvature.by_state);
+        let entry = worst_entry(|s| by_state(s, p), (s, &M::STATE), &curvature.by_state);
         check.observe(name, entry, (states, states));
-        let entry = worst_entry(|s| by_input(s, u), s, &curvature.by_input_state);
+        let entry = worst_entry(|s| by_input(s, u), (s, &M::STATE), &curvature.by_input_state);
         check.observe(name, entry, (inputs, states));
-        let entry = worst_entry(|u| by_input(s, u), u, &curvature.by_input);
+        let entry = worst_entry(|u| by_input(s, u), (u, &M::INPUT), &curvature.by_input);
         check.observe(name, entry, (inputs, inputs));
     }
 }

@@ -5,12 +5,18 @@
 
 use nalgebra::{SMatrix, SVector};
 
+use crate::row::{Domain, Row};
+
 /// Jacobian of `f` at `x` by central differences, `2 N` evaluations.
 ///
-/// The increment is `eps^(1/3) max(1, |x_i|)`, about 6e-6, which balances truncation, `h^2 f''' / 6`,
-/// and rounding, `eps |f| / h` (Nocedal and Wright, Numerical Optimization, 2006, section 8.1). With values
+/// The increment is `h = eps^(1/3) max(1, |x_i|)`, about 6e-6, which balances truncation, `h^2 f''' / 6`,
+/// and rounding, `eps |f| / h` (Nocedal and Wright, Numerical Optimization, 2006, section 8.1). With variables, values
 /// and third derivatives of order 1 the error is about 1e-10; where `f` is large or nearly kinked it is larger
 /// in proportion. A second difference of a Jacobian from here has an error of about 1e-5.
+///
+/// Two limits follow. Variables far below 1 on which `f` depends nonlinearly need the relative increments of
+/// [`jacobian_of_rows`]: `1 / x` at `x = 1e-5` has no derivative over `h`. Variables far above 1 need an origin nearby:
+/// at a position of 5e6 m `h` is 30 m, and a distance of 3 m is not linear over it.
 ///
 /// ```
 /// use nalgebra::SVector;
@@ -23,9 +29,35 @@ pub fn jacobian<const M: usize, const N: usize>(
     f: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
     x: &SVector<f64, N>,
 ) -> SMatrix<f64, M, N> {
+    jacobian_of_rows(f, x, &[Row::UNNAMED; N])
+}
+
+/// [`jacobian`] by variables with these rows.
+///
+/// The increment of a positive row ([`Domain::Positive`]) above zero is relative, `h = eps^(1/3) x_i`: the value is the
+/// scale of such a quantity, and `x_i - h` stays positive. The rounding error, `eps |f| / h`, is small if `f` changes in
+/// proportion to the quantity, as with a parameter; not with a nearly empty reservoir that is filled.
+///
+/// ```
+/// use horizon_model::{Row, differences::jacobian_of_rows};
+/// use nalgebra::SVector;
+///
+/// // An inertia in kg m^2.
+/// let inverse = |x: &SVector<f64, 1>| SVector::from([1.0 / x[0]]);
+/// let derivative = jacobian_of_rows(inverse, &[1e-5].into(), &[Row::positive("inertia", "kg m^2")]);
+/// assert!((derivative[0] + 1e10).abs() < 1.0);
+/// ```
+#[inline]
+pub fn jacobian_of_rows<const M: usize, const N: usize>(
+    f: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
+    x: &SVector<f64, N>,
+    rows: &[Row; N],
+) -> SMatrix<f64, M, N> {
     let mut jacobian = SMatrix::<f64, M, N>::zeros();
     for col in 0..N {
-        let h = f64::EPSILON.cbrt() * x[col].abs().max(1.0);
+        let is_relative = rows[col].domain == Domain::Positive && x[col] > 0.0;
+        let scale = if is_relative { x[col] } else { x[col].abs().max(1.0) };
+        let h = f64::EPSILON.cbrt() * scale;
         let (mut right, mut left) = (*x, *x);
         right[col] += h;
         left[col] -= h;

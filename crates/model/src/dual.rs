@@ -3,7 +3,9 @@
 use nalgebra::{SMatrix, SVector};
 use num_dual::{DualNum, DualSVec64};
 
+use crate::group::VisitGroups;
 use crate::model::Model;
+use crate::rest;
 use crate::row::Row;
 
 /// A number that a [`DualModel`] computes with: `f64`, or a dual number that carries derivatives.
@@ -30,6 +32,16 @@ pub trait DualModel<const NS: usize, const NU: usize, const NO: usize, const NP:
     const OBSERVATION: [Row; NO] = [Row::UNNAMED; NO];
     /// [`Model::PARAMETER`].
     const PARAMETER: [Row; NP] = [Row::UNNAMED; NP];
+    /// [`Model::CONTROLLABLE`].
+    const CONTROLLABLE: usize = NS;
+
+    /// [`Model::groups`].
+    fn groups(_visit: &mut impl VisitGroups) {}
+
+    /// [`Model::at_rest`]; with `None` that function's default.
+    fn at_rest(&self, _o: &SVector<f64, NO>) -> Option<SVector<f64, NS>> {
+        None
+    }
 
     /// [`Model::step`].
     fn step<D: Scalar>(
@@ -107,6 +119,16 @@ where
     const INPUT: [Row; NU] = M::INPUT;
     const OBSERVATION: [Row; NO] = M::OBSERVATION;
     const PARAMETER: [Row; NP] = M::PARAMETER;
+    const CONTROLLABLE: usize = M::CONTROLLABLE;
+
+    fn groups(visit: &mut impl VisitGroups) {
+        M::groups(visit);
+    }
+
+    fn at_rest(&self, o: &SVector<f64, NO>) -> SVector<f64, NS> {
+        let default = || rest::least_squares(|s| self.observe(s), |s| self.observe_by_state(s), o);
+        self.0.at_rest(o).unwrap_or_else(default)
+    }
 
     #[inline]
     fn step(

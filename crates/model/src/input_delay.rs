@@ -11,6 +11,9 @@ use crate::setting::{SettingError, in_range, positive, vector};
 /// Longest dead time that is accepted. s
 pub const DEAD_TIME_MAX_S: f64 = 2.0;
 
+/// Longest dead time in steps that is accepted: 2 s at 100 kHz, and a bound of the memory.
+const STEPS_MAX: f64 = 200_000.0;
+
 /// How far [`InputFifo::applied`] may look behind the coming step.
 const LOOK_BACK_STEPS: usize = 2;
 
@@ -36,7 +39,8 @@ impl<const NU: usize> InputFifo<NU> {
     /// An empty FIFO. The only allocation.
     ///
     /// # Errors
-    /// `dead_time_s` has the wrong length or an entry outside 0..=2 s; `dt_s` is not positive.
+    /// `dead_time_s` has the wrong length or an entry outside 0..=2 s; `dt_s` is not positive, or so short that a dead
+    /// time has more than 200,000 steps.
     pub fn new(dead_time_s: &[f64], rows: &[Row; NU], dt_s: f64) -> Result<Self, SettingError> {
         let dt_s = positive("dt_s", dt_s)?;
         let dead_time_s = vector("dead_time_s", dead_time_s, rows, |key, value| {
@@ -47,6 +51,10 @@ impl<const NU: usize> InputFifo<NU> {
             let steps = d / dt_s;
             if (steps - steps.round()).abs() < 1e-9 { steps.round() } else { steps }
         });
+        if dead_time_steps.max() > STEPS_MAX {
+            let rule = format!("a dead time of at most {STEPS_MAX} steps");
+            return Err(SettingError::new("dt_s", dt_s, rule));
+        }
         let depth = whole_steps(dead_time_steps.max()) + LOOK_BACK_STEPS + 2;
         let sent = vec![SVector::zeros(); depth];
         Ok(Self {
@@ -67,10 +75,12 @@ impl<const NU: usize> InputFifo<NU> {
     }
 
     /// The same, but a correction leaves at least `min_ratio` of each dead time, 0..=1; without it, 0.
-    #[must_use]
-    pub fn with_min_ratio(mut self, min_ratio: f64) -> Self {
-        self.min_ratio = min_ratio;
-        self
+    ///
+    /// # Errors
+    /// `min_ratio` is not in its range.
+    pub fn with_min_ratio(mut self, min_ratio: f64) -> Result<Self, SettingError> {
+        self.min_ratio = in_range("min_ratio", min_ratio, 0.0..=1.0)?;
+        Ok(self)
     }
 
     /// Makes every dead time longer than [`InputFifo::new`] was given by `steps`, or shorter; none falls below
@@ -109,7 +119,11 @@ impl<const NU: usize> InputFifo<NU> {
     /// ahead, after u[k]      -3        -2       -1         0
     /// ```
     ///
-    /// Where an axis would need an input that is not yet sent, the newest one is held.
+    /// Where an axis would need an input that is not yet sent, the newest one is held; where it would need one that is
+    /// forgotten for lack of room, the oldest.
+    ///
+    /// # Panics
+    /// With debug assertions, where an axis would need a forgotten input.
     ///
     /// Real time: no allocation, constant cost.
     pub fn applied(&self, ahead: isize) -> SVector<f64, NU> {
@@ -234,7 +248,8 @@ mod tests {
 
     #[test]
     fn a_correction_leaves_each_axis_its_part() {
-        let mut fifo = InputFifo::new(&[0.24, 0.08], &ROWS, DT_S).unwrap().with_min_ratio(0.5);
+        let mut fifo = InputFifo::new(&[0.24, 0.08], &ROWS, DT_S).unwrap();
+        fifo = fifo.with_min_ratio(0.5).unwrap();
         for k in 1..=50_u32 {
             fifo.push(&SVector::from([f64::from(k), -f64::from(k)]));
         }
@@ -259,5 +274,14 @@ mod tests {
         assert!(InputFifo::new(&[0.1, -0.1], &ROWS, DT_S).is_err());
         assert!(InputFifo::new(&[0.1], &ROWS, DT_S).is_err());
         assert!(InputFifo::new(&[0.1, 0.1], &ROWS, 0.0).is_err());
+        let error = InputFifo::new(&[0.1, 0.1], &ROWS, 1e-300).unwrap_err();
+        assert!(
+            error.to_string().ends_with("violates a dead time of at most 200000 steps"),
+            "{error}"
+        );
+        for min_ratio in [f64::NAN, -1.0, 3.0] {
+            let error = counted([0.1, 0.1], 0).with_min_ratio(min_ratio).unwrap_err();
+            assert!(error.to_string().starts_with("min_ratio = "), "{error}");
+        }
     }
 }

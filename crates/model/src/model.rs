@@ -69,7 +69,8 @@ pub struct DriveHessian<const NS: usize, const NU: usize> {
 /// parameters. Implementations are pure and allocate nothing.
 ///
 /// [`Model::step`] and [`Model::observe`] are required. Every derivative defaults to central differences
-/// ([`crate::differences`]: relative error about 1e-10, two evaluations per column). For exact derivatives
+/// ([`crate::differences`]: two evaluations per column; error about 1e-10 by rows of order 1 and by positive rows of
+/// any size, so declare an inertia of 1e-5 with [`Row::positive`], and keep origins near). For exact derivatives
 /// write the functions in the scalar type (`Dual`, feature `dual`) or override the derivatives by hand; an
 /// override is finished when [`crate::check::model_gap`] is small for it at several points, angles
 /// beyond pi included.
@@ -118,7 +119,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         p: &SVector<f64, NP>,
         dt_s: f64,
     ) -> SMatrix<f64, NS, NS> {
-        differences::jacobian(|s| self.step(s, u, p, dt_s), s)
+        differences::jacobian_of_rows(|s| self.step(s, u, p, dt_s), s, &Self::STATE)
     }
 
     /// Jacobian of [`Model::step`] by `u`, at the same arguments.
@@ -130,7 +131,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         p: &SVector<f64, NP>,
         dt_s: f64,
     ) -> SMatrix<f64, NS, NU> {
-        differences::jacobian(|u| self.step(s, u, p, dt_s), u)
+        differences::jacobian_of_rows(|u| self.step(s, u, p, dt_s), u, &Self::INPUT)
     }
 
     /// Jacobian of [`Model::step`] by `p`, at the same arguments.
@@ -142,7 +143,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         p: &SVector<f64, NP>,
         dt_s: f64,
     ) -> SMatrix<f64, NS, NP> {
-        differences::jacobian(|p| self.step(s, u, p, dt_s), p)
+        differences::jacobian_of_rows(|p| self.step(s, u, p, dt_s), p, &Self::PARAMETER)
     }
 
     /// [`Model::step`], [`Model::step_by_state`] and [`Model::step_by_parameter`] at one point: what an
@@ -218,14 +219,15 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     /// Jacobian of [`Model::observe`] by `s`.
     #[inline]
     fn observe_by_state(&self, s: &SVector<f64, NS>) -> SMatrix<f64, NO, NS> {
-        differences::jacobian(|s| self.observe(s), s)
+        differences::jacobian_of_rows(|s| self.observe(s), s, &Self::STATE)
     }
 
     /// The state at rest that is observed as `o`: where an estimator starts and what a target means.
     ///
-    /// `observe(at_rest(o)) == o`. The default is the least-squares solution by Gauss-Newton from `s = 0`, with
-    /// the minimum norm where `observe` is linear: rows that are not observed stay zero. Override it if rest means
-    /// something else.
+    /// `observe(at_rest(o)) == o`. The default is the least-squares solution by Gauss-Newton from `s = 0`, or from
+    /// `s = (0.1, 0.2, ..)` if that explains `o` better, as with distances; with the minimum norm where `observe` is
+    /// linear: rows that are not observed stay zero. Override it if rest means something else, or if `observe` has
+    /// other places without a derivative.
     fn at_rest(&self, o: &SVector<f64, NO>) -> SVector<f64, NS> {
         rest::least_squares(|s| self.observe(s), |s| self.observe_by_state(s), o)
     }
@@ -258,7 +260,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         s: &SVector<f64, NS>,
         p: &SVector<f64, NP>,
     ) -> SMatrix<f64, NO, NS> {
-        differences::jacobian(|s| self.coasting(s, p), s)
+        differences::jacobian_of_rows(|s| self.coasting(s, p), s, &Self::STATE)
     }
 
     /// The model behind its static input nonlinearity (Hammerstein model): `step(s, u, p)` is

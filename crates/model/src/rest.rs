@@ -12,16 +12,48 @@ const HALVINGS_MAX: u32 = 20;
 /// minimum norm. Its error vanishes with the iterations.
 const REGULARIZATION: f64 = 1e-12;
 
-/// `s` that minimizes `|o - g(s)|^2`, by Gauss-Newton with halved steps from `s = 0`.
+/// Squared residual over that of `s = 0`, or over the squared norm of `o`, below which `o` is explained.
+const EXPLAINED: f64 = 1e-12;
+
+/// `s` that minimizes `|o - g(s)|^2`, by Gauss-Newton with halved steps from `s = 0`; if that leaves a residual,
+/// from `s = (0.1, 0.2, ..)`, since zero may be a stationary or a singular point of `g`, as of a distance. The second
+/// solution must halve the squared residual.
 ///
 /// Every step lies in the row space of the Jacobian: for a linear `g` the solution is that of minimum norm.
-/// Returns the last finite iterate, zero if `g(0)` is not finite.
+/// Returns the last finite iterate, zero if `g` is finite at neither start.
 pub(crate) fn least_squares<const NS: usize, const NO: usize>(
     g: impl Fn(&SVector<f64, NS>) -> SVector<f64, NO>,
     by_state: impl Fn(&SVector<f64, NS>) -> SMatrix<f64, NO, NS>,
     o: &SVector<f64, NO>,
 ) -> SVector<f64, NS> {
-    let mut s = SVector::zeros();
+    let residual = |s: &SVector<f64, NS>| (o - g(s)).norm_squared();
+    let first = gauss_newton(&g, &by_state, o, SVector::zeros());
+    let left = residual(&first);
+    let at_zero = Some(residual(&SVector::zeros())).filter(|at_zero| at_zero.is_finite());
+    if left <= EXPLAINED * at_zero.unwrap_or(0.0).max(o.norm_squared()) {
+        return first;
+    }
+    let mut second = SVector::from_fn(|row, _| 0.1 * (row + 1) as f64);
+    // No step would bring a row that is not observed back to zero.
+    for (row, column) in by_state(&second).column_iter().enumerate() {
+        if column.iter().all(|entry| entry.abs() <= 0.0) {
+            second[row] = 0.0;
+        }
+    }
+    let second = gauss_newton(&g, &by_state, o, second);
+    let left_by_second = residual(&second);
+    // The first residual may be NaN.
+    let is_better = left_by_second.is_finite() && !(left <= 2.0 * left_by_second);
+    if is_better { second } else { first }
+}
+
+/// The last finite iterate from the start `s`.
+fn gauss_newton<const NS: usize, const NO: usize>(
+    g: impl Fn(&SVector<f64, NS>) -> SVector<f64, NO>,
+    by_state: impl Fn(&SVector<f64, NS>) -> SMatrix<f64, NO, NS>,
+    o: &SVector<f64, NO>,
+    mut s: SVector<f64, NS>,
+) -> SVector<f64, NS> {
     let mut r = o - g(&s);
     if !r.norm_squared().is_finite() {
         return s;
@@ -101,10 +133,29 @@ mod tests {
         let g = |s: &SVector<f64, 2>| SVector::from([s[0] + s[1].sin(), s[1].exp()]);
         let s = solve(g, [0.4, 3.0]);
         assert!((g(&s) - SVector::from([0.4, 3.0])).norm() < 1e-12, "{s}");
-        // Without a step to take, or with an undefined start, the start remains.
+        // Without a step to take the start remains.
         let constant = |_: &SVector<f64, 2>| SVector::from([1.0]);
         assert_eq!(solve(constant, [2.0]), SVector::<f64, 2>::zeros());
+        let undefined = |_: &SVector<f64, 1>| SVector::from([f64::NAN]);
+        assert_eq!(solve(undefined, [2.0]), SVector::<f64, 1>::zeros());
+    }
+
+    #[test]
+    fn a_singular_point_at_zero_is_left() {
         let pole = |s: &SVector<f64, 1>| SVector::from([1.0 / s[0]]);
-        assert_eq!(solve(pole, [2.0]), SVector::<f64, 1>::zeros());
+        assert!((solve(pole, [2.0])[0] - 0.5).abs() < 1e-9);
+        let distance = |s: &SVector<f64, 3>| SVector::from([s.xy().norm()]);
+        let s = solve(distance, [2.0]);
+        assert!((s.norm() - 2.0).abs() < 1e-9 && s[2].abs() <= 0.0, "{s}");
+        let polar = |s: &SVector<f64, 2>| SVector::from([s.norm(), s[1].atan2(s[0])]);
+        let s = solve(polar, [2.0, 0.7]);
+        assert!((polar(&s) - SVector::from([2.0, 0.7])).norm() < 1e-9, "{s}");
+    }
+
+    #[test]
+    fn what_nothing_explains_does_not_leave_the_minimum_norm() {
+        // Two different observations of one row: a residual from each start.
+        let s = solve(|s: &SVector<f64, 3>| SVector::from([s[1], s[1]]), [0.0, 2.0]);
+        assert!((s - SVector::from([0.0, 1.0, 0.0])).norm() < 1e-9, "{s}");
     }
 }

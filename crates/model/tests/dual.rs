@@ -1,7 +1,7 @@
 //! A model written in the type of the scalar has exact derivatives, and needs no other function.
 
 use horizon_model::check::{Point, maximum, model_gap};
-use horizon_model::{Dual, DualModel, Model, Row, Scalar};
+use horizon_model::{Dual, DualModel, Model, Row, Scalar, VisitGroups};
 use nalgebra::SVector;
 
 /// Pendulum on a cart, of which position and angle are observed.
@@ -90,4 +90,74 @@ fn rest_is_found_without_being_written() {
     for rest in [Dual(Cart).at_rest(&[0.4, -3.0].into()), Plain.at_rest(&[0.4, -3.0].into())] {
         assert!((rest - SVector::from([0.4, -3.0, 0.0, 0.0])).norm() < 1e-9, "{rest}");
     }
+}
+
+/// Distance and direction of a boat at sea that does not steer its drift, the third row.
+#[derive(Debug, Clone, Copy)]
+struct Boat;
+
+impl DualModel<3, 2, 2, 0> for Boat {
+    const CONTROLLABLE: usize = 2;
+
+    fn groups(visit: &mut impl VisitGroups) {
+        visit.visit(&[0, 1, 2], &[0, 1], &[]);
+    }
+
+    fn step<D: Scalar>(
+        &self,
+        s: &SVector<D, 3>,
+        u: &SVector<D, 2>,
+        _p: &SVector<D, 0>,
+        dt_s: f64,
+    ) -> SVector<D, 3> {
+        SVector::from([s[0] + (u[0] + s[2]) * dt_s, s[1] + u[1] * dt_s, s[2]])
+    }
+
+    fn observe<D: Scalar>(&self, s: &SVector<D, 3>) -> SVector<D, 2> {
+        SVector::from([(s[0] * s[0] + s[1] * s[1]).sqrt(), s[1].atan2(s[0])])
+    }
+}
+
+/// [`Boat`] with rest in closed form.
+#[derive(Debug, Clone, Copy)]
+struct BoatAtRest;
+
+impl DualModel<3, 2, 2, 0> for BoatAtRest {
+    fn at_rest(&self, o: &SVector<f64, 2>) -> Option<SVector<f64, 3>> {
+        Some([o[0] * o[1].cos(), o[0] * o[1].sin(), 0.0].into())
+    }
+
+    fn step<D: Scalar>(
+        &self,
+        s: &SVector<D, 3>,
+        u: &SVector<D, 2>,
+        p: &SVector<D, 0>,
+        dt_s: f64,
+    ) -> SVector<D, 3> {
+        DualModel::step(&Boat, s, u, p, dt_s)
+    }
+
+    fn observe<D: Scalar>(&self, s: &SVector<D, 3>) -> SVector<D, 2> {
+        DualModel::observe(&Boat, s)
+    }
+}
+
+#[test]
+fn rest_is_found_by_distance_and_direction_or_as_written() {
+    let o = [2.0, 0.7].into();
+    let exact = SVector::from([2.0 * f64::cos(0.7), 2.0 * f64::sin(0.7), 0.0]);
+    for rest in [Dual(Boat).at_rest(&o), Dual(BoatAtRest).at_rest(&o)] {
+        assert!((rest - exact).norm() < 1e-9, "{rest}");
+    }
+}
+
+#[test]
+fn structure_is_that_of_the_dual_model() {
+    let mut groups = Vec::new();
+    <Dual<Boat> as Model<3, 2, 2, 0>>::groups(&mut groups);
+    assert_eq!(groups.len(), 1);
+    assert_eq!(<Dual<Boat> as Model<3, 2, 2, 0>>::CONTROLLABLE, 2);
+    let (s, u, p) = ([3.0, -1.0, 0.2].into(), [0.4, 0.5].into(), SVector::zeros());
+    let gap = model_gap(&Dual(Boat), &Point { s, u, p, dt_s: DT_S });
+    assert!(gap.gap < 1e-8, "{gap}");
 }

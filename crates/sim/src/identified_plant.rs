@@ -11,10 +11,10 @@ impl TakesParameters for PlantTable {
     /// Everything but the disturbance. Roll and pitch have one dead time: the mean of theirs.
     fn take(&mut self, file: &ParameterFile) -> Result<()> {
         if file.model != ModelKind::Lagged {
+            let (model, lagged) = (file.model.name(), ModelKind::Lagged.name());
             bail!(
-                "they are of the model {}, and the simulated vehicle can use lagged only: identify \
-                 lagged; fly and replay can use kinematic and kinematic_published",
-                file.model.name()
+                "they are of the model {model}, and the simulated vehicle can use {lagged} only: \
+                 identify {lagged}; fly and replay can use {model}"
             );
         }
         let p = file.values();

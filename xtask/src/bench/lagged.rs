@@ -161,7 +161,7 @@ fn steer(
 fn follow(table: &MheTable, dt_s: f64, flight: &[Tick]) -> Result<Vec<Solve>> {
     let settings = table.check::<Lagged, _, _, _, _>()?;
     let mut mhe = Estimator::new(Lagged::default(), settings, dt_s)?;
-    mhe.start(&Lagged::default().observe(&flight[0].s_0));
+    mhe.start(&Lagged::default().observe(&flight[0].s_0))?;
     let clock = Clock::start();
     let mut solves = Vec::with_capacity(flight.len());
     for tick in flight {

@@ -191,7 +191,7 @@ fn warm(
 /// One pass of our estimator along a flight: its updates with a full window.
 fn follow((first, steps): &(Pose, Vec<Step>), window_steps: usize) -> Result<Vec<Solve>> {
     let mut mhe = estimator(window_steps)?;
-    mhe.start(first);
+    mhe.start(first)?;
     let clock = Clock::start();
     let mut solves = Vec::with_capacity(steps.len());
     for (u, observed) in steps {
@@ -216,7 +216,7 @@ pub(super) fn flight_us(flight: &(Pose, Vec<Step>), window_steps: usize) -> Resu
 fn windows((first, steps): &(Pose, Vec<Step>), window_steps: usize) -> Result<Vec<Window>> {
     ensure!(steps.len() >= window_steps, "a flight of {} steps", steps.len());
     let mut mhe = estimator(window_steps)?;
-    mhe.start(first);
+    mhe.start(first)?;
     let mut windows = Vec::new();
     for (i, (u, observed)) in steps.iter().enumerate() {
         let cost = mhe.update(u, observed, &mut || false)?.cost;

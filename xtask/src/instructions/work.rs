@@ -73,7 +73,7 @@ fn steps(count: u32) -> impl Iterator<Item = (Sticks, Pose)> {
 
 fn mhe(updates: u32) -> Result<()> {
     let mut mhe = mhe::estimator(30)?;
-    mhe.start(&Pose::new(0.0, 0.0, 1.0, 3.0));
+    mhe.start(&Pose::new(0.0, 0.0, 1.0, 3.0))?;
     for (u, o) in steps(updates) {
         anyhow::ensure!(mhe.update(&u, &Observed::full(o), &mut || false)?.cost.is_finite());
     }
@@ -87,7 +87,7 @@ fn mpc(ticks: u32) -> Result<()> {
         let s_ref = s_0 + Pose::new(0.2, 0.15, 0.1, -0.13);
         let case = Case { p: P.into(), u_before: Sticks::zeros(), s_0, s_ref };
         mpc.shift();
-        mpc::solve(&mut mpc, &case, &[s_ref; HORIZON_STEPS])?;
+        anyhow::ensure!(mpc::solve(&mut mpc, &case, &[s_ref; HORIZON_STEPS])?.has_new_plan());
         s_0 = Kinematic.step(&s_0, &mpc.plan()[0], &P.into(), DT_S);
     }
     Ok(())

@@ -39,7 +39,7 @@ impl<'a, const NS: usize, const NU: usize, const NP: usize> Ask<'a, NS, NU, NP> 
 /// | [`Self::c_u`]                | 0.1 for each input             |
 /// | [`Self::c_s`]                | 1 for each state               |
 /// | [`Self::c_s_end`]            | `c_s`                          |
-/// | [`Self::bounds`]             | -1 and 1 for each input        |
+/// | [`Self::bounds`]             | -1 and 1 for each input, whatever its unit |
 /// | [`Self::input_cost`]         | [`InputCost::Absolute`]        |
 /// | [`Self::stages`]             | every step is a stage          |
 /// | [`Self::solver`]             | [`SolverTable::default`]       |

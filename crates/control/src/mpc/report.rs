@@ -61,16 +61,33 @@ impl<const NS: usize, const NU: usize, const NP: usize> Ask<'_, NS, NU, NP> {
         all_finite("s_0", self.s_0)?;
         all_finite("p", self.p)?;
         all_finite("u_before", self.u_before)?;
-        self.s_ref.iter().try_for_each(|s_ref| all_finite("s_ref", s_ref))?;
-        self.u_given.iter().try_for_each(|u_given| all_finite("u_given", u_given))
+        all_finite_of("s_ref", self.s_ref)?;
+        all_finite_of("u_given", self.u_given)
     }
 }
 
 fn all_finite<const N: usize>(what: &'static str, v: &SVector<f64, N>) -> Result<(), SolveError> {
     match v.iter().position(|value| !value.is_finite()) {
         None => Ok(()),
-        Some(row) => Err(SolveError::NotFinite { what, row, value: v[row] }),
+        Some(row) => Err(SolveError::NotFinite { what, at: None, row, value: v[row] }),
     }
+}
+
+fn all_finite_of<const N: usize>(
+    what: &'static str,
+    vectors: &[SVector<f64, N>],
+) -> Result<(), SolveError> {
+    for (k, v) in vectors.iter().enumerate() {
+        if let Some(row) = v.iter().position(|value| !value.is_finite()) {
+            return Err(SolveError::NotFinite { what, at: Some(k), row, value: v[row] });
+        }
+    }
+    Ok(())
+}
+
+/// `at` as an index, nothing if there is none.
+fn index(at: Option<usize>) -> String {
+    at.map_or_else(String::new, |k| format!("[{k}]"))
 }
 
 /// Why a solve stopped. Every variant leaves a plan to use, never costlier than the first one.
@@ -84,7 +101,8 @@ pub enum Stop {
     IterationLimit,
     /// The caller reported that it is late.
     Late,
-    /// A quadratic subproblem was not solved to its tolerance.
+    /// A quadratic subproblem was not solved to its tolerance, or a derivative or a constraint along the improved plan
+    /// is not finite.
     QpUnsolved,
     /// No part of a step lowered the true cost as much as it should have.
     Stalled,
@@ -105,6 +123,7 @@ impl Stop {
 
 /// How a solve went.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[must_use]
 pub struct MpcReport {
     /// Why it stopped.
     pub stop: Stop,
@@ -134,10 +153,12 @@ impl MpcReport {
 #[non_exhaustive]
 pub enum SolveError {
     /// An entry of the ask is infinite or NaN.
-    #[error("{what}[{row}] = {value} is not finite")]
+    #[error("{what}{}[{row}] = {value} is not finite", index(*at))]
     NotFinite {
         /// Field of [`Ask`].
         what: &'static str,
+        /// Index of the vector in a field that has several.
+        at: Option<usize>,
         /// Row of the vector.
         row: usize,
         /// The entry.
@@ -182,8 +203,30 @@ pub enum SolveError {
         /// Number of places.
         max: usize,
     },
-    /// The present plan leads out of the range of numbers: the ask is absurdly large.
-    #[error("the present plan costs {cost}: state, reference or weights are too large")]
+    /// A soft constraint along the present plan is not finite, or its weight is negative.
+    #[error(
+        "{what} of constraint {constraint} after stage {stage}: {value} is not finite, or negative"
+    )]
+    Constraint {
+        /// Index of the constraint.
+        constraint: usize,
+        /// Stage after which it is evaluated.
+        stage: usize,
+        /// Field of [`Excess`](crate::Excess).
+        what: &'static str,
+        /// Its value, or its first entry that is not finite.
+        value: f64,
+    },
+    /// A Jacobian of the model along the present plan is not finite.
+    #[error("a derivative of the model is not finite in stage {stage}")]
+    Derivative {
+        /// The first such stage.
+        stage: usize,
+    },
+    /// The present plan leads out of the range of numbers: the ask is absurdly large, or the model is not finite.
+    #[error(
+        "the present plan costs {cost}: state, reference or weights are too large, or the model is not finite"
+    )]
     Cost {
         /// Its cost.
         cost: f64,

@@ -237,7 +237,8 @@ impl<const NS: usize, const NU: usize> MpcSettings<NS, NU> {
         &self.u_ub
     }
 
-    /// The same settings for a controller whose plans may have up to `count` soft constraints after each stage.
+    /// The same settings for a controller whose plans may have up to `count` soft constraints after each stage, 0..=1000;
+    /// [`Mpc::new`](crate::Mpc::new) refuses more.
     #[must_use]
     pub fn with_constraints(self, count: usize) -> Self {
         Self { constraints_max: count, ..self }

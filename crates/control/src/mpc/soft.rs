@@ -35,22 +35,50 @@ where
     }
 
     /// Linearizes the constraints along the plan.
-    pub(super) fn fill_penalties(&mut self, against: &Against<'_, NS, NU>) {
+    ///
+    /// # Errors
+    /// [`SolveError::Constraint`].
+    pub(super) fn fill_penalties(
+        &mut self,
+        against: &Against<'_, NS, NU>,
+    ) -> Result<(), SolveError> {
         let mut penalties = std::mem::take(&mut self.expansion.penalties);
         penalties.clear();
-        self.visit_excesses(&self.plan, against, |stage, squared_weight, excess| {
+        let mut is_valid = true;
+        self.visit_excesses(&self.plan, against, |(stage, _), squared_weight, excess| {
+            is_valid &= fault(squared_weight, excess).is_none();
             let gradient = resized(&excess.gradient);
             penalties.push(Penalty { stage, squared_weight, excess: excess.value, gradient });
         });
         self.expansion.penalties = penalties;
+        if is_valid { Ok(()) } else { self.check_excesses(&self.plan, against) }
     }
 
-    /// Visits each constraint that is near, stage by stage, with the squared weight of the steps of the stage.
+    /// Whether every constraint along `plan` that is near is finite, with a weight that is not negative.
+    ///
+    /// # Errors
+    /// [`SolveError::Constraint`] for the first that is not.
+    pub(super) fn check_excesses(
+        &self,
+        plan: &Horizon<NS, NU>,
+        against: &Against<'_, NS, NU>,
+    ) -> Result<(), SolveError> {
+        let mut checked = Ok(());
+        self.visit_excesses(plan, against, |(stage, constraint), squared_weight, excess| {
+            if let (Ok(()), Some((what, value))) = (&checked, fault(squared_weight, excess)) {
+                checked = Err(SolveError::Constraint { constraint, stage, what, value });
+            }
+        });
+        checked
+    }
+
+    /// Visits each constraint that is near, stage by stage: stage and index, the squared weight of the steps of the
+    /// stage, and the excess.
     fn visit_excesses(
         &self,
         plan: &Horizon<NS, NU>,
         against: &Against<'_, NS, NU>,
-        mut visit: impl FnMut(usize, f64, &Excess<NS>),
+        mut visit: impl FnMut((usize, usize), f64, &Excess<NS>),
     ) {
         let Some(constraints) = against.constraints else { return };
         let mut ahead_s = 0.0;
@@ -59,10 +87,24 @@ where
             ahead_s += stage_s;
             for i in 0..constraints.count() {
                 let Some(excess) = constraints.excess(i, s, ahead_s) else { continue };
-                visit(k, f64::from(*steps) * excess.weight * excess.weight, &excess);
+                visit((k, i), f64::from(*steps) * excess.weight * excess.weight, &excess);
             }
         }
     }
+}
+
+/// Field of an [`Excess`] that makes it no constraint, and its value. `squared_weight` may be infinite although the
+/// weight is not.
+#[inline]
+fn fault<const NS: usize>(squared_weight: f64, excess: &Excess<NS>) -> Option<(&'static str, f64)> {
+    let Excess { value, gradient, weight } = excess;
+    if !value.is_finite() {
+        return Some(("value", *value));
+    }
+    if *weight < 0.0 || !squared_weight.is_finite() {
+        return Some(("weight", *weight));
+    }
+    gradient.iter().find(|entry| !entry.is_finite()).map(|entry| ("gradient", *entry))
 }
 
 #[cfg(test)]
@@ -147,7 +189,7 @@ mod tests {
         let mut mpc = mpc();
         // Twice: what was there before is replaced.
         for _ in 0..2 {
-            mpc.fill_penalties(&against(&floor, &[]));
+            mpc.fill_penalties(&against(&floor, &[])).unwrap();
         }
         let penalties = &mpc.expansion.penalties;
         assert_eq!(penalties.len(), 3);

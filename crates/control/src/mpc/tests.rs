@@ -5,6 +5,7 @@ mod hessian;
 mod indefinite;
 mod late;
 mod models;
+mod not_finite;
 mod soft;
 mod stages;
 mod termination;
@@ -144,7 +145,7 @@ fn the_vehicle_without_active_bounds_gets_four_regulators_in_world_axes() {
     // pitch the turn leaves the cost alone.
     const STEPS: usize = 25;
     let mut case = Case::new(&table(STEPS, 1.0));
-    case.solve();
+    assert!(case.solve().has_new_plan());
     let way = case.s_0 - case.s_ref[0];
     let axis = |row: usize, gain: f64, c_u: f64, c_s: f64| {
         let one = |value: f64| SMatrix::<f64, 1, 1>::new(value);
@@ -255,7 +256,7 @@ fn a_step_that_does_not_lower_the_cost_is_not_taken() {
 #[test]
 fn a_shifted_plan_starts_nearer_to_the_optimum_than_zeros() {
     let mut warm = Case::new(&table(25, 0.8));
-    warm.solve();
+    assert!(warm.solve().has_new_plan());
     warm.s_0 = warm.mpc.planned_states()[0];
     warm.u_before = warm.mpc.plan()[0];
     warm.mpc.shift();
@@ -272,7 +273,7 @@ fn a_shifted_plan_starts_nearer_to_the_optimum_than_zeros() {
 #[test]
 fn shift_drops_the_first_input_and_repeats_the_last() {
     let mut case = Case::new(&table(5, 0.8));
-    case.solve();
+    assert!(case.solve().has_new_plan());
     let (u, s) = (case.mpc.plan().to_vec(), case.mpc.planned_states().to_vec());
     case.mpc.shift();
     assert_eq!(*case.mpc.plan(), [u[1], u[2], u[3], u[4], u[4]]);
@@ -291,7 +292,7 @@ fn reset_forgets_the_plan() {
 #[test]
 fn planned_states_follow_from_the_plan() {
     let mut case = Case::new(&table(13, 0.8));
-    case.solve();
+    assert!(case.solve().has_new_plan());
     let mut s = case.s_0;
     for (u, planned) in case.mpc.plan().iter().zip(case.mpc.planned_states()) {
         s = Kinematic.step(&s, u, &case.p, DT_S);
@@ -339,16 +340,16 @@ type Spoil = fn(&mut Case);
 #[test]
 fn what_is_not_finite_is_refused_and_changes_nothing() {
     let mut case = Case::new(&table(3, 0.8));
-    case.solve();
+    assert!(case.solve().has_new_plan());
     let (u, s) = (case.mpc.plan().to_vec(), case.mpc.planned_states().to_vec());
     let spoils: [(Spoil, &str); 5] = [
         (|case| case.s_0[pose::Y] = f64::NAN, "s_0[1] = NaN is not finite"),
         (|case| case.p[gain::THETA_0] = f64::INFINITY, "p[3] = inf is not finite"),
         (|case| case.u_before[stick::YAW] = f64::NAN, "u_before[2] = NaN is not finite"),
-        (|case| case.s_ref[2][pose::X] = f64::NAN, "s_ref[0] = NaN is not finite"),
+        (|case| case.s_ref[2][pose::X] = f64::NAN, "s_ref[2][0] = NaN is not finite"),
         (
             |case| case.s_0[pose::X] = 1e300,
-            "the present plan costs inf: state, reference or weights are too large",
+            "the present plan costs inf: state, reference or weights are too large, or the model is not finite",
         ),
     ];
     for (spoil, message) in spoils {

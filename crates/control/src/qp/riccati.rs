@@ -6,8 +6,9 @@
 //! of the box adds the bound to the working set; a minimizer of an active input inside of the box removes the bound.
 //! A penalty on a state is in the working set where its linearized constraint is violated at the roll-out.
 //! When the working set no longer changes, the optimality conditions hold to rounding; a convex problem has no other
-//! minimum. The bounds of the working set are the warm start of the next solve and are shifted with the plan; its
-//! penalties begin with the excess at the present plan.
+//! minimum. The bounds of the working set are the warm start of the next solve and are shifted with the plan; after a
+//! problem that went to another solver they are those of its solution. Penalties begin with the excess at the present
+//! plan.
 //!
 //! Changing all wrong guesses at once is quick (Hintermueller, Ito and Kunisch, 2003, primal-dual active
 //! sets) but may cycle. When the number of wrong guesses has not fallen for a while,
@@ -18,6 +19,7 @@ mod recursion;
 
 use std::array;
 
+use horizon_model::Bounds;
 use nalgebra::SVector;
 
 use self::recursion::{Policy, Value, Working, eliminate};
@@ -26,6 +28,10 @@ use super::{CostHessian, Limits, Problem, Reason, SolveQp, Unsolved};
 
 /// Tolerance for rounding: of a bound as a fraction of the box, of a penalty in the unit of its constraint.
 const SLACK: f64 = 1e-12;
+
+/// Distance, as a fraction of the box, at which an input of another solver is at its bound: an interior point ends at
+/// about its tolerance from an active bound, 1e-8 by default. A wrong entry costs a recursion.
+const NEAR: f64 = 1e-6;
 
 /// Iterations in a row that correct all wrong entries of the working set although their number has no new minimum.
 const PATIENCE: u32 = 4;
@@ -87,6 +93,23 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
     /// Empties the working set.
     pub(super) fn reset(&mut self) {
         self.working_set.fill([Bound::Inactive; NU]);
+    }
+
+    /// Makes the working set that of the solution `du` of `problem`, which another solver found: an empty one
+    /// would leave it the next problem, too.
+    pub(super) fn warm_start(&mut self, problem: &Problem<'_, NS, NU>, du: &[SVector<f64, NU>]) {
+        for (k, working_set) in self.working_set.iter_mut().enumerate() {
+            let Bounds { lo, hi } = &problem.bounds[k];
+            *working_set = array::from_fn(|i| {
+                let (u, near) = (problem.u[k][i] + du[k][i], NEAR * (hi[i] - lo[i]));
+                match u {
+                    _ if problem.bounds[k].is_given(i) => Bound::Given,
+                    _ if u <= lo[i] + near => Bound::AtLower,
+                    _ if u >= hi[i] - near => Bound::AtUpper,
+                    _ => Bound::Inactive,
+                }
+            });
+        }
     }
 
     /// Adapts the working set of the last solve to the inputs that are given now.

@@ -120,4 +120,8 @@ fn a_problem_with_too_many_iterations_goes_to_clarabel() {
     let residual = case.kkt_residual(&du);
     // A gap of 1e-12 leaves inputs at weakly active bounds off by its square root.
     assert!(residual < 1e-5, "residual {residual:e}");
+    // Its solution is the warm start of the next problem, here the same one.
+    let next = qp.solve(&case.problem(), &mut du, &mut || false).unwrap();
+    assert!(!next.has_fallen_back && next.iterations < 10, "{next:?}");
+    assert!(case.kkt_residual(&du) < 1e-10, "residual {:e}", case.kkt_residual(&du));
 }

@@ -20,7 +20,7 @@ use crate::loss::LossTable;
 /// | [`Self::bounds`]     | hardly any, within the domain of each row                 |
 /// | [`Self::losses`]     | least squares                                             |
 /// | [`Self::arrival`]    | carried, `C_0` 1 for each row, forgotten in 60 s          |
-/// | [`Self::solver`]     | [`LmTable::default`]                                      |
+/// | [`Self::solver`]     | [`LmTable::default`] with `damping_start` 0: an information that is carried for minutes grows, and a damping relative to it would hold back the parameter |
 #[derive(Debug, Clone)]
 pub struct MheBuilder<const NS: usize, const NO: usize, const NP: usize> {
     table: MheTable,
@@ -56,7 +56,7 @@ impl<const NS: usize, const NO: usize, const NP: usize> MheSettings<NS, NO, NP> 
             transition_loss: LossTable::None {},
             arrival: ArrivalTable::Carried { c_0: vec![1.0; NS], forget_s: 60.0 },
             shift_prior: false,
-            solver: LmTable::default(),
+            solver: LmTable { damping_start: 0.0, ..LmTable::default() },
         };
         MheBuilder { table, bounds: None }
     }
@@ -117,7 +117,7 @@ mod tests {
             transition_loss: LossTable::None {},
             arrival: ArrivalTable::Fixed,
             shift_prior: true,
-            solver: LmTable::default(),
+            solver: LmTable { damping_start: 0.0, ..LmTable::default() },
         };
         let settings = builder.clone().build(&Kinematic).unwrap();
         assert_eq!(settings, table.check::<Kinematic, 4, 4, 4, 4>().unwrap());

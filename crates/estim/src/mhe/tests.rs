@@ -5,6 +5,7 @@ use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
 use nalgebra::SVector;
 
 mod closed_loop;
+mod start;
 
 use super::*;
 use crate::arrival::ArrivalTable;
@@ -65,7 +66,7 @@ fn fly(
 ) -> (Pose, f64) {
     // The heading passes pi soon.
     let mut s = Pose::new(0.2, -0.3, 1.0, 2.9);
-    mhe.start(&s);
+    mhe.start(&s).unwrap();
     let mut cost = f64::NAN;
     for k in 0..steps {
         let u = sticks(k);
@@ -90,7 +91,7 @@ fn the_window_grows_and_then_shifts() {
     assert!(!mhe.is_started());
     let mut before = Vec::new();
     let mut s = Pose::new(0.2, -0.3, 1.0, 0.0);
-    mhe.start(&s);
+    mhe.start(&s).unwrap();
     assert!(mhe.is_started());
     assert_eq!(mhe.window(), [s]);
     for k in 0..40 {
@@ -141,7 +142,7 @@ fn what_is_seen_late_counts_as_if_it_had_been_seen_in_time() {
         all[k as usize]
     });
     let mut s = Pose::new(0.2, -0.3, 1.0, 2.9);
-    late.start(&s);
+    late.start(&s).unwrap();
     for k in 0..STEPS {
         s = Kinematic.step(&s, &sticks(k), &truth(), DT_S);
         if let Some(then) = (k as usize).checked_sub(LATE) {
@@ -230,7 +231,8 @@ fn a_refused_update_leaves_the_estimator_usable() {
     let nothing = Observed::missing();
     let u = Sticks::zeros();
     assert_eq!(mhe.update(&u, &nothing, &mut || false), Err(MheError::NotStarted));
-    mhe.start(&Pose::new(0.0, f64::NAN, 0.0, 0.0));
+    let error = mhe.start(&Pose::new(0.0, f64::NAN, 0.0, 0.0)).unwrap_err();
+    assert_eq!(error.to_string(), "observation is not finite at window step 0");
     assert!(!mhe.is_started());
 
     let (mut s, _) = fly(&mut mhe, 50, |_, s| Observed::full(*s));
@@ -248,7 +250,7 @@ fn a_refused_update_leaves_the_estimator_usable() {
     let error = mhe.update(&u, &huge, &mut || false).unwrap_err();
     assert_eq!(error.to_string(), "r_obs is not finite at window step 30");
     assert!(!mhe.is_started());
-    mhe.start(&s);
+    mhe.start(&s).unwrap();
     assert_eq!(
         (mhe.window(), mhe.p_hat()[gain::LAMBDA_H].to_bits()),
         (&[s][..], 1.0_f64.to_bits())
@@ -349,7 +351,7 @@ fn heading_estimates_stay_continuous_beyond_pi() {
 fn weights_at_their_limits_are_solved() {
     for (c_o, c_s) in [(1e-6, 1e6), (1e6, 1e-6)] {
         let mut mhe = estimator(&MheTable { c_o: vec![c_o; 4], c_s: vec![c_s; 4], ..table() });
-        mhe.start(&Pose::zeros());
+        mhe.start(&Pose::zeros()).unwrap();
         for k in 0..50 {
             let solved = mhe.update(&sticks(k), &Observed::full(Pose::zeros()), &mut || false);
             assert!(solved.is_ok(), "{k}: {solved:?}");
@@ -365,7 +367,7 @@ fn without_a_factorization_there_is_no_covariance() {
     let mut settings = table.check::<Kinematic, 4, 4, 4, 4>().unwrap();
     settings.c_s[pose::X] = 1e200;
     let mut mhe = Mhe::new(Kinematic, settings, DT_S).unwrap();
-    mhe.start(&Pose::zeros());
+    mhe.start(&Pose::zeros()).unwrap();
     for k in 0..3 {
         mhe.update(&sticks(k), &Observed::full(Pose::zeros()), &mut || false).unwrap_err();
         assert!(mhe.state_covariance().is_none());

@@ -63,9 +63,10 @@ mod tests {
         for model in ModelKind::ALL {
             let decay_s = residual_decay_s(model);
             let LaggedShape { decay_h_s, decay_v_s, .. } = LaggedShape::default();
-            let expected = match model {
-                ModelKind::Lagged => Pose::new(decay_h_s, decay_h_s, decay_v_s, 0.0),
-                ModelKind::Kinematic | ModelKind::KinematicPublished => Pose::zeros(),
+            let expected = if model == ModelKind::Lagged {
+                Pose::new(decay_h_s, decay_h_s, decay_v_s, 0.0)
+            } else {
+                Pose::zeros()
             };
             assert_eq!(decay_s, expected, "{model:?}");
         }

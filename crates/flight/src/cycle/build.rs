@@ -76,7 +76,7 @@ where
     let fifo = InputFifo::new(&cycle.dead_time_s, &M::INPUT, dt_s).map_err(under("cycle"))?;
     let link = link(cycle, dt_s, M::NAME)?;
     let fifo = fifo.with_room(link.as_ref().map_or(0, Link::capacity_steps));
-    let fifo = fifo.with_min_ratio(cycle.dead_time_min_ratio());
+    let fifo = fifo.with_min_ratio(cycle.dead_time_min_ratio()).map_err(under("cycle.link"))?;
     let filter: FilterSettings = (&cycle.filter).try_into().map_err(under("cycle.filter"))?;
     let mhe = cycle.mhe.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>();
     let mhe = Mhe::new(model, mhe.map_err(under("cycle.mhe"))?, dt_s)?;

@@ -74,7 +74,7 @@ impl Supervisor {
             (Fault::WitnessDisagrees, worst >= Agreement::Disagrees),
             (Fault::HeadingWrong, is_flown && is_heading_wrong),
             (Fault::PlanBlocked, self.is_blocked(e)),
-            (Fault::BlockedLong, is_older(self.blocked_s, BLOCKED_MAX_S)),
+            (Fault::BlockedLong, exceeds(self.blocked_s, BLOCKED_MAX_S)),
             (Fault::ObstacleEntered, self.has_entered_obstacle(e)),
             (Fault::ObstacleUnseen, e.is_obstacle_unseen && !self.is_carried),
             (Fault::FenceNear, self.is_in_the_air() && self.would_leave(e)),

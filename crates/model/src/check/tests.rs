@@ -112,6 +112,43 @@ fn the_gap_names_derivative_row_and_column() {
     }
 }
 
+/// `s' = s + dt u / p` with an inertia `p`; derivatives by default.
+#[derive(Debug, Clone, Copy)]
+struct Wheel;
+
+impl Model<1, 1, 1, 1> for Wheel {
+    const PARAMETER: [Row; 1] = [Row::positive("inertia", "kg m^2")];
+
+    fn step(
+        &self,
+        s: &SVector<f64, 1>,
+        u: &SVector<f64, 1>,
+        p: &SVector<f64, 1>,
+        dt_s: f64,
+    ) -> SVector<f64, 1> {
+        assert!(p[0] > 0.0, "an inertia of {}", p[0]);
+        s + u * (dt_s / p[0])
+    }
+
+    fn observe(&self, s: &SVector<f64, 1>) -> SVector<f64, 1> {
+        *s
+    }
+}
+
+#[test]
+fn a_positive_row_far_below_one_has_right_differences() {
+    for inertia in [1e-2, 1.66e-5, 5e-6, 1e-9] {
+        let at =
+            Point { s: [0.3].into(), u: [20.0 * inertia].into(), p: [inertia].into(), dt_s: 0.02 };
+        let exact = -at.u[0] * at.dt_s / at.p[0].powi(2);
+        let given = Wheel.step_by_parameter(&at.s, &at.u, &at.p, at.dt_s)[0];
+        assert!((given / exact - 1.0).abs() < 1e-8, "{given}, not {exact}");
+        // By the same increments.
+        let gap = model_gap(&Wheel, &at);
+        assert!(gap.gap < 1e-10, "{inertia}: {gap}");
+    }
+}
+
 #[test]
 fn rows_without_names_are_shown_by_number_and_nan_is_worst() {
     let entry = Entry::new((1, 0), 2.0, 1.0);

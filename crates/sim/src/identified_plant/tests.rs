@@ -38,9 +38,11 @@ fn file(model: ModelKind) -> ParameterFile {
 #[test]
 fn a_file_of_another_model_is_refused_with_what_can_be_used() {
     let mut plant = NOMINAL;
-    let error = plant.take(&file(ModelKind::Kinematic)).unwrap_err().to_string();
-    assert!(error.contains("fly and replay can use kinematic"), "{error}");
-    assert_eq!(plant, NOMINAL);
+    for model in ModelKind::ALL.into_iter().filter(|model| *model != ModelKind::Lagged) {
+        let error = plant.take(&file(model)).unwrap_err().to_string();
+        assert!(error.ends_with(&format!("fly and replay can use {}", model.name())), "{error}");
+        assert_eq!(plant, NOMINAL);
+    }
 }
 
 #[test]

@@ -64,13 +64,16 @@ fn an_ask_needs_a_reference_for_each_stage_and_given_inputs_that_end_with_one() 
 fn every_number_has_to_be_finite_and_the_first_that_is_not_is_named() {
     let mut bad = Pose::zeros();
     bad[2] = f64::INFINITY;
-    let refused = |what| Err(SolveError::NotFinite { what, row: 2, value: f64::INFINITY });
-    assert_eq!(check(|ask| ask.s_0 = bad), refused("s_0"));
-    assert_eq!(check(|ask| ask.p = bad), refused("p"));
-    assert_eq!(check(|ask| ask.u_before = bad), refused("u_before"));
-    assert_eq!(check(|ask| ask.s_ref[1] = bad), refused("s_ref"));
-    assert_eq!(check(|ask| ask.u_given[2] = bad), refused("u_given"));
-    assert_eq!(refused("p").unwrap_err().to_string(), "p[2] = inf is not finite");
+    let value = f64::INFINITY;
+    let refused = |what, at| Err(SolveError::NotFinite { what, at, row: 2, value });
+    assert_eq!(check(|ask| ask.s_0 = bad), refused("s_0", None));
+    assert_eq!(check(|ask| ask.p = bad), refused("p", None));
+    assert_eq!(check(|ask| ask.u_before = bad), refused("u_before", None));
+    assert_eq!(check(|ask| ask.s_ref[1] = bad), refused("s_ref", Some(1)));
+    assert_eq!(check(|ask| ask.u_given[2] = bad), refused("u_given", Some(2)));
+    assert_eq!(refused("p", None).unwrap_err().to_string(), "p[2] = inf is not finite");
+    let error = refused("s_ref", Some(1)).unwrap_err();
+    assert_eq!(error.to_string(), "s_ref[1][2] = inf is not finite");
 }
 
 #[test]

@@ -2,11 +2,14 @@
 
 use std::f64::consts::PI;
 
+use horizon_model::HessianKind;
 use horizon_model::check::jacobian_gap;
 use horizon_model::rows::{Motion, motion};
 
+use super::super::expansion::Gain;
 use super::indefinite::{Controller, P, controller_of};
 use super::*;
+use crate::qp::Problem;
 
 /// Number of stages; two of them last three steps.
 pub(super) const STAGES: usize = 6;
@@ -55,7 +58,7 @@ impl At {
     pub(super) fn gradient(&mut self, u: &Inputs) -> Inputs {
         self.cost(u, Trial::Linearized);
         self.mpc.take_trial();
-        self.with(|mpc, _, against| mpc.fill_gradients(against));
+        self.with(|mpc, _, against| mpc.fill_gradients(against)).unwrap();
         let gradients = &self.mpc.expansion.reduced_gradient;
         Inputs::from_iterator(gradients.iter().flat_map(|g| g.iter()).copied().take(u.len()))
     }

@@ -83,7 +83,7 @@ fn what_is_no_longer_given_returns_into_the_box() {
         let mut case = case(qp, InputCost::Difference, 10);
         case.u_given = committed(6);
         case.given_steps = [6; 4];
-        case.solve();
+        assert!(case.solve().has_new_plan());
         case.given_steps = [0; 4];
         // Even if there is no time to solve anything.
         assert_eq!(case.solve_while(&mut || true).unwrap().stop, Stop::Late);
@@ -112,7 +112,7 @@ fn a_plan_that_is_given_whole_has_nothing_to_decide() {
 #[test]
 fn bad_given_inputs_are_refused_and_change_nothing() {
     let mut case = case(QpKind::Riccati, InputCost::Absolute, 5);
-    case.solve();
+    assert!(case.solve().has_new_plan());
     let plan = case.mpc.plan().to_vec();
     case.u_given = committed(3);
     for (given_steps, message) in [
@@ -132,7 +132,7 @@ fn bad_given_inputs_are_refused_and_change_nothing() {
     case.u_given[0][stick::YAW] = f64::NAN;
     assert_eq!(
         case.solve_while(&mut || false).unwrap_err().to_string(),
-        "u_given[2] = NaN is not finite"
+        "u_given[0][2] = NaN is not finite"
     );
     assert_eq!(case.mpc.plan(), plan);
 }
@@ -142,7 +142,7 @@ fn a_shifted_plan_keeps_its_active_set() {
     let solve_next = |keeps: bool| {
         let mut case = case(QpKind::Riccati, InputCost::Difference, 40);
         case.s_ref.fill(case.s_0 + Pose::new(-2.0, 1.5, 1.0, -2.5));
-        case.solve();
+        assert!(case.solve().has_new_plan());
         case.s_0 = case.mpc.planned_states()[0];
         case.u_before = case.mpc.plan()[0];
         case.mpc.shift();

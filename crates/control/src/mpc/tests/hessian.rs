@@ -1,8 +1,8 @@
 //! The assembled derivatives of a plan: trajectory Jacobian and Hessians, entry by entry, against differences.
 
 use horizon_model::check::{amax, maximum};
-use horizon_model::differences;
 use horizon_model::rows::{Motion, motion};
+use horizon_model::{HessianKind, differences};
 use nalgebra::SMatrix;
 
 use super::expansion::{At, Inputs, STAGES, plans};

@@ -74,10 +74,10 @@ fn a_plan_keeps_off_what_it_would_run_into() {
         case.mpc.planned_states().iter().map(excess).fold(-1.0, maximum)
     };
     let mut free = case(QpKind::Riccati, 40);
-    free.solve();
+    assert!(free.solve().has_new_plan());
     let free_m = excess_max(&free);
     let mut held = case(QpKind::Riccati, 40);
-    solve_with(&mut held, &POLE);
+    assert!(solve_with(&mut held, &POLE).has_new_plan());
     let held_m = excess_max(&held);
     assert!(free_m > 0.05 && held_m < 0.003, "{free_m} m without, {held_m} m with");
 }
@@ -106,7 +106,7 @@ fn the_reduced_gradient_with_penalties_meets_its_numeric_twin() {
         mpc.trial.u = plan(&at);
         mpc.roll_out(&ask, &against, Trial::Linearized);
         mpc.take_trial();
-        mpc.fill_gradients(&against);
+        mpc.fill_gradients(&against).unwrap();
         let gradient = mpc.expansion.reduced_gradient.clone();
         let gradient =
             SVector::<f64, 24>::from_iterator(gradient.iter().flat_map(|g| g.iter()).copied());
@@ -141,7 +141,7 @@ fn the_predicted_decrease_with_penalties_is_exact_for_a_linear_motion() {
         mpc.trial.u.clone_from(&before);
         let cost = mpc.roll_out(&ask, &against, Trial::Linearized);
         mpc.take_trial();
-        mpc.fill_gradients(&against);
+        mpc.fill_gradients(&against).unwrap();
         mpc.expansion.du = (0..6).map(|k| sticks(k + 1, direction)).collect();
         let predicted = mpc.expansion.complete_step(&before, &bounds, false).decrease;
         mpc.trial.u = before.iter().zip(&mpc.expansion.du).map(|(u, du)| u + du).collect();
@@ -174,11 +174,11 @@ fn bounded_rows_stop_at_their_bounds() {
         case.mpc.planned_states().iter().map(of_state).fold(-1.0, maximum)
     };
     let mut free = case(QpKind::Riccati, 40);
-    free.solve();
+    assert!(free.solve().has_new_plan());
     let mut held = case(QpKind::Riccati, 40);
     let settings = held.mpc.settings().clone().with_constraints(bounds.count());
     held.mpc = Mpc::new(Kinematic, settings, DT_S).unwrap();
-    solve_with(&mut held, &bounds);
+    assert!(solve_with(&mut held, &bounds).has_new_plan());
     let (free, held) = (beyond(&free), beyond(&held));
     assert!(free > 0.05 && held < 0.005, "{free} m without bounds, {held} m with them");
     let at = Pose::new(0.3, -0.2, 0.1, 3.3);

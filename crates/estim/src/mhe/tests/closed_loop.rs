@@ -90,7 +90,7 @@ impl Flight {
         let settings = table.check::<Lagged, 11, 4, 4, 11>().unwrap();
         let mut mhe = Mhe::new(Lagged::default(), settings, DT_S).unwrap();
         let o = Pose::new(0.2, -0.3, 1.0, 0.1);
-        mhe.start(&o);
+        mhe.start(&o).unwrap();
         let generator = ChaCha8Rng::seed_from_u64(seed);
         Self { s: Lagged::default().at_rest(&o), mhe, generator, k: 0 }
     }

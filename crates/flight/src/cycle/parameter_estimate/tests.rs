@@ -23,7 +23,7 @@ fn estimator(forget_s: Option<f64>) -> Estimator {
 
 fn started() -> Estimator {
     let mut mhe = estimator(Some(60.0));
-    mhe.start(&Pose::zeros());
+    mhe.start(&Pose::zeros()).unwrap();
     mhe
 }
 
@@ -31,7 +31,7 @@ fn started() -> Estimator {
 fn there_is_no_estimate_before_the_first_pose_and_none_with_a_fixed_arrival() {
     assert_eq!(ParameterEstimate::of(&estimator(Some(60.0)), None), None);
     let mut fixed = estimator(None);
-    fixed.start(&Pose::zeros());
+    fixed.start(&Pose::zeros()).unwrap();
     assert_eq!(ParameterEstimate::of(&fixed, None), None);
     assert!(ParameterEstimate::of(&started(), None).is_some());
 }

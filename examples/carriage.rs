@@ -1,0 +1,80 @@
+//! A carriage on a rail that obeys 0.17 s late: gain, lag and dead time from a recording, then to a place below a speed.
+
+use std::borrow::Cow;
+use std::error::Error;
+
+use horizon_control::{Ask, Mpc, MpcSettings, StateBounds, predict};
+use horizon_estim::{DelayTable, Flights, Ident, IdentSettings, Mhe, MheSettings};
+use horizon_estim::{Observed, Recording, Span};
+use horizon_model::{Dual, DualModel, InputFifo, Model, Row, Scalar};
+use nalgebra::SVector;
+
+type V<D, const N: usize> = SVector<D, N>;
+const DT_S: f64 = 0.05;
+
+/// State (x, speed v), input (speed that is asked for), observation (x), parameter (gain, time constant).
+#[derive(Debug, Clone, Copy)]
+struct Carriage;
+
+impl DualModel<2, 1, 1, 2> for Carriage {
+    fn step<D: Scalar>(&self, s: &V<D, 2>, u: &V<D, 1>, p: &V<D, 2>, dt_s: f64) -> V<D, 2> {
+        let v = s[1] + (p[0] * u[0] - s[1]) / p[1] * dt_s;
+        SVector::from([s[0] + v * dt_s, v])
+    }
+
+    fn observe<D: Scalar>(&self, s: &V<D, 2>) -> V<D, 1> {
+        SVector::from([s[0]])
+    }
+}
+
+/// Errors of parameter and dead time, of the estimated state at the end, and distance to the goal (mixed units).
+pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
+    let (carriage, truth, dead_s) = (Dual(Carriage), [0.9, 0.3].into(), SVector::from([0.17]));
+    let noise = |k: usize| 0.001 * SVector::from([(7.3 * k as f64).sin()]);
+    let measure = |s: &V<f64, 2>, k: usize| Observed::full(carriage.observe(s) + noise(k));
+    // A recording has the inputs that were sent; the plant applies them later.
+    let u = (0..300).map(|k| SVector::from([if k / 25 % 2 == 0 { 0.4 } else { -0.4 }])).collect();
+    let mut recording = Recording { u, o: Vec::new() };
+    let (mut s, mut found_s) = (SVector::zeros(), SVector::from([0.3]));
+    for (k, u_applied) in recording.applied(&dead_s, DT_S).iter().enumerate() {
+        recording.o.push(measure(&s, k));
+        s = carriage.step(&s, u_applied, &truth, DT_S);
+    }
+    let (recordings, spans) = ([Cow::Owned(recording)], [Span { recording: 0, steps: 0..300 }]);
+    let flights = Flights { recordings: &recordings, spans: &spans, dt_s: DT_S };
+    let settings = IdentSettings::builder([1.0, 0.5]).c_o([1e3]).c_s([10.0; 2]).build(&carriage)?;
+    let mut ident = Ident::new(carriage, &settings, DT_S, flights.pieces(&found_s))?;
+    let table = DelayTable { dead_time_max_s: 0.6, grid_s: 0.05, tolerance_s: 0.001, rounds: 20 };
+    flights.search(&mut ident, &[&[0]], &mut found_s, &(&table).try_into()?, &mut || false)?;
+    let p = *ident.parameter();
+    // The plan begins when an input sent now begins to act: at the state to which those in transit lead.
+    let settings = MheSettings::builder(p.into()).c_o([1e3]).c_s([10.0; 2]).c_p([100.0; 2]);
+    let mut mhe = Mhe::new(carriage, settings.build(&carriage)?, DT_S)?;
+    let limit = StateBounds::new([-9.0, -0.5].into(), [9.0, 0.5].into(), [1.0, 100.0].into())?;
+    let settings = MpcSettings::builder(40).c_s_end([10.0; 2]).build(&carriage)?;
+    let mut mpc = Mpc::<_, 2, 1, 1, 2, 2>::new(carriage, settings.with_constraints(4), DT_S)?;
+    let s_ref = [SVector::from([2.0, 0.0]); 40];
+    let fifo = |at_s: &V<f64, 1>| InputFifo::new(at_s.as_slice(), &[Row::UNNAMED], DT_S);
+    let (mut s, mut sent, mut plant) = (SVector::zeros(), fifo(&found_s)?, fifo(&dead_s)?);
+    mhe.start(&measure(&s, 0).o)?;
+    for k in 0..200 {
+        let in_transit = (0..sent.longest_steps()).map(|k| sent.applied(k.cast_signed()));
+        let s_0 = predict(&carriage, mhe.s_hat(), &p, in_transit, DT_S);
+        let ask = Ask::new(&s_0, &p, sent.newest(), &s_ref);
+        assert!(mpc.solve_with(&ask, Some(&limit), &mut || false)?.has_new_plan());
+        sent.push(&mpc.plan()[0]);
+        plant.push(&mpc.plan()[0]);
+        mpc.shift();
+        s = carriage.step(&s, &plant.applied(-1), &truth, DT_S);
+        assert!(mhe.update(&sent.applied(-1), &measure(&s, k), &mut || false)?.is_converged());
+        assert!(s[1] < 0.52, "{} m/s in step {k}", s[1]);
+    }
+    let found = (p - truth).norm() + (found_s - dead_s).norm();
+    Ok([found, (mhe.s_hat() - s).norm(), (s - s_ref[0]).norm()])
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let [parameter, estimate, goal] = run()?;
+    println!("carriage: parameter off by {parameter:.4}, estimate {estimate:.4}, goal {goal:.4}");
+    Ok(())
+}
