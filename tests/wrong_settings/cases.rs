@@ -251,6 +251,10 @@ pub(super) const SETTINGS: [(Changes<'_>, &[&str]); 25] = [
         ],
     ),
     (
+        &[("/cycle/supervisor/room/y_m", "[-3000, 1000]")],
+        &["cycle.supervisor.room.y_m = -3000 violates -500..=500, in metres"],
+    ),
+    (
         &[("/cycle/mpc/horizon_steps", "10.5"), ("/cycle/dt_s", "\"0.02\"")],
         &["cycle.mpc.horizon_steps: invalid type", "cycle.dt_s: invalid type: string"],
     ),
