@@ -94,8 +94,8 @@ const STATUS_PERIOD: Duration = Duration::from_millis(200);
 /// automatic again, W/S A/D forward, back, left, right, I/K up, down, J/L turn. Any steering key takes over.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Exit codes: 0 all targets reached and landed, 1 landed early, 2 could not \
-fly."
+    after_help = "Exit codes: 0 all targets reached and landed, 1 landed early or the log is incomplete, \
+2 could not fly."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 pub(crate) struct Arguments {
@@ -214,10 +214,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let summary = runtime.block_on(fly(arguments, &table, &flight, cycle))?;
     drop(emulator);
-    // The flight is what is judged, not whether its summary can be written.
+    // Flight and log are what is judged, not whether the summary can be written.
     stdio::report(&summary, arguments.json)
         .unwrap_or_else(|error| stdio::note(stdio::chain(&error)));
-    Ok(if summary.is_success() { Verdict::Good } else { Verdict::Bad })
+    Ok(if summary.is_complete() { Verdict::Good } else { Verdict::Bad })
 }
 
 async fn fly(
@@ -291,7 +291,7 @@ async fn fly(
     }
     let summary = summary.with_end(&end, mocap_counters.report(), &drone_counters);
     vehicle::remember(arguments, flight, (&summary, &end), clock);
-    end_within(patience, i32::from(!summary.is_success()))?;
+    end_within(patience, i32::from(!summary.is_complete()))?;
     Ok(summary)
 }
 
