@@ -178,6 +178,11 @@ fn identify<'a>(
         Some(dir) => ident::write(dir, &jobs[0], &main)?,
         None => Vec::new(),
     };
+    if main.parameter_file.is_some()
+        && let Some(earlier) = written.iter().find(|path| ident::is_earlier(path))
+    {
+        stdio::note(format_args!("note: what flights taught is kept as {}", earlier.display()));
+    }
     let mut fits = vec![main];
     let mut comparison = None;
     if !interrupt.is_asked() {
