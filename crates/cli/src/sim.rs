@@ -95,6 +95,9 @@ pub(crate) struct Arguments {
     /// Draw the true tracks of the first 30 flights from above, as NAME.svg and NAME.png.
     #[arg(long, value_name = "NAME", requires = "batch")]
     figure: Option<PathBuf>,
+    /// Replace a figure that exists.
+    #[arg(long, requires = "figure")]
+    force: bool,
     /// Threads of a batch; 0 for all cores.
     #[arg(long, value_name = "N", default_value_t = 0, requires = "batch")]
     #[arg(value_parser = crate::thread_count())]
@@ -206,7 +209,8 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
         }
         seeds = target.head.seeds();
     }
-    let place = arguments.figure.as_deref().map(Place::of).transpose()?;
+    let place =
+        arguments.figure.as_deref().map(|name| Place::of(name, arguments.force)).transpose()?;
     let count = seeds.end - seeds.start;
     let interrupt = Interrupt::listen()?;
     let bar = progress::of_seeds(count, !arguments.json)?;
