@@ -91,7 +91,7 @@ pub fn load(paths: &[PathBuf]) -> Result<(Vec<Loaded>, Vec<Unusable>)> {
 /// `2.log` before `10.log`.
 ///
 /// # Errors
-/// A path does not exist, or a folder has no recording or cannot be read.
+/// A path does not exist, or a folder has no recording, one whose name is not UTF-8, or cannot be read.
 pub fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let mut files: Vec<PathBuf> = Vec::new();
     for path in paths {
@@ -104,6 +104,10 @@ pub fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
             .with_context(|| format!("cannot read the folder {}", path.display()))?;
         if inside.is_empty() {
             bail!("no recording in {}: no file named *.log, *.csv or *.mcap", path.display());
+        }
+        // Reports name files in JSON, which has no other texts.
+        if let Some(name) = inside.iter().find(|path| path.to_str().is_none()) {
+            bail!("{} is not UTF-8: choose another name", name.display());
         }
         inside.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
         files.append(&mut inside);
