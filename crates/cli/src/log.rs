@@ -63,6 +63,9 @@ enum Command {
         /// The new file.
         #[arg(short, long, value_name = "FILE")]
         out: PathBuf,
+        /// Replace a file that exists.
+        #[arg(long)]
+        force: bool,
     },
     /// Write a CSV table for each channel: the time in s since the start of the log, and a column for each
     /// number, text or flag of its records. Of a list within a record each place is a column.
@@ -99,9 +102,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             let Some(recovered) = recovered else { return Ok(Verdict::Bad) };
             report_recovered(file, out, recovered)
         }
-        Command::Ros2 { file, out } => {
+        Command::Ros2 { file, out, force } => {
             let mut exported = None;
-            whole_file::write(out, false, |part| {
+            whole_file::write(out, *force, |part| {
                 exported = Some(ros2::export(file, part)?);
                 Ok(())
             })?;

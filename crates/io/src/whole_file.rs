@@ -24,16 +24,54 @@ pub fn write(path: &Path, is_replaced: bool, fill: impl FnOnce(&Path) -> Result<
     if takes_bytes(path)? {
         return pass_on(path, fill).with_context(|| format!("{} is not written", path.display()));
     }
-    let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    let part = part_of(&path)?;
-    let written = fill(&part)
-        .and_then(|()| fs::rename(&part, &path).context("it cannot be renamed"))
-        .with_context(|| format!("{} is not written", path.display()));
-    if written.is_err() {
-        // What could not be created is not there, and what could not be written stays unfinished.
-        fs::remove_file(&part).ok();
+    let part = Part::of(path)?;
+    fill(part.path()).with_context(|| format!("{} is not written", path.display()))?;
+    part.finish()
+}
+
+/// The file beside another one that takes its name when it is finished, and is removed if it is not.
+#[derive(Debug)]
+pub struct Part {
+    /// `None` when it has its name.
+    part: Option<PathBuf>,
+    path: PathBuf,
+}
+
+impl Part {
+    /// Of a file at `path` that is there or not; of a link, beside what it points to.
+    ///
+    /// # Errors
+    /// `path` is no file name.
+    pub fn of(path: &Path) -> Result<Self> {
+        let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        Ok(Self { part: Some(part_of(&path)?), path })
     }
-    written
+
+    /// Where to create it.
+    pub fn path(&self) -> &Path {
+        self.part.as_deref().unwrap_or(&self.path)
+    }
+
+    /// Gives it its name, in place of what has it.
+    ///
+    /// # Errors
+    /// The file system refuses.
+    pub fn finish(mut self) -> Result<()> {
+        fs::rename(self.path(), &self.path).with_context(|| {
+            format!("{} is not written: it cannot be renamed", self.path.display())
+        })?;
+        self.part = None;
+        Ok(())
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        if let Some(part) = &self.part {
+            // What could not be created is not there, and what could not be written stays unfinished.
+            fs::remove_file(part).ok();
+        }
+    }
 }
 
 /// Refuses a file that is there, before the work whose result would replace it.
