@@ -159,9 +159,9 @@ pub(crate) struct Arguments {
     no_keys: bool,
     /// Show the flight in a browser, at a page that is served here. The address that is printed lets you
     /// land, hold and stop the motors from there; without the part after `#` a page can only look.
-    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = view::DEFAULT)]
-    #[arg(conflicts_with = "tui")]
-    view: Option<SocketAddr>,
+    /// Without ADDRESS: 127.0.0.1:8080, or a free port if that is taken.
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "tui")]
+    view: Option<Option<SocketAddr>>,
     /// Do not ask before the take-off of a real drone.
     #[arg(long)]
     yes: bool,
