@@ -54,7 +54,7 @@ use self::control_loop::{ControlLoop, Orders};
 use self::drill::Drill;
 use self::live::Live;
 use self::log_thread::Notes;
-use self::not_ready::not_ready;
+use self::not_ready::{not_ready, note_unseen};
 use self::simulator::start_simulator;
 use self::sources::Sources;
 use self::status::{Status, show_statuses};
@@ -272,6 +272,7 @@ async fn fly(
         drill: arguments.drill,
     };
 
+    note_unseen(arguments, table, &mocap_counters);
     let status_line = show(picture, statuses)?;
     let threads = Threads::start((sources, tello, control), guardian, table.real_time.core)?;
     // After all threads, which would inherit it. The control thread reports a refusal.
