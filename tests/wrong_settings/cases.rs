@@ -160,7 +160,7 @@ pub(super) const MISSIONS: [Case<'_>; 23] = [
 /// Changes of the built-in settings: pointers and values; null removes.
 pub(super) type Changes<'a> = &'a [(&'a str, &'a str)];
 
-pub(super) const SETTINGS: [(Changes<'_>, &[&str]); 25] = [
+pub(super) const SETTINGS: [(Changes<'_>, &[&str]); 26] = [
     (
         &[("/cycle/dt_s", "-1"), ("/manual/rate", "3")],
         &["cycle.dt_s = -1 violates", "manual.rate: unknown field `rate`"],
