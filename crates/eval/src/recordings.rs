@@ -80,11 +80,23 @@ pub fn load(paths: &[PathBuf]) -> Result<(Vec<Loaded>, Vec<Unusable>)> {
     let mut unusable = Vec::new();
     for (path, result) in files.into_iter().zip(results) {
         match result {
-            Ok(recording) => loaded.push(recording),
+            Ok(recording) => match equal_to(&recording, &loaded) {
+                // Twice the same flight would count as two.
+                Some(first) => {
+                    let why = format!("its bytes are those of {}", first.path.display());
+                    unusable.push((path, why));
+                }
+                None => loaded.push(recording),
+            },
             Err(error) => unusable.push((path, format!("{error:#}"))),
         }
     }
     Ok((loaded, unusable))
+}
+
+/// The one of `others` that was read from the same bytes.
+fn equal_to<'a>(recording: &Loaded, others: &'a [Loaded]) -> Option<&'a Loaded> {
+    others.iter().find(|other| other.sha256 == recording.sha256)
 }
 
 /// The files that `paths` name, each once: a file as it is, of a folder every recording by its name,

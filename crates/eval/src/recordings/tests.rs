@@ -63,6 +63,21 @@ fn a_name_that_is_not_utf_8_is_refused_before_the_work() {
 }
 
 #[test]
+fn a_copy_of_a_recording_does_not_count_twice() {
+    let dir = std::env::temp_dir().join(format!("tello-ctl-copies-{}", std::process::id()));
+    fs::create_dir_all(&dir).unwrap();
+    for (name, count) in [("1.log", 30), ("2.log", 30), ("3.log", 31)] {
+        fs::write(dir.join(name), steps(0..count)).unwrap();
+    }
+    let (loaded, unusable) = load(std::slice::from_ref(&dir)).unwrap();
+    let names: Vec<_> = loaded.iter().map(|log| log.path.clone()).collect();
+    assert_eq!(names, [dir.join("1.log"), dir.join("3.log")]);
+    let why = format!("its bytes are those of {}", dir.join("1.log").display());
+    assert_eq!(unusable, [(dir.join("2.log"), why)]);
+    fs::remove_dir_all(dir).unwrap();
+}
+
+#[test]
 fn a_whole_flight_is_used_step_by_step() {
     let loaded = read(&steps(0..30)).unwrap();
     assert_eq!(loaded.skipped, [""; 0]);

@@ -37,7 +37,7 @@ impl DrawnLog {
             return Err(LogError::Exists { path }.into());
         }
         let part = Part::of(&path)?;
-        let log = flight_log::create(part.path(), flight, started_unix_ns, shape)
+        let log = flight_log::create_replay(part.path(), flight, started_unix_ns, shape)
             .with_context(|| not_written(&path))?;
         Ok(Self { log, scene: Scene::new(flight, started_unix_ns)?, path, part })
     }
