@@ -254,7 +254,15 @@ impl Look {
         let room = flight.cycle.supervisor.room.as_ref();
         let room_margin_m = room.map(|room| survey.margin_m([room.x_m, room.y_m, room.z_m]));
         let obstacle_margin_m = mission.clearance_m(around.obstacles());
-        let notes = cycle::notes(&mission, &flight.cycle);
+        let mut notes = cycle::notes(&mission, &flight.cycle);
+        if let (Some(distance_m), Some(walls)) = (room_margin_m, &flight.cycle.mpc.walls)
+            && distance_m < walls.margin_m
+        {
+            notes.push(format!(
+                "it comes within {distance_m:.2} m of a wall, the plan keeps {} m away (cycle.mpc.walls.margin_m)",
+                walls.margin_m
+            ));
+        }
         Ok((Self { survey, room_margin_m, obstacle_margin_m, notes }, mission, around))
     }
 }

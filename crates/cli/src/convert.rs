@@ -154,12 +154,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         })
         .collect();
     let done = files.iter().filter(|file| file.error.is_none()).count();
+    let is_any_torn = files.iter().flat_map(|file| &file.skipped).any(|note| rows::is_tear(note));
     let all = files.len();
     let report = ConvertReport { files };
     stdio::report(&report, arguments.json)?;
     match done {
         0 => bail!("nothing was converted"),
-        _ if done < all => Ok(Verdict::Bad),
+        _ if done < all || is_any_torn => Ok(Verdict::Bad),
         _ => Ok(Verdict::Good),
     }
 }

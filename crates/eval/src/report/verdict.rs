@@ -12,6 +12,7 @@ use tello_flight::Phase;
 use super::flight::Flight;
 use super::quantity::{Measured, Quantity, Spread, Spreads};
 use crate::metrics::{Outages, VALID_DISTANCE_M};
+use crate::recordings::rows;
 use crate::recordings::ticks::TickRow;
 
 /// Lateness beyond which a tick is worth a remark. ms
@@ -71,7 +72,7 @@ pub(super) fn judge(
         let why = if named.is_empty() { String::new() } else { format!(": {}", named.join(", ")) };
         reasons.push(format!("never took off{why}"));
     } else if reached < count {
-        let is_torn = flight.notes.iter().any(|note| note.starts_with("torn"));
+        let is_torn = flight.notes.iter().any(|note| rows::is_tear(note));
         // What came behind the tear is not known.
         let until = if is_torn { " before its log ends torn" } else { "" };
         reasons.push(format!("reached {reached} of {count} targets{until}"));
