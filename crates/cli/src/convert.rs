@@ -38,7 +38,7 @@ const DECIMALS_MAX: u8 = 17;
   tello-ctl convert logs/today.mcap -o today.csv         a log of ours for the thesis' tools
   tello-ctl convert logs --out-dir csv --to csv --pos filtered --decimals 6
 
-Exit codes: 0 all converted, 1 some not, 2 none.")]
+Exit codes: 0 all converted, 1 some not, or a log is torn, 2 none.")]
 pub(crate) struct Arguments {
     /// Recordings or folders of recordings.
     #[arg(value_name = "IN", required = true)]
