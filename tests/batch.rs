@@ -113,6 +113,24 @@ fn tuning_mends_a_bad_weight_and_writes_what_check_accepts() {
 }
 
 #[test]
+fn a_search_keeps_files_that_are_there() {
+    let folder = folder("tune-kept");
+    let published = config_file("thesis/fly.json");
+    let over = "cycle.mpc.C_u[0]=1..2";
+    for there in ["hover.json", "hover.mission.json"] {
+        fs::write(folder.join(there), "mine").unwrap();
+        let out = ["tune", &published, "--over", over, "--out", "hover.json"];
+        let output = tello_ctl(&folder, &out);
+        assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+        let refusal =
+            format!("{there} exists already: choose another name, or replace it with --force");
+        assert!(text(&output).contains(&refusal), "{}", text(&output));
+        assert_eq!(fs::read_to_string(folder.join(there)).unwrap(), "mine");
+        fs::remove_file(folder.join(there)).unwrap();
+    }
+}
+
+#[test]
 fn a_search_that_cannot_begin_says_why() {
     let folder = folder("refused");
     let published = config_file("thesis/fly.json");

@@ -188,7 +188,8 @@ fn check_names_wrong_obstacles_and_draws_right_ones() {
         let path = folder.join("fly.json");
         fs::write(&path, serde_json::to_string_pretty(&settings).unwrap()).unwrap();
         let picture = folder.join("seen");
-        let arguments = ["check", path.to_str().unwrap(), "--figure", picture.to_str().unwrap()];
+        let arguments =
+            ["check", path.to_str().unwrap(), "--figure", picture.to_str().unwrap(), "--force"];
         text(&tello_ctl(&folder, &arguments))
     };
     let pole = |x: f64, radius_m: f64| json!({ "kind": "cylinder", "centre_m": [x, -2.2], "radius_m": radius_m, "z_m": [0, 2] });

@@ -141,7 +141,8 @@ fn a_short_mission_with_its_schema_is_surveyed_drawn_and_judged_by_the_room() {
     let folder = folder("short-mission");
     let short = r#"{ "$schema": "mission.schema.json", "waypoints": { "waypoints": [[0, 0, 1, 0], [2, 0, 1, 0]] } }"#;
     fs::write(folder.join("short.json"), short).unwrap();
-    let output = tello_ctl(&folder, &["check", "short.json", "--figure", "seen"]);
+    let drawn = ["check", "short.json", "--figure", "seen"];
+    let output = tello_ctl(&folder, &drawn);
     let printed = text(&output);
     assert_eq!(output.status.code(), Some(0), "{printed}");
     for part in ["length   2.00 m", "box      x 0.00..2.00, y 0.00..0.00", "fastest  ", "slowest  "]
@@ -151,6 +152,19 @@ fn a_short_mission_with_its_schema_is_surveyed_drawn_and_judged_by_the_room() {
     // The built-in room reaches from -0.2 to 3 m.
     assert!(printed.contains("room     1.20 m or more to its walls"), "{printed}");
     assert!(folder.join("seen.svg").exists() && folder.join("seen.png").exists());
+    // Mistakes of the command line, not of the mission.
+    for wrong in [
+        &drawn[..],
+        &["check", "short.json", "--figure", "short.json/seen"],
+        &["check", "short.json", "--speed", "3"],
+        &["check", "short.json", "--config", "none.json"],
+    ] {
+        let output = tello_ctl(&folder, wrong);
+        assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+        assert!(!text(&output).contains("refused"), "{}", text(&output));
+    }
+    let again = tello_ctl(&folder, &[&drawn[..], &["--force"]].concat());
+    assert_eq!(again.status.code(), Some(0), "{}", text(&again));
     let refused = |name: &str, mission: &str, mistakes: &[&str]| {
         fs::write(folder.join(name), mission).unwrap();
         for arguments in [&["check", name][..], &["fly", "--sim", "--mission", name]] {

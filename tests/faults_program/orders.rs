@@ -77,9 +77,9 @@ fn a_log_that_reaches_the_limit_of_a_file_ends_alone() {
     bench.wait_until_it_flies();
     assert!(fs::metadata(bench.folder.join("flight.mcap")).unwrap().len() == 150_000);
     assert!(bench.tap.is_steered());
-    // To the end of its mission: the summary is that of a flight with a log.
+    // To the end of its mission: the summary is that of a flight with a log, the exit code says that there is none.
     bench.wait_for(Phase::Grounded, 90.0);
-    assert_eq!(bench.child.wait().unwrap().code(), Some(0), "{}", bench.errors());
+    assert_eq!(bench.child.wait().unwrap().code(), Some(1), "{}", bench.errors());
     assert!(bench.errors().contains("the log is incomplete: cannot write to flight.mcap"));
     let summary: Value = serde_json::from_str(&fs::read_to_string(summary).unwrap()).unwrap();
     assert_eq!(summary["phase"], "landed", "{summary}");

@@ -160,7 +160,7 @@ pub(super) const MISSIONS: [Case<'_>; 23] = [
 /// Changes of the built-in settings: pointers and values; null removes.
 pub(super) type Changes<'a> = &'a [(&'a str, &'a str)];
 
-pub(super) const SETTINGS: [(Changes<'_>, &[&str]); 25] = [
+pub(super) const SETTINGS: [(Changes<'_>, &[&str]); 27] = [
     (
         &[("/cycle/dt_s", "-1"), ("/manual/rate", "3")],
         &["cycle.dt_s = -1 violates", "manual.rate: unknown field `rate`"],
@@ -249,6 +249,14 @@ pub(super) const SETTINGS: [(Changes<'_>, &[&str]); 25] = [
             "cycle.supervisor.room.x_m = [2, -2] violates the first number",
             "room.floor: unknown field `floor`",
         ],
+    ),
+    (
+        &[("/cycle/supervisor/room", "[[-2, 2], [-3, 1], [-1, 2.5], 0.8]")],
+        &["cycle.supervisor.room: invalid type: sequence, expected an object"],
+    ),
+    (
+        &[("/cycle/supervisor/room/y_m", "[-3000, 1000]")],
+        &["cycle.supervisor.room.y_m = -3000 violates -500..=500, in metres"],
     ),
     (
         &[("/cycle/mpc/horizon_steps", "10.5"), ("/cycle/dt_s", "\"0.02\"")],

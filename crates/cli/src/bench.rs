@@ -10,7 +10,7 @@ mod guard;
 mod link;
 mod wire;
 
-use std::fs::OpenOptions;
+use std::fs::{File, OpenOptions};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -97,6 +97,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     {
         bail!("{} is a check of the binary protocol", check.name);
     }
+    // Before a motor runs: what a check has shown would be lost.
+    open(&arguments.report)?;
     let console = Console::open(arguments.yes)?;
     for check in checks {
         // A drone of its own for each check, as if it had been switched off and on.
@@ -241,12 +243,16 @@ fn answers(check: &Check, link: &mut Link, console: &Console) -> Value {
 
 /// Appends one line, which is on the disk when this returns.
 fn append(path: &Path, record: &Value) -> Result<()> {
-    let write = || {
-        let mut file = OpenOptions::new().create(true).append(true).open(path)?;
-        file.write_all(format!("{record}\n").as_bytes())?;
-        file.sync_all()
-    };
-    write().with_context(|| format!("cannot append to {}", path.display()))
+    let mut file = open(path)?;
+    file.write_all(format!("{record}\n").as_bytes())
+        .and_then(|()| file.sync_all())
+        .with_context(|| format!("cannot append to {}", path.display()))
+}
+
+/// The report, made if it does not exist, to append to.
+fn open(path: &Path) -> Result<File> {
+    let file = OpenOptions::new().create(true).append(true).open(path);
+    file.with_context(|| format!("cannot append to {}", path.display()))
 }
 
 /// Starts the simulator with a drone on its floor, and points the settings at it.

@@ -48,6 +48,9 @@ pub(crate) struct Arguments {
     /// Draw the mission from above, as NAME.svg and NAME.png.
     #[arg(long, value_name = "NAME")]
     figure: Option<PathBuf>,
+    /// Replace a figure that exists.
+    #[arg(long, requires = "figure")]
+    force: bool,
     /// Print the JSON Schema of a kind of file, for editors, and leave.
     #[arg(long, value_name = "KIND", conflicts_with = "files")]
     schema: Option<Kind>,
@@ -76,6 +79,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         stdio::line(serde_json::to_string_pretty(&schema(kind))?)?;
         return Ok(Verdict::Good);
     }
+    // Mistakes of the command line are none of the files.
+    let (built_in, mission) = config::fly(None, None)?;
+    config::flight(&built_in, mission, Start::Grounded).at_speed(arguments.speed)?;
+    if let Some(config) = arguments.config.as_deref().filter(|_| !arguments.files.is_empty()) {
+        config::load::<Value>(config)?;
+    }
+    let place = arguments.figure.as_deref().map(|name| Place::of(name, arguments.force));
+    let place = place.transpose()?;
     let mut verdict = Verdict::Good;
     let mut reports = Vec::new();
     let files: Vec<Option<&Path>> = if arguments.files.is_empty() {
@@ -91,11 +102,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         let name = file.map_or_else(|| "built-in".into(), |file| file.display().to_string());
         let looked = resolve(room_of, file).and_then(|values| {
             let look = Look::of((room_of, arguments.speed), &values)?;
-            if let (Some(name), Some((_, mission, around))) = (&arguments.figure, &look) {
-                draw(&Place::of(name)?, mission, around)?;
-            }
-            Ok((values, look.map(|(look, ..)| look)))
+            Ok((values, look))
         });
+        if let (Some(place), Ok((_, Some((_, mission, around))))) = (&place, &looked) {
+            draw(place, mission, around)?;
+        }
+        let looked = looked.map(|(values, look)| (values, look.map(|(look, ..)| look)));
         reports.push(match &looked {
             Ok((values, look)) => {
                 json!({ "file": name, "is_valid": true, "values": values, "mission": look })
@@ -242,7 +254,15 @@ impl Look {
         let room = flight.cycle.supervisor.room.as_ref();
         let room_margin_m = room.map(|room| survey.margin_m([room.x_m, room.y_m, room.z_m]));
         let obstacle_margin_m = mission.clearance_m(around.obstacles());
-        let notes = cycle::notes(&mission, &flight.cycle);
+        let mut notes = cycle::notes(&mission, &flight.cycle);
+        if let (Some(distance_m), Some(walls)) = (room_margin_m, &flight.cycle.mpc.walls)
+            && distance_m < walls.margin_m
+        {
+            notes.push(format!(
+                "it comes within {distance_m:.2} m of a wall, the plan keeps {} m away (cycle.mpc.walls.margin_m)",
+                walls.margin_m
+            ));
+        }
         Ok((Self { survey, room_margin_m, obstacle_margin_m, notes }, mission, around))
     }
 }

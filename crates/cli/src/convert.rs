@@ -38,7 +38,7 @@ const DECIMALS_MAX: u8 = 17;
   tello-ctl convert logs/today.mcap -o today.csv         a log of ours for the thesis' tools
   tello-ctl convert logs --out-dir csv --to csv --pos filtered --decimals 6
 
-Exit codes: 0 all converted, 1 some not, 2 none.")]
+Exit codes: 0 all converted, 1 some not, or a log is torn, 2 none.")]
 pub(crate) struct Arguments {
     /// Recordings or folders of recordings.
     #[arg(value_name = "IN", required = true)]
@@ -154,12 +154,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         })
         .collect();
     let done = files.iter().filter(|file| file.error.is_none()).count();
+    let is_any_torn = files.iter().flat_map(|file| &file.skipped).any(|note| rows::is_tear(note));
     let all = files.len();
     let report = ConvertReport { files };
     stdio::report(&report, arguments.json)?;
     match done {
         0 => bail!("nothing was converted"),
-        _ if done < all => Ok(Verdict::Bad),
+        _ if done < all || is_any_torn => Ok(Verdict::Bad),
         _ => Ok(Verdict::Good),
     }
 }

@@ -54,7 +54,7 @@ use self::control_loop::{ControlLoop, Orders};
 use self::drill::Drill;
 use self::live::Live;
 use self::log_thread::Notes;
-use self::not_ready::not_ready;
+use self::not_ready::{not_ready, note_unseen};
 use self::simulator::start_simulator;
 use self::sources::Sources;
 use self::status::{Status, show_statuses};
@@ -94,8 +94,8 @@ const STATUS_PERIOD: Duration = Duration::from_millis(200);
 /// automatic again, W/S A/D forward, back, left, right, I/K up, down, J/L turn. Any steering key takes over.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Exit codes: 0 all targets reached and landed, 1 landed early, 2 could not \
-fly."
+    after_help = "Exit codes: 0 all targets reached and landed, 1 landed early or the log is incomplete, \
+2 could not fly."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 pub(crate) struct Arguments {
@@ -159,9 +159,9 @@ pub(crate) struct Arguments {
     no_keys: bool,
     /// Show the flight in a browser, at a page that is served here. The address that is printed lets you
     /// land, hold and stop the motors from there; without the part after `#` a page can only look.
-    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = view::DEFAULT)]
-    #[arg(conflicts_with = "tui")]
-    view: Option<SocketAddr>,
+    /// Without ADDRESS: 127.0.0.1:8080, or a free port if that is taken.
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "tui")]
+    view: Option<Option<SocketAddr>>,
     /// Do not ask before the take-off of a real drone.
     #[arg(long)]
     yes: bool,
@@ -214,10 +214,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let summary = runtime.block_on(fly(arguments, &table, &flight, cycle))?;
     drop(emulator);
-    // The flight is what is judged, not whether its summary can be written.
+    // Flight and log are what is judged, not whether the summary can be written.
     stdio::report(&summary, arguments.json)
         .unwrap_or_else(|error| stdio::note(stdio::chain(&error)));
-    Ok(if summary.is_success() { Verdict::Good } else { Verdict::Bad })
+    Ok(if summary.is_complete() { Verdict::Good } else { Verdict::Bad })
 }
 
 async fn fly(
@@ -272,6 +272,7 @@ async fn fly(
         drill: arguments.drill,
     };
 
+    note_unseen(arguments, table, &mocap_counters);
     let status_line = show(picture, statuses)?;
     let threads = Threads::start((sources, tello, control), guardian, table.real_time.core)?;
     // After all threads, which would inherit it. The control thread reports a refusal.
@@ -291,7 +292,7 @@ async fn fly(
     }
     let summary = summary.with_end(&end, mocap_counters.report(), &drone_counters);
     vehicle::remember(arguments, flight, (&summary, &end), clock);
-    end_within(patience, i32::from(!summary.is_success()))?;
+    end_within(patience, i32::from(!summary.is_complete()))?;
     Ok(summary)
 }
 

@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use clap::Args;
 use tello_eval::REVISION;
 use tello_eval::ident::{
-    self, Bootstrap, BootstrapPlan, FileUsed, IdentFileTable, IdentReport, Job, Observer,
+    self, Bootstrap, BootstrapPlan, FileUsed, Fitted, IdentFileTable, IdentReport, Job, Observer,
 };
 use tello_eval::shard_file::Shard;
 use tello_io::clock::Clock;
@@ -178,6 +178,12 @@ fn identify<'a>(
         Some(dir) => ident::write(dir, &jobs[0], &main)?,
         None => Vec::new(),
     };
+    if main.parameter_file.is_some()
+        && let Some(earlier) = written.iter().find(|path| ident::is_earlier(path))
+    {
+        stdio::note(format_args!("note: what flights taught is kept as {}", earlier.display()));
+    }
+    note_cut_short(&main, plan.as_ref().filter(|_| interrupt.is_asked()), &written);
     let mut fits = vec![main];
     let mut comparison = None;
     if !interrupt.is_asked() {
@@ -214,6 +220,23 @@ fn identify<'a>(
     } else {
         Verdict::Bad
     })
+}
+
+/// A note of resamples that Ctrl-C left out, and of how to go on with them.
+fn note_cut_short(main: &Fitted, asked: Option<&BootstrapPlan>, written: &[PathBuf]) {
+    let (Some(plan), Some(done)) = (asked, &main.resamples) else { return };
+    if main.fit.bootstrap.is_some() {
+        return;
+    }
+    let (count, resamples) = (done.count(), plan.resamples);
+    let rest = match written.first() {
+        Some(_) if plan.shard != Shard::WHOLE => "; the same command continues".to_owned(),
+        Some(file) => format!("; --resume {} continues", file.display()),
+        None => String::new(),
+    };
+    stdio::note(format_args!(
+        "note: stopped after {count} of {resamples} resamples: the deviations are those without a bootstrap{rest}"
+    ));
 }
 
 /// Where files go: none are written where standard output holds all there is.

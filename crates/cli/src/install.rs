@@ -54,18 +54,18 @@ pub(crate) struct InitArguments {
     /// Motion capture: `relay`, `datastream`, `udp`, `natnet`, `qtm` or `vrpn`.
     #[arg(long, value_name = "KIND", default_value = "relay")]
     mocap: String,
-    /// Host and port of it; of `udp`, the port here that it sends to.
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:51602")]
-    address: String,
+    /// Host and port of it; of `udp`, the port here that it sends to [default: the usual port of KIND on this machine].
+    #[arg(long, value_name = "ADDRESS")]
+    address: Option<String>,
     /// Name of the drone in it; `tello-ctl mocap list` shows what there is.
     #[arg(long, value_name = "NAME", default_value = "tello")]
     object: String,
     /// Walls of the room in world axes, m: smallest and largest x, smallest and largest y, ceiling.
     #[arg(long, value_name = "X,X,Y,Y,Z", allow_hyphen_values = true)]
     room: Option<Walls>,
-    /// Frames per second, of `udp` and `vrpn`, which do not tell it.
-    #[arg(long, value_name = "HZ", default_value_t = 50.0)]
-    rate: f64,
+    /// Frames per second, of `udp` and `vrpn`, which do not tell it [default: 50].
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
 }
 
 /// Smallest and largest x, smallest and largest y, largest z. m
@@ -111,9 +111,12 @@ pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
     let mut fly = with_schema("fly.schema.json", serde_json::to_value(table)?);
     fly["mission"] = json!("square.json");
     let side = if mocap == "udp" { "listen" } else { "address" };
+    let address = address.as_deref().unwrap_or(usual_address(mocap));
     fly["mocap"] = json!({ mocap: { side: address, "object": object } });
     if matches!(mocap.as_str(), "udp" | "vrpn") {
-        fly["mocap"][mocap]["rate_hz"] = json!(rate);
+        fly["mocap"][mocap]["rate_hz"] = json!(rate.unwrap_or(50.0));
+    } else if rate.is_some() {
+        bail!("--rate is for udp and vrpn: {mocap} announces its own");
     }
     if let Some(Walls([x_0, x_1, y_0, y_1, z])) = room {
         let room = &mut fly["cycle"]["supervisor"]["room"];
@@ -164,6 +167,18 @@ pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
         dir.display()
     ))?;
     Ok(Verdict::Good)
+}
+
+/// Where a motion capture of this kind is on this machine, by its usual port.
+fn usual_address(mocap: &str) -> &'static str {
+    match mocap {
+        "datastream" => "127.0.0.1:801",
+        "udp" => "0.0.0.0:51001",
+        "natnet" => "127.0.0.1:1510",
+        "qtm" => "127.0.0.1:22223",
+        "vrpn" => "127.0.0.1:3883",
+        _ => "127.0.0.1:51602",
+    }
 }
 
 /// Moves the points of a mission, whose x and y stand from `column` on, to lie around `middle`.

@@ -27,7 +27,8 @@ use crate::{Verdict, stdio};
   tello-ctl log csv logs/today.mcap --out-dir today      a table for each channel
   tello-ctl log ros2 logs/today.mcap -o poses.mcap       the flight as ROS 2 messages
 
-Exit codes: 0 done, 1 info, csv and ros2: the log is torn or a record unreadable, 2 could not run.")]
+Exit codes: 0 done, 1 info, csv and ros2: the log is torn or a record unreadable; recover: bytes behind the end of
+the log were not read, 2 could not run.")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -62,6 +63,9 @@ enum Command {
         /// The new file.
         #[arg(short, long, value_name = "FILE")]
         out: PathBuf,
+        /// Replace a file that exists.
+        #[arg(long)]
+        force: bool,
     },
     /// Write a CSV table for each channel: the time in s since the start of the log, and a column for each
     /// number, text or flag of its records. Of a list within a record each place is a column.
@@ -95,28 +99,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
                 recovered = Some(recover(file, part)?);
                 Ok(())
             })?;
-            if let Some(Recovered { messages, was_torn, damaged }) = recovered {
-                let state = match (was_torn, damaged.len()) {
-                    (false, _) => "complete already",
-                    (true, 0) => "torn",
-                    (true, _) => "damaged",
-                };
-                for (first_s, last_s) in damaged {
-                    stdio::note(format_args!(
-                        "a damaged chunk is left out: {first_s:.2} s to {last_s:.2} s"
-                    ));
-                }
-                stdio::line(format_args!(
-                    "{} was {state}: {messages} messages are in {}",
-                    file.display(),
-                    out.display()
-                ))?;
-            }
-            Ok(Verdict::Good)
+            let Some(recovered) = recovered else { return Ok(Verdict::Bad) };
+            report_recovered(file, out, recovered)
         }
-        Command::Ros2 { file, out } => {
+        Command::Ros2 { file, out, force } => {
             let mut exported = None;
-            whole_file::write(out, false, |part| {
+            whole_file::write(out, *force, |part| {
                 exported = Some(ros2::export(file, part)?);
                 Ok(())
             })?;
@@ -139,6 +127,29 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             Ok(Verdict::Bad)
         }
     }
+}
+
+/// Prints what became of the log `file`; bad if not all of it was read.
+fn report_recovered(file: &Path, out: &Path, recovered: Recovered) -> Result<Verdict> {
+    let Recovered { messages, was_torn, rest_bytes, damaged } = recovered;
+    let state = match (was_torn, damaged.len()) {
+        (false, _) => "complete already",
+        (true, 0) => "torn",
+        (true, _) => "damaged",
+    };
+    for (first_s, last_s) in damaged {
+        stdio::note(format_args!("a damaged chunk is left out: {first_s:.2} s to {last_s:.2} s"));
+    }
+    let (file, out) = (file.display(), out.display());
+    stdio::line(format_args!("{file} was {state}: {messages} messages are in {out}"))?;
+    if rest_bytes == 0 {
+        return Ok(Verdict::Good);
+    }
+    stdio::note(format_args!(
+        "{rest_bytes} bytes behind its end are not read, perhaps another log: `tail -c {rest_bytes} {file} > REST.mcap` \
+         makes it a file of its own"
+    ));
+    Ok(Verdict::Bad)
 }
 
 /// Whether the log that was written out is complete; a note if not.

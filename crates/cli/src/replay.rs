@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use clap::Args;
 use tello_eval::flight_log::TickRecord;
 use tello_eval::replay::{self, Options, Replayed};
@@ -67,6 +67,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         params: params.as_deref(),
         out: out.as_deref(),
     };
+    if let (Some(log), Some(page)) = (out, view) {
+        ensure!(log != page, "--out and --view are both {}: choose two names", log.display());
+    }
     let replayed = match view {
         Some(page) => played(logs, &options, page)?,
         None => replay::run(logs, &options, None)?,

@@ -95,6 +95,9 @@ pub(crate) struct Arguments {
     /// Draw the true tracks of the first 30 flights from above, as NAME.svg and NAME.png.
     #[arg(long, value_name = "NAME", requires = "batch")]
     figure: Option<PathBuf>,
+    /// Replace a figure that exists.
+    #[arg(long, requires = "figure")]
+    force: bool,
     /// Threads of a batch; 0 for all cores.
     #[arg(long, value_name = "N", default_value_t = 0, requires = "batch")]
     #[arg(value_parser = crate::thread_count())]
@@ -114,30 +117,65 @@ pub(crate) struct Arguments {
     drones: u8,
     /// Where the drone listens (UDP), without --batch. It speaks what it hears first, the text SDK or the
     /// binary protocol, until it is started anew.
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8889")]
+    #[arg(
+        long,
+        value_name = "ADDRESS",
+        default_value = "127.0.0.1:8889",
+        conflicts_with = "flown"
+    )]
     drone_address: SocketAddr,
     /// Where the mocap relay listens (TCP), without --batch.
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:51602")]
+    #[arg(
+        long,
+        value_name = "ADDRESS",
+        default_value = "127.0.0.1:51602",
+        conflicts_with = "flown"
+    )]
     relay_address: SocketAddr,
     /// Where the mocap's DataStream server listens (TCP), without --batch. Vicon's own port, 801, is
     /// reserved for root.
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8801")]
+    #[arg(
+        long,
+        value_name = "ADDRESS",
+        default_value = "127.0.0.1:8801",
+        conflicts_with = "flown"
+    )]
     datastream_address: SocketAddr,
     /// Where the mocap sends its UDP object stream to, without --batch.
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:51001")]
+    #[arg(
+        long,
+        value_name = "ADDRESS",
+        default_value = "127.0.0.1:51001",
+        conflicts_with = "flown"
+    )]
     udp_target: SocketAddr,
     /// Where the mocap's NatNet server (OptiTrack) listens for questions (UDP), without --batch. Frames go to
     /// the clients that asked.
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:1510")]
+    #[arg(
+        long,
+        value_name = "ADDRESS",
+        default_value = "127.0.0.1:1510",
+        conflicts_with = "flown"
+    )]
     natnet_address: SocketAddr,
     /// Send the frames of the NatNet server to this multicast group, in place of the clients that asked.
-    #[arg(long, value_name = "ADDRESS")]
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "flown")]
     natnet_group: Option<SocketAddrV4>,
     /// Where the mocap's QTM server (Qualisys) listens (TCP, little-endian), without --batch.
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:22223")]
+    #[arg(
+        long,
+        value_name = "ADDRESS",
+        default_value = "127.0.0.1:22223",
+        conflicts_with = "flown"
+    )]
     qtm_address: SocketAddr,
     /// Where the mocap's VRPN server listens (TCP), without --batch.
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:3883")]
+    #[arg(
+        long,
+        value_name = "ADDRESS",
+        default_value = "127.0.0.1:3883",
+        conflicts_with = "flown"
+    )]
     vrpn_address: SocketAddr,
     /// Print one JSON object.
     #[arg(long)]
@@ -206,7 +244,8 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
         }
         seeds = target.head.seeds();
     }
-    let place = arguments.figure.as_deref().map(Place::of).transpose()?;
+    let place =
+        arguments.figure.as_deref().map(|name| Place::of(name, arguments.force)).transpose()?;
     let count = seeds.end - seeds.start;
     let interrupt = Interrupt::listen()?;
     let bar = progress::of_seeds(count, !arguments.json)?;

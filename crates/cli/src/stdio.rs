@@ -62,7 +62,13 @@ pub(crate) fn chain(error: &anyhow::Error) -> String {
 
 /// A line beside what was asked for, on the standard error.
 pub(crate) fn note(text: impl Display) {
-    note_raw(format_args!("{text}\n"));
+    note_raw(format_args!("{}\n", printable(&text.to_string())));
+}
+
+/// `text` without what a terminal would obey: names of files may hold anything.
+fn printable(text: &str) -> String {
+    let is_obeyed = |c: char| c.is_control() && !matches!(c, '\n' | '\r' | '\t');
+    text.replace(is_obeyed, "\u{fffd}")
 }
 
 /// The same without an end of the line.
@@ -75,10 +81,11 @@ pub(crate) fn note_raw(text: impl Display) {
 }
 
 fn write(text: impl Display) -> Result<()> {
+    let text = printable(&text.to_string());
     let mut out = io::stdout().lock();
     let written = if NEVER_WAITS.load(Ordering::Relaxed) {
         let patience = PollTimeout::try_from(SUMMARY_PATIENCE).unwrap_or(PollTimeout::ZERO);
-        put(out.as_fd(), text.to_string().as_bytes(), patience)
+        put(out.as_fd(), text.as_bytes(), patience)
     } else {
         write!(out, "{text}").and_then(|()| out.flush())
     };
@@ -123,6 +130,11 @@ mod tests {
     fn is_readable(reader: &io::PipeReader) -> bool {
         let mut files = [PollFd::new(reader.as_fd(), PollFlags::POLLIN)];
         poll(&mut files, PollTimeout::ZERO).is_ok_and(|ready| ready > 0)
+    }
+
+    #[test]
+    fn what_a_terminal_would_obey_is_replaced() {
+        assert_eq!(printable("a\x1b[31mb\tc\u{9b}\n"), "a\u{fffd}[31mb\tc\u{fffd}\n");
     }
 
     #[test]

@@ -82,6 +82,9 @@ pub(crate) struct Arguments {
     /// Where to write the best configuration [default: beside CONFIG, as NAME.tuned.json].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Replace a configuration and a mission that exist.
+    #[arg(long)]
+    force: bool,
     /// Threads; 0 for all cores.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = crate::thread_count())]
     threads: usize,
@@ -149,7 +152,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let start = setup.start()?;
     let beside = || arguments.config.with_extension("tuned.json");
     let out = arguments.out.clone().unwrap_or_else(beside);
-    whole_file::probe(&out)?;
+    for path in [&out, &mission_beside(&out)] {
+        if !arguments.force {
+            whole_file::refuse_existing(path)?;
+        }
+        whole_file::probe(path)?;
+    }
     let clock = Clock::start();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
     let trials = pool.install(|| {
@@ -261,9 +269,14 @@ fn print_try(
     ));
 }
 
+/// Where the mission of the settings at `out` goes.
+fn mission_beside(out: &Path) -> PathBuf {
+    out.with_extension("mission.json")
+}
+
 /// Writes the settings to `out` and the mission beside it.
 fn save(out: &Path, table: &mut config::FlyTable, flight: FlightTable) -> Result<Vec<PathBuf>> {
-    let mission = out.with_extension("mission.json");
+    let mission = mission_beside(out);
     let name = mission.file_name().context("--out needs a file name")?;
     table.mission = PathBuf::from(name);
     table.cycle = flight.cycle;

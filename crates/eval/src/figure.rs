@@ -63,13 +63,18 @@ impl Place {
     /// The place of `name.svg` and `name.png`, whose folder is created if it is missing. An ending of `name` is dropped.
     ///
     /// # Errors
-    /// `name` has no file name, or its folder cannot be written.
-    pub fn of(name: &Path) -> Result<Self> {
+    /// `name` has no file name, or its folder cannot be written; a file is there and `is_replaced` is false.
+    pub fn of(name: &Path, is_replaced: bool) -> Result<Self> {
         let stem = name.file_stem().with_context(|| format!("{} is no name", name.display()))?;
         let stem = stem.to_string_lossy().into_owned();
         let dir = name.parent().unwrap_or(Path::new(""));
         let place = Self::inside(dir, stem)?;
-        place.paths().iter().try_for_each(|path| whole_file::probe(path))?;
+        for path in place.paths() {
+            if !is_replaced {
+                whole_file::refuse_existing(&path)?;
+            }
+            whole_file::probe(&path)?;
+        }
         Ok(place)
     }
 

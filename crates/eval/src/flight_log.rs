@@ -24,6 +24,9 @@ pub const STREAM: &str = "/vicon/stream";
 /// How the link to the drone does, and what was sent in place of the control thread: no replay repeats it.
 pub const LINK: &str = "/tello/link";
 
+/// Document of a log that repeats another one: its flight is counted there.
+const REPLAY: &str = "replay.json";
+
 /// What one tick leaves in the log.
 #[derive(Debug, Clone)]
 pub struct TickRecord {
@@ -54,14 +57,43 @@ pub fn create(
     started_unix_ns: u64,
     shape: &Outcome,
 ) -> Result<LogWriter> {
-    let settings = serde_json::to_string_pretty(flight)?;
+    create_with(path, flight, started_unix_ns, shape, BTreeMap::new())
+}
+
+/// The same for a flight that is repeated.
+///
+/// # Errors
+/// As [`LogWriter::create`].
+pub fn create_replay(
+    path: &Path,
+    flight: &FlightTable,
+    started_unix_ns: u64,
+    shape: &Outcome,
+) -> Result<LogWriter> {
+    let is_replay = BTreeMap::from([(REPLAY.to_owned(), "{ \"is_replay\": true }".to_owned())]);
+    create_with(path, flight, started_unix_ns, shape, is_replay)
+}
+
+fn create_with(
+    path: &Path,
+    flight: &FlightTable,
+    started_unix_ns: u64,
+    shape: &Outcome,
+    mut documents: BTreeMap<String, String>,
+) -> Result<LogWriter> {
+    documents.insert(CONFIG.to_owned(), serde_json::to_string_pretty(flight)?);
     let head = Head {
         started_unix_ns,
         version: env!("CARGO_PKG_VERSION").to_owned(),
         revision: REVISION.to_owned(),
-        documents: BTreeMap::from([(CONFIG.to_owned(), settings)]),
+        documents,
     };
     Ok(LogWriter::create(path, &head, &channels(shape))?)
+}
+
+/// Whether the log repeats another one.
+pub fn is_replay(log: &LogReader) -> bool {
+    log.head().documents.contains_key(REPLAY)
 }
 
 /// The channels of a flight's log; `shape` is any outcome of its cycle.

@@ -29,7 +29,7 @@ pub use compare::{Comparison, Errors, Ranked, compare};
 pub use fit::fit;
 pub use job::{Fitted, Job};
 pub use logs::{load_judged, load_logs};
-pub use output::write;
+pub use output::{is_earlier, write};
 pub use pictures::save_prediction;
 pub use report::{
     Bootstrap, DelayMinimum, DelayRow, FileSkipped, FileUsed, Fit, IdentReport, ParameterRow,

@@ -80,18 +80,30 @@ pub fn load(paths: &[PathBuf]) -> Result<(Vec<Loaded>, Vec<Unusable>)> {
     let mut unusable = Vec::new();
     for (path, result) in files.into_iter().zip(results) {
         match result {
-            Ok(recording) => loaded.push(recording),
+            Ok(recording) => match equal_to(&recording, &loaded) {
+                // Twice the same flight would count as two.
+                Some(first) => {
+                    let why = format!("its bytes are those of {}", first.path.display());
+                    unusable.push((path, why));
+                }
+                None => loaded.push(recording),
+            },
             Err(error) => unusable.push((path, format!("{error:#}"))),
         }
     }
     Ok((loaded, unusable))
 }
 
+/// The one of `others` that was read from the same bytes.
+fn equal_to<'a>(recording: &Loaded, others: &'a [Loaded]) -> Option<&'a Loaded> {
+    others.iter().find(|other| other.sha256 == recording.sha256)
+}
+
 /// The files that `paths` name, each once: a file as it is, of a folder every recording by its name,
 /// `2.log` before `10.log`.
 ///
 /// # Errors
-/// A path does not exist, or a folder has no recording or cannot be read.
+/// A path does not exist, or a folder has no recording, one whose name is not UTF-8, or cannot be read.
 pub fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let mut files: Vec<PathBuf> = Vec::new();
     for path in paths {
@@ -104,6 +116,10 @@ pub fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
             .with_context(|| format!("cannot read the folder {}", path.display()))?;
         if inside.is_empty() {
             bail!("no recording in {}: no file named *.log, *.csv or *.mcap", path.display());
+        }
+        // Reports name files in JSON, which has no other texts.
+        if let Some(name) = inside.iter().find(|path| path.to_str().is_none()) {
+            bail!("{} is not UTF-8: choose another name", name.display());
         }
         inside.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
         files.append(&mut inside);

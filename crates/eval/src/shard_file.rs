@@ -272,7 +272,9 @@ pub fn merge<T: Seeded>(paths: &[PathBuf]) -> Result<(Head, Vec<T>)> {
 }
 
 fn text_of(path: &Path) -> Result<String> {
-    fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
+    let bytes = fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let text = String::from_utf8(bytes).ok();
+    text.with_context(|| format!("{}: not a part file", path.display()))
 }
 
 fn parse_head(text: &str) -> Result<Head> {

@@ -1,5 +1,6 @@
 //! Settings files: found, read, checked, and refused with file, key, value and rule.
 
+mod objects;
 mod place;
 mod problems;
 
@@ -21,6 +22,7 @@ use crate::mocap::{MocapSettings, MocapTable};
 use crate::tello::TelloTable;
 use crate::whole_file;
 
+use objects::Objects;
 use place::Place;
 
 pub use problems::{Problems, SettingProblem, fly_problems, mission_problems, problems};
@@ -227,11 +229,11 @@ pub fn parse<T: DeserializeOwned>(text: &str) -> Result<T> {
 /// A JSON value as a table. All tables are read from values, so that each has one parser in the program.
 ///
 /// # Errors
-/// An unknown or missing key, or a wrong type, with the path of the key.
+/// An unknown or missing key, or a wrong type, an array for a table among them, with the path of the key.
 pub fn from_value<T: DeserializeOwned>(
     value: &Value,
 ) -> Result<T, serde_path_to_error::Error<serde_json::Error>> {
-    serde_path_to_error::deserialize(value)
+    serde_path_to_error::deserialize(Objects(value))
 }
 
 /// The value of a JSON text, without the name of its schema.

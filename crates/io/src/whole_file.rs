@@ -1,46 +1,137 @@
 //! Files that appear whole or not at all, and files read whole.
 //!
-//! Owns the way by a temporary neighbour: a reader, or a run that is killed, never meets half a file.
+//! Owns the way by a temporary neighbour: a reader, or a run that is killed, never meets half a file. What is there and is
+//! no regular file (`/dev/null`, a pipe) is written and never replaced.
 
 use std::fs;
 use std::io::{self, Read};
+use std::os::unix::fs::{DirBuilderExt as _, FileTypeExt as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use serde::Serialize;
 
-/// Lets `fill` create and fill a file beside `path`, which then takes the name `path`.
+/// Lets `fill` create and fill a file beside `path`, which then takes the name `path`. A link is followed. Into a device or
+/// pipe the bytes of the file are copied.
 ///
 /// # Errors
 /// `path` exists and `is_replaced` is false, or its folder cannot be written; the error of `fill`.
 /// `path` is as it was then, and nothing is left beside it.
 pub fn write(path: &Path, is_replaced: bool, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
-    if !is_replaced && path.exists() {
+    if !is_replaced {
+        refuse_existing(path)?;
+    }
+    if takes_bytes(path)? {
+        return pass_on(path, fill).with_context(|| format!("{} is not written", path.display()));
+    }
+    let part = Part::of(path)?;
+    fill(part.path()).with_context(|| format!("{} is not written", path.display()))?;
+    part.finish()
+}
+
+/// The file beside another one that takes its name when it is finished, and is removed if it is not.
+#[derive(Debug)]
+pub struct Part {
+    /// `None` when it has its name.
+    part: Option<PathBuf>,
+    path: PathBuf,
+}
+
+impl Part {
+    /// Of a file at `path` that is there or not; of a link, beside what it points to.
+    ///
+    /// # Errors
+    /// `path` is no file name.
+    pub fn of(path: &Path) -> Result<Self> {
+        let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        Ok(Self { part: Some(part_of(&path)?), path })
+    }
+
+    /// Where to create it.
+    pub fn path(&self) -> &Path {
+        self.part.as_deref().unwrap_or(&self.path)
+    }
+
+    /// Gives it its name, in place of what has it.
+    ///
+    /// # Errors
+    /// The file system refuses.
+    pub fn finish(mut self) -> Result<()> {
+        fs::rename(self.path(), &self.path).with_context(|| {
+            format!("{} is not written: it cannot be renamed", self.path.display())
+        })?;
+        self.part = None;
+        Ok(())
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        if let Some(part) = &self.part {
+            // What could not be created is not there, and what could not be written stays unfinished.
+            fs::remove_file(part).ok();
+        }
+    }
+}
+
+/// Refuses a file that is there, before the work whose result would replace it.
+///
+/// # Errors
+/// `path` exists.
+pub fn refuse_existing(path: &Path) -> Result<()> {
+    if path.exists() {
         bail!("{} exists already: choose another name, or replace it with --force", path.display());
     }
-    let part = part_of(path)?;
-    let written = fill(&part)
-        .and_then(|()| fs::rename(&part, path).context("it cannot be renamed"))
-        .with_context(|| format!("{} is not written", path.display()));
-    if written.is_err() {
-        // What could not be created is not there, and what could not be written stays unfinished.
-        fs::remove_file(&part).ok();
-    }
-    written
+    Ok(())
 }
 
 /// Tries whether [`write()`] could create its file, before the work whose result `path` shall take. Leaves nothing behind.
 ///
 /// # Errors
-/// `path` is a folder or names no file, or its folder is missing or cannot be written.
+/// `path` is a folder, a socket or a disk, or names no file, or its folder is missing or cannot be written.
 pub fn probe(path: &Path) -> Result<()> {
-    if path.is_dir() {
-        bail!("cannot write {}: it is a folder", path.display());
+    if takes_bytes(path)? {
+        return Ok(());
     }
-    let part = part_of(path)?;
+    let part = part_of(&fs::canonicalize(path).unwrap_or_else(|_| path.to_owned()))?;
     fs::write(&part, "")
         .and_then(|()| fs::remove_file(&part))
         .with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// Whether `path` is a device or pipe: a file that is renamed to it would take its place.
+///
+/// # Errors
+/// It is something else that is no file.
+fn takes_bytes(path: &Path) -> Result<bool> {
+    // What cannot be looked at is refused where it is written.
+    let Ok(there) = fs::metadata(path) else { return Ok(false) };
+    let kind = there.file_type();
+    if kind.is_dir() {
+        bail!("cannot write {}: it is a folder", path.display());
+    }
+    let takes_bytes = kind.is_char_device() || kind.is_fifo();
+    if !(takes_bytes || kind.is_file()) {
+        bail!("cannot write {}: it is no file, no pipe and no character device", path.display());
+    }
+    Ok(takes_bytes)
+}
+
+/// Lets `fill` fill a file in a folder that nobody else can write, and copies its bytes into `path`.
+fn pass_on(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+    let folder = std::env::temp_dir().join(format!("tello-ctl-{}.part", std::process::id()));
+    fs::DirBuilder::new()
+        .mode(0o700)
+        .create(&folder)
+        .with_context(|| format!("cannot make {}", folder.display()))?;
+    let part = folder.join("part");
+    let written = fill(&part).and_then(|()| {
+        let mut into = fs::OpenOptions::new().write(true).open(path)?;
+        io::copy(&mut fs::File::open(&part)?, &mut into)?;
+        Ok(())
+    });
+    fs::remove_dir_all(&folder).ok();
+    written
 }
 
 /// The neighbour of `path` that is filled.
@@ -120,6 +211,34 @@ mod tests {
         {
             assert!(probe(&wrong).is_err(), "{}", wrong.display());
         }
+        fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    fn devices_and_pipes_are_written_and_stay() {
+        let folder = folder("pipe");
+        let pipe = folder.join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let fill = |part: &Path| Ok(fs::write(part, "all of it")?);
+        let reader = {
+            let pipe = pipe.clone();
+            std::thread::spawn(move || fs::read_to_string(pipe).unwrap())
+        };
+        probe(&pipe).unwrap();
+        assert!(write(&pipe, false, fill).is_err());
+        write(&pipe, true, fill).unwrap();
+        assert_eq!(reader.join().unwrap(), "all of it");
+        assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
+        // A file behind a link is replaced, not the link.
+        let (file, link) = (folder.join("file"), folder.join("link"));
+        fs::write(&file, "before").unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        write(&link, true, fill).unwrap();
+        assert_eq!(fs::read_to_string(&file).unwrap(), "all of it");
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        let socket = folder.join("socket");
+        let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+        assert!(write(&socket, true, fill).is_err() && probe(&socket).is_err());
         fs::remove_dir_all(folder).unwrap();
     }
 

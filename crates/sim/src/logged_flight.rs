@@ -3,13 +3,15 @@
 use std::fmt::{self, Display, Formatter};
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use horizon_model::setting::SettingError;
 use serde::Serialize;
 use tello_eval::flight_log::{self, TickRecord};
 use tello_eval::scene::Scene;
 use tello_flight::cycle::{FlightTable, Timing};
 use tello_flight::{Mission, Phase};
+use tello_io::log::LogError;
+use tello_io::whole_file;
 
 use crate::SimTable;
 use crate::virtual_time::VirtualFlight;
@@ -59,6 +61,21 @@ impl Display for Logged {
 /// # Errors
 /// A setting that breaks its rule; the log cannot be written.
 pub fn fly(flight: &FlightTable, sim: &SimTable, seed: u64, path: &Path) -> Result<Logged> {
+    if path.exists() {
+        return Err(LogError::Exists { path: path.to_owned() }.into());
+    }
+    let mut logged = None;
+    // A torn log would be in the way of the next try.
+    whole_file::write(path, false, |part| {
+        logged = Some(fly_into(part, flight, sim, seed)?);
+        Ok(())
+    })?;
+    let logged = logged.context("no flight")?;
+    Ok(Logged { log: path.to_owned(), ..logged })
+}
+
+/// The same, with the log at `path` whether it is finished or not.
+fn fly_into(path: &Path, flight: &FlightTable, sim: &SimTable, seed: u64) -> Result<Logged> {
     let mut flown = VirtualFlight::new(flight, sim, seed)?;
     let shape = flown.new_outcome();
     let mut scene = Scene::new(flight, 0)?;

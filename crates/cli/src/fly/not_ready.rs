@@ -1,9 +1,15 @@
-//! What to say when the drone never took off.
+//! What to say when the drone never took off, or a dry run shows nothing.
+
+use std::sync::Arc;
+use std::time::Duration;
 
 use tello_flight::{Fault, FaultSet};
 use tello_io::clock::SpanNs;
 use tello_io::config::FlyTable;
 use tello_io::mocap::MocapCounters;
+
+use super::Arguments;
+use crate::stdio;
 
 /// Why the drone never took off, by the faults of the last tick, and what to look at.
 pub(super) fn not_ready(
@@ -39,6 +45,31 @@ pub(super) fn not_ready(
         text += &drone_trouble(table);
     }
     text
+}
+
+/// How long poses may take to come before a note says that there are none.
+const UNSEEN: Duration = Duration::from_secs(2);
+
+/// Lets a dry run note once why there is no pose, if none has come in time: it has no pre-flight list and waits for ever.
+/// The picture of a terminal shows no notes.
+pub(super) fn note_unseen(arguments: &Arguments, table: &FlyTable, counters: &Arc<MocapCounters>) {
+    if !arguments.dry_run || arguments.tui {
+        return;
+    }
+    let (table, counters) = (table.clone(), Arc::clone(counters));
+    tokio::spawn(async move {
+        tokio::time::sleep(UNSEEN).await;
+        if let Some(trouble) = unseen(&table, &counters) {
+            // Behind the status line of a terminal, which has no end yet.
+            stdio::note(format_args!("\n  note  mocap      {trouble}"));
+        }
+    });
+}
+
+/// Why there is no pose; `None` if there was one.
+fn unseen(table: &FlyTable, counters: &MocapCounters) -> Option<String> {
+    let report = counters.report();
+    (report.frames <= report.unseen).then(|| mocap_trouble(table, counters))
 }
 
 /// What may be wrong with a mocap stream that shows no drone.
@@ -104,6 +135,14 @@ mod tests {
                 assert_eq!(text.contains(part), Some(k) == expected, "{fault:?}: {text}");
             }
         }
+    }
+
+    #[test]
+    fn a_stream_that_shows_no_drone_is_explained() {
+        let (table, _) = config::fly(None, None).unwrap();
+        let counters = MocapCounters::default();
+        let text = unseen(&table, &counters).unwrap();
+        assert!(text.starts_with("no pose, nobody is at 127.0.0.1:51602"), "{text}");
     }
 
     #[test]

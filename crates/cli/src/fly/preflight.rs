@@ -27,6 +27,9 @@ use crate::stdio;
 /// What a log must find free: a flight of a quarter of an hour takes less. bytes
 const LOG_BYTES: u64 = 200_000_000;
 
+/// A first target that is further away is one in another unit or another room: the vehicle would set off for it. m
+const TO_FIRST_MAX_M: f64 = 50.0;
+
 /// What was found, without judgement.
 #[derive(Debug, Clone)]
 struct Found {
@@ -288,6 +291,12 @@ fn start_check(
              a take-off needs; is it the drone, in metres, with z upwards?"
         );
         check("start", Readiness::Bad, reason)
+    } else if to_first_m > TO_FIRST_MAX_M {
+        let reason = format!(
+            "{place}, {to_first_m:.1} m from the first target, more than {TO_FIRST_MAX_M} m: are mission, room and \
+             motion capture in metres?"
+        );
+        check("start", Readiness::Never, reason)
     } else {
         check("start", Readiness::Good, format!("{place}, {to_first_m:.1} m from the first target"))
     })

@@ -4,12 +4,13 @@ use std::io;
 use std::net::{SocketAddr, UdpSocket};
 
 use anyhow::Result;
+use tello_flight::RoomTable;
 use tello_io::config::FlyTable;
 use tello_io::mocap::MocapTable;
-use tello_sim::{Emulator, MocapAddresses, NatnetServer, SdkVersion, World};
+use tello_sim::{Emulator, MocapAddresses, NatnetServer, SdkVersion, Start, World};
 
 use super::Arguments;
-use crate::sim;
+use crate::{sim, stdio};
 
 /// Starts the simulator on free loopback ports, with the mocap source of the settings, and points the
 /// settings at them. In the text SDK its drone knows `port`, whatever its settings say.
@@ -17,6 +18,9 @@ pub(super) fn start_simulator(arguments: &Arguments, table: &mut FlyTable) -> Re
     let mut sim = sim::resolve(arguments.sim_config.as_ref(), arguments.profile)?;
     // An older SDK sends its state line to port 8890 alone; here it shall come to any that is free.
     sim.drone.sdk = SdkVersion::V3_0;
+    if let Some(note) = start_note(sim.start, table.cycle.supervisor.room.as_ref()) {
+        stdio::note(note);
+    }
     let world = World::new(&sim, arguments.seed)?;
     let any_port = ([127, 0, 0, 1], 0).into();
     let silent = MocapAddresses::default();
@@ -37,6 +41,24 @@ pub(super) fn start_simulator(arguments: &Arguments, table: &mut FlyTable) -> Re
     table.tello.state_port = 0;
     point_at(&mut table.mocap, emulator.mocap(), &sim.object, sim.mocap_rate_hz);
     Ok(emulator)
+}
+
+/// A vehicle that starts nearer to a wall may leave the room in its take-off. m
+const START_MARGIN_M: f64 = 0.3;
+
+/// A note of a simulated vehicle that stands where the supervisor lets none fly: `--sim` has no pre-flight list.
+fn start_note(start: Start, room: Option<&RoomTable>) -> Option<String> {
+    let (Start::Ground { x, y, .. } | Start::Air { x, y, .. }) = start;
+    let RoomTable { x_m, y_m, .. } = room?;
+    let distances = [(x, x_m), (y, y_m)].map(|(at, [low, high])| (at - low).min(high - at));
+    let margin_m = distances.into_iter().fold(f64::INFINITY, f64::min);
+    (margin_m < START_MARGIN_M).then(|| {
+        let place = if margin_m < 0.0 { "outside of" } else { "at a wall of" };
+        format!(
+            "note: the simulated vehicle starts at {x:.2}, {y:.2} m, {place} cycle.supervisor.room: give --sim-config \
+             with another start"
+        )
+    })
 }
 
 /// Points the settings of a mocap source at the emulated one.
@@ -106,6 +128,17 @@ mod tests {
         let expected =
             UdpTable { listen: "127.0.0.1:2".into(), object: simulated, rate_hz: SENT_HZ };
         assert_eq!(pointed(MocapTable::Udp(udp)), MocapTable::Udp(expected));
+    }
+
+    #[test]
+    fn a_start_at_a_wall_or_outside_has_a_note() {
+        let (x_m, y_m, z_m) = ([-2.0, 2.0], [-3.0, 1.0], [0.0, 2.5]);
+        let room = RoomTable { x_m, y_m, z_m, stop_s: 1.0 };
+        let at = |x, y| start_note(Start::Ground { x, y, theta: 0.0 }, Some(&room));
+        assert!(at(-2.0, -3.0).unwrap().contains("-2.00, -3.00 m, at a wall of cycle"));
+        assert!(at(0.0, 1.5).unwrap().contains("outside of"));
+        assert_eq!(at(0.0, -1.0), None);
+        assert_eq!(start_note(Start::Ground { x: 9.0, y: 9.0, theta: 0.0 }, None), None);
     }
 
     #[test]

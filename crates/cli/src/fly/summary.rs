@@ -252,6 +252,11 @@ impl Summary {
     pub(super) fn is_success(&self) -> bool {
         self.phase == Phase::Landed && self.targets_reached == self.targets_count
     }
+
+    /// Whether it also left a log that commands behind it can use.
+    pub(super) fn is_complete(&self) -> bool {
+        self.is_success() && self.log_error.is_none()
+    }
 }
 
 impl Display for Summary {

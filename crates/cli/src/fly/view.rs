@@ -11,7 +11,7 @@ mod viewer;
 mod viewer_slots;
 
 use std::io;
-use std::net::{SocketAddr, TcpListener};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
@@ -28,7 +28,7 @@ use super::live::{Briefing, Watched};
 use crate::stdio;
 
 /// Where the page is unless an address is given.
-pub(super) const DEFAULT: &str = "127.0.0.1:8080";
+const DEFAULT: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 8080);
 
 /// Time for the viewers to receive the end of the flight.
 const GOODBYE: Duration = Duration::from_millis(500);
@@ -41,13 +41,13 @@ pub(super) struct View {
 }
 
 impl View {
-    /// Serves the page at `address`; at any free port beside it if that is [`DEFAULT`] and taken.
-    /// Prints its address.
+    /// Serves the page at `address`; without one at [`DEFAULT`], or at any free port if that is taken. Prints its
+    /// address.
     ///
     /// # Errors
     /// The address is taken or not of this machine; no random numbers; no thread.
     pub(super) fn open(
-        address: SocketAddr,
+        address: Option<SocketAddr>,
         (briefing, facts): (Briefing, Watched),
         remote: Remote,
         clock: Clock,
@@ -56,7 +56,7 @@ impl View {
         listener.set_nonblocking(true)?;
         let bound = listener.local_addr()?;
         let token = orders::token()?;
-        announce(address, bound, &token);
+        announce(address.unwrap_or(DEFAULT), bound, &token);
         let (over, is_over) = watch::channel(false);
         let access = Arc::new(OrderAccess::new(&token, remote));
         let shown = Shown { briefing, facts, is_over, access, clock };
@@ -76,18 +76,18 @@ impl Drop for View {
     }
 }
 
-fn bind(address: SocketAddr) -> Result<TcpListener> {
+/// A socket at `address`. What was asked for is taken or the flight ends: a tunnel to it would lead to another page.
+fn bind(address: Option<SocketAddr>) -> Result<TcpListener> {
     let taken = |address: SocketAddr| {
         format!("cannot show the flight at {address}: choose another address for --view")
     };
-    match TcpListener::bind(address) {
-        Err(error)
-            if error.kind() == io::ErrorKind::AddrInUse && address.to_string() == DEFAULT =>
-        {
-            let any_port = SocketAddr::new(address.ip(), 0);
+    let bound = TcpListener::bind(address.unwrap_or(DEFAULT));
+    match (bound, address) {
+        (Err(error), None) if error.kind() == io::ErrorKind::AddrInUse => {
+            let any_port = SocketAddr::new(DEFAULT.ip(), 0);
             TcpListener::bind(any_port).with_context(|| taken(any_port))
         }
-        bound => bound.with_context(|| taken(address)),
+        (bound, address) => bound.with_context(|| taken(address.unwrap_or(DEFAULT))),
     }
 }
 
@@ -128,5 +128,21 @@ fn run(listener: TcpListener, shown: Shown) {
     });
     if let Err(error) = served {
         stdio::note(format_args!("warning: the live page is not shown: {error}"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_that_is_asked_for_is_taken_or_refused() {
+        let taken = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let error = bind(Some(taken.local_addr().unwrap())).unwrap_err().to_string();
+        assert!(error.contains("choose another address for --view"), "{error}");
+        // Another program may have the default one here: both ways there is a page.
+        let (first, second) = (bind(None).unwrap(), bind(None).unwrap());
+        assert_ne!(first.local_addr().unwrap(), second.local_addr().unwrap());
+        assert!(bind(Some(DEFAULT)).is_err());
     }
 }

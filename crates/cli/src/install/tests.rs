@@ -65,6 +65,29 @@ fn the_motion_capture_of_the_command_line_is_that_of_the_settings() {
 }
 
 #[test]
+fn a_motion_capture_has_its_usual_port_and_its_own_rate() {
+    for (kind, side, address) in [
+        ("relay", "address", "127.0.0.1:51602"),
+        ("datastream", "address", "127.0.0.1:801"),
+        ("udp", "listen", "0.0.0.0:51001"),
+        ("natnet", "address", "127.0.0.1:1510"),
+        ("qtm", "address", "127.0.0.1:22223"),
+        ("vrpn", "address", "127.0.0.1:3883"),
+    ] {
+        let dir = empty_folder("usual");
+        let words = [dir.to_str().unwrap(), "--mocap", kind];
+        init_with(&words).unwrap();
+        assert_eq!(read(&dir.join("fly.json"))["mocap"][kind][side], json!(address));
+        fs::remove_dir_all(dir).unwrap();
+    }
+    let dir = empty_folder("rate");
+    let words = [dir.to_str().unwrap(), "--mocap", "natnet", "--rate", "120"];
+    let refusal = init_with(&words).unwrap_err().to_string();
+    assert_eq!(refusal, "--rate is for udp and vrpn: natnet announces its own");
+    assert!(!dir.exists());
+}
+
+#[test]
 fn files_that_exist_are_not_touched() {
     let dir = empty_folder("exists");
     fs::create_dir_all(&dir).unwrap();

@@ -43,7 +43,7 @@ pub struct Fitted {
     /// Estimates along the pieces.
     pub(super) traces: Vec<Trace>,
     /// Estimates of the bootstrap.
-    pub(super) resamples: Option<ResampleFile>,
+    pub resamples: Option<ResampleFile>,
     /// Cost over the dead times, if they were searched.
     pub(super) delay: Vec<DelayCurve>,
     /// Whether the solver converged.

@@ -8,10 +8,11 @@ use std::path::{Path, PathBuf};
 use crate::REVISION;
 use crate::recordings::Loaded;
 use anyhow::{Context, Result};
+use serde_json::Value;
 use tello_flight::cycle::{RowsRecord, Topic};
 use tello_io::clock::TimeNs;
 use tello_io::log::{Channel, Head, LogWriter};
-use tello_io::whole_file;
+use tello_io::{config, whole_file};
 
 use super::job::{Fitted, Job, Trace};
 use super::pictures;
@@ -32,16 +33,15 @@ pub fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<PathBuf>>
     let parameters = dir.join("parameters.json");
     match &fitted.parameter_file {
         Some(file) => {
+            // What flights taught is nowhere else.
+            if has_flown(&parameters) {
+                written.push(keep_earlier(&parameters)?);
+            }
             file.write(&parameters)?;
             written.push(parameters);
         }
         // Those of an earlier run are none of this one.
-        None if parameters.exists() => {
-            let earlier = dir.join("parameters.earlier.json");
-            fs::rename(&parameters, &earlier)
-                .with_context(|| format!("cannot rename {}", parameters.display()))?;
-            written.push(earlier);
-        }
+        None if parameters.exists() => written.push(keep_earlier(&parameters)?),
         None => {}
     }
     let (estimates, figures) = (dir.join("estimates"), dir.join("figures"));
@@ -52,6 +52,30 @@ pub fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<PathBuf>>
     estimates_written.and(figures_written)?;
     written.extend([estimates, figures]);
     Ok(written)
+}
+
+/// Whether flights changed the parameter file at `path`.
+fn has_flown(path: &Path) -> bool {
+    let file = config::load::<Value>(path);
+    file.is_ok_and(|file| file.get("flown").is_some_and(|flown| !flown.is_null()))
+}
+
+/// Whether `path` is what [`write()`] kept of an earlier run.
+pub fn is_earlier(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("parameters.earlier"))
+}
+
+/// Gives `parameters.json` the name `parameters.earlier.json`, or a numbered one: a file that flights have taught stays.
+fn keep_earlier(parameters: &Path) -> Result<PathBuf> {
+    let name = |number: u32| match number {
+        1 => "parameters.earlier.json".to_owned(),
+        number => format!("parameters.earlier-{number}.json"),
+    };
+    let mut names = (1..).map(|number| parameters.with_file_name(name(number)));
+    let earlier = names.find(|name| !has_flown(name)).context("no name is left")?;
+    fs::rename(parameters, &earlier)
+        .with_context(|| format!("cannot rename {}", parameters.display()))?;
+    Ok(earlier)
 }
 
 /// One CSV and one MCAP file for each log that has a piece: the states of every step, and the

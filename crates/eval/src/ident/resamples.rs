@@ -142,6 +142,11 @@ impl ResampleFile {
         Ok(gathered)
     }
 
+    /// Estimates in the file.
+    pub fn count(&self) -> usize {
+        self.resamples.len()
+    }
+
     /// A part file, or what [`Self::save`] wrote.
     fn read(path: &Path) -> Result<Self> {
         if !shard_file::is_part(path)? {

@@ -112,6 +112,11 @@ pub(super) fn tear(log: &LogReader) -> Option<String> {
     log.ending().filter(|ending| matches!(ending, Ending::Torn { .. })).map(ToString::to_string)
 }
 
+/// Whether a note on what is not in a recording is that of a torn log.
+pub fn is_tear(note: &str) -> bool {
+    note.starts_with("torn ")
+}
+
 /// Writes `flight`, which was read from a file called `source`, as MCAP.
 ///
 /// # Errors

@@ -1,4 +1,5 @@
 use std::f64::consts::TAU;
+use std::os::unix::ffi::OsStrExt as _;
 
 use tello_flight::cycle::PoseRecord;
 
@@ -47,6 +48,33 @@ fn numbers_in_names_count_as_numbers() {
     let expected =
         ["001.log", "1.log", "1b.log", "2.log", "10.log", "flight-2-9.csv", "flight-2-10.csv"];
     assert_eq!(names, expected);
+}
+
+#[test]
+fn a_name_that_is_not_utf_8_is_refused_before_the_work() {
+    let dir = std::env::temp_dir().join(format!("tello-ctl-names-{}", std::process::id()));
+    fs::create_dir_all(&dir).unwrap();
+    fs::write(dir.join("1.log"), steps(0..30)).unwrap();
+    assert_eq!(find(std::slice::from_ref(&dir)).unwrap(), [dir.join("1.log")]);
+    fs::write(dir.join(std::ffi::OsStr::from_bytes(b"fl\xff.mcap")), "").unwrap();
+    let error = find(std::slice::from_ref(&dir)).unwrap_err().to_string();
+    assert!(error.ends_with("fl\u{fffd}.mcap is not UTF-8: choose another name"), "{error}");
+    fs::remove_dir_all(dir).unwrap();
+}
+
+#[test]
+fn a_copy_of_a_recording_does_not_count_twice() {
+    let dir = std::env::temp_dir().join(format!("tello-ctl-copies-{}", std::process::id()));
+    fs::create_dir_all(&dir).unwrap();
+    for (name, count) in [("1.log", 30), ("2.log", 30), ("3.log", 31)] {
+        fs::write(dir.join(name), steps(0..count)).unwrap();
+    }
+    let (loaded, unusable) = load(std::slice::from_ref(&dir)).unwrap();
+    let names: Vec<_> = loaded.iter().map(|log| log.path.clone()).collect();
+    assert_eq!(names, [dir.join("1.log"), dir.join("3.log")]);
+    let why = format!("its bytes are those of {}", dir.join("1.log").display());
+    assert_eq!(unusable, [(dir.join("2.log"), why)]);
+    fs::remove_dir_all(dir).unwrap();
 }
 
 #[test]

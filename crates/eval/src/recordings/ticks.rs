@@ -16,6 +16,7 @@ use tello_io::log::{CONFIG, LogReader, Message};
 use super::from_rows::accepted;
 use super::rows::{GainRecord, tear};
 use super::{PERIOD_S, Sample, note};
+use crate::flight_log::is_replay;
 
 /// What one tick left in the log.
 #[derive(Debug, Clone, Default)]
@@ -188,6 +189,9 @@ pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<
     }
     if config.pointer("/start").and_then(serde_json::Value::as_str) == Some("carried") {
         bail!("it is a dry run: its sticks were never sent");
+    }
+    if is_replay(log) {
+        bail!("it is a replay of another log, which counts");
     }
     let ticks = read(log, skipped)?;
     let is_flying = |tick: &TickRow| tick.phase == Some(Phase::Flying);

@@ -2,19 +2,23 @@
 //!
 //! Owns the two together; what each of them writes is `flight_log` and `scene`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use tello_flight::cycle::{FlightTable, Outcome};
-use tello_io::log::LogWriter;
+use tello_io::log::{LogError, LogWriter};
+use tello_io::whole_file::Part;
 
 use crate::flight_log::{self, TickRecord};
 use crate::scene::Scene;
 
-/// A log that viewers draw.
+/// A log that viewers draw. It has its name when it is closed, and is removed if it is not: a torn one would be in the way
+/// of the next try.
 pub(super) struct DrawnLog {
     log: LogWriter,
     scene: Scene,
+    path: PathBuf,
+    part: Part,
 }
 
 impl DrawnLog {
@@ -28,10 +32,14 @@ impl DrawnLog {
         started_unix_ns: u64,
         shape: &Outcome,
     ) -> Result<Self> {
-        Ok(Self {
-            log: flight_log::create(path, flight, started_unix_ns, shape)?,
-            scene: Scene::new(flight, started_unix_ns)?,
-        })
+        let path = path.to_owned();
+        if path.exists() {
+            return Err(LogError::Exists { path }.into());
+        }
+        let part = Part::of(&path)?;
+        let log = flight_log::create_replay(part.path(), flight, started_unix_ns, shape)
+            .with_context(|| not_written(&path))?;
+        Ok(Self { log, scene: Scene::new(flight, started_unix_ns)?, path, part })
     }
 
     /// Appends a tick.
@@ -39,8 +47,9 @@ impl DrawnLog {
     /// # Errors
     /// The file cannot be written.
     pub(super) fn write(&mut self, tick: &TickRecord) -> Result<()> {
-        flight_log::write_tick(&mut self.log, tick)?;
-        Ok(self.scene.write(&mut self.log, tick)?)
+        flight_log::write_tick(&mut self.log, tick)
+            .and_then(|()| self.scene.write(&mut self.log, tick))
+            .with_context(|| not_written(&self.path))
     }
 
     /// Closes the log.
@@ -48,7 +57,40 @@ impl DrawnLog {
     /// # Errors
     /// The file cannot be written.
     pub(super) fn finish(self) -> Result<()> {
-        self.log.finish()?;
-        Ok(())
+        self.log.finish().with_context(|| not_written(&self.path))?;
+        self.part.finish()
+    }
+}
+
+fn not_written(path: &Path) -> String {
+    format!("{} is not written", path.display())
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_flight::Start;
+    use tello_flight::cycle;
+    use tello_io::config;
+
+    use super::*;
+
+    #[test]
+    fn a_log_has_its_name_when_it_is_closed_and_replaces_none() {
+        let dir = std::env::temp_dir().join(format!("tello-ctl-drawn-{}", std::process::id()));
+        std::fs::create_dir_all(&dir).unwrap();
+        let count = || std::fs::read_dir(&dir).unwrap().count();
+        let path = dir.join("a.mcap");
+        let (table, mission) = config::fly(None, None).unwrap();
+        let flight = config::flight(&table, mission, Start::Airborne);
+        let shape = cycle::build(&flight).unwrap().new_outcome();
+        let create = || DrawnLog::create(&path, &flight, 0, &shape);
+        drop(create().unwrap());
+        assert_eq!(count(), 0, "an unfinished log is removed");
+        let log = create().unwrap();
+        assert!(!path.exists() && count() == 1);
+        log.finish().unwrap();
+        assert!(path.exists() && count() == 1);
+        assert!(create().is_err());
+        std::fs::remove_dir_all(dir).unwrap();
     }
 }

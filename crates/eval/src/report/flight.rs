@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use horizon_model::rows::{Pose, pose};
 use horizon_model::{Kinematic, Model};
-use tello_flight::Phase;
+use tello_flight::{Phase, Start};
 use tello_io::log::LogReader;
 
 use crate::flight_log;
@@ -53,6 +53,8 @@ pub(super) struct Flight {
     pub reached: [usize; 2],
     /// Skipped parts of the recording and other remarks.
     pub notes: Vec<String>,
+    /// What it is in place of a flight.
+    pub no_flight: Option<&'static str>,
 }
 
 impl Flight {
@@ -95,6 +97,13 @@ impl Flight {
 
     fn of_log(log: &mut LogReader, path: &Path) -> Result<Self> {
         let settings = flight_log::settings(log, path)?;
+        let no_flight = if flight_log::is_replay(log) {
+            Some("it is a replay of another log, which counts")
+        } else if settings.start == Start::Carried {
+            Some("it is a dry run: its sticks were never sent")
+        } else {
+            None
+        };
         let reference = ReferencePath::of(&settings)?;
         let mut notes = Vec::new();
         let ticks = ticks::read(log, &mut notes)?;
@@ -117,6 +126,7 @@ impl Flight {
             outline: reference.outline,
             targets: reference.targets,
             notes,
+            no_flight,
         })
     }
 
@@ -164,6 +174,7 @@ impl Flight {
             targets: if has_line { targets } else { Vec::new() },
             ticks,
             notes,
+            no_flight: None,
         }
     }
 }

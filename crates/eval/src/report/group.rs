@@ -1,5 +1,6 @@
 //! Flights that are looked at together, and two such groups side by side.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
@@ -110,7 +111,11 @@ impl Looked {
 impl Group {
     pub(super) fn of(name: String, looked: Vec<Looked>) -> Self {
         let mut pooled = Numbers::new();
-        for (quantity, values) in looked.iter().flat_map(|one| &one.measured.numbers) {
+        let has_flights = looked.iter().any(|one| one.flight.no_flight.is_none());
+        // Replays and dry runs alone are shown; beside flights they are none.
+        let counts = |one: &&Looked| !has_flights || one.flight.no_flight.is_none();
+        for (quantity, values) in looked.iter().filter(counts).flat_map(|one| &one.measured.numbers)
+        {
             pooled.entry(*quantity).or_default().extend(values);
         }
         let flights: Vec<FlightRow> = looked.iter().map(|one| one.row.clone()).collect();
@@ -152,10 +157,19 @@ impl Group {
         sentences.join(" ")
     }
 
+    /// Each reason of the flights with this judgement once.
+    fn reasons_of(&self, judgement: Judgement) -> String {
+        let rows = self.flights.iter().filter(|row| row.judgement == judgement);
+        let reasons: BTreeSet<&str> =
+            rows.flat_map(|row| &row.reasons).map(String::as_str).collect();
+        reasons.into_iter().collect::<Vec<_>>().join("; ")
+    }
+
     fn verdict_on_many(&self) -> String {
         let (good, judged, all) = (self.good_count, self.judged_count, self.flights.len());
         if judged == 0 {
-            return format!("None of the {all} flights has a line to follow: nothing was judged.");
+            let reasons = self.reasons_of(Judgement::NotJudged);
+            return format!("None of the {all} flights was judged: {reasons}.");
         }
         let mut sentences = vec![if good == judged {
             format!(
@@ -167,7 +181,8 @@ impl Group {
         }];
         if judged < all {
             let rest = all - judged;
-            sentences.push(format!("{rest} more have no line to follow and were not judged."));
+            let reasons = self.reasons_of(Judgement::NotJudged);
+            sentences.push(format!("Not judged: {rest} more, {reasons}."));
         }
         let spreads = [Quantity::FinishS, Quantity::DistanceM].map(|q| self.numbers.get(&q));
         if let [Some(finish), Some(distance)] = spreads {

@@ -12,6 +12,7 @@ use tello_flight::Phase;
 use super::flight::Flight;
 use super::quantity::{Measured, Quantity, Spread, Spreads};
 use crate::metrics::{Outages, VALID_DISTANCE_M};
+use crate::recordings::rows;
 use crate::recordings::ticks::TickRow;
 
 /// Lateness beyond which a tick is worth a remark. ms
@@ -25,7 +26,7 @@ pub(super) enum Judgement {
     Good,
     /// Not so.
     Bad,
-    /// There was no line to follow.
+    /// There was no line to follow, or it is none that flew.
     NotJudged,
 }
 
@@ -56,6 +57,9 @@ pub(super) fn judge(
     measured: &Measured,
     spreads: &Spreads,
 ) -> (Judgement, Vec<String>) {
+    if let Some(what) = flight.no_flight {
+        return (Judgement::NotJudged, vec![what.to_owned()]);
+    }
     if flight.outline.is_empty() {
         return (Judgement::NotJudged, vec!["the recording names no line to follow".to_owned()]);
     }
@@ -68,7 +72,10 @@ pub(super) fn judge(
         let why = if named.is_empty() { String::new() } else { format!(": {}", named.join(", ")) };
         reasons.push(format!("never took off{why}"));
     } else if reached < count {
-        reasons.push(format!("reached {reached} of {count} targets"));
+        let is_torn = flight.notes.iter().any(|note| rows::is_tear(note));
+        // What came behind the tear is not known.
+        let until = if is_torn { " before its log ends torn" } else { "" };
+        reasons.push(format!("reached {reached} of {count} targets{until}"));
     }
     if let Some(Spread { max, .. }) = spreads.get(&Quantity::DistanceM)
         && (max.is_nan() || *max > VALID_DISTANCE_M)
@@ -178,6 +185,7 @@ mod tests {
             judged: 0..is_down.len(),
             reached: [reached, 2],
             notes: vec![],
+            no_flight: None,
         }
     }
 
@@ -189,6 +197,13 @@ mod tests {
             |reached, max| judge(&flight(reached, &[]), &Measured::default(), &spreads(max));
         assert_eq!(judged(2, 0.3), (Judgement::Good, vec![]));
         assert_eq!(judged(1, 0.1), (Judgement::Bad, vec!["reached 1 of 2 targets".into()]));
+        let mut torn = flight(1, &[]);
+        torn.notes.push("torn 8.54 s after the start".to_owned());
+        let (_, reasons) = judge(&torn, &Measured::default(), &spreads(0.1));
+        assert_eq!(reasons, ["reached 1 of 2 targets before its log ends torn"]);
+        let dry = Flight { no_flight: Some("it is a dry run"), ..flight(0, &[]) };
+        let judged_dry = judge(&dry, &Measured::default(), &Spreads::default());
+        assert_eq!(judged_dry, (Judgement::NotJudged, vec!["it is a dry run".to_owned()]));
         let (judgement, reasons) = judged(1, 0.31);
         assert_eq!((judgement, reasons.len()), (Judgement::Bad, 2), "{reasons:?}");
     }

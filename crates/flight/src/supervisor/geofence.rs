@@ -5,7 +5,7 @@
 
 use horizon_model::check::{maximum, minimum};
 use horizon_model::rows::{Pose, pose};
-use horizon_model::setting::{SettingError, finite, not_negative};
+use horizon_model::setting::{SettingError, not_negative};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -18,7 +18,11 @@ use crate::obstacle::SignedDistance;
 const GROUND_MAX_M: f64 = 1.0;
 
 /// A take-off climbs 0.8 to 1.2 m by itself. m
-pub(crate) const CLIMB_MAX_M: f64 = 1.2;
+const CLIMB_MAX_M: f64 = 1.2;
+
+/// No room of a motion capture reaches further from its origin: walls in millimetres do, and a geofence that far away is
+/// none. m
+const WALL_MAX_M: f64 = 500.0;
 
 /// The rows that have walls.
 const WALLED: [usize; 3] = [pose::X, pose::Y, pose::Z];
@@ -31,7 +35,7 @@ pub struct RoomTable {
     pub x_m: [f64; 2],
     /// World y. m
     pub y_m: [f64; 2],
-    /// World z, floor and ceiling. m
+    /// World z, floor and ceiling. m, -500..=500
     pub z_m: [f64; 2],
     /// Way from neutral sticks to rest over the speed: dead time and time constant of the vehicle.
     /// s, >= 0
@@ -52,8 +56,12 @@ impl TryFrom<&RoomTable> for Room {
     fn try_from(table: &RoomTable) -> Result<Self, SettingError> {
         let walls_m = [table.x_m, table.y_m, table.z_m];
         for (key, [low_m, high_m]) in ["x_m", "y_m", "z_m"].into_iter().zip(walls_m) {
-            finite(key, low_m)?;
-            finite(key, high_m)?;
+            for end_m in [low_m, high_m] {
+                if !(-WALL_MAX_M..=WALL_MAX_M).contains(&end_m) {
+                    let rule = format!("-{WALL_MAX_M}..={WALL_MAX_M}, in metres");
+                    return Err(SettingError::new(key, end_m, rule));
+                }
+            }
             if low_m >= high_m {
                 let given = format!("[{low_m}, {high_m}]");
                 return Err(SettingError::new(key, given, "the first number below the second"));
@@ -238,5 +246,14 @@ mod tests {
         assert!(error.starts_with("z_m = NaN"), "{error}");
         let error = refused(RoomTable { stop_s: -1.0, ..TABLE });
         assert!(error.starts_with("stop_s = -1"), "{error}");
+    }
+
+    #[test]
+    fn walls_in_millimetres_are_refused() {
+        for (x_m, given) in [([-2000.0, 2000.0], "-2000"), ([0.0, 500.1], "500.1")] {
+            let error = Room::try_from(&RoomTable { x_m, ..TABLE }).unwrap_err().to_string();
+            assert_eq!(error, format!("x_m = {given} violates -500..=500, in metres"));
+        }
+        assert!(Room::try_from(&RoomTable { x_m: [-500.0, 500.0], ..TABLE }).is_ok());
     }
 }

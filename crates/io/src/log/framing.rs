@@ -85,6 +85,11 @@ impl Framing {
         at
     }
 
+    /// How far the file is known. bytes
+    pub(super) fn offset(&self) -> u64 {
+        self.offset
+    }
+
     /// Why nothing more may be read, with the place of the chunk in the file.
     pub(super) fn refusal(&self) -> Option<&str> {
         self.refusal.as_deref()

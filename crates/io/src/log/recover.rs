@@ -27,6 +27,8 @@ pub struct Recovered {
     pub messages: u64,
     /// Whether the old log ended early or was damaged.
     pub was_torn: bool,
+    /// Bytes behind the end of the old log, which are not read: another log, perhaps.
+    pub rest_bytes: u64,
     /// First and last time of each chunk that was left out because its bytes are not those that were written. s since
     /// the start of the log
     pub damaged: Vec<(f64, f64)>,
@@ -84,6 +86,7 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, LogError> {
     Ok(Recovered {
         messages: copy.messages,
         was_torn: walked.is_torn || !walked.damaged.is_empty(),
+        rest_bytes: walked.rest_bytes,
         damaged: damaged.collect(),
     })
 }
@@ -97,6 +100,8 @@ struct Walked {
     /// Whether it ends before its index does.
     is_torn: bool,
     damaged: Vec<ChunkHeader>,
+    /// Bytes behind its end.
+    rest_bytes: u64,
 }
 
 /// Shows `take` every record of `from`, those of whole chunks one by one. If it `is_summed`, it ends where the sum over
@@ -111,9 +116,16 @@ fn walk(
     let mut reader = LinearReader::new_with_options(options);
     let mut framing = Framing::new();
     let mut damaged = Vec::new();
+    let mut rest_bytes = 0;
     let is_torn = loop {
         match reader.next_event() {
-            None => break framing.has_rest(&mut source).map_err(read_error(from))?,
+            None => {
+                if framing.has_rest(&mut source).map_err(read_error(from))? {
+                    let bytes = source.metadata().map_err(read_error(from))?.len();
+                    rest_bytes = bytes.saturating_sub(framing.offset());
+                }
+                break false;
+            }
             Some(Ok(LinearReadEvent::ReadRequest(_))) if framing.refusal().is_some() => break true,
             Some(Ok(LinearReadEvent::ReadRequest(bytes))) => {
                 let buffer = reader.insert(bytes.min(RECORD_BYTES_MAX));
@@ -141,7 +153,7 @@ fn walk(
             Some(Err(_)) => break true,
         }
     };
-    Ok(Walked { is_torn, damaged })
+    Ok(Walked { is_torn, damaged, rest_bytes })
 }
 
 /// The records of the chunk record `chunk`, if its checksum holds.

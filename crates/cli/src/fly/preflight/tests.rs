@@ -165,11 +165,20 @@ fn limits_that_are_kept_to_the_digit_are_good() {
 
 #[test]
 fn without_walls_that_is_reported_and_any_start_is_one() {
-    let far = Found { at: Some(Pose::new(70.0, 0.0, 9.0, 0.0)), ..all_there() };
+    let far = Found { at: Some(Pose::new(40.0, 0.0, 9.0, 0.0)), ..all_there() };
     let checks = list(&far, |table| table.cycle.supervisor.room = None);
     assert_eq!(checks[0].readiness, Readiness::Note);
     assert!(checks[0].reason.contains("no room is set"), "{}", checks[0]);
     assert_eq!(checks[2].readiness, Readiness::Good, "{}", checks[2]);
+}
+
+#[test]
+fn a_first_target_in_another_unit_is_not_set_off_for() {
+    let far = Found { at: Some(Pose::new(-70.0, 0.0, 0.05, 0.0)), ..all_there() };
+    let checks = list(&far, |table| table.cycle.supervisor.room = None);
+    let start = checks.iter().find(|check| check.what == "start").unwrap();
+    assert_eq!(start.readiness, Readiness::Never, "{start}");
+    assert!(start.reason.contains("more than 50 m: are mission, room"), "{start}");
 }
 
 #[test]

@@ -83,7 +83,9 @@ fn summary(phase: Phase, faults: &[Fault]) -> Summary {
 #[test]
 fn a_flight_is_a_success_if_it_landed_after_its_last_target() {
     let landed = summary(Phase::Landed, &[]);
-    assert!(landed.is_success() && landed.targets_count > 0);
+    assert!(landed.is_success() && landed.is_complete() && landed.targets_count > 0);
+    let without_log = Summary { log_error: Some("disk full".to_owned()), ..landed.clone() };
+    assert!(without_log.is_success() && !without_log.is_complete());
     assert!(!summary(Phase::LandingUnconfirmed, &[]).is_success());
     let targets_reached = landed.targets_count - 1;
     assert!(!Summary { targets_reached, ..landed }.is_success());

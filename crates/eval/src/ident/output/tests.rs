@@ -120,3 +120,22 @@ fn parameters_of_an_earlier_run_keep_another_name() {
     assert!(!dir.join("parameters.json").exists());
     fs::remove_dir_all(dir).unwrap();
 }
+
+#[test]
+fn what_flights_taught_is_kept() {
+    let dir = std::env::temp_dir().join(format!("tello-ctl-taught-{}", std::process::id()));
+    fs::create_dir_all(&dir).unwrap();
+    let parameters = dir.join("parameters.json");
+    let taught = |flights: u32| format!("{{ \"flown\": {{ \"flights\": {flights} }} }}");
+    for (number, name) in [(1, "parameters.earlier.json"), (2, "parameters.earlier-2.json")] {
+        fs::write(&parameters, taught(number)).unwrap();
+        assert!(has_flown(&parameters));
+        let earlier = keep_earlier(&parameters).unwrap();
+        assert_eq!(earlier, dir.join(name));
+        assert_eq!(fs::read_to_string(earlier).unwrap(), taught(number));
+        assert!(!has_flown(&parameters), "it is gone");
+    }
+    fs::write(&parameters, "{ \"flown\": null }").unwrap();
+    assert!(!has_flown(&parameters));
+    fs::remove_dir_all(dir).unwrap();
+}

@@ -29,7 +29,8 @@ fn a_whole_log_is_copied_with_all_that_is_in_it() {
     let (bytes, _) = flight(120);
     let (copy, recovered) = recovered("whole", &bytes);
     // A message on each of two channels in a step.
-    assert_eq!(recovered, Recovered { messages: 240, was_torn: false, damaged: vec![] });
+    let expected = Recovered { messages: 240, was_torn: false, rest_bytes: 0, damaged: vec![] };
+    assert_eq!(recovered, expected);
     let (old, new) = (reader(bytes).unwrap(), reader(copy).unwrap());
     assert_eq!(new.head(), old.head());
     assert_eq!(counts(new), ((0..120).collect(), Ending::Complete));
@@ -41,10 +42,8 @@ fn a_torn_log_is_whole_up_to_its_last_flush() {
     let (size, steps) = flushes[2];
     // Some bytes of the next chunk are there.
     let (copy, recovered) = recovered("torn", &bytes[..size + 20]);
-    assert_eq!(
-        (recovered, steps),
-        (Recovered { messages: 200, was_torn: true, damaged: vec![] }, 100)
-    );
+    let expected = Recovered { messages: 200, was_torn: true, rest_bytes: 0, damaged: vec![] };
+    assert_eq!((recovered, steps), (expected, 100));
     assert_eq!(counts(reader(copy).unwrap()), ((0..100).collect(), Ending::Complete));
 }
 
@@ -82,10 +81,14 @@ fn a_damaged_chunk_is_left_out_alone() {
 }
 
 #[test]
-fn of_two_logs_in_one_file_the_second_is_missed() {
-    let twice = flight(60).0.repeat(2);
+fn of_two_logs_in_one_file_the_second_is_missed_and_counted() {
+    let once = flight(60).0;
+    let (rest_bytes, twice) = (once.len() as u64, once.repeat(2));
     let (copy, recovered) = recovered("twice", &twice);
-    assert_eq!(recovered, Recovered { messages: 120, was_torn: true, damaged: vec![] });
+    assert_eq!(
+        recovered,
+        Recovered { messages: 120, was_torn: false, rest_bytes, damaged: vec![] }
+    );
     let (steps, ending) = counts(reader(twice).unwrap());
     assert!(ending.to_string().contains("more bytes follow its end"), "{ending}");
     assert_eq!((steps, Ending::Complete), counts(reader(copy).unwrap()));

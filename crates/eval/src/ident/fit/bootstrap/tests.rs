@@ -1,9 +1,11 @@
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use horizon_estim::{Observed, Recording};
 use horizon_model::Lagged;
 use horizon_model::rows::{Pose, Sticks, lag, motion};
 
 use super::*;
-use crate::ident::{IdentFileTable, Job};
+use crate::ident::{IdentFileTable, Job, Observer};
 use crate::recordings::Loaded;
 
 const PIECES: usize = 4;
@@ -87,6 +89,40 @@ fn resamples_of_one_piece_have_no_spread() {
     };
     assert!(spread(1).is_none());
     assert_eq!(spread(2).unwrap().0.resamples, 3);
+}
+
+/// Stops a computation after some of its steps.
+struct StopsAfter(AtomicUsize);
+
+impl Observer for StopsAfter {
+    fn is_stopped(&self) -> bool {
+        self.0.load(Ordering::Relaxed) == 0
+    }
+
+    fn advance(&self) {
+        self.0.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1)).ok();
+    }
+}
+
+#[test]
+fn resamples_that_were_cut_short_have_no_spread() {
+    let (table, logs) = (table(), [log("ab")]);
+    let observer = StopsAfter(AtomicUsize::new(2));
+    let job = Job {
+        name: "ident.json",
+        table: &table,
+        logs: &logs,
+        bootstrap: None,
+        flight: None,
+        observer: &observer,
+        keeps_estimates: false,
+    };
+    let fitter: LaggedFitter<'_> = Fitter::new(Lagged::default(), &job).unwrap();
+    let shard = crate::shard_file::Shard::WHOLE;
+    let plan = BootstrapPlan { resamples: 1000, seed: 1, shard, part: None, earlier: Vec::new() };
+    let (file, report) = fitter.bootstrap(&plan).unwrap();
+    assert!((2..1000).contains(&file.count()), "{}", file.count());
+    assert!(report.is_none());
 }
 
 #[test]
