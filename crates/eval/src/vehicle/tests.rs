@@ -96,7 +96,7 @@ fn each_dead_time_gets_shorter_as_far_as_the_flight_lets_its_axis() {
         file.check().unwrap();
         // What the FIFO of the flight has after the same correction, whole periods of 0.02 s.
         let mut fifo = InputFifo::new(&settings.dead_time_s, &Kinematic::INPUT, 0.02).unwrap();
-        fifo = fifo.with_min_ratio(min_ratio);
+        fifo = fifo.with_min_ratio(min_ratio).unwrap();
         fifo.correct((longer_s / 0.02).round() as i32);
         for (axis, (after_s, expected_s)) in file.dead_time_s.iter().zip(expected_s).enumerate() {
             let flown_s = 0.02 * fifo.dead_time_steps()[axis];
