@@ -42,9 +42,8 @@ pub(crate) fn least_squares<const NS: usize, const NO: usize>(
     }
     let second = gauss_newton(&g, &by_state, o, second);
     let left_by_second = residual(&second);
-    // The first residual may be NaN.
-    let is_better = left_by_second.is_finite() && !(left <= 2.0 * left_by_second);
-    if is_better { second } else { first }
+    let is_good_enough = left.is_finite() && left <= 2.0 * left_by_second;
+    if is_good_enough || !left_by_second.is_finite() { first } else { second }
 }
 
 /// The last finite iterate from the start `s`.
