@@ -133,6 +133,7 @@ where
 
 /// What one tick leaves to the next beside the states of the parts.
 #[derive(Debug, Default)]
+#[expect(clippy::struct_excessive_bools, reason = "unrelated facts, not a state")]
 struct Memory {
     /// When the newest accepted position with anything new was measured.
     position_at: Option<TimeNs>,

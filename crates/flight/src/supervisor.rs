@@ -311,17 +311,23 @@ impl Supervisor {
         let is_long = is_flown && !e.is_by_hand && e.is_dead_time_long;
         keep_since(&mut self.dead_time_long_since_ns, is_long, e.t_ns);
         self.remember_idle_hand(e, is_fast);
+        self.remember_blocked(e);
+        let is_alone = is_flown && e.outage.is_some() && !conditions::is_confirmed(&e.findings);
+        keep_since(&mut self.alone_since_ns, is_alone, e.t_ns);
+    }
+
+    /// Updates when and for how long plans were blocked.
+    fn remember_blocked(&mut self, e: &Evidence) {
         if self.was_steering && e.is_plan_clear == Some(false) {
             self.blocked_ns = Some(e.t_ns);
         }
         let period_s =
             self.remembered_ns.replace(e.t_ns).map_or(0.0, |t_ns| elapsed_s(t_ns, e.t_ns));
-        self.blocked_s = match self.is_blocked(e) {
-            true => self.blocked_s + period_s,
-            false => (self.blocked_s - BLOCKED_FORGIVEN * period_s).max(0.0),
+        self.blocked_s = if self.is_blocked(e) {
+            self.blocked_s + period_s
+        } else {
+            (self.blocked_s - BLOCKED_FORGIVEN * period_s).max(0.0)
         };
-        let is_alone = is_flown && e.outage.is_some() && !conditions::is_confirmed(&e.findings);
-        keep_since(&mut self.alone_since_ns, is_alone, e.t_ns);
     }
 
     /// Updates for how long a person leaves the sticks neutral: in all, and where somebody should act.

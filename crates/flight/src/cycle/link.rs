@@ -218,7 +218,7 @@ mod tests {
         let fifo = |pitch_s| {
             InputFifo::new(&[pitch_s, pitch_s, 0.04, 0.19], &Kinematic::INPUT, DT_S).unwrap()
         };
-        let mut assumed = fifo(0.34).with_room(link.capacity_steps()).with_min_ratio(0.5);
+        let mut assumed = fifo(0.34).with_room(link.capacity_steps()).with_min_ratio(0.5).unwrap();
         // A vehicle that answers ten periods sooner, of which the correction may take eight.
         let mut real = fifo(0.14);
         let (model, p) = (Lagged::default(), parameter());
