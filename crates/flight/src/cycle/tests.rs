@@ -1,7 +1,9 @@
 use horizon_model::Lagged;
 use horizon_model::rows::{lag, motion};
+use nalgebra::Vector2;
 
 use super::*;
+use crate::Sighting;
 use crate::cycle::sense::tests::{DT_NS, sighting, table};
 
 type LaggedCycle = Cycle<Lagged, { motion::COUNT }, { lag::COUNT }, { motion::CONTROLLABLE }>;
@@ -58,53 +60,62 @@ fn the_sticks_of_the_controller_pass_on_a_fresh_pose_only() {
     }
 }
 
+/// A drone that flies.
+fn status(received_at: TimeNs, takes_sticks: bool) -> DroneStatus {
+    DroneStatus {
+        received_at,
+        is_flying: true,
+        is_on_ground: false,
+        takes_sticks,
+        is_battery_low: None,
+        battery_pct: 80,
+        battery_v: None,
+        height_m: None,
+        velocity_mps: None,
+        heading_rad: None,
+        flight_mode: None,
+    }
+}
+
 #[test]
 fn sticks_are_sent_to_a_drone_that_takes_them_or_has_not_reported() {
     let mut cycle = cycle();
     assert!(cycle.takes_sticks());
     for takes_sticks in [true, false] {
-        cycle.memory.drone = Some(DroneStatus {
-            received_at: TimeNs(0),
-            is_flying: true,
-            is_on_ground: false,
-            takes_sticks,
-            is_battery_low: None,
-            battery_pct: 80,
-            battery_v: None,
-            height_m: None,
-            velocity_mps: None,
-            heading_rad: None,
-            flight_mode: None,
-        });
+        cycle.memory.drone = Some(status(TimeNs(0), takes_sticks));
         assert_eq!(cycle.takes_sticks(), takes_sticks);
     }
 }
 
-/// Distance of the reference from a vehicle that a person carries 1 m aside for 2 s, in the first tick with the controller
-/// again. m
-fn reference_after_a_hand_back_m() -> f64 {
-    let mut cycle = cycle();
-    let (mut inbox, mut out) = (Inbox::new(), cycle.new_outcome());
-    for step in 0..=120 {
-        let now = TimeNs(step * DT_NS);
-        inbox.open(step.unsigned_abs(), now);
-        inbox.manual = (20..120).contains(&step).then_some([0.0; stick::COUNT]);
-        let mut seen = sighting(now, 0);
-        let aside_m = 0.01 * (step - 20).clamp(0, 100) as f64;
-        if let Some(pose) = &mut seen.pose {
-            pose[pose::Y] += aside_m;
-        }
-        inbox.sightings.push(seen);
-        cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
-    }
-    assert!(cycle.memory.is_on_mission);
-    let at = inbox.sightings[0].pose.unwrap();
-    (out.reference.unwrap() - at).fixed_rows::<2>(pose::X).norm()
-}
-
 #[test]
 fn after_a_hand_back_the_mission_goes_on_from_the_vehicle() {
-    let away_m = reference_after_a_hand_back_m();
-    // The reference is that of the time when the sticks of this tick act, 0.34 s ahead at 0.5 m/s.
-    assert!(away_m < 0.35, "{away_m} m");
+    const HAND: std::ops::Range<i64> = 100..200;
+    let table = table();
+    let (mut cycle, model) = (cycle(), Lagged::default());
+    let (mut inbox, mut out) = (Inbox::new(), cycle.new_outcome());
+    let mut fifo = InputFifo::new(&table.cycle.dead_time_s, &Lagged::INPUT, cycle.dt_s).unwrap();
+    let p = *cycle.mhe.p_hat();
+    let mut s = model.at_rest(&sighting(TimeNs(0), 0).pose.unwrap());
+    let mut off_m = Vec::new();
+    for step in 0..=HAND.end {
+        let now = TimeNs(step * DT_NS);
+        inbox.open(step.unsigned_abs(), now);
+        inbox.drone = Some(status(now, true));
+        // To the right, beside the first side of the square.
+        inbox.manual = HAND.contains(&step).then_some([0.4, 0.0, 0.0, 0.0]);
+        inbox.sightings.push(Sighting { pose: Some(model.observe(&s)), ..sighting(now, 0) });
+        cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
+        let is_by_hand = inbox.manual.is_some();
+        assert_eq!(cycle.memory.is_on_mission, !is_by_hand, "{step}: {:?}", out.ruling);
+        if let Some(reference) = out.reference.filter(|_| !is_by_hand) {
+            let pred_w = Vector2::new(out.s_pred[motion::X], out.s_pred[motion::Y]);
+            off_m.push((reference.fixed_rows::<2>(pose::X) - pred_w).norm());
+        }
+        fifo.push(&out.u_sent);
+        s = model.step(&s, &fifo.applied(-1), &p, cycle.dt_s);
+    }
+    let before = sighting(TimeNs(0), 0).pose.unwrap();
+    let carried_m = (model.observe(&s) - before)[pose::Y].abs();
+    let last_m = off_m.last().copied().unwrap();
+    assert!(carried_m > 0.6 && last_m < 0.3, "{last_m} m after {carried_m} m aside");
 }
