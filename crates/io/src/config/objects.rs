@@ -10,7 +10,7 @@ use serde::de::{
 use serde::forward_to_deserialize_any;
 use serde_json::{Error, Value};
 
-/// Reads `Value` as serde_json does, but no struct from an array.
+/// Reads `Value` as `serde_json` does, but no struct from an array.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Objects<'a>(pub(super) &'a Value);
 
