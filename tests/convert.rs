@@ -205,7 +205,7 @@ fn a_torn_log_is_converted_up_to_the_tear() {
     let bytes = fs::read(folder.join("flight.mcap")).unwrap();
     fs::write(folder.join("torn.mcap"), &bytes[..bytes.len() * 7 / 10]).unwrap();
     let output = tello_ctl(&folder, &["convert", "torn.mcap", "-o", "torn.csv"]);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
     assert!(text(&output).contains("skipped torn"), "{}", text(&output));
     let rows = csv::read(&folder.join("torn.csv")).unwrap().rows.len();
     assert!((100..400).contains(&rows), "{rows} steps");

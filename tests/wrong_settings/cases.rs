@@ -320,7 +320,7 @@ pub(super) const SETTINGS: [(Changes<'_>, &[&str]); 27] = [
         &[
             "cycle.supervisor.battery_critical_pct = 8 violates at most battery_low_pct = 5",
             "cycle.supervisor.failsafe.outage_alone_s = 60 violates 1.0..=20.0",
-            "cycle.gate: invalid length 0, expected an object",
+            "cycle.gate: invalid type: sequence, expected an object",
         ],
     ),
     (
