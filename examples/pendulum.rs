@@ -59,18 +59,18 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let settings = MpcSettings::builder(STEPS).c_s([1.0; 4]).c_s_end([3.0, 30.0, 3.0, 6.0]);
     let settings = settings.bounds([-8.0], [8.0]).build(&pendulum)?;
     let mut mpc = Mpc::<_, 4, 1, 2, 1, 4>::new(pendulum, settings, DT_S)?;
-    let s_ref = [SVector::from([0.5, 0.0, 0.0, 0.0]); STEPS];
+    let goal = SVector::from([0.5, 0.0, 0.0, 0.0]);
     let (mut s, mut u) = (SVector::from([0.0, 0.2, 0.0, 0.0]), SVector::zeros());
     mhe.start(&measure(&s, 0).o)?;
     for k in 0..250 {
-        let ask = Ask::new(mhe.s_hat(), &p, &u, &s_ref);
-        assert!(mpc.solve(&ask, &mut || false)?.has_new_plan());
+        let report = mpc.solve(&Ask::new(mhe.s_hat(), &p, &u, &[goal; STEPS]), &mut || false)?;
+        assert!(report.has_new_plan());
         u = mpc.plan()[0];
         mpc.shift();
         s = pendulum.step(&s, &u, &truth, DT_S);
         assert!(mhe.update(&u, &measure(&s, k), &mut || false)?.is_converged());
     }
-    Ok([(p - truth).norm(), (mhe.s_hat() - s).norm(), (s - s_ref[0]).norm()])
+    Ok([(p - truth).norm(), (mhe.s_hat() - s).norm(), (s - goal).norm()])
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

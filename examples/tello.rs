@@ -43,18 +43,18 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let settings = MpcSettings::builder(STEPS).c_u([0.5; 4]).c_s([5.0; 4]).c_s_end([20.0; 4]);
     let settings = settings.bounds([-0.8; 4], [0.8; 4]).build(&Kinematic)?;
     let mut mpc = Mpc::<_, 4, 4, 4, 4, 4>::new(Kinematic, settings, DT_S)?;
-    let s_ref = [Pose::new(0.0, 1.0, 1.5, 1.5); STEPS];
+    let goal = Pose::new(0.0, 1.0, 1.5, 1.5);
     let (mut s, mut u) = (Pose::new(0.0, 0.0, 1.0, 0.0), Sticks::zeros());
     mhe.start(&measure(&s, 0).o)?;
     for k in 0..300 {
-        let ask = Ask::new(mhe.s_hat(), &p, &u, &s_ref);
-        assert!(mpc.solve(&ask, &mut || false)?.has_new_plan());
+        let report = mpc.solve(&Ask::new(mhe.s_hat(), &p, &u, &[goal; STEPS]), &mut || false)?;
+        assert!(report.has_new_plan());
         u = mpc.plan()[0];
         mpc.shift();
         s = Kinematic.step(&s, &u, &truth, DT_S);
         assert!(mhe.update(&u, &measure(&s, k), &mut || false)?.is_converged());
     }
-    Ok([(p - truth).norm(), (mhe.s_hat() - s).norm(), (s - s_ref[0]).norm()])
+    Ok([(p - truth).norm(), (mhe.s_hat() - s).norm(), (s - goal).norm()])
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

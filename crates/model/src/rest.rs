@@ -42,8 +42,8 @@ pub(crate) fn least_squares<const NS: usize, const NO: usize>(
     }
     let second = gauss_newton(&g, &by_state, o, second);
     let left_by_second = residual(&second);
-    let is_good_enough = left.is_finite() && left <= 2.0 * left_by_second;
-    if is_good_enough || !left_by_second.is_finite() { first } else { second }
+    // The first residual may be NaN: the comparison is false then.
+    if left <= 2.0 * left_by_second || !left_by_second.is_finite() { first } else { second }
 }
 
 /// The last finite iterate from the start `s`.

@@ -54,7 +54,7 @@ pub(super) struct Flight {
     /// Skipped parts of the recording and other remarks.
     pub notes: Vec<String>,
     /// What it is in place of a flight.
-    pub no_flight: Option<&'static str>,
+    pub instead: Option<&'static str>,
 }
 
 impl Flight {
@@ -97,7 +97,7 @@ impl Flight {
 
     fn of_log(log: &mut LogReader, path: &Path) -> Result<Self> {
         let settings = flight_log::settings(log, path)?;
-        let no_flight = if flight_log::is_replay(log) {
+        let instead = if flight_log::is_replay(log) {
             Some("it is a replay of another log, which counts")
         } else if settings.start == Start::Carried {
             Some("it is a dry run: its sticks were never sent")
@@ -126,7 +126,7 @@ impl Flight {
             outline: reference.outline,
             targets: reference.targets,
             notes,
-            no_flight,
+            instead,
         })
     }
 
@@ -174,7 +174,7 @@ impl Flight {
             targets: if has_line { targets } else { Vec::new() },
             ticks,
             notes,
-            no_flight: None,
+            instead: None,
         }
     }
 }

@@ -46,8 +46,8 @@ fn check_prepared<M, const NS: usize, const NU: usize, const NO: usize, const NP
     let (states, inputs, parameters) = (&M::STATE[..], &M::INPUT[..], &M::PARAMETER[..]);
     let prepared = model.prepared(p, *dt_s);
     for period_s in [*dt_s, 2.0 * dt_s] {
-        let steps = [&prepared, model].map(|model| model.step(s, u, p, period_s) / period_s);
-        check.observe(name, worst_of(&steps[0], &steps[1]), (states, &[]));
+        let [given, own] = [&prepared, model].map(|model| model.step(s, u, p, period_s) / period_s);
+        check.observe(name, worst_of(&given, &own), (states, &[]));
     }
     let [given, own] = [&prepared, model].map(|model| model.linearize(s, u, p, *dt_s));
     check.observe(name, worst_of(&(given.s_next / *dt_s), &(own.s_next / *dt_s)), (states, &[]));

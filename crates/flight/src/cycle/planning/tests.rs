@@ -64,7 +64,8 @@ fn plan(planner: &mut Planner<Kinematic, 4, 4, 4>, fifo: &InputFifo<4>, is_late:
         from_ahead: 0,
         covariance: None,
     };
-    planner.plan(&known, &mission(), &mut || is_late).unwrap();
+    let report = planner.plan(&known, &mission(), &mut || is_late).unwrap();
+    assert_eq!(report.has_new_plan(), !is_late, "{report:?}");
 }
 
 #[test]
