@@ -161,6 +161,7 @@ pub(crate) struct Arguments {
     /// land, hold and stop the motors from there; without the part after `#` a page can only look.
     /// Without ADDRESS: 127.0.0.1:8080, or a free port if that is taken.
     #[arg(long, value_name = "ADDRESS", conflicts_with = "tui")]
+    #[expect(clippy::option_option, reason = "an option whose value is optional")]
     view: Option<Option<SocketAddr>>,
     /// Do not ask before the take-off of a real drone.
     #[arg(long)]

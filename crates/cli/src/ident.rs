@@ -178,11 +178,7 @@ fn identify<'a>(
         Some(dir) => ident::write(dir, &jobs[0], &main)?,
         None => Vec::new(),
     };
-    if main.parameter_file.is_some()
-        && let Some(earlier) = written.iter().find(|path| ident::is_earlier(path))
-    {
-        stdio::note(format_args!("note: what flights taught is kept as {}", earlier.display()));
-    }
+    note_kept(&main, &written);
     note_cut_short(&main, plan.as_ref().filter(|_| interrupt.is_asked()), &written);
     let mut fits = vec![main];
     let mut comparison = None;
@@ -220,6 +216,15 @@ fn identify<'a>(
     } else {
         Verdict::Bad
     })
+}
+
+/// A note of a vehicle file that flights have taught and that is not replaced.
+fn note_kept(main: &Fitted, written: &[PathBuf]) {
+    if main.parameter_file.is_some()
+        && let Some(earlier) = written.iter().find(|path| ident::is_earlier(path))
+    {
+        stdio::note(format_args!("note: what flights taught is kept as {}", earlier.display()));
+    }
 }
 
 /// A note of resamples that Ctrl-C left out, and of how to go on with them.

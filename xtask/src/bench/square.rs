@@ -1,6 +1,6 @@
 //! The closed loop along a square, recorded once from converged solves and replayed by every program.
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use horizon_model::rows::{Pose, Sticks};
 use horizon_model::{Kinematic, Model};
 use nalgebra::SVector;
@@ -84,7 +84,8 @@ pub(super) fn record(horizon_steps: usize, count: usize) -> Result<Vec<Case>> {
         let s_ref = clip_target(&corners.next(&s_0), &s_0, CLIP);
         let case = Case { p, u_before: Sticks::zeros(), s_0, s_ref };
         mpc.shift();
-        mpc::solve(&mut mpc, &case, &vec![case.s_ref; horizon_steps])?;
+        let report = mpc::solve(&mut mpc, &case, &vec![case.s_ref; horizon_steps])?;
+        ensure!(report.has_new_plan(), "a solve of the square ended by {:?}", report.stop);
         s_0 = Kinematic.step(&s_0, &mpc.plan()[0], &p, DT_S) + noise.vector(&NOISE);
         cases.push(case);
     }

@@ -53,8 +53,8 @@ pub(super) struct Flight {
     pub reached: [usize; 2],
     /// Skipped parts of the recording and other remarks.
     pub notes: Vec<String>,
-    /// What it is in place of a flight.
-    pub instead: Option<&'static str>,
+    /// What it is in place of a flight: such a log is not judged.
+    pub unjudged: Option<&'static str>,
 }
 
 impl Flight {
@@ -97,7 +97,7 @@ impl Flight {
 
     fn of_log(log: &mut LogReader, path: &Path) -> Result<Self> {
         let settings = flight_log::settings(log, path)?;
-        let instead = if flight_log::is_replay(log) {
+        let unjudged = if flight_log::is_replay(log) {
             Some("it is a replay of another log, which counts")
         } else if settings.start == Start::Carried {
             Some("it is a dry run: its sticks were never sent")
@@ -126,7 +126,7 @@ impl Flight {
             outline: reference.outline,
             targets: reference.targets,
             notes,
-            instead,
+            unjudged,
         })
     }
 
@@ -174,7 +174,7 @@ impl Flight {
             targets: if has_line { targets } else { Vec::new() },
             ticks,
             notes,
-            instead: None,
+            unjudged: None,
         }
     }
 }

@@ -111,9 +111,9 @@ impl Looked {
 impl Group {
     pub(super) fn of(name: String, looked: Vec<Looked>) -> Self {
         let mut pooled = Numbers::new();
-        let has_flights = looked.iter().any(|one| one.flight.instead.is_none());
+        let has_flights = looked.iter().any(|one| one.flight.unjudged.is_none());
         // Replays and dry runs alone are shown; beside flights they are none.
-        let counts = |one: &&Looked| !has_flights || one.flight.instead.is_none();
+        let counts = |one: &&Looked| !has_flights || one.flight.unjudged.is_none();
         for (quantity, values) in looked.iter().filter(counts).flat_map(|one| &one.measured.numbers)
         {
             pooled.entry(*quantity).or_default().extend(values);

@@ -57,7 +57,7 @@ pub(super) fn judge(
     measured: &Measured,
     spreads: &Spreads,
 ) -> (Judgement, Vec<String>) {
-    if let Some(what) = flight.no_flight {
+    if let Some(what) = flight.unjudged {
         return (Judgement::NotJudged, vec![what.to_owned()]);
     }
     if flight.outline.is_empty() {
@@ -185,7 +185,7 @@ mod tests {
             judged: 0..is_down.len(),
             reached: [reached, 2],
             notes: vec![],
-            no_flight: None,
+            unjudged: None,
         }
     }
 
@@ -201,7 +201,7 @@ mod tests {
         torn.notes.push("torn 8.54 s after the start".to_owned());
         let (_, reasons) = judge(&torn, &Measured::default(), &spreads(0.1));
         assert_eq!(reasons, ["reached 1 of 2 targets before its log ends torn"]);
-        let dry = Flight { no_flight: Some("it is a dry run"), ..flight(0, &[]) };
+        let dry = Flight { unjudged: Some("it is a dry run"), ..flight(0, &[]) };
         let judged_dry = judge(&dry, &Measured::default(), &Spreads::default());
         assert_eq!(judged_dry, (Judgement::NotJudged, vec!["it is a dry run".to_owned()]));
         let (judgement, reasons) = judged(1, 0.31);

@@ -16,7 +16,7 @@ fn looked(name: &str, finish_s: Option<f64>, distance_m: f64) -> Looked {
         judged: 0..0,
         reached: [0, 0],
         notes: vec![],
-        instead: None,
+        unjudged: None,
     };
     let spread = |value| Spread::of(&[value]).unwrap();
     let mut numbers = Spreads::from([(Quantity::DistanceM, spread(distance_m))]);

@@ -16,7 +16,7 @@ fn flight(ticks: Vec<TickRow>) -> Flight {
         corners: vec![],
         reached: [0, 0],
         notes: vec![],
-        instead: None,
+        unjudged: None,
     }
 }
 
