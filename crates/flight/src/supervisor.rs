@@ -18,11 +18,13 @@
 //! ```
 
 mod airborne;
+mod blocked;
 mod braking;
 mod conditions;
 mod evidence;
 mod fault;
 mod geofence;
+mod idle_hand;
 mod settings;
 mod since;
 mod staleness;
@@ -46,9 +48,6 @@ const TAKE_OFF_RETRY_S: f64 = 3.0;
 
 /// Fraction of a missed period that is forgiven at each tick: one may be missed after each ten ticks for ever.
 const LATE_FORGIVEN: f64 = 0.1;
-
-/// Part of the time without a blocked plan that is taken off the time of blocked ones.
-const BLOCKED_FORGIVEN: f64 = 0.2;
 
 /// Failures of a solver that a tick without one makes up for, off the ground: one in three may fail for ever.
 const FAILURE_FORGIVEN: f64 = 0.5;
@@ -314,30 +313,6 @@ impl Supervisor {
         self.remember_blocked(e);
         let is_alone = is_flown && e.outage.is_some() && !conditions::is_confirmed(&e.findings);
         keep_since(&mut self.alone_since_ns, is_alone, e.t_ns);
-    }
-
-    /// Updates when and for how long plans were blocked.
-    fn remember_blocked(&mut self, e: &Evidence) {
-        if self.was_steering && e.is_plan_clear == Some(false) {
-            self.blocked_ns = Some(e.t_ns);
-        }
-        let period_s =
-            self.remembered_ns.replace(e.t_ns).map_or(0.0, |t_ns| elapsed_s(t_ns, e.t_ns));
-        self.blocked_s = if self.is_blocked(e) {
-            self.blocked_s + period_s
-        } else {
-            (self.blocked_s - BLOCKED_FORGIVEN * period_s).max(0.0)
-        };
-    }
-
-    /// Updates for how long a person leaves the sticks neutral: in all, and where somebody should act.
-    fn remember_idle_hand(&mut self, e: &Evidence, is_fast: bool) {
-        let is_idle = self.is_steered() && e.is_hand_neutral;
-        keep_since(&mut self.hand_neutral_since_ns, is_idle, e.t_ns);
-        // Outside of the room poses are rare: without one the vehicle counts as where it was.
-        let was_astray = self.hand_idle_astray_since_ns.is_some();
-        let is_astray = self.is_outside(e) || is_fast || (was_astray && self.is_pose_stale(e));
-        keep_since(&mut self.hand_idle_astray_since_ns, is_idle && is_astray, e.t_ns);
     }
 
     fn next_phase(&self, e: &Evidence, reaction: Reaction, has_braked: bool) -> Phase {

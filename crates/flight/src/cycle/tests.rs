@@ -5,6 +5,7 @@ use nalgebra::Vector2;
 use super::*;
 use crate::Sighting;
 use crate::cycle::sense::tests::{DT_NS, sighting, table};
+use crate::gate::Approved;
 
 type LaggedCycle = Cycle<Lagged, { motion::COUNT }, { lag::COUNT }, { motion::CONTROLLABLE }>;
 

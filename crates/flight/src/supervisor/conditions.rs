@@ -4,7 +4,7 @@
 
 use super::evidence::{Evidence, Operator, Phase};
 use super::fault::{Fault, FaultSet};
-use super::{ALOFT_S, BRAKE_S, DOWN_HOLD_S, Supervisor, elapsed_s, exceeds, has_lasted};
+use super::{ALOFT_S, DOWN_HOLD_S, Supervisor, elapsed_s, exceeds, has_lasted};
 use crate::monitor::{Agreement, Findings};
 
 /// How long the vehicle must be off its reference, or too fast. s
@@ -22,12 +22,6 @@ const LEVEL_MPS: f64 = 0.35;
 /// How long an outage must be unconfirmed before the vehicle may be where the commands lead: after
 /// a return of the link the drone moves before the link monitor has decided. s
 const ALONE_S: f64 = 0.5;
-
-/// How long plans may be blocked in sum, a fifth of the time without a blocked one subtracted. s
-const BLOCKED_MAX_S: f64 = 3.0;
-
-/// How long the sticks in a person's hand may be neutral while the vehicle is outside of the room or too fast. s
-const GONE_ASTRAY_S: f64 = 5.0;
 
 /// Whether the drone confirms that its commands are lost: its velocity agrees with the poses, or it
 /// does not move.
@@ -74,7 +68,7 @@ impl Supervisor {
             (Fault::WitnessDisagrees, worst >= Agreement::Disagrees),
             (Fault::HeadingWrong, is_flown && is_heading_wrong),
             (Fault::PlanBlocked, self.is_blocked(e)),
-            (Fault::BlockedLong, exceeds(self.blocked_s, BLOCKED_MAX_S)),
+            (Fault::BlockedLong, self.is_blocked_long()),
             (Fault::ObstacleEntered, self.has_entered_obstacle(e)),
             (Fault::ObstacleUnseen, e.is_obstacle_unseen && !self.is_carried),
             (Fault::FenceNear, self.is_in_the_air() && self.would_leave(e)),
@@ -151,14 +145,6 @@ impl Supervisor {
         ]
     }
 
-    /// Whether a person holds the sticks and does nothing, for too long or where somebody should.
-    fn is_person_gone(&self, e: &Evidence) -> bool {
-        self.table.failsafe.person_gone_s.is_some_and(|gone_s| {
-            has_lasted(self.hand_neutral_since_ns, e.t_ns, gone_s)
-                || has_lasted(self.hand_idle_astray_since_ns, e.t_ns, GONE_ASTRAY_S)
-        })
-    }
-
     /// Whether the vehicle flies: it is past its take-off and not carried by hand.
     pub(super) fn is_steered(&self) -> bool {
         self.phase == Phase::Flying && !self.is_carried
@@ -166,11 +152,6 @@ impl Supervisor {
 
     pub(super) fn is_in_the_air(&self) -> bool {
         matches!(self.phase, Phase::TakingOff | Phase::Flying) && !self.is_carried
-    }
-
-    /// Whether a plan that was flown just now leads out of the room or into an obstacle.
-    pub(super) fn is_blocked(&self, e: &Evidence) -> bool {
-        self.is_steered() && self.blocked_ns.is_some_and(|at_ns| elapsed_s(at_ns, e.t_ns) < BRAKE_S)
     }
 
     /// Whether neutral sticks would bring the vehicle to rest outside of the room, where no plan knows better. After a

@@ -294,3 +294,16 @@ fn an_emergency_stop_is_ordered_once_though_everything_says_that_the_drone_is_do
     assert_eq!(bench.tick(&stop).order, SupervisorOrder::EmergencyStop);
     assert_eq!(ticks_until(&mut bench, SupervisorOrder::EmergencyStop, &stop), None);
 }
+
+#[test]
+fn one_period_in_ten_may_be_missed_for_ever_and_one_in_five_may_not() {
+    for (every, ends) in [(10, false), (5, true)] {
+        let mut bench = Bench::flying();
+        for tick in 0..2000 {
+            let skipped = u64::from(tick % every == 0);
+            bench.pass(1, &Evidence { skipped, ..ALOFT });
+        }
+        let phase = bench.supervisor.phase();
+        assert_eq!(phase != Phase::Flying, ends, "one in {every}: {phase:?}");
+    }
+}
