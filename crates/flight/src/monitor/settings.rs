@@ -27,7 +27,7 @@ pub struct MonitorTable {
     /// Angle between the motion and the inputs from which on the heading is wrong. rad, 0.5..=1.5
     pub direction_rad: f64,
     /// Largest stick of the controller after a take-off until the angle has been within `direction_rad` for 0.2 s: a
-    /// frame that is turned or mirrored is noticed at a low speed. Missing or null: no limit. 1, 0.1..=1
+    /// vehicle in a turned or mirrored frame stays slow, and is landed later. Missing or null: no limit. 1, 0.1..=1
     #[serde(default)]
     pub unproven_stick_max: Option<f64>,
 }
