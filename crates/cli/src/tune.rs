@@ -153,10 +153,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let beside = || arguments.config.with_extension("tuned.json");
     let out = arguments.out.clone().unwrap_or_else(beside);
     for path in [&out, &mission_beside(&out)] {
-        if !arguments.force {
-            whole_file::refuse_existing(path)?;
-        }
-        whole_file::probe(path)?;
+        whole_file::prepare(path, arguments.force)?;
     }
     let clock = Clock::start();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;

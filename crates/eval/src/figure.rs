@@ -69,12 +69,7 @@ impl Place {
         let stem = stem.to_string_lossy().into_owned();
         let dir = name.parent().unwrap_or(Path::new(""));
         let place = Self::inside(dir, stem)?;
-        for path in place.paths() {
-            if !is_replaced {
-                whole_file::refuse_existing(&path)?;
-            }
-            whole_file::probe(&path)?;
-        }
+        place.paths().iter().try_for_each(|path| whole_file::prepare(path, is_replaced))?;
         Ok(place)
     }
 

@@ -74,15 +74,23 @@ impl Drop for Part {
     }
 }
 
-/// Refuses a file that is there, before the work whose result would replace it.
-///
-/// # Errors
-/// `path` exists.
-pub fn refuse_existing(path: &Path) -> Result<()> {
+/// Refuses a file that is there.
+fn refuse_existing(path: &Path) -> Result<()> {
     if path.exists() {
         bail!("{} exists already: choose another name, or replace it with --force", path.display());
     }
     Ok(())
+}
+
+/// What [`write()`] refuses of `path`, before the work whose result it shall take. Leaves nothing behind.
+///
+/// # Errors
+/// `path` exists and `is_replaced` is false, and as [`probe`].
+pub fn prepare(path: &Path, is_replaced: bool) -> Result<()> {
+    if !is_replaced {
+        refuse_existing(path)?;
+    }
+    probe(path)
 }
 
 /// Tries whether [`write()`] could create its file, before the work whose result `path` shall take. Leaves nothing behind.

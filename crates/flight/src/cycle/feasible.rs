@@ -54,47 +54,47 @@ pub fn misfits(
     Ok(found)
 }
 
-/// The poses of `table` that are outside of `room`; if there is none, the farthest place of its path.
+/// The places of the mission outside of `room`, as [`misplaced`] names them.
 fn outside(
     table: &MissionTable,
     mission: &Mission,
     room: &RoomTable,
 ) -> Result<Vec<SettingError>, SettingError> {
     let room = Room::try_from(room).map_err(|error| error.under("cycle.supervisor.room"))?;
-    let refusal = |key: String, at: &Pose| {
-        let excess_m = room.excess_m(at);
-        let rule = format!("inside of cycle.supervisor.room: it is {excess_m:.2} m outside");
-        SettingError::new(key, place(pos_w(at).into()), rule)
-    };
-    let named = table.poses().filter(|(_, at)| !room.contains(at));
-    let named: Vec<_> = named.map(|(key, at)| refusal(format!("mission.{key}"), &at)).collect();
-    if !named.is_empty() {
-        return Ok(named);
-    }
-    let outline = mission.outline();
-    let outside = outline.iter().filter(|at| !room.contains(at));
-    let by_excess = |a: &&Pose, b: &&Pose| room.excess_m(a).total_cmp(&room.excess_m(b));
-    Ok(outside.max_by(by_excess).map(|at| refusal("mission".into(), at)).into_iter().collect())
+    let rule = |excess_m| format!("inside of cycle.supervisor.room: it is {excess_m:.2} m outside");
+    Ok(misplaced(table, mission, |at| room.excess_m(at), rule))
 }
 
-/// The poses of `table` that are lower than a drone hovers; if there is none, the lowest such place of its path.
+/// The places of the mission that are lower than a drone hovers, as [`misplaced`] names them.
 fn low(table: &MissionTable, mission: &Mission, floor_m: f64) -> Vec<SettingError> {
     let least_m = floor_m + HOVER_MIN_M;
-    let is_low = |at: &Pose| at[pose::Z] < least_m;
+    let rule =
+        |_| format!("at least {least_m:.2} m high: {HOVER_MIN_M} m above cycle.filter.floor_m");
+    misplaced(table, mission, |at| least_m - at[pose::Z], rule)
+}
+
+/// The poses of `table` that miss a rule by more than zero, `missing_m`; if there is none, the place of its path that
+/// misses it most. `rule` says by how much.
+fn misplaced(
+    table: &MissionTable,
+    mission: &Mission,
+    missing_m: impl Fn(&Pose) -> f64,
+    rule: impl Fn(f64) -> String,
+) -> Vec<SettingError> {
+    // What is no number does not fit.
+    let fits = |at: &Pose| missing_m(at) <= 0.0;
     let refusal = |key: String, at: &Pose| {
-        let rule =
-            format!("at least {least_m:.2} m high: {HOVER_MIN_M} m above cycle.filter.floor_m");
-        SettingError::new(key, place(pos_w(at).into()), rule)
+        SettingError::new(key, place(pos_w(at).into()), rule(missing_m(at)))
     };
-    let named = table.poses().filter(|(_, at)| is_low(at));
+    let named = table.poses().filter(|(_, at)| !fits(at));
     let named: Vec<_> = named.map(|(key, at)| refusal(format!("mission.{key}"), &at)).collect();
     if !named.is_empty() {
         return named;
     }
     let outline = mission.outline();
-    let by_height = |a: &&Pose, b: &&Pose| a[pose::Z].total_cmp(&b[pose::Z]);
-    let lowest = outline.iter().filter(|at| is_low(at)).min_by(by_height);
-    lowest.map(|at| refusal("mission".into(), at)).into_iter().collect()
+    let by_missing = |a: &&Pose, b: &&Pose| missing_m(a).total_cmp(&missing_m(b));
+    let worst = outline.iter().filter(|at| !fits(at)).max_by(by_missing);
+    worst.map(|at| refusal("mission".into(), at)).into_iter().collect()
 }
 
 /// Where `mission` asks for more than the vehicle of the prior parameters does, a sentence each: it is flown late

@@ -4,8 +4,10 @@
 //! Sways of the hand look like answers to the inputs now and then, so that the link monitor finds an outage and its end
 //! in turns, and neither time limit of an outage is reached.
 
-use horizon_model::rows::{Pose, Sticks, pose, stick};
+use horizon_model::rows::{Pose, Sticks, pos_w, pose, stick};
 use nalgebra::Vector3;
+
+use crate::commanded::inputs_w;
 
 /// The vehicle has moved when it is further away from where the time began. m
 const MOVED_M: f64 = 0.4;
@@ -15,8 +17,8 @@ const FORGETTING_S: f64 = 4.0;
 /// Inputs that moved nothing.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Immobility {
-    /// Where they began, world frame. m, rad
-    begun_at: Option<Pose>,
+    /// Where they began. m
+    begun_at_w: Option<Vector3<f64>>,
     /// Heading of the newest estimate. rad
     theta: f64,
     /// `q = int u_w(t) exp(-(now - t) / FORGETTING_S) dt`, where `u_w` are the inputs of the three translations in the
@@ -29,10 +31,9 @@ impl Immobility {
     ///
     /// Real time: no allocation, constant cost.
     pub(super) fn see(&mut self, pose_hat: &Pose) {
-        let position = |at: &Pose| at.fixed_rows::<3>(pose::X).into_owned();
-        let has_moved = |from: Pose| (position(pose_hat) - position(&from)).norm() > MOVED_M;
-        if self.begun_at.is_none_or(has_moved) {
-            (self.begun_at, self.pressed_w_s) = (Some(*pose_hat), Vector3::zeros());
+        let at_w = pos_w(pose_hat);
+        if self.begun_at_w.is_none_or(|from_w| (at_w - from_w).norm() > MOVED_M) {
+            (self.begun_at_w, self.pressed_w_s) = (Some(at_w), Vector3::zeros());
         }
         self.theta = pose_hat[pose::THETA];
     }
@@ -42,13 +43,7 @@ impl Immobility {
     ///
     /// Real time: no allocation, constant cost.
     pub(super) fn press(&mut self, u_sent: &Sticks, dt_s: f64) {
-        let (sin, cos) = self.theta.sin_cos();
-        let (forward, right) = (u_sent[stick::PITCH], u_sent[stick::ROLL]);
-        let u_w = Vector3::new(
-            forward * cos + right * sin,
-            forward * sin - right * cos,
-            u_sent[stick::THROTTLE],
-        );
+        let u_w = inputs_w(u_sent, self.theta).push(u_sent[stick::THROTTLE]);
         self.pressed_w_s = (-dt_s / FORGETTING_S).exp() * self.pressed_w_s + dt_s * u_w;
     }
 
