@@ -260,6 +260,7 @@ impl Witness {
             is_on_ground: false,
             takes_sticks: true,
             is_battery_low: Some(false),
+            is_battery_critical: Some(false),
             battery_pct: 90,
             battery_v: None,
             height_m: Some(in_tenths(pose[pose::Z])),

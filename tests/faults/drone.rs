@@ -51,6 +51,30 @@ fn a_battery_of_thirty_per_cent_flies_one_of_seven_stays_down() {
 }
 
 #[test]
+fn a_battery_that_the_drone_calls_low_or_critical_stays_down_or_lands() {
+    // Charges as the drone shows them, 90 % at first, are far above the program's own limits.
+    for (warns_below_pct, flies) in [(91, false), (89, true)] {
+        let mut settings = settings(&[]);
+        settings.1.drone.warns_below_pct = warns_below_pct;
+        let story = fly_alone(&settings, 9.5);
+        let has_flown = story.moments.iter().any(|moment| moment.phase == Phase::Flying);
+        assert_eq!((has_flown, story.has(Fault::BatteryLow)), (flies, !flies));
+        assert!(!story.has(Fault::BatteryCritical));
+    }
+    let mut settings = settings(&[]);
+    settings.1.battery_pct = 60.0;
+    settings.1.drone.drain_pct_per_s = 3.0;
+    // Low and critical at once, 11 s after the start of the motors.
+    settings.1.drone.warns_below_pct = 60;
+    settings.0.cycle.supervisor.battery_low_pct = 10;
+    settings.0.cycle.supervisor.battery_critical_pct = 5;
+    let story = fly_alone(&settings, 60.0);
+    story.assert_sound();
+    assert!(story.has(Fault::BatteryCritical), "{:?}", story.last());
+    story.assert_down();
+}
+
+#[test]
 fn a_battery_that_runs_out_in_flight_lands_the_drone() {
     let mut settings = settings(&[]);
     // Enough to take off; the first seconds of flight take it below the limit.

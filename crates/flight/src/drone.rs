@@ -80,6 +80,8 @@ pub struct DroneStatus {
     pub takes_sticks: bool,
     /// Charge is low by the drone's own thresholds. Binary only.
     pub is_battery_low: Option<bool>,
+    /// Charge is critical by the drone's own thresholds. Binary only.
+    pub is_battery_critical: Option<bool>,
     /// Charge. %, 0..=100
     pub battery_pct: u8,
     /// Battery voltage, in steps of 1 mV. V. Binary only.
@@ -110,6 +112,9 @@ struct StatusRecord {
     takes_sticks: bool,
     /// Charge is low by the drone's own thresholds. Binary only.
     is_battery_low: Option<bool>,
+    /// Charge is critical by the drone's own thresholds. Binary only; missing in older logs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    is_battery_critical: Option<bool>,
     /// Charge. %, 0..=100
     battery_pct: u8,
     /// Battery voltage. mV. Binary only.
@@ -136,6 +141,7 @@ impl From<StatusRecord> for DroneStatus {
             is_on_ground: record.is_on_ground,
             takes_sticks: record.takes_sticks,
             is_battery_low: record.is_battery_low,
+            is_battery_critical: record.is_battery_critical,
             battery_pct: record.battery_pct,
             battery_v: record.battery_mv.map(|battery_mv| f64::from(battery_mv) * V_PER_MV),
             height_m: record.height_dm.map(from_tenths),
@@ -157,6 +163,7 @@ impl From<DroneStatus> for StatusRecord {
             is_on_ground: status.is_on_ground,
             takes_sticks: status.takes_sticks,
             is_battery_low: status.is_battery_low,
+            is_battery_critical: status.is_battery_critical,
             battery_pct: status.battery_pct,
             battery_mv: status.battery_v.map(|battery_v| steps(battery_v, V_PER_MV)),
             height_dm: status.height_m.map(tenths),

@@ -3,12 +3,19 @@
 //! Owns [`Approved`], which only this module can make; in a flight no other stick value reaches the socket. The
 //! checks of `bench`, with a person beside the drone, send their own. It knows no model, no estimate and no clock.
 
-use horizon_model::rows::Sticks;
+use horizon_model::rows::{Sticks, stick};
 use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::drone::Protocol;
+
+/// A drone takes all sticks that far out, back and down, for the gesture that stops its motors. Less than what is known
+/// of it: full deflection. 1
+const GESTURE: f64 = 0.75;
+
+/// What is left of the yaw stick then. 1
+const YAW_BESIDE_GESTURE: f64 = 0.5;
 
 /// Limits of the gate, as written in JSON.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -49,8 +56,8 @@ impl Gate {
     /// `u_wish` as the wire carries it, or neutral sticks if a row is not finite or over its limit,
     /// or if the pose is absent or stale.
     ///
-    /// A value over the limit means that control is wrong, so it is refused and not cut off. The
-    /// limit is checked after rounding to a step of the wire: a solver may leave its bound by a rounding error.
+    /// A value over the limit means that control is wrong, so it is refused and not cut off. Of sticks that are
+    /// each within their limit and together the gesture that stops the motors, yaw is cut to 0.5. The limit is checked after rounding to a step of the wire: a solver may leave its bound by a rounding error.
     /// The age may be negative by as much as it may be positive: a pose can arrive between the due
     /// time of a tick and the tick.
     ///
@@ -62,7 +69,7 @@ impl Gate {
     }
 
     /// The sticks of a person as the wire carries them, or neutral sticks if a row is not finite or
-    /// over its limit. A person sees the vehicle and needs no pose.
+    /// over its limit; never the gesture that stops the motors. A person sees the vehicle and needs no pose.
     ///
     /// Real time: no allocation, constant cost.
     pub fn pass_manual(&self, u_hand: &Sticks) -> Approved {
@@ -71,7 +78,7 @@ impl Gate {
         let is_within = steps.iter().all(|steps| steps.abs() <= self.steps_max);
         // Adding zero turns -0 into 0.
         let on_wire = steps.map(|steps| steps / self.steps_full + 0.0);
-        if is_within { Approved(on_wire) } else { Approved::neutral() }
+        if is_within { Approved(without_gesture(on_wire)) } else { Approved::neutral() }
     }
 }
 
@@ -85,6 +92,18 @@ impl Approved {
     pub fn sticks(&self) -> Sticks {
         self.0
     }
+}
+
+/// `u` with less yaw if it is the gesture that stops the motors: back and down, roll and yaw to either side.
+fn without_gesture(mut u: Sticks) -> Sticks {
+    let is_gesture = u[stick::PITCH] <= -GESTURE
+        && u[stick::THROTTLE] <= -GESTURE
+        && u[stick::ROLL].abs() >= GESTURE
+        && u[stick::YAW].abs() >= GESTURE;
+    if is_gesture {
+        u[stick::YAW] = YAW_BESIDE_GESTURE.copysign(u[stick::YAW]);
+    }
+    u
 }
 
 #[cfg(test)]

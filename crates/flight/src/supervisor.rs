@@ -100,6 +100,8 @@ pub struct Supervisor {
     is_pose_displaced: bool,
     /// Since when the drone says that it stands while control flies it. ns
     grounded_since_ns: Option<i64>,
+    /// Since when the drone calls its charge critical. ns
+    battery_critical_since_ns: Option<i64>,
     /// Since when the pose has been still in a climb that the drone reports. ns
     climbs_still_since_ns: Option<i64>,
     /// Since when the mission is done. ns
@@ -166,6 +168,7 @@ impl Supervisor {
             agreed_since_ns: None,
             is_pose_displaced: false,
             grounded_since_ns: None,
+            battery_critical_since_ns: None,
             climbs_still_since_ns: None,
             done_since_ns: None,
             astray_since_ns: None,
@@ -290,6 +293,8 @@ impl Supervisor {
         };
         let says_grounded = counts && says_flying == Some(false);
         keep_since(&mut self.grounded_since_ns, says_grounded, e.t_ns);
+        let calls_critical = e.drone.is_some_and(|drone| drone.is_battery_critical);
+        keep_since(&mut self.battery_critical_since_ns, calls_critical, e.t_ns);
         let climbs_still = self.phase == Phase::TakingOff
             && e.findings.still_s.is_some()
             && self.drone_has_risen(e);

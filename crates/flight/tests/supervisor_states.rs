@@ -115,6 +115,8 @@ fn evidence(
             is_flying: drone % 2 == 1,
             height_m: None,
             battery_pct: [80, 20, 5][usize::from(drone / 2)],
+            is_battery_low: flag(0) && flag(3),
+            is_battery_critical: flag(2) && flag(3),
         }),
         operator,
         incidents: Incidents {

@@ -41,6 +41,7 @@ fn status_from_binary(status: &FlightStatus, received_at: TimeNs) -> DroneStatus
         is_on_ground: status.is_on_ground(),
         takes_sticks: true,
         is_battery_low: Some(status.is_battery_low()),
+        is_battery_critical: Some(status.is_battery_critical()),
         battery_pct: status.battery_pct,
         battery_v: Some(status.battery_v()),
         height_m: Some(status.height_m()),

@@ -23,9 +23,8 @@ const LAND_DEAF_S: f64 = 3.0;
 const DESCENT_MPS: f64 = 0.35;
 /// The drone lands when it has heard nothing for this long. s
 const SILENCE_MAX_S: f64 = 15.0;
-/// Charge below which the drone refuses to take off; the real threshold is not published. %
+/// Charge below which the drone refuses to take off, and lands; the real thresholds are not published. %
 const TAKE_OFF_MIN_PCT: f64 = 10.0;
-/// Charge below which the drone lands; the real threshold is not published. %
 const FLIGHT_MIN_PCT: f64 = 5.0;
 
 /// Phase of a flight.
@@ -253,6 +252,9 @@ impl Drone {
             return;
         }
         self.steer(u);
+        if self.firmware.is_stopped_by(&u) {
+            self.stop_motors();
+        }
         if self.is_landing_cancelled_by(&u) {
             self.cancel_landing();
         }

@@ -1,5 +1,6 @@
 //! Settings of the simulated drone: what differs between real ones, and the air around them.
 
+use horizon_model::rows::{Sticks, stick};
 use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -8,6 +9,9 @@ use crate::datagram_channel::AirTable;
 
 /// Longest time by which a report may be late, or for which an order may be ignored. s
 const LATE_MAX_S: f64 = 60.0;
+
+/// From here on a stick counts as fully deflected. 1
+const GESTURE: f64 = 0.95;
 
 /// What the simulated drone is like beside the way it flies.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -33,8 +37,32 @@ pub struct DroneTable {
     pub lands_on_silence: bool,
     /// What acts while commands get lost by chance.
     pub outage: Outage,
+    /// Whether all sticks at full deflection, pitch back and throttle down, stop its motors. Missing: true.
+    #[serde(default = "yes", skip_serializing_if = "is_yes")]
+    pub stops_at_gesture: bool,
+    /// Charge below which it says that its battery is low, below half of it critical. %, 0..=100. Missing: 10
+    #[serde(default = "warns_below_pct", skip_serializing_if = "is_usual")]
+    pub warns_below_pct: u8,
     /// What it reports of itself.
     pub status: StatusTable,
+}
+
+fn warns_below_pct() -> u8 {
+    10
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks for a reference")]
+fn is_usual(value: &u8) -> bool {
+    *value == warns_below_pct()
+}
+
+fn yes() -> bool {
+    true
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks for a reference")]
+fn is_yes(value: &bool) -> bool {
+    *value
 }
 
 /// In which protocol the order to stop the motors is obeyed. For the binary one this is not verified.
@@ -221,6 +249,8 @@ pub(crate) const PLAIN: DroneTable = DroneTable {
     },
     lands_on_silence: true,
     outage: Outage::Level,
+    stops_at_gesture: true,
+    warns_below_pct: 10,
     status: StatusTable {
         flying: FlyingFlag::Right,
         flying_late_s: 0.0,
@@ -239,12 +269,20 @@ pub(crate) const PLAIN: DroneTable = DroneTable {
 };
 
 impl DroneTable {
+    /// Whether the sticks `u` are the gesture that stops its motors.
+    pub(crate) fn is_stopped_by(&self, u: &Sticks) -> bool {
+        let is_down = u[stick::PITCH] <= -GESTURE && u[stick::THROTTLE] <= -GESTURE;
+        let is_aside = u[stick::ROLL].abs() >= GESTURE && u[stick::YAW].abs() >= GESTURE;
+        self.stops_at_gesture && is_down && is_aside
+    }
+
     /// These settings, each within its range.
     ///
     /// # Errors
     /// The first value that breaks its rule.
     pub(crate) fn checked(self) -> Result<Self, SettingError> {
         in_range("drain_pct_per_s", self.drain_pct_per_s, 0.0..=100.0)?;
+        in_range("warns_below_pct", self.warns_below_pct, 0..=100)?;
         self.air.check().map_err(|error| error.under("air"))?;
         in_range("landing.deaf_s", self.landing.deaf_s, 0.0..=LATE_MAX_S)?;
         let StatusTable { flying_late_s, velocity, height_drift_mps, heading, .. } = self.status;

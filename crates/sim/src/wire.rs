@@ -84,15 +84,18 @@ impl World {
             return None;
         }
         let truth = self.reported();
-        Some(FlightStatus {
+        let battery_pct = whole_percent(truth.battery_pct);
+        let low_pct = self.firmware.warns_below_pct;
+        let status = FlightStatus {
             height_dm: tenths(truth.pose[pose::Z]),
             vel_north_dm_s: tenths(truth.velocity.x_mps),
             vel_east_dm_s: tenths(-truth.velocity.y_mps),
             vel_down_dm_s: tenths(-truth.velocity.z_mps),
             fly_time_ds: tenths(truth.motor_s),
-            battery_pct: whole_percent(truth.battery_pct),
+            battery_pct,
             ..FlightStatus::new(self.reporter.is_flying())
-        })
+        };
+        Some(status.with_battery(battery_pct < low_pct, battery_pct < low_pct / 2))
     }
 
     /// The record of the drone's log that it sends about ten times per second, once its header is acknowledged; `None`

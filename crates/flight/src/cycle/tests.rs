@@ -69,6 +69,7 @@ fn status(received_at: TimeNs, takes_sticks: bool) -> DroneStatus {
         is_on_ground: false,
         takes_sticks,
         is_battery_low: None,
+        is_battery_critical: None,
         battery_pct: 80,
         battery_v: None,
         height_m: None,

@@ -76,8 +76,9 @@ fn what_passes_is_a_whole_number_of_wire_steps() {
 fn what_passes_to_the_text_sdk_is_a_whole_number_of_its_steps() {
     let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: STALE_S }, Protocol::Text).unwrap();
     for value in values().into_iter().filter(|value| value.abs() <= 1.0) {
-        let u = gate.pass(&Sticks::from_element(value), Some(0.0)).sticks();
-        assert!(amax(&(u - Sticks::from_element(value))) <= 0.005 + 1e-12, "{value} became {u}");
+        let u_wish = Sticks::new(value, -value, value, value);
+        let u = gate.pass(&u_wish, Some(0.0)).sticks();
+        assert!(amax(&(u - u_wish)) <= 0.005 + 1e-12, "{value} became {u}");
         let steps = u[stick::ROLL] * 100.0;
         assert!((steps - steps.round()).abs() < 1e-9, "{value} became {u}");
     }
@@ -89,6 +90,29 @@ fn a_rounding_error_beyond_the_bound_is_not_a_fault() {
     assert_eq!(u, Sticks::from_element(1.0));
     let u = gate(1.0).pass(&Sticks::from_element(1.0 + 1e-3), Some(0.0)).sticks();
     assert_eq!(u, Sticks::zeros());
+}
+
+#[test]
+fn the_gesture_that_stops_the_motors_never_passes() {
+    let values = [-1.0 - 1e-7, -1.0, -0.76, -0.74, -0.5, 0.0, 0.5, 0.74, 0.76, 1.0, 1.0 + 1e-7];
+    let (roll, pitch, yaw, throttle) = (stick::ROLL, stick::PITCH, stick::YAW, stick::THROTTLE);
+    let mut cut = 0;
+    for at in 0..values.len().pow(4) {
+        let u_wish = Sticks::from_fn(|row, _| {
+            values[at / values.len().pow(row.try_into().unwrap()) % values.len()]
+        });
+        let u = gate(1.0).pass(&u_wish, Some(0.0)).sticks();
+        assert_eq!(gate(1.0).pass_manual(&u_wish).sticks(), u);
+        let is_far = |row: usize| u_wish[row].abs() > 0.75;
+        let is_down = u_wish[pitch] < 0.0 && u_wish[throttle] < 0.0;
+        let mut expected = u_wish;
+        if is_down && [roll, pitch, yaw, throttle].into_iter().all(is_far) {
+            expected[yaw] = 0.5 * u_wish[yaw].signum();
+            cut += 1;
+        }
+        assert!(amax(&(u - expected)) <= 0.5 / 660.0 + 1e-12, "{u_wish} became {u}");
+    }
+    assert_eq!(cut, 3 * 3 * 6 * 6, "three values back and down, six to the sides");
 }
 
 #[test]

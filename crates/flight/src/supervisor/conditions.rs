@@ -23,6 +23,9 @@ const LEVEL_MPS: f64 = 0.35;
 /// a return of the link the drone moves before the link monitor has decided. s
 const ALONE_S: f64 = 0.5;
 
+/// A drone that calls its charge critical for less time may mean a sag of its voltage. s
+const BATTERY_CRITICAL_S: f64 = 1.0;
+
 /// Whether the drone confirms that its commands are lost: its velocity agrees with the poses, or it
 /// does not move.
 pub(super) fn is_confirmed(findings: &Findings) -> bool {
@@ -96,6 +99,9 @@ impl Supervisor {
         let running_s = self.began_ns.map_or(0.0, |began_ns| elapsed_s(began_ns, e.t_ns));
         let silent_s = e.drone.map_or(running_s, |drone| drone.age_s);
         let battery_below = |limit| e.drone.is_some_and(|drone| drone.battery_pct < limit);
+        let is_called_low = e.drone.is_some_and(|drone| drone.is_battery_low);
+        let is_called_critical =
+            has_lasted(self.battery_critical_since_ns, e.t_ns, BATTERY_CRITICAL_S);
         let is_grounded = has_lasted(self.grounded_since_ns, e.t_ns, DOWN_HOLD_S);
         [
             (Fault::DroneUnheard, e.drone.is_none() && !self.is_carried),
@@ -103,8 +109,11 @@ impl Supervisor {
             (Fault::TookOffUnasked, self.has_taken_off_unasked(e)),
             (Fault::DroneSilent, exceeds(silent_s, table.drone_silent_s) && !self.is_carried),
             (Fault::NotFlying, is_grounded && !self.is_carried),
-            (Fault::BatteryLow, battery_below(table.battery_low_pct)),
-            (Fault::BatteryCritical, battery_below(table.battery_critical_pct)),
+            (Fault::BatteryLow, is_called_low || battery_below(table.battery_low_pct)),
+            (
+                Fault::BatteryCritical,
+                is_called_critical || battery_below(table.battery_critical_pct),
+            ),
         ]
     }
 

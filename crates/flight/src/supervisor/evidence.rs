@@ -109,6 +109,10 @@ pub struct DroneReport {
     pub height_m: Option<f64>,
     /// Battery charge. %
     pub battery_pct: u8,
+    /// Whether it calls its charge low, by its own threshold.
+    pub is_battery_low: bool,
+    /// Whether it calls its charge critical.
+    pub is_battery_critical: bool,
 }
 
 /// What happened beside the control loop.

@@ -24,6 +24,7 @@ fn all_there() -> Found {
             is_on_ground: true,
             takes_sticks: true,
             is_battery_low: None,
+            is_battery_critical: None,
             battery_pct: 87,
             battery_v: None,
             height_m: None,

@@ -141,12 +141,7 @@ fn landing_seen(ticks: u32, height_m: Option<f64>, drone: Option<bool>) -> Phase
     let seen = Evidence {
         pose: height_m.map(at_height),
         pose_age_s: Some(if height_m.is_some() { 0.01 } else { 9.0 }),
-        drone: drone.map(|is_flying| DroneReport {
-            age_s: 0.1,
-            is_flying,
-            height_m: None,
-            battery_pct: 80,
-        }),
+        drone: drone.map(|is_flying| DroneReport { is_flying, ..REPORT }),
         ..ALOFT
     };
     bench.run(ticks, &asks_to_land(seen)).phase

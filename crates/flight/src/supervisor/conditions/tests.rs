@@ -368,3 +368,32 @@ fn either_of_the_motions_that_an_outage_hides_may_have_left_the_room() {
         assert_eq!(faults(Bench::flying().run(6, &e)), expected);
     }
 }
+
+#[test]
+fn limits_themselves_are_still_good() {
+    let e = Evidence { pose_age_s: Some(0.25), ..CALM };
+    let e = with_drone(e, |drone| (drone.age_s, drone.battery_pct) = (2.0, 30));
+    let ruling = Bench::new(Start::Grounded).tick(&asks_to_fly(e));
+    assert_eq!((ruling.phase, faults(ruling)), (Phase::TakingOff, vec![]));
+    let mut bench = Bench::flying();
+    let e = Evidence { pose_age_s: Some(1.0), ..ALOFT };
+    let ruling = bench.tick(&with_drone(e, |drone| drone.battery_pct = 10));
+    assert_eq!(ruling.phase, Phase::Flying);
+    assert_eq!(faults(ruling), [Fault::MocapStale, Fault::BatteryLow]);
+    // Ten periods at once, by `late_periods_max`.
+    let ruling = Bench::flying().tick(&Evidence { skipped: 10, ..ALOFT });
+    assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![]));
+}
+
+#[test]
+fn a_charge_that_the_drone_calls_critical_for_a_second_lands_it() {
+    let critical = with_drone(ALOFT, |drone| drone.is_battery_critical = true);
+    let mut bench = Bench::flying();
+    let ruling = bench.run(10, &critical);
+    assert_eq!((ruling.phase, faults(ruling)), (Phase::Flying, vec![]));
+    bench.pass(1, &ALOFT);
+    assert_eq!(bench.run(10, &critical).phase, Phase::Flying, "a sag begins anew");
+    let ruling = bench.tick(&critical);
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
+    assert!(ruling.faults.contains(Fault::BatteryCritical), "{:?}", ruling.faults);
+}

@@ -53,6 +53,7 @@ fn status(battery_pct: u8) -> DroneStatus {
         is_on_ground: true,
         takes_sticks: true,
         is_battery_low: None,
+        is_battery_critical: None,
         battery_pct,
         battery_v: None,
         height_m: None,

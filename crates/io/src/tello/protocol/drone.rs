@@ -247,9 +247,23 @@ impl FlightStatus {
         f64::from(self.battery_mv) * V_PER_MV
     }
 
+    /// This status with these judgements of the drone on its charge.
+    #[must_use]
+    pub fn with_battery(mut self, is_low: bool, is_critical: bool) -> Self {
+        for (bit, is_set) in [(BATTERY_LOW, is_low), (BATTERY_CRITICAL, is_critical)] {
+            self.flags = if is_set { self.flags | bit } else { self.flags & !bit };
+        }
+        self
+    }
+
     /// Low or critical charge, by the drone's own thresholds.
     pub fn is_battery_low(&self) -> bool {
         self.flags & (BATTERY_LOW | BATTERY_CRITICAL) != 0
+    }
+
+    /// Critical charge, by the drone's own threshold.
+    pub fn is_battery_critical(&self) -> bool {
+        self.flags & BATTERY_CRITICAL != 0
     }
 
     fn from_bytes(payload: &[u8]) -> Option<Self> {

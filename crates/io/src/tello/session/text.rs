@@ -172,6 +172,7 @@ impl TextTalk {
             is_on_ground: !is_flying,
             takes_sticks: self.takes_sticks(now),
             is_battery_low: None,
+            is_battery_critical: None,
             battery_pct,
             battery_v: None,
             height_m: line.height_m(),

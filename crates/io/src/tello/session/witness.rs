@@ -135,6 +135,7 @@ mod tests {
             is_on_ground: !is_flying,
             takes_sticks: true,
             is_battery_low: None,
+            is_battery_critical: None,
             battery_pct: 80,
             battery_v: None,
             height_m,

@@ -2,6 +2,8 @@
 
 use horizon_model::rows::{Sticks, pose};
 use nalgebra::Vector2;
+use tello_flight::drone::Protocol;
+use tello_flight::gate::{Gate, GateTable};
 use tello_io::clock::TimeOfDay;
 
 use super::super::*;
@@ -69,6 +71,23 @@ fn an_emergency_is_obeyed_or_not() {
         world.receive(&HostPacket::EmergencyStop);
         let phase = if is_obeyed { Phase::Falling } else { Phase::Flying };
         assert_eq!((world.truth().phase, world.truth().received.emergency_stops), (phase, 1));
+    }
+}
+
+#[test]
+fn a_gesture_of_the_sticks_stops_the_motors_or_not_and_never_through_the_gate() {
+    let corner = Sticks::new(1.0, -1.0, -1.0, -1.0);
+    let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: 0.3 }, Protocol::Binary).unwrap();
+    let passed = gate.pass(&corner, Some(0.0)).sticks();
+    for (stops, u, phase) in [
+        (true, corner, Phase::Falling),
+        (false, corner, Phase::Flying),
+        (true, passed, Phase::Flying),
+        (true, -corner, Phase::Flying),
+    ] {
+        let mut world = world(|drone| drone.stops_at_gesture = stops, Vec::new());
+        steer(&mut world, u, 0.1);
+        assert_eq!(world.truth().phase, phase, "{stops}, {u}");
     }
 }
 

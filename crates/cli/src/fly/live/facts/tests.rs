@@ -90,6 +90,7 @@ fn the_age_of_a_status_counts_from_its_arrival() {
         is_on_ground: false,
         takes_sticks: true,
         is_battery_low: Some(true),
+        is_battery_critical: Some(false),
         battery_pct: 12,
         battery_v: None,
         height_m: Some(1.1),
