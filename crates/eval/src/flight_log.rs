@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use schemars::schema_for;
 use serde::Serialize;
+use serde_json::Value;
 use tello_flight::cycle::{FlightTable, Inbox, Outcome, Sink, Timing, Topic};
 use tello_flight::jitter::Jitter;
 use tello_io::clock::TimeNs;
@@ -26,6 +27,9 @@ pub const LINK: &str = "/tello/link";
 
 /// Document of a log that repeats another one: its flight is counted there.
 const REPLAY: &str = "replay.json";
+
+/// Keys of earlier settings that are no more, each with the pointer to its parent.
+const NO_MORE: [(&str, &str); 1] = [("/cycle/monitors", "unproven_stick_max")];
 
 /// What one tick leaves in the log.
 #[derive(Debug, Clone)]
@@ -168,7 +172,7 @@ pub fn settings(log: &LogReader, path: &Path) -> Result<FlightTable> {
     let Some(text) = log.head().documents.get(CONFIG) else {
         bail!("{} carries no settings: it is no log of a flight", path.display());
     };
-    config::parse(text).with_context(|| {
+    read_settings(text).with_context(|| {
         format!(
             "in the settings that {} carries, written by tello-ctl {} ({}); this is {} ({REVISION})",
             path.display(),
@@ -177,6 +181,19 @@ pub fn settings(log: &LogReader, path: &Path) -> Result<FlightTable> {
             env!("CARGO_PKG_VERSION"),
         )
     })
+}
+
+/// The settings `text`; keys that are no more and were null changed nothing.
+fn read_settings(text: &str) -> Result<FlightTable> {
+    let mut table: Value = serde_json::from_str(text)?;
+    for (parent, key) in NO_MORE {
+        if let Some(Value::Object(parent)) = table.pointer_mut(parent)
+            && parent.get(key) == Some(&Value::Null)
+        {
+            parent.remove(key);
+        }
+    }
+    Ok(config::from_value(&table)?)
 }
 
 /// The first of `dir/stem.mcap`, `dir/stem-2.mcap`, .. that does not exist; makes `dir`.
@@ -198,6 +215,20 @@ pub fn free_path(dir: &Path, stem: &str) -> Result<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_key_that_is_no_more_is_read_where_it_changed_nothing() {
+        let (table, mission) = config::fly(None, None).unwrap();
+        let flight = config::flight(&table, mission, tello_flight::Start::Grounded);
+        let with = |limit: Value| {
+            let mut text = serde_json::to_value(&flight).unwrap();
+            text["cycle"]["monitors"]["unproven_stick_max"] = limit;
+            read_settings(&text.to_string())
+        };
+        assert_eq!(with(Value::Null).unwrap(), flight);
+        let error = format!("{:#}", with(Value::from(0.4)).unwrap_err());
+        assert!(error.contains("unknown field `unproven_stick_max`"), "{error}");
+    }
 
     #[test]
     fn a_log_never_takes_the_place_of_another() {

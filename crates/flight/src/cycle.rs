@@ -25,12 +25,12 @@ mod progress;
 mod record;
 mod sense;
 mod settled_poses;
-mod steer;
 mod supervise;
 mod table;
 mod timing;
 mod vehicle;
 mod walls;
+mod wish;
 mod worst_case;
 
 use horizon_control::predict;
@@ -40,7 +40,7 @@ use horizon_model::{InputFifo, Model};
 use nalgebra::SVector;
 
 use crate::drone::DroneStatus;
-use crate::gate::Gate;
+use crate::gate::{Approved, Gate};
 use crate::time::TimeNs;
 use crate::{Mission, Monitors, Pilot, PoseFilter, Supervisor};
 
@@ -176,26 +176,20 @@ where
         }
         let pilot = self.supervise(inbox, out).filter(|_| self.takes_sticks());
         let may_steer = pilot == Some(Pilot::Controller);
-        let is_on_mission = may_steer && !self.planner.is_braking();
-        if is_on_mission && !self.memory.is_on_mission {
-            self.resume();
-        }
-        self.memory.is_on_mission = is_on_mission;
-        if may_steer {
-            self.progress.fly(self.dt_s);
-        }
+        self.note_mission(may_steer);
         if self.pipeline == Pipeline::SameTick && may_steer {
             self.aim();
             self.plan(COMING, watch, out);
         }
 
-        let (u_wish, approved) = self.steer(pilot, inbox);
+        let u_wish = self.wish(pilot, inbox);
+        let approved = self.pass_gate(pilot, &u_wish, inbox);
         let u_sent = match inbox.flown {
             Some(flown) => Sticks::from(flown),
             None if self.is_carried => Sticks::zeros(),
             None => approved.sticks(),
         };
-        if is_on_mission && self.link_is_up() {
+        if self.memory.is_on_mission && self.link_is_up() {
             self.immobility.press(&u_sent, self.dt_s);
         }
         self.fifo.push(&u_sent);
@@ -310,6 +304,28 @@ where
         link.recall(steps, |back| fifo.applied(ahead - back.cast_signed()));
         let amended = self.mhe.amend(steps, |age| link.applied(age));
         debug_assert!(amended.is_ok(), "sticks that were sent are finite: {amended:?}");
+    }
+
+    /// What the gate lets through of the sticks that `pilot` wishes.
+    fn pass_gate(&self, pilot: Option<Pilot>, u_wish: &Sticks, inbox: &Inbox) -> Approved {
+        match pilot {
+            Some(Pilot::Controller) => self.gate.pass(u_wish, self.pose_age_s(inbox)),
+            Some(Pilot::Person) => self.gate.pass_manual(u_wish),
+            None => Approved::neutral(),
+        }
+    }
+
+    /// Notes whether the controller follows the mission in this tick. It goes on from where the vehicle is after others
+    /// steered.
+    fn note_mission(&mut self, may_steer: bool) {
+        let is_on_mission = may_steer && !self.planner.is_braking();
+        let was_on_mission = std::mem::replace(&mut self.memory.is_on_mission, is_on_mission);
+        if is_on_mission && !was_on_mission {
+            self.resume();
+        }
+        if may_steer {
+            self.progress.fly(self.dt_s);
+        }
     }
 
     /// Lets the mission go on from where the vehicle is now, at its present speed.

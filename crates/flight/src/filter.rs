@@ -32,7 +32,7 @@ pub struct FilterTable {
     /// vehicle that is seen does not jump, and wrong headings last for more than a second. With it a heading is also
     /// accepted that is within `angle_base_rad` of the estimate. Missing: the same growth, and the estimate is not
     /// used. rad, >= 0
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub angle_growth_refused_rad: Option<f64>,
     /// A lower z is refused. m
     pub floor_m: f64,

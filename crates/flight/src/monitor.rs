@@ -118,7 +118,6 @@ pub struct Monitors {
     height: Option<HeightMonitor>,
     heading: Option<HeadingMonitor>,
     direction: DirectionMonitor,
-    unproven_stick_max: Option<f64>,
 }
 
 impl Monitors {
@@ -132,7 +131,6 @@ impl Monitors {
             height: table.height_m.map(|limit_m| HeightMonitor::new(limit_m, dt_s)),
             heading: table.heading_rad.map(|limit_rad| HeadingMonitor::new(limit_rad, dt_s)),
             direction: DirectionMonitor::new(table.direction_rad, dt_s),
-            unproven_stick_max: table.unproven_stick_max,
         }
     }
 
@@ -179,14 +177,6 @@ impl Monitors {
             direction_error_rad,
             is_direction_wrong,
         }
-    }
-
-    /// The largest stick before a motion has proven that inputs and poses have the same axes; `None` afterwards, and
-    /// if the settings have no such limit. 1
-    ///
-    /// Real time: no allocation, constant cost.
-    pub fn unproven_stick_max(&self) -> Option<f64> {
-        self.unproven_stick_max.filter(|_| !self.direction.is_proven())
     }
 
     /// Forgets turns and direction of the motion: the heading was wrong so far.

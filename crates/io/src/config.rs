@@ -1,5 +1,6 @@
 //! Settings files: found, read, checked, and refused with file, key, value and rule.
 
+mod named;
 mod objects;
 mod place;
 mod problems;
@@ -100,7 +101,7 @@ pub fn explain(error: anyhow::Error, path: Option<&Path>, mission: Option<&Path>
 
 fn read_fly(path: Option<&Path>, mission: Option<&Path>) -> Result<(FlyTable, MissionTable)> {
     let table: FlyTable = match path {
-        Some(path) => load(path)?,
+        Some(path) => load_whole(path)?,
         None => parse(BUILT_IN_FLY).context("in the built-in configs/fly.json")?,
     };
     let mission = match (mission, path) {
@@ -109,6 +110,16 @@ fn read_fly(path: Option<&Path>, mission: Option<&Path>) -> Result<(FlyTable, Mi
         (None, None) => parse(BUILT_IN_MISSION).context("in the built-in mission")?,
     };
     Ok((table, mission))
+}
+
+/// The settings of `fly` in `path`, if they name every key.
+fn load_whole(path: &Path) -> Result<FlyTable> {
+    let text = read(path)?;
+    let table = parse(&text).and_then(|table| match named::unnamed(&value(&text)?).next() {
+        Some((_, problem)) => Err(anyhow!(problem)),
+        None => Ok(table),
+    });
+    table.with_context(|| format!("in {}", path.display()))
 }
 
 /// The mission in `path`, with the points of the CSV file that it names, if it does.

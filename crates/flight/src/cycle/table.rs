@@ -46,7 +46,7 @@ pub struct CycleTable {
     pub held_observations: HeldObservations,
     /// Whether an observation is one of the state of its measurement time, less than a period moved at the estimated
     /// rate; else, as in older settings and logs, as if it were measured at the tick.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    #[serde(default)]
     pub uses_measurement_time: bool,
     /// When the poses of a vehicle on the ground agree; missing, as in older settings and logs: 0.5 s within 0.1 m and
     /// 0.3 rad.

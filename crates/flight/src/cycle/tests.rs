@@ -15,12 +15,18 @@ fn cycle() -> LaggedCycle {
     build::cycle(Lagged::default(), &table()).unwrap()
 }
 
+/// What the pilot wishes, and what the gate lets through.
+fn steer(cycle: &mut LaggedCycle, pilot: Option<Pilot>, inbox: &Inbox) -> (Sticks, Approved) {
+    let u_wish = cycle.wish(pilot, inbox);
+    (u_wish, cycle.pass_gate(pilot, &u_wish, inbox))
+}
+
 #[test]
 fn without_a_pilot_or_without_the_sticks_of_a_person_the_sticks_are_neutral() {
     for pilot in [None, Some(Pilot::Person)] {
         let mut cycle = cycle();
         cycle.fifo.push(&Sticks::repeat(0.5));
-        let steered = cycle.steer(pilot, &Inbox::new());
+        let steered = steer(&mut cycle, pilot, &Inbox::new());
         assert_eq!(steered, (Sticks::zeros(), Approved::neutral()), "{pilot:?}");
     }
 }
@@ -30,15 +36,15 @@ fn a_person_needs_no_pose_and_takes_over_from_the_newest_sticks() {
     let mut cycle = cycle();
     cycle.fifo.push(&Sticks::repeat(0.5));
     let inbox = Inbox { manual: Some(U_HAND), ..Inbox::new() };
-    let (first, _) = cycle.steer(Some(Pilot::Person), &inbox);
+    let (first, _) = steer(&mut cycle, Some(Pilot::Person), &inbox);
     assert!(first.iter().all(|u| (0.4..0.5).contains(u)), "{first}");
     let (last, approved) =
-        (0..20).map(|_| cycle.steer(Some(Pilot::Person), &inbox)).last().unwrap();
+        (0..20).map(|_| steer(&mut cycle, Some(Pilot::Person), &inbox)).last().unwrap();
     assert_eq!(last, Sticks::from(U_HAND));
     assert!((approved.sticks() - last).amax() <= 0.5 / 660.0, "a step of the wire");
     // Beyond full deflection the gate refuses.
     let inbox = Inbox { manual: Some([1.1, 0.0, 0.0, 0.0]), ..inbox };
-    assert_eq!(cycle.steer(Some(Pilot::Person), &inbox).1, Approved::neutral());
+    assert_eq!(steer(&mut cycle, Some(Pilot::Person), &inbox).1, Approved::neutral());
 }
 
 #[test]
@@ -55,7 +61,7 @@ fn the_sticks_of_the_controller_pass_on_a_fresh_pose_only() {
         cycle.memory.heading_at = cycle.memory.position_at;
         let mut inbox = Inbox::new();
         inbox.open(0, now);
-        let (u_wish, approved) = cycle.steer(Some(Pilot::Controller), &inbox);
+        let (u_wish, approved) = steer(&mut cycle, Some(Pilot::Controller), &inbox);
         assert!(u_wish.amax() > 0.1, "{u_wish}");
         assert_eq!(approved != Approved::neutral(), passes, "{pose_age_ns:?}");
     }

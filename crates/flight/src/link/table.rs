@@ -30,7 +30,7 @@ pub struct LinkTable {
     /// Time in which the errors of the model may change. s, > 0
     pub adapt_s: f64,
     /// The same for the error of the dead time. Missing: `adapt_s`. s, > 0
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub dead_time_adapt_s: Option<f64>,
     /// Evidence from which on a command outage counts. Log likelihood ratio. 1, > 0
     #[serde(alias = "loss_evidence")]
@@ -49,10 +49,10 @@ pub struct LinkTable {
     pub dead_time_min_ratio: f64,
     /// Largest stick of the controller while commands do not act: what looks like an outage may be a hand that holds
     /// the vehicle, or a push. Missing: that of the gate. 1, 0.1..=1
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub outage_stick_max: Option<f64>,
     /// The filter that the dead time is learnt from. Missing: those that the link is judged by
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub dead_time: Option<DeadTimeTable>,
     /// What the heading shows of the link. Missing: nothing
     #[serde(default)]

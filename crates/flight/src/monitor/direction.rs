@@ -31,8 +31,6 @@ const BEGIN_S: f64 = 0.5;
 /// How long the angle must be too large, and beyond twice the limit. s
 const WRONG_S: f64 = 0.6;
 const WRONG_LARGE_S: f64 = 0.3;
-/// How long the angle must be within the limit to prove the axes. s
-const PROVEN_S: f64 = 0.2;
 /// By how much the motion may be later than the inputs say, and earlier. s
 const SHIFT_S: f64 = 0.25;
 
@@ -53,8 +51,6 @@ pub(super) struct DirectionMonitor {
     /// As the inputs say, later, and earlier.
     sums: [Sums; 3],
     wrong_s: f64,
-    right_s: f64,
-    is_proven: bool,
 }
 
 /// One period of the motion.
@@ -138,14 +134,7 @@ impl DirectionMonitor {
             count: 0,
             sums: [Sums::default(); 3],
             wrong_s: 0.0,
-            right_s: 0.0,
-            is_proven: false,
         }
-    }
-
-    /// Whether a motion has shown that inputs and poses have the same axes.
-    pub(super) fn is_proven(&self) -> bool {
-        self.is_proven
     }
 
     /// Forgets the motion and begins at rest.
@@ -156,7 +145,6 @@ impl DirectionMonitor {
         self.count = 0;
         self.sums = [Sums::default(); 3];
         self.wrong_s = 0.0;
-        self.right_s = 0.0;
     }
 
     /// Takes a tick in flight: the angle, if there is one, and whether it has been wrong for long enough.
@@ -178,11 +166,7 @@ impl DirectionMonitor {
         }
         let error_rad = self.error_rad();
         let is_beyond = |limit_rad| error_rad.is_some_and(|error_rad| error_rad.abs() > limit_rad);
-        let is_wrong = is_beyond(self.limit_rad);
-        self.wrong_s = if is_wrong { self.wrong_s + self.dt_s } else { 0.0 };
-        let is_right = error_rad.is_some() && !is_wrong;
-        self.right_s = if is_right { self.right_s + self.dt_s } else { 0.0 };
-        self.is_proven |= self.right_s >= PROVEN_S;
+        self.wrong_s = if is_beyond(self.limit_rad) { self.wrong_s + self.dt_s } else { 0.0 };
         let patience_s = if is_beyond(2.0 * self.limit_rad) { WRONG_LARGE_S } else { WRONG_S };
         (error_rad, self.wrong_s >= patience_s)
     }

@@ -26,10 +26,6 @@ pub struct MonitorTable {
     pub heading_rad: Option<f64>,
     /// Angle between the motion and the inputs from which on the heading is wrong. rad, 0.5..=1.5
     pub direction_rad: f64,
-    /// Largest stick of the controller after a take-off until the angle has been within `direction_rad` for 0.2 s: a
-    /// vehicle in a turned or mirrored frame stays slow, and is landed later. Missing or null: no limit. 1, 0.1..=1
-    #[serde(default)]
-    pub unproven_stick_max: Option<f64>,
 }
 
 impl Default for MonitorTable {
@@ -41,7 +37,6 @@ impl Default for MonitorTable {
             height_m: Some(0.6),
             heading_rad: usual_heading_rad(),
             direction_rad: 0.785,
-            unproven_stick_max: None,
         }
     }
 }
@@ -69,8 +64,6 @@ impl TryFrom<&MonitorTable> for MonitorSettings {
         let check = |limit_rad| in_range("heading_rad", limit_rad, 0.2..=1.5);
         table.heading_rad.map(check).transpose()?;
         in_range("direction_rad", table.direction_rad, 0.5..=1.5)?;
-        let check = |stick| in_range("unproven_stick_max", stick, 0.1..=1.0);
-        table.unproven_stick_max.map(check).transpose()?;
         Ok(Self(table.clone()))
     }
 }

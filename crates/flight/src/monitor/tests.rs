@@ -294,7 +294,6 @@ fn settings_out_of_range_are_refused_with_their_key() {
         (MonitorTable { height_m: Some(f64::NAN), ..good.clone() }, "height_m"),
         (MonitorTable { heading_rad: Some(1.6), ..good.clone() }, "heading_rad"),
         (MonitorTable { direction_rad: 1e9, ..good.clone() }, "direction_rad"),
-        (MonitorTable { unproven_stick_max: Some(0.0), ..good.clone() }, "unproven_stick_max"),
     ] {
         assert_eq!(check(table).unwrap_err().key, key);
     }

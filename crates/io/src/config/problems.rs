@@ -20,6 +20,7 @@ use tello_flight::{
     falling_times,
 };
 
+use super::named::unnamed;
 use super::place::{Place, Step, doubles};
 use super::{
     BUILT_IN_MISSION, FlyTable, SCHEMA, flight, frame_wait, from_value, manual, mocap,
@@ -160,6 +161,7 @@ pub fn mission_problems(path: &Path) -> Problems {
 pub fn fly_problems(path: Option<&Path>, mission: Option<&Path>) -> Problems {
     let check = |table: &FlyTable| check_fly(table).map_err(Refusal::from);
     let mut found = path.map_or_else(Problems::default, |path| of_file(path, fly_template, check));
+    found.list.extend(path.map(unnamed_keys).unwrap_or_default());
     let from_settings = if mission.is_none() { path.and_then(named_mission) } else { None };
     let named = mission.map(Path::to_owned).or(from_settings.clone());
     if let Some(file) = &named {
@@ -181,6 +183,18 @@ pub fn fly_problems(path: Option<&Path>, mission: Option<&Path>) -> Problems {
         found.list = misfits(&table, &mission, path, named.as_deref());
     }
     found
+}
+
+/// The keys that settings have to name and the file `path` does not.
+fn unnamed_keys(path: &Path) -> Vec<SettingProblem> {
+    let text = read(path).unwrap_or_default();
+    let settings: Value = serde_json::from_str(&text).unwrap_or_default();
+    let problem = |(parent, missing): (Place, String)| SettingProblem {
+        file: path.display().to_string(),
+        place: parent.in_text(&text),
+        text: missing,
+    };
+    unnamed(&settings).map(problem).collect()
 }
 
 /// The mission that the settings in `path` name.

@@ -24,7 +24,6 @@ fn limits_hold_at_both_ends_and_are_named_in_the_refusal() {
         ("height_m", 0.2, 5.0, "0.2..=5.0"),
         ("heading_rad", 0.2, 1.5, "0.2..=1.5"),
         ("direction_rad", 0.5, 1.5, "0.5..=1.5"),
-        ("unproven_stick_max", 0.1, 1.0, "0.1..=1.0"),
     ] {
         for good in [low, high] {
             assert_eq!(check(key, &json!(good)), Ok(()), "{key}");
@@ -37,7 +36,7 @@ fn limits_hold_at_both_ends_and_are_named_in_the_refusal() {
 
 #[test]
 fn a_monitor_can_be_switched_off_but_neither_stillness_nor_direction() {
-    for key in ["displacement_m", "height_m", "heading_rad", "unproven_stick_max"] {
+    for key in ["displacement_m", "height_m", "heading_rad"] {
         assert_eq!(check(key, &Value::Null), Ok(()), "{key}");
     }
     for key in ["still_m", "direction_rad"] {
@@ -53,8 +52,7 @@ fn a_key_that_is_missing_or_unknown_is_refused_save_the_newest() {
         without.as_object_mut().unwrap().remove(key);
         match read(&without) {
             Ok(table) => {
-                assert!(["heading_rad", "unproven_stick_max"].contains(&key.as_str()), "{key}");
-                assert_eq!((table.heading_rad, table.unproven_stick_max), (Some(0.6), None));
+                assert_eq!((key.as_str(), table.heading_rad), ("heading_rad", Some(0.6)));
             }
             Err(error) => assert_eq!(error, format!("missing field `{key}`")),
         }

@@ -61,22 +61,6 @@ fn a_heading_that_is_wrong_is_found_in_the_first_motion() {
 }
 
 #[test]
-fn sticks_are_limited_until_a_motion_has_proven_the_axes() {
-    for (turn_rad, is_proven) in [(0.0, true), (0.6, true), (FRAC_PI_2, false), (PI, false)] {
-        let mut flight = Flight::new();
-        assert_eq!(flight.monitors.unproven_stick_max(), None, "without the key");
-        flight.monitors.unproven_stick_max = Some(0.4);
-        assert_eq!(flight.monitors.unproven_stick_max(), Some(0.4), "in the climb");
-        flight.fly(1.5, &Wrong { turn_rad, ..RIGHT });
-        let limit = flight.monitors.unproven_stick_max();
-        assert_eq!(limit.is_none(), is_proven, "{turn_rad} rad");
-        let outage = Sample { link_is_up: false, ..flight.sample(&RIGHT, Sticks::zeros()) };
-        flight.monitors.update(&outage);
-        assert_eq!(flight.monitors.unproven_stick_max(), limit, "an outage changes no axes");
-    }
-}
-
-#[test]
 fn wind_that_the_inputs_work_against_does_not_turn_the_heading() {
     // The inputs lean against 1.5 m/s from the front while the vehicle is carried slowly backwards and forwards.
     let mut direction = DirectionMonitor::new(0.785, DT_S);

@@ -1,0 +1,34 @@
+//! The sticks that the pilot of a tick wishes: the plan's or the person's, limited and blended.
+
+use horizon_model::Model;
+use horizon_model::rows::{Sticks, pose, stick};
+
+use super::{Cycle, Inbox};
+use crate::Pilot;
+
+impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    /// The sticks that `pilot` wishes; neutral without one.
+    pub(super) fn wish(&mut self, pilot: Option<Pilot>, inbox: &Inbox) -> Sticks {
+        let u_pilot = match (pilot, inbox.manual) {
+            (Some(Pilot::Person), Some(u_hand)) => Sticks::from(u_hand),
+            (Some(Pilot::Controller), _) => {
+                let u_plan = self.planner.sticks();
+                self.link.as_ref().map_or(u_plan, |link| link.limited(&u_plan))
+            }
+            (Some(Pilot::Person) | None, _) => {
+                self.hand_over.end();
+                return Sticks::zeros();
+            }
+        };
+        let u_newest = self.fifo.newest();
+        pilot.map_or(u_pilot, |pilot| self.hand_over.blend(pilot, &u_pilot, u_newest, self.dt_s))
+    }
+
+    /// Whether the drone is sent sticks: in the text SDK not before a take-off is over.
+    pub(super) fn takes_sticks(&self) -> bool {
+        self.memory.drone.is_none_or(|status| status.takes_sticks)
+    }
+}
