@@ -65,7 +65,7 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize, cons
 where
     M: Model<NS, NU, NO, NP>,
 {
-    /// A controller with the plan of [`Mpc::reset`]. All of our allocation happens here.
+    /// A controller of the period `dt_s` (s) with the plan of [`Mpc::reset`]. All of our allocation happens here.
     ///
     /// # Errors
     /// `dt_s` is not positive, there are more than 1000 places for constraints, or the quadratic solver refuses the

@@ -162,7 +162,7 @@ where
     }
 
     /// Starts again: the prior parameter; observed rows of a state where they were observed, the
-    /// others as the model rolls them out from rest.
+    /// others as the model rolls them out from rest. Pieces and settings stay. Linear in the length of the pieces.
     pub fn start(&mut self) {
         self.p = self.prior.p_prior;
         self.is_near = false;

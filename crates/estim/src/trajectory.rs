@@ -135,7 +135,14 @@ where
         trajectory
     }
 
-    /// Forgets everything and starts at the state `s_0` with the prior parameter.
+    /// Forgets all steps and what the arrival cost carries, and starts at the state `s_0` with the prior parameter. The
+    /// prior and [`Trajectory::hold_parameter`] stay.
+    ///
+    /// | name  | shape | unit                                    |
+    /// |-------|-------|-----------------------------------------|
+    /// | `s_0` | NS    | that of each row of [`Model::STATE`]    |
+    ///
+    /// Real time: no allocation.
     pub fn start(&mut self, s_0: SVector<f64, NS>) {
         self.s.clear();
         self.u.clear();
@@ -148,7 +155,15 @@ where
         }
     }
 
-    /// Adds a step: `u` was applied, then `observed` was seen. The new state starts where the model leads.
+    /// Adds a step: `u` was applied, then `observed` was seen. The new state starts where the model leads from the newest
+    /// one with the present parameter.
+    ///
+    /// | name       | shape | unit                                       |
+    /// |------------|-------|--------------------------------------------|
+    /// | `u`        | NU    | that of each row of [`Model::INPUT`]       |
+    /// | `observed` | NO    | that of each row of [`Model::OBSERVATION`] |
+    ///
+    /// Real time: no allocation while there are at most `steps_max` steps of [`Trajectory::new`].
     pub fn push(&mut self, u: &SVector<f64, NU>, observed: &Observed<NO>) {
         let s_next = self.residuals.model.step(self.newest(), u, &self.p, self.residuals.dt_s);
         self.s.push(s_next);
@@ -156,8 +171,10 @@ where
         self.o.push(*observed);
     }
 
-    /// Drops the oldest step, if there is one. The present `s[1]` becomes the fixed state, or the
-    /// arrival cost takes up the step.
+    /// Drops the oldest step, if there is one. The present `s[1]` becomes the fixed state, whose observation is forgotten,
+    /// or the arrival cost takes up the step.
+    ///
+    /// Real time: no allocation; moves all steps by one place.
     pub fn pop(&mut self) {
         if self.u.is_empty() {
             return;
@@ -173,12 +190,24 @@ where
         self.o.remove(0);
     }
 
-    /// Replaces the input of step `k`, 0 being the oldest. The states stay where they are.
+    /// Replaces the input of step `k`, 0 being the oldest, by `u`: NU rows in the units of [`Model::INPUT`]. The states
+    /// stay where they are until the next solve.
+    ///
+    /// Real time: no allocation.
+    ///
+    /// # Panics
+    /// There are `k` steps or fewer.
     pub fn amend(&mut self, k: usize, u: &SVector<f64, NU>) {
         self.u[k] = *u;
     }
 
-    /// Sets the present rows of `observed` in the observation of state `k`, 0 being the oldest.
+    /// Sets the present rows of `observed` in the observation of state `k`, 0 being the oldest: NO rows in the units of
+    /// [`Model::OBSERVATION`]. Absent rows of `observed` leave what was known; the states stay where they are.
+    ///
+    /// Real time: no allocation.
+    ///
+    /// # Panics
+    /// There are `k` states or fewer; the states are one more than the steps.
     pub fn observe(&mut self, k: usize, observed: &Observed<NO>) {
         let known = &mut self.o[k];
         for row in (0..NO).filter(|row| observed.is_present[*row]) {
@@ -187,7 +216,10 @@ where
         }
     }
 
-    /// Keeps the parameter where it is, in coming solutions and in what is carried, or lets it go.
+    /// Whether the parameter is held from now on: solutions leave it where it is, and steps that the arrival cost takes up
+    /// tell nothing of it. It is not held at first; [`Trajectory::start`] does not change that.
+    ///
+    /// Real time: no allocation.
     pub fn hold_parameter(&mut self, is_held: bool) {
         self.parameter_is_held = is_held;
     }
@@ -215,7 +247,10 @@ where
         }
     }
 
-    /// Changes what is expected of the parameter; `p_prior` lies inside the box.
+    /// Changes what is expected of the parameter to `p_prior`: NP rows in the units of [`Model::PARAMETER`], inside the box,
+    /// which is not checked. The present parameter stays until the next solve; what an arrival cost has carried fades to it.
+    ///
+    /// Real time: no allocation.
     pub fn set_prior(&mut self, p_prior: SVector<f64, NP>) {
         self.prior.p_prior = p_prior;
     }

@@ -15,6 +15,7 @@ use horizon_model::rows::pose;
 use serde::Deserialize;
 use serde_json::{Map, Value};
 use tello_flight::cycle::{PoseRecord, Topic};
+use tello_flight::drone::DroneStatus;
 use tello_flight::{Fault, Phase};
 use tello_io::log::{Channel, Ending, LogReader, LogWriter};
 
@@ -137,13 +138,7 @@ struct FaultsOnly {
 /// What of an inbox is published.
 #[derive(Deserialize)]
 struct DroneOnly {
-    drone: Option<Charge>,
-}
-
-#[derive(Deserialize)]
-struct Charge {
-    battery_pct: u8,
-    battery_mv: Option<i16>,
+    drone: Option<DroneStatus>,
 }
 
 /// The messages that the message `data` of the log's channel `topic` becomes, stamped `stamp_ns` after 1970.
@@ -172,8 +167,8 @@ pub fn messages(topic: &str, stamp_ns: u64, data: &[u8]) -> Result<Vec<RosMessag
             vec![(RosTopic::Diagnostics, diagnosis(stamp_ns, WARN, "faults", &names.join(", ")))]
         }
         Some(Topic::Inbox) => match serde_json::from_slice(data)? {
-            DroneOnly { drone: Some(charge) } => {
-                vec![(RosTopic::Battery, battery(stamp_ns, &charge))]
+            DroneOnly { drone: Some(status) } => {
+                vec![(RosTopic::Battery, battery(stamp_ns, &status))]
             }
             DroneOnly { drone: None } => Vec::new(),
         },
@@ -302,14 +297,15 @@ fn diagnosis(stamp_ns: u64, level: u8, name: &str, message: &str) -> Vec<u8> {
     cdr.into_bytes()
 }
 
-fn battery(stamp_ns: u64, charge: &Charge) -> Vec<u8> {
+fn battery(stamp_ns: u64, status: &DroneStatus) -> Vec<u8> {
     let mut cdr = Cdr::with_header(stamp_ns, "");
-    cdr.single(charge.battery_mv.map_or(f32::NAN, |mv| f32::from(mv) * 1e-3));
+    #[expect(clippy::cast_possible_truncation, reason = "the message has single precision")]
+    cdr.single(status.battery_v.map_or(f32::NAN, |battery_v| battery_v as f32));
     // Temperature, current, charge and capacities are not known.
     for _ in 0..5 {
         cdr.single(f32::NAN);
     }
-    cdr.single(f32::from(charge.battery_pct) * 1e-2);
+    cdr.single(f32::from(status.battery_pct) * 1e-2);
     for value in BATTERY_KIND {
         cdr.byte(value);
     }
@@ -346,6 +342,21 @@ mod tests {
     fn half_a_turn_is_the_quaternion_about_z() {
         let (_, [x, y, z, w]) = place([0.0, 0.0, 0.0, std::f64::consts::PI]);
         assert!(x.abs() + y.abs() + w.abs() < 1e-12 && (z - 1.0).abs() < 1e-12, "{x} {y} {z} {w}");
+    }
+
+    #[test]
+    fn the_voltage_of_an_older_log_is_that_of_this_one() {
+        let single = |battery: &str| {
+            let inbox = format!(
+                r#"{{"drone":{{"received_at":5,"is_flying":true,"is_on_ground":false,"takes_sticks":true,"battery_pct":80,{battery}}}}}"#
+            );
+            let made = messages(Topic::Inbox.name(), 0, inbox.as_bytes()).unwrap();
+            assert_eq!(made[0].0, RosTopic::Battery);
+            // Behind the header of the bytes, a time and an empty frame.
+            made[0].1[20..24].to_vec()
+        };
+        assert_eq!(single(r#""battery_v":3.95"#), 3.95_f32.to_le_bytes());
+        assert_eq!(single(r#""battery_mv":3950"#), 3.95_f32.to_le_bytes());
     }
 
     #[test]

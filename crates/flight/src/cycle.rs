@@ -148,7 +148,7 @@ struct Memory {
     o_repeated: Option<Pose>,
     estimator_failed: bool,
     controller_failed: bool,
-    /// Whether the flight began on the ground.
+    /// Whether a take-off was ordered.
     has_taken_off: bool,
     /// Whether the controller followed the mission in the tick before.
     is_on_mission: bool,

@@ -1,7 +1,9 @@
 //! The drone as the tick sees it, whatever protocol it speaks.
 //!
-//! Owns the record of a status, which keeps the drone's own units in logs. No bytes here: the protocols are in
-//! `tello-io`.
+//! Owns the status of the drone, in SI units as logs have it; how it is read from them is `older_log.rs`. No bytes here:
+//! the protocols and the drone's own units are in `tello-io`.
+
+mod older_log;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -33,17 +35,6 @@ pub fn denies_standing(height_m: Option<f64>, ground_m: Option<f64>) -> bool {
     rise_m.is_some_and(|rise_m| rise_m > STANDING_RISE_MAX_M + 1e-6)
 }
 
-/// The drone reports height and velocity in tenths of our units.
-pub const M_PER_DM: f64 = 0.1;
-
-/// Metres, or m/s, of a whole number of the drone's tenths.
-pub fn from_tenths(tenths: i16) -> f64 {
-    f64::from(tenths) * M_PER_DM
-}
-
-/// And the voltage of its battery in thousandths.
-pub const V_PER_MV: f64 = 1e-3;
-
 /// How we talk to the drone. It takes the first that it hears and no other until it is switched off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -65,9 +56,8 @@ impl Protocol {
 }
 
 /// The last status of the drone. `None`: the protocol does not report this.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(from = "StatusRecord", into = "StatusRecord")]
-#[schemars(with = "StatusRecord")]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct DroneStatus {
     /// When the packet arrived.
     pub received_at: TimeNs,
@@ -80,7 +70,8 @@ pub struct DroneStatus {
     pub takes_sticks: bool,
     /// Charge is low by the drone's own thresholds. Binary only.
     pub is_battery_low: Option<bool>,
-    /// Charge is critical by the drone's own thresholds. Binary only.
+    /// Charge is critical by the drone's own thresholds. Binary only; missing in older logs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub is_battery_critical: Option<bool>,
     /// Charge. %, 0..=100
     pub battery_pct: u8,
@@ -91,87 +82,12 @@ pub struct DroneStatus {
     /// Velocity by its own sensors: two horizontal axes, whose names and signs differ between reports,
     /// and down, in steps of 0.1 m/s. m/s
     pub velocity_mps: Option<[f64; 3]>,
-    /// Heading by its own sensors, from an unknown direction; counter-clockwise from above if its documents are right. rad
+    /// Heading by its own sensors, from an unknown direction; counter-clockwise from above if its documents are right;
+    /// missing in logs if it reports none. rad
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heading_rad: Option<f64>,
     /// 1 landed, 6 flying; others are undocumented. Binary only.
     pub flight_mode: Option<u8>,
-}
-
-/// A [`DroneStatus`] in the drone's units, as logs have it.
-#[derive(Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct StatusRecord {
-    /// When the packet arrived.
-    received_at: TimeNs,
-    /// In the air: by the drone's own judgement in the binary protocol; in the text SDK, its motors run,
-    /// which shows for 3 s longer.
-    is_flying: bool,
-    /// Standing, likewise.
-    is_on_ground: bool,
-    /// Whether sticks are sent: in the text SDK not before a take-off is over.
-    takes_sticks: bool,
-    /// Charge is low by the drone's own thresholds. Binary only.
-    is_battery_low: Option<bool>,
-    /// Charge is critical by the drone's own thresholds. Binary only; missing in older logs.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    is_battery_critical: Option<bool>,
-    /// Charge. %, 0..=100
-    battery_pct: u8,
-    /// Battery voltage. mV. Binary only.
-    battery_mv: Option<i16>,
-    /// Height. dm; low by an offset that differs from flight to flight
-    height_dm: Option<i16>,
-    /// Velocity by its own sensors: two horizontal axes, whose names and signs differ between reports,
-    /// and down. dm/s
-    #[serde(default)]
-    velocity_dm_s: Option<[i16; 3]>,
-    /// Heading by its own sensors, from an unknown direction; counter-clockwise from above. rad; missing if it
-    /// reports none
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    heading_rad: Option<f64>,
-    /// 1 landed, 6 flying; others are undocumented. Binary only.
-    flight_mode: Option<u8>,
-}
-
-impl From<StatusRecord> for DroneStatus {
-    fn from(record: StatusRecord) -> Self {
-        Self {
-            received_at: record.received_at,
-            is_flying: record.is_flying,
-            is_on_ground: record.is_on_ground,
-            takes_sticks: record.takes_sticks,
-            is_battery_low: record.is_battery_low,
-            is_battery_critical: record.is_battery_critical,
-            battery_pct: record.battery_pct,
-            battery_v: record.battery_mv.map(|battery_mv| f64::from(battery_mv) * V_PER_MV),
-            height_m: record.height_dm.map(from_tenths),
-            velocity_mps: record.velocity_dm_s.map(|velocity| velocity.map(from_tenths)),
-            heading_rad: record.heading_rad,
-            flight_mode: record.flight_mode,
-        }
-    }
-}
-
-impl From<DroneStatus> for StatusRecord {
-    fn from(status: DroneStatus) -> Self {
-        #[expect(clippy::cast_possible_truncation, reason = "a cast saturates")]
-        let steps = |value: f64, step: f64| (value / step).round() as i16;
-        let tenths = |value: f64| steps(value, M_PER_DM);
-        Self {
-            received_at: status.received_at,
-            is_flying: status.is_flying,
-            is_on_ground: status.is_on_ground,
-            takes_sticks: status.takes_sticks,
-            is_battery_low: status.is_battery_low,
-            is_battery_critical: status.is_battery_critical,
-            battery_pct: status.battery_pct,
-            battery_mv: status.battery_v.map(|battery_v| steps(battery_v, V_PER_MV)),
-            height_dm: status.height_m.map(tenths),
-            velocity_dm_s: status.velocity_mps.map(|velocity| velocity.map(tenths)),
-            heading_rad: status.heading_rad,
-            flight_mode: status.flight_mode,
-        }
-    }
 }
 
 /// What changes the phase of a flight.
@@ -190,22 +106,41 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_record_of_any_status_keeps_its_units_and_every_step() {
-        for step in (i16::MIN..=i16::MAX).step_by(7).chain([-1, 0, 1, i16::MAX]) {
-            let text = format!(
-                r#"{{"received_at":5,"is_flying":true,"is_on_ground":false,"takes_sticks":true,"is_battery_low":null,"battery_pct":80,"battery_mv":{step},"height_dm":{step},"velocity_dm_s":[{step},0,3],"flight_mode":6}}"#
-            );
-            let status: DroneStatus = serde_json::from_str(&text).unwrap();
-            assert_eq!(status.height_m, Some(f64::from(step) * 0.1));
-            assert_eq!(serde_json::to_string(&status).unwrap(), text);
-        }
+    fn the_log_has_a_status_in_si_to_the_last_bit() {
+        let status = DroneStatus {
+            received_at: TimeNs(5),
+            is_flying: true,
+            is_on_ground: false,
+            takes_sticks: true,
+            is_battery_low: None,
+            is_battery_critical: Some(false),
+            battery_pct: 80,
+            battery_v: Some(3.95),
+            height_m: Some(f64::from(3_i16) * 0.1),
+            velocity_mps: Some([-0.7, 1e-9, 0.0]),
+            heading_rad: Some(0.1),
+            flight_mode: Some(6),
+        };
+        let text = serde_json::to_string(&status).unwrap();
+        assert_eq!(
+            text,
+            r#"{"received_at":5,"is_flying":true,"is_on_ground":false,"takes_sticks":true,"is_battery_low":null,"is_battery_critical":false,"battery_pct":80,"battery_v":3.95,"height_m":0.30000000000000004,"velocity_mps":[-0.7,1e-9,0.0],"heading_rad":0.1,"flight_mode":6}"#
+        );
+        assert_eq!(serde_json::from_str::<DroneStatus>(&text).unwrap(), status);
     }
 
     #[test]
     fn what_a_protocol_does_not_report_stays_away() {
-        let text = r#"{"received_at":5,"is_flying":true,"is_on_ground":false,"takes_sticks":true,"is_battery_low":null,"battery_pct":80,"battery_mv":null,"height_dm":null,"velocity_dm_s":null,"flight_mode":null}"#;
+        let text = r#"{"received_at":5,"is_flying":true,"is_on_ground":false,"takes_sticks":true,"is_battery_low":null,"battery_pct":80,"battery_v":null,"height_m":null,"velocity_mps":null,"flight_mode":null}"#;
         let status: DroneStatus = serde_json::from_str(text).unwrap();
         assert_eq!((status.battery_v, status.height_m, status.velocity_mps), (None, None, None));
         assert_eq!(serde_json::to_string(&status).unwrap(), text);
+    }
+
+    #[test]
+    fn a_key_that_is_not_known_is_refused() {
+        let text = r#"{"received_at":5,"is_flying":true,"is_on_ground":false,"takes_sticks":true,"battery_pct":80,"height_cm":3}"#;
+        let error = serde_json::from_str::<DroneStatus>(text).unwrap_err().to_string();
+        assert!(error.contains("height_cm"), "{error}");
     }
 }

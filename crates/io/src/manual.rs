@@ -80,7 +80,8 @@ pub struct Person {
 }
 
 impl Person {
-    /// An end, and where the events of terminal and device go.
+    /// The control thread's end, and the queues into which the readers of terminal and device put their events, in this
+    /// order. A queue holds 4096 events; a reader that finds its queue full waits. Allocates the queues.
     pub fn new(settings: ManualSettings) -> (Self, Producer<Event>, Producer<Event>) {
         let (terminal_events, terminal) = RingBuffer::new(EVENTS);
         let (device_events, device) = RingBuffer::new(EVENTS);

@@ -22,6 +22,8 @@ impl<const N: usize> Bounds<N> {
     }
 
     /// The projected gradient: rows whose descent direction leaves the box at `x` are 0. 1 / unit of the row
+    ///
+    /// Real time: no allocation, one pass over the rows.
     #[inline]
     pub fn open(&self, gradient: &SVector<f64, N>, x: &SVector<f64, N>) -> SVector<f64, N> {
         SVector::from_fn(|i, _| {
@@ -30,7 +32,10 @@ impl<const N: usize> Bounds<N> {
         })
     }
 
-    /// The vector of the box that is nearest to `x`, row by row, in its units.
+    /// The vector of the box that is nearest to `x`, row by row, in its units. A row of `x` that is NaN becomes its lower
+    /// bound.
+    ///
+    /// Real time: no allocation, one pass over the rows.
     #[inline]
     pub fn clamp(&self, x: &SVector<f64, N>) -> SVector<f64, N> {
         x.sup(&self.lo).inf(&self.hi)
@@ -66,5 +71,6 @@ mod tests {
         let clamp = |x: [f64; 3]| bounds().clamp(&x.into());
         assert_eq!(clamp([-3.0, 0.0, 1e9]), SVector::from([-1.0, 0.5, 1e9]));
         assert_eq!(clamp([0.25, 0.7, -1e9]), SVector::from([0.25, 0.5, -1e9]));
+        assert_eq!(clamp([f64::NAN, f64::NAN, f64::NAN]), SVector::from([-1.0, 0.5, -INF]));
     }
 }

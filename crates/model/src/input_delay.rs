@@ -147,12 +147,16 @@ impl<const NU: usize> InputFifo<NU> {
     }
 
     /// Number of coming steps whose applied input is already sent on every axis: the shortest dead
-    /// time, whole steps.
+    /// time, rounded down. steps
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn known_steps(&self) -> usize {
         whole_steps(self.dead_time_steps.min())
     }
 
-    /// Steps from sending an input until it acts on every axis: the longest dead time, rounded up.
+    /// Time from sending an input until it acts on every axis: the longest dead time, rounded up. steps
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn longest_steps(&self) -> usize {
         whole_steps(self.dead_time_steps.max().ceil())
     }

@@ -178,7 +178,10 @@ impl<const NS: usize, const NU: usize> MpcSettings<NS, NU> {
         })
     }
 
-    /// Splits the stage in which `step` lies, so that one begins with it.
+    /// Splits the stage in which `step` lies, 0 being the first of the horizon, so that a stage begins with `step`; the
+    /// sum of the steps stays. Nothing changes if a stage begins there, or if `step` lies behind the end.
+    ///
+    /// Allocates: a split inserts a stage.
     pub fn begin_stage_at(&mut self, step: usize) {
         let Some((k, end)) = self.stage_ends().enumerate().find(|(_, end)| step < *end) else {
             return;
@@ -244,7 +247,7 @@ impl<const NS: usize, const NU: usize> MpcSettings<NS, NU> {
         Self { constraints_max: count, ..self }
     }
 
-    /// Soft constraints after each stage, at most.
+    /// Soft constraints after each stage, at most; 0 without [`MpcSettings::with_constraints`].
     pub fn constraints_max(&self) -> usize {
         self.constraints_max
     }

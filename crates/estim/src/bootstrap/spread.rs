@@ -49,7 +49,16 @@ impl<const NP: usize> Spread<NP> {
         Some(spread)
     }
 
-    /// The normal distribution around `mean`; `covariance` has no negative diagonal entry.
+    /// Spread of the normal distribution around `mean`, with `mean` +- [`NORMAL_HALF_WIDTH`] standard deviations as the
+    /// interval.
+    ///
+    /// | name         | shape   | unit                                          |
+    /// |--------------|---------|-----------------------------------------------|
+    /// | `mean`       | NP      | that of each row of the parameter             |
+    /// | `covariance` | NP x NP | product of the units of row and column        |
+    ///
+    /// A row without variance has an interval of one value and no correlation. A negative diagonal entry, which no
+    /// covariance has, makes deviation and interval of its row NaN. No allocation.
     pub fn normal(mean: &SVector<f64, NP>, covariance: &SMatrix<f64, NP, NP>) -> Self {
         let std = covariance.diagonal().map(f64::sqrt);
         let correlation = SMatrix::from_fn(|row, col| {
@@ -66,7 +75,8 @@ impl<const NP: usize> Spread<NP> {
         Self { mean: *mean, std, lower: mean - half, upper: mean + half, correlation }
     }
 
-    /// Whether the 95 % interval of each row contains `truth`.
+    /// Whether the 95 % interval of each row, both ends included, contains that row of `truth`, which is in the unit of
+    /// the row; false for NaN. No allocation.
     pub fn contains(&self, truth: &SVector<f64, NP>) -> [bool; NP] {
         std::array::from_fn(|row| (self.lower[row]..=self.upper[row]).contains(&truth[row]))
     }

@@ -155,7 +155,7 @@ fn what_is_seen_late_counts_as_if_it_had_been_seen_in_time() {
     for back in 0..LATE {
         late.observe_earlier(back, &all[STEPS as usize - 1 - back]).unwrap();
     }
-    // Both are solved once more, now with the same observations.
+    // A late observation counts from the next solve on.
     let u = sticks(STEPS);
     for mhe in [&mut in_time, &mut late] {
         assert!(mhe.update(&u, &Observed::missing(), &mut || false).is_ok());

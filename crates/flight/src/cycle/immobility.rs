@@ -2,27 +2,34 @@
 //! wall.
 //!
 //! Sways of the hand look like answers to the inputs now and then, so that the link monitor finds an outage and its end
-//! in turns, and neither time limit of an outage is reached.
+//! in turns, and neither time limit of an outage is reached. With the estimated position x and the sent inputs of the
+//! three translations `u_w`, world frame (`docs/model.md`, section 6):
+//!
+//! ```text
+//! q <- 0, x_0 <- x                  once |x - x_0| > 0.4 m, and in the first tick
+//! q <- exp(-dt / T) q + dt u_w      in each period in which the controller flies the mission and the link is up
+//! ```
+//!
+//! In all other periods (an outage, a hold, manual control) nothing is added to q and nothing is forgotten.
 
 use horizon_model::rows::{Pose, Sticks, pos_w, pose, stick};
 use nalgebra::Vector3;
 
 use crate::commanded::inputs_w;
 
-/// The vehicle has moved when it is further away from where the time began. m
+/// The vehicle has moved when it is further away from `x_0`. m
 const MOVED_M: f64 = 0.4;
-/// Forgetting time of the inputs: a steady input of 0.5, as wind asks for in a hover, adds up to 2 s at most. s
+/// T, the forgetting time of the inputs: a steady input of 0.5, as wind asks for in a hover, adds up to 2 s at most. s
 const FORGETTING_S: f64 = 4.0;
 
 /// Inputs that moved nothing.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Immobility {
-    /// Where they began. m
+    /// `x_0`, where they began. m
     begun_at_w: Option<Vector3<f64>>,
-    /// Heading of the newest estimate. rad
+    /// Measured yaw of the newest estimate. rad
     theta: f64,
-    /// `q = int u_w(t) exp(-(now - t) / FORGETTING_S) dt`, where `u_w` are the inputs of the three translations in the
-    /// world frame. s of full deflection
+    /// q, in the world frame but for a turn by `theta_0`. s of full deflection
     pressed_w_s: Vector3<f64>,
 }
 
@@ -43,11 +50,13 @@ impl Immobility {
     ///
     /// Real time: no allocation, constant cost.
     pub(super) fn press(&mut self, u_sent: &Sticks, dt_s: f64) {
+        // The direction of flight is psi = theta + theta_0. theta_0 hardly changes within T: it turns q about z and leaves
+        // |q|, all that is judged.
         let u_w = inputs_w(u_sent, self.theta).push(u_sent[stick::THROTTLE]);
         self.pressed_w_s = (-dt_s / FORGETTING_S).exp() * self.pressed_w_s + dt_s * u_w;
     }
 
-    /// |q|. s of full deflection
+    /// |q|; beyond `failsafe.pressed_s` the vehicle counts as immobile. s of full deflection
     pub(super) fn pressed_s(&self) -> f64 {
         self.pressed_w_s.norm()
     }

@@ -139,14 +139,14 @@ pub(super) fn clearance_m<'a>(
     obstacles: &[Obstacle],
 ) -> Option<f64> {
     let mut least_m: Option<f64> = None;
-    let mut before: Option<Vector3<f64>> = None;
-    for at in poses.map(pos_w) {
-        let from = before.replace(at).unwrap_or(at);
-        let length_m = (at - from).norm();
+    let mut before_w: Option<Vector3<f64>> = None;
+    for at_w in poses.map(pos_w) {
+        let from_w = before_w.replace(at_w).unwrap_or(at_w);
+        let length_m = (at_w - from_w).norm();
         let mut along_m = 0.0;
         while along_m <= length_m {
-            let seen = if length_m > 0.0 { from.lerp(&at, along_m / length_m) } else { at };
-            let distances = obstacles.iter().map(|one| one.distance(&seen).distance_m);
+            let seen_w = if length_m > 0.0 { from_w.lerp(&at_w, along_m / length_m) } else { at_w };
+            let distances = obstacles.iter().map(|one| one.distance(&seen_w).distance_m);
             least_m = distances.chain(least_m).reduce(minimum);
             along_m += SPACING_M;
         }

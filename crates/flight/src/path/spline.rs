@@ -74,8 +74,8 @@ impl Span {
         (self.ends_w[1] - self.ends_w[0]).norm()
     }
 
-    /// The point at the fraction `q` of the chord; `fallback` is the direction where there is none.
-    fn at(&self, q: f64, fallback: Vector3<f64>) -> Point {
+    /// The point at the fraction `q` of the chord; `fallback_w` is the direction where there is none.
+    fn at(&self, q: f64, fallback_w: Vector3<f64>) -> Point {
         let ([from_w, to_w], [second_a, second_b], h) =
             (self.ends_w, self.second_derivatives, self.chord_m());
         let r = 1.0 - q;
@@ -88,7 +88,7 @@ impl Span {
         if derivative.norm() < CUSP_SPEED {
             return Point {
                 pos_w,
-                tangent_w: fallback.normalize(),
+                tangent_w: fallback_w.normalize(),
                 curvature: 0.0,
                 is_sharp: true,
             };

@@ -1,4 +1,5 @@
-//! Plans that lead outside of the room or into an obstacle, and for how long.
+//! Plans that lead outside of the room or into an obstacle, and for how long: the leaky sum b of `docs/model.md`,
+//! section 6.
 
 use super::evidence::Evidence;
 use super::since::{elapsed_s, exceeds};

@@ -31,11 +31,11 @@ const WALLED: [usize; 3] = [pose::X, pose::Y, pose::Z];
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RoomTable {
-    /// World x. m, the first below the second
+    /// World x. m, each -500..=500, the first below the second
     pub x_m: [f64; 2],
-    /// World y. m
+    /// World y. m, each -500..=500, the first below the second
     pub y_m: [f64; 2],
-    /// World z, floor and ceiling. m, -500..=500
+    /// World z, floor and ceiling. m, each -500..=500, the first below the second
     pub z_m: [f64; 2],
     /// Way from neutral sticks to rest over the speed: dead time and time constant of the vehicle.
     /// s, >= 0

@@ -57,6 +57,20 @@ pub(super) trait Source: Debug + Send {
     }
 }
 
+/// What a source makes of the bytes, which come in these pieces: its frames, and the counters.
+#[cfg(test)]
+pub(super) fn read(
+    source: &mut dyn Source,
+    pieces: impl IntoIterator<Item: AsRef<[u8]>>,
+) -> (Vec<Frame>, MocapCounters) {
+    let counters = MocapCounters::default();
+    let mut frames = Vec::new();
+    for piece in pieces {
+        source.push(piece.as_ref(), &counters, &mut |frame| frames.push(frame)).unwrap();
+    }
+    (frames, counters)
+}
+
 /// Why a connection is given up.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum SourceError {

@@ -29,6 +29,9 @@ const OVERHEAD_BYTES: usize = 11;
 /// Most bytes of a frame: its length field has 13 bits.
 const FRAME_BYTES_MAX: usize = (1 << 13) - 1;
 
+/// Heights and speeds on the wire are whole tenths, in both protocols.
+const M_PER_DM: f64 = 0.1;
+
 /// Largest datagram that either side sends, frame or greeting.
 pub const DATAGRAM_BYTES_MAX: usize = FRAME_BYTES_MAX;
 
@@ -187,6 +190,11 @@ impl<'a> Frame<'a> {
     fn misfit(&self) -> PacketError {
         PacketError::Payload { id: self.id, length: self.payload.len() }
     }
+}
+
+/// Metres, or m/s, of a whole number of tenths on the wire.
+pub(super) fn from_tenths(tenths: i16) -> f64 {
+    f64::from(tenths) * M_PER_DM
 }
 
 /// Writes one frame over the content of `to`.

@@ -17,7 +17,9 @@ const CHUNK_BYTES: usize = 4096;
 #[derive(Debug)]
 pub(super) struct Clients<S> {
     listener: TcpListener,
-    clients: Vec<Client<S>>,
+    /// Sent to each client first.
+    greeting: Vec<u8>,
+    connected: Vec<Client<S>>,
 }
 
 #[derive(Debug)]
@@ -29,11 +31,11 @@ struct Client<S> {
 }
 
 impl<S: Default> Clients<S> {
-    /// Listens on `address`.
-    pub(super) fn bind(address: SocketAddr) -> io::Result<Self> {
+    /// Listens on `address`; `greeting` is sent to each client first.
+    pub(super) fn bind(address: SocketAddr, greeting: Vec<u8>) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
-        Ok(Self { listener, clients: Vec::new() })
+        Ok(Self { listener, greeting, connected: Vec::new() })
     }
 
     /// Where clients connect to.
@@ -41,26 +43,27 @@ impl<S: Default> Clients<S> {
         self.listener.local_addr()
     }
 
-    /// Accepts new clients; `greeting` is sent to each first.
-    pub(super) fn accept(&mut self, greeting: &[u8]) {
+    /// Accepts new clients.
+    pub(super) fn accept(&mut self) {
         while let Ok((stream, _)) = self.listener.accept() {
             // A client whose socket cannot be set up is turned away, like one too many.
             let is_ready = stream.set_nonblocking(true).and(stream.set_nodelay(true)).is_ok();
-            if is_ready && self.clients.len() < CLIENTS_MAX {
-                let backlog = greeting.to_vec();
-                self.clients.push(Client { stream, backlog, state: S::default() });
+            if is_ready && self.connected.len() < CLIENTS_MAX {
+                let backlog = self.greeting.clone();
+                self.connected.push(Client { stream, backlog, state: S::default() });
             }
         }
     }
 
-    /// Passes the bytes of each client to `handle`; a client that left or caused an error is removed.
+    /// Accepts new clients and passes the bytes of each to `handle`; a client that left or caused an error is removed.
     pub(super) fn receive(&mut self, mut handle: impl FnMut(&mut S, &[u8]) -> io::Result<()>) {
-        self.clients.retain_mut(|client| client.receive(&mut handle).is_ok());
+        self.accept();
+        self.connected.retain_mut(|client| client.receive(&mut handle).is_ok());
     }
 
     /// Sends what `speak` appends for each client; who left is forgotten.
     pub(super) fn send(&mut self, mut send: impl FnMut(&mut S, &mut Vec<u8>)) {
-        self.clients.retain_mut(|client| {
+        self.connected.retain_mut(|client| {
             send(&mut client.state, &mut client.backlog);
             client.send().is_ok()
         });
@@ -107,25 +110,25 @@ mod tests {
     use super::*;
 
     fn push(clients: &mut Clients<()>, line: &[u8]) {
-        clients.accept(b"");
+        clients.accept();
         clients.send(|(), to| to.extend_from_slice(line));
     }
 
     #[test]
     fn a_client_that_does_not_read_is_dropped_and_delays_no_other() {
-        let mut relay = Clients::bind((Ipv4Addr::LOCALHOST, 0).into()).unwrap();
+        let mut relay = Clients::bind((Ipv4Addr::LOCALHOST, 0).into(), Vec::new()).unwrap();
         let address = relay.address().unwrap();
         let _stuck = TcpStream::connect(address).unwrap();
         let mut reader = TcpStream::connect(address).unwrap();
         let line = [b'x'; 4096];
         let mut taken = [0; 4096];
         push(&mut relay, &line);
-        assert_eq!(relay.clients.len(), 2);
+        assert_eq!(relay.connected.len(), 2);
         // 80 MB are beyond what the system buffers for one connection.
         for k in 0..20_000 {
             reader.read_exact(&mut taken).unwrap();
             push(&mut relay, &line);
-            if relay.clients.len() == 1 {
+            if relay.connected.len() == 1 {
                 assert!(k > 10, "dropped after {k} lines");
                 return;
             }
@@ -135,12 +138,12 @@ mod tests {
 
     #[test]
     fn clients_over_the_limit_are_turned_away() {
-        let mut relay = Clients::bind((Ipv4Addr::LOCALHOST, 0).into()).unwrap();
+        let mut relay = Clients::bind((Ipv4Addr::LOCALHOST, 0).into(), Vec::new()).unwrap();
         let address = relay.address().unwrap();
         let clients: Vec<_> =
             (0..CLIENTS_MAX + 3).map(|_| TcpStream::connect(address).unwrap()).collect();
         push(&mut relay, b"line\n");
-        assert_eq!(relay.clients.len(), CLIENTS_MAX);
+        assert_eq!(relay.connected.len(), CLIENTS_MAX);
         drop(clients);
     }
 }

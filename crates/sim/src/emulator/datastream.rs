@@ -39,7 +39,6 @@ const WAITING_MAX: usize = 64;
 #[derive(Debug)]
 pub(super) struct DatastreamPort {
     clients: Clients<Session>,
-    greeting: Vec<u8>,
 }
 
 /// What one client wants.
@@ -57,7 +56,7 @@ impl DatastreamPort {
     pub(super) fn bind(address: SocketAddr) -> io::Result<Self> {
         let mut greeting = Vec::new();
         encode::packet(&mut greeting, |packet| packet.object_enums(&OFFERED));
-        Ok(Self { clients: Clients::bind(address)?, greeting })
+        Ok(Self { clients: Clients::bind(address, greeting)? })
     }
 
     /// Where clients connect to.
@@ -67,7 +66,6 @@ impl DatastreamPort {
 
     /// Accepts new clients, and reads from all.
     pub(super) fn receive(&mut self) {
-        self.clients.accept(&self.greeting);
         self.clients.receive(Session::receive);
         self.clients.send(|_, _| ());
     }

@@ -51,7 +51,7 @@ impl MocapServers {
     /// An address that cannot be bound.
     pub fn bind(asked: MocapAddresses) -> Result<Self, EmulatorError> {
         let relay = open("relay", asked.relay, |address| {
-            let clients = Clients::bind(address)?;
+            let clients = Clients::bind(address, Vec::new())?;
             Ok((clients.address()?, clients))
         })?;
         let datastream = open("DataStream server", asked.datastream, |address| {
@@ -109,7 +109,7 @@ impl MocapServers {
         other: Option<Body<'_>>,
     ) {
         if let Some(relay) = &mut self.relay {
-            relay.accept(b"");
+            relay.accept();
         }
         if let Some(datastream) = &mut self.datastream {
             datastream.receive();

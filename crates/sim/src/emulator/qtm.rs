@@ -22,7 +22,6 @@ const EVENT_CONNECTED: u8 = 1;
 #[derive(Debug)]
 pub(super) struct QtmPort {
     clients: Clients<Session>,
-    greeting: Vec<u8>,
     /// Rate and objects of the newest shot.
     room: Option<(f64, Vec<String>)>,
 }
@@ -42,7 +41,7 @@ impl QtmPort {
     pub(super) fn bind(address: SocketAddr) -> io::Result<Self> {
         let mut greeting = Vec::new();
         encode::text(kind::COMMAND, GREETING, &mut greeting);
-        Ok(Self { clients: Clients::bind(address)?, greeting, room: None })
+        Ok(Self { clients: Clients::bind(address, greeting)?, room: None })
     }
 
     /// Where clients connect to.
@@ -52,7 +51,6 @@ impl QtmPort {
 
     /// Accepts new clients, reads and answers all.
     pub(super) fn receive(&mut self) {
-        self.clients.accept(&self.greeting);
         self.clients.receive(Session::receive);
         let room = &self.room;
         self.clients.send(|session, to| {

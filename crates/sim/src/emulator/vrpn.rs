@@ -30,7 +30,6 @@ const TYPES_MAX: usize = 64;
 #[derive(Debug)]
 pub(super) struct VrpnPort {
     clients: Clients<Session>,
-    greeting: Vec<u8>,
 }
 
 /// State and messages of one client.
@@ -51,7 +50,7 @@ impl VrpnPort {
         for (number, name) in [(POSES, POSE), (PONGS, PONG)] {
             describe(kind::TYPE, number, name, &mut greeting);
         }
-        Ok(Self { clients: Clients::bind(address)?, greeting })
+        Ok(Self { clients: Clients::bind(address, greeting)? })
     }
 
     /// Where clients connect to.
@@ -61,7 +60,6 @@ impl VrpnPort {
 
     /// Accepts new clients, and reads from all.
     pub(super) fn receive(&mut self) {
-        self.clients.accept(&self.greeting);
         self.clients.receive(Session::receive);
         self.clients.send(|_, _| ());
     }

@@ -77,7 +77,7 @@ pub(super) async fn serve(listener: tokio::net::TcpListener, shown: Shown, goodb
     let routes = routes.into_make_service_with_connect_info::<LimitHandle>();
     let server = axum::serve(LimitedListener::new(listener, REQUESTS), routes);
     tokio::select! {
-        // It does not end by itself.
+        // The server does not end by itself.
         served = server.into_future() => drop(served),
         () = over => {}
     }

@@ -34,17 +34,17 @@ impl Packet<'_> {
         });
     }
 
-    /// Asks for one frame, or for all from now on.
+    /// Appends `REQUEST_FRAME`: asks for one frame, or for all from now on if `is_every`.
     pub fn request_frame(&mut self, is_every: bool) {
         self.object(id::REQUEST_FRAME, |body| body.push(is_every.into()));
     }
 
-    /// Asks for the next `count` frames.
+    /// Appends `REQUEST_NEXT_FRAME`: asks for the next `count` frames.
     pub fn request_next_frames(&mut self, count: u32) {
         self.object(id::REQUEST_NEXT_FRAME, |body| body.extend(count.to_le_bytes()));
     }
 
-    /// A number to be sent back, or sent back.
+    /// Appends `PING`: a number for the other side to send back, or the number that is sent back.
     pub fn ping(&mut self, number: u64) {
         self.object(id::PING, |body| body.extend(number.to_le_bytes()));
     }

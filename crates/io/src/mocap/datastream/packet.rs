@@ -112,7 +112,7 @@ pub fn objects(packet: &[u8]) -> impl Iterator<Item = Result<(u32, &[u8]), Packe
     })
 }
 
-/// Takes values from the front of an object's body.
+/// Takes values from the front of an object's body. A single value that is cut off is an error and takes nothing.
 #[derive(Debug, Clone, Copy)]
 pub struct Values<'a>(&'a [u8]);
 

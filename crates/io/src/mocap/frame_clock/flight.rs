@@ -143,13 +143,13 @@ impl Flight {
         }
         let anchor = self.anchor.get_or_insert(early);
         if Line::through(early, period_ns).late_ns(*anchor) > ANCHOR_LATE_NS {
-            // It was late itself.
+            // The anchor arrived late.
             *anchor = early;
         }
         let anchor = *anchor;
         let anchored_period_ns = anchor.period_to_ns(recent);
         let apart_ns = (period_ns / anchored_period_ns - 1.0).abs() * span_ns;
-        // They do not agree with the first one, or the pace since that is outside of the same bounds.
+        // The recent arrivals do not agree with the anchor, or the pace since the anchor is outside of the same bounds.
         if apart_ns > bow_max_ns || !bounds.contain(anchored_period_ns) {
             return;
         }

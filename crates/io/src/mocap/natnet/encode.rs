@@ -64,7 +64,7 @@ pub fn model_definitions(version: Version, bodies: &[(i32, &str)], to: &mut Vec<
     });
 }
 
-/// Appends an answer to a command, which is one number, such as the frame rate.
+/// Appends the answer `value` to a command, in the unit of what was asked for: the frame rate in Hz.
 pub fn response(value: f32, to: &mut Vec<u8>) {
     message(id::RESPONSE, to, |to| to.extend(value.to_le_bytes()));
 }

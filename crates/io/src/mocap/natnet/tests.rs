@@ -6,7 +6,7 @@ use super::packet::RigidBody;
 use super::*;
 use crate::mocap::axes::{Axes, Unit};
 use crate::mocap::protocol::Picked;
-use crate::mocap::source::{Frame, Source};
+use crate::mocap::source::{Source, read};
 use crate::mocap::{matrix_of_angles, quaternion_of_matrix};
 
 pub(super) const VERSIONS: [(u8, u8); 5] = [(3, 0), (3, 1), (4, 0), (4, 1), (4, 2)];
@@ -60,16 +60,6 @@ pub(super) fn frame(of: (u8, u8), number: i32, bodies: &[RigidBody]) -> Vec<u8> 
 fn source(object: &str) -> Picked {
     let axes = Axes::new(None, Unit::Metre).unwrap();
     Picked::new(Box::new(NatnetProtocol::new(None)), object, axes)
-}
-
-/// What a source makes of the datagrams: its frames, and the counters.
-fn read(source: &mut Picked, datagrams: &[Vec<u8>]) -> (Vec<Frame>, MocapCounters) {
-    let counters = MocapCounters::default();
-    let mut frames = Vec::new();
-    for datagram in datagrams {
-        source.push(datagram, &counters, &mut |frame| frames.push(frame)).unwrap();
-    }
-    (frames, counters)
 }
 
 /// Kinds of what the source asks.

@@ -39,11 +39,13 @@ pub struct Packets {
 }
 
 impl Packets {
-    /// Calls `on_packet` with kind and body of each packet that `piece` completes.
+    /// Calls `on_packet` with kind and body, without the head, of each packet that `piece` completes; the rest is kept for
+    /// the next piece. Allocates only if more is kept than ever before: at most a packet of [`PACKET_BYTES_MAX`] and a
+    /// piece.
     ///
     /// # Errors
     /// A length that none of this protocol has, or the first error of `on_packet`. What follows makes no
-    /// sense then.
+    /// sense then: the next connection takes new [`Packets`].
     pub fn push(
         &mut self,
         piece: &[u8],
@@ -68,7 +70,8 @@ impl Packets {
     }
 }
 
-/// The text of a packet.
+/// The text of a packet: its bytes up to the first zero, or all of them. What is no UTF-8 becomes U+FFFD, for which the
+/// text is copied; else it is borrowed.
 pub fn text(body: &[u8]) -> Cow<'_, str> {
     String::from_utf8_lossy(text_of(body))
 }

@@ -6,7 +6,7 @@ use super::*;
 use crate::mocap::axes::{Axes, Unit};
 use crate::mocap::matrix_of_angles;
 use crate::mocap::protocol::Picked;
-use crate::mocap::source::{Frame, Source};
+use crate::mocap::source::{Source, read};
 
 fn source(object: &str, up: Option<Axis>) -> Picked {
     let axes = Axes::new(None, Unit::Millimetre).unwrap();
@@ -34,16 +34,6 @@ pub(super) fn frame(number: u32, bodies: &[Option<Placement>]) -> Vec<u8> {
 #[expect(clippy::unnecessary_wraps, reason = "as frames have it")]
 pub(super) fn at(x_mm: f64) -> Option<Placement> {
     Some(Placement { pos: [x_mm, -2000.0, 1500.0], matrix: matrix_of_angles([0.0, 0.0, 0.5]) })
-}
-
-/// What a source makes of the bytes, in pieces of `length`: its frames, and the counters.
-fn read(source: &mut Picked, bytes: &[u8], length: usize) -> (Vec<Frame>, MocapCounters) {
-    let counters = MocapCounters::default();
-    let mut frames = Vec::new();
-    for piece in bytes.chunks(length) {
-        source.push(piece, &counters, &mut |frame| frames.push(frame)).unwrap();
-    }
-    (frames, counters)
 }
 
 /// Commands that the source sends.
@@ -83,12 +73,12 @@ fn the_conversation_ends_in_frames_of_the_body() {
         let mut source = source("tello", None);
         source.beat();
         assert!(sent(&mut source).is_empty(), "the server speaks first");
-        read(&mut source, &greeting(), length);
+        read(&mut source, greeting().chunks(length));
         assert_eq!(sent(&mut source), [VERSION, GET_PARAMETERS]);
-        read(&mut source, &parameters(&["wand", "tello"]), length);
+        read(&mut source, parameters(&["wand", "tello"]).chunks(length));
         assert_eq!(sent(&mut source), [STREAM]);
         let bytes = [frame(7, &[at(9000.0), at(1000.0)]), frame(8, &[at(9000.0), None])].concat();
-        let (frames, counters) = read(&mut source, &bytes, length);
+        let (frames, counters) = read(&mut source, bytes.chunks(length));
         let [seen, lost] = *frames else { panic!("{frames:?}") };
         assert_eq!((seen.number, seen.rate_hz), (7, 100.0));
         let gap = seen.pose.unwrap() - Pose::new(1.0, -2.0, 1.5, 0.5);
@@ -155,17 +145,17 @@ fn other_servers_and_refusals_have_a_reason() {
 fn changed_settings_are_asked_for() {
     let mut source = source("tello", None);
     let bytes = [greeting(), parameters(&["wand"]), frame(1, &[at(1.0)])].concat();
-    let (frames, _) = read(&mut source, &bytes, 4096);
+    let (frames, _) = read(&mut source, bytes.chunks(4096));
     assert!(frames[0].pose.is_none());
     sent(&mut source);
-    let (frames, _) = read(&mut source, &frame(2, &[at(1.0), at(2.0)]), 4096);
+    let (frames, _) = read(&mut source, frame(2, &[at(1.0), at(2.0)]).chunks(4096));
     assert!(frames[0].pose.is_none(), "which is which is not known");
     source.beat();
     assert_eq!(sent(&mut source), [GET_PARAMETERS]);
-    read(&mut source, &parameters(&["wand", "tello"]), 4096);
-    let (frames, _) = read(&mut source, &frame(3, &[at(1.0), at(2.0)]), 4096);
+    read(&mut source, parameters(&["wand", "tello"]).chunks(4096));
+    let (frames, _) = read(&mut source, frame(3, &[at(1.0), at(2.0)]).chunks(4096));
     assert!(frames[0].pose.is_some());
-    read(&mut source, &packet(|to| encode::event(11, to)), 4096);
+    read(&mut source, packet(|to| encode::event(11, to)).chunks(4096));
     source.beat();
     assert!(sent(&mut source).contains(&GET_PARAMETERS.to_owned()));
 }

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::mocap::axes::{Axes, Unit};
 use crate::mocap::protocol::Picked;
-use crate::mocap::source::{Frame, Source};
+use crate::mocap::source::{Source, read};
 
 fn source(object: &str) -> Picked {
     let axes = Axes::new(None, Unit::Metre).unwrap();
@@ -39,16 +39,6 @@ pub(super) fn pose(time_s: f64, sender: i32, sensor: i32) -> Vec<u8> {
     message(time_s, sender, 5, &body)
 }
 
-/// What a source makes of the bytes, in pieces of `length`: its frames, and the counters.
-fn read(source: &mut Picked, bytes: &[u8], length: usize) -> (Vec<Frame>, MocapCounters) {
-    let counters = MocapCounters::default();
-    let mut frames = Vec::new();
-    for piece in bytes.chunks(length) {
-        source.push(piece, &counters, &mut |frame| frames.push(frame)).unwrap();
-    }
-    (frames, counters)
-}
-
 #[test]
 fn poses_of_the_tracker_are_frames_numbered_by_time() {
     for length in [1, 7, 64, 4096] {
@@ -62,7 +52,7 @@ fn poses_of_the_tracker_are_frames_numbered_by_time() {
         assert_eq!(cookie.len(), 24, "once");
         let bytes = [begin(), pose(2.0, 3, 0), pose(2.0, 4, 0), pose(2.03, 4, 0), pose(2.04, 4, 1)]
             .concat();
-        let (frames, counters) = read(&mut source, &bytes, length);
+        let (frames, counters) = read(&mut source, bytes.chunks(length));
         let numbers: Vec<_> = frames.iter().map(|frame| (frame.number, frame.rate_hz)).collect();
         assert_eq!(numbers, [(200, 100.0), (203, 100.0)]);
         let gap = frames[0].pose.unwrap() - Pose::new(1.0, -2.0, 1.5, 0.5);
@@ -76,7 +66,7 @@ fn another_sensor_has_its_number_in_the_name() {
     let bytes = [begin(), pose(2.0, 4, 0), pose(2.0, 4, 1)].concat();
     for (object, count) in [("tello", 1), ("tello#1", 1), ("tello#2", 0), ("tell", 0), ("wand", 0)]
     {
-        assert_eq!(read(&mut source(object), &bytes, 4096).0.len(), count, "{object}");
+        assert_eq!(read(&mut source(object), bytes.chunks(4096)).0.len(), count, "{object}");
     }
 }
 
@@ -90,7 +80,7 @@ fn numbers_that_are_no_pose_are_refused() {
         message(1.0, 4, 5, &[0; 63]),
         pose(1.0, 9, 0),
     ] {
-        let (frames, counters) = read(&mut source("tello"), &[begin(), bad].concat(), 4096);
+        let (frames, counters) = read(&mut source("tello"), [begin(), bad].concat().chunks(4096));
         assert_eq!((frames.len(), counters.malformed.get()), (0, 1));
     }
 }
@@ -147,7 +137,7 @@ proptest! {
     ) {
         let quaternion = [0.0, 0.0, (angle / 2.0).sin(), (angle / 2.0).cos()];
         let bytes = [begin(), message(time_s, 4, 5, &encode::pose(0, pos, quaternion))].concat();
-        let (frames, _) = read(&mut source("tello"), &bytes, 4096);
+        let (frames, _) = read(&mut source("tello"), bytes.chunks(4096));
         let gap = frames[0].pose.unwrap() - Pose::new(pos[0], pos[1], pos[2], angle);
         prop_assert!(amax(&gap) < 1e-12, "{gap}");
     }

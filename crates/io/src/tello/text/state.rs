@@ -4,7 +4,7 @@
 
 use std::fmt::{self, Display};
 
-use tello_flight::drone::from_tenths;
+use crate::tello::protocol::from_tenths;
 
 /// A larger heading is none. degrees
 const YAW_MAX_DEG: f64 = 360.0;
@@ -166,7 +166,7 @@ impl Display for StateLine {
     }
 }
 
-/// The nearest whole number that a log keeps in 16 bits.
+/// The nearest whole number of the drone's steps, as wide as in the binary protocol; larger ones saturate.
 fn whole(value: f64) -> i16 {
     #[expect(clippy::cast_possible_truncation, reason = "a cast saturates")]
     let whole = value.round() as i16;
