@@ -52,8 +52,8 @@ struct Seen {
     late_estimates: usize,
     late_plans: usize,
     /// Ticks in which the estimator failed, and those of them in which it was started anew.
-    failures: usize,
-    restarts: usize,
+    failures: u64,
+    restarts: u64,
     is_landed: bool,
 }
 
@@ -68,7 +68,7 @@ struct Case {
     /// Whether every third tick has no time left from some poll of its solvers on.
     is_late: bool,
     /// When the estimator fails.
-    breaks_in: Option<Range<usize>>,
+    breaks_in: Option<Range<u64>>,
 }
 
 impl Case {
@@ -113,7 +113,7 @@ impl Case {
     fn whose_estimator_fails(mut self, uses_measurement_time: bool) -> Self {
         self.flight.cycle.uses_measurement_time = uses_measurement_time;
         let from = 250;
-        let ticks = self.flight.cycle.supervisor.solver_failures_max as usize;
+        let ticks = u64::from(self.flight.cycle.supervisor.solver_failures_max);
         Self { breaks_in: Some(from..from + ticks), ..self }
     }
 
@@ -179,7 +179,7 @@ fn assert_happened(case: &Case, seen: &Seen) {
     for late in [seen.late_estimates, seen.late_plans] {
         assert!((least..=most).contains(&late), "{name}: {seen:?}");
     }
-    let failures = case.breaks_in.as_ref().map_or(0, Range::len);
+    let failures = case.breaks_in.as_ref().map_or(0, |ticks| ticks.end - ticks.start);
     // A pose that the failing model moves on to the tick is none: the estimator starts anew with the next one.
     let is_moved_on = case.flight.cycle.uses_measurement_time;
     let restarts = if is_moved_on { failures / 2 } else { failures };
@@ -197,7 +197,7 @@ fn cycle(case: &Case) -> Box<dyn Tick> {
 }
 
 /// Breaks the estimator of this thread in the ticks of `case` in which it fails.
-fn set_broken(case: &Case, step: usize) {
+fn set_broken(case: &Case, step: u64) {
     let is_broken = case.breaks_in.as_ref().is_some_and(|ticks| ticks.contains(&step));
     BROKEN.set(if is_broken { Broken::Estimator } else { Broken::Nothing });
 }
@@ -217,7 +217,7 @@ fn record(case: &Case) -> Vec<Inbox> {
         // At the first poll both solvers are late, later the controller alone, in the end none.
         let late_at_poll = u32::try_from(step / 3 % 6).ok().filter(|_| step % 3 == 0);
         virtual_flight.set_late_at_poll(late_at_poll.filter(|_| case.is_late));
-        set_broken(case, step);
+        set_broken(case, step as u64);
         virtual_flight.tick().unwrap();
         let inbox = virtual_flight.inbox();
         // While the loop stands still there is none.
@@ -235,7 +235,7 @@ fn count_heap_calls(case: &Case) -> Seen {
     let mut out = cycle.new_outcome();
     let mut seen = Seen::default();
     for inbox in &inboxes {
-        set_broken(case, inbox.step as usize);
+        set_broken(case, inbox.step);
         let mut watch = Unwatched::as_recorded(inbox);
         let region = Region::new(GLOBAL);
         cycle.tick(inbox, &mut watch, &mut out);
@@ -276,8 +276,8 @@ impl Seen {
         self.late_estimates += usize::from(is_late(&out.estimator));
         self.late_plans += usize::from(is_late(&out.controller));
         let has_failed = out.ruling.is_some_and(|one| one.faults.contains(Fault::EstimatorFailed));
-        self.failures += usize::from(has_failed);
-        self.restarts += usize::from(has_failed && is_started);
+        self.failures += u64::from(has_failed);
+        self.restarts += u64::from(has_failed && is_started);
         clarabel_count as usize
     }
 }
