@@ -3,6 +3,10 @@
 //!
 //! The table "What is tested" of `docs/safety.md` names these files.
 
+#[path = "faults/blocked.rs"]
+mod blocked;
+#[path = "faults/breaking.rs"]
+mod breaking;
 #[path = "faults/drone.rs"]
 mod drone;
 #[path = "faults/fence.rs"]

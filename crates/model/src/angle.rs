@@ -57,8 +57,15 @@ mod tests {
             assert!((-PI..PI).contains(&wrapped), "wrap({angle}) = {wrapped}");
             assert!(((wrapped - angle) / TAU).round().mul_add(-TAU, wrapped - angle).abs() < 1e-9);
         }
-        assert!((-PI..PI).contains(&wrap(-PI - 1e-17)));
         assert!(wrap(f64::NAN).is_nan());
+    }
+
+    #[test]
+    fn wrap_turns_the_angle_just_below_the_interval_to_its_begin() {
+        // Its remainder is rounded up to a whole turn, which would give pi: outside of the interval.
+        let below = (-PI).next_down();
+        assert_eq!((below + PI).rem_euclid(TAU).to_bits(), TAU.to_bits());
+        assert_eq!(wrap(below).to_bits(), (-PI).to_bits(), "{}", wrap(below));
     }
 
     #[test]

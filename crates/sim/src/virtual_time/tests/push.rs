@@ -2,7 +2,7 @@
 
 use horizon_model::check::amax;
 use horizon_model::rows::{Sticks, pose};
-use tello_flight::{Phase, Start};
+use tello_flight::{Fault as Found, Phase, Start};
 use tello_io::config;
 
 use super::super::VirtualFlight;
@@ -25,8 +25,9 @@ const DT_S: f64 = 0.02;
 /// When the fault begins. s
 const HELD_FROM_S: f64 = 4.0;
 
-/// The ticks of the square from the air, with `fault` from its fifth second on, until the program ends the flight.
-fn flown(fault: Fault, seed: u64, is_rigid_body: bool) -> Vec<Flown> {
+/// The ticks of the square from the air, with `fault` from its fifth second on, until the program ends the flight, and
+/// the faults by which it does.
+fn flown(fault: Fault, seed: u64, is_rigid_body: bool) -> (Vec<Flown>, Vec<Found>) {
     let (fly, mission) = config::fly(None, None).unwrap();
     let flight = config::flight(&fly, mission, Start::Airborne);
     let mut sim = crate::settings(None).unwrap();
@@ -38,7 +39,7 @@ fn flown(fault: Fault, seed: u64, is_rigid_body: bool) -> Vec<Flown> {
         let height_m = flight.true_pose()[pose::Z];
         let out = flight.tick().unwrap();
         if out.phase() != Phase::Flying {
-            return ticks;
+            return (ticks, out.ruling.unwrap().faults.iter().collect());
         }
         let is_outage = out.link.is_some_and(|link| link.state.is_down());
         ticks.push(Flown { height_m, u_sent: out.u_sent, is_outage });
@@ -50,7 +51,7 @@ fn flown(fault: Fault, seed: u64, is_rigid_body: bool) -> Vec<Flown> {
 fn a_push_leaves_the_height_as_it_is() {
     let push = Fault::DronePushed { velocity_mps: [0.56, 0.56, 0.0] };
     for (seed, is_rigid_body) in [(1, false), (2, false), (3, false), (3, true)] {
-        let ticks = flown(push, seed, is_rigid_body);
+        let (ticks, _) = flown(push, seed, is_rigid_body);
         let off_m = |tick: &Flown| (tick.height_m - HEIGHT_M).abs();
         // From 2 s on the climb of the start is over.
         let off_m = ticks.iter().skip(100).map(off_m).fold(0.0, f64::max);
@@ -61,7 +62,8 @@ fn a_push_leaves_the_height_as_it_is() {
 #[test]
 fn a_drone_that_is_held_is_pressed_by_small_sticks_only() {
     for seed in 1..=3 {
-        let ticks = flown(Fault::DroneHeld { sway_m: 0.0 }, seed, false);
+        let (ticks, faults) = flown(Fault::DroneHeld { sway_m: 0.0 }, seed, false);
+        assert_eq!(faults, [Found::MocapLost, Found::MocapFrozen], "seed {seed}");
         let in_outage: Vec<f64> =
             ticks.iter().filter(|tick| tick.is_outage).map(|tick| amax(&tick.u_sent)).collect();
         assert!(in_outage.len() > 100, "seed {seed}: {} ticks", in_outage.len());
@@ -73,14 +75,20 @@ fn a_drone_that_is_held_is_pressed_by_small_sticks_only() {
 #[test]
 fn a_drone_in_a_hand_that_sways_is_landed() {
     // A hand that hardly sways looks like an outage (20 s, small sticks), another one like outages that end: immobile.
-    for (sway_m, latest_s) in [(0.003, 22.0), (0.01, 22.0), (0.03, 16.0), (0.05, 16.0)] {
+    for (sway_m, expected, latest_s) in [
+        (0.003, Found::OutageLong, 22.0),
+        (0.01, Found::OutageLong, 22.0),
+        (0.03, Found::Immobile, 16.0),
+        (0.05, Found::Immobile, 16.0),
+    ] {
         for (seed, is_rigid_body) in [(1, false), (2, true), (3, false)] {
-            let ticks = flown(Fault::DroneHeld { sway_m }, seed, is_rigid_body);
+            let (ticks, faults) = flown(Fault::DroneHeld { sway_m }, seed, is_rigid_body);
             let held_s = ticks.len() as f64 * DT_S - HELD_FROM_S;
             let large = ticks.iter().filter(|tick| amax(&tick.u_sent) > 0.41);
             let large_s = large.count() as f64 * DT_S;
             let case =
                 format!("sway {sway_m} m, seed {seed}: {held_s} s, {large_s} s of large sticks");
+            assert_eq!(faults, [expected], "{case}");
             assert!(held_s < latest_s && large_s < 9.0, "{case}");
         }
     }

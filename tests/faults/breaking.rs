@@ -1,0 +1,81 @@
+//! A vehicle model that fails on demand: its steps are NaN, for the estimator or for the controller.
+
+use std::cell::Cell;
+
+use horizon_model::rows::{Pose, Sticks, lag, motion, pose, stick};
+use horizon_model::{Lagged, Model, Row};
+use nalgebra::SVector;
+use tello_flight::cycle::{self, FlightTable, Tick};
+
+type State = SVector<f64, { motion::COUNT }>;
+type Parameter = SVector<f64, { lag::COUNT }>;
+
+/// Which model gives NaN now.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Broken {
+    Nothing,
+    /// The model of the controller: it plans on [`Model::core`].
+    Controller,
+    /// That of the estimator.
+    Estimator,
+}
+
+thread_local! {
+    /// What fails in this thread.
+    pub(crate) static BROKEN: Cell<Broken> = const { Cell::new(Broken::Nothing) };
+}
+
+/// [`Lagged`], whose steps are NaN while it is broken.
+#[derive(Debug, Clone, Copy)]
+struct Breaking {
+    model: Lagged,
+    breaks_with: Broken,
+}
+
+impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }> for Breaking {
+    const STATE: [Row; motion::COUNT] = Lagged::STATE;
+    const INPUT: [Row; stick::COUNT] = Lagged::INPUT;
+    const OBSERVATION: [Row; pose::COUNT] = Lagged::OBSERVATION;
+    const PARAMETER: [Row; lag::COUNT] = Lagged::PARAMETER;
+    const CONTROLLABLE: usize = Lagged::CONTROLLABLE;
+
+    fn step(&self, s: &State, u: &Sticks, p: &Parameter, dt_s: f64) -> State {
+        let is_broken = BROKEN.get() == self.breaks_with;
+        if is_broken { State::repeat(f64::NAN) } else { self.model.step(s, u, p, dt_s) }
+    }
+
+    fn observe(&self, s: &State) -> Pose {
+        self.model.observe(s)
+    }
+
+    fn at_rest(&self, o: &Pose) -> State {
+        self.model.at_rest(o)
+    }
+
+    fn moving(&self, o: &Pose, rate: &Pose, s: &State) -> State {
+        self.model.moving(o, rate, s)
+    }
+
+    fn coasting(&self, s: &State, p: &Parameter) -> Pose {
+        self.model.coasting(s, p)
+    }
+
+    fn core(&self) -> Self {
+        Self { model: self.model.core(), breaks_with: Broken::Controller }
+    }
+
+    fn effect(&self, u: &Sticks, p: &Parameter) -> Sticks {
+        self.model.effect(u, p)
+    }
+
+    fn input_for(&self, effect: &Sticks, p: &Parameter) -> Sticks {
+        self.model.input_for(effect, p)
+    }
+}
+
+/// The cycle of `flight` with this model in place of [`Lagged`].
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
+pub(crate) fn cycle(flight: &FlightTable) -> Box<dyn Tick> {
+    let model = Breaking { model: Lagged::default(), breaks_with: Broken::Estimator };
+    cycle::build_with::<_, _, _, { motion::CONTROLLABLE }>(model, flight).unwrap()
+}
