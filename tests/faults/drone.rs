@@ -92,6 +92,7 @@ fn a_take_off_that_the_drone_refuses_ends_on_the_ground_without_a_stick() {
     let mut settings = settings(&[]);
     // The drone refuses below a tenth of its charge, and does not say why.
     settings.1.battery_pct = 9.0;
+    settings.1.drone.warns_below_pct = 0;
     settings.0.cycle.supervisor.battery_low_pct = 5;
     settings.0.cycle.supervisor.battery_critical_pct = 5;
     let story = fly_alone(&settings, 20.0);
