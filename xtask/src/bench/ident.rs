@@ -219,3 +219,25 @@ fn read(seconds: f64, output: &Value, steps: u64) -> Result<Run> {
 fn number(output: &Value, key: &str) -> Result<u64> {
     output[key].as_u64().with_context(|| format!("a program that names no {key}"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_medians_are_compared_and_the_best_cost_counts() {
+        let run = |seconds, cost| Run { seconds, steps: 10, iterations: 3, cost };
+        let ours = vec![run(2.0, 1.0), run(1.0, 1.0), run(9.0, 1.0)];
+        let theirs = vec![run(30.0, 1.5), run(10.0, 1.5), run(20.0, 1.5)];
+        let text = rows("p", &[("ours", None, &ours), ("Ceres", Some(0.1), &theirs)]).unwrap();
+        let expected = [
+            "| p | ours | 2.0000 | 1.0000 |  |  | 3 | 1.000000 | 0.0e0 |",
+            "|  | Ceres | 20.0000 | 10.0000 | 0.1000 | 0.1 met | 3 | 1.500000 | 5.0e-1 |",
+        ];
+        assert_eq!(text.lines().collect::<Vec<_>>(), expected);
+        let missed = rows("p", &[("ours", None, &ours), ("Ceres", Some(0.09), &theirs)]).unwrap();
+        assert!(missed.contains("0.09 **missed**"), "{missed}");
+        let alone = rows("p", &[("ours", None, &ours), ("Ceres", Some(0.1), &Vec::new())]).unwrap();
+        assert_eq!(alone.lines().count(), 1, "a peer that is not there has no line");
+    }
+}

@@ -264,3 +264,39 @@ pub(super) fn write_row(text: &mut String, row: &SVector<f64, 4>) -> Result<()> 
     writeln!(text)?;
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::Model;
+
+    use super::super::square::Noise;
+    use super::*;
+
+    /// A flight with noise, in whose heading one observation is wrong.
+    fn flown(count: usize) -> (Pose, Vec<Step>) {
+        let (first, mut noise) = (Pose::new(1.0, -2.0, 1.3, 0.5), Noise::new(3));
+        let (mut s, p) = (first, SVector::from([1.2, 0.5, 0.9, 0.1]));
+        let steps = (0..count).map(|k| {
+            let t = 0.1 * k as f64;
+            let u = Sticks::new(t.sin(), (1.3 * t).cos(), (0.7 * t).sin(), 0.3);
+            s = Kinematic.step(&s, &u, &p, DT_S);
+            let mut o = s + noise.vector(&[2e-3, 2e-3, 2e-3, 5e-3]);
+            o[3] += if k == 40 { 3.0 } else { 0.0 };
+            (u, Observed::full(o))
+        });
+        (first, steps.collect())
+    }
+
+    #[test]
+    fn warm_solves_of_the_estimator_reach_the_least_cost_of_the_same_window() {
+        let flight = flown(70);
+        let windows = windows(&flight, 30).unwrap();
+        let solves = follow(&flight, 30).unwrap();
+        assert_eq!((windows.len(), solves.len()), (41, 41));
+        for (window, solve) in windows.iter().zip(&solves) {
+            let least = least_cost(window).unwrap();
+            let gap = solve.cost / least - 1.0;
+            assert!((-1e-9..1e-3).contains(&gap), "{} instead of {least}", solve.cost);
+        }
+    }
+}

@@ -310,3 +310,39 @@ fn judge(case: &Case, u: &[Sticks]) -> (f64, f64) {
     }
     (cost, kkt)
 }
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// The same problems with targets ten times as far away.
+    pub(crate) fn far(cases: &[Case]) -> Vec<Case> {
+        let far = |case: &Case| Case { s_ref: case.s_0 + 10.0 * (case.s_ref - case.s_0), ..*case };
+        cases.iter().map(far).collect()
+    }
+
+    #[test]
+    fn solves_along_the_square_are_optimal_by_a_judge_that_knows_no_controller() {
+        let horizon_steps = 50;
+        let mut cases = square::record(horizon_steps, 60).unwrap();
+        // No plan to a target that is near reaches a bound: so do some of these.
+        cases.extend(far(&cases));
+        let mut mpc = controller(horizon_steps, InputCost::Absolute, TIGHT).unwrap();
+        let mut bounded = 0;
+        for case in &cases {
+            mpc.shift();
+            let report = solve(&mut mpc, case, &vec![case.s_ref; horizon_steps]).unwrap();
+            let (cost, kkt) = judge(case, mpc.plan());
+            assert!((cost - report.cost).abs() < 1e-9 * cost, "{cost}, {}", report.cost);
+            assert!(kkt < 1e-6, "{kkt}");
+            let is_bound = |u: &Sticks| (0..4).any(|row| (u[row].abs() - U_MAX[row]).abs() < 1e-12);
+            bounded += usize::from(mpc.plan().iter().any(is_bound));
+            // Less of an input costs more, and the judge sees that the gradient is not zero.
+            let mut other = mpc.plan().to_vec();
+            other[3] *= 0.9;
+            let (other_cost, other_kkt) = judge(case, &other);
+            assert!(other_cost > cost && other_kkt > 1e-3, "{other_cost}, {other_kkt}");
+        }
+        assert!(bounded > 10, "{bounded} plans with a bound");
+    }
+}

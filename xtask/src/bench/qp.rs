@@ -215,6 +215,11 @@ fn state_weight(k: usize, steps: usize) -> SVector<f64, 4> {
 
 /// Solves all of them in their order, each from the active set of the one before, moved on by a step.
 fn solve_all(subproblems: &[Subproblem]) -> Result<Vec<Solve>> {
+    solve_each(subproblems, |_| ())
+}
+
+/// The same; `see` gets the step that solves each.
+fn solve_each(subproblems: &[Subproblem], mut see: impl FnMut(&[Sticks])) -> Result<Vec<Solve>> {
     let steps = subproblems.first().map_or(0, |subproblem| subproblem.u.len());
     let mut diagonal = Horizon::zeros(steps);
     diagonal.u.fill(squared(C_U));
@@ -235,6 +240,62 @@ fn solve_all(subproblems: &[Subproblem]) -> Result<Vec<Solve>> {
         let us = clock.now().since(start).seconds() * 1e6;
         let (iterations, cost) = (solved.iterations, subproblem.cost_after(&du));
         solves.push(Solve { us, iterations, cost, kkt: f64::NAN });
+        see(&du);
     }
     Ok(solves)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::mpc::tests::far;
+    use super::*;
+
+    /// Largest change of an input by a step against the gradient, central differences of the cost, within the bounds.
+    fn projected_gradient(subproblem: &Subproblem, du: &[Sticks]) -> f64 {
+        let (max, step) = (Sticks::from(U_MAX), 1e-5);
+        let mut largest = 0.0_f64;
+        for (k, u) in subproblem.u.iter().enumerate() {
+            for row in 0..U_MAX.len() {
+                let cost = |by: f64| {
+                    let mut du = du.to_vec();
+                    du[k][row] += by;
+                    subproblem.cost_after(&du)
+                };
+                let derivative = (cost(step) - cost(-step)) / (2.0 * step);
+                let at = u[row] + du[k][row];
+                largest = largest.max((at - (at - derivative).clamp(-max[row], max[row])).abs());
+            }
+        }
+        largest
+    }
+
+    #[test]
+    fn subproblems_are_solved_with_walls_and_without() {
+        let horizon_steps = 50;
+        let mut cases = square::record(horizon_steps, 120).unwrap();
+        cases.extend(far(&cases));
+        let mut subproblems = Vec::new();
+        let see = |case: &Case, plan| subproblems.push(Subproblem::new(case, plan));
+        iterate(&cases, horizon_steps, see).unwrap();
+        for with_walls in [false, true] {
+            if with_walls {
+                subproblems.iter_mut().for_each(Subproblem::add_walls);
+            }
+            let (mut beyond, mut bounded) = (0, 0);
+            let mut steps = Vec::new();
+            let solves = solve_each(&subproblems, |du| steps.push(du.to_vec())).unwrap();
+            for ((subproblem, solve), du) in subproblems.iter().zip(&solves).zip(&steps) {
+                assert!(solve.cost <= subproblem.cost + 1e-12, "{}", solve.cost);
+                let gradient = projected_gradient(subproblem, du);
+                assert!(gradient < 1e-5, "walls {with_walls}: {gradient}");
+                beyond += usize::from(subproblem.penalties.iter().any(|one| one.excess > 0.0));
+                let at = |k: usize| subproblem.u[k] + du[k];
+                let is_bound =
+                    |u: Sticks| (0..4).any(|row| (u[row].abs() - U_MAX[row]).abs() < 1e-9);
+                bounded += usize::from((0..horizon_steps).any(|k| is_bound(at(k))));
+            }
+            assert_eq!(beyond > 10, with_walls, "{beyond} plans beyond a wall");
+            assert!(bounded > 10, "{bounded} of {} with a bound", subproblems.len());
+        }
+    }
 }

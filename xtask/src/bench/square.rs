@@ -91,3 +91,35 @@ pub(super) fn record(horizon_steps: usize, count: usize) -> Result<Vec<Case>> {
     }
     Ok(cases)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_square_is_flown_round_with_targets_that_are_near() {
+        let cases = record(13, 1000).unwrap();
+        for corner in CORNERS {
+            let nearest = cases
+                .iter()
+                .map(|case| (case.s_0[0] - corner[0]).hypot(case.s_0[1] - corner[1]))
+                .fold(f64::INFINITY, f64::min);
+            assert!(nearest < REACH, "{nearest} m from {corner:?}");
+        }
+        for case in &cases {
+            let away = (case.s_ref - case.s_0).fixed_rows::<3>(0).norm();
+            assert!(away < CLIP + 1e-9, "{away} m");
+        }
+        let again = record(13, 20).unwrap();
+        assert!(again.iter().zip(&cases).all(|(one, other)| one.s_0 == other.s_0));
+    }
+
+    #[test]
+    fn the_noise_has_its_standard_deviation() {
+        let mut noise = Noise::new(SEED);
+        let drawn: Vec<f64> = (0..20_000).map(|_| noise.vector(&[0.5])[0]).collect();
+        let mean = drawn.iter().sum::<f64>() / drawn.len() as f64;
+        let variance = drawn.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / drawn.len() as f64;
+        assert!(mean.abs() < 0.015 && (variance.sqrt() - 0.5).abs() < 0.01, "{mean}, {variance}");
+    }
+}
