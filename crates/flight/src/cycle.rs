@@ -189,7 +189,9 @@ where
             None if self.is_carried => Sticks::zeros(),
             None => approved.sticks(),
         };
-        if self.memory.is_on_mission && self.link_is_up() {
+        if pilot == Some(Pilot::Person) {
+            self.immobility.restart();
+        } else if self.memory.is_on_mission && self.link_is_up() {
             self.immobility.press(&u_sent, self.dt_s);
         }
         self.fifo.push(&u_sent);

@@ -6,11 +6,11 @@
 //! three translations `u_w`, world frame (`docs/model.md`, section 6):
 //!
 //! ```text
-//! q <- 0, x_0 <- x                  once |x - x_0| > 0.4 m, and in the first tick
+//! q <- 0, x_0 <- x                  once |x - x_0| > 0.4 m, in the first tick, and while a person steers
 //! q <- exp(-dt / T) q + dt u_w      in each period in which the controller flies the mission and the link is up
 //! ```
 //!
-//! In all other periods (an outage, a hold, manual control) nothing is added to q and nothing is forgotten.
+//! In all other periods (an outage, a hold) nothing is added to q and nothing is forgotten.
 
 use horizon_model::rows::{Pose, Sticks, pos_w, pose, stick};
 use nalgebra::Vector3;
@@ -21,6 +21,10 @@ use crate::commanded::inputs_w;
 const MOVED_M: f64 = 0.4;
 /// T, the forgetting time of the inputs: a steady input of 0.5, as wind asks for in a hover, adds up to 2 s at most. s
 const FORGETTING_S: f64 = 4.0;
+
+/// Weight of throttle beside roll and pitch, in `u_w`: the link monitor does not judge the height, so that an outage in a
+/// climb looks like a vehicle that is held. Full throttle alone adds up to 2.4 s in 10 s. 1
+const THROTTLE: f64 = 0.65;
 
 /// Inputs that moved nothing.
 #[derive(Debug, Clone, Default)]
@@ -52,8 +56,13 @@ impl Immobility {
     pub(super) fn press(&mut self, u_sent: &Sticks, dt_s: f64) {
         // The direction of flight is psi = theta + theta_0. theta_0 hardly changes within T: it turns q about z and leaves
         // |q|, all that is judged.
-        let u_w = inputs_w(u_sent, self.theta).push(u_sent[stick::THROTTLE]);
+        let u_w = inputs_w(u_sent, self.theta).push(THROTTLE * u_sent[stick::THROTTLE]);
         self.pressed_w_s = (-dt_s / FORGETTING_S).exp() * self.pressed_w_s + dt_s * u_w;
+    }
+
+    /// Forgets all inputs: a person steers.
+    pub(super) fn restart(&mut self) {
+        self.begun_at_w = None;
     }
 
     /// |q|; beyond `failsafe.pressed_s` the vehicle counts as immobile. s of full deflection
@@ -88,16 +97,29 @@ mod tests {
     #[test]
     fn steady_inputs_add_up_while_the_vehicle_sways() {
         let sway = |t_s: f64| Pose::new(0.15 * (5.0 * t_s).sin(), 1.0, -2.0, 0.3);
-        for row in [stick::ROLL, stick::PITCH, stick::THROTTLE] {
+        for (row, weight) in [(stick::ROLL, 1.0), (stick::PITCH, 1.0), (stick::THROTTLE, 0.65)] {
             for u in [-1.0, 0.4] {
                 let found_s = pressed_s(150, |_| along(row, u), sway);
                 // 4 (1 - exp(-3 / 4)) = 2.11.
-                assert!((found_s - 2.11 * u.abs()).abs() < 0.01, "{row} {u}: {found_s} s");
+                let expected_s = 2.11 * weight * u.abs();
+                assert!((found_s - expected_s).abs() < 0.01, "{row} {u}: {found_s} s");
             }
         }
         assert!(pressed_s(150, |_| along(stick::YAW, 1.0), sway).abs() < 1e-12);
         let long_s = pressed_s(3000, |_| along(stick::PITCH, 0.5), sway);
         assert!((long_s - 2.0).abs() < 0.01, "{long_s} s");
+    }
+
+    #[test]
+    fn what_was_before_a_person_steered_does_not_count() {
+        let mut immobility = Immobility::default();
+        for _ in 0..100 {
+            immobility.see(&Pose::zeros());
+            immobility.press(&along(stick::PITCH, 1.0), DT_S);
+        }
+        immobility.restart();
+        immobility.see(&Pose::zeros());
+        assert!(immobility.pressed_s().abs() < 1e-12);
     }
 
     #[test]
