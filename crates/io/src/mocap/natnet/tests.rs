@@ -6,7 +6,7 @@ use super::packet::RigidBody;
 use super::*;
 use crate::mocap::axes::{Axes, Unit};
 use crate::mocap::protocol::Picked;
-use crate::mocap::source::{Source, read};
+use crate::mocap::source::{Frame, Source, read};
 use crate::mocap::{matrix_of_angles, quaternion_of_matrix};
 
 pub(super) const VERSIONS: [(u8, u8); 5] = [(3, 0), (3, 1), (4, 0), (4, 1), (4, 2)];
