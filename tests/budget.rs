@@ -136,7 +136,7 @@ fn a_tick_calls_the_heap_only_inside_clarabel() {
     let thesis = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/thesis/as_flown.json");
     let failing = |name| Case::new(name, None, Profile::Clean, 3);
     let thesis = Case::new("thesis", Some(&thesis), Profile::GoodDay, 3);
-    for (case, planned_min) in [
+    for (case, planned_min) in vec![
         (Case::new("bad day", None, Profile::BadDay, 1), 500),
         (Case::new("outages", None, Profile::Outages, 9), 500),
         (Case::new("pole", None, Profile::GoodDay, 3).beside_a_pole(), 500),

@@ -85,6 +85,9 @@ while True:
         if message["reason"] != "compiler-message" or message["message"]["level"] != "error":
             continue
         for span in message["message"]["spans"]:
+            # In a macro of the standard library: where it is called.
+            while not os.path.exists(span["file_name"]) and span.get("expansion"):
+                span = {**span["expansion"]["span"], "is_primary": span["is_primary"]}
             before = "\n".join(open(span["file_name"]).read().split("\n")[: span["line_start"]])
             numbers = re.findall(r"/\*MUTANT(-?\d+)\*/", before)
             found |= {int(number) for number in numbers[-1:] if number != "-1"} if span["is_primary"] else set()

@@ -10,7 +10,7 @@ use crate::tello::{DroneStatus, Protocol};
 impl Session {
     /// Takes a datagram that came from the drone's command port at `now`; its status, if it is one. One that makes no sense
     /// is counted as malformed. What is to be answered waits in [`Session::drain`], unless a landing or an emergency stop
-    /// is under way: then nothing is answered.
+    /// goes on: then nothing is answered.
     pub fn receive(&mut self, datagram: &[u8], now: TimeNs) -> Option<DroneStatus> {
         let answered_from = self.outbox.len();
         let heard = self.talk.receive(datagram, now, &mut self.outbox);
