@@ -88,6 +88,7 @@ fn evidence(
         is_in_obstacle: flag(0) && flag(1) && flag(2),
         is_pose_repeated: flag(2),
         jump_m: (flag(1) && flag(2)).then_some(2.0),
+        shift_m: if flag(0) && flag(2) { 2.0 } else { 0.0 },
         is_pose_rough: flag(1) && flag(2) && flag(0),
         drop_m: None,
         is_pose_settled: !(flag(1) && flag(3)),
@@ -267,6 +268,7 @@ fn long_random_flights_break_no_invariant_and_visit_every_phase() {
             !matches!(e.operator, Operator::Land | Operator::EmergencyStop)
                 && e.skipped == 0
                 && e.jump_m.is_none()
+                && e.shift_m < 1.0
                 && e.pose.is_none_or(|at| at[pose::X] < 1.0 && at[pose::Z].is_finite())
                 && e.pose_age_s.is_some_and(|age_s| age_s < 1.0)
                 && e.drone.is_some_and(|drone| drone.age_s < 1.0 && drone.battery_pct > 30)

@@ -4,7 +4,8 @@
 //! further away than a vehicle flies. What follows from them is the supervisor's to say.
 
 use horizon_estim::Observed;
-use horizon_model::rows::{Pose, pose};
+use horizon_model::rows::{Pose, pos_w, pose};
+use nalgebra::Vector3;
 
 use crate::time::TimeNs;
 use crate::{Acceptance, Filtered};
@@ -42,8 +43,12 @@ pub(super) struct Plausibility {
     repeats: u32,
     /// The last pose that the filter let through, and when it was measured.
     accepted: Option<(Pose, TimeNs)>,
+    /// When its place was measured first: a stalled stream repeats it.
+    arrived_at: TimeNs,
     jump_m: Option<f64>,
     drop_m: Option<f64>,
+    /// Sum of what rough steps exceed a vehicle's speed by, world frame: steps there and back cancel. m
+    shift_w: Vector3<f64>,
     /// How many ticks ago the poses were rough, the newest first.
     rough_ago: [u32; SLOW.count],
 }
@@ -54,8 +59,10 @@ impl Default for Plausibility {
             raw: None,
             repeats: 0,
             accepted: None,
+            arrived_at: TimeNs(0),
             jump_m: None,
             drop_m: None,
+            shift_w: Vector3::zeros(),
             rough_ago: [u32::MAX; SLOW.count],
         }
     }
@@ -80,6 +87,11 @@ impl Plausibility {
         self.accepted = None;
     }
 
+    /// Forgets by how much the poses were shifted: the vehicle stands, and may be carried.
+    pub(super) fn stand(&mut self) {
+        self.shift_w = Vector3::zeros();
+    }
+
     /// Takes a raw pose, measured at `at`, and what the filter made of it.
     pub(super) fn judge(&mut self, raw: Option<&Pose>, filtered: &Filtered, at: TimeNs) {
         let Some(raw) = raw else { return };
@@ -91,7 +103,11 @@ impl Plausibility {
         let Some(now) = filtered.o.filter(|_| filtered.position == Acceptance::Accepted) else {
             return;
         };
+        if self.accepted.is_none() {
+            self.arrived_at = at;
+        }
         if let Some((before, before_at)) = self.accepted.replace((now, at)) {
+            self.add_shift(&(pos_w(&now) - pos_w(&before)), at);
             let flown_m = SPEED_MAX_MPS * at.since(before_at).seconds().max(0.0);
             let larger =
                 |so_far: Option<f64>, new: f64| so_far.map_or(new, |so_far| so_far.max(new));
@@ -109,6 +125,19 @@ impl Plausibility {
         }
     }
 
+    /// Takes the step between two accepted places, the newer one measured at `at`.
+    fn add_shift(&mut self, step_w: &Vector3<f64>, at: TimeNs) {
+        let length_m = step_w.norm();
+        if length_m > 0.0 {
+            let since_s = at.since(self.arrived_at).seconds().max(0.0);
+            let excess_m = length_m - SPEED_MAX_MPS * since_s;
+            if excess_m > ROUGH_M {
+                self.shift_w += step_w * (excess_m / length_m);
+            }
+            self.arrived_at = at;
+        }
+    }
+
     /// Whether the stream repeats itself.
     pub(super) fn is_repeated(&self) -> bool {
         self.repeats >= REPEATS_MIN
@@ -123,6 +152,11 @@ impl Plausibility {
     /// one. m
     pub(super) fn jump_m(&self) -> Option<f64> {
         self.jump_m
+    }
+
+    /// By how much rough steps have shifted the accepted poses since the take-off. m
+    pub(super) fn shift_m(&self) -> f64 {
+        self.shift_w.norm()
     }
 
     /// The same for the way down alone. m
@@ -275,6 +309,34 @@ mod tests {
             at(100),
         );
         assert_eq!((plausibility.jump_m(), plausibility.drop_m()), (None, None), "begun anew");
+    }
+
+    /// The shift after poses at these x, 20 ms apart.
+    fn shift_m(x_m: &[f64]) -> f64 {
+        let mut plausibility = Plausibility::default();
+        for (x_m, ms) in x_m.iter().zip((0..).step_by(20)) {
+            let o = HERE + Pose::new(*x_m, 0.0, 0.0, 0.0);
+            let seen = filtered(o, Acceptance::Accepted, Acceptance::Accepted);
+            plausibility.judge(Some(&o), &seen, at(ms));
+        }
+        plausibility.shift_m()
+    }
+
+    #[test]
+    fn rough_steps_one_way_add_up_and_those_there_and_back_cancel() {
+        for (x_m, expected_m) in [
+            (&[0.0, 0.13, 0.13][..], 0.0),
+            (&[0.0, 0.34, 0.36, 0.7], 0.6),
+            (&[0.0, 0.34, 0.34, 0.0], 0.04),
+            // Stalled for 0.2 s at 1.5 m/s.
+            (&[0.0, 0.03, 0.03, 0.03, 0.03, 0.03, 0.03, 0.03, 0.03, 0.03, 0.03, 0.33], 0.0),
+        ] {
+            let found_m = shift_m(x_m);
+            assert!((found_m - expected_m).abs() < 1e-9, "{x_m:?}: {found_m} m");
+        }
+        let mut carried = Plausibility { shift_w: Vector3::repeat(1.0), ..Plausibility::default() };
+        carried.stand();
+        assert!(carried.shift_m().abs() < 1e-12);
     }
 
     #[test]

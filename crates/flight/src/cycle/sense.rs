@@ -54,6 +54,9 @@ where
         let mut o = None;
         (self.memory.o_seen, self.memory.o_repeated) = (None, None);
         self.plausibility.open();
+        if self.supervisor.phase() == Phase::Idle {
+            self.plausibility.stand();
+        }
         // A late sighting is left out: it would lead the filter back to an earlier place.
         let timely = || inbox.sightings.iter().filter(|sighting| !is_late(sighting, inbox.now));
         // The filter is updated in a tick without a sighting, too: its limits grow.

@@ -55,6 +55,7 @@ where
             is_in_obstacle: pose.is_some_and(|at| self.planner.is_in_obstacle(&at)),
             is_pose_repeated: self.is_frozen(),
             jump_m: self.plausibility.jump_m(),
+            shift_m: self.plausibility.shift_m(),
             is_pose_rough: self.plausibility.is_rough(),
             drop_m: self.plausibility.drop_m(),
             is_pose_settled: self.start.is_settled(),

@@ -175,6 +175,9 @@ pub struct Evidence {
     /// How much further the pose of this tick is from the one before than a vehicle flies in the time
     /// between; `None` if no pose was accepted. m
     pub jump_m: Option<f64>,
+    /// By how much steps further than a vehicle flies have shifted the poses since the take-off, those there and back
+    /// cancelled. m
+    pub shift_m: f64,
     /// Whether poses have jumped several times within the last 50 or 200 ticks, by whatever more than 0.1 m.
     pub is_pose_rough: bool,
     /// How much deeper the pose of this tick is below the one before than a vehicle descends in the time

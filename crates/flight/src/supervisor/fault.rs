@@ -17,7 +17,8 @@ pub enum Fault {
     MocapLost,
     /// The stream goes on and the poses stand still while the vehicle flies.
     MocapFrozen,
-    /// A pose further than `jump_m` from any possible flight was accepted: another object, or new axes.
+    /// A pose further than `jump_m` from any possible flight was accepted, at once or in several steps: another object, or
+    /// new axes.
     MocapJumped,
     /// In 5 of the newest 50 ticks, or 7 of the newest 200, an accepted pose was further from the one before than a vehicle
     /// flies and 0.1 m: an object that is found in two places, or noise.

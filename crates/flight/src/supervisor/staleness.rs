@@ -18,6 +18,7 @@ impl Supervisor {
         let still_s = e.findings.frozen_s.filter(|_| self.is_steered()).or(climbs_still_s);
         let is_still = |limit_s| still_s.is_some_and(|still_s| exceeds(still_s, limit_s));
         let is_lost = pose_age_s.is_some_and(|age_s| exceeds(age_s, table.lost_s));
+        let has_jumped = e.jump_m.is_some_and(|jump_m| exceeds(jump_m, table.jump_m));
         let is_repeated = self.is_pose_stale(e) && e.is_pose_repeated;
         [
             (Fault::MocapStale, self.is_pose_stale(e)),
@@ -25,8 +26,7 @@ impl Supervisor {
             (Fault::MocapFrozen, is_repeated || is_still(table.stale_s)),
             (
                 Fault::MocapJumped,
-                self.is_in_the_air()
-                    && e.jump_m.is_some_and(|jump_m| exceeds(jump_m, table.jump_m)),
+                self.is_in_the_air() && (has_jumped || exceeds(e.shift_m, table.jump_m)),
             ),
             (Fault::MocapRough, self.is_in_the_air() && e.is_pose_rough),
             (Fault::MocapUnsettled, self.phase == Phase::Idle && !e.is_pose_settled),

@@ -65,12 +65,11 @@ impl NatnetProtocol {
         if !(3..=4).contains(&major) {
             return Err(SourceError::NatnetVersion { major, minor });
         }
-        let is_new = self.server.replace(server) != Some(server);
-        if is_new {
-            (self.has_names, self.knows_names) = (false, false);
-            self.names.clear();
-            self.ask();
-        }
+        // It comes after a silence only: a server that was started again may name its bodies otherwise.
+        self.server = Some(server);
+        (self.has_names, self.knows_names) = (false, false);
+        self.names.clear();
+        self.ask();
         Ok(())
     }
 

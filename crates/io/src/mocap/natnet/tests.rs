@@ -177,6 +177,22 @@ fn new_models_are_asked_for_and_another_version_too() {
 }
 
 #[test]
+fn a_server_that_was_started_again_is_asked_for_its_names_anew() {
+    let (of, mut source) = ((4, 1), source("tello"));
+    let bodies = [rigid(3, 9.0), rigid(7, 1.0)];
+    let names = models(of, &[(3, "wand"), (7, "tello")]);
+    read(&mut source, &[server(of), names, rate(100.0), frame(of, 1, &bodies)]);
+    asked(&mut source);
+    let (frames, _) = read(&mut source, &[server(of), frame(of, 1, &bodies)]);
+    assert!(frames.iter().all(|frame| frame.pose.is_none()), "of unknown bodies: {frames:?}");
+    assert!(asked(&mut source).contains(&id::REQUEST_MODELDEF));
+    let names = models(of, &[(3, "tello"), (7, "wand")]);
+    let (frames, _) = read(&mut source, &[names, frame(of, 2, &bodies)]);
+    let [frame] = *frames else { panic!("{frames:?}") };
+    assert!((frame.pose.unwrap() - Pose::new(9.0, -2.0, 1.5, 0.5)).amax() < 1e-6, "{frame:?}");
+}
+
+#[test]
 fn a_protocol_that_is_not_read_is_named() {
     for of in [(2, 10), (5, 0)] {
         let counters = MocapCounters::default();
