@@ -35,7 +35,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use anyhow::{Result, anyhow, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use rtrb::{Consumer, RingBuffer};
 use tello_eval::flight_log::TickRecord;
@@ -48,6 +48,7 @@ use tello_io::config::{self, FlyTable};
 use tello_io::log::Recorder;
 use tello_io::manual::{self, Inputs, KEYS_HELP, Person};
 use tello_io::tello::{DroneClient, TelloSettings};
+use tello_io::whole_file;
 use tello_sim::Profile;
 
 use self::control_loop::{ControlLoop, Orders};
@@ -182,6 +183,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     parameter_file::apply(arguments.params.as_deref(), &mut table.cycle)?;
     if let Some(path) = &arguments.vehicle {
         before_flight(path, &mut table.cycle, arguments.sim)?;
+        if !arguments.dry_run {
+            let hint = "after the flight --vehicle writes it; --params only reads one";
+            whole_file::probe(path).context(hint)?;
+        }
     }
     // A dry run may be carried through the room by hand: it plans from the first pose on.
     let start = if arguments.dry_run { Start::Carried } else { Start::Grounded };

@@ -86,8 +86,8 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
         (_, 0, _) => format!("no pose, nothing comes from {address}: is the mocap system live?"),
         _ => format!(
             "{messages} messages, {} of them of other objects, {} malformed: is the object's name \
-             ({object:?}) right, is the drone seen?",
-            report.other_object, report.malformed,
+             ({object:?}) right, is the drone seen, is its z above cycle.filter.floor_m = {} m?",
+            report.other_object, report.malformed, table.cycle.filter.floor_m,
         ),
     }
 }
