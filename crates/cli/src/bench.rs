@@ -10,7 +10,7 @@ mod guard;
 mod link;
 mod wire;
 
-use std::fs::{File, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -97,8 +97,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     {
         bail!("{} is a check of the binary protocol", check.name);
     }
-    // Before a motor runs: what a check has shown would be lost.
-    open(&arguments.report)?;
+    probe(&arguments.report)?;
     let console = Console::open(arguments.yes)?;
     for check in checks {
         // A drone of its own for each check, as if it had been switched off and on.
@@ -247,6 +246,16 @@ fn append(path: &Path, record: &Value) -> Result<()> {
     file.write_all(format!("{record}\n").as_bytes())
         .and_then(|()| file.sync_all())
         .with_context(|| format!("cannot append to {}", path.display()))
+}
+
+/// Tries to open the report before a motor runs: what a check has shown would be lost. Leaves no empty one behind.
+fn probe(path: &Path) -> Result<()> {
+    let is_there = path.exists();
+    open(path)?;
+    if !is_there {
+        fs::remove_file(path).with_context(|| format!("cannot remove {}", path.display()))?;
+    }
+    Ok(())
 }
 
 /// The report, made if it does not exist, to append to.
