@@ -2,9 +2,21 @@
 
 use tello_flight::cycle::Operator;
 use tello_flight::{Fault, Phase};
-use tello_sim::{Cause, Fault as SimFault};
+use tello_sim::{Cause, Fault as SimFault, SimTable};
 
 use super::story::{FAULT_AT_S, asks, fly, fly_alone, scripted, settings};
+
+/// A flight in the simulator that `change` makes, with these limits of the program's own, ends by a critical battery.
+fn assert_landed_by_charge([low_pct, critical_pct]: [u8; 2], change: impl FnOnce(&mut SimTable)) {
+    let mut settings = settings(&[]);
+    settings.0.cycle.supervisor.battery_low_pct = low_pct;
+    settings.0.cycle.supervisor.battery_critical_pct = critical_pct;
+    change(&mut settings.1);
+    let story = fly_alone(&settings, 60.0);
+    story.assert_sound();
+    assert!(story.has(Fault::BatteryCritical), "{:?}", story.last());
+    story.assert_down();
+}
 
 #[test]
 fn the_operator_lands_the_drone() {
@@ -61,30 +73,18 @@ fn a_battery_that_the_drone_calls_low_or_critical_stays_down_or_lands() {
         assert_eq!((has_flown, story.has(Fault::BatteryLow)), (flies, !flies));
         assert!(!story.has(Fault::BatteryCritical));
     }
-    let mut settings = settings(&[]);
-    settings.1.battery_pct = 60.0;
-    settings.1.drone.drain_pct_per_s = 3.0;
-    // Low and critical at once, 11 s after the start of the motors.
-    settings.1.drone.warns_below_pct = 60;
-    settings.0.cycle.supervisor.battery_low_pct = 10;
-    settings.0.cycle.supervisor.battery_critical_pct = 5;
-    let story = fly_alone(&settings, 60.0);
-    story.assert_sound();
-    assert!(story.has(Fault::BatteryCritical), "{:?}", story.last());
-    story.assert_down();
+    assert_landed_by_charge([10, 5], |sim| {
+        sim.battery_pct = 60.0;
+        sim.drone.drain_pct_per_s = 3.0;
+        // Low at once, critical 10 s after the start of the motors.
+        sim.drone.warns_below_pct = 60;
+    });
 }
 
 #[test]
 fn a_battery_that_runs_out_in_flight_lands_the_drone() {
-    let mut settings = settings(&[]);
     // Enough to take off; the first seconds of flight take it below the limit.
-    settings.1.battery_pct = 20.0;
-    settings.0.cycle.supervisor.battery_low_pct = 19;
-    settings.0.cycle.supervisor.battery_critical_pct = 19;
-    let story = fly_alone(&settings, 60.0);
-    story.assert_sound();
-    assert!(story.has(Fault::BatteryCritical), "{:?}", story.last());
-    story.assert_down();
+    assert_landed_by_charge([19, 19], |sim| sim.battery_pct = 20.0);
 }
 
 #[test]

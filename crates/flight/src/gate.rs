@@ -56,10 +56,10 @@ impl Gate {
     /// `u_wish` as the wire carries it, or neutral sticks if a row is not finite or over its limit,
     /// or if the pose is absent or stale.
     ///
-    /// A value over the limit means that control is wrong, so it is refused and not cut off. Of sticks that are
-    /// each within their limit and together the gesture that stops the motors, yaw is cut to 0.5. The limit is checked after rounding to a step of the wire: a solver may leave its bound by a rounding error.
-    /// The age may be negative by as much as it may be positive: a pose can arrive between the due
-    /// time of a tick and the tick.
+    /// A value over the limit means that control is wrong, so it is refused and not cut off. The limit is checked
+    /// after rounding to a step of the wire: a solver may leave its bound by a rounding error. Of sticks that are
+    /// each within it and together the gesture that stops the motors, yaw is cut to 0.5. The age may be negative by
+    /// as much as it may be positive: a pose can arrive between the due time of a tick and the tick.
     ///
     /// Real time: no allocation, constant cost.
     pub fn pass(&self, u_wish: &Sticks, pose_age_s: Option<f64>) -> Approved {

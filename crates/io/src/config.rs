@@ -115,11 +115,15 @@ fn read_fly(path: Option<&Path>, mission: Option<&Path>) -> Result<(FlyTable, Mi
 /// The settings of `fly` in `path`, if they name every key.
 fn load_whole(path: &Path) -> Result<FlyTable> {
     let text = read(path)?;
-    let table = parse(&text).and_then(|table| match named::unnamed(&value(&text)?).next() {
-        Some((_, problem)) => Err(anyhow!(problem)),
-        None => Ok(table),
-    });
-    table.with_context(|| format!("in {}", path.display()))
+    let table = || {
+        let settings = value(&text)?;
+        let table = from_value(&settings).map_err(|error| refusal(&error, &text))?;
+        match named::unnamed(&settings).next() {
+            Some((_, problem)) => Err(anyhow!(problem)),
+            None => Ok(table),
+        }
+    };
+    table().with_context(|| format!("in {}", path.display()))
 }
 
 /// The mission in `path`, with the points of the CSV file that it names, if it does.

@@ -18,7 +18,6 @@ use crate::world::World;
 /// Firmware with which a Tello was often sold.
 const VERSION: &[u8] = b"01.04.91.01";
 const ALTITUDE_LIMIT_M: u16 = 30;
-const BATTERY_THRESHOLD_PCT: u8 = 10;
 const TILT_LIMIT_DEG: f32 = 25.0;
 /// Rate of the clock of the drone's log. Hz
 const LOG_TICK_HZ: f64 = 2_344_062.0;
@@ -70,7 +69,7 @@ impl World {
                 Some(DronePacket::SettingAck { setting: Setting::AltitudeLimit, sequence })
             }
             HostPacket::Query { sequence, query } => {
-                fact(query).map(|answer| DronePacket::Answer { sequence, answer })
+                self.fact(query).map(|answer| DronePacket::Answer { sequence, answer })
             }
             HostPacket::DateTime { .. } | HostPacket::LogHeaderAck { .. } => None,
         };
@@ -127,16 +126,16 @@ impl World {
     pub(crate) fn is_mute(&self) -> bool {
         self.faults.is_on(Fault::DroneMute, self.step()) || !self.is_connected
     }
-}
 
-/// What a drone from the shop tells of itself.
-fn fact(query: Query) -> Option<Answer> {
-    Some(match query {
-        Query::Version => Answer::Version(Version::read(VERSION)?),
-        Query::AltitudeLimit => Answer::AltitudeLimit(ALTITUDE_LIMIT_M),
-        Query::BatteryThreshold => Answer::BatteryThreshold(BATTERY_THRESHOLD_PCT),
-        Query::TiltLimit => Answer::TiltLimit(TILT_LIMIT_DEG),
-    })
+    /// What a drone from the shop tells of itself, and from which charge on this one warns.
+    fn fact(&self, query: Query) -> Option<Answer> {
+        Some(match query {
+            Query::Version => Answer::Version(Version::read(VERSION)?),
+            Query::AltitudeLimit => Answer::AltitudeLimit(ALTITUDE_LIMIT_M),
+            Query::BatteryThreshold => Answer::BatteryThreshold(self.firmware.warns_below_pct),
+            Query::TiltLimit => Answer::TiltLimit(TILT_LIMIT_DEG),
+        })
+    }
 }
 
 /// A quantity in tenths of its unit, as the wire carries it.

@@ -36,15 +36,21 @@ struct Burst {
 const QUICK: Burst = Burst { count: 5, ticks: ROUGH_TICKS };
 const SLOW: Burst = Burst { count: 7, ticks: 4 * ROUGH_TICKS };
 
+#[derive(Debug, Clone, Copy)]
+struct Accepted {
+    pose: Pose,
+    measured_at: TimeNs,
+    /// When its place was measured first: a stalled stream repeats it.
+    arrived_at: TimeNs,
+}
+
 /// The newest poses, seen one by one.
 #[derive(Debug, Clone)]
 pub(super) struct Plausibility {
     raw: Option<Pose>,
     repeats: u32,
-    /// The last pose that the filter let through, and when it was measured.
-    accepted: Option<(Pose, TimeNs)>,
-    /// When its place was measured first: a stalled stream repeats it.
-    arrived_at: TimeNs,
+    /// The last pose that the filter let through.
+    accepted: Option<Accepted>,
     jump_m: Option<f64>,
     drop_m: Option<f64>,
     /// Sum of what rough steps exceed a vehicle's speed by, world frame: steps there and back cancel. m
@@ -59,7 +65,6 @@ impl Default for Plausibility {
             raw: None,
             repeats: 0,
             accepted: None,
-            arrived_at: TimeNs(0),
             jump_m: None,
             drop_m: None,
             shift_w: Vector3::zeros(),
@@ -103,38 +108,37 @@ impl Plausibility {
         let Some(now) = filtered.o.filter(|_| filtered.position == Acceptance::Accepted) else {
             return;
         };
-        if self.accepted.is_none() {
-            self.arrived_at = at;
-        }
-        if let Some((before, before_at)) = self.accepted.replace((now, at)) {
-            self.add_shift(&(pos_w(&now) - pos_w(&before)), at);
-            let flown_m = SPEED_MAX_MPS * at.since(before_at).seconds().max(0.0);
-            let larger =
-                |so_far: Option<f64>, new: f64| so_far.map_or(new, |so_far| so_far.max(new));
-            let distance_m = (now - before).fixed_rows::<3>(pose::X).norm();
-            let jump_m = distance_m - flown_m;
-            self.jump_m = Some(larger(self.jump_m, jump_m));
-            // At most once in a tick.
-            if jump_m > ROUGH_M && !self.rough_ago.contains(&0) {
-                self.rough_ago.rotate_right(1);
-                let [newest, ..] = &mut self.rough_ago;
-                *newest = 0;
-            }
-            let descent_m = before[pose::Z] - now[pose::Z];
-            self.drop_m = Some(larger(self.drop_m, descent_m - flown_m));
+        let accepted = Accepted { pose: now, measured_at: at, arrived_at: at };
+        if let Some(before) = self.accepted.replace(accepted) {
+            self.take_step(before, &now, at);
         }
     }
 
-    /// Takes the step between two accepted places, the newer one measured at `at`.
-    fn add_shift(&mut self, step_w: &Vector3<f64>, at: TimeNs) {
+    /// Takes the step from the accepted pose `before` to `now`, measured at `at`.
+    fn take_step(&mut self, before: Accepted, now: &Pose, at: TimeNs) {
+        let excess_m =
+            |way_m: f64, since: TimeNs| way_m - SPEED_MAX_MPS * at.since(since).seconds().max(0.0);
+        let larger = |so_far: Option<f64>, new: f64| so_far.map_or(new, |so_far| so_far.max(new));
+        let step_w = pos_w(now) - pos_w(&before.pose);
         let length_m = step_w.norm();
-        if length_m > 0.0 {
-            let since_s = at.since(self.arrived_at).seconds().max(0.0);
-            let excess_m = length_m - SPEED_MAX_MPS * since_s;
-            if excess_m > ROUGH_M {
-                self.shift_w += step_w * (excess_m / length_m);
-            }
-            self.arrived_at = at;
+        let jump_m = excess_m(length_m, before.measured_at);
+        self.jump_m = Some(larger(self.jump_m, jump_m));
+        let drop_m = excess_m(-step_w.z, before.measured_at);
+        self.drop_m = Some(larger(self.drop_m, drop_m));
+        // At most once in a tick.
+        if jump_m > ROUGH_M && !self.rough_ago.contains(&0) {
+            self.rough_ago.rotate_right(1);
+            let [newest, ..] = &mut self.rough_ago;
+            *newest = 0;
+        }
+        let shift_m = excess_m(length_m, before.arrived_at);
+        if shift_m > ROUGH_M {
+            self.shift_w += step_w * (shift_m / length_m);
+        }
+        if length_m <= 0.0
+            && let Some(accepted) = &mut self.accepted
+        {
+            accepted.arrived_at = before.arrived_at;
         }
     }
 
