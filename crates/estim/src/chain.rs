@@ -60,13 +60,13 @@ pub(crate) struct Link<'a, const NS: usize, const NP: usize> {
 /// Row block `k` after elimination, in the letters of `docs/model.md`, section 4.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Eliminated<const NS: usize, const NP: usize> {
-    /// `L_k`.
+    /// `L_k`. 1 / unit of the row
     pub(crate) factor: Cholesky<NS>,
-    /// `A_k'`.
+    /// `A_k'`. 1 / unit of the row
     pub(crate) before: SMatrix<f64, NS, NS>,
-    /// `B_k'`.
+    /// `B_k'`. 1 / unit of the row
     pub(crate) border: SMatrix<f64, NP, NS>,
-    /// `y_k`.
+    /// `y_k`. 1
     pub(crate) gradient: SVector<f64, NS>,
 }
 

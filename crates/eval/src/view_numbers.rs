@@ -20,7 +20,7 @@ pub fn ticks(span_s: f64, dt_s: f64) -> u64 {
     ticks
 }
 
-/// Where a pose is.
+/// Position of the pose `at` in the world frame, rounded to a millimetre. m
 pub fn place_of(at: &Pose) -> Place {
     [at[pose::X], at[pose::Y], at[pose::Z]].map(to_thousandths)
 }

@@ -80,7 +80,10 @@ const JUST_ENDED_AFTER_PUSH: isize = -2;
 
 /// A cycle of any model: what flight, simulation and replay hold.
 pub trait Tick: Send {
-    /// One tick; see [`Cycle::tick`].
+    /// One tick: fills `out` from `inbox` and the state of the ticks before. `watch` gets the sticks as soon as they
+    /// are decided, and says whether the solvers are late.
+    ///
+    /// Real time: no allocation of ours; the solvers poll `watch` once per iteration and before a fall-back.
     fn tick(&mut self, inbox: &Inbox, watch: &mut dyn Watch, out: &mut Outcome);
 
     /// An empty outcome with all its buffers, to be filled by [`Tick::tick`] again and again.
@@ -143,8 +146,9 @@ struct Memory {
     /// Headings accepted so far.
     headings: u32,
     drone: Option<DroneStatus>,
-    /// The pose accepted in this tick; the one that the stream only repeated in it.
+    /// Pose accepted in this tick. m, rad
     o_seen: Option<Pose>,
+    /// Accepted pose that the stream only repeated in this tick. m, rad
     o_repeated: Option<Pose>,
     estimator_failed: bool,
     controller_failed: bool,
@@ -163,8 +167,6 @@ where
     /// With [`Pipeline::SameTick`] the sticks of this tick follow from the newest observation. With
     /// [`Pipeline::NextTick`] plan and estimate are made after the decision and used one tick later,
     /// as the published controller does with its asynchronous handlers.
-    ///
-    /// Real time: no allocation of ours; the solvers poll `watch` once per iteration and before a fall-back.
     fn tick(&mut self, inbox: &Inbox, watch: &mut dyn Watch, out: &mut Outcome) {
         out.clear(inbox.step);
         self.catch_up(inbox, watch);
@@ -317,8 +319,8 @@ where
         }
     }
 
-    /// Notes whether the controller follows the mission in this tick. It goes on from where the vehicle is after others
-    /// steered.
+    /// Notes whether the controller follows the mission in this tick, and counts the time in which it steers. After
+    /// braking, or after others steered, the mission is resumed from where the vehicle is.
     fn note_mission(&mut self, may_steer: bool) {
         let is_on_mission = may_steer && !self.planner.is_braking();
         let was_on_mission = std::mem::replace(&mut self.memory.is_on_mission, is_on_mission);

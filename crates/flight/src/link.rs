@@ -179,8 +179,8 @@ impl LinkMonitor {
         is_known.then(|| dead_time.as_ref().unwrap_or(hypothesis).dead_time_error())
     }
 
-    /// From now on `u_applied` of [`LinkMonitor::update`] assumes dead times that are longer by `longer_s`, the
-    /// horizontal ones both alike. An axis at its least dead time keeps it, and with it the error.
+    /// From now on `u_applied` of [`LinkMonitor::update`] assumes dead times that are longer by `longer_s` (s, by
+    /// stick), the horizontal ones both alike. An axis at its least dead time keeps it, and with it the error.
     ///
     /// Real time: no allocation, constant cost.
     pub fn correct_dead_time(&mut self, longer_s: &Sticks) {
@@ -193,8 +193,8 @@ impl LinkMonitor {
 
     /// The verdict after one period.
     ///
-    /// `u_applied` are the applied sticks in the period that just ended if the link was up, dead time
-    /// included; `observed` is the accepted pose at its end, `p` the identified parameter of
+    /// `u_applied` are the applied sticks (1) in the period that just ended if the link was up, dead time
+    /// included; `observed` is the accepted pose at its end (world frame, m and rad), `p` the identified parameter of
     /// [`horizon_model::Lagged`]. Where all hypotheses expect the same motion, as with sticks inside the
     /// dead zone, the verdict stays; but an outage fades with `forget_s`. Nothing is decided before the
     /// first complete pose.

@@ -322,7 +322,7 @@ impl Supervisor {
 
     fn next_phase(&self, e: &Evidence, reaction: Reaction, has_braked: bool) -> Phase {
         let asks_to_fly = matches!(e.operator, Operator::Fly | Operator::FlyByHand);
-        let asks_to_land = e.operator == Operator::Land || e.incidents.end_flight();
+        let asks_to_land = e.operator == Operator::Land || e.incidents.ends_flight();
         match self.phase {
             _ if reaction == Reaction::EmergencyStop => Phase::MotorsStopped,
             Phase::Idle if asks_to_land && self.drone_says_flying(e) == Some(true) => {

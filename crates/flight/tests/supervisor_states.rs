@@ -149,7 +149,7 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
     let is_fresh = e.pose_age_s.is_some_and(|age_s| age_s <= STALE_S);
     let is_inside = e.pose.is_none_or(|at| at[pose::X] <= 3.0 && at[pose::Z].is_finite());
     let asks_to_end =
-        matches!(e.operator, Operator::Land | Operator::EmergencyStop) || e.incidents.end_flight();
+        matches!(e.operator, Operator::Land | Operator::EmergencyStop) || e.incidents.ends_flight();
     if ruling.may_steer() {
         assert_eq!(ruling.phase, Phase::Flying, "steers outside of a flight: {}", case());
         assert!(!asks_to_end, "steers against orders: {}", case());

@@ -91,7 +91,7 @@ impl Person {
         (person, terminal_events, device_events)
     }
 
-    /// Where a view of the flight gives its orders. One there is: a second call closes the first.
+    /// Where a view of the flight gives its orders. At most one: a second call closes the first.
     pub fn remote(&mut self, clock: Clock) -> Remote {
         let (events, remote) = RingBuffer::new(REMOTE_EVENTS);
         self.remote = Some(remote);

@@ -130,7 +130,8 @@ pub struct Drone {
 }
 
 impl Drone {
-    /// A drone in `phase` with neutral sticks.
+    /// A drone in `phase` with neutral sticks and the charge `battery_pct` (%). `plant` moves it, `radio` decides when
+    /// sticks arrive, `firmware` how it answers.
     pub fn new(
         plant: Plant,
         radio: Radio,

@@ -124,11 +124,11 @@ impl Mocap {
         }
     }
 
-    /// The report about the true pose of one step.
+    /// The report about the true pose `truth` of one step: world frame, m and rad.
     ///
     /// A stall hides a loss, a loss hides a flip. After a stall the stream is current at once. Every
-    /// kind draws from its own stream whatever the others do, so that switching one off leaves the
-    /// others as they were.
+    /// kind draws from its own random stream whatever the others do, so that switching one off leaves the
+    /// others as they were. No allocation, constant cost.
     pub fn observe(&mut self, truth: &Pose) -> MocapReport {
         let Some(rates) = self.rates else { return MocapReport::Pose(reported(*truth)) };
         let is_stalled = self.stall.step(|random| stall_steps(random, &rates));

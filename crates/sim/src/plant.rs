@@ -126,7 +126,7 @@ impl External {
 }
 
 impl Plant {
-    /// A vehicle at `pose` with velocity `driven`, hovering under neutral sticks so far.
+    /// A vehicle at `pose` (world frame, m and rad) with velocity `driven`, hovering under neutral sticks so far.
     ///
     /// `seed` selects the disturbance. The disturbance starts at zero.
     ///

@@ -23,11 +23,11 @@ const TILT_LIMIT_DEG: f32 = 25.0;
 const LOG_TICK_HZ: f64 = 2_344_062.0;
 
 impl World {
-    /// Hears one packet of the host; returns what the drone answers.
+    /// Takes one packet of the host; returns the drone's answer.
     ///
-    /// Actions are acknowledged when they are accepted, an emergency stop never is. A deaf drone hears nothing, a mute
-    /// one obeys without a word. While commands get lost by chance the packets still arrive: only the sticks do not
-    /// act, since the recordings contain no more.
+    /// Actions are acknowledged when they are accepted, an emergency stop never is. A deaf drone ignores every packet,
+    /// a mute one obeys without an answer. In a command outage of [`crate::Profile`] packets still arrive: only the
+    /// sticks have no effect. The recordings of the thesis contain no other commands.
     pub fn receive(&mut self, packet: &HostPacket) -> Option<DronePacket> {
         self.is_connected |= matches!(packet, HostPacket::ConnReq { .. }) && !self.is_deaf();
         if self.is_deaf() || !self.is_connected {

@@ -40,7 +40,7 @@ pub struct SimTable {
     pub start: Start,
     /// Name of the drone in the motion capture system, without spaces.
     pub object: String,
-    /// Charge at the start. %, 0..=100.
+    /// Charge at the start. %, 0..=100
     pub battery_pct: f64,
     /// The drone beside the way it flies, and the air around it.
     pub drone: DroneTable,

@@ -8,13 +8,15 @@ use tello_flight::clip_target;
 
 use super::mpc::{self, Case, DT_S};
 
+/// Corners of the square, x and y. m
 const CORNERS: [[f64; 2]; 4] = [[0.0, 0.0], [1.5, 0.0], [1.5, 1.5], [0.0, 1.5]];
+/// Height of the square. m
 const ALTITUDE: f64 = 1.3;
 
 /// A corner is reached within this, metres and radians alike.
 const REACH: f64 = 0.2;
 
-/// Furthest target.
+/// Distance from the vehicle to which a target is clipped, norm over x, y, z and theta. m and rad
 const CLIP: f64 = 0.3;
 
 /// Standard deviation of what disturbs each step. m, rad

@@ -19,11 +19,15 @@ const MOTOR_REST: SpanNs = SpanNs::from_ms(2000);
 /// A report of the drone, in the units of the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Status {
+    /// Whether the drone says that it flies.
     pub(super) is_flying: bool,
     /// Flying, or the bit "motors on"; in the text SDK the motors' time grows.
     pub(super) is_running: bool,
+    /// Height. dm
     pub(super) height_dm: Option<f64>,
+    /// Velocity, in the axes of the report. dm/s
     pub(super) velocity_dm_s: Option<[f64; 3]>,
+    /// Charge. %
     pub(super) battery_pct: Option<f64>,
     /// Heading of the state line, clockwise. degrees; in the binary protocol it is in [`What::Heading`]
     pub(super) yaw_deg: Option<f64>,

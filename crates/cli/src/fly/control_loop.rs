@@ -296,7 +296,7 @@ impl Over {
         match phase {
             Phase::TakingOff | Phase::Flying | Phase::Landing => false,
             Phase::Idle => {
-                let is_ended = inbox.operator == Operator::Land || inbox.incidents.end_flight();
+                let is_ended = inbox.operator == Operator::Land || inbox.incidents.ends_flight();
                 is_ended || has_waited > self.patience
             }
             // The drone has time to receive the order again, and the log to show it on the ground.

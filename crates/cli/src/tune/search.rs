@@ -16,7 +16,7 @@ const X_TOLERANCE: f64 = 1e-3;
 /// A point that was tried.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Trial {
-    /// Fractions of the ranges, each 0..=1.
+    /// Fractions of the ranges. 1, 0..=1
     pub x: Vec<f64>,
     /// What the batch cost. s
     pub cost: f64,
@@ -28,7 +28,7 @@ pub(super) type Cost<'a> = &'a mut dyn FnMut(&[f64], &[Trial]) -> Result<Option<
 /// Looks for the least cost from `start` on with at most `tries` points; the points in the order of
 /// their tries, `start` first.
 ///
-/// Equal costs, equal points: nothing is drawn by lot.
+/// Deterministic: no random numbers.
 ///
 /// # Errors
 /// The cost of `start` cannot be determined. Later failures count as refused points.
@@ -96,7 +96,7 @@ impl Progress<'_> {
         cost
     }
 
-    /// A refused point is as bad as the worst one: a higher wall would tilt the plane too much.
+    /// Cost of a refused point: that of the worst one. A larger penalty would distort the optimizer's linear model.
     fn worst(&self) -> f64 {
         self.trials.iter().map(|trial| trial.cost).reduce(f64::max).unwrap_or(0.0)
     }

@@ -18,7 +18,7 @@ pub(super) struct Expansion<const NR: usize, const NU: usize> {
     curvature: CostHessian<NR, NU>,
     /// Linear dynamics along the plan that was rolled out last.
     pub(super) stages: Vec<Stage<NR, NU>>,
-    /// First derivatives of the cost by inputs and states as independent variables.
+    /// First derivatives of the cost by inputs and states as independent variables. 1 / unit of the row
     pub(super) gradient: Horizon<NR, NU>,
     /// By step, first derivatives of the cost by the input along the dynamics: the reduced gradient.
     /// 1 / unit of the row
@@ -26,8 +26,9 @@ pub(super) struct Expansion<const NR: usize, const NU: usize> {
     /// By step, first derivatives of the cost to go by the state: the costates (adjoint). 1 / unit of the row
     pub(super) costate: Vec<SVector<f64, NR>>,
     /// By step, second derivatives of the dynamics weighted with the costate; none for models without them.
+    /// 1 / (unit of the row, unit of the column)
     pub(super) second_derivatives: Vec<DriveHessian<NR, NU>>,
-    /// Soft constraints, linearized at the states of the plan, by stage.
+    /// Soft constraints, linearized at the states of the plan, by stage. Units: [`Penalty`]
     pub(super) penalties: Vec<Penalty<NR>>,
     /// By step, how much the inputs change. Unit of each row
     pub(super) du: Vec<SVector<f64, NU>>,

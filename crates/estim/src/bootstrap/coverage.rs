@@ -49,8 +49,10 @@ pub struct Claim<const NP: usize> {
 }
 
 impl<const NP: usize> Trial<NP> {
-    /// The trial of `ident`, which is solved, against `truth`. The bootstrap takes part if there are at
-    /// least two `resamples`.
+    /// The trial of `ident`, which is solved, against the true parameter `truth`, in the units of its rows. The
+    /// bootstrap takes part if there are at least two `resamples`.
+    ///
+    /// Cost: one identification for each of the `resamples`. Allocates.
     ///
     /// # Errors
     /// A covariance does not exist, or a resample cannot be solved.

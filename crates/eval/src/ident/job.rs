@@ -72,14 +72,14 @@ pub(super) struct Trace {
     pub(super) log: usize,
     /// Steps of the log.
     pub(super) steps: Range<usize>,
-    /// States, one value per step; no rows if they are not kept.
+    /// States, one value per step; no rows if they are not kept. Unit of each row
     pub(super) s: Vec<Vec<f64>>,
     /// What the model says from the first state of the piece and the applied inputs alone: observed rows, one
-    /// value per step; no rows if they are not kept.
+    /// value per step; no rows if they are not kept. Unit of each row
     pub(super) simulated: Vec<Vec<f64>>,
-    /// Weighted residuals of the transitions, one value fewer than steps; no rows if they are not kept.
+    /// Weighted residuals of the transitions, one value fewer than steps; no rows if they are not kept. 1
     pub(super) transition_residuals: Vec<Vec<f64>>,
-    /// Weighted residuals of the observations, one value per step; NaN where nothing was observed.
+    /// Weighted residuals of the observations, one value per step; NaN where nothing was observed. 1
     pub(super) observation_residuals: Vec<Vec<f64>>,
 }
 

@@ -51,7 +51,8 @@ impl Corner {
     }
 }
 
-/// The corners of the way through `targets`, none of them passed yet.
+/// The corners of the way through `targets` (world frame, m and rad), none of them passed yet. Of a target only x and y
+/// count. Cost linear in the targets; allocates the answer.
 pub fn corners(targets: &[Pose]) -> Vec<Corner> {
     let corner = |(target, around): (usize, &[Pose])| {
         let [from_w, at_w, next_w] =

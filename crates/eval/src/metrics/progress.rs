@@ -50,7 +50,7 @@ impl PathProgress {
         (!points.is_empty()).then_some(Self { points, points_w })
     }
 
-    /// Where `at` is.
+    /// The progress of the pose `at` (world frame, m and rad), and its distance from the path.
     ///
     /// Cost linear in the points, no allocation.
     pub fn place(&self, at: &Pose) -> Place {

@@ -98,7 +98,9 @@ impl ReferencePath {
         if self.is_curve() { Vec::new() } else { corners(&self.targets) }
     }
 
-    /// The offset of `at` from the outline; see [`offset`].
+    /// Horizontal distance and height of the pose `at` (world frame, m and rad) from the nearest point of the outline.
+    ///
+    /// Cost linear in the corners, no allocation.
     pub fn offset(&self, at: &Pose) -> Offset {
         offset(&self.outline, at)
     }
@@ -109,7 +111,8 @@ impl ReferencePath {
         lap.min(self.laps.saturating_sub(1))
     }
 
-    /// Whether `at` is within reach of the target of this index; false beyond the last.
+    /// Whether the pose `at` (world frame, m and rad) is within reach of the target of this index; false beyond the
+    /// last. The distance is the norm of the difference over x, y, z (m) and theta (rad, the short way).
     pub fn is_reached(&self, target: usize, at: &Pose) -> bool {
         self.targets.get(target).is_some_and(|target| self.is_within(target, at))
     }
@@ -121,9 +124,9 @@ impl ReferencePath {
     }
 }
 
-/// The offset of `at` from the polyline through the corners of `outline`. The thesis samples the outline every 0.02 m
-/// instead, which reads up to 0.01 m more for a vehicle on the line and 0.0005 m more beside it at 0.1 m. Infinite
-/// without a corner.
+/// The offset of the pose `at` from the polyline through the corners of `outline`, both in the world frame, m and rad.
+/// Infinite without a corner. The thesis samples the outline every 0.02 m instead, which reads up to 0.01 m more for a
+/// vehicle on the line and 0.0005 m more beside it at 0.1 m.
 ///
 /// Cost linear in the corners, no allocation.
 pub fn offset(outline: &[Pose], at: &Pose) -> Offset {

@@ -163,7 +163,7 @@ impl Plausibility {
         self.shift_w.norm()
     }
 
-    /// The same for the way down alone. m
+    /// As [`Plausibility::jump_m`], for the downward part of the step alone. m
     pub(super) fn drop_m(&self) -> Option<f64> {
         self.drop_m
     }

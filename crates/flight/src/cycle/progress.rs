@@ -11,7 +11,7 @@ const PLANNED_MAX: f64 = 2.0;
 /// What is remembered of the mission to judge its progress.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Progress {
-    /// Time that the mission was flown. s
+    /// Time in which the controller steered, braking included. s
     flown_s: f64,
     /// Number of targets reached.
     targets_reached: usize,
@@ -23,12 +23,14 @@ pub(super) struct Progress {
 /// or the constant target, was chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Tracking {
+    /// Growth of the distance. m, >= 0
     pub(super) away_m: f64,
+    /// Growth of the angle between the headings. rad, >= 0
     pub(super) turned_rad: f64,
 }
 
 impl Progress {
-    /// One period of `dt_s` passed in which the controller flew the mission.
+    /// Counts one period of `dt_s` in which the controller steered, braking included.
     pub(super) fn fly(&mut self, dt_s: f64) {
         self.flown_s += dt_s;
     }

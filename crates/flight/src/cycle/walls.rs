@@ -168,7 +168,7 @@ impl Walls {
     }
 
     /// Distance at `at_w` or where the vehicle would rest, `way_w` further, whichever is nearer to wall `i`, and
-    /// whether it is the latter. An obstacle is evaded, not waited for: there the beginning counts alone.
+    /// whether it is the latter. An obstacle is evaded, not waited for: only `at_w` counts.
     fn least_distance(
         &self,
         i: usize,

@@ -10,7 +10,7 @@ impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    /// The sticks that `pilot` wishes; neutral without one.
+    /// The sticks that `pilot` wishes; neutral without one. Begins, advances or ends the hand-over between pilots.
     pub(super) fn wish(&mut self, pilot: Option<Pilot>, inbox: &Inbox) -> Sticks {
         let u_pilot = match (pilot, inbox.manual) {
             (Some(Pilot::Person), Some(u_hand)) => Sticks::from(u_hand),

@@ -18,7 +18,7 @@ pub(super) struct Carrot {
     goal: Pose,
     /// From where it began to the goal, theta the short way.
     way: Pose,
-    /// Fraction of the way that is left, 0..=1.
+    /// Fraction of the way that is left. 1, 0..=1
     left: f64,
     /// How fast that fraction falls. 1/s
     pace: f64,

@@ -59,7 +59,7 @@ enum Stage {
 struct Phase {
     /// Time on the trajectory. s
     at_s: f64,
-    /// How fast that time runs, 0..=1.
+    /// How fast that time runs. 1, 0..=1
     pace: f64,
 }
 

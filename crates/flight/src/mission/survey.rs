@@ -130,10 +130,11 @@ impl Survey {
     }
 }
 
-/// Distance between two places of a line that are looked at. m
+/// Distance between two sampled points of a line. m
 const SPACING_M: f64 = 0.02;
 
-/// Least distance of the polyline through `poses` from `obstacles`. m
+/// Least distance of the polyline through `poses` from `obstacles`, sampled from each corner on at points
+/// [`SPACING_M`] apart; the last end may lie that far from the nearest sample. m
 pub(super) fn clearance_m<'a>(
     poses: impl Iterator<Item = &'a Pose>,
     obstacles: &[Obstacle],

@@ -140,8 +140,8 @@ impl Incidents {
         is_mocap_undated: false,
     };
 
-    /// Whether the drone is landed, whatever the control loop wants.
-    pub fn end_flight(&self) -> bool {
+    /// Whether one of them ends the flight: the drone is landed, whatever the control loop wants.
+    pub fn ends_flight(&self) -> bool {
         self.is_guardian_lost || self.has_landed_unasked
     }
 }
@@ -288,7 +288,7 @@ mod tests {
             (Incidents { has_landed_unasked: true, ..none }, true),
             (Incidents { has_input_expired: true, is_mocap_undated: true, ..none }, false),
         ] {
-            assert_eq!(incidents.end_flight(), ends, "{incidents:?}");
+            assert_eq!(incidents.ends_flight(), ends, "{incidents:?}");
         }
         assert_eq!(Incidents::default(), none);
     }

@@ -124,7 +124,7 @@ enum Flight {
     MotorsStopped,
 }
 
-/// The emergency ladder: neutral sticks and emergency stops, then emergency stops and landings in turn.
+/// The emergency-stop sequence: neutral sticks and emergency stops, then emergency stops and landings in turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct EmergencyStop {
     since: TimeNs,

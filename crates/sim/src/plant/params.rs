@@ -18,11 +18,11 @@ use crate::random::Random;
 pub struct AxisTable {
     /// Velocity per stick excess over the dead zone. m/s (yaw: rad/s), > 0.
     pub gain: f64,
-    /// Time from sending a stick until it acts. s, 0..=2.
+    /// Time from sending a stick until it acts. s, 0..=2
     pub dead_time_s: f64,
     /// Time constant of the velocity. s, > 0
     pub tau_s: f64,
-    /// Stick that does nothing yet. 1, 0..=0.5.
+    /// Stick that does nothing yet. 1, 0..=0.5
     pub dead_zone: f64,
 }
 

@@ -33,12 +33,12 @@ const YAW_DAMPING: f64 = 0.7;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RigidBodyTable {
-    /// Natural frequency of the attitude loop. rad/s, 2..=60.
+    /// Natural frequency of the attitude loop. rad/s, 2..=60
     pub attitude_radps: f64,
-    /// Damping ratio of the attitude loop. 1, 0.1..=2.
+    /// Damping ratio of the attitude loop. 1, 0.1..=2
     pub attitude_damping: f64,
     /// Integral gain of the loop of the horizontal velocity; its proportional gain is `1 / tau_s` of
-    /// `plant.horizontal`. 1/s^2, 0..=10.
+    /// `plant.horizontal`. 1/s^2, 0..=10
     pub velocity_ki: f64,
     /// Time constant of the filter of the optical flow. s, > 0
     pub flow_tau_s: f64,
@@ -46,7 +46,7 @@ pub struct RigidBodyTable {
     pub flow_drift_mps: f64,
     /// Correlation time of that error. s, > 0
     pub flow_drift_tau_s: f64,
-    /// Linear drag by mass. 1/s, 0..=5.
+    /// Linear drag by mass. 1/s, 0..=5
     pub drag_per_s: f64,
     /// Mean speed of the wind, whose direction each seed draws. m/s, >= 0
     pub wind_mps: f64,
@@ -56,7 +56,7 @@ pub struct RigidBodyTable {
     pub gust_tau_s: f64,
     /// Time constant of the motors. s, > 0
     pub motor_tau_s: f64,
-    /// Thrust that is lost in ten minutes of flight. Fraction, 0..=0.4.
+    /// Thrust that is lost in ten minutes of flight, as a fraction. 1, 0..=0.4
     pub sag: f64,
 }
 

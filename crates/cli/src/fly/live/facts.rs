@@ -53,8 +53,9 @@ pub(in crate::fly) struct Facts {
     pub(in crate::fly) drone: Option<DroneFact>,
     /// How the poses come.
     pub(in crate::fly) mocap: MocapFact,
-    /// Times of this tick, and the longest lately.
+    /// Times of this tick. ms
     pub(in crate::fly) now_ms: Times,
+    /// The longest times lately. ms
     pub(in crate::fly) worst_ms: Times,
     /// Periods without a tick so far.
     pub(in crate::fly) missed_periods: u64,

@@ -16,18 +16,21 @@ pub(super) const GAP_PERIODS: f64 = 2.5;
 const COUNT_MAX: f64 = 1e4;
 const STEP_MAX: f64 = 10.0;
 
-/// Sums of all steps so far, in memory of a fixed size.
+/// Sums of all steps so far, in memory of a fixed size. Their unit is that of the steps: s, or 1 for frame numbers.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Intervals {
     newest: VecDeque<f64>,
     /// Median of the newest.
     usual: f64,
+    /// Number of steps that were added.
     pub(super) count: u64,
     sum: f64,
     squares: f64,
     /// The steps in usual ones, each rounded: frames that there should have been.
     due: f64,
+    /// Number of gaps.
     pub(super) gaps: u64,
+    /// Longest step. In the unit of the steps
     pub(super) max: f64,
 }
 

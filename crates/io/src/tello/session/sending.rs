@@ -1,4 +1,4 @@
-//! What a decision puts on the wire: sticks, a landing with its neutral sticks, the emergency ladder.
+//! What a decision puts on the wire: sticks, a landing with its neutral sticks, the emergency-stop sequence.
 
 use super::witness::Rest;
 use super::{
@@ -49,7 +49,7 @@ impl Session {
         }
     }
 
-    /// Begins the emergency ladder.
+    /// Begins the emergency-stop sequence.
     pub(super) fn emergency_stop(&mut self, now: TimeNs) {
         let again_at = now.after(EMERGENCY_PERIOD);
         let stop = EmergencyStop { since: now, again_at, at_rest: None, is_landing_next: true };
@@ -61,8 +61,8 @@ impl Session {
         }
     }
 
-    /// The next rung of the ladder: an emergency stop, or a landing in its turn if the emergency stop seems to have no
-    /// effect.
+    /// The next step of the emergency-stop sequence: an emergency stop, or a landing in its turn if the emergency stop
+    /// seems to have no effect.
     pub(super) fn go_on_stopping(&mut self, stop: EmergencyStop, now: TimeNs) {
         let is_obeyed = stop.at_rest.is_some_and(Rest::is_agreed);
         let is_landing_due = stop.is_landing_next && now.since(stop.since) >= EMERGENCY_PATIENCE;
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ladder_lands_every_other_time_once_its_patience_is_over_and_none_is_at_rest() {
+    fn every_other_step_lands_once_the_patience_is_over_and_none_is_at_rest() {
         let mut down = Witnesses::default();
         down.observe_pose(Some(false), ms(0));
         let alone = down.rest(None, ms(0));

@@ -53,7 +53,7 @@ fn a_drone_that_does_not_obey_is_ordered_to_land_after_every_emergency_stop() {
 }
 
 #[test]
-fn the_ladder_ends_when_status_and_pose_agree_that_the_drone_is_down() {
+fn the_sequence_ends_when_status_and_pose_agree_that_the_drone_is_down() {
     let mut bench = Bench::connected();
     bench.receive(0, &status(true));
     bench.order(10, DroneOrder::EmergencyStop);
@@ -91,12 +91,12 @@ fn no_order_and_no_sticks_of_the_control_thread_follow_an_emergency_stop() {
         bench.order(now_ms, DroneOrder::EmergencyStop);
         bench.run(now_ms, now_ms);
     }
-    let is_rung = |sent: Sent| sent == Sent::EmergencyStop || is_landing(sent);
-    let others: Vec<_> = bench.sent.iter().filter(|(_, sent)| !is_rung(*sent)).collect();
+    let is_step = |sent: Sent| sent == Sent::EmergencyStop || is_landing(sent);
+    let others: Vec<_> = bench.sent.iter().filter(|(_, sent)| !is_step(*sent)).collect();
     // The drone was not heard for 2 s.
     let requests = [&(2_210, Sent::ConnReq), &(4_210, Sent::ConnReq)];
     assert_eq!(others, [&[&(10, Sent::Roll(0.0))][..], &requests[..]].concat());
-    assert_eq!(bench.times(is_rung).len(), 3 + 24);
+    assert_eq!(bench.times(is_step).len(), 3 + 24);
 }
 
 #[test]
