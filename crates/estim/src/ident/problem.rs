@@ -18,8 +18,7 @@ use crate::residual::Curvature;
 
 /// The iterate counts as near a minimum when a step has lowered the cost by less than this part of it.
 ///
-/// Farther off the exact curvature is often indefinite and leads astray, where Gauss-Newton's does not. With
-/// 1e-3 the thesis' pieces take an iteration more.
+/// Farther off the exact Hessian may be indefinite; Gauss-Newton's is not.
 const NEAR: f64 = 0.05;
 
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Ident<M, NS, NU, NO, NP>

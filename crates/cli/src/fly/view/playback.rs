@@ -11,7 +11,7 @@ use tello_io::mocap::StreamReport;
 use super::server::{PAGE, SCRIPT, STYLE};
 use crate::fly::live::{Briefing, Live, Watched};
 
-/// Most facts in a page: five a second for ten minutes, 6 MB.
+/// Most facts in a page: five a second for ten minutes.
 const FACTS_MAX: usize = 3_000;
 
 const PLAYER: &str = include_str!("player.html");

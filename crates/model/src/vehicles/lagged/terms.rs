@@ -109,7 +109,7 @@ impl Terms {
     #[inline(always)]
     #[expect(
         clippy::inline_always,
-        reason = "a plan takes a tenth longer with all terms computed out of line and copied"
+        reason = "innermost loop of a plan: out of line, all terms are computed and copied"
     )]
     pub(super) fn new(model: &Lagged, s: &Motion, u: &Sticks, p: &Parameter, dt_s: f64) -> Self {
         let shape = &model.shape;
