@@ -32,6 +32,8 @@ const PATTERN_S: f64 = 60.0;
 
 /// Largest distance of the pattern from its centre along x and y. m
 const HALF_WIDTH_M: f64 = 1.5;
+
+/// Tones of x and y: `BUILT_IN` of `docs/benchmarks/2026-11-24-learning/design.py`.
 const X: [Tone; 4] = [
     tone(6.0, 0.426, 2.93),
     tone(8.0, 0.671, 5.74),

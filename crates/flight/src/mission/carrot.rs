@@ -56,8 +56,8 @@ impl Carrot {
 
     /// The reference one period later, with the pace that is allowed now.
     ///
-    /// The pace `r` with the growth `g` can come to rest in what is left after the period if
-    /// `r dt + r^2 / (2 g) <= left`. The next largest such pace is less than `g dt` below it.
+    /// A `pace` can be reduced to zero by `growth` in what is left after the period if
+    /// `pace dt + pace^2 / (2 growth) <= left`. The next largest such pace is less than `growth dt` below it.
     pub(super) fn after(self, dt_s: f64) -> Self {
         if self.is_arrived() {
             return self;

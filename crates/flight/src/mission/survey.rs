@@ -50,8 +50,8 @@ pub(crate) struct Demands {
     pub vertical: Demand,
     /// Yaw rate. rad/s
     pub turn: Demand,
-    /// Horizontal acceleration over 0.1 s, where the speed does not rise: what is missing there carries the vehicle off
-    /// the path. m/s^2
+    /// Horizontal acceleration over 0.1 s without its part that raises the speed: what is missing of it carries the
+    /// vehicle off the path. `sqrt(|dv|^2 - max(0, dv' n)^2) / 0.1 s`, `n` the direction of motion. m/s^2
     pub accel: Demand,
 }
 
