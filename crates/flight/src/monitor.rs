@@ -135,7 +135,8 @@ impl Monitors {
     }
 
     /// Takes a pose (world frame, m and rad) that the stream repeated in the coming tick of a flight: no measurement,
-    /// but a sign of a pose that stands still. A stream that repeats a pose and changes its last digit now and then shows too few new ones.
+    /// but a sign of a pose that stands still. A stream that repeats a pose and changes its last digit now and then
+    /// shows too few new ones.
     ///
     /// Real time: no allocation, constant cost.
     pub fn observe_repeated(&mut self, pose: &Pose) {

@@ -130,8 +130,7 @@ pub struct Drone {
 }
 
 impl Drone {
-    /// A drone in `phase` with neutral sticks and the charge `battery_pct` (%). `plant` moves it, `radio` decides when
-    /// sticks arrive, `firmware` how it answers.
+    /// A drone in `phase` under neutral sticks, moved by `plant`; link `radio`, answers by `firmware`, charge in %.
     pub fn new(
         plant: Plant,
         radio: Radio,
