@@ -157,10 +157,11 @@ impl ParameterFile {
             changed.push(Changed { name: row.name, before, after });
         }
         if let (Some(longer_s), Some(before)) =
-            (dead_time_change_s, self.dead_time_s.first().copied())
+            (&dead_time_change_s, self.dead_time_s.first().copied())
         {
             let min_ratio = settings.dead_time_min_ratio();
-            for (after, before) in self.dead_time_s.iter_mut().zip(&settings.dead_time_s) {
+            let axes = self.dead_time_s.iter_mut().zip(&settings.dead_time_s).zip(longer_s.iter());
+            for ((after, before), longer_s) in axes {
                 let flown_s = (before + longer_s).max(min_ratio * before);
                 *after = flown_s.min(DEAD_TIME_MAX_S);
             }
@@ -188,7 +189,8 @@ impl ParameterFile {
             );
         }
         let is_square = covariance.iter().all(|row| row.len() == count);
-        let values = p.iter().chain(covariance.iter().flatten()).chain(dead_time_change_s);
+        let dead_times = dead_time_change_s.iter().flatten();
+        let values = p.iter().chain(covariance.iter().flatten()).chain(dead_times);
         if !is_square || !values.copied().all(f64::is_finite) {
             bail!("the estimate at the end of the flight is not finite: the file stays as it was");
         }

@@ -49,8 +49,8 @@ use serde::{Deserialize, Deserializer};
 pub use commanded::commanded_mps;
 pub use filter::{Acceptance, FilterSettings, FilterTable, Filtered, PoseFilter};
 pub use link::{
-    DeadTimeError, DeadTimeTable, LinkMonitor, LinkSettings, LinkState, LinkTable, LinkVerdict,
-    TurnTable,
+    DeadTimeError, DeadTimeErrors, DeadTimeTable, HeightTable, LinkMonitor, LinkSettings,
+    LinkState, LinkTable, LinkVerdict, TurnTable,
 };
 pub use mission::{
     CircleTable, CsvError, CsvErrors, Direction, FollowTable, LimitTable, Mission, MissionTable,

@@ -5,11 +5,13 @@
 //! past is known here; outages of a recording are found by `tello-eval`. What is done about a lost link is
 //! decided elsewhere. Equations: `docs/control.md`.
 
+mod axis;
 mod hypothesis;
 mod likelihood;
 mod table;
-mod turn;
 
+use axis::{Axis, AxisCommand};
+pub use axis::{HeightTable, TurnTable};
 use horizon_estim::Observed;
 use horizon_model::rows::{Sticks, lag, pose, stick};
 use hypothesis::{HorizontalCommand, Hypothesis};
@@ -17,8 +19,6 @@ use nalgebra::{SVector, Vector2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 pub use table::{DeadTimeTable, LinkSettings, LinkTable};
-pub use turn::TurnTable;
-use turn::{Turn, TurnCommand};
 
 use crate::commanded::{commanded_mps, excess};
 
@@ -81,6 +81,17 @@ pub struct DeadTimeError {
     pub sd_s: f64,
 }
 
+/// The same of each axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DeadTimeErrors {
+    /// Of roll and pitch.
+    pub horizontal: DeadTimeError,
+    /// Of the throttle; `None`: it is corrected as the horizontal ones.
+    pub throttle: Option<DeadTimeError>,
+    /// The same of yaw.
+    pub yaw: Option<DeadTimeError>,
+}
+
 /// The sequential test: Page's CUSUM on the likelihoods of three Kalman filters.
 #[derive(Debug, Clone)]
 pub struct LinkMonitor {
@@ -118,13 +129,16 @@ struct Asked {
     v_w_mps: Vector2<f64>,
     /// Turn. rad/s
     omega_radps: f64,
+    /// Climb. m/s
+    climb_mps: f64,
 }
 
 /// What the sticks ask for in one period, and how that changes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Commands {
     horizontal: HorizontalCommand,
-    turn: TurnCommand,
+    turn: AxisCommand,
+    climb: AxisCommand,
 }
 
 /// The motion under one state of the link.
@@ -135,7 +149,9 @@ struct Branch {
     /// The same motion, filtered for the dead time. `None`: `hypothesis` finds it.
     dead_time: Option<Hypothesis>,
     /// `None`: the heading says nothing.
-    turn: Option<Turn>,
+    turn: Option<Axis>,
+    /// The height, for the dead time of the throttle. `None`: it is that of the others.
+    height: Option<Axis>,
     /// What is commanded while a command is held.
     held: Asked,
 }
@@ -168,15 +184,19 @@ impl LinkMonitor {
     /// link is down, and while so much speaks for an outage that what looks like a delay may be one.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn dead_time_error(&self) -> Option<DeadTimeError> {
+    pub fn dead_time_errors(&self) -> Option<DeadTimeErrors> {
         let test = self.test.as_ref()?;
         let is_doubted = test
             .others
             .iter()
             .any(|other| other.evidence > DOUBT * self.tables.link.outage_evidence);
         let is_known = test.present.state == LinkState::Up && !is_doubted;
-        let Branch { hypothesis, dead_time, .. } = &test.present;
-        is_known.then(|| dead_time.as_ref().unwrap_or(hypothesis).dead_time_error())
+        let Branch { hypothesis, dead_time, turn, height, .. } = &test.present;
+        is_known.then(|| DeadTimeErrors {
+            horizontal: dead_time.as_ref().unwrap_or(hypothesis).dead_time_error(),
+            throttle: height.as_ref().map(Axis::dead_time_error),
+            yaw: height.as_ref().and(turn.as_ref()).map(Axis::dead_time_error),
+        })
     }
 
     /// From now on `u_applied` of [`LinkMonitor::update`] assumes dead times that are longer by `longer_s` (s, by
@@ -241,7 +261,10 @@ impl Branch {
             hypothesis.predict(table, &commands.horizontal, p, dt_s);
         }
         if let Some(turn) = &mut self.turn {
-            turn.predict(&tables.link, commands.turn, p, dt_s);
+            turn.predict(&tables.link, commands.turn, p[lag::TAU_A], dt_s);
+        }
+        if let Some(height) = &mut self.height {
+            height.predict(&tables.link, commands.climb, p[lag::TAU_V], dt_s);
         }
     }
 
@@ -252,7 +275,12 @@ impl Branch {
             hypothesis.correct(table, observed);
             hypothesis.keep_to(&self.hypothesis);
         }
-        let turn = self.turn.as_mut().map(|turn| turn.correct(&tables.link, observed, dt_s));
+        let seen = |row: usize| observed.is_present[row].then(|| observed.o[row]);
+        let correct = |axis: &mut Option<Axis>, row| {
+            axis.as_mut().map(|axis| axis.correct(&tables.link, seen(row), dt_s))
+        };
+        correct(&mut self.height, pose::Z);
+        let turn = correct(&mut self.turn, pose::THETA);
         horizontal + turn.unwrap_or(0.0)
     }
 
@@ -263,6 +291,9 @@ impl Branch {
         }
         if let Some(turn) = &mut self.turn {
             turn.correct_dead_time(longer_s[stick::YAW]);
+        }
+        if let Some(height) = &mut self.height {
+            height.correct_dead_time(longer_s[stick::THROTTLE]);
         }
     }
 
@@ -284,9 +315,13 @@ impl Asked {
                 asked_w_mps: self.v_w_mps,
                 rate_w_mps2: (self.v_w_mps - before.v_w_mps) / dt_s,
             },
-            turn: TurnCommand {
-                asked_radps: self.omega_radps,
-                rate_radps2: (self.omega_radps - before.omega_radps) / dt_s,
+            turn: AxisCommand {
+                asked: self.omega_radps,
+                rate: (self.omega_radps - before.omega_radps) / dt_s,
+            },
+            climb: AxisCommand {
+                asked: self.climb_mps,
+                rate: (self.climb_mps - before.climb_mps) / dt_s,
             },
         }
     }
@@ -305,14 +340,16 @@ impl Other {
 
 impl Test {
     fn start(tables: &Tables, observed: &Observed<{ pose::COUNT }>) -> Option<Self> {
+        let link = &tables.link;
         let rows = [pose::X, pose::Y, pose::THETA];
         let is_complete = rows.iter().all(|row| observed.is_present[*row]);
         let position_m = Vector2::new(observed.o[pose::X], observed.o[pose::Y]);
         let (state, held, theta_rad) = (LinkState::Up, Asked::default(), observed.o[pose::THETA]);
-        let hypothesis = Hypothesis::new(&tables.link, position_m);
+        let hypothesis = Hypothesis::new(link, position_m);
         let dead_time = tables.dead_time.as_ref().map(|table| Hypothesis::new(table, position_m));
-        let turn = tables.link.turn.map(|own| Turn::new(&tables.link, own, theta_rad));
-        let present = Branch { state, hypothesis, dead_time, turn, held };
+        let turn = link.turn.map(|own| Axis::new(link, own.noise(link), theta_rad));
+        let height = link.height.map(|own| Axis::new(link, own.noise(), observed.o[pose::Z]));
+        let present = Branch { state, hypothesis, dead_time, turn, height, held };
         is_complete.then(|| Self {
             others: state.others().map(|other| present.change(other, held)),
             present,
@@ -333,6 +370,7 @@ impl Test {
         let asked = Asked {
             v_w_mps: commanded_mps(u_applied, psi_rad, p[lag::LAMBDA_H], p[lag::DEAD_H]),
             omega_radps: p[lag::LAMBDA_A] * excess(u_applied[stick::YAW], p[lag::DEAD_A]),
+            climb_mps: p[lag::LAMBDA_V] * excess(u_applied[stick::THROTTLE], p[lag::DEAD_V]),
         };
         let sent = asked.after(self.asked, dt_s);
         self.asked = asked;

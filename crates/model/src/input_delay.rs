@@ -83,14 +83,15 @@ impl<const NU: usize> InputFifo<NU> {
         Ok(self)
     }
 
-    /// Makes every dead time longer than [`InputFifo::new`] was given by `steps`, or shorter; none falls below
+    /// Makes each dead time longer than [`InputFifo::new`] was given by its `steps`, or shorter; none falls below
     /// its least one ([`InputFifo::with_min_ratio`]). What was sent stays. A longer one takes as much room, see [`InputFifo::with_room`].
     ///
     /// Real time: no allocation, constant cost.
-    pub fn correct(&mut self, steps: i32) {
-        let longer = f64::from(steps);
-        self.dead_time_steps =
-            self.nominal_steps.map(|steps| (steps + longer).max(self.min_ratio * steps));
+    pub fn correct(&mut self, steps: [i32; NU]) {
+        let longer = SVector::from(steps.map(f64::from));
+        self.dead_time_steps = self
+            .nominal_steps
+            .zip_map(&longer, |steps, longer| (steps + longer).max(self.min_ratio * steps));
     }
 
     /// Dead time of each axis as [`InputFifo::new`] was given it. steps
@@ -238,15 +239,15 @@ mod tests {
             fifo.push(&SVector::from([f64::from(k), -f64::from(k)]));
         }
         assert_close(fifo.applied(0), [38.5, -47.5]);
-        fifo.correct(5);
+        fifo.correct([5; 2]);
         assert_close(fifo.applied(0), [33.5, -42.5]);
         assert_close(fifo.applied(-3), [30.5, -39.5]);
         assert_eq!((fifo.known_steps(), fifo.longest_steps()), (8, 18));
-        fifo.correct(-5);
+        fifo.correct([-5; 2]);
         assert_close(fifo.applied(0), [43.5, -50.0]);
         assert_eq!(fifo.known_steps(), 0);
         assert!((fifo.nominal_steps()[1] - 3.5).abs() < 1e-9);
-        fifo.correct(0);
+        fifo.correct([0; 2]);
         assert_close(fifo.applied(0), [38.5, -47.5]);
     }
 
@@ -258,9 +259,9 @@ mod tests {
             fifo.push(&SVector::from([f64::from(k), -f64::from(k)]));
         }
         // 12 and 4 steps: the second axis keeps two of them.
-        fifo.correct(-3);
+        fifo.correct([-3; 2]);
         assert_close(fifo.applied(0), [42.0, -49.0]);
-        fifo.correct(-50);
+        fifo.correct([-50; 2]);
         assert_close(fifo.applied(0), [45.0, -49.0]);
     }
 

@@ -1,3 +1,4 @@
+use horizon_model::rows::Sticks;
 use horizon_model::{InputFifo, Kinematic, Model as _};
 use tello_io::config;
 
@@ -57,7 +58,7 @@ fn a_flight_makes_the_file_and_the_next_one_starts_there() {
 }
 
 #[test]
-fn dead_times_change_alike_and_stay_within_their_range() {
+fn dead_times_change_as_they_were_found_and_stay_within_their_range() {
     let settings = settings();
     let flown = |dead_time_change_s| {
         let mut file = ParameterFile::of_settings(&settings);
@@ -66,12 +67,16 @@ fn dead_times_change_alike_and_stay_within_their_range() {
         file.check().unwrap();
         (file.dead_time_s, changed)
     };
-    let (later, changed) = flown(Some(0.1));
+    let (later, changed) = flown(Some(Sticks::repeat(0.1)));
     for (after, before) in later.iter().zip(&settings.dead_time_s) {
         assert!((after - before - 0.1).abs() < 1e-12);
     }
     assert_eq!((changed.len(), changed[0].name), (1, "dead_time"));
-    let (longest, _) = flown(Some(1.9));
+    let (each, _) = flown(Some(Sticks::new(0.1, 0.1, 0.0, 0.02)));
+    for (axis, longer_s) in [0.1, 0.1, 0.0, 0.02].into_iter().enumerate() {
+        assert!((each[axis] - settings.dead_time_s[axis] - longer_s).abs() < 1e-12, "{axis}");
+    }
+    let (longest, _) = flown(Some(Sticks::repeat(1.9)));
     assert!((longest[stick::ROLL] - DEAD_TIME_MAX_S).abs() < 1e-12, "{longest:?}");
     assert_eq!(flown(None), (settings.dead_time_s.clone(), Vec::new()));
 }
@@ -92,13 +97,16 @@ fn each_dead_time_gets_shorter_as_far_as_the_flight_lets_its_axis() {
         settings.dead_time_s = vec![0.34, 0.34, 0.04, 0.19];
         settings.link.as_mut().unwrap().dead_time_min_ratio = min_ratio;
         let mut file = ParameterFile::of_settings(&settings);
-        let found = ParameterEstimate { dead_time_change_s: Some(longer_s), ..found(0.5, 0.9) };
+        let found = ParameterEstimate {
+            dead_time_change_s: Some(Sticks::repeat(longer_s)),
+            ..found(0.5, 0.9)
+        };
         file.learn(&settings, &done(&found, "2026-11-22")).unwrap();
         file.check().unwrap();
         // The FIFO of the flight after the same correction.
         let mut fifo = InputFifo::new(&settings.dead_time_s, &Kinematic::INPUT, 0.02).unwrap();
         fifo = fifo.with_min_ratio(min_ratio).unwrap();
-        fifo.correct(longer_steps);
+        fifo.correct([longer_steps; 4]);
         for (axis, (after_s, expected_s)) in file.dead_time_s.iter().zip(expected_s).enumerate() {
             let flown_s = 0.02 * fifo.dead_time_steps()[axis];
             assert!((after_s - expected_s).abs() < 1e-12, "{min_ratio}, {longer_s} s: {file:?}");

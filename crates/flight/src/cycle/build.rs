@@ -173,8 +173,8 @@ fn link(cycle: &CycleTable, dt_s: f64, model: &str) -> Result<Option<Link>, Sett
     let settings = LinkSettings::try_from(table).map_err(|error| error.under("cycle.link"))?;
     let monitor = LinkMonitor::new(&settings, dt_s);
     // Checked with the FIFO: one entry an axis.
-    let horizontal_s = cycle.dead_time_s.get(stick::PITCH).copied().unwrap_or_default();
-    let dead_time = DeadTime::new(table, horizontal_s, dt_s);
+    let dead_time_s = Sticks::from_iterator(cycle.dead_time_s.iter().copied());
+    let dead_time = DeadTime::new(table, &dead_time_s, dt_s);
     let window_steps = cycle.mhe.window_steps().map_err(|error| error.under("cycle.mhe"))?;
     let stick_max = table.outage_stick_max.unwrap_or(cycle.gate.stick_max);
     Ok(Some(Link::new(monitor, dead_time, stick_max, window_steps, dt_s)))

@@ -58,11 +58,11 @@ impl Link {
     /// Decides a correction of the dead times by what [`Link::judge`] saw, makes it in `fifo` and takes what each axis
     /// changed by off the monitor's errors; whether there is one.
     pub(super) fn correct_dead_time(&mut self, fifo: &mut InputFifo<{ stick::COUNT }>) -> bool {
-        if self.dead_time.follow(self.monitor.dead_time_error()) == 0 {
+        if !self.dead_time.follow(self.monitor.dead_time_errors()) {
             return false;
         }
         let before_steps = *fifo.dead_time_steps();
-        fifo.correct(self.dead_time.change().map_or(0, |change| change.steps));
+        fifo.correct(self.dead_time.change().map_or([0; stick::COUNT], |change| change.steps));
         self.monitor.correct_dead_time(&((fifo.dead_time_steps() - before_steps) * self.dt_s));
         true
     }
@@ -163,7 +163,13 @@ mod tests {
     fn link() -> Link {
         let table = LinkTable { dead_time_change_s: 0.1, ..table() };
         let monitor = LinkMonitor::new(&LinkSettings::try_from(&table).unwrap(), DT_S);
-        Link::new(monitor, DeadTime::new(&table, 0.34, DT_S), STICK_MAX, WINDOW_STEPS, DT_S)
+        Link::new(
+            monitor,
+            DeadTime::new(&table, &Sticks::new(0.34, 0.34, 0.04, 0.19), DT_S),
+            STICK_MAX,
+            WINDOW_STEPS,
+            DT_S,
+        )
     }
 
     #[test]
@@ -213,8 +219,13 @@ mod tests {
     fn a_correction_is_taken_off_the_error_of_each_axis_as_far_as_the_axis_changes() {
         let table = LinkTable { dead_time_change_s: 0.3, ..table() };
         let monitor = LinkMonitor::new(&LinkSettings::try_from(&table).unwrap(), DT_S);
-        let mut link =
-            Link::new(monitor, DeadTime::new(&table, 0.34, DT_S), STICK_MAX, WINDOW_STEPS, DT_S);
+        let mut link = Link::new(
+            monitor,
+            DeadTime::new(&table, &Sticks::new(0.34, 0.34, 0.04, 0.19), DT_S),
+            STICK_MAX,
+            WINDOW_STEPS,
+            DT_S,
+        );
         let fifo = |pitch_s| {
             InputFifo::new(&[pitch_s, pitch_s, 0.04, 0.19], &Kinematic::INPUT, DT_S).unwrap()
         };
@@ -235,7 +246,7 @@ mod tests {
             link.judge(&assumed.applied(-1), &Observed::full(model.observe(&s)), &p);
             corrections += u32::from(link.correct_dead_time(&mut assumed));
         }
-        assert_eq!((link.dead_time().unwrap().steps, corrections), (-8, 8));
+        assert_eq!((link.dead_time().unwrap().steps, corrections), ([-8; 4], 8));
         assert_eq!(*assumed.dead_time_steps(), Sticks::new(9.0, 9.0, 1.0, 4.75));
         // Yaw went from two periods to one. Its filter has seen no turn since: the error fades with `adapt_s`, 30 s.
         let left_s = link.monitor.yaw_dead_time_error_s().unwrap();

@@ -2,7 +2,7 @@
 
 use horizon_estim::Mhe;
 use horizon_model::Model;
-use horizon_model::rows::{pose, stick};
+use horizon_model::rows::{Sticks, pose, stick};
 
 use super::DeadTimeChange;
 
@@ -13,8 +13,9 @@ pub struct ParameterEstimate {
     pub p: Vec<f64>,
     /// Its covariance in the units of the estimator's weights, row by row.
     pub covariance: Vec<Vec<f64>>,
-    /// Correction of each dead time, as far as `dead_time_min_ratio` lets it; `None` if no motion showed it. s
-    pub dead_time_change_s: Option<f64>,
+    /// Correction of the dead time of each stick, as far as `dead_time_min_ratio` lets it; `None` if no motion showed
+    /// it. s
+    pub dead_time_change_s: Option<Sticks>,
 }
 
 impl ParameterEstimate {
@@ -29,11 +30,10 @@ impl ParameterEstimate {
     {
         let covariance = mhe.is_started().then(|| mhe.parameter_covariance())??;
         let rows = covariance.row_iter().map(|row| row.iter().copied().collect()).collect();
-        let longer = |change: DeadTimeChange| Some(change.change_s + change.error?.mean_s);
         Some(Self {
             p: mhe.p_hat().as_slice().to_vec(),
             covariance: rows,
-            dead_time_change_s: change.and_then(longer),
+            dead_time_change_s: change.and_then(|change| change.found_s()),
         })
     }
 }

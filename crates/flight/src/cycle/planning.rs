@@ -53,8 +53,8 @@ pub(super) fn given_steps(dead_time_steps: &Sticks) -> [usize; stick::COUNT] {
     std::array::from_fn(|axis| whole(dead_time_steps[axis]) - shortest)
 }
 
-/// Committed inputs of a plan by axis. A correction of the dead times shifts all axes alike, but none falls below its
-/// least one (`dead_time_min_ratio`), so that it may reduce the differences between them.
+/// Committed inputs of a plan by axis. Corrections of the dead times change the differences between axes: throttle and
+/// yaw have their own, and none falls below its least one (`dead_time_min_ratio`).
 #[derive(Debug, Clone, Copy)]
 struct Committed {
     dead_time_steps: Sticks,
@@ -87,6 +87,11 @@ impl Committed {
             fraction: dead_time_steps.map(f64::fract),
             given_stages: open_stages.into_iter().map(|[open, _]| open).max().unwrap_or(0),
         }
+    }
+
+    /// Most of `given_steps`.
+    fn given_steps_max(&self) -> usize {
+        self.given_steps.into_iter().max().unwrap_or(0)
     }
 }
 
@@ -135,6 +140,7 @@ where
     ) -> Self {
         let stages = mpc.plan().len();
         let committed = Committed::new(fifo.nominal_steps(), mpc.settings());
+        let u_given = vec![Sticks::zeros(); mpc.settings().horizon_steps()];
         Self {
             model,
             dt_s,
@@ -143,7 +149,7 @@ where
             u_lb,
             u_ub,
             committed,
-            u_given: vec![Sticks::zeros(); committed.steps_max],
+            u_given,
             references: vec![Reference::default(); stages],
             s_ref: vec![SVector::zeros(); stages],
             s_0: SVector::zeros(),
@@ -208,7 +214,8 @@ where
         let s_0 = predict(&self.model, known.s_hat, known.p_hat, inputs, self.dt_s);
         self.s_0 = s_0;
         self.p = known.p_hat + self.baseline.p_correction;
-        for (k, u) in self.u_given.iter_mut().enumerate() {
+        let given = self.committed.given_steps_max();
+        for (k, u) in self.u_given.iter_mut().take(given).enumerate() {
             *u = self.model.effect(&known.applied(first_ahead + k.cast_signed()), &self.p);
         }
         // The mission is where the estimate is: in the past, if this is used a tick later.
@@ -227,7 +234,7 @@ where
             s_0: &s_0,
             p: &self.p,
             u_before: &self.model.effect(&known.applied(first_ahead - 1), &self.p),
-            u_given: &self.u_given,
+            u_given: &self.u_given[..given],
             given_steps: self.committed.given_steps,
             s_ref: &self.s_ref,
         };

@@ -191,10 +191,17 @@ impl Outcome {
         put_rows(sink, Topic::Parameter, step, self.parameter_rows, &self.p_hat)?;
         if let Some(link) = &self.link {
             let (is_down, score) = (link.state.is_down(), link.score);
-            let dead_time_change_s = self.dead_time.map(|change| change.change_s);
+            let change_s = |axis: usize| self.dead_time.map(|change| change.change_s[axis]);
             let error = self.dead_time.and_then(|change| change.error);
-            let dead_time_error_s = error.map(|error| error.mean_s);
-            let record = LinkRecord { step, is_down, score, dead_time_change_s, dead_time_error_s };
+            let record = LinkRecord {
+                step,
+                is_down,
+                score,
+                dead_time_change_s: change_s(stick::PITCH),
+                dead_time_error_s: error.map(|error| error.mean_s),
+                throttle_change_s: change_s(stick::THROTTLE),
+                yaw_change_s: change_s(stick::YAW),
+            };
             sink.put(Topic::Link, &record)?;
         }
         put_solve(sink, Topic::Estimator, step, (self.estimator.as_ref(), None))?;
@@ -297,12 +304,18 @@ pub struct LinkRecord {
     pub is_down: bool,
     /// Log likelihood ratio, less the evidence that a change takes: positive exactly while the link is down. 1
     score: f64,
-    /// Correction of each dead time, as far as `dead_time_min_ratio` lets it; missing where they stay as configured. s
+    /// Correction of the dead time of roll and pitch; missing where they stay as configured. s
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dead_time_change_s: Option<f64>,
     /// What is missing from that by the latest motion that shows it; missing before. s
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dead_time_error_s: Option<f64>,
+    /// Correction of the dead time of the throttle, as far as `dead_time_min_ratio` lets it. s
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub throttle_change_s: Option<f64>,
+    /// The same of yaw. s
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub yaw_change_s: Option<f64>,
 }
 
 #[derive(Serialize, JsonSchema)]

@@ -4,7 +4,7 @@ use horizon_model::setting::{SettingError, in_range, positive};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::TurnTable;
+use super::{HeightTable, TurnTable};
 
 /// How a lost link is recognized in flight, as written in a file.
 ///
@@ -57,6 +57,10 @@ pub struct LinkTable {
     /// What the heading shows of the link. Missing: nothing
     #[serde(default)]
     pub turn: Option<TurnTable>,
+    /// What the height shows of the throttle's dead time. With it throttle and yaw are corrected by their own errors,
+    /// too. Missing: as roll and pitch
+    #[serde(default)]
+    pub height: Option<HeightTable>,
 }
 
 /// The filter of the dead time, as written in a file; what is not here is that of [`LinkTable`].
@@ -112,6 +116,7 @@ impl TryFrom<&LinkTable> for LinkSettings {
         stick_max.map(|max| in_range("outage_stick_max", max, 0.1..=1.0)).transpose()?;
         table.dead_time.as_ref().map_or(Ok(()), DeadTimeTable::check)?;
         table.turn.as_ref().map_or(Ok(()), TurnTable::check)?;
+        table.height.as_ref().map_or(Ok(()), HeightTable::check)?;
         Ok(Self(table.clone()))
     }
 }

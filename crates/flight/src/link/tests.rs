@@ -24,6 +24,12 @@ pub(crate) fn table() -> LinkTable {
         outage_stick_max: Some(0.4),
         dead_time: Some(DeadTimeTable { sd_position_m: 0.004, adapt_s: 1000.0 }),
         turn: Some(TurnTable { sd_theta_rad: 0.03, sd_disturbance_radps: 0.2, decay_s: 0.5 }),
+        height: Some(HeightTable {
+            sd_z_m: 0.01,
+            sd_disturbance_mps: 0.05,
+            decay_s: 1.2,
+            adapt_s: 300.0,
+        }),
     }
 }
 
@@ -35,7 +41,7 @@ pub(crate) fn parameter() -> SVector<f64, { lag::COUNT }> {
 impl LinkMonitor {
     /// Error of the dead time of yaw by the filter of the heading. s
     pub(crate) fn yaw_dead_time_error_s(&self) -> Option<f64> {
-        Some(self.test.as_ref()?.present.turn.as_ref()?.dead_time_error_s())
+        Some(self.test.as_ref()?.present.turn.as_ref()?.dead_time_error().mean_s)
     }
 }
 
@@ -117,7 +123,7 @@ fn delayed(late_steps: i32) -> DeadTimeError {
     for k in 0..1000 {
         flight.fly_as(1, pitch(k), pitch(k - late_steps));
     }
-    flight.monitor.dead_time_error().unwrap()
+    flight.monitor.dead_time_errors().unwrap().horizontal
 }
 
 #[test]
@@ -151,17 +157,17 @@ fn a_dead_time_far_from_the_link_s_starts_again_from_it() {
 #[test]
 fn an_outage_is_no_delay() {
     let mut flight = Flight::new();
-    assert!(flight.monitor.dead_time_error().is_some());
+    assert!(flight.monitor.dead_time_errors().is_some());
     flight.fly(100, 0.3, true);
-    let before = flight.monitor.dead_time_error().unwrap();
+    let before = flight.monitor.dead_time_errors().unwrap().horizontal;
     // From the first doubt on there is no answer, and what the outage looked like is forgotten with it.
     let silent = (0..40).filter(|_| {
         flight.fly(1, 0.3, false);
-        flight.monitor.dead_time_error().is_none()
+        flight.monitor.dead_time_errors().is_none()
     });
     assert!(silent.count() > 20);
     flight.fly(40, 0.3, true);
-    let after = flight.monitor.dead_time_error().unwrap();
+    let after = flight.monitor.dead_time_errors().unwrap().horizontal;
     assert!((after.mean_s - before.mean_s).abs() < 0.01, "{before:?}, {after:?}");
 }
 

@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::place::{Place, Step};
 use super::{BUILT_IN_FLY, parse};
 
-const NAMED: [&str; 19] = [
+const NAMED: [&str; 20] = [
     "cycle.uses_measurement_time",
     "cycle.standing",
     "cycle.filter.angle_growth_refused_rad",
@@ -18,6 +18,7 @@ const NAMED: [&str; 19] = [
     "cycle.link.outage_stick_max",
     "cycle.link.dead_time",
     "cycle.link.turn",
+    "cycle.link.height",
     "cycle.mpc.walls",
     "cycle.mpc.walls.obstacle_accel_mps2",
     "cycle.mpc.walls.margin_sd",

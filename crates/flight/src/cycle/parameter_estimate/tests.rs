@@ -67,13 +67,18 @@ fn motion_narrows_the_rows_that_it_shows_and_no_others() {
 }
 
 #[test]
-fn what_is_still_missing_of_the_dead_time_is_added_to_its_correction() {
+fn the_dead_times_are_those_that_the_flight_found() {
     let mhe = started();
+    let change = DeadTimeChange {
+        steps: [2; stick::COUNT],
+        change_s: Sticks::repeat(0.04),
+        error: Some(DeadTimeError { mean_s: -0.015, sd_s: 0.01 }),
+        throttle_error: None,
+        yaw_error: None,
+    };
     let longer_s = |change| ParameterEstimate::of(&mhe, change).unwrap().dead_time_change_s;
-    let change = |error| Some(DeadTimeChange { steps: 2, change_s: 0.04, error });
-    let found_s = longer_s(change(Some(DeadTimeError { mean_s: -0.015, sd_s: 0.01 })));
-    assert!(found_s.is_some_and(|found_s| (found_s - 0.025).abs() < 1e-12), "{found_s:?}");
+    assert_eq!(longer_s(Some(change)), change.found_s());
     // Without motion that shows it, the correction alone says nothing.
-    assert_eq!(longer_s(change(None)), None);
+    assert_eq!(longer_s(Some(DeadTimeChange { error: None, ..change })), None);
     assert_eq!(longer_s(None), None);
 }

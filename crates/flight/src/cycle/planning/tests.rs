@@ -80,7 +80,7 @@ fn axes_with_a_longer_dead_time_are_decided_further_into_the_plan() {
         (-5, [12, 12, 0, 4]),
         (-12, [5, 5, 0, 0]),
     ] {
-        fifo.correct(correction);
+        fifo.correct([correction; 4]);
         assert_eq!(given_steps(fifo.dead_time_steps()), given, "{correction} steps");
     }
 }
@@ -94,7 +94,7 @@ fn a_stick_is_planned_for_about_the_step_in_which_it_acts_whatever_the_correctio
     }
     let begin_of = |stage| settings.stage_steps().iter().take(stage).sum::<u32>() as usize;
     for correction in -17..=8 {
-        fifo.correct(correction);
+        fifo.correct([correction; 4]);
         let committed = Committed::new(fifo.dead_time_steps(), &settings);
         let (known, mut last) = (fifo.known_steps(), 0);
         for axis in 0..stick::COUNT {

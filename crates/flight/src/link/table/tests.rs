@@ -39,13 +39,14 @@ fn every_number_has_to_be_positive_and_is_refused_by_its_own_key() {
             _ => check(None, key),
         }
     }
-    assert_eq!(checked, 12 + 2 + 3);
+    assert_eq!(checked, 12 + 2 + 3 + 4);
 }
 
 #[test]
 fn a_number_that_is_not_finite_is_refused_by_its_own_key() {
     let refused = |table: LinkTable| LinkSettings::try_from(&table).unwrap_err().key;
     let (dead_time, turn) = (table().dead_time.unwrap(), table().turn.unwrap());
+    let height = table().height.unwrap();
     for bad in [f64::NAN, f64::INFINITY] {
         assert_eq!(refused(LinkTable { outage_evidence: bad, ..table() }), "outage_evidence");
         assert_eq!(refused(LinkTable { forget_s: bad, ..table() }), "forget_s");
@@ -53,6 +54,8 @@ fn a_number_that_is_not_finite_is_refused_by_its_own_key() {
         assert_eq!(refused(LinkTable { dead_time, ..table() }), "dead_time.adapt_s");
         let turn = Some(TurnTable { sd_disturbance_radps: bad, ..turn });
         assert_eq!(refused(LinkTable { turn, ..table() }), "turn.sd_disturbance_radps");
+        let height = Some(HeightTable { sd_z_m: bad, ..height });
+        assert_eq!(refused(LinkTable { height, ..table() }), "height.sd_z_m");
     }
 }
 
@@ -72,7 +75,7 @@ fn what_has_a_range_is_refused_outside_of_it_by_its_own_key() {
 fn a_log_from_before_the_newer_keys_keeps_its_behaviour() {
     let mut document = serde_json::to_value(table()).unwrap();
     let older = document.as_object_mut().unwrap();
-    let newer = ["dead_time_adapt_s", "dead_time", "turn"];
+    let newer = ["dead_time_adapt_s", "dead_time", "turn", "height"];
     for key in newer.into_iter().chain(RANGES.map(|(key, ..)| key)) {
         assert!(older.remove(key).is_some(), "{key}");
     }
@@ -84,6 +87,7 @@ fn a_log_from_before_the_newer_keys_keeps_its_behaviour() {
         outage_stick_max: None,
         dead_time: None,
         turn: None,
+        height: None,
         ..table()
     };
     assert_eq!(older, expected);

@@ -2,6 +2,7 @@
 
 use super::super::VirtualFlight;
 use crate::plant::{RIGID_BODY, UNVARIED, VariationTable};
+use horizon_model::rows::stick;
 use tello_flight::{Fault, MissionTable, Phase, Start};
 use tello_io::config;
 
@@ -14,7 +15,7 @@ fn found_s(longer_s: f64, seed: u64, is_rigid_body: bool) -> f64 {
             break;
         }
     }
-    flight.parameter_estimate().unwrap().dead_time_change_s.unwrap()
+    flight.parameter_estimate().unwrap().dead_time_change_s.unwrap()[stick::PITCH]
 }
 
 /// Four laps of the square by that vehicle.
