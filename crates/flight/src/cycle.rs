@@ -243,12 +243,17 @@ where
         let Some(Seen { newest, at_tick }) = seen else { return };
         if self.mhe.is_started() {
             let u_applied = self.follow_link(applied_ahead, at_tick, Some(out));
+            // A jump of the poses is no motion of the vehicle.
+            let has_jumped = self.plausibility.has_jumped();
+            if has_jumped {
+                self.mhe.hold_parameter(true);
+            }
             let solved = self.mhe.update(&u_applied, newest, &mut || watch.is_late());
             if self.memory.is_on_mission {
                 self.correct_dead_time(applied_ahead);
             }
             // After the update, which still solves the corrected window with a free parameter.
-            self.mhe.hold_parameter(!self.link_is_up());
+            self.mhe.hold_parameter(has_jumped || !self.link_is_up());
             self.memory.estimator_failed = solved.is_err();
             if solved.is_err() {
                 self.start_estimate(&at_tick.o);
