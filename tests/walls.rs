@@ -86,8 +86,8 @@ fn an_obstacle_on_the_path_is_flown_around_by_both_plants() {
 fn an_obstacle_that_moves_is_evaded_where_it_is_going_to_be() {
     let (mut flight, mut sim) = tables();
     flight.cycle.obstacles = vec![ObstacleTable::Moving { radius_m: 0.2 }];
-    let (from_m, to_m) = ([-3.5, -2.2, 1.0], [-0.5, -2.2, 1.0]);
-    sim.passer = Some(PasserTable { from_m, to_m, speed_mps: 1.0, hidden_s: None });
+    let (from_w_m, to_w_m) = ([-3.5, -2.2, 1.0], [-0.5, -2.2, 1.0]);
+    sim.passer = Some(PasserTable { from_w_m, to_w_m, speed_mps: 1.0, hidden_s: None });
     let touched = |weight| {
         let mut flight = flight.clone();
         flight.cycle.mpc.walls.as_mut().unwrap().weight = weight;
@@ -105,7 +105,7 @@ fn fly_with_hidden(hidden_s: [f64; 2], mut see: impl FnMut(f64, bool, &Outcome))
     flight.cycle.obstacles = vec![ObstacleTable::Moving { radius_m: 0.2 }];
     let at_m = [4.0, 4.0, 1.0];
     let hidden_s = Some(hidden_s);
-    sim.passer = Some(PasserTable { from_m: at_m, to_m: at_m, speed_mps: 0.0, hidden_s });
+    sim.passer = Some(PasserTable { from_w_m: at_m, to_w_m: at_m, speed_mps: 0.0, hidden_s });
     let is_missed =
         |out: &Outcome| out.ruling.is_some_and(|r| r.faults.contains(Fault::ObstacleUnseen));
     fly(&(flight, sim), 3, |out| see(0.02 * out.step as f64, is_missed(out), out)).2
@@ -150,9 +150,9 @@ fn a_flight_around_an_obstacle_replays_bit_by_bit_and_its_log_has_the_clearance(
     let (mut flight, sim) = tables();
     flight.cycle.obstacles = vec![POLE];
     flight.cycle.obstacles.push(ObstacleTable::Moving { radius_m: 0.2 });
-    let (from_m, to_m) = ([-3.5, -1.2, 1.0], [-0.5, -1.2, 1.0]);
+    let (from_w_m, to_w_m) = ([-3.5, -1.2, 1.0], [-0.5, -1.2, 1.0]);
     let sim = SimTable {
-        passer: Some(PasserTable { from_m, to_m, speed_mps: 0.7, hidden_s: None }),
+        passer: Some(PasserTable { from_w_m, to_w_m, speed_mps: 0.7, hidden_s: None }),
         ..sim
     };
     let path = folder.join("flight.mcap");

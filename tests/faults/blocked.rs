@@ -39,7 +39,7 @@ fn assert_landed_inside(story: &Story, is_inside: impl Fn(&Moment) -> bool) {
 #[test]
 fn a_vehicle_that_a_push_carries_into_an_obstacle_is_landed() {
     let near_m = 2.8;
-    let push = scripted(SimFault::DronePushed { velocity_mps: [0.9, 0.0, 0.0] }, 3.0);
+    let push = scripted(SimFault::DronePushed { velocity_w_mps: [0.9, 0.0, 0.0] }, 3.0);
     let mut settings = settings(&push);
     settings.0.cycle.obstacles =
         vec![ObstacleTable::Box { x_m: [near_m, 3.6], y_m: [-1.0, 1.0], z_m: [-0.2, 3.0] }];

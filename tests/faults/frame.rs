@@ -71,7 +71,7 @@ fn a_rigid_body_that_is_turned_lands_within_three_seconds_of_the_first_stick() {
 /// When a flight of `mission` is landed whose heading drifts by `yaw_radps`, with a drone that reports its own heading as
 /// `report`. s after the begin of the drift
 fn landing_s(mission: MissionTable, yaw_radps: f64, report: HeadingReport) -> f64 {
-    let fault = SimFault::MocapDrift { velocity_mps: [0.0; 3], yaw_radps };
+    let fault = SimFault::MocapDrift { velocity_w_mps: [0.0; 3], yaw_radps };
     let mut settings = settings(&[ScriptedFault { fault, from_s: FAULT_AT_S, for_s: 1e3 }]);
     settings.0.mission = mission;
     settings.1.drone.status.heading = report;
@@ -186,7 +186,7 @@ fn commands_that_get_lost_in_turns_are_no_wrong_heading() {
 #[test]
 fn a_position_that_drifts_away_from_a_hover_lands_within_two_metres() {
     for speed_mps in [0.1, 0.15] {
-        let drift = SimFault::MocapDrift { velocity_mps: [speed_mps, 0.0, 0.0], yaw_radps: 0.0 };
+        let drift = SimFault::MocapDrift { velocity_w_mps: [speed_mps, 0.0, 0.0], yaw_radps: 0.0 };
         let story = fly("hover.json", drift, FAULT_AT_S);
         assert!(story.has(Fault::WitnessDisagrees), "{speed_mps} m/s: {:?}", story.last());
         let far_m = distance_m(&story, FAULT_AT_S);

@@ -12,8 +12,8 @@ use super::story::{FAULT_AT_S, Moment, Story, asks, fly, fly_alone, settings};
 const REFUSAL_S: f64 = 9.0;
 
 /// Another object at rest, so far from where the drone is.
-fn still(offset_m: [f64; 3]) -> SimFault {
-    SimFault::MocapStill { offset_m, turn_rad: 0.0, noise_m: 0.0005, noise_rad: 0.001 }
+fn still(offset_w_m: [f64; 3]) -> SimFault {
+    SimFault::MocapStill { offset_w_m, turn_rad: 0.0, noise_m: 0.0005, noise_rad: 0.001 }
 }
 
 fn from(fault: SimFault, from_s: f64, for_s: f64) -> ScriptedFault {
@@ -38,9 +38,9 @@ fn assert_lands_what_flies(story: &Story, ordered_at_s: f64) {
 
 #[test]
 fn a_silent_drone_that_refuses_to_land_is_landed_on_whatever_object_lies_on_the_floor() {
-    for offset_m in [[0.0, 0.0, -1.1], [2.0, 0.0, -1.1]] {
+    for offset_w_m in [[0.0, 0.0, -1.1], [2.0, 0.0, -1.1]] {
         let script = [
-            from(still(offset_m), FAULT_AT_S, 1e3),
+            from(still(offset_w_m), FAULT_AT_S, 1e3),
             from(SimFault::DroneMute, FAULT_AT_S, 1e3),
             from(SimFault::DroneRefusesLand, FAULT_AT_S, REFUSAL_S),
         ];

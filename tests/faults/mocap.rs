@@ -60,7 +60,7 @@ fn a_frozen_pose_is_no_pose() {
 fn a_frozen_pose_that_changes_its_last_digit_now_and_then_is_no_pose() {
     for noise_m in [1e-5, 2e-5, 3e-5, 5e-5, 1e-4] {
         let fault =
-            SimFault::MocapStill { offset_m: [0.0; 3], turn_rad: 0.0, noise_m, noise_rad: 1e-4 };
+            SimFault::MocapStill { offset_w_m: [0.0; 3], turn_rad: 0.0, noise_m, noise_rad: 1e-4 };
         let story = fly_alone(&settings(&scripted(fault, 1e3)), 60.0);
         // The drone's velocity may land it sooner.
         story.assert_landed_by(Fault::MocapFrozen, [0.5, 2.2]);
@@ -97,7 +97,7 @@ fn another_object_that_stands_still_lands() {
 #[test]
 fn an_object_in_two_places_lands_before_it_is_flown_by() {
     for (offset_m, fraction) in [(0.15, 0.5), (0.2, 0.5), (0.25, 0.5)] {
-        let fault = SimFault::MocapSplit { offset_m: [offset_m, 0.0, 0.0], fraction };
+        let fault = SimFault::MocapSplit { offset_w_m: [offset_m, 0.0, 0.0], fraction };
         let story = fly_alone(&settings(&scripted(fault, 1e3)), 60.0);
         story.assert_landed_by(Fault::MocapRough, [0.08, 0.6]);
     }
@@ -117,7 +117,7 @@ fn an_object_that_leaves_a_hover_lands() {
     // The sooner the drone's way differs from that of the object, the sooner that is seen.
     for (speed_mps, neutral_s, landing_s) in [(0.15, 1.9, 3.3), (0.3, 0.8, 3.1), (1.0, 0.6, 1.7)] {
         let leaves = SimFault::MocapWalker {
-            offset_m: [0.0; 3],
+            offset_w_m: [0.0; 3],
             radius_m: 20.0,
             speed_mps,
             noise_m: 5e-4,

@@ -343,10 +343,10 @@ impl Test {
         let link = &tables.link;
         let rows = [pose::X, pose::Y, pose::THETA];
         let is_complete = rows.iter().all(|row| observed.is_present[*row]);
-        let position_m = Vector2::new(observed.o[pose::X], observed.o[pose::Y]);
+        let pos_w = Vector2::new(observed.o[pose::X], observed.o[pose::Y]);
         let (state, held, theta_rad) = (LinkState::Up, Asked::default(), observed.o[pose::THETA]);
-        let hypothesis = Hypothesis::new(link, position_m);
-        let dead_time = tables.dead_time.as_ref().map(|table| Hypothesis::new(table, position_m));
+        let hypothesis = Hypothesis::new(link, pos_w);
+        let dead_time = tables.dead_time.as_ref().map(|table| Hypothesis::new(table, pos_w));
         let turn = link.turn.map(|own| Axis::new(link, own.noise(link), theta_rad));
         let height = link.height.map(|own| Axis::new(link, own.noise(), observed.o[pose::Z]));
         let present = Branch { state, hypothesis, dead_time, turn, height, held };

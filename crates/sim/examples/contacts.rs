@@ -22,8 +22,8 @@ const NEAR: RoomTable =
 
 /// It crosses the first side and turns round on the third.
 const PASSER: PasserTable = PasserTable {
-    from_m: [-3.5, -2.2, 1.0],
-    to_m: [-0.5, -2.2, 1.0],
+    from_w_m: [-3.5, -2.2, 1.0],
+    to_w_m: [-0.5, -2.2, 1.0],
     speed_mps: 1.0,
     hidden_s: None,
 };

@@ -51,8 +51,8 @@ fn scenes() -> [Scene; 7] {
     let near = RoomTable { x_m: [-5.0, -0.25], y_m: [-5.0, -1.25], z_m: [-0.2, 3.0], stop_s: 1.3 };
     let block = ObstacleTable::Box { x_m: [-2.3, -1.7], y_m: [-2.5, -2.0], z_m: [-0.2, 1.25] };
     let passer = PasserTable {
-        from_m: [-3.5, -2.2, 1.0],
-        to_m: [-0.5, -2.2, 1.0],
+        from_w_m: [-3.5, -2.2, 1.0],
+        to_w_m: [-0.5, -2.2, 1.0],
         speed_mps: 1.0,
         hidden_s: None,
     };

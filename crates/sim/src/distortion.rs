@@ -57,11 +57,11 @@ impl Distortion {
     fn replace(&mut self, o: &mut Pose, present: &Present) {
         let at = present.pose_onset;
         match present.fault {
-            Fault::MocapStill { offset_m: [x_m, y_m, z_m], turn_rad, noise_m, noise_rad } => {
+            Fault::MocapStill { offset_w_m: [x_m, y_m, z_m], turn_rad, noise_m, noise_rad } => {
                 *o = at + Pose::new(x_m, y_m, z_m, turn_rad);
                 self.add_noise(o, noise_m, noise_rad);
             }
-            Fault::MocapSplit { offset_m: [x_m, y_m, z_m], fraction }
+            Fault::MocapSplit { offset_w_m: [x_m, y_m, z_m], fraction }
                 if self.noise.chance(fraction) =>
             {
                 *o = at + Pose::new(x_m, y_m, z_m, 0.0);
@@ -71,8 +71,8 @@ impl Distortion {
                     o[row] = at[row] + noise_m * self.noise.normal();
                 }
             }
-            Fault::MocapWalker { offset_m, radius_m, speed_mps, noise_m, noise_rad } => {
-                let [x_m, y_m, z_m] = offset_m;
+            Fault::MocapWalker { offset_w_m, radius_m, speed_mps, noise_m, noise_rad } => {
+                let [x_m, y_m, z_m] = offset_w_m;
                 let turn_rad = speed_mps / radius_m * present.elapsed_s;
                 let theta = at[pose::THETA];
                 let around = |theta: f64| radius_m * theta.sin();
@@ -90,7 +90,7 @@ impl Distortion {
     fn shift(&mut self, o: &mut Pose, present: &Present) {
         let elapsed_s = present.elapsed_s;
         match present.fault {
-            Fault::MocapDrift { velocity_mps: [x, y, z], yaw_radps } => {
+            Fault::MocapDrift { velocity_w_mps: [x, y, z], yaw_radps } => {
                 *o += Pose::new(x, y, z, yaw_radps) * elapsed_s;
                 wrap(o);
             }

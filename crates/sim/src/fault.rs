@@ -40,7 +40,8 @@ pub enum Fault {
     /// Another object that stands still is taken for the drone, with measurement noise.
     MocapStill {
         /// From the true position at the onset to the object, world frame. m
-        offset_m: [f64; 3],
+        #[serde(rename = "offset_m")]
+        offset_w_m: [f64; 3],
         /// From the true heading at the onset to that of the object. rad
         turn_rad: f64,
         /// Standard deviation of each coordinate. m
@@ -51,7 +52,8 @@ pub enum Fault {
     /// The object is found in two places: in some frames another object at rest is taken for the drone.
     MocapSplit {
         /// From the true position at the onset to the other object, world frame. m
-        offset_m: [f64; 3],
+        #[serde(rename = "offset_m")]
+        offset_w_m: [f64; 3],
         /// Fraction of the frames, drawn one by one, that show the other object. 1
         fraction: f64,
     },
@@ -65,7 +67,8 @@ pub enum Fault {
     /// Another object that moves on a circle, such as a person with the markers, is taken for the drone.
     MocapWalker {
         /// From the true position at the onset to the object at the onset, world frame. m
-        offset_m: [f64; 3],
+        #[serde(rename = "offset_m")]
+        offset_w_m: [f64; 3],
         /// Radius of the circle, counter-clockwise. m, > 0
         radius_m: f64,
         /// Speed along the circle. m/s
@@ -78,7 +81,8 @@ pub enum Fault {
     /// A velocity is added to the pose, integrated from the onset.
     MocapDrift {
         /// World x, y, z. m/s
-        velocity_mps: [f64; 3],
+        #[serde(rename = "velocity_mps")]
+        velocity_w_mps: [f64; 3],
         /// Heading. rad/s
         yaw_radps: f64,
     },
@@ -148,7 +152,8 @@ pub enum Fault {
     /// control does not balance; its own sensors show it.
     DronePushed {
         /// World x, y, z. m/s
-        velocity_mps: [f64; 3],
+        #[serde(rename = "velocity_mps")]
+        velocity_w_mps: [f64; 3],
     },
     /// Another controller sends its sticks to the drone, which follows the newest packet.
     SecondController {

@@ -16,9 +16,11 @@ const GOLDEN: f64 = 0.618_033_988_749_895;
 #[serde(deny_unknown_fields)]
 pub struct PasserTable {
     /// World x, y, z of one end. m
-    pub from_m: [f64; 3],
+    #[serde(rename = "from_m")]
+    pub from_w_m: [f64; 3],
     /// Of the other. m
-    pub to_m: [f64; 3],
+    #[serde(rename = "to_m")]
+    pub to_w_m: [f64; 3],
     /// Speed. m/s, 0..=5
     pub speed_mps: f64,
     /// From when to when nothing sees it. s, >= 0, not decreasing
@@ -32,7 +34,7 @@ impl PasserTable {
     /// # Errors
     /// The first value that breaks its rule.
     pub fn check(&self) -> Result<(), SettingError> {
-        for (key, ends) in [("from_m", self.from_m), ("to_m", self.to_m)] {
+        for (key, ends) in [("from_m", self.from_w_m), ("to_m", self.to_w_m)] {
             for (k, value) in ends.into_iter().enumerate() {
                 finite(&format!("{key}[{k}]"), value)?;
             }
@@ -48,7 +50,7 @@ impl PasserTable {
     pub fn place(&self, step: u64, seed: u64) -> [f64; 3] {
         let phase = self.ways(step, seed) % 2.0;
         let fraction = if phase > 1.0 { 2.0 - phase } else { phase };
-        std::array::from_fn(|i| self.from_m[i] + fraction * (self.to_m[i] - self.from_m[i]))
+        std::array::from_fn(|i| self.from_w_m[i] + fraction * (self.to_w_m[i] - self.from_w_m[i]))
     }
 
     /// Its place as it is seen, as by [`Self::place`]; `None` while nothing sees it. m
@@ -66,7 +68,7 @@ impl PasserTable {
 
     /// How often it has gone the way, by `step`. 1
     fn ways(&self, step: u64, seed: u64) -> f64 {
-        let squares = self.from_m.iter().zip(&self.to_m).map(|(from, to)| (to - from).powi(2));
+        let squares = self.from_w_m.iter().zip(&self.to_w_m).map(|(from, to)| (to - from).powi(2));
         let length_m = squares.sum::<f64>().sqrt();
         let begun = 2.0 * (seed as f64 * GOLDEN).fract();
         let gone =
@@ -80,8 +82,8 @@ mod tests {
     use super::*;
 
     const PASSER: PasserTable = PasserTable {
-        from_m: [0.0, 0.0, 1.0],
-        to_m: [2.0, 0.0, 1.0],
+        from_w_m: [0.0, 0.0, 1.0],
+        to_w_m: [2.0, 0.0, 1.0],
         speed_mps: 1.0,
         hidden_s: None,
     };
@@ -99,14 +101,14 @@ mod tests {
         );
         let [one, other] = [1, 2].map(|seed| PASSER.place(0, seed)[0]);
         assert!((one - other).abs() > 0.1, "seeds begin elsewhere");
-        let still = PasserTable { to_m: PASSER.from_m, ..PASSER };
+        let still = PasserTable { to_w_m: PASSER.from_w_m, ..PASSER };
         assert!(still.place(70, 3)[0].abs() < 1e-12);
     }
 
     #[test]
     fn what_is_no_way_is_refused() {
         let refused = |passer: PasserTable| passer.check().unwrap_err().to_string();
-        let nan = PasserTable { to_m: [0.0, f64::NAN, 0.0], ..PASSER };
+        let nan = PasserTable { to_w_m: [0.0, f64::NAN, 0.0], ..PASSER };
         assert!(refused(nan).starts_with("to_m[1] = NaN"), "{}", refused(nan));
         let fast = PasserTable { speed_mps: 5.5, ..PASSER };
         assert_eq!(refused(fast), "speed_mps = 5.5 violates 0.0..=5.0");

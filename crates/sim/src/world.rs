@@ -317,9 +317,7 @@ impl World {
             Fault::DroneHeld { sway_m } => {
                 Some(External::Held { velocity_w_mps: sway_mps(sway_m, present.elapsed_s) })
             }
-            Fault::DronePushed { velocity_mps } => {
-                Some(External::Pushed { velocity_w_mps: velocity_mps })
-            }
+            Fault::DronePushed { velocity_w_mps } => Some(External::Pushed { velocity_w_mps }),
             _ => None,
         });
         self.drone.trouble(are_stuck, refuses, external.unwrap_or_default());

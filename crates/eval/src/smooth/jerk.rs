@@ -29,11 +29,14 @@ pub(super) struct Noise {
     pub(super) scale: f64,
 }
 
-/// One coordinate at one step.
+/// One coordinate at one step: of position (unit m) or heading (unit rad).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Estimate {
+    /// Its value. unit
     pub(super) value: f64,
+    /// First derivative by time. unit/s
     pub(super) rate: f64,
+    /// Second derivative by time. unit/s^2
     pub(super) acceleration: f64,
 }
 

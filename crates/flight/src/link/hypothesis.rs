@@ -32,6 +32,8 @@ mod row {
     pub(super) const RATE: usize = 9;
     /// Number of rows.
     pub(super) const COUNT: usize = 10;
+    /// Rows that wander: their variance grows towards that of [`super::stationary_sd`].
+    pub(super) const WANDERING: [usize; 6] = [D_X, D_Y, GAIN, HEADING, DEAD_TIME, RATE];
 }
 
 type State = SVector<f64, { row::COUNT }>;
@@ -119,7 +121,7 @@ impl Hypothesis {
             self.covariance.transpose_mut();
         }
         let sd = stationary_sd(table);
-        for i in row::D_X..row::COUNT {
+        for i in row::WANDERING {
             self.covariance[(i, i)] += (1.0 - keep[i] * keep[i]) * sd[i] * sd[i];
         }
     }
@@ -184,8 +186,9 @@ fn stationary_sd(table: &LinkTable) -> State {
 fn keep_factors(table: &LinkTable, dt_s: f64) -> State {
     let mut keep = State::repeat((-dt_s / table.adapt_s).exp());
     keep[row::DEAD_TIME] = (-dt_s / table.dead_time_adapt_s.unwrap_or(table.adapt_s)).exp();
-    keep.fixed_rows_mut::<4>(row::X).fill(1.0);
-    keep.fixed_rows_mut::<2>(row::D_X).fill((-dt_s / table.decay_s).exp());
+    (keep[row::X], keep[row::Y], keep[row::V_X], keep[row::V_Y]) = (1.0, 1.0, 1.0, 1.0);
+    let kept = (-dt_s / table.decay_s).exp();
+    (keep[row::D_X], keep[row::D_Y]) = (kept, kept);
     keep
 }
 

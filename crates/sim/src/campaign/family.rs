@@ -237,27 +237,27 @@ impl Family {
     fn false_pose(self, random: &mut Random) -> Fault {
         match self {
             Self::Ghost => Fault::MocapStill {
-                offset_m: vector(random, 0.0, 3.0),
+                offset_w_m: vector(random, 0.0, 3.0),
                 turn_rad: if random.chance(0.5) { random.between(-PI, PI) } else { 0.0 },
                 noise_m: random.between(0.0, 5e-3),
                 noise_rad: random.between(0.0, 0.02),
             },
             Self::Stuck => Fault::MocapStill {
-                offset_m: [0.0; 3],
+                offset_w_m: [0.0; 3],
                 turn_rad: 0.0,
                 noise_m: log_between(random, 1e-5, 5e-3),
                 noise_rad: log_between(random, 1e-5, 0.02),
             },
             Self::AxesStuck => axes_stuck(random),
             Self::Walker => Fault::MocapWalker {
-                offset_m: vector(random, 0.0, 2.0),
+                offset_w_m: vector(random, 0.0, 2.0),
                 radius_m: random.between(0.3, 2.0),
                 speed_mps: random.between(0.05, 1.5),
                 noise_m: random.between(0.0, 5e-3),
                 noise_rad: random.between(0.0, 0.02),
             },
             Self::Leaving => Fault::MocapWalker {
-                offset_m: [0.0; 3],
+                offset_w_m: [0.0; 3],
                 radius_m: random.between(5.0, 20.0),
                 speed_mps: log_between(random, 0.05, 1.5),
                 noise_m: random.between(0.0, 5e-3),
@@ -286,19 +286,19 @@ impl Family {
 
     /// The drift with values: along the floor, in height or in heading.
     fn drift(self, random: &mut Random) -> Fault {
-        let (mut velocity_mps, mut yaw_radps) = ([0.0; 3], 0.0);
+        let (mut velocity_w_mps, mut yaw_radps) = ([0.0; 3], 0.0);
         match self {
             Self::HeightDrift => {
-                velocity_mps[pose::Z] = sign(random) * log_between(random, 0.02, 0.5);
+                velocity_w_mps[pose::Z] = sign(random) * log_between(random, 0.02, 0.5);
             }
             Self::HeadingDrift => yaw_radps = sign(random) * log_between(random, 0.02, 1.0),
             _ => {
                 let speed_mps = log_between(random, 0.02, 1.0);
                 let (sin, cos) = random.between(0.0, TAU).sin_cos();
-                velocity_mps = [speed_mps * cos, speed_mps * sin, 0.0];
+                velocity_w_mps = [speed_mps * cos, speed_mps * sin, 0.0];
             }
         }
-        Fault::MocapDrift { velocity_mps, yaw_radps }
+        Fault::MocapDrift { velocity_w_mps, yaw_radps }
     }
 
     /// Sets the switch in `sim`; nothing for a fault.

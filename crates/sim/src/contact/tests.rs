@@ -79,8 +79,8 @@ fn a_standing_vehicle_is_run_over_and_no_braking_avoids_it() {
     let (mut flight, mut sim) = beside(5.0);
     flight.cycle.obstacles.push(ObstacleTable::Moving { radius_m: 0.2 });
     sim.passer = Some(PasserTable {
-        from_m: [-4.0, -3.0, 1.0],
-        to_m: [0.0, -3.0, 1.0],
+        from_w_m: [-4.0, -3.0, 1.0],
+        to_w_m: [0.0, -3.0, 1.0],
         speed_mps: 1.0,
         hidden_s: None,
     });

@@ -49,9 +49,9 @@ fn standard_deviation(values: impl Iterator<Item = f64> + Clone) -> f64 {
 
 #[test]
 fn a_still_object_stands_where_the_drone_was_plus_its_offset() {
-    let offset_m = [0.3, -0.4, 0.1];
+    let offset_w_m = [0.3, -0.4, 0.1];
     let still = |noise_m, noise_rad| {
-        poses(Fault::MocapStill { offset_m, turn_rad: 0.5, noise_m, noise_rad })
+        poses(Fault::MocapStill { offset_w_m, turn_rad: 0.5, noise_m, noise_rad })
     };
     let at = truth(50) + Pose::new(0.3, -0.4, 0.1, 0.5);
     for o in still(0.0, 0.0) {
@@ -68,9 +68,9 @@ fn a_still_object_stands_where_the_drone_was_plus_its_offset() {
 
 #[test]
 fn a_split_object_is_the_drone_or_the_other_one_as_often_as_set() {
-    let offset_m = [0.25, 0.0, 0.0];
+    let offset_w_m = [0.25, 0.0, 0.0];
     let other = truth(50) + Pose::new(0.25, 0.0, 0.0, 0.0);
-    let split = poses(Fault::MocapSplit { offset_m, fraction: 0.5 });
+    let split = poses(Fault::MocapSplit { offset_w_m, fraction: 0.5 });
     let is_other = |o: &&Pose| amax(&(*o - other)) < 1e-12;
     let elsewhere = split.iter().filter(is_other).count();
     // Four standard deviations of 100 draws.
@@ -99,7 +99,7 @@ fn stuck_axes_stay_under_their_noise_and_the_others_are_right() {
 #[test]
 fn a_walker_moves_on_a_circle_at_its_speed() {
     let walker = Fault::MocapWalker {
-        offset_m: [0.6, 0.0, 0.0],
+        offset_w_m: [0.6, 0.0, 0.0],
         radius_m: 0.5,
         speed_mps: 0.4,
         noise_m: 0.0,
@@ -124,7 +124,7 @@ fn a_walker_moves_on_a_circle_at_its_speed() {
 
 #[test]
 fn a_drift_grows_with_time() {
-    let drift = Fault::MocapDrift { velocity_mps: [0.1, 0.0, -0.2], yaw_radps: 0.05 };
+    let drift = Fault::MocapDrift { velocity_w_mps: [0.1, 0.0, -0.2], yaw_radps: 0.05 };
     for (k, o) in (0_u32..).zip(poses(drift)) {
         let t_s = f64::from(k) * crate::DT_S;
         let expected = truth(50 + u64::from(k)) + Pose::new(0.1, 0.0, -0.2, 0.05) * t_s;
@@ -176,7 +176,7 @@ fn an_occlusion_comes_again() {
 #[test]
 fn what_is_not_seen_is_not_distorted() {
     let still = Fault::MocapStill {
-        offset_m: [1.0, 0.0, 0.0],
+        offset_w_m: [1.0, 0.0, 0.0],
         turn_rad: 0.0,
         noise_m: 0.0,
         noise_rad: 0.0,

@@ -30,26 +30,26 @@ impl Fault {
         let speed = |key: &str, values: &[f64]| all(key, values, -SPEED_MAX_MPS, SPEED_MAX_MPS);
         let turn = |key: &str, value: f64| all(key, &[value], -TURN_MAX, TURN_MAX);
         match *self {
-            Self::MocapStill { offset_m, turn_rad, noise_m, noise_rad } => {
-                size("mocap_still.offset_m", &offset_m)?;
+            Self::MocapStill { offset_w_m, turn_rad, noise_m, noise_rad } => {
+                size("mocap_still.offset_m", &offset_w_m)?;
                 turn("mocap_still.turn_rad", turn_rad)?;
                 sd("mocap_still.noise_m", noise_m)?;
                 sd("mocap_still.noise_rad", noise_rad)
             }
-            Self::MocapSplit { offset_m, fraction } => {
-                size("mocap_split.offset_m", &offset_m)?;
+            Self::MocapSplit { offset_w_m, fraction } => {
+                size("mocap_split.offset_m", &offset_w_m)?;
                 all("mocap_split.fraction", &[fraction], 0.0, 1.0)
             }
             Self::MocapAxesStuck { axes: _, noise_m } => sd("mocap_axes_stuck.noise_m", noise_m),
-            Self::MocapWalker { offset_m, radius_m, speed_mps, noise_m, noise_rad } => {
-                size("mocap_walker.offset_m", &offset_m)?;
+            Self::MocapWalker { offset_w_m, radius_m, speed_mps, noise_m, noise_rad } => {
+                size("mocap_walker.offset_m", &offset_w_m)?;
                 all("mocap_walker.radius_m", &[radius_m], SMALL, SIZE_MAX_M)?;
                 all("mocap_walker.speed_mps", &[speed_mps], 0.0, SPEED_MAX_MPS)?;
                 sd("mocap_walker.noise_m", noise_m)?;
                 sd("mocap_walker.noise_rad", noise_rad)
             }
-            Self::MocapDrift { velocity_mps, yaw_radps } => {
-                speed("mocap_drift.velocity_mps", &velocity_mps)?;
+            Self::MocapDrift { velocity_w_mps, yaw_radps } => {
+                speed("mocap_drift.velocity_mps", &velocity_w_mps)?;
                 turn("mocap_drift.yaw_radps", yaw_radps)
             }
             Self::MocapFrame { turn_rad, scale, is_mirrored: _ } => {
@@ -71,7 +71,7 @@ impl Fault {
                 all("mocap_slow_link.bytes_per_s", &[bytes_per_s], SMALL, BYTES_PER_S_MAX)
             }
             Self::DroneHeld { sway_m } => sd("drone_held.sway_m", sway_m),
-            Self::DronePushed { velocity_mps } => speed("drone_pushed.velocity_mps", &velocity_mps),
+            Self::DronePushed { velocity_w_mps: v } => speed("drone_pushed.velocity_mps", &v),
             Self::SecondController { sticks, rate_hz } => check_second(&sticks, rate_hz),
             Self::MocapLost
             | Self::MocapSilent
@@ -113,7 +113,7 @@ mod tests {
         ("drone_held.sway_m", |sway_m| Fault::DroneHeld { sway_m }, [0.0, 100.0]),
         (
             "drone_pushed.velocity_mps",
-            |at| Fault::DronePushed { velocity_mps: [0.0, at, 0.0] },
+            |at| Fault::DronePushed { velocity_w_mps: [0.0, at, 0.0] },
             [-10.0, 10.0],
         ),
         ("mocap_still.offset_m", |at| still([0.0, at, 0.0], [0.0; 3]), [-100.0, 100.0]),
@@ -136,12 +136,12 @@ mod tests {
         ("mocap_walker.noise_rad", |at| walker([0.0; 3], [1.0, 0.0, 0.0, at]), [0.0, 100.0]),
         (
             "mocap_drift.velocity_mps",
-            |at| Fault::MocapDrift { velocity_mps: [0.0, at, 0.0], yaw_radps: 0.0 },
+            |at| Fault::MocapDrift { velocity_w_mps: [0.0, at, 0.0], yaw_radps: 0.0 },
             [-10.0, 10.0],
         ),
         (
             "mocap_drift.yaw_radps",
-            |yaw_radps| Fault::MocapDrift { velocity_mps: [0.0; 3], yaw_radps },
+            |yaw_radps| Fault::MocapDrift { velocity_w_mps: [0.0; 3], yaw_radps },
             [-10.0, 10.0],
         ),
         ("mocap_frame.turn_rad", |at| frame(at, 1.0), [-10.0, 10.0]),
@@ -153,12 +153,12 @@ mod tests {
         ("mocap_occluded.lost_s", |at| occluded(1.0, at), [0.02, 1000.0]),
         (
             "mocap_split.offset_m",
-            |at| Fault::MocapSplit { offset_m: [0.0, at, 0.0], fraction: 0.5 },
+            |at| Fault::MocapSplit { offset_w_m: [0.0, at, 0.0], fraction: 0.5 },
             [-100.0, 100.0],
         ),
         (
             "mocap_split.fraction",
-            |fraction| Fault::MocapSplit { offset_m: [0.0; 3], fraction },
+            |fraction| Fault::MocapSplit { offset_w_m: [0.0; 3], fraction },
             [0.0, 1.0],
         ),
         ("mocap_lag.delay_s", |delay_s| Fault::MocapLag { delay_s }, [0.0, 1000.0]),
@@ -173,15 +173,15 @@ mod tests {
         ("second_controller.sticks", |at| second([at, 0.0, 0.0, 0.0], 20.0), [-1.0, 1.0]),
     ];
 
-    const fn still(offset_m: [f64; 3], [turn_rad, noise_m, noise_rad]: [f64; 3]) -> Fault {
-        Fault::MocapStill { offset_m, turn_rad, noise_m, noise_rad }
+    const fn still(offset_w_m: [f64; 3], [turn_rad, noise_m, noise_rad]: [f64; 3]) -> Fault {
+        Fault::MocapStill { offset_w_m, turn_rad, noise_m, noise_rad }
     }
 
     const fn walker(
-        offset_m: [f64; 3],
+        offset_w_m: [f64; 3],
         [radius_m, speed_mps, noise_m, noise_rad]: [f64; 4],
     ) -> Fault {
-        Fault::MocapWalker { offset_m, radius_m, speed_mps, noise_m, noise_rad }
+        Fault::MocapWalker { offset_w_m, radius_m, speed_mps, noise_m, noise_rad }
     }
 
     const fn frame(turn_rad: f64, scale: f64) -> Fault {

@@ -37,7 +37,7 @@ fn a_fault_set_by_hand_lasts_until_it_is_cleared() {
 
 #[test]
 fn a_present_fault_knows_its_onset_and_forgets_it_when_it_is_over() {
-    let drift = Fault::MocapDrift { velocity_mps: [0.1, 0.0, 0.0], yaw_radps: 0.0 };
+    let drift = Fault::MocapDrift { velocity_w_mps: [0.1, 0.0, 0.0], yaw_radps: 0.0 };
     let script = vec![ScriptedFault { fault: drift, from_s: 0.2, for_s: 0.2 }];
     let mut faults = Faults::new(script).unwrap();
     let at = |step: u64| Pose::new(step as f64, 0.0, 1.0, 0.0);
@@ -85,5 +85,5 @@ fn nonsense_is_refused() {
 }
 
 fn still(x_m: f64, noise_m: f64) -> Fault {
-    Fault::MocapStill { offset_m: [x_m, 0.0, 0.0], turn_rad: 0.0, noise_m, noise_rad: 0.0 }
+    Fault::MocapStill { offset_w_m: [x_m, 0.0, 0.0], turn_rad: 0.0, noise_m, noise_rad: 0.0 }
 }

@@ -49,7 +49,7 @@ fn flown(fault: Fault, seed: u64, is_rigid_body: bool) -> (Vec<Flown>, Vec<Found
 
 #[test]
 fn a_push_leaves_the_height_as_it_is() {
-    let push = Fault::DronePushed { velocity_mps: [0.56, 0.56, 0.0] };
+    let push = Fault::DronePushed { velocity_w_mps: [0.56, 0.56, 0.0] };
     for (seed, is_rigid_body) in [(1, false), (2, false), (3, false), (3, true)] {
         let (ticks, _) = flown(push, seed, is_rigid_body);
         let off_m = |tick: &Flown| (tick.height_m - HEIGHT_M).abs();

@@ -224,7 +224,7 @@ fn a_push_adds_its_velocity_to_that_of_the_sticks_and_ends_at_the_floor() {
     for is_rigid_body in [false, true] {
         let flown = |push: Option<[f64; 3]>| {
             let push =
-                push.map(|velocity_mps| fault(Fault::DronePushed { velocity_mps }, 0.0, 9.0));
+                push.map(|velocity_w_mps| fault(Fault::DronePushed { velocity_w_mps }, 0.0, 9.0));
             let mut table = SimTable { faults: push.unwrap_or_default(), ..air(PLAIN) };
             table.plant.rigid_body = is_rigid_body.then_some(RIGID_BODY);
             let mut world = World::new(&table, 1).unwrap();
