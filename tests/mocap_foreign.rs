@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 use tello_io::clock::Clock;
 use tello_io::mocap::natnet::packet::Version;
 use tello_io::mocap::{
-    Body, MocapSettings, MocapTable, Placement, matrix_of_angles, quaternion_of_matrix, survey,
+    Body, MocapSettings, MocapTable, matrix_of_angles, quaternion_of_matrix, survey,
 };
 use tello_sim::mocap::Shot;
 use tello_sim::{MocapAddresses, MocapServers, NatnetServer};
@@ -104,8 +104,8 @@ fn ours<const N: usize>(mocap: &Value, objects: [&str; N]) -> [Read; N] {
     let survey = runtime.block_on(survey(&settings, Clock::start(), patience, |_, _| ()));
     objects.map(|object| {
         let [_, newest] = survey.objects.get(object).and_then(|track| track.places).unwrap();
-        let Placement { pos, matrix } = settings.axes().place(&newest);
-        Read { position: pos.to_vec(), quaternion: quaternion_of_matrix(&matrix).to_vec() }
+        let (pos_w, matrix) = settings.axes().place(&newest);
+        Read { position: pos_w.to_vec(), quaternion: quaternion_of_matrix(&matrix).to_vec() }
     })
 }
 

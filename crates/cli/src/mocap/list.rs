@@ -127,7 +127,7 @@ fn found(table: &MocapTable, settings: &MocapSettings, survey: Survey) -> FoundS
         FoundObject {
             name: name.clone(),
             report,
-            position_m: track.places.map(|[_, newest]| axes.place(&newest).pos),
+            position_m: track.places.map(|[_, newest]| axes.place(&newest).0),
             moved_m: super::watch::moved_m(track, &axes),
             settings: super::rate::suggested(table, name, report.usual_hz),
         }

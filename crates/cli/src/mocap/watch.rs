@@ -10,8 +10,7 @@ use serde::Serialize;
 use serde_json::json;
 use tello_io::clock::{Clock, TimeNs};
 use tello_io::mocap::{
-    Axes, Axis, FrameTable, MocapSettings, MocapTable, Placement, Survey, Track, TrackReport,
-    survey,
+    Axes, Axis, FrameTable, MocapSettings, MocapTable, Survey, Track, TrackReport, survey,
 };
 
 use super::rate;
@@ -143,8 +142,7 @@ fn track<'a>(survey: &'a Survey, object: &str) -> Option<&'a Track> {
 
 fn seen(track: &Track, axes: &Axes, now: TimeNs) -> Option<Seen> {
     let [_, newest] = track.places?;
-    let Placement { pos: [x_m, y_m, z_m], matrix } = axes.place(&newest);
-    let [r00, _, _, r10, _, _, _, _, r22] = matrix;
+    let ([x_m, y_m, z_m], [r00, _, _, r10, _, _, _, _, r22]) = axes.place(&newest);
     let age_s = track.seen_at.map_or(0.0, |at| now.since(at).seconds());
     let heading_deg = r10.atan2(r00).to_degrees();
     let tilt_deg = r22.clamp(-1.0, 1.0).acos().to_degrees();
@@ -154,8 +152,8 @@ fn seen(track: &Track, axes: &Axes, now: TimeNs) -> Option<Seen> {
 /// From the first place to the furthest one, in our frame. m
 fn longest(track: &Track, axes: &Axes) -> Option<Vector3<f64>> {
     let ([first, _], furthest) = (track.places?, track.furthest?);
-    let ours = |at: &Placement| Vector3::from(axes.place(at).pos);
-    Some(ours(&furthest) - ours(&first))
+    let [first_w, furthest_w] = [first, furthest].map(|at| Vector3::from(axes.place(&at).0));
+    Some(furthest_w - first_w)
 }
 
 /// How far an object got from its first place; 0 if it was not seen. m
@@ -170,7 +168,7 @@ fn way(track: &Track, axes: &Axes) -> Option<Way> {
     if length_m < WAY_MIN_M {
         return None;
     }
-    let raw = Vector3::from(furthest.pos) - Vector3::from(first.pos);
+    let raw = Vector3::from(furthest.pos_v) - Vector3::from(first.pos_v);
     let (source_axis, source_off) = Axis::nearest(&raw);
     let in_object = Matrix3::from_row_slice(&first.matrix).transpose() * raw;
     let (object_axis, object_off) = Axis::nearest(&in_object);
@@ -298,7 +296,7 @@ fn print_way(way: &Way) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use tello_io::mocap::Unit;
+    use tello_io::mocap::{Placement, Unit};
 
     use super::*;
 
@@ -311,15 +309,15 @@ mod tests {
             let axes = Axes::new(Some(&table), Unit::Metre).unwrap();
             let raised: [f64; 3] = up.vector().into();
             let matrix = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-            let at = axes.place(&Placement { pos: raised, matrix });
-            assert!((at.pos[2] - 1.0).abs() < 1e-12, "{up:?}");
+            let ([_, _, z_m], _) = axes.place(&Placement { pos_v: raised, matrix });
+            assert!((z_m - 1.0).abs() < 1e-12, "{up:?}");
         }
     }
 
     /// A track that began at the origin, level, and got to a place.
-    fn track_to(pos: [f64; 3]) -> Track {
+    fn track_to(pos_v: [f64; 3]) -> Track {
         let matrix = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-        let [first, last] = [[0.0; 3], pos].map(|pos| Placement { pos, matrix });
+        let [first, last] = [[0.0; 3], pos_v].map(|pos_v| Placement { pos_v, matrix });
         let mut track = Track::default();
         (track.places, track.furthest) = (Some([first, last]), Some(last));
         track

@@ -73,8 +73,8 @@ pub enum Unit {
 /// Where a rigid body is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
-    /// x, y, z in axes and unit of the source, by [`Axes::place`] in the world frame and m.
-    pub pos: [f64; 3],
+    /// x, y, z in axes and unit of the source.
+    pub pos_v: [f64; 3],
     /// Rotation from body to the same axes, row by row. 1
     pub matrix: [f64; 9],
 }
@@ -177,22 +177,22 @@ impl Axes {
         Self { world_from_source: unit, object_from_body: unit, metres: 1.0 }
     }
 
-    /// A placement of the source in our frame. m
-    pub fn place(&self, at: &Placement) -> Placement {
-        let pos = self.world_from_source * Vector3::from(at.pos) * self.metres;
+    /// Position of a placement of the source in the world frame, m, and its rotation from body to world, row by row, 1.
+    pub fn place(&self, at: &Placement) -> ([f64; 3], [f64; 9]) {
+        let pos_w = self.world_from_source * Vector3::from(at.pos_v) * self.metres;
         let rotation = Matrix3::from_row_slice(&at.matrix);
         let matrix = self.world_from_source * rotation * self.object_from_body;
-        Placement { pos: pos.into(), matrix: rows_of(&matrix) }
+        (pos_w.into(), rows_of(&matrix))
     }
 
     /// The pose of a placement of the source; `None` if a number is not finite, the rotation is none, or
     /// the top is further than 60 degrees from up. m, rad
     pub fn pose(&self, at: &Placement) -> Option<Pose> {
-        let Placement { pos, matrix } = self.place(at);
+        let (pos_w, matrix) = self.place(at);
         if !is_rotation(&matrix) {
             return None;
         }
-        heading_of_matrix(&matrix).and_then(|theta| pose(pos, theta))
+        heading_of_matrix(&matrix).and_then(|theta| pose(pos_w, theta))
     }
 }
 

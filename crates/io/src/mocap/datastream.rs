@@ -21,7 +21,7 @@ use packet::{PacketError, Packets, objects};
 use super::MocapCounters;
 use super::body::{heading_of_matrix, is_all_zero, pose};
 use super::protocol::LATENCY_MAX_S;
-use super::source::{Frame, Source, SourceError};
+use super::source::{Connection, Frame, Source, SourceError};
 use crate::clock::SpanNs;
 
 /// Identities of objects.
@@ -153,7 +153,9 @@ impl Source for DatastreamSource {
             Ok(())
         })
     }
+}
 
+impl Connection for DatastreamSource {
     fn restart(&mut self) {
         self.packets.clear();
         self.requests.clear();

@@ -20,7 +20,7 @@ use super::axes::{Placement, matrix_of_quaternion};
 use super::protocol::{
     BodyProtocol, Head, LATENCY_MAX_S, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, Taker,
 };
-use super::source::SourceError;
+use super::source::{Connection, SourceError};
 use crate::clock::SpanNs;
 
 /// Rates that the server may announce. Hz
@@ -103,8 +103,8 @@ impl NatnetProtocol {
         let (number, end) = packet::frame(body, server.version, |rigid| {
             let text = names.get(&rigid.id).map(String::as_str);
             is_unnamed |= text.is_none();
-            let placement = |matrix| Placement { pos: rigid.pos_w, matrix };
-            let is_seen = rigid.is_tracked && rigid.pos_w.iter().all(|value| value.is_finite());
+            let placement = |matrix| Placement { pos_v: rigid.pos_v, matrix };
+            let is_seen = rigid.is_tracked && rigid.pos_v.iter().all(|value| value.is_finite());
             let at = matrix_of_quaternion(rigid.quaternion).filter(|_| is_seen).map(placement);
             taker.body(Name { text, id: Some(rigid.id) }, at.as_ref());
         })?;
@@ -160,7 +160,9 @@ impl BodyProtocol for NatnetProtocol {
         }
         Ok(())
     }
+}
 
+impl Connection for NatnetProtocol {
     fn restart(&mut self) {
         *self = Self::new(self.set_rate_hz);
     }

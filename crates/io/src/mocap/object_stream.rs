@@ -12,7 +12,7 @@ use thiserror::Error;
 use super::axes::Placement;
 use super::body::{Body, heading_of_angles, is_all_zero, matrix_of_angles, pose};
 use super::protocol::{BodyProtocol, Head, Name, Taker};
-use super::source::{Frame, Source, SourceError};
+use super::source::{Connection, Frame, Source, SourceError};
 use super::{M_PER_MM, MocapCounters};
 use crate::clock::SpanNs;
 
@@ -224,7 +224,9 @@ impl Source for ObjectStreamSource {
         }
         Ok(())
     }
+}
 
+impl Connection for ObjectStreamSource {
     fn restart(&mut self) {
         self.unfinished = None;
         self.seen = None;
@@ -261,7 +263,7 @@ impl BodyProtocol for BlockBodies {
                 continue;
             };
             let name = String::from_utf8_lossy(body.name);
-            let at = Placement { pos: body.pos_w, matrix: matrix_of_angles(body.angles) };
+            let at = Placement { pos_v: body.pos_w, matrix: matrix_of_angles(body.angles) };
             taker.body(Name { text: Some(&name), id: None }, Some(&at));
         }
         let (number, rate_hz) = (block.frame.into(), self.rate_hz);
@@ -269,7 +271,9 @@ impl BodyProtocol for BlockBodies {
         taker.frame(Head { number, rate_hz, stamp, latency, is_whole: true });
         Ok(())
     }
+}
 
+impl Connection for BlockBodies {
     fn restart(&mut self) {}
 }
 

@@ -4,13 +4,12 @@
 //! the frame. [`Picked`] takes one body and turns it into our frame.
 
 use core::net::SocketAddrV4;
-use std::fmt::Debug;
 
 use horizon_model::rows::Pose;
 
 use super::MocapCounters;
 use super::axes::{Axes, Placement};
-use super::source::{Frame, Source, SourceError};
+use super::source::{Connection, Frame, Source, SourceError};
 use crate::clock::SpanNs;
 
 /// Most objects whose names are remembered.
@@ -64,7 +63,7 @@ pub trait Taker {
 }
 
 /// One way in which frames of many bodies arrive. Pure: what it needs is in the bytes.
-pub(super) trait BodyProtocol: Debug + Send {
+pub(super) trait BodyProtocol: Connection {
     /// Takes in received bytes, a whole datagram or any piece of a stream.
     ///
     /// # Errors
@@ -75,21 +74,6 @@ pub(super) trait BodyProtocol: Debug + Send {
         counters: &MocapCounters,
         taker: &mut dyn Taker,
     ) -> Result<(), SourceError>;
-
-    /// Forgets the connection.
-    fn restart(&mut self);
-
-    /// Prepares what is to be sent without having been asked for: once when a connection begins, then about
-    /// once a second.
-    fn beat(&mut self) {}
-
-    /// Appends what is to be sent to the server now, once.
-    fn take_requests(&mut self, _to: &mut Vec<u8>) {}
-
-    /// The multicast group that frames come by, once the server named it.
-    fn group(&self) -> Option<SocketAddrV4> {
-        None
-    }
 }
 
 /// A protocol, read for one object.
@@ -117,7 +101,9 @@ impl Source for Picked {
         let mut pick = Pick { object, axes, found: Found::default(), counters, on_frame };
         protocol.push(bytes, counters, &mut pick)
     }
+}
 
+impl Connection for Picked {
     fn restart(&mut self) {
         self.protocol.restart();
     }
@@ -192,7 +178,7 @@ mod tests {
     use super::*;
 
     const HERE: Placement =
-        Placement { pos: [1.0, 2.0, 3.0], matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
+        Placement { pos_v: [1.0, 2.0, 3.0], matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
 
     fn named(text: &str) -> Name<'_> {
         Name { text: Some(text), id: None }
@@ -231,7 +217,7 @@ mod tests {
 
     #[test]
     fn the_first_body_of_the_name_counts() {
-        let there = Placement { pos: [9.0; 3], ..HERE };
+        let there = Placement { pos_v: [9.0; 3], ..HERE };
         let bodies = [
             (named("box"), Some(there)),
             (named("tello"), Some(HERE)),
@@ -257,7 +243,7 @@ mod tests {
 
     #[test]
     fn a_place_that_is_no_number_is_a_malformed_frame_and_no_loss() {
-        let bodies = [(named("tello"), Some(Placement { pos: [f64::NAN, 0.0, 0.0], ..HERE }))];
+        let bodies = [(named("tello"), Some(Placement { pos_v: [f64::NAN, 0.0, 0.0], ..HERE }))];
         assert_eq!(picked(&bodies, true), (vec![], 1, 0));
     }
 }

@@ -15,7 +15,7 @@ use packet::{Packets, kind};
 use super::MocapCounters;
 use super::axes::{Axis, Placement};
 use super::protocol::{BodyProtocol, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, Taker};
-use super::source::SourceError;
+use super::source::{Connection, SourceError};
 use crate::clock::SpanNs;
 
 /// What a server says first.
@@ -129,7 +129,9 @@ impl BodyProtocol for QtmProtocol {
             Ok(())
         })
     }
+}
 
+impl Connection for QtmProtocol {
     fn restart(&mut self) {
         *self = Self::new(self.reader.up);
     }

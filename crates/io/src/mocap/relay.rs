@@ -19,7 +19,7 @@ use super::body::{
 };
 use super::lines::Lines;
 use super::protocol::{BodyProtocol, Head, Name, Taker};
-use super::source::{Frame, Source, SourceError};
+use super::source::{Connection, Frame, Source, SourceError};
 use super::{MocapCounters, body};
 use crate::clock::SpanNs;
 
@@ -195,7 +195,9 @@ impl Source for RelaySource {
         });
         Ok(())
     }
+}
 
+impl Connection for RelaySource {
     fn restart(&mut self) {
         self.lines.clear();
     }
@@ -223,7 +225,7 @@ impl BodyProtocol for RelayBodies {
             // The relay's reader keeps the heading of a rotation alone.
             let at = read.pose.map(|at| {
                 let [x, y, z, theta] = at.into();
-                Placement { pos: [x, y, z], matrix: matrix_of_angles([0.0, 0.0, theta]) }
+                Placement { pos_v: [x, y, z], matrix: matrix_of_angles([0.0, 0.0, theta]) }
             });
             taker.body(Name { text: Some(read.object), id: None }, at.as_ref());
             let (number, rate_hz, stamp) = (read.frame, read.rate_hz, None);
@@ -231,7 +233,9 @@ impl BodyProtocol for RelayBodies {
         });
         Ok(())
     }
+}
 
+impl Connection for RelayBodies {
     fn restart(&mut self) {
         self.lines = Lines::default();
     }

@@ -27,20 +27,8 @@ pub struct Frame {
     pub pose: Option<Pose>,
 }
 
-/// One way in which poses arrive. Pure: what it needs is in the bytes.
-pub(super) trait Source: Debug + Send {
-    /// Takes in received bytes, a whole datagram or any piece of a stream, and calls `on_frame` for
-    /// each frame that they complete. What is refused is counted, and the next message is read.
-    ///
-    /// # Errors
-    /// The stream makes no sense from here on: only a new connection helps.
-    fn push(
-        &mut self,
-        bytes: &[u8],
-        counters: &MocapCounters,
-        on_frame: &mut dyn FnMut(Frame),
-    ) -> Result<(), SourceError>;
-
+/// One connection to a source beside the bytes that it receives, whatever they are read for.
+pub(super) trait Connection: Debug + Send {
     /// Forgets the connection.
     fn restart(&mut self);
 
@@ -55,6 +43,21 @@ pub(super) trait Source: Debug + Send {
     fn group(&self) -> Option<SocketAddrV4> {
         None
     }
+}
+
+/// One way in which poses arrive. Pure: what it needs is in the bytes.
+pub(super) trait Source: Connection {
+    /// Takes in received bytes, a whole datagram or any piece of a stream, and calls `on_frame` for
+    /// each frame that they complete. What is refused is counted, and the next message is read.
+    ///
+    /// # Errors
+    /// The stream makes no sense from here on: only a new connection helps.
+    fn push(
+        &mut self,
+        bytes: &[u8],
+        counters: &MocapCounters,
+        on_frame: &mut dyn FnMut(Frame),
+    ) -> Result<(), SourceError>;
 }
 
 /// What a source makes of the bytes, which come in these pieces: its frames, and the counters.

@@ -17,7 +17,7 @@ use packet::{Message, Messages, kind};
 use super::MocapCounters;
 use super::axes::{Placement, matrix_of_quaternion};
 use super::protocol::{BodyProtocol, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, Taker};
-use super::source::SourceError;
+use super::source::{Connection, SourceError};
 use crate::clock::SpanNs;
 
 /// The type of message that a pose comes by.
@@ -72,7 +72,9 @@ impl BodyProtocol for VrpnProtocol {
             Ok(())
         })
     }
+}
 
+impl Connection for VrpnProtocol {
     fn restart(&mut self) {
         *self = Self::new(self.reader.rate_hz);
     }
@@ -110,14 +112,14 @@ impl Reader {
     }
 
     fn read_pose(&self, message: &Message<'_>, taker: &mut dyn Taker) -> Option<()> {
-        let (sensor, pos, quaternion) = packet::pose(message.body)?;
+        let (sensor, pos_v, quaternion) = packet::pose(message.body)?;
         let matrix = matrix_of_quaternion(quaternion)?;
-        if !pos.iter().all(|value| value.is_finite()) {
+        if !pos_v.iter().all(|value| value.is_finite()) {
             return None;
         }
         // A sender that was not described has no name.
         let sender = self.senders.get(&message.sender)?;
-        let at = Placement { pos, matrix };
+        let at = Placement { pos_v, matrix };
         if sensor == 0 {
             taker.body(Name { text: Some(sender), id: None }, Some(&at));
         } else {

@@ -61,6 +61,12 @@ impl<S: Default> Clients<S> {
         self.connected.retain_mut(|client| client.receive(&mut handle).is_ok());
     }
 
+    /// The same, and sends what the sockets did not take before.
+    pub(super) fn listen(&mut self, handle: impl FnMut(&mut S, &[u8]) -> io::Result<()>) {
+        self.receive(handle);
+        self.send(|_, _| ());
+    }
+
     /// Sends what `speak` appends for each client; who left is forgotten.
     pub(super) fn send(&mut self, mut send: impl FnMut(&mut S, &mut Vec<u8>)) {
         self.connected.retain_mut(|client| {

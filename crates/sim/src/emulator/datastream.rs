@@ -52,22 +52,17 @@ struct Session {
 }
 
 impl DatastreamPort {
-    /// Listens on `address`.
-    pub(super) fn bind(address: SocketAddr) -> io::Result<Self> {
+    /// Listens on `address`; returns where clients connect to.
+    pub(super) fn open(address: SocketAddr) -> io::Result<(SocketAddr, Self)> {
         let mut greeting = Vec::new();
         encode::packet(&mut greeting, |packet| packet.object_enums(&OFFERED));
-        Ok(Self { clients: Clients::bind(address, greeting)? })
-    }
-
-    /// Where clients connect to.
-    pub(super) fn address(&self) -> io::Result<SocketAddr> {
-        self.clients.address()
+        let clients = Clients::bind(address, greeting)?;
+        Ok((clients.address()?, Self { clients }))
     }
 
     /// Accepts new clients, and reads from all.
     pub(super) fn receive(&mut self) {
-        self.clients.receive(Session::receive);
-        self.clients.send(|_, _| ());
+        self.clients.listen(Session::receive);
     }
 
     /// Sends `shot` to whom it is due, with a second object.
@@ -191,6 +186,12 @@ mod tests {
         session
     }
 
+    /// The packet of a client that asks for the next `count` frames.
+    fn request_next_frames(count: u32) -> Vec<u8> {
+        let head = *b"\x01\x00\x2b\x1a\x0c\x00\x00\x00\xa8\x86\x01\x00\x04\x00\x00\x00";
+        [&head[..], &count.to_le_bytes()].concat()
+    }
+
     /// Identities in the packet that the session sends for one frame, seen or not.
     fn sent(session: &mut Session, is_seen: bool) -> Vec<u32> {
         let body = Body { name: b"tello", pos_w: [1.0, 2.0, 3.0], angles: [0.0; 3] };
@@ -208,13 +209,13 @@ mod tests {
         assert!(!is_sent(&mut session), "not asked for");
         session.receive(&request(|packet| packet.request_frame(false))).unwrap();
         assert_eq!([(); 2].map(|()| is_sent(&mut session)), [true, false]);
-        session.receive(&request(|packet| packet.request_next_frames(2))).unwrap();
+        session.receive(&request_next_frames(2)).unwrap();
         assert_eq!([(); 3].map(|()| is_sent(&mut session)), [true, true, false]);
         session.receive(&request(|packet| packet.request_frame(true))).unwrap();
         assert_eq!([(); 3].map(|()| is_sent(&mut session)), [true; 3]);
         session.receive(&request(|packet| packet.request_frame(false))).unwrap();
         assert_eq!([(); 2].map(|()| is_sent(&mut session)), [true, false]);
-        session.receive(&request(|packet| packet.request_next_frames(u32::MAX))).unwrap();
+        session.receive(&request_next_frames(u32::MAX)).unwrap();
         assert_eq!(session.frames_due, WAITING_MAX);
     }
 

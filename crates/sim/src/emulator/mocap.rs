@@ -54,10 +54,7 @@ impl MocapServers {
             let clients = Clients::bind(address, Vec::new())?;
             Ok((clients.address()?, clients))
         })?;
-        let datastream = open("DataStream server", asked.datastream, |address| {
-            let port = DatastreamPort::bind(address)?;
-            Ok((port.address()?, port))
-        })?;
+        let datastream = open("DataStream server", asked.datastream, DatastreamPort::open)?;
         let object_stream = open("object stream", asked.udp_target, ObjectStreamPort::open)?;
         let natnet = asked.natnet.map(|server| {
             let refused = |source| EmulatorError::Bind {
@@ -68,14 +65,8 @@ impl MocapServers {
             NatnetPort::bind(server).map_err(refused)
         });
         let natnet = natnet.transpose()?;
-        let qtm = open("QTM server", asked.qtm, |address| {
-            let port = QtmPort::bind(address)?;
-            Ok((port.address()?, port))
-        })?;
-        let vrpn = open("VRPN server", asked.vrpn, |address| {
-            let port = VrpnPort::bind(address)?;
-            Ok((port.address()?, port))
-        })?;
+        let qtm = open("QTM server", asked.qtm, QtmPort::open)?;
+        let vrpn = open("VRPN server", asked.vrpn, VrpnPort::open)?;
         let (qtm_address, qtm) = qtm.unzip();
         let (vrpn_address, vrpn) = vrpn.unzip();
         let (relay_address, relay) = relay.unzip();

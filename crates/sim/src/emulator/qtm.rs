@@ -37,16 +37,12 @@ struct Session {
 }
 
 impl QtmPort {
-    /// Listens on `address`, little-endian.
-    pub(super) fn bind(address: SocketAddr) -> io::Result<Self> {
+    /// Listens on `address`, little-endian; returns where clients connect to.
+    pub(super) fn open(address: SocketAddr) -> io::Result<(SocketAddr, Self)> {
         let mut greeting = Vec::new();
         encode::text(kind::COMMAND, GREETING, &mut greeting);
-        Ok(Self { clients: Clients::bind(address, greeting)?, room: None })
-    }
-
-    /// Where clients connect to.
-    pub(super) fn address(&self) -> io::Result<SocketAddr> {
-        self.clients.address()
+        let clients = Clients::bind(address, greeting)?;
+        Ok((clients.address()?, Self { clients, room: None }))
     }
 
     /// Accepts new clients, reads and answers all.
@@ -70,7 +66,7 @@ impl QtmPort {
         let Shot { frame, rate_hz, object, body } = *shot;
         self.room = Some((rate_hz, names(object, other)));
         let place = |body: Body<'_>| Placement {
-            pos: body.pos_w.map(|m| m * MM_PER_M),
+            pos_v: body.pos_w.map(|m| m * MM_PER_M),
             matrix: matrix_of_angles(body.angles),
         };
         let mut places = vec![body.map(place)];

@@ -43,25 +43,20 @@ struct Session {
 }
 
 impl VrpnPort {
-    /// Listens on `address`.
-    pub(super) fn bind(address: SocketAddr) -> io::Result<Self> {
+    /// Listens on `address`; returns where clients connect to.
+    pub(super) fn open(address: SocketAddr) -> io::Result<(SocketAddr, Self)> {
         let mut greeting = Vec::new();
         encode::cookie(&mut greeting);
         for (number, name) in [(POSES, POSE), (PONGS, PONG)] {
             describe(kind::TYPE, number, name, &mut greeting);
         }
-        Ok(Self { clients: Clients::bind(address, greeting)? })
-    }
-
-    /// Where clients connect to.
-    pub(super) fn address(&self) -> io::Result<SocketAddr> {
-        self.clients.address()
+        let clients = Clients::bind(address, greeting)?;
+        Ok((clients.address()?, Self { clients }))
     }
 
     /// Accepts new clients, and reads from all.
     pub(super) fn receive(&mut self) {
-        self.clients.receive(Session::receive);
-        self.clients.send(|_, _| ());
+        self.clients.listen(Session::receive);
     }
 
     /// Sends `shot` to all, with a second object.

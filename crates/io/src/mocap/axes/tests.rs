@@ -11,9 +11,9 @@ fn table(axes: [Axis; 3], nose: Option<Axis>, unit: Option<Unit>) -> FrameTable 
     FrameTable { axes: Some(axes), nose, unit }
 }
 
-fn pose_of(table: &FrameTable, pos: [f64; 3], matrix: [f64; 9]) -> Pose {
+fn pose_of(table: &FrameTable, pos_v: [f64; 3], matrix: [f64; 9]) -> Pose {
     let axes = Axes::new(Some(table), Unit::Metre).unwrap();
-    axes.pose(&Placement { pos, matrix }).unwrap()
+    axes.pose(&Placement { pos_v, matrix }).unwrap()
 }
 
 #[test]
@@ -48,7 +48,7 @@ fn units_are_metres_behind_the_mapping() {
     }
     // Without a word the unit is that of the protocol.
     let usual = Axes::new(None, Unit::Millimetre).unwrap();
-    let pose = usual.pose(&Placement { pos: [1500.0, 0.0, 0.0], matrix: LEVEL }).unwrap();
+    let pose = usual.pose(&Placement { pos_v: [1500.0, 0.0, 0.0], matrix: LEVEL }).unwrap();
     assert!((pose[0] - 1.5).abs() < 1e-12, "{pose}");
 }
 
@@ -88,9 +88,9 @@ fn what_is_no_rotation_has_no_pose() {
     let mut mirrored = LEVEL;
     mirrored[8] = -1.0;
     for matrix in [[0.0; 9], [f64::NAN; 9], LEVEL.map(|r| 2.0 * r), mirrored] {
-        assert_eq!(axes.pose(&Placement { pos: [0.0; 3], matrix }), None, "{matrix:?}");
+        assert_eq!(axes.pose(&Placement { pos_v: [0.0; 3], matrix }), None, "{matrix:?}");
     }
-    assert_eq!(axes.pose(&Placement { pos: [f64::NAN, 0.0, 0.0], matrix: LEVEL }), None);
+    assert_eq!(axes.pose(&Placement { pos_v: [f64::NAN, 0.0, 0.0], matrix: LEVEL }), None);
     assert_eq!(matrix_of_quaternion([0.0; 4]), None);
     assert_eq!(matrix_of_quaternion([f64::NAN, 0.0, 0.0, 1.0]), None);
     assert_eq!(matrix_of_quaternion([1.0, 1.0, 0.0, 0.0]), None);
@@ -132,9 +132,9 @@ proptest! {
         let y_up = table([Axis::MinusZ, Axis::MinusX, Axis::Y], Some(Axis::X), None);
         let axes = Axes::new(Some(&y_up), Unit::Metre).unwrap();
         let matrix = crate::mocap::matrix_of_angles(angles);
-        let [at_a, at_b] = [a, b].map(|pos| axes.place(&Placement { pos, matrix }));
+        let [(a_w, rotation), (b_w, _)] = [a, b].map(|pos_v| axes.place(&Placement { pos_v, matrix }));
         let apart = |a: [f64; 3], b: [f64; 3]| (Vector3::from(a) - Vector3::from(b)).norm();
-        prop_assert!((apart(at_a.pos, at_b.pos) - apart(a, b)).abs() < 1e-12);
-        prop_assert!(is_rotation(&at_a.matrix));
+        prop_assert!((apart(a_w, b_w) - apart(a, b)).abs() < 1e-12);
+        prop_assert!(is_rotation(&rotation));
     }
 }

@@ -8,6 +8,7 @@ use super::{Offer, id, latency};
 use crate::clock::SpanNs;
 use crate::mocap::axes::Placement;
 use crate::mocap::protocol::{BodyProtocol, Head, Name, OBJECTS_MAX, Taker};
+use crate::mocap::source::Connection;
 use crate::mocap::{MocapCounters, SourceError};
 
 /// The packets of a server, read for every subject.
@@ -39,7 +40,9 @@ impl BodyProtocol for DatastreamBodies {
             }
         })
     }
+}
 
+impl Connection for DatastreamBodies {
     fn restart(&mut self) {
         *self = Self::default();
     }
@@ -88,7 +91,7 @@ fn read(
                 at = at.or(decode::global_segment(body, *root)?);
             }
         }
-        let at = at.map(|at| Placement { pos: at.pos_w, matrix: at.matrix });
+        let at = at.map(|at| Placement { pos_v: at.pos_w, matrix: at.matrix });
         taker.body(Name { text: Some(name), id: None }, at.as_ref());
     }
     let rate_hz = *rate_hz;

@@ -39,11 +39,6 @@ impl Packet<'_> {
         self.object(id::REQUEST_FRAME, |body| body.push(is_every.into()));
     }
 
-    /// Appends `REQUEST_NEXT_FRAME`: asks for the next `count` frames.
-    pub fn request_next_frames(&mut self, count: u32) {
-        self.object(id::REQUEST_NEXT_FRAME, |body| body.extend(count.to_le_bytes()));
-    }
-
     /// Appends `PING`: a number for the other side to send back, or the number that is sent back.
     pub fn ping(&mut self, number: u64) {
         self.object(id::PING, |body| body.extend(number.to_le_bytes()));

@@ -99,7 +99,7 @@ pub fn frame(
 
 fn rigid_body(body: &RigidBody, to: &mut Vec<u8>) {
     to.extend(body.id.to_le_bytes());
-    for value in body.pos_w.into_iter().chain(body.quaternion) {
+    for value in body.pos_v.into_iter().chain(body.quaternion) {
         #[expect(clippy::cast_possible_truncation, reason = "the protocol has single precision")]
         to.extend((value as f32).to_le_bytes());
     }

@@ -88,7 +88,7 @@ pub struct RigidBody {
     /// Streaming identity.
     pub id: i32,
     /// x, y, z in the axes of the source. m
-    pub pos_w: [f64; 3],
+    pub pos_v: [f64; 3],
     /// x, y, z, w. 1
     pub quaternion: [f64; 4],
     /// Whether the server saw it in this frame.
@@ -248,10 +248,10 @@ fn section<'a>(
 }
 
 fn rigid_body(bytes: &mut Bytes<'_>) -> Option<RigidBody> {
-    let (id, pos_w, quaternion) = (bytes.i32_le()?, bytes.f32s_le()?, bytes.f32s_le()?);
+    let (id, pos_v, quaternion) = (bytes.i32_le()?, bytes.f32s_le()?, bytes.f32s_le()?);
     bytes.f32_le()?;
     let is_tracked = bytes.u16_le()? & 1 != 0;
-    Some(RigidBody { id, pos_w, quaternion, is_tracked })
+    Some(RigidBody { id, pos_v, quaternion, is_tracked })
 }
 
 /// The end of a frame, behind its rigid bodies.

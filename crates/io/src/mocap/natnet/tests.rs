@@ -38,7 +38,7 @@ fn rate(rate_hz: f32) -> Vec<u8> {
 
 pub(super) fn rigid(id: i32, x: f64) -> RigidBody {
     let quaternion = quaternion_of_matrix(&matrix_of_angles([0.0, 0.0, 0.5]));
-    RigidBody { id, pos_w: [x, -2.0, 1.5], quaternion, is_tracked: true }
+    RigidBody { id, pos_v: [x, -2.0, 1.5], quaternion, is_tracked: true }
 }
 
 pub(super) fn end() -> FrameEnd {
@@ -77,7 +77,7 @@ fn asked(source: &mut Picked) -> Vec<u16> {
 
 /// The body of [`FRAME_3_0`].
 pub(super) const BODY_3_0: RigidBody =
-    RigidBody { id: 7, pos_w: [1.0, 2.0, 3.0], quaternion: [0.0, 0.0, 0.0, 1.0], is_tracked: true };
+    RigidBody { id: 7, pos_v: [1.0, 2.0, 3.0], quaternion: [0.0, 0.0, 0.0, 1.0], is_tracked: true };
 
 /// Frame 1000 of protocol 3.0 with one rigid body, 7 at 1, 2, 3, level, seen; exposed at 5 ms, sent at 9 ms.
 pub(super) const FRAME_3_0: [u8; 120] = *b"\x07\x00\x74\x00\xe8\x03\x00\x00\
@@ -118,7 +118,7 @@ fn every_version_gives_pose_rate_and_age() {
 #[test]
 fn a_body_that_is_not_tracked_or_not_there_is_a_frame_without_a_pose() {
     let lost = RigidBody { is_tracked: false, ..rigid(7, 1.0) };
-    let nan = RigidBody { pos_w: [f64::NAN; 3], ..rigid(7, 1.0) };
+    let nan = RigidBody { pos_v: [f64::NAN; 3], ..rigid(7, 1.0) };
     for bodies in [vec![lost], vec![nan], vec![rigid(3, 1.0)], vec![]] {
         let mut source = source("tello");
         let names = models((4, 1), &[(3, "wand"), (7, "tello")]);

@@ -48,8 +48,8 @@ pub fn frame(number: u32, time_us: u64, bodies: &[Option<Placement>], to: &mut V
             to.extend([0; LOSSES_BYTES]);
             for body in bodies {
                 let [a, b, c, d, e, f, g, h, i] = body.map_or([f64::NAN; 9], |body| body.matrix);
-                let pos = body.map_or([f64::NAN; 3], |body| body.pos);
-                for value in pos.into_iter().chain([a, d, g, b, e, h, c, f, i]) {
+                let pos_v = body.map_or([f64::NAN; 3], |body| body.pos_v);
+                for value in pos_v.into_iter().chain([a, d, g, b, e, h, c, f, i]) {
                     #[expect(
                         clippy::cast_possible_truncation,
                         reason = "the protocol is in single precision"

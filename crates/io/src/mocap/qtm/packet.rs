@@ -95,18 +95,18 @@ pub fn frame(
         let count = values.count_le()?;
         values.array::<LOSSES_BYTES>()?;
         for index in 0..count {
-            let (pos, columns) = (values.f32s_le()?, values.f32s_le()?);
-            on_body(index, count, placement(pos, columns));
+            let (pos_v, columns) = (values.f32s_le()?, values.f32s_le()?);
+            on_body(index, count, placement(pos_v, columns));
         }
     }
     Some((time_us, number))
 }
 
 /// A place from position and matrix, which comes column by column; `None` if there are no numbers.
-fn placement(pos: [f64; 3], columns: [f64; 9]) -> Option<Placement> {
-    let is_seen = pos.iter().chain(&columns).all(|value| value.is_finite());
+fn placement(pos_v: [f64; 3], columns: [f64; 9]) -> Option<Placement> {
+    let is_seen = pos_v.iter().chain(&columns).all(|value| value.is_finite());
     let [a, d, g, b, e, h, c, f, i] = columns;
-    is_seen.then_some(Placement { pos, matrix: [a, b, c, d, e, f, g, h, i] })
+    is_seen.then_some(Placement { pos_v, matrix: [a, b, c, d, e, f, g, h, i] })
 }
 
 #[cfg(test)]

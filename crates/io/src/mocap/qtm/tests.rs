@@ -33,7 +33,7 @@ pub(super) fn frame(number: u32, bodies: &[Option<Placement>]) -> Vec<u8> {
 
 #[expect(clippy::unnecessary_wraps, reason = "as frames have it")]
 pub(super) fn at(x_mm: f64) -> Option<Placement> {
-    Some(Placement { pos: [x_mm, -2000.0, 1500.0], matrix: matrix_of_angles([0.0, 0.0, 0.5]) })
+    Some(Placement { pos_v: [x_mm, -2000.0, 1500.0], matrix: matrix_of_angles([0.0, 0.0, 0.5]) })
 }
 
 /// Commands that the source sends.
@@ -65,7 +65,7 @@ pub(super) fn documented() -> Vec<u8> {
 
 /// The body of [`documented`]; its matrix has no two equal entries.
 pub(super) const NUMBERED: Placement =
-    Placement { pos: [1.0, 2.0, 3.0], matrix: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0] };
+    Placement { pos_v: [1.0, 2.0, 3.0], matrix: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0] };
 
 #[test]
 fn the_conversation_ends_in_frames_of_the_body() {

@@ -2,7 +2,7 @@ use super::*;
 use crate::clock::SpanNs;
 
 const AT: Placement =
-    Placement { pos: [1.0, 2.0, 3.0], matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
+    Placement { pos_v: [1.0, 2.0, 3.0], matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
 
 fn head(number: i64, is_whole: bool) -> Head {
     Head { number, rate_hz: 100.0, stamp: None, latency: SpanNs(0), is_whole }

@@ -147,7 +147,7 @@ impl Track {
 
 /// Distance of two places, in the unit of the source.
 fn apart(a: &Placement, b: &Placement) -> f64 {
-    a.pos.iter().zip(b.pos).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+    a.pos_v.iter().zip(b.pos_v).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
 }
 
 #[cfg(test)]

@@ -36,11 +36,11 @@ pub fn description(name: &str) -> Vec<u8> {
 }
 
 /// The body of a pose: sensor, position in the unit of the server (m by default), quaternion x y z w.
-pub fn pose(sensor: i32, pos: [f64; 3], quaternion: [f64; 4]) -> Vec<u8> {
+pub fn pose(sensor: i32, pos_v: [f64; 3], quaternion: [f64; 4]) -> Vec<u8> {
     let mut body = Vec::new();
     body.extend(sensor.to_be_bytes());
     body.extend([0; 4]);
-    body.extend(pos.into_iter().chain(quaternion).flat_map(f64::to_be_bytes));
+    body.extend(pos_v.into_iter().chain(quaternion).flat_map(f64::to_be_bytes));
     body
 }
 

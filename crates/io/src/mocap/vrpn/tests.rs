@@ -72,7 +72,7 @@ fn another_sensor_has_its_number_in_the_name() {
 
 #[test]
 fn numbers_that_are_no_pose_are_refused() {
-    let none = |pos, quaternion| message(1.0, 4, 5, &encode::pose(0, pos, quaternion));
+    let none = |pos_v, quaternion| message(1.0, 4, 5, &encode::pose(0, pos_v, quaternion));
     for bad in [
         none([f64::NAN, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]),
         none([0.0; 3], [0.0; 4]),
@@ -133,12 +133,12 @@ proptest! {
 
     #[test]
     fn a_pose_comes_back_as_it_was(
-        pos in prop::array::uniform3(-50.0..50.0), angle in -3.0..3.0_f64, time_s in 0.0..1e6_f64,
+        pos_v in prop::array::uniform3(-50.0..50.0), angle in -3.0..3.0_f64, time_s in 0.0..1e6_f64,
     ) {
         let quaternion = [0.0, 0.0, (angle / 2.0).sin(), (angle / 2.0).cos()];
-        let bytes = [begin(), message(time_s, 4, 5, &encode::pose(0, pos, quaternion))].concat();
+        let bytes = [begin(), message(time_s, 4, 5, &encode::pose(0, pos_v, quaternion))].concat();
         let (frames, _) = read(&mut source("tello"), bytes.chunks(4096));
-        let gap = frames[0].pose.unwrap() - Pose::new(pos[0], pos[1], pos[2], angle);
+        let gap = frames[0].pose.unwrap() - Pose::new(pos_v[0], pos_v[1], pos_v[2], angle);
         prop_assert!(amax(&gap) < 1e-12, "{gap}");
     }
 }

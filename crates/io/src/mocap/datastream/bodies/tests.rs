@@ -12,7 +12,7 @@ struct Taken {
 impl Taker for Taken {
     fn body(&mut self, name: Name<'_>, at: Option<&Placement>) {
         let name = name.text.unwrap().to_owned();
-        self.bodies.push((name, at.map(|at| at.pos)));
+        self.bodies.push((name, at.map(|at| at.pos_v)));
     }
 
     fn frame(&mut self, head: Head) {
