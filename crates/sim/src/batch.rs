@@ -19,6 +19,7 @@ use anyhow::Result;
 use crate::SimTable;
 use crate::seeds::fly_each;
 
+pub(crate) use flight::source;
 pub use flight::{Contender, Ending, FlightRow, Flown, Largest, SolverCounts};
 pub use laps::{LapSpread, Laps};
 pub use paired::Comparison;

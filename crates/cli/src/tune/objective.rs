@@ -120,8 +120,8 @@ impl Weights {
 
 #[cfg(test)]
 mod tests {
-    use tello_eval::metrics::{Fence, LeastClearance, Metrics, Outages, Score};
-    use tello_sim::batch::{FlightRow, Largest, SolverCounts};
+    use tello_eval::metrics::{Metrics, Score};
+    use tello_sim::batch::FlightRow;
 
     use super::*;
 
@@ -137,20 +137,9 @@ mod tests {
         };
         let overshoots_m = vec![0.1, 0.0, 0.2];
         let score = Score { metrics, since_entry_s: time_s, overshoots_m, laps: Vec::new() };
-        let row = FlightRow {
-            seed: 1,
-            ending: if time_s.is_some() { Ending::Finished } else { Ending::TimeLimit },
-            landed_by: Vec::new(),
-            by_truth: Some(score),
-            by_estimate: None,
-            fence: Fence::default(),
-            clearance: LeastClearance::default(),
-            hover: None,
-            outages: Outages::default(),
-            monitors: Largest::default(),
-            solvers: SolverCounts::default(),
-        };
-        Flown { row, distances_m: [Vec::new(), Vec::new()], track_w: Vec::new() }
+        let ending = if time_s.is_some() { Ending::Finished } else { Ending::TimeLimit };
+        let row = FlightRow { ending, by_truth: Some(score), ..FlightRow::default() };
+        Flown { row, ..Flown::default() }
     }
 
     #[test]

@@ -38,20 +38,30 @@ impl Seeded for Flown {
     }
 }
 
+/// Entries of [`Flown::distances_m`]: the poses by which the distances are measured.
+pub(crate) mod source {
+    /// The true poses.
+    pub(crate) const TRUTH: usize = 0;
+    /// The controller's own estimates.
+    pub(crate) const ESTIMATE: usize = 1;
+    /// Number of entries.
+    pub(crate) const COUNT: usize = 2;
+}
+
 /// A flight, and of it what a table or picture of many flights needs.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Flown {
     /// Its row of the table.
     pub row: FlightRow,
     /// Horizontal distances to the outline from start to end: of the true poses, of the estimates. m
-    pub distances_m: [Vec<f64>; 2],
+    pub distances_m: [Vec<f64>; source::COUNT],
     /// True x and y at each tick in flight; not in part files. m
     #[serde(skip)]
     pub track_w: Vec<(f64, f64)>,
 }
 
 /// One flight of a batch.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct FlightRow {
     /// Seed of the plant, its faults and the start.
     pub seed: u64,
@@ -99,7 +109,7 @@ pub struct Largest {
 }
 
 /// How a flight ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Ending {
     /// The true pose reached the last target, or the hover lasted as long as asked.
@@ -109,6 +119,7 @@ pub enum Ending {
     /// It landed before the controller was done: a fault.
     Landed,
     /// The time was over before.
+    #[default]
     TimeLimit,
 }
 

@@ -7,7 +7,7 @@ use serde::Serialize;
 use tello_eval::metrics::{Score, VALID_DISTANCE_M};
 use tello_eval::{quantile, quantiles};
 
-use super::flight::Flown;
+use super::flight::{Flown, source};
 use crate::DT_S;
 
 /// One lap of all flights that began it, by the true pose.
@@ -54,7 +54,7 @@ impl LapSpread {
                 };
                 let begin = ticks(&score.laps[..lap]);
                 let end = ticks(&score.laps[..=lap]);
-                flown.distances_m[0].get(begin..end).unwrap_or_default().iter().copied()
+                flown.distances_m[source::TRUTH].get(begin..end).unwrap_or_default().iter().copied()
             })
             .collect();
         let valid = begun().filter(|(.., lap)| lap.distance_max_m <= VALID_DISTANCE_M).count();
@@ -110,7 +110,7 @@ mod tests {
             score.laps = distances_m.iter().map(lap).collect();
         }
         let samples = |distance_m: &f64| vec![*distance_m; ticks(lasted_s)];
-        flown.distances_m[0] = distances_m.iter().flat_map(samples).collect();
+        flown.distances_m[source::TRUTH] = distances_m.iter().flat_map(samples).collect();
         flown
     }
 

@@ -10,7 +10,7 @@ use tello_eval::metrics::{HoverScore, LeastClearance, Outages, Score, VALID_DIST
 use tello_eval::{quantile, quantiles, rate_interval};
 use tello_flight::Fault;
 
-use super::flight::{Ending, FlightRow, Flown, SolverCounts, TIME_LIMIT_S};
+use super::flight::{Ending, FlightRow, Flown, SolverCounts, TIME_LIMIT_S, source};
 use super::laps::Laps;
 
 /// Offset from the outline that a flight should never exceed. m
@@ -18,6 +18,20 @@ const FENCE_M: f64 = 0.5;
 
 /// Distance to a wall or an obstacle from which on the table shows none. m
 const CLEARANCE_M: f64 = 1.0;
+
+/// Entries of quartiles.
+mod quartile {
+    pub(super) const LOWER: usize = 0;
+    pub(super) const MEDIAN: usize = 1;
+    pub(super) const UPPER: usize = 2;
+}
+
+/// Entries of the figures of a distance or overshoot: the quantiles of 0.5, of 0.95 (overshoot: 0.9), and of 1.
+mod figure {
+    pub(super) const MEDIAN: usize = 0;
+    pub(super) const HIGH: usize = 1;
+    pub(super) const LARGEST: usize = 2;
+}
 
 /// A batch of flights and its table.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -118,8 +132,8 @@ impl Batch {
             landed_count: count(Ending::Landed),
             landed_by: faults_of(&flights),
             unfinished_count: count(Ending::TimeLimit),
-            by_truth: Spread::of(flown, |row| row.by_truth.as_ref(), 0),
-            by_estimate: Spread::of(flown, |row| row.by_estimate.as_ref(), 1),
+            by_truth: Spread::of(flown, |row| row.by_truth.as_ref(), source::TRUTH),
+            by_estimate: Spread::of(flown, |row| row.by_estimate.as_ref(), source::ESTIMATE),
             laps: Laps::of(flown),
             hover: HoverSpread::of(&hovers),
             fence_distance_m: fences().map(|fence| fence.distance_m).fold(0.0, maximum),
@@ -140,9 +154,8 @@ impl Batch {
 }
 
 impl Spread {
-    /// The figures of the poses that `pick` chooses; `source` is their index in
-    /// [`Flown::distances_m`].
-    fn of(flown: &[Flown], pick: fn(&FlightRow) -> Option<&Score>, source: usize) -> Option<Self> {
+    /// The figures of the poses that `pick` chooses, whose distances are the entry `from` of [`Flown::distances_m`].
+    fn of(flown: &[Flown], pick: fn(&FlightRow) -> Option<&Score>, from: usize) -> Option<Self> {
         let scores = || flown.iter().filter_map(|flown| pick(&flown.row));
         let quartiles = |time_s: fn(&Score) -> Option<f64>| {
             let time_s = |flown: &Flown| pick(&flown.row).and_then(time_s).unwrap_or(TIME_LIMIT_S);
@@ -152,7 +165,7 @@ impl Spread {
         let median =
             |figure: fn(&Score) -> f64| quantile(&scores().map(figure).collect::<Vec<f64>>(), 0.5);
         let pooled: Vec<f64> =
-            flown.iter().flat_map(|flown| flown.distances_m[source].iter().copied()).collect();
+            flown.iter().flat_map(|flown| flown.distances_m[from].iter().copied()).collect();
         let overshoots: Vec<f64> =
             scores().flat_map(|score| score.overshoots_m.iter().copied()).collect();
         Some(Self {
@@ -200,19 +213,23 @@ pub(super) type Line = (&'static str, &'static str, usize, fn(&Spread) -> Option
 
 /// The table, line by line.
 pub(super) const LINES: [Line; 15] = [
-    ("finish", "s, median", 2, |spread| Some(spread.finish_quartiles_s[1])),
-    ("", "s, lower quartile", 2, |spread| Some(spread.finish_quartiles_s[0])),
-    ("", "s, upper quartile", 2, |spread| Some(spread.finish_quartiles_s[2])),
-    ("since entry", "s, median", 2, |spread| Some(spread.since_entry_quartiles_s[1])),
-    ("2-D distance", "m, median of all samples", 3, |spread| Some(spread.pooled_distance_m[0])),
-    ("", "m, 95 %", 3, |spread| Some(spread.pooled_distance_m[1])),
-    ("", "m, largest", 3, |spread| Some(spread.pooled_distance_m[2])),
-    ("  median flight", "m, median", 3, |spread| Some(spread.flight_distance_m[0])),
-    ("", "m, 95 %", 3, |spread| Some(spread.flight_distance_m[1])),
-    ("", "m, largest", 3, |spread| Some(spread.flight_distance_m[2])),
+    ("finish", "s, median", 2, |spread| Some(spread.finish_quartiles_s[quartile::MEDIAN])),
+    ("", "s, lower quartile", 2, |spread| Some(spread.finish_quartiles_s[quartile::LOWER])),
+    ("", "s, upper quartile", 2, |spread| Some(spread.finish_quartiles_s[quartile::UPPER])),
+    ("since entry", "s, median", 2, |spread| {
+        Some(spread.since_entry_quartiles_s[quartile::MEDIAN])
+    }),
+    ("2-D distance", "m, median of all samples", 3, |spread| {
+        Some(spread.pooled_distance_m[figure::MEDIAN])
+    }),
+    ("", "m, 95 %", 3, |spread| Some(spread.pooled_distance_m[figure::HIGH])),
+    ("", "m, largest", 3, |spread| Some(spread.pooled_distance_m[figure::LARGEST])),
+    ("  median flight", "m, median", 3, |spread| Some(spread.flight_distance_m[figure::MEDIAN])),
+    ("", "m, 95 %", 3, |spread| Some(spread.flight_distance_m[figure::HIGH])),
+    ("", "m, largest", 3, |spread| Some(spread.flight_distance_m[figure::LARGEST])),
     ("within 0.3 m", "of all flights", 3, |spread| Some(spread.within_valid_distance)),
-    ("overshoot", "m, median", 3, |spread| Some(spread.overshoot_m?[0])),
-    ("", "m, 90 %", 3, |spread| Some(spread.overshoot_m?[1])),
+    ("overshoot", "m, median", 3, |spread| Some(spread.overshoot_m?[figure::MEDIAN])),
+    ("", "m, 90 %", 3, |spread| Some(spread.overshoot_m?[figure::HIGH])),
     ("speed", "m/s, median", 3, |spread| Some(spread.speed_median_mps)),
     ("stick norm", "median", 3, |spread| Some(spread.input_norm_median)),
 ];

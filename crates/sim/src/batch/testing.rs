@@ -1,8 +1,8 @@
 //! A flown flight, for the tests of what reads batches.
 
-use tello_eval::metrics::{Fence, LeastClearance, Metrics, Outages, Score};
+use tello_eval::metrics::{Metrics, Score};
 
-use super::{Ending, FlightRow, Flown, Largest, SolverCounts};
+use super::{Ending, FlightRow, Flown};
 
 impl Flown {
     /// A flight with three corners that took `since_entry_s` (s), at most `distance_max_m` off; without a time it did not
@@ -21,16 +21,9 @@ impl Flown {
         let row = FlightRow {
             seed: 1,
             ending: if since_entry_s.is_some() { Ending::Finished } else { Ending::TimeLimit },
-            landed_by: Vec::new(),
             by_truth: Some(score),
-            by_estimate: None,
-            fence: Fence::default(),
-            clearance: LeastClearance::default(),
-            hover: None,
-            outages: Outages::default(),
-            monitors: Largest::default(),
-            solvers: SolverCounts::default(),
+            ..FlightRow::default()
         };
-        Self { row, distances_m: [vec![0.05], vec![]], track_w: vec![] }
+        Self { row, distances_m: [vec![0.05], vec![]], ..Self::default() }
     }
 }

@@ -10,7 +10,7 @@ use tello_eval::quantile;
 use tello_flight::Start;
 use tello_flight::cycle::FlightTable;
 
-use crate::batch::{Contender, Ending, Flown};
+use crate::batch::{Contender, Ending, Flown, source};
 
 /// With identified parameters the distances may be so many times those without.
 const DISTANCE_RATIO_MAX: f64 = 1.1;
@@ -42,8 +42,10 @@ pub(super) fn fly(flight: &FlightTable, file: &ParameterFile, seed: u64) -> Resu
 impl FlownNext {
     /// The sum of `flown`; `None` without flights.
     pub(super) fn of<'a>(flown: impl Iterator<Item = &'a Flown> + Clone) -> Option<Self> {
-        let distances_m: Vec<f64> =
-            flown.clone().flat_map(|flown| flown.distances_m[0].iter().copied()).collect();
+        let distances_m: Vec<f64> = flown
+            .clone()
+            .flat_map(|flown| flown.distances_m[source::TRUTH].iter().copied())
+            .collect();
         let is_finished = |flown: &&Flown| flown.row.ending == Ending::Finished;
         Some(Self {
             flights: flown.clone().count(),

@@ -3,6 +3,7 @@ use std::f64::consts::PI;
 use horizon_model::{Lagged, Model};
 
 use super::*;
+use crate::batch::source;
 
 fn number(name: &str, truth: f64, estimate: f64, std: Option<f64>) -> Found {
     let half = 1.96 * std.unwrap_or(f64::NAN);
@@ -101,7 +102,7 @@ fn an_automatic_flight_passes_if_the_intervals_hold_none_is_refused_and_it_flies
     let run = |holds: bool, after_m: f64| {
         let flown = [0.1, after_m].map(|distance_m| {
             let mut flown = Flown::example(Some(9.0), 0.2);
-            flown.distances_m[0] = vec![distance_m];
+            flown.distances_m[source::TRUTH] = vec![distance_m];
             flown
         });
         let estimate = if holds { 1.0 } else { 2.0 };
