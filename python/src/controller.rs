@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 
 use crate::model::{Model, padded};
 use crate::settings::{self, Rows};
-use crate::sizes::{AnyModel, Visit};
+use crate::sizes::{AnyModel, visit};
 use crate::{array, raised};
 
 /// See `tello_ctl.Mpc`.
@@ -156,29 +156,12 @@ struct Build<'a> {
     dt_s: f64,
 }
 
-impl Visit for Build<'_> {
-    type Out = Result<(Box<dyn AnyMpc>, usize), SettingError>;
-
-    fn visit<
-        M,
-        const NS: usize,
-        const NU: usize,
-        const NO: usize,
-        const NP: usize,
-        const NR: usize,
-    >(
-        self,
-        model: M,
-    ) -> Self::Out
-    where
-        M: AnyModel<NS, NU, NO, NP>,
-    {
-        let settings = self.table.check::<M, NS, NU, NO, NP>()?;
-        let stages = settings.stage_steps().len();
-        let mpc = horizon_control::Mpc::<M, NS, NU, NO, NP, NR>::new(model, settings, self.dt_s)?;
-        Ok((Box::new(Planned { mpc, s_ref: Vec::with_capacity(stages) }), stages))
-    }
-}
+visit!(Build<'_> => Result<(Box<dyn AnyMpc>, usize), SettingError>, |visitor, model| {
+    let settings = visitor.table.check::<M, NS, NU, NO, NP>()?;
+    let stages = settings.stage_steps().len();
+    let mpc = horizon_control::Mpc::<M, NS, NU, NO, NP, NR>::new(model, settings, visitor.dt_s)?;
+    Ok((Box::new(Planned { mpc, s_ref: Vec::with_capacity(stages) }), stages))
+});
 
 /// Settings of the controller: weights of 1 on states and 0.1 on inputs, inputs between -1 and 1, 25 steps.
 fn default_table(dimensions: Dimensions) -> MpcTable {

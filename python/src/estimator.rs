@@ -10,7 +10,7 @@ use tello_io::config;
 
 use crate::model::{Model, padded};
 use crate::settings::{self, Rows};
-use crate::sizes::{AnyModel, Handle, Visit};
+use crate::sizes::{AnyModel, Handle, visit};
 use crate::{TelloError, array, raised};
 
 /// See `tello_ctl.Mhe`.
@@ -124,27 +124,10 @@ struct Build<'a> {
     dt_s: f64,
 }
 
-impl Visit for Build<'_> {
-    type Out = Result<Box<dyn AnyMhe>, SettingError>;
-
-    fn visit<
-        M,
-        const NS: usize,
-        const NU: usize,
-        const NO: usize,
-        const NP: usize,
-        const NR: usize,
-    >(
-        self,
-        model: M,
-    ) -> Self::Out
-    where
-        M: AnyModel<NS, NU, NO, NP>,
-    {
-        let settings = self.table.check::<M, NS, NU, NO, NP>()?;
-        Ok(Box::new(horizon_estim::Mhe::new(model, settings, self.dt_s)?))
-    }
-}
+visit!(Build<'_> => Result<Box<dyn AnyMhe>, SettingError>, |visitor, model| {
+    let settings = visitor.table.check::<M, NS, NU, NO, NP>()?;
+    Ok(Box::new(horizon_estim::Mhe::new(model, settings, visitor.dt_s)?))
+});
 
 /// Settings of the estimator: those of flights for their model, else least squares with weights of 1,
 /// and 0.1 on the prior.

@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use crate::long_call::{self, Stop};
 use crate::model::{Model, padded};
 use crate::settings::{self, Rows};
-use crate::sizes::{AnyModel, Visit};
+use crate::sizes::visit;
 use crate::{TelloError, array, raised};
 
 /// What identification found.
@@ -83,46 +83,29 @@ struct Solve<'a> {
     stop: &'a Stop,
 }
 
-impl Visit for Solve<'_> {
-    type Out = anyhow::Result<Found>;
-
-    fn visit<
-        M,
-        const NS: usize,
-        const NU: usize,
-        const NO: usize,
-        const NP: usize,
-        const NR: usize,
-    >(
-        self,
-        model: M,
-    ) -> Self::Out
-    where
-        M: AnyModel<NS, NU, NO, NP>,
-    {
-        let settings = self.table.check::<M, NS, NU, NO, NP>()?;
-        let vectors = |(u, o): &Recorded| Piece::<NU, NO> {
-            u: u.iter().map(|row| padded(row)).collect::<Vec<SVector<f64, NU>>>(),
-            o: o.iter().map(|row| Observed::full(padded(row))).collect(),
-        };
-        let pieces = self.pieces.iter().map(vectors).collect();
-        let mut ident = Ident::new(model, &settings, self.dt_s, pieces)?;
-        let solved = ident.solve(&mut || self.stop.is_asked())?;
-        let covariance = ident.information().ok().and_then(|information| {
-            let rows = self.parameters;
-            information.view((0, 0), (rows, rows)).clone_owned().try_inverse()
-        });
-        let deviation = covariance.map_or_else(Vec::new, |covariance| {
-            covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect()
-        });
-        Ok(Found {
-            parameter: ident.parameter().iter().take(self.parameters).copied().collect(),
-            deviation,
-            cost: solved.cost,
-            iterations: solved.iterations,
-        })
-    }
-}
+visit!(Solve<'_> => anyhow::Result<Found>, |visitor, model| {
+    let settings = visitor.table.check::<M, NS, NU, NO, NP>()?;
+    let vectors = |(u, o): &Recorded| Piece::<NU, NO> {
+        u: u.iter().map(|row| padded(row)).collect::<Vec<SVector<f64, NU>>>(),
+        o: o.iter().map(|row| Observed::full(padded(row))).collect(),
+    };
+    let pieces = visitor.pieces.iter().map(vectors).collect();
+    let mut ident = Ident::new(model, &settings, visitor.dt_s, pieces)?;
+    let solved = ident.solve(&mut || visitor.stop.is_asked())?;
+    let covariance = ident.information().ok().and_then(|information| {
+        let rows = visitor.parameters;
+        information.view((0, 0), (rows, rows)).clone_owned().try_inverse()
+    });
+    let deviation = covariance.map_or_else(Vec::new, |covariance| {
+        covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect()
+    });
+    Ok(Found {
+        parameter: ident.parameter().iter().take(visitor.parameters).copied().collect(),
+        deviation,
+        cost: solved.cost,
+        iterations: solved.iterations,
+    })
+});
 
 /// Settings of an identification: weights of 1, the data alone.
 fn default_table(dimensions: Dimensions) -> IdentTable {

@@ -11,7 +11,7 @@ use tello_flight::cycle::ModelKind;
 use crate::TelloError;
 use crate::array;
 use crate::expression::{Operand, Tracer};
-use crate::sizes::{Handle, SIZES, Visit, too_large};
+use crate::sizes::{Handle, SIZES, too_large, visit};
 
 /// Programs so far. Models are copied into solvers without a count of their users: equal programs are kept once,
 /// and for ever.
@@ -157,52 +157,18 @@ struct Step<'a> {
     dt_s: f64,
 }
 
-impl Visit for Step<'_> {
-    type Out = Vec<f64>;
-
-    fn visit<
-        M,
-        const NS: usize,
-        const NU: usize,
-        const NO: usize,
-        const NP: usize,
-        const NR: usize,
-    >(
-        self,
-        model: M,
-    ) -> Vec<f64>
-    where
-        M: crate::sizes::AnyModel<NS, NU, NO, NP>,
-    {
-        let [s, u, p] = [self.s, self.u, self.p];
-        let s_next = model.step(&padded(s), &padded(u), &padded(p), self.dt_s);
-        s_next.as_slice().get(..s.len()).unwrap_or_default().to_vec()
-    }
-}
+visit!(Step<'_> => Vec<f64>, |visitor, model| {
+    let [s, u, p] = [visitor.s, visitor.u, visitor.p];
+    let s_next = model.step(&padded(s), &padded(u), &padded(p), visitor.dt_s);
+    s_next.as_slice().get(..s.len()).unwrap_or_default().to_vec()
+});
 
 /// [`horizon_model::Model::observe`].
 struct Observe<'a>(&'a [f64]);
 
-impl Visit for Observe<'_> {
-    type Out = Vec<f64>;
-
-    fn visit<
-        M,
-        const NS: usize,
-        const NU: usize,
-        const NO: usize,
-        const NP: usize,
-        const NR: usize,
-    >(
-        self,
-        model: M,
-    ) -> Vec<f64>
-    where
-        M: crate::sizes::AnyModel<NS, NU, NO, NP>,
-    {
-        model.observe(&padded(self.0)).as_slice().to_vec()
-    }
-}
+visit!(Observe<'_> => Vec<f64>, |visitor, model| {
+    model.observe(&padded(visitor.0)).as_slice().to_vec()
+});
 
 /// `values` as the first rows of a longer vector; the others are zero.
 pub(crate) fn padded<const N: usize>(values: &[f64]) -> nalgebra::SVector<f64, N> {

@@ -47,6 +47,35 @@ pub(crate) trait Visit {
         M: AnyModel<NS, NU, NO, NP>;
 }
 
+/// Implements [`Visit`] for `$visitor`: `$out` comes of it, by `$body`, in which `M` is the model's type and `NS`, `NU`,
+/// `NO`, `NP` and `NR` are its dimensions.
+macro_rules! visit {
+    ($visitor:ty => $out:ty, |$this:ident, $model:ident| $body:block) => {
+        impl $crate::sizes::Visit for $visitor {
+            type Out = $out;
+
+            fn visit<
+                M,
+                const NS: usize,
+                const NU: usize,
+                const NO: usize,
+                const NP: usize,
+                const NR: usize,
+            >(
+                self,
+                $model: M,
+            ) -> Self::Out
+            where
+                M: $crate::sizes::AnyModel<NS, NU, NO, NP>,
+            {
+                let $this = self;
+                $body
+            }
+        }
+    };
+}
+pub(crate) use visit;
+
 /// Largest dimensions of a solver.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Size(Dimensions);
