@@ -1,13 +1,18 @@
 //! The controller against 190 problems solved by Ceres and polished to a KKT residual below 3e-11.
 
+#[path = "reference_mpc/problem.rs"]
+mod problem;
+
 use crate::support;
 
-use horizon_control::{Ask, InputCost, Mpc, MpcSettings, QpKind, SolverTable, Stop};
+use horizon_control::{Ask, Mpc, MpcSettings, QpKind, SolverTable, Stop};
 use horizon_model::Kinematic;
 use horizon_model::check::{amax, maximum};
 use horizon_model::rows::{Pose, Sticks};
 use nalgebra::SVector;
 use serde::Deserialize;
+
+use self::problem::Problem;
 
 /// Period of the reference problems. s
 const DT_S: f64 = 0.02;
@@ -19,17 +24,10 @@ const COST_TOLERANCE: f64 = 1e-6;
 /// which is far below this in the cost.
 const ROUNDING: f64 = 1e-12;
 
-/// One line of the file.
+/// The solution in a line of the file.
 #[derive(Deserialize)]
-struct Problem {
-    horizon_steps: usize,
-    input_cost: InputCost,
-    p: [f64; 4],
-    s0: [f64; 4],
-    u_prev: [f64; 4],
-    s_ref: [f64; 4],
+struct Solution {
     u: Vec<[f64; 4]>,
-    cost: f64,
 }
 
 /// Weights and bounds of the reference problems.
@@ -70,8 +68,9 @@ fn every_reference_problem_is_solved_from_zero_inputs() {
     let text = std::fs::read_to_string(path).unwrap();
     let mut worst: std::collections::BTreeMap<String, Worst> = std::collections::BTreeMap::new();
     let by_both = |line| [QpKind::Riccati, QpKind::Clarabel].map(|qp| (line, qp));
-    for ((line, problem), qp) in text.lines().enumerate().flat_map(by_both) {
-        let problem: Problem = serde_json::from_str(problem).unwrap();
+    for ((line, text), qp) in text.lines().enumerate().flat_map(by_both) {
+        let problem: Problem = serde_json::from_str(text).unwrap();
+        let solution: Solution = serde_json::from_str(text).unwrap();
         let settings = settings(&problem, qp);
         let mut mpc = Mpc::<_, 4, 4, 4, 4, 4>::new(Kinematic, settings, DT_S).unwrap();
         let s_ref = vec![Pose::from(problem.s_ref); problem.horizon_steps];
@@ -89,7 +88,7 @@ fn every_reference_problem_is_solved_from_zero_inputs() {
         let u_gap = mpc
             .plan()
             .iter()
-            .zip(&problem.u)
+            .zip(&solution.u)
             .map(|(u, reference)| amax(&(u - Sticks::from(*reference))))
             .fold(0.0, maximum);
         let key = format!("{qp:?} {:?} {}", problem.input_cost, problem.horizon_steps);

@@ -4,6 +4,9 @@
 //! loop along a square, each solve from the plan before, moved on by one step; ours is timed with that
 //! shift, the peer without.
 
+#[path = "../../../tests/reference_mpc/problem.rs"]
+mod problem;
+
 use std::fs;
 use std::path::Path;
 
@@ -12,9 +15,9 @@ use horizon_control::{Ask, InputCost, Mpc, MpcReport, MpcSettings, QpKind, Solve
 use horizon_model::rows::{Pose, Sticks};
 use horizon_model::{Kinematic, Model};
 use nalgebra::SVector;
-use serde::Deserialize;
 use tello_io::clock::Clock;
 
+use self::problem::Problem;
 use super::comparison::{Comparison, Program, Solve, findings};
 use super::mhe::write_row;
 use super::peer::{Answer, Peer};
@@ -40,18 +43,6 @@ pub(crate) struct Case {
     pub(crate) u_before: Sticks,
     pub(crate) s_0: Pose,
     pub(crate) s_ref: Pose,
-}
-
-/// A line of the reference file.
-#[derive(Deserialize)]
-struct Given {
-    horizon_steps: usize,
-    input_cost: InputCost,
-    p: [f64; 4],
-    s0: [f64; 4],
-    u_prev: [f64; 4],
-    s_ref: [f64; 4],
-    cost: f64,
 }
 
 pub(crate) type Controller = Mpc<Kinematic, 4, 4, 4, 4, 4>;
@@ -186,7 +177,7 @@ fn reference(
     let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
     let (mut cases, mut best) = (Vec::new(), Vec::new());
     for line in text.lines() {
-        let given: Given = serde_json::from_str(line)?;
+        let given: Problem = serde_json::from_str(line)?;
         if given.horizon_steps == horizon_steps.min(50) && given.input_cost == input_cost {
             let [p, s_0, u_before, s_ref] =
                 [given.p, given.s0, given.u_prev, given.s_ref].map(SVector::from);
