@@ -186,16 +186,8 @@ where
 
         let u_wish = self.wish(pilot, inbox);
         let approved = self.pass_gate(pilot, &u_wish, inbox);
-        let u_sent = match inbox.flown {
-            Some(flown) => Sticks::from(flown),
-            None if self.is_carried => Sticks::zeros(),
-            None => approved.sticks(),
-        };
-        if pilot == Some(Pilot::Person) {
-            self.immobility.restart();
-        } else if self.memory.is_on_mission && self.link_is_up() {
-            self.immobility.press(&u_sent, self.dt_s);
-        }
+        let u_sent = self.sent(approved, inbox);
+        self.note_pressed(pilot, &u_sent);
         self.fifo.push(&u_sent);
         out.decide(&u_wish, approved, &u_sent, self.planner.lag());
         watch.send(out);
@@ -321,6 +313,16 @@ where
             Some(Pilot::Controller) => self.gate.pass(u_wish, self.pose_age_s(inbox)),
             Some(Pilot::Person) => self.gate.pass_manual(u_wish),
             None => Approved::neutral(),
+        }
+    }
+
+    /// Notes the inputs by which the controller should move the vehicle: those of the mission while the link is up. A
+    /// person's motion says nothing of them.
+    fn note_pressed(&mut self, pilot: Option<Pilot>, u_sent: &Sticks) {
+        if pilot == Some(Pilot::Person) {
+            self.immobility.restart();
+        } else if self.memory.is_on_mission && self.link_is_up() {
+            self.immobility.press(u_sent, self.dt_s);
         }
     }
 

@@ -1,10 +1,11 @@
-//! The sticks that the pilot of a tick wishes: the plan's or the person's, limited and blended.
+//! The sticks that the pilot of a tick wishes, the plan's or the person's, limited and blended; and those that are sent.
 
 use horizon_model::Model;
 use horizon_model::rows::{Sticks, pose, stick};
 
 use super::{Cycle, Inbox};
 use crate::Pilot;
+use crate::gate::Approved;
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
@@ -25,6 +26,15 @@ where
         };
         let u_newest = self.fifo.newest();
         pilot.map_or(u_pilot, |pilot| self.hand_over.blend(pilot, &u_pilot, u_newest, self.dt_s))
+    }
+
+    /// The sticks of this tick as they are sent, or were by another program; neutral in a dry run.
+    pub(super) fn sent(&self, approved: Approved, inbox: &Inbox) -> Sticks {
+        match inbox.flown {
+            Some(flown) => Sticks::from(flown),
+            None if self.is_carried => Sticks::zeros(),
+            None => approved.sticks(),
+        }
     }
 
     /// Whether the drone is sent sticks: in the text SDK not before a take-off is over.
