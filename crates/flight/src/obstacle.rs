@@ -2,6 +2,7 @@
 //!
 //! Owns their signed distance and its gradient. What follows from being near stands in `cycle/walls.rs`.
 
+use horizon_model::rows::pose;
 use horizon_model::setting::{SettingError, in_range, positive};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
@@ -149,7 +150,7 @@ impl Obstacle {
             Shape::Box { half_w } => {
                 let axes_w = [Vector3::x(), Vector3::y(), Vector3::z()];
                 let over = |i: usize| (from_w[i].abs() - half_w[i], axes_w[i] * from_w[i].signum());
-                of_excesses(&[over(0), over(1), over(2)])
+                of_excesses(&[pose::X, pose::Y, pose::Z].map(over))
             }
             Shape::Moving { radius_m } => {
                 let Some(centre_w) = moving_w else {
@@ -165,6 +166,24 @@ impl Obstacle {
     /// [`Obstacle::distance_from`] what does not move.
     pub fn distance(&self, at_w: &Vector3<f64>) -> SignedDistance {
         self.distance_from(at_w, None)
+    }
+
+    /// The least of [`Obstacle::distance_from`] all places between `from_w` and `climb_m` straight above it, in the world
+    /// frame. m
+    ///
+    /// Obstacles are upright prisms, symmetric about the height of their centre: straight up and down the distance grows
+    /// with the height from there, so that the least one is at the nearest height of the climb.
+    ///
+    /// Real time: no allocation, constant cost.
+    pub fn distance_in_climb(
+        &self,
+        from_w: &Vector3<f64>,
+        climb_m: f64,
+        moving_w: Option<&Vector3<f64>>,
+    ) -> SignedDistance {
+        // No clamp, which panics if a bound is no number.
+        let nearest_z = self.centre_w.z.max(from_w.z).min(from_w.z + climb_m);
+        self.distance_from(&Vector3::new(from_w.x, from_w.y, nearest_z), moving_w)
     }
 
     /// Its outline from above, closed, for drawings. m
@@ -287,6 +306,23 @@ mod tests {
             |at: &Vector3<f64>| Vector1::new(obstacle.distance_from(at, Some(&place)).distance_m);
         let gap = jacobian_gap(value, &at, &found.gradient_w.transpose());
         assert!(gap < 1e-8, "gap {gap:e}");
+    }
+
+    #[test]
+    fn the_least_distance_in_a_climb_is_that_of_its_nearest_height() {
+        let (climb_m, count) = (1.3, 1300);
+        for text in [CYLINDER, BOX] {
+            let obstacle = of(text).unwrap();
+            for from_w in [[1.2, 1.9, -2.0], [1.2, 1.9, -0.9], [0.7, 1.6, 0.6], [3.0, 1.5, 2.1]] {
+                let from_w = Vector3::from(from_w);
+                let above_w =
+                    |k| from_w + Vector3::z() * (climb_m * f64::from(k) / f64::from(count));
+                let sampled_m = (0..=count).map(|k| obstacle.distance(&above_w(k)).distance_m);
+                let sampled_m = sampled_m.reduce(f64::min).unwrap();
+                let found_m = obstacle.distance_in_climb(&from_w, climb_m, None).distance_m;
+                assert!((-1e-12..0.001).contains(&(sampled_m - found_m)), "{text}: {found_m}");
+            }
+        }
     }
 
     #[test]

@@ -19,10 +19,8 @@ use crate::{Obstacle, ObstacleTable, Room};
 /// What is further away than this is not looked at. m
 const NEAR_M: f64 = 1.0;
 
-/// How far above a start obstacles are looked for: a take-off climbs 1.2 m, 0.1 m are to spare.
-const CLIMB_STEPS: u32 = 13;
-/// Every so far: nothing that is described is thinner. m
-const CLIMB_STEP_M: f64 = 0.1;
+/// How far above a start obstacles are looked for: a take-off climbs 1.2 m, 0.1 m are to spare. m
+const CLIMB_M: f64 = 1.3;
 
 /// How the plan keeps away from walls and obstacles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -74,7 +72,10 @@ pub struct Clearance {
 }
 
 impl Walls {
-    /// Of checked tables; `None` if the plan is to know none.
+    /// Checks both tables; `None` without a table and without obstacles.
+    ///
+    /// # Errors
+    /// The first value that breaks its rule, or obstacles without a table.
     pub(super) fn new(
         table: Option<&WallTable>,
         room: Option<Room>,
@@ -120,12 +121,11 @@ impl Walls {
 
     /// Whether a vehicle that stands at `at_w` is inside of an obstacle now, or climbs into one in its take-off.
     pub(super) fn bars_start(&self, at_w: &Vector3<f64>) -> bool {
-        let is_at = |risen_m: f64| {
-            let at_w = at_w + Vector3::new(0.0, 0.0, risen_m);
-            (self.wall_count()..self.count())
-                .any(|i| self.distance(i, &at_w, -self.lead_s).distance_m < 0.0)
+        let moving_w = self.moving.map(|moving| moving.place(0.0));
+        let least_m = |obstacle: &Obstacle| {
+            obstacle.distance_in_climb(at_w, CLIMB_M, moving_w.as_ref()).distance_m
         };
-        (0..=CLIMB_STEPS).any(|step| is_at(f64::from(step) * CLIMB_STEP_M))
+        self.obstacles.iter().any(|obstacle| least_m(obstacle) < 0.0)
     }
 
     /// The plan begins `lead_s` after now, at a position of this covariance. m^2

@@ -179,3 +179,24 @@ fn a_vehicle_stays_down_inside_of_an_obstacle_and_below_one_that_its_climb_meets
     assert!(!is_blocked(shelf(1.3), 1.1, 0.05), "beside");
     assert!(!is_blocked(shelf(-0.1), 0.5, 2.45), "on top");
 }
+
+#[test]
+fn an_obstacle_of_any_thickness_in_the_climb_keeps_the_vehicle_down() {
+    let shelf = |z_m| ObstacleTable::Box { x_m: [0.0, 1.0], y_m: [0.0, 1.0], z_m };
+    let disc = |z_m| ObstacleTable::Cylinder { centre_m: [0.4, 0.5], radius_m: 0.2, z_m };
+    // From 0.05 m the climb ends at 1.35 m.
+    for (z_m, is_barred) in [
+        ([0.58, 0.62], true),
+        ([0.999, 1.001], true),
+        ([1.345, 1.35], true),
+        ([1.355, 1.36], false),
+        ([0.045, 0.055], true),
+        ([0.0, 0.045], false),
+    ] {
+        for obstacle in [shelf(z_m), disc(z_m)] {
+            let walls = Walls::new(Some(&TABLE), None, std::slice::from_ref(&obstacle));
+            let bars_start = walls.unwrap().unwrap().bars_start(&Vector3::new(0.5, 0.5, 0.05));
+            assert_eq!(bars_start, is_barred, "{obstacle:?}");
+        }
+    }
+}
