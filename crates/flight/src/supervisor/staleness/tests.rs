@@ -50,10 +50,22 @@ fn a_frozen_stream_is_named_once_its_pose_is_stale() {
 }
 
 #[test]
-fn jumps_within_the_limits_are_good() {
-    let e = Evidence { jump_m: Some(1.5), ..ALOFT };
-    let ruling = Bench::flying().tick(&e);
-    assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![]));
+fn jumps_and_shifts_within_the_limits_are_good() {
+    for e in [Evidence { jump_m: Some(1.5), ..ALOFT }, Evidence { shift_m: 1.5, ..ALOFT }] {
+        let ruling = Bench::flying().tick(&e);
+        assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![]));
+    }
+}
+
+#[test]
+fn poses_that_were_shifted_by_more_than_the_limit_or_by_no_number_end_the_flight() {
+    for shift_m in [1.5_f64.next_up(), f64::INFINITY, f64::NAN] {
+        for mut bench in [Bench::flying(), Bench::taking_off()] {
+            let ruling = bench.tick(&Evidence { shift_m, ..ALOFT });
+            assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Landing, false), "{shift_m}");
+            assert_eq!(faults(ruling), [Fault::MocapJumped], "{shift_m}");
+        }
+    }
 }
 
 #[test]
@@ -79,8 +91,11 @@ fn what_is_asked_of_poses_before_a_take_off_is_not_asked_in_flight_and_jumps_onl
     let e = Evidence { pose, is_pose_settled: false, incidents: undated, ..ALOFT };
     assert_eq!(faults(Bench::flying().tick(&e)), []);
     // On the ground the vehicle may be put elsewhere by hand.
-    let put_aside = Evidence { jump_m: Some(9.0), ..CALM };
-    assert_eq!(faults(Bench::new(Start::Grounded).tick(&put_aside)), []);
+    let [put_aside, shifted] =
+        [Evidence { jump_m: Some(9.0), ..CALM }, Evidence { shift_m: 9.0, ..CALM }];
+    for e in [put_aside, shifted, Evidence { shift_m: f64::NAN, ..CALM }] {
+        assert_eq!(faults(Bench::new(Start::Grounded).tick(&e)), [], "{e:?}");
+    }
 }
 
 #[test]
