@@ -17,6 +17,8 @@ mod frame;
 mod hands;
 #[path = "faults/landed.rs"]
 mod landed;
+#[path = "faults/limits.rs"]
+mod limits;
 #[path = "faults/mocap.rs"]
 mod mocap;
 #[path = "faults/solver.rs"]

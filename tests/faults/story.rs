@@ -192,12 +192,17 @@ impl Story {
         assert!(steered.count() > 50, "the controller never flew");
     }
 
-    /// The flight was ended by `fault`, `within_s` of its begin, by a landing that was flown to its end.
+    /// [`Story::assert_landed_after`] of a fault that began at [`FAULT_AT_S`].
     pub(crate) fn assert_landed_by(&self, fault: Fault, within_s: [f64; 2]) {
+        self.assert_landed_after(FAULT_AT_S, fault, within_s);
+    }
+
+    /// The flight was ended by `fault`, `within_s` after `from_s`, by a landing that was flown to its end.
+    pub(crate) fn assert_landed_after(&self, from_s: f64, fault: Fault, within_s: [f64; 2]) {
         self.assert_sound();
         assert!(self.has(fault), "{fault:?} is missing at the end: {:?}", self.last());
         let landing_at_s = self.first(0.0, |moment| moment.landings > 0).unwrap();
-        let after_s = landing_at_s - FAULT_AT_S;
+        let after_s = landing_at_s - from_s;
         let [soonest_s, latest_s] = within_s;
         assert!((soonest_s..=latest_s).contains(&after_s), "landing after {after_s} s");
         self.assert_down();
