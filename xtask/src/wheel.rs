@@ -82,3 +82,30 @@ fn only_file(folder: &Path) -> Result<PathBuf> {
         _ => bail!("expected one wheel in {}", folder.display()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_has_one_wheel_or_is_refused() {
+        let folder = std::env::temp_dir().join(format!("wheel-{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        assert!(only_file(&folder).is_err(), "none");
+        let wheel = folder.join("tello_ctl.whl");
+        fs::write(&wheel, "").unwrap();
+        assert_eq!(only_file(&folder).unwrap(), wheel);
+        fs::write(folder.join("other.whl"), "").unwrap();
+        assert!(only_file(&folder).is_err(), "two");
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn a_program_that_fails_or_is_missing_is_named() {
+        call(&mut Command::new("true")).unwrap();
+        for name in ["false", "no-such-program"] {
+            let refused = format!("{:#}", call(&mut Command::new(name)).unwrap_err());
+            assert!(refused.contains(name), "{refused}");
+        }
+    }
+}

@@ -50,3 +50,42 @@ impl StopSignal {
         while self.0.changed().await.is_ok() {}
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::future::Future;
+    use std::pin::pin;
+    use std::task::{Context, Waker};
+
+    use super::*;
+
+    fn is_ordered(signal: &mut StopSignal) -> bool {
+        pin!(signal.ordered()).poll(&mut Context::from_waker(Waker::noop())).is_ready()
+    }
+
+    #[test]
+    fn the_order_to_stop_reaches_every_holder_for_good_by_word_or_by_drop() {
+        for give in [Stopper::stop, drop::<Stopper>] {
+            let (stopper, mut signal) = Stopper::new();
+            let mut other = signal.clone();
+            assert!(!is_ordered(&mut signal) && !is_ordered(&mut other));
+            give(stopper);
+            let mut late = signal.clone();
+            for signal in [&mut signal, &mut other, &mut late] {
+                assert!(is_ordered(signal) && is_ordered(signal));
+            }
+        }
+    }
+
+    #[test]
+    fn an_emergency_stop_is_taken_once_by_whichever_holder_asks_first() {
+        let request = EmergencyRequest::default();
+        let sender = request.clone();
+        assert!(!sender.take());
+        request.ask();
+        request.ask();
+        assert_eq!([sender.take(), sender.take(), request.take()], [true, false, false]);
+        request.ask();
+        assert!(sender.take(), "a later one is another one");
+    }
+}

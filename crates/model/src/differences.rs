@@ -67,3 +67,42 @@ pub fn jacobian_of_rows<const M: usize, const N: usize>(
     }
     jacobian
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_jacobian_has_a_row_by_value_and_a_column_by_variable() {
+        let f = |x: &SVector<f64, 3>| SVector::from([x[0] * x[1], x[2].sin()]);
+        let x = SVector::from([2.0, -3.0, 0.4]);
+        let exact = SMatrix::<f64, 2, 3>::new(x[1], x[0], 0.0, 0.0, 0.0, x[2].cos());
+        let gap = (jacobian(f, &x) - exact).amax();
+        assert!(gap < 1e-9, "{gap:e}");
+    }
+
+    #[test]
+    fn the_increment_is_relative_for_a_positive_row_above_zero_alone() {
+        let increment = |row: Row, at: f64| {
+            let ends = std::cell::RefCell::new(Vec::new());
+            let note = |x: &SVector<f64, 1>| {
+                ends.borrow_mut().push(x[0]);
+                *x
+            };
+            jacobian_of_rows(note, &[at].into(), &[row]);
+            let ends = ends.into_inner();
+            0.5 * (ends[0] - ends[1])
+        };
+        let (positive, any) = (Row::positive("mass", "kg"), Row::linear("x", "m"));
+        for (row, at, scale) in [
+            (positive, 1e-5, 1e-5),
+            (positive, 1e3, 1e3),
+            (positive, 0.0, 1.0),
+            (any, 1e-5, 1.0),
+            (any, -1e3, 1e3),
+        ] {
+            let ratio = increment(row, at) / (f64::EPSILON.cbrt() * scale);
+            assert!((ratio - 1.0).abs() < 1e-5, "{at}: {ratio}");
+        }
+    }
+}

@@ -165,3 +165,26 @@ fn answer(line: &str) -> Result<Answer> {
     let solve = Solve { us: ns * 1e-3, iterations, cost, kkt: f64::NAN };
     Ok(Answer { solve, solution: solution.to_vec() })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_time_iterations_cost_and_solution_and_else_is_quoted() {
+        for (line, solution) in [("2500 7 0.5", &[][..]), (" 2.5e3  7\t5e-1 1 -2.5 ", &[1.0, -2.5])]
+        {
+            let Answer { solve, solution: found } = answer(line).unwrap();
+            assert_eq!((solve.iterations, found.as_slice()), (7, solution), "{line}");
+            assert!(
+                (solve.us - 2.5).abs() < 1e-12 && (solve.cost - 0.5).abs() < 1e-12,
+                "{solve:?}"
+            );
+            assert!(solve.kkt.is_nan());
+        }
+        for line in ["", "2500 7", "2500 seven 0.5", "Segmentation fault"] {
+            let refused = format!("{:#}", answer(line).unwrap_err());
+            assert!(refused.starts_with(&format!("a peer printed `{line}`")), "{refused}");
+        }
+    }
+}

@@ -9,7 +9,7 @@ use anyhow::Result;
 use tello_io::clock::{CivilTime, Clock};
 use tello_io::log::{LogWriter, Recorder};
 use tello_io::mocap::MocapCounters;
-use tello_io::tello::LinkCounters;
+use tello_io::tello::{LinkCounters, LinkReport};
 
 use super::Arguments;
 #[cfg(feature = "live")]
@@ -57,7 +57,7 @@ pub(super) fn start(
     let log = open(arguments, table, flight, clock, &shape)?;
     let pool = (0..RECORDS).map(|_| TickRecord::with_buffers(&shape)).collect();
     let Notes { tally, mut live, mocap, drone } = notes;
-    let mut link = drone.report();
+    let mut link = WrittenLink(drone.report());
     let mut scene = Scene::new(flight, started_unix_ns(clock))?;
     Ok(Recorder::start(log, pool, FLUSH_PERIOD, move |log, tick| {
         if let Some(live) = &mut live {
@@ -71,9 +71,8 @@ pub(super) fn start(
             flight_log::write_stream(log, tick.inbox.now, &mocap.report())?;
         }
         let newest = drone.report();
-        if is_due || newest.has_intervened_since(&link) {
+        if link.takes(&newest, is_due) {
             flight_log::write_link(log, tick.inbox.now, &newest)?;
-            link = newest;
         }
         flight_log::write_tick(log, tick)?;
         if let Some(jitter) = tally.jitter_due() {
@@ -81,6 +80,20 @@ pub(super) fn start(
         }
         scene.write(log, tick)
     })?)
+}
+
+/// The record of the link with the drone that was written last, or with which the log began.
+struct WrittenLink(LinkReport);
+
+impl WrittenLink {
+    /// Whether `newest` is written next: when it `is_due`, or something was sent in place of what the control thread wants.
+    fn takes(&mut self, newest: &LinkReport, is_due: bool) -> bool {
+        let is_written = is_due || newest.has_intervened_since(&self.0);
+        if is_written {
+            self.0 = *newest;
+        }
+        is_written
+    }
 }
 
 /// The log of the flight, which goes to viewers as well if they were asked for.
@@ -115,4 +128,28 @@ fn open(
 /// When the clock showed zero. ns since 1970-01-01 UTC
 fn started_unix_ns(clock: Clock) -> u64 {
     u64::try_from(clock.utc_start_ns()).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_link_is_written_when_it_is_due_and_once_after_each_intervention() {
+        let before = LinkReport::default();
+        let sent = LinkReport { packets: 9, ..before };
+        let neutralised = LinkReport { neutralised: 1, ..sent };
+        let landed = LinkReport { watchdog_landings: 1, ..neutralised };
+        let mut written = WrittenLink(before);
+        for (newest, is_due, is_written) in [
+            (sent, false, false),
+            (sent, true, true),
+            (neutralised, false, true),
+            (neutralised, false, false),
+            (landed, true, true),
+            (landed, false, false),
+        ] {
+            assert_eq!(written.takes(&newest, is_due), is_written, "{newest:?}, due: {is_due}");
+        }
+    }
 }

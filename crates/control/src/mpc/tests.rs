@@ -8,6 +8,7 @@ mod models;
 mod not_finite;
 mod soft;
 mod stages;
+mod subproblem;
 mod termination;
 
 use horizon_model::Kinematic;

@@ -48,6 +48,48 @@ fn a_person_needs_no_pose_and_takes_over_from_the_newest_sticks() {
 }
 
 #[test]
+fn a_person_who_takes_over_after_ticks_without_a_pilot_begins_at_the_newest_sticks_again() {
+    let mut cycle = cycle();
+    let inbox = Inbox { manual: Some(U_HAND), ..Inbox::new() };
+    for _ in 0..20 {
+        steer(&mut cycle, Some(Pilot::Person), &inbox);
+    }
+    steer(&mut cycle, None, &inbox);
+    cycle.fifo.push(&Sticks::repeat(-0.5));
+    let (first, _) = steer(&mut cycle, Some(Pilot::Person), &inbox);
+    assert!(first.iter().all(|u| (-0.5..-0.4).contains(u)), "{first}");
+}
+
+#[test]
+fn in_an_outage_the_sticks_of_the_controller_are_limited_and_those_of_a_person_are_not() {
+    let mut cycle = cycle();
+    let (mut inbox, mut out) = (Inbox::new(), cycle.new_outcome());
+    let (mut largest_up, mut largest_down) = (0.0_f64, 0.0_f64);
+    // A vehicle that stays where it is, in a hand that sways by 0.01 m.
+    for step in 0..400 {
+        let now = TimeNs(step * DT_NS);
+        inbox.open(step.unsigned_abs(), now);
+        inbox.drone = Some(status(now, true));
+        let mut at = sighting(TimeNs(0), 0).pose.unwrap();
+        at[pose::X] += 0.01 * (0.1 * step as f64).sin();
+        inbox.sightings.push(Sighting { pose: Some(at), ..sighting(now, 0) });
+        cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
+        if !out.ruling.unwrap().may_steer() {
+            break;
+        }
+        let largest = if cycle.link_is_up() { &mut largest_up } else { &mut largest_down };
+        *largest = largest.max(out.u_sent.amax());
+    }
+    let limit = table().cycle.link.unwrap().outage_stick_max.unwrap();
+    assert!(largest_up > limit + 0.1, "{largest_up}");
+    assert!((0.5 * limit..limit + 1e-3).contains(&largest_down), "{largest_down}");
+    assert!(!cycle.link_is_up());
+    let inbox = Inbox { manual: Some([0.9; stick::COUNT]), ..inbox };
+    let wished = (0..20).map(|_| steer(&mut cycle, Some(Pilot::Person), &inbox).0).last();
+    assert_eq!(wished, Some(Sticks::repeat(0.9)));
+}
+
+#[test]
 fn the_sticks_of_the_controller_pass_on_a_fresh_pose_only() {
     let mut cycle = cycle();
     cycle.hand_over.blend(Pilot::Person, &Sticks::zeros(), &Sticks::repeat(0.5), 1.0);
