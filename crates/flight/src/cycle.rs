@@ -47,7 +47,7 @@ use crate::{Mission, Monitors, Pilot, PoseFilter, Supervisor};
 pub use baseline::{HeldObservations, Pipeline};
 pub use build::{build, build_with};
 pub use dead_time::DeadTimeChange;
-pub use feasible::{misfits, notes};
+pub use feasible::{misfits, notes, take_off_clearance};
 use hand_over::HandOver;
 use immobility::Immobility;
 use link::Link;

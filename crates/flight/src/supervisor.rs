@@ -26,6 +26,7 @@ mod fault;
 mod geofence;
 mod idle_hand;
 mod settings;
+mod settling;
 mod since;
 mod staleness;
 
@@ -39,6 +40,7 @@ pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 
 use horizon_model::rows::pose;
 
+use self::settling::Settling;
 use self::since::{elapsed_s, exceeds, has_lasted, keep_since};
 use crate::drone::LAND_PERIOD;
 
@@ -90,8 +92,7 @@ pub struct Supervisor {
     phase_since_ns: i64,
     /// The first tick. ns
     began_ns: Option<i64>,
-    /// When the take-off was confirmed; `None` if the flight began in the air. ns
-    risen_ns: Option<i64>,
+    settling: Settling,
     /// When the vehicle began to look grounded while landing, to one witness at least. ns
     down_since_ns: Option<i64>,
     /// The same to both witnesses. ns
@@ -163,7 +164,7 @@ impl Supervisor {
             is_carried: start == Start::Carried,
             phase_since_ns: 0,
             began_ns: None,
-            risen_ns: None,
+            settling: Settling::default(),
             down_since_ns: None,
             agreed_since_ns: None,
             is_pose_displaced: false,
@@ -219,7 +220,7 @@ impl Supervisor {
             self.phase = next;
             self.phase_since_ns = e.t_ns;
             match next {
-                Phase::Flying => self.risen_ns = Some(e.t_ns),
+                Phase::Flying => self.settling.rise(e.t_ns),
                 Phase::Landing | Phase::LandingUnconfirmed | Phase::MotorsStopped => {
                     if next == Phase::MotorsStopped {
                         self.end_ordered_ns = None;
@@ -227,11 +228,11 @@ impl Supervisor {
                     self.ended_by = self.ended_by.union(faults.ending_flight(pilot));
                 }
                 Phase::Landed => self.note_missing_witness(e),
-                Phase::Idle | Phase::TakingOff => {}
+                Phase::TakingOff => self.settling.stand(e.pose),
+                Phase::Idle => {}
             }
         }
-        let is_settled =
-            self.risen_ns.is_none_or(|risen_ns| elapsed_s(risen_ns, e.t_ns) >= self.table.settle_s);
+        let is_settled = self.settling.is_over(e, self.table.settle_s);
         let is_braking = self.phase == Phase::Flying
             && (self.braking_since_ns.is_some() || reaction == Reaction::Brake);
         let may_steer = self.phase == Phase::Flying

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use horizon_model::rows::{Pose, pose};
-use tello_flight::cycle::FlightTable;
+use tello_flight::cycle::{self, CycleTable, FlightTable};
 use tello_flight::{Mission, Room, RoomTable};
 use tello_io::config::{self, FlyTable};
 use tello_io::manual;
@@ -63,6 +63,9 @@ enum Readiness {
     /// Waiting mends nothing: the drone stays on the ground.
     Never,
 }
+
+/// Least distance of a take-off from walls and obstacles without a note. m
+const BESIDE_MIN_M: f64 = 0.6;
 
 /// Fewest frames within the age at which a pose is stale: one of them may be missing.
 const FRAMES_MIN: f64 = 2.0;
@@ -175,11 +178,7 @@ fn checks(found: &Found, table: &FlyTable, flight: &FlightTable) -> Result<Vec<C
     let mocap = mocap_check(found, table, flight.cycle.dt_s, supervisor.stale_s);
     let links = [mission_check(&mission, walls), mocap];
     let others = [
-        start_check(
-            found.at.as_ref(),
-            (walls, flight.cycle.filter.floor_m),
-            &mission.first_pose(),
-        )?,
+        start_check(found.at.as_ref(), &flight.cycle, &mission.first_pose())?,
         drone_check(found, table),
         battery_check(
             found.drone.as_ref(),
@@ -264,13 +263,11 @@ fn moving_check(name: &str, at: Option<Pose>) -> Check {
     check("obstacle", Readiness::Good, reason)
 }
 
-fn start_check(
-    at: Option<&Pose>,
-    (walls, floor_m): (Option<&RoomTable>, f64),
-    first: &Pose,
-) -> Result<Check> {
+fn start_check(at: Option<&Pose>, cycle: &CycleTable, first: &Pose) -> Result<Check> {
     let Some(at) = at else { return Ok(check("start", Readiness::Bad, "unknown without a pose")) };
-    let room = walls.map(Room::try_from).transpose()?;
+    let floor_m = cycle.filter.floor_m;
+    let room = cycle.supervisor.room.as_ref().map(Room::try_from).transpose()?;
+    let near = cycle::take_off_clearance(at, cycle)?.filter(|(near_m, _)| *near_m < BESIDE_MIN_M);
     let to_first_m = (first - at).fixed_rows::<3>(pose::X).norm();
     let place = format!(
         "at {:+.2} {:+.2} {:+.2} m, heading {:+.0} degrees",
@@ -297,6 +294,12 @@ fn start_check(
              motion capture in metres?"
         );
         check("start", Readiness::Never, reason)
+    } else if let Some((near_m, name)) = near {
+        let reason = format!(
+            "{place}, {near_m:.2} m from {name}: nothing steers in the take-off, and a draught carries the drone; leave \
+             {BESIDE_MIN_M} m"
+        );
+        check("start", Readiness::Note, reason)
     } else {
         check("start", Readiness::Good, format!("{place}, {to_first_m:.1} m from the first target"))
     })

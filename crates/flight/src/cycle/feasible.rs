@@ -1,18 +1,22 @@
 //! Whether a mission fits the room, the obstacles and the vehicle: what nothing that the settings describe can fly is
-//! refused, what is more than the expected vehicle does is noted.
+//! refused, what is more than the expected vehicle does is noted. How near to them a take-off is.
 
 use horizon_model::rows::{Pose, lag, pos_w, pose, stick};
 use horizon_model::setting::SettingError;
+use nalgebra::Vector3;
 
 use super::{CycleTable, ModelKind};
 use crate::mission::Demand;
-use crate::{Mission, MissionTable, Room, RoomTable, obstacles};
+use crate::{Mission, MissionTable, Obstacle, Room, RoomTable, obstacles};
 
 /// A Tello does not hover lower above the floor. m
 const HOVER_MIN_M: f64 = 0.3;
 
-/// Why `mission`, which is that of `table`, cannot be flown: it leaves the room, is too low, stops inside of an obstacle, is faster
-/// than the failsafe lets a vehicle be or than the upper bounds of the gains. Each pose of `table` outside of the room
+/// Height of a take-off above the ground. m
+const CLIMB_M: f64 = 1.2;
+
+/// Why `mission`, which is that of `table`, cannot be flown: it leaves the room, is too low, stops inside of an obstacle
+/// or ends above one, is faster than the failsafe lets a vehicle be or than the upper bounds of the gains. Each pose of `table` outside of the room
 /// is named, the farthest place of the path if none of them is. Allocates.
 ///
 /// # Errors
@@ -37,6 +41,12 @@ pub fn misfits(
         if let Some((inside_m, at)) = deepest.filter(|(inside_m, _)| *inside_m > 0.0) {
             let rule = format!("outside of cycle.obstacles[{k}]: it is {inside_m:.2} m inside");
             refuse(place(at.into()), rule);
+        } else if let Some(end) = mission.stops().last()
+            && !obstacle.is_moving()
+            && distance_above(obstacle, end, cycle.filter.floor_m) < 0.0
+        {
+            let rule = format!("not above cycle.obstacles[{k}]: the drone lands there");
+            refuse(place(pos_w(end).into()), rule);
         }
     }
     let failsafe_mps = cycle.supervisor.failsafe.speed_mps;
@@ -52,6 +62,38 @@ pub fn misfits(
         }
     }
     Ok(found)
+}
+
+/// Distance of a vehicle that lands from `at` to `obstacle`, negative if it gets into it. m
+fn distance_above(obstacle: &Obstacle, at: &Pose, floor_m: f64) -> f64 {
+    let foot_w = Vector3::new(at[pose::X], at[pose::Y], floor_m.min(at[pose::Z]));
+    obstacle.distance_in_climb(&foot_w, at[pose::Z] - foot_w.z, None).distance_m
+}
+
+/// Distance of a take-off at `at` to the nearest wall beside it or obstacle at rest, with its name; `None` without any.
+/// World frame. m, rad; m. Allocates.
+///
+/// # Errors
+/// A room or obstacles that break their rule.
+pub fn take_off_clearance(
+    at: &Pose,
+    cycle: &CycleTable,
+) -> Result<Option<(f64, String)>, SettingError> {
+    let room = cycle.supervisor.room.as_ref().map(Room::try_from).transpose();
+    let room = room.map_err(|error| error.under("cycle.supervisor.room"))?;
+    let beside = room.iter().flat_map(|room| {
+        ["lower x", "upper x", "lower y", "upper y"].into_iter().enumerate().map(|(i, name)| {
+            let distance_m = room.wall_distance(i, &pos_w(at)).distance_m;
+            (distance_m, format!("the wall at the {name} of the room"))
+        })
+    });
+    let obstacles = obstacles(&cycle.obstacles).map_err(|error| error.under("cycle"))?;
+    let at_rest = obstacles.iter().enumerate().filter(|(_, obstacle)| !obstacle.is_moving());
+    let near = at_rest.map(|(k, obstacle)| {
+        let distance_m = obstacle.distance_in_climb(&pos_w(at), CLIMB_M, None).distance_m;
+        (distance_m, format!("cycle.obstacles[{k}]"))
+    });
+    Ok(beside.chain(near).min_by(|a, b| a.0.total_cmp(&b.0)))
 }
 
 /// The places of the mission outside of `room`, as [`misplaced`] names them.
@@ -210,6 +252,46 @@ mod tests {
         let named: Vec<String> =
             named.map(|(k, _)| format!("mission.waypoints.waypoints[{k}]")).collect();
         assert_eq!(keys, named);
+    }
+
+    /// A box around `x_m`, `y_m` from the floor up to `top_m`.
+    fn table_top(x_m: f64, y_m: f64, top_m: f64) -> crate::ObstacleTable {
+        let around = |at_m: f64| [at_m - 0.3, at_m + 0.3];
+        let text = serde_json::json!({
+            "kind": "box", "x_m": around(x_m), "y_m": around(y_m), "z_m": [0.0, top_m]
+        });
+        serde_json::from_value(text).unwrap()
+    }
+
+    #[test]
+    fn a_mission_that_ends_above_an_obstacle_does_not_fit_and_one_that_passes_above_does() {
+        let [.., passed, end] = flown().stops()[..] else { panic!("no two stops") };
+        let with = |at: Pose, top_m: f64| {
+            found(|cycle| cycle.obstacles = vec![table_top(at[pose::X], at[pose::Y], top_m)])
+        };
+        assert_eq!(with(passed, end[pose::Z] - 0.3), []);
+        let above = with(end, end[pose::Z] - 0.3);
+        assert!(above.len() == 1 && above[0].1.starts_with("not above"), "{above:?}");
+        let inside = with(end, end[pose::Z] + 0.3);
+        assert!(inside.len() == 1 && inside[0].1.starts_with("outside of"), "{inside:?}");
+        // Below the floor that the poses know nothing is in the way.
+        assert_eq!(with(end, 0.005), []);
+    }
+
+    #[test]
+    fn a_take_off_is_as_near_as_the_nearest_wall_beside_it_or_obstacle_in_its_climb() {
+        let mut cycle = table().cycle;
+        cycle.supervisor.room.as_mut().unwrap().x_m = [-5.0, 5.0];
+        let at = Pose::new(4.8, 0.0, 0.0, 0.0);
+        let (wall_m, name) = take_off_clearance(&at, &cycle).unwrap().unwrap();
+        assert!((wall_m - 0.2).abs() < 1e-12 && name.contains("upper x"), "{wall_m}, {name}");
+        cycle.obstacles = vec![table_top(4.0, 0.0, 0.5)];
+        let at = Pose::new(4.4, 0.0, 0.0, 0.0);
+        let (box_m, name) = take_off_clearance(&at, &cycle).unwrap().unwrap();
+        assert!((box_m - 0.1).abs() < 1e-12 && name.contains("obstacles[0]"), "{box_m}, {name}");
+        cycle.obstacles.clear();
+        cycle.supervisor.room = None;
+        assert_eq!(take_off_clearance(&at, &cycle), Ok(None));
     }
 
     #[test]
