@@ -8,6 +8,7 @@
 mod baseline;
 mod build;
 mod catch_up;
+mod committed;
 mod dead_time;
 mod feasible;
 mod hand_over;

@@ -6,21 +6,20 @@
 //! decided elsewhere. Equations: `docs/control.md`.
 
 mod axis;
+mod branch;
 mod hypothesis;
 mod likelihood;
 mod table;
 
-use axis::{Axis, AxisCommand};
+use axis::Axis;
 pub use axis::{HeightTable, TurnTable};
+use branch::{Asked, Branch};
 use horizon_estim::Observed;
-use horizon_model::rows::{Sticks, lag, pose, stick};
-use hypothesis::{HorizontalCommand, Hypothesis};
-use nalgebra::{SVector, Vector2};
+use horizon_model::rows::{Sticks, lag, pose};
+use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 pub use table::{DeadTimeTable, LinkSettings, LinkTable};
-
-use crate::commanded::{commanded_mps, excess};
 
 /// Part of the evidence for an outage from which on the motion is in doubt.
 const DOUBT: f64 = 0.3;
@@ -122,40 +121,6 @@ struct Test {
     asked: Asked,
 }
 
-/// What the sticks ask for.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Asked {
-    /// Velocity, world frame. m/s
-    v_w_mps: Vector2<f64>,
-    /// Turn. rad/s
-    omega_radps: f64,
-    /// Climb. m/s
-    climb_mps: f64,
-}
-
-/// What the sticks ask for in one period, and how that changes.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Commands {
-    horizontal: HorizontalCommand,
-    turn: AxisCommand,
-    climb: AxisCommand,
-}
-
-/// The motion under one state of the link.
-#[derive(Debug, Clone)]
-struct Branch {
-    state: LinkState,
-    hypothesis: Hypothesis,
-    /// The same motion, filtered for the dead time. `None`: `hypothesis` finds it.
-    dead_time: Option<Hypothesis>,
-    /// `None`: the heading says nothing.
-    turn: Option<Axis>,
-    /// The height, for the dead time of the throttle. `None`: it is that of the others.
-    height: Option<Axis>,
-    /// What is commanded while a command is held.
-    held: Asked,
-}
-
 /// The motion if the link changed some steps ago.
 #[derive(Debug, Clone)]
 struct Other {
@@ -242,92 +207,12 @@ impl LinkMonitor {
     }
 }
 
-impl Branch {
-    /// Moves through a period in which `sent` was asked for.
-    fn predict(
-        &mut self,
-        tables: &Tables,
-        sent: &Commands,
-        p: &SVector<f64, { lag::COUNT }>,
-        dt_s: f64,
-    ) {
-        let commands = match self.state {
-            LinkState::Up => *sent,
-            LinkState::Released => Commands::default(),
-            LinkState::Held => self.held.constant(),
-        };
-        self.hypothesis.predict(&tables.link, &commands.horizontal, p, dt_s);
-        if let (Some(hypothesis), Some(table)) = (&mut self.dead_time, &tables.dead_time) {
-            hypothesis.predict(table, &commands.horizontal, p, dt_s);
-        }
-        if let Some(turn) = &mut self.turn {
-            turn.predict(&tables.link, commands.turn, p[lag::TAU_A], dt_s);
-        }
-        if let Some(height) = &mut self.height {
-            height.predict(&tables.link, commands.climb, p[lag::TAU_V], dt_s);
-        }
-    }
-
-    /// Log likelihood of what was seen, up to a constant.
-    fn correct(&mut self, tables: &Tables, observed: &Observed<{ pose::COUNT }>, dt_s: f64) -> f64 {
-        let horizontal = self.hypothesis.correct(&tables.link, observed);
-        if let (Some(hypothesis), Some(table)) = (&mut self.dead_time, &tables.dead_time) {
-            hypothesis.correct(table, observed);
-            hypothesis.keep_to(&self.hypothesis);
-        }
-        let seen = |row: usize| observed.is_present[row].then(|| observed.o[row]);
-        let correct = |axis: &mut Option<Axis>, row| {
-            axis.as_mut().map(|axis| axis.correct(&tables.link, seen(row), dt_s))
-        };
-        correct(&mut self.height, pose::Z);
-        let turn = correct(&mut self.turn, pose::THETA);
-        horizontal + turn.unwrap_or(0.0)
-    }
-
-    fn correct_dead_time(&mut self, longer_s: &Sticks) {
-        self.hypothesis.correct_dead_time(longer_s[stick::PITCH]);
-        if let Some(hypothesis) = &mut self.dead_time {
-            hypothesis.correct_dead_time(longer_s[stick::PITCH]);
-        }
-        if let Some(turn) = &mut self.turn {
-            turn.correct_dead_time(longer_s[stick::YAW]);
-        }
-        if let Some(height) = &mut self.height {
-            height.correct_dead_time(longer_s[stick::THROTTLE]);
-        }
-    }
-
-    /// The change from this state to `state`, which begins now, `asked` being commanded.
-    fn change(&self, state: LinkState, asked: Asked) -> Other {
-        Other { branch: Self { state, held: asked, ..self.clone() }, evidence: 0.0, steps: 0 }
-    }
-}
-
-impl Asked {
-    fn constant(self) -> Commands {
-        self.after(self, 1.0)
-    }
-
-    /// The commands of a period of `dt_s` before which `before` was asked for.
-    fn after(self, before: Self, dt_s: f64) -> Commands {
-        Commands {
-            horizontal: HorizontalCommand {
-                asked_w_mps: self.v_w_mps,
-                rate_w_mps2: (self.v_w_mps - before.v_w_mps) / dt_s,
-            },
-            turn: AxisCommand {
-                asked: self.omega_radps,
-                rate: (self.omega_radps - before.omega_radps) / dt_s,
-            },
-            climb: AxisCommand {
-                asked: self.climb_mps,
-                rate: (self.climb_mps - before.climb_mps) / dt_s,
-            },
-        }
-    }
-}
-
 impl Other {
+    /// The change from `present` to `state`, which begins now, `asked` being commanded.
+    fn begin(present: &Branch, state: LinkState, asked: Asked) -> Self {
+        Self { branch: present.changed_to(state, asked), evidence: 0.0, steps: 0 }
+    }
+
     /// How much more the evidence is than a change from `present` takes.
     fn excess(&self, table: &LinkTable) -> f64 {
         let needed = match self.branch.state {
@@ -340,21 +225,14 @@ impl Other {
 
 impl Test {
     fn start(tables: &Tables, observed: &Observed<{ pose::COUNT }>) -> Option<Self> {
-        let link = &tables.link;
         let rows = [pose::X, pose::Y, pose::THETA];
         let is_complete = rows.iter().all(|row| observed.is_present[*row]);
-        let pos_w = Vector2::new(observed.o[pose::X], observed.o[pose::Y]);
-        let (state, held, theta_rad) = (LinkState::Up, Asked::default(), observed.o[pose::THETA]);
-        let hypothesis = Hypothesis::new(link, pos_w);
-        let dead_time = tables.dead_time.as_ref().map(|table| Hypothesis::new(table, pos_w));
-        let turn = link.turn.map(|own| Axis::new(link, own.noise(link), theta_rad));
-        let height = link.height.map(|own| Axis::new(link, own.noise(), observed.o[pose::Z]));
-        let present = Branch { state, hypothesis, dead_time, turn, height, held };
+        let (present, asked) = (Branch::start(tables, observed), Asked::default());
         is_complete.then(|| Self {
-            others: state.others().map(|other| present.change(other, held)),
+            others: present.state.others().map(|other| Other::begin(&present, other, asked)),
             present,
-            theta_rad,
-            asked: held,
+            theta_rad: observed.o[pose::THETA],
+            asked,
         })
     }
 
@@ -366,12 +244,7 @@ impl Test {
         p: &SVector<f64, { lag::COUNT }>,
         dt_s: f64,
     ) {
-        let psi_rad = self.theta_rad + p[lag::THETA_0];
-        let asked = Asked {
-            v_w_mps: commanded_mps(u_applied, psi_rad, p[lag::LAMBDA_H], p[lag::DEAD_H]),
-            omega_radps: p[lag::LAMBDA_A] * excess(u_applied[stick::YAW], p[lag::DEAD_A]),
-            climb_mps: p[lag::LAMBDA_V] * excess(u_applied[stick::THROTTLE], p[lag::DEAD_V]),
-        };
+        let asked = Asked::of(u_applied, self.theta_rad, p);
         let sent = asked.after(self.asked, dt_s);
         self.asked = asked;
         self.present.predict(tables, &sent, p, dt_s);
@@ -407,7 +280,7 @@ impl Test {
         for (other, to) in self.others.iter_mut().zip(state.others()) {
             // A change that fits worse than none has not happened yet: it may begin now.
             if changed || other.evidence <= 0.0 {
-                *other = self.present.change(to, self.asked);
+                *other = Other::begin(&self.present, to, self.asked);
             }
         }
         let [first, second] = self.others.each_ref().map(|other| other.excess(table));

@@ -7,12 +7,13 @@ use horizon_model::setting::{SettingError, in_range};
 use horizon_model::{InputFifo, Model};
 use nalgebra::SVector;
 
+use super::committed::given_steps;
 use super::dead_time::DeadTime;
 use super::feasible;
 use super::hand_over::HandOver;
 use super::immobility::Immobility;
 use super::link::Link;
-use super::planning::{self, Planner};
+use super::planning::Planner;
 use super::plausible::Plausibility;
 use super::progress::Progress;
 use super::settled_poses::StandingStart;
@@ -21,8 +22,8 @@ use super::worst_case::WorstCase;
 use super::{Cycle, CycleTable, FlightTable, Memory, ModelKind, Tick, WithModel};
 use crate::gate::Gate;
 use crate::{
-    FilterSettings, LinkMonitor, LinkSettings, Mission, MonitorSettings, Monitors, PoseFilter,
-    Room, Start, Supervisor, SupervisorSettings,
+    FilterSettings, LinkMonitor, LinkSettings, LinkTable, Mission, MonitorSettings, Monitors,
+    PoseFilter, Room, Start, Supervisor, SupervisorSettings,
 };
 
 /// The cycle that `table` describes, its estimator and controller set up and nothing seen yet. Allocates all that its
@@ -138,12 +139,12 @@ where
     let effect = |u: &Sticks| model.effect(u, p_prior).as_slice().to_vec();
     let by_effect = MpcTable { u_lb: effect(&u_lb), u_ub: effect(&u_ub), ..cycle.mpc.mpc() };
     let mut settings = by_effect.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>()?;
-    let given_steps = planning::given_steps(fifo.nominal_steps());
-    let given_max = fifo.longest_steps() - fifo.known_steps();
+    let given_steps = given_steps(fifo.nominal_steps());
+    let given_max = given_steps_max(cycle.link.as_ref(), fifo, dt_s);
     if settings.horizon_steps() <= given_max {
         let rule = format!(
-            "above {given_max}, the steps between the shortest and the longest \
-            of cycle.dead_time_s"
+            "above {given_max}, the steps between the shortest and the longest of cycle.dead_time_s as they may be \
+            corrected (cycle.link)"
         );
         return Err(SettingError::new("horizon_steps", settings.horizon_steps(), rule));
     }
@@ -155,6 +156,18 @@ where
     let mpc = Mpc::new(model.core(), settings, dt_s)?;
     let planner = Planner::new(*model, (mpc, baseline), (u_lb, u_ub), fifo, dt_s);
     Ok(planner.within(walls))
+}
+
+/// Bound of the steps between the shortest and the longest dead time, corrections included.
+fn given_steps_max(
+    link: Option<&LinkTable>,
+    fifo: &InputFifo<{ stick::COUNT }>,
+    dt_s: f64,
+) -> usize {
+    let (longest, shortest) = (fifo.longest_steps(), fifo.known_steps());
+    let apart = link.filter(|link| link.height.is_some() && link.dead_time_change_s > 0.0);
+    // Axes that are corrected alike keep their distance.
+    apart.map_or(longest - shortest, |link| longest + DeadTime::steps_of(link, dt_s) as usize)
 }
 
 /// What the plan knows of room and obstacles.

@@ -79,12 +79,22 @@ struct Correction {
 }
 
 impl DeadTime {
+    /// Largest correction that `table` allows. steps
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "0..=0.5 s of periods"
+    )]
+    pub(super) fn steps_of(table: &LinkTable, dt_s: f64) -> u32 {
+        (table.dead_time_change_s / dt_s).round() as u32
+    }
+
     /// No correction yet of dead times that are configured as `dead_time_s`. `dt_s` > 0 is the period.
     pub(super) fn new(table: &LinkTable, dead_time_s: &Sticks, dt_s: f64) -> Self {
-        let LinkTable { sd_dead_time_s, dead_time_change_s, dead_time_min_ratio, .. } = *table;
+        let LinkTable { sd_dead_time_s, dead_time_min_ratio, .. } = *table;
         #[expect(clippy::cast_possible_truncation, reason = "at most 2 s of periods")]
         let whole = |steps: f64| steps as i32;
-        let steps_max = whole((dead_time_change_s / dt_s).round());
+        let steps_max = Self::steps_of(table, dt_s).cast_signed();
         let correction = |axis: usize| {
             let given_up_s = (1.0 - dead_time_min_ratio) * dead_time_s[axis];
             let steps_min = -steps_max.min(whole(given_up_s / dt_s + 1e-9));

@@ -6,12 +6,13 @@
 
 use std::iter::repeat_n;
 
-use horizon_control::{Ask, Mpc, MpcReport, MpcSettings, SoftConstraints, SolveError, predict};
+use horizon_control::{Ask, Mpc, MpcReport, SoftConstraints, SolveError, predict};
 use horizon_model::rows::{Pose, Sticks, pos_w, pose, stick};
 use horizon_model::{InputFifo, Model, angle};
 use nalgebra::{Matrix3, SMatrix, SVector};
 
 use super::baseline::Baseline;
+use super::committed::Committed;
 use super::walls::{Clearance, PlanWalls, Walls};
 use crate::{Mission, Reference, clip_target};
 
@@ -42,56 +43,6 @@ impl<const NS: usize, const NP: usize> Known<'_, NS, NP> {
     /// The sticks that act in the step `ahead` of the coming one.
     fn applied(&self, ahead: isize) -> Sticks {
         self.instead.unwrap_or_else(|| self.fifo.applied(ahead))
-    }
-}
-
-/// Steps of a plan in which each axis is already decided, with these dead times in steps.
-pub(super) fn given_steps(dead_time_steps: &Sticks) -> [usize; stick::COUNT] {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=500")]
-    let whole = |steps: f64| steps as usize;
-    let shortest = whole(dead_time_steps.min());
-    std::array::from_fn(|axis| whole(dead_time_steps[axis]) - shortest)
-}
-
-/// Committed inputs of a plan by axis. Corrections of the dead times change the differences between axes: throttle and
-/// yaw have their own, and none falls below its least one (`dead_time_min_ratio`).
-#[derive(Debug, Clone, Copy)]
-struct Committed {
-    dead_time_steps: Sticks,
-    /// Most of [`given_steps`].
-    steps_max: usize,
-    /// [`given_steps`], to the nearest begin of a stage.
-    given_steps: [usize; stick::COUNT],
-    /// Stages of the first step that is not given, and of the one after it.
-    open_stages: [[usize; 2]; stick::COUNT],
-    /// Part of a step by which the dead time exceeds whole steps.
-    fraction: Sticks,
-    /// Stages in which some axis is decided.
-    given_stages: usize,
-}
-
-impl Committed {
-    fn new<const NS: usize>(
-        dead_time_steps: &Sticks,
-        settings: &MpcSettings<NS, { stick::COUNT }>,
-    ) -> Self {
-        let steps = given_steps(dead_time_steps);
-        let given_steps = steps.map(|step| settings.nearest_boundary(step));
-        let open_stages =
-            given_steps.map(|step| [step, step + 1].map(|step| settings.stage_of(step)));
-        Self {
-            dead_time_steps: *dead_time_steps,
-            steps_max: steps.into_iter().max().unwrap_or(0),
-            given_steps,
-            open_stages,
-            fraction: dead_time_steps.map(f64::fract),
-            given_stages: open_stages.into_iter().map(|[open, _]| open).max().unwrap_or(0),
-        }
-    }
-
-    /// Most of `given_steps`.
-    fn given_steps_max(&self) -> usize {
-        self.given_steps.into_iter().max().unwrap_or(0)
     }
 }
 
@@ -130,7 +81,7 @@ where
 {
     /// A planner without a plan. `u_lb` and `u_ub` are bounds of the sticks; those of `mpc` are of their
     /// effect, as is its model. A stage begins where the nominal
-    /// [`given_steps`] end.
+    /// [`given_steps`](super::committed::given_steps) end.
     pub(super) fn new(
         model: M,
         (mpc, baseline): (Mpc<M, NS, { stick::COUNT }, { pose::COUNT }, NP, NR>, Baseline<NP>),
@@ -345,7 +296,7 @@ where
 
     /// Whether there is a plan that reaches to now.
     pub(super) fn has_usable_plan(&self) -> bool {
-        let usable = self.horizon_steps() - self.committed.steps_max;
+        let usable = self.horizon_steps().saturating_sub(self.committed.steps_max);
         self.lag.is_some_and(|lag| (lag as usize) < usable)
     }
 

@@ -36,11 +36,9 @@ struct Burst {
 
 /// Rough ticks in quick, slow and very slow succession. Real flights have one within a second at most, and two in a
 /// whole flight (docs/benchmarks/2026-11-27-poses). Three single outliers, which jump there and back, are six.
-const ROUGH: [Burst; 3] = [
-    Burst { count: 5, ticks: ROUGH_TICKS },
-    Burst { count: 7, ticks: 4 * ROUGH_TICKS },
-    Burst { count: 8, ticks: 12 * ROUGH_TICKS },
-];
+const QUICK: Burst = Burst { count: 5, ticks: ROUGH_TICKS };
+const SLOW: Burst = Burst { count: 7, ticks: 4 * ROUGH_TICKS };
+const SLOWEST: Burst = Burst { count: 8, ticks: 12 * ROUGH_TICKS };
 
 /// Ticks with an excess above [`UNSTEADY_M`]: three within four seconds at most in those flights.
 const UNSTEADY: Burst = Burst { count: 20, ticks: 4 * ROUGH_TICKS };
@@ -58,13 +56,14 @@ impl<const N: usize> Recent<N> {
     fn note(&mut self) {
         if !self.0.contains(&0) {
             self.0.rotate_right(1);
-            self.0[0] = 0;
+            let newest = self.0.first_mut();
+            newest.into_iter().for_each(|ticks| *ticks = 0);
         }
     }
 
     /// Ticks since the newest one; the largest number before the first.
     fn newest(&self) -> u32 {
-        self.0[0]
+        self.0.first().copied().unwrap_or(u32::MAX)
     }
 
     fn has(&self, burst: &Burst) -> bool {
@@ -91,7 +90,7 @@ pub(super) struct Plausibility {
     drop_m: Option<f64>,
     /// Sum of what rough steps exceed a vehicle's speed by, world frame: steps there and back cancel. m
     shift_w: Vector3<f64>,
-    rough: Recent<{ ROUGH[2].count }>,
+    rough: Recent<{ SLOWEST.count }>,
     unsteady: Recent<{ UNSTEADY.count }>,
 }
 
@@ -191,7 +190,8 @@ impl Plausibility {
 
     /// Whether poses jump again and again, in whatever direction: an object that is found in two places, or noise.
     pub(super) fn is_rough(&self) -> bool {
-        ROUGH.iter().any(|burst| self.rough.has(burst)) || self.unsteady.has(&UNSTEADY)
+        [QUICK, SLOW, SLOWEST].iter().any(|burst| self.rough.has(burst))
+            || self.unsteady.has(&UNSTEADY)
     }
 
     /// By how much the accepted poses of this tick are further apart than a vehicle flies; `None` without

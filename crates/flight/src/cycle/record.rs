@@ -1,5 +1,6 @@
 //! The log's channels: one table, used by the writer, the replay and the documentation.
 
+mod link;
 mod rows;
 
 use horizon_model::Row;
@@ -13,6 +14,7 @@ use super::{Inbox, Outcome, Solve, Timing};
 use crate::jitter::Jitter;
 use crate::{Acceptance, Fault, Findings, Phase};
 
+pub use link::LinkRecord;
 pub use rows::RowsRecord;
 use rows::rows_schema;
 
@@ -190,18 +192,7 @@ impl Outcome {
         put_rows(sink, Topic::State, step, self.state_rows, &self.s_hat)?;
         put_rows(sink, Topic::Parameter, step, self.parameter_rows, &self.p_hat)?;
         if let Some(link) = &self.link {
-            let (is_down, score) = (link.state.is_down(), link.score);
-            let change_s = |axis: usize| self.dead_time.map(|change| change.change_s[axis]);
-            let error = self.dead_time.and_then(|change| change.error);
-            let record = LinkRecord {
-                step,
-                is_down,
-                score,
-                dead_time_change_s: change_s(stick::PITCH),
-                dead_time_error_s: error.map(|error| error.mean_s),
-                throttle_change_s: change_s(stick::THROTTLE),
-                yaw_change_s: change_s(stick::YAW),
-            };
+            let record = LinkRecord::new(step, link, self.dead_time);
             sink.put(Topic::Link, &record)?;
         }
         put_solve(sink, Topic::Estimator, step, (self.estimator.as_ref(), None))?;
@@ -294,28 +285,6 @@ pub struct FilteredRecord {
     pub position: Acceptance,
     /// Of theta.
     pub heading: Acceptance,
-}
-
-/// Whether the sent sticks of a step act.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
-pub struct LinkRecord {
-    step: u64,
-    /// Whether the sent sticks do not act.
-    pub is_down: bool,
-    /// Log likelihood ratio, less the evidence that a change takes: positive exactly while the link is down. 1
-    score: f64,
-    /// Correction of the dead time of roll and pitch; missing where they stay as configured. s
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub dead_time_change_s: Option<f64>,
-    /// What is missing from that by the latest motion that shows it; missing before. s
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub dead_time_error_s: Option<f64>,
-    /// Correction of the dead time of the throttle, as far as `dead_time_min_ratio` lets it. s
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub throttle_change_s: Option<f64>,
-    /// The same of yaw. s
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub yaw_change_s: Option<f64>,
 }
 
 #[derive(Serialize, JsonSchema)]

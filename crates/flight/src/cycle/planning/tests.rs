@@ -2,6 +2,7 @@ use horizon_control::{InputCost, MpcTable, QpKind, SolverTable};
 use horizon_model::Kinematic;
 use horizon_model::rows::gain;
 
+use super::super::committed::given_steps;
 use super::*;
 
 const DT_S: f64 = 0.02;

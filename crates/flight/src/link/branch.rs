@@ -1,0 +1,158 @@
+//! The motion under one state of the link: horizontally, in heading and in height.
+
+use horizon_estim::Observed;
+use horizon_model::rows::{Sticks, lag, pose, stick};
+use nalgebra::{SVector, Vector2};
+
+use super::axis::{Axis, AxisCommand};
+use super::hypothesis::{HorizontalCommand, Hypothesis};
+use super::{LinkState, Tables};
+use crate::commanded::{commanded_mps, excess};
+
+/// What the sticks ask for.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Asked {
+    /// Velocity, world frame. m/s
+    v_w_mps: Vector2<f64>,
+    /// Turn. rad/s
+    omega_radps: f64,
+    /// Climb. m/s
+    climb_mps: f64,
+}
+
+/// What the sticks ask for in one period, and how that changes.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Commands {
+    horizontal: HorizontalCommand,
+    turn: AxisCommand,
+    climb: AxisCommand,
+}
+
+/// The motion under one state of the link.
+#[derive(Debug, Clone)]
+pub(super) struct Branch {
+    pub(super) state: LinkState,
+    pub(super) hypothesis: Hypothesis,
+    /// The same motion, filtered for the dead time. `None`: `hypothesis` finds it.
+    pub(super) dead_time: Option<Hypothesis>,
+    /// `None`: the heading says nothing.
+    pub(super) turn: Option<Axis>,
+    /// The height, for the dead time of the throttle. `None`: it is that of the others.
+    pub(super) height: Option<Axis>,
+    /// What is commanded while a command is held.
+    held: Asked,
+}
+
+impl Branch {
+    /// The motion while the link is up, from the pose `observed` on.
+    pub(super) fn start(tables: &Tables, observed: &Observed<{ pose::COUNT }>) -> Self {
+        let (link, o) = (&tables.link, &observed.o);
+        let pos_w = Vector2::new(o[pose::X], o[pose::Y]);
+        Self {
+            state: LinkState::Up,
+            hypothesis: Hypothesis::new(link, pos_w),
+            dead_time: tables.dead_time.as_ref().map(|table| Hypothesis::new(table, pos_w)),
+            turn: link.turn.map(|own| Axis::new(link, own.noise(link), o[pose::THETA])),
+            height: link.height.map(|own| Axis::new(link, own.noise(), o[pose::Z])),
+            held: Asked::default(),
+        }
+    }
+
+    /// Moves through a period in which `sent` was asked for.
+    pub(super) fn predict(
+        &mut self,
+        tables: &Tables,
+        sent: &Commands,
+        p: &SVector<f64, { lag::COUNT }>,
+        dt_s: f64,
+    ) {
+        let commands = match self.state {
+            LinkState::Up => *sent,
+            LinkState::Released => Commands::default(),
+            LinkState::Held => self.held.constant(),
+        };
+        self.hypothesis.predict(&tables.link, &commands.horizontal, p, dt_s);
+        if let (Some(hypothesis), Some(table)) = (&mut self.dead_time, &tables.dead_time) {
+            hypothesis.predict(table, &commands.horizontal, p, dt_s);
+        }
+        if let Some(turn) = &mut self.turn {
+            turn.predict(&tables.link, commands.turn, p[lag::TAU_A], dt_s);
+        }
+        if let Some(height) = &mut self.height {
+            height.predict(&tables.link, commands.climb, p[lag::TAU_V], dt_s);
+        }
+    }
+
+    /// Log likelihood of what was seen, up to a constant.
+    pub(super) fn correct(
+        &mut self,
+        tables: &Tables,
+        observed: &Observed<{ pose::COUNT }>,
+        dt_s: f64,
+    ) -> f64 {
+        let horizontal = self.hypothesis.correct(&tables.link, observed);
+        if let (Some(hypothesis), Some(table)) = (&mut self.dead_time, &tables.dead_time) {
+            hypothesis.correct(table, observed);
+            hypothesis.keep_to(&self.hypothesis);
+        }
+        let seen = |row: usize| observed.is_present[row].then(|| observed.o[row]);
+        let correct = |axis: &mut Option<Axis>, row| {
+            axis.as_mut().map(|axis| axis.correct(&tables.link, seen(row), dt_s))
+        };
+        correct(&mut self.height, pose::Z);
+        let turn = correct(&mut self.turn, pose::THETA);
+        horizontal + turn.unwrap_or(0.0)
+    }
+
+    pub(super) fn correct_dead_time(&mut self, longer_s: &Sticks) {
+        self.hypothesis.correct_dead_time(longer_s[stick::PITCH]);
+        if let Some(hypothesis) = &mut self.dead_time {
+            hypothesis.correct_dead_time(longer_s[stick::PITCH]);
+        }
+        if let Some(turn) = &mut self.turn {
+            turn.correct_dead_time(longer_s[stick::YAW]);
+        }
+        if let Some(height) = &mut self.height {
+            height.correct_dead_time(longer_s[stick::THROTTLE]);
+        }
+    }
+
+    /// The motion if the link changes to `state` now, `held` being commanded.
+    pub(super) fn changed_to(&self, state: LinkState, held: Asked) -> Self {
+        Self { state, held, ..self.clone() }
+    }
+}
+
+impl Asked {
+    /// What `u_applied` ask for, heading for `theta_rad`, with the parameter `p`.
+    pub(super) fn of(u_applied: &Sticks, theta_rad: f64, p: &SVector<f64, { lag::COUNT }>) -> Self {
+        let psi_rad = theta_rad + p[lag::THETA_0];
+        Self {
+            v_w_mps: commanded_mps(u_applied, psi_rad, p[lag::LAMBDA_H], p[lag::DEAD_H]),
+            omega_radps: p[lag::LAMBDA_A] * excess(u_applied[stick::YAW], p[lag::DEAD_A]),
+            climb_mps: p[lag::LAMBDA_V] * excess(u_applied[stick::THROTTLE], p[lag::DEAD_V]),
+        }
+    }
+
+    fn constant(self) -> Commands {
+        self.after(self, 1.0)
+    }
+
+    /// The commands of a period of `dt_s` before which `before` was asked for.
+    pub(super) fn after(self, before: Self, dt_s: f64) -> Commands {
+        Commands {
+            horizontal: HorizontalCommand {
+                asked_w_mps: self.v_w_mps,
+                rate_w_mps2: (self.v_w_mps - before.v_w_mps) / dt_s,
+            },
+            turn: AxisCommand {
+                asked: self.omega_radps,
+                rate: (self.omega_radps - before.omega_radps) / dt_s,
+            },
+            climb: AxisCommand {
+                asked: self.climb_mps,
+                rate: (self.climb_mps - before.climb_mps) / dt_s,
+            },
+        }
+    }
+}
