@@ -113,6 +113,27 @@ fn hover(fault: SimFault) -> (FlightTable, SimTable) {
 }
 
 #[test]
+fn an_object_that_changes_slowly_between_two_places_lands_and_is_followed_until_then() {
+    let offset_m = 0.3;
+    let fault = SimFault::MocapShifted { offset_w_m: [offset_m, 0.0, 0.0] };
+    let (flight, mut sim) = hover(fault);
+    // A second in each of the two places.
+    let windows = (0..10).map(|k| ScriptedFault {
+        fault,
+        from_s: FAULT_AT_S + 2.0 * f64::from(k),
+        for_s: 1.0,
+    });
+    sim.faults = windows.collect();
+    let story = fly_alone(&(flight, sim), 60.0);
+    // The eighth change.
+    story.assert_landed_by(Fault::MocapRough, [6.9, 7.2]);
+    let steered = story.moments.iter().filter(|moment| moment.landings == 0);
+    let off_m = steered.map(|moment| moment.pose[pose::X].hypot(moment.pose[pose::Y]));
+    let most_m = off_m.fold(0.0, f64::max);
+    assert!((0.5 * offset_m..2.0 * offset_m).contains(&most_m), "{most_m} m off the hover");
+}
+
+#[test]
 fn an_object_that_leaves_a_hover_lands() {
     // The sooner the drone's way differs from that of the object, the sooner that is seen.
     for (speed_mps, neutral_s, landing_s) in [(0.15, 1.9, 3.3), (0.3, 0.8, 3.1), (1.0, 0.6, 1.7)] {

@@ -86,10 +86,13 @@ impl Distortion {
         }
     }
 
-    /// A measurement that is wrong by a velocity, a frame, a heading or noise.
+    /// A measurement that is wrong by a way, a velocity, a frame, a heading or noise.
     fn shift(&mut self, o: &mut Pose, present: &Present) {
         let elapsed_s = present.elapsed_s;
         match present.fault {
+            Fault::MocapShifted { offset_w_m: [x_m, y_m, z_m] } => {
+                *o += Pose::new(x_m, y_m, z_m, 0.0);
+            }
             Fault::MocapDrift { velocity_w_mps: [x, y, z], yaw_radps } => {
                 *o += Pose::new(x, y, z, yaw_radps) * elapsed_s;
                 wrap(o);

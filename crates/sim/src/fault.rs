@@ -57,6 +57,12 @@ pub enum Fault {
         /// Fraction of the frames, drawn one by one, that show the other object. 1
         fraction: f64,
     },
+    /// Every position is off by the same way, as of a rigid body of which markers were swapped.
+    MocapShifted {
+        /// Added to the true position, world frame. m
+        #[serde(rename = "offset_m")]
+        offset_w_m: [f64; 3],
+    },
     /// Some coordinates of the position are stuck, the others are right.
     MocapAxesStuck {
         /// Whether x, y, z stay at their true values of the onset.

@@ -269,14 +269,23 @@ mod tests {
 
     #[test]
     fn the_horizon_is_longer_than_the_spread_of_the_dead_times() {
-        // 0.34 s to roll and pitch, 0.04 s to yaw: 15 periods.
-        let with = |horizon_steps| {
+        let with = |horizon_steps, change_s, is_apart| {
             refused(|cycle| {
                 (cycle.mpc.horizon_steps, cycle.mpc.stages) = (horizon_steps, Vec::new());
+                if let Some(link) = &mut cycle.link {
+                    link.dead_time_change_s = change_s;
+                    link.height = link.height.filter(|_| is_apart);
+                }
             })
         };
-        assert_eq!(with(16), "");
-        assert_eq!(with(15), "cycle.mpc.horizon_steps");
+        // 0.34 s to roll and pitch, 0.04 s to yaw: 15 periods. Corrections of all axes alike keep them.
+        for (change_s, is_apart) in [(0.3, false), (0.0, true)] {
+            assert_eq!(with(16, change_s, is_apart), "");
+            assert_eq!(with(15, change_s, is_apart), "cycle.mpc.horizon_steps");
+        }
+        // 17 periods to roll and pitch, and 15 of their correction.
+        assert_eq!(with(33, 0.3, true), "");
+        assert_eq!(with(32, 0.3, true), "cycle.mpc.horizon_steps");
     }
 
     #[test]

@@ -20,6 +20,9 @@ const EXCITED_MAX: f64 = 0.6;
 /// Error that is left at the largest correction from which on the dead time is too long to fly with. s
 const LEFT_MAX_S: f64 = 0.08;
 
+/// The same of throttle and yaw, whose axes answer sooner and oscillate later. s
+const LEFT_OWN_MAX_S: f64 = 0.15;
+
 /// Periods from one correction to the next.
 const PERIODS_BETWEEN: u32 = 5;
 
@@ -129,12 +132,14 @@ impl DeadTime {
     /// Whether a stick acts later than the largest correction allows for.
     pub(super) fn is_too_long(&self) -> bool {
         let Self { steps_max, horizontal, throttle, yaw, .. } = self;
-        let axes = [(horizontal, 0), (throttle, horizontal.steps), (yaw, horizontal.steps)];
+        let is_late = |axis: &Correction, common: i32, left_max_s: f64| {
+            let is_largest = common + axis.steps >= *steps_max;
+            is_largest && axis.error.is_some_and(|error| error.mean_s > left_max_s)
+        };
         *steps_max > 0
-            && axes.into_iter().any(|(axis, common)| {
-                let is_largest = common + axis.steps >= *steps_max;
-                is_largest && axis.error.is_some_and(|error| error.mean_s > LEFT_MAX_S)
-            })
+            && (is_late(horizontal, 0, LEFT_MAX_S)
+                || is_late(throttle, horizontal.steps, LEFT_OWN_MAX_S)
+                || is_late(yaw, horizontal.steps, LEFT_OWN_MAX_S))
     }
 
     /// Largest correction. steps

@@ -56,8 +56,9 @@ impl<const N: usize> Recent<N> {
     fn note(&mut self) {
         if !self.0.contains(&0) {
             self.0.rotate_right(1);
-            let newest = self.0.first_mut();
-            newest.into_iter().for_each(|ticks| *ticks = 0);
+            if let Some(newest) = self.0.first_mut() {
+                *newest = 0;
+            }
         }
     }
 

@@ -81,6 +81,15 @@ fn a_split_object_is_the_drone_or_the_other_one_as_often_as_set() {
 }
 
 #[test]
+fn a_shifted_position_is_off_by_the_same_way_while_the_drone_moves() {
+    let off = Pose::new(0.2, -0.1, 0.3, 0.0);
+    let shifted = poses(Fault::MocapShifted { offset_w_m: [0.2, -0.1, 0.3] });
+    for (k, o) in (0_u64..).zip(&shifted) {
+        assert_close(o, &(truth(50 + k) + off), 1e-12);
+    }
+}
+
+#[test]
 fn stuck_axes_stay_under_their_noise_and_the_others_are_right() {
     let stuck = |noise_m| poses(Fault::MocapAxesStuck { axes: [true, false, true], noise_m });
     for (k, o) in (0_u64..).zip(stuck(0.0)) {

@@ -40,6 +40,7 @@ impl Fault {
                 size("mocap_split.offset_m", &offset_w_m)?;
                 all("mocap_split.fraction", &[fraction], 0.0, 1.0)
             }
+            Self::MocapShifted { offset_w_m } => size("mocap_shifted.offset_m", &offset_w_m),
             Self::MocapAxesStuck { axes: _, noise_m } => sd("mocap_axes_stuck.noise_m", noise_m),
             Self::MocapWalker { offset_w_m, radius_m, speed_mps, noise_m, noise_rad } => {
                 size("mocap_walker.offset_m", &offset_w_m)?;
@@ -109,7 +110,7 @@ mod tests {
     /// Each fault with a value at `at`, its key, the least and the largest of what it may be.
     type Rule = (&'static str, fn(f64) -> Fault, [f64; 2]);
 
-    const RULES: [Rule; 29] = [
+    const RULES: [Rule; 30] = [
         ("drone_held.sway_m", |sway_m| Fault::DroneHeld { sway_m }, [0.0, 100.0]),
         (
             "drone_pushed.velocity_mps",
@@ -160,6 +161,11 @@ mod tests {
             "mocap_split.fraction",
             |fraction| Fault::MocapSplit { offset_w_m: [0.0; 3], fraction },
             [0.0, 1.0],
+        ),
+        (
+            "mocap_shifted.offset_m",
+            |at| Fault::MocapShifted { offset_w_m: [0.0, at, 0.0] },
+            [-100.0, 100.0],
         ),
         ("mocap_lag.delay_s", |delay_s| Fault::MocapLag { delay_s }, [0.0, 1000.0]),
         ("mocap_lag_ramp.growth", |growth| Fault::MocapLagRamp { growth }, [0.0, 10.0]),

@@ -116,8 +116,10 @@ fn a_dead_time_is_too_long_when_much_is_left_of_the_largest_correction() {
     assert!(!is_long(0.3, 0.07, 0.02) && !is_long(0.3, -0.09, 0.02), "little left, or early");
     assert!(!is_long(0.5, 0.09, 0.02), "after 20 of 25 steps");
     assert!(!is_long(0.3, 0.09, 0.05) && !is_long(0.0, 0.09, 0.02), "unknown, or not corrected");
-    let late = Some(DeadTimeError { mean_s: 0.09, sd_s: 0.02 });
+    let late = Some(DeadTimeError { mean_s: LEFT_OWN_MAX_S.next_up(), sd_s: 0.02 });
+    let flown = Some(DeadTimeError { mean_s: LEFT_OWN_MAX_S, sd_s: 0.02 });
     let right = common(0.0, 0.02);
+    assert!(!followed(0.3, DeadTimeErrors { throttle: flown, yaw: flown, ..right }));
     assert!(followed(0.3, DeadTimeErrors { throttle: late, ..right }));
     assert!(followed(0.3, DeadTimeErrors { yaw: late, ..right }));
     assert!(!followed(0.5, DeadTimeErrors { throttle: late, yaw: late, ..right }));

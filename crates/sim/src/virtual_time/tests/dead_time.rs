@@ -1,25 +1,38 @@
 //! Dead times that a flight finds, beside those of its vehicle.
 
 use super::super::VirtualFlight;
+use crate::SimTable;
 use crate::plant::{RIGID_BODY, UNVARIED, VariationTable};
-use horizon_model::rows::stick;
+use horizon_model::rows::{Sticks, stick};
 use tello_flight::{Fault, MissionTable, Phase, Start};
 use tello_io::config;
 
 /// What the dead times of a vehicle are longer by at the end of four laps of the square, about 30 s, if its own
 /// are longer by `longer_s` than the nominal ones. s
 fn found_s(longer_s: f64, seed: u64, is_rigid_body: bool) -> f64 {
-    let mut flight = laps(longer_s, seed, is_rigid_body);
+    each_found_s(laps(longer_s, seed, is_rigid_body))[stick::PITCH]
+}
+
+/// The same of each stick at the end of `flight`. s
+fn each_found_s(mut flight: VirtualFlight) -> Sticks {
     for _ in 0..3000 {
         if flight.tick().unwrap().phase() != Phase::Flying {
             break;
         }
     }
-    flight.parameter_estimate().unwrap().dead_time_change_s.unwrap()[stick::PITCH]
+    flight.parameter_estimate().unwrap().dead_time_change_s.unwrap()
 }
 
 /// Four laps of the square by that vehicle.
 fn laps(longer_s: f64, seed: u64, is_rigid_body: bool) -> VirtualFlight {
+    laps_of(seed, |sim| {
+        sim.variation = VariationTable { dead_time_s: longer_s, ..UNVARIED };
+        sim.plant.rigid_body = is_rigid_body.then_some(RIGID_BODY);
+    })
+}
+
+/// Four laps of the square by the nominal vehicle after `change`.
+fn laps_of(seed: u64, change: impl FnOnce(&mut SimTable)) -> VirtualFlight {
     let (fly, mut mission) = config::fly(None, None).unwrap();
     let MissionTable::Waypoints(square) = &mut mission else { panic!("no waypoints") };
     let lap = square.waypoints[1..].to_vec();
@@ -27,8 +40,7 @@ fn laps(longer_s: f64, seed: u64, is_rigid_body: bool) -> VirtualFlight {
     let flight = config::flight(&fly, mission, Start::Airborne);
     let mut sim = crate::settings(None).unwrap();
     sim.has_spread = false;
-    sim.variation = VariationTable { dead_time_s: longer_s, ..UNVARIED };
-    sim.plant.rigid_body = is_rigid_body.then_some(RIGID_BODY);
+    change(&mut sim);
     VirtualFlight::new(&flight, &sim, seed).unwrap()
 }
 
@@ -53,6 +65,20 @@ fn judge(is_rigid_body: bool, longer_s: &[f64], seeds: u64) {
 #[test]
 fn a_flight_finds_how_much_longer_the_dead_times_of_its_vehicle_are() {
     judge(true, &[0.1], 1);
+}
+
+#[test]
+fn throttle_and_roll_are_corrected_by_what_each_of_them_shows() {
+    for (longer_s, throttle_longer_s) in [(0.0, 0.2), (0.2, 0.0)] {
+        let found_s = each_found_s(laps_of(1, |sim| {
+            sim.plant.horizontal.dead_time_s += longer_s;
+            sim.plant.vertical.dead_time_s += throttle_longer_s;
+        }));
+        // The settings count half a period of the sampling.
+        let [pitch_s, throttle_s] = [stick::PITCH, stick::THROTTLE].map(|axis| found_s[axis]);
+        assert!((pitch_s - longer_s).abs() < 0.03, "{found_s}");
+        assert!((throttle_s - throttle_longer_s).abs() < 0.04, "{found_s}");
+    }
 }
 
 #[test]
