@@ -165,6 +165,9 @@ impl DeadTime {
             if error.is_some() {
                 // It is known by itself.
                 axis.steps -= step;
+            } else if step != 0 {
+                // It follows: what was known of it is of another dead time.
+                axis.error = None;
             }
             is_changed |= axis.follow(error, horizontal.steps, *steps_max, *dt_s) != 0;
         }

@@ -86,6 +86,19 @@ fn throttle_and_yaw_follow_roll_and_pitch_until_their_own_motion_shows_their_dea
 }
 
 #[test]
+fn what_was_known_of_an_axis_is_forgotten_when_it_follows_the_others() {
+    let mut dead_time = dead_time(0.3);
+    let own = |mean_s| Some(DeadTimeError { mean_s, sd_s: 0.01 });
+    dead_time.follow(Some(DeadTimeErrors { yaw: own(0.01), ..common(0.0, 0.01) }));
+    assert_eq!(dead_time.change().unwrap().yaw_error, own(0.01));
+    for _ in 0..PERIODS_BETWEEN {
+        dead_time.follow(Some(common(0.05, 0.01)));
+    }
+    let change = dead_time.change().unwrap();
+    assert_eq!((change.steps, change.yaw_error), ([1; stick::COUNT], None));
+}
+
+#[test]
 fn an_axis_that_follows_is_limited_but_keeps_pace_when_the_others_return() {
     let mut dead_time = dead_time(0.3);
     let mut follow = |mean_s: f64| {
