@@ -35,6 +35,7 @@ pub use self::evidence::{
     SupervisorOrder,
 };
 pub use self::fault::{Fault, FaultSet, Pilot, Reaction};
+pub(crate) use self::geofence::CLIMB_MAX_M;
 pub use self::geofence::{Room, RoomTable};
 pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 

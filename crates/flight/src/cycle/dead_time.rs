@@ -35,9 +35,9 @@ pub struct DeadTimeChange {
     pub change_s: Sticks,
     /// What is still missing of roll and pitch by the latest motion that shows it; `None` before. s
     pub error: Option<DeadTimeError>,
-    /// The same of the throttle and of yaw.
+    /// The same of the throttle by its own motion.
     pub throttle_error: Option<DeadTimeError>,
-    /// The same of yaw.
+    /// The same of yaw by its own motion.
     pub yaw_error: Option<DeadTimeError>,
 }
 

@@ -7,13 +7,11 @@ use nalgebra::Vector3;
 
 use super::{CycleTable, ModelKind};
 use crate::mission::Demand;
-use crate::{Mission, MissionTable, Obstacle, Room, RoomTable, obstacles};
+use crate::supervisor::CLIMB_MAX_M;
+use crate::{Mission, MissionTable, Obstacle, Room, obstacles};
 
 /// A Tello does not hover lower above the floor. m
 const HOVER_MIN_M: f64 = 0.3;
-
-/// Height of a take-off above the ground. m
-const CLIMB_M: f64 = 1.2;
 
 /// Why `mission`, which is that of `table`, cannot be flown: it leaves the room, is too low, stops inside of an obstacle
 /// or ends above one, is faster than the failsafe lets a vehicle be or than the upper bounds of the gains. Each pose of `table` outside of the room
@@ -26,10 +24,7 @@ pub fn misfits(
     mission: &Mission,
     cycle: &CycleTable,
 ) -> Result<Vec<SettingError>, SettingError> {
-    let mut found = match &cycle.supervisor.room {
-        Some(room) => outside(table, mission, room)?,
-        None => Vec::new(),
-    };
+    let mut found = room(cycle)?.map_or(Vec::new(), |room| outside(table, mission, &room));
     found.extend(low(table, mission, cycle.filter.floor_m));
     let mut refuse = |value: String, rule: String| {
         found.push(SettingError::new("mission", value, rule));
@@ -79,8 +74,7 @@ pub fn take_off_clearance(
     at: &Pose,
     cycle: &CycleTable,
 ) -> Result<Option<(f64, String)>, SettingError> {
-    let room = cycle.supervisor.room.as_ref().map(Room::try_from).transpose();
-    let room = room.map_err(|error| error.under("cycle.supervisor.room"))?;
+    let room = room(cycle)?;
     let beside = room.iter().flat_map(|room| {
         ["lower x", "upper x", "lower y", "upper y"].into_iter().enumerate().map(|(i, name)| {
             let distance_m = room.wall_distance(i, &pos_w(at)).distance_m;
@@ -90,21 +84,21 @@ pub fn take_off_clearance(
     let obstacles = obstacles(&cycle.obstacles).map_err(|error| error.under("cycle"))?;
     let at_rest = obstacles.iter().enumerate().filter(|(_, obstacle)| !obstacle.is_moving());
     let near = at_rest.map(|(k, obstacle)| {
-        let distance_m = obstacle.distance_in_climb(&pos_w(at), CLIMB_M, None).distance_m;
+        let distance_m = obstacle.distance_in_climb(&pos_w(at), CLIMB_MAX_M, None).distance_m;
         (distance_m, format!("cycle.obstacles[{k}]"))
     });
     Ok(beside.chain(near).min_by(|a, b| a.0.total_cmp(&b.0)))
 }
 
+fn room(cycle: &CycleTable) -> Result<Option<Room>, SettingError> {
+    let room = cycle.supervisor.room.as_ref().map(Room::try_from).transpose();
+    room.map_err(|error| error.under("cycle.supervisor.room"))
+}
+
 /// The places of the mission outside of `room`, as [`misplaced`] names them.
-fn outside(
-    table: &MissionTable,
-    mission: &Mission,
-    room: &RoomTable,
-) -> Result<Vec<SettingError>, SettingError> {
-    let room = Room::try_from(room).map_err(|error| error.under("cycle.supervisor.room"))?;
+fn outside(table: &MissionTable, mission: &Mission, room: &Room) -> Vec<SettingError> {
     let rule = |excess_m| format!("inside of cycle.supervisor.room: it is {excess_m:.2} m outside");
-    Ok(misplaced(table, mission, |at| room.excess_m(at), rule))
+    misplaced(table, mission, |at| room.excess_m(at), rule)
 }
 
 /// The places of the mission that are lower than a drone hovers, as [`misplaced`] names them.

@@ -160,21 +160,17 @@ mod tests {
     const WINDOW_STEPS: usize = 10;
     const STICK_MAX: f64 = 0.4;
 
-    fn link() -> Link {
-        let table = LinkTable { dead_time_change_s: 0.1, ..table() };
+    /// A link whose dead times may change by so much. s
+    fn link(dead_time_change_s: f64) -> Link {
+        let table = LinkTable { dead_time_change_s, ..table() };
         let monitor = LinkMonitor::new(&LinkSettings::try_from(&table).unwrap(), DT_S);
-        Link::new(
-            monitor,
-            DeadTime::new(&table, &Sticks::new(0.34, 0.34, 0.04, 0.19), DT_S),
-            STICK_MAX,
-            WINDOW_STEPS,
-            DT_S,
-        )
+        let dead_time = DeadTime::new(&table, &Sticks::new(0.34, 0.34, 0.04, 0.19), DT_S);
+        Link::new(monitor, dead_time, STICK_MAX, WINDOW_STEPS, DT_S)
     }
 
     #[test]
     fn what_was_meant_is_remembered_beyond_the_end_of_the_ring_and_can_be_recalled() {
-        let (mut link, p) = (link(), parameter());
+        let (mut link, p) = (link(0.1), parameter());
         let meant = |step: u32| Sticks::repeat(1e-3 * f64::from(step));
         for step in 0..200 {
             link.judge(&meant(step), &Observed::missing(), &p);
@@ -192,7 +188,7 @@ mod tests {
 
     #[test]
     fn sticks_that_do_not_act_are_replaced_back_to_the_onset_within_the_window() {
-        let (mut link, p) = (link(), parameter());
+        let (mut link, p) = (link(0.1), parameter());
         let model = Lagged::default();
         let mut s = model.at_rest(&Pose::new(0.0, 0.0, 1.0, 0.2));
         let mut found = None;
@@ -217,15 +213,7 @@ mod tests {
 
     #[test]
     fn a_correction_is_taken_off_the_error_of_each_axis_as_far_as_the_axis_changes() {
-        let table = LinkTable { dead_time_change_s: 0.3, ..table() };
-        let monitor = LinkMonitor::new(&LinkSettings::try_from(&table).unwrap(), DT_S);
-        let mut link = Link::new(
-            monitor,
-            DeadTime::new(&table, &Sticks::new(0.34, 0.34, 0.04, 0.19), DT_S),
-            STICK_MAX,
-            WINDOW_STEPS,
-            DT_S,
-        );
+        let mut link = link(0.3);
         let fifo = |pitch_s| {
             InputFifo::new(&[pitch_s, pitch_s, 0.04, 0.19], &Kinematic::INPUT, DT_S).unwrap()
         };

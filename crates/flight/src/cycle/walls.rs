@@ -14,13 +14,14 @@ use serde::{Deserialize, Serialize};
 
 use super::moving_obstacle::MovingObstacle;
 use crate::obstacle::{self, SignedDistance};
+use crate::supervisor::CLIMB_MAX_M;
 use crate::{Obstacle, ObstacleTable, Room};
 
 /// What is further away than this is not looked at. m
 const NEAR_M: f64 = 1.0;
 
-/// How far above a start obstacles are looked for: a take-off climbs 1.2 m, 0.1 m are to spare. m
-const CLIMB_M: f64 = 1.3;
+/// How far above a start obstacles are looked for: a take-off, and 0.1 m to spare. m
+const CLIMB_M: f64 = CLIMB_MAX_M + 0.1;
 
 /// How the plan keeps away from walls and obstacles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

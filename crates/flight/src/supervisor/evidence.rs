@@ -178,7 +178,7 @@ pub struct Evidence {
     /// By how much steps further than a vehicle flies have shifted the poses since the take-off, those there and back
     /// cancelled. m
     pub shift_m: f64,
-    /// Whether poses have jumped several times within the last 50 or 200 ticks, by whatever more than 0.1 m.
+    /// Whether poses have jumped again and again lately, in whatever direction.
     pub is_pose_rough: bool,
     /// How much deeper the pose of this tick is below the one before than a vehicle descends in the time
     /// between; `None` if no pose was accepted. m

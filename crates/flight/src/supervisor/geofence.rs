@@ -18,7 +18,7 @@ use crate::obstacle::SignedDistance;
 const GROUND_MAX_M: f64 = 1.0;
 
 /// A take-off climbs 0.8 to 1.2 m by itself. m
-const CLIMB_MAX_M: f64 = 1.2;
+pub(crate) const CLIMB_MAX_M: f64 = 1.2;
 
 /// No room of a motion capture reaches further from its origin: walls in millimetres do, and a geofence that far away is
 /// none. m
