@@ -109,7 +109,8 @@ impl Case {
         Self { is_late: true, ..self }
     }
 
-    /// As often as a flight goes on with. Poses count as of their tick, or are moved on to it by the model, which fails.
+    /// As often as a flight goes on with. Poses count as of their tick, or are moved on to it by the model, which
+    /// fails.
     fn whose_estimator_fails(mut self, uses_measurement_time: bool) -> Self {
         self.flight.cycle.uses_measurement_time = uses_measurement_time;
         let from = 250;
@@ -253,7 +254,8 @@ fn count_heap_calls(case: &Case) -> Seen {
 }
 
 impl Seen {
-    /// Adds a tick, after which there is an estimate or not. Returns how many of its quadratic programs Clarabel solved.
+    /// Adds a tick, after which there is an estimate or not. Returns how many of its quadratic programs Clarabel
+    /// solved.
     #[expect(clippy::panic, reason = "a test may panic")]
     fn add(&mut self, case: &Case, (inbox, out): (&Inbox, &Outcome), is_started: bool) -> usize {
         let by_riccati = case.flight.cycle.mpc.solver.qp == QpKind::Riccati;

@@ -25,3 +25,5 @@ mod mocap;
 mod solver;
 #[path = "faults/story.rs"]
 mod story;
+#[path = "faults/take_off.rs"]
+mod take_off;

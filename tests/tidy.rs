@@ -31,6 +31,9 @@ use words::{CATCH_ALL, comments, equation_numbers, has_word, keys, quoted_equati
 /// Longest source file, tests included. lines
 const LINES_MAX: usize = 400;
 
+/// Longest line of a comment that is no row of a table.
+const COLUMNS_MAX: usize = 120;
+
 /// Who may depend on whom; a new crate needs a line here.
 const ARROWS: [(&str, &[&str]); 11] = [
     ("horizon-model", &[]),
@@ -146,7 +149,8 @@ fn manifest_complaints(manifest: &File) -> Vec<String> {
     let Some(name) = name.map(|name| name.trim_matches('"')) else {
         return Vec::new(); // the workspace itself
     };
-    // Workspaces of their own, parts of no other crate: one is built by another compiler, one holds other people's work.
+    // Workspaces of their own, parts of no other crate: one is built by another compiler, one holds other people's
+    // work.
     if ["fuzz/Cargo.toml", "tests/clients/tello_edu/Cargo.toml"].contains(&manifest.path.as_str()) {
         return Vec::new();
     }
@@ -188,7 +192,7 @@ fn purity_complaints(file: &File) -> Vec<String> {
         .collect()
 }
 
-/// Size, name and unfinished work.
+/// Size, name, long comments and unfinished work.
 fn shape_complaints(file: &File) -> Vec<String> {
     let mut complaints = Vec::new();
     let count = file.text.lines().count();
@@ -205,6 +209,13 @@ fn shape_complaints(file: &File) -> Vec<String> {
         let unfinished = marks.iter().find(|mark| has_word(line, mark));
         if unfinished.is_some_and(|mark| !line.contains(&format!("{mark}(#"))) {
             complaints.push(format!("{}:{}: unfinished, and no issue named", file.path, i + 1));
+        }
+        let comment = line.trim_start().strip_prefix("//");
+        let is_prose =
+            comment.is_some_and(|it| !it.trim_start_matches(['/', '!', ' ']).starts_with('|'));
+        if is_prose && line.chars().count() > COLUMNS_MAX {
+            let rule = format!("a comment has at most {COLUMNS_MAX} columns");
+            complaints.push(format!("{}:{}: {rule}", file.path, i + 1));
         }
     }
     complaints

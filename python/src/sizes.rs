@@ -47,8 +47,8 @@ pub(crate) trait Visit {
         M: AnyModel<NS, NU, NO, NP>;
 }
 
-/// Implements [`Visit`] for `$visitor`: `$out` comes of it, by `$body`, in which `M` is the model's type and `NS`, `NU`,
-/// `NO`, `NP` and `NR` are its dimensions.
+/// Implements [`Visit`] for `$visitor`: `$out` comes of it, by `$body`, in which `M` is the model's type and `NS`,
+/// `NU`, `NO`, `NP` and `NR` are its dimensions.
 macro_rules! visit {
     ($visitor:ty => $out:ty, |$this:ident, $model:ident| $body:block) => {
         impl $crate::sizes::Visit for $visitor {

@@ -24,7 +24,8 @@ fn closed_square() -> (FlightTable, SimTable) {
     settings
 }
 
-/// The flight lands within 0.1 s after the first moment in which the vehicle `is_inside`, by [`Fault::ObstacleEntered`].
+/// The flight lands within 0.1 s after the first moment in which the vehicle `is_inside`, by
+/// [`Fault::ObstacleEntered`].
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn assert_landed_inside(story: &Story, is_inside: impl Fn(&Moment) -> bool) {
     story.assert_sound();
@@ -139,7 +140,8 @@ fn fly_good(profile: Profile, seeds: &[u64], mut see: impl FnMut(&str, &Outcome)
 #[test]
 fn good_flights_are_neither_held_nor_blocked_nor_left() {
     let never = [Fault::Immobile, Fault::BlockedLong, Fault::ObstacleEntered, Fault::PersonGone];
-    // In seeds 2 and 24 an outage covers the climb of the start, which the link monitor does not find: it judges no throttle.
+    // In seeds 2 and 24 an outage covers the climb of the start, which the link monitor does not find: it judges no
+    // throttle.
     for (profile, seeds) in [
         (Profile::GoodDay, &[1, 2, 3, 4, 5][..]),
         (Profile::Outages, &[1, 2, 3, 4, 5, 6, 7, 8, 24]),

@@ -68,8 +68,8 @@ fn a_rigid_body_that_is_turned_lands_within_three_seconds_of_the_first_stick() {
     }
 }
 
-/// When a flight of `mission` is landed whose heading drifts by `yaw_radps`, with a drone that reports its own heading as
-/// `report`. s after the begin of the drift
+/// When a flight of `mission` is landed whose heading drifts by `yaw_radps`, with a drone that reports its own heading
+/// as `report`. s after the begin of the drift
 fn landing_s(mission: MissionTable, yaw_radps: f64, report: HeadingReport) -> f64 {
     let fault = SimFault::MocapDrift { velocity_w_mps: [0.0; 3], yaw_radps };
     let mut settings = settings(&[ScriptedFault { fault, from_s: FAULT_AT_S, for_s: 1e3 }]);

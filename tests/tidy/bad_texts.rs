@@ -70,6 +70,9 @@ fn long_unnamed_and_unfinished_files_are_seen() {
     assert_eq!(complaints("crates/io/src/utils/clock.rs", ""), 1);
     assert_eq!(complaints("crates/io/src/clock.rs", concat!("// TO", "DO: later")), 1);
     assert_eq!(complaints("crates/io/src/clock.rs", concat!("// TO", "DO(#12): later")), 0);
+    let long = "x".repeat(COLUMNS_MAX - 3);
+    assert_eq!(complaints("crates/io/src/clock.rs", &format!("// {long}\n/// | {long}")), 0);
+    assert_eq!(complaints("crates/io/src/clock.rs", &format!("    // {long}")), 1);
 }
 
 #[test]

@@ -6,15 +6,19 @@ use super::check;
 use super::repository::{File, files};
 
 /// Where vectors are indexed by named rows and equations are quoted.
-pub(crate) const KERNELS: [&str; 18] = [
+pub(crate) const KERNELS: [&str; 22] = [
+    "crates/model/benches/",
     "crates/model/src/",
     "crates/estim/src/",
     "crates/control/src/",
     "crates/flight/src/",
     "crates/eval/src/forecast",
+    "crates/eval/src/ident",
     "crates/eval/src/metrics",
+    "crates/eval/src/report",
     "crates/eval/src/smooth",
     "crates/eval/src/vehicle",
+    "crates/io/src/mocap",
     "crates/sim/src/campaign",
     "crates/sim/src/contact",
     "crates/sim/src/distortion",

@@ -113,8 +113,8 @@ where
     /// subject to  s_{k+1} = f(s_k, u_k, p),  u_lb <= u_k <= u_ub where it is not given
     /// ```
     ///
-    /// with the input or its change `Delta u_k` ([`InputCost`]), over the stages `k` of the horizon; one of several steps
-    /// weighs as they do (`docs/model.md`, section 5).
+    /// with the input or its change `Delta u_k` ([`InputCost`]), over the stages `k` of the horizon; one of several
+    /// steps weighs as they do (`docs/model.md`, section 5).
     ///
     /// First the plan takes over the inputs that `ask` gives; what they cost counts. `is_late` is asked
     /// once per iteration, before its first quadratic subproblem, and again before Clarabel gets one that the

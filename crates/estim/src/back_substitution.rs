@@ -1,7 +1,7 @@
 //! Back substitution, and the long chain that is eliminated block by block.
 //!
-//! Owns its loop, and the rows that a long chain needs for it, two thirds of the factors of the elimination. The smaller
-//! rows matter for chains of thousands of states, whose rows are written once per read. The elimination itself
+//! Owns its loop, and the rows that a long chain needs for it, two thirds of the factors of the elimination. The
+//! smaller rows matter for chains of thousands of states, whose rows are written once per read. The elimination itself
 //! is `chain.rs`, its division into decoupled subsystems `partition.rs`.
 
 use horizon_model::Model;

@@ -14,11 +14,11 @@ use rayon::prelude::*;
 use crate::ident::Ident;
 use crate::levenberg::{SolveError, Stop};
 
+#[cfg(test)]
 mod coverage;
 mod laplace;
 mod spread;
 
-pub use coverage::{Calibration, Claim, Coverage, Trial, TrialError, calibrate};
 pub use laplace::Laplace;
 pub use spread::{NORMAL_HALF_WIDTH, Spread};
 

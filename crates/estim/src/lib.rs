@@ -29,10 +29,7 @@ mod residual;
 mod trajectory;
 
 pub use arrival::{ArrivalSettings, ArrivalTable};
-pub use bootstrap::{
-    Calibration, Claim, Coverage, Laplace, NORMAL_HALF_WIDTH, Resample, Spread, Trial, TrialError,
-    bootstrap, calibrate, multiplicities,
-};
+pub use bootstrap::{Laplace, NORMAL_HALF_WIDTH, Resample, Spread, bootstrap, multiplicities};
 pub use chain::{Block, Chain};
 pub use cholesky::NotPositive;
 pub use delay::{

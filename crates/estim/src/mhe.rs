@@ -173,9 +173,9 @@ where
 
     /// Starts, or starts again, at rest where `o` was observed, with the prior parameter.
     ///
-    /// That state is fixed, or held by the weights `C_0` of a carried arrival. Returns `o - g(s)`, what the state leaves
-    /// of the observation, in the unit of each row: zero where [`Model::at_rest`] solves it. If a large part is left,
-    /// write `at_rest` or use [`Mhe::start_at`].
+    /// That state is fixed, or held by the weights `C_0` of a carried arrival. Returns `o - g(s)`, what the state
+    /// leaves of the observation, in the unit of each row: zero where [`Model::at_rest`] solves it. If a large part is
+    /// left, write `at_rest` or use [`Mhe::start_at`].
     ///
     /// Real time: no allocation of ours, one call of [`Model::at_rest`].
     ///
@@ -194,8 +194,8 @@ where
     /// Real time: no allocation, constant cost.
     ///
     /// # Errors
-    /// [`MheError::Solve`]: the state, its observation or the derivative of that is not finite, as that of a distance at
-    /// distance zero; the estimator is not started.
+    /// [`MheError::Solve`]: the state, its observation or the derivative of that is not finite, as that of a distance
+    /// at distance zero; the estimator is not started.
     pub fn start_at(&mut self, s: &SVector<f64, NS>) -> Result<(), MheError> {
         self.is_started = false;
         finite("state", s)?;
@@ -335,7 +335,7 @@ where
     }
 
     /// Covariance of the parameter by the carried arrival cost, in the units of its weights: what the steps before
-    /// the window and the prior say. `None` with a fixed arrival.
+    /// the window and the prior say. `None` with a fixed arrival, or where a factorization fails.
     ///
     /// Real time: no allocation, two factorizations.
     pub fn parameter_covariance(&self) -> Option<SMatrix<f64, NP, NP>> {
@@ -344,7 +344,7 @@ where
     }
 
     /// Covariance of the newest state estimate, the parameter unknown, in the units of the weights: NS x NS. `None`
-    /// before the first update.
+    /// before the first update, or where a factorization fails.
     ///
     /// Exact without damping and off the bounds of the parameter.
     ///

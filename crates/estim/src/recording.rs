@@ -21,8 +21,8 @@ pub struct Recording<const NU: usize, const NO: usize> {
 impl<const NU: usize, const NO: usize> Recording<NU, NO> {
     /// The applied input in each step, one for each of `u` and in its units.
     ///
-    /// `dead_time_s` is that of each input row (s, >= 0), `dt_s` the period (s, > 0). A dead time that is negative, or no
-    /// number of steps, is none; an infinite one never acts.
+    /// `dead_time_s` is that of each input row (s, >= 0), `dt_s` the period (s, > 0). A dead time that is negative, or
+    /// no number of steps, is none; an infinite one never acts.
     /// With a dead time of `whole + fraction` steps, `0 <= fraction < 1`, it is
     /// `(1 - fraction) u[k - whole] + fraction u[k - whole - 1]`: linear between what was sent, continuous in the
     /// dead time, zero before the start.

@@ -155,8 +155,8 @@ where
         }
     }
 
-    /// Adds a step: `u` was applied, then `observed` was seen. The new state starts where the model leads from the newest
-    /// one with the present parameter.
+    /// Adds a step: `u` was applied, then `observed` was seen. The new state starts where the model leads from the
+    /// newest one with the present parameter.
     ///
     /// | name       | shape | unit                                       |
     /// |------------|-------|--------------------------------------------|
@@ -171,8 +171,8 @@ where
         self.o.push(*observed);
     }
 
-    /// Drops the oldest step, if there is one. The present `s[1]` becomes the fixed state, whose observation is forgotten,
-    /// or the arrival cost takes up the step.
+    /// Drops the oldest step, if there is one. The present `s[1]` becomes the fixed state, whose observation is
+    /// forgotten, or the arrival cost takes up the step.
     ///
     /// Real time: no allocation; moves all steps by one place.
     pub fn pop(&mut self) {
@@ -216,8 +216,8 @@ where
         }
     }
 
-    /// Whether the parameter is held from now on: solutions leave it where it is, and steps that the arrival cost takes up
-    /// tell nothing of it. It is not held at first; [`Trajectory::start`] does not change that.
+    /// Whether the parameter is held from now on: solutions leave it where it is, and steps that the arrival cost takes
+    /// up tell nothing of it. It is not held at first; [`Trajectory::start`] does not change that.
     ///
     /// Real time: no allocation.
     pub fn hold_parameter(&mut self, is_held: bool) {
@@ -247,8 +247,9 @@ where
         }
     }
 
-    /// Changes what is expected of the parameter to `p_prior`: NP rows in the units of [`Model::PARAMETER`], inside the box,
-    /// which is not checked. The present parameter stays until the next solve; what an arrival cost has carried fades to it.
+    /// Changes what is expected of the parameter to `p_prior`: NP rows in the units of [`Model::PARAMETER`], inside the
+    /// box, which is not checked. The present parameter stays until the next solve; what an arrival cost has carried
+    /// fades to it.
     ///
     /// Real time: no allocation.
     pub fn set_prior(&mut self, p_prior: SVector<f64, NP>) {

@@ -60,7 +60,8 @@ pub struct Place {
 }
 
 impl Place {
-    /// The place of `name.svg` and `name.png`, whose folder is created if it is missing. An ending of `name` is dropped.
+    /// The place of `name.svg` and `name.png`, whose folder is created if it is missing. An ending of `name` is
+    /// dropped.
     ///
     /// # Errors
     /// `name` has no file name, or its folder cannot be written; a file is there and `is_replaced` is false.

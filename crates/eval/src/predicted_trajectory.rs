@@ -3,7 +3,7 @@
 //! Owns the trajectory as points. It repeats the prediction of the tick from the recorded values of the tick, so
 //! that the tick need not record it. Nothing that flies reads it.
 
-use horizon_model::rows::{Sticks, pose, stick};
+use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::setting::SettingError;
 use horizon_model::{InputFifo, Kinematic, Model};
 
@@ -72,10 +72,10 @@ impl TrajectoryPredictor {
         // The plan begins when the fastest stick would act, and its first sticks of the others are sent.
         let known = self.fifo.known_steps();
         let sent = (0..known.cast_signed()).map(applied);
-        let mut path = vec![place(&s)];
+        let mut path = vec![place(&model.observe(&s))];
         for u in sent.chain(out.plan.iter().map(|u| Sticks::from(*u))) {
             s = model.step(&s, &u, &p, self.dt_s);
-            path.push(place(&s));
+            path.push(place(&model.observe(&s)));
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=500")]
         let decided = self.fifo.dead_time_steps().max() as usize;
@@ -110,9 +110,8 @@ fn thinned(points: &[Place]) -> Vec<Place> {
     every(points, POINTS_MAX)
 }
 
-/// Every model has the rows of a pose first.
-fn place<const NS: usize>(s: &nalgebra::SVector<f64, NS>) -> Place {
-    [s[pose::X], s[pose::Y], s[pose::Z]].map(to_thousandths)
+fn place(o: &Pose) -> Place {
+    [o[pose::X], o[pose::Y], o[pose::Z]].map(to_thousandths)
 }
 
 #[cfg(test)]

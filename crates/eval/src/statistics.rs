@@ -25,8 +25,8 @@ pub fn quantile(values: &[f64], fraction: f64) -> Option<f64> {
     Some(sorted[below] + (place - below as f64) * (sorted[above] - sorted[below]))
 }
 
-/// Several quantiles of the same values, in their unit, at `fractions` in 0..=1; `None` without values. Sorts a copy for
-/// each.
+/// Several quantiles of the same values, in their unit, at `fractions` in 0..=1; `None` without values. Sorts a copy
+/// for each.
 pub fn quantiles<const N: usize>(values: &[f64], fractions: [f64; N]) -> Option<[f64; N]> {
     let mut found = [0.0; N];
     for (found, fraction) in found.iter_mut().zip(fractions) {

@@ -47,8 +47,8 @@ pub struct Changed {
 /// `settings` stay as they are.
 ///
 /// # Errors
-/// It cannot be read, breaks a rule, does not fit to the settings, is of simulated flights where `is_simulated` is false
-/// or the other way round, or its folder does not exist.
+/// It cannot be read, breaks a rule, does not fit to the settings, is of simulated flights where `is_simulated` is
+/// false or the other way round, or its folder does not exist.
 pub fn before_flight(path: &Path, settings: &mut CycleTable, is_simulated: bool) -> Result<()> {
     if !path.exists() {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
@@ -128,7 +128,8 @@ impl ParameterFile {
     /// Takes over what `flight`, flown with `settings`, taught: of each parameter that was excited the estimate,
     /// within the bounds of the estimator and within 3 standard deviations of its prior around the value
     /// before; the dead times as they were corrected, of each axis no further than the flight does
-    /// ([`CycleTable::dead_time_min_ratio`]). Returns what changed; of a flight that excited nothing the file stays as it is.
+    /// ([`CycleTable::dead_time_min_ratio`]). Returns what changed; of a flight that excited nothing the file stays as
+    /// it is.
     ///
     /// # Errors
     /// Estimate or covariance are none of this model, or not finite.

@@ -1,7 +1,7 @@
 //! The drone as the tick sees it, whatever protocol it speaks.
 //!
-//! Owns the status of the drone, in SI units as logs have it; how it is read from them is `older_log.rs`. No bytes here:
-//! the protocols and the drone's own units are in `tello-io`.
+//! Owns the status of the drone, in SI units as logs have it; how it is read from them is `older_log.rs`. No bytes
+//! here: the protocols and the drone's own units are in `tello-io`.
 
 mod older_log;
 

@@ -71,7 +71,7 @@ pub struct LinkVerdict {
     pub onset_steps: u32,
 }
 
-/// What the motion up to now says about the error of the horizontal dead time.
+/// What the motion up to now says about the error of a dead time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeadTimeError {
     /// Real dead time minus the assumed one. s
@@ -138,14 +138,7 @@ impl LinkMonitor {
         Self { tables: Tables { link, dead_time }, dt_s, test: None }
     }
 
-    /// Forgets the flight; the link is up.
-    ///
-    /// Real time: no allocation, constant cost.
-    pub fn reset(&mut self) {
-        self.test = None;
-    }
-
-    /// What is known of the error of the horizontal dead time; `None` before the first complete pose, while the
+    /// What is known of the error of each axis's dead time; `None` before the first complete pose, while the
     /// link is down, and while so much speaks for an outage that what looks like a delay may be one.
     ///
     /// Real time: no allocation, constant cost.

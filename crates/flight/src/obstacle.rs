@@ -122,6 +122,20 @@ fn middle(key: &str, [low_m, high_m]: [f64; 2]) -> Result<(f64, f64), SettingErr
     Ok((0.5 * (low_m + high_m), 0.5 * (high_m - low_m)))
 }
 
+impl ObstacleTable {
+    /// Its lower and upper end along x, y and z; `None` for one that moves. World frame. m
+    pub(crate) fn extent_m(&self) -> Option<[[f64; 2]; 3]> {
+        match self {
+            Self::Cylinder { centre_m, radius_m, z_m } => {
+                let [x_m, y_m] = centre_m.map(|at_m| [at_m - radius_m, at_m + radius_m]);
+                Some([x_m, y_m, *z_m])
+            }
+            Self::Box { x_m, y_m, z_m } => Some([*x_m, *y_m, *z_m]),
+            Self::Moving { .. } => None,
+        }
+    }
+}
+
 impl Obstacle {
     /// Whether its place comes with each tick.
     pub fn is_moving(&self) -> bool {
@@ -168,11 +182,11 @@ impl Obstacle {
         self.distance_from(at_w, None)
     }
 
-    /// The least of [`Obstacle::distance_from`] all places between `from_w` and `climb_m` straight above it, in the world
-    /// frame. m
+    /// The least of [`Obstacle::distance_from`] all places between `from_w` and `climb_m` straight above it, in the
+    /// world frame. m
     ///
-    /// Obstacles are upright prisms, symmetric about the height of their centre: straight up and down the distance grows
-    /// with the height from there, so that the least one is at the nearest height of the climb.
+    /// Obstacles are upright prisms, symmetric about the height of their centre: straight up and down the distance
+    /// grows with the height from there, so that the least one is at the nearest height of the climb.
     ///
     /// Real time: no allocation, constant cost.
     pub fn distance_in_climb(

@@ -9,21 +9,21 @@ use serde::{Deserialize, Serialize};
 
 use crate::mission::FollowTable;
 
-/// `s_ref`, moved along the straight line to `s_0` until it is at most `distance_max` away,
+/// `o_ref`, moved along the straight line to `o_0` until it is at most `distance_max` away,
 /// thesis equation 4.20.
 ///
 /// The distance is the norm over all rows, metres and radians alike, as in the thesis. The caller
-/// has moved the angles of `s_ref` to the turn nearest to `s_0`.
+/// has moved the angles of `o_ref` to the turn nearest to `o_0`.
 ///
 /// Real time: no allocation, cost linear in the number of rows.
-pub fn clip_target<const NS: usize>(
-    s_ref: &SVector<f64, NS>,
-    s_0: &SVector<f64, NS>,
+pub fn clip_target<const NO: usize>(
+    o_ref: &SVector<f64, NO>,
+    o_0: &SVector<f64, NO>,
     distance_max: f64,
-) -> SVector<f64, NS> {
-    let way = s_ref - s_0;
+) -> SVector<f64, NO> {
+    let way = o_ref - o_0;
     let distance = way.norm();
-    if distance > distance_max { s_0 + way * (distance_max / distance) } else { *s_ref }
+    if distance > distance_max { o_0 + way * (distance_max / distance) } else { *o_ref }
 }
 
 /// `|target - at|` over x, y, z and theta, metres and radians alike, theta on the circle.

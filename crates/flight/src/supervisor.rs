@@ -2,7 +2,7 @@
 //!
 //! Owns the phases of a flight: whether control may steer, when to take off and when to land. It
 //! decides from the evidence of each tick and knows no clock, link or estimator. What a fault
-//! leads to stands in `fault.rs`; numbers of comparable systems: `docs/safety.md`.
+//! leads to stands in `fault.rs`.
 //!
 //! ```text
 //! Idle -- asked to fly, nothing wrong --> TakingOff -- risen --> Flying
@@ -42,7 +42,7 @@ pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 use horizon_model::rows::pose;
 
 use self::settling::Settling;
-use self::since::{elapsed_s, exceeds, has_lasted, keep_since};
+use self::since::{Since, elapsed_s, exceeds};
 use crate::drone::LAND_PERIOD;
 
 /// Take-off is ordered again when the drone still reports to be grounded after this time: the order
@@ -80,6 +80,41 @@ enum TakeOffSeen {
     Reported,
 }
 
+/// Since when these conditions hold.
+#[derive(Debug, Clone, Default)]
+struct Timers {
+    /// The vehicle looks grounded while landing, to one witness at least.
+    down: Since,
+    /// It looks so to both witnesses.
+    agreed: Since,
+    /// The drone says that it stands while control flies it.
+    grounded: Since,
+    /// The drone calls its charge critical.
+    battery_critical: Since,
+    /// The pose is still in a climb that the drone reports.
+    climbs_still: Since,
+    /// The mission is done.
+    done: Since,
+    /// The controller's vehicle is far from its reference.
+    astray: Since,
+    /// It is turned away from its reference.
+    turned: Since,
+    /// The vehicle is too fast.
+    fast: Since,
+    /// The dead time is too long.
+    dead_time_long: Since,
+    /// The sticks in a person's hand are neutral.
+    hand_neutral: Since,
+    /// They are so while the vehicle is outside of the room or too fast.
+    hand_idle_astray: Since,
+    /// The vehicle brakes before a landing.
+    braking: Since,
+    /// The drone says that it flies, without an order to take off.
+    aloft: Since,
+    /// Nothing confirms the command outage.
+    alone: Since,
+}
+
 /// The state machine of a flight; see the top of this file.
 #[derive(Debug, Clone)]
 pub struct Supervisor {
@@ -94,46 +129,17 @@ pub struct Supervisor {
     /// The first tick. ns
     began_ns: Option<i64>,
     settling: Settling,
-    /// When the vehicle began to look grounded while landing, to one witness at least. ns
-    down_since_ns: Option<i64>,
-    /// The same to both witnesses. ns
-    agreed_since_ns: Option<i64>,
+    since: Timers,
     /// Whether the pose came to the floor by a jump: it is no witness of a landing.
     is_pose_displaced: bool,
-    /// Since when the drone says that it stands while control flies it. ns
-    grounded_since_ns: Option<i64>,
-    /// Since when the drone calls its charge critical. ns
-    battery_critical_since_ns: Option<i64>,
-    /// Since when the pose has been still in a climb that the drone reports. ns
-    climbs_still_since_ns: Option<i64>,
-    /// Since when the mission is done. ns
-    done_since_ns: Option<i64>,
-    /// Since when the controller's vehicle goes away from its reference. ns
-    astray_since_ns: Option<i64>,
-    /// Since when it is turned away from its reference. ns
-    turned_since_ns: Option<i64>,
-    /// Since when the vehicle is too fast. ns
-    fast_since_ns: Option<i64>,
-    /// Since when the dead time is too long. ns
-    dead_time_long_since_ns: Option<i64>,
     /// When the tick before was. ns
     remembered_ns: Option<i64>,
     /// How long plans were blocked, less a fifth of the time without. s
     blocked_s: f64,
-    /// Since when the sticks in a person's hand are neutral. ns
-    hand_neutral_since_ns: Option<i64>,
-    /// Since when they are so while the vehicle is outside of the room or too fast. ns
-    hand_idle_astray_since_ns: Option<i64>,
     /// When a plan that was flown led out of the room or into an obstacle. ns
     blocked_ns: Option<i64>,
-    /// When the vehicle began to brake before a landing. ns
-    braking_since_ns: Option<i64>,
-    /// Since when the drone says that it flies, without an order to take off. ns
-    aloft_since_ns: Option<i64>,
     /// What has shown so far that the order to take off was received.
     take_off_seen: TakeOffSeen,
-    /// Since when nothing has confirmed the command outage. ns
-    alone_since_ns: Option<i64>,
     /// When the take-off was ordered last. ns
     take_off_ordered_ns: Option<i64>,
     /// When landing or a stop of the motors was ordered. ns
@@ -166,26 +172,12 @@ impl Supervisor {
             phase_since_ns: 0,
             began_ns: None,
             settling: Settling::default(),
-            down_since_ns: None,
-            agreed_since_ns: None,
+            since: Timers::default(),
             is_pose_displaced: false,
-            grounded_since_ns: None,
-            battery_critical_since_ns: None,
-            climbs_still_since_ns: None,
-            done_since_ns: None,
-            astray_since_ns: None,
-            turned_since_ns: None,
-            fast_since_ns: None,
-            dead_time_long_since_ns: None,
             remembered_ns: None,
             blocked_s: 0.0,
-            hand_neutral_since_ns: None,
-            hand_idle_astray_since_ns: None,
             blocked_ns: None,
-            braking_since_ns: None,
-            aloft_since_ns: None,
             take_off_seen: TakeOffSeen::No,
-            alone_since_ns: None,
             take_off_ordered_ns: None,
             end_ordered_ns: None,
             ground_height_m: None,
@@ -235,7 +227,7 @@ impl Supervisor {
         }
         let is_settled = self.settling.is_over(e, self.table.settle_s);
         let is_braking = self.phase == Phase::Flying
-            && (self.braking_since_ns.is_some() || reaction == Reaction::Brake);
+            && (self.since.braking.holds() || reaction == Reaction::Brake);
         let may_steer = self.phase == Phase::Flying
             && (is_braking || reaction < Reaction::Hold)
             && (is_settled || pilot == Pilot::Person);
@@ -268,7 +260,7 @@ impl Supervisor {
         };
         self.late_periods = (self.late_periods - LATE_FORGIVEN).max(0.0) + e.skipped as f64;
         let is_aloft = self.is_aloft_unasked(e);
-        keep_since(&mut self.aloft_since_ns, is_aloft, e.t_ns);
+        self.since.aloft.keep(is_aloft, e.t_ns);
         let is_standing = self.phase == Phase::Idle && self.drone_says_flying(e) != Some(true);
         if is_standing && !self.is_pose_stale(e) {
             self.ground_height_m = e.pose.map(|at| at[pose::Z]);
@@ -294,32 +286,32 @@ impl Supervisor {
             _ => false,
         };
         let says_grounded = counts && says_flying == Some(false);
-        keep_since(&mut self.grounded_since_ns, says_grounded, e.t_ns);
+        self.since.grounded.keep(says_grounded, e.t_ns);
         let calls_critical = e.drone.is_some_and(|drone| drone.is_battery_critical);
-        keep_since(&mut self.battery_critical_since_ns, calls_critical, e.t_ns);
+        self.since.battery_critical.keep(calls_critical, e.t_ns);
         let climbs_still = self.phase == Phase::TakingOff
             && e.findings.still_s.is_some()
             && self.drone_has_risen(e);
-        keep_since(&mut self.climbs_still_since_ns, climbs_still, e.t_ns);
+        self.since.climbs_still.keep(climbs_still, e.t_ns);
         let is_done = e.is_mission_done && !e.is_by_hand;
-        keep_since(&mut self.done_since_ns, is_done, e.t_ns);
+        self.since.done.keep(is_done, e.t_ns);
         let (failsafe, is_flown) = (&self.table.failsafe, self.is_steered());
         let is_off = e.tracking_m.is_some_and(|error_m| exceeds(error_m, failsafe.tracking_m));
         let is_astray = is_flown && !e.is_by_hand && is_off;
         let is_fast = is_flown && exceeds(e.speed_mps, failsafe.speed_mps);
-        keep_since(&mut self.astray_since_ns, is_astray, e.t_ns);
+        self.since.astray.keep(is_astray, e.t_ns);
         // In an outage the reference may turn on without the vehicle.
         let turns = e.motion.is_some_and(|motion| motion.rate[pose::THETA].abs() > TURNING_RADPS);
         let is_steered = is_flown && !e.is_by_hand && (e.outage.is_none() || turns);
         let is_turned = is_steered && e.turned_rad.is_some_and(|rad| exceeds(rad, TURNED_RAD));
-        keep_since(&mut self.turned_since_ns, is_turned, e.t_ns);
-        keep_since(&mut self.fast_since_ns, is_fast, e.t_ns);
+        self.since.turned.keep(is_turned, e.t_ns);
+        self.since.fast.keep(is_fast, e.t_ns);
         let is_long = is_flown && !e.is_by_hand && e.is_dead_time_long;
-        keep_since(&mut self.dead_time_long_since_ns, is_long, e.t_ns);
+        self.since.dead_time_long.keep(is_long, e.t_ns);
         self.remember_idle_hand(e, is_fast);
         self.remember_blocked(e);
         let is_alone = is_flown && e.outage.is_some() && !conditions::is_confirmed(&e.findings);
-        keep_since(&mut self.alone_since_ns, is_alone, e.t_ns);
+        self.since.alone.keep(is_alone, e.t_ns);
     }
 
     fn next_phase(&self, e: &Evidence, reaction: Reaction, has_braked: bool) -> Phase {
@@ -390,7 +382,7 @@ impl Supervisor {
 
     /// Whether the last target was held for long enough.
     fn is_held_out(&self, e: &Evidence) -> bool {
-        has_lasted(self.done_since_ns, e.t_ns, self.table.finish_hold_s)
+        self.since.done.has_lasted(e.t_ns, self.table.finish_hold_s)
     }
 }
 

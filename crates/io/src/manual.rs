@@ -39,7 +39,8 @@ use crate::EmergencyRequest;
 use crate::clock::{Clock, TimeNs};
 
 /// Events in transit from one reader, and per tick: all that a terminal holds when text was pasted, so that an order
-/// behind it is heard in the next tick. A reader that finds the queue full waits; behind it the kernel keeps what comes.
+/// behind it is heard in the next tick. A reader that finds the queue full waits; behind it the kernel keeps what
+/// comes.
 const EVENTS: usize = 4096;
 
 /// Orders in transit from a view, which is informed that the control thread takes none before many gather.

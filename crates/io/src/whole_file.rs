@@ -1,7 +1,7 @@
 //! Files that appear whole or not at all, and files read whole.
 //!
-//! Owns the way by a temporary neighbour: a reader, or a run that is killed, never meets half a file. What is there and is
-//! no regular file (`/dev/null`, a pipe) is written and never replaced.
+//! Owns the way by a temporary neighbour: a reader, or a run that is killed, never meets half a file. What is there and
+//! is no regular file (`/dev/null`, a pipe) is written and never replaced.
 
 use std::fs;
 use std::io::{self, Read};
@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use serde::Serialize;
 
-/// Lets `fill` create and fill a file beside `path`, which then takes the name `path`. A link is followed. Into a device or
-/// pipe the bytes of the file are copied.
+/// Lets `fill` create and fill a file beside `path`, which then takes the name `path`. A link is followed. Into a
+/// device or pipe the bytes of the file are copied.
 ///
 /// # Errors
 /// `path` exists and `is_replaced` is false, or its folder cannot be written; the error of `fill`.
@@ -93,7 +93,8 @@ pub fn prepare(path: &Path, is_replaced: bool) -> Result<()> {
     probe(path)
 }
 
-/// Tries whether [`write()`] could create its file, before the work whose result `path` shall take. Leaves nothing behind.
+/// Tries whether [`write()`] could create its file, before the work whose result `path` shall take. Leaves nothing
+/// behind.
 ///
 /// # Errors
 /// `path` is a folder, a socket or a disk, or names no file, or its folder is missing or cannot be written.

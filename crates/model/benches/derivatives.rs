@@ -27,12 +27,15 @@ impl DualModel<4, 4, 4, 4> for Plain {
         p: &SVector<D, 4>,
         dt_s: f64,
     ) -> SVector<D, 4> {
-        let (sin, cos) = (s[3] + p[3]).sin_cos();
+        let ([x, y, z, theta], [lambda_h, lambda_v, lambda_a, theta_0]): ([D; 4], [D; 4]) =
+            ((*s).into(), (*p).into());
+        let [roll, pitch, yaw, throttle] = (*u).into();
+        let (sin, cos) = (theta + theta_0).sin_cos();
         SVector::from([
-            s[0] + p[0] * (cos * u[1] + sin * u[0]) * dt_s,
-            s[1] + p[0] * (sin * u[1] - cos * u[0]) * dt_s,
-            s[2] + p[1] * u[3] * dt_s,
-            s[3] + p[2] * u[2] * dt_s,
+            x + lambda_h * (cos * pitch + sin * roll) * dt_s,
+            y + lambda_h * (sin * pitch - cos * roll) * dt_s,
+            z + lambda_v * throttle * dt_s,
+            theta + lambda_a * yaw * dt_s,
         ])
     }
 
@@ -62,15 +65,17 @@ fn compiled() -> Option<Compiled<4, 4, 4, 4>> {
     use Binary::{Add, Mul, Sub};
     let mut graph = Graph::default();
     let s = [0, 1, 2, 3].map(|row| graph.variable(Variable::State(row)));
-    let u = [0, 1, 2, 3].map(|row| graph.variable(Variable::Input(row)));
-    let p = [0, 1, 2, 3].map(|row| graph.variable(Variable::Parameter(row)));
+    let [roll, pitch, yaw, throttle] = [0, 1, 2, 3].map(|row| graph.variable(Variable::Input(row)));
+    let [lambda_h, lambda_v, lambda_a, theta_0] =
+        [0, 1, 2, 3].map(|row| graph.variable(Variable::Parameter(row)));
     let dt = graph.variable(Variable::Period);
-    let psi = graph.binary(Add, s[3], p[3]);
+    let [.., theta] = s;
+    let psi = graph.binary(Add, theta, theta_0);
     let (sin, cos) = (graph.unary(Unary::Sin, psi), graph.unary(Unary::Cos, psi));
-    let products = [(cos, u[1]), (sin, u[0]), (sin, u[1]), (cos, u[0])];
+    let products = [(cos, pitch), (sin, roll), (sin, pitch), (cos, roll)];
     let [a, b, c, d] = products.map(|(left, right)| graph.binary(Mul, left, right));
-    let rates = [graph.binary(Add, a, b), graph.binary(Sub, c, d), u[3], u[2]];
-    let gains = [p[0], p[0], p[1], p[2]];
+    let rates = [graph.binary(Add, a, b), graph.binary(Sub, c, d), throttle, yaw];
+    let gains = [lambda_h, lambda_h, lambda_v, lambda_a];
     let mut next = s;
     for (next, (rate, gain)) in next.iter_mut().zip(rates.into_iter().zip(gains)) {
         let velocity = graph.binary(Mul, gain, rate);

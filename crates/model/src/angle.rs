@@ -26,10 +26,11 @@ pub fn unwrap_near(angle: f64, reference: f64) -> f64 {
     reference + wrap(angle - reference)
 }
 
-/// `v` with every angle row moved to the turn nearest to the same row of `reference`; N rows each, in the units of `rows`.
+/// `v` with every angle row moved to the turn nearest to the same row of `reference`; N rows each, in the units of
+/// `rows`.
 ///
-/// A target of 0 rad for a system that has turned once is 2 pi: it must not spin back. Of two turns that are equally near
-/// the lower one is taken. An angle that is not finite, here or in `reference`, gives NaN in its row.
+/// A target of 0 rad for a system that has turned once is 2 pi: it must not spin back. Of two turns that are equally
+/// near the lower one is taken. An angle that is not finite, here or in `reference`, gives NaN in its row.
 ///
 /// Real time: no allocation, one pass over the rows.
 pub fn nearest_turn<const N: usize>(

@@ -32,8 +32,8 @@ impl<const N: usize> Bounds<N> {
         })
     }
 
-    /// The vector of the box that is nearest to `x`, row by row, in its units. A row of `x` that is NaN becomes its lower
-    /// bound.
+    /// The vector of the box that is nearest to `x`, row by row, in its units. A row of `x` that is NaN becomes its
+    /// lower bound.
     ///
     /// Real time: no allocation, one pass over the rows.
     #[inline]

@@ -1,4 +1,5 @@
-//! Numeric check of a model: which entry disagrees most, a derivative with central differences, or a function with another.
+//! Numeric check of a model: which entry disagrees most, a derivative with central differences, or a function with
+//! another.
 
 mod equalities;
 mod structure;
@@ -33,7 +34,8 @@ pub struct Entry {
     pub column: usize,
     /// What the model returns. Unit of the row / unit of the column
     pub given: f64,
-    /// What it should be, by central differences or by the function that must agree. Unit of the row / unit of the column
+    /// What it should be, by central differences or by the function that must agree. Unit of the row / unit of the
+    /// column
     pub numeric: f64,
     /// `|given - numeric| / max(1, |numeric|)`; NaN if either is. 1
     pub gap: f64,
@@ -169,13 +171,14 @@ fn worst_of<const M: usize, const N: usize>(
 ///
 /// Functions that must agree with others are compared with these: [`Model::prepared`] with the model, `core` with the
 /// step at the effective input, `effect` of `input_for` with the effect, and the observation of [`Model::at_rest`] with
-/// that of `s`. A state that is not at rest may be observed as none at rest is, if velocities are observed and `at_rest`
-/// is overridden: check such a model at rest.
+/// that of `s`. A state that is not at rest may be observed as none at rest is, if velocities are observed and
+/// `at_rest` is overridden: check such a model at rest.
 ///
 /// Steps are divided by the period, so that an entry of order `dt_s` is checked as strictly as one of order 1. A
-/// right first derivative has a gap of about 1e-10 to 1e-8 if rows are of order 1 or positive; elsewhere the differences
-/// are wrong ([`crate::differences`]), and a right derivative has a large gap. A gap is relative to the larger of 1 and
-/// the numeric derivative: a wrong sign of an entry of 1e-9 is a gap of 2e-9. Choose units that make entries large.
+/// right first derivative has a gap of about 1e-10 to 1e-8 if rows are of order 1 or positive; elsewhere the
+/// differences are wrong ([`crate::differences`]), and a right derivative has a large gap. A gap is relative to the
+/// larger of 1 and the numeric derivative: a wrong sign of an entry of 1e-9 is a gap of 2e-9. Choose units that make
+/// entries large.
 pub fn model_gap<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
     model: &M,
     at: &Point<NS, NU, NP>,

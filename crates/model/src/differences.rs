@@ -35,8 +35,8 @@ pub fn jacobian<const M: usize, const N: usize>(
 /// [`jacobian`] by variables with these rows.
 ///
 /// The increment of a positive row ([`Domain::Positive`]) above zero is relative, `h = eps^(1/3) x_i`: the value is the
-/// scale of such a quantity, and `x_i - h` stays positive. The rounding error, `eps |f| / h`, is small if `f` changes in
-/// proportion to the quantity, as with a parameter; not with a nearly empty reservoir that is filled.
+/// scale of such a quantity, and `x_i - h` stays positive. The rounding error, `eps |f| / h`, is small if `f` changes
+/// in proportion to the quantity, as with a parameter; not with a nearly empty reservoir that is filled.
 ///
 /// ```
 /// use horizon_model::{Row, differences::jacobian_of_rows};

@@ -84,7 +84,8 @@ impl<const NU: usize> InputFifo<NU> {
     }
 
     /// Makes each dead time longer than [`InputFifo::new`] was given by its `steps`, or shorter; none falls below
-    /// its least one ([`InputFifo::with_min_ratio`]). What was sent stays. A longer one takes as much room, see [`InputFifo::with_room`].
+    /// its least one ([`InputFifo::with_min_ratio`]). What was sent stays. A longer one takes as much room, see
+    /// [`InputFifo::with_room`].
     ///
     /// Real time: no allocation, constant cost.
     pub fn correct(&mut self, steps: [i32; NU]) {

@@ -224,10 +224,10 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
 
     /// The state at rest that is observed as `o`: where an estimator starts and what a target means.
     ///
-    /// `observe(at_rest(o)) == o`. The default is the least-squares solution by Gauss-Newton from `s = 0`, or from
-    /// `s = (0.1, 0.2, ..)` if that explains `o` better, as with distances; with the minimum norm where `observe` is
-    /// linear: rows that are not observed stay zero. Override it if rest means something else, or if `observe` has
-    /// other places without a derivative.
+    /// `observe(at_rest(o)) == o` if a state explains `o`. The default is the least-squares solution by Gauss-Newton
+    /// from `s = 0`, or from `s = (0.1, 0.2, ..)` if that explains `o` better, as with distances; with the minimum norm
+    /// where `observe` is linear: rows that are not observed stay zero. Override it if rest means something else, or if
+    /// `observe` has other places without a derivative.
     fn at_rest(&self, o: &SVector<f64, NO>) -> SVector<f64, NS> {
         rest::least_squares(|s| self.observe(s), |s| self.observe_by_state(s), o)
     }
@@ -247,13 +247,13 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     }
 
     /// By how much the observation still changes from `s` on until the system is at rest, without inputs and within
-    /// the limits of the model; zero for a model without velocities.
+    /// the limits of the model, NO rows in the units of [`Model::OBSERVATION`]; zero for a model without velocities.
     #[inline]
     fn coasting(&self, _s: &SVector<f64, NS>, _p: &SVector<f64, NP>) -> SVector<f64, NO> {
         SVector::zeros()
     }
 
-    /// Jacobian of [`Model::coasting`] by `s`.
+    /// Jacobian of [`Model::coasting`] by `s`, NO x NS.
     #[inline]
     fn coasting_by_state(
         &self,
@@ -281,13 +281,14 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         *self
     }
 
-    /// Effective input: the static input nonlinearity of a Hammerstein model at `u`.
+    /// Effective input: the static input nonlinearity of a Hammerstein model at `u`. Both NU rows in the units of
+    /// [`Model::INPUT`].
     #[inline]
     fn effect(&self, u: &SVector<f64, NU>, _p: &SVector<f64, NP>) -> SVector<f64, NU> {
         *u
     }
 
-    /// Inverse of [`Model::effect`].
+    /// Inverse of [`Model::effect`], NU rows in the same units.
     #[inline]
     fn input_for(&self, effect: &SVector<f64, NU>, _p: &SVector<f64, NP>) -> SVector<f64, NU> {
         *effect

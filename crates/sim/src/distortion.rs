@@ -9,7 +9,7 @@ use horizon_model::angle;
 use horizon_model::rows::{Pose, pose};
 
 use crate::fault::{Fault, Faults, Present};
-use crate::mocap::{Mocap, MocapReport};
+use crate::mocap::{Mocap, MocapReport, reported};
 use crate::random::{Purpose, Random};
 
 /// The faults' own noise.
@@ -95,7 +95,7 @@ impl Distortion {
             }
             Fault::MocapDrift { velocity_w_mps: [x, y, z], yaw_radps } => {
                 *o += Pose::new(x, y, z, yaw_radps) * elapsed_s;
-                wrap(o);
+                *o = reported(*o);
             }
             Fault::MocapFrame { turn_rad, is_mirrored, scale } => {
                 let sign = if is_mirrored { -1.0 } else { 1.0 };
@@ -105,11 +105,11 @@ impl Distortion {
                 o[pose::Y] = sin * x + cos * y;
                 o[pose::Z] *= scale;
                 o[pose::THETA] = sign * o[pose::THETA] + turn_rad;
-                wrap(o);
+                *o = reported(*o);
             }
             Fault::MocapHeading { turn_rad } => {
                 o[pose::THETA] += turn_rad;
-                wrap(o);
+                *o = reported(*o);
             }
             Fault::MocapNoise { growth_mps, growth_radps } => {
                 self.add_noise(o, growth_mps * elapsed_s, growth_radps * elapsed_s);
@@ -123,7 +123,7 @@ impl Distortion {
         {
             o[row] += sd * self.noise.normal();
         }
-        wrap(o);
+        *o = reported(*o);
     }
 }
 
@@ -155,11 +155,6 @@ fn misread(mut o: Pose, is_on: impl Fn(Fault) -> bool) -> Pose {
         }
     }
     o
-}
-
-/// The heading in the interval of the stream, which is open below.
-fn wrap(o: &mut Pose) {
-    o[pose::THETA] = -angle::wrap(-o[pose::THETA]);
 }
 
 #[cfg(test)]

@@ -165,7 +165,7 @@ pub enum Fault {
     SecondController {
         /// Roll, pitch, yaw, throttle. 1, -1..=1
         sticks: [f64; stick::COUNT],
-        /// Packets per second; at 50 none of ours acts. 1/s, 0..=50, > 0
+        /// Packets per second; at 50 none of ours acts. Hz, > 0, <= 50
         rate_hz: f64,
     },
     /// The control loop of the program stands still, the thread of its sockets does not. In virtual time

@@ -185,7 +185,7 @@ impl Episode {
 }
 
 /// `o` with the heading in the stream's interval, which is open below, that of `wrap` above.
-fn reported(mut o: Pose) -> Pose {
+pub(crate) fn reported(mut o: Pose) -> Pose {
     o[pose::THETA] = -angle::wrap(-o[pose::THETA]);
     o
 }

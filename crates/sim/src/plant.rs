@@ -189,8 +189,8 @@ impl Plant {
         self.fly(&Sticks::zeros(), climb_mps);
     }
 
-    /// Flies one step of a landing in which the sticks `u_sent` (1) stay applied horizontally and in yaw, climbing towards
-    /// `climb_mps`, which is negative. m/s
+    /// Flies one step of a landing in which the sticks `u_sent` (1) stay applied horizontally and in yaw, climbing
+    /// towards `climb_mps`, which is negative. m/s
     pub fn step_sinking(&mut self, u_sent: &Sticks, climb_mps: f64) {
         self.fifo.push(u_sent);
         let u_applied = self.fifo.applied(-1);

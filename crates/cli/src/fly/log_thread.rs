@@ -86,7 +86,8 @@ pub(super) fn start(
 struct WrittenLink(LinkReport);
 
 impl WrittenLink {
-    /// Whether `newest` is written next: when it `is_due`, or something was sent in place of what the control thread wants.
+    /// Whether `newest` is written next: when it `is_due`, or something was sent in place of what the control thread
+    /// wants.
     fn takes(&mut self, newest: &LinkReport, is_due: bool) -> bool {
         let is_written = is_due || newest.has_intervened_since(&self.0);
         if is_written {

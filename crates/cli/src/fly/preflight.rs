@@ -30,6 +30,12 @@ const LOG_BYTES: u64 = 200_000_000;
 /// A first target that is further away is one in another unit or another room: the vehicle would set off for it. m
 const TO_FIRST_MAX_M: f64 = 50.0;
 
+/// Least distance of a take-off from walls and obstacles without a note. m
+const BESIDE_MIN_M: f64 = 0.6;
+
+/// Fewest frames within the age at which a pose is stale: one of them may be missing.
+const FRAMES_MIN: f64 = 2.0;
+
 /// What was found, without judgement.
 #[derive(Debug, Clone)]
 struct Found {
@@ -63,12 +69,6 @@ enum Readiness {
     /// Waiting mends nothing: the drone stays on the ground.
     Never,
 }
-
-/// Least distance of a take-off from walls and obstacles without a note. m
-const BESIDE_MIN_M: f64 = 0.6;
-
-/// Fewest frames within the age at which a pose is stale: one of them may be missing.
-const FRAMES_MIN: f64 = 2.0;
 
 /// One line of the list.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -204,13 +204,7 @@ fn mission_check(mission: &Mission, walls: Option<&RoomTable>) -> Check {
         return check("mission", Readiness::Note, reason);
     };
     let RoomTable { x_m, y_m, z_m, .. } = walls;
-    let to_wall_m = |at: &Pose| {
-        [(pose::X, x_m), (pose::Y, y_m), (pose::Z, z_m)]
-            .map(|(row, [low_m, high_m])| (at[row] - low_m).min(high_m - at[row]))
-            .into_iter()
-            .fold(f64::INFINITY, f64::min)
-    };
-    let nearest_m = mission.outline().iter().map(to_wall_m).fold(f64::INFINITY, f64::min);
+    let nearest_m = mission.survey().margin_m([*x_m, *y_m, *z_m]);
     let span = |[low_m, high_m]: &[f64; 2]| format!("{low_m:.1}..{high_m:.1}");
     let reason = format!(
         "{count} targets, {nearest_m:.2} m or more inside of the room x {}, y {}, z {} m",

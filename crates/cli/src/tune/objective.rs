@@ -125,7 +125,8 @@ mod tests {
 
     use super::*;
 
-    /// A flight with three corners that took `time_s` (s), at most `distance_max_m` off; without a time it did not finish.
+    /// A flight with three corners that took `time_s` (s), at most `distance_max_m` off; without a time it did not
+    /// finish.
     fn flown(time_s: Option<f64>, distance_max_m: f64) -> Flown {
         let metrics = Metrics {
             finish_s: time_s,

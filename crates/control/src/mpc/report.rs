@@ -30,7 +30,7 @@ pub struct Ask<'a, const NS: usize, const NU: usize, const NP: usize> {
     /// Committed inputs: sent already, in transit. The bounds do not hold for them. Unit of each row
     pub u_given: &'a [SVector<f64, NU>],
     /// Row `i` of the input of a stage is the mean of `u_given[..][i]` over its steps, up to `given_steps[i]`, and
-    /// free after. Zeros let all inputs free.
+    /// free after. Zeros leave all inputs free.
     pub given_steps: [usize; NU],
 }
 

@@ -64,8 +64,8 @@ pub struct SolverTable {
     pub qp: QpKind,
     /// Predicted relative drop of the cost below which the plan is optimal. 1, 1e-15..=0.1
     pub cost_tolerance: f64,
-    /// Iterations per solve, each of one quadratic subproblem or, where the exact Hessian is indefinite, of up to three.
-    /// 1..=1000
+    /// Iterations per solve, each of one quadratic subproblem or, where the exact Hessian is indefinite, of up to
+    /// three. 1..=1000
     pub iterations_max: u32,
     /// Gap and feasibility tolerance of Clarabel. 1, 1e-14..=1e-3
     pub qp_tolerance: f64,
@@ -240,7 +240,8 @@ impl<const NS: usize, const NU: usize> MpcSettings<NS, NU> {
         &self.u_ub
     }
 
-    /// The same settings for a controller whose plans may have up to `count` soft constraints after each stage, 0..=1000;
+    /// The same settings for a controller whose plans may have up to `count` soft constraints after each stage,
+    /// 0..=1000;
     /// [`Mpc::new`](crate::Mpc::new) refuses more.
     #[must_use]
     pub fn with_constraints(self, count: usize) -> Self {

@@ -1,7 +1,7 @@
 //! Soft constraints of the quadratic subproblem.
 //!
-//! Owns the one-sided quadratic penalty `1/2 squared_weight max(0, c + g' ds)^2` of a linearized constraint `c + g' ds <= 0`.
-//! It is what a slack variable leaves: `min 1/2 squared_weight sigma^2` subject to `sigma >= c + g' ds`.
+//! Owns the one-sided quadratic penalty `1/2 squared_weight max(0, c + g' ds)^2` of a linearized constraint `c + g' ds
+//! <= 0`. It is what a slack variable leaves: `min 1/2 squared_weight sigma^2` subject to `sigma >= c + g' ds`.
 
 use nalgebra::SVector;
 

@@ -18,7 +18,7 @@ use crate::levenberg::SolveError;
 /// What makes a trial impossible.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
-pub enum TrialError {
+pub(super) enum TrialError {
     /// A resample leads to where the model is not finite.
     #[error(transparent)]
     Solve(#[from] SolveError),
@@ -30,22 +30,22 @@ pub enum TrialError {
 /// One identification of data whose truth is known, with the uncertainty that it claims. Rows are those of the
 /// parameter, in its units.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Trial<const NP: usize> {
+pub(super) struct Trial<const NP: usize> {
     /// Estimate minus truth. Unit of each row
-    pub error: SVector<f64, NP>,
+    pub(super) error: SVector<f64, NP>,
     /// What each method claims, by name.
-    pub claims: Vec<Claim<NP>>,
+    pub(super) claims: Vec<Claim<NP>>,
 }
 
 /// What one method claims of an estimate.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Claim<const NP: usize> {
+pub(super) struct Claim<const NP: usize> {
     /// Name of the method: `plain`, `scaled` and `clustered` as in [`Laplace`], or `bootstrap`.
-    pub method: &'static str,
+    pub(super) method: &'static str,
     /// Standard deviation. Unit of each row
-    pub std: SVector<f64, NP>,
+    pub(super) std: SVector<f64, NP>,
     /// Whether its 95 % interval contains the truth.
-    pub holds: [bool; NP],
+    pub(super) holds: [bool; NP],
 }
 
 impl<const NP: usize> Trial<NP> {
@@ -56,7 +56,7 @@ impl<const NP: usize> Trial<NP> {
     ///
     /// # Errors
     /// A covariance does not exist, or a resample cannot be solved.
-    pub fn new<M, const NS: usize, const NU: usize, const NO: usize>(
+    pub(super) fn new<M, const NS: usize, const NU: usize, const NO: usize>(
         ident: &mut Ident<M, NS, NU, NO, NP>,
         truth: &SVector<f64, NP>,
         seed: u64,
@@ -87,33 +87,33 @@ impl<const NP: usize> Trial<NP> {
 
 /// What many trials amount to, row by row in the units of the parameter.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Calibration<const NP: usize> {
+pub(super) struct Calibration<const NP: usize> {
     /// Number of trials.
-    pub runs: usize,
+    pub(super) runs: usize,
     /// Mean of the errors: what is systematic in them. Unit of each row
-    pub bias: SVector<f64, NP>,
+    pub(super) bias: SVector<f64, NP>,
     /// Standard deviation of the errors: what each method tries to tell. Unit of each row
-    pub std: SVector<f64, NP>,
+    pub(super) std: SVector<f64, NP>,
     /// How each method did, in the order of the trials' claims.
-    pub methods: Vec<Coverage<NP>>,
+    pub(super) methods: Vec<Coverage<NP>>,
 }
 
 /// How well one method knows the error of an estimate.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Coverage<const NP: usize> {
+pub(super) struct Coverage<const NP: usize> {
     /// Name of the method, see [`Claim::method`].
-    pub method: &'static str,
+    pub(super) method: &'static str,
     /// Root mean square of the standard deviations that it claimed. Unit of each row
-    pub std: SVector<f64, NP>,
+    pub(super) std: SVector<f64, NP>,
     /// Fraction of the trials whose 95 % interval contains the truth. 1, 0..=1
-    pub fraction: SVector<f64, NP>,
+    pub(super) fraction: SVector<f64, NP>,
 }
 
 /// Runs `trial` for each seed, in parallel, and counts; `None` for fewer than two seeds.
 ///
 /// # Errors
 /// The first error of a trial, by seed.
-pub fn calibrate<const NP: usize, E: Send>(
+pub(super) fn calibrate<const NP: usize, E: Send>(
     seeds: Range<u64>,
     trial: impl Fn(u64) -> Result<Trial<NP>, E> + Send + Sync,
 ) -> Result<Option<Calibration<NP>>, E> {

@@ -152,27 +152,30 @@ where
             self.ident.restart_at(start);
             // Cost above that of the start, and the least of them; none where it goes no further.
             let mut costs = vec![Some((0.0, 0.0_f64)); points.len()];
+            let next_s = |last_s: f64| (last_s + step_s).clamp(0.0, dead_time_max_s);
             loop {
-                let mut before = Vec::with_capacity(points.len());
                 for (group, points) in points.iter().enumerate() {
-                    let last = points.last().copied().unwrap_or_default();
-                    let next_s = (last.0 + step_s).clamp(0.0, dead_time_max_s);
-                    let has_place = (next_s - last.0).abs() > 0.1 * grid_s;
+                    let last_s = points.last().map_or(0.0, |(last_s, _)| *last_s);
+                    let has_place = (next_s(last_s) - last_s).abs() > 0.1 * grid_s;
                     costs[group] = costs[group].filter(|_| has_place);
                     let is_moving = costs[group].is_some();
-                    self.put(group, if is_moving { next_s } else { starts_s[group] });
-                    before.push((next_s, last));
+                    self.put(group, if is_moving { next_s(last_s) } else { starts_s[group] });
                 }
                 if costs.iter().all(Option::is_none) {
                     break;
                 }
                 self.solve_to(|of_settings| of_settings.max(ROUGH))?;
-                for (group, gradient) in self.gradients().into_iter().enumerate() {
-                    let Some((cost, least)) = costs[group] else { continue };
-                    let (at_s, (last_s, last)) = before[group];
-                    let cost = cost + 0.5 * (last + gradient) * (at_s - last_s);
-                    costs[group] = (cost < least + far).then_some((cost, least.min(cost)));
-                    points[group].push((at_s, gradient));
+                let groups = points.iter_mut().zip(&mut costs);
+                for ((points, cost), gradient) in groups.zip(self.gradients()) {
+                    let (Some((above, least)), Some((last_s, last))) =
+                        (*cost, points.last().copied())
+                    else {
+                        continue;
+                    };
+                    let at_s = next_s(last_s);
+                    let above = above + 0.5 * (last + gradient) * (at_s - last_s);
+                    *cost = (above < least + far).then_some((above, least.min(above)));
+                    points.push((at_s, gradient));
                 }
             }
             if step_s < 0.0 {

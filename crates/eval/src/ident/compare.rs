@@ -175,7 +175,8 @@ pub fn compare(
     let masker = Masker::new(first.table)?;
     let judged = if others.is_empty() { logs } else { others };
     let flights: Vec<Judged> = judged.par_iter().map(|log| masker.judged(log)).collect();
-    let horizon_steps = steps(HORIZONS_S[2], dt_s);
+    let [.., longest_s] = HORIZONS_S;
+    let horizon_steps = steps(longest_s, dt_s);
     let mut models = Vec::new();
     for (job, whole) in jobs.iter().zip(fitted) {
         let mut tally = Tally::new(horizon_steps);

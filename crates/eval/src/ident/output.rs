@@ -65,7 +65,8 @@ pub fn is_earlier(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("parameters.earlier"))
 }
 
-/// Gives `parameters.json` the name `parameters.earlier.json`, or a numbered one: a file that flights have taught stays.
+/// Gives `parameters.json` the name `parameters.earlier.json`, or a numbered one: a file that flights have taught
+/// stays.
 fn keep_earlier(parameters: &Path) -> Result<PathBuf> {
     let name = |number: u32| match number {
         1 => "parameters.earlier.json".to_owned(),

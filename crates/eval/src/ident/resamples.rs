@@ -247,7 +247,8 @@ impl Display for ResampleFile {
         let unconverged = self.resamples.iter().filter(|row| row.is_unconverged()).count();
         let (count, seed) = (self.resamples.len(), self.seed);
         writeln!(f, "bootstrap     {count} resamples, {unconverged} not converged, seed {seed}")?;
-        if count > 1 && self.resamples.windows(2).all(|rows| rows[0].p == rows[1].p) {
+        let are_equal = |(row, next): (&ResampleRow, &ResampleRow)| row.p == next.p;
+        if count > 1 && self.resamples.iter().zip(self.resamples.iter().skip(1)).all(are_equal) {
             return writeln!(f, "no intervals: all resamples are the same sample, as of one piece");
         }
         writeln!(f, "{:<13} {:>10} {:>9}  95 % interval", "parameter", "mean", "std")?;

@@ -12,8 +12,8 @@ use tello_io::whole_file::Part;
 use crate::flight_log::{self, TickRecord};
 use crate::scene::Scene;
 
-/// A log that viewers draw. It has its name when it is closed, and is removed if it is not: a torn one would be in the way
-/// of the next try.
+/// A log that viewers draw. It has its name when it is closed, and is removed if it is not: a torn one would be in the
+/// way of the next try.
 pub(super) struct DrawnLog {
     log: LogWriter,
     scene: Scene,

@@ -226,10 +226,10 @@ mod tests {
     use super::*;
 
     fn flight(rows: &[(f64, [f64; 2])]) -> Flight {
-        let row = |(step, (x, target)): (u64, &(f64, [f64; 2]))| CsvRow {
+        let row = |(step, &(x, [x_target, y_target])): (u64, &(f64, [f64; 2]))| CsvRow {
             step,
-            pos: Some(Pose::new(*x, 0.0, 1.0, 0.0)),
-            target: Some(Pose::new(target[0], target[1], 1.0, 0.0)),
+            pos: Some(Pose::new(x, 0.0, 1.0, 0.0)),
+            target: Some(Pose::new(x_target, y_target, 1.0, 0.0)),
             ..CsvRow::default()
         };
         let rows = (0..).zip(rows).map(row).collect();

@@ -64,8 +64,8 @@ impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    /// Plan and estimate of [`Pipeline::NextTick`], made after the sticks of this tick are sent: the plan by the estimate
-    /// of the tick before.
+    /// Plan and estimate of [`Pipeline::NextTick`], made after the sticks of this tick are sent: the plan by the
+    /// estimate of the tick before.
     pub(super) fn solve_for_next_tick(
         &mut self,
         may_steer: bool,

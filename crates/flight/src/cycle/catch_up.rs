@@ -1,7 +1,7 @@
 //! Periods in which the loop did not run.
 //!
-//! Owns what is known of them: which sticks the sender sent in the meantime. When so many are missed that the flight
-//! ends, the supervisor decides.
+//! Owns what is known of them: which sticks the sender sent in the meantime. Whether they end the flight is decided by
+//! the supervisor.
 
 use horizon_estim::Observed;
 use horizon_model::Model;
@@ -49,8 +49,8 @@ mod tests {
 
     type LaggedCycle = Cycle<Lagged, { motion::COUNT }, { lag::COUNT }, { motion::CONTROLLABLE }>;
 
-    /// Whether the sticks of before act `back` periods before the coming one on an axis without dead time, after a pause
-    /// of `skipped` periods; else neutral ones do.
+    /// Whether the sticks of before act `back` periods before the coming one on an axis without dead time, after a
+    /// pause of `skipped` periods; else neutral ones do.
     fn acts(skipped: u64, back: isize) -> bool {
         let mut table = table();
         table.cycle.dead_time_s = vec![0.0; stick::COUNT];

@@ -54,3 +54,45 @@ impl Committed {
         self.given_steps.into_iter().max().unwrap_or(0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::Kinematic;
+
+    use super::*;
+
+    /// Stages of 1, 1, 4, 4 and 2 steps.
+    fn settings() -> MpcSettings<4, { stick::COUNT }> {
+        MpcSettings::builder(12).stages(&[(2, 4)]).build(&Kinematic).unwrap()
+    }
+
+    #[test]
+    fn each_axis_is_decided_as_much_longer_as_it_acts_later() {
+        let dead_time_steps = Sticks::new(9.5, 9.0, 2.25, 4.75);
+        assert_eq!(given_steps(&dead_time_steps), [7, 7, 0, 2]);
+        assert_eq!(given_steps(&Sticks::repeat(3.9)), [0; stick::COUNT]);
+        let committed = Committed::new(&dead_time_steps, &settings());
+        assert_eq!(
+            (committed.steps_max, committed.fraction),
+            (7, Sticks::new(0.5, 0.0, 0.25, 0.75))
+        );
+    }
+
+    #[test]
+    fn a_stage_is_given_or_free_as_a_whole() {
+        let settings = settings();
+        let begins: Vec<usize> = (0..=12).filter(|step| settings.is_boundary(*step)).collect();
+        let committed =
+            |steps: f64| Committed::new(&Sticks::new(steps, steps, 0.0, 0.0), &settings);
+        for steps in 0..=12_u32 {
+            let found = committed(f64::from(steps));
+            let [given, .., throttle] = found.given_steps;
+            let off = begins.iter().map(|begin| begin.abs_diff(steps as usize)).min();
+            assert_eq!(Some(given.abs_diff(steps as usize)), off, "{steps}: {begins:?}");
+            assert!(begins.contains(&given) && throttle == 0);
+            let [[open, next], ..] = found.open_stages;
+            assert_eq!((open, next), (settings.stage_of(given), settings.stage_of(given + 1)));
+            assert_eq!((found.given_stages, found.given_steps_max()), (open, given));
+        }
+    }
+}

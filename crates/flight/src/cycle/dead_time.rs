@@ -29,9 +29,9 @@ const PERIODS_BETWEEN: u32 = 5;
 /// What the dead times of a flight were corrected by.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeadTimeChange {
-    /// Added to that of each stick as it is configured, as far as `dead_time_min_ratio` lets it. steps
+    /// Asked for in addition to that of each stick as it is configured. steps
     pub steps: [i32; stick::COUNT],
-    /// The same. s
+    /// What is applied of it: `dead_time_min_ratio` of each dead time stays. s
     pub change_s: Sticks,
     /// What is still missing of roll and pitch by the latest motion that shows it; `None` before. s
     pub error: Option<DeadTimeError>,
@@ -72,7 +72,9 @@ pub(super) struct DeadTime {
 /// Correction of one axis.
 #[derive(Debug)]
 struct Correction {
-    /// Least correction in all. steps
+    /// What `dead_time_min_ratio` gives up of the dead time. s
+    given_up_s: f64,
+    /// Least correction in all: the whole steps of it. steps
     steps_min: i32,
     steps: i32,
     /// Periods since the newest correction.
@@ -101,7 +103,7 @@ impl DeadTime {
         let correction = |axis: usize| {
             let given_up_s = (1.0 - dead_time_min_ratio) * dead_time_s[axis];
             let steps_min = -steps_max.min(whole(given_up_s / dt_s + 1e-9));
-            Correction { steps_min, steps: 0, since: 0, error: None }
+            Correction { given_up_s, steps_min, steps: 0, since: 0, error: None }
         };
         Self {
             dt_s,
@@ -117,12 +119,15 @@ impl DeadTime {
     pub(super) fn change(&self) -> Option<DeadTimeChange> {
         let Self { dt_s, steps_max, horizontal, throttle, yaw, .. } = self;
         let mut steps = [horizontal.steps; stick::COUNT];
+        let mut given_up_s = Sticks::repeat(horizontal.given_up_s);
         for (axis, own) in [(stick::THROTTLE, throttle), (stick::YAW, yaw)] {
             steps[axis] = (horizontal.steps + own.steps).min(*steps_max);
+            given_up_s[axis] = own.given_up_s;
         }
+        let asked_s = Sticks::from(steps.map(f64::from)) * *dt_s;
         (*steps_max > 0).then(|| DeadTimeChange {
             steps,
-            change_s: Sticks::from(steps.map(f64::from)) * *dt_s,
+            change_s: asked_s.sup(&-given_up_s),
             error: horizontal.error,
             throttle_error: throttle.error,
             yaw_error: yaw.error,

@@ -13,9 +13,10 @@ use crate::{Mission, MissionTable, Obstacle, Room, obstacles};
 /// A Tello does not hover lower above the floor. m
 const HOVER_MIN_M: f64 = 0.3;
 
-/// Why `mission`, which is that of `table`, cannot be flown: it leaves the room, is too low, stops inside of an obstacle
-/// or ends above one, is faster than the failsafe lets a vehicle be or than the upper bounds of the gains. Each pose of `table` outside of the room
-/// is named, the farthest place of the path if none of them is. Allocates.
+/// Why `mission` cannot be flown, which is that of `table`: it leaves the room, is too low, stops inside of an
+/// obstacle, ends above one, or is faster than the failsafe or the upper bounds of the gains allow. Allocates.
+///
+/// Each pose of `table` outside of the room is named, the farthest place of the path if none of them is.
 ///
 /// # Errors
 /// A room or obstacles that break their rule.
@@ -26,47 +27,56 @@ pub fn misfits(
 ) -> Result<Vec<SettingError>, SettingError> {
     let mut found = room(cycle)?.map_or(Vec::new(), |room| outside(table, mission, &room));
     found.extend(low(table, mission, cycle.filter.floor_m));
-    let mut refuse = |value: String, rule: String| {
-        found.push(SettingError::new("mission", value, rule));
-    };
-    let obstacles = obstacles(&cycle.obstacles).map_err(|error| error.under("cycle"))?;
-    for (k, obstacle) in obstacles.iter().enumerate() {
-        let inside = |at: &Pose| (-obstacle.distance(&pos_w(at)).distance_m, pos_w(at));
-        let deepest = mission.stops().iter().map(inside).max_by(|a, b| a.0.total_cmp(&b.0));
-        if let Some((inside_m, at)) = deepest.filter(|(inside_m, _)| *inside_m > 0.0) {
-            let rule = format!("outside of cycle.obstacles[{k}]: it is {inside_m:.2} m inside");
-            refuse(place(at.into()), rule);
-        } else if let Some(end) = mission.stops().last()
-            && !obstacle.is_moving()
-            && distance_above(obstacle, end, cycle.filter.floor_m) < 0.0
-        {
-            let rule = format!("not above cycle.obstacles[{k}]: the drone lands there");
-            refuse(place(pos_w(end).into()), rule);
-        }
-    }
-    let failsafe_mps = cycle.supervisor.failsafe.speed_mps;
-    if let Some(demands) = mission.demands().filter(|it| it.speed.value > failsafe_mps) {
-        let rule = format!("at most {failsafe_mps}, cycle.supervisor.failsafe.speed_mps");
-        refuse(described(&demands.speed, "m/s"), rule);
-    } else {
-        for (demand, row, best, unit) in axes(mission, cycle, &cycle.mhe.p_ub) {
-            if demand.value > best {
-                let rule = format!("at most {best}, full sticks with cycle.mhe.p_ub[{row}]");
-                refuse(described(&demand, unit), rule);
-            }
-        }
-    }
+    found.extend(blocked(mission, cycle)?);
+    found.extend(fast(mission, cycle));
     Ok(found)
 }
 
-/// Distance of a vehicle that lands from `at` to `obstacle`, negative if it gets into it. m
+/// Obstacles that a stop of the mission lies in, and those at rest that the drone would land on.
+fn blocked(mission: &Mission, cycle: &CycleTable) -> Result<Vec<SettingError>, SettingError> {
+    let obstacles = obstacles(&cycle.obstacles).map_err(|error| error.under("cycle"))?;
+    let stops = mission.stops();
+    let misfit = |(k, obstacle): (usize, &Obstacle)| {
+        let inside = |at: &Pose| (-obstacle.distance(&pos_w(at)).distance_m, pos_w(at));
+        let deepest = stops.iter().map(inside).max_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((inside_m, at)) = deepest.filter(|(inside_m, _)| *inside_m > 0.0) {
+            let rule = format!("outside of cycle.obstacles[{k}]: it is {inside_m:.2} m inside");
+            return Some(SettingError::new("mission", place(at.into()), rule));
+        }
+        let end = stops.last().filter(|_| !obstacle.is_moving())?;
+        let is_above = distance_above(obstacle, end, cycle.filter.floor_m) < 0.0;
+        is_above.then(|| {
+            let rule = format!("not above cycle.obstacles[{k}]: the drone lands there");
+            SettingError::new("mission", place(pos_w(end).into()), rule)
+        })
+    };
+    Ok(obstacles.iter().enumerate().filter_map(misfit).collect())
+}
+
+/// Speeds beyond the failsafe, else those beyond full sticks with the upper bounds of the gains.
+fn fast(mission: &Mission, cycle: &CycleTable) -> Vec<SettingError> {
+    let failsafe_mps = cycle.supervisor.failsafe.speed_mps;
+    if let Some(demands) = mission.demands().filter(|it| it.speed.value > failsafe_mps) {
+        let rule = format!("at most {failsafe_mps}, cycle.supervisor.failsafe.speed_mps");
+        return vec![SettingError::new("mission", described(&demands.speed, "m/s"), rule)];
+    }
+    axes(mission, cycle, &cycle.mhe.p_ub)
+        .filter(|(demand, _, best, _)| demand.value > *best)
+        .map(|(demand, row, best, unit)| {
+            let rule = format!("at most {best}, full sticks with cycle.mhe.p_ub[{row}]");
+            SettingError::new("mission", described(&demand, unit), rule)
+        })
+        .collect()
+}
+
+/// Least distance to `obstacle` on the vertical from `at` down to the floor, world frame; negative inside. m
 fn distance_above(obstacle: &Obstacle, at: &Pose, floor_m: f64) -> f64 {
     let foot_w = Vector3::new(at[pose::X], at[pose::Y], floor_m.min(at[pose::Z]));
     obstacle.distance_in_climb(&foot_w, at[pose::Z] - foot_w.z, None).distance_m
 }
 
-/// Distance of a take-off at `at` to the nearest wall beside it or obstacle at rest, with its name; `None` without any.
-/// World frame. m, rad; m. Allocates.
+/// Distance of a take-off at `at` (world frame, m and rad) to the nearest wall beside it or obstacle at rest, in m,
+/// with its name; `None` without any. Allocates.
 ///
 /// # Errors
 /// A room or obstacles that break their rule.
@@ -133,8 +143,9 @@ fn misplaced(
     worst.map(|at| refusal("mission".into(), at)).into_iter().collect()
 }
 
-/// Where `mission` asks for more than the vehicle of the prior parameters does, a sentence each: it is flown late
-/// there, or beside the path.
+/// What is allowed but should be looked at, a sentence each: where `mission` asks for more than the vehicle of the
+/// prior parameters does, so that it is flown late there or beside the path, and obstacles that no place of the room
+/// touches. Allocates.
 pub fn notes(mission: &Mission, cycle: &CycleTable) -> Vec<String> {
     let prior = &cycle.mhe.p_prior;
     let late = |(demand, row, best, unit): (Demand, usize, f64, &str)| {
@@ -149,7 +160,25 @@ pub fn notes(mission: &Mission, cycle: &CycleTable) -> Vec<String> {
         }
         _ => None,
     };
-    axes(mission, cycle, prior).chain(accel).filter_map(late).collect()
+    let late = axes(mission, cycle, prior).chain(accel).filter_map(late);
+    late.chain(obstacles_outside(cycle)).collect()
+}
+
+/// Obstacles that lie outside of the room as a whole, as those do that are written in millimetres.
+fn obstacles_outside(cycle: &CycleTable) -> impl Iterator<Item = String> {
+    let room = cycle.supervisor.room.as_ref();
+    let is_outside = move |extent_m: &[[f64; 2]; 3]| {
+        let walls_m = room.map(|room| [room.x_m, room.y_m, room.z_m]);
+        walls_m.is_some_and(|walls_m| {
+            let apart = |(end, wall): (&[f64; 2], &[f64; 2])| end[1] < wall[0] || end[0] > wall[1];
+            extent_m.iter().zip(&walls_m).any(apart)
+        })
+    };
+    cycle.obstacles.iter().enumerate().filter_map(move |(k, obstacle)| {
+        obstacle.extent_m().filter(is_outside).map(|_| {
+            format!("cycle.obstacles[{k}] is outside of the room as a whole: is it in metres, in the world frame?")
+        })
+    })
 }
 
 /// What a path asks of each axis, the row of its gain, what full sticks do with the parameters `p`, and the unit.
@@ -231,7 +260,7 @@ mod tests {
 
     #[test]
     fn each_waypoint_outside_of_the_room_is_named_and_else_the_farthest_place_of_the_path() {
-        let stops: Vec<f64> = flown().stops().iter().map(|at| at[0]).collect();
+        let stops: Vec<f64> = flown().stops().iter().map(|at| at[pose::X]).collect();
         let most_m = stops.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let outside = |x_max_m: f64| {
             found(|cycle| {
@@ -255,6 +284,28 @@ mod tests {
             "kind": "box", "x_m": around(x_m), "y_m": around(y_m), "z_m": [0.0, top_m]
         });
         serde_json::from_value(text).unwrap()
+    }
+
+    #[test]
+    fn an_obstacle_in_millimetres_is_noted_and_one_that_reaches_into_the_room_is_not() {
+        let noted = |obstacle: serde_json::Value| {
+            let mut cycle = table().cycle;
+            cycle.obstacles = vec![serde_json::from_value(obstacle).unwrap()];
+            notes(&flown(), &cycle)
+        };
+        let pole = |centre: [f64; 2], radius: f64| {
+            serde_json::json!({
+                "kind": "cylinder", "centre_m": centre, "radius_m": radius, "z_m": [0.0, 2.0]
+            })
+        };
+        let room = table().cycle.supervisor.room.unwrap();
+        let wall_m = room.x_m[1];
+        assert_eq!(noted(pole([wall_m + 0.1, 0.0], 0.2)), [""; 0]);
+        assert_eq!(noted(serde_json::json!({ "kind": "moving", "radius_m": 0.3 })), [""; 0]);
+        for outside in [pole([wall_m + 0.3, 0.0], 0.2), pole([0.0, -800.0], 300.0)] {
+            let [note] = &noted(outside)[..] else { panic!("not one note") };
+            assert!(note.starts_with("cycle.obstacles[0] is outside"), "{note}");
+        }
     }
 
     #[test]
@@ -290,7 +341,7 @@ mod tests {
 
     #[test]
     fn each_waypoint_that_is_too_low_is_named() {
-        let lowest_m = flown().stops().iter().map(|at| at[2]).fold(f64::INFINITY, f64::min);
+        let lowest_m = flown().stops().iter().map(|at| at[pose::Z]).fold(f64::INFINITY, f64::min);
         let above_floor = |height_m: f64| found(|cycle| cycle.filter.floor_m = lowest_m - height_m);
         assert_eq!(above_floor(0.301), []);
         let low = above_floor(0.29);

@@ -22,8 +22,8 @@ const MOVED_M: f64 = 0.4;
 /// T, the forgetting time of the inputs: a steady input of 0.5, as wind asks for in a hover, adds up to 2 s at most. s
 const FORGETTING_S: f64 = 4.0;
 
-/// Weight of throttle beside roll and pitch, in `u_w`: the link monitor does not judge the height, so that an outage in a
-/// climb looks like a vehicle that is held. Full throttle alone adds up to 2.4 s in 10 s. 1
+/// Weight of throttle beside roll and pitch, in `u_w`: the link monitor does not judge the height, so that an outage in
+/// a climb looks like a vehicle that is held. Full throttle alone adds up to 2.4 s in 10 s. 1
 const THROTTLE: f64 = 0.65;
 
 /// Inputs that moved nothing.
@@ -32,7 +32,7 @@ pub(super) struct Immobility {
     /// `x_0`, where they began. m
     begun_at_w: Option<Vector3<f64>>,
     /// Measured yaw of the newest estimate. rad
-    theta: f64,
+    theta_rad: f64,
     /// q, in the world frame but for a turn by `theta_0`. s of full deflection
     pressed_w_s: Vector3<f64>,
 }
@@ -46,7 +46,7 @@ impl Immobility {
         if self.begun_at_w.is_none_or(|from_w| (at_w - from_w).norm() > MOVED_M) {
             (self.begun_at_w, self.pressed_w_s) = (Some(at_w), Vector3::zeros());
         }
-        self.theta = pose_hat[pose::THETA];
+        self.theta_rad = pose_hat[pose::THETA];
     }
 
     /// One period of `dt_s` begins, in which the controller flies the mission by `u_sent` and its inputs are found to
@@ -54,9 +54,10 @@ impl Immobility {
     ///
     /// Real time: no allocation, constant cost.
     pub(super) fn press(&mut self, u_sent: &Sticks, dt_s: f64) {
-        // The direction of flight is psi = theta + theta_0. theta_0 hardly changes within T: it turns q about z and leaves
+        // The direction of flight is psi = theta + theta_0. theta_0 hardly changes within T: it turns q about z and
+        // leaves
         // |q|, all that is judged.
-        let u_w = inputs_w(u_sent, self.theta).push(THROTTLE * u_sent[stick::THROTTLE]);
+        let u_w = inputs_w(u_sent, self.theta_rad).push(THROTTLE * u_sent[stick::THROTTLE]);
         self.pressed_w_s = (-dt_s / FORGETTING_S).exp() * self.pressed_w_s + dt_s * u_w;
     }
 

@@ -13,8 +13,7 @@ pub struct ParameterEstimate {
     pub p: Vec<f64>,
     /// Its covariance in the units of the estimator's weights, row by row.
     pub covariance: Vec<Vec<f64>>,
-    /// Correction of the dead time of each stick, as far as `dead_time_min_ratio` lets it; `None` if no motion showed
-    /// it. s
+    /// Correction of the dead time of each stick, with what is still missing of it; `None` if no motion showed it. s
     pub dead_time_change_s: Option<Sticks>,
 }
 

@@ -11,8 +11,8 @@ use crate::time::TimeNs;
 use crate::{Acceptance, Filtered};
 
 /// Repetitions in a row that are no coincidence: a vehicle in the air never stands still to a tenth of
-/// a millimetre, along x and y at once. In real flights both repeat at times, but never twice in a row unless the stream
-/// stalls; a height repeats up to 5 times, so that it shows nothing alone: docs/benchmarks/2026-11-27-poses.
+/// a millimetre, along x and y at once. In real flights both repeat at times, but never twice in a row unless the
+/// stream stalls; a height repeats up to 5 times, so that it shows nothing alone: docs/benchmarks/2026-11-27-poses.
 const REPEATS_MIN: u32 = 3;
 
 /// Speed of a step between poses that is no jump: full sticks along one axis reach 1.8 m/s. m/s
@@ -24,8 +24,8 @@ const ROUGH_M: f64 = 0.1;
 /// The same of two places that are nearer to each other, which takes many such steps. m
 const UNSTEADY_M: f64 = 0.05;
 
-/// For so many ticks after a rough pose the poses tell neither whether commands act nor how late they do: a second at
-/// 50 Hz.
+/// For so many ticks, a second at 50 Hz, the poses after a rough one tell neither whether commands act nor how late
+/// they do.
 const ROUGH_TICKS: u32 = 50;
 
 /// So many ticks among so many are no coincidence.
@@ -35,7 +35,8 @@ struct Burst {
 }
 
 /// Rough ticks in quick, slow and very slow succession. Real flights have one within a second at most, and two in a
-/// whole flight (docs/benchmarks/2026-11-27-poses). Three single outliers, which jump there and back, are six.
+/// whole flight (docs/benchmarks/2026-11-27-poses). A single outlier jumps there and back: two of them within a second,
+/// or three within four, do not count.
 const QUICK: Burst = Burst { count: 5, ticks: ROUGH_TICKS };
 const SLOW: Burst = Burst { count: 7, ticks: 4 * ROUGH_TICKS };
 const SLOWEST: Burst = Burst { count: 8, ticks: 12 * ROUGH_TICKS };

@@ -50,8 +50,6 @@ where
     /// `None` until the filter has seen its first valid pose.
     pub(super) fn sense(&mut self, inbox: &Inbox, out: &mut Outcome) -> Option<Seen> {
         self.memory.drone = inbox.drone.or(self.memory.drone);
-        let (mut is_position_new, mut is_heading_new) = (false, false);
-        let mut o = None;
         (self.memory.o_seen, self.memory.o_repeated) = (None, None);
         self.plausibility.open();
         if self.supervisor.phase() == Phase::Idle {
@@ -61,36 +59,53 @@ where
         let timely = || inbox.sightings.iter().filter(|sighting| !is_late(sighting, inbox.now));
         // The filter is updated in a tick without a sighting, too: its limits grow.
         let nothing = timely().next().is_none().then_some(None);
+        let mut o = None;
+        let [mut is_position_new, mut is_heading_new] = [false; 2];
         for (k, sighting) in timely().map(Some).chain(nothing).enumerate() {
-            let raw = sighting.and_then(|sighting| sighting.pose.as_ref());
-            let at = sighting.map_or(inbox.now, |sighting| sighting.measured_at);
-            self.restart_if_moved(raw, at);
-            let filtered = match k {
-                0 => self.filter.update(raw),
-                _ => self.filter.update_again(raw),
-            };
-            let filtered = self.confirm_heading(raw, filtered);
-            let filtered = self.check_heading(filtered);
+            let measured_at = sighting.map_or(inbox.now, |sighting| sighting.measured_at);
+            let filtered = self.filtered(sighting, k == 0, measured_at);
             out.observe(sighting, &filtered);
-            self.plausibility.judge(raw, &filtered, at);
-            let is_new = !self.is_frozen();
-            let measured_at = Some(at);
-            if filtered.position == Acceptance::Accepted && is_new {
-                is_position_new = true;
-                self.memory.position_at = measured_at;
-                self.memory.o_seen = filtered.o;
-                self.monitors.observe_heading(filtered.heading == Acceptance::Accepted);
-            } else if filtered.position == Acceptance::Accepted {
-                self.memory.o_repeated = filtered.o;
-            }
-            if filtered.heading == Acceptance::Accepted && is_new {
-                is_heading_new = true;
-                self.memory.heading_at = measured_at;
-            }
+            let is_new = self.note_accepted(&filtered, measured_at);
+            is_position_new |= is_new && filtered.position == Acceptance::Accepted;
+            is_heading_new |= is_new && filtered.heading == Acceptance::Accepted;
             o = filtered.o;
         }
         let observed = self.usable_rows(o?, is_position_new, is_heading_new);
         Some(self.place(observed, inbox.now, [is_position_new, is_heading_new]))
+    }
+
+    /// The filter's verdict on `sighting`, the first one of its tick or a further one.
+    fn filtered(
+        &mut self,
+        sighting: Option<&Sighting>,
+        is_first: bool,
+        measured_at: TimeNs,
+    ) -> Filtered {
+        let raw = sighting.and_then(|sighting| sighting.pose.as_ref());
+        self.restart_if_moved(raw, measured_at);
+        let filtered =
+            if is_first { self.filter.update(raw) } else { self.filter.update_again(raw) };
+        let filtered = self.confirm_heading(raw, filtered);
+        let filtered = self.check_heading(filtered);
+        self.plausibility.judge(raw, &filtered, measured_at);
+        filtered
+    }
+
+    /// Notes when and what was accepted; whether the stream does more than repeat itself.
+    fn note_accepted(&mut self, filtered: &Filtered, measured_at: TimeNs) -> bool {
+        let is_new = !self.is_frozen();
+        let has_heading = filtered.heading == Acceptance::Accepted;
+        if filtered.position == Acceptance::Accepted && is_new {
+            self.memory.position_at = Some(measured_at);
+            self.memory.o_seen = filtered.o;
+            self.monitors.observe_heading(has_heading);
+        } else if filtered.position == Acceptance::Accepted {
+            self.memory.o_repeated = filtered.o;
+        }
+        if has_heading && is_new {
+            self.memory.heading_at = Some(measured_at);
+        }
+        is_new
     }
 
     /// Restarts filter and estimator if a pose before or at the start of a flight contradicts the earlier ones.
@@ -100,8 +115,7 @@ where
         let is_other = match self.supervisor.phase() {
             Phase::Idle => self.start.observe(raw, at),
             Phase::Flying if self.has_few_headings() => {
-                let theta_hat_rad = self.mhe.s_hat()[pose::THETA];
-                self.start.observe_in_flight(raw[pose::THETA], theta_hat_rad, at)
+                self.start.observe_in_flight(raw[pose::THETA], self.theta_hat_rad(), at)
             }
             _ => false,
         };
@@ -112,6 +126,11 @@ where
             self.memory.headings = 0;
             self.monitors.restart_direction();
         }
+    }
+
+    /// The newest estimated heading. rad
+    fn theta_hat_rad(&self) -> f64 {
+        self.model.observe(self.mhe.s_hat())[pose::THETA]
     }
 
     /// Whether the estimate of a flight rests on too few headings to refuse one by it.
@@ -126,8 +145,7 @@ where
         let is_known = self.mhe.is_started() && self.memory.headings >= HEADINGS_MIN;
         match raw {
             Some(raw) if is_flying && is_known => {
-                let theta_hat_rad = self.mhe.s_hat()[pose::THETA];
-                self.filter.confirm_heading(raw, theta_hat_rad, filtered)
+                self.filter.confirm_heading(raw, self.theta_hat_rad(), filtered)
             }
             _ => filtered,
         }
@@ -143,14 +161,13 @@ where
             return filtered;
         };
         self.memory.headings = self.memory.headings.saturating_add(1);
-        let theta_hat_rad = self.mhe.s_hat()[pose::THETA];
         if self.memory.headings < HEADINGS_MIN {
             return filtered;
         }
-        if wrap(o[pose::THETA] - theta_hat_rad).abs() <= self.jump_rad {
+        if wrap(o[pose::THETA] - self.theta_hat_rad()).abs() <= self.jump_rad {
             return filtered;
         }
-        self.filter.refuse_heading(theta_hat_rad)
+        self.filter.refuse_heading(self.theta_hat_rad())
     }
 
     /// Whether the stream repeats itself while the vehicle flies. On the ground it may.

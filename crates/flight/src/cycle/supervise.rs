@@ -147,7 +147,7 @@ where
     }
 }
 
-/// The motion that a report tells of, in SI units.
+/// What a report tells of the motion.
 fn drone_motion(status: &DroneStatus) -> DroneMotion {
     DroneMotion {
         horizontal_mps: status.velocity_mps.map(|[first, second, _]| [first, second]),
@@ -162,7 +162,7 @@ mod tests {
     use crate::time::TimeNs;
 
     #[test]
-    fn a_report_becomes_si_and_what_it_lacks_stays_absent() {
+    fn what_a_report_lacks_stays_absent() {
         let status = DroneStatus {
             received_at: TimeNs(0),
             is_flying: true,

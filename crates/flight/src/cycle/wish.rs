@@ -1,4 +1,5 @@
-//! The sticks that the pilot of a tick wishes, the plan's or the person's, limited and blended; and those that are sent.
+//! The sticks that the pilot of a tick wishes, the plan's or the person's, limited and blended; and those that are
+//! sent.
 
 use horizon_model::Model;
 use horizon_model::rows::{Sticks, pose, stick};

@@ -47,6 +47,8 @@ pub struct TurnTable {
 }
 
 impl TurnTable {
+    /// Refuses what no filter can have.
+    ///
     /// # Errors
     /// An entry is not finite and positive.
     pub(super) fn check(&self) -> Result<(), SettingError> {
@@ -83,6 +85,8 @@ pub struct HeightTable {
 }
 
 impl HeightTable {
+    /// Refuses what no filter can have.
+    ///
     /// # Errors
     /// An entry is not finite and positive.
     pub(super) fn check(&self) -> Result<(), SettingError> {
@@ -153,7 +157,8 @@ impl Axis {
     /// Prediction step of the filter over a period of `dt_s` with the applied `command`, of an axis with the time
     /// constant `tau_s`.
     ///
-    /// With the errors `eps_lambda` of the gain and `eps_D` of the dead time (`docs/control.md`, section 5):
+    /// With the errors `eps_lambda` of the gain and `eps_D` of the dead time (`docs/control.md`, section 5); of the
+    /// height `omega` is v_z and `theta` is z:
     ///
     /// | symbol | equation |
     /// |---|---|

@@ -156,3 +156,88 @@ impl Asked {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::rows::{Motion, Pose};
+    use horizon_model::{Lagged, Model};
+
+    use super::super::tests::{parameter, table};
+    use super::*;
+
+    const DT_S: f64 = 0.02;
+
+    fn full(stick: usize, u: f64) -> Sticks {
+        let mut u_applied = Sticks::zeros();
+        u_applied[stick] = u;
+        u_applied
+    }
+
+    /// Evidence of a second of flight by `u_applied` for the link in `state`, `held` being commanded.
+    fn log_likelihood(state: LinkState, u_applied: &Sticks, held: Asked) -> f64 {
+        let (tables, p, model) =
+            (Tables { link: table(), dead_time: None }, parameter(), Lagged::default());
+        let mut s = model.at_rest(&Pose::new(0.3, -0.2, 1.0, 0.4));
+        let seen = |s: &Motion| Observed::full(model.observe(s));
+        let mut branch = Branch::start(&tables, &seen(&s)).changed_to(state, held);
+        let asked = Asked::of(u_applied, 0.4, &p);
+        let mut sum = 0.0;
+        for _ in 0..50 {
+            s = model.step(&s, u_applied, &p, DT_S);
+            branch.predict(&tables, &asked.constant(), &p, DT_S);
+            sum += branch.correct(&tables, &seen(&s), DT_S);
+        }
+        sum
+    }
+
+    #[test]
+    fn sticks_ask_for_what_the_vehicle_does_at_last() {
+        let (p, model) = (parameter(), Lagged::default());
+        for (stick, u) in [stick::ROLL, stick::PITCH, stick::YAW, stick::THROTTLE]
+            .into_iter()
+            .flat_map(|stick| [0.5, -0.5].map(|u| (stick, u)))
+        {
+            let u_applied = full(stick, u);
+            let asked = Asked::of(&u_applied, 0.4, &p);
+            let mut s = model.at_rest(&Pose::new(0.0, 0.0, 1.0, 0.4));
+            for _ in 0..500 {
+                s = model.step(&s, &u_applied, &p, DT_S);
+            }
+            let next = model.step(&s, &u_applied, &p, DT_S);
+            let rate = (model.observe(&next) - model.observe(&s)) / DT_S;
+            let off = [
+                rate[pose::X] - asked.v_w_mps.x,
+                rate[pose::Y] - asked.v_w_mps.y,
+                rate[pose::Z] - asked.climb_mps,
+                rate[pose::THETA] - asked.omega_radps,
+            ];
+            assert!(off.iter().all(|off| off.abs() < 1e-6), "stick {stick}: {off:?}");
+        }
+    }
+
+    #[test]
+    fn commands_change_by_the_difference_to_the_period_before() {
+        let p = parameter();
+        let (before, now) = (Asked::default(), Asked::of(&Sticks::repeat(0.5), 0.4, &p));
+        let Commands { horizontal, turn, climb } = now.after(before, DT_S);
+        assert_eq!(horizontal.asked_w_mps, now.v_w_mps);
+        assert_eq!(horizontal.rate_w_mps2, now.v_w_mps / DT_S);
+        assert_eq!(turn, AxisCommand { asked: now.omega_radps, rate: now.omega_radps / DT_S });
+        assert_eq!(climb, AxisCommand { asked: now.climb_mps, rate: now.climb_mps / DT_S });
+        assert_eq!(now.constant(), now.after(now, 0.1));
+    }
+
+    #[test]
+    fn motion_by_the_sticks_speaks_for_a_link_that_is_up_or_holds_them() {
+        for stick in [stick::ROLL, stick::PITCH, stick::YAW] {
+            let u_applied = full(stick, 0.6);
+            let [same, other] = [u_applied, -u_applied].map(|u| Asked::of(&u, 0.4, &parameter()));
+            let up = log_likelihood(LinkState::Up, &u_applied, other);
+            let released = log_likelihood(LinkState::Released, &u_applied, other);
+            let held = log_likelihood(LinkState::Held, &u_applied, same);
+            let held_other = log_likelihood(LinkState::Held, &u_applied, other);
+            assert!(up > released + 1.0 && up > held_other + 1.0, "stick {stick}");
+            assert!((up - held).abs() < 1e-9, "stick {stick}: {up} {held}");
+        }
+    }
+}

@@ -19,11 +19,11 @@ pub struct LinkTable {
     pub sd_disturbance_mps: f64,
     /// Time in which that velocity decays. s, > 0
     pub decay_s: f64,
-    /// Standard deviation of the relative error of the horizontal gain. 1, > 0
+    /// Standard deviation of the relative error of the gain of each axis. 1, > 0
     pub sd_gain: f64,
     /// Standard deviation of the error of the direction of flight. rad, > 0
     pub sd_heading_rad: f64,
-    /// Standard deviation of the error of the horizontal dead time. s, > 0
+    /// Standard deviation of the error of the dead time of each axis. s, > 0
     pub sd_dead_time_s: f64,
     /// Standard deviation of the relative error of the horizontal lag. 1, > 0
     pub sd_rate: f64,
@@ -39,8 +39,8 @@ pub struct LinkTable {
     pub return_evidence: f64,
     /// Time after which an outage no longer counts if no motion speaks for or against it. s, > 0
     pub forget_s: f64,
-    /// Most by which a flight corrects the dead times, all alike, by what it shows of the horizontal one. Missing:
-    /// 0, they stay. s, 0..=0.5
+    /// Most by which a flight corrects each dead time: all alike by what it shows of the horizontal one, unless
+    /// `height` is set. Missing: 0, they stay. s, 0..=0.5
     #[serde(default)]
     pub dead_time_change_s: f64,
     /// Part of its configured dead time that such a correction leaves each axis. An axis that is taken for faster

@@ -25,7 +25,8 @@ pub enum MissionTable {
 }
 
 impl MissionTable {
-    /// The poses of its list, with their keys; none of a circle and of a trajectory, which may have thousands.
+    /// Poses of the mission's list of targets or waypoints, world frame, with their keys; none of a circle and of a
+    /// trajectory, which may have thousands. m, rad. Allocates.
     pub fn poses(&self) -> impl Iterator<Item = (String, Pose)> + '_ {
         let (key, poses) = match self {
             Self::Targets(table) => ("targets.targets", &*table.targets),

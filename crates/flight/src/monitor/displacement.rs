@@ -1,4 +1,5 @@
-//! Displacements of the last seconds by the poses, the drone and the inputs, for motion that shows no axes of the drone.
+//! Displacements of the last seconds by the poses, the drone and the inputs, for motion that shows no axes of the
+//! drone.
 //!
 //! Owns which of the three is a witness: the drone is one only if it agrees with the inputs of a typical vehicle better
 //! than the poses do.

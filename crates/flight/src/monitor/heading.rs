@@ -1,10 +1,10 @@
 //! The drone's own heading beside that of the poses.
 //!
-//! Owns leaky sums of three turns: by the poses, by the drone, and that the inputs ask of a typical vehicle. The drone's
-//! zero and its sense of rotation are not known, and a drone may report no heading or one that stands still: it is a
-//! witness from the first turn on in which it followed the inputs or the poses, in the sense in which it did. Inputs get
-//! lost and gains differ, so they alone never change a sense that is known. The drone contradicts the poses only while
-//! it is twice as near to the inputs as they are: its own drift is no fault of the poses.
+//! Owns leaky sums of three turns: by the poses, by the drone, and that the inputs ask of a typical vehicle. The
+//! drone's zero and its sense of rotation are not known, and a drone may report no heading or one that stands still: it
+//! is a witness from the first turn on in which it followed the inputs or the poses, in the sense in which it did.
+//! Inputs get lost and gains differ, so they alone never change a sense that is known. The drone contradicts the poses
+//! only while it is twice as near to the inputs as they are: its own drift is no fault of the poses.
 
 use horizon_model::angle::wrap;
 use horizon_model::rows::pose;

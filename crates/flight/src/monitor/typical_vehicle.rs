@@ -1,7 +1,7 @@
 //! A typical vehicle: what the monitors expect of any Tello.
 //!
-//! Owns one first-order model per direction. Learnt parameters do not enter it: the monitors must judge as well when these
-//! are wrong.
+//! Owns one first-order model per direction. Learnt parameters do not enter it: the monitors must judge as well when
+//! these are wrong.
 
 use horizon_model::rows::{Sticks, stick};
 use nalgebra::Complex;

@@ -7,7 +7,7 @@ use horizon_model::rows::pose;
 
 use super::evidence::{Evidence, Phase};
 use super::fault::Fault;
-use super::{DOWN_HOLD_S, Supervisor, elapsed_s, exceeds, has_lasted, keep_since};
+use super::{DOWN_HOLD_S, Supervisor, elapsed_s, exceeds};
 use crate::drone::{ALONE_HOLD, denies_standing};
 
 /// A Tello ignores `land` during the first 1-3 s of a take-off and may not yet report to fly. Only
@@ -123,19 +123,19 @@ impl Supervisor {
         let is_landing =
             matches!(self.phase, Phase::Landing | Phase::LandingUnconfirmed | Phase::MotorsStopped);
         let ground = if is_landing { self.ground(e) } else { Ground::Unconfirmed };
-        keep_since(&mut self.down_since_ns, ground != Ground::Unconfirmed, e.t_ns);
-        keep_since(&mut self.agreed_since_ns, ground == Ground::ByBoth, e.t_ns);
+        self.since.down.keep(ground != Ground::Unconfirmed, e.t_ns);
+        self.since.agreed.keep(ground == Ground::ByBoth, e.t_ns);
     }
 
     /// A landing is confirmed by both witnesses, or for longer by one of them alone.
     pub(super) fn is_down(&self, e: &Evidence) -> bool {
-        has_lasted(self.agreed_since_ns, e.t_ns, DOWN_HOLD_S)
-            || has_lasted(self.down_since_ns, e.t_ns, ALONE_HOLD.seconds())
+        self.since.agreed.has_lasted(e.t_ns, DOWN_HOLD_S)
+            || self.since.down.has_lasted(e.t_ns, ALONE_HOLD.seconds())
     }
 
     /// Names the witness that confirmed the landing alone, if one did.
     pub(super) fn note_missing_witness(&mut self, e: &Evidence) {
-        let by_both = has_lasted(self.agreed_since_ns, e.t_ns, DOWN_HOLD_S);
+        let by_both = self.since.agreed.has_lasted(e.t_ns, DOWN_HOLD_S);
         let ground = self.ground(e);
         self.ended_by.set(Fault::LandedByPose, !by_both && ground == Ground::ByPose);
         self.ended_by.set(Fault::LandedByDrone, !by_both && ground == Ground::ByDrone);
@@ -146,7 +146,7 @@ impl Supervisor {
         let phase_s = elapsed_s(self.phase_since_ns, e.t_ns);
         self.phase == Phase::Landing
             && phase_s >= self.table.landing_timeout_s
-            && self.down_since_ns.is_none()
+            && !self.since.down.holds()
     }
 }
 

@@ -4,9 +4,9 @@
 //! a vehicle at 1 m/s coasts on for 0.7 m. A fault that leaves poses and controller trusted
 //! ([`Reaction::BrakeAndLand`]) gives the time.
 
+use super::Supervisor;
 use super::evidence::{Evidence, Phase};
 use super::fault::{FaultSet, Pilot, Reaction};
-use super::{Supervisor, has_lasted};
 
 /// A vehicle that is slower lands at once. m/s
 const SLOW_MPS: f64 = 0.2;
@@ -18,7 +18,7 @@ impl Supervisor {
     /// Remembers when the vehicle began to brake: from then on the flight ends, whatever comes later.
     pub(super) fn remember_braking(&mut self, e: &Evidence, faults: FaultSet, pilot: Pilot) {
         if self.phase == Phase::Flying && faults.reaction(pilot) == Reaction::BrakeAndLand {
-            self.braking_since_ns.get_or_insert(e.t_ns);
+            self.since.braking.keep(true, e.t_ns);
             self.ended_by = self.ended_by.union(faults.ending_flight(pilot));
         }
     }
@@ -31,9 +31,8 @@ impl Supervisor {
         let may_brake = self.was_steering
             && pilot == Pilot::Controller
             && !faults.iter().any(|fault| forbids(fault.reaction(pilot)));
-        let is_over =
-            !(is_fast && may_brake) || has_lasted(self.braking_since_ns, e.t_ns, BRAKE_MAX_S);
-        self.braking_since_ns.is_some() && is_over
+        let is_over = !(is_fast && may_brake) || self.since.braking.has_lasted(e.t_ns, BRAKE_MAX_S);
+        self.since.braking.holds() && is_over
     }
 }
 

@@ -4,7 +4,7 @@
 
 use super::evidence::{Evidence, Operator, Phase};
 use super::fault::{Fault, FaultSet};
-use super::{ALOFT_S, DOWN_HOLD_S, Supervisor, elapsed_s, exceeds, has_lasted};
+use super::{ALOFT_S, DOWN_HOLD_S, Supervisor, elapsed_s, exceeds};
 use crate::monitor::{Agreement, Findings};
 
 /// How long the vehicle must be off its reference, or too fast. s
@@ -60,7 +60,7 @@ impl Supervisor {
         let worst = velocity.max(height);
         let is_heading_wrong = findings.is_direction_wrong || heading >= Agreement::Disagrees;
         let outage = e.outage.filter(|_| is_flown);
-        let is_alone_for = |limit_s| has_lasted(self.alone_since_ns, e.t_ns, limit_s);
+        let is_alone_for = |limit_s| self.since.alone.has_lasted(e.t_ns, limit_s);
         let is_long = outage.is_some_and(|outage| exceeds(outage.for_s, failsafe.outage_s));
         let is_immobile = failsafe.pressed_s.is_some_and(|limit_s| exceeds(e.pressed_s, limit_s));
         let may_have_left = self.room.zip(outage).is_some_and(|(room, outage)| {
@@ -78,15 +78,12 @@ impl Supervisor {
             (Fault::FenceLeft, self.is_in_the_air() && self.is_outside(e)),
             (
                 Fault::TrackingLost,
-                has_lasted(self.astray_since_ns, e.t_ns, ASTRAY_S)
-                    || has_lasted(self.turned_since_ns, e.t_ns, TURNED_S),
+                self.since.astray.has_lasted(e.t_ns, ASTRAY_S)
+                    || self.since.turned.has_lasted(e.t_ns, TURNED_S),
             ),
             (Fault::Immobile, is_flown && !e.is_by_hand && is_immobile),
-            (Fault::TooFast, has_lasted(self.fast_since_ns, e.t_ns, ASTRAY_S)),
-            (
-                Fault::DeadTimeLong,
-                has_lasted(self.dead_time_long_since_ns, e.t_ns, DEAD_TIME_LONG_S),
-            ),
+            (Fault::TooFast, self.since.fast.has_lasted(e.t_ns, ASTRAY_S)),
+            (Fault::DeadTimeLong, self.since.dead_time_long.has_lasted(e.t_ns, DEAD_TIME_LONG_S)),
             (Fault::OutageHeld, outage.is_some_and(|outage| outage.is_held)),
             (Fault::OutageLong, is_long || is_alone_for(failsafe.outage_alone_s)),
             (Fault::OutageUnsafe, may_have_left && is_alone_for(ALONE_S)),
@@ -100,9 +97,8 @@ impl Supervisor {
         let silent_s = e.drone.map_or(running_s, |drone| drone.age_s);
         let battery_below = |limit| e.drone.is_some_and(|drone| drone.battery_pct < limit);
         let is_called_low = e.drone.is_some_and(|drone| drone.is_battery_low);
-        let is_called_critical =
-            has_lasted(self.battery_critical_since_ns, e.t_ns, BATTERY_CRITICAL_S);
-        let is_grounded = has_lasted(self.grounded_since_ns, e.t_ns, DOWN_HOLD_S);
+        let is_called_critical = self.since.battery_critical.has_lasted(e.t_ns, BATTERY_CRITICAL_S);
+        let is_grounded = self.since.grounded.has_lasted(e.t_ns, DOWN_HOLD_S);
         [
             (Fault::DroneUnheard, e.drone.is_none() && !self.is_carried),
             (Fault::DroneAloft, self.is_aloft_unasked(e)),
@@ -124,7 +120,7 @@ impl Supervisor {
 
     /// Whether it has reported so for too long to be a mistake.
     pub(super) fn has_taken_off_unasked(&self, e: &Evidence) -> bool {
-        has_lasted(self.aloft_since_ns, e.t_ns, ALOFT_S)
+        self.since.aloft.has_lasted(e.t_ns, ALOFT_S)
     }
 
     /// What is wrong with the program, or has taken too long, and what the operator asks for.

@@ -170,7 +170,7 @@ pub struct Evidence {
     pub is_start_barred: bool,
     /// Whether the newest accepted pose is inside of an obstacle that does not move.
     pub is_in_obstacle: bool,
-    /// Whether the stream has repeated one pose since the age began to count.
+    /// Whether the newest poses, three at least, repeat one place in flight; false on the ground.
     pub is_pose_repeated: bool,
     /// How much further the pose of this tick is from the one before than a vehicle flies in the time
     /// between; `None` if no pose was accepted. m
@@ -191,7 +191,8 @@ pub struct Evidence {
     pub outage: Option<Outage>,
     /// Whether the sticks act later than the dead times may be corrected.
     pub is_dead_time_long: bool,
-    /// By how much the vehicle has gone away from its reference: its distance less the least one since. m
+    /// By how much the vehicle has gone away from its reference: its distance less the least one since the mission
+    /// began or was resumed. m
     pub tracking_m: Option<f64>,
     /// By how much it has turned away from the heading of its reference, likewise. rad
     pub turned_rad: Option<f64>,

@@ -17,11 +17,11 @@ pub enum Fault {
     MocapLost,
     /// The stream goes on and the poses stand still while the vehicle flies.
     MocapFrozen,
-    /// A pose further than `jump_m` from any possible flight was accepted, at once or in several steps: another object, or
-    /// new axes.
+    /// A pose further than `jump_m` from any possible flight was accepted, at once or in several steps: another object,
+    /// or new axes.
     MocapJumped,
-    /// In 5 of the newest 50 ticks, or 7 of the newest 200, an accepted pose was further from the one before than a vehicle
-    /// flies and 0.1 m: an object that is found in two places, or noise.
+    /// Too many accepted poses of the newest 12 s were further from the one before than a vehicle flies
+    /// (`plausible.rs`): an object that is found in two places, or noise.
     MocapRough,
     /// Before the take-off the poses of the last `standing.for_s` do not agree.
     MocapUnsettled,
@@ -50,14 +50,15 @@ pub enum Fault {
     FenceNear,
     /// The vehicle is outside of the room.
     FenceLeft,
-    /// The vehicle has gone away from its reference by more than `failsafe.tracking_m` for 0.3 s, or turned away from it
-    /// by more than 1 rad for 1.5 s.
+    /// For 0.3 s the vehicle was further from its reference than at least so far by more than `failsafe.tracking_m`, or
+    /// for 1.5 s turned away from it by more than 1 rad; in an outage the latter counts only while it turns.
     TrackingLost,
     /// Inputs of `failsafe.pressed_s` in one direction have moved nothing: the vehicle is held, caught or blocked.
     Immobile,
     /// For 0.3 s the vehicle is faster than `failsafe.speed_mps`.
     TooFast,
-    /// For 3 s the sticks are applied more than 0.08 s later than the largest correction of the dead time allows for.
+    /// For 3 s roll and pitch act more than 0.08 s later than the largest correction of their dead time allows for, or
+    /// throttle or yaw more than 0.15 s.
     DeadTimeLong,
     /// The mission takes much longer than planned.
     MissionOverdue,
@@ -75,12 +76,12 @@ pub enum Fault {
     TookOffUnasked,
     /// The drone has not reported for longer than `drone_silent_s`.
     DroneSilent,
-    /// The drone says for a second that it stands, in flight or after it flew in the take-off: it landed by itself, fell
-    /// or was caught.
+    /// The drone says for a second that it stands, in flight or after it flew in the take-off: it landed by itself,
+    /// fell or was caught.
     NotFlying,
-    /// The battery is below `battery_low_pct`.
+    /// The battery is below `battery_low_pct`, or the drone calls it low.
     BatteryLow,
-    /// The battery is below `battery_critical_pct`.
+    /// The battery is below `battery_critical_pct`, or for 1 s the drone calls it critical.
     BatteryCritical,
     /// The estimator has no estimate.
     EstimatorFailed,

@@ -20,9 +20,12 @@ const GROUND_MAX_M: f64 = 1.0;
 /// A take-off climbs 0.8 to 1.2 m by itself. m
 pub(crate) const CLIMB_MAX_M: f64 = 1.2;
 
-/// No room of a motion capture reaches further from its origin: walls in millimetres do, and a geofence that far away is
-/// none. m
+/// No room of a motion capture reaches further from its origin: walls in millimetres do, and a geofence that far away
+/// is none. m
 const WALL_MAX_M: f64 = 500.0;
+
+/// Nor is it wider: walls in centimetres are. m
+const WIDTH_MAX_M: f64 = 100.0;
 
 /// The rows that have walls.
 const WALLED: [usize; 3] = [pose::X, pose::Y, pose::Z];
@@ -31,11 +34,11 @@ const WALLED: [usize; 3] = [pose::X, pose::Y, pose::Z];
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RoomTable {
-    /// World x. m, each -500..=500, the first below the second
+    /// World x. m, each -500..=500, the first below the second by at most 100
     pub x_m: [f64; 2],
-    /// World y. m, each -500..=500, the first below the second
+    /// World y. m, each -500..=500, the first below the second by at most 100
     pub y_m: [f64; 2],
-    /// World z, floor and ceiling. m, each -500..=500, the first below the second
+    /// World z, floor and ceiling. m, each -500..=500, the first below the second by at most 100
     pub z_m: [f64; 2],
     /// Way from neutral sticks to rest over the speed: dead time and time constant of the vehicle.
     /// s, >= 0
@@ -65,6 +68,11 @@ impl TryFrom<&RoomTable> for Room {
             if low_m >= high_m {
                 let given = format!("[{low_m}, {high_m}]");
                 return Err(SettingError::new(key, given, "the first number below the second"));
+            }
+            if high_m - low_m > WIDTH_MAX_M {
+                let given = format!("[{low_m}, {high_m}]");
+                let rule = format!("at most {WIDTH_MAX_M} apart, in metres");
+                return Err(SettingError::new(key, given, rule));
             }
         }
         Ok(Self { walls_m, stop_s: not_negative("stop_s", table.stop_s)? })

@@ -2,7 +2,6 @@
 
 use super::Supervisor;
 use super::evidence::Evidence;
-use super::since::{has_lasted, keep_since};
 
 /// How long the sticks in a person's hand may be neutral while the vehicle is outside of the room or too fast. s
 const GONE_ASTRAY_S: f64 = 5.0;
@@ -11,18 +10,18 @@ impl Supervisor {
     /// Updates for how long a person leaves the sticks neutral: in all, and where somebody should act.
     pub(super) fn remember_idle_hand(&mut self, e: &Evidence, is_fast: bool) {
         let is_idle = self.is_steered() && e.is_hand_neutral;
-        keep_since(&mut self.hand_neutral_since_ns, is_idle, e.t_ns);
+        self.since.hand_neutral.keep(is_idle, e.t_ns);
         // Outside of the room poses are rare: without one the vehicle counts as where it was.
-        let was_astray = self.hand_idle_astray_since_ns.is_some();
+        let was_astray = self.since.hand_idle_astray.holds();
         let is_astray = self.is_outside(e) || is_fast || (was_astray && self.is_pose_stale(e));
-        keep_since(&mut self.hand_idle_astray_since_ns, is_idle && is_astray, e.t_ns);
+        self.since.hand_idle_astray.keep(is_idle && is_astray, e.t_ns);
     }
 
     /// Whether a person holds the sticks and does nothing, for too long or where somebody should.
     pub(super) fn is_person_gone(&self, e: &Evidence) -> bool {
         self.table.failsafe.person_gone_s.is_some_and(|gone_s| {
-            has_lasted(self.hand_neutral_since_ns, e.t_ns, gone_s)
-                || has_lasted(self.hand_idle_astray_since_ns, e.t_ns, GONE_ASTRAY_S)
+            self.since.hand_neutral.has_lasted(e.t_ns, gone_s)
+                || self.since.hand_idle_astray.has_lasted(e.t_ns, GONE_ASTRAY_S)
         })
     }
 }

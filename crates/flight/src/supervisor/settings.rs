@@ -73,8 +73,8 @@ pub struct FailsafeTable {
     pub outage_s: f64,
     /// Landing when a command outage lasts longer during which nothing confirms it. s, 1..=`outage_s`
     pub outage_alone_s: f64,
-    /// Landing when inputs in one direction, in seconds of full deflection with a forgetting time of 4 s, have not moved
-    /// the vehicle 0.4 m. Those in outages do not count. Null or missing: never. s, 0.5..=4
+    /// Landing when inputs in one direction, in seconds of full deflection with a forgetting time of 4 s, have not
+    /// moved the vehicle 0.4 m. Those in outages do not count. Null or missing: never. s, 0.5..=4
     #[serde(default)]
     pub pressed_s: Option<f64>,
     /// Landing when the sticks that a person holds have been neutral for longer; null or missing: never.

@@ -14,7 +14,7 @@ const DRIFT_MAX_M: f64 = 0.3;
 /// What is known of the take-off.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Settling {
-    /// Where the vehicle stood. m, rad
+    /// Where the vehicle stood, world frame. m, rad
     stood: Option<Pose>,
     /// When the take-off was confirmed; `None` if the flight began in the air. ns
     risen_ns: Option<i64>,

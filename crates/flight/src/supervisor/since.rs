@@ -10,14 +10,33 @@ pub(super) fn elapsed_s(since_ns: i64, t_ns: i64) -> f64 {
     t_ns.saturating_sub(since_ns) as f64 / 1e9
 }
 
-/// Whether what began at `since_ns` goes on for `for_s`.
-pub(super) fn has_lasted(since_ns: Option<i64>, t_ns: i64, for_s: f64) -> bool {
-    since_ns.is_some_and(|since_ns| elapsed_s(since_ns, t_ns) >= for_s)
+/// Since when a condition holds without a break.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Since {
+    /// `None` while it does not hold. ns
+    t_ns: Option<i64>,
 }
 
-/// Remembers since when `holds` is true without a break.
-pub(super) fn keep_since(since_ns: &mut Option<i64>, holds: bool, t_ns: i64) {
-    *since_ns = holds.then(|| since_ns.unwrap_or(t_ns));
+impl Since {
+    /// Notes at `t_ns` whether the condition holds.
+    pub(super) fn keep(&mut self, holds: bool, t_ns: i64) {
+        self.t_ns = holds.then(|| self.t_ns.unwrap_or(t_ns));
+    }
+
+    /// Whether it holds.
+    pub(super) fn holds(self) -> bool {
+        self.t_ns.is_some()
+    }
+
+    /// For how long it has held at `t_ns`; `None` if it does not. s
+    pub(super) fn elapsed_s(self, t_ns: i64) -> Option<f64> {
+        self.t_ns.map(|since_ns| elapsed_s(since_ns, t_ns))
+    }
+
+    /// Whether it has held for `for_s` at `t_ns`.
+    pub(super) fn has_lasted(self, t_ns: i64, for_s: f64) -> bool {
+        self.elapsed_s(t_ns).is_some_and(|lasted_s| lasted_s >= for_s)
+    }
 }
 
 #[cfg(test)]
@@ -33,12 +52,12 @@ mod tests {
 
     #[test]
     fn a_condition_lasts_from_its_first_tick_on_and_a_break_begins_it_anew() {
-        let mut since_ns = None;
+        let mut since = Since::default();
         let lasted = [(true, 0), (true, 400), (false, 500), (true, 600), (true, 1000)].map(
             |(holds, t_ms)| {
                 let t_ns = t_ms * 1_000_000;
-                keep_since(&mut since_ns, holds, t_ns);
-                has_lasted(since_ns, t_ns, 0.4)
+                since.keep(holds, t_ns);
+                since.has_lasted(t_ns, 0.4)
             },
         );
         assert_eq!(lasted, [false, true, false, false, true]);

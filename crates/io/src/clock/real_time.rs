@@ -64,8 +64,8 @@ pub enum RealTimeWarning {
     },
 }
 
-/// Moves the calling thread to the `SCHED_FIFO` priority of `role`: 39 for the motion capture, 40 for control, 45 for the
-/// sender, 48 for the guardian. Threads that it starts afterwards have the same.
+/// Moves the calling thread to the `SCHED_FIFO` priority of `role`: 39 for the motion capture, 40 for control, 45 for
+/// the sender, 48 for the guardian. Threads that it starts afterwards have the same.
 ///
 /// # Errors
 /// The system refuses: the thread stays among the ordinary ones.

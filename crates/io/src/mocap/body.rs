@@ -11,8 +11,8 @@ use horizon_model::rows::Pose;
 /// Numbers of few decimals may lengthen a unit vector by this much.
 const UNIT_SLACK: f64 = 1e-3;
 
-/// Least height of the tip of the body's z axis: a vehicle whose top is further than 60 degrees from up has tipped over,
-/// or its object has other axes.
+/// Least height of the tip of the body's z axis: a vehicle whose top is further than 60 degrees from up has tipped
+/// over, or its object has other axes.
 const TOP_MIN: f64 = 0.5;
 
 /// A body that the mocap system sees.

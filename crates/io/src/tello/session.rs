@@ -64,7 +64,8 @@ const TAKE_OFF_TIME: SpanNs = SpanNs::from_ms(5000);
 /// silence it lands by itself.
 const LAST_LANDING_TIME: SpanNs = SpanNs::from_ms(15_000);
 
-/// An emergency stop is sent so often at once: one of fifty datagrams is lost, one of a hundred thousand thrice.
+/// An emergency stop is sent so often at once: if one of fifty datagrams is lost, all of them are once in a hundred
+/// thousand times.
 const EMERGENCY_COPIES: usize = 3;
 const EMERGENCY_PERIOD: SpanNs = SpanNs::from_ms(200);
 /// A drone that is not down so long after the first emergency stop does not obey it: every other emergency stop
@@ -176,8 +177,8 @@ impl Session {
         self.outbox.drain(..)
     }
 
-    /// Does what is due at `now`. To be called after every event and at [`Session::next_deadline`]. Real time: constant;
-    /// allocates only if the outbox grows.
+    /// Does what is due at `now`. To be called after every event and at [`Session::next_deadline`]. Real time:
+    /// constant; allocates only if the outbox grows.
     pub fn advance(&mut self, now: TimeNs) {
         self.keep_link(now);
         self.note_rest(now);

@@ -305,8 +305,9 @@ pub enum Reply {
 }
 
 impl Reply {
-    /// The reply in a datagram of the drone, in letters of either case; `None` if it is no text, as the binary status that
-    /// often is the first answer. A refusal begins with a phrase that is known; what follows does not matter. No allocation.
+    /// The reply in a datagram of the drone, in letters of either case; `None` if it is no text, as the binary status
+    /// that often is the first answer. A refusal begins with a phrase that is known; what follows does not matter. No
+    /// allocation.
     pub fn decode(datagram: &[u8]) -> Option<Self> {
         const REFUSALS: [&str; 6] =
             ["error", "out of range", "unknown", "unknow", "command error", "forced stop"];

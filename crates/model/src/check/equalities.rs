@@ -12,7 +12,8 @@ pub(super) const NAMES: [&str; 4] = ["prepared", "core", "input_for", "at_rest"]
 ///
 /// - `prepared`: `m = prepared(p, dt)` has the step and the linearizations of the model, and its step over `2 dt`;
 /// - `core`: `core().step(s, effect(u, p), p) = step(s, u, p)`;
-/// - `input_for`: `effect(input_for(e, p), p) = e` for `e = effect(u, p)`, also where more than one input has this effect;
+/// - `input_for`: `effect(input_for(e, p), p) = e` for `e = effect(u, p)`, also where more than one input has this
+///   effect;
 /// - `at_rest`: `observe(at_rest(o)) = o` for `o = observe(s)`.
 pub(super) fn check<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
     check: &mut Check,

@@ -5,8 +5,8 @@ use tello_eval::metrics::{Metrics, Score};
 use super::{Ending, FlightRow, Flown};
 
 impl Flown {
-    /// A flight with three corners that took `since_entry_s` (s), at most `distance_max_m` off; without a time it did not
-    /// finish.
+    /// A flight with three corners that took `since_entry_s` (s), at most `distance_max_m` off; without a time it did
+    /// not finish.
     pub(crate) fn example(since_entry_s: Option<f64>, distance_max_m: f64) -> Self {
         let metrics = Metrics {
             finish_s: since_entry_s,

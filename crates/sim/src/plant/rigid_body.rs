@@ -116,8 +116,8 @@ struct Tilt {
     rate_radps: f64,
 }
 
-/// State of the rigid body beside pose and velocity. Components `fr`: forward, right, as the sticks have them, and `fru`:
-/// up beside them; frame `w`: world x and y.
+/// State of the rigid body beside pose and velocity. Components `fr`: forward, right, as the sticks have them, and
+/// `fru`: up beside them; frame `w`: world x and y.
 #[derive(Debug, Clone)]
 pub(super) struct RigidBody {
     table: RigidBodyTable,

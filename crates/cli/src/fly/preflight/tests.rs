@@ -86,10 +86,11 @@ fn what_is_ready_is_reported_line_by_line_and_the_question_is_asked() {
 
 #[test]
 fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
-    use Readiness::{Bad, Never, Note};
+    use Readiness::{Bad, Good, Never, Note};
     let all = all_there;
     let stream = all().stream;
-    let cases: [(Found, &str, Readiness, &str); 16] = [
+    let beside = |x_m: f64| Found { at: Some(Pose::new(x_m, -3.0, 0.05, 0.0)), ..all() };
+    let cases: [(Found, &str, Readiness, &str); 19] = [
         (
             Found { stream: StreamReport { has_clock: false, ..stream }, ..all() },
             "mocap",
@@ -128,6 +129,9 @@ fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
             Bad,
             "at -2000.00 -3000.00 +50.00 m, heading +0 degrees: outside of the room",
         ),
+        (beside(4.41), "start", Note, "0.59 m from the wall at the upper x of the room"),
+        (beside(4.39), "start", Good, "m from the first target"),
+        (beside(5.1), "start", Bad, "outside of the room"),
         (Found { drone: None, ..all() }, "drone", Bad, "does not answer on 192.168.10.1"),
         (Found { drone: None, ..all() }, "battery", Bad, "unknown without a report"),
         (drone(|status| status.is_flying = true), "drone", Bad, "says that it flies"),

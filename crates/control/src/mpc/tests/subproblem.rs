@@ -5,8 +5,8 @@ use nalgebra::{SMatrix, SVector, Vector1, Vector2};
 
 use super::*;
 
-/// `s' = s + 10 u_2 + 3 u_1 u_2`: with the costate `w` the exact Hessian by the inputs is `3 w [[0, 1], [1, 0]]`, and its
-/// convexified replacement zero.
+/// `s' = s + 10 u_2 + 3 u_1 u_2`: with the costate `w` the exact Hessian by the inputs is `3 w [[0, 1], [1, 0]]`, and
+/// its convexified replacement zero.
 #[derive(Debug, Clone, Copy)]
 struct Saddle;
 

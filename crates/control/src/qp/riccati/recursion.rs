@@ -84,8 +84,8 @@ pub(super) struct Working<'a, const NS: usize, const NU: usize> {
 
 /// Fills in the policy of step `k` and the value before it, from the value after it.
 ///
-/// The gradient by `du` is `H du + S ds + C dv + h`. Letters as in `docs/model.md`, section 5: `f` for inputs at inactive
-/// bounds, `c` for those of the working set, `+` for what is after the step.
+/// The gradient by `du` is `H du + S ds + C dv + h`. Letters as in `docs/model.md`, section 5: `f` for inputs at
+/// inactive bounds, `c` for those of the working set, `+` for what is after the step.
 ///
 /// # Errors
 /// A pivot is not positive, or not finite.

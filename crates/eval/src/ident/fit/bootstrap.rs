@@ -47,8 +47,8 @@ where
         let estimates: Vec<SVector<f64, NP>> = asked().map(estimate).collect();
         let unconverged = asked().filter(|row| row.is_unconverged()).count();
         let is_cut_short = observer.is_stopped() && (estimates.len() as u64) < plan.resamples;
-        // Each resample of one piece is that piece: no spread, which no interval of width 0 may stand for. Nor may the few
-        // resamples before Ctrl-C stand for all.
+        // Each resample of one piece is that piece: no spread, which no interval of width 0 may stand for. Nor may the
+        // few resamples before Ctrl-C stand for all.
         let spread = Spread::of(&estimates).filter(|_| self.spans.len() > 1 && !is_cut_short);
         let report = spread.map(|spread| {
             let correlation = spread.correlation.row_iter();

@@ -112,6 +112,10 @@ fn an_axis_that_follows_is_limited_but_keeps_pace_when_the_others_return() {
     }
     assert_eq!(follow(-0.1), [-5; stick::COUNT], "the FIFO keeps the least dead time of yaw");
     assert_eq!(follow(0.1), [-4; stick::COUNT]);
+    assert_eq!(follow(-0.1), [-5; stick::COUNT]);
+    // Half of 0.04 and of 0.19 s.
+    let applied_s = dead_time.change().unwrap().change_s;
+    assert!((applied_s - Sticks::new(-0.1, -0.1, -0.02, -0.095)).amax() < 1e-12, "{applied_s}");
 }
 
 #[test]

@@ -21,7 +21,7 @@ pub struct LinkRecord {
     /// What is missing from that by the latest motion that shows it; missing before. s
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dead_time_error_s: Option<f64>,
-    /// Correction of the dead time of the throttle, as far as `dead_time_min_ratio` lets it. s
+    /// Correction of the dead time of the throttle. s
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub throttle_change_s: Option<f64>,
     /// The same of yaw. s

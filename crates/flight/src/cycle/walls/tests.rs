@@ -1,5 +1,5 @@
 use horizon_model::check::jacobian_gap;
-use horizon_model::rows::{Motion, motion};
+use horizon_model::rows::{Motion, motion, pose};
 use horizon_model::{Lagged, LaggedShape};
 use nalgebra::Vector1;
 
@@ -38,7 +38,7 @@ fn constraints_on_the_state_of_a_vehicle_meet_their_numeric_twins() {
     let mut seen = [0; 8];
     for at in [[0.5, 0.4, 0.9], [1.1, 0.3, 1.1], [-1.7, -0.6, 1.6], [-1.2, 0.1, 0.7]] {
         let mut s = Motion::zeros();
-        (s[motion::X], s[motion::Y], s[motion::Z]) = (at[0], at[1], at[2]);
+        (s[motion::X], s[motion::Y], s[motion::Z]) = (at[pose::X], at[pose::Y], at[pose::Z]);
         // Without a velocity both ends of the way are equally near: the constraint has a kink there.
         (s[motion::V_X], s[motion::V_Y], s[motion::V_Z], s[motion::D_Y]) = (0.7, -0.2, 0.1, 0.05);
         for (i, seen) in seen.iter_mut().enumerate() {

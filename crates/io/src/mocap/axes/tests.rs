@@ -1,6 +1,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use horizon_model::check::{amax, maximum};
+use horizon_model::rows::pose;
 use proptest::prelude::*;
 
 use super::*;
@@ -32,11 +33,11 @@ fn a_source_whose_y_points_up_is_turned() {
 fn the_nose_is_where_the_settings_say() {
     let along_y = table([Axis::X, Axis::Y, Axis::Z], Some(Axis::Y), None);
     let pose = pose_of(&along_y, [0.0; 3], LEVEL);
-    assert!((pose[3] - FRAC_PI_2).abs() < 1e-12, "{pose}");
+    assert!((pose[pose::THETA] - FRAC_PI_2).abs() < 1e-12, "{pose}");
     // Where y points up, a nose along the object's z, which is our -y.
     let y_up = table([Axis::X, Axis::MinusZ, Axis::Y], Some(Axis::Z), None);
     let pose = pose_of(&y_up, [0.0; 3], LEVEL);
-    assert!((pose[3] + FRAC_PI_2).abs() < 1e-12, "{pose}");
+    assert!((pose[pose::THETA] + FRAC_PI_2).abs() < 1e-12, "{pose}");
 }
 
 #[test]
@@ -44,12 +45,12 @@ fn units_are_metres_behind_the_mapping() {
     for (unit, x_m) in [(Unit::Metre, 1500.0), (Unit::Centimetre, 15.0), (Unit::Millimetre, 1.5)] {
         let table = table([Axis::X, Axis::Y, Axis::Z], None, Some(unit));
         let pose = pose_of(&table, [1500.0, 0.0, 0.0], LEVEL);
-        assert!((pose[0] - x_m).abs() < 1e-9, "{unit:?}: {pose}");
+        assert!((pose[pose::X] - x_m).abs() < 1e-9, "{unit:?}: {pose}");
     }
     // Without a word the unit is that of the protocol.
     let usual = Axes::new(None, Unit::Millimetre).unwrap();
     let pose = usual.pose(&Placement { pos_v: [1500.0, 0.0, 0.0], matrix: LEVEL }).unwrap();
-    assert!((pose[0] - 1.5).abs() < 1e-12, "{pose}");
+    assert!((pose[pose::X] - 1.5).abs() < 1e-12, "{pose}");
 }
 
 /// What is wrong with a table.

@@ -207,8 +207,8 @@ fn rigid_body_description<'a>(bytes: &mut Bytes<'a>, version: Version) -> Option
     Some((id, name))
 }
 
-/// Number and end of a frame, whose `body` is what follows the head of the message. Calls `on_body` with each rigid body,
-/// in the order of the frame.
+/// Number and end of a frame, whose `body` is what follows the head of the message. Calls `on_body` with each rigid
+/// body, in the order of the frame.
 ///
 /// The end is `None` if the frame stops within it; all is `None` if the frame stops before, after `on_body` was called
 /// for the bodies that were complete. No allocation.

@@ -39,9 +39,9 @@ pub struct Packets {
 }
 
 impl Packets {
-    /// Calls `on_packet` with kind and body, without the head, of each packet that `piece` completes; the rest is kept for
-    /// the next piece. Allocates only if more is kept than ever before: at most a packet of [`PACKET_BYTES_MAX`] and a
-    /// piece.
+    /// Calls `on_packet` with kind and body, without the head, of each packet that `piece` completes; the rest is kept
+    /// for the next piece. Allocates only if more is kept than ever before: at most a packet of [`PACKET_BYTES_MAX`]
+    /// and a piece.
     ///
     /// # Errors
     /// A length that none of this protocol has, or the first error of `on_packet`. What follows makes no

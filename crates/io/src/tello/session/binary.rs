@@ -98,8 +98,8 @@ impl BinaryTalk {
         outbox.push(Message::Binary(HostPacket::Action { action, sequence }));
     }
 
-    /// An order to take off that was not acknowledged may be lost. One that was is never repeated: somebody may have the
-    /// drone in the hand since.
+    /// An order to take off that was not acknowledged may be lost. One that was is never repeated: somebody may have
+    /// the drone in the hand since.
     pub(super) fn take_off_patience(&self) -> Option<SpanNs> {
         let is_lost = matches!(self.unacknowledged, Some((Action::TakeOff, _)));
         is_lost.then_some(TAKE_OFF_PATIENCE)

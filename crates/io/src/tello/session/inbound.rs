@@ -8,9 +8,9 @@ use crate::clock::TimeNs;
 use crate::tello::{DroneStatus, Protocol};
 
 impl Session {
-    /// Takes a datagram that came from the drone's command port at `now`; its status, if it is one. One that makes no sense
-    /// is counted as malformed. What is to be answered waits in [`Session::drain`], unless a landing or an emergency stop
-    /// goes on: then nothing is answered.
+    /// Takes a datagram that came from the drone's command port at `now`; its status, if it is one. One that makes no
+    /// sense is counted as malformed. What is to be answered waits in [`Session::drain`], unless a landing or an
+    /// emergency stop goes on: then nothing is answered.
     pub fn receive(&mut self, datagram: &[u8], now: TimeNs) -> Option<DroneStatus> {
         let answered_from = self.outbox.len();
         let heard = self.talk.receive(datagram, now, &mut self.outbox);
@@ -22,8 +22,8 @@ impl Session {
         self.take(heard, now)
     }
 
-    /// Takes a state line of the text SDK, which came to a port of its own at `now`; its status, if the line has a charge
-    /// and it is known whether the motors run. One that makes no sense is counted as malformed.
+    /// Takes a state line of the text SDK, which came to a port of its own at `now`; its status, if the line has a
+    /// charge and it is known whether the motors run. One that makes no sense is counted as malformed.
     pub fn receive_state(&mut self, datagram: &[u8], now: TimeNs) -> Option<DroneStatus> {
         let heard = self.talk.receive_state(datagram, now);
         self.take(heard, now)

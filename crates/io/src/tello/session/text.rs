@@ -20,7 +20,8 @@ const VIDEO_PORT: u16 = 11111;
 const TAKE_OFF_MIN: SpanNs = SpanNs::from_ms(2500);
 /// A drone that flies so long after the order hovers: its reply was lost.
 const TAKE_OFF_TYPICAL: SpanNs = SpanNs::from_ms(8000);
-/// After so long the take-off is over, one way or the other: before the drone lands by itself, 15 s after the last packet.
+/// After so long the take-off is over, one way or the other: before the drone lands by itself, 15 s after the last
+/// packet.
 const TAKE_OFF_MAX: SpanNs = SpanNs::from_ms(12_000);
 
 /// The count of seconds with motors on stands still for so long if they are off.

@@ -45,7 +45,7 @@ fn laps_of(seed: u64, change: impl FnOnce(&mut SimTable)) -> VirtualFlight {
 }
 
 /// Compares what is found with what the vehicle was given, over flights of `seeds`: eight of ten within 10 ms, of
-/// changes above 0.1 s within 15 ms; all within 20 ms. Of fifty flights 92 to 100 % are within 10 ms.
+/// changes above 0.1 s within 15 ms; all within 20 ms. Of fifty flights 84 to 100 % are within 10 ms.
 fn judge(is_rigid_body: bool, longer_s: &[f64], seeds: u64) {
     // Against the flights of the nominal vehicle: the settings count half a period of the sampling, and the
     // second order of the rigid body looks like a delay.
@@ -83,18 +83,21 @@ fn throttle_and_roll_are_corrected_by_what_each_of_them_shows() {
 
 #[test]
 fn sticks_that_act_later_than_can_be_corrected_land_the_vehicle() {
-    let mut flight = laps(0.5, 1, true);
-    let landing = (0..1500).find_map(|_| {
-        let ticked = flight.tick().unwrap();
-        (ticked.phase() == Phase::Landing).then(|| ticked.ruling.unwrap().faults.iter().collect())
-    });
-    assert_eq!(landing, Some(vec![Fault::DeadTimeLong]));
+    let throttle_alone = laps_of(1, |sim| sim.plant.vertical.dead_time_s += 0.6);
+    for mut flight in [laps(0.5, 1, true), throttle_alone] {
+        let landing = (0..1500).find_map(|_| {
+            let ticked = flight.tick().unwrap();
+            let faults = ticked.ruling.unwrap().faults.iter().collect();
+            (ticked.phase() == Phase::Landing).then_some(faults)
+        });
+        assert_eq!(landing, Some(vec![Fault::DeadTimeLong]));
+    }
 }
 
 #[test]
-#[ignore = "eighty flights: in .ci/run all"]
+#[ignore = "160 flights: in .ci/run all"]
 fn every_flight_finds_the_dead_times_of_its_vehicle() {
     for is_rigid_body in [false, true] {
-        judge(is_rigid_body, &[-0.1, 0.1, 0.2], 10);
+        judge(is_rigid_body, &[-0.1, 0.1, 0.2], 20);
     }
 }

@@ -1,0 +1,52 @@
+//! What keeps a drone on the ground, and what happens to one that does not rise straight.
+
+use tello_flight::{Fault, Phase, Pilot};
+use tello_sim::{Fault as SimFault, ScriptedFault};
+
+use super::story::{Moment, Story, fly_alone, settings};
+
+/// A flight from the ground with `fault` in this time.
+fn with(fault: SimFault, from_s: f64, for_s: f64, seconds: f64) -> Story {
+    fly_alone(&settings(&[ScriptedFault { fault, from_s, for_s }]), seconds)
+}
+
+/// A drone that is kept on the ground by `fault` while `sim_fault` lasts, from the beginning on, and takes off within
+/// `after_s` of its end.
+fn assert_waits(sim_fault: SimFault, for_s: f64, fault: Fault, after_s: f64) {
+    let story = with(sim_fault, 0.0, for_s, for_s + after_s);
+    for moment in &story.moments {
+        let is_idle = moment.phase == Phase::Idle && moment.take_offs == 0;
+        assert!(moment.at_s >= for_s || is_idle, "{moment:?}");
+    }
+    let waits = |moment: &&Moment| moment.faults.contains(&fault);
+    let waited = story.moments.iter().filter(waits).count();
+    assert!(waited > story.moments.len() / 3, "{fault:?} in {waited} ticks");
+    let take_off_s = story.first(0.0, |moment| moment.take_offs > 0);
+    assert!(take_off_s.is_some(), "no take-off within {after_s} s: {:?}", story.last());
+}
+
+#[test]
+fn a_drone_that_has_not_reported_does_not_take_off() {
+    assert_waits(SimFault::DroneMute, 4.0, Fault::DroneUnheard, 1.0);
+}
+
+#[test]
+fn noisy_poses_on_the_ground_keep_the_drone_there() {
+    let noise = SimFault::MocapNoise { growth_mps: 0.05, growth_radps: 0.0 };
+    assert_waits(noise, 6.0, Fault::MocapUnsettled, 2.0);
+}
+
+#[test]
+fn a_take_off_that_drifts_is_steered_at_once() {
+    let steered_s =
+        |story: &Story| story.first(0.0, |moment| moment.pilot == Some(Pilot::Controller)).unwrap();
+    let straight_s = steered_s(&fly_alone(&settings(&[]), 12.0));
+    // A draught from the end of the climb on.
+    let push = SimFault::DronePushed { velocity_w_mps: [0.4, 0.0, 0.0] };
+    let carried = with(push, straight_s - 1.9, 1.5, 40.0);
+    let early_s = straight_s - steered_s(&carried);
+    assert!((0.5..1.9).contains(&early_s), "{early_s} s before {straight_s} s");
+    carried.assert_sound();
+    carried.assert_down();
+    assert_eq!(carried.last().faults, [], "{:?}", carried.last());
+}
