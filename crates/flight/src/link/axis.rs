@@ -158,7 +158,7 @@ impl Axis {
     /// constant `tau_s`.
     ///
     /// With the errors `eps_lambda` of the gain and `eps_D` of the dead time (`docs/control.md`, section 5); of the
-    /// height `omega` is v_z and `theta` is z:
+    /// height `omega` is `v_z` and `theta` is `z`:
     ///
     /// | symbol | equation |
     /// |---|---|
