@@ -71,9 +71,6 @@ enum Kind {
     Params,
 }
 
-/// First key of a mission.
-const MISSION_KINDS: [&str; 5] = ["targets", "waypoints", "spline", "circle", "trajectory"];
-
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     if let Some(kind) = arguments.schema {
         stdio::line(serde_json::to_string_pretty(&schema(kind))?)?;
@@ -171,7 +168,7 @@ fn resolve(room_of: Option<&Path>, file: Option<&Path>) -> Result<Value> {
     if has("cycle") {
         return resolve_fly(Some(path));
     }
-    if MISSION_KINDS.iter().any(|kind| has(kind)) {
+    if MissionTable::NAMES.iter().any(|kind| has(kind)) {
         let found = config::fly_problems(room_of, Some(path)).none();
         found.with_context(|| {
             let room_of = room_of.map_or_else(|| "the built-in one".into(), Path::to_string_lossy);
@@ -201,7 +198,7 @@ fn resolve(room_of: Option<&Path>, file: Option<&Path>) -> Result<Value> {
          \"parameters\" (params) or one of \"{}\" (mission)",
         path.display(),
         if found.is_empty() { "none" } else { &found },
-        MISSION_KINDS.join("\", \"")
+        MissionTable::NAMES.join("\", \"")
     )
 }
 
@@ -254,15 +251,7 @@ impl Look {
         let room = flight.cycle.supervisor.room.as_ref();
         let room_margin_m = room.map(|room| survey.margin_m([room.x_m, room.y_m, room.z_m]));
         let obstacle_margin_m = mission.clearance_m(around.obstacles());
-        let mut notes = cycle::notes(&mission, &flight.cycle);
-        if let (Some(distance_m), Some(walls)) = (room_margin_m, &flight.cycle.mpc.walls)
-            && distance_m < walls.margin_m
-        {
-            notes.push(format!(
-                "it comes within {distance_m:.2} m of a wall, the plan keeps {} m away (cycle.mpc.walls.margin_m)",
-                walls.margin_m
-            ));
-        }
+        let notes = cycle::notes(&mission, &flight.cycle);
         Ok((Self { survey, room_margin_m, obstacle_margin_m, notes }, mission, around))
     }
 }

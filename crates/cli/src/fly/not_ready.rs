@@ -83,6 +83,9 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
         (0, ..) => {
             format!("no pose, nobody is at {address}: is the system running, is {key} right?")
         }
+        _ if report.doubled > 0 => {
+            format!("two objects are called {object:?}: which of them is the drone is not known")
+        }
         (_, 0, _) => format!("no pose, nothing comes from {address}: is the mocap system live?"),
         _ => format!(
             "{messages} messages, {} of them of other objects, {} malformed: is the object's name \

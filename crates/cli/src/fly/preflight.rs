@@ -220,11 +220,18 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Chec
     let object = table.mocap.object();
     if let Some(rate_hz) = rate_hz.filter(|rate_hz| rate_hz * stale_s < FRAMES_MIN) {
         let reason = format!(
-            "{rate_hz:.1} frames a second: poses are stale after {stale_s} s (supervisor.stale_s), so that {:.0} are \
+            "{rate_hz:.2} frames a second: poses are stale after {stale_s} s (supervisor.stale_s), so that {:.0} are \
              needed",
             FRAMES_MIN / stale_s
         );
         return check("mocap", Readiness::Never, reason);
+    }
+    if found.stream.doubled > 0 {
+        let reason = format!(
+            "two objects are called {object:?}, in {} frames: which of them is the drone?",
+            found.stream.doubled
+        );
+        return check("mocap", Readiness::Bad, reason);
     }
     let (Some(_), Some(rate_hz)) = (found.at, rate_hz) else {
         return check("mocap", Readiness::Bad, &*found.mocap_trouble);

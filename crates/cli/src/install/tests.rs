@@ -65,6 +65,15 @@ fn the_motion_capture_of_the_command_line_is_that_of_the_settings() {
 }
 
 #[test]
+fn every_source_of_poses_can_be_set_up() {
+    for kind in tello_io::mocap::MocapTable::NAMES {
+        let dir = empty_folder(kind);
+        init_with(&[dir.to_str().unwrap(), "--mocap", kind]).unwrap();
+        fs::remove_dir_all(dir).unwrap();
+    }
+}
+
+#[test]
 fn a_motion_capture_has_its_usual_port_and_its_own_rate() {
     for (kind, side, address) in [
         ("relay", "address", "127.0.0.1:51602"),

@@ -98,7 +98,7 @@ mod tests {
         let parsed = |text: &str| text.parse::<SourceArgument>().unwrap();
         assert_eq!(parsed("natnet=motive").address, "motive:1510");
         assert_eq!(parsed("qtm=10.0.0.1:9").address, "10.0.0.1:9");
-        for (kind, _) in KINDS {
+        for kind in MocapTable::NAMES {
             let table = parsed(&format!("{kind}=a:1")).table("tello");
             assert_eq!((super::kind(&table), table.address().1), (kind, "a:1"));
         }

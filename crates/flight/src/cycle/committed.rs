@@ -63,7 +63,7 @@ mod tests {
 
     /// Stages of 1, 1, 4, 4 and 2 steps.
     fn settings() -> MpcSettings<4, { stick::COUNT }> {
-        MpcSettings::builder(12).stages(&[(2, 4)]).build(&Kinematic).unwrap()
+        MpcSettings::builder(12).stages(&[(2, 1), (2, 4), (1, 2)]).build(&Kinematic).unwrap()
     }
 
     #[test]

@@ -25,6 +25,9 @@ pub enum MissionTable {
 }
 
 impl MissionTable {
+    /// First key of each kind.
+    pub const NAMES: [&'static str; 5] = ["targets", "waypoints", "spline", "circle", "trajectory"];
+
     /// Poses of the mission's list of targets or waypoints, world frame, with their keys; none of a circle and of a
     /// trajectory, which may have thousands. m, rad. Allocates.
     pub fn poses(&self) -> impl Iterator<Item = (String, Pose)> + '_ {

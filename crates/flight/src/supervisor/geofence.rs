@@ -257,11 +257,16 @@ mod tests {
     }
 
     #[test]
-    fn walls_in_millimetres_are_refused() {
+    fn walls_in_millimetres_or_centimetres_are_refused() {
         for (x_m, given) in [([-2000.0, 2000.0], "-2000"), ([0.0, 500.1], "500.1")] {
             let error = Room::try_from(&RoomTable { x_m, ..TABLE }).unwrap_err().to_string();
             assert_eq!(error, format!("x_m = {given} violates -500..=500, in metres"));
         }
-        assert!(Room::try_from(&RoomTable { x_m: [-500.0, 500.0], ..TABLE }).is_ok());
+        let y_m = [-250.0, 250.0];
+        let error = Room::try_from(&RoomTable { y_m, ..TABLE }).unwrap_err().to_string();
+        assert_eq!(error, "y_m = [-250, 250] violates at most 100 apart, in metres");
+        for far in [[-500.0, -400.0], [400.0, 500.0]] {
+            assert!(Room::try_from(&RoomTable { x_m: far, ..TABLE }).is_ok());
+        }
     }
 }

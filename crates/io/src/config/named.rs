@@ -65,6 +65,34 @@ mod tests {
         }
     }
 
+    /// Places of all keys in `value`, below `place`.
+    fn places(value: &Value, place: &Place, to: &mut Vec<Place>) {
+        for (key, value) in value.as_object().into_iter().flatten() {
+            let place = place.with(key);
+            places(value, &place, to);
+            to.push(place);
+        }
+    }
+
+    #[test]
+    fn settings_that_lack_any_key_of_the_built_in_ones_are_refused() {
+        let built_in: Value = parse(BUILT_IN_FLY).unwrap();
+        let mut all = Vec::new();
+        places(&built_in, &Place::default(), &mut all);
+        let is_missed = |place: &Place| {
+            let mut settings = built_in.clone();
+            let parent = place.head(place.0.len() - 1);
+            let Some(Step::Key(name)) = place.0.last() else { return false };
+            parent.of_mut(&mut settings).unwrap().as_object_mut().unwrap().remove(name);
+            unnamed(&settings).next().is_some()
+                || serde_json::from_value::<super::super::FlyTable>(settings).is_err()
+        };
+        let kept: Vec<String> =
+            all.iter().filter(|place| !is_missed(place)).map(ToString::to_string).collect();
+        // What these do if they are missing is in `docs/configuration.md`.
+        assert_eq!(kept, ["cycle.mpc.stages", "real_time.frame_wait_s"], "of {} keys", all.len());
+    }
+
     #[test]
     fn a_part_that_is_switched_off_needs_no_keys() {
         let mut settings: Value = parse(BUILT_IN_FLY).unwrap();

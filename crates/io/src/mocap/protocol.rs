@@ -136,18 +136,20 @@ struct Found {
     pose: Option<Pose>,
     is_named: bool,
     is_refused: bool,
+    /// Whether it has two objects of the name: which is which is not known.
+    is_doubled: bool,
     /// Whether another object has a name in it.
     has_others: bool,
 }
 
 impl Taker for Pick<'_> {
     fn body(&mut self, name: Name<'_>, at: Option<&Placement>) {
-        // The first of two objects with one name counts.
-        if self.found.is_named {
-            return;
-        }
         if !name.is(self.object) {
             self.found.has_others |= name.text.is_some();
+            return;
+        }
+        self.found.is_doubled = self.found.is_named;
+        if self.found.is_doubled {
             return;
         }
         let pose = at.and_then(|at| self.axes.pose(at));
@@ -158,8 +160,11 @@ impl Taker for Pick<'_> {
 
     fn frame(&mut self, Head { number, rate_hz, stamp, latency, is_whole }: Head) {
         let found = std::mem::take(&mut self.found);
-        let Found { pose, is_named, is_refused, has_others } = found;
-        if is_refused {
+        let Found { mut pose, is_named, is_refused, is_doubled, has_others } = found;
+        if is_doubled {
+            self.counters.doubled.count();
+            pose = None;
+        } else if is_refused {
             self.counters.malformed.count();
             return;
         }
@@ -216,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_body_of_the_name_counts() {
+    fn two_bodies_of_the_name_are_none() {
         let there = Placement { pos_v: [9.0; 3], ..HERE };
         let bodies = [
             (named("box"), Some(there)),
@@ -224,7 +229,9 @@ mod tests {
             (named("tello"), Some(there)),
         ];
         let (poses, malformed, others) = picked(&bodies, true);
-        assert_eq!((poses, malformed, others), (vec![Some(Pose::new(1.0, 2.0, 3.0, 0.0))], 0, 0));
+        assert_eq!((poses, malformed, others), (vec![None], 0, 0));
+        let (poses, ..) = picked(&bodies[..2], true);
+        assert_eq!(poses, [Some(Pose::new(1.0, 2.0, 3.0, 0.0))]);
         // Lost first: a second one of the name does not stand in for it.
         let bodies = [(named("tello"), None), (named("tello"), Some(there))];
         assert_eq!(picked(&bodies, true), (vec![None], 0, 0));

@@ -86,6 +86,9 @@ enum Protocol {
 }
 
 impl MocapTable {
+    /// Key of each source.
+    pub const NAMES: [&'static str; 6] = ["relay", "udp", "datastream", "natnet", "qtm", "vrpn"];
+
     /// Name of the vehicle in the mocap system.
     pub fn object(&self) -> &str {
         match self {
@@ -286,6 +289,13 @@ mod tests {
         for text in ["{}", r#"{ "optitrack": {} }"#, r#"{ "relay": { "address": "a:1" } }"#] {
             assert!(serde_json::from_str::<MocapTable>(text).is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn the_names_are_those_that_settings_may_have() {
+        let error = serde_json::from_str::<MocapTable>(r#"{ "": {} }"#).unwrap_err().to_string();
+        let names = MocapTable::NAMES.map(|name| format!("`{name}`")).join(", ");
+        assert!(error.contains(&format!("expected one of {names} at")), "{error}");
     }
 
     #[test]

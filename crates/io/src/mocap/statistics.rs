@@ -27,6 +27,8 @@ pub struct MocapCounters {
     pub other_object: Counter,
     /// Messages with the frame number of the message before.
     pub repeated: Counter,
+    /// Frames with two objects of the name, or two messages of one frame that place the object elsewhere.
+    pub doubled: Counter,
     /// Frames that arrived after a later one, and were dropped.
     pub overtaken: Counter,
     /// Sightings lost because the queue was full.
@@ -84,6 +86,8 @@ pub struct StreamReport {
     pub malformed: u64,
     /// Messages about other objects only.
     pub other_object: u64,
+    /// Frames with two objects of the name, or two messages of one frame that place the object elsewhere.
+    pub doubled: u64,
     /// Frames dropped because a later one had arrived.
     pub overtaken: u64,
     /// Frames dropped because the queue to the control thread was full.
@@ -112,6 +116,7 @@ impl MocapCounters {
             reconnects: self.connects.get().saturating_sub(1),
             malformed: self.malformed.get(),
             other_object: self.other_object.get(),
+            doubled: self.doubled.get(),
             overtaken: self.overtaken.get(),
             overflow: self.overflow.get(),
         }

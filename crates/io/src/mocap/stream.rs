@@ -5,6 +5,8 @@
 
 use core::net::SocketAddrV4;
 
+use horizon_model::rows::Pose;
+
 use super::source::{Frame, Source, SourceError};
 use super::source_clock::SourceClock;
 use super::{MocapCounters, MocapSettings, Sighting};
@@ -24,6 +26,8 @@ pub struct MocapStream {
 #[derive(Debug)]
 struct FrameOrder {
     last_frame: Option<i64>,
+    /// Its pose, world frame. m, rad
+    last_pose: Option<Pose>,
     clock: SourceClock,
     /// When the newest frame with a known time was measured, also on an earlier connection.
     measured_at: TimeNs,
@@ -36,6 +40,7 @@ impl MocapStream {
     pub fn new(settings: &MocapSettings) -> Self {
         let order = FrameOrder {
             last_frame: None,
+            last_pose: None,
             clock: SourceClock::new(),
             measured_at: TimeNs(0),
             received_at: None,
@@ -108,13 +113,17 @@ impl FrameOrder {
         match back {
             Some(0) => {
                 counters.repeated.count();
+                let is_elsewhere = |(last, pose): (Pose, Pose)| last != pose;
+                if self.last_pose.zip(pose).is_some_and(is_elsewhere) {
+                    counters.doubled.count();
+                }
                 return None;
             }
             Some(1..=OVERTAKEN_MAX) => {
                 counters.overtaken.count();
                 return None;
             }
-            _ => self.last_frame = Some(number),
+            _ => (self.last_frame, self.last_pose) = (Some(number), pose),
         }
         let sent_at = received_at.after(SpanNs(latency.0.saturating_neg()));
         let known = self.clock.measured_at(&frame, sent_at);
@@ -131,8 +140,6 @@ impl FrameOrder {
 
 #[cfg(test)]
 mod tests {
-    use horizon_model::rows::Pose;
-
     use super::*;
 
     const RECEIVED_AT: TimeNs = TimeNs(500_000_000);

@@ -90,7 +90,7 @@ fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
     let all = all_there;
     let stream = all().stream;
     let beside = |x_m: f64| Found { at: Some(Pose::new(x_m, -3.0, 0.05, 0.0)), ..all() };
-    let cases: [(Found, &str, Readiness, &str); 19] = [
+    let cases: [(Found, &str, Readiness, &str); 20] = [
         (
             Found { stream: StreamReport { has_clock: false, ..stream }, ..all() },
             "mocap",
@@ -115,7 +115,7 @@ fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
             Found { stream: StreamReport { rate_hz: Some(2.0), ..stream }, ..all() },
             "mocap",
             Never,
-            "2.0 frames a second: poses are stale after 0.5 s (supervisor.stale_s), so that 4 are needed",
+            "2.00 frames a second: poses are stale after 0.5 s (supervisor.stale_s), so that 4 are needed",
         ),
         (
             Found { at: Some(Pose::new(-2.0, -3.0, -0.1, 0.0)), ..all() },
@@ -128,6 +128,12 @@ fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
             "start",
             Bad,
             "at -2000.00 -3000.00 +50.00 m, heading +0 degrees: outside of the room",
+        ),
+        (
+            Found { stream: StreamReport { doubled: 3, ..stream }, ..all() },
+            "mocap",
+            Bad,
+            "two objects are called \"tello\", in 3 frames",
         ),
         (beside(4.41), "start", Note, "0.59 m from the wall at the upper x of the room"),
         (beside(4.39), "start", Good, "m from the first target"),

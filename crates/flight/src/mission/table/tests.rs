@@ -98,3 +98,10 @@ fn speed_may_rise_as_fast_as_it_falls_and_places_to_stand_lie_behind_those_to_sl
     assert_eq!(aside(0.1, 0.1), Err("wait.aside_m[1]".to_owned()));
     assert_eq!(aside(0.0, 0.1), Err("wait.aside_m[0]".to_owned()));
 }
+
+#[test]
+fn the_names_are_those_that_settings_may_have() {
+    let error = serde_json::from_str::<MissionTable>(r#"{ "": {} }"#).unwrap_err().to_string();
+    let names = MissionTable::NAMES.map(|name| format!("`{name}`")).join(", ");
+    assert!(error.contains(&format!("expected one of {names} at")), "{error}");
+}

@@ -88,6 +88,22 @@ fn a_pose_is_frozen_that_stands_still_against_the_inputs() {
 }
 
 #[test]
+fn inputs_of_before_an_outage_count_if_the_pose_was_still_by_then() {
+    // Noise hides for 2.4 s that the pose stands still.
+    let found = |outage_s: f64, velocity: Agreement| {
+        let mut frozen = FrozenMonitor::new(DT_S);
+        (1..=150_u32).map(|k| f64::from(k) * DT_S).any(|t_s| {
+            let (u_applied, link_is_up) = (Sticks::repeat(0.6), t_s < outage_s);
+            let all_s = (t_s >= 2.4).then_some(t_s);
+            let sample = Sample { pose: None, drone: None, u_applied, link_is_up };
+            frozen.update(&Still { all_s, ..Still::default() }, &sample, velocity).is_some()
+        })
+    };
+    assert!(found(1.0, Agreement::Unknown) && !found(1.0, Agreement::Agrees));
+    assert!(!found(0.0, Agreement::Unknown));
+}
+
+#[test]
 fn what_was_asked_for_before_the_hold_counts_until_the_pose_moves() {
     let mut frozen = FrozenMonitor::new(DT_S);
     let mut see = |pitch: f64, still_s: Option<f64>| {
@@ -134,8 +150,7 @@ fn a_pose_that_is_repeated_and_changes_its_last_digit_now_and_then_is_frozen() {
 }
 
 /// Whether y is called frozen within 3 s after the end of a leg along x at 1 m/s, where the vehicle is ordered to turn
-/// to
-/// -y. The link monitor reports no outage until 0.6 s after the turn.
+/// in the direction of -y. The link monitor reports no outage until 0.6 s after the turn.
 fn is_frozen_after_a_corner(
     follows: bool,
     shows_y: bool,
@@ -340,28 +355,24 @@ fn a_pose_that_moves_by_the_limit_is_not_still() {
 #[test]
 fn all_rows_are_still_as_long_as_the_one_that_stopped_last_and_windows_add_the_longer_time() {
     assert_eq!(all(&[Some(3.0), Some(1.0), Some(2.0)]), Some(1.0));
-    for moving in 0..3 {
-        let mut rows_s = [Some(1.0); 3];
-        rows_s[moving] = None;
-        assert_eq!(all(&rows_s), None, "row {moving}");
-    }
-    assert_eq!(longest(Some(1.0), Some(2.0)), Some(2.0));
-    assert_eq!(longest(Some(2.0), Some(1.0)), Some(2.0));
+    assert_eq!(all(&[None, Some(1.0), Some(1.0)]), None);
+    assert_eq!(all(&[Some(1.0), Some(1.0), None]), None);
+    let both = [longest(Some(1.0), Some(2.0)), longest(Some(2.0), Some(1.0))];
+    assert_eq!(both, [Some(2.0); 2]);
     assert_eq!([longest(None, Some(1.0)), longest(Some(1.0), None)], [Some(1.0); 2]);
     assert_eq!(longest(None, None), None);
 }
 
 #[test]
 fn inputs_contradict_from_their_least_time_on_and_a_denial_neither_begins_nor_ends_that() {
-    const ASKED: Signs = Signs { is_asked: true, is_still: true, is_denied: false };
+    const ASKED: Signs =
+        Signs { is_asked: true, still_s: Some(1.0), recalls: false, is_denied: false };
     const QUIET: Signs = Signs { is_asked: false, ..ASKED };
     const DENIED: Signs = Signs { is_denied: true, ..ASKED };
-    const MOVED: Signs = Signs { is_still: false, ..ASKED };
+    const MOVED: Signs = Signs { still_s: None, ..ASKED };
     let found = |ticks: &[Signs]| {
         let mut contradiction = Contradiction::default();
-        for signs in ticks {
-            contradiction.update(*signs, ASKED_MIN_S / 2.0);
-        }
+        ticks.iter().for_each(|signs| contradiction.update(*signs, ASKED_MIN_S / 2.0));
         contradiction.is_found
     };
     for (ticks, expected) in [

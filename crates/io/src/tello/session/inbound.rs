@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use super::talk::Received;
 use super::{Flight, Link, PING_PERIOD, Session};
 use crate::clock::TimeNs;
-use crate::tello::{DroneStatus, Protocol};
+use crate::tello::DroneStatus;
 
 impl Session {
     /// Takes a datagram that came from the drone's command port at `now`; its status, if it is one. One that makes no
@@ -47,11 +47,9 @@ impl Session {
             Received::Status(status) => {
                 self.witnesses.receive_status(&status, self.may_have_flown, now);
                 self.may_have_flown |= status.is_flying;
-                // A drone that reports to us in the binary protocol knows us, should every
-                // acknowledgement be lost. State lines come in SDK mode only: the drone has kept that mode.
-                if self.was_connected || self.talk.protocol() == Protocol::Binary {
-                    self.connect(now);
-                }
+                // A drone that reports knows us, should every answer be lost, or go to another port: state lines of
+                // the text SDK come in SDK mode only, in which it takes sticks.
+                self.connect(now);
                 self.note_rest(now);
                 // A dry run plans as if its sticks were sent.
                 let takes_sticks = status.takes_sticks || self.is_dry_run;
@@ -101,16 +99,13 @@ mod tests {
     }
 
     #[test]
-    fn a_status_connects_in_the_binary_protocol_and_a_state_line_only_again() {
+    fn a_status_connects_and_so_does_a_state_line() {
         let mut session = binary();
         session.receive(&status(false), ms(0));
         assert!(session.was_connected && matches!(session.link, Link::Connected { .. }));
         let mut text = Session::text(8890, false, Arc::new(LinkCounters::default()));
         assert!(text.receive_state(STANDS, ms(0)).is_some());
-        assert!(!text.was_connected && matches!(text.link, Link::Asking { .. }));
-        text.was_connected = true;
-        text.receive_state(STANDS, ms(10));
-        assert!(matches!(text.link, Link::Connected { .. }));
+        assert!(text.was_connected && matches!(text.link, Link::Connected { .. }));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use crate::clock::TimeNs;
 use crate::tello::SenderState;
 
 impl Session {
-    /// Sends sticks, if the drone has acknowledged the connection and takes them now; never in a dry run.
+    /// Sends sticks, if the drone has answered or reported and takes them now; never in a dry run.
     pub(super) fn send_sticks(&mut self, approved: Approved, now: TimeNs) {
         if self.was_connected && !self.is_dry_run && self.talk.takes_sticks(now) {
             self.may_have_flown |= approved != Approved::neutral();

@@ -2,10 +2,11 @@ use tello_flight::MissionTable;
 
 use super::*;
 use crate::config::FlyTable;
+use crate::mocap::MocapTable;
 
 #[test]
 fn there_is_a_valid_mission_of_every_kind() {
-    for kind in ["targets", "waypoints", "spline", "circle", "trajectory"] {
+    for kind in MissionTable::NAMES {
         let mut template = mission_template(&json!({ "$schema": "x", kind: null })).unwrap();
         assert!(template.get(kind).is_some(), "{kind}: {template}");
         template.as_object_mut().unwrap().remove(SCHEMA);
@@ -25,7 +26,7 @@ fn table(template: &Value) -> FlyTable {
 
 #[test]
 fn settings_are_replaced_from_ones_with_the_same_source_of_poses() {
-    for kind in ["udp", "vrpn", "relay", "datastream", "natnet", "qtm"] {
+    for kind in MocapTable::NAMES {
         for frame in [None, Some(json!({ "axes": 1 }))] {
             let given = frame.map_or_else(|| json!({}), |frame| json!({ "frame": frame }));
             let has_frame =
