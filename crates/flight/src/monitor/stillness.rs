@@ -29,6 +29,8 @@ const INPUT_MIN: f64 = 0.2;
 const ASKED_MIN_S: f64 = 0.4;
 /// Time for which a pose may be still while nothing is asked for. s
 const QUIET_S: f64 = 5.0;
+/// The same in what looks like an outage: a pose that is not the vehicle's stops at once, as if commands were lost.
+const QUIET_IN_OUTAGE_S: f64 = 2.4;
 /// Speed by the drone that the poses do not show, with which commands act whatever the link monitor reports: a vehicle
 /// that coasts without commands shows its speed. m/s
 const FLOWN_MPS: f64 = 0.3;
@@ -112,8 +114,6 @@ pub(super) struct FrozenMonitor {
 struct Contradiction {
     /// For how long the inputs have been large. s
     asked_s: f64,
-    /// How long ago they had been large for long enough; `None`: never. s
-    asked_ago_s: Option<f64>,
     /// Whether they were while it has been still.
     is_found: bool,
 }
@@ -123,28 +123,18 @@ struct Contradiction {
 struct Signs {
     /// The inputs are large.
     is_asked: bool,
-    /// For how long it has been still; `None`: it moves. s
-    still_s: Option<f64>,
-    /// Inputs that are large no more count if it was still then: an outage since explains that it is still now, not
-    /// that it was.
-    recalls: bool,
+    is_still: bool,
     /// The drone denies that it followed the inputs.
     is_denied: bool,
 }
 
 impl Contradiction {
     /// A contradiction that the drone denies begins no finding, and ends none.
-    fn update(&mut self, Signs { is_asked, still_s, recalls, is_denied }: Signs, dt_s: f64) {
+    fn update(&mut self, Signs { is_asked, is_still, is_denied }: Signs, dt_s: f64) {
         self.asked_s = if is_asked { self.asked_s + dt_s } else { 0.0 };
-        let is_long = self.asked_s >= ASKED_MIN_S;
-        self.asked_ago_s =
-            if is_long { Some(0.0) } else { self.asked_ago_s.map(|ago_s| ago_s + dt_s) };
-        let was_still = still_s
-            .zip(self.asked_ago_s)
-            .is_some_and(|(still_s, ago_s)| still_s >= ago_s + ASKED_MIN_S);
-        let is_new = !is_denied && (is_long || recalls && was_still);
+        let is_new = !is_denied && self.asked_s >= ASKED_MIN_S;
         // The finding stays during the hold that follows, whose neutral sticks ask for no motion.
-        self.is_found = still_s.is_some() && (self.is_found || is_new);
+        self.is_found = is_still && (self.is_found || is_new);
     }
 }
 
@@ -175,8 +165,7 @@ impl FrozenMonitor {
         self.ask(sample);
         let signs = Signs {
             is_asked: self.u_lagged_w.norm() > INPUT_MIN,
-            still_s: still.all_s,
-            recalls: velocity != Agreement::Agrees,
+            is_still: still.all_s.is_some(),
             is_denied: false,
         };
         self.all.update(signs, self.dt_s);
@@ -189,8 +178,7 @@ impl FrozenMonitor {
             let is_height = ROWS[row] == pose::Z;
             let signs = Signs {
                 is_asked: change[row].abs() > least,
-                still_s: still_s.filter(|_| !(is_height && is_denied && !sample.link_is_up)),
-                recalls: false,
+                is_still: still_s.is_some() && !(is_height && is_denied && !sample.link_is_up),
                 is_denied: is_denied && !is_height,
             };
             contradiction.update(signs, self.dt_s);
@@ -200,7 +188,8 @@ impl FrozenMonitor {
             _ if self.all.is_found => Some(still_s),
             // The drone itself says that it hovers.
             Agreement::Agrees => None,
-            _ => (still_s > QUIET_S).then_some(still_s),
+            _ if sample.link_is_up => (still_s > QUIET_S).then_some(still_s),
+            _ => (still_s > QUIET_IN_OUTAGE_S).then_some(still_s),
         });
         longest(by_all_s, longest_s)
     }

@@ -134,10 +134,9 @@ struct Pick<'a> {
 #[derive(Default)]
 struct Found {
     pose: Option<Pose>,
-    is_named: bool,
+    /// Bodies of its name: of two it is not known which is which.
+    named: u32,
     is_refused: bool,
-    /// Whether it has two objects of the name: which is which is not known.
-    is_doubled: bool,
     /// Whether another object has a name in it.
     has_others: bool,
 }
@@ -148,20 +147,20 @@ impl Taker for Pick<'_> {
             self.found.has_others |= name.text.is_some();
             return;
         }
-        self.found.is_doubled = self.found.is_named;
-        if self.found.is_doubled {
+        self.found.named += 1;
+        if self.found.named > 1 {
             return;
         }
         let pose = at.and_then(|at| self.axes.pose(at));
         self.found.pose = pose;
-        self.found.is_named = true;
         self.found.is_refused = at.is_some() && pose.is_none();
     }
 
     fn frame(&mut self, Head { number, rate_hz, stamp, latency, is_whole }: Head) {
         let found = std::mem::take(&mut self.found);
-        let Found { mut pose, is_named, is_refused, is_doubled, has_others } = found;
-        if is_doubled {
+        let Found { mut pose, named, is_refused, has_others } = found;
+        let is_named = named > 0;
+        if named > 1 {
             self.counters.doubled.count();
             pose = None;
         } else if is_refused {

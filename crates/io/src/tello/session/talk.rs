@@ -7,9 +7,9 @@ use super::binary::BinaryTalk;
 use super::text::TextTalk;
 use super::{Approved, DroneOrder};
 use crate::clock::{SpanNs, TimeNs};
+use crate::tello::DroneStatus;
 use crate::tello::protocol::{Answer, HostPacket};
 use crate::tello::text::Command;
-use crate::tello::{DroneStatus, Protocol};
 
 /// A datagram to send.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,13 +55,6 @@ pub(super) enum Talk {
 }
 
 impl Talk {
-    pub(super) fn protocol(&self) -> Protocol {
-        match self {
-            Self::Binary(_) => Protocol::Binary,
-            Self::Text(_) => Protocol::Text,
-        }
-    }
-
     /// Asks for a connection.
     pub(super) fn ask(&mut self, outbox: &mut Vec<Message>) {
         match self {
@@ -170,7 +163,7 @@ mod tests {
 
     #[test]
     fn each_order_is_the_command_of_its_name_in_the_text_sdk() {
-        let [binary, mut text] = both();
+        let [_, mut text] = both();
         for (order, command) in [
             (DroneOrder::TakeOff, Command::TakeOff),
             (DroneOrder::Land, Command::Land),
@@ -180,7 +173,6 @@ mod tests {
             text.order(order, &mut outbox);
             assert_eq!(outbox, [Message::Text(command)]);
         }
-        assert_eq!([binary.protocol(), text.protocol()], [Protocol::Binary, Protocol::Text]);
     }
 
     #[test]
