@@ -249,7 +249,7 @@ impl Look {
         let mission = Mission::new(&flight.mission, DT_S)?;
         let survey = mission.survey();
         let room = flight.cycle.supervisor.room.as_ref();
-        let room_margin_m = room.map(|room| survey.margin_m([room.x_m, room.y_m, room.z_m]));
+        let room_margin_m = room.map(|room| survey.margin_m(room.walls_m()));
         let obstacle_margin_m = mission.clearance_m(around.obstacles());
         let notes = cycle::notes(&mission, &flight.cycle);
         Ok((Self { survey, room_margin_m, obstacle_margin_m, notes }, mission, around))

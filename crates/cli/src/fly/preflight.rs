@@ -204,7 +204,7 @@ fn mission_check(mission: &Mission, walls: Option<&RoomTable>) -> Check {
         return check("mission", Readiness::Note, reason);
     };
     let RoomTable { x_m, y_m, z_m, .. } = walls;
-    let nearest_m = mission.survey().margin_m([*x_m, *y_m, *z_m]);
+    let nearest_m = mission.survey().margin_m(walls.walls_m());
     let span = |[low_m, high_m]: &[f64; 2]| format!("{low_m:.1}..{high_m:.1}");
     let reason = format!(
         "{count} targets, {nearest_m:.2} m or more inside of the room x {}, y {}, z {} m",

@@ -180,7 +180,7 @@ pub fn notes(mission: &Mission, cycle: &CycleTable) -> Vec<String> {
 /// Walls nearer to the mission than plans go.
 fn near(mission: &Mission, cycle: &CycleTable) -> Option<String> {
     let (room, walls) = (cycle.supervisor.room.as_ref()?, cycle.mpc.walls.as_ref()?);
-    let distance_m = mission.survey().margin_m([room.x_m, room.y_m, room.z_m]);
+    let distance_m = mission.survey().margin_m(room.walls_m());
     (distance_m < walls.margin_m).then(|| {
         format!(
             "it comes within {distance_m:.2} m of a wall, the plan keeps {} m away (cycle.mpc.walls.margin_m): a \
@@ -194,8 +194,8 @@ fn near(mission: &Mission, cycle: &CycleTable) -> Option<String> {
 fn obstacles_outside(cycle: &CycleTable) -> impl Iterator<Item = String> {
     let room = cycle.supervisor.room.as_ref();
     let is_outside = move |extent_m: &[[f64; 2]; 3]| {
-        let walls_m = room.map(|room| [room.x_m, room.y_m, room.z_m]);
-        walls_m.is_some_and(|walls_m| {
+        room.is_some_and(|room| {
+            let walls_m = room.walls_m();
             let mut axes = extent_m.iter().zip(&walls_m);
             axes.any(|([low, high], [wall_low, wall_high])| high < wall_low || low > wall_high)
         })

@@ -45,6 +45,13 @@ pub struct RoomTable {
     pub stop_s: f64,
 }
 
+impl RoomTable {
+    /// Lower and upper end along x, y and z. World frame. m
+    pub fn walls_m(&self) -> [[f64; 2]; 3] {
+        [self.x_m, self.y_m, self.z_m]
+    }
+}
+
 /// Checked [`RoomTable`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Room {
@@ -57,7 +64,7 @@ impl TryFrom<&RoomTable> for Room {
     type Error = SettingError;
 
     fn try_from(table: &RoomTable) -> Result<Self, SettingError> {
-        let walls_m = [table.x_m, table.y_m, table.z_m];
+        let walls_m = table.walls_m();
         for (key, [low_m, high_m]) in ["x_m", "y_m", "z_m"].into_iter().zip(walls_m) {
             for end_m in [low_m, high_m] {
                 if !(-WALL_MAX_M..=WALL_MAX_M).contains(&end_m) {

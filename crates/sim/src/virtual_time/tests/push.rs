@@ -66,7 +66,7 @@ fn a_drone_that_is_held_is_pressed_by_small_sticks_only() {
         assert_eq!(faults, [Found::MocapLost, Found::MocapFrozen], "seed {seed}");
         let in_outage: Vec<f64> =
             ticks.iter().filter(|tick| tick.is_outage).map(|tick| amax(&tick.u_sent)).collect();
-        assert!(in_outage.len() > 60, "seed {seed}: {} ticks", in_outage.len());
+        assert!(in_outage.len() > 100, "seed {seed}: {} ticks", in_outage.len());
         let largest = in_outage.iter().copied().fold(0.0, f64::max);
         assert!(largest > 0.1 && largest < 0.401, "seed {seed}: {largest}");
     }
@@ -74,13 +74,14 @@ fn a_drone_that_is_held_is_pressed_by_small_sticks_only() {
 
 #[test]
 fn a_drone_in_a_hand_that_sways_is_landed() {
-    // A hand that hardly sways looks like an outage (20 s, small sticks), or like a pose that is not the vehicle's;
+    // A hand that hardly sways looks like a pose that is not the vehicle's, then like an outage (20 s, small sticks),
     // another one like outages that end: immobile.
-    const HARDLY: &[&[Found]] = &[&[Found::OutageLong], &[Found::MocapLost, Found::MocapFrozen]];
-    const CLEARLY: &[&[Found]] = &[&[Found::Immobile]];
-    for (sway_m, expected, latest_s) in
-        [(0.003, HARDLY, 22.0), (0.01, HARDLY, 22.0), (0.03, CLEARLY, 16.0), (0.05, CLEARLY, 16.0)]
-    {
+    for (sway_m, expected, latest_s) in [
+        (0.003, &[Found::MocapLost, Found::MocapFrozen][..], 22.0),
+        (0.01, &[Found::OutageLong], 22.0),
+        (0.03, &[Found::Immobile], 16.0),
+        (0.05, &[Found::Immobile], 16.0),
+    ] {
         for (seed, is_rigid_body) in [(1, false), (2, true), (3, false)] {
             let (ticks, faults) = flown(Fault::DroneHeld { sway_m }, seed, is_rigid_body);
             let held_s = ticks.len() as f64 * DT_S - HELD_FROM_S;
@@ -88,7 +89,7 @@ fn a_drone_in_a_hand_that_sways_is_landed() {
             let large_s = large.count() as f64 * DT_S;
             let case =
                 format!("sway {sway_m} m, seed {seed}: {held_s} s, {large_s} s of large sticks");
-            assert!(expected.contains(&&*faults), "{case}: {faults:?}");
+            assert_eq!(faults, expected, "{case}");
             assert!(held_s < latest_s && large_s < 9.0, "{case}");
         }
     }
