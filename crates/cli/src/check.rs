@@ -17,7 +17,7 @@ use tello_flight::cycle::{self, CycleTable, FlightTable};
 use tello_flight::drone::Protocol;
 use tello_flight::{Mission, MissionTable, Part, SPEED_AS_WRITTEN, Start, Survey};
 use tello_io::config::{self, FlyTable};
-use tello_sim::{DT_S, SimTable};
+use tello_sim::{DT_S, NominalFlight, SimTable};
 
 use crate::{Verdict, stdio};
 
@@ -221,6 +221,8 @@ pub(crate) struct Look {
     pub(crate) obstacle_margin_m: Option<f64>,
     /// What the vehicle does not follow.
     notes: Vec<String>,
+    /// What becomes of it in the simulator.
+    nominal: NominalFlight,
 }
 
 impl Look {
@@ -252,13 +254,15 @@ impl Look {
         let room_margin_m = room.map(|room| survey.margin_m(room.walls_m()));
         let obstacle_margin_m = mission.clearance_m(around.obstacles());
         let notes = cycle::notes(&mission, &flight.cycle);
-        Ok((Self { survey, room_margin_m, obstacle_margin_m, notes }, mission, around))
+        let nominal = NominalFlight::fly(flight, &tello_sim::settings(None)?)?;
+        let look = Self { survey, room_margin_m, obstacle_margin_m, notes, nominal };
+        Ok((look, mission, around))
     }
 }
 
 impl Display for Look {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Self { survey, room_margin_m, obstacle_margin_m, notes } = self;
+        let Self { survey, room_margin_m, obstacle_margin_m, notes, nominal } = self;
         let Survey { length_m, duration_s, low_w, high_w, fastest, slowest } = survey;
         writeln!(f, "  length   {length_m:.2} m")?;
         let planned =
@@ -290,6 +294,7 @@ impl Display for Look {
             // One that moves is nowhere yet.
             Some(_) | None => {}
         }
+        writeln!(f, "  flown    in the simulator: {nominal}")?;
         notes.iter().try_for_each(|note| writeln!(f, "  note     {note}"))
     }
 }

@@ -287,19 +287,22 @@ async fn fly(
     let summary = close_log(recorder, &tally);
     // Every record is seen: viewers receive the last one.
     drop(view);
-    links?;
-    let patience = leave_screen(status_line, move || {
-        drop(inputs);
-        drop(screen);
-    })?;
+    let left = leave_screen(status_line, (inputs, screen));
+    // What the flight has taught is kept whatever became of links and screen.
+    let patience = *left.as_ref().unwrap_or(&END_PATIENCE);
+    let is_whole = links.and(left.map(drop));
     let has_waited_in_vain = end.phase == Phase::Idle || end.is_unseen;
     if has_waited_in_vain && !asks_to_land.load(Ordering::Relaxed) {
+        is_whole?;
         bail!(not_ready(table, PATIENCE, end.faults_last, &mocap_counters));
     }
     let summary = summary.with_end(&end, mocap_counters.report(), &drone_counters);
     vehicle::remember(arguments, flight, (&summary, &end), clock);
-    end_within(patience, i32::from(!summary.is_complete()))?;
-    Ok(summary)
+    end_within(patience, is_whole.as_ref().map_or(2, |()| i32::from(!summary.is_complete())))?;
+    if is_whole.is_err() {
+        stdio::note(&summary);
+    }
+    is_whole.map(|()| summary)
 }
 
 /// Starts the thread that shows the flight.
@@ -330,11 +333,12 @@ fn close_log(recorder: Recorder<TickRecord>, tally: &Mutex<Tally>) -> Summary {
 /// end: a terminal that hangs takes no summary.
 fn leave_screen(
     picture: JoinHandle<()>,
-    give_back: impl FnOnce() + Send + 'static,
+    (inputs, screen): (Inputs, Option<Screen>),
 ) -> Result<Duration> {
     let leave = move || {
         let picture = picture.join();
-        give_back();
+        drop(inputs);
+        drop(screen);
         picture
     };
     let left = thread::Builder::new().name("tello-terminal".into()).spawn(leave)?;

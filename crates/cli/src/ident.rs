@@ -4,7 +4,7 @@ use std::fs;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use tello_eval::REVISION;
 use tello_eval::ident::{
@@ -117,7 +117,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let clock = Clock::start();
     let mut tables = vec![load_table(arguments.config.as_deref(), arguments)?];
     for path in &arguments.against {
-        tables.push(load_table(Some(path), arguments)?);
+        let (name, table) = load_table(Some(path), arguments)?;
+        let first = &tables[0].1;
+        // The logs are loaded once for all.
+        let of_logs = |table: &IdentFileTable| (table.dt_s, table.turn_rad, table.logs_max);
+        if of_logs(&table) != of_logs(first) {
+            bail!(
+                "{name} has another dt_s, turn_rad or logs_max than the first settings: both use the same logs"
+            );
+        }
+        tables.push((name, table));
     }
     let interrupt = Interrupt::listen()?;
     let threads = tables[0].1.threads;
@@ -153,7 +162,8 @@ fn identify<'a>(
     let table = &tables[0].1;
     let paths = if arguments.logs.is_empty() { &table.logs } else { &arguments.logs };
     let (logs, mut files_skipped) = ident::load_logs(paths, table)?;
-    let (others, unusable) = ident::load_judged(&arguments.judge, arguments.judge_turn)?;
+    let (others, unusable) =
+        ident::load_judged(&arguments.judge, table.dt_s, arguments.judge_turn)?;
     files_skipped.extend(unusable);
     let observer = Shown::new(io::stderr().is_terminal() && !arguments.json, interrupt);
     let out = folder(arguments);

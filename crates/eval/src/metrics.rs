@@ -25,7 +25,7 @@ pub use clearance::{LeastClearance, Surroundings};
 pub use corner::{Corner, corners};
 pub use hover::{Hover, HoverScore};
 pub use judge::{Fence, Judge, Score};
-pub use outages::Outages;
+pub use outages::{OutageCounter, Outages};
 pub use progress::PathProgress;
 pub use reference_path::{Offset, ReferencePath, horizontal, offset};
 
@@ -67,8 +67,8 @@ pub struct Lap {
 #[derive(Debug, Clone, Default)]
 struct Samples {
     distances_m: Vec<f64>,
-    /// Where in `distances_m` each lap after the first begins.
-    lap_begins: Vec<usize>,
+    /// Where in `distances_m` each lap begins, and when (s).
+    lap_begins: Vec<(usize, f64)>,
     speeds_mps: Vec<f64>,
     input_norms: Vec<f64>,
     previous: Option<(f64, Pose)>,
@@ -87,24 +87,24 @@ impl Samples {
         self.previous = Some((now_s, *at));
     }
 
-    /// The samples that come are of this lap, from 0, or a later one.
-    fn enter(&mut self, lap: usize) {
-        while self.lap_begins.len() < lap {
-            self.lap_begins.push(self.distances_m.len());
+    /// The samples from `now_s` (s) on are of this lap, from 0, or a later one.
+    fn enter(&mut self, lap: usize, now_s: f64) {
+        while self.lap_begins.len() <= lap {
+            self.lap_begins.push((self.distances_m.len(), now_s));
         }
     }
 
     /// Figures of each lap that was begun, with ticks every `dt_s`; none of a way that is flown once.
     fn laps(&self, dt_s: f64) -> Vec<Lap> {
-        if self.lap_begins.is_empty() {
+        let Some((newest_s, _)) = self.previous.filter(|_| self.lap_begins.len() > 1) else {
             return Vec::new();
-        }
-        let begins = [0].into_iter().chain(self.lap_begins.iter().copied());
-        let ends = self.lap_begins.iter().copied().chain([self.distances_m.len()]);
-        let of = |(begin, end)| {
+        };
+        let begins = self.lap_begins.iter().copied();
+        let ends = begins.clone().skip(1).chain([(self.distances_m.len(), newest_s + dt_s)]);
+        let of = |((begin, began_s), (end, ended_s))| {
             let distances_m = self.distances_m.get(begin..end)?;
             Some(Lap {
-                lasted_s: distances_m.len() as f64 * dt_s,
+                lasted_s: ended_s - began_s,
                 distance_median_m: quantile(distances_m, 0.5)?,
                 distance_p95_m: quantile(distances_m, 0.95)?,
                 distance_max_m: quantile(distances_m, 1.0)?,
@@ -159,13 +159,14 @@ impl Track {
             return;
         }
         let began_s = *self.began_s.get_or_insert(now_s);
-        self.samples.enter(self.reference.lap(targets_reached, self.reference.targets_count));
+        let lap = self.reference.lap(targets_reached, self.reference.targets_count);
+        self.samples.enter(lap, now_s);
         self.samples.add(now_s, at, u_sent, self.reference.offset(at).distance_m);
         self.flown_s = now_s - began_s + self.dt_s;
         self.is_finished = targets_reached == self.reference.targets_count;
     }
 
-    /// The figures so far; `None` if the first target was never reached.
+    /// The figures so far; `None` with fewer than two ticks since the first target.
     pub fn metrics(&self) -> Option<Metrics> {
         self.samples.metrics(self.is_finished.then_some(self.flown_s))
     }

@@ -59,6 +59,9 @@ use progress::Progress;
 use settled_poses::StandingStart;
 use worst_case::WorstCase;
 
+/// Period of a tick. Limits of the monitors count ticks of this length. s
+pub const DT_S: f64 = 0.02;
+
 pub use crate::Operator;
 pub use inbox::{Inbox, SIGHTINGS_MAX, Stage, Unwatched, Watch};
 pub use outcome::{Outcome, Solve};
@@ -138,7 +141,6 @@ where
 
 /// What one tick leaves to the next beside the states of the parts.
 #[derive(Debug, Default)]
-#[expect(clippy::struct_excessive_bools, reason = "unrelated facts, not a state")]
 struct Memory {
     /// When the newest accepted position with anything new was measured.
     position_at: Option<TimeNs>,
@@ -153,8 +155,6 @@ struct Memory {
     o_repeated: Option<Pose>,
     estimator_failed: bool,
     controller_failed: bool,
-    /// Whether a take-off was ordered.
-    has_taken_off: bool,
     /// Whether the controller followed the mission in the tick before.
     is_on_mission: bool,
 }
@@ -322,6 +322,7 @@ where
     fn note_pressed(&mut self, pilot: Option<Pilot>, u_sent: &Sticks) {
         if pilot == Some(Pilot::Person) {
             self.immobility.restart();
+            self.progress.restart_height();
         } else if self.memory.is_on_mission && self.link_is_up() {
             self.immobility.press(u_sent, self.dt_s);
         }

@@ -7,9 +7,12 @@
 
 use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, pose};
-use horizon_model::setting::{SettingError, finite, not_negative, positive};
+use horizon_model::setting::{SettingError, finite, in_range, not_negative, positive};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+/// Relays report a lost object at the origin to within rounding; a vehicle may start further from it. m
+const ORIGIN_MAX_M: f64 = 0.1;
 
 /// Limits of the filter, as written in a file. Each limit is `base + growth * hold`, with `hold` the
 /// number of periods in which its group has missed or refused a sample since it last accepted one.
@@ -36,7 +39,7 @@ pub struct FilterTable {
     pub angle_growth_refused_rad: Option<f64>,
     /// A lower z is refused. m
     pub floor_m: f64,
-    /// A first sample with x, y and z all nearer to zero than this means "object lost". m, >= 0
+    /// A first sample with x, y and z all nearer to zero than this means "object lost". m, 0..=0.1
     pub origin_m: f64,
 }
 
@@ -104,7 +107,7 @@ impl TryFrom<&FilterTable> for FilterSettings {
                 .map(|growth| not_negative("angle_growth_refused_rad", growth))
                 .transpose()?,
             floor_m: finite("floor_m", table.floor_m)?,
-            origin_m: not_negative("origin_m", table.origin_m)?,
+            origin_m: in_range("origin_m", table.origin_m, 0.0..=ORIGIN_MAX_M)?,
         })
     }
 }
@@ -255,7 +258,8 @@ impl PoseFilter {
 
     fn begin(&mut self, raw: &Pose) -> (Acceptance, Acceptance) {
         let position = [raw[pose::X], raw[pose::Y], raw[pose::Z]];
-        if position.iter().all(|row| row.abs() < self.settings.origin_m) {
+        let is_lost = position.iter().all(|row| row.abs() < self.settings.origin_m);
+        if is_lost || raw[pose::Z] < self.settings.floor_m {
             return (Acceptance::Missing, Acceptance::Missing);
         }
         self.o_ref = Some(*raw);

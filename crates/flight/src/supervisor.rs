@@ -61,6 +61,9 @@ const BRAKE_S: f64 = 0.4;
 /// Turn away from the heading of the reference that no controlled vehicle makes. rad
 const TURNED_RAD: f64 = 1.0;
 
+/// A vehicle that has come down so far below its reference sinks or is pulled down: in an outage a Tello keeps its height. m
+const SUNK_M: f64 = 0.4;
+
 /// Yaw rate above which a vehicle turns by itself in an outage. rad/s
 const TURNING_RADPS: f64 = 0.3;
 
@@ -287,8 +290,10 @@ impl Supervisor {
         };
         let says_grounded = counts && says_flying == Some(false);
         self.since.grounded.keep(says_grounded, e.t_ns);
-        let calls_critical = e.drone.is_some_and(|drone| drone.is_battery_critical);
-        self.since.battery_critical.keep(calls_critical, e.t_ns);
+        let is_critical = e.drone.is_some_and(|drone| {
+            drone.is_battery_critical || drone.battery_pct < self.table.battery_critical_pct
+        });
+        self.since.battery_critical.keep(is_critical, e.t_ns);
         let climbs_still = self.phase == Phase::TakingOff
             && e.findings.still_s.is_some()
             && self.drone_has_risen(e);
@@ -296,7 +301,9 @@ impl Supervisor {
         let is_done = e.is_mission_done && !e.is_by_hand;
         self.since.done.keep(is_done, e.t_ns);
         let (failsafe, is_flown) = (&self.table.failsafe, self.is_steered());
+        let has_sunk = e.sunk_m.is_some_and(|sunk_m| exceeds(sunk_m, SUNK_M));
         let is_off = e.tracking_m.is_some_and(|error_m| exceeds(error_m, failsafe.tracking_m));
+        let is_off = is_off || has_sunk;
         let is_astray = is_flown && !e.is_by_hand && is_off;
         let is_fast = is_flown && exceeds(e.speed_mps, failsafe.speed_mps);
         self.since.astray.keep(is_astray, e.t_ns);

@@ -109,6 +109,8 @@ fn evidence(
         pressed_s: if flag(2) && flag(3) { 9.0 } else { 0.0 },
         tracking_m: flag(0).then_some(2.0),
         turned_rad: flag(2).then_some(2.0),
+        below_m: flag(1).then_some(0.5),
+        sunk_m: flag(1).then_some(0.5),
         speed_mps: if flag(3) { 4.0 } else { 0.0 },
         overtime_s: if flag(1) { 61.0 } else { 0.0 },
         drone: drone_age_s.map(|age_s| DroneReport {

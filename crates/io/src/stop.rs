@@ -23,7 +23,7 @@ impl Stopper {
 }
 
 /// A person's emergency stop, from the readers of keys, devices and views to the sender: a control loop that stands
-/// still cannot hold it up. The loop is given the same order with all others.
+/// still cannot hold it up. The loop is given the same order with all others, unless their queue is full.
 #[derive(Debug, Clone, Default)]
 pub struct EmergencyRequest(Arc<AtomicBool>);
 

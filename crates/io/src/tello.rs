@@ -13,7 +13,7 @@ mod report;
 mod session;
 pub mod text;
 
-use std::net::{SocketAddr, UdpSocket};
+use std::net::{SocketAddr, SocketAddrV4, UdpSocket};
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU8, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -94,9 +94,14 @@ impl TryFrom<&TelloTable> for TelloSettings {
     fn try_from(table: &TelloTable) -> Result<Self, SettingError> {
         let TelloTable { protocol, address, local_port, state_port, altitude_limit_m, interface } =
             table.clone();
-        let Ok(parsed @ SocketAddr::V4(_)) = address.parse() else {
-            return Err(SettingError::new("address", address, "IPv4 address:port"));
+        let of_one_host = |at: &SocketAddrV4| {
+            let ip = at.ip();
+            at.port() != 0 && !ip.is_unspecified() && !ip.is_broadcast() && !ip.is_multicast()
         };
+        let Some(parsed) = address.parse().ok().filter(of_one_host) else {
+            return Err(SettingError::new("address", address, "IPv4 address:port of one host"));
+        };
+        let parsed = SocketAddr::V4(parsed);
         if interface.as_ref().is_some_and(String::is_empty) {
             return Err(SettingError::new("interface", "\"\"", "a name or null"));
         }
@@ -208,6 +213,7 @@ pub struct LinkCounters {
     /// Longest time between two turns of the sender while the drone may have been in the air. ns
     pause_ns: AtomicI64,
     facts: Mutex<DroneFacts>,
+    refusal: Mutex<Option<String>>,
 }
 
 /// Answers of a drone to queries; binary protocol only.
@@ -222,6 +228,9 @@ pub struct DroneFacts {
     /// Largest tilt. degrees: for displays only
     pub tilt_limit_deg: Option<f32>,
 }
+
+/// More of the words of a refusal is not kept.
+const REFUSAL_CHARS: usize = 80;
 
 impl LinkCounters {
     /// Whether the drone acknowledged the connection and was heard in the last 2 s.
@@ -276,6 +285,17 @@ impl LinkCounters {
         *self.facts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// The words of the newest refusal, at most 80 characters; text SDK only.
+    pub fn refusal(&self) -> Option<String> {
+        self.refusal.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn note_refusal(&self, words: &[u8]) {
+        let words = String::from_utf8_lossy(words).trim().chars().take(REFUSAL_CHARS).collect();
+        self.refusals.count();
+        *self.refusal.lock().unwrap_or_else(PoisonError::into_inner) = Some(words);
+    }
+
     fn note(&self, answer: Answer) {
         let mut facts = self.facts.lock().unwrap_or_else(PoisonError::into_inner);
         match answer {
@@ -310,8 +330,18 @@ mod tests {
     fn nonsense_settings_are_refused_with_key_value_and_rule() {
         assert!(check(&table()).is_ok());
         let error = check(&TelloTable { address: "tello:8889".into(), ..table() }).unwrap_err();
-        assert_eq!(error.to_string(), "address = tello:8889 violates IPv4 address:port");
-        assert!(check(&TelloTable { address: "[::1]:8889".into(), ..table() }).is_err());
+        assert_eq!(
+            error.to_string(),
+            "address = tello:8889 violates IPv4 address:port of one host"
+        );
+        for address in
+            ["[::1]:8889", "255.255.255.255:8889", "0.0.0.0:8889", "224.0.0.1:8889", "10.0.0.1:0"]
+        {
+            assert!(
+                check(&TelloTable { address: address.into(), ..table() }).is_err(),
+                "{address}"
+            );
+        }
         let error = check(&TelloTable { interface: Some(String::new()), ..table() }).unwrap_err();
         assert_eq!(error.to_string(), "interface = \"\" violates a name or null");
         assert!(check(&TelloTable { altitude_limit_m: Some(0), ..table() }).is_err());

@@ -21,6 +21,7 @@ mod frame_lag;
 mod identified_plant;
 pub mod logged_flight;
 pub mod mocap;
+mod nominal;
 pub mod plant;
 pub mod profile;
 pub mod radio;
@@ -51,12 +52,13 @@ pub use firmware::{
     ReplyTo, SdkVersion, StatusTable, VelocityReport,
 };
 pub use mocap::MocapReport;
+pub use nominal::NominalFlight;
 pub use profile::Profile;
 pub use second_object::PasserTable;
 pub use world::{SimTable, Start, World};
 
 /// Period of the simulated world, of its pose stream and of its plant. s
-pub const DT_S: f64 = 0.02;
+pub const DT_S: f64 = tello_flight::cycle::DT_S;
 
 /// The built-in settings of the simulator, as JSON.
 pub const BUILT_IN: &str = include_str!("../../../configs/sim.json");

@@ -87,9 +87,17 @@ fn a_look_says_where_the_walls_and_the_obstacles_are() {
         fastest: Some(part),
         slowest: None,
     };
+    let (built_in, mission) = config::fly(None, None).unwrap();
+    let flight = config::flight(&built_in, mission, Start::Grounded);
+    let nominal = NominalFlight {
+        finish_s: Some(7.25),
+        distance_p95_m: Some(0.061),
+        ..Look::at(&flight).unwrap().0.nominal
+    };
     let look = |room_margin_m, obstacle_margin_m| {
+        let (survey, nominal) = (survey.clone(), nominal.clone());
         let notes = vec!["it is too fast".to_owned()];
-        Look { survey: survey.clone(), room_margin_m, obstacle_margin_m, notes }.to_string()
+        Look { survey, room_margin_m, obstacle_margin_m, notes, nominal }.to_string()
     };
     assert_eq!(
         look(Some(0.4), Some(-0.25)),
@@ -98,6 +106,8 @@ fn a_look_says_where_the_walls_and_the_obstacles_are() {
          \x20 fastest  0.50 m/s at 1.00, 2.00, 3.00 m after 4.2 s\n\
          \x20 room     0.40 m or more to its walls\n\
          \x20 obstacle 0.25 m INSIDE: the plan flies around it\n\
+         \x20 flown    in the simulator: 7.2 s from first to last target, 0.06 m off at 95 %, \
+         1.50 m to the nearest wall\n\
          \x20 note     it is too fast\n"
     );
     let far = look(None, Some(0.0));

@@ -43,7 +43,10 @@ impl FromStr for Drill {
 
     fn from_str(text: &str) -> Result<Self> {
         let (what, after_s) = text.split_once('@').context("no `@`: WHAT@SECONDS")?;
-        let after_s = after_s.parse().with_context(|| format!("{after_s:?} is no number"))?;
+        let after_s: f64 = after_s.parse().with_context(|| format!("{after_s:?} is no number"))?;
+        if !(0.0..=3600.0).contains(&after_s) {
+            bail!("{after_s} s: 0 to 3600");
+        }
         let failure = match what {
             "control-stalls" => Failure::ControlStalls,
             "control-panics" => Failure::ControlPanics,
@@ -114,7 +117,9 @@ mod tests {
     fn a_drill_is_read_and_kept_away_from_real_drones() {
         let drill: Drill = "link-dies@7.5".parse().unwrap();
         assert_eq!(drill, Drill { failure: Failure::LinkDies, after_s: 7.5 });
-        for bad in ["link-dies", "link-dies@soon", "battery-burns@3"] {
+        for bad in
+            ["link-dies", "link-dies@soon", "link-dies@NaN", "link-dies@-1", "battery-burns@3"]
+        {
             assert!(bad.parse::<Drill>().is_err(), "{bad}");
         }
         assert!(Drill::check("127.0.0.1:8889").is_ok());

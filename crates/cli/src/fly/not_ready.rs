@@ -80,16 +80,19 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
     let object = table.mocap.object();
     match (counters.connects.get(), messages, counters.given_up()) {
         (_, _, Some(error)) => format!("{address} cannot be understood: {error}"),
-        (0, ..) => {
-            format!("no pose, nobody is at {address}: is the system running, is {key} right?")
-        }
+        (0, ..) => match counters.unopened() {
+            None => {
+                format!("no pose, nobody is at {address}: is the system running, is {key} right?")
+            }
+            Some(why) => format!("no pose, {address} cannot be opened: {why}; is {key} right?"),
+        },
         _ if report.doubled > 0 => {
             format!("two objects are called {object:?}: which of them is the drone is not known")
         }
         (_, 0, _) => format!("no pose, nothing comes from {address}: is the mocap system live?"),
         _ => format!(
-            "{messages} messages, {} of them of other objects, {} malformed: is the object's name \
-             ({object:?}) right, is the drone seen, is its z above cycle.filter.floor_m = {} m?",
+            "{messages} messages, {} of them of other objects, {} malformed: is the object's name ({object:?}) right \
+             (tello-ctl mocap list shows all), is the drone seen, is its z above cycle.filter.floor_m = {} m?",
             report.other_object, report.malformed, table.cycle.filter.floor_m,
         ),
     }

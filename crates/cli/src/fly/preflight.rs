@@ -19,6 +19,7 @@ use tello_io::config::{self, FlyTable};
 use tello_io::manual;
 use tello_io::mocap::StreamReport;
 use tello_io::tello::{DroneFacts, DroneStatus};
+use tello_sim::NominalFlight;
 
 use super::Arguments;
 use super::not_ready::{drone_trouble, mocap_trouble};
@@ -57,6 +58,8 @@ struct Found {
     refusals: Vec<String>,
     has_keys: bool,
     device: Option<String>,
+    /// What becomes of the mission in the simulator, if it does not get to its end there.
+    unfinished: Option<NominalFlight>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -104,7 +107,9 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
         Some(folder) => folder,
     };
     let has_keys = !arguments.no_keys && io::stdin().is_terminal();
-    let found = inspection::inspect(table, log_dir, has_keys)?;
+    let mut found = inspection::inspect(table, log_dir, has_keys)?;
+    let nominal = NominalFlight::fly(flight, &tello_sim::settings(None)?)?;
+    found.unfinished = Some(nominal).filter(|flight| !flight.is_finished());
     let checks = checks(&found, table, flight)?;
     stdio::note("pre-flight");
     for check in &checks {
@@ -176,7 +181,7 @@ fn checks(found: &Found, table: &FlyTable, flight: &FlightTable) -> Result<Vec<C
     let supervisor = &flight.cycle.supervisor;
     let moving = table.moving_object.as_ref().map(|name| moving_check(name, found.moving_at));
     let mocap = mocap_check(found, table, flight.cycle.dt_s, supervisor.stale_s);
-    let links = [mission_check(&mission, walls), mocap];
+    let links = [mission_check(&mission, walls, found.unfinished.as_ref()), mocap];
     let others = [
         start_check(found.at.as_ref(), &flight.cycle, &mission.first_pose())?,
         drone_check(found, table),
@@ -197,8 +202,15 @@ fn check(what: &'static str, readiness: Readiness, reason: impl Into<String>) ->
 }
 
 /// A mission that leaves the room does not get as far as this.
-fn mission_check(mission: &Mission, walls: Option<&RoomTable>) -> Check {
+fn mission_check(
+    mission: &Mission,
+    walls: Option<&RoomTable>,
+    unfinished: Option<&NominalFlight>,
+) -> Check {
     let count = mission.targets_count();
+    if let Some(flight) = unfinished {
+        return check("mission", Readiness::Note, format!("{count} targets; simulated: {flight}"));
+    }
     let Some(walls) = walls else {
         let reason = format!("{count} targets; no room is set, so that no wall is kept away from");
         return check("mission", Readiness::Note, reason);
@@ -339,7 +351,8 @@ fn battery_check(drone: Option<&DroneStatus>, low_pct: u8, critical_pct: u8) -> 
         return check("battery", Readiness::Bad, "unknown without a report of the drone");
     };
     let limits = format!("takes off from {low_pct} % on and lands below {critical_pct} %");
-    let readiness = if *battery_pct < low_pct { Readiness::Bad } else { Readiness::Good };
+    let has_charge = (low_pct..=100).contains(battery_pct);
+    let readiness = if has_charge { Readiness::Good } else { Readiness::Bad };
     check("battery", readiness, format!("{battery_pct} %; {limits}"))
 }
 

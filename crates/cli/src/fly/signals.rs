@@ -59,7 +59,8 @@ pub(super) fn listen(asks_to_land: Arc<AtomicBool>) -> Result<()> {
                 Ok(Some(signal)) if signal.ssi_signo == Signal::SIGXFSZ as u32 => {}
                 Ok(_) => asks_to_land.store(true, Ordering::Relaxed),
                 Err(Errno::EINTR) => {}
-                Err(_) => return,
+                // No signal is heard from here on: they stay blocked.
+                Err(_) => return asks_to_land.store(true, Ordering::Relaxed),
             }
         }
     };

@@ -7,7 +7,7 @@ use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
 use serde::Serialize;
 use tello_eval::flight_log::TickRecord;
-use tello_eval::metrics::{Lap, Metrics, Outages, ReferencePath, Track};
+use tello_eval::metrics::{Lap, Metrics, OutageCounter, Outages, ReferencePath, Track};
 use tello_eval::quantile;
 use tello_flight::cycle::{FlightTable, Pipeline, Timing};
 use tello_flight::jitter::{Jitter, RECORD_EVERY_TICKS};
@@ -25,7 +25,7 @@ const LATE_NS: i64 = 5_000_000;
 pub(super) struct Tally {
     track: Track,
     dt_s: f64,
-    outages: Outages,
+    outages: OutageCounter,
     targets_count: usize,
     targets_reached: usize,
     ticks: u64,
@@ -74,6 +74,8 @@ pub(super) struct Summary {
     pub(super) mocap: StreamReport,
     /// Version of the drone's firmware; null if it did not tell.
     pub(super) firmware: Option<String>,
+    /// The words in which the drone last refused a command; null if it did not.
+    pub(super) refusal: Option<String>,
     /// Longest time between two turns of the thread that talks to the drone, in flight: 40 at rest. ms
     pub(super) sender_pause_ms: f64,
     /// What the links lost, and what was landed in place of the control thread.
@@ -96,7 +98,7 @@ pub(super) struct Links {
     pub(super) drone_malformed: u64,
     /// Reports of the drone that found the queue full.
     pub(super) drone_overflow: u64,
-    /// Times that the sender made the sticks neutral because control was silent.
+    /// Stick packets that the sender made neutral because control was silent.
     pub(super) watchdog_neutral: u64,
     /// Times that the sender landed the drone because control was silent.
     pub(super) watchdog_landings: u64,
@@ -147,7 +149,7 @@ impl Tally {
         Ok(Self {
             targets_count: reference.targets_count,
             dt_s: flight.cycle.dt_s,
-            outages: Outages::default(),
+            outages: OutageCounter::default(),
             track: Track::new(reference, flight.cycle.dt_s),
             targets_reached: 0,
             ticks: 0,
@@ -197,7 +199,7 @@ impl Tally {
             targets_count: self.targets_count,
             metrics: self.track.metrics(),
             laps: self.track.laps(),
-            outages: self.outages,
+            outages: self.outages.outages(),
             faults: Vec::new(),
             ticks: self.ticks,
             late_ticks: self.late_ticks,
@@ -207,6 +209,7 @@ impl Tally {
             answer_ms: spread(&self.answer_ms),
             mocap: StreamReport::default(),
             firmware: None,
+            refusal: None,
             sender_pause_ms: 0.0,
             links: Links::default(),
             records_dropped: 0,
@@ -228,6 +231,7 @@ impl Summary {
         Self {
             mocap,
             firmware: drone.facts().version.map(|version| version.to_string()),
+            refusal: drone.refusal(),
             sender_pause_ms: drone.longest_pause().seconds() * 1e3,
             links: Links::of(drone, end),
             phase: end.phase,
@@ -352,6 +356,9 @@ impl Summary {
         writeln!(f, "mocap         {}", self.mocap)?;
         if let Some(firmware) = &self.firmware {
             writeln!(f, "firmware      {firmware}")?;
+        }
+        if let Some(refusal) = &self.refusal {
+            writeln!(f, "drone says    {refusal}")?;
         }
         if self.links != Links::default() {
             writeln!(f, "links         {}", self.links)?;

@@ -22,13 +22,7 @@ pub fn load_logs(
     }
     let (mut logs, unusable) = recordings::load(paths)?;
     turn(&mut logs, table.turn_rad);
-    let is_mcap = |log: &&Loaded| log.path.extension().is_some_and(|extension| extension == "mcap");
-    if let Some(log) = logs.iter().find(is_mcap)
-        && (table.dt_s - recordings::PERIOD_S).abs() > 1e-9
-    {
-        let (path, period_s) = (log.path.display(), recordings::PERIOD_S);
-        bail!("{path} has a period of {period_s} s, the settings say dt_s = {}", table.dt_s);
-    }
+    check_period(&logs, table.dt_s)?;
     let mut files_skipped = skipped(unusable);
     let beyond = logs.split_off(table.logs_max.min(logs.len()));
     files_skipped.extend(beyond.into_iter().map(|log| FileSkipped {
@@ -39,20 +33,36 @@ pub fn load_logs(
     Ok((logs, files_skipped))
 }
 
-/// The usable logs in `paths` by which fits are judged, and those that are not with the reason. Their yaw
-/// is turned by `turn_rad`.
+/// The usable logs in `paths` by which fits with the period `dt_s` (s) are judged, and those that are not with the
+/// reason. Their yaw is turned by `turn_rad`.
 ///
 /// # Errors
-/// No log can be used, or a folder cannot be read.
-pub fn load_judged(paths: &[PathBuf], turn_rad: f64) -> Result<(Vec<Loaded>, Vec<FileSkipped>)> {
+/// No log can be used, a folder cannot be read, or the period of a log is another.
+pub fn load_judged(
+    paths: &[PathBuf],
+    dt_s: f64,
+    turn_rad: f64,
+) -> Result<(Vec<Loaded>, Vec<FileSkipped>)> {
     if paths.is_empty() {
         return Ok((Vec::new(), Vec::new()));
     }
     let (mut logs, unusable) = recordings::load(paths)?;
     turn(&mut logs, turn_rad);
+    check_period(&logs, dt_s)?;
     let files_skipped = skipped(unusable);
     refuse_none(&logs, &files_skipped)?;
     Ok((logs, files_skipped))
+}
+
+/// Refuses logs of this program for settings of another period than theirs.
+fn check_period(logs: &[Loaded], dt_s: f64) -> Result<()> {
+    let is_mcap = |log: &&Loaded| log.path.extension().is_some_and(|extension| extension == "mcap");
+    let Some(log) = logs.iter().find(is_mcap) else { return Ok(()) };
+    let (path, period_s) = (log.path.display(), recordings::PERIOD_S);
+    if (dt_s - period_s).abs() > 1e-9 {
+        bail!("{path} has a period of {period_s} s, the settings say dt_s = {dt_s}");
+    }
+    Ok(())
 }
 
 fn turn(logs: &mut [Loaded], by_rad: f64) {

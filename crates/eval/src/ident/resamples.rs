@@ -96,6 +96,11 @@ impl ResampleRow {
     }
 }
 
+/// The first digits of a hash, which in a foreign file may be any text.
+fn short(hash: &str) -> &str {
+    hash.get(..8).unwrap_or(hash)
+}
+
 impl Seeded for ResampleRow {
     fn seed(&self) -> Option<u64> {
         Some(self.index)
@@ -127,12 +132,12 @@ impl ResampleFile {
             if file.problem != gathered.problem || file.seed != seed {
                 bail!(
                     "{} belongs to another identification (seed {} here, {} there; problem {} here, \
-                     {} there): its logs, settings or dead times differ",
+                     {} there): its logs, settings, dead times or program differ",
                     path.display(),
                     seed,
                     file.seed,
-                    &gathered.problem[..8.min(gathered.problem.len())],
-                    &file.problem[..8.min(file.problem.len())],
+                    short(&gathered.problem),
+                    short(&file.problem),
                 );
             }
             file.check(gathered.parameters.len()).with_context(|| path.display().to_string())?;

@@ -89,7 +89,7 @@ impl Judge {
             return;
         }
         self.began_s.get_or_insert(now_s);
-        self.samples.enter(self.reference.lap(self.reached, self.reference.targets.len()));
+        self.samples.enter(self.reference.lap(self.reached, self.reference.targets.len()), now_s);
         self.samples.add(now_s, at, u_sent, offset.distance_m);
         for corner in &mut self.corners {
             corner.pass(&horizontal(at), self.reached);
@@ -119,9 +119,9 @@ impl Judge {
         &self.samples.distances_m
     }
 
-    /// The figures so far; `None` before the start.
+    /// The figures so far; `None` with fewer than two ticks since the start.
     pub fn score(&self) -> Option<Score> {
-        // A flight of one tick lasts one period, as in the thesis.
+        // The last tick lasts a period, too, as in the thesis.
         let lasted_s = |since_s: Option<f64>| Some(self.ended_s? - since_s? + self.dt_s);
         let corners = self.corners.iter().filter(|corner| corner.is_reached(self.reached));
         Some(Score {

@@ -9,22 +9,40 @@ use tello_flight::cycle::Outcome;
 /// Outages of the commands while flying, as the link monitor sees them: zero without one.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Outages {
-    /// Number of outages; a change between released and held commands counts as another one.
+    /// Number of outages, whether commands were released or held.
     pub count: u64,
     /// Time from noticing an outage to noticing its end, all together. s
     pub down_s: f64,
 }
 
-impl Outages {
-    /// Adds a tick that lasts `dt_s`.
+/// Counts outages tick by tick.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct OutageCounter {
+    found: Outages,
+    /// Whether commands were lost in the newest tick.
+    is_down: bool,
+}
+
+impl OutageCounter {
+    /// Adds the verdict of the link monitor in a tick of `dt_s` (s), if there is one.
     pub fn add(&mut self, out: &Outcome, dt_s: f64) {
-        if out.phase() != Phase::Flying {
-            return;
+        if out.phase() == Phase::Flying
+            && let Some(link) = &out.link
+        {
+            self.add_verdict(link.state.is_down(), dt_s);
         }
-        let Some(link) = out.link.filter(|link| link.state.is_down()) else { return };
-        // The first one may be older than the flight.
-        self.count += u64::from(link.changed || self.count == 0);
-        self.down_s += dt_s;
+    }
+
+    /// Adds a tick of `dt_s` (s) in flight in which commands were lost or not.
+    pub fn add_verdict(&mut self, is_down: bool, dt_s: f64) {
+        self.found.count += u64::from(is_down && !self.is_down);
+        self.found.down_s += if is_down { dt_s } else { 0.0 };
+        self.is_down = is_down;
+    }
+
+    /// The outages so far.
+    pub fn outages(&self) -> Outages {
+        self.found
     }
 }
 
@@ -39,13 +57,14 @@ mod tests {
 
     /// Outages, and how long they lasted. s
     fn of(ticks: &[(Phase, LinkState, bool)]) -> (u64, String) {
-        let mut outages = Outages::default();
+        let mut outages = OutageCounter::default();
         for (phase, state, changed) in ticks {
             let (state, changed) = (*state, *changed);
             let link = Some(LinkVerdict { state, score: 0.0, changed, onset_steps: 0 });
             outages.add(&Outcome { link, ..out(0, *phase) }, DT_S);
         }
-        (outages.count, format!("{:.2}", outages.down_s))
+        let Outages { count, down_s } = outages.outages();
+        (count, format!("{down_s:.2}"))
     }
 
     #[test]
@@ -57,7 +76,7 @@ mod tests {
         let twice = [outage.as_slice(), &[(flying, Up, true)], &outage].concat();
         assert_eq!(of(&twice), (2, "0.08".into()));
         let other = [outage.as_slice(), &[(flying, Held, true)]].concat();
-        assert_eq!(of(&other), (2, "0.06".into()), "another kind of outage");
+        assert_eq!(of(&other), (1, "0.06".into()), "one outage of both kinds");
     }
 
     #[test]
@@ -71,8 +90,8 @@ mod tests {
 
     #[test]
     fn without_a_monitor_nothing_is_lost() {
-        let mut outages = Outages::default();
+        let mut outages = OutageCounter::default();
         outages.add(&Outcome { link: None, ..out(0, Phase::Flying) }, DT_S);
-        assert_eq!(outages, Outages::default());
+        assert_eq!(outages.outages(), Outages::default());
     }
 }

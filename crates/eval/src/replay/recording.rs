@@ -222,7 +222,7 @@ impl Pass {
             o: vec![Observed::missing(); u_applied.len()],
             forecasts: vec![[None; AHEAD_STEPS.len()]; u_applied.len()],
         };
-        let mut square_sum_m2 = 0.0;
+        let (mut square_sum_m2, mut estimates) = (0.0, 0_u64);
         let mut step = 0;
         for inbox in inboxes {
             step += usize::try_from(inbox.skipped)?;
@@ -231,14 +231,17 @@ impl Pass {
             if let Some(log) = &mut log {
                 log.write(&record)?;
             }
-            square_sum_m2 += pass.counts.add(&record);
+            if let Some(distance_m2) = pass.counts.add(&record) {
+                square_sum_m2 += distance_m2;
+                estimates += 1;
+            }
             pass.o[step] = accepted(&record.out);
             pass.forecasts[step] = AHEAD_STEPS.map(|steps| {
                 u_applied.get(step..step + steps).and_then(|u_applied| cycle.forecast(u_applied))
             });
             step += 1;
         }
-        pass.counts.rms_m = (square_sum_m2 / pass.counts.ticks as f64).sqrt();
+        pass.counts.rms_m = (square_sum_m2 / estimates.max(1) as f64).sqrt();
         pass.counts.p_hat = record.out.p_hat;
         if let Some(log) = log {
             log.finish()?;
@@ -259,19 +262,20 @@ fn accepted(out: &Outcome) -> Observed<{ pose::COUNT }> {
 }
 
 impl Counts {
-    /// Counts one tick; squared distance of estimate and filtered position. m^2
-    fn add(&mut self, record: &TickRecord) -> f64 {
+    /// Counts one tick; squared distance of estimate and filtered position, if there are both. m^2
+    fn add(&mut self, record: &TickRecord) -> Option<f64> {
         let out = &record.out;
         self.ticks += 1;
         self.ticks_missing += u64::from(record.inbox.sightings.is_empty());
         self.estimates_failed += u64::from(matches!(out.estimator, Some(cycle::Solve::Failed(_))));
         self.ticks_link_down += u64::from(out.link.is_some_and(|link| link.state.is_down()));
-        let Some(filtered) = &out.filtered else { return 0.0 };
+        let filtered = out.filtered.as_ref()?;
         self.positions_held += u64::from(filtered.position == Acceptance::Held);
         self.headings_held += u64::from(filtered.heading == Acceptance::Held);
-        let (Some(o), Some(pose_hat)) = (filtered.o, out.pose_hat()) else { return 0.0 };
+        let o = filtered.o?;
         self.ticks_airborne += u64::from(o[pose::Z] > AIRBORNE_M);
-        (o - pose_hat).fixed_rows::<3>(pose::X).norm_squared()
+        let pose_hat = out.pose_hat()?;
+        Some((o - pose_hat).fixed_rows::<3>(pose::X).norm_squared())
     }
 }
 

@@ -11,7 +11,7 @@ use tello_flight::Phase;
 
 use super::flight::Flight;
 use super::quantity::{Measured, Quantity, Spread, Spreads};
-use crate::metrics::{Outages, VALID_DISTANCE_M};
+use crate::metrics::{OutageCounter, Outages, VALID_DISTANCE_M};
 use crate::recordings::rows;
 use crate::recordings::ticks::TickRow;
 
@@ -91,15 +91,14 @@ pub(super) fn judge(
     (if reasons.is_empty() { Judgement::Good } else { Judgement::Bad }, reasons)
 }
 
-/// Outages of the commands in flight, without their kinds; `None` without a link monitor.
+/// Outages of the commands in flight; `None` without a link monitor.
 pub(super) fn outages(flight: &Flight) -> Option<Outages> {
-    let verdicts = flight.ticks.iter().filter(|tick| tick.phase == Some(Phase::Flying));
-    let is_down: Vec<bool> = verdicts.filter_map(|tick| tick.is_link_down).collect();
-    let begins = |pair: &&[bool]| matches!(pair, [false, true]);
-    let begun = is_down.windows(2).filter(begins).count();
-    let count = (begun + usize::from(is_down.first() == Some(&true))) as u64;
-    let down_s = is_down.iter().filter(|is_down| **is_down).count() as f64 * flight.dt_s;
-    (!is_down.is_empty()).then_some(Outages { count, down_s })
+    let ticks = flight.ticks.iter().filter(|tick| tick.phase == Some(Phase::Flying));
+    let mut counter = None;
+    for is_down in ticks.filter_map(|tick| tick.is_link_down) {
+        counter.get_or_insert_with(OutageCounter::default).add_verdict(is_down, flight.dt_s);
+    }
+    counter.map(|counter| counter.outages())
 }
 
 /// Whether there is a fault between take-off and the end.

@@ -10,7 +10,7 @@ use horizon_model::rows::{Sticks, pose, stick};
 use super::{Cycle, Inbox, JUST_ENDED_AFTER_PUSH, Watch};
 use crate::drone::CONTROL_SILENCE_NEUTRAL;
 
-/// Periods without a tick that are made up for: a second of the shortest ones. Then the sender lands the drone.
+/// Periods without a tick that are made up for, 4 s: after one the sender has landed the drone.
 const SKIPPED_MAX: u64 = 200;
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
@@ -20,6 +20,7 @@ where
     /// Catches up after missed periods: the sender repeated the last commands, then sent neutral ones.
     pub(super) fn catch_up(&mut self, inbox: &Inbox, watch: &mut dyn Watch) {
         for missed in 1..=inbox.skipped.min(SKIPPED_MAX) {
+            self.plausibility.open();
             let is_repeated = missed as f64 * self.dt_s < CONTROL_SILENCE_NEUTRAL.seconds();
             self.fifo.push(&if is_repeated { *self.fifo.newest() } else { Sticks::zeros() });
             self.planner.skip();
@@ -30,6 +31,7 @@ where
                 let solved = self.mhe.update(&u_applied, &missing, &mut || watch.is_late());
                 self.memory.estimator_failed = solved.is_err();
                 if self.memory.is_on_mission {
+                    self.progress.fly(self.dt_s);
                     self.aim();
                 }
             }

@@ -229,6 +229,9 @@ impl Outcome {
         self.controller = None;
         self.clearance = None;
         self.findings = None;
+        self.tracking_m = None;
+        self.pressed_s = 0.0;
+        self.speed_mps = 0.0;
         self.ruling = None;
     }
 

@@ -8,6 +8,9 @@ use crate::Mission;
 /// The mission may take so many times as long as planned before its overtime counts.
 const PLANNED_MAX: f64 = 2.0;
 
+/// A vehicle within this of the height of its reference, or above it, has not sunk. m
+const LEVEL_M: f64 = 0.1;
+
 /// What is remembered of the mission to judge its progress.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Progress {
@@ -17,6 +20,8 @@ pub(super) struct Progress {
     targets_reached: usize,
     /// Least distance and turn since the reference was chosen. m, rad
     least: Option<(f64, f64)>,
+    /// Greatest height since the vehicle was last level with its reference. World frame. m
+    top_m: Option<f64>,
 }
 
 /// By how much the vehicle has gone away from its reference: distance and turn less the least ones since the reference,
@@ -27,6 +32,10 @@ pub(super) struct Tracking {
     pub(super) away_m: f64,
     /// Growth of the angle between the headings. rad, >= 0
     pub(super) turned_rad: f64,
+    /// Height of the reference over the vehicle. m
+    pub(super) below_m: f64,
+    /// By how much the vehicle has sunk below its reference: no more than it is below, nor than it has come down. m
+    pub(super) sunk_m: f64,
 }
 
 impl Progress {
@@ -48,6 +57,11 @@ impl Progress {
         self.least = None;
     }
 
+    /// A person steers: what the vehicle comes down is meant.
+    pub(super) fn restart_height(&mut self) {
+        self.top_m = None;
+    }
+
     /// How the vehicle at `pose_hat` tracks its reference.
     pub(super) fn tracking(&mut self, mission: &Mission, pose_hat: &Pose) -> Tracking {
         let target = mission.is_pointwise().then(|| *mission.target());
@@ -62,7 +76,15 @@ impl Progress {
         let (before_m, before_rad) = self.least.unwrap_or((now_m, now_rad));
         let (least_m, least_rad) = (before_m.min(now_m), before_rad.min(now_rad));
         self.least = Some((least_m, least_rad));
-        Tracking { away_m: now_m - least_m, turned_rad: now_rad - least_rad }
+        let (z_m, below_m) = (pose_hat[pose::Z], apart[pose::Z]);
+        let top_m = self.top_m.filter(|_| below_m > LEVEL_M).map_or(z_m, |top_m| top_m.max(z_m));
+        self.top_m = Some(top_m);
+        Tracking {
+            away_m: now_m - least_m,
+            turned_rad: now_rad - least_rad,
+            below_m,
+            sunk_m: below_m.min(top_m - z_m),
+        }
     }
 }
 
@@ -113,6 +135,25 @@ mod tests {
         {
             let found_rad = progress.tracking(&mission, &turned(rad)).turned_rad;
             assert!((found_rad - turned_rad).abs() < 1e-3, "{rad} rad: {found_rad} rad");
+        }
+    }
+
+    #[test]
+    fn a_vehicle_has_sunk_by_what_it_comes_down_below_its_reference_and_no_more() {
+        let mission = mission(include_str!("../../../../configs/targets/square.json"));
+        let mut progress = Progress::default();
+        let over = |z_m: f64| mission.first_pose() + Pose::new(0.0, 0.0, z_m, 0.0);
+        // From above it may come down to its target; a climb to it is no sinking.
+        for (z_m, sunk_m) in
+            [(1.0, 0.0), (0.0, 0.0), (-0.5, 0.5), (-0.6, 0.6), (0.0, 0.0), (0.3, 0.0)]
+        {
+            let found_m = progress.tracking(&mission, &over(z_m)).sunk_m.max(0.0);
+            assert!((found_m - sunk_m).abs() < 1e-9, "{z_m} m: {found_m} m");
+        }
+        progress.restart_height();
+        for (z_m, sunk_m) in [(-0.8, 0.0), (-0.5, 0.0), (-0.7, 0.2)] {
+            let found_m = progress.tracking(&mission, &over(z_m)).sunk_m;
+            assert!((found_m - sunk_m).abs() < 1e-9, "{z_m} m: {found_m} m");
         }
     }
 

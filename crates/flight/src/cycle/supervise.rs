@@ -64,6 +64,8 @@ where
             is_dead_time_long: self.link.as_ref().is_some_and(Link::is_dead_time_long),
             tracking_m,
             turned_rad: tracking.map(|tracking| tracking.turned_rad),
+            below_m: tracking.map(|tracking| tracking.below_m),
+            sunk_m: tracking.map(|tracking| tracking.sunk_m),
             pressed_s: out.pressed_s,
             speed_mps,
             overtime_s: self.progress.overtime_s(&self.mission),
@@ -86,7 +88,6 @@ where
             controller_failed: self.memory.controller_failed,
         });
         out.ruling = Some(ruling);
-        self.memory.has_taken_off |= ruling.phase == Phase::TakingOff;
         self.planner.brake(ruling.is_braking);
         ruling.pilot
     }

@@ -34,7 +34,7 @@ pub struct FlightTable {
 pub struct CycleTable {
     /// The vehicle model.
     pub model: ModelKind,
-    /// Period of the loop. s, 0.005..=0.1
+    /// Period of the loop: 50 Hz. s, 0.02
     pub dt_s: f64,
     /// When an estimate and a plan are used.
     pub pipeline: Pipeline,

@@ -132,6 +132,9 @@ fn a_bad_setting_is_named() {
     let bad = FilterTable { vertical_base_m: f64::NAN, ..table() };
     let error = FilterSettings::try_from(&bad).unwrap_err();
     assert_eq!(error.to_string(), "vertical_base_m = NaN violates finite and > 0");
+    let wide = FilterTable { origin_m: 0.5, ..table() };
+    let error = FilterSettings::try_from(&wide).unwrap_err();
+    assert_eq!(error.to_string(), "origin_m = 0.5 violates 0.0..=0.1");
 }
 
 #[test]

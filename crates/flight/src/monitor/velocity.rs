@@ -26,6 +26,12 @@ const FIT: std::ops::RangeInclusive<f64> = 0.6..=1.6;
 /// Least fraction of the variance of the poses' velocity that the drone's explains if the axes fit (R^2).
 const DETERMINATION_MIN: f64 = 0.7;
 
+/// Displacement of poses beyond that of a vehicle which is faster by so much than the drone reports: another body's, or
+/// an outlier. One of 0.2 m in a period outweighs the motion of a flight. m/s
+const STEP_MPS: f64 = 1.0;
+/// The same of the noise of two poses. m
+const STEP_M: f64 = 0.03;
+
 /// Kinds of axes that the drone's may be: fixed, or turning with the body; each of either hand.
 pub(super) const FRAMES: usize = 4;
 pub(super) const FIXED: usize = 0;
@@ -61,6 +67,14 @@ struct Motion {
     moved_in_s: f64,
     /// Velocity by the drone in each frame. m/s
     seen: [Complex<f64>; FRAMES],
+}
+
+impl Motion {
+    /// Whether the poses have moved further than any vehicle.
+    fn is_step(&self) -> bool {
+        let most_mps = self.seen[FIXED].norm() + STEP_MPS;
+        self.moved_w_m.norm() > most_mps * self.moved_in_s + STEP_M
+    }
 }
 
 impl VelocityMonitor {
@@ -142,7 +156,7 @@ impl VelocityMonitor {
         let agrees = |error_m| {
             error_m <= 0.5 * self.limit_m && (!is_well_known || self.displacements.speeds_agree())
         };
-        if !error_m.is_none_or(agrees) {
+        if motion.is_step() || !error_m.is_none_or(agrees) {
             return;
         }
         self.sums.add(motion, self.dt_s);

@@ -23,7 +23,13 @@ const LEVEL_MPS: f64 = 0.35;
 /// a return of the link the drone moves before the link monitor has decided. s
 const ALONE_S: f64 = 0.5;
 
-/// A drone that calls its charge critical for less time may mean a sag of its voltage. s
+/// A vehicle whose pose has been still for so long, below its reference, stands on something: half as long again as the
+/// short window of the still poses. s
+const STANDS_S: f64 = 1.2;
+/// How far below: a hovering vehicle is seldom. m
+const STANDS_BELOW_M: f64 = 0.2;
+
+/// A charge that is critical for less time may be a sag of the voltage or a report that is wrong. s
 const BATTERY_CRITICAL_S: f64 = 1.0;
 
 /// Whether the drone confirms that its commands are lost: its velocity agrees with the poses, or it
@@ -62,7 +68,10 @@ impl Supervisor {
         let outage = e.outage.filter(|_| is_flown);
         let is_alone_for = |limit_s| self.since.alone.has_lasted(e.t_ns, limit_s);
         let is_long = outage.is_some_and(|outage| exceeds(outage.for_s, failsafe.outage_s));
-        let is_immobile = failsafe.pressed_s.is_some_and(|limit_s| exceeds(e.pressed_s, limit_s));
+        let is_pressed = failsafe.pressed_s.is_some_and(|limit_s| exceeds(e.pressed_s, limit_s));
+        let is_still = e.findings.still_s.is_some_and(|still_s| exceeds(still_s, STANDS_S));
+        let stands = is_still && e.below_m.is_some_and(|below_m| exceeds(below_m, STANDS_BELOW_M));
+        let is_immobile = is_pressed || stands;
         let may_have_left = self.room.zip(outage).is_some_and(|(room, outage)| {
             outage.unseen.iter().any(|motion| room.is_left_by(motion))
         });
@@ -95,9 +104,10 @@ impl Supervisor {
         let table = &self.table;
         let running_s = self.began_ns.map_or(0.0, |began_ns| elapsed_s(began_ns, e.t_ns));
         let silent_s = e.drone.map_or(running_s, |drone| drone.age_s);
-        let battery_below = |limit| e.drone.is_some_and(|drone| drone.battery_pct < limit);
-        let is_called_low = e.drone.is_some_and(|drone| drone.is_battery_low);
-        let is_called_critical = self.since.battery_critical.has_lasted(e.t_ns, BATTERY_CRITICAL_S);
+        let has_little_charge = e.drone.is_some_and(|drone| {
+            drone.is_battery_low || !(table.battery_low_pct..=100).contains(&drone.battery_pct)
+        });
+        let has_no_charge = self.since.battery_critical.has_lasted(e.t_ns, BATTERY_CRITICAL_S);
         let is_grounded = self.since.grounded.has_lasted(e.t_ns, DOWN_HOLD_S);
         [
             (Fault::DroneUnheard, e.drone.is_none() && !self.is_carried),
@@ -105,11 +115,8 @@ impl Supervisor {
             (Fault::TookOffUnasked, self.has_taken_off_unasked(e)),
             (Fault::DroneSilent, exceeds(silent_s, table.drone_silent_s) && !self.is_carried),
             (Fault::NotFlying, is_grounded && !self.is_carried),
-            (Fault::BatteryLow, is_called_low || battery_below(table.battery_low_pct)),
-            (
-                Fault::BatteryCritical,
-                is_called_critical || battery_below(table.battery_critical_pct),
-            ),
+            (Fault::BatteryLow, has_little_charge),
+            (Fault::BatteryCritical, has_no_charge),
         ]
     }
 

@@ -196,6 +196,10 @@ pub struct Evidence {
     pub tracking_m: Option<f64>,
     /// By how much it has turned away from the heading of its reference, likewise. rad
     pub turned_rad: Option<f64>,
+    /// Height of its reference over it. m
+    pub below_m: Option<f64>,
+    /// By how much it has come down below its reference. m
+    pub sunk_m: Option<f64>,
     /// Inputs in one direction that have moved nothing. s of full deflection
     pub pressed_s: f64,
     /// Speed by the estimate. m/s

@@ -51,9 +51,11 @@ pub enum Fault {
     /// The vehicle is outside of the room.
     FenceLeft,
     /// For 0.3 s the vehicle was further from its reference than at least so far by more than `failsafe.tracking_m`, or
-    /// for 1.5 s turned away from it by more than 1 rad; in an outage the latter counts only while it turns.
+    /// had come down below it by more than 0.4 m: it sinks or is pulled down. Or for 1.5 s it was turned away from it by
+    /// more than 1 rad; in an outage only while it turns.
     TrackingLost,
-    /// Inputs of `failsafe.pressed_s` in one direction have moved nothing: the vehicle is held, caught or blocked.
+    /// Inputs of `failsafe.pressed_s` in one direction have moved nothing: the vehicle is held, caught or blocked; or it
+    /// stands still on something below its reference.
     Immobile,
     /// For 0.3 s the vehicle is faster than `failsafe.speed_mps`.
     TooFast,
@@ -79,9 +81,9 @@ pub enum Fault {
     /// The drone says for a second that it stands, in flight or after it flew in the take-off: it landed by itself,
     /// fell or was caught.
     NotFlying,
-    /// The battery is below `battery_low_pct`, or the drone calls it low.
+    /// The battery is below `battery_low_pct` or above 100 %, or the drone calls it low.
     BatteryLow,
-    /// The battery is below `battery_critical_pct`, or for 1 s the drone calls it critical.
+    /// For 1 s the battery is below `battery_critical_pct`, or the drone calls it critical.
     BatteryCritical,
     /// The estimator has no estimate.
     EstimatorFailed,

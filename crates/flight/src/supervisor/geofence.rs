@@ -5,7 +5,7 @@
 
 use horizon_model::check::{maximum, minimum};
 use horizon_model::rows::{Pose, pose};
-use horizon_model::setting::{SettingError, not_negative};
+use horizon_model::setting::{SettingError, in_range};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -27,6 +27,9 @@ const WALL_MAX_M: f64 = 500.0;
 /// Nor is it wider: walls in centimetres are. m
 const WIDTH_MAX_M: f64 = 100.0;
 
+/// No vehicle of this kind takes longer to come to rest: a time in milliseconds does. s
+const STOP_MAX_S: f64 = 10.0;
+
 /// The rows that have walls.
 const WALLED: [usize; 3] = [pose::X, pose::Y, pose::Z];
 
@@ -41,7 +44,7 @@ pub struct RoomTable {
     /// World z, floor and ceiling. m, each -500..=500, the first below the second by at most 100
     pub z_m: [f64; 2],
     /// Way from neutral sticks to rest over the speed: dead time and time constant of the vehicle.
-    /// s, >= 0
+    /// s, 0..=10
     pub stop_s: f64,
 }
 
@@ -82,7 +85,7 @@ impl TryFrom<&RoomTable> for Room {
                 return Err(SettingError::new(key, given, rule));
             }
         }
-        Ok(Self { walls_m, stop_s: not_negative("stop_s", table.stop_s)? })
+        Ok(Self { walls_m, stop_s: in_range("stop_s", table.stop_s, 0.0..=STOP_MAX_S)? })
     }
 }
 
@@ -259,8 +262,10 @@ mod tests {
         assert_eq!(error, "y_m = [1, 1] violates the first number below the second");
         let error = refused(RoomTable { z_m: [0.0, f64::NAN], ..TABLE });
         assert!(error.starts_with("z_m = NaN"), "{error}");
-        let error = refused(RoomTable { stop_s: -1.0, ..TABLE });
-        assert!(error.starts_with("stop_s = -1"), "{error}");
+        for (stop_s, given) in [(-1.0, "-1"), (800.0, "800"), (f64::NAN, "NaN")] {
+            let error = refused(RoomTable { stop_s, ..TABLE });
+            assert_eq!(error, format!("stop_s = {given} violates 0.0..=10.0"));
+        }
     }
 
     #[test]

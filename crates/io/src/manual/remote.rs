@@ -34,7 +34,7 @@ impl Remote {
     ///
     /// # Errors
     /// The queue is full: the control thread has not polled since 64 events. The event is not queued. Never for an
-    /// emergency stop, which the sender obeys.
+    /// emergency stop, which the sender obeys whether the control thread hears of it or not.
     pub fn push(&mut self, act: Act) -> Result<(), RemoteBusy> {
         let event = Event { at: self.clock.now(), source: Source::Remote, act };
         let pushed = self.events.push(event).map_err(|_full| RemoteBusy);

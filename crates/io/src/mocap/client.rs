@@ -3,6 +3,7 @@
 //! Owns the connection and the queue to the control thread. A lost server is not an error here: the
 //! sightings stop, and the reader of the queue sees their age.
 
+use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -87,7 +88,12 @@ impl MocapClient {
         let mut stream = MocapStream::new(&self.settings);
         let mut back_off = BACK_OFF_MIN;
         loop {
-            if let Ok(Ok(wire)) = timeout(CONNECT_TIMEOUT, Wire::open(&self.settings)).await {
+            // Nobody answers in time where nobody is, too.
+            let refused = |_| Err(io::ErrorKind::ConnectionRefused.into());
+            let opened = timeout(CONNECT_TIMEOUT, Wire::open(&self.settings)).await;
+            let opened = opened.unwrap_or_else(refused);
+            self.counters.note_opening(opened.as_ref().map(|_| ()));
+            if let Ok(wire) = opened {
                 self.counters.connects.count();
                 stream.set_airborne(self.is_airborne());
                 stream.restart();

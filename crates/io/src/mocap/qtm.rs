@@ -45,6 +45,8 @@ struct Reader {
     /// Whether a frame came since the last beat.
     has_frames: bool,
     parameters: Option<Parameters>,
+    /// Whether bodies may have changed since.
+    is_outdated: bool,
     requests: Vec<u8>,
 }
 
@@ -107,6 +109,7 @@ impl QtmProtocol {
             has_greeted: false,
             has_frames: false,
             parameters: None,
+            is_outdated: true,
             requests: Vec::new(),
         };
         Self { packets: Packets::default(), reader }
@@ -140,7 +143,7 @@ impl Connection for QtmProtocol {
         let reader = &mut self.reader;
         // A measurement may have ended and another one begun, with other bodies.
         let is_silent = !std::mem::take(&mut reader.has_frames);
-        if reader.has_greeted && (is_silent || reader.parameters.is_none()) {
+        if reader.has_greeted && (is_silent || reader.is_outdated) {
             encode::text(kind::COMMAND, GET_PARAMETERS, &mut reader.requests);
         }
     }
@@ -176,8 +179,9 @@ impl Reader {
             kind::XML => self.learn(&packet::text(body)),
             kind::DATA => Ok(self.read_frame(body, taker)),
             kind::EVENT => {
-                // Asked for at the next beat.
-                self.parameters = None;
+                // Bodies may have changed; until the answer the old names stand, unless their count is another.
+                self.is_outdated = true;
+                encode::text(kind::COMMAND, GET_PARAMETERS, &mut self.requests);
                 Ok(Some(()))
             }
             _ => Ok(Some(())),
@@ -194,6 +198,7 @@ impl Reader {
             }
         }
         self.parameters = Some(parameters);
+        self.is_outdated = false;
         if !self.has_frames {
             encode::text(kind::COMMAND, STREAM, &mut self.requests);
         }
@@ -213,6 +218,7 @@ impl Reader {
         self.has_frames = true;
         if is_unnamed {
             self.parameters = None;
+            self.is_outdated = true;
         }
         let stamp = i64::try_from(u128::from(time_us) * 1000).ok().map(SpanNs);
         let (number, latency) = (number.into(), SpanNs(0));

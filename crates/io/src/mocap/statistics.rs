@@ -1,6 +1,7 @@
 //! How the mocap stream does: counts of the task that reads it, and what they add up to.
 
 use std::fmt::{self, Display, Formatter};
+use std::io;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -53,6 +54,7 @@ pub struct MocapCounters {
     /// Bits of a number, 0 while it is not known. Hz
     count_hz: AtomicU64,
     given_up: Mutex<Option<SourceError>>,
+    unopened: Mutex<Option<String>>,
 }
 
 /// What a stream was worth up to now.
@@ -134,6 +136,21 @@ impl MocapCounters {
 
     pub(super) fn give_up(&self, error: SourceError) {
         *self.given_up.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+    }
+
+    /// Why the newest connection or port could not be opened; `None` if it was, or if nobody answered.
+    pub fn unopened(&self) -> Option<String> {
+        self.unopened.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    pub(super) fn note_opening(&self, opened: Result<(), &io::Error>) {
+        let why = match opened {
+            Err(error) if error.kind() != io::ErrorKind::ConnectionRefused => {
+                Some(error.to_string())
+            }
+            Ok(()) | Err(_) => None,
+        };
+        *self.unopened.lock().unwrap_or_else(PoisonError::into_inner) = why;
     }
 
     /// Notes what the frame numbers are worth.

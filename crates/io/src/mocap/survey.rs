@@ -173,7 +173,10 @@ impl Reader {
             }
             requests.clear();
             protocol.take_requests(&mut requests);
-            wire.write(&requests).await?;
+            let Ok(written) = timeout(CONNECT_TIMEOUT, wire.write(&requests)).await else {
+                return Err(io::Error::from(io::ErrorKind::TimedOut).into());
+            };
+            written?;
             let received = timeout(LOOK, wire.read(chunk)).await;
             let now = clock.now();
             if now.since(look_at).duration() >= LOOK {

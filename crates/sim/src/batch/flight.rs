@@ -8,7 +8,8 @@ use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tello_eval::metrics::{
-    Fence, Hover, HoverScore, Judge, LeastClearance, Outages, ReferencePath, Score, Surroundings,
+    Fence, Hover, HoverScore, Judge, LeastClearance, OutageCounter, Outages, ReferencePath, Score,
+    Surroundings,
 };
 use tello_eval::shard_file::Seeded;
 use tello_flight::cycle::{FlightTable, Outcome, Solve};
@@ -221,7 +222,7 @@ struct FlightMeasures {
     estimate: Judge,
     hover: Option<Hover>,
     solvers: SolverCounts,
-    outages: Outages,
+    outages: OutageCounter,
     monitors: Largest,
     surroundings: Surroundings,
     clearance: LeastClearance,
@@ -238,7 +239,7 @@ impl FlightMeasures {
             estimate: judge,
             hover: hover.map(|(hover_s, target)| Hover::new(target, hover_s)),
             solvers: SolverCounts::default(),
-            outages: Outages::default(),
+            outages: OutageCounter::default(),
             monitors: Largest::default(),
             surroundings: Surroundings::of(&flight.cycle)?,
             clearance: LeastClearance::default(),
@@ -282,7 +283,7 @@ impl FlightMeasures {
             fence: self.truth.fence(),
             clearance: self.clearance,
             hover: self.hover.and_then(|hover| hover.score()),
-            outages: self.outages,
+            outages: self.outages.outages(),
             monitors: self.monitors,
             solvers: self.solvers,
         };

@@ -78,6 +78,7 @@ async fn look_at_links(table: &FlyTable) -> Result<Found> {
         refusals: Vec::new(),
         has_keys: false,
         device: table.manual.device.clone(),
+        unfinished: None,
     })
 }
 

@@ -1,4 +1,5 @@
-use tello_flight::Start;
+use tello_eval::metrics::LeastClearance;
+use tello_flight::{Fault, Start};
 use tello_io::clock::TimeNs;
 use tello_io::config;
 use tello_io::tello::protocol::Version;
@@ -43,6 +44,19 @@ fn all_there() -> Found {
         refusals: vec![],
         has_keys: true,
         device: None,
+        unfinished: None,
+    }
+}
+
+/// A mission whose way is closed.
+fn unfinished() -> NominalFlight {
+    NominalFlight {
+        targets_reached: 3,
+        targets_count: 4,
+        finish_s: None,
+        distance_p95_m: None,
+        clearance: LeastClearance::default(),
+        landed_by: vec![Fault::PlanBlocked],
     }
 }
 
@@ -89,7 +103,7 @@ fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
     use Readiness::{Bad, Never, Note};
     let all = all_there;
     let stream = all().stream;
-    let cases: [(Found, &str, Readiness, &str); 16] = [
+    let cases: [(Found, &str, Readiness, &str); 18] = [
         (
             Found { stream: StreamReport { has_clock: false, ..stream }, ..all() },
             "mocap",
@@ -132,6 +146,13 @@ fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
         (Found { drone: None, ..all() }, "battery", Bad, "unknown without a report"),
         (drone(|status| status.is_flying = true), "drone", Bad, "says that it flies"),
         (drone(|status| status.battery_pct = 14), "battery", Bad, "14 %; takes off from 15 %"),
+        (drone(|status| status.battery_pct = 101), "battery", Bad, "101 %; takes off from 15 %"),
+        (
+            Found { unfinished: Some(unfinished()), ..all() },
+            "mission",
+            Note,
+            "targets; simulated: NOT TO ITS END: 3 of 4 targets, landed: plan blocked",
+        ),
         (Found { disk_free: Some(199_999_999), ..all() }, "log", Note, "199 MB free, which"),
         (Found { disk_free: None, ..all() }, "log", Note, "does not say how much"),
         (

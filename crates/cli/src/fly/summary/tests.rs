@@ -109,8 +109,16 @@ fn a_landing_that_one_witness_alone_reports_says_so() {
 #[test]
 fn only_trouble_has_a_line_of_its_own() {
     let calm = summary(Phase::Landed, &[]).to_string();
-    for name in ["faults", "link down", "links", "log gaps", "INCOMPLETE", "firmware", "MHE + MPC"]
-    {
+    for name in [
+        "faults",
+        "link down",
+        "links",
+        "log gaps",
+        "INCOMPLETE",
+        "firmware",
+        "drone says",
+        "MHE + MPC",
+    ] {
         assert!(!calm.contains(name), "{calm}");
     }
     let links = Links { orders_lost: 3, ..Links::default() };
@@ -118,6 +126,7 @@ fn only_trouble_has_a_line_of_its_own() {
         links,
         records_dropped: 4,
         log_error: Some("disk full".to_owned()),
+        refusal: Some("error Motor stop".to_owned()),
         outages: Outages { count: 2, down_s: 1.5 },
         ..summary(Phase::LandingUnconfirmed, &[Fault::BatteryLow])
     };
@@ -126,6 +135,7 @@ fn only_trouble_has_a_line_of_its_own() {
         "faults        battery low\n",
         "link down     2 times, 1.50 s together\n",
         "guardian 0 landings, 0 lost; 3 orders lost\n",
+        "drone says    error Motor stop\n",
         "log gaps      4 ticks could not be recorded\n",
         "log           INCOMPLETE: disk full\n",
     ] {

@@ -9,6 +9,7 @@ use sha2::{Digest, Sha256};
 use tello_io::clock::Clock;
 
 use super::Fitter;
+use crate::REVISION;
 use crate::ident::report::Bootstrap;
 use crate::ident::resamples::{BootstrapPlan, ResampleFile, ResampleRow, distinct};
 
@@ -79,7 +80,7 @@ where
         self.influences.iter().map(moved).sum()
     }
 
-    /// Hash of everything that a resample's estimate depends on beside its index and seed.
+    /// Hash of everything that a resample's estimate depends on beside its index and seed, the program included.
     fn problem(&self) -> Result<String> {
         let logs: Vec<&str> = self.job.logs.iter().map(|log| log.sha256.as_str()).collect();
         let dead_time_s: Vec<f64> = self.dead_time_s.iter().copied().collect();
@@ -87,7 +88,7 @@ where
         // These keys do not change an estimate: results of other values are taken up.
         (table.threads, table.logs, table.logs_max) = (0, Vec::new(), 0);
         table.clear_estimates = false;
-        let settings = (table, dead_time_s, logs);
+        let settings = (table, dead_time_s, logs, REVISION);
         Ok(format!("{:x}", Sha256::digest(serde_json::to_vec(&settings)?)))
     }
 }

@@ -37,13 +37,14 @@ fn ticks_are_counted_by_what_the_filter_did_and_the_estimate_by_its_distance() {
         counts.add(&record)
     };
     let aside = AT + Pose::new(0.3, -0.4, 0.0, 1.0);
-    let square_m2 = tick(Some(AT), [Accepted; 2], Some(aside));
+    let square_m2 = tick(Some(AT), [Accepted; 2], Some(aside)).unwrap();
     assert!((square_m2 - 0.25).abs() < 1e-12, "{square_m2}");
     let low = Pose::new(0.0, 0.0, 0.01, 0.0);
-    assert!(tick(Some(low), [Held; 2], Some(low)).abs() <= 0.0);
-    assert!(tick(None, [Held, Accepted], None).abs() <= 0.0);
+    assert_eq!(tick(Some(low), [Held; 2], Some(low)), Some(0.0));
+    assert_eq!(tick(None, [Held, Accepted], None), None);
+    assert_eq!(tick(Some(AT), [Accepted; 2], None), None, "in the air without an estimate");
     let Counts { ticks, ticks_airborne, ticks_missing, positions_held, headings_held, .. } = counts;
-    assert_eq!((ticks, ticks_airborne, ticks_missing), (3, 1, 3));
+    assert_eq!((ticks, ticks_airborne, ticks_missing), (4, 2, 4));
     assert_eq!((positions_held, headings_held), (2, 1));
 }
 

@@ -68,3 +68,32 @@ fn inputs_and_reports_are_turned_by_the_heading() {
         assert!(close(seen, Complex::new(x, y)), "{seen}");
     }
 }
+
+#[test]
+fn a_step_of_the_poses_does_not_hide_the_drift_that_begins_with_it() {
+    let mut monitor = VelocityMonitor::new(0.6, DT_S);
+    let mut at_w = Complex::new(0.0, 0.0);
+    let mut tick = |by_poses_mps: Complex<f64>, by_drone_mps: Complex<f64>, step_m: f64| {
+        at_w += by_poses_mps * DT_S + step_m;
+        let drone = DroneMotion {
+            horizontal_mps: Some([by_drone_mps.re, by_drone_mps.im]),
+            height_m: None,
+            heading_rad: None,
+        };
+        let pose = Some(Pose::new(at_w.re, at_w.im, 1.0, 0.0));
+        let u_applied = Sticks::zeros();
+        monitor.update(&Sample { pose, drone: Some(drone), u_applied, link_is_up: true })
+    };
+    // Ten seconds around a circle of 1 m at 0.5 m/s.
+    for k in 0..500 {
+        let v_mps = Complex::from_polar(0.5, 0.5 * f64::from(k) * DT_S);
+        let (_, error_m) = tick(v_mps, v_mps, 0.0);
+        assert!(error_m < 0.2, "{error_m} m");
+    }
+    let hovering = Complex::default();
+    let mut agreement = tick(hovering, hovering, 0.2).0;
+    for _ in 0..150 {
+        agreement = agreement.max(tick(Complex::new(0.5, 0.0), hovering, 0.0).0);
+    }
+    assert_eq!(agreement, Agreement::Disagrees, "0.2 m and 3 s at 0.5 m/s");
+}

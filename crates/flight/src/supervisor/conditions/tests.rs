@@ -1,5 +1,7 @@
 //! Motion capture, drone and commands that contradict each other, limits of a flight without a fault, and walls.
 
+mod walls;
+
 use horizon_model::rows::Pose;
 
 use super::super::tests::*;
@@ -76,7 +78,10 @@ fn a_wrong_direction_and_an_overdue_mission_land() {
 fn a_lost_reference_and_too_much_speed_land_after_a_third_of_a_second() {
     let far = Evidence { tracking_m: Some(1.01), ..ALOFT };
     let fast = Evidence { speed_mps: 3.01, ..ALOFT };
-    for (e, fault) in [(far, Fault::TrackingLost), (fast, Fault::TooFast)] {
+    let sunk = Evidence { sunk_m: Some(0.41), ..ALOFT };
+    for (e, fault) in
+        [(far, Fault::TrackingLost), (sunk, Fault::TrackingLost), (fast, Fault::TooFast)]
+    {
         let mut bench = Bench::flying();
         assert!(bench.run(3, &e).may_steer(), "{fault:?} for 0.2 s");
         let ruling = bench.tick(&e);
@@ -86,7 +91,7 @@ fn a_lost_reference_and_too_much_speed_land_after_a_third_of_a_second() {
         bench.pass(1, &ALOFT);
         assert!(bench.run(3, &e).may_steer(), "{fault:?}, begun anew");
     }
-    let near = Evidence { tracking_m: Some(1.0), speed_mps: 3.0, ..ALOFT };
+    let near = Evidence { tracking_m: Some(1.0), sunk_m: Some(0.4), speed_mps: 3.0, ..ALOFT };
     assert_eq!(after(&near), (Phase::Flying, true, vec![]));
     let by_hand = Evidence { is_by_hand: true, ..far };
     assert_eq!(after(&by_hand), (Phase::Flying, true, vec![]), "a person has no reference");
@@ -189,101 +194,6 @@ fn a_drone_that_flies_already_is_landed_and_not_ordered_to_take_off() {
 }
 
 #[test]
-fn a_vehicle_that_would_leave_the_room_brakes_and_control_goes_on_when_it_can_stop() {
-    // 0.8 s at 1 m/s: from 2.2 m on it would come to rest behind the wall at 3 m.
-    let mut bench = Bench::flying();
-    assert!(bench.tick(&moving(2.1, 1.0)).may_steer());
-    let ruling = bench.tick(&moving(2.3, 1.0));
-    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
-    assert_eq!(faults(ruling), [Fault::FenceNear]);
-    assert!(bench.tick(&moving(2.6, 0.4)).may_steer(), "slow enough");
-    assert!(bench.tick(&moving(2.9, -1.0)).may_steer(), "on its way in");
-}
-
-#[test]
-fn a_plan_that_knows_the_walls_decides_in_place_of_the_way_to_rest() {
-    let clear = Evidence { is_plan_clear: Some(true), ..moving(2.3, 1.0) };
-    let blocked = Evidence { is_plan_clear: Some(false), ..moving(0.0, 1.0) };
-    // Without a plan that knows the walls the way to rest decides.
-    for (after, goes_on) in [(clear, true), (moving(2.3, 1.0), false), (moving(2.3, 0.2), true)] {
-        let mut bench = Bench::flying();
-        assert!(bench.tick(&moving(2.1, 1.0)).may_steer());
-        assert!(bench.tick(&clear).may_steer(), "the plan stops inside");
-        let ruling = bench.tick(&blocked);
-        assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true));
-        assert!(ruling.is_braking);
-        assert_eq!(faults(ruling), [Fault::PlanBlocked]);
-        // 0.1 s a tick: it brakes for 0.4 s, then the plan follows the mission again.
-        for _ in 0..3 {
-            assert!(bench.tick(&clear).is_braking);
-        }
-        let ruling = bench.tick(&after);
-        assert_eq!((ruling.may_steer(), ruling.is_braking), (goes_on, false), "{after:?}");
-    }
-}
-
-#[test]
-fn an_obstacle_that_is_not_seen_brakes_until_it_is() {
-    let mut bench = Bench::flying();
-    let unseen = Evidence { is_obstacle_unseen: true, ..moving(0.0, 1.0) };
-    for _ in 0..10 {
-        let ruling = bench.tick(&unseen);
-        assert!(ruling.is_braking && ruling.may_steer(), "{ruling:?}");
-        assert_eq!(faults(ruling), [Fault::ObstacleUnseen]);
-    }
-    let ruling = bench.tick(&moving(0.0, 0.0));
-    assert!(ruling.may_steer() && !ruling.is_braking && ruling.faults.is_empty(), "{ruling:?}");
-    let by_hand = Evidence { is_by_hand: true, operator: Operator::FlyByHand, ..unseen };
-    assert!(!bench.tick(&by_hand).is_braking, "a person flies by sight");
-}
-
-#[test]
-fn by_hand_the_way_to_rest_warns_whatever_a_plan_would_do() {
-    let mut bench = Bench::flying();
-    let by_hand = Evidence {
-        is_plan_clear: Some(true),
-        is_by_hand: true,
-        operator: Operator::FlyByHand,
-        ..moving(2.3, 1.0)
-    };
-    let ruling = bench.tick(&by_hand);
-    assert!(ruling.may_steer(), "a warning alone");
-    assert_eq!(faults(ruling), [Fault::FenceNear]);
-}
-
-#[test]
-fn behind_the_wall_the_flight_ends() {
-    let ruling = Bench::flying().tick(&moving(3.01, -1.0));
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
-    assert!(ruling.faults.contains(Fault::FenceLeft), "{:?}", ruling.faults);
-}
-
-#[test]
-fn an_old_pose_behind_the_wall_is_no_proof() {
-    let old = Evidence { pose_age_s: Some(0.5), ..moving(3.01, 0.0) };
-    let ruling = Bench::flying().tick(&old);
-    assert_eq!(ruling.phase, Phase::Flying);
-    assert!(!ruling.may_steer() && !ruling.faults.contains(Fault::FenceLeft));
-}
-
-#[test]
-fn without_a_room_there_are_no_walls() {
-    let table = SupervisorTable { room: None, ..TABLE };
-    let settings = SupervisorSettings::try_from(&table).unwrap();
-    let mut bench = Bench { supervisor: Supervisor::new(settings, Start::Grounded), t_ns: 0 };
-    let far = Evidence { pose: Some(at(500.0, 0.1)), ..CALM };
-    assert_eq!(bench.tick(&asks_to_fly(far)).phase, Phase::TakingOff);
-    assert_eq!(bench.run(100, &moving(500.0, 9.0)).phase, Phase::Flying);
-}
-
-#[test]
-fn what_is_carried_may_be_carried_out_of_the_room() {
-    let mut bench = Bench::new(Start::Carried);
-    let ruling = bench.run(10, &moving(5.0, 1.0));
-    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true));
-}
-
-#[test]
 fn a_drone_that_stands_while_control_flies_it_ends_the_flight_after_a_second() {
     let stands = with_drone(ALOFT, |drone| drone.is_flying = false);
     let mut bench = Bench::new(Start::Airborne);
@@ -333,6 +243,21 @@ fn large_inputs_that_move_nothing_land_the_vehicle() {
     let mut never = Bench::flying();
     never.supervisor.table.failsafe.pressed_s = None;
     assert!(never.run(9, &held).may_steer(), "without the key, as in older logs");
+}
+
+#[test]
+fn a_vehicle_that_stands_still_below_its_reference_lands() {
+    for (still_s, below_m, faults) in [
+        (1.21, 0.21, vec![Fault::Immobile]),
+        (1.2, 0.21, vec![]),
+        (1.21, 0.2, vec![]),
+        (9.0, -0.5, vec![]),
+    ] {
+        let findings = Findings { still_s: Some(still_s), ..NOTHING_FOUND };
+        let e = Evidence { findings, below_m: Some(below_m), ..ALOFT };
+        assert_eq!(after(&e).2, faults, "{still_s} s, {below_m} m");
+        assert_eq!(after(&Evidence { is_by_hand: true, ..e }).2, []);
+    }
 }
 
 #[test]
@@ -386,14 +311,17 @@ fn limits_themselves_are_still_good() {
 }
 
 #[test]
-fn a_charge_that_the_drone_calls_critical_for_a_second_lands_it() {
-    let critical = with_drone(ALOFT, |drone| drone.is_battery_critical = true);
-    let mut bench = Bench::flying();
-    let ruling = bench.run(10, &critical);
-    assert_eq!((ruling.phase, faults(ruling)), (Phase::Flying, vec![]));
-    bench.pass(1, &ALOFT);
-    assert_eq!(bench.run(10, &critical).phase, Phase::Flying, "a sag begins anew");
-    let ruling = bench.tick(&critical);
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
-    assert!(ruling.faults.contains(Fault::BatteryCritical), "{:?}", ruling.faults);
+fn a_charge_that_is_critical_for_a_second_lands_the_drone() {
+    for critical in [
+        with_drone(ALOFT, |drone| drone.is_battery_critical = true),
+        with_drone(ALOFT, |drone| drone.battery_pct = 9),
+    ] {
+        let mut bench = Bench::flying();
+        assert_eq!(bench.run(10, &critical).phase, Phase::Flying);
+        bench.pass(1, &ALOFT);
+        assert_eq!(bench.run(10, &critical).phase, Phase::Flying, "a sag begins anew");
+        let ruling = bench.tick(&critical);
+        assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
+        assert!(ruling.faults.contains(Fault::BatteryCritical), "{:?}", ruling.faults);
+    }
 }

@@ -56,7 +56,7 @@ fn an_empty_battery_late_ticks_and_the_order_to_land_end_a_flight_by_hand() {
         Evidence { skipped: 11, ..ALOFT },
         asks_to_land(ALOFT),
     ] {
-        let ruling = Bench::flying().tick(&by_hand(e));
+        let ruling = Bench::flying().run(11, &by_hand(e));
         assert_eq!((ruling.phase, ruling.pilot), (Phase::Landing, None), "{e:?}");
     }
 }

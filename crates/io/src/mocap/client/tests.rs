@@ -1,9 +1,9 @@
 use tokio::io::AsyncWriteExt;
-use tokio::net::{TcpListener, TcpStream};
+use tokio::net::{TcpListener, TcpStream, UdpSocket};
 
 use super::*;
 use crate::Stopper;
-use crate::mocap::{MocapTable, ServerTable};
+use crate::mocap::{MocapTable, ServerTable, UdpTable};
 
 /// Far beyond what any step takes on a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -108,4 +108,22 @@ async fn an_order_to_stop_ends_the_task_before_it_connects() {
     timeout(PATIENCE, client.run(stop)).await.expect("it did not stop");
     assert_eq!(feed.counters.connects.get(), 0);
     assert!(feed.sightings.is_abandoned(), "the queue ends with the task");
+}
+
+#[tokio::test]
+async fn a_port_of_another_program_is_named_and_a_server_that_is_away_is_not_an_error() {
+    let taken = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    let listen = taken.local_addr().unwrap().to_string();
+    let away =
+        MocapTable::Relay(ServerTable { address: "127.0.0.1:9".into(), object: "tello".into() });
+    let udp = MocapTable::Udp(UdpTable { listen, object: "tello".into(), rate_hz: 100.0 });
+    for (table, expected) in [(udp, true), (away, false)] {
+        let settings = MocapSettings::try_from(&table).unwrap();
+        let (mut client, feed) = MocapClient::new(settings, Clock::start());
+        // Longer than a first attempt, shorter than forever.
+        timeout(Duration::from_secs(1), client.read_forever()).await.unwrap_err();
+        let why = feed.counters.unopened();
+        assert_eq!(why.is_some_and(|why| why.contains("in use")), expected, "{table:?}");
+        assert_eq!(feed.counters.connects.get(), 0);
+    }
 }

@@ -50,7 +50,7 @@ pub enum Request {
 /// Calls `on_id` for each identity in the body of an `OBJECT_ENUMS`.
 ///
 /// # Errors
-/// The body is shorter or longer than it says, as for every function here.
+/// The body is shorter or longer than it says, as for every function here; what follows a single number is not read.
 pub fn object_enums(body: &[u8], mut on_id: impl FnMut(u32)) -> Result<(), PacketError> {
     let mut values = Values::new(body);
     for _ in 0..values.u32()? {

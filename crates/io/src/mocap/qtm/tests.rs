@@ -155,9 +155,20 @@ fn changed_settings_are_asked_for() {
     read(&mut source, parameters(&["wand", "tello"]).chunks(4096));
     let (frames, _) = read(&mut source, frame(3, &[at(1.0), at(2.0)]).chunks(4096));
     assert!(frames[0].pose.is_some());
-    read(&mut source, packet(|to| encode::event(11, to)).chunks(4096));
+    sent(&mut source);
+    // An event costs no frame, and is asked about until there is an answer.
+    let event = [packet(|to| encode::event(11, to)), frame(4, &[at(1.0), at(2.0)])].concat();
+    let (frames, _) = read(&mut source, event.chunks(4096));
+    assert!(frames[0].pose.is_some());
+    assert_eq!(sent(&mut source), [GET_PARAMETERS]);
     source.beat();
-    assert!(sent(&mut source).contains(&GET_PARAMETERS.to_owned()));
+    assert_eq!(sent(&mut source), [GET_PARAMETERS]);
+    read(&mut source, parameters(&["tello", "wand"]).chunks(4096));
+    source.beat();
+    sent(&mut source);
+    read(&mut source, frame(5, &[at(1.0), at(2.0)]).chunks(4096));
+    source.beat();
+    assert!(sent(&mut source).is_empty());
 }
 
 fn push_all(bytes: &[u8], length: usize) -> Result<(), TestCaseError> {

@@ -19,8 +19,9 @@ const LANDED: u8 = b'L';
 const PATIENCE: Duration = Duration::from_secs(10);
 
 fn bind(address: SocketAddr, protocol: Protocol) -> (DroneClient, DroneLink) {
-    let table = TelloTable { protocol, address: address.to_string(), state_port: 0, ..table() };
-    let settings = TelloSettings::try_from(&table).unwrap();
+    let settings = TelloSettings::try_from(&TelloTable { protocol, state_port: 0, ..table() });
+    // Also one that settings may not have.
+    let settings = TelloSettings { address, ..settings.unwrap() };
     DroneClient::bind(&settings, Clock::start(), false).unwrap()
 }
 

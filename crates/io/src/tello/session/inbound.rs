@@ -14,6 +14,9 @@ impl Session {
     pub fn receive(&mut self, datagram: &[u8], now: TimeNs) -> Option<DroneStatus> {
         let answered_from = self.outbox.len();
         let heard = self.talk.receive(datagram, now, &mut self.outbox);
+        if heard == Some(Received::Refused) {
+            self.counters.note_refusal(datagram);
+        }
         let is_ending = matches!(self.flight, Flight::Landing { .. } | Flight::EmergencyStop(_));
         if is_ending && !self.is_dry_run {
             // The drone asks again; an answer between two landings might cancel the first.
@@ -39,10 +42,10 @@ impl Session {
             *heard_at = now;
         }
         match heard {
-            Received::Life => {}
+            // The words of a refusal are noted where they are read.
+            Received::Life | Received::Refused => {}
             Received::Connected => self.connect(now),
             Received::Acknowledged => self.counters.acks.count(),
-            Received::Refused => self.counters.refusals.count(),
             Received::Fact(answer) => self.counters.note(answer),
             Received::Status(status) => {
                 self.witnesses.receive_status(&status, self.may_have_flown, now);
@@ -96,6 +99,18 @@ mod tests {
         assert!(session.receive(&status(false), ms(60)).is_some());
         assert_eq!((session.counters.malformed.get(), session.counters.packets.get()), (1, 1));
         assert_eq!(session.link, Link::Connected { heard_at: ms(60), ping_at: ms(9_000) });
+    }
+
+    #[test]
+    fn a_refusal_is_counted_with_its_words() {
+        let mut text = Session::text(8890, false, Arc::new(LinkCounters::default()));
+        assert_eq!(text.counters.refusal(), None);
+        text.receive(b"error Motor stop\r\n", ms(0));
+        text.receive(b"ok", ms(10));
+        assert_eq!(text.counters.refusal().as_deref(), Some("error Motor stop"));
+        text.receive(format!("error {}", "x".repeat(200)).as_bytes(), ms(20));
+        assert_eq!(text.counters.refusal().map(|words| words.len()), Some(80));
+        assert_eq!(text.counters.refusals.get(), 2);
     }
 
     #[test]

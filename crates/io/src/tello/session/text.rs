@@ -217,14 +217,9 @@ impl Motors {
     }
 }
 
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ends at 0 and 255")]
 fn percent(value: f64) -> u8 {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "clamped to 0..=100"
-    )]
-    let percent = value.clamp(0.0, 100.0) as u8;
-    percent
+    value as u8
 }
 
 #[cfg(test)]
@@ -351,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_out_of_range_are_limited() {
-        assert_eq!([-5.0, 99.9, 250.0, f64::NAN].map(percent), [0, 99, 100, 0]);
+    fn a_charge_above_100_stays_one_and_numbers_that_no_byte_holds_are_limited() {
+        assert_eq!([-5.0, 99.9, 250.0, 1e9, f64::NAN].map(percent), [0, 99, 250, 255, 0]);
     }
 }

@@ -1,0 +1,164 @@
+//! A mission flown by the vehicle as identified, without disturbances and faults, before it is flown in earnest.
+//!
+//! Owns that flight and its report: whether the plan gets to its end, how long it takes, how near it comes to
+//! walls and obstacles. What the path alone tells is [`tello_flight::Survey`].
+
+use std::fmt::{self, Display, Formatter};
+
+use anyhow::Result;
+use schemars::JsonSchema;
+use serde::Serialize;
+use tello_eval::metrics::{Judge, LeastClearance, ReferencePath, Surroundings};
+use tello_flight::cycle::FlightTable;
+use tello_flight::{Fault, Mission, ObstacleTable, Phase, Pilot, Start};
+
+use crate::virtual_time::VirtualFlight;
+use crate::{Profile, SimTable};
+
+/// A flight is given up after twice its planned time and so much more. s
+const PATIENCE_S: f64 = 30.0;
+
+/// What becomes of a mission in the simulator.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct NominalFlight {
+    /// Targets that were reached.
+    pub targets_reached: usize,
+    /// Targets of the mission.
+    pub targets_count: usize,
+    /// From the first target to the last by the true pose; null if it was not reached. s
+    pub finish_s: Option<f64>,
+    /// Horizontal distance to the path that 95 % of the poses are within; null if no target was reached. m
+    pub distance_p95_m: Option<f64>,
+    /// Least true distances to walls and obstacles that stand.
+    pub clearance: LeastClearance,
+    /// The faults that ended it, if it landed early.
+    pub landed_by: Vec<Fault>,
+}
+
+impl NominalFlight {
+    /// Flies `flight` from the air with the vehicle of `sim`, without its faults, disturbances, spread and noise, and
+    /// without obstacles that move: nobody knows where they will be. One result, bit for bit.
+    ///
+    /// # Errors
+    /// A setting that breaks its rule.
+    pub fn fly(flight: &FlightTable, sim: &SimTable) -> Result<Self> {
+        let mut flight = FlightTable { start: Start::Airborne, ..flight.clone() };
+        flight.cycle.obstacles.retain(|one| !matches!(one, ObstacleTable::Moving { .. }));
+        let mut sim = SimTable {
+            profile: Profile::Clean,
+            has_spread: false,
+            faults: Vec::new(),
+            ..sim.clone()
+        };
+        sim.plant.disturbance_h_mps = 0.0;
+        sim.plant.disturbance_v_mps = 0.0;
+        let dt_s = flight.cycle.dt_s;
+        let planned_s = Mission::new(&flight.mission, dt_s)?.survey().duration_s;
+        let reference = ReferencePath::of(&flight)?;
+        let surroundings = Surroundings::of(&flight.cycle)?;
+        let mut judge = Judge::new(&reference, dt_s);
+        let mut virtual_flight = VirtualFlight::new(&flight, &sim, 0)?.without_plan();
+        let mut found = Self {
+            targets_reached: 0,
+            targets_count: reference.targets_count,
+            finish_s: None,
+            distance_p95_m: None,
+            clearance: LeastClearance::default(),
+            landed_by: Vec::new(),
+        };
+        loop {
+            let out = virtual_flight.tick()?;
+            let (now_s, u_sent) = (out.step as f64 * dt_s, out.u_sent);
+            found.targets_reached = out.targets_reached;
+            if out.phase() != Phase::Flying {
+                let faults = out.ruling.map(|ruling| ruling.faults).unwrap_or_default();
+                if !found.is_finished() {
+                    found.landed_by = faults.ending_flight(Pilot::Controller).iter().collect();
+                }
+                break;
+            }
+            let at = virtual_flight.true_pose();
+            judge.add(now_s, &at, &u_sent, found.targets_reached);
+            found.clearance.add(surroundings.at(&at, None));
+            if now_s > 2.0 * planned_s + PATIENCE_S {
+                break;
+            }
+        }
+        if let Some(score) = judge.score() {
+            found.finish_s = score.metrics.finish_s;
+            found.distance_p95_m = Some(score.metrics.distance_p95_m);
+        }
+        Ok(found)
+    }
+
+    /// Whether all targets were reached.
+    pub fn is_finished(&self) -> bool {
+        self.targets_reached == self.targets_count
+    }
+}
+
+impl Display for NominalFlight {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let (reached, count) = (self.targets_reached, self.targets_count);
+        if !self.is_finished() {
+            write!(f, "NOT TO ITS END: {reached} of {count} targets")?;
+        } else if let Some(finish_s) = self.finish_s {
+            write!(f, "{finish_s:.1} s from first to last target")?;
+        } else {
+            write!(f, "{count} of {count} targets")?;
+        }
+        if !self.landed_by.is_empty() {
+            let names: Vec<&str> = self.landed_by.iter().copied().map(Fault::name).collect();
+            write!(f, ", landed: {}", names.join(", "))?;
+        }
+        if let Some(distance_m) = self.distance_p95_m {
+            write!(f, ", {distance_m:.2} m off at 95 %")?;
+        }
+        for (what, least_m) in
+            [("wall", self.clearance.wall_m), ("obstacle", self.clearance.obstacle_m)]
+        {
+            if let Some(least_m) = least_m.filter(|least_m| least_m.is_finite()) {
+                write!(f, ", {least_m:.2} m to the nearest {what}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_io::config;
+
+    use super::*;
+
+    /// The built-in flight after a change, in the simulator.
+    fn flown(change: impl FnOnce(&mut FlightTable)) -> NominalFlight {
+        let (table, mission) = config::fly(None, None).unwrap();
+        let mut flight = config::flight(&table, mission, Start::Grounded);
+        change(&mut flight);
+        NominalFlight::fly(&flight, &crate::settings(None).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn the_built_in_mission_gets_to_its_end_the_same_way_each_time() {
+        let flight = flown(|_| {});
+        assert!(flight.is_finished() && flight.landed_by.is_empty(), "{flight:?}");
+        assert!(flight.finish_s.is_some() && flight.distance_p95_m.is_some(), "{flight:?}");
+        assert!(flight.clearance.wall_m.is_some_and(|wall_m| wall_m > 1.0), "{flight:?}");
+        assert_eq!(flight, flown(|_| {}));
+        let text = flight.to_string();
+        assert!(text.contains("s from first to last target") && text.contains("wall"), "{text}");
+    }
+
+    #[test]
+    fn a_mission_whose_way_is_closed_is_found_before_it_is_flown() {
+        let wall = ObstacleTable::Box { x_m: [-5.0, 5.0], y_m: [-2.3, -2.2], z_m: [-0.2, 3.0] };
+        let flight = flown(|flight| flight.cycle.obstacles = vec![wall]);
+        assert!(!flight.is_finished() && flight.finish_s.is_none(), "{flight:?}");
+        assert!(!flight.landed_by.is_empty(), "{flight:?}");
+        assert!(flight.to_string().starts_with("NOT TO ITS END: "), "{flight}");
+        // One that moves is nowhere yet.
+        let moving = ObstacleTable::Moving { radius_m: 0.3 };
+        assert!(flown(|flight| flight.cycle.obstacles = vec![moving]).is_finished());
+    }
+}
