@@ -294,7 +294,13 @@ async fn fly(
     let has_waited_in_vain = end.phase == Phase::Idle || end.is_unseen;
     if has_waited_in_vain && !asks_to_land.load(Ordering::Relaxed) {
         is_whole?;
-        bail!(not_ready(table, PATIENCE, end.faults_last, &mocap_counters));
+        bail!(not_ready(
+            table,
+            PATIENCE,
+            end.faults_last,
+            &mocap_counters,
+            drone_counters.packets.get()
+        ));
     }
     let summary = summary.with_end(&end, mocap_counters.report(), &drone_counters);
     vehicle::remember(arguments, flight, (&summary, &end), clock);

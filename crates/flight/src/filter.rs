@@ -271,10 +271,10 @@ impl PoseFilter {
     fn judge(&mut self, raw: &Pose, o_ref: Pose) -> (Acceptance, Acceptance) {
         let turn_max = self.turn_max();
         let Self { settings, position_hold, .. } = self;
-        let jump = raw - o_ref;
-        let is_near = jump[pose::X].hypot(jump[pose::Y])
+        let jump_w = raw - o_ref;
+        let is_near = jump_w[pose::X].hypot(jump_w[pose::Y])
             <= settings.horizontal.after(position_hold.periods)
-            && jump[pose::Z].abs() <= settings.vertical.after(position_hold.periods)
+            && jump_w[pose::Z].abs() <= settings.vertical.after(position_hold.periods)
             && raw[pose::Z] >= settings.floor_m;
         if !is_near {
             position_hold.grow();
@@ -282,7 +282,7 @@ impl PoseFilter {
         }
         position_hold.periods = 0;
         // |wrap(theta - theta_ref)| <= turn_max, thesis equations 4.9 and 4.12.
-        let turn = wrap(jump[pose::THETA]);
+        let turn = wrap(jump_w[pose::THETA]);
         let heading = if turn.abs() <= turn_max {
             self.release_heading();
             Acceptance::Accepted

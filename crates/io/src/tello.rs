@@ -233,7 +233,7 @@ pub struct DroneFacts {
 const REFUSAL_CHARS: usize = 80;
 
 impl LinkCounters {
-    /// Whether the drone acknowledged the connection and was heard in the last 2 s.
+    /// Whether the drone has answered or reported, and was heard in the last 2 s.
     ///
     /// It says nothing about the direction to the drone: packets may be lost there while status packets arrive.
     pub fn is_connected(&self) -> bool {

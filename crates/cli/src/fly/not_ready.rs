@@ -17,6 +17,7 @@ pub(super) fn not_ready(
     patience: SpanNs,
     faults_last: FaultSet,
     counters: &MocapCounters,
+    drone_packets: u64,
 ) -> String {
     let faults: Vec<&str> = faults_last.iter().map(Fault::name).collect();
     let is_any = |faults: &[Fault]| faults.iter().any(|fault| faults_last.contains(*fault));
@@ -42,7 +43,7 @@ pub(super) fn not_ready(
     }
     if is_any(&[Fault::DroneUnheard, Fault::DroneSilent]) {
         text += "\n  drone: ";
-        text += &drone_trouble(table);
+        text += &drone_trouble(table, drone_packets);
     }
     text
 }
@@ -98,8 +99,15 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
     }
 }
 
-/// What may be wrong with a drone that is not heard.
-pub(super) fn drone_trouble(table: &FlyTable) -> String {
+/// What may be wrong with a drone without a status that has sent so many packets.
+pub(super) fn drone_trouble(table: &FlyTable, packets: u64) -> String {
+    if packets > 0 {
+        return format!(
+            "{} answers, but its reports do not tell whether it flies: state lines of the text SDK need `bat`, and \
+             `time` or `tof`",
+            table.tello.address
+        );
+    }
     format!(
         "it does not answer on {}: is it on, is this machine in its Wi-Fi, is no other program talking to \
          it? One that was spoken to in another protocol than tello.protocol has to be switched off and on.",
@@ -120,7 +128,7 @@ mod tests {
         for fault in faults {
             set.set(*fault, true);
         }
-        not_ready(&table, SpanNs::from_seconds(10.0), set, &MocapCounters::default())
+        not_ready(&table, SpanNs::from_seconds(10.0), set, &MocapCounters::default(), 0)
     }
 
     #[test]
@@ -157,6 +165,14 @@ mod tests {
         assert!(text.starts_with("did not take off: battery low, guardian lost"), "{text}");
         let text = message(&[Fault::BatteryLow]);
         assert_eq!(text, "not ready to fly within 10 s: battery low");
+    }
+
+    #[test]
+    fn a_drone_that_answers_without_a_status_is_not_called_silent() {
+        let (table, _) = config::fly(None, None).unwrap();
+        assert!(drone_trouble(&table, 0).contains("does not answer"));
+        let text = drone_trouble(&table, 1);
+        assert!(text.contains("answers, but") && text.contains("`time` or `tof`"), "{text}");
     }
 
     #[test]

@@ -49,6 +49,8 @@ struct Found {
     /// The newest pose of the obstacle that moves.
     moving_at: Option<Pose>,
     drone: Option<DroneStatus>,
+    /// What may be wrong with it if it has no status.
+    drone_trouble: String,
     facts: DroneFacts,
     /// Where the log goes.
     log_dir: PathBuf,
@@ -250,7 +252,7 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Chec
     };
     if !found.stream.has_clock {
         let reason = format!(
-            "{object:?} is seen, but its frame numbers do not keep pace with time: its poses cannot be dated"
+            "{object:?} is seen, but its frame numbers and stamps do not keep pace with time: its poses cannot be dated"
         );
         return check("mocap", Readiness::Bad, reason);
     }
@@ -321,7 +323,7 @@ fn start_check(at: Option<&Pose>, cycle: &CycleTable, first: &Pose) -> Result<Ch
 fn drone_check(found: &Found, table: &FlyTable) -> Check {
     let address = &table.tello.address;
     match &found.drone {
-        None => check("drone", Readiness::Bad, drone_trouble(table)),
+        None => check("drone", Readiness::Bad, &*found.drone_trouble),
         Some(status) if status.is_flying => {
             check("drone", Readiness::Bad, format!("{address} says that it flies; R or Q lands it"))
         }

@@ -76,9 +76,11 @@ impl Drop for Publisher {
     fn drop(&mut self) {
         self.records = None;
         let is_hung = self.done.recv_timeout(FAREWELL) == Err(RecvTimeoutError::Timeout);
-        if self.lost > 0 || is_hung {
-            let lost = self.lost;
-            stdio::note(format_args!("ROS 2 missed the end of the flight or records: {lost}"));
+        if self.lost > 0 {
+            stdio::note(format_args!("ROS 2 missed {} records", self.lost));
+        }
+        if is_hung {
+            stdio::note("ROS 2 missed the end of the flight");
         }
     }
 }

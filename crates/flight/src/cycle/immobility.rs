@@ -55,8 +55,7 @@ impl Immobility {
     /// Real time: no allocation, constant cost.
     pub(super) fn press(&mut self, u_sent: &Sticks, dt_s: f64) {
         // The direction of flight is psi = theta + theta_0. theta_0 hardly changes within T: it turns q about z and
-        // leaves
-        // |q|, all that is judged.
+        // leaves |q|, all that is judged.
         let u_w = inputs_w(u_sent, self.theta_rad).push(THROTTLE * u_sent[stick::THROTTLE]);
         self.pressed_w_s = (-dt_s / FORGETTING_S).exp() * self.pressed_w_s + dt_s * u_w;
     }

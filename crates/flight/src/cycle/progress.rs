@@ -70,13 +70,13 @@ impl Progress {
             self.targets_reached = mission.targets_reached();
             self.resume();
         }
-        let apart = reference - pose_hat;
+        let apart_w = reference - pose_hat;
         let (now_m, now_rad) =
-            (apart.fixed_rows::<3>(pose::X).norm(), wrap(apart[pose::THETA]).abs());
+            (apart_w.fixed_rows::<3>(pose::X).norm(), wrap(apart_w[pose::THETA]).abs());
         let (before_m, before_rad) = self.least.unwrap_or((now_m, now_rad));
         let (least_m, least_rad) = (before_m.min(now_m), before_rad.min(now_rad));
         self.least = Some((least_m, least_rad));
-        let (z_m, below_m) = (pose_hat[pose::Z], apart[pose::Z]);
+        let (z_m, below_m) = (pose_hat[pose::Z], apart_w[pose::Z]);
         let top_m = self.top_m.filter(|_| below_m > LEVEL_M).map_or(z_m, |top_m| top_m.max(z_m));
         self.top_m = Some(top_m);
         Tracking {

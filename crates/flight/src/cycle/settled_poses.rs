@@ -77,9 +77,9 @@ impl StandingStart {
     /// filter has to begin anew.
     pub(super) fn observe(&mut self, raw: &Pose, at: TimeNs) -> bool {
         let agrees = self.first.is_some_and(|(first, _)| {
-            let apart = raw - first;
-            apart.fixed_rows::<3>(pose::X).norm() <= self.table.distance_m
-                && wrap(apart[pose::THETA]).abs() <= self.table.turn_rad
+            let apart_w = raw - first;
+            apart_w.fixed_rows::<3>(pose::X).norm() <= self.table.distance_m
+                && wrap(apart_w[pose::THETA]).abs() <= self.table.turn_rad
         });
         if !agrees {
             let is_first = self.first.is_none();

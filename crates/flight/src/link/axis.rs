@@ -29,7 +29,7 @@ mod row {
 
 type State = SVector<f64, { row::COUNT }>;
 
-/// Rate before the first samples have shown it. unit/s
+/// Standard deviation of the rate before the first samples have shown it. unit/s
 const SD_START: f64 = 0.5;
 /// Time of nothing but outliers after which they are the value: it was turned, or had been wrong before. s
 const OUTLIERS_MAX_S: f64 = 0.5;

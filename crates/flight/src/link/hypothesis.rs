@@ -38,7 +38,7 @@ mod row {
 
 type State = SVector<f64, { row::COUNT }>;
 
-/// Velocity before the first samples have shown it. m/s
+/// Standard deviation of the velocity before the first samples have shown it. m/s
 const SD_START_MPS: f64 = 0.5;
 
 /// Horizontal velocity that the sticks command in one period, world frame.

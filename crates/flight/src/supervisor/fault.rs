@@ -25,7 +25,8 @@ pub enum Fault {
     MocapRough,
     /// Before the take-off the poses of the last `standing.for_s` do not agree.
     MocapUnsettled,
-    /// Before the take-off the frame numbers have not kept pace with time for two seconds: poses cannot be dated.
+    /// Before the take-off neither frame numbers nor time stamps have kept pace with time for two seconds: poses cannot
+    /// be dated.
     MocapUndated,
     /// The poses differ from the drone's own velocity, height or turn by more than their errors.
     WitnessDoubtful,

@@ -66,8 +66,8 @@ pub struct StreamReport {
     pub rate_hz: Option<f64>,
     /// Frames in which the vehicle was not seen.
     pub unseen: u64,
-    /// Whether frame numbers tell when frames were measured: their pace was confirmed by arrivals on the
-    /// ground, over 2 s or more.
+    /// Whether frame numbers or time stamps tell when frames were measured: their pace was confirmed by arrivals on
+    /// the ground, over 2 s or more.
     pub has_clock: bool,
     /// Frame numbers per second as measured on the ground; null before 2 s. Hz
     pub count_hz: Option<f64>,
@@ -124,7 +124,7 @@ impl MocapCounters {
         }
     }
 
-    /// Whether frame numbers tell when frames were measured, as in [`StreamReport::has_clock`].
+    /// Whether it is known when frames were measured, as in [`StreamReport::has_clock`].
     pub fn has_clock(&self) -> bool {
         self.has_clock.load(Ordering::Relaxed)
     }

@@ -81,7 +81,7 @@ pub struct Session {
     /// Sticks and orders are decided but not sent.
     is_dry_run: bool,
     link: Link,
-    /// Whether the drone ever acknowledged: before, sticks have no receiver.
+    /// Whether the drone ever answered or reported: before, sticks have no receiver.
     was_connected: bool,
     flight: Flight,
     take_off_at: Option<TimeNs>,

@@ -6,7 +6,7 @@
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 
-/// Unsent bytes at which a client counts as stuck: more than ten seconds of lines.
+/// Unsent bytes at which a client counts as stuck: seconds of lines.
 const BACKLOG_MAX_BYTES: usize = 64 * 1024;
 /// Clients that connect beyond this are turned away.
 const CLIENTS_MAX: usize = 16;

@@ -1,7 +1,7 @@
 //! The frames of a motion capture that is faster than the steps of the world.
 //!
-//! Frame i shows the room at i / rate, in the step before that time: the shot of the step, moved on as the drone moved
-//! in the step before it. No noise is drawn, so that the world is the same at every rate.
+//! Frame i shows the room at i / rate, in the step before that time: the shot of the step, moved on as the drone moves
+//! in the present step. No noise is drawn, so that the world is the same at every rate.
 
 use std::ops::Range;
 

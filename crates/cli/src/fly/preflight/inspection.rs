@@ -12,7 +12,7 @@ use tello_io::log::free_bytes;
 use tello_io::tello::{DroneClient, TelloSettings};
 use tokio::time::sleep;
 
-use super::{Found, mocap_trouble};
+use super::{Found, drone_trouble, mocap_trouble};
 use crate::fly::sources::Sources;
 
 /// Enough to measure a rate. s
@@ -72,6 +72,7 @@ async fn look_at_links(table: &FlyTable) -> Result<Found> {
         at,
         moving_at,
         drone: status,
+        drone_trouble: drone_trouble(table, drone.counters.packets.get()),
         facts: drone.counters.facts(),
         log_dir: PathBuf::new(),
         disk_free: None,

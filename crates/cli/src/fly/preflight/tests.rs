@@ -33,6 +33,7 @@ fn all_there() -> Found {
             heading_rad: None,
             flight_mode: None,
         }),
+        drone_trouble: "it does not answer on 192.168.10.1:8889".into(),
         facts: DroneFacts {
             version: Version::read(b"01.04.91.01"),
             altitude_limit_m: Some(30),

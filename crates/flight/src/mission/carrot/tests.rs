@@ -159,7 +159,7 @@ const LIMITS: Limits = Limits {
 fn the_way_begins_from_rest_and_turns_the_short_way() {
     let (from, goal) = (Pose::new(0.0, 0.0, 1.0, 3.0), Pose::new(2.0, 0.0, 1.0, -3.0));
     let carrot = Carrot::new(&from, &goal, &LIMITS);
-    assert!((carrot.way[pose::THETA] - (TAU - 6.0)).abs() < 1e-12, "{}", carrot.way);
+    assert!((carrot.way_w[pose::THETA] - (TAU - 6.0)).abs() < 1e-12, "{}", carrot.way_w);
     let start = carrot.reference();
     // The same angle as 3 rad, one turn away.
     assert!((start.pose - from + Pose::new(0.0, 0.0, 0.0, TAU)).norm() < 1e-12, "{}", start.pose);
