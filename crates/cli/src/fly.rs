@@ -288,22 +288,21 @@ async fn fly(
     // Every record is seen: viewers receive the last one.
     drop(view);
     let left = leave_screen(status_line, (inputs, screen));
-    // What the flight has taught is kept whatever became of links and screen.
-    let patience = *left.as_ref().unwrap_or(&END_PATIENCE);
-    let is_whole = links.and(left.map(drop));
     let has_waited_in_vain = end.phase == Phase::Idle || end.is_unseen;
     if has_waited_in_vain && !asks_to_land.load(Ordering::Relaxed) {
-        is_whole?;
-        bail!(not_ready(
-            table,
-            PATIENCE,
-            end.faults_last,
-            &mocap_counters,
-            drone_counters.packets.get()
-        ));
+        links.and(left)?;
+        let packets = drone_counters.packets.get();
+        bail!(not_ready(table, PATIENCE, end.faults_last, &mocap_counters, packets));
     }
     let summary = summary.with_end(&end, mocap_counters.report(), &drone_counters);
     vehicle::remember(arguments, flight, (&summary, &end), clock);
+    conclude(summary, links, left)
+}
+
+/// Ends the program in time, and shows the summary of a flight whose links or screen broke.
+fn conclude(summary: Summary, links: Result<()>, left: Result<Duration>) -> Result<Summary> {
+    let patience = *left.as_ref().unwrap_or(&END_PATIENCE);
+    let is_whole = links.and(left.map(drop));
     end_within(patience, is_whole.as_ref().map_or(2, |()| i32::from(!summary.is_complete())))?;
     if is_whole.is_err() {
         stdio::note(&summary);
