@@ -108,7 +108,10 @@ fn a_wall_across_the_way_is_waited_before() {
 fn a_drone_that_a_swaying_hand_holds_is_landed_as_immobile() {
     for sway_m in [0.03, 0.05] {
         // Then the hand lets go.
-        let story = fly_alone(&settings(&scripted(SimFault::DroneHeld { sway_m }, 14.0)), 60.0);
+        let story = fly_alone(
+            &settings(&scripted(SimFault::DroneHeld { sway_m, lowered_m: 0.0 }, 14.0)),
+            60.0,
+        );
         story.assert_landed_by(Fault::Immobile, [7.0, 10.5]);
         let in_flight = story.moments.iter().filter(|moment| moment.phase == Phase::Flying);
         let faults: Vec<_> = in_flight.flat_map(|moment| &moment.faults).collect();

@@ -101,3 +101,30 @@ fn a_take_off_that_the_drone_refuses_ends_on_the_ground_without_a_stick() {
     assert!(story.moments.iter().all(|moment| moment.stick.is_none_or(|stick| stick <= 0.0)));
     story.assert_down();
 }
+
+#[test]
+fn a_drone_whose_motors_stop_in_the_air_is_not_steered_on() {
+    let story = fly_alone(&settings(&scripted(SimFault::DroneReboot { falls: true }, 1.0)), 60.0);
+    story.assert_landed_by(Fault::TrackingLost, [0.3, 1.0]);
+}
+
+#[test]
+fn a_drone_that_lands_by_itself_and_says_that_it_stands_is_not_steered_on() {
+    let mut settings = settings(&[]);
+    // From low down it does not sink far enough to be off its reference.
+    let hover = include_str!("../../configs/missions/hover.json").replace("1.3", "0.4");
+    settings.0.mission = serde_json::from_str(&hover).unwrap();
+    settings.0.cycle.supervisor.battery_low_pct = 0;
+    settings.0.cycle.supervisor.battery_critical_pct = 0;
+    // It lands by its own battery protection some seconds after the take-off.
+    (settings.1.battery_pct, settings.1.drone.drain_pct_per_s) = (14.0, 0.5);
+    settings.1.drone.warns_below_pct = 0;
+    let story = fly_alone(&settings, 60.0);
+    story.assert_sound();
+    let is_down = |moment: &super::story::Moment| moment.drone == tello_sim::Phase::Grounded;
+    let down_s = story.first(FAULT_AT_S, is_down).unwrap();
+    let landing_s = story.first(0.0, |moment| moment.landings > 0).unwrap();
+    assert!((0.9..1.6).contains(&(landing_s - down_s)), "down {down_s} s, LAND {landing_s} s");
+    assert!(story.has(Fault::NotFlying), "{:?}", story.last());
+    story.assert_down();
+}

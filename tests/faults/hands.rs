@@ -98,3 +98,16 @@ fn the_emergency_stop_is_sent_at_once_and_nothing_else_follows() {
     let fell_s = story.last().at_s - stop_s;
     assert!(fell_s < 1.0, "a fall from 1.3 m takes half a second, this took {fell_s} s");
 }
+
+#[test]
+fn a_drone_that_a_person_puts_down_is_landed_before_it_is_let_go() {
+    for lowered_m in [0.6, 1.2] {
+        let held = SimFault::DroneHeld { sway_m: 0.005, lowered_m };
+        let story = fly(&settings(&scripted(held, 6.0)), 40.0, |_, _| ());
+        story.assert_landed_by(Fault::TrackingLost, [0.9, 1.6]);
+        let let_go_s = FAULT_AT_S + 6.0;
+        let after = story.moments.iter().filter(|moment| moment.at_s > let_go_s);
+        let highest_m = after.map(|moment| moment.pose[pose::Z]).fold(0.0, f64::max);
+        assert!(highest_m < 1.3 - lowered_m + 0.1, "it rises again to {highest_m} m");
+    }
+}

@@ -48,7 +48,8 @@ fn a_drone_that_keeps_its_last_sticks_gets_neutral_ones_until_it_takes_new_ones(
 
 /// A flight in which a hand holds a drone that reports no velocity: nothing confirms what looks like an outage.
 fn unconfirmed(for_s: f64, room: Option<RoomTable>) -> Story {
-    let (mut flight, mut sim) = from_the_air(SimFault::DroneHeld { sway_m: 0.01 }, for_s);
+    let (mut flight, mut sim) =
+        from_the_air(SimFault::DroneHeld { sway_m: 0.01, lowered_m: 0.0 }, for_s);
     sim.drone.status.velocity.is_present = false;
     flight.cycle.supervisor.room = room.or(flight.cycle.supervisor.room);
     fly_alone(&(flight, sim), 40.0)

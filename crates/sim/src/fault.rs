@@ -153,6 +153,9 @@ pub enum Fault {
     DroneHeld {
         /// Amplitude with which the hand sways in x, y and z. m
         sway_m: f64,
+        /// By how much the hand lowers it first, at 0.5 m/s. m
+        #[serde(default)]
+        lowered_m: f64,
     },
     /// The drone is carried on with a velocity beside the one that it flies with, as by a gust that its own velocity
     /// control does not balance; its own sensors show it.

@@ -11,7 +11,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tello_io::mocap::{Body, format_line};
 
-use crate::DT_S;
 use crate::distortion::Distortion;
 use crate::drone::{Drone, Phase, Truth};
 use crate::drone_status::Reporter;
@@ -26,6 +25,7 @@ use crate::profile::Profile;
 use crate::radio::Radio;
 use crate::random::{Purpose, Random};
 use crate::second_object::PasserTable;
+use crate::{DT_S, hand};
 
 /// Settings of the simulator.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -314,8 +314,9 @@ impl World {
         let is_on = |fault| self.faults.is_on(fault, self.step);
         let (are_stuck, refuses) = (is_on(Fault::DroneSticksStuck), is_on(Fault::DroneRefusesLand));
         let external = self.faults.present(self.step).find_map(|present| match present.fault {
-            Fault::DroneHeld { sway_m } => {
-                Some(External::Held { velocity_w_mps: sway_mps(sway_m, present.elapsed_s) })
+            Fault::DroneHeld { sway_m, lowered_m } => {
+                let velocity_w_mps = hand::velocity_w_mps(sway_m, lowered_m, present.elapsed_s);
+                Some(External::Held { velocity_w_mps })
             }
             Fault::DronePushed { velocity_w_mps } => Some(External::Pushed { velocity_w_mps }),
             _ => None,
@@ -380,18 +381,6 @@ impl Start {
         }
         (phase, at, velocity)
     }
-}
-
-/// Frequencies of a hand that sways, in x, y and z. Hz
-const SWAY_HZ: [f64; 3] = [0.7, 1.1, 0.9];
-
-/// Velocity of a hand that sways by `sway_m` in each direction, `t_s` after it took hold: slow sines of three
-/// frequencies. m/s
-fn sway_mps(sway_m: f64, t_s: f64) -> [f64; 3] {
-    SWAY_HZ.map(|hz| {
-        let rate = std::f64::consts::TAU * hz;
-        sway_m * rate * (rate * t_s).cos()
-    })
 }
 
 #[cfg(test)]

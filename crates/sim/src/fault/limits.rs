@@ -71,7 +71,10 @@ impl Fault {
             Self::MocapSlowLink { bytes_per_s } => {
                 all("mocap_slow_link.bytes_per_s", &[bytes_per_s], SMALL, BYTES_PER_S_MAX)
             }
-            Self::DroneHeld { sway_m } => sd("drone_held.sway_m", sway_m),
+            Self::DroneHeld { sway_m, lowered_m } => {
+                sd("drone_held.sway_m", sway_m)?;
+                sd("drone_held.lowered_m", lowered_m)
+            }
             Self::DronePushed { velocity_w_mps: v } => speed("drone_pushed.velocity_mps", &v),
             Self::SecondController { sticks, rate_hz } => check_second(&sticks, rate_hz),
             Self::MocapLost
@@ -110,8 +113,13 @@ mod tests {
     /// Each fault with a value at `at`, its key, the least and the largest of what it may be.
     type Rule = (&'static str, fn(f64) -> Fault, [f64; 2]);
 
-    const RULES: [Rule; 30] = [
-        ("drone_held.sway_m", |sway_m| Fault::DroneHeld { sway_m }, [0.0, 100.0]),
+    const RULES: [Rule; 31] = [
+        ("drone_held.sway_m", |sway_m| Fault::DroneHeld { sway_m, lowered_m: 0.0 }, [0.0, 100.0]),
+        (
+            "drone_held.lowered_m",
+            |lowered_m| Fault::DroneHeld { sway_m: 0.0, lowered_m },
+            [0.0, 100.0],
+        ),
         (
             "drone_pushed.velocity_mps",
             |at| Fault::DronePushed { velocity_w_mps: [0.0, at, 0.0] },

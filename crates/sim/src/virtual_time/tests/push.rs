@@ -62,7 +62,7 @@ fn a_push_leaves_the_height_as_it_is() {
 #[test]
 fn a_drone_that_is_held_is_pressed_by_small_sticks_only() {
     for seed in 1..=3 {
-        let (ticks, faults) = flown(Fault::DroneHeld { sway_m: 0.0 }, seed, false);
+        let (ticks, faults) = flown(Fault::DroneHeld { sway_m: 0.0, lowered_m: 0.0 }, seed, false);
         assert_eq!(faults, [Found::MocapLost, Found::MocapFrozen], "seed {seed}");
         let in_outage: Vec<f64> =
             ticks.iter().filter(|tick| tick.is_outage).map(|tick| amax(&tick.u_sent)).collect();
@@ -83,7 +83,8 @@ fn a_drone_in_a_hand_that_sways_is_landed() {
         (0.05, &[Found::Immobile], 16.0),
     ] {
         for (seed, is_rigid_body) in [(1, false), (2, true), (3, false)] {
-            let (ticks, faults) = flown(Fault::DroneHeld { sway_m }, seed, is_rigid_body);
+            let (ticks, faults) =
+                flown(Fault::DroneHeld { sway_m, lowered_m: 0.0 }, seed, is_rigid_body);
             let held_s = ticks.len() as f64 * DT_S - HELD_FROM_S;
             let large = ticks.iter().filter(|tick| amax(&tick.u_sent) > 0.41);
             let large_s = large.count() as f64 * DT_S;

@@ -209,7 +209,8 @@ fn stuck_sticks_leave_orders_alone_and_a_refused_landing_leaves_sticks_alone() {
 
 #[test]
 fn a_drone_that_is_held_stays_where_it_is_and_starts_from_rest() {
-    let mut world = world(|_| (), fault(Fault::DroneHeld { sway_m: 0.0 }, 2.0, 3.0));
+    let mut world =
+        world(|_| (), fault(Fault::DroneHeld { sway_m: 0.0, lowered_m: 0.0 }, 2.0, 3.0));
     steer(&mut world, FORWARD, 2.02);
     let held = world.truth().pose;
     steer(&mut world, FORWARD, 2.98);
