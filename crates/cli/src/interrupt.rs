@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use anyhow::{Context, Result};
+use tokio::signal::unix::{SignalKind, signal};
 
 use crate::stdio;
 
@@ -18,12 +19,17 @@ impl Interrupt {
         let interrupt = Self::default();
         let asked = Arc::clone(&interrupt.0);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        // Before the thread runs: from here on Ctrl-C ends nothing by itself.
+        let mut pressed = {
+            let _entered = runtime.enter();
+            signal(SignalKind::interrupt()).context("cannot listen for Ctrl-C")?
+        };
         let wait = move || {
-            if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
+            if runtime.block_on(pressed.recv()).is_some() {
                 stdio::note("stopping");
                 asked.store(true, Ordering::Relaxed);
             }
-            if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
+            if runtime.block_on(pressed.recv()).is_some() {
                 leave();
             }
         };

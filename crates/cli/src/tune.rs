@@ -132,7 +132,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     if !(arguments.step > 0.0 && arguments.step <= 0.5) {
         bail!("--step {} violates above 0, at most 0.5", arguments.step);
     }
-    if arguments.out.as_ref() == Some(&arguments.config) {
+    let is_config = |out: &PathBuf| {
+        let whole = |path: &PathBuf| path.canonicalize().unwrap_or_else(|_| path.clone());
+        whole(out) == whole(&arguments.config)
+    };
+    if arguments.out.as_ref().is_some_and(is_config) {
         bail!(
             "--out {} would replace the settings that it starts from",
             arguments.config.display()

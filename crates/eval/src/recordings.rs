@@ -4,7 +4,7 @@
 //! not. A file that cannot be used never stops the others. Where a recording is cut into pieces is
 //! decided by the caller.
 
-mod from_rows;
+pub(crate) mod from_rows;
 pub mod rows;
 pub mod ticks;
 

@@ -26,7 +26,7 @@ pub use client::{DroneClient, DroneLink, OrderError};
 pub use guardian::{Duty, Guardian, GuardianReport, Heartbeat, Post, WatchEnd};
 use protocol::{Answer, FlightStatus, Version};
 pub use report::LinkReport;
-pub use session::{Message, STATE_PORT, Session};
+pub use session::{Message, STATE_PORT, Session, TOF_FLYING_CM};
 pub use tello_flight::drone::{DroneOrder, DroneStatus, Protocol};
 pub use tello_flight::gate::Approved;
 

@@ -1,4 +1,4 @@
-//! A mission flown by the vehicle as identified, without disturbances and faults, before it is flown in earnest.
+//! A mission flown by a simulated vehicle, without disturbances and faults, before it is flown in earnest.
 //!
 //! Owns that flight and its report: whether the plan gets to its end, how long it takes, how near it comes to
 //! walls and obstacles. What the path alone tells is [`tello_flight::Survey`].

@@ -6,6 +6,7 @@ use horizon_model::rows::Sticks;
 use serde::Serialize;
 use tello_io::clock::{SpanNs, TimeNs, TimeOfDay};
 use tello_io::tello::Protocol;
+use tello_io::tello::TOF_FLYING_CM;
 use tello_io::tello::protocol::{
     Action, Answer, DronePacket, FlightStatus, HostPacket, MOTORS_ON, Query,
 };
@@ -203,7 +204,7 @@ pub(super) fn read_state(bytes: &[u8], motor: &mut Motor, now: TimeNs) -> What {
     };
     let (tof_cm, motor_s) = (line.get(Field::Tof), line.get(Field::Time));
     let is_growing = motor.grows(motor_s, now);
-    let is_high = tof_cm.is_some_and(|tof_cm| (31.0..=1000.0).contains(&tof_cm));
+    let is_high = tof_cm.is_some_and(|tof_cm| TOF_FLYING_CM.contains(&tof_cm));
     let axes = [Field::Vgx, Field::Vgy, Field::Vgz].map(|field| line.get(field));
     let velocity_dm_s = match axes {
         [Some(x), Some(y), Some(z)] => Some([x, y, z]),

@@ -72,7 +72,7 @@ pub(super) fn samples(
 }
 
 /// The rows of a filtered pose that are new.
-pub(super) fn accepted(
+pub(crate) fn accepted(
     o: Pose,
     is_position_new: bool,
     is_heading_new: bool,

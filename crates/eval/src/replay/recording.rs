@@ -22,8 +22,8 @@ use super::drawn_log::DrawnLog;
 use super::forecast_errors::{self, AHEAD_STEPS, AIRBORNE_M, Forecast, ForecastRow};
 use crate::flight_log::{self, TickRecord};
 use crate::forecast::ForecastErrors;
-use crate::recordings::PERIOD_S;
 use crate::recordings::rows::RowFlight;
+use crate::recordings::{PERIOD_S, from_rows};
 use crate::smooth::track;
 use crate::{REVISION, parameter_file};
 
@@ -256,9 +256,8 @@ fn accepted(out: &Outcome) -> Observed<{ pose::COUNT }> {
     else {
         return Observed::missing();
     };
-    let mut is_present = [filtered.position == Acceptance::Accepted; pose::COUNT];
-    is_present[pose::THETA] = filtered.heading == Acceptance::Accepted;
-    Observed { o, is_present }
+    let is_new = |acceptance| acceptance == Acceptance::Accepted;
+    from_rows::accepted(o, is_new(filtered.position), is_new(filtered.heading))
 }
 
 impl Counts {

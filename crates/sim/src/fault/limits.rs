@@ -71,10 +71,7 @@ impl Fault {
             Self::MocapSlowLink { bytes_per_s } => {
                 all("mocap_slow_link.bytes_per_s", &[bytes_per_s], SMALL, BYTES_PER_S_MAX)
             }
-            Self::DroneHeld { sway_m, lowered_m } => {
-                sd("drone_held.sway_m", sway_m)?;
-                sd("drone_held.lowered_m", lowered_m)
-            }
+            Self::DroneHeld { sway_m, lowered_m } => check_held(sway_m, lowered_m),
             Self::DronePushed { velocity_w_mps: v } => speed("drone_pushed.velocity_mps", &v),
             Self::SecondController { sticks, rate_hz } => check_second(&sticks, rate_hz),
             Self::MocapLost
@@ -95,6 +92,11 @@ impl Fault {
             | Self::ControlStalled => Ok(()),
         }
     }
+}
+
+fn check_held(sway_m: f64, lowered_m: f64) -> Result<(), SettingError> {
+    all("drone_held.sway_m", &[sway_m], 0.0, SIZE_MAX_M)?;
+    all("drone_held.lowered_m", &[lowered_m], 0.0, SIZE_MAX_M)
 }
 
 fn check_second(sticks: &[f64], rate_hz: f64) -> Result<(), SettingError> {

@@ -28,7 +28,7 @@ const TAKE_OFF_MAX: SpanNs = SpanNs::from_ms(12_000);
 const MOTORS_REST: SpanNs = SpanNs::from_ms(3000);
 /// Distances to the floor at which a drone counts as flying while it is unknown whether its motors run. cm; 10 on
 /// the floor
-const TOF_FLYING_CM: std::ops::RangeInclusive<f64> = 31.0..=1000.0;
+pub const TOF_FLYING_CM: std::ops::RangeInclusive<f64> = 31.0..=1000.0;
 
 /// What the replies and the state lines have reported so far.
 #[derive(Debug)]
