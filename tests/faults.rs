@@ -15,6 +15,8 @@ mod fence;
 mod frame;
 #[path = "faults/hands.rs"]
 mod hands;
+#[path = "faults/heights.rs"]
+mod heights;
 #[path = "faults/landed.rs"]
 mod landed;
 #[path = "faults/limits.rs"]

@@ -61,9 +61,6 @@ const BRAKE_S: f64 = 0.4;
 /// Turn away from the heading of the reference that no controlled vehicle makes. rad
 const TURNED_RAD: f64 = 1.0;
 
-/// A vehicle that has come down so far below its reference sinks or is pulled down: in an outage a Tello keeps its height. m
-const SUNK_M: f64 = 0.4;
-
 /// Yaw rate above which a vehicle turns by itself in an outage. rad/s
 const TURNING_RADPS: f64 = 0.3;
 
@@ -100,6 +97,8 @@ struct Timers {
     done: Since,
     /// The controller's vehicle is far from its reference.
     astray: Since,
+    /// It seems to stand on something.
+    stands: Since,
     /// It is turned away from its reference.
     turned: Since,
     /// The vehicle is too fast.
@@ -301,12 +300,10 @@ impl Supervisor {
         let is_done = e.is_mission_done && !e.is_by_hand;
         self.since.done.keep(is_done, e.t_ns);
         let (failsafe, is_flown) = (&self.table.failsafe, self.is_steered());
-        let has_sunk = e.sunk_m.is_some_and(|sunk_m| exceeds(sunk_m, SUNK_M));
-        let is_off = e.tracking_m.is_some_and(|error_m| exceeds(error_m, failsafe.tracking_m));
-        let is_off = is_off || has_sunk;
-        let is_astray = is_flown && !e.is_by_hand && is_off;
+        let is_astray = is_flown && !e.is_by_hand && self.is_off_reference(e);
         let is_fast = is_flown && exceeds(e.speed_mps, failsafe.speed_mps);
         self.since.astray.keep(is_astray, e.t_ns);
+        self.since.stands.keep(self.seems_to_stand(e), e.t_ns);
         // In an outage the reference may turn on without the vehicle.
         let turns = e.motion.is_some_and(|motion| motion.rate[pose::THETA].abs() > TURNING_RADPS);
         let is_steered = is_flown && !e.is_by_hand && (e.outage.is_none() || turns);

@@ -155,7 +155,7 @@ mod tests {
         let wall = ObstacleTable::Box { x_m: [-5.0, 5.0], y_m: [-2.3, -2.2], z_m: [-0.2, 3.0] };
         let flight = flown(|flight| flight.cycle.obstacles = vec![wall]);
         assert!(!flight.is_finished() && flight.finish_s.is_none(), "{flight:?}");
-        assert!(!flight.landed_by.is_empty(), "{flight:?}");
+        assert!(flight.landed_by.contains(&Fault::BlockedLong), "{flight:?}");
         assert!(flight.to_string().starts_with("NOT TO ITS END: "), "{flight}");
         // One that moves is nowhere yet.
         let moving = ObstacleTable::Moving { radius_m: 0.3 };

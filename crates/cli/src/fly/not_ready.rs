@@ -7,6 +7,7 @@ use tello_flight::{Fault, FaultSet};
 use tello_io::clock::SpanNs;
 use tello_io::config::FlyTable;
 use tello_io::mocap::MocapCounters;
+use tello_io::tello::Protocol;
 
 use super::Arguments;
 use crate::stdio;
@@ -41,7 +42,10 @@ pub(super) fn not_ready(
     if is_any(&[Fault::ObstacleUnseen]) {
         text += "\n  obstacle: no pose of moving_object in the mocap stream: is its name right, is it seen?";
     }
-    if is_any(&[Fault::DroneUnheard, Fault::DroneSilent]) {
+    if is_any(&[Fault::DroneSilent]) && drone_packets > 0 {
+        text += "\n  drone: it has fallen silent; its address is ";
+        text += &table.tello.address;
+    } else if is_any(&[Fault::DroneUnheard, Fault::DroneSilent]) {
         text += "\n  drone: ";
         text += &drone_trouble(table, drone_packets);
     }
@@ -102,11 +106,14 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
 /// What may be wrong with a drone without a status that has sent so many packets.
 pub(super) fn drone_trouble(table: &FlyTable, packets: u64) -> String {
     if packets > 0 {
-        return format!(
-            "{} answers, but its reports do not tell whether it flies: state lines of the text SDK need `bat`, and \
-             `time` or `tof`",
-            table.tello.address
-        );
+        let address = &table.tello.address;
+        return match table.tello.protocol {
+            Protocol::Binary => format!("{address} answers, but sends no status of its flight"),
+            Protocol::Text => format!(
+                "{address} answers, but does not tell whether it flies: its state lines need `bat`, and `time` or \
+                 `tof`"
+            ),
+        };
     }
     format!(
         "it does not answer on {}: is it on, is this machine in its Wi-Fi, is no other program talking to \
@@ -169,10 +176,17 @@ mod tests {
 
     #[test]
     fn a_drone_that_answers_without_a_status_is_not_called_silent() {
-        let (table, _) = config::fly(None, None).unwrap();
+        let (mut table, _) = config::fly(None, None).unwrap();
         assert!(drone_trouble(&table, 0).contains("does not answer"));
+        assert!(drone_trouble(&table, 1).contains("sends no status"));
+        table.tello.protocol = Protocol::Text;
         let text = drone_trouble(&table, 1);
         assert!(text.contains("answers, but") && text.contains("`time` or `tof`"), "{text}");
+        let mut silent = FaultSet::default();
+        silent.set(Fault::DroneSilent, true);
+        let patience = SpanNs::from_seconds(10.0);
+        let text = not_ready(&table, patience, silent, &MocapCounters::default(), 9);
+        assert!(text.contains("has fallen silent"), "{text}");
     }
 
     #[test]

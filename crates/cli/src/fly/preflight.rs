@@ -109,9 +109,10 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
         Some(folder) => folder,
     };
     let has_keys = !arguments.no_keys && io::stdin().is_terminal();
+    // Before the look, whose findings shall be new when they are read.
+    let nominal = NominalFlight::fly(flight, &tello_sim::settings(None)?);
     let mut found = inspection::inspect(table, log_dir, has_keys)?;
-    let nominal = NominalFlight::fly(flight, &tello_sim::settings(None)?)?;
-    found.unfinished = Some(nominal).filter(|flight| !flight.is_finished());
+    found.unfinished = nominal.ok().filter(|flight| !flight.is_finished());
     let checks = checks(&found, table, flight)?;
     stdio::note("pre-flight");
     for check in &checks {

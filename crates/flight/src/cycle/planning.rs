@@ -323,6 +323,11 @@ where
         self.walls.as_ref().is_some_and(|walls| walls.is_in_obstacle(&pos_w(at)))
     }
 
+    /// Whether `at` is so near to an obstacle that does not move that a plan may evade it up or down.
+    pub(super) fn is_beside_obstacle(&self, at: &Pose) -> bool {
+        self.walls.as_ref().is_some_and(|walls| walls.is_beside_obstacle(&pos_w(at)))
+    }
+
     /// Whether plans should keep away from an obstacle that moves and was not seen for so long that they cannot.
     pub(super) fn is_obstacle_unseen(&self) -> bool {
         self.walls.as_ref().is_some_and(Walls::is_moving_unseen)

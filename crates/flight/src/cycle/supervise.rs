@@ -7,6 +7,7 @@ use horizon_model::rows::{Pose, Sticks, pose, stick};
 use nalgebra::SVector;
 
 use super::link::Link;
+use super::progress::Tracking;
 use super::{COMING, Cycle, Inbox, JUST_ENDED, Outcome};
 use crate::drone::DroneStatus;
 use crate::{
@@ -33,7 +34,7 @@ where
         out.findings = Some(findings);
         let outage = self.outage();
         let motion = self.motion();
-        let tracking = motion.map(|motion| self.progress.tracking(&self.mission, &motion.pose));
+        let tracking = motion.map(|motion| self.track(&motion.pose));
         let tracking_m = tracking.map(|tracking| tracking.away_m);
         let speed_mps = motion.map_or(0.0, |motion| motion.rate.fixed_rows::<3>(pose::X).norm());
         (out.tracking_m, out.speed_mps) = (tracking_m, speed_mps);
@@ -90,6 +91,18 @@ where
         out.ruling = Some(ruling);
         self.planner.brake(ruling.is_braking);
         ruling.pilot
+    }
+
+    /// How the vehicle at `at` tracks its reference. Where it was carried before its flight is no part of that, and a
+    /// plan that evades an obstacle may lead down.
+    fn track(&mut self, at: &Pose) -> Tracking {
+        if self.supervisor.phase() != Phase::Flying {
+            self.progress.resume();
+            self.progress.restart_height();
+        }
+        let tracking = self.progress.tracking(&self.mission, at);
+        let sunk_m = if self.planner.is_beside_obstacle(at) { 0.0 } else { tracking.sunk_m };
+        Tracking { sunk_m, ..tracking }
     }
 
     /// Shows this tick to the monitors.

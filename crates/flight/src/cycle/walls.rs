@@ -20,6 +20,9 @@ use crate::{Obstacle, ObstacleTable, Room};
 /// What is further away than this is not looked at. m
 const NEAR_M: f64 = 1.0;
 
+/// A plan that evades an obstacle may change the height of a vehicle that is nearer to it. m
+const BESIDE_M: f64 = 0.6;
+
 /// How far above a start obstacles are looked for: a take-off, and 0.1 m to spare. m
 const CLIMB_M: f64 = CLIMB_MAX_M + 0.1;
 
@@ -116,8 +119,18 @@ impl Walls {
 
     /// Whether `at_w` is inside of an obstacle that does not move.
     pub(super) fn is_in_obstacle(&self, at_w: &Vector3<f64>) -> bool {
+        self.is_nearer(at_w, 0.0)
+    }
+
+    /// Whether `at_w` is nearer than 0.6 m to one.
+    pub(super) fn is_beside_obstacle(&self, at_w: &Vector3<f64>) -> bool {
+        self.is_nearer(at_w, BESIDE_M)
+    }
+
+    /// Whether `at_w` is nearer than this to an obstacle that does not move. m
+    fn is_nearer(&self, at_w: &Vector3<f64>, limit_m: f64) -> bool {
         let at_rest = self.obstacles.iter().filter(|obstacle| !obstacle.is_moving());
-        at_rest.into_iter().any(|obstacle| obstacle.distance(at_w).distance_m < 0.0)
+        at_rest.into_iter().any(|obstacle| obstacle.distance(at_w).distance_m < limit_m)
     }
 
     /// Whether a vehicle that stands at `at_w` is inside of an obstacle now, or climbs into one in its take-off.

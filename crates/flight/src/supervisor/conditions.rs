@@ -23,10 +23,16 @@ const LEVEL_MPS: f64 = 0.35;
 /// a return of the link the drone moves before the link monitor has decided. s
 const ALONE_S: f64 = 0.5;
 
-/// A vehicle whose pose has been still for so long, below its reference, stands on something: half as long again as the
-/// short window of the still poses. s
+/// A vehicle that has come down so far below its reference sinks or is pulled down: real flights by up to 0.37 m
+/// (docs/benchmarks/2026-11-27-poses). m
+const SUNK_M: f64 = 0.45;
+
+/// A steered vehicle whose pose is still for so long below its reference stands on something: a throttle that acts shows
+/// within half of it. s
 const STANDS_S: f64 = 1.2;
-/// How far below: a hovering vehicle is seldom. m
+/// The same in what looks like an outage, in which a calm vehicle may hover. s
+const STANDS_IN_OUTAGE_S: f64 = 2.4;
+/// How far below its reference. m
 const STANDS_BELOW_M: f64 = 0.2;
 
 /// A charge that is critical for less time may be a sag of the voltage or a report that is wrong. s
@@ -69,9 +75,8 @@ impl Supervisor {
         let is_alone_for = |limit_s| self.since.alone.has_lasted(e.t_ns, limit_s);
         let is_long = outage.is_some_and(|outage| exceeds(outage.for_s, failsafe.outage_s));
         let is_pressed = failsafe.pressed_s.is_some_and(|limit_s| exceeds(e.pressed_s, limit_s));
-        let is_still = e.findings.still_s.is_some_and(|still_s| exceeds(still_s, STANDS_S));
-        let stands = is_still && e.below_m.is_some_and(|below_m| exceeds(below_m, STANDS_BELOW_M));
-        let is_immobile = is_pressed || stands;
+        let stands_s = if outage.is_some() { STANDS_IN_OUTAGE_S } else { STANDS_S };
+        let is_immobile = is_pressed || self.since.stands.has_lasted(e.t_ns, stands_s);
         let may_have_left = self.room.zip(outage).is_some_and(|(room, outage)| {
             outage.unseen.iter().any(|motion| room.is_left_by(motion))
         });
@@ -97,6 +102,23 @@ impl Supervisor {
             (Fault::OutageLong, is_long || is_alone_for(failsafe.outage_alone_s)),
             (Fault::OutageUnsafe, may_have_left && is_alone_for(ALONE_S)),
         ]
+    }
+
+    /// Whether the vehicle is further from its reference than it may be: away from it, or below it by what it has come
+    /// down.
+    pub(super) fn is_off_reference(&self, e: &Evidence) -> bool {
+        let limit_m = self.table.failsafe.tracking_m;
+        e.tracking_m.is_some_and(|error_m| exceeds(error_m, limit_m))
+            || e.sunk_m.is_some_and(|sunk_m| exceeds(sunk_m, SUNK_M))
+    }
+
+    /// Whether a vehicle that should climb to its reference is stiller than one that flies, by poses that are new.
+    pub(super) fn seems_to_stand(&self, e: &Evidence) -> bool {
+        let is_asked = !e.is_by_hand && (self.was_steering || e.outage.is_some());
+        let is_new = !self.is_pose_stale(e) && !e.is_pose_repeated;
+        let is_still = is_new && e.findings.still_s.is_some();
+        let is_below = e.below_m.is_some_and(|below_m| exceeds(below_m, STANDS_BELOW_M));
+        self.is_steered() && is_asked && is_still && is_below
     }
 
     /// What is wrong with the drone.

@@ -165,6 +165,8 @@ fn a_vehicle_in_flight_is_inside_of_obstacles_that_do_not_move_alone() {
     let is_inside = |x_m| walls.is_in_obstacle(&Vector3::new(x_m, 0.5, 0.9));
     assert!(is_inside(0.01) && is_inside(0.99));
     assert!(!is_inside(-0.01) && !is_inside(1.01), "within its margin");
+    let is_beside = |x_m| walls.is_beside_obstacle(&Vector3::new(x_m, 0.5, 0.9));
+    assert_eq!([-0.61, -0.59, 0.5, 1.59, 1.61].map(is_beside), [false, true, true, true, false]);
 }
 
 #[test]

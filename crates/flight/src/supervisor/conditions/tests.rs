@@ -78,7 +78,7 @@ fn a_wrong_direction_and_an_overdue_mission_land() {
 fn a_lost_reference_and_too_much_speed_land_after_a_third_of_a_second() {
     let far = Evidence { tracking_m: Some(1.01), ..ALOFT };
     let fast = Evidence { speed_mps: 3.01, ..ALOFT };
-    let sunk = Evidence { sunk_m: Some(0.41), ..ALOFT };
+    let sunk = Evidence { sunk_m: Some(0.46), ..ALOFT };
     for (e, fault) in
         [(far, Fault::TrackingLost), (sunk, Fault::TrackingLost), (fast, Fault::TooFast)]
     {
@@ -91,7 +91,7 @@ fn a_lost_reference_and_too_much_speed_land_after_a_third_of_a_second() {
         bench.pass(1, &ALOFT);
         assert!(bench.run(3, &e).may_steer(), "{fault:?}, begun anew");
     }
-    let near = Evidence { tracking_m: Some(1.0), sunk_m: Some(0.4), speed_mps: 3.0, ..ALOFT };
+    let near = Evidence { tracking_m: Some(1.0), sunk_m: Some(0.45), speed_mps: 3.0, ..ALOFT };
     assert_eq!(after(&near), (Phase::Flying, true, vec![]));
     let by_hand = Evidence { is_by_hand: true, ..far };
     assert_eq!(after(&by_hand), (Phase::Flying, true, vec![]), "a person has no reference");
@@ -247,16 +247,24 @@ fn large_inputs_that_move_nothing_land_the_vehicle() {
 
 #[test]
 fn a_vehicle_that_stands_still_below_its_reference_lands() {
-    for (still_s, below_m, faults) in [
-        (1.21, 0.21, vec![Fault::Immobile]),
-        (1.2, 0.21, vec![]),
-        (1.21, 0.2, vec![]),
-        (9.0, -0.5, vec![]),
+    let findings = Findings { still_s: Some(0.8), ..NOTHING_FOUND };
+    let stands = Evidence { findings, below_m: Some(0.21), ..ALOFT };
+    let mut bench = Bench::flying();
+    assert_eq!(faults(bench.run(12, &stands)), []);
+    assert_eq!(faults(bench.tick(&stands)), [Fault::Immobile]);
+    let in_outage = Evidence { outage: Some(outage(1.0, true, 0.0)), ..stands };
+    let mut bench = Bench::flying();
+    assert!(!bench.run(24, &in_outage).faults.contains(Fault::Immobile));
+    assert!(bench.tick(&in_outage).faults.contains(Fault::Immobile));
+    for flies in [
+        Evidence { below_m: Some(0.2), ..stands },
+        Evidence { below_m: None, ..stands },
+        Evidence { findings: NOTHING_FOUND, ..stands },
+        Evidence { is_pose_repeated: true, ..stands },
+        Evidence { pose_age_s: Some(0.26), ..stands },
+        Evidence { is_by_hand: true, ..stands },
     ] {
-        let findings = Findings { still_s: Some(still_s), ..NOTHING_FOUND };
-        let e = Evidence { findings, below_m: Some(below_m), ..ALOFT };
-        assert_eq!(after(&e).2, faults, "{still_s} s, {below_m} m");
-        assert_eq!(after(&Evidence { is_by_hand: true, ..e }).2, []);
+        assert!(!Bench::flying().run(40, &flies).faults.contains(Fault::Immobile), "{flies:?}");
     }
 }
 
