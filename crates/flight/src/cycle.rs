@@ -59,9 +59,6 @@ use progress::Progress;
 use settled_poses::StandingStart;
 use worst_case::WorstCase;
 
-/// Period of a tick. Limits of the monitors count ticks of this length. s
-pub const DT_S: f64 = 0.02;
-
 pub use crate::Operator;
 pub use inbox::{Inbox, SIGHTINGS_MAX, Stage, Unwatched, Watch};
 pub use outcome::{Outcome, Solve};
@@ -70,7 +67,7 @@ pub use planning_table::PlanningTable;
 pub use record::{FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, RowsRecord, SticksRecord};
 pub use record::{Sink, Topic};
 pub use sense::{SIGHTING_AGE_MAX, is_airborne};
-pub use table::{CycleTable, FlightTable, StandingTable};
+pub use table::{CycleTable, DT_S, FlightTable, StandingTable};
 pub use timing::Timing;
 pub use vehicle::{ModelKind, WithModel};
 pub use walls::{Clearance, WallTable};

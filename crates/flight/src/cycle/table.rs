@@ -14,6 +14,9 @@ use crate::{
     FilterTable, LinkTable, MissionTable, MonitorTable, ObstacleTable, Start, SupervisorTable,
 };
 
+/// Period of a tick. Limits of the monitors count ticks of this length. s
+pub const DT_S: f64 = 0.02;
+
 /// Everything that the outcome of a tick depends on beside its inbox. Each log carries one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

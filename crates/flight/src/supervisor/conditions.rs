@@ -27,8 +27,8 @@ const ALONE_S: f64 = 0.5;
 /// (docs/benchmarks/2026-11-27-poses). m
 const SUNK_M: f64 = 0.45;
 
-/// A steered vehicle whose pose is still for so long below its reference stands on something: a throttle that acts shows
-/// within half of it. s
+/// A steered vehicle whose pose is still for so long below its reference stands on something: a throttle that acts
+/// shows within half of it. s
 const STANDS_S: f64 = 1.2;
 /// The same in what looks like an outage, in which a calm vehicle may hover. s
 const STANDS_IN_OUTAGE_S: f64 = 2.4;

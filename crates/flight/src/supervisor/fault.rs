@@ -51,12 +51,12 @@ pub enum Fault {
     FenceNear,
     /// The vehicle is outside of the room.
     FenceLeft,
-    /// For 0.3 s the vehicle was further from its reference than at least so far by more than `failsafe.tracking_m`, or
-    /// had come down below it by more than 0.45 m: it sinks or is pulled down. Or for 1.5 s it was turned away from it by
-    /// more than 1 rad; in an outage only while it turns.
+    /// For 0.3 s the vehicle was further from its reference than at least so far by more than `failsafe.tracking_m`,
+    /// or had come down below it by more than 0.45 m: it sinks or is pulled down. Or for 1.5 s it was turned away from
+    /// it by more than 1 rad; in an outage only while it turns.
     TrackingLost,
-    /// Inputs of `failsafe.pressed_s` in one direction have moved nothing: the vehicle is held, caught or blocked; or it
-    /// stands still below its reference, for 1.2 s while it is steered, for 2.4 s in an outage.
+    /// Inputs of `failsafe.pressed_s` in one direction have moved nothing: the vehicle is held, caught or blocked. Or
+    /// it stands still below its reference, for 1.2 s while it is steered, for 2.4 s in an outage.
     Immobile,
     /// For 0.3 s the vehicle is faster than `failsafe.speed_mps`.
     TooFast,
