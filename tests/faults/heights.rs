@@ -7,6 +7,7 @@ use tello_sim::{Fault as SimFault, Outage, Profile, ScriptedFault, SimTable};
 use super::story::{Story, fly, fly_alone, settings};
 
 /// Targets at these heights, 1 m apart along x, in the simulator with `script`. m
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn targets(heights_m: &[f64], script: &[ScriptedFault]) -> (FlightTable, SimTable) {
     let places = heights_m.iter().zip(0..).map(|(z_m, number)| {
         let x_m = if number % 2 == 0 { -2.0 } else { -1.0 };

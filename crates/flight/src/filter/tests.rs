@@ -160,3 +160,26 @@ fn several_frames_a_period_loosen_the_limits_no_faster_than_one() {
         assert!(held[0] > 5 && held.iter().all(is_as_long), "{held:?}");
     }
 }
+
+#[test]
+fn a_first_sample_at_the_origin_or_below_the_floor_is_none() {
+    use Acceptance::{Accepted, Missing};
+    let first = |floor_m, raw: Pose| {
+        let table = FilterTable { floor_m, ..table() };
+        let mut filter = PoseFilter::new((&table).try_into().unwrap());
+        filter.update(Some(&raw)).position
+    };
+    let at = |x_m, z_m| Pose::new(x_m, 0.0, z_m, 0.0);
+    // The limits: 1 mm and 0.01 m, or far below.
+    for (floor_m, raw, expected) in [
+        (0.01, at(1.0, 0.009), Missing),
+        (0.01, at(1.0, 0.01), Accepted),
+        (-1.0, at(0.0, 0.0), Missing),
+        (-1.0, at(0.000_9, -0.000_9), Missing),
+        (-1.0, at(0.001, 0.0), Accepted),
+        (-1.0, at(0.0, 0.001), Accepted),
+        (-1.0, at(1.0, -1.1), Missing),
+    ] {
+        assert_eq!(first(floor_m, raw), expected, "{raw:?}, floor {floor_m} m");
+    }
+}

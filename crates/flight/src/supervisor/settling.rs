@@ -67,4 +67,15 @@ mod tests {
         assert!((sooner_s - TABLE.settle_s).abs() < 1e-9, "{at_rest}, {carried}");
         assert_eq!(steered_after(f64::NAN), None, "no place");
     }
+
+    #[test]
+    fn a_drift_is_measured_from_where_the_vehicle_stood() {
+        for (x_m, y_m, is_over) in [(1.2, -2.2, false), (1.0, -2.31, true), (0.69, -2.0, true)] {
+            let mut settling = Settling::default();
+            settling.stand(Some(Pose::new(1.0, -2.0, 0.0, 0.0)));
+            settling.rise(0);
+            let e = Evidence { pose: Some(Pose::new(x_m, y_m, 1.0, 0.0)), t_ns: 0, ..ALOFT };
+            assert_eq!(settling.is_over(&e, 1.0), is_over, "{x_m}, {y_m} m");
+        }
+    }
 }

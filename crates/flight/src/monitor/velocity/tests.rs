@@ -69,31 +69,58 @@ fn inputs_and_reports_are_turned_by_the_heading() {
     }
 }
 
-#[test]
-fn a_step_of_the_poses_does_not_hide_the_drift_that_begins_with_it() {
+/// The monitor after ten seconds around a circle of 1 m at 0.5 m/s, and where the vehicle is then. m
+fn after_a_circle() -> (VelocityMonitor, Complex<f64>) {
     let mut monitor = VelocityMonitor::new(0.6, DT_S);
-    let mut at_w = Complex::new(0.0, 0.0);
-    let mut tick = |by_poses_mps: Complex<f64>, by_drone_mps: Complex<f64>, step_m: f64| {
-        at_w += by_poses_mps * DT_S + step_m;
-        let drone = DroneMotion {
-            horizontal_mps: Some([by_drone_mps.re, by_drone_mps.im]),
-            height_m: None,
-            heading_rad: None,
-        };
-        let pose = Some(Pose::new(at_w.re, at_w.im, 1.0, 0.0));
-        let u_applied = Sticks::zeros();
-        monitor.update(&Sample { pose, drone: Some(drone), u_applied, link_is_up: true })
-    };
-    // Ten seconds around a circle of 1 m at 0.5 m/s.
+    let mut at_w = Complex::default();
     for k in 0..500 {
         let v_mps = Complex::from_polar(0.5, 0.5 * f64::from(k) * DT_S);
-        let (_, error_m) = tick(v_mps, v_mps, 0.0);
+        let (_, error_m) = see(&mut monitor, &mut at_w, v_mps * DT_S, v_mps);
         assert!(error_m < 0.2, "{error_m} m");
     }
-    let hovering = Complex::default();
-    let mut agreement = tick(hovering, hovering, 0.2).0;
+    (monitor, at_w)
+}
+
+/// A tick in which the poses move by `moved_w_m`, and the drone reports a velocity.
+fn see(
+    monitor: &mut VelocityMonitor,
+    at_w: &mut Complex<f64>,
+    moved_w_m: Complex<f64>,
+    by_drone_mps: Complex<f64>,
+) -> (Agreement, f64) {
+    *at_w += moved_w_m;
+    let drone = DroneMotion {
+        horizontal_mps: Some([by_drone_mps.re, by_drone_mps.im]),
+        height_m: None,
+        heading_rad: None,
+    };
+    let pose = Some(Pose::new(at_w.re, at_w.im, 1.0, 0.0));
+    let u_applied = Sticks::zeros();
+    monitor.update(&Sample { pose, drone: Some(drone), u_applied, link_is_up: true })
+}
+
+#[test]
+fn a_step_of_the_poses_does_not_hide_the_drift_that_begins_with_it() {
+    let (mut monitor, mut at_w) = after_a_circle();
+    let (step_m, hovering) = (Complex::new(0.2, 0.0), Complex::default());
+    let mut agreement = see(&mut monitor, &mut at_w, step_m, hovering).0;
+    assert!(monitor.axes[FIXED].is_some(), "a step is no motion that shows the axes");
     for _ in 0..150 {
-        agreement = agreement.max(tick(Complex::new(0.5, 0.0), hovering, 0.0).0);
+        let drift_m = Complex::new(0.5 * DT_S, 0.0);
+        agreement = agreement.max(see(&mut monitor, &mut at_w, drift_m, hovering).0);
     }
     assert_eq!(agreement, Agreement::Disagrees, "0.2 m and 3 s at 0.5 m/s");
+}
+
+#[test]
+fn what_a_vehicle_can_move_in_a_period_is_no_step() {
+    // 0.5 m/s by the drone: (0.5 + 1) m/s for 0.02 s and 0.03 m.
+    for (moved_m, is_step) in [(0.059, false), (0.061, true)] {
+        let (mut monitor, mut at_w) = after_a_circle();
+        let before = monitor.sums.moved_squares;
+        let moved_w_m = Complex::new(moved_m, 0.0);
+        see(&mut monitor, &mut at_w, moved_w_m, Complex::new(0.5, 0.0));
+        let is_learnt = monitor.sums.moved_squares > before;
+        assert_eq!(is_learnt, !is_step, "{moved_m} m");
+    }
 }

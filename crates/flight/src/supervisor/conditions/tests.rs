@@ -332,4 +332,6 @@ fn a_charge_that_is_critical_for_a_second_lands_the_drone() {
         assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
         assert!(ruling.faults.contains(Fault::BatteryCritical), "{:?}", ruling.faults);
     }
+    let least = with_drone(ALOFT, |drone| drone.battery_pct = 10);
+    assert_eq!(Bench::flying().run(30, &least).phase, Phase::Flying, "the limit itself");
 }
