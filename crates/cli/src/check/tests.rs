@@ -107,7 +107,7 @@ fn a_look_says_where_the_walls_and_the_obstacles_are() {
          \x20 room     0.40 m or more to its walls\n\
          \x20 obstacle 0.25 m INSIDE: the plan flies around it\n\
          \x20 flown    in the simulator: 7.2 s from first to last target, 0.06 m off at 95 %, \
-         1.50 m to the nearest wall\n\
+         1.49 m to the nearest wall\n\
          \x20 note     it is too fast\n"
     );
     let far = look(None, Some(0.0));
