@@ -263,6 +263,8 @@ fn a_vehicle_that_stands_still_below_its_reference_lands() {
         Evidence { is_pose_repeated: true, ..stands },
         Evidence { pose_age_s: Some(0.26), ..stands },
         Evidence { is_by_hand: true, ..stands },
+        // A hold, in which nothing is asked of it.
+        Evidence { findings: Findings { velocity: Agreement::Doubtful, ..findings }, ..stands },
     ] {
         assert!(!Bench::flying().run(40, &flies).faults.contains(Fault::Immobile), "{flies:?}");
     }
