@@ -96,7 +96,7 @@ impl TryFrom<&TelloTable> for TelloSettings {
             table.clone();
         let of_one_host = |at: &SocketAddrV4| {
             let ip = at.ip();
-            at.port() != 0 && !ip.is_unspecified() && !ip.is_broadcast() && !ip.is_multicast()
+            !ip.is_unspecified() && !ip.is_broadcast() && !ip.is_multicast()
         };
         let Some(parsed) = address.parse().ok().filter(of_one_host) else {
             return Err(SettingError::new("address", address, "IPv4 address:port of one host"));
@@ -334,9 +334,7 @@ mod tests {
             error.to_string(),
             "address = tello:8889 violates IPv4 address:port of one host"
         );
-        for address in
-            ["[::1]:8889", "255.255.255.255:8889", "0.0.0.0:8889", "224.0.0.1:8889", "10.0.0.1:0"]
-        {
+        for address in ["[::1]:8889", "255.255.255.255:8889", "0.0.0.0:8889", "224.0.0.1:8889"] {
             assert!(
                 check(&TelloTable { address: address.into(), ..table() }).is_err(),
                 "{address}"

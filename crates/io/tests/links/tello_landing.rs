@@ -105,8 +105,8 @@ async fn a_drone_that_denies_its_flight_is_landed_until_the_pose_is_on_the_floor
 
 #[tokio::test]
 async fn a_socket_that_refuses_a_landing_is_asked_again_soon() {
-    // The system refuses to send to everybody.
-    let (client, link) = bind("255.255.255.255:8889".into());
+    // The system refuses to send to port 0.
+    let (client, link) = bind("127.0.0.1:0".into());
     let (stopper, stop) = Stopper::new();
     let task = tokio::spawn(client.run(stop));
     link.order(DroneOrder::Land).unwrap();
