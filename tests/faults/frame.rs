@@ -166,7 +166,7 @@ fn commands_that_get_lost_in_turns_are_no_wrong_heading() {
     for (outage, turn_rad) in
         [(Outage::Level, 0.0), (Outage::Held, 0.0), (Outage::Level, 0.5), (Outage::Held, 0.5)]
     {
-        for seed in 1..=3 {
+        for seed in 1..=6 {
             let mut settings = settings(&[]);
             settings.0.mission = turning();
             settings.1.profile = Profile::MildOutages;

@@ -5,7 +5,7 @@ use tello_flight::cycle::Operator;
 use tello_flight::{Fault, Phase, Pilot};
 use tello_sim::{Fault as SimFault, ScriptedFault};
 
-use super::story::{FAULT_AT_S, Moment, Story, asks, fly, scripted, settings};
+use super::story::{FAULT_AT_S, Moment, Story, asks, fly, fly_alone, scripted, settings};
 
 /// A flight in which a person steers for 3 s.
 fn by_hand_for_three_seconds(u_hand: Sticks) -> Story {
@@ -103,7 +103,7 @@ fn the_emergency_stop_is_sent_at_once_and_nothing_else_follows() {
 fn a_drone_that_a_person_puts_down_is_landed_before_it_is_let_go() {
     for lowered_m in [0.6, 1.2] {
         let held = SimFault::DroneHeld { sway_m: 0.005, lowered_m };
-        let story = fly(&settings(&scripted(held, 6.0)), 40.0, |_, _| ());
+        let story = fly_alone(&settings(&scripted(held, 6.0)), 40.0);
         story.assert_landed_by(Fault::TrackingLost, [0.9, 1.6]);
         let let_go_s = FAULT_AT_S + 6.0;
         let after = story.moments.iter().filter(|moment| moment.at_s > let_go_s);

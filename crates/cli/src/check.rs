@@ -254,7 +254,7 @@ impl Look {
         let room_margin_m = room.map(|room| survey.margin_m(room.walls_m()));
         let obstacle_margin_m = mission.clearance_m(around.obstacles());
         let notes = cycle::notes(&mission, &flight.cycle);
-        let nominal = NominalFlight::fly(flight, &tello_sim::settings(None)?)?;
+        let nominal = NominalFlight::fly(flight)?;
         let look = Self { survey, room_margin_m, obstacle_margin_m, notes, nominal };
         Ok((look, mission, around))
     }

@@ -36,12 +36,12 @@ pub struct NominalFlight {
 }
 
 impl NominalFlight {
-    /// Flies `flight` from the air with the vehicle of `sim`, without its faults, spread and noise, and
-    /// without obstacles that move: nobody knows where they will be. One result, bit for bit.
+    /// Flies `flight` from the air with the built-in vehicle, without its faults, spread and noise, and without
+    /// obstacles that move: nobody knows where they will be. One result, bit for bit.
     ///
     /// # Errors
     /// A setting that breaks its rule.
-    pub fn fly(flight: &FlightTable, sim: &SimTable) -> Result<Self> {
+    pub fn fly(flight: &FlightTable) -> Result<Self> {
         let mut flight = FlightTable { start: Start::Airborne, ..flight.clone() };
         flight.cycle.obstacles.retain(|one| !matches!(one, ObstacleTable::Moving { .. }));
         // Its disturbance stays: a vehicle that no air moves stands as still as an object that is not it.
@@ -49,7 +49,7 @@ impl NominalFlight {
             profile: Profile::Clean,
             has_spread: false,
             faults: Vec::new(),
-            ..sim.clone()
+            ..crate::settings(None)?
         };
         let dt_s = flight.cycle.dt_s;
         let planned_s = Mission::new(&flight.mission, dt_s)?.survey().duration_s;
@@ -135,7 +135,7 @@ mod tests {
         let (table, mission) = config::fly(None, None).unwrap();
         let mut flight = config::flight(&table, mission, Start::Grounded);
         change(&mut flight);
-        NominalFlight::fly(&flight, &crate::settings(None).unwrap()).unwrap()
+        NominalFlight::fly(&flight).unwrap()
     }
 
     #[test]

@@ -110,7 +110,7 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
     };
     let has_keys = !arguments.no_keys && io::stdin().is_terminal();
     // Before the look, whose findings shall be new when they are read.
-    let nominal = NominalFlight::fly(flight, &tello_sim::settings(None)?);
+    let nominal = NominalFlight::fly(flight);
     let mut found = inspection::inspect(table, log_dir, has_keys)?;
     found.unfinished = nominal.ok().filter(|flight| !flight.is_finished());
     let checks = checks(&found, table, flight)?;

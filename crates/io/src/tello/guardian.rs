@@ -212,11 +212,10 @@ impl Guardian {
                     self.post.channel.write_all(&[HEARD]).ok();
                     return if is_over { Received::Over } else { Received::Beat };
                 }
-                // After a stop of this process heartbeats may wait in the channel: they are read first.
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                Err(error) if is_timeout_or_signal(&error) => {
                     let is_early = until.is_none_or(|until| self.clock.now() < until);
-                    if !is_early {
+                    // After a stop of this process heartbeats may wait in the channel: they are read first.
+                    if !is_early && error.kind() != ErrorKind::Interrupted {
                         return Received::Silence;
                     }
                 }
@@ -234,6 +233,11 @@ impl Guardian {
         self.landings = self.landings.saturating_add(1);
         self.sent = self.sent.saturating_add(1);
     }
+}
+
+/// Whether a read ended without bytes for its timeout or for a signal.
+fn is_timeout_or_signal(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
 }
 
 #[cfg(test)]

@@ -191,3 +191,15 @@ fn a_sender_that_stays_silent_is_given_up_after_15_s_and_its_end_is_reported() {
     drop(std::mem::replace(&mut bench.sender, UnixStream::pair().unwrap().0));
     assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::Landed));
 }
+
+#[test]
+fn a_timeout_and_a_signal_do_not_end_the_watch_and_other_errors_do() {
+    for (kind, goes_on) in [
+        (ErrorKind::WouldBlock, true),
+        (ErrorKind::Interrupted, true),
+        (ErrorKind::ConnectionReset, false),
+        (ErrorKind::BrokenPipe, false),
+    ] {
+        assert_eq!(is_timeout_or_signal(&io::Error::from(kind)), goes_on, "{kind:?}");
+    }
+}

@@ -27,7 +27,7 @@ fn a_rate_that_is_wrong_by_thousandths_is_learned_in_flight() {
     let rates_hz = [(241.0, 240.0), (60.0, 59.94), (100.3, 100.0), (500.0, 498.0)];
     for (a_hz, b_hz) in rates_hz {
         for (announced_hz, count_hz) in [(a_hz, b_hz), (b_hz, a_hz), (b_hz, b_hz)] {
-            for ground_s in [0.5, 5.0, 31.0] {
+            for ground_s in [0.5, 2.3, 5.0, 16.0, 31.0] {
                 let late_max_ms = late_max_ms(announced_hz, count_hz, ground_s);
                 // Seven of jitter, and up to four per second until five seconds tell the rate.
                 let is_good = late_max_ms.is_some_and(|[first, then]| first < 30.0 && then < 10.0);
