@@ -184,10 +184,12 @@ fn resolve(room_of: Option<&Path>, file: Option<&Path>) -> Result<Value> {
     }
     if has("parameters") {
         let file = ParameterFile::read(path)?;
-        let (mut table, _) = config::fly(room_of, None)?;
+        let (mut table, mission) = config::fly(room_of, None)?;
         if table.cycle.model == file.model {
             // A file of another model is for other settings of `fly`, or for the simulator.
             parameter_file::apply(Some(path), &mut table.cycle)?;
+            cycle::build(&config::flight(&table, mission, Start::Grounded))
+                .with_context(|| parameter_file::of(path))?;
         }
         return Ok(serde_json::to_value(file)?);
     }

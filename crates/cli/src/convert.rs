@@ -193,9 +193,7 @@ fn convert(from: &Path, arguments: &Arguments) -> Result<Converted> {
             dir.join(name.with_extension(target.name()))
         }
     };
-    if to.canonicalize().is_ok_and(|to| from.canonicalize().is_ok_and(|from| from == to)) {
-        bail!("{} would be replaced: choose another name with -o", from.display());
-    }
+    whole_file::keep_apart(from, &to)?;
     let flight = match format {
         Format::Csv => RowFlight::from(csv::read(from)?),
         Format::Mcap => of_mcap(from, arguments.pos)?,

@@ -30,13 +30,14 @@ mod view;
 use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
+use parking_lot::Mutex;
 use rtrb::{Consumer, RingBuffer};
 use tello_eval::flight_log::TickRecord;
 use tello_eval::parameter_file;
@@ -192,8 +193,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let start = if arguments.dry_run { Start::Carried } else { Start::Grounded };
     let flight = config::flight(&table, mission, start).at_speed(arguments.speed)?;
     let (config, mission) = (arguments.config.as_deref(), arguments.mission.as_deref());
-    let cycle =
-        cycle::build(&flight).map_err(|error| config::explain(error.into(), config, mission))?;
+    let parameters = arguments.params.as_deref().or(arguments.vehicle.as_deref());
+    let cycle = cycle::build(&flight).map_err(|error| match parameters {
+        Some(path) => anyhow::Error::from(error).context(parameter_file::of(path)),
+        None => config::explain(error.into(), config, mission),
+    })?;
     let planned = Mission::new(&flight.mission, flight.cycle.dt_s)?;
     for note in cycle::notes(&planned, &flight.cycle) {
         stdio::note(format_args!("note: {note}"));
@@ -321,7 +325,7 @@ fn show(picture: Option<Picture>, statuses: Consumer<Status>) -> io::Result<Join
 /// Closes the log, and sums up the flight whatever became of it.
 fn close_log(recorder: Recorder<TickRecord>, tally: &Mutex<Tally>) -> Summary {
     let log = recorder.stop();
-    let mut summary = tally.lock().unwrap_or_else(PoisonError::into_inner).summary();
+    let mut summary = tally.lock().summary();
     match log {
         // Writing to a file whose name was removed is no error.
         Ok(log) if log.path.exists() => summary.log = Some(log.path),

@@ -103,6 +103,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             report_recovered(file, out, recovered)
         }
         Command::Ros2 { file, out, force } => {
+            whole_file::keep_apart(file, out)?;
             let mut exported = None;
             whole_file::write(out, *force, |part| {
                 exported = Some(ros2::export(file, part)?);

@@ -1,6 +1,6 @@
 //! The bar that a long command shows.
 
-use std::sync::Mutex;
+use parking_lot::Mutex;
 
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -20,12 +20,6 @@ impl<'a> Shown<'a> {
     /// Nothing is shown unless `has_bar`.
     pub(crate) fn new(has_bar: bool, interrupt: &'a Interrupt) -> Self {
         Self { has_bar, interrupt, bar: Mutex::new(ProgressBar::hidden()) }
-    }
-
-    fn with_bar(&self, change: impl FnOnce(&mut ProgressBar)) {
-        if let Ok(mut bar) = self.bar.lock() {
-            change(&mut bar);
-        }
     }
 }
 
@@ -48,15 +42,15 @@ impl Observer for Shown<'_> {
             bar.set_style(style);
         }
         bar.set_message(part.to_owned());
-        self.with_bar(|shown| *shown = bar);
+        *self.bar.lock() = bar;
     }
 
     fn advance(&self) {
-        self.with_bar(|bar| bar.inc(1));
+        self.bar.lock().inc(1);
     }
 
     fn end(&self) {
-        self.with_bar(|bar| bar.finish_and_clear());
+        self.bar.lock().finish_and_clear();
     }
 }
 

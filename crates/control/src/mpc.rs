@@ -359,8 +359,8 @@ fn refusal<const NS: usize, const NU: usize>(
 enum Trial {
     /// States.
     Costed,
-    /// States and linear dynamics, which have the sine of the heading in common: most trials become the plan, whose
-    /// derivatives are then available.
+    /// States and linear dynamics, which cost little more together: most trials become the plan, whose derivatives are
+    /// then available.
     Linearized,
 }
 

@@ -67,8 +67,9 @@ pub enum DelayError {
 pub struct DelayProfile<const NP: usize> {
     /// Input rows of the group.
     pub rows: Vec<usize>,
-    /// Candidates by ascending dead time with what they cost more than the best of them, integrated from the gradients
-    /// while all groups moved from their start by the same time; it ends where it is far above its least. (s, 1)
+    /// Candidates and the minimum between them, by ascending dead time, with what they cost more than it: integrated
+    /// from the gradients while all groups moved from their start by the same time; it ends where it is far above its
+    /// least. (s, 1)
     pub curve: Vec<(f64, f64)>,
     /// Where the cost is least, the other groups at their best; where the search started if the likelihood
     /// does not decide. s

@@ -51,7 +51,7 @@ const Y: [Tone; 4] = [
 const HALF_HEIGHT_M: f64 = 0.36;
 const Z: [Tone; 3] = [tone(11.0, 0.198, 1.55), tone(17.0, 0.128, 4.77), tone(29.0, 0.075, 1.69)];
 
-/// 1.2 rad/s and 3.6 rad/s^2 at most.
+/// About 1.2 rad/s and 3.6 rad/s^2 at most.
 const THETA: [Tone; 4] = [
     tone(12.0, 0.293, 3.09),
     tone(19.0, 0.185, 5.40),

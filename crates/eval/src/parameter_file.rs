@@ -109,7 +109,12 @@ pub trait TakesParameters {
 pub fn apply(path: Option<&Path>, settings: &mut impl TakesParameters) -> Result<()> {
     let Some(path) = path else { return Ok(()) };
     let file = ParameterFile::read(path)?;
-    settings.take(&file).with_context(|| format!("with the parameters of {}", path.display()))
+    settings.take(&file).with_context(|| of(path))
+}
+
+/// Where settings that fail have their parameters from.
+pub fn of(path: &Path) -> String {
+    format!("with the parameters of {}", path.display())
 }
 
 impl ParameterFile {

@@ -26,8 +26,8 @@ const HEADING_TRUST_RAD: f64 = 0.12;
 const SAMPLE_GAP_MAX: usize = 3;
 /// Nearest trusted heading of an accepted step. steps
 const HEADING_GAP_MAX: usize = 10;
-/// A pose with x, y and z all nearer to zero means "object lost". m
-const ORIGIN_M: f64 = 1e-3;
+/// An object nearer to the origin than this in x, y and z is not seen. m
+pub(crate) const ORIGIN_M: f64 = 1e-3;
 
 /// Pose, velocity and acceleration of a flight at every step; the heading is continuous.
 #[derive(Debug, Clone, PartialEq)]

@@ -14,8 +14,8 @@ use crate::time::{SpanNs, TimeNs};
 /// ones.
 pub const CONTROL_SILENCE_NEUTRAL: SpanNs = SpanNs::from_ms(100);
 
-/// LAND, or the emergency stop, is repeated this often: one of fifty datagrams is lost, and a drone that takes off
-/// ignores the first ones.
+/// LAND is repeated this often, as is the supervisor's order to stop the motors: one of fifty datagrams is lost, and a
+/// drone that takes off ignores the first ones.
 pub const LAND_PERIOD: SpanNs = SpanNs::from_ms(500);
 
 /// Time for which one witness, motion capture or the drone, has to say without a break that the drone is

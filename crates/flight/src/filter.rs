@@ -5,36 +5,45 @@
 //! comes in wrapped and goes out continuous. What an estimator does with a held value is not decided
 //! here.
 
+use std::ops::RangeInclusive;
+
 use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, pose};
-use horizon_model::setting::{SettingError, finite, in_range, not_negative, positive};
+use horizon_model::setting::{SettingError, finite, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Relays report a lost object at the origin to within rounding; a vehicle may start further from it. m
 const ORIGIN_MAX_M: f64 = 0.1;
 
+/// Bounds of the limits and of their growths: a limit in millimetres or degrees is beyond them and would refuse nothing.
+/// m, rad
+const BASE_M: RangeInclusive<f64> = 0.01..=5.0;
+const GROWTH_M: RangeInclusive<f64> = 0.0..=1.0;
+const BASE_RAD: RangeInclusive<f64> = 0.01..=3.15;
+const GROWTH_RAD: RangeInclusive<f64> = 0.0..=0.5;
+
 /// Limits of the filter, as written in a file. Each limit is `base + growth * hold`, with `hold` the
 /// number of periods in which its group has missed or refused a sample since it last accepted one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FilterTable {
-    /// Largest horizontal jump. m, > 0
+    /// Largest horizontal jump. m, 0.01..=5
     pub horizontal_base_m: f64,
-    /// Growth of that limit per held period. m, >= 0
+    /// Growth of that limit per held period. m, 0..=1
     pub horizontal_growth_m: f64,
-    /// Largest vertical jump. m, > 0
+    /// Largest vertical jump. m, 0.01..=5
     pub vertical_base_m: f64,
-    /// Growth of that limit per held period. m, >= 0
+    /// Growth of that limit per held period. m, 0..=1
     pub vertical_growth_m: f64,
-    /// Largest turn. rad, > 0
+    /// Largest turn. rad, 0.01..=3.15
     pub angle_base_rad: f64,
-    /// Growth of that limit per held period. rad, >= 0
+    /// Growth of that limit per held period. rad, 0..=0.5
     pub angle_growth_rad: f64,
     /// Growth of that limit per period in which a heading was seen and refused, in place of `angle_growth_rad`: a
     /// vehicle that is seen does not jump, and wrong headings last for more than a second. With it a heading is also
     /// accepted that is within `angle_base_rad` of the estimate. Missing: the same growth, and the estimate is not
-    /// used. rad, >= 0
+    /// used. rad, 0..=0.5
     #[serde(default)]
     pub angle_growth_refused_rad: Option<f64>,
     /// A lower z is refused. m
@@ -91,20 +100,20 @@ impl TryFrom<&FilterTable> for FilterSettings {
     fn try_from(table: &FilterTable) -> Result<Self, SettingError> {
         Ok(Self {
             horizontal: Limit {
-                base: positive("horizontal_base_m", table.horizontal_base_m)?,
-                growth: not_negative("horizontal_growth_m", table.horizontal_growth_m)?,
+                base: in_range("horizontal_base_m", table.horizontal_base_m, BASE_M)?,
+                growth: in_range("horizontal_growth_m", table.horizontal_growth_m, GROWTH_M)?,
             },
             vertical: Limit {
-                base: positive("vertical_base_m", table.vertical_base_m)?,
-                growth: not_negative("vertical_growth_m", table.vertical_growth_m)?,
+                base: in_range("vertical_base_m", table.vertical_base_m, BASE_M)?,
+                growth: in_range("vertical_growth_m", table.vertical_growth_m, GROWTH_M)?,
             },
             angle: Limit {
-                base: positive("angle_base_rad", table.angle_base_rad)?,
-                growth: not_negative("angle_growth_rad", table.angle_growth_rad)?,
+                base: in_range("angle_base_rad", table.angle_base_rad, BASE_RAD)?,
+                growth: in_range("angle_growth_rad", table.angle_growth_rad, GROWTH_RAD)?,
             },
             angle_growth_refused: table
                 .angle_growth_refused_rad
-                .map(|growth| not_negative("angle_growth_refused_rad", growth))
+                .map(|growth| in_range("angle_growth_refused_rad", growth, GROWTH_RAD))
                 .transpose()?,
             floor_m: finite("floor_m", table.floor_m)?,
             origin_m: in_range("origin_m", table.origin_m, 0.0..=ORIGIN_MAX_M)?,

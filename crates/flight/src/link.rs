@@ -80,6 +80,13 @@ pub struct DeadTimeError {
     pub sd_s: f64,
 }
 
+impl DeadTimeError {
+    /// Of its mean and variance. s, s^2
+    fn of(mean_s: f64, variance_s2: f64) -> Self {
+        Self { mean_s, sd_s: variance_s2.max(0.0).sqrt() }
+    }
+}
+
 /// The same of each axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeadTimeErrors {

@@ -208,6 +208,9 @@ impl Monitors {
     }
 }
 
+/// Time within which a displacement or turn is forgotten. s
+const FORGET_S: f64 = 15.0;
+
 /// From doubt to disagreement: a difference beyond the limit for a while, or beyond twice the limit for some reports.
 #[derive(Debug, Clone, Default)]
 struct Doubt {

@@ -270,15 +270,15 @@ impl Supervisor {
         if is_standing && let Some(drone) = e.drone {
             self.drone_ground_m = drone.height_m;
         }
-        self.remember_landing(e);
         let says_flying = self.drone_says_flying(e);
-        if self.phase == Phase::TakingOff {
+        if self.take_off_ordered_ns.is_some() {
             self.take_off_seen = self.take_off_seen.max(match says_flying {
                 Some(true) => TakeOffSeen::Reported,
                 _ if self.has_risen(e) => TakeOffSeen::Measured,
                 _ => TakeOffSeen::No,
             });
         }
+        self.remember_landing(e);
         // A report may be late, but does not take itself back.
         let counts = match (self.phase, self.take_off_seen) {
             (Phase::TakingOff, TakeOffSeen::Reported) => true,

@@ -6,10 +6,11 @@
 use std::collections::VecDeque;
 use std::io::{self, BufRead, BufReader, PipeReader, Read, Write};
 use std::os::fd::{AsFd, OwnedFd};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 
 use nix::unistd::dup2_stderr;
+use parking_lot::Mutex;
 
 /// Most lines that are kept, and most bytes of one.
 const LINES_MAX: usize = 200;
@@ -66,7 +67,7 @@ impl Drop for Messages {
             // What it kept is there even if it panicked.
             reader.join().ok();
         }
-        let kept = self.newest.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let kept = self.newest.0.lock();
         let mut stderr = io::stderr().lock();
         // No terminal, no reader.
         if kept.lost > 0 {
@@ -81,7 +82,7 @@ impl Drop for Messages {
 impl Newest {
     /// The newest `count` lines, the oldest first, without what steers a terminal.
     pub fn lines(&self, count: usize) -> Vec<String> {
-        let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let kept = self.0.lock();
         kept.lines.iter().skip(kept.lines.len().saturating_sub(count)).cloned().collect()
     }
 
@@ -93,7 +94,7 @@ impl Newest {
             let text = String::from_utf8_lossy(&bytes);
             let line = text.chars().filter(|character| !character.is_control()).collect();
             bytes.clear();
-            let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut kept = self.0.lock();
             if kept.lines.len() == LINES_MAX {
                 kept.lines.pop_front();
                 kept.lost += 1;

@@ -15,9 +15,9 @@ pub mod text;
 
 use std::net::{SocketAddr, SocketAddrV4, UdpSocket};
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU8, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 use horizon_model::setting::{SettingError, in_range};
+use parking_lot::Mutex;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -282,22 +282,22 @@ impl LinkCounters {
 
     /// The answers that have arrived so far.
     pub fn facts(&self) -> DroneFacts {
-        *self.facts.lock().unwrap_or_else(PoisonError::into_inner)
+        *self.facts.lock()
     }
 
     /// The words of the newest refusal, at most 80 characters; text SDK only.
     pub fn refusal(&self) -> Option<String> {
-        self.refusal.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.refusal.lock().clone()
     }
 
     fn note_refusal(&self, words: &[u8]) {
         let words = String::from_utf8_lossy(words).trim().chars().take(REFUSAL_CHARS).collect();
         self.refusals.count();
-        *self.refusal.lock().unwrap_or_else(PoisonError::into_inner) = Some(words);
+        *self.refusal.lock() = Some(words);
     }
 
     fn note(&self, answer: Answer) {
-        let mut facts = self.facts.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut facts = self.facts.lock();
         match answer {
             Answer::Version(version) => facts.version = Some(version),
             Answer::AltitudeLimit(limit_m) => facts.altitude_limit_m = Some(limit_m),

@@ -8,7 +8,7 @@ use std::io::{self, Read};
 use std::os::unix::fs::{DirBuilderExt as _, FileTypeExt as _};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use serde::Serialize;
 
 /// Lets `fill` create and fill a file beside `path`, which then takes the name `path`. A link is followed. Into a
@@ -91,6 +91,16 @@ pub fn prepare(path: &Path, is_replaced: bool) -> Result<()> {
         refuse_existing(path)?;
     }
     probe(path)
+}
+
+/// Refuses a result `to` that would replace its own source `from`.
+///
+/// # Errors
+/// Both are one file.
+pub fn keep_apart(from: &Path, to: &Path) -> Result<()> {
+    let is_one = to.canonicalize().is_ok_and(|to| from.canonicalize().is_ok_and(|from| from == to));
+    ensure!(!is_one, "{} would replace itself: choose another name with -o", from.display());
+    Ok(())
 }
 
 /// Tries whether [`write()`] could create its file, before the work whose result `path` shall take. Leaves nothing

@@ -16,10 +16,11 @@ mod vrpn;
 
 use std::io;
 use std::net::SocketAddr;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
+use parking_lot::Mutex;
 use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs};
 use thiserror::Error;
 
@@ -116,12 +117,12 @@ impl Emulator {
 
     /// The drone as it really is, now.
     pub fn truth(&self) -> Truth {
-        lock(&self.world).truth()
+        self.world.lock().truth()
     }
 
     /// Switches a fault on or off, from the next step on.
     pub fn set_fault(&self, fault: Fault, is_on: bool) {
-        lock(&self.world).set_fault(fault, is_on);
+        self.world.lock().set_fault(fault, is_on);
     }
 
     /// Stops the world and closes its sockets.
@@ -161,7 +162,7 @@ impl Room {
     fn live(mut self) -> Result<(), TickerError> {
         while !self.is_stopping.load(Ordering::Relaxed) {
             let beat = self.ticker.wait()?;
-            let mut world = lock(&self.world);
+            let mut world = self.world.lock();
             self.drone.receive(&mut world);
             // Time that was missed has passed for the drone, too.
             for _ in 0..=beat.skipped {
@@ -186,7 +187,7 @@ impl Room {
     /// Sends the frames of a step that began at `due`: those of the step itself at their times, late ones at once.
     fn show_between(&mut self, due: TimeNs) {
         let (rate_hz, step) = {
-            let world = lock(&self.world);
+            let world = self.world.lock();
             for shot in world.shots().filter(|shot| u64::from(shot.frame) != world.step()) {
                 for number in frames::numbers(shot.frame, world.mocap_rate_hz()) {
                     self.servers.push([frames::moved(
@@ -204,7 +205,7 @@ impl Room {
         for number in frames::numbers(step, rate_hz) {
             let offset = SpanNs::from_seconds(frames::offset_s(number, step, rate_hz));
             std::thread::sleep(due.after(offset).since(self.clock.now()).duration());
-            let world = lock(&self.world);
+            let world = self.world.lock();
             let of_step = |shot: &Shot<'_>| shot.frame == step;
             let as_frame = |shot| frames::moved(shot, number, rate_hz, &world.change());
             let passer = world.shot_of_passer().map(|shot| Shot { frame: number, rate_hz, ..shot });
@@ -215,11 +216,6 @@ impl Room {
             }
         }
     }
-}
-
-/// The world, also after a panic of a thread that held it: it is a value, valid after every step.
-fn lock(world: &Mutex<World>) -> MutexGuard<'_, World> {
-    world.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

@@ -8,15 +8,12 @@ use std::fmt::{self, Display, Formatter};
 use anyhow::Result;
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_eval::metrics::{Judge, LeastClearance, ReferencePath, Surroundings};
+use tello_eval::metrics::LeastClearance;
 use tello_flight::cycle::FlightTable;
-use tello_flight::{Fault, Mission, ObstacleTable, Phase, Pilot, Start};
+use tello_flight::{Fault, ObstacleTable, Start};
 
-use crate::virtual_time::VirtualFlight;
+use crate::batch::{Contender, Ending};
 use crate::{Profile, SimTable};
-
-/// A flight is given up after twice its planned time and so much more. s
-const PATIENCE_S: f64 = 30.0;
 
 /// What becomes of a mission in the simulator.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -51,43 +48,19 @@ impl NominalFlight {
             faults: Vec::new(),
             ..crate::settings(None)?
         };
-        let dt_s = flight.cycle.dt_s;
-        let planned_s = Mission::new(&flight.mission, dt_s)?.survey().duration_s;
-        let reference = ReferencePath::of(&flight)?;
-        let surroundings = Surroundings::of(&flight.cycle)?;
-        let mut judge = Judge::new(&reference, dt_s);
-        let mut virtual_flight = VirtualFlight::new(&flight, &sim, 0)?.without_plan();
-        let mut found = Self {
-            targets_reached: 0,
-            targets_count: reference.targets_count,
-            finish_s: None,
-            distance_p95_m: None,
-            clearance: LeastClearance::default(),
-            landed_by: Vec::new(),
-        };
-        loop {
-            let out = virtual_flight.tick()?;
-            let (now_s, u_sent) = (out.step as f64 * dt_s, out.u_sent);
-            found.targets_reached = out.targets_reached;
-            if out.phase() != Phase::Flying {
-                let faults = out.ruling.map(|ruling| ruling.faults).unwrap_or_default();
-                if !found.is_finished() {
-                    found.landed_by = faults.ending_flight(Pilot::Controller).iter().collect();
-                }
-                break;
-            }
-            let at = virtual_flight.true_pose();
-            judge.add(now_s, &at, &u_sent, found.targets_reached);
-            found.clearance.add(surroundings.at(&at, None));
-            if now_s > 2.0 * planned_s + PATIENCE_S {
-                break;
-            }
-        }
-        if let Some(score) = judge.score() {
-            found.finish_s = score.metrics.finish_s;
-            found.distance_p95_m = Some(score.metrics.distance_p95_m);
-        }
-        Ok(found)
+        let contender = Contender::new(flight, None)?;
+        let row = contender.fly(&sim, 0)?.row;
+        let targets_count = contender.reference.targets_count;
+        let is_finished = row.ending == Ending::Finished;
+        Ok(Self {
+            // Judged by poses, a flight may be over a tick before the controller counts its last target.
+            targets_reached: if is_finished { targets_count } else { row.targets_reached },
+            targets_count,
+            finish_s: row.by_truth.as_ref().and_then(|score| score.metrics.finish_s),
+            distance_p95_m: row.by_truth.map(|score| score.metrics.distance_p95_m),
+            clearance: row.clearance,
+            landed_by: row.landed_by,
+        })
     }
 
     /// Whether all targets were reached.
@@ -154,7 +127,11 @@ mod tests {
         let wall = ObstacleTable::Box { x_m: [-5.0, 5.0], y_m: [-2.3, -2.2], z_m: [-0.2, 3.0] };
         let flight = flown(|flight| flight.cycle.obstacles = vec![wall]);
         assert!(!flight.is_finished() && flight.finish_s.is_none(), "{flight:?}");
-        assert!(flight.landed_by.is_empty(), "it waits before the wall: {flight:?}");
+        assert_eq!(
+            flight.landed_by,
+            [Fault::MissionOverdue],
+            "it waits before the wall: {flight:?}"
+        );
         assert!(flight.to_string().starts_with("NOT TO ITS END: 1 of 5 targets"), "{flight}");
         // One that moves is nowhere yet.
         let moving = ObstacleTable::Moving { radius_m: 0.3 };

@@ -12,14 +12,14 @@ use motion::SdkMotion;
 use tello_io::tello::DroneOrder;
 use tello_io::tello::text::{Command, CommandError, StateLine};
 
+use tello_io::tello::STATE_PORT;
+
 use crate::DT_S;
 use crate::drone::{Drone, LandAnswer, Phase, Truth};
 use crate::firmware::SdkVersion;
 
 /// A movement or a take-off that comes so soon after sticks is refused. s
 const STICKS_REST_S: f64 = 0.5;
-/// Where the state line goes until `port` says otherwise.
-const STATE_PORT: u16 = 8890;
 
 /// The state of SDK mode.
 #[derive(Debug, Clone)]

@@ -12,7 +12,7 @@ fn resolved(name: &str, text: &str) -> Result<Value, String> {
     fs::write(&path, text).unwrap();
     let resolved = resolve(None, Some(&path));
     fs::remove_file(&path).unwrap();
-    resolved.map_err(|error| error.to_string().replace(&path.display().to_string(), "FILE"))
+    resolved.map_err(|error| format!("{error:#}").replace(&path.display().to_string(), "FILE"))
 }
 
 #[test]
@@ -44,7 +44,7 @@ fn a_file_of_no_kind_shows_the_keys_that_it_has() {
 
 #[test]
 fn parameters_that_the_estimator_does_not_take_are_refused() {
-    let lagged = |lambda_v: f64| {
+    let lagged = |lambda_v: f64, later_s: f64| {
         let (table, _) = config::fly(None, None).unwrap();
         let entry = |(row, value): (&horizon_model::Row, &f64)| {
             let value = if row.name == "lambda_v" { lambda_v } else { *value };
@@ -53,15 +53,20 @@ fn parameters_that_the_estimator_does_not_take_are_refused() {
         };
         let rows = table.cycle.model.parameters().iter().zip(&table.cycle.mhe.p_prior);
         let parameters: serde_json::Map<_, _> = rows.map(entry).collect();
+        let dead_time_s = table.cycle.dead_time_s.iter().map(|s| s + later_s).collect::<Vec<_>>();
         let file = json!({
             "format": 1, "model": table.cycle.model, "parameters": parameters, "data": [], "settings": {},
-            "dead_time_s": table.cycle.dead_time_s, "revision": "none",
+            "dead_time_s": dead_time_s, "revision": "none",
         });
         resolved("params.json", &file.to_string())
     };
-    assert!(lagged(0.9).is_ok(), "{:?}", lagged(0.9));
-    let error = lagged(30.0).unwrap_err();
-    assert!(error.contains("with the parameters of FILE"), "{error}");
+    assert!(lagged(0.9, 0.0).is_ok(), "{:?}", lagged(0.9, 0.0));
+    for (lambda_v, later_s, key) in [(30.0, 0.0, "lambda_v"), (0.9, 1.5, "cycle.mpc.horizon_steps")]
+    {
+        let error = lagged(lambda_v, later_s).unwrap_err();
+        assert!(error.contains("with the parameters of FILE"), "{error}");
+        assert!(error.contains(key), "{error}");
+    }
 }
 
 #[test]

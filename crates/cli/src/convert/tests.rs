@@ -55,7 +55,7 @@ fn a_recording_is_never_made_of_itself() {
     assert_eq!(refusal(None, Some(Format::Csv)), "it is csv already");
     assert!(
         refusal(Some(path.as_path()), None)
-            .ends_with("would be replaced: choose another name with -o")
+            .ends_with("would replace itself: choose another name with -o")
     );
     assert!(fs::read(&path).unwrap().starts_with(b"pos"));
     fs::remove_file(path).unwrap();

@@ -8,12 +8,13 @@ use std::collections::BTreeMap;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
 use std::pin::Pin;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
 use axum::extract::connect_info::Connected;
 use axum::serve::{IncomingStream, Listener};
+use parking_lot::Mutex;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::oneshot;
@@ -41,10 +42,6 @@ struct OpenConnections {
 }
 
 type SharedConnections = Arc<Mutex<OpenConnections>>;
-
-fn lock(shared: &SharedConnections) -> MutexGuard<'_, OpenConnections> {
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 impl OpenConnections {
     fn new(count_max: usize) -> Self {
@@ -120,7 +117,7 @@ impl Listener for LimitedListener {
         let (stream, address) = Listener::accept(&mut self.listener).await;
         // Facts are sent as they come: without Nagle's delay.
         stream.set_nodelay(true).ok();
-        let (number, is_closed) = lock(&self.shared).enter(address.ip());
+        let (number, is_closed) = self.shared.lock().enter(address.ip());
         let handle = LimitHandle { number, shared: Arc::clone(&self.shared) };
         let over = self.time.map(|time| Box::pin(sleep(time)));
         let limit = RequestLimit { over, is_closed };
@@ -141,7 +138,7 @@ impl Connected<IncomingStream<'_, LimitedListener>> for LimitHandle {
 impl LimitHandle {
     /// The connection is outside of the limit from now on: its caller bounds it.
     pub(super) fn release(&self) {
-        if let Some((_, go)) = lock(&self.shared).inside.remove(&self.number) {
+        if let Some((_, go)) = self.shared.lock().inside.remove(&self.number) {
             go.send(()).ok();
         }
     }
@@ -168,7 +165,7 @@ impl LimitedStream {
 
 impl Drop for LimitedStream {
     fn drop(&mut self) {
-        lock(&self.handle.shared).inside.remove(&self.handle.number);
+        self.handle.shared.lock().inside.remove(&self.handle.number);
     }
 }
 
@@ -237,9 +234,9 @@ mod tests {
     #[test]
     fn a_place_is_free_again_when_its_connection_is_released() {
         let shared = Arc::new(Mutex::new(OpenConnections::new(COUNT_MAX)));
-        let (number, mut goes) = lock(&shared).enter(peer(1));
+        let (number, mut goes) = shared.lock().enter(peer(1));
         LimitHandle { number, shared: Arc::clone(&shared) }.release();
         assert_eq!(goes.try_recv(), Ok(()));
-        assert!(lock(&shared).inside.is_empty());
+        assert!(shared.lock().inside.is_empty());
     }
 }

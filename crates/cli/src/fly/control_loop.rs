@@ -1,7 +1,7 @@
 //! The control thread: fills the inbox, ticks, sends, hands the record to the logger.
 //!
-//! Owns the fixed period and nothing of control. It waits for nothing but its next deadline and, a millisecond at
-//! most, the frame that is due then.
+//! Owns the fixed period and nothing of control. It waits for nothing but its next deadline and, for
+//! `real_time.frame_wait_s` at most, the frame that is due then.
 
 mod orders;
 

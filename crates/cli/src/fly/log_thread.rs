@@ -2,10 +2,11 @@
 //!
 //! Owns what the log's thread does with a record; how records get there is `io::log::Recorder`.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Result;
+use parking_lot::Mutex;
 use tello_io::clock::{CivilTime, Clock};
 use tello_io::log::{LogWriter, Recorder};
 use tello_io::mocap::MocapCounters;
@@ -63,7 +64,7 @@ pub(super) fn start(
         if let Some(live) = &mut live {
             live.observe(tick, || mocap.report());
         }
-        let mut tally = tally.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut tally = tally.lock();
         tally.add(tick);
         let Some(log) = log else { return Ok(()) };
         let is_due = tick.inbox.step.is_multiple_of(STREAM_EVERY_TICKS);

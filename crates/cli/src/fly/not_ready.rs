@@ -55,8 +55,8 @@ pub(super) fn not_ready(
 /// How long poses may take to come before a note says that there are none.
 const UNSEEN: Duration = Duration::from_secs(2);
 
-/// Lets a dry run note once why there is no pose, if none has come in time: it has no pre-flight list and waits for
-/// ever. The picture of a terminal shows no notes.
+/// Lets a dry run note once why there is no pose, if none has come in time: it has no pre-flight list and ends
+/// after 10 s only. The picture of a terminal shows no notes.
 pub(super) fn note_unseen(arguments: &Arguments, table: &FlyTable, counters: &Arc<MocapCounters>) {
     if !arguments.dry_run || arguments.tui {
         return;

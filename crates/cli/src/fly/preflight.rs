@@ -139,7 +139,8 @@ fn refuse_built_in_room(table: &FlyTable) -> Result<()> {
     let is_simulated =
         table.tello.address.parse().is_ok_and(|address: SocketAddr| address.ip().is_loopback());
     let (built_in, _) = config::fly(None, None)?;
-    if !is_simulated && table.cycle.supervisor.room == built_in.cycle.supervisor.room {
+    let walls_m = |table: &FlyTable| table.cycle.supervisor.room.as_ref().map(RoomTable::walls_m);
+    if !is_simulated && walls_m(table) == walls_m(&built_in) {
         bail!(
             "cycle.supervisor.room is the built-in one, 10 x 10 m: measure your room and write its walls \
              (x_m, y_m, z_m in the frame of the motion capture, half a metre to spare) into the file of --config"
@@ -350,13 +351,17 @@ fn reported(facts: &DroneFacts) -> String {
 }
 
 fn battery_check(drone: Option<&DroneStatus>, low_pct: u8, critical_pct: u8) -> Check {
-    let Some(DroneStatus { battery_pct, .. }) = drone else {
+    let Some(DroneStatus { battery_pct, is_battery_low, .. }) = drone else {
         return check("battery", Readiness::Bad, "unknown without a report of the drone");
     };
     let limits = format!("takes off from {low_pct} % on and lands below {critical_pct} %");
-    let has_charge = (low_pct..=100).contains(battery_pct);
-    let readiness = if has_charge { Readiness::Good } else { Readiness::Bad };
-    check("battery", readiness, format!("{battery_pct} %; {limits}"))
+    let (readiness, why) = match (battery_pct, is_battery_low) {
+        (101.., _) => (Readiness::Bad, ", more than a battery holds: the report is not trusted"),
+        (_, Some(true)) => (Readiness::Bad, ", low by the drone's own report"),
+        (charge, _) if *charge < low_pct => (Readiness::Bad, ""),
+        _ => (Readiness::Good, ""),
+    };
+    check("battery", readiness, format!("{battery_pct} %{why}; {limits}"))
 }
 
 fn log_check(found: &Found) -> Check {

@@ -1,7 +1,7 @@
 use super::*;
 
 fn bar(shown: &Shown<'_>) -> ProgressBar {
-    shown.bar.lock().unwrap().clone()
+    shown.bar.lock().clone()
 }
 
 #[test]

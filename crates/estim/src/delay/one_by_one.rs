@@ -54,6 +54,7 @@ where
             let cost = self.solve()?;
             if cost < least {
                 (at_s, least) = (vertex_s, cost);
+                curve.insert(if vertex_s < curve[best].0 { best } else { best + 1 }, (at_s, least));
             }
         }
         self.put(group, at_s);

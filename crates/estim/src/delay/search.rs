@@ -339,7 +339,8 @@ struct LocalMinimum {
     curvature: Option<f64>,
 }
 
-/// Profiles from the `gradients` at ascending candidates: the costs above the least, and where it is.
+/// Profile from the `gradients` at ascending candidates: the costs above the least, at the candidates and at the
+/// minimum between them, and where it is.
 fn integrate(candidates_s: &[f64], gradients: &[f64]) -> (Vec<(f64, f64)>, LocalMinimum) {
     let mut cost = 0.0;
     let mut curve = vec![(candidates_s.first().copied().unwrap_or(0.0), 0.0)];
@@ -356,9 +357,6 @@ fn integrate(candidates_s: &[f64], gradients: &[f64]) -> (Vec<(f64, f64)>, Local
         }
     }
     let (best_s, least) = curve[best];
-    for (_, cost) in &mut curve {
-        *cost -= least;
-    }
     // The gradient vanishes between the best candidate and the neighbour it points down to.
     let neighbour = if gradients[best] < 0.0 { Some(best + 1) } else { best.checked_sub(1) };
     let next = neighbour.and_then(|at| candidates_s.get(at).zip(gradients.get(at)));
@@ -367,6 +365,17 @@ fn integrate(candidates_s: &[f64], gradients: &[f64]) -> (Vec<(f64, f64)>, Local
         let at_s = best_s - gradients[best] / curvature;
         (curvature > 0.0).then_some(LocalMinimum { at_s, curvature: Some(curvature) })
     });
+    let least = match minimum {
+        Some(LocalMinimum { at_s, .. }) if at_s.total_cmp(&best_s).is_ne() => {
+            let least = least + 0.5 * gradients[best] * (at_s - best_s);
+            curve.insert(if at_s > best_s { best + 1 } else { best }, (at_s, least));
+            least
+        }
+        _ => least,
+    };
+    for (_, cost) in &mut curve {
+        *cost -= least;
+    }
     (curve, minimum.unwrap_or(LocalMinimum { at_s: best_s, curvature: None }))
 }
 

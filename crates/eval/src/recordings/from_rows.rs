@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use anyhow::{Result, bail};
 use horizon_estim::Observed;
 use horizon_model::rows::{Pose, pose};
 use tello_flight::{Acceptance, FilterSettings, PoseFilter};
@@ -9,13 +10,11 @@ use tello_io::log::csv::CsvRow;
 
 use super::rows::RowFlight;
 use super::{GAP_STEPS_MAX, Sample, note, observed};
+use crate::smooth::ORIGIN_M;
 
 /// Digits behind the point with which a pose that repeats itself may be a new one: the mocap's noise of
 /// 0.3 mm hides in a centimetre, not in a tenth of a millimetre.
 const ROUNDED_DECIMALS: usize = 2;
-
-/// An object nearer to the origin than this in x, y and z is not seen. m
-const ORIGIN_M: f64 = 1e-3;
 
 /// The samples of `flight`, and what of it is no observation.
 ///
@@ -23,15 +22,19 @@ const ORIGIN_M: f64 = 1e-3;
 /// jumps by more than half a turn. Then it runs through `filter`, as in flight. Otherwise every pose
 /// counts and headings are continuous already. A repeated pose is a stall of the stream and no
 /// observation, unless the file is rounded to [`ROUNDED_DECIMALS`].
+///
+/// # Errors
+/// Most headings jump.
 pub(super) fn samples(
     flight: RowFlight,
     filter: FilterSettings,
     skipped: &mut Vec<String>,
-) -> Vec<Sample> {
+) -> Result<Vec<Sample>> {
     skipped.extend(flight.notes);
     let repeats = flight.decimals <= ROUNDED_DECIMALS;
     let mut filter = is_raw(&flight.rows).then(|| PoseFilter::new(filter));
     let (mut stalled, mut lost, mut positions_held, mut headings_held) = (0, 0, 0, 0);
+    let mut headings = 0;
     let (mut newest, mut step) = (None, None);
     let sample = |row: &CsvRow| {
         let is_stalled = !repeats && row.pos.is_some() && row.pos == newest;
@@ -55,6 +58,7 @@ pub(super) fn samples(
                         && filtered.heading == Acceptance::Held,
                 );
                 let is_new = |acceptance| acceptance == Acceptance::Accepted;
+                headings += usize::from(is_new(filtered.heading));
                 filtered.o.map_or_else(Observed::missing, |o| {
                     accepted(o, is_new(filtered.position), is_new(filtered.heading))
                 })
@@ -64,11 +68,14 @@ pub(super) fn samples(
         Sample { step: row.step, u: row.input, o }
     };
     let samples = flight.rows.iter().map(sample).collect();
+    if headings_held > headings {
+        bail!("{headings_held} headings jump, {headings} do not: theta is in rad");
+    }
     note(skipped, stalled, "poses repeated while the stream stalled");
     note(skipped, lost, "poses of a lost object");
     note(skipped, positions_held, "poses not accepted by the filter");
     note(skipped, headings_held, "headings not accepted by the filter");
-    samples
+    Ok(samples)
 }
 
 /// The rows of a filtered pose that are new.
@@ -132,7 +139,7 @@ mod tests {
         {
             let flight = RowFlight { rows: rows(&poses), decimals, notes: vec!["a note".into()] };
             let mut skipped = Vec::new();
-            let samples = samples(flight, filter, &mut skipped);
+            let samples = samples(flight, filter, &mut skipped).unwrap();
             let present: Vec<bool> = samples.iter().map(|one| one.o.is_present[pose::X]).collect();
             assert_eq!(present, expected, "{decimals} decimals");
             assert_eq!(skipped.len(), 1 + usize::from(decimals > ROUNDED_DECIMALS), "{skipped:?}");

@@ -146,7 +146,7 @@ where
         self.lag
     }
 
-    /// Steps 7 and 8 of section 4.3.11: predict over the dead time (4.26), ask the mission, solve.
+    /// Steps 7 and 8 of thesis section 4.3.11: predict over the dead time (4.26), ask the mission, solve.
     ///
     /// # Errors
     /// As [`Mpc::solve`].
@@ -270,7 +270,7 @@ where
         self.s_ref.get(at).map(|s_ref| self.model.observe(s_ref))
     }
 
-    /// Step 4: the sticks that the plan holds for now, weaker the older the plan, section 4.3.9.
+    /// Step 4: the sticks that the plan holds for now, weaker the older the plan, thesis section 4.3.9.
     pub(super) fn sticks(&self) -> Sticks {
         let (true, Some(lag)) = (self.has_usable_plan(), self.lag) else { return Sticks::zeros() };
         let plan = self.mpc.plan();

@@ -45,7 +45,7 @@ impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    /// Steps 1 and 2 of section 4.3.11: the rows of the raw observations that the estimator uses.
+    /// Steps 1 and 2 of thesis section 4.3.11: the rows of the raw observations that the estimator uses.
     ///
     /// `None` until the filter has seen its first valid pose.
     pub(super) fn sense(&mut self, inbox: &Inbox, out: &mut Outcome) -> Option<Seen> {

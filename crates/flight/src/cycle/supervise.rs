@@ -107,27 +107,41 @@ where
 
     /// Shows this tick to the monitors.
     fn monitor(&mut self, inbox: &Inbox) -> Findings {
+        let sample = self.sample(self.memory.o_seen, self.fifo.applied(JUST_ENDED), inbox);
+        if !self.is_monitored() {
+            self.monitors.rest(&sample);
+            return Findings::default();
+        }
+        if let Some(repeated) = self.memory.o_repeated.filter(|_| sample.pose.is_none()) {
+            self.monitors.observe_repeated(&repeated);
+        }
+        self.monitors.update(&sample)
+    }
+
+    /// Shows a period without a tick, in which `u_meant` would have been applied, to the monitors and to the worst
+    /// case: its motion is in the next pose.
+    pub(super) fn monitor_missed(&mut self, u_meant: Sticks, inbox: &Inbox) {
+        if self.is_monitored() {
+            let sample = self.sample(None, u_meant, inbox);
+            self.monitors.update(&sample);
+        }
+        if self.mhe.is_started() {
+            self.follow_worst_case(&u_meant);
+        }
+    }
+
+    /// Whether the motion is that of a flight.
+    fn is_monitored(&self) -> bool {
+        matches!(self.supervisor.phase(), Phase::TakingOff | Phase::Flying) && !self.is_carried
+    }
+
+    /// What the monitors see of a period in which `u_applied` acted.
+    fn sample(&self, pose: Option<Pose>, u_applied: Sticks, inbox: &Inbox) -> Sample {
         let is_fresh = |status: &DroneStatus| {
             inbox.now.since(status.received_at).seconds() <= REPORT_AGE_MAX_S
         };
-        let sample = Sample {
-            pose: self.memory.o_seen,
-            drone: self.memory.drone.filter(is_fresh).as_ref().map(drone_motion),
-            u_applied: self.fifo.applied(JUST_ENDED),
-            link_is_up: self.link_is_up(),
-        };
-        match self.supervisor.phase() {
-            Phase::TakingOff | Phase::Flying if !self.is_carried => {
-                if let Some(repeated) = self.memory.o_repeated.filter(|_| sample.pose.is_none()) {
-                    self.monitors.observe_repeated(&repeated);
-                }
-                self.monitors.update(&sample)
-            }
-            _ => {
-                self.monitors.rest(&sample);
-                Findings::default()
-            }
-        }
+        let drone = self.memory.drone.filter(is_fresh).as_ref().map(drone_motion);
+        Sample { pose, drone, u_applied, link_is_up: self.link_is_up() }
     }
 
     /// The present command outage.
@@ -135,13 +149,17 @@ where
         if !self.mhe.is_started() {
             return None;
         }
-        let link_is_up = self.link_is_up();
-        let estimate = (self.mhe.s_hat(), self.mhe.p_hat());
-        let u_meant = self.fifo.applied(JUST_ENDED);
-        self.worst_case.follow(&self.model, link_is_up, estimate, &u_meant, self.dt_s);
+        self.follow_worst_case(&self.fifo.applied(JUST_ENDED));
         let (states, for_s) = self.worst_case.states()?;
         let is_held = self.link.as_ref().is_some_and(|link| link.state() == LinkState::Held);
         Some(Outage { for_s, is_held, unseen: states.map(|s| self.motion_of(&s)) })
+    }
+
+    /// One period in which `u_meant` would have been applied.
+    fn follow_worst_case(&mut self, u_meant: &Sticks) {
+        let link_is_up = self.link_is_up();
+        let estimate = (self.mhe.s_hat(), self.mhe.p_hat());
+        self.worst_case.follow(&self.model, link_is_up, estimate, u_meant, self.dt_s);
     }
 
     /// Where the vehicle is and where to, by the newest estimate; `None` before the first.

@@ -128,8 +128,8 @@ impl Hypothesis {
 
     /// What is known of the error of the dead time.
     pub(super) fn dead_time_error(&self) -> DeadTimeError {
-        let variance = self.covariance[(row::DEAD_TIME, row::DEAD_TIME)];
-        DeadTimeError { mean_s: self.s[row::DEAD_TIME], sd_s: variance.max(0.0).sqrt() }
+        let at = row::DEAD_TIME;
+        DeadTimeError::of(self.s[at], self.covariance[(at, at)])
     }
 
     /// Starts again from `coarse` if the dead times of the two differ by more than its standard deviation.

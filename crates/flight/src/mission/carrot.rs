@@ -57,7 +57,7 @@ impl Carrot {
     /// The reference one period later, with the pace that is allowed now.
     ///
     /// A `pace` can be reduced to zero by `growth` in what is left after the period if
-    /// `pace dt + pace^2 / (2 growth) <= left`. The next largest such pace is less than `growth dt` below it.
+    /// `pace dt + pace^2 / (2 growth) <= left`.
     pub(super) fn after(self, dt_s: f64) -> Self {
         if self.is_arrived() {
             return self;

@@ -40,6 +40,8 @@ pub(super) struct DirectionMonitor {
     limit_rad: f64,
     dt_s: f64,
     before: Option<Pose>,
+    /// Heading of the newest pose. rad
+    theta_rad: f64,
     /// The newest of [`Velocities::u`] before the ring takes it. 1
     v_u: Complex<f64>,
     /// What is left of a velocity from before the comparison, over that velocity. 1
@@ -127,6 +129,7 @@ impl DirectionMonitor {
             limit_rad,
             dt_s,
             before: None,
+            theta_rad: 0.0,
             v_u: Complex::default(),
             decay: 0.0,
             ring: vec![Velocities::default(); length],
@@ -149,7 +152,7 @@ impl DirectionMonitor {
 
     /// Takes a tick in flight: the angle, if there is one, and whether it has been wrong for long enough.
     ///
-    /// Ticks without a pose are left out. In an outage the motion is forgotten: inputs had ceased to act
+    /// A motion is that from one pose to one in the next tick. In an outage the motion is forgotten: inputs had ceased to act
     /// before that was noticed.
     pub(super) fn update(&mut self, sample: &Sample) -> (Option<f64>, bool) {
         if !sample.link_is_up {
@@ -158,11 +161,10 @@ impl DirectionMonitor {
             return (None, false);
         }
         let before = std::mem::replace(&mut self.before, sample.pose);
-        if let Some(now) = sample.pose {
-            self.ask(sample, now[pose::THETA]);
-            if let Some(before) = before {
-                self.add((now - before) / self.dt_s);
-            }
+        self.theta_rad = sample.pose.map_or(self.theta_rad, |now| now[pose::THETA]);
+        self.ask(sample);
+        if let (Some(now), Some(before)) = (sample.pose, before) {
+            self.add((now - before) / self.dt_s);
         }
         let error_rad = self.error_rad();
         let is_beyond = |limit_rad| error_rad.is_some_and(|error_rad| error_rad.abs() > limit_rad);
@@ -172,8 +174,8 @@ impl DirectionMonitor {
     }
 
     /// The velocity that the inputs ask for follows them with the lag. Pitch leads forward, roll to the right.
-    fn ask(&mut self, sample: &Sample, theta_rad: f64) {
-        let [x, y] = inputs_w(&sample.u_applied, theta_rad).into();
+    fn ask(&mut self, sample: &Sample) {
+        let [x, y] = inputs_w(&sample.u_applied, self.theta_rad).into();
         let asked = Complex::new(x, y);
         let keep = decay(self.dt_s);
         self.v_u += (asked - self.v_u) * (1.0 - keep);

@@ -6,11 +6,11 @@
 
 use nalgebra::Complex;
 
+use super::FORGET_S;
 use super::typical_vehicle::decay;
 use super::velocity::{FIXED, FRAMES, TURNING};
 
-/// Time within which a displacement is forgotten, and a difference between speeds. s
-const FORGET_S: f64 = 15.0;
+/// Time within which a difference between speeds is forgotten. s
 const SPEED_FORGET_S: f64 = 4.0;
 /// Displacement by the drone that counts. m
 const FLOWN_MIN_M: f64 = 0.6;

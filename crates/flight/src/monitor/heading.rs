@@ -10,10 +10,8 @@ use horizon_model::angle::wrap;
 use horizon_model::rows::pose;
 
 use super::typical_vehicle::{YAW_LAG_S, yaw_rate_radps};
-use super::{Agreement, Doubt, Sample};
+use super::{Agreement, Doubt, FORGET_S, Sample};
 
-/// Time within which a turn is forgotten. s
-const FORGET_S: f64 = 15.0;
 /// Turn by the drone that shows what it follows. rad
 const TURN_MIN_RAD: f64 = 0.3;
 /// Difference between two turns of which one follows the other, over the larger: gains differ between vehicles.

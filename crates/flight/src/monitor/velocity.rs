@@ -11,10 +11,8 @@ use nalgebra::Complex;
 
 use super::displacement::Displacements;
 use super::typical_vehicle::velocity_mps;
-use super::{Agreement, Doubt, Sample};
+use super::{Agreement, Doubt, FORGET_S, Sample};
 
-/// Time within which a difference is forgotten. s
-const FORGET_S: f64 = 15.0;
 /// Time within which motion that showed the axes is forgotten. s
 const AXES_FORGET_S: f64 = 30.0;
 /// Motion that shows the axes: integral of the squared deviation of the drone's velocity from its mean. m^2/s
@@ -45,6 +43,8 @@ pub(super) struct VelocityMonitor {
     before: Option<Pose>,
     /// Since the newest pose. s
     since_pose_s: f64,
+    /// Whether the drone was silent since then: what it flew meanwhile is not known.
+    was_silent: bool,
     sums: Sums,
     /// The same with the inputs of a typical vehicle in place of the poses.
     sums_by_inputs: Sums,
@@ -85,6 +85,7 @@ impl VelocityMonitor {
             dt_s,
             before: None,
             since_pose_s: 0.0,
+            was_silent: false,
             sums: Sums::default(),
             sums_by_inputs: Sums::default(),
             displacements: Displacements::default(),
@@ -112,10 +113,16 @@ impl VelocityMonitor {
         let Some([first_mps, second_mps]) = sample.drone.and_then(|drone| drone.horizontal_mps)
         else {
             self.speed_mps = None;
+            self.was_silent = sample.pose.is_none();
             return (Agreement::Unknown, 0.0);
         };
         let speed_mps = first_mps.hypot(second_mps);
         self.speed_mps = (self.speed_mps.is_some() || speed_mps > 0.0).then_some(speed_mps);
+        if self.was_silent {
+            // From this pose on, if there is one, both are known again.
+            self.was_silent = sample.pose.is_none();
+            return (Agreement::Unknown, 0.0);
+        }
         let seen = frames(Complex::new(first_mps, second_mps), self.before);
         self.displacements.add(moved_w_m, &seen, asked(sample, self.before), self.dt_s);
         let error_m = self.compare(moved_w_m, &seen);

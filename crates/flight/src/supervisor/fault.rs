@@ -52,8 +52,8 @@ pub enum Fault {
     /// The vehicle is outside of the room.
     FenceLeft,
     /// For 0.3 s the vehicle was further from its reference than at least so far by more than `failsafe.tracking_m`,
-    /// or had come down below it by more than 0.45 m: it sinks or is pulled down. Or for 1.5 s it was turned away from
-    /// it by more than 1 rad; in an outage only while it turns.
+    /// or had come down below it by more than 0.45 m, not within 0.6 m of an obstacle: it sinks or is pulled down. Or
+    /// for 1.5 s it was turned away from it by more than 1 rad; in an outage only while it turns.
     TrackingLost,
     /// Inputs of `failsafe.pressed_s` in one direction have moved nothing: the vehicle is held, caught or blocked. Or
     /// it stands still below its reference, for 1.2 s while it is steered, for 2.4 s in an outage.
@@ -69,7 +69,8 @@ pub enum Fault {
     OutageHeld,
     /// A command outage lasts longer than `failsafe.outage_s`, or `failsafe.outage_alone_s` while nothing confirms it.
     OutageLong,
-    /// The vehicle would have left the room if its commands act against the judgement of the link monitor.
+    /// For 0.5 s the drone has not confirmed an outage, and the vehicle would have left the room if its commands act
+    /// against the judgement of the link monitor.
     OutageUnsafe,
     /// The drone has not reported yet.
     DroneUnheard,

@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 use horizon_model::setting::SettingError;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
+use tello_flight::cycle::DT_S;
 use tello_flight::{
     CsvError, CsvErrors, Mission, MissionTable, PointsTable, Start, TrajectoryTable, cycle,
     falling_times,
@@ -36,9 +37,6 @@ const PROBLEMS_MAX: usize = 50;
 
 /// Most values that are replaced to find them.
 const REPLACED_MAX: usize = 200;
-
-/// Period for which a mission is checked that is checked alone. s
-const DT_S: f64 = 0.02;
 
 /// One mistake.
 #[derive(Debug, Clone, PartialEq, Eq)]

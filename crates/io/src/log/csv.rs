@@ -41,6 +41,10 @@ const VALUES: usize = 4;
 const STEPS_AHEAD_MAX: u64 = 180_000;
 const STEPS_BACK_MAX: u64 = 50;
 
+/// What a line of the format is, for messages.
+pub const LINE_FORMAT: &str = "a line is TAG,STEP and four values (docs/configuration.md, `ident`): pos x, y, z in m, \
+                               theta in rad; input roll, pitch, yaw, throttle from -1 to 1; STEP counts periods of 0.02 s";
+
 /// A recorded flight.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CsvFlight {
@@ -123,13 +127,30 @@ pub enum CsvError {
         source: io::Error,
     },
     /// Not one line is of the format.
-    #[error("{} has no line of a flight log: {}", path.display(), first(skipped))]
+    #[error("{} has no line of a flight log: {}; {LINE_FORMAT}", path.display(), first(skipped))]
     NoRows {
         /// The file.
         path: PathBuf,
         /// Every line of it.
         skipped: Vec<Skipped>,
     },
+}
+
+impl CsvFlight {
+    /// The first line whose value is beyond its limit, if there are more such lines of its tag than lines that can be
+    /// used: the file has other units.
+    pub fn in_other_units(&self) -> Option<&Skipped> {
+        Tag::ALL.into_iter().find_map(|tag| {
+            let is_beyond = |line: &&Skipped| {
+                let name = line.text.split(',').next().map(str::trim_end);
+                matches!(line.why, SkipReason::Beyond(..)) && name == Some(tag.name())
+            };
+            let beyond = || self.skipped.iter().filter(is_beyond);
+            let is_used = |row: &&CsvRow| tag.place(&mut CsvRow::clone(row)).is_some();
+            let is_most = beyond().count() > self.rows.iter().filter(is_used).count();
+            beyond().next().filter(|_| is_most)
+        })
+    }
 }
 
 /// The flight in a file.

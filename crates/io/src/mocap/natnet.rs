@@ -18,13 +18,10 @@ use packet::{FrameEnd, ServerInfo, Version, id};
 use super::MocapCounters;
 use super::axes::{Placement, matrix_of_quaternion};
 use super::protocol::{
-    BodyProtocol, Head, LATENCY_MAX_S, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, Taker,
+    BodyProtocol, Head, LATENCY_MAX_S, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, RATE_HZ, Taker,
 };
 use super::source::{Connection, SourceError};
 use crate::clock::SpanNs;
-
-/// Rates that the server may announce. Hz
-const RATE_HZ: std::ops::RangeInclusive<f64> = 1.0..=10_000.0;
 
 /// The datagrams of a server.
 #[derive(Debug)]

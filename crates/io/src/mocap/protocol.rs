@@ -4,6 +4,7 @@
 //! the frame. [`Picked`] takes one body and turns it into our frame.
 
 use core::net::SocketAddrV4;
+use std::ops::RangeInclusive;
 
 use horizon_model::rows::Pose;
 
@@ -11,6 +12,9 @@ use super::MocapCounters;
 use super::axes::{Axes, Placement};
 use super::source::{Connection, Frame, Source, SourceError};
 use crate::clock::SpanNs;
+
+/// Rates that a server may announce. Hz
+pub(super) const RATE_HZ: RangeInclusive<f64> = 1.0..=10_000.0;
 
 /// Most objects whose names are remembered.
 pub(super) const OBJECTS_MAX: usize = 256;

@@ -14,7 +14,9 @@ use packet::{Packets, kind};
 
 use super::MocapCounters;
 use super::axes::{Axis, Placement};
-use super::protocol::{BodyProtocol, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, Taker};
+use super::protocol::{
+    BodyProtocol, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, RATE_HZ, Taker,
+};
 use super::source::{Connection, SourceError};
 use crate::clock::SpanNs;
 
@@ -25,9 +27,6 @@ pub const GREETING: &str = "QTM RT Interface connected";
 const VERSION: &str = "Version 1.19";
 const GET_PARAMETERS: &str = "GetParameters General 3D 6D";
 const STREAM: &str = "StreamFrames AllFrames 6D";
-
-/// Rates that the server may announce. Hz
-const RATE_HZ: std::ops::RangeInclusive<f64> = 1.0..=10_000.0;
 
 /// The packets of a server.
 #[derive(Debug)]

@@ -3,8 +3,8 @@
 use std::fmt::{self, Display, Formatter};
 use std::io;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
 
+use parking_lot::Mutex;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -13,7 +13,7 @@ use crate::Counter;
 use crate::clock::{SpanNs, TimeNs};
 
 /// Periods between two sightings beyond which something is missing.
-const GAP_PERIODS: f64 = 2.5;
+pub(super) const GAP_PERIODS: f64 = 2.5;
 
 /// What became of the bytes of the source. Made by one task, read by others.
 #[derive(Debug, Default)]
@@ -131,16 +131,16 @@ impl MocapCounters {
 
     /// Why the last connection that made no sense was given up.
     pub fn given_up(&self) -> Option<SourceError> {
-        self.given_up.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.given_up.lock().clone()
     }
 
     pub(super) fn give_up(&self, error: SourceError) {
-        *self.given_up.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+        *self.given_up.lock() = Some(error);
     }
 
     /// Why the newest connection or port could not be opened; `None` if it was, or if nobody answered.
     pub fn unopened(&self) -> Option<String> {
-        self.unopened.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.unopened.lock().clone()
     }
 
     pub(super) fn note_opening(&self, opened: Result<(), &io::Error>) {
@@ -150,7 +150,7 @@ impl MocapCounters {
             }
             Ok(()) | Err(_) => None,
         };
-        *self.unopened.lock().unwrap_or_else(PoisonError::into_inner) = why;
+        *self.unopened.lock() = why;
     }
 
     /// Notes what the frame numbers are worth.

@@ -60,6 +60,8 @@ const LAND_REST: SpanNs = SpanNs::from_ms(300);
 const REFUSED_PERIOD: SpanNs = SpanNs::from_ms(50);
 /// A take-off may last so long; until then "not flying" does not mean landed.
 const TAKE_OFF_TIME: SpanNs = SpanNs::from_ms(5000);
+/// The same of an order that has shown no effect: it may arrive late, and the drone may start its motors late.
+const TAKE_OFF_UNSEEN: SpanNs = SpanNs::from_ms(15_000);
 /// How long the last landing is repeated to a drone that does not say that it stands. After as long a
 /// silence it lands by itself.
 const LAST_LANDING_TIME: SpanNs = SpanNs::from_ms(15_000);
@@ -84,7 +86,7 @@ pub struct Session {
     /// Whether the drone ever answered or reported: before, sticks have no receiver.
     was_connected: bool,
     flight: Flight,
-    take_off_at: Option<TimeNs>,
+    take_off: Option<TakeOff>,
     /// Whether a take-off was ordered, a deflected stick sent, or the drone ever reported that it flies.
     may_have_flown: bool,
     witnesses: Witnesses,
@@ -92,6 +94,14 @@ pub struct Session {
     over_at: Option<TimeNs>,
     counters: Arc<LinkCounters>,
     outbox: Vec<Message>,
+}
+
+/// The newest order to take off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct TakeOff {
+    at: TimeNs,
+    /// Whether the drone was airborne since, by status or pose.
+    was_seen: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -163,7 +173,7 @@ impl Session {
             link: Link::Asking { again_at: TimeNs(0), is_overdue: false },
             was_connected: false,
             flight: Flight::Quiet,
-            take_off_at: None,
+            take_off: None,
             may_have_flown: false,
             witnesses: Witnesses::default(),
             over_at: None,
@@ -314,7 +324,7 @@ impl Session {
             DroneOrder::Land => self.land(now),
             DroneOrder::TakeOff if !self.may_take_off(now) => {}
             DroneOrder::TakeOff => {
-                self.take_off_at = Some(now);
+                self.take_off = Some(TakeOff { at: now, was_seen: false });
                 self.may_have_flown = true;
                 self.talk.begin(order, now);
                 self.send(DroneOrder::TakeOff);

@@ -6,7 +6,7 @@ use tello_eval::vehicle::FlightDone;
 use tello_flight::Phase;
 use tello_flight::cycle::FlightTable;
 
-use super::flight::TIME_LIMIT_S;
+use super::flight::Contender;
 use crate::SimTable;
 use crate::plant::PlantParams;
 use crate::random::{Purpose, Random};
@@ -22,7 +22,7 @@ const SEEDS_BETWEEN: u64 = 1 << 32;
 /// A setting that breaks its rule.
 pub(super) fn after(
     count: u32,
-    (flight, targets_count): (&FlightTable, usize),
+    Contender { flight, reference, time_limit_s, .. }: &Contender,
     sim: &SimTable,
     seed: u64,
 ) -> Result<FlightTable> {
@@ -41,10 +41,10 @@ pub(super) fn after(
         let is_done = loop {
             let out = flown.tick()?;
             if out.phase() != Phase::Flying {
-                break out.targets_reached == targets_count;
+                break out.targets_reached == reference.targets_count;
             }
             time_s += flight.cycle.dt_s;
-            if time_s > TIME_LIMIT_S {
+            if time_s > *time_limit_s {
                 break false;
             }
         };

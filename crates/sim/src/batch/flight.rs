@@ -13,20 +13,25 @@ use tello_eval::metrics::{
 };
 use tello_eval::shard_file::Seeded;
 use tello_flight::cycle::{FlightTable, Outcome, Solve};
-use tello_flight::{Fault, Phase, Pilot};
+use tello_flight::{Fault, Mission, Phase, Pilot};
 
 use super::earlier_flights;
 use crate::SimTable;
 use crate::virtual_time::VirtualFlight;
 
-/// Virtual time after which a flight counts as unfinished, beside the time of a hover. s
+/// Virtual time after which a flight of a short mission counts as unfinished, beside the time of a hover. s
 pub(super) const TIME_LIMIT_S: f64 = 120.0;
+
+/// A flight of a long mission may take twice its planned time and so much more. s
+const PATIENCE_S: f64 = 30.0;
 
 /// A controller with what it is to fly.
 #[derive(Debug, Clone)]
 pub struct Contender {
-    flight: FlightTable,
-    reference: ReferencePath,
+    pub(super) flight: FlightTable,
+    pub(crate) reference: ReferencePath,
+    /// Virtual time after which a flight counts as unfinished, beside the time of a hover. s
+    pub(super) time_limit_s: f64,
     /// Time to hover at the first target in place of the reference. s
     hover_s: Option<f64>,
     /// Flights of the vehicle before the judged one.
@@ -68,6 +73,12 @@ pub struct FlightRow {
     pub seed: u64,
     /// How it ended.
     pub ending: Ending,
+    /// Virtual time after which it counts as unfinished, beside the time of a hover. s
+    #[serde(default = "time_limit_s")]
+    pub time_limit_s: f64,
+    /// Targets that the controller counted as reached.
+    #[serde(default)]
+    pub targets_reached: usize,
     /// The faults that ended it, if it landed early.
     pub landed_by: Vec<Fault>,
     /// Figures by the true pose; null if the controller never reached its first target.
@@ -87,6 +98,11 @@ pub struct FlightRow {
     pub monitors: Largest,
     /// What went wrong in the solvers.
     pub solvers: SolverCounts,
+}
+
+/// Of rows that were written before long missions had more time. s
+fn time_limit_s() -> f64 {
+    TIME_LIMIT_S
 }
 
 /// Largest values that the monitors found in a flight.
@@ -147,7 +163,14 @@ impl Contender {
             Some(hover_s) => ReferencePath::hold_first(&flight, Hover::hold_s(hover_s) + 1.0)?,
             None => flight,
         };
-        Ok(Self { reference: ReferencePath::of(&flight)?, flight, hover_s, earlier: 0 })
+        let planned_s = Mission::new(&flight.mission, flight.cycle.dt_s)?.survey().duration_s;
+        Ok(Self {
+            reference: ReferencePath::of(&flight)?,
+            flight,
+            time_limit_s: TIME_LIMIT_S.max(2.0 * planned_s + PATIENCE_S),
+            hover_s,
+            earlier: 0,
+        })
     }
 
     /// The contender on the flight after `earlier` flights, starting from the vehicle file that these leave.
@@ -181,38 +204,34 @@ impl Contender {
     pub(crate) fn fly(&self, sim: &SimTable, seed: u64) -> Result<Flown> {
         let flight = match self.earlier {
             0 => Cow::Borrowed(&self.flight),
-            count => Cow::Owned(earlier_flights::after(
-                count,
-                (&self.flight, self.reference.targets_count),
-                sim,
-                seed,
-            )?),
+            count => Cow::Owned(earlier_flights::after(count, self, sim, seed)?),
         };
         let mut virtual_flight = VirtualFlight::new(&flight, sim, seed)?.without_plan();
         let dt_s = self.flight.cycle.dt_s;
-        let time_limit_s = TIME_LIMIT_S + self.hover_s.unwrap_or(0.0);
+        let time_limit_s = self.time_limit_s + self.hover_s.unwrap_or(0.0);
         let mut measures = FlightMeasures::new(self)?;
-        let mut landed_by = Vec::new();
-        let ending = loop {
+        let mut row = FlightRow { seed, time_limit_s: self.time_limit_s, ..FlightRow::default() };
+        row.ending = loop {
             let out = virtual_flight.tick()?;
+            row.targets_reached = out.targets_reached;
             if out.phase() != Phase::Flying {
-                let is_done = out.targets_reached == self.reference.targets_count;
+                let is_done = row.targets_reached == self.reference.targets_count;
                 let faults = out.ruling.map(|ruling| ruling.faults).filter(|_| !is_done);
                 let faults = faults.unwrap_or_default().ending_flight(Pilot::Controller);
-                landed_by.extend(faults.iter());
+                row.landed_by.extend(faults.iter());
                 break if is_done { Ending::Missed } else { Ending::Landed };
             }
             let now_s = out.step as f64 * dt_s;
-            let (targets_reached, u_sent) = (out.targets_reached, out.u_sent);
+            let u_sent = out.u_sent;
             measures.add_outcome(out, now_s, dt_s);
             let at = virtual_flight.true_pose();
-            measures.truth.add(now_s, &at, &u_sent, targets_reached);
+            measures.truth.add(now_s, &at, &u_sent, row.targets_reached);
             measures.add_place(&at, virtual_flight.true_obstacle_w(), now_s);
             if measures.is_over() || now_s >= time_limit_s {
                 break Ending::TimeLimit;
             }
         };
-        Ok(measures.judged(seed, ending, landed_by))
+        Ok(measures.judged(row))
     }
 }
 
@@ -272,12 +291,12 @@ impl FlightMeasures {
         self.hover.as_ref().map_or(has_finished, Hover::is_done)
     }
 
-    fn judged(self, seed: u64, ending: Ending, landed_by: Vec<Fault>) -> Flown {
-        let is_finished = self.hover.as_ref().map_or(self.truth.is_finished(), Hover::is_done);
+    /// The flight of `row`, with its figures.
+    fn judged(self, mut row: FlightRow) -> Flown {
+        if self.hover.as_ref().map_or(self.truth.is_finished(), Hover::is_done) {
+            (row.ending, row.landed_by) = (Ending::Finished, Vec::new());
+        }
         let row = FlightRow {
-            seed,
-            ending: if is_finished { Ending::Finished } else { ending },
-            landed_by: if is_finished { Vec::new() } else { landed_by },
             by_truth: self.truth.score(),
             by_estimate: self.estimate.score(),
             fence: self.truth.fence(),
@@ -286,6 +305,7 @@ impl FlightMeasures {
             outages: self.outages.outages(),
             monitors: self.monitors,
             solvers: self.solvers,
+            ..row
         };
         let distances_m = [&self.truth, &self.estimate].map(|judge| judge.distances_m().to_vec());
         Flown { row, distances_m, track_w: self.track_w }

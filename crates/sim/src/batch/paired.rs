@@ -11,7 +11,7 @@ use serde::Serialize;
 use tello_eval::metrics::Score;
 use tello_eval::{Centre, interval, quantile};
 
-use super::flight::{FlightRow, TIME_LIMIT_S};
+use super::flight::FlightRow;
 use super::table::{Batch, LINES, is_valid};
 
 /// Two batches over the same seeds, and their differences by the true pose.
@@ -67,7 +67,7 @@ fn score(row: &FlightRow) -> Option<&Score> {
 }
 
 fn time_s(row: &FlightRow, pick: fn(&Score) -> Option<f64>) -> f64 {
-    score(row).and_then(pick).unwrap_or(TIME_LIMIT_S)
+    score(row).and_then(pick).unwrap_or(row.time_limit_s)
 }
 
 impl Comparison {

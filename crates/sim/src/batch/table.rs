@@ -158,8 +158,8 @@ impl Spread {
     fn of(flown: &[Flown], pick: fn(&FlightRow) -> Option<&Score>, from: usize) -> Option<Self> {
         let scores = || flown.iter().filter_map(|flown| pick(&flown.row));
         let quartiles = |time_s: fn(&Score) -> Option<f64>| {
-            let time_s = |flown: &Flown| pick(&flown.row).and_then(time_s).unwrap_or(TIME_LIMIT_S);
-            let times_s: Vec<f64> = flown.iter().map(time_s).collect();
+            let time_s = |row| pick(row).and_then(time_s).unwrap_or(row.time_limit_s);
+            let times_s: Vec<f64> = flown.iter().map(|flown| time_s(&flown.row)).collect();
             quantiles(&times_s, [0.25, 0.5, 0.75])
         };
         let median =
@@ -303,13 +303,14 @@ impl Batch {
         writeln!(
             f,
             "{:<18} {}: {} finished, {} missed a target, {} landed early, {} not done after \
-             {TIME_LIMIT_S} s",
+             {} s",
             "flights",
             self.flights_count,
             self.finished_count,
             self.missed_count,
             self.landed_count,
-            self.unfinished_count
+            self.unfinished_count,
+            self.flights.first().map_or(TIME_LIMIT_S, |row| row.time_limit_s)
         )?;
         let [low, high] = self.finished_interval;
         writeln!(f, "{:<18} {low:.4} to {high:.4} of such flights finish (95 %, Wilson)", "")?;

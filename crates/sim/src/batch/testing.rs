@@ -2,6 +2,7 @@
 
 use tello_eval::metrics::{Metrics, Score};
 
+use super::flight::TIME_LIMIT_S;
 use super::{Ending, FlightRow, Flown};
 
 impl Flown {
@@ -21,6 +22,7 @@ impl Flown {
         let row = FlightRow {
             seed: 1,
             ending: if since_entry_s.is_some() { Ending::Finished } else { Ending::TimeLimit },
+            time_limit_s: TIME_LIMIT_S,
             by_truth: Some(score),
             ..FlightRow::default()
         };

@@ -8,6 +8,7 @@ use std::collections::BTreeSet;
 use horizon_model::rows::{Pose, pose};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use tello_flight::drone::LAND_PERIOD;
 use tello_flight::{FaultSet, Phase, Pilot, Room};
 use tello_io::tello::protocol::{Action, HostPacket};
 
@@ -16,8 +17,6 @@ use crate::{Phase as DronePhase, Truth};
 /// Time after which a flight without an end is one of those sought: a mission may take 30 s more than twice
 /// its planned time, and begin 40 s after the start. s
 const TIME_LIMIT_S: f64 = 240.0;
-/// Time between two orders to land. s
-const REPEAT_S: f64 = 0.5;
 /// Drift of a vehicle that levels or lands: two standard deviations of the simulated disturbance. m/s
 const DRIFT_MPS: f64 = 0.1;
 /// How long a drone that never took off is waited for. s
@@ -155,7 +154,7 @@ impl Judge {
         let [ignores_sticks, ignores_land] = look.ignores;
         // An order that was sent while the drone ignored orders has to be sent again.
         let is_deaf = ignores_sticks || (self.has_received_land && ignores_land);
-        let is_soon = look.now_s - self.deaf_s <= REPEAT_S;
+        let is_soon = look.now_s - self.deaf_s <= LAND_PERIOD.seconds();
         self.is_ignored = is_deaf || (self.is_ignored && is_soon && look.wire.is_empty());
         self.deaf_s = if is_deaf { look.now_s } else { self.deaf_s };
         self.measure_excess(&look.truth, look.now_s - self.now_s);

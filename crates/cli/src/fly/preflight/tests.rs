@@ -104,7 +104,7 @@ fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
     use Readiness::{Bad, Never, Note};
     let all = all_there;
     let stream = all().stream;
-    let cases: [(Found, &str, Readiness, &str); 18] = [
+    let cases: [(Found, &str, Readiness, &str); 19] = [
         (
             Found { stream: StreamReport { has_clock: false, ..stream }, ..all() },
             "mocap",
@@ -147,7 +147,18 @@ fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
         (Found { drone: None, ..all() }, "battery", Bad, "unknown without a report"),
         (drone(|status| status.is_flying = true), "drone", Bad, "says that it flies"),
         (drone(|status| status.battery_pct = 14), "battery", Bad, "14 %; takes off from 15 %"),
-        (drone(|status| status.battery_pct = 101), "battery", Bad, "101 %; takes off from 15 %"),
+        (
+            drone(|status| status.battery_pct = 101),
+            "battery",
+            Bad,
+            "101 %, more than a battery holds",
+        ),
+        (
+            drone(|status| status.is_battery_low = Some(true)),
+            "battery",
+            Bad,
+            "87 %, low by the drone's",
+        ),
         (
             Found { unfinished: Some(unfinished()), ..all() },
             "mission",
@@ -254,6 +265,8 @@ fn a_real_drone_does_not_fly_in_the_built_in_room() {
     let (mut table, _) = config::fly(None, None).unwrap();
     let refused = refuse_built_in_room(&table).unwrap_err().to_string();
     assert!(refused.contains("cycle.supervisor.room"), "{refused}");
+    table.cycle.supervisor.room.as_mut().unwrap().stop_s += 0.1;
+    refuse_built_in_room(&table).expect_err("the same walls");
     table.tello.address = "127.0.0.1:8889".into();
     assert!(refuse_built_in_room(&table).is_ok(), "a simulated drone");
     table.tello.address = "192.168.10.1:8889".into();

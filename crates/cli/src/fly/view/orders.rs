@@ -4,9 +4,10 @@
 //! becomes of it is the supervisor's.
 
 use std::fmt::Write;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use anyhow::{Context, Result};
+use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use tello_io::manual::{Act, Ask, Remote, RemoteBusy};
@@ -87,7 +88,7 @@ impl OrderAccess {
         if differing != 0 {
             return None;
         }
-        self.inside.lock().unwrap_or_else(PoisonError::into_inner).rights += 1;
+        self.inside.lock().rights += 1;
         Some(OrderRight(Arc::clone(self)))
     }
 }
@@ -98,14 +99,14 @@ impl OrderRight {
     /// # Errors
     /// The control loop has not taken earlier orders.
     pub(super) fn order(&self, order: PageOrder) -> Result<(), RemoteBusy> {
-        let mut inside = self.0.inside.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut inside = self.0.inside.lock();
         inside.remote.push(order.act())
     }
 }
 
 impl Drop for OrderRight {
     fn drop(&mut self) {
-        let mut inside = self.0.inside.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut inside = self.0.inside.lock();
         inside.rights -= 1;
         if inside.rights == 0 {
             // If the queue is full the control loop stands still, and the sender's watchdog lands the drone.

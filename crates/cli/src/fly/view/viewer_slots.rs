@@ -3,9 +3,10 @@
 //! Owns how many connections each role may have. Viewers cannot take the slots of operators: a connection that finds
 //! all slots of viewers taken is pending for a moment, in which it can show the token.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use tokio::sync::{oneshot, watch};
 use tokio::time::timeout;
 
@@ -60,7 +61,7 @@ pub(super) struct ViewerSlot {
 impl ViewerSlots {
     /// A slot, and what [`ViewerSlot::is_over`] waits for.
     pub(super) fn enter(self: &Arc<Self>) -> (ViewerSlot, oneshot::Receiver<()>) {
-        let mut members = self.lock();
+        let mut members = self.members.lock();
         let role =
             if members.count(Role::Viewer) < VIEWERS_MAX { Role::Viewer } else { Role::Pending };
         if role == Role::Pending && members.count(role) >= PENDING_MAX {
@@ -81,10 +82,6 @@ impl ViewerSlots {
         // The sender lives as long as `self`.
         self.count.subscribe().wait_for(|count| *count == 0).await.ok();
     }
-
-    fn lock(&self) -> MutexGuard<'_, Members> {
-        self.members.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 impl Members {
@@ -100,7 +97,7 @@ impl Members {
 impl ViewerSlot {
     /// Makes a viewer with the right token an operator; whether there is a slot for one more.
     pub(super) fn become_operator(&self) -> bool {
-        let mut members = self.slots.lock();
+        let mut members = self.slots.members.lock();
         let has_room = members.count(Role::Operator) < VIEWERS_MAX;
         match members.find(self.number) {
             Some(member) if has_room => {
@@ -129,13 +126,13 @@ impl ViewerSlot {
     }
 
     fn role(&self) -> Option<Role> {
-        self.slots.lock().find(self.number).map(|member| member.role)
+        self.slots.members.lock().find(self.number).map(|member| member.role)
     }
 }
 
 impl Drop for ViewerSlot {
     fn drop(&mut self) {
-        let mut members = self.slots.lock();
+        let mut members = self.slots.members.lock();
         members.list.retain(|member| member.number != self.number);
         self.slots.count.send_replace(members.list.len());
     }
@@ -157,7 +154,7 @@ mod tests {
         let (holder, mut holder_goes) = slots.enter();
         assert!(holder.become_operator() && holder.is_operator());
         let crowd: Vec<_> = (0..3 * PENDING_MAX).map(|_| slots.enter()).collect();
-        assert_eq!(slots.lock().list.len(), VIEWERS_MAX + 1 + PENDING_MAX);
+        assert_eq!(slots.members.lock().list.len(), VIEWERS_MAX + 1 + PENDING_MAX);
         assert!(!crowd[0].0.become_operator(), "disconnected already");
         // Those who were here first are not disturbed.
         let stays = Err(oneshot::error::TryRecvError::Empty);

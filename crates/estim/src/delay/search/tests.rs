@@ -11,15 +11,16 @@ fn parabola(least_s: f64) -> (Vec<f64>, Vec<f64>) {
 fn the_gradients_of_a_parabola_are_integrated_to_the_parabola() {
     // Left and right of the candidate nearest to it, and on it.
     for least_s in [0.2, 0.17, 0.18, 0.25] {
-        let (at_s, gradients) = parabola(least_s);
-        let (curve, minimum) = integrate(&at_s, &gradients);
+        let (candidates_s, gradients) = parabola(least_s);
+        let (curve, minimum) = integrate(&candidates_s, &gradients);
         assert!((minimum.at_s - least_s).abs() < 1e-12, "{minimum:?} instead of {least_s}");
         assert!((minimum.curvature.unwrap() - 6.0).abs() < 1e-12, "{minimum:?}");
-        let costs = at_s.iter().map(|at_s| 3.0 * (at_s - least_s).powi(2));
-        let least = costs.clone().fold(f64::INFINITY, f64::min);
-        for ((at_s, cost), expected) in curve.into_iter().zip(costs) {
+        assert!(curve.is_sorted_by(|left, right| left.0 < right.0), "{curve:?}");
+        assert!(curve.contains(&(minimum.at_s, 0.0)), "{curve:?}");
+        for (at_s, cost) in curve {
             // The trapezoidal rule is exact for a gradient that is linear.
-            assert!((cost - (expected - least)).abs() < 1e-14, "{cost} at {at_s} s");
+            let expected = 3.0 * (at_s - least_s).powi(2);
+            assert!((cost - expected).abs() < 1e-14, "{cost} at {at_s} s");
         }
     }
 }

@@ -221,11 +221,19 @@ fn a_height_that_is_no_number_is_none_and_the_drone_decides() {
 }
 
 #[test]
-fn a_take_off_is_over_four_seconds_after_its_newest_order() {
+fn a_take_off_is_over_four_seconds_after_its_newest_order_or_fifteen_if_it_was_not_seen() {
     let mut supervisor = Bench::new(Start::Grounded).supervisor;
     assert!(supervisor.is_past_take_off(&CALM), "none was ordered");
     supervisor.take_off_ordered_ns = Some(-1_000_000_000);
-    for (t_ns, is_past) in [(2_999_999_999, false), (3_000_000_000, true)] {
-        assert_eq!(supervisor.is_past_take_off(&Evidence { t_ns, ..CALM }), is_past, "{t_ns} ns");
+    for (seen, past_ns) in [
+        (TakeOffSeen::No, 14_000_000_000),
+        (TakeOffSeen::Measured, 3_000_000_000),
+        (TakeOffSeen::Reported, 3_000_000_000),
+    ] {
+        supervisor.take_off_seen = seen;
+        for (t_ns, is_past) in [(past_ns - 1, false), (past_ns, true)] {
+            let found = supervisor.is_past_take_off(&Evidence { t_ns, ..CALM });
+            assert_eq!(found, is_past, "{seen:?}, {t_ns} ns");
+        }
     }
 }

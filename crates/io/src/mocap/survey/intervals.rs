@@ -2,14 +2,13 @@
 
 use std::collections::VecDeque;
 
+use super::super::statistics::GAP_PERIODS;
+
 /// How many of the newest steps the usual one is the median of.
 const NEWEST_MAX: usize = 1024;
 
 /// The usual step is found anew with each of the first ones, then once in so many.
 const FIRST: u64 = 64;
-
-/// A step of more usual ones is a gap.
-pub(super) const GAP_PERIODS: f64 = 2.5;
 
 /// A step of at least so many usual ones, and of at least [`STEP_MAX`], begins another count: it is not added to the
 /// sums.

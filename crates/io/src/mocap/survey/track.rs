@@ -10,7 +10,8 @@ use tello_flight::cycle::SIGHTING_AGE_MAX;
 use super::super::axes::Placement;
 use super::super::frame_clock::PaceMeter;
 use super::super::protocol::Head;
-use super::intervals::{GAP_PERIODS, Intervals};
+use super::super::statistics::GAP_PERIODS;
+use super::intervals::Intervals;
 use crate::clock::{SpanNs, TimeNs};
 
 /// Silence of so long is a gap, whatever the numbers say: older poses are not flown by.

@@ -3,6 +3,7 @@
 use super::witness::Rest;
 use super::{
     DroneOrder, EMERGENCY_REST, Flight, LAND_REST, LAST_LANDING_TIME, Session, TAKE_OFF_TIME,
+    TAKE_OFF_UNSEEN, TakeOff,
 };
 use crate::clock::TimeNs;
 
@@ -50,22 +51,28 @@ impl Session {
     /// Whether a take-off may be ordered: only to a drone that says now that it stands, and not while an
     /// earlier take-off may be running.
     pub(super) fn may_take_off(&self, now: TimeNs) -> bool {
-        let may_be_lost =
-            |at| self.talk.take_off_patience().is_some_and(|patience| now.since(at) >= patience);
-        let is_first_or_lost = self.take_off_at.is_none_or(may_be_lost);
+        let may_be_lost = |TakeOff { at, .. }| {
+            self.talk.take_off_patience().is_some_and(|patience| now.since(at) >= patience)
+        };
+        let is_first_or_lost = self.take_off.is_none_or(may_be_lost);
         self.may_steer() && self.witnesses.status(now) == Some(false) && is_first_or_lost
     }
 
     /// Until then "not flying" does not mean landed.
     fn may_be_taking_off(&self, now: TimeNs) -> bool {
-        self.take_off_at.is_some_and(|at| now.since(at) < TAKE_OFF_TIME)
+        self.take_off.is_some_and(|TakeOff { at, was_seen }| {
+            now.since(at) < if was_seen { TAKE_OFF_TIME } else { TAKE_OFF_UNSEEN }
+        })
     }
 
     /// Ends a landing or an emergency stop when the drone has been down for long enough, and resumes it when a
     /// witness says that the drone is airborne again: the witness may have been missing before.
     pub(super) fn note_rest(&mut self, now: TimeNs) {
-        let is_taking_off = self.may_be_taking_off(now);
         let is_airborne = self.witnesses.is_airborne(now) == Some(true);
+        if let Some(take_off) = &mut self.take_off {
+            take_off.was_seen |= is_airborne;
+        }
+        let is_taking_off = self.may_be_taking_off(now);
         let witnesses = self.witnesses;
         let rest = |before| witnesses.rest(before, now).filter(|_| !is_taking_off);
         let is_over =
@@ -160,13 +167,19 @@ mod tests {
     }
 
     #[test]
-    fn a_take_off_may_be_running_for_five_seconds() {
+    fn a_take_off_may_be_running_for_five_seconds_or_fifteen_if_it_was_not_seen() {
+        for (was_seen, over_ms) in [(true, 5_000), (false, 15_000)] {
+            let mut session = reported(false);
+            session.take_off = Some(TakeOff { at: ms(0), was_seen });
+            session.receive(&status(false), ms(over_ms - 1));
+            session.observe_pose(Some(false), ms(over_ms - 1));
+            assert!(session.may_be_airborne(ms(over_ms - 1)), "{was_seen}");
+            assert!(!session.may_be_airborne(ms(over_ms)), "{was_seen}");
+        }
         let mut session = reported(false);
-        session.take_off_at = Some(ms(0));
-        session.receive(&status(false), ms(4_999));
-        session.observe_pose(Some(false), ms(4_999));
-        assert!(session.may_be_airborne(ms(4_999)));
-        assert!(!session.may_be_airborne(ms(5_000)));
+        session.order(DroneOrder::TakeOff, ms(0));
+        session.receive(&status(true), ms(1_000));
+        assert_eq!(session.take_off, Some(TakeOff { at: ms(0), was_seen: true }));
     }
 
     #[test]

@@ -226,8 +226,8 @@ impl Terms {
 
     /// Second derivatives of `w'` times [`Terms::next`] by state and input.
     ///
-    /// The horizontal change `phi e` is nonlinear through its limit; `e` by the heading and the dead zones, as the
-    /// other velocities do. With `J` the derivatives of `e`, and `by_change` and `H` the first and second ones
+    /// `phi e`, the horizontal change, is nonlinear in `e` by its limit; `e` and the other velocities are nonlinear in
+    /// heading and sticks. With `J` the derivatives of `e`, and `by_change` and `H` the first and second ones
     /// of `W' phi e` by `e`: `J' H J + by_change' e''`, and `J' |H| J` as the convex part.
     #[inline]
     pub(super) fn drive_curvature(

@@ -15,7 +15,9 @@ fn flight() -> FlightTable {
 /// The settings after `count` flights, of which those are done that reach `targets_count` targets.
 fn after(count: u32, targets_count: usize, seed: u64) -> FlightTable {
     let sim = crate::settings(None).unwrap();
-    super::after(count, (&flight(), targets_count), &sim, seed).unwrap()
+    let mut contender = Contender::new(flight(), None).unwrap();
+    contender.reference.targets_count = targets_count;
+    super::after(count, &contender, &sim, seed).unwrap()
 }
 
 #[test]
