@@ -163,7 +163,7 @@ fn identify<'a>(
     let paths = if arguments.logs.is_empty() { &table.logs } else { &arguments.logs };
     let (logs, mut files_skipped) = ident::load_logs(paths, table)?;
     let (others, unusable) =
-        ident::load_judged(&arguments.judge, table.dt_s, arguments.judge_turn)?;
+        ident::load_judged(&arguments.judge, table.dt_s, arguments.judge_turn, &logs)?;
     files_skipped.extend(unusable);
     let observer = Shown::new(io::stderr().is_terminal() && !arguments.json, interrupt);
     let out = folder(arguments);

@@ -95,7 +95,7 @@ pub fn load(paths: &[PathBuf]) -> Result<(Vec<Loaded>, Vec<Unusable>)> {
 }
 
 /// The one of `others` that was read from the same bytes.
-fn equal_to<'a>(recording: &Loaded, others: &'a [Loaded]) -> Option<&'a Loaded> {
+pub(crate) fn equal_to<'a>(recording: &Loaded, others: &'a [Loaded]) -> Option<&'a Loaded> {
     others.iter().find(|other| other.sha256 == recording.sha256)
 }
 
@@ -205,6 +205,8 @@ struct Sample {
     /// Sticks sent, if it says so.
     u: Option<Sticks>,
     o: Observed<{ pose::COUNT }>,
+    /// Whether no vehicle gets to this pose from the one before it.
+    has_jumped: bool,
 }
 
 /// The recording of samples by ascending step.
@@ -212,9 +214,11 @@ fn assemble(
     samples: &[Sample],
     skipped: &mut Vec<String>,
 ) -> Result<Recording<{ stick::COUNT }, { pose::COUNT }>> {
-    let parts = samples.chunk_by(|a, b| b.step - a.step <= GAP_STEPS_MAX + 1);
+    let follows = |a: &Sample, b: &Sample| b.step - a.step <= GAP_STEPS_MAX + 1 && !b.has_jumped;
+    let parts = samples.chunk_by(follows);
     let Some(part) = parts.max_by_key(|part| part.len()) else { bail!("no step in it") };
-    note(skipped, samples.len() - part.len(), "steps beyond a gap of more than a second");
+    let beyond = "steps beyond a gap of more than a second or a jump of the pose";
+    note(skipped, samples.len() - part.len(), beyond);
     let (mut u, mut o) = (Vec::with_capacity(part.len()), Vec::with_capacity(part.len()));
     let mut u_sent = Sticks::zeros();
     let (mut missing, mut too_wide, mut too_far) = (0, 0, 0);

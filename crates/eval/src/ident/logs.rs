@@ -34,19 +34,29 @@ pub fn load_logs(
 }
 
 /// The usable logs in `paths` by which fits with the period `dt_s` (s) are judged, and those that are not with the
-/// reason. Their yaw is turned by `turn_rad`.
+/// reason. Their yaw is turned by `turn_rad`. None of them may be of `fitted`, to which the fits are made.
 ///
 /// # Errors
-/// No log can be used, a folder cannot be read, or the period of a log is another.
+/// No log can be used, a folder cannot be read, the period of a log is another, or it is one of `fitted`.
 pub fn load_judged(
     paths: &[PathBuf],
     dt_s: f64,
     turn_rad: f64,
+    fitted: &[Loaded],
 ) -> Result<(Vec<Loaded>, Vec<FileSkipped>)> {
     if paths.is_empty() {
         return Ok((Vec::new(), Vec::new()));
     }
     let (mut logs, unusable) = recordings::load(paths)?;
+    for log in &logs {
+        if let Some(same) = recordings::equal_to(log, fitted) {
+            bail!(
+                "{} of --judge has the bytes of {}, to which is fitted: judge by other logs",
+                log.path.display(),
+                same.path.display()
+            );
+        }
+    }
     turn(&mut logs, turn_rad);
     check_period(&logs, dt_s)?;
     let files_skipped = skipped(unusable);

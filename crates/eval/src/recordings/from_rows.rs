@@ -4,23 +4,28 @@ use std::f64::consts::PI;
 
 use anyhow::{Result, bail};
 use horizon_estim::Observed;
-use horizon_model::rows::{Pose, pose};
+use horizon_model::rows::{Pose, pos_w, pose};
 use tello_flight::{Acceptance, FilterSettings, PoseFilter};
 use tello_io::log::csv::CsvRow;
 
 use super::rows::RowFlight;
-use super::{GAP_STEPS_MAX, Sample, note, observed};
+use super::{GAP_STEPS_MAX, PERIOD_S, Sample, note, observed};
 use crate::smooth::ORIGIN_M;
 
 /// Digits behind the point with which a pose that repeats itself may be a new one: the mocap's noise of
 /// 0.3 mm hides in a centimetre, not in a tenth of a millimetre.
 const ROUNDED_DECIMALS: usize = 2;
 
+/// A pose is not that of the vehicle before if it is further away than this, beside the way at the speed below. m
+const JUMP_M: f64 = 0.3;
+const JUMP_MPS: f64 = 3.0;
+
 /// The samples of `flight`, and what of it is no observation.
 ///
 /// A recording is raw if the object is at the origin once, which means that it is lost, or if a heading
-/// jumps by more than half a turn. Then it runs through `filter`, as in flight. Otherwise every pose
-/// counts and headings are continuous already. A repeated pose is a stall of the stream and no
+/// jumps by more than half a turn, or a position further than any vehicle. Then it runs through `filter`, as in
+/// flight. Otherwise every pose counts and headings are continuous already. Where accepted poses have jumped another
+/// recording begins. A repeated pose is a stall of the stream and no
 /// observation, unless the file is rounded to [`ROUNDED_DECIMALS`].
 ///
 /// # Errors
@@ -36,6 +41,7 @@ pub(super) fn samples(
     let (mut stalled, mut lost, mut positions_held, mut headings_held) = (0, 0, 0, 0);
     let mut headings = 0;
     let (mut newest, mut step) = (None, None);
+    let mut seen: Option<(u64, Pose)> = None;
     let sample = |row: &CsvRow| {
         let is_stalled = !repeats && row.pos.is_some() && row.pos == newest;
         let is_lost = !is_stalled && row.pos.as_ref().is_some_and(is_at_origin);
@@ -65,7 +71,10 @@ pub(super) fn samples(
             }
         };
         step = Some(row.step);
-        Sample { step: row.step, u: row.input, o }
+        let now = o.is_present[pose::X].then_some((row.step, o.o));
+        let has_jumped = seen.zip(now).is_some_and(|(before, now)| is_jump(before, now));
+        seen = now.or(seen);
+        Sample { step: row.step, u: row.input, o, has_jumped }
     };
     let samples = flight.rows.iter().map(sample).collect();
     if headings_held > headings {
@@ -90,13 +99,22 @@ pub(crate) fn accepted(
 }
 
 fn is_at_origin(o: &Pose) -> bool {
-    o.fixed_rows::<3>(pose::X).amax() < ORIGIN_M
+    pos_w(o).amax() < ORIGIN_M
+}
+
+/// Whether no vehicle gets from a pose to a later one in the steps between.
+fn is_jump((from, before): (u64, Pose), (to, now): (u64, Pose)) -> bool {
+    let moved_m = (pos_w(&now) - pos_w(&before)).norm();
+    moved_m > JUMP_M + JUMP_MPS * PERIOD_S * (to - from) as f64
 }
 
 fn is_raw(rows: &[CsvRow]) -> bool {
     let poses = || rows.iter().filter_map(|row| row.pos);
-    let jumps = |(before, after): (Pose, Pose)| (after - before)[pose::THETA].abs() > PI;
-    poses().any(|o| is_at_origin(&o)) || poses().zip(poses().skip(1)).any(jumps)
+    let turns = |(before, after): (Pose, Pose)| (after - before)[pose::THETA].abs() > PI;
+    let places = || rows.iter().filter_map(|row| Some((row.step, row.pos?)));
+    poses().any(|o| is_at_origin(&o))
+        || poses().zip(poses().skip(1)).any(turns)
+        || places().zip(places().skip(1)).any(|(before, after)| is_jump(before, after))
 }
 
 #[cfg(test)]

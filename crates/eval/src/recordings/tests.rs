@@ -112,7 +112,46 @@ fn of_a_recording_with_a_long_gap_the_longest_part_is_used() {
     let loaded = read(&text).unwrap();
     assert_eq!(loaded.recording.o.len(), 40);
     assert!((loaded.recording.o[0].o[pose::X] - 1.5).abs() < 1e-12);
-    assert_eq!(loaded.skipped, ["11 steps beyond a gap of more than a second"]);
+    assert_eq!(
+        loaded.skipped,
+        ["11 steps beyond a gap of more than a second or a jump of the pose"]
+    );
+}
+
+#[test]
+fn a_recording_is_cut_where_its_poses_jump() {
+    let (whole, moved) = (steps(0..100), steps(0..100).replace(",0.5000,1.0000", ",0.5000,1.6000"));
+    let after: String = moved.lines().skip(80).map(|line| line.to_owned() + "\n").collect();
+    let before: String = whole.lines().take(80).map(|line| line.to_owned() + "\n").collect();
+    let loaded = read(&(before + &after)).unwrap();
+    // The filter refuses a new place for some steps, and the rest is the longer part.
+    let length = loaded.recording.o.len();
+    assert!((50..=60).contains(&length), "{length} steps");
+    assert!(loaded.recording.o.iter().all(|o| !o.is_present[pose::Z] || o.o[pose::Z] > 1.5));
+    let cut =
+        format!("{} steps beyond a gap of more than a second or a jump of the pose", 100 - length);
+    assert!(loaded.skipped.contains(&cut), "{:?}", loaded.skipped);
+    // One outlier is none.
+    let outlier = whole.replace("pos,50,1.0000,0.5000", "pos,50,9.0000,0.5000");
+    let loaded = read(&outlier).unwrap();
+    assert_eq!((loaded.recording.o.len(), present(&loaded)[50]), (100, false));
+}
+
+#[test]
+fn a_recording_in_other_units_is_refused() {
+    let in_millimetres: String = (0..40)
+        .map(|k| format!("pos,{k},{},500,1000,0.1\ninput,{k},0.{k},0,0,0\n", 500 + 10 * k))
+        .collect();
+    let why = refusal(&in_millimetres);
+    assert!(why.contains("line 1, value 1 is beyond 100") && why.contains("in m,"), "{why}");
+    let in_degrees: String = (0..200)
+        .map(|k| {
+            let theta_deg = (170 + 3 * k + 180) % 360 - 180;
+            format!("pos,{k},0.{k},0.5,1,{theta_deg}\ninput,{k},0.{k},0,0,0\n")
+        })
+        .collect();
+    let why = refusal(&in_degrees);
+    assert!(why.contains("headings jump") && why.contains("theta is in rad"), "{why}");
 }
 
 #[test]
@@ -160,7 +199,7 @@ fn what_cannot_be_used_says_why() {
     let poseless = steps(0..20).replace("pos,", "param,");
     for (text, reason) in [
         ("", "it is empty"),
-        ("no flight in here\n", "no step in it; line 1, unknown tag"),
+        ("no flight in here\n", "no step in it: line 1, unknown tag"),
         (&constant, "constant sticks"),
         (&nan, "no pose that can be used; line 1, value 2 is not a finite number"),
         (&poseless, "no pose that can be used"),
@@ -176,7 +215,7 @@ fn what_cannot_be_used_says_why() {
 fn sticks_and_poses_beyond_what_can_be_flown_are_left_out() {
     let sample = |step: u64, u: f64, x_m: f64| {
         let o = Observed::full(Pose::new(x_m, 0.0, 1.0, 0.0));
-        Sample { step, u: Some(Sticks::repeat(u)), o }
+        Sample { step, u: Some(Sticks::repeat(u)), o, has_jumped: false }
     };
     let samples = [sample(0, 0.1, 0.0), sample(1, 0.2, 0.1), sample(2, 1.5, 1e200)];
     let mut skipped = Vec::new();

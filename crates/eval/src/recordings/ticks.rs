@@ -222,6 +222,8 @@ pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<
             .map_or_else(Observed::missing, |(o, [is_position_new, is_heading_new])| {
                 accepted(o, is_position_new, is_heading_new)
             }),
+        // In flight the filter and the supervisor have judged it.
+        has_jumped: false,
     };
     Ok(ticks[first..=last].iter().map(sample).collect())
 }

@@ -137,7 +137,7 @@ fn a_bad_setting_is_named() {
     assert_eq!(error.to_string(), "angle_base_rad = 8.6 violates 0.01..=3.15");
     let in_millimetres = FilterTable { horizontal_growth_m: 100.0, ..table() };
     let error = FilterSettings::try_from(&in_millimetres).unwrap_err();
-    assert_eq!(error.to_string(), "horizontal_growth_m = 100.0 violates 0.0..=1.0");
+    assert_eq!(error.to_string(), "horizontal_growth_m = 100 violates 0.0..=1.0");
     let wide = FilterTable { origin_m: 0.5, ..table() };
     let error = FilterSettings::try_from(&wide).unwrap_err();
     assert_eq!(error.to_string(), "origin_m = 0.5 violates 0.0..=0.1");

@@ -3,26 +3,24 @@
 //! Owns a leaky integral of the difference between both. The drone's horizontal axes are not known: firmware,
 //! protocol and libraries differ in names and signs, and whether they turn with the body. All kinds of axes that
 //! fit the motion so far are followed, since a heading that stays or a motion along a line leaves several; the
-//! least difference counts. None is known before one fits: a drone that reports no velocity is no witness. Axes that
-//! were found stay while too little motion shows any, as in a hover.
+//! least difference counts. None is known before one fits: a drone that reports no velocity is no witness. Reports may be
+//! late (by 0.2 to 0.9 s beside the drone's accelerometer, it is said of a Tello) and their scale may be another: the
+//! age that explains the motion best is used, and kept once the motion has shown it well.
+
+mod report_age;
+
+use std::array;
 
 use horizon_model::rows::{Pose, pose};
 use nalgebra::Complex;
 
+use self::report_age::{MOTION_MIN, ReportAge, Sums};
 use super::displacement::Displacements;
 use super::typical_vehicle::velocity_mps;
-use super::{Agreement, Doubt, FORGET_S, Sample};
+use super::{Agreement, Doubt, Sample};
 
-/// Time within which motion that showed the axes is forgotten. s
-const AXES_FORGET_S: f64 = 30.0;
-/// Motion that shows the axes: integral of the squared deviation of the drone's velocity from its mean. m^2/s
-const MOTION_MIN: f64 = 0.15;
-/// Motion of which the axes are well known, over that.
-const WELL_KNOWN: f64 = 4.0;
-/// Speed by the poses over speed by the drone if the axes fit.
-const FIT: std::ops::RangeInclusive<f64> = 0.6..=1.6;
-/// Least fraction of the variance of the poses' velocity that the drone's explains if the axes fit (R^2).
-const DETERMINATION_MIN: f64 = 0.7;
+/// Ages that reports may have, ascending. s
+const AGES_S: [f64; 5] = [0.0, 0.2, 0.4, 0.6, 0.8];
 
 /// Displacement of poses beyond that of a vehicle which is faster by so much than the drone reports: another body's, or
 /// an outlier. One of 0.2 m in a period outweighs the motion of a flight. m/s
@@ -43,19 +41,32 @@ pub(super) struct VelocityMonitor {
     before: Option<Pose>,
     /// Since the newest pose. s
     since_pose_s: f64,
-    /// Whether the drone was silent since then: what it flew meanwhile is not known.
-    was_silent: bool,
-    sums: Sums,
-    /// The same with the inputs of a typical vehicle in place of the poses.
+    /// Ring of the newest displacements, as long as the largest age.
+    moved: Vec<Moved>,
+    newest: usize,
+    /// With the drone's reports of each of [`AGES_S`].
+    ages: [ReportAge; AGES_S.len()],
+    /// That of them which explains the motion best, and whether the motion has shown it well.
+    age: usize,
+    is_age_known: bool,
+    /// The inputs of a typical vehicle, in place of the poses, beside the drone.
     sums_by_inputs: Sums,
-    /// Rotation of each frame's axes from those of the world, as motion showed it last.
-    axes: [Option<Complex<f64>>; FRAMES],
     displacements: Displacements,
     /// Newest speed by the drone; `None` before the first that was not zero. m/s
     speed_mps: Option<f64>,
-    /// Of each frame: displacement by the poses less that by the drone. m
-    error_m: [Complex<f64>; FRAMES],
     doubt: Doubt,
+}
+
+/// Displacement by the poses in one tick.
+#[derive(Debug, Clone, Copy, Default)]
+struct Moved {
+    /// Since the newest pose before; zero without a pose. m
+    w_m: Complex<f64>,
+    /// Time that it took. s
+    in_s: f64,
+    /// Heading of the newest pose. rad
+    theta_rad: f64,
+    is_pose: bool,
 }
 
 /// One period of the motion.
@@ -79,58 +90,68 @@ impl Motion {
 
 impl VelocityMonitor {
     pub(super) fn new(limit_m: f64, dt_s: f64) -> Self {
+        let at_rest = Moved { in_s: dt_s, ..Moved::default() };
         Self {
-            axes: [None; FRAMES],
             limit_m,
             dt_s,
             before: None,
             since_pose_s: 0.0,
-            was_silent: false,
-            sums: Sums::default(),
+            moved: vec![at_rest; steps(AGES_S[AGES_S.len() - 1], dt_s) + 1],
+            newest: 0,
+            ages: Default::default(),
+            age: 0,
+            is_age_known: false,
             sums_by_inputs: Sums::default(),
             displacements: Displacements::default(),
             speed_mps: None,
-            error_m: [Complex::default(); FRAMES],
             doubt: Doubt::default(),
         }
     }
 
     /// On the ground nothing differs.
     pub(super) fn rest(&mut self, sample: &Sample) {
-        self.displacement(sample);
-        self.error_m = [Complex::default(); FRAMES];
+        self.displace(sample);
+        for age in &mut self.ages {
+            age.rest();
+        }
         self.displacements = Displacements::default();
         self.doubt = Doubt::default();
     }
 
     /// Takes a tick in flight; how both compare, and by how much they differ. m
     pub(super) fn update(&mut self, sample: &Sample) -> (Agreement, f64) {
-        let (moved_w_m, moved_in_s) = self.displacement(sample);
-        let keep = (-self.dt_s / FORGET_S).exp();
-        for error_m in &mut self.error_m {
-            *error_m *= keep;
+        self.displace(sample);
+        let reported_mps = sample.drone.and_then(|drone| drone.horizontal_mps);
+        let moved: [Moved; AGES_S.len()] = array::from_fn(|age| self.moved_ago(AGES_S[age]));
+        let mut motions = [None; AGES_S.len()];
+        for ((age, moved), motion) in self.ages.iter_mut().zip(&moved).zip(&mut motions) {
+            age.forget(self.dt_s);
+            let is_known = age.is_known(reported_mps.is_some(), moved.is_pose);
+            *motion =
+                reported_mps.filter(|_| is_known).map(|by_drone_mps| moved.beside(by_drone_mps));
+            if let Some(motion) = motion {
+                age.compare(motion, self.dt_s);
+            }
         }
-        let Some([first_mps, second_mps]) = sample.drone.and_then(|drone| drone.horizontal_mps)
-        else {
-            self.speed_mps = None;
-            self.was_silent = sample.pose.is_none();
-            return (Agreement::Unknown, 0.0);
-        };
-        let speed_mps = first_mps.hypot(second_mps);
-        self.speed_mps = (self.speed_mps.is_some() || speed_mps > 0.0).then_some(speed_mps);
-        if self.was_silent {
-            // From this pose on, if there is one, both are known again.
-            self.was_silent = sample.pose.is_none();
+        let speed_mps = reported_mps.map(|[first_mps, second_mps]| first_mps.hypot(second_mps));
+        let has_shown_one = self.speed_mps.is_some();
+        self.speed_mps = speed_mps.filter(|speed_mps| has_shown_one || *speed_mps > 0.0);
+        if let Some(Motion { moved_w_m, seen, .. }) = motions[self.age] {
+            let scale = self.ages[self.age].scale();
+            let asked_w_mps = asked(sample, moved[0].theta_rad);
+            self.displacements.add(moved_w_m, &seen.map(|v| v * scale), asked_w_mps, self.dt_s);
+        }
+        if let Some(Motion { seen, .. }) = motions[0] {
+            let asked_m = self.displacements.asked_w_mps * self.dt_s;
+            let by_inputs = Motion { moved_w_m: asked_m, moved_in_s: self.dt_s, seen };
+            self.sums_by_inputs.add(&by_inputs, self.dt_s);
+        }
+        self.learn(&motions);
+        let error_m = self.ages[self.age].error_m();
+        if motions[self.age].is_none() {
             return (Agreement::Unknown, 0.0);
         }
-        let seen = frames(Complex::new(first_mps, second_mps), self.before);
-        self.displacements.add(moved_w_m, &seen, asked(sample, self.before), self.dt_s);
-        let error_m = self.compare(moved_w_m, &seen);
-        self.learn(&Motion { moved_w_m, moved_in_s, seen }, error_m);
-        let asked_m = self.displacements.asked_w_mps * self.dt_s;
-        let by_inputs = Motion { moved_w_m: asked_m, moved_in_s: self.dt_s, seen };
-        self.sums_by_inputs.add(&by_inputs, self.dt_s);
-        if sample.pose.is_none() {
+        if !moved[self.age].is_pose {
             // What the drone flew since is in the next pose.
             return (Agreement::Unknown, error_m.unwrap_or_default());
         }
@@ -140,49 +161,57 @@ impl VelocityMonitor {
         }
     }
 
-    /// Displacement since the newest pose before, and the time that it took; without a pose it is part of a
-    /// later tick's. m, s
-    fn displacement(&mut self, sample: &Sample) -> (Complex<f64>, f64) {
-        let moved_in_s = self.since_pose_s + self.dt_s;
+    /// Enters the displacement since the newest pose before; without a pose it is part of a later tick's.
+    fn displace(&mut self, sample: &Sample) {
+        let in_s = self.since_pose_s + self.dt_s;
         let before = self.before;
         self.before = sample.pose.or(before);
-        self.since_pose_s = if sample.pose.is_some() { 0.0 } else { moved_in_s };
-        let moved_w_m = match (sample.pose, before) {
+        self.since_pose_s = if sample.pose.is_some() { 0.0 } else { in_s };
+        let w_m = match (sample.pose, before) {
             (Some(now), Some(before)) => {
                 Complex::new(now[pose::X] - before[pose::X], now[pose::Y] - before[pose::Y])
             }
             _ => Complex::default(),
         };
-        (moved_w_m, moved_in_s)
+        let theta_rad = self.before.map_or(0.0, |at| at[pose::THETA]);
+        self.newest = (self.newest + 1) % self.moved.len();
+        self.moved[self.newest] = Moved { w_m, in_s, theta_rad, is_pose: sample.pose.is_some() };
     }
 
-    /// Learns the axes from a motion that does not contradict them, also not by its speed once they are well known: a
-    /// drone that fitted a short motion by accident must be found out.
-    fn learn(&mut self, motion: &Motion, error_m: Option<f64>) {
-        let is_well_known = self.sums.variance(FIXED) >= WELL_KNOWN * MOTION_MIN;
+    fn moved_ago(&self, age_s: f64) -> Moved {
+        let count = self.moved.len();
+        self.moved[(self.newest + count - steps(age_s, self.dt_s)) % count]
+    }
+
+    /// Learns axes, and the age of the reports, from a motion that does not contradict them, also not by its speed once
+    /// they are well known: a drone that fitted a short motion by accident must be found out.
+    fn learn(&mut self, motions: &[Option<Motion>; AGES_S.len()]) {
+        let known = &self.ages[self.age];
+        let error_m = if self.is_age_known {
+            known.error_m()
+        } else {
+            self.ages.iter().filter_map(ReportAge::error_m).reduce(f64::min)
+        };
+        let is_well_known = known.is_well_known();
         let agrees = |error_m| {
             error_m <= 0.5 * self.limit_m && (!is_well_known || self.displacements.speeds_agree())
         };
-        if motion.is_step() || !error_m.is_none_or(agrees) {
+        if !error_m.is_none_or(agrees) {
             return;
         }
-        self.sums.add(motion, self.dt_s);
-        for (frame, axes) in self.axes.iter_mut().enumerate() {
-            if self.sums.variance(frame) >= MOTION_MIN {
-                *axes = self.sums.axes(frame);
+        for (age, motion) in self.ages.iter_mut().zip(motions) {
+            if let Some(motion) = motion.as_ref().filter(|motion| !motion.is_step()) {
+                age.learn(motion, self.dt_s);
             }
         }
-    }
-
-    /// Integrates the difference in each frame that fits; the least one, `None` before a frame fits. m
-    fn compare(&mut self, moved_w_m: Complex<f64>, seen: &[Complex<f64>; FRAMES]) -> Option<f64> {
-        let mut least_m = None;
-        for (frame, error_m) in self.error_m.iter_mut().enumerate() {
-            let Some(axes) = self.axes[frame] else { continue };
-            *error_m += moved_w_m - axes * seen[frame] * self.dt_s;
-            least_m = Some(error_m.norm().min(least_m.unwrap_or(f64::INFINITY)));
+        if !self.is_age_known {
+            for (age, it) in self.ages.iter().enumerate() {
+                if it.determination() > self.ages[self.age].determination() {
+                    self.age = age;
+                }
+            }
+            self.is_age_known = self.ages[self.age].is_well_known();
         }
-        least_m
     }
 
     /// By how much the poses differ from drone and inputs while their motion shows no axes: by lengths, and by
@@ -192,7 +221,7 @@ impl VelocityMonitor {
         let by_vector_m = (0..FRAMES)
             .filter(|&frame| self.sums_by_inputs.variance(frame) >= MOTION_MIN)
             .filter_map(|frame| {
-                let axes = self.sums_by_inputs.axes(frame)?;
+                let axes = self.sums_by_inputs.rotation(frame)?;
                 self.displacements.vector_difference_m(axes * self.displacements.flown_m[frame])
             })
             .reduce(f64::min);
@@ -205,66 +234,29 @@ impl VelocityMonitor {
     }
 }
 
-/// Exponentially weighted sums over poses and reports. Deviations from the means are compared: a constant drift
-/// of the poses does not change the axes.
-#[derive(Debug, Clone, Default)]
-struct Sums {
-    time_s: f64,
-    /// Displacement by the poses. m
-    moved_w_m: Complex<f64>,
-    /// Of each frame: the displacement by the drone. m
-    flown_m: [Complex<f64>; FRAMES],
-    /// Of each frame: displacement by the poses times conjugate velocity by the drone. m^2/s
-    products: [Complex<f64>; FRAMES],
-    /// Squared speed by the drone. m^2/s
-    squares: f64,
-    /// Squared speed by the poses. m^2/s
-    moved_squares: f64,
-}
-
-impl Sums {
-    fn add(&mut self, motion: &Motion, dt_s: f64) {
-        let Motion { moved_w_m, moved_in_s, ref seen } = *motion;
-        let keep = (-dt_s / AXES_FORGET_S).exp();
-        self.time_s = self.time_s * keep + dt_s;
-        self.moved_w_m = self.moved_w_m * keep + moved_w_m;
-        self.moved_squares = self.moved_squares * keep + moved_w_m.norm_sqr() / moved_in_s;
-        self.squares = self.squares * keep + seen[FIXED].norm_sqr() * dt_s;
-        let sums = self.flown_m.iter_mut().zip(&mut self.products);
-        for ((flown_m, product), seen) in sums.zip(seen) {
-            *flown_m = *flown_m * keep + seen * dt_s;
-            *product = *product * keep + moved_w_m * seen.conj();
-        }
-    }
-
-    /// Integral of the squared deviation of the drone's velocity from its mean. m^2/s
-    fn variance(&self, frame: usize) -> f64 {
-        self.squares - self.flown_m[frame].norm_sqr() / self.time_s.max(f64::MIN_POSITIVE)
-    }
-
-    /// Rotation of the axes of `frame` from those of the world; `None` if they do not fit the motion.
-    fn axes(&self, frame: usize) -> Option<Complex<f64>> {
-        let time_s = self.time_s.max(f64::MIN_POSITIVE);
-        let flown_m = self.flown_m[frame];
-        let covariance = self.products[frame] - self.moved_w_m * flown_m.conj() / time_s;
-        let variance = self.variance(frame);
-        let moved_variance = self.moved_squares - self.moved_w_m.norm_sqr() / time_s;
-        let fits = FIT.contains(&(covariance.norm() / variance))
-            && covariance.norm_sqr() >= DETERMINATION_MIN * variance * moved_variance;
-        fits.then(|| covariance / covariance.norm())
+impl Moved {
+    /// With the velocity that the drone reports of it.
+    fn beside(&self, [first_mps, second_mps]: [f64; 2]) -> Motion {
+        let seen = frames(Complex::new(first_mps, second_mps), self.theta_rad);
+        Motion { moved_w_m: self.w_m, moved_in_s: self.in_s, seen }
     }
 }
 
 /// Velocity that the inputs ask of a typical vehicle.
-fn asked(sample: &Sample, at: Option<Pose>) -> Complex<f64> {
-    velocity_mps(&sample.u_applied, at.map_or(0.0, |at| at[pose::THETA]))
+fn asked(sample: &Sample, theta_rad: f64) -> Complex<f64> {
+    velocity_mps(&sample.u_applied, theta_rad)
 }
 
 /// A velocity of the drone in each of the frames: fixed or turning with the body, right- or left-handed.
-fn frames(velocity_mps: Complex<f64>, at: Option<Pose>) -> [Complex<f64>; FRAMES] {
-    let theta_rad = at.map_or(0.0, |at| at[pose::THETA]);
+fn frames(velocity_mps: Complex<f64>, theta_rad: f64) -> [Complex<f64>; FRAMES] {
     let turn = Complex::from_polar(1.0, theta_rad);
     [velocity_mps, velocity_mps.conj(), velocity_mps * turn, velocity_mps.conj() * turn]
+}
+
+/// Ticks in `for_s`.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=40")]
+fn steps(for_s: f64, dt_s: f64) -> usize {
+    (for_s / dt_s).round() as usize
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Settings of the supervisor: as written, and checked.
 
-use horizon_model::setting::{SettingError, in_range, not_negative};
+use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -51,7 +51,7 @@ pub struct SupervisorTable {
     /// Periods without a tick that are tolerated at once, one more means landing; a tenth of a period
     /// is forgiven at each tick. periods, 0..=1000
     pub late_periods_max: u32,
-    /// Hover at the last target before landing. s, >= 0
+    /// Hover at the last target before landing. s, 0..=3600
     pub finish_hold_s: f64,
     /// Limits of a flight that goes on without a fault of a part.
     #[serde(default)]
@@ -152,7 +152,7 @@ impl TryFrom<&SupervisorTable> for SupervisorSettings {
         in_range("landing_timeout_s", table.landing_timeout_s, 1.0..=120.0)?;
         in_range("solver_failures_max", table.solver_failures_max, 0..=1000)?;
         in_range("late_periods_max", table.late_periods_max, 0..=1000)?;
-        not_negative("finish_hold_s", table.finish_hold_s)?;
+        in_range("finish_hold_s", table.finish_hold_s, 0.0..=3600.0)?;
         table.failsafe.check().map_err(|error| error.under("failsafe"))?;
         Ok(Self { table: table.clone(), room })
     }
@@ -216,7 +216,7 @@ mod tests {
             ("landing_timeout_s", "10.0", "1000000000", "1.0..=120.0"),
             ("solver_failures_max", "3", "1001", "0..=1000"),
             ("late_periods_max", "25", "1001", "0..=1000"),
-            ("finish_hold_s", "2.0", "-0.5", "finite and >= 0"),
+            ("finish_hold_s", "2.0", "-0.5", "0.0..=3600.0"),
         ] {
             let (old, new) = (format!("\"{key}\": {good}"), format!("\"{key}\": {bad}"));
             let text = GOOD.replacen(&old, &new, 1);

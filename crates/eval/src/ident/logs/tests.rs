@@ -33,7 +33,7 @@ fn no_log_is_refused_with_the_reason_of_each_file() {
 fn an_identification_needs_logs_and_a_judgement_does_not() {
     let table = crate::ident::settings(None).unwrap();
     assert!(load_logs(&[], &table).unwrap_err().to_string().starts_with("no logs"));
-    let (logs, skipped) = load_judged(&[], 0.02, 0.0).unwrap();
+    let (logs, skipped) = load_judged(&[], 0.02, 0.0, &[]).unwrap();
     assert!(logs.is_empty() && skipped.is_empty());
 }
 

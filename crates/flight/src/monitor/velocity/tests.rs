@@ -28,7 +28,7 @@ fn swaying(turn_rad: f64, poses_mps: f64, count: u32) -> VelocityMonitor {
         };
         let sample = Sample { pose, drone: Some(drone), u_applied, link_is_up: true };
         monitor.update(&sample);
-        let asked_mps = asked(&sample, pose).re;
+        let asked_mps = asked(&sample, 0.0).re;
         v_mps += (asked_mps - v_mps) * (1.0 - decay(DT_S));
     }
     monitor
@@ -59,10 +59,9 @@ fn inputs_and_reports_are_turned_by_the_heading() {
     let sample = Sample { pose: None, drone: None, u_applied, link_is_up: true };
     let close = |a: Complex<f64>, b: Complex<f64>| (a - b).norm() < 1e-12;
     // Forward is x and right is -y, at a heading of zero.
-    assert!(close(asked(&sample, None), Complex::new(1.9 * 0.43, -1.9 * 0.13)));
-    let left = Some(Pose::new(0.0, 0.0, 1.0, FRAC_PI_2));
-    assert!(close(asked(&sample, left), Complex::new(1.9 * 0.13, 1.9 * 0.43)));
-    let seen = frames(Complex::new(0.3, 0.1), left);
+    assert!(close(asked(&sample, 0.0), Complex::new(1.9 * 0.43, -1.9 * 0.13)));
+    assert!(close(asked(&sample, FRAC_PI_2), Complex::new(1.9 * 0.13, 1.9 * 0.43)));
+    let seen = frames(Complex::new(0.3, 0.1), FRAC_PI_2);
     let expected = [(0.3, 0.1), (0.3, -0.1), (-0.1, 0.3), (0.1, 0.3)];
     for (seen, (x, y)) in seen.into_iter().zip(expected) {
         assert!(close(seen, Complex::new(x, y)), "{seen}");
@@ -104,7 +103,7 @@ fn a_step_of_the_poses_does_not_hide_the_drift_that_begins_with_it() {
     let (mut monitor, mut at_w) = after_a_circle();
     let (step_m, hovering) = (Complex::new(0.2, 0.0), Complex::default());
     let mut agreement = see(&mut monitor, &mut at_w, step_m, hovering).0;
-    assert!(monitor.axes[FIXED].is_some(), "a step is no motion that shows the axes");
+    assert!(monitor.ages[0].error_m().is_some(), "a step is no motion that shows the axes");
     for _ in 0..150 {
         let drift_m = Complex::new(0.5 * DT_S, 0.0);
         agreement = agreement.max(see(&mut monitor, &mut at_w, drift_m, hovering).0);
@@ -117,10 +116,70 @@ fn what_a_vehicle_can_move_in_a_period_is_no_step() {
     // 0.5 m/s by the drone: (0.5 + 1) m/s for 0.02 s and 0.03 m.
     for (moved_m, is_step) in [(0.059, false), (0.061, true)] {
         let (mut monitor, mut at_w) = after_a_circle();
-        let before = monitor.sums.moved_squares;
+        let before = monitor.ages[0].sums.moved_squares;
         let moved_w_m = Complex::new(moved_m, 0.0);
         see(&mut monitor, &mut at_w, moved_w_m, Complex::new(0.5, 0.0));
-        let is_learnt = monitor.sums.moved_squares > before;
+        let is_learnt = monitor.ages[0].sums.moved_squares > before;
         assert_eq!(is_learnt, !is_step, "{moved_m} m");
+    }
+}
+
+/// Largest difference in a flight along sides of 4 m at 1.2 m/s, and after it in a hover while the poses drift along x:
+/// in ticks of the flight, and time of the drift until it is refused. The drone reports its speed, times `scale`,
+/// `late` ticks later. m, s
+fn along_sides(scale: f64, late: usize, drift_mps: f64) -> (f64, Option<f64>) {
+    let mut monitor = VelocityMonitor::new(0.6, DT_S);
+    let (mut at_w, mut v_mps) = (Complex::default(), Complex::default());
+    let mut earlier_mps = vec![Complex::default(); late];
+    let mut largest_m: f64 = 0.0;
+    let reported = |earlier_mps: &mut Vec<Complex<f64>>, v_mps: Complex<f64>| {
+        earlier_mps.push(v_mps * scale);
+        let tenths = |v: f64| (10.0 * v).round() / 10.0;
+        let by_drone = earlier_mps.remove(0);
+        Complex::new(tenths(by_drone.re), tenths(by_drone.im))
+    };
+    for k in 0..2000 {
+        let side = Complex::from_polar(1.2, FRAC_PI_2 * f64::from(k / 200));
+        v_mps += (side - v_mps) * (1.0 - decay(DT_S));
+        let by_drone_mps = reported(&mut earlier_mps, v_mps);
+        let (_, error_m) = see(&mut monitor, &mut at_w, v_mps * DT_S, by_drone_mps);
+        largest_m = largest_m.max(error_m);
+    }
+    let refused = (0..400).find(|_| {
+        let drift_w_mps = Complex::new(drift_mps, 0.0);
+        let by_drone_mps = reported(&mut earlier_mps, Complex::default());
+        let seen = see(&mut monitor, &mut at_w, drift_w_mps * DT_S, by_drone_mps);
+        seen.0 == Agreement::Disagrees
+    });
+    (largest_m, refused.map(|k| f64::from(k) * DT_S))
+}
+
+#[test]
+fn a_drone_whose_reports_are_late_or_of_another_scale_is_a_witness_all_the_same() {
+    for (scale, late_s) in
+        [(1.0, 0.0), (0.8, 0.0), (1.2, 0.0), (1.4, 0.0), (1.0, 0.3), (1.0, 0.5), (0.85, 0.9)]
+    {
+        let late = steps(late_s, DT_S);
+        let (largest_m, refused_s) = along_sides(scale, late, 0.5);
+        let case = format!("x {scale}, {late_s} s late: {largest_m:.2} m, {refused_s:?} s");
+        assert!(largest_m < 0.6, "{case}");
+        // The limit after 1.2 s, and 1.5 s of doubt, later by the age of the reports.
+        assert!(refused_s.is_some_and(|refused_s| refused_s < 2.8 + late_s), "{case}");
+    }
+}
+
+#[test]
+fn what_was_flown_while_poses_and_drone_were_silent_is_no_difference() {
+    let (mut monitor, mut at_w) = after_a_circle();
+    let v_mps = Complex::new(0.5, 0.0);
+    let silence = Sample { pose: None, drone: None, u_applied: Sticks::zeros(), link_is_up: true };
+    for _ in 0..100 {
+        assert_eq!(monitor.update(&silence), (Agreement::Unknown, 0.0));
+    }
+    at_w += v_mps * DT_S * 100.0;
+    assert_eq!(see(&mut monitor, &mut at_w, v_mps * DT_S, v_mps).0, Agreement::Unknown);
+    for _ in 0..100 {
+        let (_, error_m) = see(&mut monitor, &mut at_w, v_mps * DT_S, v_mps);
+        assert!(error_m < 0.2, "{error_m} m");
     }
 }

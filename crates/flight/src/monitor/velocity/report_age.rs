@@ -1,0 +1,172 @@
+//! Poses beside a drone that reports its velocity late, by one of several times.
+//!
+//! Owns the axes of the drone for this age of its reports, and the difference between both displacements.
+
+use nalgebra::Complex;
+
+use super::{FIXED, FRAMES, Motion};
+use crate::monitor::FORGET_S;
+
+/// Time within which motion that showed the axes is forgotten. s
+const AXES_FORGET_S: f64 = 30.0;
+/// Motion that shows the axes: integral of the squared deviation of the drone's velocity from its mean. m^2/s
+pub(super) const MOTION_MIN: f64 = 0.15;
+/// Motion that shows also the age of the reports and their scale, over that.
+const WELL_KNOWN: f64 = 4.0;
+/// Speed by the poses over speed by the drone if the axes fit, and as it is used while motion has shown little of it.
+const FIT: [f64; 2] = [0.6, 1.6];
+const FIT_EARLY: [f64; 2] = [0.75, 1.33];
+/// Least fraction of the variance of the poses' velocity that the drone's explains if the axes fit (R^2).
+const DETERMINATION_MIN: f64 = 0.7;
+
+/// Axes of the drone that fit the motion.
+#[derive(Debug, Clone, Copy)]
+struct Fit {
+    /// Their rotation from those of the world, times the speed by the poses over that by the drone.
+    axes: Complex<f64>,
+    /// R^2.
+    determination: f64,
+}
+
+/// Poses and velocity reports so far, as if reports had one age.
+#[derive(Debug, Clone, Default)]
+pub(super) struct ReportAge {
+    pub(super) sums: Sums,
+    /// Of each frame, as motion showed them last.
+    axes: [Option<Fit>; FRAMES],
+    /// Of each frame: displacement by the poses less that by the drone. m
+    error_m: [Complex<f64>; FRAMES],
+    /// Whether the drone was silent since the newest pose of that age: what it flew meanwhile is not known.
+    was_silent: bool,
+}
+
+impl ReportAge {
+    /// On the ground nothing differs.
+    pub(super) fn rest(&mut self) {
+        self.error_m = [Complex::default(); FRAMES];
+    }
+
+    /// A period of `dt_s` passes.
+    pub(super) fn forget(&mut self, dt_s: f64) {
+        let keep = (-dt_s / FORGET_S).exp();
+        for error_m in &mut self.error_m {
+            *error_m *= keep;
+        }
+    }
+
+    /// Whether what the drone flew until the pose of this age, if there `is_pose`, is known, now that it `is_heard`.
+    pub(super) fn is_known(&mut self, is_heard: bool, is_pose: bool) -> bool {
+        let is_known = is_heard && !self.was_silent;
+        // From a pose on both are known again.
+        self.was_silent = !is_known && !is_pose;
+        is_known
+    }
+
+    /// Integrates the difference in each frame that fits.
+    pub(super) fn compare(&mut self, motion: &Motion, dt_s: f64) {
+        for ((error_m, fit), seen) in self.error_m.iter_mut().zip(&self.axes).zip(&motion.seen) {
+            if let Some(Fit { axes, .. }) = fit {
+                *error_m += motion.moved_w_m - axes * seen * dt_s;
+            }
+        }
+    }
+
+    /// The least difference; `None` before a frame fits. m
+    pub(super) fn error_m(&self) -> Option<f64> {
+        let known = self.error_m.iter().zip(&self.axes).filter(|(_, axes)| axes.is_some());
+        known.map(|(error_m, _)| error_m.norm()).reduce(f64::min)
+    }
+
+    /// Learns the axes from a motion. Axes that were found stay while too little motion shows any.
+    pub(super) fn learn(&mut self, motion: &Motion, dt_s: f64) {
+        self.sums.add(motion, dt_s);
+        let is_well_known = self.is_well_known();
+        for (frame, axes) in self.axes.iter_mut().enumerate() {
+            if self.sums.variance(frame) < MOTION_MIN {
+                continue;
+            }
+            *axes = self.sums.fit(frame).map(|fit| {
+                let scale = fit.axes.norm();
+                let [low, high] = if is_well_known { FIT } else { FIT_EARLY };
+                Fit { axes: fit.axes * (scale.clamp(low, high) / scale), ..fit }
+            });
+        }
+    }
+
+    /// Whether the motion has shown the age of the reports and their scale, too.
+    pub(super) fn is_well_known(&self) -> bool {
+        self.sums.variance(FIXED) >= WELL_KNOWN * MOTION_MIN
+    }
+
+    /// How well the best axes explain the motion; 0 if none do.
+    pub(super) fn determination(&self) -> f64 {
+        self.best().map_or(0.0, |fit| fit.determination)
+    }
+
+    /// Speed by the poses over speed by the drone with the best axes; 1 without any.
+    pub(super) fn scale(&self) -> f64 {
+        self.best().map_or(1.0, |fit| fit.axes.norm())
+    }
+
+    fn best(&self) -> Option<&Fit> {
+        let fits = self.axes.iter().flatten();
+        fits.reduce(|a, b| if b.determination > a.determination { b } else { a })
+    }
+}
+
+/// Exponentially weighted sums over poses and reports. Deviations from the means are compared: a constant drift
+/// of the poses does not change the axes.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Sums {
+    time_s: f64,
+    /// Displacement by the poses. m
+    moved_w_m: Complex<f64>,
+    /// Of each frame: the displacement by the drone. m
+    flown_m: [Complex<f64>; FRAMES],
+    /// Of each frame: displacement by the poses times conjugate velocity by the drone. m^2/s
+    products: [Complex<f64>; FRAMES],
+    /// Squared speed by the drone. m^2/s
+    squares: f64,
+    /// Squared speed by the poses. m^2/s
+    pub(super) moved_squares: f64,
+}
+
+impl Sums {
+    pub(super) fn add(&mut self, motion: &Motion, dt_s: f64) {
+        let Motion { moved_w_m, moved_in_s, ref seen } = *motion;
+        let keep = (-dt_s / AXES_FORGET_S).exp();
+        self.time_s = self.time_s * keep + dt_s;
+        self.moved_w_m = self.moved_w_m * keep + moved_w_m;
+        self.moved_squares = self.moved_squares * keep + moved_w_m.norm_sqr() / moved_in_s;
+        self.squares = self.squares * keep + seen[FIXED].norm_sqr() * dt_s;
+        let sums = self.flown_m.iter_mut().zip(&mut self.products);
+        for ((flown_m, product), seen) in sums.zip(seen) {
+            *flown_m = *flown_m * keep + seen * dt_s;
+            *product = *product * keep + moved_w_m * seen.conj();
+        }
+    }
+
+    /// Integral of the squared deviation of the drone's velocity from its mean. m^2/s
+    pub(super) fn variance(&self, frame: usize) -> f64 {
+        self.squares - self.flown_m[frame].norm_sqr() / self.time_s.max(f64::MIN_POSITIVE)
+    }
+
+    /// The axes of `frame` in the world, and how well they explain the motion; `None` if they do not fit it.
+    fn fit(&self, frame: usize) -> Option<Fit> {
+        let time_s = self.time_s.max(f64::MIN_POSITIVE);
+        let flown_m = self.flown_m[frame];
+        let covariance = self.products[frame] - self.moved_w_m * flown_m.conj() / time_s;
+        let variance = self.variance(frame);
+        let moved_variance = self.moved_squares - self.moved_w_m.norm_sqr() / time_s;
+        let axes = covariance / variance;
+        let determination = covariance.norm_sqr() / (variance * moved_variance);
+        let [low, high] = FIT;
+        let fits = (low..=high).contains(&axes.norm()) && determination >= DETERMINATION_MIN;
+        fits.then_some(Fit { axes, determination })
+    }
+
+    /// Rotation of the axes of `frame` from those of the world; `None` if they do not fit the motion.
+    pub(super) fn rotation(&self, frame: usize) -> Option<Complex<f64>> {
+        self.fit(frame).map(|Fit { axes, .. }| axes / axes.norm())
+    }
+}
