@@ -95,7 +95,7 @@ fn a_take_off_that_the_drone_refuses_ends_on_the_ground_without_a_stick() {
     settings.1.drone.warns_below_pct = 0;
     settings.0.cycle.supervisor.battery_low_pct = 5;
     settings.0.cycle.supervisor.battery_critical_pct = 5;
-    let story = fly_alone(&settings, 20.0);
+    let story = fly_alone(&settings, 30.0);
     assert!(story.has(Fault::TakeOffTimeout), "{:?}", story.last());
     assert_eq!(story.last().phase, Phase::Landed);
     assert!(story.moments.iter().all(|moment| moment.stick.is_none_or(|stick| stick <= 0.0)));

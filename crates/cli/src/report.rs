@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use tello_eval::report;
+use tello_eval::report::{self, GENERATOR};
 use tello_io::whole_file;
 
 use crate::{Verdict, stdio};
@@ -55,27 +55,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     Ok(if page.report.unusable.is_empty() { Verdict::Good } else { Verdict::Bad })
 }
 
-/// Refuses a page that could not be written, and one that would replace a file that is no page: a log may be the only
-/// one of its flight.
+/// Refuses a page that could not be written, and one that would replace a file that is no page of this program: a log
+/// may be the only one of its flight.
 ///
 /// # Errors
-/// The file is there and does not begin as a page does, or cannot be read, or its folder cannot be written.
+/// The file is there and does not begin as our pages do, or cannot be read, or its folder cannot be written.
 pub(crate) fn replaces_a_page(path: &Path) -> Result<()> {
     whole_file::probe(path)?;
     if !path.is_file() {
         return Ok(());
     }
-    let mut start = [0; PAGE_START.len()];
+    let mut start = Vec::new();
     let at = || format!("cannot replace {}", path.display());
-    let length =
-        fs::File::open(path).and_then(|mut file| file.read(&mut start)).with_context(at)?;
-    let is_page = length == 0 || start.eq_ignore_ascii_case(PAGE_START);
-    ensure!(is_page, "{} exists and is no HTML page: choose another name", path.display());
+    let file = fs::File::open(path).with_context(at)?;
+    file.take(HEAD_BYTES).read_to_end(&mut start).with_context(at)?;
+    let is_page = start.is_empty() || String::from_utf8_lossy(&start).contains(GENERATOR);
+    ensure!(is_page, "{} exists and is no page of tello-ctl: choose another name", path.display());
     Ok(())
 }
 
-/// How a page begins.
-const PAGE_START: &[u8; 9] = b"<!DOCTYPE";
+/// Within which a page says by which program it was made. bytes
+const HEAD_BYTES: u64 = 1024;
 
 #[cfg(test)]
 mod tests {
@@ -85,8 +85,9 @@ mod tests {
     fn a_page_is_replaced_and_a_log_is_not() {
         let path = std::env::temp_dir().join(format!("tello-ctl-page-{}", std::process::id()));
         assert!(replaces_a_page(&path).is_ok(), "there is no file");
+        let page = format!("<!DOCTYPE html>\n<html>\n<head>\n{GENERATOR}");
         for (text, is_fine) in
-            [("", true), ("<!doctype html><html>", true), ("\u{89}MCAP0", false), ("<!", false)]
+            [("", true), (&page, true), ("<!DOCTYPE html>", false), ("\u{89}MCAP0", false)]
         {
             fs::write(&path, text).unwrap();
             assert_eq!(replaces_a_page(&path).is_ok(), is_fine, "{text:?}");

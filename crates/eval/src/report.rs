@@ -18,6 +18,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use flight::Flight;
 use group::{Comparison, Group, Looked};
+pub use page::GENERATOR;
 use page::Shown;
 use pictures::Picture;
 use quantity::{Quantity, Spread};

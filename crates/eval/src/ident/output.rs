@@ -83,7 +83,7 @@ fn keep_earlier(parameters: &Path) -> Result<PathBuf> {
 /// observations beside them in the CSV.
 fn write_estimates(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
     if job.table.clear_estimates && dir.exists() {
-        fs::remove_dir_all(dir).with_context(|| format!("cannot clear {}", dir.display()))?;
+        clear_estimates(dir).with_context(|| format!("cannot clear {}", dir.display()))?;
     }
     fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
     for (position, log) in job.logs.iter().enumerate() {
@@ -102,6 +102,26 @@ fn write_estimates(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
         })?;
     }
     Ok(())
+}
+
+/// Removes the estimates of an earlier run, and nothing else.
+fn clear_estimates(dir: &Path) -> std::io::Result<()> {
+    for entry in fs::read_dir(dir)? {
+        let path = entry?.path();
+        if path.is_file()
+            && path.file_name().is_some_and(|name| is_of_estimates(&name.to_string_lossy()))
+        {
+            fs::remove_file(path)?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether estimates are written to a file of this name: `001-flight.csv`.
+fn is_of_estimates(name: &str) -> bool {
+    let is_number = |number: &str| number.len() >= 3 && number.bytes().all(|b| b.is_ascii_digit());
+    let stem = name.strip_suffix(".csv").or_else(|| name.strip_suffix(".mcap"));
+    stem.and_then(|stem| stem.split_once('-')).is_some_and(|(number, _)| is_number(number))
 }
 
 fn estimates_csv(job: &Job<'_>, fitted: &Fitted, log: &Loaded, traces: &[&Trace]) -> String {

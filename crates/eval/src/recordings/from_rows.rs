@@ -16,9 +16,13 @@ use crate::smooth::ORIGIN_M;
 /// 0.3 mm hides in a centimetre, not in a tenth of a millimetre.
 const ROUNDED_DECIMALS: usize = 2;
 
-/// A pose is not that of the vehicle before if it is further away than this, beside the way at the speed below. m
-const JUMP_M: f64 = 0.3;
-const JUMP_MPS: f64 = 3.0;
+/// A pose is not that of the vehicle before if it is further away than this, beside the way at the speed below since
+/// that one came: stalled streams of real flights jump by up to 0.46 m (the thesis' pieces). m, m/s
+const JUMP_M: f64 = 0.5;
+const JUMP_MPS: f64 = 2.0;
+
+/// Headings further from zero are no angles in rad, unless a vehicle has turned as often. rad
+const TURNS_MAX_RAD: f64 = 60.0;
 
 /// The samples of `flight`, and what of it is no observation.
 ///
@@ -29,7 +33,7 @@ const JUMP_MPS: f64 = 3.0;
 /// observation, unless the file is rounded to [`ROUNDED_DECIMALS`].
 ///
 /// # Errors
-/// Most headings jump.
+/// Most headings jump, and there are such as degrees have.
 pub(super) fn samples(
     flight: RowFlight,
     filter: FilterSettings,
@@ -73,11 +77,16 @@ pub(super) fn samples(
         step = Some(row.step);
         let now = o.is_present[pose::X].then_some((row.step, o.o));
         let has_jumped = seen.zip(now).is_some_and(|(before, now)| is_jump(before, now));
-        seen = now.or(seen);
+        if seen.map(|(_, before)| before) != now.map(|(_, now)| now) {
+            // A stream that stalls repeats a pose, and the vehicle has flown on.
+            seen = now.or(seen);
+        }
         Sample { step: row.step, u: row.input, o, has_jumped }
     };
     let samples = flight.rows.iter().map(sample).collect();
-    if headings_held > headings {
+    let is_in_degrees =
+        flight.rows.iter().filter_map(|row| row.pos).any(|o| o[pose::THETA].abs() > TURNS_MAX_RAD);
+    if headings_held > headings && is_in_degrees {
         bail!("{headings_held} headings jump, {headings} do not: theta is in rad");
     }
     note(skipped, stalled, "poses repeated while the stream stalled");
@@ -111,10 +120,16 @@ fn is_jump((from, before): (u64, Pose), (to, now): (u64, Pose)) -> bool {
 fn is_raw(rows: &[CsvRow]) -> bool {
     let poses = || rows.iter().filter_map(|row| row.pos);
     let turns = |(before, after): (Pose, Pose)| (after - before)[pose::THETA].abs() > PI;
-    let places = || rows.iter().filter_map(|row| Some((row.step, row.pos?)));
+    // A stream that stalls repeats a pose, and the vehicle has flown on.
+    let mut news: Vec<(u64, Pose)> = Vec::new();
+    for (step, o) in rows.iter().filter_map(|row| Some((row.step, row.pos?))) {
+        if news.last().is_none_or(|(_, newest)| *newest != o) {
+            news.push((step, o));
+        }
+    }
     poses().any(|o| is_at_origin(&o))
         || poses().zip(poses().skip(1)).any(turns)
-        || places().zip(places().skip(1)).any(|(before, after)| is_jump(before, after))
+        || news.windows(2).any(|pair| is_jump(pair[0], pair[1]))
 }
 
 #[cfg(test)]
@@ -131,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_is_raw_if_its_object_was_at_the_origin_or_its_heading_wraps() {
+    fn a_recording_is_raw_if_its_object_was_at_the_origin_or_jumped_or_its_heading_wraps() {
         let at = |theta: f64| Some([1.0, 0.0, 1.0, theta]);
         for (poses, is_raw_expected) in [
             (vec![], false),
@@ -140,7 +155,12 @@ mod tests {
             // Over a missing pose, too.
             (vec![at(3.1), None, at(-3.1)], true),
             (vec![at(0.0), Some([0.0009, -0.0009, 0.0, 2.0])], true),
-            (vec![at(0.0), Some([0.0011, 0.0, 0.0, 0.0])], false),
+            (vec![Some([0.1, 0.0, 0.1, 0.0]), Some([0.0011, 0.0, 0.0, 0.0])], false),
+            // 0.5 m, and 2 m/s for 0.02 s.
+            (vec![at(0.0), Some([1.53, 0.0, 1.0, 0.0])], false),
+            (vec![at(0.0), Some([1.55, 0.0, 1.0, 0.0])], true),
+            (vec![at(0.0), None, Some([1.55, 0.0, 1.0, 0.0])], false),
+            (vec![at(0.0), at(0.0), Some([1.55, 0.0, 1.0, 0.0])], false),
         ] {
             assert_eq!(is_raw(&rows(&poses)), is_raw_expected, "{poses:?}");
         }

@@ -120,14 +120,14 @@ fn of_a_recording_with_a_long_gap_the_longest_part_is_used() {
 
 #[test]
 fn a_recording_is_cut_where_its_poses_jump() {
-    let (whole, moved) = (steps(0..100), steps(0..100).replace(",0.5000,1.0000", ",0.5000,1.6000"));
+    let (whole, moved) = (steps(0..100), steps(0..100).replace(",0.5000,1.0000", ",0.5000,2.6000"));
     let after: String = moved.lines().skip(80).map(|line| line.to_owned() + "\n").collect();
     let before: String = whole.lines().take(80).map(|line| line.to_owned() + "\n").collect();
     let loaded = read(&(before + &after)).unwrap();
-    // The filter refuses a new place for some steps, and the rest is the longer part.
+    // The filter refuses the new place for 22 steps: 0.3 m and 0.06 m for each.
     let length = loaded.recording.o.len();
-    assert!((50..=60).contains(&length), "{length} steps");
-    assert!(loaded.recording.o.iter().all(|o| !o.is_present[pose::Z] || o.o[pose::Z] > 1.5));
+    assert_eq!(length, 40 + 22);
+    assert!(loaded.recording.o.iter().all(|o| !o.is_present[pose::Z] || o.o[pose::Z] < 1.5));
     let cut =
         format!("{} steps beyond a gap of more than a second or a jump of the pose", 100 - length);
     assert!(loaded.skipped.contains(&cut), "{:?}", loaded.skipped);

@@ -22,12 +22,15 @@ pub(super) struct Shown<'a> {
     pub pictures: Vec<Picture>,
 }
 
+/// By which a page of this program is known.
+pub const GENERATOR: &str = r#"<meta name="generator" content="tello-ctl">"#;
+
 /// The page of `report`, with the figures of all flights and those of some.
 pub(super) fn page(report: &FlightsReport, pictures: &[Picture], shown: &[Shown<'_>]) -> String {
     let title = format!("Flights: {}", names(&report.groups));
     let mut page = Page::default();
     page.add(format_args!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" \
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n{GENERATOR}\n<meta name=\"viewport\" \
          content=\"width=device-width, initial-scale=1\">\n<link rel=\"icon\" href=\"data:,\">\n\
          <title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n",
         escaped(&title)

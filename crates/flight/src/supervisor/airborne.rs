@@ -15,8 +15,8 @@ use crate::drone::{ALONE_HOLD, denies_standing};
 const TAKE_OFF_TAIL_S: f64 = 4.0;
 
 /// The same of an order that has shown no effect: the way to a drone may carry it seconds late, and a drone may start
-/// its motors late. As long as `take_off_timeout_s` of the built-in settings. s
-const TAKE_OFF_UNSEEN_S: f64 = 15.0;
+/// its motors late. s
+const TAKE_OFF_UNSEEN_S: f64 = 8.0;
 
 /// Fraction of `airborne_height_m` below which a vehicle looks grounded.
 const DOWN_HEIGHT_FRACTION: f64 = 0.5;

@@ -221,12 +221,12 @@ fn a_height_that_is_no_number_is_none_and_the_drone_decides() {
 }
 
 #[test]
-fn a_take_off_is_over_four_seconds_after_its_newest_order_or_fifteen_if_it_was_not_seen() {
+fn a_take_off_is_over_four_seconds_after_its_newest_order_or_eight_if_it_was_not_seen() {
     let mut supervisor = Bench::new(Start::Grounded).supervisor;
     assert!(supervisor.is_past_take_off(&CALM), "none was ordered");
     supervisor.take_off_ordered_ns = Some(-1_000_000_000);
     for (seen, past_ns) in [
-        (TakeOffSeen::No, 14_000_000_000),
+        (TakeOffSeen::No, 7_000_000_000),
         (TakeOffSeen::Measured, 3_000_000_000),
         (TakeOffSeen::Reported, 3_000_000_000),
     ] {

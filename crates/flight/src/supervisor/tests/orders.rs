@@ -213,10 +213,9 @@ fn a_silent_drone_is_down_when_it_is_back_at_the_ground() {
 fn a_running_take_off_is_not_mistaken_for_a_landing() {
     // The drone ignores a landing now and will fly in a moment.
     let mut bench = Bench::taking_off();
-    bench.supervisor.table.landing_timeout_s = 30.0;
     bench.pass(1, &asks_to_land(CALM));
-    // Ordered at tick 0 and never seen: confirmed from tick 150 on, down 10 ticks later: 159 is the last one before.
-    assert_eq!(bench.run(158, &CALM).phase, Phase::Landing);
+    // Ordered at tick 0 and never seen: confirmed from tick 80 on, down 10 ticks later: 89 is the last one before.
+    assert_eq!(bench.run(88, &CALM).phase, Phase::Landing);
     assert_eq!(bench.tick(&CALM).phase, Phase::Landed);
     // It was seen: from tick 40 on.
     let mut bench = Bench::taking_off();

@@ -167,8 +167,8 @@ mod tests {
     }
 
     #[test]
-    fn a_take_off_may_be_running_for_five_seconds_or_fifteen_if_it_was_not_seen() {
-        for (was_seen, over_ms) in [(true, 5_000), (false, 15_000)] {
+    fn a_take_off_may_be_running_for_five_seconds_or_eight_if_it_was_not_seen() {
+        for (was_seen, over_ms) in [(true, 5_000), (false, 8_000)] {
             let mut session = reported(false);
             session.take_off = Some(TakeOff { at: ms(0), was_seen });
             session.receive(&status(false), ms(over_ms - 1));

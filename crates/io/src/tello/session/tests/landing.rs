@@ -238,11 +238,11 @@ fn a_landing_ordered_during_the_take_off_goes_on_until_it_is_heard() {
     bench.order(1_000, DroneOrder::Land);
     // The flag "flying" comes late in a take-off, and a landing ordered then is ignored.
     bench.receive(1_100, &status(false));
-    bench.run(1_100, 4_999);
-    assert_eq!(bench.times(is_landing).len(), 8);
-    bench.stand(5_000);
-    bench.run(5_000, 6_900);
-    assert_eq!(bench.times(is_landing).len(), 9, "down for 0.3 s from 5 s on");
+    bench.run(1_100, 7_999);
+    assert_eq!(bench.times(is_landing).len(), 14);
+    bench.stand(8_000);
+    bench.run(8_000, 9_900);
+    assert_eq!(bench.times(is_landing).len(), 15, "down for 0.3 s from 8 s on");
 }
 
 #[test]
