@@ -13,6 +13,7 @@ mod dead_time;
 mod feasible;
 mod hand_over;
 mod immobility;
+mod impact;
 mod inbox;
 mod link;
 mod measurement_time;
@@ -51,6 +52,7 @@ pub use dead_time::DeadTimeChange;
 pub use feasible::{misfits, notes, take_off_clearance};
 use hand_over::HandOver;
 use immobility::Immobility;
+use impact::Impact;
 use link::Link;
 use measurement_time::Seen;
 use planning::{Known, Planner};
@@ -125,6 +127,7 @@ where
     monitors: Monitors,
     progress: Progress,
     immobility: Immobility,
+    impact: Impact,
     start: StandingStart,
     worst_case: WorstCase<NS, NP>,
     supervisor: Supervisor,

@@ -92,21 +92,31 @@ impl InboxHead {
 /// The disk fails.
 pub fn read(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<TickRow>> {
     let mut ticks: Vec<TickRow> = Vec::new();
-    let (mut periods_skipped, mut unreadable) = (0, 0);
+    let (mut periods_skipped, mut unreadable, mut misplaced) = (0, 0, 0);
+    let (mut missing, mut next_step) = (0, None);
+    let mut open = None;
     while let Some(message) = log.next_message()? {
         let Some(topic) = Topic::named(message.topic) else { continue };
         if topic == Topic::Inbox {
-            // Without its inbox a tick has no place in time: its records go to the tick before.
+            open = None;
             let Some(inbox) = decode::<InboxHead>(&message, &mut unreadable) else { continue };
+            open = Some(message.t);
+            missing += next_step.map_or(0, |next: u64| inbox.step.saturating_sub(next)) as usize;
+            next_step = Some(inbox.step + 1);
             periods_skipped += inbox.skipped;
             let (period, mocap_age_s) = (inbox.step + periods_skipped, inbox.mocap_age_s());
             ticks.push(TickRow { period, mocap_age_s, ..TickRow::default() });
             continue;
         }
-        let Some(tick) = ticks.last_mut() else { continue };
-        tick.take(topic, &message, &mut unreadable);
+        // Without its inbox a tick has no place in time: it is missing.
+        match ticks.last_mut() {
+            Some(tick) if open == Some(message.t) => tick.take(topic, &message, &mut unreadable),
+            _ => misplaced += 1,
+        }
     }
+    note(skipped, missing, "ticks missing");
     note(skipped, unreadable, "records that cannot be read");
+    note(skipped, misplaced, "records of missing ticks");
     skipped.extend(tear(log));
     Ok(ticks)
 }

@@ -12,6 +12,7 @@ use super::dead_time::DeadTime;
 use super::feasible;
 use super::hand_over::HandOver;
 use super::immobility::Immobility;
+use super::impact::Impact;
 use super::link::Link;
 use super::planning::Planner;
 use super::plausible::Plausibility;
@@ -110,6 +111,7 @@ where
         monitors: Monitors::new(&monitors, dt_s),
         progress: Progress::default(),
         immobility: Immobility::default(),
+        impact: Impact::new(dt_s),
         start: StandingStart::new(cycle.standing).map_err(under("cycle.standing"))?,
         supervisor: Supervisor::new(supervisor, table.start),
         hand_over: HandOver::default(),

@@ -129,7 +129,7 @@ where
     }
 
     /// The newest estimated heading. rad
-    fn theta_hat_rad(&self) -> f64 {
+    pub(super) fn theta_hat_rad(&self) -> f64 {
         self.model.observe(self.mhe.s_hat())[pose::THETA]
     }
 

@@ -31,6 +31,7 @@ where
             return None;
         }
         let findings = self.monitor(inbox);
+        self.note_place(self.memory.o_seen, &self.fifo.applied(JUST_ENDED));
         out.findings = Some(findings);
         let outage = self.outage();
         let motion = self.motion();
@@ -68,6 +69,7 @@ where
             below_m: tracking.map(|tracking| tracking.below_m),
             sunk_m: tracking.map(|tracking| tracking.sunk_m),
             pressed_s: out.pressed_s,
+            has_hit: self.impact.has_hit(),
             speed_mps,
             overtime_s: self.progress.overtime_s(&self.mission),
             drone: self.memory.drone.map(|status| DroneReport {
@@ -128,6 +130,12 @@ where
         if self.mhe.is_started() {
             self.follow_worst_case(&u_meant);
         }
+        self.note_place(None, &u_meant);
+    }
+
+    /// Notes where the vehicle was seen after a period in which `u_applied` acted.
+    fn note_place(&mut self, seen: Option<Pose>, u_applied: &Sticks) {
+        self.impact.see(seen.as_ref(), u_applied, self.theta_hat_rad());
     }
 
     /// Whether the motion is that of a flight.

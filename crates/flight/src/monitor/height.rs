@@ -2,7 +2,10 @@
 //!
 //! Owns the difference of both since the take-off. The drone measures from a level of its own, by air pressure
 //! and by the distance to what is below it: slow drift is forgotten. A drone whose height did not
-//! rise is no witness.
+//! rise is no witness. A height that changes from one report to the next further than a vehicle climbs, while the poses
+//! stay, is that of a table or an edge below.
+
+use std::ops::RangeInclusive;
 
 use horizon_model::check::maximum;
 use horizon_model::rows::pose;
@@ -16,6 +19,15 @@ const WHOLE_FLIGHT: f64 = 1.5;
 /// Rise that shows that the drone reports its height. m
 const RISE_MIN_M: f64 = 0.3;
 
+/// Change of the drone's height from one report to the next, a tenth of a second later, that is one of the floor: 3.5 m/s.
+/// The poses move by less, and no table is higher. m
+const FLOOR_STEP_M: RangeInclusive<f64> = 0.35..=1.2;
+const POSE_STAYS_M: f64 = 0.2;
+
+/// By how much the drone's height may differ from the rise when it first shows one: a Tello's reads low from the take-off
+/// on, by up to 0.58 m in four flights. m
+const OFFSET_MAX_M: f64 = 0.75;
+
 /// Heights on the ground and in flight.
 #[derive(Debug, Clone)]
 pub(super) struct HeightMonitor {
@@ -27,6 +39,8 @@ pub(super) struct HeightMonitor {
     ground_level_m: f64,
     /// Height by the drone on the ground. m
     ground_m: Option<f64>,
+    /// By poses and drone when the drone's was new last. m
+    before: Option<(f64, f64)>,
     is_witness: bool,
     error_m: f64,
     doubt: Doubt,
@@ -40,6 +54,7 @@ impl HeightMonitor {
             level_m: None,
             ground_level_m: 0.0,
             ground_m: None,
+            before: None,
             is_witness: false,
             error_m: 0.0,
             doubt: Doubt::default(),
@@ -53,6 +68,7 @@ impl HeightMonitor {
             self.ground_level_m = z_m - height_m;
             self.ground_m = Some(height_m);
         }
+        self.before = None;
         self.is_witness = false;
         self.error_m = 0.0;
         self.doubt = Doubt::default();
@@ -65,9 +81,19 @@ impl HeightMonitor {
         else {
             return (Agreement::Unknown, self.error_m);
         };
+        let mut step_m = self.floor_step_m(z_m, height_m);
+        let rise_m = z_m - self.ground_level_m - ground_m;
+        let is_first = !self.is_witness && height_m - ground_m >= RISE_MIN_M;
+        self.is_witness |= is_first;
+        let offset_m = z_m - height_m - level_m;
+        if is_first && rise_m >= RISE_MIN_M && offset_m.abs() <= OFFSET_MAX_M {
+            step_m = offset_m;
+        }
+        let level_m = level_m + step_m;
+        self.ground_level_m += step_m;
         let error_m = z_m - height_m - level_m;
-        self.is_witness |= height_m - ground_m >= RISE_MIN_M;
         if !self.is_witness {
+            self.level_m = Some(level_m);
             return (Agreement::Unknown, 0.0);
         }
         self.error_m = error_m.abs();
@@ -75,6 +101,21 @@ impl HeightMonitor {
         let of_flight_m = (z_m - height_m - self.ground_level_m).abs() / WHOLE_FLIGHT;
         let judged_m = maximum(of_flight_m, self.error_m);
         (self.doubt.judge(judged_m, self.limit_m, self.dt_s), self.error_m)
+    }
+}
+
+impl HeightMonitor {
+    /// By how much the floor below the vehicle came up or went down with this report of the drone; else 0. m
+    fn floor_step_m(&mut self, z_m: f64, height_m: f64) -> f64 {
+        let Some((z_before_m, before_m)) = self.before.replace((z_m, height_m)) else { return 0.0 };
+        if height_m.total_cmp(&before_m).is_eq() {
+            // Not a new one.
+            self.before = Some((z_before_m, before_m));
+            return 0.0;
+        }
+        let (risen_m, moved_m) = (height_m - before_m, z_m - z_before_m);
+        let is_step = FLOOR_STEP_M.contains(&risen_m.abs()) && moved_m.abs() < POSE_STAYS_M;
+        if is_step { moved_m - risen_m } else { 0.0 }
     }
 }
 
@@ -90,6 +131,51 @@ mod tests {
     use crate::monitor::DroneMotion;
 
     const DT_S: f64 = 0.02;
+
+    #[test]
+    fn a_height_that_reads_low_from_the_take_off_on_is_a_witness_of_what_follows() {
+        let found = |by_drone_m: fn(f64) -> f64| {
+            let mut monitor = at_rest();
+            let mut found = Agreement::Unknown;
+            for k in 0..250 {
+                let z_m = 0.01 * f64::from(k.min(100));
+                let height_m = 0.25 + (10.0 * by_drone_m(z_m)).floor() / 10.0;
+                found = found.max(monitor.update(&sample(Some(z_m), Some(height_m))).0);
+            }
+            (found, monitor)
+        };
+        let (low, mut monitor) = found(|z_m| (z_m - 0.58).max(0.0));
+        assert_eq!(low, Agreement::Agrees);
+        assert!(
+            (0..100).any(|_| monitor.update(&sample(Some(2.0), Some(0.65))).0 > Agreement::Agrees)
+        );
+        assert_eq!(found(|z_m| 2.0 * z_m).0, Agreement::Disagrees, "another scale");
+    }
+
+    #[test]
+    fn a_table_below_is_no_height_of_the_vehicle_and_a_fall_is() {
+        let mut monitor = risen();
+        let see = |monitor: &mut HeightMonitor, z_m: f64, height_m: f64| {
+            let seen = sample(Some(z_m), Some(height_m));
+            (0..4).for_each(|_| drop(monitor.update(&seen)));
+            monitor.update(&seen)
+        };
+        // A table of 0.7 m, over which it stays for 4 s, and off it again.
+        for (height_m, times) in [(0.75, 1), (0.05, 40), (0.75, 40)] {
+            for k in 0..times {
+                let (agreement, error_m) =
+                    see(&mut monitor, 0.5 + 0.002 * f64::from(k % 7), height_m);
+                assert_eq!(agreement, Agreement::Agrees, "{height_m} m");
+                assert!(error_m < 0.02, "{height_m} m: {error_m} m");
+            }
+        }
+        // The poses stay while the drone sinks by 0.1 m in each report.
+        let mut found = Agreement::Unknown;
+        for k in 0..40 {
+            found = found.max(see(&mut monitor, 0.5, 0.75 - 0.1 * f64::from(k.min(9))).0);
+        }
+        assert_eq!(found, Agreement::Disagrees);
+    }
 
     fn sample(z_m: Option<f64>, height_m: Option<f64>) -> Sample {
         Sample {

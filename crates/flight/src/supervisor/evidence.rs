@@ -202,6 +202,8 @@ pub struct Evidence {
     pub sunk_m: Option<f64>,
     /// Inputs in one direction that have moved nothing. s of full deflection
     pub pressed_s: f64,
+    /// Whether the vehicle came to rest at once while its inputs drove it on.
+    pub has_hit: bool,
     /// Speed by the estimate. m/s
     pub speed_mps: f64,
     /// By how much the flight of the mission is longer than twice its planned time; negative before. s

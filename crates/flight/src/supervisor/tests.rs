@@ -79,6 +79,7 @@ pub(super) const CALM: Evidence = Evidence {
     below_m: Some(0.1),
     sunk_m: Some(0.1),
     pressed_s: 0.0,
+    has_hit: false,
     speed_mps: 0.1,
     overtime_s: -30.0,
     drone: Some(REPORT),

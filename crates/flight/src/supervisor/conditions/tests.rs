@@ -235,6 +235,8 @@ fn a_vehicle_inside_of_an_obstacle_lands_if_a_fresh_pose_says_so() {
 
 #[test]
 fn large_inputs_that_move_nothing_land_the_vehicle() {
+    let hit = Evidence { has_hit: true, ..ALOFT };
+    assert_eq!(after(&hit), (Phase::Landing, false, vec![Fault::Immobile]));
     let held = Evidence { pressed_s: 2.21, ..ALOFT };
     assert_eq!(after(&Evidence { pressed_s: 2.2, ..ALOFT }).0, Phase::Flying);
     assert_eq!(after(&held), (Phase::Landing, false, vec![Fault::Immobile]));

@@ -1,0 +1,175 @@
+//! Whether a vehicle that its inputs drive on has come to rest at once: it has hit something, or was caught.
+//!
+//! A vehicle whose commands are lost levels and slows down within a time constant of 0.6 s; a brake is asked for by
+//! its inputs. With the place p (x and y of an accepted pose, world frame) and the applied inputs `u_w`, in the direction
+//! e of the motion before, it has hit something if for three ticks
+//!
+//! ```text
+//! v = (p(t - 0.3 s) - p(t - 0.5 s)) / 0.2 s,    |v| >= 0.7 m/s,    e = v / |v|
+//! e' (p(t) - p(t - 0.2 s)) / 0.2 s <= |v| / 4
+//! e' u_w >= 0.05    from t - 0.8 s to t - 0.2 s: the dead time may be wrong by 0.3 s
+//! ```
+
+use horizon_model::rows::{Pose, Sticks, pos_w};
+use nalgebra::Vector2;
+
+use crate::commanded::inputs_w;
+
+/// Ages of the places that are compared, and of the first and last input. periods
+const STANDS: usize = 10;
+const ARRIVES: usize = 15;
+const COMES: usize = 25;
+const DRIVEN: std::ops::RangeInclusive<usize> = 10..=40;
+
+/// How much older than that a place may be: a source of 20 Hz has one in 2.5 periods. periods
+const LATER: usize = 2;
+
+/// Least speed before; slower vehicles hit nothing hard. m/s
+const SPEED_MIN_MPS: f64 = 0.7;
+/// Most of it that is left.
+const LEFT: f64 = 0.25;
+/// Least input along the motion. 1
+const INPUT_MIN: f64 = 0.05;
+/// Ticks in which all this must hold: one pose may be an outlier.
+const TICKS_MIN: u32 = 3;
+
+/// The newest places and inputs.
+#[derive(Debug, Clone)]
+pub(super) struct Impact {
+    dt_s: f64,
+    /// Place and applied input of a period, by its number modulo the length. m, 1
+    ring: [(Option<Vector2<f64>>, Vector2<f64>); *DRIVEN.end() + 1],
+    newest: usize,
+    ticks: u32,
+}
+
+impl Impact {
+    /// Nothing was seen yet. `dt_s` > 0 is the period.
+    pub(super) fn new(dt_s: f64) -> Self {
+        let ring = [(None, Vector2::zeros()); *DRIVEN.end() + 1];
+        Self { dt_s, ring, newest: 0, ticks: 0 }
+    }
+
+    /// A period has ended in which `u_applied` acted at the heading `theta_rad`; `seen` is the new pose in it, if there
+    /// is one.
+    ///
+    /// Real time: no allocation, constant cost.
+    pub(super) fn see(&mut self, seen: Option<&Pose>, u_applied: &Sticks, theta_rad: f64) {
+        self.newest = (self.newest + 1) % self.ring.len();
+        let place_w = seen.map(|seen| pos_w(seen).xy());
+        self.ring[self.newest] = (place_w, inputs_w(u_applied, theta_rad));
+        // A tick without a place decides nothing.
+        if place_w.is_some() {
+            self.ticks = if self.stops() { self.ticks + 1 } else { 0 };
+        }
+    }
+
+    /// Whether the vehicle has hit something now.
+    pub(super) fn has_hit(&self) -> bool {
+        self.ticks >= TICKS_MIN
+    }
+
+    fn stops(&self) -> bool {
+        let Some(velocity_w_mps) = self.velocity(ARRIVES, COMES) else { return false };
+        let Some(left_w_mps) = self.velocity(0, STANDS) else { return false };
+        let speed_mps = velocity_w_mps.norm();
+        let along_w = velocity_w_mps / speed_mps.max(f64::MIN_POSITIVE);
+        let is_driven = || DRIVEN.into_iter().all(|age| self.at(age).1.dot(&along_w) >= INPUT_MIN);
+        speed_mps >= SPEED_MIN_MPS && along_w.dot(&left_w_mps) <= LEFT * speed_mps && is_driven()
+    }
+
+    /// Mean velocity between two ages. m/s
+    fn velocity(&self, newer: usize, older: usize) -> Option<Vector2<f64>> {
+        let ((to_w, newer), (from_w, older)) = (self.place(newer)?, self.place(older)?);
+        Some((to_w - from_w) / (self.dt_s * (older - newer) as f64))
+    }
+
+    /// The first place that is at least so old, and its age.
+    fn place(&self, age: usize) -> Option<(Vector2<f64>, usize)> {
+        (age..=age + LATER).find_map(|age| Some((self.at(age).0?, age)))
+    }
+
+    fn at(&self, age: usize) -> &(Option<Vector2<f64>>, Vector2<f64>) {
+        let count = self.ring.len();
+        &self.ring[(self.newest + count - age % count) % count]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::rows::stick;
+
+    use super::*;
+
+    const DT_S: f64 = 0.02;
+
+    /// First time at which a vehicle along x has hit something, if its speed is `speed_mps(t)` and its pitch `pitch(t)`,
+    /// with a pose in each tick for which there `is_pose`. s
+    fn hit_s(
+        speed_mps: impl Fn(f64) -> f64,
+        pitch: impl Fn(f64) -> f64,
+        is_pose: impl Fn(u32) -> bool,
+    ) -> Option<f64> {
+        let (mut impact, mut x_m) = (Impact::new(DT_S), 0.0);
+        (0..250).find_map(|k| {
+            let t_s = f64::from(k) * DT_S;
+            x_m += speed_mps(t_s) * DT_S;
+            let noise_m = 2e-3 * f64::from(k * 37 % 11) / 11.0;
+            let pose = Pose::new(x_m + noise_m, 0.0, 1.0, 0.0);
+            let mut u = Sticks::zeros();
+            u[stick::PITCH] = pitch(t_s);
+            impact.see(Some(&pose).filter(|_| is_pose(k)), &u, 0.0);
+            impact.has_hit().then_some(t_s)
+        })
+    }
+
+    fn always(_: u32) -> bool {
+        true
+    }
+
+    #[test]
+    fn a_vehicle_that_is_driven_into_something_has_hit_it_within_half_a_second() {
+        let hits = |t_s: f64| if t_s < 2.0 { 1.0 } else { 0.0 };
+        let slides = |t_s: f64| if t_s < 2.0 { 1.0 } else { 0.15 };
+        let bounces = |t_s: f64| if t_s < 2.0 { 1.2 } else { -0.5 * (-(t_s - 2.0) / 0.3).exp() };
+        for (name, speed_mps) in
+            [("hits", &hits as &dyn Fn(f64) -> f64), ("slides", &slides), ("bounces", &bounces)]
+        {
+            for (rate, every) in [("50 Hz", 1), ("25 Hz", 2), ("17 Hz", 3)] {
+                let found_s = hit_s(speed_mps, |_| 0.5, |k| k % every == 0);
+                let is_soon = found_s.is_some_and(|at_s| (2.1..2.5).contains(&at_s));
+                assert!(is_soon, "{name}, {rate}: {found_s:?} s");
+            }
+        }
+    }
+
+    #[test]
+    fn a_brake_and_a_lost_command_are_none() {
+        // It brakes at 3 m/s^2, 0.3 s after its inputs are taken to act.
+        let brakes = |t_s: f64| (1.2 - 3.0 * (t_s - 2.3).max(0.0)).max(0.0);
+        assert_eq!(hit_s(brakes, |t_s| if t_s < 2.0 { 0.5 } else { -0.5 }, always), None);
+        // Its commands are lost: it levels, or brakes by itself.
+        for lag_s in [0.6, 0.4, 0.3] {
+            let levels = |t_s: f64| 1.5 * (-(t_s - 2.0).max(0.0) / lag_s).exp();
+            assert_eq!(hit_s(levels, |_| 0.5, always), None, "lag {lag_s} s");
+        }
+        let by_itself = |t_s: f64| (1.2 - 1.5 * (t_s - 2.0).max(0.0)).max(0.0);
+        assert_eq!(hit_s(by_itself, |_| 0.5, always), None);
+        // A slow one.
+        assert_eq!(hit_s(|t_s| if t_s < 2.0 { 0.6 } else { 0.0 }, |_| 0.5, always), None);
+    }
+
+    #[test]
+    fn a_stream_that_stalls_and_an_outlier_are_none() {
+        let flies = |_: f64| 1.2;
+        for length in 1..40 {
+            assert_eq!(hit_s(flies, |_| 0.5, |k| !(100..100 + length).contains(&k)), None);
+        }
+        let outlier = |t_s: f64| match t_s {
+            t_s if (2.0..2.02).contains(&t_s) => -8.0,
+            t_s if (2.02..2.04).contains(&t_s) => 10.4,
+            _ => 1.2,
+        };
+        assert_eq!(hit_s(outlier, |_| 0.5, always), None);
+    }
+}
