@@ -197,35 +197,4 @@ fn drone_motion(status: &DroneStatus) -> DroneMotion {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::time::TimeNs;
-
-    #[test]
-    fn what_a_report_lacks_stays_absent() {
-        let status = DroneStatus {
-            received_at: TimeNs(0),
-            is_flying: true,
-            is_on_ground: false,
-            takes_sticks: true,
-            is_battery_low: None,
-            is_battery_critical: None,
-            battery_pct: 80,
-            battery_v: None,
-            height_m: Some(1.0),
-            velocity_mps: Some([1.0, -0.5, 0.3]),
-            heading_rad: Some(0.25),
-            flight_mode: None,
-        };
-        let expected = DroneMotion {
-            horizontal_mps: Some([1.0, -0.5]),
-            height_m: Some(1.0),
-            heading_rad: Some(0.25),
-        };
-        assert_eq!(drone_motion(&status), expected);
-        let silent =
-            DroneStatus { height_m: None, velocity_mps: None, heading_rad: None, ..status };
-        let nothing = DroneMotion { horizontal_mps: None, height_m: None, heading_rad: None };
-        assert_eq!(drone_motion(&silent), nothing);
-    }
-}
+mod tests;
