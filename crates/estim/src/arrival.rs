@@ -82,11 +82,11 @@ pub(crate) struct Arrival<const NS: usize, const NP: usize> {
     keep: f64,
     s_mean: SVector<f64, NS>,
     p_mean: SVector<f64, NP>,
-    /// `H[s, s]`, symmetric.
+    /// `D` of `docs/model.md`, section 4: `H[s, s]`, symmetric.
     by_state: SMatrix<f64, NS, NS>,
-    /// `H[s, p]`.
+    /// `B`: `H[s, p]`.
     by_state_parameter: SMatrix<f64, NS, NP>,
-    /// `H[p, p]`, symmetric.
+    /// `C`: `H[p, p]`, symmetric.
     by_parameter: SMatrix<f64, NP, NP>,
 }
 
@@ -270,7 +270,8 @@ impl<const NS: usize, const NP: usize> Folded<NS, NP> {
     }
 }
 
-/// Eliminates the state of `block` from the equations of two neighbours, and fades.
+/// Eliminates the state of `block` from the equations of two neighbours, and fades: `L L' = H^_00`, then `D`, `B`, `C`,
+/// `g_s` and `g_p` of `docs/model.md`, section 4.
 ///
 /// # Errors
 /// The matrix is not positive definite.
@@ -281,7 +282,9 @@ pub(crate) fn fold<const NS: usize, const NP: usize>(
     fading: Option<&Fading<NP>>,
 ) -> Result<Folded<NS, NP>, NotPositive> {
     let mut state = Eliminated::zeros();
+    // `L`, `B_0` and `y`; the parameter's block loses `B_0' B_0` and `B_0' y`.
     state.become_after(None, block, 0.0, &mut parameter_block)?;
+    // `A`, and `A' A`, `A' B_0` and `A' y` of the next state.
     state.take_from(&mut next);
     if let Some(Fading { keep, prior }) = fading {
         next.diagonal *= *keep;
