@@ -2,7 +2,8 @@
 
 use horizon_model::rows::{Sticks, pose, stick};
 use tello_flight::cycle::Operator;
-use tello_flight::{Fault, Phase, Pilot};
+use tello_flight::{Fault, Phase, Pilot, Start};
+use tello_sim::plant::RIGID_BODY;
 use tello_sim::{Fault as SimFault, ScriptedFault};
 
 use super::story::{FAULT_AT_S, Moment, Story, asks, fly, fly_alone, scripted, settings};
@@ -109,5 +110,24 @@ fn a_drone_that_a_person_puts_down_is_landed_before_it_is_let_go() {
         let after = story.moments.iter().filter(|moment| moment.at_s > let_go_s);
         let highest_m = after.map(|moment| moment.pose[pose::Z]).fold(0.0, f64::max);
         assert!(highest_m < 1.3 - lowered_m + 0.1, "it rises again to {highest_m} m");
+    }
+}
+
+#[test]
+fn a_drone_that_is_caught_at_full_speed_is_landed_at_once() {
+    for is_rigid_body in [false, true] {
+        for sway_m in [0.003, 0.02] {
+            let held = SimFault::DroneHeld { sway_m, lowered_m: 0.0 };
+            let mut settings = settings(&scripted(held, 60.0));
+            settings.0.start = Start::Airborne;
+            settings.0 = settings.0.at_speed(1.0).unwrap();
+            settings.1.plant.rigid_body = is_rigid_body.then_some(RIGID_BODY);
+            // Half way along the first side.
+            settings.1.faults[0].from_s = 3.4;
+            let story = fly_alone(&settings, 12.0);
+            let landing_s = story.first(0.0, |moment| moment.landings > 0).unwrap();
+            let case = format!("rigid body {is_rigid_body}, sway {sway_m} m: {landing_s} s");
+            assert!(story.has(Fault::Immobile) && (3.5..4.1).contains(&landing_s), "{case}");
+        }
     }
 }

@@ -176,13 +176,13 @@ fn ticks_that_are_missed_are_forgiven_up_to_the_limit_and_one_more_lands() {
 #[test]
 fn what_a_fast_vehicle_flies_while_the_loop_stalls_is_no_motion_that_its_drone_denies() {
     for from_s in [3.0, 3.5, 4.0, 4.5, 5.0] {
-        let mut settings = from_the_air(SimFault::ControlStalled, 0.5);
+        let mut settings = from_the_air(SimFault::ControlStalled, 0.36);
         settings.0 = settings.0.at_speed(1.0).unwrap();
-        settings.1.faults = [0.0, 1.5, 3.0]
+        settings.1.faults = [0.0, 3.0]
             .map(|later_s| ScriptedFault {
                 fault: SimFault::ControlStalled,
                 from_s: from_s + later_s,
-                for_s: 0.5,
+                for_s: 0.36,
             })
             .to_vec();
         let story = fly_alone(&settings, 40.0);
@@ -190,6 +190,7 @@ fn what_a_fast_vehicle_flies_while_the_loop_stalls_is_no_motion_that_its_drone_d
             assert!(!story.has(fault), "from {from_s} s: {fault:?}, {:?}", story.last());
         }
         assert_eq!(story.last().phase, Phase::Landed, "from {from_s} s: {:?}", story.last());
+        assert!(!story.has(Fault::TicksLate), "from {from_s} s");
     }
 }
 
