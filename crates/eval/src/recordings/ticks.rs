@@ -101,7 +101,7 @@ pub fn read(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<TickRo
             open = None;
             let Some(inbox) = decode::<InboxHead>(&message, &mut unreadable) else { continue };
             open = Some(message.t);
-            missing += next_step.map_or(0, |next: u64| inbox.step.saturating_sub(next)) as usize;
+            missing += next_step.map_or(0, |next: u64| inbox.step.saturating_sub(next));
             next_step = Some(inbox.step + 1);
             periods_skipped += inbox.skipped;
             let (period, mocap_age_s) = (inbox.step + periods_skipped, inbox.mocap_age_s());
@@ -114,7 +114,7 @@ pub fn read(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<TickRo
             _ => misplaced += 1,
         }
     }
-    note(skipped, missing, "ticks missing");
+    note(skipped, usize::try_from(missing).unwrap_or(usize::MAX), "ticks missing");
     note(skipped, unreadable, "records that cannot be read");
     note(skipped, misplaced, "records of missing ticks");
     skipped.extend(tear(log));

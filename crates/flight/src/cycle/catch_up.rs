@@ -23,7 +23,7 @@ where
             self.plausibility.open();
             let is_repeated = missed as f64 * self.dt_s < CONTROL_SILENCE_NEUTRAL.seconds();
             self.fifo.push(&if is_repeated { *self.fifo.newest() } else { Sticks::zeros() });
-            self.monitor_missed(self.fifo.applied(JUST_ENDED_AFTER_PUSH), inbox);
+            self.monitor_missed(self.fifo.applied(JUST_ENDED_AFTER_PUSH));
             self.planner.skip();
             self.planner.follow(None);
             if self.mhe.is_started() {

@@ -121,10 +121,11 @@ where
     }
 
     /// Shows a period without a tick, in which `u_meant` would have been applied, to the monitors and to the worst
-    /// case: its motion is in the next pose.
-    pub(super) fn monitor_missed(&mut self, u_meant: Sticks, inbox: &Inbox) {
+    /// case: nothing is known of its motion.
+    pub(super) fn monitor_missed(&mut self, u_meant: Sticks) {
         if self.is_monitored() {
-            let sample = self.sample(None, u_meant, inbox);
+            let link_is_up = self.link_is_up();
+            let sample = Sample { pose: None, drone: None, u_applied: u_meant, link_is_up };
             self.monitors.update(&sample);
         }
         if self.mhe.is_started() {

@@ -157,7 +157,9 @@ mod tests {
         let mut monitor = risen();
         let see = |monitor: &mut HeightMonitor, z_m: f64, height_m: f64| {
             let seen = sample(Some(z_m), Some(height_m));
-            (0..4).for_each(|_| drop(monitor.update(&seen)));
+            for _ in 0..4 {
+                monitor.update(&seen);
+            }
             monitor.update(&seen)
         };
         // A table of 0.7 m, over which it stays for 4 s, and off it again.

@@ -20,7 +20,7 @@ use super::typical_vehicle::velocity_mps;
 use super::{Agreement, Doubt, Sample};
 
 /// Ages that reports may have, ascending. s
-const AGES_S: [f64; 5] = [0.0, 0.2, 0.4, 0.6, 0.8];
+const AGES_S: [f64; 9] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8];
 
 /// Displacement of poses beyond that of a vehicle which is faster by so much than the drone reports: another body's, or
 /// an outlier. One of 0.2 m in a period outweighs the motion of a flight. m/s

@@ -211,7 +211,7 @@ fn a_heading_that_contradicts_an_estimate_of_25_headings_is_refused() {
     // Accepted in so many ticks before, the first of which starts the estimate and counts already.
     for (ticks, expected) in [(23, Acceptance::Accepted), (24, Acceptance::Held)] {
         let mut shown = Shown::of(&accepting(Start::Airborne));
-        (0..ticks + 1).for_each(|_| drop(shown.show(Some(at(0.0)), None)));
+        (0..=ticks).for_each(|_| drop(shown.show(Some(at(0.0)), None)));
         let out = shown.show(Some(at(0.8)), None);
         assert_eq!(heading(&out), expected, "{ticks} ticks");
     }
