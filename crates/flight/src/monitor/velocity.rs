@@ -78,6 +78,8 @@ struct Motion {
     moved_in_s: f64,
     /// Velocity by the drone in each frame. m/s
     seen: [Complex<f64>; FRAMES],
+    /// Whether it ends with a pose.
+    is_pose: bool,
 }
 
 impl Motion {
@@ -143,10 +145,16 @@ impl VelocityMonitor {
         }
         if let Some(Motion { seen, .. }) = motions[0] {
             let asked_m = self.displacements.asked_w_mps * self.dt_s;
-            let by_inputs = Motion { moved_w_m: asked_m, moved_in_s: self.dt_s, seen };
+            let by_inputs =
+                Motion { moved_w_m: asked_m, moved_in_s: self.dt_s, seen, is_pose: true };
             self.sums_by_inputs.add(&by_inputs, self.dt_s);
         }
         self.learn(&motions);
+        for (age, motion) in self.ages.iter_mut().zip(&motions) {
+            if motion.as_ref().is_some_and(|motion| motion.is_pose) {
+                age.begin_motion();
+            }
+        }
         let error_m = self.ages[self.age].error_m();
         if motions[self.age].is_none() {
             return (Agreement::Unknown, 0.0);
@@ -200,8 +208,10 @@ impl VelocityMonitor {
             return;
         }
         for (age, motion) in self.ages.iter_mut().zip(motions) {
-            if let Some(motion) = motion.as_ref().filter(|motion| !motion.is_step()) {
-                age.learn(motion, self.dt_s);
+            if let Some(motion) =
+                motion.as_ref().filter(|motion| motion.is_pose && !motion.is_step())
+            {
+                age.learn(motion);
             }
         }
         if !self.is_age_known {
@@ -238,7 +248,7 @@ impl Moved {
     /// With the velocity that the drone reports of it.
     fn beside(&self, [first_mps, second_mps]: [f64; 2]) -> Motion {
         let seen = frames(Complex::new(first_mps, second_mps), self.theta_rad);
-        Motion { moved_w_m: self.w_m, moved_in_s: self.in_s, seen }
+        Motion { moved_w_m: self.w_m, moved_in_s: self.in_s, seen, is_pose: self.is_pose }
     }
 }
 

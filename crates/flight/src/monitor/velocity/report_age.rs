@@ -36,6 +36,9 @@ pub(super) struct ReportAge {
     axes: [Option<Fit>; FRAMES],
     /// Of each frame: displacement by the poses less that by the drone. m
     error_m: [Complex<f64>; FRAMES],
+    /// Of each frame: displacement by the drone since the newest pose of that age, and the time. m, s
+    flown_m: [Complex<f64>; FRAMES],
+    flown_s: f64,
     /// Whether the drone was silent since the newest pose of that age: what it flew meanwhile is not known.
     was_silent: bool,
 }
@@ -57,6 +60,9 @@ impl ReportAge {
     /// Whether what the drone flew until the pose of this age, if there `is_pose`, is known, now that it `is_heard`.
     pub(super) fn is_known(&mut self, is_heard: bool, is_pose: bool) -> bool {
         let is_known = is_heard && !self.was_silent;
+        if !is_known {
+            self.begin_motion();
+        }
         // From a pose on both are known again.
         self.was_silent = !is_known && !is_pose;
         is_known
@@ -64,11 +70,21 @@ impl ReportAge {
 
     /// Integrates the difference in each frame that fits.
     pub(super) fn compare(&mut self, motion: &Motion, dt_s: f64) {
+        self.flown_s += dt_s;
+        for (flown_m, seen) in self.flown_m.iter_mut().zip(&motion.seen) {
+            *flown_m += seen * dt_s;
+        }
         for ((error_m, fit), seen) in self.error_m.iter_mut().zip(&self.axes).zip(&motion.seen) {
             if let Some(Fit { axes, .. }) = fit {
                 *error_m += motion.moved_w_m - axes * seen * dt_s;
             }
         }
+    }
+
+    /// A pose was compared: the next motion begins.
+    pub(super) fn begin_motion(&mut self) {
+        self.flown_m = [Complex::default(); FRAMES];
+        self.flown_s = 0.0;
     }
 
     /// The least difference; `None` before a frame fits. m
@@ -77,9 +93,10 @@ impl ReportAge {
         known.map(|(error_m, _)| error_m.norm()).reduce(f64::min)
     }
 
-    /// Learns the axes from a motion. Axes that were found stay while too little motion shows any.
-    pub(super) fn learn(&mut self, motion: &Motion, dt_s: f64) {
-        self.sums.add(motion, dt_s);
+    /// Learns the axes from a motion between two poses. Axes that were found stay while too little motion shows any.
+    pub(super) fn learn(&mut self, motion: &Motion) {
+        let seen = self.flown_m.map(|flown_m| flown_m / self.flown_s);
+        self.sums.add(&Motion { seen, ..*motion }, self.flown_s);
         let is_well_known = self.is_well_known();
         for (frame, axes) in self.axes.iter_mut().enumerate() {
             if self.sums.variance(frame) < MOTION_MIN {
@@ -133,7 +150,7 @@ pub(super) struct Sums {
 
 impl Sums {
     pub(super) fn add(&mut self, motion: &Motion, dt_s: f64) {
-        let Motion { moved_w_m, moved_in_s, ref seen } = *motion;
+        let Motion { moved_w_m, moved_in_s, ref seen, .. } = *motion;
         let keep = (-dt_s / AXES_FORGET_S).exp();
         self.time_s = self.time_s * keep + dt_s;
         self.moved_w_m = self.moved_w_m * keep + moved_w_m;
