@@ -139,17 +139,15 @@ fn a_recording_is_cut_where_its_poses_jump() {
 
 #[test]
 fn a_recording_in_other_units_is_refused() {
-    let in_millimetres: String = (0..40)
-        .map(|k| format!("pos,{k},{},500,1000,0.1\ninput,{k},0.{k},0,0,0\n", 500 + 10 * k))
-        .collect();
+    let millimetres = |k| format!("pos,{k},{},500,1000,0.1\ninput,{k},0.{k},0,0,0\n", 500 + 10 * k);
+    let in_millimetres = (0..40).map(millimetres).collect::<Vec<_>>().concat();
     let why = refusal(&in_millimetres);
     assert!(why.contains("line 1, value 1 is beyond 100") && why.contains("in m,"), "{why}");
-    let in_degrees: String = (0..200)
-        .map(|k| {
-            let theta_deg = (170 + 3 * k + 180) % 360 - 180;
-            format!("pos,{k},0.{k},0.5,1,{theta_deg}\ninput,{k},0.{k},0,0,0\n")
-        })
-        .collect();
+    let degrees = |k| {
+        let theta_deg = (170 + 3 * k + 180) % 360 - 180;
+        format!("pos,{k},0.{k},0.5,1,{theta_deg}\ninput,{k},0.{k},0,0,0\n")
+    };
+    let in_degrees = (0..200).map(degrees).collect::<Vec<_>>().concat();
     let why = refusal(&in_degrees);
     assert!(why.contains("headings jump") && why.contains("theta is in rad"), "{why}");
 }

@@ -1,13 +1,13 @@
 //! Whether a vehicle that its inputs drive on has come to rest at once: it has hit something, or was caught.
 //!
 //! A vehicle whose commands are lost levels and slows down within a time constant of 0.6 s; a brake is asked for by
-//! its inputs. With the place p (x and y of an accepted pose, world frame) and the applied inputs `u_w`, in the direction
-//! e of the motion before, it has hit something if for three ticks
+//! inputs that were sent before it, whatever the dead time is. With the place p (x and y of an accepted pose, world
+//! frame) and the sent inputs `u_w`, in the direction e of the motion before, it has hit something if for three ticks
 //!
 //! ```text
 //! v = (p(t - 0.3 s) - p(t - 0.5 s)) / 0.2 s,    |v| >= 0.7 m/s,    e = v / |v|
 //! e' (p(t) - p(t - 0.2 s)) / 0.2 s <= |v| / 4
-//! e' u_w >= 0.05    from t - 0.8 s to t - 0.2 s: the dead time may be wrong by 0.3 s
+//! e' u_w >= 0.05    from t - 1.1 s to t: those of up to 0.3 s before the motion, and all that act in it
 //! ```
 
 use horizon_model::rows::{Pose, Sticks, pos_w};
@@ -15,11 +15,11 @@ use nalgebra::Vector2;
 
 use crate::commanded::inputs_w;
 
-/// Ages of the places that are compared, and of the first and last input. periods
+/// Ages of the places that are compared, and of the inputs. periods
 const STANDS: usize = 10;
 const ARRIVES: usize = 15;
 const COMES: usize = 25;
-const DRIVEN: std::ops::RangeInclusive<usize> = 10..=40;
+const DRIVEN: usize = 55;
 
 /// How much older than that a place may be: a source of 20 Hz has one in 2.5 periods. periods
 const LATER: usize = 2;
@@ -37,8 +37,8 @@ const TICKS_MIN: u32 = 3;
 #[derive(Debug, Clone)]
 pub(super) struct Impact {
     dt_s: f64,
-    /// Place and applied input of a period, by its number modulo the length. m, 1
-    ring: [(Option<Vector2<f64>>, Vector2<f64>); *DRIVEN.end() + 1],
+    /// Place and sent input of a period, by its number modulo the length. m, 1
+    ring: [(Option<Vector2<f64>>, Vector2<f64>); DRIVEN + 1],
     newest: usize,
     ticks: u32,
 }
@@ -46,18 +46,18 @@ pub(super) struct Impact {
 impl Impact {
     /// Nothing was seen yet. `dt_s` > 0 is the period.
     pub(super) fn new(dt_s: f64) -> Self {
-        let ring = [(None, Vector2::zeros()); *DRIVEN.end() + 1];
+        let ring = [(None, Vector2::zeros()); DRIVEN + 1];
         Self { dt_s, ring, newest: 0, ticks: 0 }
     }
 
-    /// A period has ended in which `u_applied` acted at the heading `theta_rad`; `seen` is the new pose in it, if there
+    /// A period has ended at the heading `theta_rad`, for which `u_sent` was sent; `seen` is the new pose in it, if there
     /// is one.
     ///
     /// Real time: no allocation, constant cost.
-    pub(super) fn see(&mut self, seen: Option<&Pose>, u_applied: &Sticks, theta_rad: f64) {
+    pub(super) fn see(&mut self, seen: Option<&Pose>, u_sent: &Sticks, theta_rad: f64) {
         self.newest = (self.newest + 1) % self.ring.len();
         let place_w = seen.map(|seen| pos_w(seen).xy());
-        self.ring[self.newest] = (place_w, inputs_w(u_applied, theta_rad));
+        self.ring[self.newest] = (place_w, inputs_w(u_sent, theta_rad));
         // A tick without a place decides nothing.
         if place_w.is_some() {
             self.ticks = if self.stops() { self.ticks + 1 } else { 0 };
@@ -74,7 +74,7 @@ impl Impact {
         let Some(left_w_mps) = self.velocity(0, STANDS) else { return false };
         let speed_mps = velocity_w_mps.norm();
         let along_w = velocity_w_mps / speed_mps.max(f64::MIN_POSITIVE);
-        let is_driven = || DRIVEN.into_iter().all(|age| self.at(age).1.dot(&along_w) >= INPUT_MIN);
+        let is_driven = || (0..=DRIVEN).all(|age| self.at(age).1.dot(&along_w) >= INPUT_MIN);
         speed_mps >= SPEED_MIN_MPS && along_w.dot(&left_w_mps) <= LEFT * speed_mps && is_driven()
     }
 
@@ -145,9 +145,13 @@ mod tests {
 
     #[test]
     fn a_brake_and_a_lost_command_are_none() {
-        // It brakes at 3 m/s^2, 0.3 s after its inputs are taken to act.
-        let brakes = |t_s: f64| (1.2 - 3.0 * (t_s - 2.3).max(0.0)).max(0.0);
-        assert_eq!(hit_s(brakes, |t_s| if t_s < 2.0 { 0.5 } else { -0.5 }, always), None);
+        // It brakes, so long after the input was sent.
+        for (dead_time_s, accel_mps2) in [(0.05, 2.0), (0.1, 4.0), (0.3, 3.0), (0.6, 3.0)] {
+            let after_s = |t_s: f64| (t_s - 2.0 - dead_time_s).max(0.0);
+            let brakes = |t_s: f64| (1.2 - accel_mps2 * after_s(t_s)).max(0.0);
+            let found_s = hit_s(brakes, |t_s| if t_s < 2.0 { 0.5 } else { -0.5 }, always);
+            assert_eq!(found_s, None, "{dead_time_s} s, {accel_mps2} m/s^2");
+        }
         // Its commands are lost: it levels, or brakes by itself.
         for lag_s in [0.6, 0.4, 0.3] {
             let levels = |t_s: f64| 1.5 * (-(t_s - 2.0).max(0.0) / lag_s).exp();

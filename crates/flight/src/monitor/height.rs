@@ -24,6 +24,9 @@ const RISE_MIN_M: f64 = 0.3;
 const FLOOR_STEP_M: RangeInclusive<f64> = 0.35..=1.2;
 const POSE_STAYS_M: f64 = 0.2;
 
+/// A smaller difference is none of a table: the steps of the drone's height have forgotten it. m
+const ABOVE_FLOOR_M: f64 = 0.2;
+
 /// By how much the drone's height may differ from the rise when it first shows one: a Tello's reads low from the take-off
 /// on, by up to 0.58 m in four flights. m
 const OFFSET_MAX_M: f64 = 0.75;
@@ -41,6 +44,8 @@ pub(super) struct HeightMonitor {
     ground_m: Option<f64>,
     /// By poses and drone when the drone's was new last. m
     before: Option<(f64, f64)>,
+    /// Height of what is below, as its steps have shown it. m
+    floor_m: f64,
     is_witness: bool,
     error_m: f64,
     doubt: Doubt,
@@ -55,6 +60,7 @@ impl HeightMonitor {
             ground_level_m: 0.0,
             ground_m: None,
             before: None,
+            floor_m: 0.0,
             is_witness: false,
             error_m: 0.0,
             doubt: Doubt::default(),
@@ -68,7 +74,7 @@ impl HeightMonitor {
             self.ground_level_m = z_m - height_m;
             self.ground_m = Some(height_m);
         }
-        self.before = None;
+        (self.before, self.floor_m) = (None, 0.0);
         self.is_witness = false;
         self.error_m = 0.0;
         self.doubt = Doubt::default();
@@ -81,24 +87,29 @@ impl HeightMonitor {
         else {
             return (Agreement::Unknown, self.error_m);
         };
-        let mut step_m = self.floor_step_m(z_m, height_m);
+        self.floor_m += self.floor_step_m(z_m, height_m);
         let rise_m = z_m - self.ground_level_m - ground_m;
         let is_first = !self.is_witness && height_m - ground_m >= RISE_MIN_M;
         self.is_witness |= is_first;
-        let offset_m = z_m - height_m - level_m;
-        if is_first && rise_m >= RISE_MIN_M && offset_m.abs() <= OFFSET_MAX_M {
-            step_m = offset_m;
-        }
-        let level_m = level_m + step_m;
-        self.ground_level_m += step_m;
-        let error_m = z_m - height_m - level_m;
         if !self.is_witness {
-            self.level_m = Some(level_m);
             return (Agreement::Unknown, 0.0);
         }
+        let offset_m = z_m - height_m - level_m;
+        let is_offset = is_first && rise_m >= RISE_MIN_M && offset_m.abs() <= OFFSET_MAX_M;
+        let shift_m = if is_offset { offset_m } else { 0.0 };
+        let level_m = level_m + shift_m;
+        self.ground_level_m += shift_m;
+        let difference_m = z_m - height_m - level_m;
+        if difference_m.abs() < ABOVE_FLOOR_M {
+            self.floor_m = 0.0;
+        }
+        // It may be above the floor again before its report shows that.
+        let least_m = |a_m: f64, b_m: f64| if a_m.abs() <= b_m.abs() { a_m } else { b_m };
+        let error_m = least_m(difference_m, difference_m - self.floor_m);
         self.error_m = error_m.abs();
         self.level_m = Some(level_m + error_m * (1.0 - (-self.dt_s / FORGET_S).exp()));
-        let of_flight_m = (z_m - height_m - self.ground_level_m).abs() / WHOLE_FLIGHT;
+        let of_flight_m = z_m - height_m - self.ground_level_m;
+        let of_flight_m = least_m(of_flight_m, of_flight_m - self.floor_m).abs() / WHOLE_FLIGHT;
         let judged_m = maximum(of_flight_m, self.error_m);
         (self.doubt.judge(judged_m, self.limit_m, self.dt_s), self.error_m)
     }
@@ -170,6 +181,15 @@ mod tests {
                 assert_eq!(agreement, Agreement::Agrees, "{height_m} m");
                 assert!(error_m < 0.02, "{height_m} m: {error_m} m");
             }
+        }
+        // A box as high as the least step, crossed again and again: some of its edges are steps, some are not.
+        for k in 0..8000 {
+            let t_s = f64::from(k) * DT_S;
+            let z_m = 0.5 + 0.03 * (1.7 * t_s).sin();
+            let box_m = if t_s.rem_euclid(8.0) < 1.0 { 0.36 } else { 0.0 };
+            let height_m = (10.0 * (z_m + 0.25 - box_m)).round() / 10.0;
+            let found = monitor.update(&sample(Some(z_m), Some(height_m)));
+            assert_eq!(found.0, Agreement::Agrees, "{t_s} s: {found:?}");
         }
         // The poses stay while the drone sinks by 0.1 m in each report.
         let mut found = Agreement::Unknown;
