@@ -132,7 +132,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
 
 /// Prints what became of the log `file`; bad if not all of it was read.
 fn report_recovered(file: &Path, out: &Path, recovered: Recovered) -> Result<Verdict> {
-    let Recovered { messages, was_torn, rest_bytes, damaged } = recovered;
+    let Recovered { messages, was_torn, rest_bytes, unread_bytes, damaged } = recovered;
     let state = match (was_torn, damaged.len()) {
         (false, _) => "complete already",
         (true, 0) => "torn",
@@ -140,6 +140,9 @@ fn report_recovered(file: &Path, out: &Path, recovered: Recovered) -> Result<Ver
     };
     for (first_s, last_s) in damaged {
         stdio::note(format_args!("a damaged chunk is left out: {first_s:.2} s to {last_s:.2} s"));
+    }
+    if unread_bytes > 0 {
+        stdio::note(format_args!("its last {unread_bytes} bytes have no whole record: left out"));
     }
     let (file, out) = (file.display(), out.display());
     stdio::line(format_args!("{file} was {state}: {messages} messages are in {out}"))?;

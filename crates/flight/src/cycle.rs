@@ -35,7 +35,7 @@ mod walls;
 mod wish;
 mod worst_case;
 
-use horizon_control::predict;
+use horizon_control::{MpcReport, Stop, predict};
 use horizon_estim::{Mhe, Observed};
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::{InputFifo, Model};
@@ -210,8 +210,7 @@ where
         if !self.mhe.is_started() {
             return None;
         }
-        let instead = self.link_instead();
-        let applied = u_planned.iter().map(|u| instead.unwrap_or(*u));
+        let applied = u_planned.iter().map(|u| self.link_instead().unwrap_or(*u));
         let s_pred = predict(&self.model, self.mhe.s_hat(), self.mhe.p_hat(), applied, self.dt_s);
         Some(self.model.observe(&s_pred))
     }
@@ -225,7 +224,7 @@ impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    /// Step 6 of thesis section 4.3.11: the newest state and the parameters, from the window that ends now.
+    /// Step 6 of thesis section 4.3.11: the newest state and parameters.
     fn estimate(
         &mut self,
         seen: Option<&Seen>,
@@ -383,8 +382,8 @@ where
         let solved = self.planner.plan(&known, &self.mission, &mut || watch.is_late());
         watch.mark(Stage::Planned);
         // Late is no failure until the plan is older than its horizon.
-        let is_late = matches!(&solved, Ok(report) if report.stop == horizon_control::Stop::Late);
-        let has_new_plan = solved.as_ref().is_ok_and(horizon_control::MpcReport::has_new_plan);
+        let is_late = matches!(&solved, Ok(report) if report.stop == Stop::Late);
+        let has_new_plan = solved.as_ref().is_ok_and(MpcReport::has_new_plan);
         let goes_on = is_late && self.planner.has_usable_plan();
         self.memory.controller_failed = !(has_new_plan || goes_on);
         out.controller = Some(solved.into());

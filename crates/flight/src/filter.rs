@@ -16,8 +16,8 @@ use serde::{Deserialize, Serialize};
 /// Relays report a lost object at the origin to within rounding; a vehicle may start further from it. m
 const ORIGIN_MAX_M: f64 = 0.1;
 
-/// Bounds of the limits and of their growths: a limit in millimetres or degrees is beyond them and would refuse nothing.
-/// m, rad
+/// Bounds of the limits and of their growths: a limit in millimetres or degrees is beyond them and would refuse
+/// nothing. m, rad
 const BASE_M: RangeInclusive<f64> = 0.01..=5.0;
 const GROWTH_M: RangeInclusive<f64> = 0.0..=1.0;
 const BASE_RAD: RangeInclusive<f64> = 0.01..=3.15;

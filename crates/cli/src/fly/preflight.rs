@@ -4,6 +4,7 @@
 //! a drone on the ground is the supervisor's; refused here is only a flight that nobody starts, a real drone in
 //! the built-in room, and what waiting does not mend.
 
+mod battery;
 mod inspection;
 
 use std::fmt::{self, Display, Formatter};
@@ -21,6 +22,7 @@ use tello_io::mocap::StreamReport;
 use tello_io::tello::{DroneFacts, DroneStatus};
 use tello_sim::NominalFlight;
 
+use self::battery::battery_check;
 use super::Arguments;
 use super::not_ready::{drone_trouble, mocap_trouble};
 use crate::stdio;
@@ -276,8 +278,11 @@ fn moving_check(name: &str, at: Option<Pose>) -> Check {
         let reason = format!("no pose of {name:?}: the plan does not keep away from it");
         return check("obstacle", Readiness::Bad, reason);
     };
-    let reason = format!("{name:?} at {:+.2} {:+.2} m", at[pose::X], at[pose::Y]);
-    check("obstacle", Readiness::Good, reason)
+    check(
+        "obstacle",
+        Readiness::Good,
+        format!("{name:?} at {:+.2} {:+.2} m", at[pose::X], at[pose::Y]),
+    )
 }
 
 fn start_check(at: Option<&Pose>, cycle: &CycleTable, first: &Pose) -> Result<Check> {
@@ -350,20 +355,6 @@ fn reported(facts: &DroneFacts) -> String {
     .collect()
 }
 
-fn battery_check(drone: Option<&DroneStatus>, low_pct: u8, critical_pct: u8) -> Check {
-    let Some(DroneStatus { battery_pct, is_battery_low, .. }) = drone else {
-        return check("battery", Readiness::Bad, "unknown without a report of the drone");
-    };
-    let limits = format!("takes off from {low_pct} % on and lands below {critical_pct} %");
-    let (readiness, why) = match (battery_pct, is_battery_low) {
-        (101.., _) => (Readiness::Bad, ", more than a battery holds: the report is not trusted"),
-        (_, Some(true)) => (Readiness::Bad, ", low by the drone's own report"),
-        (charge, _) if *charge < low_pct => (Readiness::Bad, ""),
-        _ => (Readiness::Good, ""),
-    };
-    check("battery", readiness, format!("{battery_pct} %{why}; {limits}"))
-}
-
 fn log_check(found: &Found) -> Check {
     let folder = found.log_dir.display();
     let Some(free) = found.disk_free else {
@@ -380,25 +371,23 @@ fn log_check(found: &Found) -> Check {
 
 fn real_time_check(refusals: &[String]) -> Check {
     if refusals.is_empty() {
-        check("real time", Readiness::Good, "priority and memory are granted")
-    } else {
-        check("real time", Readiness::Note, refusals.join("; "))
+        return check("real time", Readiness::Good, "priority and memory are granted");
     }
+    check("real time", Readiness::Note, refusals.join("; "))
 }
 
 fn operator_check(found: &Found) -> Check {
-    let keys = "Backspace stops the motors, R or Q lands";
-    match (&found.device, found.has_keys) {
-        (Some(device), true) => {
-            check("operator", Readiness::Good, format!("{device} and this terminal: {keys}"))
-        }
-        (Some(device), false) => check("operator", Readiness::Good, format!("{device} alone")),
-        (None, true) => check("operator", Readiness::Good, format!("this terminal: {keys}")),
+    let keys = "this terminal: Backspace stops the motors, R or Q lands";
+    let (readiness, reason) = match (&found.device, found.has_keys) {
+        (Some(device), true) => (Readiness::Good, format!("{device} and {keys}")),
+        (Some(device), false) => (Readiness::Good, format!("{device} alone")),
+        (None, true) => (Readiness::Good, keys.to_owned()),
         (None, false) => {
             let reason = "no keys and no device: nobody can take over, a signal to end lands";
-            check("operator", Readiness::Note, reason)
+            (Readiness::Note, reason.to_owned())
         }
-    }
+    };
+    check("operator", readiness, reason)
 }
 
 #[cfg(test)]

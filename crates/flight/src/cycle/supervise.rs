@@ -144,7 +144,7 @@ where
         matches!(self.supervisor.phase(), Phase::TakingOff | Phase::Flying) && !self.is_carried
     }
 
-    /// What the monitors see of a period in which `u_applied` acted.
+    /// What the monitors see of a period in which `u_applied` was applied.
     fn sample(&self, pose: Option<Pose>, u_applied: Sticks, inbox: &Inbox) -> Sample {
         let is_fresh = |status: &DroneStatus| {
             inbox.now.since(status.received_at).seconds() <= REPORT_AGE_MAX_S

@@ -4,7 +4,7 @@
 //! protocol and libraries differ in names and signs, and whether they turn with the body. All kinds of axes that
 //! fit the motion so far are followed, since a heading that stays or a motion along a line leaves several; the
 //! least difference counts. None is known before one fits: a drone that reports no velocity is no witness. Reports may be
-//! late (by 0.2 to 0.9 s beside the drone's accelerometer, it is said of a Tello) and their scale may be another: the
+//! late (a Tello's by 0.2 to 0.9 s beside its accelerometer, by reports of others) and their scale may be another: the
 //! age that explains the motion best is used, and kept once the motion has shown it well.
 
 mod report_age;
@@ -19,8 +19,9 @@ use super::displacement::Displacements;
 use super::typical_vehicle::velocity_mps;
 use super::{Agreement, Doubt, Sample};
 
-/// Ages that reports may have, ascending. s
+/// Ages that reports may have, ascending, and the first of them. s
 const AGES_S: [f64; 9] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8];
+const NEWEST: usize = 0;
 
 /// Displacement of poses beyond that of a vehicle which is faster by so much than the drone reports: another body's, or
 /// an outlier. One of 0.2 m in a period outweighs the motion of a flight. m/s
@@ -140,10 +141,10 @@ impl VelocityMonitor {
         self.speed_mps = speed_mps.filter(|speed_mps| has_shown_one || *speed_mps > 0.0);
         if let Some(Motion { moved_w_m, seen, .. }) = motions[self.age] {
             let scale = self.ages[self.age].scale();
-            let asked_w_mps = asked(sample, moved[0].theta_rad);
+            let asked_w_mps = asked(sample, moved[NEWEST].theta_rad);
             self.displacements.add(moved_w_m, &seen.map(|v| v * scale), asked_w_mps, self.dt_s);
         }
-        if let Some(Motion { seen, .. }) = motions[0] {
+        if let Some(Motion { seen, .. }) = motions[NEWEST] {
             let asked_m = self.displacements.asked_w_mps * self.dt_s;
             let by_inputs =
                 Motion { moved_w_m: asked_m, moved_in_s: self.dt_s, seen, is_pose: true };

@@ -13,15 +13,18 @@ use std::path::Path;
 
 use mcap::records::{Channel, ChunkHeader, Record, SchemaHeader, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader};
-use mcap::{Attachment, McapError, McapResult, Writer};
+use mcap::{Attachment, MAGIC, McapError, McapResult, Writer};
 
 use super::framing::Framing;
 use super::reader::{RECORD_BYTES_MAX, is_attachment, options, read_error, read_some};
 use super::writer::{chunked, write_error};
 use super::{LogError, LogReader};
 
+/// Opcode and length of a record.
+const RECORD_HEAD_BYTES: usize = 1 + 8;
+
 /// What was saved.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Recovered {
     /// Messages in the new log.
     pub messages: u64,
@@ -29,6 +32,8 @@ pub struct Recovered {
     pub was_torn: bool,
     /// Bytes behind the end of the old log, which are not read: another log, perhaps.
     pub rest_bytes: u64,
+    /// Bytes behind the last record that could be read, of a log that ends early or whose frames are damaged there.
+    pub unread_bytes: u64,
     /// First and last time of each chunk that was left out because its bytes are not those that were written. s since
     /// the start of the log
     pub damaged: Vec<(f64, f64)>,
@@ -87,6 +92,7 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, LogError> {
         messages: copy.messages,
         was_torn: walked.is_torn || !walked.damaged.is_empty(),
         rest_bytes: walked.rest_bytes,
+        unread_bytes: walked.unread_bytes,
         damaged: damaged.collect(),
     })
 }
@@ -102,6 +108,8 @@ struct Walked {
     damaged: Vec<ChunkHeader>,
     /// Bytes behind its end.
     rest_bytes: u64,
+    /// Bytes behind the last record, if it is torn.
+    unread_bytes: u64,
 }
 
 /// Shows `take` every record of `from`, those of whole chunks one by one. If it `is_summed`, it ends where the sum over
@@ -117,6 +125,7 @@ fn walk(
     let mut framing = Framing::new();
     let mut damaged = Vec::new();
     let mut rest_bytes = 0;
+    let mut read_bytes = MAGIC.len() as u64;
     let is_torn = loop {
         match reader.next_event() {
             None => {
@@ -141,6 +150,7 @@ fn walk(
                 break true;
             }
             Some(Ok(LinearReadEvent::Record { opcode, data })) => {
+                read_bytes += (RECORD_HEAD_BYTES + data.len()) as u64;
                 match mcap::parse_record(opcode, data) {
                     Ok(Record::Chunk { header, .. }) => match records(data) {
                         Ok(records) => records.into_iter().try_for_each(&mut take)?,
@@ -153,7 +163,9 @@ fn walk(
             Some(Err(_)) => break true,
         }
     };
-    Ok(Walked { is_torn, damaged, rest_bytes })
+    let bytes = source.metadata().map_err(read_error(from))?.len();
+    let unread_bytes = if is_torn { bytes.saturating_sub(read_bytes) } else { 0 };
+    Ok(Walked { is_torn, damaged, rest_bytes, unread_bytes })
 }
 
 /// The records of the chunk record `chunk`, if its checksum holds.

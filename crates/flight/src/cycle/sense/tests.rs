@@ -270,8 +270,8 @@ fn a_flight_that_began_with_a_false_heading_begins_anew() {
 }
 
 #[test]
-fn held_rows_are_used_if_the_settings_say_so() {
-    // Without poses the estimate follows the inputs; held rows keep it where they are.
+fn held_observations_are_used_if_the_settings_say_so() {
+    // Without poses the estimate follows the inputs; held observations keep it where it is.
     let moved_m = |held: HeldObservations| {
         let mut table = table();
         table.cycle.held_observations = held;

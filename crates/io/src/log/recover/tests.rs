@@ -29,7 +29,7 @@ fn a_whole_log_is_copied_with_all_that_is_in_it() {
     let (bytes, _) = flight(120);
     let (copy, recovered) = recovered("whole", &bytes);
     // A message on each of two channels in a step.
-    let expected = Recovered { messages: 240, was_torn: false, rest_bytes: 0, damaged: vec![] };
+    let expected = Recovered { messages: 240, ..Recovered::default() };
     assert_eq!(recovered, expected);
     let (old, new) = (reader(bytes).unwrap(), reader(copy).unwrap());
     assert_eq!(new.head(), old.head());
@@ -42,7 +42,8 @@ fn a_torn_log_is_whole_up_to_its_last_flush() {
     let (size, steps) = flushes[2];
     // Some bytes of the next chunk are there.
     let (copy, recovered) = recovered("torn", &bytes[..size + 20]);
-    let expected = Recovered { messages: 200, was_torn: true, rest_bytes: 0, damaged: vec![] };
+    let expected =
+        Recovered { messages: 200, was_torn: true, unread_bytes: 20, ..Recovered::default() };
     assert_eq!((recovered, steps), (expected, 100));
     assert_eq!(counts(reader(copy).unwrap()), ((0..100).collect(), Ending::Complete));
 }
@@ -85,11 +86,19 @@ fn of_two_logs_in_one_file_the_second_is_missed_and_counted() {
     let once = flight(60).0;
     let (rest_bytes, twice) = (once.len() as u64, once.repeat(2));
     let (copy, recovered) = recovered("twice", &twice);
-    assert_eq!(
-        recovered,
-        Recovered { messages: 120, was_torn: false, rest_bytes, damaged: vec![] }
-    );
+    assert_eq!(recovered, Recovered { messages: 120, rest_bytes, ..Recovered::default() });
     let (steps, ending) = counts(reader(twice).unwrap());
     assert!(ending.to_string().contains("more bytes follow its end"), "{ending}");
     assert_eq!((steps, Ending::Complete), counts(reader(copy).unwrap()));
+}
+
+#[test]
+fn behind_a_broken_frame_nothing_is_read_and_its_bytes_are_counted() {
+    let (mut bytes, flushes) = flight(120);
+    let (at, steps) = flushes[2];
+    // The length of the record behind the flush.
+    bytes[at + 7] ^= 0x7f;
+    let (_, recovered) = recovered("frame", &bytes);
+    assert_eq!(recovered.messages, 2 * steps);
+    assert_eq!(recovered.unread_bytes, (bytes.len() - at) as u64);
 }
