@@ -31,7 +31,7 @@ where
             return None;
         }
         let findings = self.monitor(inbox);
-        self.note_place(self.memory.o_seen);
+        self.note_place(self.memory.o_seen, &self.fifo.applied(JUST_ENDED));
         out.findings = Some(findings);
         let outage = self.outage();
         let motion = self.motion();
@@ -131,12 +131,12 @@ where
         if self.mhe.is_started() {
             self.follow_worst_case(&u_meant);
         }
-        self.note_place(None);
+        self.note_place(None, &u_meant);
     }
 
-    /// Notes where the vehicle was seen in a period, and what was sent for it.
-    fn note_place(&mut self, seen: Option<Pose>) {
-        self.impact.see(seen.as_ref(), self.fifo.newest(), self.theta_hat_rad());
+    /// Notes where the vehicle was seen after a period in which `u_applied` was applied.
+    fn note_place(&mut self, seen: Option<Pose>, u_applied: &Sticks) {
+        self.impact.see(seen.as_ref(), u_applied, self.theta_hat_rad());
     }
 
     /// Whether the motion is that of a flight.
