@@ -152,7 +152,7 @@ impl DirectionMonitor {
 
     /// Takes a tick in flight: the angle, if there is one, and whether it has been wrong for long enough.
     ///
-    /// A motion is that from one pose to one in the next tick. In an outage the motion is forgotten: inputs had ceased to act
+    /// A motion is that from one pose to one in the next tick. In an outage it is forgotten: inputs had ceased to act
     /// before that was noticed.
     pub(super) fn update(&mut self, sample: &Sample) -> (Option<f64>, bool) {
         if !sample.link_is_up {

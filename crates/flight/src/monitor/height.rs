@@ -19,16 +19,16 @@ const WHOLE_FLIGHT: f64 = 1.5;
 /// Rise that shows that the drone reports its height. m
 const RISE_MIN_M: f64 = 0.3;
 
-/// Change of the drone's height from one report to the next, a tenth of a second later, that is one of the floor: 3.5 m/s.
-/// The poses move by less, and no table is higher. m
+/// Change of the drone's height from one report to the next, 0.1 s later, that is one of the floor: 3.5 m/s. The poses
+/// move by less, and no table is higher. m
 const FLOOR_STEP_M: RangeInclusive<f64> = 0.35..=1.2;
 const POSE_STAYS_M: f64 = 0.2;
 
 /// A smaller difference is none of a table: the steps of the drone's height have forgotten it. m
 const ABOVE_FLOOR_M: f64 = 0.2;
 
-/// By how much the drone's height may differ from the rise when it first shows one: a Tello's reads low from the take-off
-/// on, by up to 0.58 m in four flights. m
+/// By how much the drone's height may differ from the rise when it first shows one: a Tello's reads low from the
+/// take-off on, by up to 0.58 m in four flights. m
 const OFFSET_MAX_M: f64 = 0.75;
 
 /// Heights on the ground and in flight.
