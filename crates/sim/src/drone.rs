@@ -23,9 +23,8 @@ const LAND_DEAF_S: f64 = 3.0;
 const DESCENT_MPS: f64 = 0.35;
 /// The drone lands when it has heard nothing for this long. s
 const SILENCE_MAX_S: f64 = 15.0;
-/// Charge below which the drone refuses to take off; the real threshold is not published. %
+/// Charge below which the drone refuses to take off, and below which it lands; the real ones are not published. %
 const TAKE_OFF_MIN_PCT: f64 = 10.0;
-/// Charge below which the drone lands, likewise. %
 const FLIGHT_MIN_PCT: f64 = 5.0;
 
 /// Phase of a flight.

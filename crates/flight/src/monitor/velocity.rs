@@ -4,7 +4,7 @@
 //! protocol and libraries differ in names and signs, and whether they turn with the body. All kinds of axes that
 //! fit the motion so far are followed, since a heading that stays or a motion along a line leaves several; the
 //! least difference counts. None is known before one fits: a drone that reports no velocity is no witness. Reports may
-//! be late (a Tello's by 0.2 to 0.9 s beside its accelerometer, by reports of others) and their scale may be another: the
+//! be late (a Tello's by 0.2 to 0.9 s beside its accelerometer, by others' reports) and their scale may be another: the
 //! age that explains the motion best is used, and kept once the motion has shown it well.
 
 mod report_age;
