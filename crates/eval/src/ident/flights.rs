@@ -70,8 +70,9 @@ pub(super) fn cut_logs(
             .fold((0, 0), |(lost, steps), is_lost| (lost + usize::from(*is_lost), steps + 1));
         bail!(
             "no log has {steps_min} steps on end that can be used (piece_steps_min); in {lost} of {steps} \
-             steps the drone did not follow its sticks: if that is most of them, is the object turned \
-             (--turn)?"
+             steps the drone did not follow its sticks: if that is most of them, the object may be turned \
+             (--turn), axes or sticks exchanged, or the vehicle unlike `lost_commands` (null in the settings \
+             takes every step)"
         );
     }
     Ok(spans)

@@ -113,9 +113,7 @@ impl HeightMonitor {
         let judged_m = maximum(of_flight_m, self.error_m);
         (self.doubt.judge(judged_m, self.limit_m, self.dt_s), self.error_m)
     }
-}
 
-impl HeightMonitor {
     /// By how much the floor below the vehicle came up or went down with this report of the drone; else 0. m
     fn floor_step_m(&mut self, z_m: f64, height_m: f64) -> f64 {
         let Some((z_before_m, before_m)) = self.before.replace((z_m, height_m)) else { return 0.0 };
