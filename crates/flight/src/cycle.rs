@@ -210,7 +210,8 @@ where
         if !self.mhe.is_started() {
             return None;
         }
-        let applied = u_planned.iter().map(|u| self.link_instead().unwrap_or(*u));
+        let instead = self.link_instead();
+        let applied = u_planned.iter().map(|u| instead.unwrap_or(*u));
         let s_pred = predict(&self.model, self.mhe.s_hat(), self.mhe.p_hat(), applied, self.dt_s);
         Some(self.model.observe(&s_pred))
     }
@@ -224,7 +225,7 @@ impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    /// Step 6 of thesis section 4.3.11: the newest state and parameters.
+    /// Step 6 of thesis section 4.3.11: the newest state and the parameters, from the window that ends now.
     fn estimate(
         &mut self,
         seen: Option<&Seen>,
@@ -313,17 +314,6 @@ where
             Some(Pilot::Controller) => self.gate.pass(u_wish, self.pose_age_s(inbox)),
             Some(Pilot::Person) => self.gate.pass_manual(u_wish),
             None => Approved::neutral(),
-        }
-    }
-
-    /// Notes the inputs by which the controller should move the vehicle: those of the mission while the link is up. A
-    /// person's motion says nothing of them.
-    fn note_pressed(&mut self, pilot: Option<Pilot>, u_sent: &Sticks) {
-        if pilot == Some(Pilot::Person) {
-            self.immobility.restart();
-            self.progress.restart_height();
-        } else if self.memory.is_on_mission && self.link_is_up() {
-            self.immobility.press(u_sent, self.dt_s);
         }
     }
 

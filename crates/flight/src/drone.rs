@@ -23,6 +23,10 @@ pub const LAND_PERIOD: SpanNs = SpanNs::from_ms(500);
 /// refuse it for seconds. Longer than 15 s is of no use: a drone that hears nothing lands by itself then.
 pub const ALONE_HOLD: SpanNs = SpanNs::from_ms(10_000);
 
+/// An order to take off that has shown no effect may still have one for so long: the way to a drone may carry it
+/// seconds late, and a drone may start its motors late. Until then "not flying" does not mean landed.
+pub const TAKE_OFF_UNSEEN: SpanNs = SpanNs::from_ms(8000);
+
 /// Height above that on the ground beyond which a drone does not stand, whatever it says. Heights come in
 /// steps of 0.1 m and drift by less in a flight. m
 const STANDING_RISE_MAX_M: f64 = 0.4;

@@ -9,10 +9,8 @@ mod report;
 
 use horizon_model::rows::Sticks;
 use motion::SdkMotion;
-use tello_io::tello::DroneOrder;
 use tello_io::tello::text::{Command, CommandError, StateLine};
-
-use tello_io::tello::STATE_PORT;
+use tello_io::tello::{DroneOrder, STATE_PORT};
 
 use crate::DT_S;
 use crate::drone::{Drone, LandAnswer, Phase, Truth};

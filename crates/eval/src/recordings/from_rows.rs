@@ -84,9 +84,8 @@ pub(super) fn samples(
         Sample { step: row.step, u: row.input, o, has_jumped }
     };
     let samples = flight.rows.iter().map(sample).collect();
-    let is_in_degrees =
-        flight.rows.iter().filter_map(|row| row.pos).any(|o| o[pose::THETA].abs() > TURNS_MAX_RAD);
-    if headings_held > headings && is_in_degrees {
+    let is_in_degrees = |o: Pose| o[pose::THETA].abs() > TURNS_MAX_RAD;
+    if headings_held > headings && flight.rows.iter().filter_map(|row| row.pos).any(is_in_degrees) {
         bail!("{headings_held} headings jump, {headings} do not: theta is in rad");
     }
     note(skipped, stalled, "poses repeated while the stream stalled");

@@ -77,7 +77,7 @@ impl Impact {
         let Some(left_w_mps) = self.velocity(0, STANDS) else { return false };
         let speed_mps = velocity_w_mps.norm();
         let along_w = velocity_w_mps / speed_mps.max(f64::MIN_POSITIVE);
-        let is_driven = || (0..=DRIVEN).all(|age| self.at(age).1.dot(&along_w) >= INPUT_MIN);
+        let is_driven = || self.ring.iter().all(|(_, u_w)| u_w.dot(&along_w) >= INPUT_MIN);
         speed_mps >= SPEED_MIN_MPS && along_w.dot(&left_w_mps) <= LEFT * speed_mps && is_driven()
     }
 
@@ -89,12 +89,9 @@ impl Impact {
 
     /// The first place that is at least so old, and its age.
     fn place(&self, age: usize) -> Option<(Vector2<f64>, usize)> {
-        (age..=age + LATER).find_map(|age| Some((self.at(age).0?, age)))
-    }
-
-    fn at(&self, age: usize) -> &(Option<Vector2<f64>>, Vector2<f64>) {
         let count = self.ring.len();
-        &self.ring[(self.newest + count - age % count) % count]
+        let at = |age: usize| self.ring[(self.newest + count - age) % count].0;
+        (age..=age + LATER).find_map(|age| Some((at(age)?, age)))
     }
 }
 

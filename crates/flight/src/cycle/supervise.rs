@@ -139,6 +139,17 @@ where
         self.impact.see(seen.as_ref(), u_applied, self.theta_hat_rad());
     }
 
+    /// Notes the inputs by which the controller should move the vehicle: those of the mission while the link is up. A
+    /// person's motion says nothing of them.
+    pub(super) fn note_pressed(&mut self, pilot: Option<Pilot>, u_sent: &Sticks) {
+        if pilot == Some(Pilot::Person) {
+            self.immobility.restart();
+            self.progress.restart_height();
+        } else if self.memory.is_on_mission && self.link_is_up() {
+            self.immobility.press(u_sent, self.dt_s);
+        }
+    }
+
     /// Whether the motion is that of a flight.
     fn is_monitored(&self) -> bool {
         matches!(self.supervisor.phase(), Phase::TakingOff | Phase::Flying) && !self.is_carried

@@ -17,7 +17,7 @@ use nalgebra::Complex;
 use self::report_age::{MOTION_MIN, ReportAge, Sums};
 use super::displacement::Displacements;
 use super::typical_vehicle::velocity_mps;
-use super::{Agreement, Doubt, Sample};
+use super::{Agreement, Doubt, FORGET_S, Sample};
 
 /// Ages that reports may have, ascending, and the first of them. s
 const AGES_S: [f64; 9] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8];
@@ -126,9 +126,10 @@ impl VelocityMonitor {
         self.displace(sample);
         let reported_mps = sample.drone.and_then(|drone| drone.horizontal_mps);
         let moved: [Moved; AGES_S.len()] = array::from_fn(|age| self.moved_ago(AGES_S[age]));
+        let keep = (-self.dt_s / FORGET_S).exp();
         let mut motions = [None; AGES_S.len()];
         for ((age, moved), motion) in self.ages.iter_mut().zip(&moved).zip(&mut motions) {
-            age.forget(self.dt_s);
+            age.forget(keep);
             let is_known = age.is_known(reported_mps.is_some(), moved.is_pose);
             *motion =
                 reported_mps.filter(|_| is_known).map(|by_drone_mps| moved.beside(by_drone_mps));

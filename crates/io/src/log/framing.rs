@@ -13,7 +13,7 @@ use mcap::records::op;
 use super::reader::{RECORD_BYTES_MAX, read_some};
 
 /// Opcode and length of a record.
-const HEAD_BYTES: usize = 1 + 8;
+pub(super) const HEAD_BYTES: usize = 1 + 8;
 
 /// Of a chunk: first and last time, unpacked size.
 const CHUNK_BYTES: usize = 8 + 8 + 8;

@@ -15,13 +15,10 @@ use mcap::records::{Channel, ChunkHeader, Record, SchemaHeader, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader};
 use mcap::{Attachment, MAGIC, McapError, McapResult, Writer};
 
-use super::framing::Framing;
+use super::framing::{Framing, HEAD_BYTES};
 use super::reader::{RECORD_BYTES_MAX, is_attachment, options, read_error, read_some};
 use super::writer::{chunked, write_error};
 use super::{LogError, LogReader};
-
-/// Opcode and length of a record.
-const RECORD_HEAD_BYTES: usize = 1 + 8;
 
 /// What was saved.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -150,7 +147,7 @@ fn walk(
                 break true;
             }
             Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                read_bytes += (RECORD_HEAD_BYTES + data.len()) as u64;
+                read_bytes += (HEAD_BYTES + data.len()) as u64;
                 match mcap::parse_record(opcode, data) {
                     Ok(Record::Chunk { header, .. }) => match records(data) {
                         Ok(records) => records.into_iter().try_for_each(&mut take)?,

@@ -60,8 +60,6 @@ const LAND_REST: SpanNs = SpanNs::from_ms(300);
 const REFUSED_PERIOD: SpanNs = SpanNs::from_ms(50);
 /// A take-off may last so long; until then "not flying" does not mean landed.
 const TAKE_OFF_TIME: SpanNs = SpanNs::from_ms(5000);
-/// The same of an order that has shown no effect: it may arrive late, and the drone may start its motors late.
-const TAKE_OFF_UNSEEN: SpanNs = SpanNs::from_ms(8000);
 /// How long the last landing is repeated to a drone that does not say that it stands. After as long a
 /// silence it lands by itself.
 const LAST_LANDING_TIME: SpanNs = SpanNs::from_ms(15_000);

@@ -6,20 +6,8 @@ use crate::{Fault, ObstacleTable, Start};
 
 #[test]
 fn what_a_report_lacks_stays_absent() {
-    let status = DroneStatus {
-        received_at: TimeNs(0),
-        is_flying: true,
-        is_on_ground: false,
-        takes_sticks: true,
-        is_battery_low: None,
-        is_battery_critical: None,
-        battery_pct: 80,
-        battery_v: None,
-        height_m: Some(1.0),
-        velocity_mps: Some([1.0, -0.5, 0.3]),
-        heading_rad: Some(0.25),
-        flight_mode: None,
-    };
+    let status =
+        DroneStatus { velocity_mps: Some([1.0, -0.5, 0.3]), heading_rad: Some(0.25), ..flying() };
     let expected = DroneMotion {
         horizontal_mps: Some([1.0, -0.5]),
         height_m: Some(1.0),

@@ -5,7 +5,6 @@
 use nalgebra::Complex;
 
 use super::{FIXED, FRAMES, Motion};
-use crate::monitor::FORGET_S;
 
 /// Time within which motion that showed the axes is forgotten. s
 const AXES_FORGET_S: f64 = 30.0;
@@ -49,9 +48,8 @@ impl ReportAge {
         self.error_m = [Complex::default(); FRAMES];
     }
 
-    /// A period of `dt_s` passes.
-    pub(super) fn forget(&mut self, dt_s: f64) {
-        let keep = (-dt_s / FORGET_S).exp();
+    /// A period passes, which leaves `keep` of the differences.
+    pub(super) fn forget(&mut self, keep: f64) {
         for error_m in &mut self.error_m {
             *error_m *= keep;
         }

@@ -1,9 +1,11 @@
 //! Whether the drone may be in the air, and what ends with its being down: landings, emergency stops, the session.
 
+use tello_flight::drone::TAKE_OFF_UNSEEN;
+
 use super::witness::Rest;
 use super::{
     DroneOrder, EMERGENCY_REST, Flight, LAND_REST, LAST_LANDING_TIME, Session, TAKE_OFF_TIME,
-    TAKE_OFF_UNSEEN, TakeOff,
+    TakeOff,
 };
 use crate::clock::TimeNs;
 
