@@ -142,7 +142,7 @@ fn report_recovered(file: &Path, out: &Path, recovered: Recovered) -> Result<Ver
         stdio::note(format_args!("a damaged chunk is left out: {first_s:.2} s to {last_s:.2} s"));
     }
     if unread_bytes > 0 {
-        stdio::note(format_args!("its last {unread_bytes} bytes have no whole record: left out"));
+        stdio::note(format_args!("{unread_bytes} bytes hold no whole record: left out"));
     }
     let (file, out) = (file.display(), out.display());
     stdio::line(format_args!("{file} was {state}: {messages} messages are in {out}"))?;

@@ -17,7 +17,6 @@ use horizon_estim::{Observed, Recording};
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::setting::SettingError;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
-use rows::RowFlight;
 use sha2::{Digest, Sha256};
 use tello_flight::FilterSettings;
 use tello_io::log::{LogReader, csv};
@@ -173,24 +172,11 @@ fn load_one(path: &Path, filter: FilterSettings) -> Result<Loaded> {
             ticks::samples(&mut log, &mut skipped)?
         }
     } else {
-        from_rows::samples(rows_of_csv(&bytes)?, filter, &mut skipped)?
+        from_rows::samples(csv::flight(&bytes)?.into(), filter, &mut skipped)?
     };
     let recording = assemble(&samples, &mut skipped).map_err(|error| because(error, &skipped))?;
     let sha256 = format!("{:x}", Sha256::digest(&bytes));
     Ok(Loaded { path: path.to_owned(), sha256, recording, skipped })
-}
-
-/// The rows of a CSV flight in the units of the format.
-fn rows_of_csv(bytes: &[u8]) -> Result<RowFlight> {
-    let flight = csv::parse(bytes);
-    if flight.rows.is_empty() {
-        let first = flight.skipped.first().map(|line| format!("{line}; ")).unwrap_or_default();
-        bail!("no step in it: {first}{}", csv::LINE_FORMAT);
-    }
-    if let Some(line) = flight.in_other_units() {
-        bail!("most lines of one tag are out of range, as {line}: {}", csv::LINE_FORMAT);
-    }
-    Ok(flight.into())
 }
 
 /// An error with what was left out of the file, which may have caused it.

@@ -109,7 +109,7 @@ fn a_csv_without_a_flight_is_refused() {
     ] {
         fs::write(&path, text).unwrap();
         let message = csv::read(&path).unwrap_err().to_string();
-        let start = format!("{} has no line of a flight log: {why}; ", path.display());
+        let start = format!("{}: no line of a flight log: {why}; ", path.display());
         assert!(message.starts_with(&start) && message.contains("TAG,STEP"), "{message}");
     }
 }

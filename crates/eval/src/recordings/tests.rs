@@ -197,11 +197,11 @@ fn what_cannot_be_used_says_why() {
     let poseless = steps(0..20).replace("pos,", "param,");
     for (text, reason) in [
         ("", "it is empty"),
-        ("no flight in here\n", "no step in it: line 1, unknown tag"),
+        ("no flight in here\n", "no line of a flight log: line 1, unknown tag"),
         (&constant, "constant sticks"),
         (&nan, "no pose that can be used; line 1, value 2 is not a finite number"),
         (&poseless, "no pose that can be used"),
-        ("\u{89}MCAP and nothing else", "no step in it"),
+        ("\u{89}MCAP and nothing else", "no line of a flight log"),
     ] {
         assert!(refusal(text).contains(reason), "{reason:?} is not in {:?}", refusal(text));
     }

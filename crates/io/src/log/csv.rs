@@ -12,19 +12,19 @@
 
 #![deny(clippy::indexing_slicing)]
 
+mod defect;
 mod number;
 
 use std::collections::BTreeMap;
-use std::fmt::{Display, Formatter};
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use horizon_model::rows::{Pose, Sticks, gain};
 use nalgebra::SVector;
-use thiserror::Error;
 
 use crate::whole_file::{self, RECORDING_BYTES_MAX};
 
+pub use self::defect::{CsvDefect, CsvError, SkipReason, Skipped};
 use self::number::{Plain, number, parsed};
 
 /// Characters of a skipped line that are kept for the message.
@@ -40,10 +40,6 @@ const VALUES: usize = 4;
 /// order but for neighbours.
 const STEPS_AHEAD_MAX: u64 = 180_000;
 const STEPS_BACK_MAX: u64 = 50;
-
-/// What a line of the format is, for messages.
-pub const LINE_FORMAT: &str = "a line is TAG,STEP and four values (docs/configuration.md, `ident`): pos x, y, z in m, \
-                               theta in rad; input roll, pitch, yaw, throttle from -1 to 1; STEP counts periods of 0.02 s";
 
 /// A recorded flight.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -71,75 +67,10 @@ pub struct CsvRow {
     pub param: Option<SVector<f64, { gain::COUNT }>>,
 }
 
-/// A line that was left out.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Skipped {
-    /// Number of the line, from 1.
-    pub line: usize,
-    /// Its beginning.
-    pub text: String,
-    /// What is wrong with it.
-    pub why: SkipReason,
-}
-
-/// What is wrong with a line.
-#[derive(Debug, Clone, Copy, PartialEq, Error)]
-#[non_exhaustive]
-pub enum SkipReason {
-    /// The file ends inside the line: even a readable last number may lack digits.
-    #[error("cut off before its line break")]
-    Torn,
-    /// The line does not begin with a tag.
-    #[error("unknown tag")]
-    Tag,
-    /// The second field is not a step number.
-    #[error("no step number")]
-    Step,
-    /// The step number is of another recording, or damaged.
-    #[error(
-        "the step is more than {STEPS_BACK_MAX} before or {STEPS_AHEAD_MAX} after the newest one"
-    )]
-    Far,
-    /// There are fewer or more than four values.
-    #[error("{0} values instead of {VALUES}")]
-    Count(usize),
-    /// A value is not a finite number.
-    #[error("value {0} is not a finite number")]
-    Value(usize),
-    /// A value is not in the unit of the format: m, rad, sticks from -1 to 1.
-    #[error("value {0} is beyond {1}")]
-    Beyond(usize, f64),
-    /// The step has a line with this tag already; the first one counts.
-    #[error("repeated step")]
-    Repeated,
-}
-
-/// Why a CSV log cannot be used at all.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum CsvError {
-    /// The file could not be read.
-    #[error("cannot read {}: {source}", path.display())]
-    Read {
-        /// The file that was asked for.
-        path: PathBuf,
-        /// The error of the operating system.
-        source: io::Error,
-    },
-    /// Not one line is of the format.
-    #[error("{} has no line of a flight log: {}; {LINE_FORMAT}", path.display(), first(skipped))]
-    NoRows {
-        /// The file.
-        path: PathBuf,
-        /// Every line of it.
-        skipped: Vec<Skipped>,
-    },
-}
-
 impl CsvFlight {
     /// The first line whose value is beyond its limit, if there are more such lines of its tag than lines that can be
     /// used: the file has other units.
-    pub fn in_other_units(&self) -> Option<&Skipped> {
+    fn in_other_units(&self) -> Option<&Skipped> {
         Tag::ALL.into_iter().find_map(|tag| {
             let is_beyond = |line: &&Skipped| {
                 let name = line.text.split(',').next().map(str::trim_end);
@@ -156,18 +87,29 @@ impl CsvFlight {
 /// The flight in a file.
 ///
 /// # Errors
-/// [`CsvError::Read`]; [`CsvError::NoRows`] for an empty file or something else than a log.
+/// [`CsvError::Read`]; [`CsvError::Defect`] for an empty file, something else than a log, or other units.
 pub fn read(path: &Path) -> Result<CsvFlight, CsvError> {
     let bytes = whole_file::read(path, RECORDING_BYTES_MAX)
         .map_err(|source| CsvError::Read { path: path.to_owned(), source })?;
-    let flight = parse(&bytes);
-    if flight.rows.is_empty() {
-        return Err(CsvError::NoRows { path: path.to_owned(), skipped: flight.skipped });
-    }
-    Ok(flight)
+    flight(&bytes).map_err(|defect| CsvError::Defect { path: path.to_owned(), defect })
 }
 
-/// The flight in the bytes of a file. Blank lines are no lines.
+/// The flight in the bytes of a file.
+///
+/// # Errors
+/// The bytes are no flight log.
+pub fn flight(bytes: &[u8]) -> Result<CsvFlight, CsvDefect> {
+    let flight = parse(bytes);
+    if flight.rows.is_empty() {
+        return Err(CsvDefect::NoRows(flight.skipped));
+    }
+    match flight.in_other_units() {
+        Some(line) => Err(CsvDefect::OtherUnits(line.clone())),
+        None => Ok(flight),
+    }
+}
+
+/// The lines in the bytes of a file, whatever they are. Blank lines are no lines.
 pub fn parse(bytes: &[u8]) -> CsvFlight {
     // Some editors begin a file with a mark of its byte order.
     let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
@@ -372,16 +314,6 @@ impl Tag {
             Self::Param => &mut row.param,
         }
     }
-}
-
-impl Display for Skipped {
-    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        write!(f, "line {}, {}: {}", self.line, self.why, self.text)
-    }
-}
-
-fn first(skipped: &[Skipped]) -> String {
-    skipped.first().map_or_else(|| "it is empty".to_owned(), Skipped::to_string)
 }
 
 #[cfg(test)]

@@ -21,6 +21,11 @@ const CHUNK_BYTES: usize = 8 + 8 + 8;
 /// How many times its size on the disk a log may unpack to, beyond [`RECORD_BYTES_MAX`]. Ours reach 30.
 const RATIO_MAX: u64 = 200;
 
+/// What the chunks in the first `packed` bytes of a file may unpack to. bytes
+pub(super) fn unpacked_max(packed: u64) -> u64 {
+    packed.saturating_mul(RATIO_MAX).saturating_add(RECORD_BYTES_MAX as u64)
+}
+
 /// The frames of one file, fed in order.
 #[derive(Debug)]
 pub(super) struct Framing {
@@ -85,11 +90,6 @@ impl Framing {
         at
     }
 
-    /// How far the file is known. bytes
-    pub(super) fn offset(&self) -> u64 {
-        self.offset
-    }
-
     /// Why nothing more may be read, with the place of the chunk in the file.
     pub(super) fn refusal(&self) -> Option<&str> {
         self.refusal.as_deref()
@@ -123,13 +123,12 @@ impl Framing {
             let unpacked = self.number(HEAD_BYTES + CHUNK_BYTES - 8);
             self.unpacked = self.unpacked.saturating_add(unpacked);
             let packed = start.saturating_add(length);
-            let bound = packed.saturating_mul(RATIO_MAX).saturating_add(RECORD_BYTES_MAX as u64);
             if unpacked > RECORD_BYTES_MAX as u64 {
                 self.refusal = Some(format!(
                     "the chunk at byte {start} would unpack to {unpacked} bytes; {RECORD_BYTES_MAX} are \
                      accepted"
                 ));
-            } else if self.unpacked > bound {
+            } else if self.unpacked > unpacked_max(packed) {
                 self.refusal = Some(format!(
                     "up to the chunk at byte {start} the file would unpack to {} bytes, more than \
                      {RATIO_MAX} times its size",

@@ -236,7 +236,7 @@ impl LogReader {
         let entry = |key| record.metadata.get(key).cloned().unwrap_or_default();
         self.head.version = entry(metadata::VERSION);
         self.head.revision = entry(metadata::REVISION);
-        if let Ok(started) = entry(metadata::STARTED).parse() {
+        if let Some(started) = metadata::started(record) {
             self.head.started_unix_ns = started;
             self.has_metadata = true;
         }
@@ -295,6 +295,11 @@ impl Ending {
     /// Whether the log was closed by its writer.
     pub fn is_complete(&self) -> bool {
         *self == Self::Complete
+    }
+
+    /// The same, whatever follows the log in its file.
+    pub(super) fn is_whole(&self) -> bool {
+        self.is_complete() || matches!(self, Self::Torn { why, .. } if why == BEHIND_THE_END)
     }
 }
 

@@ -5,20 +5,21 @@
 
 #![deny(clippy::indexing_slicing)]
 
+mod frames;
+
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, ErrorKind};
 use std::path::Path;
 
 use mcap::records::{Channel, ChunkHeader, Record, SchemaHeader, op};
-use mcap::sans_io::{LinearReadEvent, LinearReader};
-use mcap::{Attachment, MAGIC, McapError, McapResult, Writer};
+use mcap::{Attachment, McapError, Writer};
 
-use super::framing::{Framing, HEAD_BYTES};
-use super::reader::{RECORD_BYTES_MAX, is_attachment, options, read_error, read_some};
-use super::writer::{chunked, write_error};
-use super::{LogError, LogReader};
+use self::frames::{Frame, Frames, records};
+use super::reader::read_error;
+use super::writer::{chunked, metadata, write_error};
+use super::{Ending, LogError, LogReader};
 
 /// What was saved.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -29,7 +30,8 @@ pub struct Recovered {
     pub was_torn: bool,
     /// Bytes behind the end of the old log, which are not read: another log, perhaps.
     pub rest_bytes: u64,
-    /// Bytes behind the last record that could be read, of a log that ends early or whose frames are damaged there.
+    /// Bytes that hold no record that can be read: of frames that are damaged, or behind the last of a log that ends
+    /// early.
     pub unread_bytes: u64,
     /// First and last time of each chunk that was left out because its bytes are not those that were written. s since
     /// the start of the log
@@ -39,11 +41,17 @@ pub struct Recovered {
 /// Copies the log `from` to the new file `to`, which is complete and has its index. Damaged chunks are left out.
 ///
 /// # Errors
-/// As [`LogReader::open`], with [`LogError::NotALog`] for a log without a chunk that is whole; [`LogError::Exists`]
-/// rather than overwriting, [`LogError::Create`], [`LogError::Write`], [`LogError::Read`].
+/// As [`LogReader::open`], with [`LogError::NotALog`] for a log without its metadata or without a chunk that is whole;
+/// [`LogError::Exists`] rather than overwriting, [`LogError::Create`], [`LogError::Write`], [`LogError::Read`].
 pub fn recover(from: &Path, to: &Path) -> Result<Recovered, LogError> {
+    let (was_torn, refusal) = state(from)?;
+    let index = Index::of(from)?;
     // A file that is no log is refused before anything is created.
-    let log = LogReader::begin(from, Box::new(open(from)?))?;
+    let started_unix_ns = match (index.started_unix_ns, refusal) {
+        (Some(started), refusal) if refusal.is_none() || index.has_channel() => started,
+        (_, Some(refusal)) => return Err(refusal),
+        (_, None) => 0,
+    };
     let file = OpenOptions::new().write(true).create_new(true).open(to).map_err(|source| {
         let path = to.to_owned();
         if source.kind() == ErrorKind::AlreadyExists {
@@ -59,35 +67,22 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, LogError> {
         schemas: BTreeMap::new(),
         channels: BTreeMap::new(),
         messages: 0,
-        of_index: BTreeMap::new(),
+        of_index: index.records,
     };
-    walk(from, false, |record| {
-        if let Record::Schema { header: SchemaHeader { id, .. }, .. }
-        | Record::Channel(Channel { id, .. }) = &record
-        {
-            copy.of_index.insert((record.opcode(), *id), record.into_owned());
-        }
-        Ok(())
-    })?;
     let mut is_index = false;
-    let walked = walk(from, true, |record| {
+    let walked = walk(from, |record| {
         is_index |= matches!(record, Record::DataEnd(_));
         // The index of the old log is made anew.
         if is_index { Ok(()) } else { copy.take(record).map_err(failed) }
     })?;
     copy.mcap.finish().map_err(failed)?;
-    if copy.channels.is_empty() && walked.is_torn {
-        fs::remove_file(to).map_err(|source| LogError::Create { path: to.to_owned(), source })?;
-        return Err(log.not_a_log());
-    }
-    let started_unix_ns = log.head().started_unix_ns;
     let since_start_s = |t: u64| t.saturating_sub(started_unix_ns) as f64 * 1e-9;
     let damaged = walked.damaged.iter().map(|chunk| {
         (since_start_s(chunk.message_start_time), since_start_s(chunk.message_end_time))
     });
     Ok(Recovered {
         messages: copy.messages,
-        was_torn: walked.is_torn || !walked.damaged.is_empty(),
+        was_torn,
         rest_bytes: walked.rest_bytes,
         unread_bytes: walked.unread_bytes,
         damaged: damaged.collect(),
@@ -98,93 +93,78 @@ fn open(path: &Path) -> Result<File, LogError> {
     File::open(path).map_err(|source| LogError::Open { path: path.to_owned(), source })
 }
 
+/// Whether `from` is torn or damaged, and why it cannot be read at all, if so.
+fn state(from: &Path) -> Result<(bool, Option<LogError>), LogError> {
+    match LogReader::open(from) {
+        Ok(mut log) => {
+            while log.next_message()?.is_some() {}
+            Ok((!log.ending().is_some_and(Ending::is_whole), None))
+        }
+        Err(refusal @ LogError::NotALog { .. }) => Ok((true, Some(refusal))),
+        Err(error) => Err(error),
+    }
+}
+
+/// What a first way through the file finds.
+struct Index {
+    /// Schemas and channels of the whole file by opcode and number. The chunk that tells of a channel may be damaged;
+    /// the file's own index tells of it again.
+    records: BTreeMap<(u8, u16), Record<'static>>,
+    /// From the metadata.
+    started_unix_ns: Option<u64>,
+}
+
+impl Index {
+    fn of(from: &Path) -> Result<Self, LogError> {
+        let mut index = Self { records: BTreeMap::new(), started_unix_ns: None };
+        walk(from, |record| {
+            match &record {
+                Record::Schema { header: SchemaHeader { id, .. }, .. }
+                | Record::Channel(Channel { id, .. }) => {
+                    index.records.insert((record.opcode(), *id), record.into_owned());
+                }
+                Record::Metadata(record) => {
+                    index.started_unix_ns =
+                        index.started_unix_ns.or_else(|| metadata::started(record));
+                }
+                _ => {}
+            }
+            Ok(())
+        })?;
+        Ok(index)
+    }
+
+    fn has_channel(&self) -> bool {
+        self.records.keys().any(|(opcode, _)| *opcode == op::CHANNEL)
+    }
+}
+
 /// What was met on the way through a file.
 struct Walked {
-    /// Whether it ends before its index does.
-    is_torn: bool,
     damaged: Vec<ChunkHeader>,
-    /// Bytes behind its end.
+    /// As of [`Recovered`].
     rest_bytes: u64,
-    /// Bytes behind the last record, if it is torn.
     unread_bytes: u64,
 }
 
-/// Shows `take` every record of `from`, those of whole chunks one by one. If it `is_summed`, it ends where the sum over
-/// all bytes shows that some are not those that were written.
+/// Shows `take` every record of `from` that can be read, those of whole chunks one by one.
 fn walk(
     from: &Path,
-    is_summed: bool,
     mut take: impl FnMut(Record<'_>) -> Result<(), LogError>,
 ) -> Result<Walked, LogError> {
-    let mut source = open(from)?;
-    let options = options().with_emit_chunks(true).with_validate_data_section_crc(is_summed);
-    let mut reader = LinearReader::new_with_options(options);
-    let mut framing = Framing::new();
+    let mut frames = Frames::new(open(from)?).map_err(read_error(from))?;
     let mut damaged = Vec::new();
-    let mut rest_bytes = 0;
-    let mut read_bytes = MAGIC.len() as u64;
-    let is_torn = loop {
-        match reader.next_event() {
-            None => {
-                if framing.has_rest(&mut source).map_err(read_error(from))? {
-                    let bytes = source.metadata().map_err(read_error(from))?.len();
-                    rest_bytes = bytes.saturating_sub(framing.offset());
-                }
-                break false;
-            }
-            Some(Ok(LinearReadEvent::ReadRequest(_))) if framing.refusal().is_some() => break true,
-            Some(Ok(LinearReadEvent::ReadRequest(bytes))) => {
-                let buffer = reader.insert(bytes.min(RECORD_BYTES_MAX));
-                let read = read_some(&mut source, buffer).map_err(read_error(from))?;
-                let admitted = framing.admit(buffer.get(..read).unwrap_or_default());
-                if admitted > 0 || read == 0 {
-                    reader.notify_read(admitted);
-                }
-            }
-            Some(Ok(LinearReadEvent::Record { opcode: op::ATTACHMENT, data }))
-                if !is_attachment(data) =>
-            {
-                break true;
-            }
-            Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                read_bytes += (HEAD_BYTES + data.len()) as u64;
-                match mcap::parse_record(opcode, data) {
-                    Ok(Record::Chunk { header, .. }) => match records(data) {
-                        Ok(records) => records.into_iter().try_for_each(&mut take)?,
-                        Err(_) => damaged.push(header),
-                    },
-                    Ok(record) => take(record)?,
-                    Err(_) => break true,
-                }
-            }
-            Some(Err(_)) => break true,
-        }
-    };
-    let bytes = source.metadata().map_err(read_error(from))?.len();
-    let unread_bytes = if is_torn { bytes.saturating_sub(read_bytes) } else { 0 };
-    Ok(Walked { is_torn, damaged, rest_bytes, unread_bytes })
-}
-
-/// The records of the chunk record `chunk`, if its checksum holds.
-fn records(mut chunk: &[u8]) -> McapResult<Vec<Record<'static>>> {
-    let options = options().with_skip_start_magic(true).with_skip_end_magic(true);
-    let mut reader = LinearReader::new_with_options(options);
-    let mut head = Some([&[op::CHUNK][..], &(chunk.len() as u64).to_le_bytes()].concat());
-    let mut records = Vec::new();
-    while let Some(event) = reader.next_event() {
-        match event? {
-            LinearReadEvent::ReadRequest(_) => {
-                let head = head.take();
-                let bytes = head.as_deref().unwrap_or_else(|| std::mem::take(&mut chunk));
-                reader.insert(bytes.len()).copy_from_slice(bytes);
-                reader.notify_read(bytes.len());
-            }
-            LinearReadEvent::Record { opcode, data } => {
-                records.push(mcap::parse_record(opcode, data)?.into_owned());
-            }
+    while let Some(Frame { opcode, data }) = frames.next().map_err(read_error(from))? {
+        match mcap::parse_record(opcode, &data) {
+            Ok(Record::Chunk { header, .. }) => match records(&data) {
+                Ok(records) => records.into_iter().try_for_each(&mut take)?,
+                Err(_) => damaged.push(header),
+            },
+            Ok(record) => take(record)?,
+            Err(_) => {}
         }
     }
-    Ok(records)
+    Ok(Walked { damaged, rest_bytes: frames.rest_bytes(), unread_bytes: frames.unread_bytes })
 }
 
 /// The new log, and its numbers for the old log's schemas and channels.
@@ -193,8 +173,7 @@ struct Copy {
     schemas: BTreeMap<u16, u16>,
     channels: BTreeMap<u16, u16>,
     messages: u64,
-    /// Schemas and channels of the whole file by opcode and number. The chunk that tells of a channel may be damaged;
-    /// the index tells of it again.
+    /// Those of [`Index`] that were not written yet.
     of_index: BTreeMap<(u8, u16), Record<'static>>,
 }
 

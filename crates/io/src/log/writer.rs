@@ -22,6 +22,8 @@ const CHUNK_BYTES: u64 = 64 * 1024;
 
 /// Names of the metadata record and its entries.
 pub(super) mod metadata {
+    use mcap::records::Metadata;
+
     /// The record.
     pub(in crate::log) const NAME: &str = "tello-ctl";
     /// Wall-clock time of the log's zero.
@@ -30,6 +32,12 @@ pub(super) mod metadata {
     pub(in crate::log) const VERSION: &str = "version";
     /// Git revision of the program.
     pub(in crate::log) const REVISION: &str = "revision";
+
+    /// The log's zero, if `record` is ours. ns since 1970-01-01 UTC
+    pub(in crate::log) fn started(record: &Metadata) -> Option<u64> {
+        let started = record.metadata.get(STARTED).filter(|_| record.name == NAME)?;
+        started.parse().ok()
+    }
 }
 
 /// Appends, never seeks: what is on the disk is not written again.

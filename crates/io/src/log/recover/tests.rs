@@ -1,6 +1,8 @@
 use std::fs;
 use std::path::PathBuf;
 
+use mcap::MAGIC;
+
 use super::*;
 use crate::log::Ending;
 use crate::log::testing::{counts, flight, reader};
@@ -93,12 +95,49 @@ fn of_two_logs_in_one_file_the_second_is_missed_and_counted() {
 }
 
 #[test]
-fn behind_a_broken_frame_nothing_is_read_and_its_bytes_are_counted() {
-    let (mut bytes, flushes) = flight(120);
-    let (at, steps) = flushes[2];
-    // The length of the record behind the flush.
-    bytes[at + 7] ^= 0x7f;
-    let (_, recovered) = recovered("frame", &bytes);
-    assert_eq!(recovered.messages, 2 * steps);
-    assert_eq!(recovered.unread_bytes, (bytes.len() - at) as u64);
+fn behind_a_broken_frame_the_next_whole_chunk_is_found() {
+    let (bytes, flushes) = flight(120);
+    let [(first, _), (second, before), (third, after), ..] = flushes[..] else { panic!() };
+    let left: Vec<u64> = (0..before).chain(after..120).collect();
+    type Damage = fn(&mut [u8]);
+    let damages: [(&str, Damage); 4] = [
+        ("the length", |frame| frame[7] ^= 0x7f),
+        ("a length within the file", |frame| frame[1] ^= 0x40),
+        ("the opcode", |frame| frame[0] = 0x80),
+        ("everything", |frame| frame.fill(0)),
+    ];
+    assert!(first < second && second < third);
+    for (name, damage) in damages {
+        let mut bytes = bytes.clone();
+        damage(&mut bytes[second..third]);
+        let (copy, recovered) = recovered("frame", &bytes);
+        assert_eq!(counts(reader(copy).unwrap()), (left.clone(), Ending::Complete), "{name}");
+        assert_eq!(recovered.messages, 2 * left.len() as u64, "{name}");
+        assert_eq!(recovered.unread_bytes, (third - second) as u64, "{name}");
+        assert!(recovered.was_torn && recovered.damaged.is_empty(), "{name}");
+    }
+}
+
+#[test]
+fn of_two_logs_in_one_file_the_first_whose_end_is_damaged_takes_nothing_of_the_second() {
+    let once = flight(60).0;
+    let mut twice = once.repeat(2);
+    // The opcode of the footer, which has 29 bytes.
+    twice[once.len() - MAGIC.len() - 29] = 0;
+    let (_, recovered) = recovered("ends", &twice);
+    assert_eq!((recovered.messages, recovered.rest_bytes), (120, once.len() as u64 + 8));
+}
+
+#[test]
+fn a_damaged_document_of_the_head_is_left_out_alone() {
+    let (mut bytes, _) = flight(120);
+    let document = b"\"dt_s\":0.02";
+    let at = bytes.windows(document.len()).position(|window| window == document).unwrap();
+    bytes[at] ^= 1;
+    assert!(reader(bytes.clone()).is_err());
+    let (copy, recovered) = recovered("document", &bytes);
+    assert!(recovered.messages == 240 && recovered.was_torn && recovered.unread_bytes > 0);
+    let mut expected = reader(flight(120).0).unwrap().head().clone();
+    expected.documents.remove(crate::log::CONFIG).unwrap();
+    assert_eq!(*reader(copy).unwrap().head(), expected);
 }
