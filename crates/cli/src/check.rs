@@ -26,11 +26,12 @@ use crate::{Verdict, stdio};
 /// The kind of a file (fly, sim, mission, ident or params) follows from its keys. Unknown and missing keys,
 /// wrong types and values outside their range are refused, all at once, with file, line, key, value and rule; so are,
 /// as by `fly`, a mission that leaves the room or is faster than a vehicle can be, and parameters outside the bounds
-/// of the estimator. Of a mission it prints length, time, box, speeds, the distance to the walls, and where the
-/// vehicle will not keep up.
+/// of the estimator. Of a mission it prints length, time, box, speeds, the distance to the walls, where the vehicle
+/// will not keep up, and what becomes of it in the simulator without wind and faults.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Exit codes: 0 all valid, 1 a file is refused or cannot be read, 2 could not run."
+    after_help = "Exit codes: 0 all valid, 1 a file is refused or cannot be read, or the simulator does not get to the \
+end of a mission, 2 could not run."
 )]
 pub(crate) struct Arguments {
     /// Settings files; without any, that of --config or the built-in ones.
@@ -107,6 +108,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         let looked = looked.map(|(values, look)| (values, look.map(|(look, ..)| look)));
         reports.push(match &looked {
             Ok((values, look)) => {
+                if look.as_ref().is_some_and(|look| !look.nominal.is_finished()) {
+                    verdict = Verdict::Bad;
+                }
                 json!({ "file": name, "is_valid": true, "values": values, "mission": look })
             }
             Err(error) => {

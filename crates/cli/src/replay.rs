@@ -30,8 +30,8 @@ use crate::{Verdict, stdio};
 /// are also that estimator's. Settings and constant velocity are judged on the same moments.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Exit codes: 0 equal (or CSV flights that flew), 1 different, or not judged: torn, a tick \
-missing, never steered or never airborne, 2 not readable or without a tick."
+    after_help = "Exit codes: 0 equal (or CSV flights that were judged), 1 different, or not judged: torn, a tick \
+missing, never steered, never airborne or without an accepted pose, 2 not readable or without a tick."
 )]
 pub(crate) struct Arguments {
     /// One log of ours, or recordings and folders of recordings.

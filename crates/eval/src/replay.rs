@@ -57,11 +57,11 @@ impl Replayed {
         }
     }
 
-    /// Whether a log of ours is equal, or every recording flew.
+    /// Whether a log of ours is equal, or every recording was judged.
     pub fn is_good(&self) -> bool {
         match self {
             Self::Compared(report) => report.is_equal,
-            Self::Forecast(report) => report.is_airborne(),
+            Self::Forecast(report) => report.is_judged(),
         }
     }
 }

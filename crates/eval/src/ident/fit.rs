@@ -24,8 +24,8 @@ use super::acceptance;
 use super::flights::{Flight, cut_logs, prepare};
 use super::job::{DelayCurve, Fitted, Job, Trace};
 use super::predict::{Identified, residual_decay_s};
-use super::report::{DelayRow, Fit, ParameterRow};
-use super::verdict::{Evidence, PIECES_PER_PARAMETER, autocorrelation};
+use super::report::{Bootstrap, DelayRow, Fit, ParameterRow};
+use super::verdict::{Evidence, PIECES_PER_PARAMETER, autocorrelation, is_resampled};
 
 mod bootstrap;
 
@@ -130,7 +130,9 @@ where
             None => (None, None),
         };
         let (bootstrap, spread) = bootstrap.unzip();
-        let spread = spread.as_ref().unwrap_or(&laplace);
+        let decides = |found: &Bootstrap| is_resampled(found.distinct, self.spans.len(), NP);
+        let is_resampled = bootstrap.as_ref().is_some_and(decides);
+        let spread = spread.as_ref().filter(|_| is_resampled).unwrap_or(&laplace);
         let parameters = self.parameter_rows(spread, &laplace);
         let traces = self.traces();
         let has_converged = !matches!(report.stop, Stop::IterationLimit | Stop::DampingLimit);
@@ -153,6 +155,7 @@ where
             steps: self.spans.iter().map(|span| span.steps.len()).sum(),
             steps_lost: self.steps_lost.iter().sum(),
             bootstrap,
+            is_resampled,
             refused: None,
         };
         fit.verdict = self.evidence(&fit, &traces, has_converged).sentences();

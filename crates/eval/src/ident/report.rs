@@ -62,7 +62,7 @@ pub struct Fit {
     pub model: &'static str,
     /// Estimate. Unit of each row
     pub p: Vec<f64>,
-    /// Standard deviations of `p`, by bootstrap where there is one, else by Laplace. Unit of each row
+    /// Standard deviations of `p`, by a bootstrap of enough pieces, else by Laplace. Unit of each row
     pub std: Vec<f64>,
     /// Covariance of `p` as `std`, row by row; null if some row has none. Product of the units of the rows
     pub covariance: Option<Vec<Vec<f64>>>,
@@ -88,6 +88,8 @@ pub struct Fit {
     pub steps_lost: usize,
     /// The bootstrap, if there is one.
     pub bootstrap: Option<Bootstrap>,
+    /// Whether deviations, intervals and covariance are those of the bootstrap.
+    pub is_resampled: bool,
     /// What a person should know before using the estimate.
     pub verdict: Vec<String>,
     /// Why a flight would refuse the parameters; then no parameter file is written.
@@ -234,7 +236,7 @@ impl Display for Fit {
             "cost          {:.6}, {} iterations, {}, {:.3} s",
             self.cost, self.iterations, self.stop, self.solve_seconds
         )?;
-        let source = if self.bootstrap.is_some() { "bootstrap" } else { "Laplace" };
+        let source = if self.is_resampled { "bootstrap" } else { "Laplace" };
         writeln!(f, "{:<13} {:>10} {:>9}  95 % interval ({source})", "parameter", "value", "std")?;
         for row in &self.parameters {
             writeln!(

@@ -31,6 +31,11 @@ pub(super) const PIECES_PER_PARAMETER: usize = 3;
 /// Fewer different resamples give no distribution.
 const DISTINCT_MIN: usize = 100;
 
+/// Whether a bootstrap with `distinct` different samples of `pieces` tells how well so many `parameters` are known.
+pub(super) fn is_resampled(distinct: usize, pieces: usize, parameters: usize) -> bool {
+    distinct >= DISTINCT_MIN && pieces > parameters
+}
+
 /// Standard deviation beyond which a dead time says nothing. s
 const DEAD_TIME_STD_MAX_S: f64 = 0.1;
 
@@ -106,9 +111,9 @@ impl Evidence<'_> {
     fn about_pieces(&self, findings: &mut Vec<String>) {
         let (pieces, parameters) = (self.pieces, self.parameters.len());
         match self.resamples_distinct {
-            Some(distinct) if distinct < DISTINCT_MIN || pieces <= parameters => findings.push(format!(
+            Some(distinct) if !is_resampled(distinct, pieces, parameters) => findings.push(format!(
                 "the bootstrap rests on {pieces} pieces ({distinct} distinct resamples) for {parameters} \
-                 parameters: its intervals and correlations say nothing; fly more"
+                 parameters: its intervals and correlations say nothing, Laplace's are taken; fly more"
             )),
             None if pieces < PIECES_PER_PARAMETER * parameters => findings.push(format!(
                 "pieces: {pieces}, too few to tell how they vary: the intervals assume independent residuals; fly \

@@ -98,6 +98,12 @@ impl ReferencePath {
         if self.is_curve() { Vec::new() } else { corners(&self.targets) }
     }
 
+    /// The outline of one lap: laps are closed, and lie on each other.
+    pub fn lap_outline(&self) -> Vec<Pose> {
+        let sides = self.outline.len().saturating_sub(1) / self.laps.max(1);
+        self.outline.iter().take(sides).chain(self.outline.last()).copied().collect()
+    }
+
     /// Horizontal distance and height of the pose `at` (world frame, m and rad) from the nearest point of the outline.
     ///
     /// Cost linear in the corners, no allocation.
@@ -217,6 +223,17 @@ mod tests {
             of(serde_json::json!({ "trajectory": { "points": { "rows": rows } } }))
                 .ends_with_mission
         );
+    }
+
+    #[test]
+    fn one_lap_of_several_begins_and_ends_at_the_same_corner() {
+        let lap = [[0.0; 4], [1.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0], [0.0; 4]];
+        let once = path(&lap);
+        let thrice = [&lap[..], &lap[1..], &lap[1..]].concat();
+        let thrice = ReferencePath { laps: 3, ..path(&thrice) };
+        assert_eq!(thrice.lap_outline(), once.outline);
+        assert_eq!(once.lap_outline(), once.outline);
+        assert!(path(&[]).lap_outline().is_empty());
     }
 
     #[test]

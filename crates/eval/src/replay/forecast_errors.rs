@@ -109,6 +109,11 @@ impl ForecastRow {
             theta_median_rad: median(theta),
         }
     }
+
+    /// Whether there is no forecast at any horizon.
+    pub(super) fn is_empty(&self) -> bool {
+        self.count.iter().all(|count| *count == 0)
+    }
 }
 
 /// The table: rows with the name of their flight.

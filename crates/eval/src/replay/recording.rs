@@ -84,8 +84,21 @@ struct Counts {
 }
 
 impl ForecastReport {
-    pub(super) fn is_airborne(&self) -> bool {
-        self.flights.iter().all(|flight| flight.counts.ticks_airborne > 0)
+    pub(super) fn is_judged(&self) -> bool {
+        self.flights.iter().all(|flight| flight.unjudged().is_none())
+    }
+}
+
+impl Flight {
+    /// Why it says nothing about the estimator, if so.
+    fn unjudged(&self) -> Option<String> {
+        if self.counts.ticks_airborne == 0 {
+            Some(format!("never above {AIRBORNE_M} m: without flight it proves nothing"))
+        } else if self.forecasts.iter().all(ForecastRow::is_empty) {
+            Some("no forecast could be judged: too few poses that the filter accepts".into())
+        } else {
+            None
+        }
     }
 }
 
@@ -305,12 +318,8 @@ impl Display for ForecastReport {
             for line in &flight.lines_skipped {
                 writeln!(f, "{}: skipped {line}", flight.name)?;
             }
-            if flight.counts.ticks_airborne == 0 {
-                let name = &flight.name;
-                writeln!(
-                    f,
-                    "{name}: never above {AIRBORNE_M} m: without flight it proves nothing"
-                )?;
+            if let Some(why) = flight.unjudged() {
+                writeln!(f, "{}: {why}", flight.name)?;
             }
         }
         if let [flight] = self.flights.as_slice() {

@@ -41,7 +41,7 @@ pub(super) struct Flight {
     pub dt_s: f64,
     /// What was recorded, tick by tick.
     pub ticks: Vec<TickRow>,
-    /// Corners of the line to follow; empty if the recording names none. m, rad
+    /// Corners of the line to follow, of one lap; empty if the recording names none. m, rad
     pub outline: Vec<Pose>,
     /// Poses to reach, in their order. m, rad
     pub targets: Vec<Pose>,
@@ -123,7 +123,7 @@ impl Flight {
             reached: [reached, reference.targets_count],
             ticks,
             corners: reference.corners(),
-            outline: reference.outline,
+            outline: reference.lap_outline(),
             targets: reference.targets,
             notes,
             unjudged,

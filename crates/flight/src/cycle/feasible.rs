@@ -8,13 +8,15 @@ use nalgebra::Vector3;
 use super::{CycleTable, ModelKind};
 use crate::mission::Demand;
 use crate::supervisor::CLIMB_MAX_M;
-use crate::{Mission, MissionTable, Obstacle, Room, obstacles};
+use crate::{
+    CircleTable, Mission, MissionTable, Obstacle, PointsTable, Room, TrajectoryTable, obstacles,
+};
 
 /// A Tello does not hover lower above the floor. m
 const HOVER_MIN_M: f64 = 0.3;
 
-/// Two turns: larger headings are in degrees. rad
-const HEADING_MAX_RAD: f64 = 2.0 * std::f64::consts::TAU;
+/// Two turns: larger angles are in degrees. rad
+const ANGLE_MAX_RAD: f64 = 2.0 * std::f64::consts::TAU;
 
 /// Why `mission` cannot be flown, which is that of `table`: it leaves the room, is too low, stops inside of an
 /// obstacle, ends above one, or is faster than the failsafe or the upper bounds of the gains allow. Allocates.
@@ -36,13 +38,30 @@ pub fn misfits(
     Ok(found)
 }
 
-/// Headings of the mission that no angle in radians has.
-fn in_degrees(table: &MissionTable) -> impl Iterator<Item = SettingError> + '_ {
-    let far = table.poses().filter(|(_, at)| at[pose::THETA].abs() > HEADING_MAX_RAD);
-    far.map(|(key, at)| {
-        let rule = format!("a heading within +-{HEADING_MAX_RAD:.1} rad: it is in radians");
-        SettingError::new(format!("mission.{key}"), at[pose::THETA], rule)
-    })
+/// Angles of the mission that none in radians is. Headings over time may add up to any number of turns, not all of them
+/// between two rows.
+fn in_degrees(table: &MissionTable) -> Vec<SettingError> {
+    let list = table.poses().map(|(key, at)| (key, at[pose::THETA]));
+    let mut angles: Vec<(String, f64)> = list.collect();
+    match table {
+        MissionTable::Circle(CircleTable { centre_w: [.., theta], begin_rad, .. }) => {
+            angles.push(("circle.centre[3]".into(), *theta));
+            angles.push(("circle.begin_rad".into(), *begin_rad));
+        }
+        MissionTable::Trajectory(TrajectoryTable { points: PointsTable::Rows(rows), .. }) => {
+            let thetas = || rows.iter().map(|[.., theta]| *theta);
+            let turns = thetas().skip(1).zip(thetas()).map(|(theta, before)| theta - before);
+            let key = |k| format!("trajectory.points.rows[{k}][4]");
+            angles.extend(thetas().take(1).chain(turns).enumerate().map(|(k, it)| (key(k), it)));
+        }
+        _ => {}
+    }
+    angles.retain(|(_, angle)| angle.abs() > ANGLE_MAX_RAD);
+    let refused = angles.into_iter().map(|(key, angle)| {
+        let rule = format!("an angle or a turn within +-{ANGLE_MAX_RAD:.1} rad: it is in radians");
+        SettingError::new(format!("mission.{key}"), angle, rule)
+    });
+    refused.collect()
 }
 
 /// Obstacles that a stop of the mission lies in, and those at rest that the drone would land on.

@@ -25,6 +25,7 @@ pub(in crate::ident) fn fit() -> Fit {
         steps: 900,
         steps_lost: 0,
         bootstrap: None,
+        is_resampled: false,
         verdict: Vec::new(),
         refused: None,
     }
@@ -94,6 +95,7 @@ fn bounds_lost_steps_and_refusals_are_reported() {
         delay: vec![delay, known],
         steps_lost: 40,
         bootstrap: Some(bootstrap(99, 100)),
+        is_resampled: true,
         verdict: vec!["too few pieces".to_owned()],
         refused: Some("lambda_h = -1".to_owned()),
         ..fit()

@@ -49,25 +49,31 @@ fn ticks_are_counted_by_what_the_filter_did_and_the_estimate_by_its_distance() {
 }
 
 #[test]
-fn a_report_without_flight_says_so() {
-    let flight = |ticks_airborne| Flight {
-        name: "a".into(),
-        counts: Counts { ticks: 5, ticks_airborne, ..Counts::default() },
-        forecasts: Vec::new(),
-        errors: Vec::new(),
-        lines_skipped: vec!["line 3".into()],
-        log: None,
+fn a_report_without_flight_or_without_a_forecast_says_so() {
+    let report = |airborne: &[u64], forecasts: usize| {
+        let mut errors = forecast_errors::no_errors();
+        (0..forecasts).for_each(|_| errors.push(AHEAD_STEPS[0] - 1, &Pose::zeros()));
+        let flight = |ticks_airborne| Flight {
+            name: "a".into(),
+            counts: Counts { ticks: 5, ticks_airborne, ..Counts::default() },
+            forecasts: vec![ForecastRow::new("built-in", &errors)],
+            errors: Vec::new(),
+            lines_skipped: vec!["line 3".into()],
+            log: None,
+        };
+        ForecastReport {
+            ahead_s: forecast_errors::ahead_s(),
+            flights: airborne.iter().copied().map(flight).collect(),
+            pooled: Vec::new(),
+            revision: REVISION,
+        }
     };
-    let report = |airborne: &[u64]| ForecastReport {
-        ahead_s: forecast_errors::ahead_s(),
-        flights: airborne.iter().map(|airborne| flight(*airborne)).collect(),
-        pooled: Vec::new(),
-        revision: REVISION,
-    };
-    assert!(report(&[2, 1]).is_airborne() && !report(&[2, 0]).is_airborne());
-    let text = report(&[0]).to_string();
+    assert!(report(&[2, 1], 1).is_judged() && !report(&[2, 0], 1).is_judged());
+    let text = report(&[0], 1).to_string();
     assert!(text.contains("a: never above") && text.contains("a: skipped line 3"), "{text}");
-    assert!(!report(&[4]).to_string().contains("never above"));
+    assert!(!report(&[4], 1).to_string().contains("never above"));
+    let empty = report(&[4], 0);
+    assert!(!empty.is_judged() && empty.to_string().contains("a: no forecast"), "{empty}");
 }
 
 #[test]

@@ -85,9 +85,35 @@ fn a_heading_in_degrees_is_refused() {
         let table = MissionTable::Waypoints(square.clone());
         misfits(&table, &mission, &cycle).unwrap()
     };
-    assert_eq!(refused(-HEADING_MAX_RAD), []);
+    assert_eq!(refused(-ANGLE_MAX_RAD), []);
     let [error] = &refused(90.0)[..] else { panic!("not one") };
     assert!(error.rule.contains("in radians"), "{error}");
+}
+
+#[test]
+fn angles_of_a_circle_and_of_a_trajectory_in_degrees_are_refused() {
+    let (FlightTable { cycle, .. }, mission) = (table(), flown());
+    let refused = |table: serde_json::Value| -> Vec<String> {
+        let table = serde_json::from_value(table).unwrap();
+        let errors = misfits(&table, &mission, &cycle).unwrap();
+        errors.into_iter().map(|error| error.key).collect()
+    };
+    let circle = |theta: f64, begin_rad: f64| {
+        refused(serde_json::json!({ "circle": {
+            "centre": [0.0, 0.0, 1.0, theta], "begin_rad": begin_rad, "radius_m": 0.5
+        } }))
+    };
+    assert_eq!(circle(-3.1, 6.2), [""; 0]);
+    assert_eq!(circle(90.0, 180.0), ["mission.circle.centre[3]", "mission.circle.begin_rad"]);
+    let trajectory = |thetas: &[f64]| {
+        let row = |(k, theta): (usize, &f64)| [k as f64, 0.0, 0.0, 1.0, *theta];
+        let rows: Vec<_> = thetas.iter().enumerate().map(row).collect();
+        refused(serde_json::json!({ "trajectory": { "points": { "rows": rows } } }))
+    };
+    // Headings of three turns on a circle add up.
+    assert_eq!(trajectory(&[0.0, 6.0, 12.0, 18.0]), [""; 0]);
+    assert_eq!(trajectory(&[90.0, 90.0]), ["mission.trajectory.points.rows[0][4]"]);
+    assert_eq!(trajectory(&[0.0, 0.0, 90.0]), ["mission.trajectory.points.rows[2][4]"]);
 }
 
 #[test]
