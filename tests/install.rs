@@ -68,10 +68,15 @@ fn first_settings_are_valid_and_are_written_once() {
         let arguments = ["init", kind, "--mocap", kind, "--address", address, "--object", "drone"];
         let output = tello_ctl(&folder, &[&arguments[..], &["--room=-2,2,-4,1.5,2.5"]].concat());
         assert!(output.status.success(), "{}", text(&output));
-        for file in ["fly.json", "sim.json", "square.json", "hover.json"] {
-            let output = tello_ctl(&folder, &["check", &format!("{kind}/{file}")]);
-            assert!(output.status.success(), "{}", text(&output));
+        // The schemas beside them are passed over.
+        let inside = fs::read_dir(folder.join(kind)).unwrap().map(|file| file.unwrap().path());
+        let all: Vec<_> = inside.map(|path| path.display().to_string()).collect();
+        for file in ["fly.json", "sim.json", "square.json", "hover.json", ".schema.json"] {
+            assert!(all.iter().any(|path| path.ends_with(file)), "{file}: {all:?}");
         }
+        let all = ["check"].into_iter().chain(all.iter().map(String::as_str));
+        let output = tello_ctl(&folder, &all.collect::<Vec<_>>());
+        assert!(output.status.success(), "{}", text(&output));
         let written = fs::read_to_string(folder.join(kind).join("fly.json")).unwrap();
         let written: Value = serde_json::from_str(&written).unwrap();
         assert_eq!(written["mocap"][kind]["object"], "drone");

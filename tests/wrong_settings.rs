@@ -198,3 +198,20 @@ fn a_short_mission_with_its_schema_is_surveyed_drawn_and_judged_by_the_room() {
     );
     assert!(printed.contains("the vehicle does 1.90 m/s"), "{printed}");
 }
+
+#[test]
+fn settings_that_do_not_get_to_the_end_of_their_mission_are_valid_and_do_not_pass() {
+    let folder = folder("not-to-its-end");
+    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
+    let mut settings: Value =
+        serde_json::from_slice(&fs::read(configs.join("fly.json")).unwrap()).unwrap();
+    settings["mission"] = json!(configs.join("missions/square.json"));
+    // Sticks that go to one side alone.
+    settings["cycle"]["mpc"]["u_lb"] = json!([0, 0, 0, 0]);
+    fs::write(folder.join("fly.json"), settings.to_string()).unwrap();
+    let output = tello_ctl(&folder, &["check", "fly.json"]);
+    let printed = text(&output);
+    assert_eq!(output.status.code(), Some(1), "{printed}");
+    assert!(printed.contains("fly.json: valid\n"), "{printed}");
+    assert!(printed.contains("NOT TO ITS END: "), "{printed}");
+}

@@ -27,7 +27,8 @@ use crate::{Verdict, stdio};
 /// wrong types and values outside their range are refused, all at once, with file, line, key, value and rule; so are,
 /// as by `fly`, a mission that leaves the room or is faster than a vehicle can be, and parameters outside the bounds
 /// of the estimator. Of a mission it prints length, time, box, speeds, the distance to the walls, where the vehicle
-/// will not keep up, and what becomes of it in the simulator without wind and faults.
+/// will not keep up, and what becomes of it in the simulator without wind and faults. JSON Schemas among the files are
+/// passed over.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Exit codes: 0 all valid, 1 a file is refused or cannot be read, or the simulator does not get to the \
@@ -97,6 +98,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         settings.find(|file| config::load::<Value>(file).is_ok_and(|it| it.get("cycle").is_some()))
     });
     for file in files {
+        if file.is_some_and(is_schema) {
+            // As `init` writes them beside the settings, for editors.
+            continue;
+        }
         let name = file.map_or_else(|| "built-in".into(), |file| file.display().to_string());
         let looked = resolve(room_of, file).and_then(|values| {
             let look = Look::of((room_of, arguments.speed), &values)?;
@@ -126,6 +131,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         stdio::line(json!({ "files": reports }))?;
     }
     Ok(verdict)
+}
+
+/// Whether `file` is a JSON Schema in place of settings.
+fn is_schema(file: &Path) -> bool {
+    let keys = config::load::<Value>(file).unwrap_or_default();
+    let schema = keys.get("$schema").and_then(Value::as_str);
+    schema.is_some_and(|schema| schema.starts_with("https://json-schema.org/"))
 }
 
 /// The JSON schema of a kind of file.

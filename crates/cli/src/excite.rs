@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use clap::Args;
 use horizon_model::rows::{Pose, pose};
+use horizon_model::setting::SettingError;
 use tello_eval::Excitation;
 use tello_flight::{MissionTable, PointsTable, RoomTable, Start, TrajectoryTable};
 use tello_io::{config, whole_file};
@@ -34,13 +35,13 @@ pub(crate) struct Arguments {
     /// Settings of the flight, for its room and its limits [default: the built-in configs/fly.json].
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Duration, without take-off and landing. s
+    /// Duration, without take-off and landing, 20 to 600. s
     #[arg(long, value_name = "S", default_value_t = 60.0)]
     seconds: f64,
-    /// Largest distance from the centre along x and y [default: what the room allows, at most 1.5]. m
+    /// Largest distance from the centre along x and y, 0.3 to 4 [default: what the room allows, at most 1.5]. m
     #[arg(long, value_name = "M")]
     half_width: Option<f64>,
-    /// Largest distance from the centre upwards and downwards. m
+    /// Largest distance from the centre upwards and downwards, 0.1 to 1. m
     #[arg(long, value_name = "M", default_value_t = 0.36)]
     half_height: f64,
     /// Centre [default: the middle of the room, 1.4 m high or as low as its ceiling needs, heading 0]: x, y, z in m,
@@ -111,6 +112,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     Ok(Verdict::Good)
 }
 
+/// A refusal of a pattern with the name of the option in place of the key.
+fn of_option(error: SettingError) -> SettingError {
+    let key = match &*error.key {
+        "half_width_m" => "--half-width",
+        "half_height_m" => "--half-height",
+        "duration_s" => "--seconds",
+        _ => return error,
+    };
+    SettingError { key: key.to_owned(), ..error }
+}
+
 /// The pattern of `design` at the first of the heights at which it fits. m
 fn highest(
     design: &Excitation,
@@ -120,7 +132,7 @@ fn highest(
     for z_m in heights_m {
         let mut centre = design.centre;
         centre[pose::Z] = *z_m;
-        let trajectory = Excitation { centre, ..*design }.trajectory()?;
+        let trajectory = Excitation { centre, ..*design }.trajectory().map_err(of_option)?;
         if fits(&trajectory, room) {
             return Ok(Some(trajectory));
         }
@@ -153,6 +165,9 @@ fn largest(
 fn centre(given: &[f64], room: Option<&RoomTable>) -> Result<Pose> {
     let middle = |[low, high]: [f64; 2]| f64::midpoint(low, high);
     match (given, room) {
+        ([.., theta], _) if theta.abs() > std::f64::consts::TAU => {
+            bail!("--centre: theta = {theta} violates at most a turn: it is in radians")
+        }
         ([x, y, z, theta], _) => Ok(Pose::new(*x, *y, *z, *theta)),
         ([], Some(room)) => Ok(Pose::new(middle(room.x_m), middle(room.y_m), HEIGHT_M, 0.0)),
         ([], None) => bail!("the settings have no room: give --centre"),

@@ -1,11 +1,11 @@
-//! Ctrl-C during long work: a flag that the work polls, so that what is done is kept. Again: the end.
+//! Ctrl-C or SIGTERM during long work: a flag that the work polls, so that what is done is kept. Again: the end.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use anyhow::{Context, Result};
-use tokio::signal::unix::{SignalKind, signal};
+use tokio::signal::unix::{Signal, SignalKind, signal};
 
 use crate::stdio;
 
@@ -14,22 +14,33 @@ use crate::stdio;
 pub(crate) struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Listens for Ctrl-C until the program ends.
+    /// Listens for Ctrl-C and SIGTERM until the program ends.
     pub(crate) fn listen() -> Result<Self> {
         let interrupt = Self::default();
         let asked = Arc::clone(&interrupt.0);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-        // Before the thread runs: from here on Ctrl-C ends nothing by itself.
-        let mut pressed = {
+        // Before the thread runs: from here on neither ends anything by itself.
+        let (mut pressed, mut ended) = {
             let _entered = runtime.enter();
-            signal(SignalKind::interrupt()).context("cannot listen for Ctrl-C")?
+            let listen = || -> std::io::Result<(Signal, Signal)> {
+                Ok((signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?))
+            };
+            listen().context("cannot listen for Ctrl-C and SIGTERM")?
         };
         let wait = move || {
-            if runtime.block_on(pressed.recv()).is_some() {
+            let mut next = || {
+                runtime.block_on(async {
+                    tokio::select! {
+                        asked = pressed.recv() => asked,
+                        asked = ended.recv() => asked,
+                    }
+                })
+            };
+            if next().is_some() {
                 stdio::note("stopping");
                 asked.store(true, Ordering::Relaxed);
             }
-            if runtime.block_on(pressed.recv()).is_some() {
+            if next().is_some() {
                 leave();
             }
         };
@@ -46,8 +57,30 @@ impl Interrupt {
     }
 }
 
-/// The second Ctrl-C does not wait for the work.
+/// The second does not wait for the work.
 #[expect(clippy::exit, reason = "who asks twice does not want to wait for anything")]
 fn leave() {
     std::process::exit(130)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::{Duration, Instant};
+
+    use nix::sys::signal::{Signal, raise};
+
+    use super::*;
+
+    #[test]
+    fn a_signal_asks_for_the_end_and_ends_nothing_by_itself() {
+        let interrupt = Interrupt::listen().unwrap();
+        assert!(!interrupt.is_asked());
+        // A second one would end the tests.
+        raise(Signal::SIGTERM).unwrap();
+        let begun = Instant::now();
+        while !interrupt.clone().is_asked() {
+            assert!(begun.elapsed() < Duration::from_secs(60), "the signal is not heard");
+            thread::sleep(Duration::from_millis(1));
+        }
+    }
 }

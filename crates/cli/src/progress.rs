@@ -1,12 +1,17 @@
 //! The bar that a long command shows.
 
-use parking_lot::Mutex;
+use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
+use parking_lot::Mutex;
 use tello_eval::ident::Observer;
 
 use crate::interrupt::Interrupt;
+use crate::stdio;
+
+/// Between two lines where there is no terminal.
+const LINE_EVERY: Duration = Duration::from_secs(10);
 
 /// A bar or a spinner for the parts of an identification; Ctrl-C stops it.
 #[derive(Debug)]
@@ -54,15 +59,49 @@ impl Observer for Shown<'_> {
     }
 }
 
-/// A bar on a terminal for `count` seeds, with their rate and the time left.
-///
-/// # Errors
-/// None in practice: the template is ours.
-pub(crate) fn of_seeds(count: u64, is_shown: bool) -> Result<ProgressBar> {
-    let bar = if is_shown { ProgressBar::new(count) } else { ProgressBar::hidden() };
-    let style = "{bar:40} {pos}/{len} seeds, {per_sec}, {eta} left";
-    bar.set_style(ProgressStyle::with_template(style)?);
-    Ok(bar)
+/// A bar on a terminal for seeds, with their rate and the time left; elsewhere a line of it now and then.
+#[derive(Debug)]
+pub(crate) struct Seeds {
+    bar: ProgressBar,
+    /// Of the latest line, if there are any.
+    line_at: Option<Mutex<Instant>>,
+}
+
+impl Seeds {
+    /// Of `count` seeds; nothing unless it `is_shown`.
+    ///
+    /// # Errors
+    /// None in practice: the template is ours.
+    pub(crate) fn of(count: u64, is_shown: bool) -> Result<Self> {
+        let bar = if is_shown { ProgressBar::new(count) } else { ProgressBar::hidden() };
+        let style = "{bar:40} {pos}/{len} seeds, {per_sec}, {eta} left";
+        bar.set_style(ProgressStyle::with_template(style)?);
+        let line_at = (is_shown && bar.is_hidden()).then(|| Mutex::new(Instant::now()));
+        Ok(Self { bar, line_at })
+    }
+
+    /// One seed more is done.
+    pub(crate) fn advance(&self) {
+        self.bar.inc(1);
+        if let Some(mut line_at) = self.line_at.as_ref().and_then(Mutex::try_lock)
+            && line_at.elapsed() >= LINE_EVERY
+        {
+            *line_at = Instant::now();
+            stdio::note(self.line());
+        }
+    }
+
+    pub(crate) fn end(&self) {
+        self.bar.finish_and_clear();
+    }
+
+    /// How far the work is, in words.
+    fn line(&self) -> String {
+        let (done, count) = (self.bar.position(), self.bar.length().unwrap_or(0));
+        let left = self.bar.elapsed().as_secs_f64() / done.max(1) as f64
+            * count.saturating_sub(done) as f64;
+        format!("{done} of {count} seeds, about {left:.0} s left")
+    }
 }
 
 #[cfg(test)]

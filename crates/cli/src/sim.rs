@@ -23,7 +23,8 @@ use tello_sim::{SimTable, logged_flight};
 use self::shard::Target;
 pub(crate) use self::world::{WorldArguments, resolve};
 use crate::interrupt::Interrupt;
-use crate::{Verdict, progress, stdio};
+use crate::progress::Seeds;
+use crate::{Verdict, stdio};
 
 /// Most flights in a figure: more are a blot.
 const FIGURE_FLIGHTS_MAX: usize = 30;
@@ -209,12 +210,22 @@ fn fly_one(arguments: &Arguments, sim: &SimTable, path: &Path) -> Result<Verdict
     let (start, sim) = if arguments.campaign {
         (Start::Grounded, campaign::world(seed, sim, arguments.family))
     } else {
+        note_ignored(sim)?;
         (Start::Airborne, sim.clone())
     };
     let flight = flight(arguments, arguments.config.as_deref(), start)?;
     let logged = logged_flight::fly(&flight, &sim, seed, path)?;
     stdio::report(&logged, arguments.json)?;
     Ok(if arguments.campaign || logged.is_success() { Verdict::Good } else { Verdict::Bad })
+}
+
+/// Notes what of `sim` makes no difference to flights in virtual time that begin in the air.
+fn note_ignored(sim: &SimTable) -> Result<()> {
+    let ignored = batch::ignored(sim)?;
+    if !ignored.is_empty() {
+        stdio::note(format_args!("not used without sockets: {}", ignored.join(", ")));
+    }
+    Ok(())
 }
 
 /// Flies `count` seeds and prints what they were worth.
@@ -228,6 +239,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
         let flight = flight(arguments, config, Start::Airborne)?;
         Ok(Contender::new(flight, arguments.hover)?.after(arguments.earlier))
     };
+    note_ignored(sim)?;
     let mut contenders = vec![contender(arguments.config.as_deref())?];
     if let Some(against) = &arguments.against {
         contenders.push(contender(Some(against))?);
@@ -248,12 +260,12 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
         arguments.figure.as_deref().map(|name| Place::of(name, arguments.force)).transpose()?;
     let count = seeds.end - seeds.start;
     let interrupt = Interrupt::listen()?;
-    let bar = progress::of_seeds(count, !arguments.json)?;
+    let seen = Seeds::of(count, !arguments.json)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
     let flown = pool.install(|| {
-        batch::fly(&contenders, sim, seeds, &|| interrupt.is_asked(), &|| bar.inc(1))
+        batch::fly(&contenders, sim, seeds, &|| interrupt.is_asked(), &|| seen.advance())
     })?;
-    bar.finish_and_clear();
+    seen.end();
     let done = flown.first().map_or(0, Vec::len);
     if interrupt.is_asked() && (target.is_some() || done == 0) {
         return Ok(stopped(done, count, ": nothing is written"));
@@ -285,13 +297,13 @@ fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Ver
     }
     let count = seeds.end - seeds.start;
     let interrupt = Interrupt::listen()?;
-    let bar = progress::of_seeds(count, !arguments.json)?;
+    let seen = Seeds::of(count, !arguments.json)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
     let rows = pool.install(|| {
         let is_interrupted = || interrupt.is_asked();
-        campaign::fly(&flight, sim, seeds, arguments.family, &is_interrupted, &|| bar.inc(1))
+        campaign::fly(&flight, sim, seeds, arguments.family, &is_interrupted, &|| seen.advance())
     })?;
-    bar.finish_and_clear();
+    seen.end();
     let done = rows.len();
     if interrupt.is_asked() && (target.is_some() || done == 0) {
         return Ok(stopped(done, count, ": nothing is written"));

@@ -215,6 +215,8 @@ const FORGET_S: f64 = 15.0;
 #[derive(Debug, Clone, Default)]
 struct Doubt {
     doubtful_s: f64,
+    /// Time since the latest judgement.
+    waited_s: f64,
 }
 
 /// Doubt that lasts longer is disagreement. s
@@ -225,14 +227,23 @@ const DOUBT_LARGE_MAX_S: f64 = 0.3;
 /// vehicle stops in it, adds up.
 const FORGIVEN: f64 = 0.2;
 
+/// Longest time without a judgement that the next one stands for: between two poses of a source of 5 Hz. s
+const WAITED_MAX_S: f64 = 0.2;
+
 impl Doubt {
+    /// A period of `dt_s` passes without a pose to judge by: the next judgement is that of a longer time.
+    fn wait(&mut self, dt_s: f64) {
+        self.waited_s += dt_s;
+    }
+
     fn judge(&mut self, error: f64, limit: f64, dt_s: f64) -> Agreement {
+        let judged_s = std::mem::take(&mut self.waited_s).min(WAITED_MAX_S) + dt_s;
         // NaN is in doubt.
         if error <= limit {
-            self.doubtful_s = (self.doubtful_s - FORGIVEN * dt_s).max(0.0);
+            self.doubtful_s = (self.doubtful_s - FORGIVEN * judged_s).max(0.0);
             return Agreement::Agrees;
         }
-        self.doubtful_s += dt_s;
+        self.doubtful_s += judged_s;
         let patience_s = if error <= 2.0 * limit { DOUBT_MAX_S } else { DOUBT_LARGE_MAX_S };
         if self.doubtful_s < patience_s { Agreement::Doubtful } else { Agreement::Disagrees }
     }

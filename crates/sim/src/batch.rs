@@ -49,6 +49,25 @@ pub fn fly(
     Ok(flown)
 }
 
+/// Keys of `sim` that differ from the built-in ones and count over sockets alone: in virtual time nothing is sent, and a
+/// flight begins in the air at its first target.
+///
+/// # Errors
+/// None in practice: the built-in settings are ours.
+pub fn ignored(sim: &SimTable) -> Result<Vec<&'static str>> {
+    let usual = crate::settings(None)?;
+    let (drone, of_usual) = (&sim.drone, &usual.drone);
+    let differing = [
+        ("start", sim.start != usual.start),
+        ("mocap_rate_hz", sim.mocap_rate_hz > usual.mocap_rate_hz),
+        ("drone.air", drone.air != of_usual.air),
+        ("drone.sdk", drone.sdk != of_usual.sdk),
+        ("drone.binary_first", drone.binary_first != of_usual.binary_first),
+        ("drone.reply_to", drone.reply_to != of_usual.reply_to),
+    ];
+    Ok(differing.into_iter().filter(|(_, differs)| *differs).map(|(key, _)| key).collect())
+}
+
 /// Flights by seed, each of all contenders, as flights by contender.
 pub fn by_contender(by_seed: Vec<Vec<Flown>>) -> Vec<Vec<Flown>> {
     let mut by_contender: Vec<Vec<Flown>> = Vec::new();
@@ -83,6 +102,15 @@ mod tests {
         flown.row.seed = seed;
         flown.track_w = vec![(1.0, 2.0)];
         flown
+    }
+
+    #[test]
+    fn what_counts_over_sockets_alone_is_named() {
+        let mut sim = crate::settings(None).unwrap();
+        assert_eq!(ignored(&sim).unwrap(), [""; 0]);
+        sim.drone.air.loss = 0.5;
+        sim.start = crate::Start::Ground { x: 9.0, y: 0.0, theta: 0.0 };
+        assert_eq!(ignored(&sim).unwrap(), ["start", "drone.air"]);
     }
 
     #[test]

@@ -7,7 +7,6 @@
 mod clients;
 mod datastream;
 mod drone;
-mod frames;
 mod mocap;
 mod natnet;
 mod object_stream;
@@ -24,9 +23,9 @@ use parking_lot::Mutex;
 use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs};
 use thiserror::Error;
 
-use crate::DT_S;
 use crate::drone::Truth;
 use crate::fault::Fault;
+use crate::frames;
 use crate::mocap::Shot;
 use crate::world::World;
 use drone::DronePort;
@@ -169,7 +168,7 @@ impl Room {
                 world.advance();
             }
             self.drone.report(&mut world);
-            if world.mocap_rate_hz() > 1.0 / DT_S {
+            if !world.has_frame_by_step() {
                 drop(world);
                 self.show_between(beat.due);
                 continue;

@@ -18,6 +18,7 @@ mod excitation;
 pub mod fault;
 mod firmware;
 mod frame_lag;
+mod frames;
 mod hand;
 mod identified_plant;
 pub mod logged_flight;

@@ -25,7 +25,7 @@ use crate::profile::Profile;
 use crate::radio::Radio;
 use crate::random::{Purpose, Random};
 use crate::second_object::PasserTable;
-use crate::{DT_S, hand};
+use crate::{DT_S, frames, hand};
 
 /// Settings of the simulator.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -58,8 +58,8 @@ pub struct SimTable {
     /// its frame. s, 0..=0.02; missing: 0
     #[serde(default, skip_serializing_if = "is_zero")]
     pub mocap_age_s: f64,
-    /// Frames of the motion capture per second over sockets: those between two steps of 20 ms go on with the change of
-    /// the step before. In virtual time there is one by step, whatever stands here. Hz, 50..=500; missing: 50
+    /// Frames of the motion capture per second: those between two steps of 20 ms go on with the change of the step
+    /// before. In virtual time there is one by step at most. Hz, 4..=500; missing: 50
     #[serde(default = "usual_rate_hz", skip_serializing_if = "is_usual_rate")]
     pub mocap_rate_hz: f64,
 }
@@ -154,7 +154,7 @@ impl World {
         let nominal = PlantParams::try_from(table.plant).map_err(|error| error.under("plant"))?;
         let battery_pct = in_range("battery_pct", table.battery_pct, 0.0..=100.0)?;
         let age_s = in_range("mocap_age_s", table.mocap_age_s, 0.0..=DT_S)?;
-        let mocap_rate_hz = in_range("mocap_rate_hz", table.mocap_rate_hz, 50.0..=500.0)?;
+        let mocap_rate_hz = in_range("mocap_rate_hz", table.mocap_rate_hz, 4.0..=500.0)?;
         let firmware = table.drone.checked().map_err(|error| error.under("drone"))?;
         if table.object.is_empty() || table.object.contains(char::is_whitespace) {
             return Err(SettingError::new("object", &table.object, "a name without spaces"));
@@ -252,9 +252,14 @@ impl World {
         self.lag.shots(&self.object)
     }
 
-    /// Frames of the motion capture per second over sockets. Hz
+    /// Frames of the motion capture per second. Hz
     pub(crate) fn mocap_rate_hz(&self) -> f64 {
         self.mocap_rate_hz
+    }
+
+    /// Whether there is one frame in each step, at its beginning.
+    pub(crate) fn has_frame_by_step(&self) -> bool {
+        is_usual_rate(&self.mocap_rate_hz)
     }
 
     /// How the true pose changed in the step before the present one.
@@ -296,6 +301,7 @@ impl World {
         };
         let is_other = faults.is_on(Fault::MocapOther, *step);
         let taken = pose.map(|pose| Frame { step: *step, is_other, pose });
+        let taken = taken.filter(|_| frames::is_in_step(*step, self.mocap_rate_hz));
         self.lag.advance(taken, *step, faults, &self.object);
     }
 

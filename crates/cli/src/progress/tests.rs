@@ -36,7 +36,12 @@ fn without_a_bar_nothing_begins() {
 }
 
 #[test]
-fn a_bar_of_seeds_is_as_long_as_they_are_or_hidden() {
-    assert_eq!(of_seeds(7, true).unwrap().length(), Some(7));
-    assert_eq!(of_seeds(7, false).unwrap().length(), None);
+fn seeds_are_counted_in_words_where_no_terminal_is() {
+    let hidden = Seeds::of(7, false).unwrap();
+    assert!(hidden.bar.length().is_none() && hidden.line_at.is_none());
+    // In tests the standard error may be a terminal or not.
+    let seeds = Seeds::of(7, true).unwrap();
+    assert_eq!(seeds.line_at.is_some(), seeds.bar.is_hidden());
+    (0..3).for_each(|_| seeds.advance());
+    assert!(seeds.line().starts_with("3 of 7 seeds, about "), "{}", seeds.line());
 }

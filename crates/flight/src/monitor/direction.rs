@@ -33,15 +33,19 @@ const WRONG_S: f64 = 0.6;
 const WRONG_LARGE_S: f64 = 0.3;
 /// By how much the motion may be later than the inputs say, and earlier. s
 const SHIFT_S: f64 = 0.25;
+/// Longest time between two poses that show a motion: a source of 5 Hz. s
+const MOTION_MAX_S: f64 = 0.2;
 
 /// Exponentially weighted sums over the motion.
 #[derive(Debug, Clone)]
 pub(super) struct DirectionMonitor {
     limit_rad: f64,
     dt_s: f64,
+    /// The newest pose.
     before: Option<Pose>,
-    /// Heading of the newest pose. rad
+    /// Heading of the newest pose with one. rad
     theta_rad: f64,
+    since: SincePose,
     /// The newest of [`Velocities::u`] before the ring takes it. 1
     v_u: Complex<f64>,
     /// What is left of a velocity from before the comparison, over that velocity. 1
@@ -53,6 +57,15 @@ pub(super) struct DirectionMonitor {
     /// As the inputs say, later, and earlier.
     sums: [Sums; 3],
     wrong_s: f64,
+}
+
+/// Sums over the periods since the newest pose.
+#[derive(Debug, Clone, Copy, Default)]
+struct SincePose {
+    count: usize,
+    /// As of [`DirectionMonitor`].
+    v_u: Complex<f64>,
+    decay: f64,
 }
 
 /// One period of the motion.
@@ -130,6 +143,7 @@ impl DirectionMonitor {
             dt_s,
             before: None,
             theta_rad: 0.0,
+            since: SincePose::default(),
             v_u: Complex::default(),
             decay: 0.0,
             ring: vec![Velocities::default(); length],
@@ -143,6 +157,7 @@ impl DirectionMonitor {
     /// Forgets the motion and begins at rest.
     pub(super) fn restart(&mut self) {
         self.before = None;
+        self.since = SincePose::default();
         self.v_u = Complex::default();
         self.decay = 0.0;
         self.count = 0;
@@ -152,19 +167,18 @@ impl DirectionMonitor {
 
     /// Takes a tick in flight: the angle, if there is one, and whether it has been wrong for long enough.
     ///
-    /// A motion is that from one pose to one in the next tick. In an outage it is forgotten: inputs had ceased to act
-    /// before that was noticed.
+    /// A motion is that from one pose to the next, of a source of 5 Hz or more. In an outage it is forgotten: inputs had
+    /// ceased to act before that was noticed.
     pub(super) fn update(&mut self, sample: &Sample) -> (Option<f64>, bool) {
         if !sample.link_is_up {
             self.restart();
             self.decay = 1.0;
             return (None, false);
         }
-        let before = std::mem::replace(&mut self.before, sample.pose);
         self.theta_rad = sample.pose.map_or(self.theta_rad, |now| now[pose::THETA]);
         self.ask(sample);
-        if let (Some(now), Some(before)) = (sample.pose, before) {
-            self.add((now - before) / self.dt_s);
+        if let Some(now) = sample.pose {
+            self.move_to(&now);
         }
         let error_rad = self.error_rad();
         let is_beyond = |limit_rad| error_rad.is_some_and(|error_rad| error_rad.abs() > limit_rad);
@@ -180,19 +194,37 @@ impl DirectionMonitor {
         let keep = decay(self.dt_s);
         self.v_u += (asked - self.v_u) * (1.0 - keep);
         self.decay *= keep;
+        self.since.count += 1;
+        self.since.v_u += self.v_u;
+        self.since.decay += self.decay;
     }
 
-    fn add(&mut self, rate: Pose) {
-        let now = Velocities { u: self.v_u, o: Complex::new(rate[pose::X], rate[pose::Y]) };
+    /// Enters the motion to a new pose, in each of its periods the mean of all.
+    fn move_to(&mut self, now: &Pose) {
+        let SincePose { count, v_u, decay } = std::mem::take(&mut self.since);
+        let Some(before) = self.before.replace(*now) else { return };
+        let periods = count as f64;
+        if periods * self.dt_s > MOTION_MAX_S + 0.5 * self.dt_s {
+            self.count = 0;
+            return;
+        }
+        let rate = (now - before) / (periods * self.dt_s);
+        let o = Complex::new(rate[pose::X], rate[pose::Y]);
+        for _ in 0..count {
+            self.add(Velocities { u: v_u / periods, o }, decay / periods);
+        }
+    }
+
+    fn add(&mut self, now: Velocities, decay: f64) {
         self.newest = (self.newest + 1) % self.ring.len();
         self.ring[self.newest] = now;
         self.count = self.count.saturating_add(1);
         let [unshifted, later, earlier] = &mut self.sums;
-        unshifted.add([now.u, now.o], self.decay, self.dt_s);
+        unshifted.add([now.u, now.o], decay, self.dt_s);
         if self.count >= self.ring.len() {
             let oldest = self.ring[(self.newest + 1) % self.ring.len()];
-            later.add([oldest.u, now.o], self.decay, self.dt_s);
-            earlier.add([now.u, oldest.o], self.decay, self.dt_s);
+            later.add([oldest.u, now.o], decay, self.dt_s);
+            earlier.add([now.u, oldest.o], decay, self.dt_s);
         }
     }
 
@@ -211,7 +243,7 @@ impl DirectionMonitor {
 mod tests {
     use std::f64::consts::FRAC_PI_2;
 
-    use horizon_model::rows::Sticks;
+    use horizon_model::rows::{Sticks, stick};
 
     use super::*;
 
@@ -255,6 +287,32 @@ mod tests {
         let Turn { angle_rad, correlation2 } = sums.turn().unwrap();
         assert!((angle_rad - 0.5).abs() < 1e-9, "{angle_rad} rad");
         assert!((correlation2 - 1.0).abs() < 1e-9, "{correlation2}");
+    }
+
+    #[test]
+    fn a_turn_is_found_with_a_source_of_5_hz_and_with_one_that_misses_frames() {
+        let found_s = |has_pose: fn(u32) -> bool, turn_rad: f64| {
+            let mut monitor = DirectionMonitor::new(1.0, 0.02);
+            let (mut v, mut at) = (Complex::default(), Complex::default());
+            (0..500).map(|k| (k, f64::from(k) * 0.02)).find_map(|(k, t_s)| {
+                let asked = Complex::new((1.3 * t_s).sin(), (0.9 * t_s).cos()) * 0.6;
+                let target = 1.9 * asked * Complex::from_polar(1.0, turn_rad);
+                v += (target - v) * (1.0 - decay(0.02));
+                at += v * 0.02;
+                let mut u_applied = Sticks::zeros();
+                (u_applied[stick::PITCH], u_applied[stick::ROLL]) = (asked.re, -asked.im);
+                let pose = has_pose(k).then(|| Pose::new(at.re, at.im, 1.0, 0.0));
+                let sample = Sample { pose, drone: None, u_applied, link_is_up: true };
+                monitor.update(&sample).1.then_some(t_s)
+            })
+        };
+        let sources: [fn(u32) -> bool; 5] =
+            [|_| true, |k| k % 2 == 0, |k| k % 5 == 0, |k| k % 10 == 0, |k| k % 7 > 2];
+        for has_pose in sources {
+            let found_s = [FRAC_PI_2, 3.0, 0.8, 0.0].map(|turn_rad| found_s(has_pose, turn_rad));
+            let [Some(right_s), Some(back_s), None, None] = found_s else { panic!("{found_s:?}") };
+            assert!(right_s < 1.8 && back_s < 1.5, "{found_s:?}");
+        }
     }
 
     #[test]

@@ -158,6 +158,9 @@ impl VelocityMonitor {
             }
         }
         let error_m = self.ages[self.age].error_m();
+        if !moved[self.age].is_pose {
+            self.doubt.wait(self.dt_s);
+        }
         if motions[self.age].is_none() {
             return (Agreement::Unknown, 0.0);
         }

@@ -180,7 +180,7 @@ fn the_world_keeps_the_pace_of_the_clock() {
     let frames: Vec<(TimeNs, i64)> =
         relay_lines(&emulator).take(51).map(|line| (clock.now(), frame_of(&line))).collect();
     let (&(early, first), &(late, last)) = (frames.first().unwrap(), frames.last().unwrap());
-    let lived_s = (last - first) as f64 * DT_S;
+    let lived_s = (last - first) as f64 * crate::DT_S;
     let passed_s = late.since(early).seconds();
     // Of one second; a loaded machine may read either end late.
     assert!((lived_s - passed_s).abs() < 0.25, "{lived_s} s lived in {passed_s} s");

@@ -1,4 +1,4 @@
-//! The frames of a motion capture that is faster than the steps of the world.
+//! The frames of a motion capture that is faster or slower than the steps of the world.
 //!
 //! Frame i shows the room at i / rate, in the step before that time: the shot of the step, moved on as the drone moves
 //! in the present step. No noise is drawn, so that the world is the same at every rate.
@@ -12,7 +12,7 @@ use crate::DT_S;
 use crate::mocap::Shot;
 
 /// Numbers of the frames in a step.
-pub(super) fn numbers(step: u32, rate_hz: f64) -> Range<u32> {
+pub(crate) fn numbers(step: u32, rate_hz: f64) -> Range<u32> {
     let first = |step: f64| {
         // Half a thousandth of a frame: times of frames and steps coincide up to rounding.
         let number = (step * DT_S * rate_hz - 5e-4).ceil().max(0.0);
@@ -24,13 +24,19 @@ pub(super) fn numbers(step: u32, rate_hz: f64) -> Range<u32> {
     first(step)..first(step + 1.0)
 }
 
+/// Whether a frame is in `step`.
+pub(crate) fn is_in_step(step: u64, rate_hz: f64) -> bool {
+    // Frame numbers of 32 bits last for years.
+    u32::try_from(step).is_ok_and(|step| !numbers(step, rate_hz).is_empty())
+}
+
 /// Time of a frame since its step began. s, 0..=0.02
-pub(super) fn offset_s(number: u32, step: u32, rate_hz: f64) -> f64 {
+pub(crate) fn offset_s(number: u32, step: u32, rate_hz: f64) -> f64 {
     (f64::from(number) / rate_hz - f64::from(step) * DT_S).clamp(0.0, DT_S)
 }
 
 /// `shot` of a step as the frame `number`, where the drone moves by `change` in a step.
-pub(super) fn moved<'a>(shot: Shot<'a>, number: u32, rate_hz: f64, change: &Pose) -> Shot<'a> {
+pub(crate) fn moved<'a>(shot: Shot<'a>, number: u32, rate_hz: f64, change: &Pose) -> Shot<'a> {
     let fraction = offset_s(number, shot.frame, rate_hz) / DT_S;
     let body = shot.body.map(|mut body| {
         for (axis, row) in [pose::X, pose::Y, pose::Z].into_iter().enumerate() {
@@ -50,7 +56,7 @@ mod tests {
 
     #[test]
     fn every_frame_is_in_one_step() {
-        for rate_hz in [50.0, 59.94, 100.0, 120.0, 240.0, 333.0, 500.0] {
+        for rate_hz in [4.0, 29.97, 50.0, 59.94, 100.0, 120.0, 240.0, 333.0, 500.0] {
             let mut next = 0;
             for step in 0..50_000 {
                 let numbers = numbers(step, rate_hz);
@@ -58,12 +64,17 @@ mod tests {
                 next = numbers.end;
                 assert!(numbers.into_iter().all(|number| {
                     let offset_s = f64::from(number) / rate_hz - f64::from(step) * DT_S;
-                    (-1e-5..DT_S).contains(&offset_s)
+                    (-1e-3 / rate_hz..DT_S).contains(&offset_s)
                 }));
             }
             assert!((f64::from(next) / rate_hz - 1000.0).abs() <= 1.0 / rate_hz, "{rate_hz} Hz");
         }
         assert_eq!(numbers(7, 50.0), 7..8);
+        assert_eq!(
+            (0..10).filter(|step| is_in_step(*step, 25.0)).collect::<Vec<_>>(),
+            [0, 2, 4, 6, 8]
+        );
+        assert_eq!((0..10).filter(|step| is_in_step(*step, 20.0)).count(), 4);
     }
 
     #[test]
