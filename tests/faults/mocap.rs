@@ -28,6 +28,26 @@ fn mocap_silence_of_a_tenth_of_a_second_to_one_second_is_lived_through() {
     }
 }
 
+#[test]
+fn a_pose_that_is_repeated_while_the_object_is_hidden_is_lived_through() {
+    // At full speed, in corners and between both.
+    for (from_s, for_s) in
+        [(11.0, 0.3), (11.6, 0.5), (12.0, 0.7), (12.7, 0.6), (13.3, 0.9), (14.0, 0.8)]
+    {
+        let hidden = ScriptedFault { fault: SimFault::MocapFrozen, from_s, for_s };
+        let until_s = from_s + for_s + 1.5;
+        let story = fly_alone(&settings(&[hidden]), until_s);
+        assert_eq!(
+            story.last().phase,
+            Phase::Flying,
+            "{for_s} s at {from_s} s: {:?}",
+            story.last()
+        );
+        let last_s = story.last_stick_s();
+        assert!(last_s >= Some(until_s - 0.1), "{for_s} s at {from_s} s: does not go on");
+    }
+}
+
 /// A flight whose mocap is wrong for good: neutral sticks in time, a landing within these limits.
 fn assert_ends(fault: SimFault, expected: Fault, landing_s: [f64; 2]) {
     let story = fly_alone(&settings(&scripted(fault, 1e3)), 60.0);

@@ -13,11 +13,10 @@ use tello_eval::figure::{self, Place, SeenFlights};
 use tello_eval::ident::IdentFileTable;
 use tello_eval::metrics::Surroundings;
 use tello_eval::parameter_file::{self, ParameterFile};
-use tello_flight::cycle::{self, CycleTable, FlightTable};
-use tello_flight::drone::Protocol;
+use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{Mission, MissionTable, Part, SPEED_AS_WRITTEN, Start, Survey};
 use tello_io::config::{self, FlyTable};
-use tello_sim::{DT_S, NominalFlight, SimTable};
+use tello_sim::{NominalFlight, SimTable};
 
 use crate::{Verdict, stdio};
 
@@ -251,22 +250,20 @@ impl Look {
         values: &Value,
     ) -> Result<Option<(Self, Mission, Surroundings)>> {
         let table = values.pointer("/flight/mission").unwrap_or(values);
-        let Ok(table) = config::from_value::<MissionTable>(table) else {
+        let Ok(mission) = config::from_value::<MissionTable>(table) else {
             return Ok(None);
         };
-        let cycle: CycleTable = match values.pointer("/flight/cycle") {
-            Some(cycle) => config::from_value(cycle)?,
-            None => config::fly(room_of, None)?.0.cycle,
+        let flight: FlightTable = match values.pointer("/flight") {
+            Some(flight) => config::from_value(flight)?,
+            None => config::flight(&config::fly(room_of, None)?.0, mission, Start::Grounded),
         };
-        let protocol = Protocol::Binary;
-        let flight = FlightTable { start: Start::Grounded, mission: table, cycle, protocol };
         Self::at(&flight.at_speed(speed)?).map(Some)
     }
 
     /// Of the mission of a flight, in its room.
     pub(crate) fn at(flight: &FlightTable) -> Result<(Self, Mission, Surroundings)> {
         let around = Surroundings::of(&flight.cycle)?;
-        let mission = Mission::new(&flight.mission, DT_S)?;
+        let mission = Mission::new(&flight.mission, flight.cycle.dt_s)?;
         let survey = mission.survey();
         let room = flight.cycle.supervisor.room.as_ref();
         let room_margin_m = room.map(|room| survey.margin_m(room.walls_m()));

@@ -136,11 +136,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         let whole = |path: &PathBuf| path.canonicalize().unwrap_or_else(|_| path.clone());
         whole(out) == whole(&arguments.config)
     };
-    if arguments.out.as_ref().is_some_and(is_config) {
-        bail!(
-            "--out {} would replace the settings that it starts from",
-            arguments.config.display()
-        );
+    if let Some(out) = arguments.out.as_ref().filter(|out| is_config(out)) {
+        bail!("--out {} would replace the settings that it starts from", out.display());
     }
     let (mut table, mission) = config::fly(Some(&arguments.config), arguments.mission.as_deref())?;
     let before = config::flight(&table, mission, Start::Airborne);

@@ -10,6 +10,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::time::{SpanNs, TimeNs};
 
+/// Volts of the millivolts that the drone reports.
+pub const V_PER_MV: f64 = 1e-3;
+
+/// Metres, or m/s, of the tenths that the drone reports.
+pub const M_PER_DM: f64 = 0.1;
+
 /// Silence of the control thread after which the sender sends neutral sticks in place of the approved
 /// ones.
 pub const CONTROL_SILENCE_NEUTRAL: SpanNs = SpanNs::from_ms(100);
@@ -22,6 +28,10 @@ pub const LAND_PERIOD: SpanNs = SpanNs::from_ms(500);
 /// down where the other says nothing: LAND is repeated meanwhile, since a drone may
 /// refuse it for seconds. Longer than 15 s is of no use: a drone that hears nothing lands by itself then.
 pub const ALONE_HOLD: SpanNs = SpanNs::from_ms(10_000);
+
+/// A Tello ignores `land` for so long after the order to take off, and may not report to fly yet: until then "not
+/// flying" does not mean landed.
+pub const TAKE_OFF_TAIL: SpanNs = SpanNs::from_ms(4000);
 
 /// An order to take off that has shown no effect may still have one for so long: the way to a drone may carry it
 /// seconds late, and a drone may start its motors late. Until then "not flying" does not mean landed.

@@ -1,4 +1,4 @@
-//! Motion capture: six protocols of four vendors, and what all have in common.
+//! Motion capture: six protocols, and what all have in common.
 //!
 //! Owns what a frame is, its clock, its axes and its object. The protocols are pure, from bytes to frames, and
 //! back for emulators: the thesis' text relay `relay`, Vicon's `object_stream` and `datastream`, OptiTrack's

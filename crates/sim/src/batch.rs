@@ -49,8 +49,8 @@ pub fn fly(
     Ok(flown)
 }
 
-/// Keys of `sim` that differ from the built-in ones and count over sockets alone: in virtual time nothing is sent, and a
-/// flight begins in the air at its first target.
+/// Keys of `sim` that differ from the built-in ones and count over sockets alone: in virtual time nothing is sent, and
+/// a flight begins in the air at its first target.
 ///
 /// # Errors
 /// None in practice: the built-in settings are ours.

@@ -9,6 +9,9 @@ use super::checks::{Check, Proof};
 use super::wire::{Event, Status, What};
 
 /// Orders whose effect is looked for.
+/// A vehicle that is slower stands: reports have steps of 0.1 m/s.
+const MOVED_MIN_MPS: f64 = 0.15;
+
 const ORDERS: [&str; 4] = ["take_off", "land", "emergency", "hello"];
 
 /// The step in which the drone is landed whatever came before.
@@ -45,7 +48,7 @@ pub(super) fn seen(
         "steps": steps(events),
         "velocity": velocity(events),
         "turned_deg": turned_deg(events),
-        "height_dm": range(statuses(events).filter_map(|(_, status)| status.height_dm)),
+        "height_m": range(statuses(events).filter_map(|(_, status)| status.height_m)),
         "battery_pct": statuses(events).last().and_then(|(_, status)| status.battery_pct),
         "statuses": times.len(),
         "longest_gap_s": to_thousandths(gap_s),
@@ -62,7 +65,7 @@ pub(super) fn seen(
 pub(super) fn lines(seen: &Value) -> Vec<String> {
     let mut lines = vec![format!(
         "{} statuses, longest gap {} s, battery {} %, height {} dm",
-        seen["statuses"], seen["longest_gap_s"], seen["battery_pct"], seen["height_dm"]
+        seen["statuses"], seen["longest_gap_s"], seen["battery_pct"], seen["height_m"]
     )];
     for change in seen["changes"].as_array().into_iter().flatten() {
         lines.push(format!(
@@ -79,7 +82,7 @@ pub(super) fn lines(seen: &Value) -> Vec<String> {
     let velocity = &seen["velocity"];
     lines.push(format!(
         "velocity: travelled {} m, extremes {} dm/s, first 2 dm/s at {} s",
-        velocity["travelled_m"], velocity["extremes_dm_s"], velocity["moved_at_s"]
+        velocity["travelled_m"], velocity["extremes_mps"], velocity["moved_at_s"]
     ));
     if let Some(turned_deg) = seen["turned_deg"].as_f64() {
         lines.push(format!("heading: turned {turned_deg} degrees"));
@@ -89,8 +92,8 @@ pub(super) fn lines(seen: &Value) -> Vec<String> {
             "{:>7} s  flies {:<5}  height {:>5} dm  velocity {} dm/s  before: {}",
             step["t_s"].to_string(),
             step["is_flying"].to_string(),
-            step["height_dm"].to_string(),
-            step["velocity_dm_s"],
+            step["height_m"].to_string(),
+            step["velocity_mps"],
             step["step"].as_str().unwrap_or_default()
         ));
     }
@@ -190,8 +193,8 @@ fn steps(events: &[Event]) -> Vec<Value> {
                 "t_s": to_thousandths(event.t_s),
                 "step": step,
                 "is_flying": before.map(|status| status.is_flying),
-                "height_dm": before.and_then(|status| status.height_dm),
-                "velocity_dm_s": before.and_then(|status| status.velocity_dm_s),
+                "height_m": before.and_then(|status| status.height_m).map(to_thousandths),
+                "velocity_mps": before.and_then(|status| status.velocity_mps).map(|v| v.map(to_thousandths)),
             })),
             _ => {}
         }
@@ -199,23 +202,23 @@ fn steps(events: &[Event]) -> Vec<Value> {
     steps
 }
 
-/// Distance travelled and extremes of the reported velocity, and when it first reached 2 dm/s.
+/// Distance travelled and extremes of the reported velocity, and when it first reached 0.2 m/s.
 fn velocity(events: &[Event]) -> Value {
     let (mut travelled_m, mut extremes, mut moved_at_s) = ([0.0; 3], [[0.0_f64; 2]; 3], None);
     let mut before: Option<(f64, [f64; 3])> = None;
     for (t_s, status) in statuses(events) {
-        let Some(velocity) = status.velocity_dm_s else { continue };
+        let Some(velocity) = status.velocity_mps else { continue };
         if let Some((before_s, was)) = before {
             // Of a gap in the reports half a second counts at most: nothing is known of the rest.
             let dt_s = (t_s - before_s).min(0.5);
-            for (distance_m, speed_dm_s) in travelled_m.iter_mut().zip(was) {
-                *distance_m += 0.1 * speed_dm_s * dt_s;
+            for (distance_m, speed_mps) in travelled_m.iter_mut().zip(was) {
+                *distance_m += speed_mps * dt_s;
             }
         }
-        for ([least, most], speed_dm_s) in extremes.iter_mut().zip(velocity) {
-            (*least, *most) = (least.min(speed_dm_s), most.max(speed_dm_s));
+        for ([least, most], speed_mps) in extremes.iter_mut().zip(velocity) {
+            (*least, *most) = (least.min(speed_mps), most.max(speed_mps));
         }
-        if velocity.iter().any(|speed| speed.abs() >= 2.0) {
+        if velocity.iter().any(|speed_mps| speed_mps.abs() > MOVED_MIN_MPS) {
             moved_at_s.get_or_insert(to_thousandths(t_s));
         }
         before = Some((t_s, velocity));
@@ -223,7 +226,7 @@ fn velocity(events: &[Event]) -> Value {
     json!({
         "is_present": extremes.iter().flatten().any(|speed| *speed != 0.0),
         "travelled_m": travelled_m.map(to_thousandths),
-        "extremes_dm_s": extremes,
+        "extremes_mps": extremes.map(|range| range.map(to_thousandths)),
         "moved_at_s": moved_at_s,
     })
 }

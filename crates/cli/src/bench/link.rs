@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 use horizon_model::rows::Sticks;
-use tello_flight::drone::LAND_PERIOD;
+use tello_flight::drone::{LAND_PERIOD, TAKE_OFF_TAIL};
 use tello_io::clock::{CivilTime, Clock, TimeNs};
 use tello_io::tello::protocol::DATAGRAM_BYTES_MAX;
 use tello_io::tello::{Duty, Protocol, STATE_PORT, TelloSettings};
@@ -27,8 +27,6 @@ const LOOK: Duration = Duration::from_millis(5);
 const STICKS_PERIOD_S: f64 = 0.05;
 /// Age from which a status does not count. s
 const STATUS_AGE_MAX_S: f64 = 2.0;
-/// A take-off may last so long; until then standing motors do not mean that it is over. s
-const TAKE_OFF_S: f64 = 4.0;
 /// An ending tries to land for so long before it stops the motors, too, and gives up after the second time. s
 const EMERGENCY_AFTER_S: f64 = 8.0;
 const ENDING_MAX_S: f64 = 25.0;
@@ -228,7 +226,7 @@ impl Link {
     /// Whether a take-off had its time and the drone says now that the motors are off.
     fn is_over(&self) -> bool {
         let since_s = |at| self.clock.now().since(at).seconds();
-        self.take_off_at.is_none_or(|at| since_s(at) > TAKE_OFF_S)
+        self.take_off_at.is_none_or(|at| since_s(at) > TAKE_OFF_TAIL.seconds())
             && self.status().is_some_and(|status| !status.is_running)
     }
 

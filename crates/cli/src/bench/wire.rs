@@ -17,17 +17,17 @@ const VIDEO_PORTS: (u16, u16) = (6038, 11111);
 /// In the text SDK the motors count as running for so long after their time grew by a second.
 const MOTOR_REST: SpanNs = SpanNs::from_ms(2000);
 
-/// A report of the drone, in the units of the wire.
+/// A report of the drone.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Status {
     /// Whether the drone says that it flies.
     pub(super) is_flying: bool,
     /// Flying, or the bit "motors on"; in the text SDK the motors' time grows.
     pub(super) is_running: bool,
-    /// Height. dm
-    pub(super) height_dm: Option<f64>,
-    /// Velocity, in the axes of the report. dm/s
-    pub(super) velocity_dm_s: Option<[f64; 3]>,
+    /// Height. m
+    pub(super) height_m: Option<f64>,
+    /// Velocity, in the axes of the report. m/s
+    pub(super) velocity_mps: Option<[f64; 3]>,
     /// Charge. %
     pub(super) battery_pct: Option<f64>,
     /// Heading of the state line, clockwise. degrees; in the binary protocol it is in [`What::Heading`]
@@ -164,12 +164,11 @@ pub(super) fn read(bytes: &[u8], protocol: Protocol) -> What {
     match DronePacket::decode(bytes) {
         Ok(DronePacket::Status { status, .. }) => {
             let FlightStatus { flags, flight_mode, .. } = status;
-            let velocity = [status.vel_north_dm_s, status.vel_east_dm_s, status.vel_down_dm_s];
             What::Status(Status {
                 is_flying: status.is_flying(),
                 is_running: status.is_flying() || flags & MOTORS_ON != 0,
-                height_dm: Some(status.height_dm.into()),
-                velocity_dm_s: Some(velocity.map(f64::from)),
+                height_m: Some(status.height_m()),
+                velocity_mps: Some(status.velocity_mps()),
                 battery_pct: Some(status.battery_pct.into()),
                 yaw_deg: None,
                 flags: Some((flags, flight_mode)),
@@ -205,16 +204,11 @@ pub(super) fn read_state(bytes: &[u8], motor: &mut Motor, now: TimeNs) -> What {
     let (tof_cm, motor_s) = (line.get(Field::Tof), line.get(Field::Time));
     let is_growing = motor.grows(motor_s, now);
     let is_high = tof_cm.is_some_and(|tof_cm| TOF_FLYING_CM.contains(&tof_cm));
-    let axes = [Field::Vgx, Field::Vgy, Field::Vgz].map(|field| line.get(field));
-    let velocity_dm_s = match axes {
-        [Some(x), Some(y), Some(z)] => Some([x, y, z]),
-        _ => None,
-    };
     What::Status(Status {
         is_flying: is_high,
         is_running: is_high || is_growing,
-        height_dm: line.height_dm(),
-        velocity_dm_s,
+        height_m: line.height_m(),
+        velocity_mps: line.velocity_mps(),
         battery_pct: line.get(Field::Bat),
         yaw_deg: line.get(Field::Yaw),
         flags: None,

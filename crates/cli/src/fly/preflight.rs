@@ -238,7 +238,7 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Chec
     let object = table.mocap.object();
     if let Some(rate_hz) = rate_hz.filter(|rate_hz| rate_hz * stale_s < FRAMES_MIN) {
         let reason = format!(
-            "{rate_hz:.2} frames a second: poses are stale after {stale_s} s (supervisor.stale_s), so that {:.0} are \
+            "{rate_hz:.2} frames a second: poses are stale after {stale_s} s (cycle.supervisor.stale_s), so that {:.0} are \
              needed",
             FRAMES_MIN / stale_s
         );
@@ -275,7 +275,8 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Chec
 
 fn moving_check(name: &str, at: Option<Pose>) -> Check {
     let Some(at) = at else {
-        let reason = format!("no pose of {name:?}: the plan does not keep away from it");
+        let reason =
+            format!("no pose of {name:?}, which the plan keeps away from: the drone stays down");
         return check("obstacle", Readiness::Bad, reason);
     };
     check(
@@ -300,7 +301,7 @@ fn start_check(at: Option<&Pose>, cycle: &CycleTable, first: &Pose) -> Result<Ch
     );
     Ok(if at[pose::Z] < floor_m {
         let reason = format!(
-            "{place}: lower poses than {floor_m} m (filter.floor_m) count as wrong; lower it, or the origin of the \
+            "{place}: lower poses than {floor_m} m (cycle.filter.floor_m) count as wrong; lower it, or the origin of the \
              motion capture"
         );
         check("start", Readiness::Bad, reason)

@@ -95,6 +95,7 @@ fn fast(mission: &Mission, cycle: &CycleTable) -> Vec<SettingError> {
     axes(mission, cycle, &cycle.mhe.p_ub)
         .filter(|(demand, _, best, _)| demand.value > *best)
         .map(|(demand, row, best, unit)| {
+            let best = (100.0 * best).round() / 100.0;
             let rule = format!("at most {best}, full sticks with cycle.mhe.p_ub[{row}]");
             SettingError::new("mission", described(&demand, unit), rule)
         })

@@ -133,7 +133,7 @@ pub struct Outcome {
     pub targets_reached: usize,
     /// What the monitors found.
     pub findings: Option<Findings>,
-    /// By how much the estimate has gone away from the reference: its distance less the least one since; `None` before
+    /// By how much the estimate has gone away from the reference: its distance less the least one before; `None` before
     /// the first estimate. m
     pub tracking_m: Option<f64>,
     /// Inputs in one direction that have moved nothing. s of full deflection

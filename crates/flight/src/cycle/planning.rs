@@ -328,6 +328,11 @@ where
         self.walls.as_ref().is_some_and(|walls| walls.is_beside_obstacle(&pos_w(at)))
     }
 
+    /// Whether an obstacle that moves is in the straight way from `at` to `to`.
+    pub(super) fn is_way_blocked(&self, at: &Pose, to: &Pose) -> bool {
+        self.walls.as_ref().is_some_and(|walls| walls.is_way_blocked(&pos_w(at), &pos_w(to)))
+    }
+
     /// Whether plans should keep away from an obstacle that moves and was not seen for so long that they cannot.
     pub(super) fn is_obstacle_unseen(&self) -> bool {
         self.walls.as_ref().is_some_and(Walls::is_moving_unseen)

@@ -76,7 +76,6 @@ impl<const N: usize> Recent<N> {
 #[derive(Debug, Clone, Copy)]
 struct Accepted {
     pose: Pose,
-    measured_at: TimeNs,
     /// When its place was measured first: a stalled stream repeats it.
     arrived_at: TimeNs,
 }
@@ -151,32 +150,28 @@ impl Plausibility {
         let Some(now) = filtered.o.filter(|_| filtered.position == Acceptance::Accepted) else {
             return;
         };
-        let accepted = Accepted { pose: now, measured_at: at, arrived_at: at };
+        let accepted = Accepted { pose: now, arrived_at: at };
         if let Some(before) = self.accepted.replace(accepted) {
             self.take_step(before, &now, at);
         }
     }
 
-    /// Takes the step from the accepted pose `before` to `now`, measured at `at`.
+    /// Takes the step from the accepted pose `before` to `now`, measured at `at`. Its time is that since the place
+    /// before was measured first: some systems repeat the last pose of an object that they do not see.
     fn take_step(&mut self, before: Accepted, now: &Pose, at: TimeNs) {
-        let excess_m =
-            |way_m: f64, since: TimeNs| way_m - SPEED_MAX_MPS * at.since(since).seconds().max(0.0);
+        let flown_m = SPEED_MAX_MPS * at.since(before.arrived_at).seconds().max(0.0);
         let larger = |so_far: Option<f64>, new: f64| so_far.map_or(new, |so_far| so_far.max(new));
         let step_w = pos_w(now) - pos_w(&before.pose);
         let length_m = step_w.norm();
-        let jump_m = excess_m(length_m, before.measured_at);
+        let jump_m = length_m - flown_m;
         self.jump_m = Some(larger(self.jump_m, jump_m));
-        let drop_m = excess_m(-step_w.z, before.measured_at);
-        self.drop_m = Some(larger(self.drop_m, drop_m));
+        self.drop_m = Some(larger(self.drop_m, -step_w.z - flown_m));
         if jump_m > UNSTEADY_M {
             self.unsteady.note();
         }
         if jump_m > ROUGH_M {
             self.rough.note();
-        }
-        let shift_m = excess_m(length_m, before.arrived_at);
-        if shift_m > ROUGH_M {
-            self.shift_w += step_w * (shift_m / length_m);
+            self.shift_w += step_w * (jump_m / length_m);
         }
         if length_m <= 0.0
             && let Some(accepted) = &mut self.accepted

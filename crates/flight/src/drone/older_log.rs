@@ -5,14 +5,8 @@
 
 use serde::{Deserialize, Deserializer};
 
-use super::DroneStatus;
+use super::{DroneStatus, M_PER_DM, V_PER_MV};
 use crate::time::TimeNs;
-
-/// Of `battery_mv`.
-const V_PER_MV: f64 = 1e-3;
-
-/// Of `height_dm` and `velocity_dm_s`, as the protocols convert them: to the last bit.
-const M_PER_DM: f64 = 0.1;
 
 /// A [`DroneStatus`] with the keys of any revision.
 #[derive(Deserialize)]

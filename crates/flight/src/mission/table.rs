@@ -95,12 +95,12 @@ pub struct CircleTable {
     /// Centre x, y and height z in m; theta in rad is the heading where that is fixed.
     #[serde(rename = "centre")]
     pub centre_w: [f64; pose::COUNT],
-    /// Radius. m, > 0
+    /// Radius. m, 0.05..=50
     pub radius_m: f64,
     /// Where the circle begins: direction from the centre, counter-clockwise from x. rad
     #[serde(default)]
     pub begin_rad: f64,
-    /// Length. turns, > 0
+    /// Length. turns, > 0, 500 m at most
     #[serde(default = "turns")]
     pub turns: f64,
     /// Sense of rotation, seen from above.

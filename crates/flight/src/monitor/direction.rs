@@ -167,8 +167,8 @@ impl DirectionMonitor {
 
     /// Takes a tick in flight: the angle, if there is one, and whether it has been wrong for long enough.
     ///
-    /// A motion is that from one pose to the next, of a source of 5 Hz or more. In an outage it is forgotten: inputs had
-    /// ceased to act before that was noticed.
+    /// A motion is that from one pose to the next, of a source of 5 Hz or more. In an outage it is forgotten: inputs
+    /// had ceased to act before that was noticed.
     pub(super) fn update(&mut self, sample: &Sample) -> (Option<f64>, bool) {
         if !sample.link_is_up {
             self.restart();

@@ -8,11 +8,7 @@ use horizon_model::rows::pose;
 use super::evidence::{Evidence, Phase};
 use super::fault::Fault;
 use super::{DOWN_HOLD_S, Supervisor, TakeOffSeen, elapsed_s, exceeds};
-use crate::drone::{ALONE_HOLD, TAKE_OFF_UNSEEN, denies_standing};
-
-/// A Tello ignores `land` during the first 1-3 s of a take-off and may not yet report to fly. Only
-/// later than this after the last take-off order does a report of a grounded vehicle count. s
-const TAKE_OFF_TAIL_S: f64 = 4.0;
+use crate::drone::{ALONE_HOLD, TAKE_OFF_TAIL, TAKE_OFF_UNSEEN, denies_standing};
 
 /// Fraction of `airborne_height_m` below which a vehicle looks grounded.
 const DOWN_HEIGHT_FRACTION: f64 = 0.5;
@@ -93,7 +89,7 @@ impl Supervisor {
     /// Whether no take-off may still be in progress.
     pub(super) fn is_past_take_off(&self, e: &Evidence) -> bool {
         let is_seen = self.take_off_seen != TakeOffSeen::No;
-        let tail_s = if is_seen { TAKE_OFF_TAIL_S } else { TAKE_OFF_UNSEEN.seconds() };
+        let tail_s = if is_seen { TAKE_OFF_TAIL } else { TAKE_OFF_UNSEEN }.seconds();
         self.take_off_ordered_ns.is_none_or(|ordered_ns| elapsed_s(ordered_ns, e.t_ns) >= tail_s)
     }
 

@@ -77,7 +77,7 @@ impl Supervisor {
         // In an outage the inputs drive nothing.
         let has_hit = e.has_hit && outage.is_none();
         let is_pressed =
-            failsafe.pressed_s.is_some_and(|limit_s| has_hit || exceeds(e.pressed_s, limit_s));
+            has_hit || failsafe.pressed_s.is_some_and(|limit_s| exceeds(e.pressed_s, limit_s));
         let stands_s = if outage.is_some() { STANDS_IN_OUTAGE_S } else { STANDS_S };
         let is_immobile = is_pressed || self.since.stands.has_lasted(e.t_ns, stands_s);
         let may_have_left = self.room.zip(outage).is_some_and(|(room, outage)| {

@@ -13,7 +13,7 @@ mod query;
 
 use crc::{Algorithm, Crc};
 use horizon_model::rows::{Sticks, stick};
-use tello_flight::drone::Protocol;
+use tello_flight::drone::{M_PER_DM, Protocol};
 use thiserror::Error;
 
 pub use drone::{DronePacket, FlightStatus, MOTORS_ON};
@@ -28,9 +28,6 @@ const OVERHEAD_BYTES: usize = 11;
 
 /// Most bytes of a frame: its length field has 13 bits.
 const FRAME_BYTES_MAX: usize = (1 << 13) - 1;
-
-/// Heights and speeds on the wire are whole tenths, in both protocols.
-const M_PER_DM: f64 = 0.1;
 
 /// Largest datagram that either side sends, frame or greeting.
 pub const DATAGRAM_BYTES_MAX: usize = FRAME_BYTES_MAX;
@@ -192,7 +189,7 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// Metres, or m/s, of a whole number of tenths on the wire.
+/// Metres, or m/s, of a whole number of tenths: heights and speeds on the wire of both protocols.
 pub(super) fn from_tenths(tenths: i16) -> f64 {
     f64::from(tenths) * M_PER_DM
 }

@@ -12,7 +12,7 @@ pub struct LinkReport {
     pub is_connected: bool,
     /// Correct packets of the drone.
     pub packets: u64,
-    /// Stick packets sent, neutral ones included.
+    /// Stick packets sent; not the neutral ones of an ending.
     pub sticks: u64,
     /// Stick packets made neutral because the control thread was silent.
     pub neutralised: u64,

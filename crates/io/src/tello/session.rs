@@ -26,7 +26,7 @@ mod witness;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use tello_flight::drone::{CONTROL_SILENCE_NEUTRAL, DroneOrder, LAND_PERIOD};
+use tello_flight::drone::{CONTROL_SILENCE_NEUTRAL, DroneOrder, LAND_PERIOD, TAKE_OFF_TAIL};
 use tello_flight::gate::Approved;
 
 use super::LinkCounters;
@@ -58,8 +58,8 @@ const CONTROL_SILENCE_LAND: SpanNs = SpanNs::from_ms(1000);
 const LAND_REST: SpanNs = SpanNs::from_ms(300);
 /// A landing or an emergency stop that the socket did not take goes out again after this time.
 const REFUSED_PERIOD: SpanNs = SpanNs::from_ms(50);
-/// A take-off may last so long; until then "not flying" does not mean landed.
-const TAKE_OFF_TIME: SpanNs = SpanNs::from_ms(5000);
+/// As [`TAKE_OFF_TAIL`], of an order whose repetitions may reach the drone a second late.
+const TAKE_OFF_TIME: SpanNs = SpanNs(TAKE_OFF_TAIL.0 + 1_000_000_000);
 /// How long the last landing is repeated to a drone that does not say that it stands. After as long a
 /// silence it lands by itself.
 const LAST_LANDING_TIME: SpanNs = SpanNs::from_ms(15_000);

@@ -92,7 +92,7 @@ fn the_distance_counts_half_a_second_of_a_gap_at_most() {
     let velocity = velocity(&events);
     // 0.25 m + 0.5 m - 0.25 m.
     assert_eq!(velocity["travelled_m"], json!([0.5, 0.0, 0.0]));
-    assert_eq!(velocity["extremes_dm_s"][0], json!([-5.0, 10.0]));
+    assert_eq!(velocity["extremes_mps"][0], json!([-0.5, 1.0]));
     assert_eq!(velocity["is_present"], true);
 }
 
@@ -170,7 +170,7 @@ fn the_record_counts_statuses_gaps_and_orders_before_the_ending() {
     assert_eq!((&seen["statuses"], &seen["longest_gap_s"]), (&json!(4), &json!(1.25)));
     assert_eq!(seen["orders_before_the_ending"], json!(1));
     assert_eq!(seen["ending"], json!({ "began_s": 2.25, "is_down": true, "lasted_s": 0.25 }));
-    assert_eq!(seen["height_dm"], json!([0.0, 0.0]));
+    assert_eq!(seen["height_m"], json!([0.0, 0.0]));
     let lines = lines(&seen);
     assert!(lines[0].starts_with("4 statuses, longest gap 1.25 s"), "{lines:?}");
     assert!(!lines.iter().any(|line| line.starts_with("as expected")), "{lines:?}");
@@ -184,8 +184,5 @@ fn a_step_shows_the_status_before_it() {
     let events = [step(0.5), status(1.0, true, 3), step(1.5), status(2.0, false, 0)];
     let steps = steps(&events);
     assert_eq!(steps[0]["is_flying"], json!(null));
-    assert_eq!(
-        (&steps[1]["is_flying"], &steps[1]["velocity_dm_s"][0]),
-        (&json!(true), &json!(3.0))
-    );
+    assert_eq!((&steps[1]["is_flying"], &steps[1]["velocity_mps"][0]), (&json!(true), &json!(0.3)));
 }

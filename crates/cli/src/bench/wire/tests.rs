@@ -107,10 +107,10 @@ fn a_distance_to_the_floor_that_can_be_measured_is_a_flight() {
     ] {
         let status = state(&format!("tof:{tof};h:40;bat:70;"), &mut Motor::default(), 0);
         assert_eq!((status.is_flying, status.is_running), (is_flying, is_flying), "{tof} cm");
-        assert_eq!((status.height_dm, status.battery_pct), (Some(4.0), Some(70.0)));
+        assert_eq!((status.height_m, status.battery_pct), (Some(0.4), Some(70.0)));
     }
     let none = state("bat:70;", &mut Motor::default(), 0);
-    assert_eq!((none.is_flying, none.height_dm, none.velocity_dm_s), (false, None, None));
+    assert_eq!((none.is_flying, none.height_m, none.velocity_mps), (false, None, None));
 }
 
 #[test]
@@ -129,8 +129,8 @@ fn motors_run_for_two_seconds_after_their_time_grew() {
 
 #[test]
 fn a_velocity_has_all_its_axes_or_is_absent() {
-    let velocity = |line: &str| state(line, &mut Motor::default(), 0).velocity_dm_s;
-    assert_eq!(velocity("vgx:1;vgy:-2;vgz:3;"), Some([1.0, -2.0, 3.0]));
+    let velocity = |line: &str| state(line, &mut Motor::default(), 0).velocity_mps;
+    assert_eq!(velocity("vgx:10;vgy:-20;vgz:30;"), Some([1.0, -2.0, 3.0]));
     assert_eq!(velocity("vgx:1;vgz:3;"), None);
     let garbage = read_state(b"\xcc\x01", &mut Motor::default(), at(0));
     assert!(matches!(garbage, What::Other(bytes) if bytes == "cc01"));

@@ -30,6 +30,24 @@ fn a_pose_is_as_much_too_far_as_a_vehicle_does_not_fly() {
 }
 
 #[test]
+fn a_place_that_was_repeated_is_as_old_as_when_it_was_measured() {
+    let mut plausibility = Plausibility::default();
+    let mut see = |x_m: f64, ms| {
+        let o = HERE + Pose::new(x_m, 0.0, 0.0, 0.0);
+        plausibility.open();
+        let seen = filtered(o, Acceptance::Accepted, Acceptance::Accepted);
+        plausibility.judge(Some(&o), &seen, at(ms));
+        plausibility.jump_m()
+    };
+    (0..=30).for_each(|k| drop(see(0.0, 20 * k)));
+    let jump_m = see(0.8, 620).unwrap();
+    assert!((jump_m + 0.44).abs() < 1e-9, "{jump_m} m");
+    let jump_m = see(1.6, 640).unwrap();
+    assert!((jump_m - 0.76).abs() < 1e-9, "{jump_m} m");
+    assert!(plausibility.shift_m() > 0.7);
+}
+
+#[test]
 fn a_drop_is_what_the_largest_descent_of_a_tick_exceeds_a_vehicles() {
     let mut plausibility = Plausibility::default();
     let mut see = |dz_m: f64, ms| {

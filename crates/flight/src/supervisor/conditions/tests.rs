@@ -245,6 +245,7 @@ fn large_inputs_that_move_nothing_land_the_vehicle() {
     let mut never = Bench::flying();
     never.supervisor.table.failsafe.pressed_s = None;
     assert!(never.run(9, &held).may_steer(), "without the key, as in older logs");
+    assert_eq!(faults(never.tick(&hit)), [Fault::Immobile], "a collision has no key");
 }
 
 #[test]

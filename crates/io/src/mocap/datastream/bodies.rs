@@ -3,8 +3,8 @@
 #![deny(clippy::indexing_slicing)]
 
 use super::decode::{self, Segment};
-use super::packet::{PacketError, Packets, Values, objects};
-use super::{Offer, id, latency};
+use super::packet::{Packets, Values, objects};
+use super::{Offer, Refusal, id, latency};
 use crate::clock::SpanNs;
 use crate::mocap::axes::Placement;
 use crate::mocap::protocol::{BodyProtocol, Head, Name, OBJECTS_MAX, Taker};
@@ -33,7 +33,8 @@ impl BodyProtocol for DatastreamBodies {
             match read(packet, rate_hz, subjects, taker) {
                 Ok(Some(offer)) => offer.accept(requests),
                 Ok(None) => Ok(()),
-                Err(_) => {
+                Err(Refusal::Connection(error)) => Err(error),
+                Err(Refusal::Packet) => {
                     counters.malformed.count();
                     Ok(())
                 }
@@ -58,9 +59,10 @@ fn read(
     rate_hz: &mut f64,
     subjects: &mut Vec<(String, Segment)>,
     taker: &mut dyn Taker,
-) -> Result<Option<Offer>, PacketError> {
+) -> Result<Option<Offer>, Refusal> {
     let (mut offer, mut number, mut age) = (None, None, SpanNs(0));
     let mut named = Vec::new();
+    let mut has_subjects = false;
     for object in objects(packet) {
         let (id, body) = object?;
         match id {
@@ -68,7 +70,11 @@ fn read(
             id::FRAME_INFO => number = Some(decode::frame_number(body)?),
             id::STREAM_INFO => *rate_hz = decode::rate_hz(body)?,
             id::LATENCY_INFO => age = latency(decode::latency_s(body)?),
+            id::APPLICATION_INFO if decode::is_y_up(body)? => {
+                return Err(Refusal::Connection(SourceError::UpIsY));
+            }
             id::SUBJECT_INFO if named.len() < OBJECTS_MAX => {
+                has_subjects = true;
                 let mut values = Values::new(body);
                 values.u32()?;
                 let name = values.bytes()?;
@@ -79,7 +85,8 @@ fn read(
             _ => {}
         }
     }
-    if !named.is_empty() {
+    if has_subjects {
+        // As for one object: a subject that is missing was removed.
         *subjects = named;
     }
     let Some(number) = number else { return Ok(offer) };

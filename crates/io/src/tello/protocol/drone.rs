@@ -2,13 +2,12 @@
 
 #![deny(clippy::indexing_slicing)]
 
+use tello_flight::drone::V_PER_MV;
+
 use super::{
     Action, Answer, Frame, PacketError, Query, Setting, flight_log, from_tenths, id,
     write_any_frame, write_frame,
 };
-
-/// The voltage of the battery is in thousandths.
-const V_PER_MV: f64 = 1e-3;
 
 const CONN_ACK: &[u8; 9] = b"conn_ack:";
 

@@ -105,14 +105,9 @@ impl StateLine {
         self
     }
 
-    /// Height in the steps of the drone, low by an offset that differs from flight to flight. dm
-    pub fn height_dm(&self) -> Option<f64> {
-        Some(self.get(Field::H)? / 10.0)
-    }
-
-    /// The same in whole steps. m
+    /// Height in whole steps of the drone, low by an offset that differs from flight to flight. m
     pub fn height_m(&self) -> Option<f64> {
-        self.height_dm().map(|height_dm| from_tenths(whole(height_dm)))
+        Some(from_tenths(whole(self.get(Field::H)? / 10.0)))
     }
 
     /// Speeds along three axes; axis and sign differ between reports. m/s
