@@ -162,7 +162,7 @@ fn a_drone_that_reports_standing_motors_is_down_only_after_a_take_off_had_its_ti
     assert!(link.is_over());
     assert!(link.take(&Step::TakeOff, &person(false)));
     assert!(!link.is_over());
-    link.take_off_at = Some(ago(&link, TAKE_OFF_S + 0.1));
+    link.take_off_at = Some(ago(&link, TAKE_OFF_TAIL.seconds() + 0.1));
     assert!(link.is_over());
 }
 
