@@ -95,8 +95,8 @@ where
         ruling.pilot
     }
 
-    /// How the vehicle at `at` tracks its reference. Where it was carried before its flight is no part of that, nor where
-    /// an obstacle that moves drives it; and a plan that evades an obstacle may lead down.
+    /// How the vehicle at `at` tracks its reference. Where it was carried before its flight is no part of that, nor
+    /// where an obstacle that moves drives it; and a plan that evades an obstacle may lead down.
     fn track(&mut self, at: &Pose) -> Tracking {
         if self.supervisor.phase() != Phase::Flying {
             self.progress.resume();

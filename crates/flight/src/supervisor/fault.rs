@@ -55,9 +55,9 @@ pub enum Fault {
     /// or had come down below it by more than 0.45 m, not within 0.6 m of an obstacle: it sinks or is pulled down. Or
     /// for 1.5 s it was turned away from it by more than 1 rad; in an outage only while it turns.
     TrackingLost,
-    /// Inputs of `failsafe.pressed_s` in one direction have moved nothing: the vehicle is held, caught or blocked. Or it
-    /// came to rest at once while its inputs drove it on: it has hit something. Or it stands still below its reference,
-    /// for 1.2 s while it is steered, for 2.4 s in an outage.
+    /// Inputs of `failsafe.pressed_s` in one direction have moved nothing: the vehicle is held, caught or blocked. Or
+    /// it came to rest at once while its inputs drove it on: it has hit something. Or it stands still below its
+    /// reference, for 1.2 s while it is steered, for 2.4 s in an outage.
     Immobile,
     /// For 0.3 s the vehicle is faster than `failsafe.speed_mps`.
     TooFast,

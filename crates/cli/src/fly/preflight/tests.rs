@@ -145,13 +145,13 @@ fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
             Found { stream: StreamReport { rate_hz: Some(2.0), ..stream }, ..all() },
             "mocap",
             Never,
-            "2.00 frames a second: poses are stale after 0.5 s (supervisor.stale_s), so that 4 are needed",
+            "2.00 frames a second: poses are stale after 0.5 s (cycle.supervisor.stale_s), so that 4 are needed",
         ),
         (
             Found { at: Some(Pose::new(-2.0, -3.0, -0.1, 0.0)), ..all() },
             "start",
             Bad,
-            "lower poses than 0.01 m (filter.floor_m) count as wrong",
+            "lower poses than 0.01 m (cycle.filter.floor_m) count as wrong",
         ),
         (
             Found { at: Some(Pose::new(-2000.0, -3000.0, 50.0, 0.0)), ..all() },
