@@ -1,15 +1,19 @@
 //! The hover after a take-off, before control starts.
 //!
 //! Owns when it ends: the firmware holds the vehicle meanwhile, unless a draught or a floor without texture carries it
-//! away.
+//! away. Before the end of its own climb a drone does not obey.
 
 use horizon_model::rows::{Pose, pose};
 
 use super::evidence::Evidence;
 use super::since::elapsed_s;
 
-/// Horizontal distance from the place of the take-off at which control starts at once. m
+/// Horizontal distance from the place of the take-off at which control starts once the climb has ended. m
 const DRIFT_MAX_M: f64 = 0.3;
+
+/// A vehicle that does not rise by so much in this time has ended its climb. m, s
+const RISE_MIN_M: f64 = 0.03;
+const LEVEL_S: f64 = 0.2;
 
 /// What is known of the take-off.
 #[derive(Debug, Clone, Default)]
@@ -19,6 +23,8 @@ pub(super) struct Settling {
     /// When the take-off was confirmed; `None` if the flight began in the air. ns
     risen_ns: Option<i64>,
     has_drifted: bool,
+    /// A height in the climb, and when the vehicle came there. m, ns
+    climbed: Option<(f64, i64)>,
 }
 
 impl Settling {
@@ -32,7 +38,7 @@ impl Settling {
         self.risen_ns = Some(t_ns);
     }
 
-    /// Whether `settle_s` have passed since, or the vehicle has drifted away.
+    /// Whether `settle_s` have passed since, or the vehicle has ended its climb and has drifted away.
     ///
     /// Real time: no allocation, constant cost.
     pub(super) fn is_over(&mut self, e: &Evidence, settle_s: f64) -> bool {
@@ -40,8 +46,19 @@ impl Settling {
             (now[pose::X] - stood[pose::X]).hypot(now[pose::Y] - stood[pose::Y])
         });
         self.has_drifted |= drift_m > DRIFT_MAX_M;
-        self.has_drifted
+        let is_level = self.is_level(e);
+        self.has_drifted && is_level
             || self.risen_ns.is_none_or(|risen_ns| elapsed_s(risen_ns, e.t_ns) >= settle_s)
+    }
+
+    /// Whether the vehicle does not climb any more.
+    fn is_level(&mut self, e: &Evidence) -> bool {
+        let Some(z_m) = e.pose.map(|at| at[pose::Z]) else { return false };
+        let stays = |(before_m, _): &(f64, i64)| z_m - before_m < RISE_MIN_M;
+        let climbed = self.climbed.filter(stays).unwrap_or((z_m, e.t_ns));
+        self.climbed = Some(climbed);
+        let (_, since_ns) = climbed;
+        elapsed_s(since_ns, e.t_ns) >= LEVEL_S
     }
 }
 
@@ -59,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn control_starts_after_its_time_or_at_once_when_the_vehicle_drifts() {
+    fn control_starts_after_its_time_or_sooner_when_the_vehicle_drifts() {
         let at_rest = steered_after(0.0).unwrap();
         assert_eq!(steered_after(DRIFT_MAX_M), Some(at_rest), "the limit itself");
         let carried = steered_after(DRIFT_MAX_M.next_up()).unwrap();
@@ -69,13 +86,34 @@ mod tests {
     }
 
     #[test]
+    fn a_vehicle_that_drifts_in_its_climb_is_steered_when_that_has_ended() {
+        // 0.33 m/s until 1.5 s after it was confirmed, by poses of 20 ms.
+        let steered_ms = |climb_s: f64, settle_s: f64| {
+            let mut settling = Settling::default();
+            settling.stand(Some(Pose::zeros()));
+            settling.rise(0);
+            (0..500_i32).map(|k| 20 * k).find(|ms| {
+                let t_s = 1e-3 * f64::from(*ms);
+                let at = Pose::new(0.5, 0.0, 0.5 + 0.33 * t_s.min(climb_s), 0.0);
+                let e = Evidence { pose: Some(at), t_ns: i64::from(*ms) * 1_000_000, ..ALOFT };
+                settling.is_over(&e, settle_s)
+            })
+        };
+        let level_ms = steered_ms(1.5, 4.0).unwrap();
+        assert!((1600..=1720).contains(&level_ms), "{level_ms} ms");
+        assert_eq!(steered_ms(9.0, 2.0), Some(2000), "a climb that does not end");
+    }
+
+    #[test]
     fn a_drift_is_measured_from_where_the_vehicle_stood() {
         for (x_m, y_m, is_over) in [(1.2, -2.2, false), (1.0, -2.31, true), (0.69, -2.0, true)] {
             let mut settling = Settling::default();
             settling.stand(Some(Pose::new(1.0, -2.0, 0.0, 0.0)));
             settling.rise(0);
-            let e = Evidence { pose: Some(Pose::new(x_m, y_m, 1.0, 0.0)), t_ns: 0, ..ALOFT };
-            assert_eq!(settling.is_over(&e, 1.0), is_over, "{x_m}, {y_m} m");
+            let at = Some(Pose::new(x_m, y_m, 1.0, 0.0));
+            let [early, later] = [0, 200_000_000].map(|t_ns| Evidence { pose: at, t_ns, ..ALOFT });
+            assert!(!settling.is_over(&early, 1.0), "nothing tells that it does not climb");
+            assert_eq!(settling.is_over(&later, 1.0), is_over, "{x_m}, {y_m} m");
         }
     }
 }

@@ -12,6 +12,7 @@
 mod arrivals;
 mod bounds;
 mod change;
+mod earlier;
 mod flight;
 mod ground;
 mod pace_meter;
@@ -97,7 +98,7 @@ impl FrameClock {
     ///
     /// `None`: unknown. So on the ground without a rate, or while the numbers do not keep pace with
     /// time as announced; in flight without a line from before, more than 5 s later than the line says,
-    /// or so much earlier that jitter and drift do not explain it.
+    /// or so much earlier that neither jitter and drift nor a shorter way ([`earlier`]) explain it.
     pub(super) fn measured_at(
         &mut self,
         number: i64,

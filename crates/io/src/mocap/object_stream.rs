@@ -11,7 +11,7 @@ use thiserror::Error;
 
 use super::axes::Placement;
 use super::body::{Body, heading_of_angles, is_all_zero, matrix_of_angles, pose};
-use super::protocol::{BodyProtocol, Head, Name, Taker};
+use super::protocol::{BodyProtocol, Head, Name, OBJECTS_MAX, Taker};
 use super::source::{Connection, Frame, Source, SourceError};
 use super::{M_PER_MM, MocapCounters};
 use crate::clock::SpanNs;
@@ -237,11 +237,24 @@ impl Connection for ObjectStreamSource {
 #[derive(Debug)]
 pub(super) struct BlockBodies {
     rate_hz: f64,
+    /// The frame of full blocks, which may go on in the next datagram, and its bodies so far.
+    unfinished: Option<u32>,
+    bodies: Vec<(String, Placement)>,
 }
 
 impl BlockBodies {
     pub(super) fn new(rate_hz: f64) -> Self {
-        Self { rate_hz }
+        Self { rate_hz, unfinished: None, bodies: Vec::new() }
+    }
+
+    /// Hands over the frame `number`, which is complete.
+    fn end(&mut self, number: u32, taker: &mut dyn Taker) {
+        for (name, at) in self.bodies.drain(..) {
+            taker.body(Name { text: Some(&name), id: None }, Some(&at));
+        }
+        let (number, rate_hz) = (number.into(), self.rate_hz);
+        let (stamp, latency) = (None, SpanNs(0));
+        taker.frame(Head { number, rate_hz, stamp, latency, is_whole: true });
     }
 }
 
@@ -257,24 +270,34 @@ impl BodyProtocol for BlockBodies {
             counters.malformed.count();
             return Ok(());
         };
+        if let Some(number) = self.unfinished.take_if(|number| *number != block.frame) {
+            self.end(number, taker);
+        }
         for body in block.objects() {
             let Ok(body) = body else {
                 counters.malformed.count();
                 continue;
             };
-            let name = String::from_utf8_lossy(body.name);
-            let at = Placement { pos_v: body.pos_w, matrix: matrix_of_angles(body.angles) };
-            taker.body(Name { text: Some(&name), id: None }, Some(&at));
+            if self.bodies.len() < OBJECTS_MAX {
+                let at = Placement { pos_v: body.pos_w, matrix: matrix_of_angles(body.angles) };
+                self.bodies.push((String::from_utf8_lossy(body.name).into_owned(), at));
+            }
         }
-        let (number, rate_hz) = (block.frame.into(), self.rate_hz);
-        let (stamp, latency) = (None, SpanNs(0));
-        taker.frame(Head { number, rate_hz, stamp, latency, is_whole: true });
+        if block.is_full {
+            self.unfinished = Some(block.frame);
+        } else {
+            self.unfinished = None;
+            self.end(block.frame, taker);
+        }
         Ok(())
     }
 }
 
 impl Connection for BlockBodies {
-    fn restart(&mut self) {}
+    fn restart(&mut self) {
+        self.unfinished = None;
+        self.bodies.clear();
+    }
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@
 use super::arrivals::{Arrivals, MeasuredPace};
 use super::bounds::Bounds;
 use super::change::RateChange;
+use super::earlier::ShorterWay;
 use super::ground::Ground;
 use super::{Arrival, DRIFT, Line, SAME_COUNT_NS};
 use crate::clock::{SpanNs, TimeNs};
@@ -56,6 +57,7 @@ pub(super) struct Flight {
     /// The arrival that periods are measured from.
     anchor: Option<Arrival>,
     change: RateChange,
+    shorter: ShorterWay,
     /// Number of the newest frame with a known time.
     newest: i64,
 }
@@ -71,6 +73,7 @@ impl Flight {
             bounds: ground.bounds(),
             anchor: None,
             change: RateChange::new(ground.announced_hz()),
+            shorter: ShorterWay::default(),
             newest,
         }
     }
@@ -88,21 +91,14 @@ impl Flight {
         let is_on_time = is_possible && drifted.late_ns(arrival) <= ON_TIME_NS;
         let next = self.change.observe(arrival, rate_hz, drifted, self.newest, is_on_time);
         if let Some(line) = next {
-            *self = Self {
-                line: Some(line),
-                begin: Some(line.from(arrival.number)),
-                is_climbing: false,
-                bounds: self.bounds.and(Some(Bounds::around(line.period_ns))),
-                anchor: None,
-                newest: arrival.number,
-                ..*self
-            };
-            arrivals.clear();
-            return Some(line.measured_at(arrival));
+            self.bounds = self.bounds.and(Some(Bounds::around(line.period_ns)));
+            return Some(self.begin_on(line, arrival, arrivals));
         }
         if !is_possible {
-            return None;
+            let line = self.shorter.observe(arrival, drifted, self.newest)?;
+            return Some(self.begin_on(line, arrival, arrivals));
         }
+        self.shorter.restart();
         self.newest = arrival.number;
         if is_on_time {
             let line = drifted.lowered_to(arrival);
@@ -112,6 +108,18 @@ impl Flight {
             }
         }
         Some(drifted.measured_at(arrival))
+    }
+
+    /// Goes on with another line, of which `arrival` is; when that was measured.
+    fn begin_on(&mut self, line: Line, arrival: Arrival, arrivals: &mut Arrivals) -> TimeNs {
+        self.line = Some(line);
+        self.begin = Some(line.from(arrival.number));
+        self.is_climbing = false;
+        self.anchor = None;
+        self.newest = arrival.number;
+        self.shorter.restart();
+        arrivals.clear();
+        line.measured_at(arrival)
     }
 
     /// Whether jitter and drift or any delay explain a frame.
@@ -187,6 +195,7 @@ mod tests {
             bounds: None,
             anchor: None,
             change: RateChange::new(50.0),
+            shorter: ShorterWay::default(),
             newest: 500,
         }
     }

@@ -192,6 +192,28 @@ fn a_line_that_was_learned_in_a_busy_moment_comes_down_in_the_climb() {
 }
 
 #[test]
+fn a_way_that_becomes_shorter_in_flight_is_followed_and_a_stall_behind_it_is_seen() {
+    let mut clock = FrameClock::new();
+    for number in 0..ON_GROUND {
+        late_after_ms(&mut clock, number, 80.0 + jitter_ms(number));
+    }
+    clock.set_airborne(true);
+    for number in ON_GROUND..ON_GROUND + 200 {
+        assert!(late_after_ms(&mut clock, number, 80.0 + jitter_ms(number)).is_some());
+    }
+    let known =
+        |clock: &mut FrameClock, numbers: std::ops::Range<i64>, delay_ms: fn(i64) -> f64| {
+            numbers.filter_map(|number| late_after_ms(clock, number, delay_ms(number))).collect()
+        };
+    let shorter: Vec<f64> = known(&mut clock, 700..1000, jitter_ms);
+    assert!((272..=276).contains(&shorter.len()), "half a second without times: {shorter:?}");
+    assert!(shorter.iter().all(|late_ms| *late_ms < 8.1), "{shorter:?}");
+    // What has waited for a second comes at once.
+    let stalled: Vec<f64> = known(&mut clock, 1000..1050, |number| 20.0 * (1050 - number) as f64);
+    assert!(stalled.len() == 50 && stalled[0] > 990.0 && stalled[40] > 190.0, "{stalled:?}");
+}
+
+#[test]
 fn numbers_that_run_ahead_in_flight_cannot_hide_a_delay() {
     let mut clock = flying();
     // From one number per frame to 1.05: each frame seems to come a millisecond earlier.

@@ -161,3 +161,39 @@ proptest! {
         prop_assert!(gap < 1e-12, "{gap}");
     }
 }
+
+/// Frames with the names of their bodies.
+#[derive(Default)]
+struct Frames(Vec<(i64, Vec<String>)>, Vec<String>);
+
+impl Taker for Frames {
+    fn body(&mut self, name: Name<'_>, at: Option<&Placement>) {
+        assert!(at.is_some());
+        self.1.extend(name.text.map(str::to_owned));
+    }
+
+    fn frame(&mut self, head: Head) {
+        self.0.push((head.number, std::mem::take(&mut self.1)));
+    }
+}
+
+#[test]
+fn for_a_list_of_objects_the_blocks_of_a_frame_are_one() {
+    // 256 bytes take three objects.
+    let [all, rest] = [["a", "b", "c"].map(body), ["d", "e", "f"].map(body)];
+    let mut frames = Frames::default();
+    let mut source = BlockBodies::new(100.0);
+    for datagram in [
+        block(7, &all, 256),
+        block(7, &rest[..1], 256),
+        block(8, &all, 256),
+        block(9, &all, 256),
+        block(9, &[], 256),
+        block(10, &rest[..2], 256),
+    ] {
+        source.push(&datagram, &MocapCounters::default(), &mut frames).unwrap();
+    }
+    let found: Vec<_> = frames.0.iter().map(|(number, names)| (*number, names.concat())).collect();
+    let expected = [(7, "abcd"), (8, "abc"), (9, "abc"), (10, "de")];
+    assert_eq!(found, expected.map(|(number, names)| (number, names.to_owned())));
+}

@@ -1,0 +1,131 @@
+//! A way to us that becomes shorter in flight, as where a busy network becomes free.
+//!
+//! Frames are then earlier than the line says, by a constant time, and their numbers go on without a gap: no other
+//! count does that. After half a second in which they keep to a parallel line, that one takes the old one's place.
+//! Frames at another pace, or behind a gap that could hide a delay, are not followed, nor is more than 0.25 s in all:
+//! numbers that run ahead of time would hide a delay that grows.
+
+use super::{Arrival, Line};
+use crate::clock::{SpanNs, TimeNs};
+
+/// How long frames have to keep to the parallel line.
+const PROOF: SpanNs = SpanNs::from_ms(500);
+
+/// How many of them there have to be.
+const FRAMES_MIN: u32 = 5;
+
+/// Distance from the parallel line within which they are. ns
+const NEAR_NS: f64 = 10e6;
+
+/// By how much a way becomes shorter in a flight at most. ns
+const SHORTER_MAX_NS: f64 = 250e6;
+
+/// Longest gap between two frames, by their numbers. ns
+const GAP_MAX_NS: f64 = 100e6;
+
+/// What is known of a shorter way.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct ShorterWay {
+    /// A line below that of the flight, while frames keep to it.
+    next: Option<Parallel>,
+    /// By how much the way has become shorter so far. ns
+    shorter_ns: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Parallel {
+    line: Line,
+    since: TimeNs,
+    frames: u32,
+    /// Number of the newest frame.
+    newest: i64,
+    /// How far below the line the lowest frame is. ns, <= 0
+    lowest_ns: f64,
+}
+
+impl ShorterWay {
+    /// A frame has come that `line` explains.
+    pub(super) fn restart(&mut self) {
+        self.next = None;
+    }
+
+    /// Takes in a frame that comes too early for the line of the take-off, beside the present `line`, on which the newest frame has the number `before`; the line of
+    /// the shorter way, once that is proven.
+    pub(super) fn observe(&mut self, arrival: Arrival, line: Line, before: i64) -> Option<Line> {
+        let follows = |number: i64| {
+            let gap_ns = arrival.number.saturating_sub(number) as f64 * line.period_ns;
+            arrival.number > number && gap_ns <= GAP_MAX_NS.max(2.0 * line.period_ns)
+        };
+        let is_near = |it: &Parallel| it.line.late_ns(arrival).abs() <= NEAR_NS;
+        let newest = self.next.map_or(before, |known| known.newest);
+        let early_ns = -line.late_ns(arrival);
+        let early_max_ns = SHORTER_MAX_NS - self.shorter_ns;
+        if !follows(newest) || early_ns < -NEAR_NS || early_ns > early_max_ns {
+            self.next = None;
+            return None;
+        }
+        let mut known = self.next.filter(is_near).unwrap_or_else(|| Parallel {
+            line: line.lowered_to(arrival),
+            since: arrival.at,
+            frames: 0,
+            newest,
+            lowest_ns: 0.0,
+        });
+        known.frames = known.frames.saturating_add(1);
+        known.newest = arrival.number;
+        known.lowest_ns = known.lowest_ns.min(known.line.late_ns(arrival));
+        self.next = Some(known);
+        let is_proven = arrival.at.since(known.since) >= PROOF && known.frames >= FRAMES_MIN;
+        is_proven.then(|| {
+            self.next = None;
+            let offset_ns = known.line.offset_ns + known.lowest_ns;
+            self.shorter_ns += line.offset_ns - offset_ns;
+            Line { offset_ns, as_of: arrival.at, touched_at: arrival.at, ..known.line }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At 100 Hz, frame 0 at one second.
+    fn line() -> Line {
+        Line::through(Arrival { number: 0, at: TimeNs(1_000_000_000) }, 10e6)
+    }
+
+    /// The line after these frames, each that many ms earlier than by [`line`].
+    fn after(frames: impl IntoIterator<Item = (i64, i64)>) -> Option<Line> {
+        let mut way = ShorterWay::default();
+        let see = |(number, early_ms): (i64, i64)| {
+            let at = TimeNs(1_000_000_000).after(SpanNs::from_ms(10 * number - early_ms));
+            way.observe(Arrival { number, at }, line(), 0)
+        };
+        frames.into_iter().filter_map(see).next()
+    }
+
+    #[test]
+    fn a_way_that_becomes_shorter_is_proven_after_half_a_second() {
+        assert!(after((1..=50).map(|number| (number, 80))).is_none(), "490 ms");
+        let proven = after((1..=51).map(|number| (number, 80))).unwrap();
+        let on_it = Arrival { number: 51, at: TimeNs(1_430_000_000) };
+        assert!(proven.late_ns(on_it).abs() < 1e-6, "{proven:?}");
+        // Jitter: the lowest frame counts. By 8 ms per second, as where a load goes down.
+        let proven = after((1..=51).map(|k| (k, if k == 7 { 89 } else { 80 }))).unwrap();
+        assert!((proven.late_ns(on_it) - 9e6).abs() < 1e-3, "{proven:?}");
+        assert!(after((1..=51).map(|number| (number, 60 + number * 8 / 100))).is_some());
+    }
+
+    #[test]
+    fn another_count_or_another_pace_is_not_followed() {
+        assert!(after((1..=80).map(|number| (number, 251))).is_none(), "too early");
+        assert!(after((1..=80).map(|number| (number, -11))).is_none(), "late");
+        assert!(after((12..=80).map(|number| (number, 80))).is_none(), "behind a gap");
+        assert!(after((-80..=0).map(|number| (number, 80))).is_none(), "began anew");
+        assert!(after((1..=80).map(|number| (number, 60 + number / 2))).is_none(), "105 Hz");
+        // What has waited comes at once.
+        assert!(after((1..=40).map(|number| (number, 10 * number))).is_none(), "a burst");
+        let lossy = (1..=80).filter(|number| number % 9 == 1).map(|number| (number, 80));
+        assert!(after(lossy).is_some(), "gaps of 90 ms");
+    }
+}
