@@ -73,6 +73,8 @@ struct Reader {
     subject: String,
     /// Identities of the subject and of its root segment.
     root: Option<Segment>,
+    /// Whether two subjects have its name.
+    is_doubled: bool,
     rate_hz: f64,
 }
 
@@ -118,7 +120,7 @@ impl DatastreamSource {
         Self {
             packets: Packets::default(),
             requests: Vec::new(),
-            reader: Reader { subject, root: None, rate_hz: 0.0 },
+            reader: Reader { subject, root: None, is_doubled: false, rate_hz: 0.0 },
         }
     }
 }
@@ -145,7 +147,9 @@ impl Source for DatastreamSource {
                 offer.accept(requests)?;
             }
             if let Some(frame) = news.frame {
-                if reader.root.is_none() {
+                if reader.is_doubled {
+                    counters.doubled.count();
+                } else if reader.root.is_none() {
                     counters.other_object.count();
                 }
                 on_frame(frame);
@@ -160,6 +164,7 @@ impl Connection for DatastreamSource {
         self.packets.clear();
         self.requests.clear();
         self.reader.root = None;
+        self.reader.is_doubled = false;
         self.reader.rate_hz = 0.0;
     }
 
@@ -181,7 +186,7 @@ impl Reader {
 
     fn read_head(&mut self, packet: &[u8]) -> Result<Head, Refusal> {
         let mut head = Head::default();
-        let (mut has_subjects, mut root) = (false, None);
+        let (mut has_subjects, mut root, mut is_doubled) = (false, None, false);
         for object in objects(packet) {
             let (id, body) = object?;
             match id {
@@ -194,14 +199,18 @@ impl Reader {
                 }
                 id::SUBJECT_INFO => {
                     has_subjects = true;
-                    root = root.or(decode::root_segment(body, self.subject.as_bytes())?);
+                    let named = decode::root_segment(body, self.subject.as_bytes())?;
+                    is_doubled |= root.is_some() && named.is_some();
+                    root = root.or(named);
                 }
                 _ => {}
             }
         }
         if has_subjects {
             // A packet with subjects has all of them: one that is missing was removed.
-            self.root = root;
+            // Of two it is not known which is which.
+            self.root = root.filter(|_| !is_doubled);
+            self.is_doubled = is_doubled;
         }
         Ok(head)
     }

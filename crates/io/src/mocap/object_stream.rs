@@ -163,23 +163,38 @@ impl ObjectStreamSource {
         Frame { number, rate_hz, stamp: None, latency: SpanNs(0), pose }
     }
 
+    /// The object was in a block of the frame `number`.
+    fn see(
+        &mut self,
+        number: u32,
+        pose: Option<horizon_model::rows::Pose>,
+        on_frame: &mut dyn FnMut(Frame),
+    ) {
+        self.seen = Some(number);
+        self.unfinished = None;
+        on_frame(self.frame(number, pose));
+    }
+
     /// What one block says, or why it says nothing.
     fn read(&mut self, block: &Block<'_>, on_frame: &mut dyn FnMut(Frame)) -> Option<Reading> {
-        let mut others = 0;
+        let (mut others, mut found) = (0, None);
         for body in block.objects() {
             let body = body.ok()?;
             if body.name != self.object.as_bytes() {
                 others += 1;
-                continue;
+            } else if found.replace(body).is_some() {
+                // Of two it is not known which is which.
+                self.see(block.frame, None, on_frame);
+                return Some(Reading::Doubled);
             }
+        }
+        if let Some(body) = found {
             let pose = if is_all_zero(body.pos_w.into_iter().chain(body.angles)) {
                 None
             } else {
                 Some(pose(body.pos_w, heading_of_angles(body.angles)?)?)
             };
-            self.seen = Some(block.frame);
-            self.unfinished = None;
-            on_frame(self.frame(block.frame, pose));
+            self.see(block.frame, pose, on_frame);
             return Some(Reading::Object);
         }
         if self.seen != Some(block.frame) {
@@ -197,6 +212,8 @@ impl ObjectStreamSource {
 /// What a block was about.
 enum Reading {
     Object,
+    /// More than one object has the name.
+    Doubled,
     Others,
     Nothing,
 }
@@ -219,6 +236,7 @@ impl Source for ObjectStreamSource {
         }
         match self.read(&block, on_frame) {
             Some(Reading::Object | Reading::Nothing) => {}
+            Some(Reading::Doubled) => counters.doubled.count(),
             Some(Reading::Others) => counters.other_object.count(),
             None => counters.malformed.count(),
         }

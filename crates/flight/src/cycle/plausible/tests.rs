@@ -105,7 +105,7 @@ fn an_object_in_two_places_is_rough_and_one_that_is_moved_at_times_is_not() {
         (0..2000).find(|k| {
             // What a stream repeats to the last digit would be one place.
             let o =
-                HERE + Pose::new(0.2 * (k / period_ticks % 2) as f64, 1e-9 * k as f64, 0.0, 0.0);
+                HERE + Pose::new(0.2 * (k / period_ticks % 2) as f64, 1e-9 * *k as f64, 0.0, 0.0);
             plausibility.open();
             let seen = filtered(o, Acceptance::Accepted, Acceptance::Accepted);
             plausibility.judge(Some(&o), &seen, at(20 * k));
@@ -126,8 +126,8 @@ fn many_small_steps_beyond_a_vehicles_speed_are_rough() {
     let rough_after = |step_m: f64, period_ticks: i64| {
         let mut plausibility = Plausibility::default();
         (0..1000).find(|k| {
-            let o =
-                HERE + Pose::new(step_m * (k / period_ticks % 2) as f64, 1e-9 * k as f64, 0.0, 0.0);
+            let o = HERE
+                + Pose::new(step_m * (k / period_ticks % 2) as f64, 1e-9 * *k as f64, 0.0, 0.0);
             plausibility.open();
             let seen = filtered(o, Acceptance::Accepted, Acceptance::Accepted);
             plausibility.judge(Some(&o), &seen, at(20 * k));

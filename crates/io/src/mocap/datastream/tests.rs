@@ -156,6 +156,23 @@ fn a_subject_that_is_left_out_is_not_seen_and_a_removed_one_is_unknown() {
 }
 
 #[test]
+fn of_two_subjects_with_the_name_none_is_ours() {
+    let frame = |twins: u32| {
+        packet(|packet| {
+            packet.frame_info(1000);
+            (1..=twins).for_each(|subject| packet.subject_info(subject, b"tello"));
+            packet.segments(id::GLOBAL_SEGMENTS, 1, &body());
+        })
+    };
+    for (twins, is_seen) in [(1, true), (2, false)] {
+        let received = receive([&*frame(twins)]);
+        let [only] = &received.frames[..] else { panic!("{:?}", received.frames) };
+        assert_eq!(only.pose.is_some(), is_seen, "{twins}");
+        assert_eq!(received.counters.doubled.get(), u64::from(!is_seen));
+    }
+}
+
+#[test]
 fn packets_cut_at_every_byte_and_several_in_one_piece_are_read() {
     let stream: Vec<u8> = [HELLO, FRAME, FRAME].iter().flat_map(|hex| bytes(hex)).collect();
     for cut in 0..stream.len() {

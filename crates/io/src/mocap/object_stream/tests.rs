@@ -75,6 +75,13 @@ fn an_object_that_is_lost_is_a_frame_without_a_pose() {
 }
 
 #[test]
+fn of_two_objects_with_the_name_none_is_ours() {
+    let twin = Body { pos_w: [2.0, 0.0, 1.0], ..body("tello") };
+    let (frames, counters) = read(&[block(1, &[body("tello"), body("wand"), twin], 256)]);
+    assert_eq!((frames, counters.doubled.get()), (vec![(1, None)], 1));
+}
+
+#[test]
 fn a_frame_in_several_blocks_is_lost_only_if_none_has_the_object() {
     let others = [body("a"), body("b"), body("c")];
     let full = |frame| block(frame, &others, 256);
