@@ -119,10 +119,7 @@ pub(crate) fn fly_with(
         });
         has_flown |= truth.phase == tello_sim::Phase::Flying;
         let is_down = has_flown && truth.phase == tello_sim::Phase::Grounded;
-        let is_over = matches!(
-            ruling.phase,
-            Phase::Landed | Phase::LandingUnconfirmed | Phase::MotorsStopped
-        ) && is_down;
+        let is_over = ruling.phase.is_over() && is_down;
         if is_over || at_s >= seconds {
             break;
         }

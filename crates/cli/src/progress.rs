@@ -1,6 +1,6 @@
 //! The bar that a long command shows.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -63,8 +63,8 @@ impl Observer for Shown<'_> {
 #[derive(Debug)]
 pub(crate) struct Seeds {
     bar: ProgressBar,
-    /// Of the latest line, if there are any.
-    line_at: Option<Mutex<Instant>>,
+    /// Since the beginning, of the latest line, if there are any.
+    line_at: Option<Mutex<Duration>>,
 }
 
 impl Seeds {
@@ -76,7 +76,7 @@ impl Seeds {
         let bar = if is_shown { ProgressBar::new(count) } else { ProgressBar::hidden() };
         let style = "{bar:40} {pos}/{len} seeds, {per_sec}, {eta} left";
         bar.set_style(ProgressStyle::with_template(style)?);
-        let line_at = (is_shown && bar.is_hidden()).then(|| Mutex::new(Instant::now()));
+        let line_at = (is_shown && bar.is_hidden()).then(Mutex::default);
         Ok(Self { bar, line_at })
     }
 
@@ -84,9 +84,9 @@ impl Seeds {
     pub(crate) fn advance(&self) {
         self.bar.inc(1);
         if let Some(mut line_at) = self.line_at.as_ref().and_then(Mutex::try_lock)
-            && line_at.elapsed() >= LINE_EVERY
+            && self.bar.elapsed() >= *line_at + LINE_EVERY
         {
-            *line_at = Instant::now();
+            *line_at = self.bar.elapsed();
             stdio::note(self.line());
         }
     }

@@ -11,7 +11,6 @@ use anyhow::Result;
 use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, Sticks, pose};
 use tello_eval::metrics::Surroundings;
-use tello_flight::Phase;
 use tello_flight::cycle::FlightTable;
 use tello_io::clock::TimeOfDay;
 use tello_io::mocap::ABOUT_Z;
@@ -129,7 +128,7 @@ pub fn fly_beside(
         watch.remember(virtual_flight.world());
         let out = virtual_flight.tick()?;
         is_finished |= out.targets_reached > 0 && out.targets_reached == out.target_number;
-        if matches!(out.phase(), Phase::Landed | Phase::LandingUnconfirmed | Phase::MotorsStopped) {
+        if out.phase().is_over() {
             break;
         }
         let contact = watch.contact(virtual_flight.world());

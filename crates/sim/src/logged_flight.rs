@@ -39,7 +39,7 @@ pub struct Logged {
 impl Logged {
     /// Whether all targets were reached and the vehicle landed.
     pub fn is_success(&self) -> bool {
-        self.phase == Phase::Landed && self.targets_reached == self.targets_count
+        self.phase.is_success(self.targets_reached, self.targets_count)
     }
 }
 
@@ -93,10 +93,7 @@ fn fly_into(path: &Path, flight: &FlightTable, sim: &SimTable, seed: u64) -> Res
         tick.timing = Timing { step: tick.inbox.step, ..Timing::default() };
         flight_log::write_tick(&mut log, &tick)?;
         scene.write(&mut log, &tick)?;
-        if matches!(
-            tick.out.phase(),
-            Phase::Landed | Phase::LandingUnconfirmed | Phase::MotorsStopped
-        ) {
+        if tick.out.phase().is_over() {
             break;
         }
     }

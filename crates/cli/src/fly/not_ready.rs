@@ -3,10 +3,11 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use tello_flight::cycle::SIGHTING_AGE_MAX;
 use tello_flight::{Fault, FaultSet};
 use tello_io::clock::SpanNs;
 use tello_io::config::FlyTable;
-use tello_io::mocap::MocapCounters;
+use tello_io::mocap::{MocapCounters, StreamReport};
 use tello_io::tello::Protocol;
 
 use super::Arguments;
@@ -83,6 +84,7 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
     let messages = counters.messages.get();
     let (key, address) = table.mocap.address();
     let object = table.mocap.object();
+    let old = too_old(&report);
     match (counters.connects.get(), messages, counters.given_up()) {
         (_, _, Some(error)) => format!("{address} cannot be understood: {error}"),
         (0, ..) => match counters.unopened() {
@@ -94,6 +96,7 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
         _ if report.doubled > 0 => {
             format!("two objects are called {object:?}: which of them is the drone is not known")
         }
+        _ if old.is_some() => old.unwrap_or_default(),
         (_, 0, _) => format!("no pose, nothing comes from {address}: is the mocap system live?"),
         _ => format!(
             "{messages} messages, {} of them of other objects, {} malformed: is the object's name ({object:?}) right \
@@ -101,6 +104,18 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
             report.other_object, report.malformed, table.cycle.filter.floor_m,
         ),
     }
+}
+
+/// That poses are older when they arrive than those which count.
+pub(super) fn too_old(report: &StreamReport) -> Option<String> {
+    let limit_s = SIGHTING_AGE_MAX.seconds();
+    (report.latency_mean_s > limit_s).then(|| {
+        format!(
+            "poses are {:.2} s old when they arrive, by the delay that their source announces; older ones than \
+             {limit_s} s do not count",
+            report.latency_mean_s
+        )
+    })
 }
 
 /// What may be wrong with a drone without a status that has sent so many packets.

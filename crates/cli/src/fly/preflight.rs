@@ -24,7 +24,7 @@ use tello_sim::NominalFlight;
 
 use self::battery::battery_check;
 use super::Arguments;
-use super::not_ready::{drone_trouble, mocap_trouble};
+use super::not_ready::{drone_trouble, mocap_trouble, too_old};
 use crate::stdio;
 
 /// What a log must find free: a flight of a quarter of an hour takes less. bytes
@@ -254,6 +254,9 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Chec
     let (Some(_), Some(rate_hz)) = (found.at, rate_hz) else {
         return check("mocap", Readiness::Bad, &*found.mocap_trouble);
     };
+    if let Some(reason) = too_old(&found.stream) {
+        return check("mocap", Readiness::Bad, reason);
+    }
     if !found.stream.has_clock {
         let reason = format!(
             "{object:?} is seen, but its frame numbers and stamps do not keep pace with time: its poses cannot be dated"

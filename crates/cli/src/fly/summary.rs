@@ -254,7 +254,7 @@ impl Summary {
 
     /// Whether the flight did what it was for, whatever became of the log.
     pub(super) fn is_success(&self) -> bool {
-        self.phase == Phase::Landed && self.targets_reached == self.targets_count
+        self.phase.is_success(self.targets_reached, self.targets_count)
     }
 
     /// Whether it also left a log that commands behind it can use.

@@ -10,7 +10,7 @@ use crate::recordings::Loaded;
 use anyhow::{Context, Result};
 use serde_json::Value;
 use tello_flight::cycle::{RowsRecord, Topic};
-use tello_io::clock::TimeNs;
+use tello_io::clock::{SpanNs, TimeNs};
 use tello_io::log::{Channel, Head, LogWriter};
 use tello_io::{config, whole_file};
 
@@ -175,8 +175,7 @@ fn write_mcap(path: &Path, job: &Job<'_>, fitted: &Fitted, traces: &[&Trace]) ->
             values.clear();
             values.extend(trace.s.iter().map(|column| column[k]));
             let step = step as u64;
-            #[expect(clippy::cast_possible_truncation, reason = "a flight has minutes")]
-            let t = TimeNs((step as f64 * job.table.dt_s * 1e9).round() as i64);
+            let t = TimeNs(0).after(SpanNs::from_seconds(step as f64 * job.table.dt_s));
             let record = RowsRecord { step, rows: fitted.state_rows, values: &values };
             log.write(Topic::State.name(), t, &record)?;
         }

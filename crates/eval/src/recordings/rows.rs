@@ -13,7 +13,7 @@ use nalgebra::SVector;
 use schemars::schema_for;
 use serde::{Deserialize, Serialize};
 use tello_flight::cycle::{PoseRecord, RowsRecord, SticksRecord, Topic};
-use tello_io::clock::TimeNs;
+use tello_io::clock::{SpanNs, TimeNs};
 use tello_io::log::csv::{self, CsvFlight, CsvRow};
 use tello_io::log::{Channel, Ending, Head, LogReader, LogWriter};
 
@@ -161,8 +161,7 @@ pub fn write_log(path: &Path, source: String, flight: &RowFlight) -> Result<()> 
 
 /// When a step is due. A damaged step number may be any: time ends before it.
 fn time_of(step: u64) -> TimeNs {
-    #[expect(clippy::cast_possible_truncation, reason = "the cast saturates")]
-    TimeNs((step as f64 * (PERIOD_S * 1e9)) as i64)
+    TimeNs(0).after(SpanNs::from_seconds(step as f64 * PERIOD_S))
 }
 
 /// What every record has.

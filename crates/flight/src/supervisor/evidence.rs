@@ -42,6 +42,19 @@ pub enum Phase {
 }
 
 impl Phase {
+    /// Whether the flight is over: nothing steers any more.
+    pub fn is_over(self) -> bool {
+        match self {
+            Self::Landed | Self::LandingUnconfirmed | Self::MotorsStopped => true,
+            Self::Idle | Self::TakingOff | Self::Flying | Self::Landing => false,
+        }
+    }
+
+    /// Whether a flight that ended in this phase did what it was for.
+    pub fn is_success(self, targets_reached: usize, targets_count: usize) -> bool {
+        self == Self::Landed && targets_reached == targets_count
+    }
+
     /// Name on terminals.
     pub fn name(self) -> &'static str {
         match self {

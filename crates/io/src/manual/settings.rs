@@ -57,10 +57,18 @@ impl TryFrom<&ManualTable> for ManualSettings {
         }
         let hold_s = in_range("hold_s", table.hold_s, 0.3..=2.0)?;
         let timers = Timers {
-            pulse: span(in_range("pulse_s", table.pulse_s, 0.05..=1.0)?),
-            hold: span(hold_s),
-            press_max: span(in_range("press_max_s", table.press_max_s, hold_s..=10.0)?),
-            axis_silent: span(in_range("axis_silent_s", table.axis_silent_s, 0.5..=5.0)?),
+            pulse: SpanNs::from_seconds(in_range("pulse_s", table.pulse_s, 0.05..=1.0)?),
+            hold: SpanNs::from_seconds(hold_s),
+            press_max: SpanNs::from_seconds(in_range(
+                "press_max_s",
+                table.press_max_s,
+                hold_s..=10.0,
+            )?),
+            axis_silent: SpanNs::from_seconds(in_range(
+                "axis_silent_s",
+                table.axis_silent_s,
+                0.5..=5.0,
+            )?),
         };
         Ok(Self {
             device: device.clone(),
@@ -99,12 +107,6 @@ impl ManualSettings {
         let excess = (place.abs() - self.dead_zone).max(0.0) / (1.0 - self.dead_zone);
         excess.min(1.0).copysign(place)
     }
-}
-
-/// A checked setting as a span.
-fn span(seconds: f64) -> SpanNs {
-    #[expect(clippy::cast_possible_truncation, reason = "ten seconds at most")]
-    SpanNs((seconds * 1e9).round() as i64)
 }
 
 #[cfg(test)]

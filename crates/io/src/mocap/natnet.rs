@@ -198,8 +198,7 @@ fn latency(end: &FrameEnd, ticks_per_s: u64) -> SpanNs {
     if end.exposed == 0 || !(0.0..=LATENCY_MAX_S).contains(&latency_s) {
         return SpanNs(0);
     }
-    #[expect(clippy::cast_possible_truncation, reason = "a second at most")]
-    SpanNs((latency_s * 1e9).round() as i64)
+    SpanNs::from_seconds(latency_s)
 }
 
 #[cfg(test)]

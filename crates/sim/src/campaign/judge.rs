@@ -231,8 +231,7 @@ impl Judge {
 
     pub(super) fn end(&self, now_s: f64, phase: Phase, truth: &Truth) -> Option<End> {
         let is_down = truth.phase == DronePhase::Grounded;
-        let is_over =
-            matches!(phase, Phase::Landed | Phase::LandingUnconfirmed | Phase::MotorsStopped);
+        let is_over = phase.is_over();
         match (self.has_flown, is_down) {
             (true, true) if is_over && self.has_received_land => Some(End::Landed),
             (true, true) if is_over => Some(End::OwnLanding),

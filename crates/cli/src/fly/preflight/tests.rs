@@ -69,6 +69,13 @@ fn list(found: &Found, change: impl FnOnce(&mut FlyTable)) -> Vec<Check> {
     checks(found, &table, &flight).unwrap()
 }
 
+/// All there, but for this in the stream.
+fn stream(change: impl FnOnce(&mut StreamReport)) -> Found {
+    let mut found = all_there();
+    change(&mut found.stream);
+    found
+}
+
 fn drone(change: impl FnOnce(&mut DroneStatus)) -> Found {
     let mut found = all_there();
     if let Some(status) = &mut found.drone {
@@ -119,30 +126,25 @@ fn a_battery_that_keeps_the_drone_down_says_why() {
 fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
     use Readiness::{Bad, Never, Note};
     let all = all_there;
-    let stream = all().stream;
-    let cases: [(Found, &str, Readiness, &str); 16] = [
-        (
-            Found { stream: StreamReport { has_clock: false, ..stream }, ..all() },
-            "mocap",
-            Bad,
-            "do not keep pace with time",
-        ),
+    let cases: [(Found, &str, Readiness, &str); 17] = [
+        (stream(|it| it.has_clock = false), "mocap", Bad, "do not keep pace with time"),
+        (stream(|it| it.latency_mean_s = 0.12), "mocap", Bad, "poses are 0.12 s old when they"),
         (Found { at: None, ..all() }, "mocap", Bad, "nobody is at 127.0.0.1:51602"),
         (Found { at: None, ..all() }, "start", Bad, "unknown without a pose"),
         (
-            Found { stream: StreamReport { unseen: 12, ..stream }, ..all() },
+            stream(|it| it.unseen = 12),
             "mocap",
             Note,
             "89 poses of \"tello\", 100 frames a second; 12 of 101 frames do not see it",
         ),
         (
-            Found { stream: StreamReport { rate_hz: Some(25.0), ..stream }, ..all() },
+            stream(|it| it.rate_hz = Some(25.0)),
             "mocap",
             Note,
             "25 frames a second; the loop has 50 ticks a second",
         ),
         (
-            Found { stream: StreamReport { rate_hz: Some(2.0), ..stream }, ..all() },
+            stream(|it| it.rate_hz = Some(2.0)),
             "mocap",
             Never,
             "2.00 frames a second: poses are stale after 0.5 s (cycle.supervisor.stale_s), so that 4 are needed",

@@ -4,7 +4,7 @@ use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::setting::SettingError;
 use horizon_model::{InputFifo, Kinematic, Model};
 use tello_flight::cycle::{CycleTable, Inbox};
-use tello_io::clock::TimeNs;
+use tello_io::clock::{SpanNs, TimeNs};
 use tello_io::log::csv::CsvRow;
 use tello_io::mocap::Sighting;
 
@@ -23,8 +23,7 @@ pub(super) fn of_rows(rows: &[CsvRow]) -> Vec<Inbox> {
     let inbox = |row: &CsvRow| {
         let mut inbox = Inbox::new();
         let step = row.step - first_step;
-        #[expect(clippy::cast_possible_truncation, reason = "hours of ns fit 53 bits")]
-        let now = TimeNs((step as f64 * PERIOD_S * 1e9).round() as i64);
+        let now = TimeNs(0).after(SpanNs::from_seconds(step as f64 * PERIOD_S));
         inbox.open(step, now);
         inbox.skipped = row.step - next_step;
         next_step = row.step + 1;

@@ -99,17 +99,12 @@ fn behind_a_broken_frame_the_next_whole_chunk_is_found() {
     let (bytes, flushes) = flight(120);
     let [(first, _), (second, before), (third, after), ..] = flushes[..] else { panic!() };
     let left: Vec<u64> = (0..before).chain(after..120).collect();
-    type Damage = fn(&mut [u8]);
-    let damages: [(&str, Damage); 4] = [
-        ("the length", |frame| frame[7] ^= 0x7f),
-        ("a length within the file", |frame| frame[1] ^= 0x40),
-        ("the opcode", |frame| frame[0] = 0x80),
-        ("everything", |frame| frame.fill(0)),
-    ];
     assert!(first < second && second < third);
-    for (name, damage) in damages {
+    for (name, at, flipped) in
+        [("the length", 7, 0x7f), ("a length within the file", 1, 0x40), ("the opcode", 0, 0x80)]
+    {
         let mut bytes = bytes.clone();
-        damage(&mut bytes[second..third]);
+        bytes[second + at] ^= flipped;
         let (copy, recovered) = recovered("frame", &bytes);
         assert_eq!(counts(reader(copy).unwrap()), (left.clone(), Ending::Complete), "{name}");
         assert_eq!(recovered.messages, 2 * left.len() as u64, "{name}");

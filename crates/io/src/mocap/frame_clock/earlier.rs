@@ -101,7 +101,7 @@ mod tests {
             let at = TimeNs(1_000_000_000).after(SpanNs::from_ms(10 * number - early_ms));
             way.observe(Arrival { number, at }, line(), 0)
         };
-        frames.into_iter().filter_map(see).next()
+        frames.into_iter().find_map(see)
     }
 
     #[test]
