@@ -93,9 +93,7 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
             }
             Some(why) => format!("no pose, {address} cannot be opened: {why}; is {key} right?"),
         },
-        _ if report.doubled > 0 => {
-            format!("two objects are called {object:?}: which of them is the drone is not known")
-        }
+        _ if report.doubled > 0 => doubled(&report, object),
         _ if old.is_some() => old.unwrap_or_default(),
         (_, 0, _) => format!("no pose, nothing comes from {address}: is the mocap system live?"),
         _ => format!(
@@ -104,6 +102,17 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
             report.other_object, report.malformed, table.cycle.filter.floor_m,
         ),
     }
+}
+
+/// What poses are that have one number and different places.
+pub(super) fn doubled(report: &StreamReport, object: &str) -> String {
+    if report.frames <= 1 {
+        return "its frame numbers or time stamps stand still: its poses cannot be dated".into();
+    }
+    format!(
+        "two objects are called {object:?}, in {} frames: which of them is the drone?",
+        report.doubled
+    )
 }
 
 /// That poses are older when they arrive than those which count.

@@ -24,7 +24,7 @@ use tello_sim::NominalFlight;
 
 use self::battery::battery_check;
 use super::Arguments;
-use super::not_ready::{drone_trouble, mocap_trouble, too_old};
+use super::not_ready::{doubled, drone_trouble, mocap_trouble, too_old};
 use crate::stdio;
 
 /// What a log must find free: a flight of a quarter of an hour takes less. bytes
@@ -245,11 +245,7 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Chec
         return check("mocap", Readiness::Never, reason);
     }
     if found.stream.doubled > 0 {
-        let reason = format!(
-            "two objects are called {object:?}, in {} frames: which of them is the drone?",
-            found.stream.doubled
-        );
-        return check("mocap", Readiness::Bad, reason);
+        return check("mocap", Readiness::Bad, doubled(&found.stream, object));
     }
     let (Some(_), Some(rate_hz)) = (found.at, rate_hz) else {
         return check("mocap", Readiness::Bad, &*found.mocap_trouble);

@@ -236,7 +236,7 @@ impl Display for FoundObject {
         write!(
             f,
             "{:<20} {rate_hz:6.1} Hz, jitter {:.1} ms, {gaps} gaps, longest {:.0} ms, latency ",
-            self.name,
+            self.name.replace(char::is_control, "\u{fffd}"),
             1e3 * jitter_s,
             1e3 * gap_max_s
         )?;
