@@ -1,11 +1,11 @@
 //! A source that changes its rate in flight, and says so.
 //!
 //! A frame that announces another rate than the one before it may begin a count at another pace, or nothing. By
-//! the old line its predecessor has a time; from there a new line leads on at the new rate. It takes the old
-//! one's place after half a second in which all frames announced that rate and came within 20 ms of the new line,
-//! while the old one does not explain them any more. A delay that grows makes no such line: the source would have
-//! to announce, in the same frame, the rate at which its frames arrive from then on. A change
-//! without an announcement is not followed.
+//! the old line its predecessor has a time; from there, or from the frame if that comes sooner, a new line leads on at
+//! the new rate. It takes the old one's place after half a second in which all frames announced that rate and came
+//! within 20 ms of the new line, while the old one does not explain them any more. A delay that grows makes no such
+//! line: the source would have to announce, in the same frame, the rate at which its frames arrive from then on. A
+//! change without an announcement is not followed.
 
 use super::{Arrival, Line};
 use crate::clock::{SpanNs, TimeNs};
@@ -61,8 +61,11 @@ impl RateChange {
         let mut next = self.next.filter(is_same).unwrap_or_else(|| {
             let from = line.from(before);
             let period_ns = from.period_ns * self.announced_hz / rate_hz;
-            let (since, line) = (arrival.at, Some(Line { period_ns, ..from }));
-            Next { announced_hz: rate_hz, line, since, frames: 0, lowest_ns: 0.0 }
+            let line = Line { period_ns, ..from };
+            // The first frame of the new rate comes within a period of the old one's last.
+            let is_within = (-period_ns..0.0).contains(&line.late_ns(arrival));
+            let line = Some(if is_within { line.lowered_to(arrival) } else { line });
+            Next { announced_hz: rate_hz, line, since: arrival.at, frames: 0, lowest_ns: 0.0 }
         });
         let is_near = |line: &Line| line.late_ns(arrival).abs() <= NEAR_NS;
         next.line = next.line.filter(is_near);
