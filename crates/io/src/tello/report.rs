@@ -30,6 +30,10 @@ pub struct LinkReport {
     pub refusals: u64,
     /// Datagrams that the socket did not take or could not read.
     pub socket_errors: u64,
+    /// Datagrams of the drone that are no packet.
+    pub malformed: u64,
+    /// Statuses that found no room.
+    pub overflow: u64,
     /// Longest time between two turns of the sender in flight. ns
     pub longest_pause_ns: i64,
 }
@@ -64,6 +68,8 @@ impl LinkCounters {
             acks: self.acks.get(),
             refusals: self.refusals.get(),
             socket_errors: self.socket_errors.get(),
+            malformed: self.malformed.get(),
+            overflow: self.overflow.get(),
             longest_pause_ns: self.longest_pause().0,
         }
     }
@@ -109,6 +115,8 @@ mod tests {
             &counters.acks,
             &counters.refusals,
             &counters.socket_errors,
+            &counters.malformed,
+            &counters.overflow,
         ];
         for (counter, value) in all.into_iter().zip(1..) {
             counter.add(value);
@@ -125,6 +133,8 @@ mod tests {
             acks: 8,
             refusals: 9,
             socket_errors: 10,
+            malformed: 11,
+            overflow: 12,
             longest_pause_ns: 0,
         };
         assert_eq!(counters.report(), expected);

@@ -2,7 +2,7 @@
 //!
 //! Owns what a test of robustness changes, after a seed has drawn its vehicle.
 
-use horizon_model::setting::{SettingError, finite, positive};
+use horizon_model::setting::{SettingError, finite, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -12,13 +12,13 @@ use super::PlantParams;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VariationTable {
-    /// Factor of the horizontal gain. 1, > 0
+    /// Factor of the horizontal gain. 1, 0.01..=100
     pub gain: f64,
     /// Added to the dead time of every stick, which stays at 0 or above. s
     pub dead_time_s: f64,
-    /// Factor of the time constant of the horizontal velocity. 1, > 0
+    /// Factor of the time constant of the horizontal velocity. 1, 0.01..=100
     pub lag: f64,
-    /// Added to the direction of flight minus measured yaw. rad
+    /// Added to the direction of flight minus measured yaw. rad, -3.2..=3.2
     pub theta_0: f64,
 }
 
@@ -37,9 +37,9 @@ impl PlantParams {
         for axis in [&mut table.horizontal, &mut table.vertical, &mut table.yaw] {
             axis.dead_time_s = (axis.dead_time_s + longer_s).max(0.0);
         }
-        table.horizontal.gain *= positive("gain", variation.gain)?;
-        table.horizontal.tau_s *= positive("lag", variation.lag)?;
-        table.theta_0 += finite("theta_0", variation.theta_0)?;
+        table.horizontal.gain *= in_range("gain", variation.gain, 0.01..=100.0)?;
+        table.horizontal.tau_s *= in_range("lag", variation.lag, 0.01..=100.0)?;
+        table.theta_0 += in_range("theta_0", variation.theta_0, -3.2..=3.2)?;
         Self::try_from(table)
     }
 }
@@ -78,9 +78,10 @@ mod tests {
     #[test]
     fn nonsense_is_refused_with_key_value_and_rule() {
         for (variation, refusal) in [
-            (VariationTable { gain: 0.0, ..UNVARIED }, "gain = 0 violates finite and > 0"),
-            (VariationTable { lag: -1.0, ..UNVARIED }, "lag = -1 violates finite and > 0"),
-            (VariationTable { theta_0: f64::NAN, ..UNVARIED }, "theta_0 = NaN violates finite"),
+            (VariationTable { gain: 0.0, ..UNVARIED }, "gain = 0 violates 0.01..=100.0"),
+            (VariationTable { lag: -1.0, ..UNVARIED }, "lag = -1 violates 0.01..=100.0"),
+            (VariationTable { theta_0: f64::NAN, ..UNVARIED }, "theta_0 = NaN violates"),
+            (VariationTable { theta_0: 180.0, ..UNVARIED }, "theta_0 = 180 violates -3.2..=3.2"),
             (
                 VariationTable { dead_time_s: 2.0, ..UNVARIED },
                 "horizontal.dead_time_s = 2.32 violates 0.0..=2.0",
