@@ -140,7 +140,7 @@ fn nonsense_is_refused_with_key_value_and_rule() {
     assert_eq!(refusal(SimTable { start, ..table() }), "start.x = NaN violates finite");
     let mut bad = table();
     bad.variation.gain = -1.0;
-    assert_eq!(refusal(bad), "variation.gain = -1 violates finite and > 0");
+    assert_eq!(refusal(bad), "variation.gain = -1 violates 0.01..=100.0");
     let mut table = table();
     table.plant.vertical.tau_s = 0.0;
     assert_eq!(refusal(table), "plant.vertical.tau_s = 0 violates finite and > 0");
