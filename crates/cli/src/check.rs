@@ -97,8 +97,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         settings.find(|file| config::load::<Value>(file).is_ok_and(|it| it.get("cycle").is_some()))
     });
     for file in files {
-        if file.is_some_and(is_schema) {
+        if let Some(schema) = file.filter(|file| is_schema(file)) {
             // As `init` writes them beside the settings, for editors.
+            stdio::note(format_args!("{}: a JSON Schema, passed over", schema.display()));
             continue;
         }
         let name = file.map_or_else(|| "built-in".into(), |file| file.display().to_string());
@@ -136,7 +137,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
 fn is_schema(file: &Path) -> bool {
     let keys = config::load::<Value>(file).unwrap_or_default();
     let schema = keys.get("$schema").and_then(Value::as_str);
-    schema.is_some_and(|schema| schema.starts_with("https://json-schema.org/"))
+    let is_one = schema.is_some_and(|schema| schema.starts_with("https://json-schema.org/"));
+    is_one && keys.get("title").is_some()
 }
 
 /// The JSON schema of a kind of file.

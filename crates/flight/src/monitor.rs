@@ -215,8 +215,9 @@ const FORGET_S: f64 = 15.0;
 #[derive(Debug, Clone, Default)]
 struct Doubt {
     doubtful_s: f64,
-    /// Time since the latest judgement.
+    /// Time without a pose since the latest judgement, and before that.
     waited_s: f64,
+    waited_before_s: f64,
 }
 
 /// Doubt that lasts longer is disagreement. s
@@ -227,17 +228,19 @@ const DOUBT_LARGE_MAX_S: f64 = 0.3;
 /// vehicle stops in it, adds up.
 const FORGIVEN: f64 = 0.2;
 
-/// Longest time without a judgement that the next one stands for: between two poses of a source of 5 Hz. s
-const WAITED_MAX_S: f64 = 0.2;
+/// Longest time without a pose that a judgement stands for: with a source of 4 Hz. s
+const WAITED_MAX_S: f64 = 0.24;
 
 impl Doubt {
-    /// A period of `dt_s` passes without a pose to judge by: the next judgement is that of a longer time.
+    /// A period of `dt_s` passes without a pose: the next judgement is that of a longer time, if it is usual that
+    /// poses come so rarely.
     fn wait(&mut self, dt_s: f64) {
-        self.waited_s += dt_s;
+        self.waited_s = (self.waited_s + dt_s).min(WAITED_MAX_S);
     }
 
     fn judge(&mut self, error: f64, limit: f64, dt_s: f64) -> Agreement {
-        let judged_s = std::mem::take(&mut self.waited_s).min(WAITED_MAX_S) + dt_s;
+        let waited_s = std::mem::take(&mut self.waited_s);
+        let judged_s = dt_s + waited_s.min(std::mem::replace(&mut self.waited_before_s, waited_s));
         // NaN is in doubt.
         if error <= limit {
             self.doubtful_s = (self.doubtful_s - FORGIVEN * judged_s).max(0.0);

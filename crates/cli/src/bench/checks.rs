@@ -191,7 +191,7 @@ pub(super) const CHECKS: [Check; 17] = [
     ),
     still(
         "carry_up",
-        "up is - on the third axis, and height grows by 10 dm",
+        "up is - on the third axis, and height grows by 1 m",
         "hold it level at the hip; after Enter lift it by 1 m within 2 s and hold it there",
         &[Step::Quiet(6.0)],
     ),

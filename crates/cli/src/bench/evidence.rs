@@ -8,10 +8,10 @@ use tello_eval::view_numbers::to_thousandths;
 use super::checks::{Check, Proof};
 use super::wire::{Event, Status, What};
 
-/// Orders whose effect is looked for.
 /// A vehicle that is slower stands: reports have steps of 0.1 m/s.
 const MOVED_MIN_MPS: f64 = 0.15;
 
+/// Orders whose effect is looked for.
 const ORDERS: [&str; 4] = ["take_off", "land", "emergency", "hello"];
 
 /// The step in which the drone is landed whatever came before.
@@ -64,7 +64,7 @@ pub(super) fn seen(
 /// The lines of `seen` for people.
 pub(super) fn lines(seen: &Value) -> Vec<String> {
     let mut lines = vec![format!(
-        "{} statuses, longest gap {} s, battery {} %, height {} dm",
+        "{} statuses, longest gap {} s, battery {} %, height {} m",
         seen["statuses"], seen["longest_gap_s"], seen["battery_pct"], seen["height_m"]
     )];
     for change in seen["changes"].as_array().into_iter().flatten() {
@@ -81,7 +81,7 @@ pub(super) fn lines(seen: &Value) -> Vec<String> {
     }
     let velocity = &seen["velocity"];
     lines.push(format!(
-        "velocity: travelled {} m, extremes {} dm/s, first 2 dm/s at {} s",
+        "velocity: travelled {} m, extremes {} m/s, first 0.2 m/s at {} s",
         velocity["travelled_m"], velocity["extremes_mps"], velocity["moved_at_s"]
     ));
     if let Some(turned_deg) = seen["turned_deg"].as_f64() {
@@ -89,7 +89,7 @@ pub(super) fn lines(seen: &Value) -> Vec<String> {
     }
     for step in seen["steps"].as_array().into_iter().flatten() {
         lines.push(format!(
-            "{:>7} s  flies {:<5}  height {:>5} dm  velocity {} dm/s  before: {}",
+            "{:>7} s  flies {:<5}  height {:>5} m  velocity {} m/s  before: {}",
             step["t_s"].to_string(),
             step["is_flying"].to_string(),
             step["height_m"].to_string(),

@@ -120,8 +120,8 @@ pub(super) fn too_old(report: &StreamReport) -> Option<String> {
     let limit_s = SIGHTING_AGE_MAX.seconds();
     (report.latency_mean_s > limit_s).then(|| {
         format!(
-            "poses are {:.2} s old when they arrive, by the delay that their source announces; older ones than \
-             {limit_s} s do not count",
+            "poses are {:.2} s old when they arrive, in the mean, by the delay that their source announces or by the \
+             clock; older ones than {limit_s} s do not count",
             report.latency_mean_s
         )
     })

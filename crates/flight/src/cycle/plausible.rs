@@ -18,6 +18,9 @@ const REPEATS_MIN: u32 = 3;
 /// Speed of a step between poses that is no jump: full sticks along one axis reach 1.8 m/s. m/s
 const SPEED_MAX_MPS: f64 = 2.0;
 
+/// For so long a place may have been repeated while the vehicle flew on: what lasts longer ends a flight. s
+const REPEATED_MAX_S: f64 = 1.0;
+
 /// Excess from which on poses are rough, as those of an object that is found in two places in turn. m
 const ROUGH_M: f64 = 0.1;
 
@@ -76,6 +79,7 @@ impl<const N: usize> Recent<N> {
 #[derive(Debug, Clone, Copy)]
 struct Accepted {
     pose: Pose,
+    measured_at: TimeNs,
     /// When its place was measured first: a stalled stream repeats it.
     arrived_at: TimeNs,
 }
@@ -150,22 +154,25 @@ impl Plausibility {
         let Some(now) = filtered.o.filter(|_| filtered.position == Acceptance::Accepted) else {
             return;
         };
-        let accepted = Accepted { pose: now, arrived_at: at };
+        let accepted = Accepted { pose: now, measured_at: at, arrived_at: at };
         if let Some(before) = self.accepted.replace(accepted) {
             self.take_step(before, &now, at);
         }
     }
 
     /// Takes the step from the accepted pose `before` to `now`, measured at `at`. Its time is that since the place
-    /// before was measured first: some systems repeat the last pose of an object that they do not see.
+    /// before was measured first, up to a second: some systems repeat the last pose of an object that they do not see.
+    /// A descent has the time since the pose alone.
     fn take_step(&mut self, before: Accepted, now: &Pose, at: TimeNs) {
-        let flown_m = SPEED_MAX_MPS * at.since(before.arrived_at).seconds().max(0.0);
+        let since_s = at.since(before.measured_at).seconds().max(0.0);
+        let repeated_s = before.measured_at.since(before.arrived_at).seconds().min(REPEATED_MAX_S);
+        let flown_m = SPEED_MAX_MPS * (since_s + repeated_s);
         let larger = |so_far: Option<f64>, new: f64| so_far.map_or(new, |so_far| so_far.max(new));
         let step_w = pos_w(now) - pos_w(&before.pose);
         let length_m = step_w.norm();
         let jump_m = length_m - flown_m;
         self.jump_m = Some(larger(self.jump_m, jump_m));
-        self.drop_m = Some(larger(self.drop_m, -step_w.z - flown_m));
+        self.drop_m = Some(larger(self.drop_m, -step_w.z - SPEED_MAX_MPS * since_s));
         if jump_m > UNSTEADY_M {
             self.unsteady.note();
         }

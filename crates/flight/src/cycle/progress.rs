@@ -8,6 +8,9 @@ use crate::Mission;
 /// The mission may take so many times as long as planned before its overtime counts.
 const PLANNED_MAX: f64 = 2.0;
 
+/// What counts of the distance to a reference that the vehicle cannot get to.
+const BLOCKED: f64 = 0.5;
+
 /// A vehicle within this of the height of its reference, or above it, has not sunk. m
 const LEVEL_M: f64 = 0.1;
 
@@ -20,6 +23,8 @@ pub(super) struct Progress {
     targets_reached: usize,
     /// Least distance and turn since the reference was chosen. m, rad
     least: Option<(f64, f64)>,
+    /// Whether an obstacle that moves was in the way to the reference.
+    was_blocked: bool,
     /// Greatest height since the vehicle was last level with its reference. World frame. m
     top_m: Option<f64>,
 }
@@ -62,10 +67,18 @@ impl Progress {
         self.top_m = None;
     }
 
-    /// How the vehicle at `pose_hat` tracks its reference.
-    pub(super) fn tracking(&mut self, mission: &Mission, pose_hat: &Pose) -> Tracking {
+    /// How the vehicle at `pose_hat` tracks its reference. While an obstacle that moves is in the way there, by
+    /// `is_way_blocked`, of the distance half counts; once it has gone, the distance of then is the least one.
+    pub(super) fn tracking(
+        &mut self,
+        mission: &Mission,
+        pose_hat: &Pose,
+        is_way_blocked: impl FnOnce(&Pose) -> bool,
+    ) -> Tracking {
         let target = mission.is_pointwise().then(|| *mission.target());
         let Some(reference) = mission.reference().or(target) else { return Tracking::default() };
+        let is_blocked = is_way_blocked(&reference);
+        let was_blocked = std::mem::replace(&mut self.was_blocked, is_blocked);
         if target.is_some() && self.targets_reached != mission.targets_reached() {
             self.targets_reached = mission.targets_reached();
             self.resume();
@@ -74,13 +87,15 @@ impl Progress {
         let (now_m, now_rad) =
             (apart_w.fixed_rows::<3>(pose::X).norm(), wrap(apart_w[pose::THETA]).abs());
         let (before_m, before_rad) = self.least.unwrap_or((now_m, now_rad));
+        let before_m = if was_blocked && !is_blocked { now_m } else { before_m };
         let (least_m, least_rad) = (before_m.min(now_m), before_rad.min(now_rad));
+        let counted = if is_blocked { BLOCKED } else { 1.0 };
         self.least = Some((least_m, least_rad));
         let (z_m, below_m) = (pose_hat[pose::Z], apart_w[pose::Z]);
         let top_m = self.top_m.filter(|_| below_m > LEVEL_M).map_or(z_m, |top_m| top_m.max(z_m));
         self.top_m = Some(top_m);
         Tracking {
-            away_m: now_m - least_m,
+            away_m: counted * (now_m - least_m),
             turned_rad: now_rad - least_rad,
             below_m,
             sunk_m: below_m.min(top_m - z_m),
@@ -101,17 +116,20 @@ mod tests {
         let mut mission = mission(include_str!("../../../../configs/missions/square.json"));
         let mut progress = Progress::default();
         let far = mission.first_pose() + Pose::new(3.0, 4.0, 0.0, 9.0);
-        assert!(progress.tracking(&mission, &far).away_m <= 0.0, "before it was seen");
+        assert!(progress.tracking(&mission, &far, |_| false).away_m <= 0.0, "before it was seen");
         mission.advance(&far);
         assert!(
-            progress.tracking(&mission, &far).away_m < 0.1,
+            progress.tracking(&mission, &far, |_| false).away_m < 0.1,
             "the reference begins at the vehicle"
         );
         let away = far + Pose::new(2.0, 0.0, 0.0, 0.0);
-        let away_m = progress.tracking(&mission, &away).away_m;
+        let away_m = progress.tracking(&mission, &away, |_| false).away_m;
         assert!((away_m - 2.0).abs() < 0.1, "{away_m} m");
         progress.resume();
-        assert!(progress.tracking(&mission, &away).away_m <= 0.0, "it may come back from there");
+        assert!(
+            progress.tracking(&mission, &away, |_| false).away_m <= 0.0,
+            "it may come back from there"
+        );
     }
 
     #[test]
@@ -120,7 +138,7 @@ mod tests {
         let mut progress = Progress::default();
         let at = |x_m: f64| mission.first_pose() + Pose::new(x_m, 0.0, 0.0, 0.0);
         for (x_m, tracking_m) in [(5.0, 0.0), (3.0, 0.0), (3.5, 0.5), (2.0, 0.0), (6.0, 4.0)] {
-            let found_m = progress.tracking(&mission, &at(x_m)).away_m;
+            let found_m = progress.tracking(&mission, &at(x_m), |_| false).away_m;
             assert!((found_m - tracking_m).abs() < 1e-9, "{x_m} m: {found_m} m");
         }
     }
@@ -133,8 +151,31 @@ mod tests {
         for (rad, turned_rad) in
             [(3.0, 0.0), (1.0, 0.0), (0.2, 0.0), (-0.5, 0.3), (-3.0, 2.8), (-6.0, 0.083)]
         {
-            let found_rad = progress.tracking(&mission, &turned(rad)).turned_rad;
+            let found_rad = progress.tracking(&mission, &turned(rad), |_| false).turned_rad;
             assert!((found_rad - turned_rad).abs() < 1e-3, "{rad} rad: {found_rad} rad");
+        }
+    }
+
+    #[test]
+    fn an_obstacle_in_the_way_lets_half_of_the_distance_count_and_what_it_left_is_the_least() {
+        let mission = mission(include_str!("../../../../configs/targets/square.json"));
+        let mut progress = Progress::default();
+        let mut away_m = |x_m: f64, is_blocked: bool| {
+            let at = mission.first_pose() + Pose::new(x_m, 0.0, 0.0, 0.0);
+            progress.tracking(&mission, &at, |_| is_blocked).away_m
+        };
+        for (x_m, is_blocked, expected_m) in [
+            (0.0, false, 0.0),
+            (1.0, true, 0.5),
+            (4.0, true, 2.0),
+            (2.0, true, 1.0),
+            (2.0, false, 0.0),
+            (3.0, false, 1.0),
+            (0.5, false, 0.0),
+            (2.0, false, 1.5),
+        ] {
+            let found_m = away_m(x_m, is_blocked);
+            assert!((found_m - expected_m).abs() < 1e-9, "{x_m} m, {is_blocked}: {found_m} m");
         }
     }
 
@@ -147,12 +188,12 @@ mod tests {
         for (z_m, sunk_m) in
             [(1.0, 0.0), (0.0, 0.0), (-0.5, 0.5), (-0.6, 0.6), (0.0, 0.0), (0.3, 0.0)]
         {
-            let found_m = progress.tracking(&mission, &over(z_m)).sunk_m.max(0.0);
+            let found_m = progress.tracking(&mission, &over(z_m), |_| false).sunk_m.max(0.0);
             assert!((found_m - sunk_m).abs() < 1e-9, "{z_m} m: {found_m} m");
         }
         progress.restart_height();
         for (z_m, sunk_m) in [(-0.8, 0.0), (-0.5, 0.0), (-0.7, 0.2)] {
-            let found_m = progress.tracking(&mission, &over(z_m)).sunk_m;
+            let found_m = progress.tracking(&mission, &over(z_m), |_| false).sunk_m;
             assert!((found_m - sunk_m).abs() < 1e-9, "{z_m} m: {found_m} m");
         }
     }

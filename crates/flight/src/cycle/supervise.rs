@@ -95,18 +95,15 @@ where
         ruling.pilot
     }
 
-    /// How the vehicle at `at` tracks its reference. Where it was carried before its flight is no part of that, nor
-    /// where an obstacle that moves drives it; and a plan that evades an obstacle may lead down.
+    /// How the vehicle at `at` tracks its reference. Where it was carried before its flight is no part of that, and a
+    /// plan that evades an obstacle may lead down.
     fn track(&mut self, at: &Pose) -> Tracking {
         if self.supervisor.phase() != Phase::Flying {
             self.progress.resume();
             self.progress.restart_height();
         }
-        let reference = self.mission.reference().unwrap_or(*self.mission.target());
-        if self.planner.is_way_blocked(at, &reference) {
-            self.progress.resume();
-        }
-        let tracking = self.progress.tracking(&self.mission, at);
+        let is_way_blocked = |to: &Pose| self.planner.is_way_blocked(at, to);
+        let tracking = self.progress.tracking(&self.mission, at, is_way_blocked);
         let sunk_m = if self.planner.is_beside_obstacle(at) { 0.0 } else { tracking.sunk_m };
         Tracking { sunk_m, ..tracking }
     }

@@ -127,16 +127,18 @@ impl Walls {
         self.is_nearer(at_w, BESIDE_M)
     }
 
-    /// Whether the obstacle that moves is nearer than 0.6 m to the straight way from `at_w` to `to_w`, world frame: a
-    /// vehicle that evades it does not get there. m
+    /// Whether the obstacle that moves is between `at_w` and `to_w`, world frame, and nearer than 0.6 m to the straight
+    /// way, or so near to one of its ends that a vehicle is driven away: it does not get there. m
     pub(super) fn is_way_blocked(&self, at_w: &Vector3<f64>, to_w: &Vector3<f64>) -> bool {
         let Some(moving_w) = self.moving.map(|moving| moving.place(0.0)) else { return false };
         // Seen from above: it has any height.
         let (way_w, apart_w) = ((to_w - at_w).xy(), (moving_w - at_w).xy());
         let along = apart_w.dot(&way_w) / way_w.norm_squared().max(f64::MIN_POSITIVE);
         let nearest_w = at_w + along.clamp(0.0, 1.0) * (to_w - at_w);
+        let is_between = (0.0..=1.0).contains(&along);
+        let limit_m = if is_between { BESIDE_M } else { self.table.margin_m };
         let mut moving = self.obstacles.iter().filter(|obstacle| obstacle.is_moving());
-        moving.any(|it| it.distance_from(&nearest_w, Some(&moving_w)).distance_m < BESIDE_M)
+        moving.any(|it| it.distance_from(&nearest_w, Some(&moving_w)).distance_m < limit_m)
     }
 
     /// Whether `at_w` is nearer than this to an obstacle that does not move. m

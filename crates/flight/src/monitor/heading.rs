@@ -126,12 +126,14 @@ impl HeadingMonitor {
         };
         let Some(sense) = self.sense else { return (Agreement::Unknown, 0.0) };
         let error_rad = (turns.poses - turns.by_drone_rad(sense)).abs();
-        if by_pose.is_none() || by_drone.is_none() {
-            // What the vehicle turned without a heading is in the next one.
+        if by_pose.is_none() {
             self.doubt.wait(self.dt_s);
-            return (Agreement::Unknown, error_rad);
         }
-        if error_rad > self.limit_rad && !turns.is_drone_nearer(sense) {
+        // What the vehicle turned without a heading is in the next one.
+        if by_pose.is_none()
+            || by_drone.is_none()
+            || error_rad > self.limit_rad && !turns.is_drone_nearer(sense)
+        {
             return (Agreement::Unknown, error_rad);
         }
         (self.doubt.judge(error_rad, self.limit_rad, self.dt_s), error_rad)

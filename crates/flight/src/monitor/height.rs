@@ -85,7 +85,9 @@ impl HeightMonitor {
         let (Some((z_m, height_m)), Some(level_m), Some(ground_m)) =
             (heights(sample), self.level_m, self.ground_m)
         else {
-            self.doubt.wait(self.dt_s);
+            if sample.pose.is_none() {
+                self.doubt.wait(self.dt_s);
+            }
             return (Agreement::Unknown, self.error_m);
         };
         self.floor_m += self.floor_step_m(z_m, height_m);

@@ -11,9 +11,9 @@ use super::since::elapsed_s;
 /// Horizontal distance from the place of the take-off at which control starts once the climb has ended. m
 const DRIFT_MAX_M: f64 = 0.3;
 
-/// A vehicle that does not rise by so much in this time has ended its climb. m, s
+/// A vehicle that does not rise by so much in this time, longer than between poses of 4 Hz, has ended its climb. m, s
 const RISE_MIN_M: f64 = 0.03;
-const LEVEL_S: f64 = 0.2;
+const LEVEL_S: f64 = 0.3;
 
 /// What is known of the take-off.
 #[derive(Debug, Clone, Default)]
@@ -100,7 +100,7 @@ mod tests {
             })
         };
         let level_ms = steered_ms(1.5, 4.0).unwrap();
-        assert!((1600..=1720).contains(&level_ms), "{level_ms} ms");
+        assert!((1700..=1820).contains(&level_ms), "{level_ms} ms");
         assert_eq!(steered_ms(9.0, 2.0), Some(2000), "a climb that does not end");
     }
 
@@ -111,7 +111,7 @@ mod tests {
             settling.stand(Some(Pose::new(1.0, -2.0, 0.0, 0.0)));
             settling.rise(0);
             let at = Some(Pose::new(x_m, y_m, 1.0, 0.0));
-            let [early, later] = [0, 200_000_000].map(|t_ns| Evidence { pose: at, t_ns, ..ALOFT });
+            let [early, later] = [0, 300_000_000].map(|t_ns| Evidence { pose: at, t_ns, ..ALOFT });
             assert!(!settling.is_over(&early, 1.0), "nothing tells that it does not climb");
             assert_eq!(settling.is_over(&later, 1.0), is_over, "{x_m}, {y_m} m");
         }

@@ -179,7 +179,12 @@ impl ObjectStreamSource {
     fn read(&mut self, block: &Block<'_>, on_frame: &mut dyn FnMut(Frame)) -> Option<Reading> {
         let (mut others, mut found) = (0, None);
         for body in block.objects() {
-            let body = body.ok()?;
+            let body = match body {
+                Ok(body) => body,
+                // Behind our object nothing else matters.
+                Err(_) if found.is_some() => continue,
+                Err(_) => return None,
+            };
             if body.name != self.object.as_bytes() {
                 others += 1;
             } else if found.replace(body).is_some() {

@@ -39,11 +39,11 @@ fn a_place_that_was_repeated_is_as_old_as_when_it_was_measured() {
         plausibility.judge(Some(&o), &seen, at(ms));
         plausibility.jump_m()
     };
-    let least_m = (0..=30).filter_map(|k| see(0.0, 20 * k)).fold(0.0, f64::min);
-    assert!((least_m + 1.2).abs() < 1e-9, "{least_m} m: the place is as old");
-    let jump_m = see(0.8, 620).unwrap();
-    assert!((jump_m + 0.44).abs() < 1e-9, "{jump_m} m");
-    let jump_m = see(1.6, 640).unwrap();
+    let least_m = (0..=80).filter_map(|k| see(0.0, 20 * k)).fold(0.0, f64::min);
+    assert!((least_m + 2.04).abs() < 1e-9, "{least_m} m: up to a second");
+    let jump_m = see(2.5, 1620).unwrap();
+    assert!((jump_m - 0.46).abs() < 1e-9, "{jump_m} m");
+    let jump_m = see(3.3, 1640).unwrap();
     assert!((jump_m - 0.76).abs() < 1e-9, "{jump_m} m");
     assert!(plausibility.shift_m() > 0.7);
 }

@@ -170,6 +170,28 @@ fn a_vehicle_in_flight_is_inside_of_obstacles_that_do_not_move_alone() {
 }
 
 #[test]
+fn the_way_is_blocked_by_what_moves_between_its_ends_or_over_one_of_them() {
+    let moving = ObstacleTable::Moving { radius_m: 0.5 };
+    let mut walls = Walls::new(Some(&TABLE), None, &[moving, POLE]).unwrap().unwrap();
+    let to_w = Vector3::new(0.0, 0.0, 1.0);
+    let is_blocked =
+        |walls: &Walls, x_m: f64| walls.is_way_blocked(&Vector3::new(x_m, 0.0, 1.3), &to_w);
+    assert!(!is_blocked(&walls, 2.0), "nobody knows where it is");
+    for _ in 0..100 {
+        walls.follow(Some([1.0, 0.3, 0.0]), 0.02);
+    }
+    // Behind it, inside of it twice, driven on by it, and on the far side of the reference.
+    let blocked = [(3.0, true), (1.0, true), (0.8, true), (0.3, false), (-3.0, false)];
+    for (x_m, is_expected) in blocked {
+        assert_eq!(is_blocked(&walls, x_m), is_expected, "{x_m} m");
+    }
+    for _ in 0..100 {
+        walls.follow(Some([-0.2, 0.0, 0.0]), 0.02);
+    }
+    assert!(is_blocked(&walls, 2.0), "it stands where the vehicle is to be");
+}
+
+#[test]
 fn a_vehicle_stays_down_inside_of_an_obstacle_and_below_one_that_its_climb_meets() {
     let shelf = |low_m| ObstacleTable::Box { x_m: [0.0, 1.0], y_m: [0.0, 1.0], z_m: [low_m, 2.4] };
     let is_blocked = |obstacle: ObstacleTable, x_m: f64, z_m: f64| {

@@ -70,8 +70,23 @@ impl Frames {
             self.unread_bytes += resumed - self.at;
             self.is_ended = self.frame(resumed)?.is_none();
             self.at = resumed;
+            if self.is_ended && self.is_closed(resumed)? {
+                self.at += MAGIC.len() as u64;
+            }
         }
         Ok(None)
+    }
+
+    /// Whether the magic at byte `at` closes the log: the file ends behind it, or another one begins.
+    fn is_closed(&self, at: u64) -> io::Result<bool> {
+        let behind = at + MAGIC.len() as u64;
+        let mut next = [0; MAGIC.len()];
+        let left = self.bytes.saturating_sub(behind);
+        if left < MAGIC.len() as u64 {
+            return Ok(self.bytes >= behind);
+        }
+        self.file.read_exact_at(&mut next, behind)?;
+        Ok(next == MAGIC)
     }
 
     /// Bytes behind the end of the log, now that it was met.

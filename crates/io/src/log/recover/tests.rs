@@ -119,8 +119,10 @@ fn of_two_logs_in_one_file_the_first_whose_end_is_damaged_takes_nothing_of_the_s
     let mut twice = once.repeat(2);
     // The opcode of the footer, which has 29 bytes.
     twice[once.len() - MAGIC.len() - 29] = 0;
-    let (_, recovered) = recovered("ends", &twice);
-    assert_eq!((recovered.messages, recovered.rest_bytes), (120, once.len() as u64 + 8));
+    let (_, of_two) = recovered("ends", &twice);
+    assert_eq!((of_two.messages, of_two.rest_bytes), (120, once.len() as u64));
+    let (_, of_one) = recovered("ends", &twice[..once.len()]);
+    assert_eq!((of_one.messages, of_one.rest_bytes, of_one.unread_bytes), (120, 0, 29));
 }
 
 #[test]

@@ -2,8 +2,8 @@
 //!
 //! Frames are then earlier than the line says, by a constant time, and their numbers go on without a gap: no other
 //! count does that. After half a second in which they keep to a parallel line, that one takes the old one's place.
-//! Frames at another pace, or behind a gap that could hide a delay, are not followed, nor is more than 0.25 s in all:
-//! numbers that run ahead of time would hide a delay that grows.
+//! Frames at another pace, or behind a gap that could hide a delay, are not followed, nor is more than 0.25 s below the
+//! line of the take-off: numbers that run ahead of time would hide a delay that grows.
 
 use super::{Arrival, Line};
 use crate::clock::{SpanNs, TimeNs};
@@ -14,8 +14,9 @@ const PROOF: SpanNs = SpanNs::from_ms(500);
 /// How many of them there have to be.
 const FRAMES_MIN: u32 = 5;
 
-/// Distance from the parallel line within which they are. ns
-const NEAR_NS: f64 = 10e6;
+/// How late they may be by the parallel line, and how early: more would be another pace. ns
+const LATE_MAX_NS: f64 = 20e6;
+const EARLY_MAX_NS: f64 = 10e6;
 
 /// By how much a way becomes shorter in a flight at most. ns
 const SHORTER_MAX_NS: f64 = 250e6;
@@ -28,7 +29,7 @@ const GAP_MAX_NS: f64 = 100e6;
 pub(super) struct ShorterWay {
     /// A line below that of the flight, while frames keep to it.
     next: Option<Parallel>,
-    /// By how much the way has become shorter so far. ns
+    /// How far the line is below that of the take-off. ns
     shorter_ns: f64,
 }
 
@@ -49,18 +50,23 @@ impl ShorterWay {
         self.next = None;
     }
 
-    /// Takes in a frame that comes too early for the line of the take-off, beside the present `line`, on which the
-    /// newest frame has the number `before`; the line of the shorter way, once that is proven.
-    pub(super) fn observe(&mut self, arrival: Arrival, line: Line, before: i64) -> Option<Line> {
+    /// Takes in a frame that comes too early for the line that counts since `begin`, beside the present `line`, on
+    /// which the newest frame has the number `before`; the line of the shorter way, once that is proven.
+    pub(super) fn observe(
+        &mut self,
+        arrival: Arrival,
+        [begin, line]: [Line; 2],
+        before: i64,
+    ) -> Option<Line> {
         let follows = |number: i64| {
             let gap_ns = arrival.number.saturating_sub(number) as f64 * line.period_ns;
             arrival.number > number && gap_ns <= GAP_MAX_NS.max(2.0 * line.period_ns)
         };
-        let is_near = |it: &Parallel| it.line.late_ns(arrival).abs() <= NEAR_NS;
+        let is_near =
+            |it: &Parallel| (-EARLY_MAX_NS..=LATE_MAX_NS).contains(&it.line.late_ns(arrival));
         let newest = self.next.map_or(before, |known| known.newest);
-        let early_ns = -line.late_ns(arrival);
-        let early_max_ns = SHORTER_MAX_NS - self.shorter_ns;
-        if !follows(newest) || early_ns < -NEAR_NS || early_ns > early_max_ns {
+        let early_ns = -begin.late_ns(arrival);
+        if !follows(newest) || early_ns < 0.0 || self.shorter_ns + early_ns > SHORTER_MAX_NS {
             self.next = None;
             return None;
         }
@@ -79,8 +85,9 @@ impl ShorterWay {
         is_proven.then(|| {
             self.next = None;
             let offset_ns = known.line.offset_ns + known.lowest_ns;
-            self.shorter_ns += line.offset_ns - offset_ns;
-            Line { offset_ns, as_of: arrival.at, touched_at: arrival.at, ..known.line }
+            let line = Line { offset_ns, as_of: arrival.at, touched_at: arrival.at, ..known.line };
+            self.shorter_ns += line.late_ns(arrival) - begin.late_ns(arrival);
+            line
         })
     }
 }
@@ -99,7 +106,7 @@ mod tests {
         let mut way = ShorterWay::default();
         let see = |(number, early_ms): (i64, i64)| {
             let at = TimeNs(1_000_000_000).after(SpanNs::from_ms(10 * number - early_ms));
-            way.observe(Arrival { number, at }, line(), 0)
+            way.observe(Arrival { number, at }, [line(); 2], 0)
         };
         frames.into_iter().find_map(see)
     }
@@ -111,15 +118,15 @@ mod tests {
         let on_it = Arrival { number: 51, at: TimeNs(1_430_000_000) };
         assert!(proven.late_ns(on_it).abs() < 1e-6, "{proven:?}");
         // Jitter: the lowest frame counts. By 8 ms per second, as where a load goes down.
-        let proven = after((1..=51).map(|k| (k, if k == 7 { 89 } else { 80 }))).unwrap();
-        assert!((proven.late_ns(on_it) - 9e6).abs() < 1e-3, "{proven:?}");
+        let proven = after((1..=51).map(|k| (k, if k == 7 { 90 } else { 80 }))).unwrap();
+        assert!((proven.late_ns(on_it) - 10e6).abs() < 1e-3, "{proven:?}");
         assert!(after((1..=52).map(|number| (number, 60 + number * 8 / 100))).is_some());
     }
 
     #[test]
     fn another_count_or_another_pace_is_not_followed() {
         assert!(after((1..=80).map(|number| (number, 251))).is_none(), "too early");
-        assert!(after((1..=80).map(|number| (number, -11))).is_none(), "late");
+        assert!(after((1..=80).map(|number| (number, -1))).is_none(), "late");
         assert!(after((12..=80).map(|number| (number, 80))).is_none(), "behind a gap");
         assert!(after((-80..=0).map(|number| (number, 80))).is_none(), "began anew");
         assert!(after((1..=80).map(|number| (number, 60 + number / 2))).is_none(), "105 Hz");

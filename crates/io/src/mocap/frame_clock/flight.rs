@@ -95,7 +95,7 @@ impl Flight {
             return Some(self.begin_on(line, arrival, arrivals));
         }
         if !is_possible {
-            let line = self.shorter.observe(arrival, drifted, self.newest)?;
+            let line = self.shorter.observe(arrival, [self.begin?, drifted], self.newest)?;
             return Some(self.begin_on(line, arrival, arrivals));
         }
         self.shorter.restart();
