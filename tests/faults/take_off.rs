@@ -38,14 +38,20 @@ fn noisy_poses_on_the_ground_keep_the_drone_there() {
 
 #[test]
 fn a_take_off_that_drifts_is_steered_once_its_climb_has_ended() {
+    let fly = |script: &[ScriptedFault]| {
+        let (mut flight, sim) = settings(script);
+        flight.cycle.supervisor.settle_s = 4.0;
+        fly_alone(&(flight, sim), 40.0)
+    };
     let steered_s =
         |story: &Story| story.first(0.0, |moment| moment.pilot == Some(Pilot::Controller)).unwrap();
-    let straight_s = steered_s(&fly_alone(&settings(&[]), 12.0));
-    // A draught from the end of the climb on.
+    let straight_s = steered_s(&fly(&[]));
+    // A draught in the climb.
     let push = SimFault::DronePushed { velocity_w_mps: [0.4, 0.0, 0.0] };
-    let carried = with(push, straight_s - 1.9, 1.5, 40.0);
+    let from_s = straight_s - 3.9;
+    let carried = fly(&[ScriptedFault { fault: push, from_s, for_s: 1.5 }]);
     let early_s = straight_s - steered_s(&carried);
-    assert!((0.2..0.5).contains(&early_s), "{early_s} s before {straight_s} s");
+    assert!((1.2..2.5).contains(&early_s), "{early_s} s before {straight_s} s");
     carried.assert_sound();
     carried.assert_down();
     assert_eq!(carried.last().faults, [], "{:?}", carried.last());

@@ -183,10 +183,10 @@ fn fits(trajectory: &TrajectoryTable, room: Option<&RoomTable>) -> bool {
     }
     let Some(room) = room else { return true };
     rows.windows(2).all(|pair| {
-        let [from, to] = pair else { return false };
-        let length_s = to[0] - from[0];
+        let [[from_s, from @ ..], [to_s, to @ ..]] = pair else { return false };
+        let length_s = to_s - from_s;
         let walls_m = room.walls_m();
-        walls_m.iter().zip(from.iter().zip(to).skip(1)).all(|([low_m, high_m], (from, to))| {
+        walls_m.iter().zip(from.iter().zip(to)).all(|([low_m, high_m], (from, to))| {
             let stopped_m = to + (to - from) / length_s * room.stop_s;
             [*to, stopped_m].iter().all(|at| at - BESIDE_M > *low_m && at + BESIDE_M < *high_m)
         })

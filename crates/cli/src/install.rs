@@ -121,18 +121,19 @@ pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
     if let Some(Walls([x_0, x_1, y_0, y_1, z])) = room {
         let room = &mut fly["cycle"]["supervisor"]["room"];
         (room["x_m"], room["y_m"]) = (json!([x_0, x_1]), json!([y_0, y_1]));
-        room["z_m"][1] = json!(z);
+        let low_m = room["z_m"].get(0).cloned();
+        room["z_m"] = json!([low_m, z]);
     }
     let mut square = serde_json::to_value(square)?;
     let mut hover: Value =
         serde_json::from_str(include_str!("../../../configs/missions/hover.json"))?;
     let mut sim: Value = serde_json::from_str(tello_sim::BUILT_IN)?;
     if let Some(Walls([x_0, x_1, y_0, y_1, _])) = room {
-        let middle = [f64::midpoint(*x_0, *x_1), f64::midpoint(*y_0, *y_1)];
+        let middle @ [x, y] = [f64::midpoint(*x_0, *x_1), f64::midpoint(*y_0, *y_1)];
         centre(&mut square["waypoints"]["waypoints"], 0, middle);
         centre(&mut hover["trajectory"]["points"]["rows"], 1, middle);
         let start = &mut sim["start"]["ground"];
-        (start["x"], start["y"]) = (json!(middle[0]), json!(middle[1]));
+        (start["x"], start["y"]) = (json!(x), json!(y));
     }
     let files = [
         ("fly.schema.json", serde_json::to_value(schema_for!(config::FlyTable))?),

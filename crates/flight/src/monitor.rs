@@ -215,9 +215,8 @@ const FORGET_S: f64 = 15.0;
 #[derive(Debug, Clone, Default)]
 struct Doubt {
     doubtful_s: f64,
-    /// Time without a pose since the latest judgement, and before that.
-    waited_s: f64,
-    waited_before_s: f64,
+    /// Time without a pose since the latest judgement, and between the two before.
+    waited_s: [f64; 2],
 }
 
 /// Doubt that lasts longer is disagreement. s
@@ -235,12 +234,14 @@ impl Doubt {
     /// A period of `dt_s` passes without a pose: the next judgement is that of a longer time, if it is usual that
     /// poses come so rarely.
     fn wait(&mut self, dt_s: f64) {
-        self.waited_s = (self.waited_s + dt_s).min(WAITED_MAX_S);
+        let [now_s, _] = &mut self.waited_s;
+        *now_s = (*now_s + dt_s).min(WAITED_MAX_S);
     }
 
     fn judge(&mut self, error: f64, limit: f64, dt_s: f64) -> Agreement {
-        let waited_s = std::mem::take(&mut self.waited_s);
-        let judged_s = dt_s + waited_s.min(std::mem::replace(&mut self.waited_before_s, waited_s));
+        let [now_s, before_s] = self.waited_s;
+        self.waited_s = [0.0, now_s];
+        let judged_s = dt_s + before_s.min(now_s);
         // NaN is in doubt.
         if error <= limit {
             self.doubtful_s = (self.doubtful_s - FORGIVEN * judged_s).max(0.0);

@@ -240,7 +240,7 @@ impl Measured {
                 corner.pass(&horizontal(&at), tick.targets_reached);
             }
         }
-        let reached = flight.reached[0];
+        let [reached, _] = flight.reached;
         let passed = corners.iter().filter(|corner| corner.is_reached(reached));
         self.add(Quantity::OvershootM, passed.map(Corner::overshoot_m));
         self.add(Quantity::DistanceM, distances_m.into_iter());

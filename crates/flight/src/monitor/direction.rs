@@ -47,7 +47,7 @@ pub(super) struct DirectionMonitor {
     theta_rad: f64,
     since: SincePose,
     /// The newest of [`Velocities::u`] before the ring takes it. 1
-    v_u: Complex<f64>,
+    v_u_w: Complex<f64>,
     /// What is left of a velocity from before the comparison, over that velocity. 1
     decay: f64,
     /// Ring of the newest velocities, as long as the shift.
@@ -64,7 +64,7 @@ pub(super) struct DirectionMonitor {
 struct SincePose {
     count: usize,
     /// As of [`DirectionMonitor`].
-    v_u: Complex<f64>,
+    v_u_w: Complex<f64>,
     decay: f64,
 }
 
@@ -72,9 +72,9 @@ struct SincePose {
 #[derive(Debug, Clone, Copy, Default)]
 struct Velocities {
     /// That the inputs ask for, after the lag, over the gain. 1
-    u: Complex<f64>,
+    v_u_w: Complex<f64>,
     /// That the poses show. m/s
-    o: Complex<f64>,
+    v_o_w: Complex<f64>,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -124,13 +124,13 @@ impl Sums {
         }
         let (u, o, y) = (self.u / time_s, self.o / time_s, self.y / time_s);
         let (u_y, y_o) = (u_y / time_s - u.conj() * y, y_o / time_s - o * y);
-        let by_y = (y_y / time_s - y * y).max(DECAY_VARIANCE_MIN);
-        let covariance = u_o / time_s - u.conj() * o - u_y * y_o / by_y;
-        let by_u = u_u / time_s - u.norm_sqr() - u_y.norm_sqr() / by_y;
-        let by_o = o_o / time_s - o.norm_sqr() - y_o.norm_sqr() / by_y;
-        let is_clear = by_u >= VARIANCE_MIN && covariance.norm() >= GAIN_MIN_MPS * by_u;
-        let correlation2 = covariance.norm_sqr() / (by_u * by_o).max(f64::MIN_POSITIVE);
-        is_clear.then(|| Turn { angle_rad: covariance.arg(), correlation2 })
+        let s_yy = (y_y / time_s - y * y).max(DECAY_VARIANCE_MIN);
+        let s_uo_y = u_o / time_s - u.conj() * o - u_y * y_o / s_yy;
+        let s_uu_y = u_u / time_s - u.norm_sqr() - u_y.norm_sqr() / s_yy;
+        let s_oo_y = o_o / time_s - o.norm_sqr() - y_o.norm_sqr() / s_yy;
+        let is_clear = s_uu_y >= VARIANCE_MIN && s_uo_y.norm() >= GAIN_MIN_MPS * s_uu_y;
+        let correlation2 = s_uo_y.norm_sqr() / (s_uu_y * s_oo_y).max(f64::MIN_POSITIVE);
+        is_clear.then(|| Turn { angle_rad: s_uo_y.arg(), correlation2 })
     }
 }
 
@@ -144,7 +144,7 @@ impl DirectionMonitor {
             before: None,
             theta_rad: 0.0,
             since: SincePose::default(),
-            v_u: Complex::default(),
+            v_u_w: Complex::default(),
             decay: 0.0,
             ring: vec![Velocities::default(); length],
             newest: 0,
@@ -158,7 +158,7 @@ impl DirectionMonitor {
     pub(super) fn restart(&mut self) {
         self.before = None;
         self.since = SincePose::default();
-        self.v_u = Complex::default();
+        self.v_u_w = Complex::default();
         self.decay = 0.0;
         self.count = 0;
         self.sums = [Sums::default(); 3];
@@ -192,16 +192,16 @@ impl DirectionMonitor {
         let [x, y] = inputs_w(&sample.u_applied, self.theta_rad).into();
         let asked = Complex::new(x, y);
         let keep = decay(self.dt_s);
-        self.v_u += (asked - self.v_u) * (1.0 - keep);
+        self.v_u_w += (asked - self.v_u_w) * (1.0 - keep);
         self.decay *= keep;
         self.since.count += 1;
-        self.since.v_u += self.v_u;
+        self.since.v_u_w += self.v_u_w;
         self.since.decay += self.decay;
     }
 
     /// Enters the motion to a new pose, in each of its periods the mean of all.
     fn move_to(&mut self, now: &Pose) {
-        let SincePose { count, v_u, decay } = std::mem::take(&mut self.since);
+        let SincePose { count, v_u_w, decay } = std::mem::take(&mut self.since);
         let Some(before) = self.before.replace(*now) else { return };
         let periods = count as f64;
         if periods * self.dt_s > MOTION_MAX_S + 0.5 * self.dt_s {
@@ -212,9 +212,9 @@ impl DirectionMonitor {
             return;
         }
         let rate = (now - before) / (periods * self.dt_s);
-        let o = Complex::new(rate[pose::X], rate[pose::Y]);
+        let v_o_w = Complex::new(rate[pose::X], rate[pose::Y]);
         for _ in 0..count {
-            self.add(Velocities { u: v_u / periods, o }, decay / periods);
+            self.add(Velocities { v_u_w: v_u_w / periods, v_o_w }, decay / periods);
         }
     }
 
@@ -223,11 +223,11 @@ impl DirectionMonitor {
         self.ring[self.newest] = now;
         self.count = self.count.saturating_add(1);
         let [unshifted, later, earlier] = &mut self.sums;
-        unshifted.add([now.u, now.o], decay, self.dt_s);
+        unshifted.add([now.v_u_w, now.v_o_w], decay, self.dt_s);
         if self.count >= self.ring.len() {
             let oldest = self.ring[(self.newest + 1) % self.ring.len()];
-            later.add([oldest.u, now.o], decay, self.dt_s);
-            earlier.add([now.u, oldest.o], decay, self.dt_s);
+            later.add([oldest.v_u_w, now.v_o_w], decay, self.dt_s);
+            earlier.add([now.v_u_w, oldest.v_o_w], decay, self.dt_s);
         }
     }
 
