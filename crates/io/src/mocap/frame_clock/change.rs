@@ -1,8 +1,8 @@
 //! A source that changes its rate in flight, and says so.
 //!
 //! A frame that announces another rate than the one before it may begin a count at another pace, or nothing. By
-//! the old line its predecessor has a time; from there, or from the frame if that comes sooner, a new line leads on at
-//! the new rate. It takes the old one's place after half a second in which all frames announced that rate and came
+//! the old line its predecessor has a time; from there, or from the frame if that comes within a period of either rate,
+//! a new line leads on at the new rate. It takes the old one's place after half a second in which all frames announced that rate and came
 //! within 20 ms of the new line, while the old one does not explain them any more. A delay that grows makes no such
 //! line: the source would have to announce, in the same frame, the rate at which its frames arrive from then on. A
 //! change without an announcement is not followed.
@@ -62,9 +62,12 @@ impl RateChange {
             let from = line.from(before);
             let period_ns = from.period_ns * self.announced_hz / rate_hz;
             let line = Line { period_ns, ..from };
-            // The first frame of the new rate comes within a period of the old one's last.
-            let is_within = (-period_ns..0.0).contains(&line.late_ns(arrival));
-            let line = Some(if is_within { line.lowered_to(arrival) } else { line });
+            // The first frame of the new rate comes within a period of either rate after the last of the old one.
+            let late_ns = line.late_ns(arrival);
+            let late_max_ns = (from.period_ns - period_ns).max(0.0);
+            let is_within = (-period_ns..=late_max_ns + NEAR_NS).contains(&late_ns);
+            let shift_ns = if is_within { late_ns.min(late_max_ns) } else { 0.0 };
+            let line = Some(Line { offset_ns: line.offset_ns + shift_ns, ..line });
             Next { announced_hz: rate_hz, line, since: arrival.at, frames: 0, lowest_ns: 0.0 }
         });
         let is_near = |line: &Line| line.late_ns(arrival).abs() <= NEAR_NS;
