@@ -46,7 +46,7 @@ pub(super) struct DirectionMonitor {
     /// Heading of the newest pose with one. rad
     theta_rad: f64,
     since: SincePose,
-    /// The newest of [`Velocities::u`] before the ring takes it. 1
+    /// The newest of [`Velocities::v_u_w`] before the ring takes it. 1
     v_u_w: Complex<f64>,
     /// What is left of a velocity from before the comparison, over that velocity. 1
     decay: f64,
