@@ -132,9 +132,13 @@ mod tests {
         let hits = |t_s: f64| if t_s < 2.0 { 1.0 } else { 0.0 };
         let slides = |t_s: f64| if t_s < 2.0 { 1.0 } else { 0.15 };
         let bounces = |t_s: f64| if t_s < 2.0 { 1.2 } else { -0.5 * (-(t_s - 2.0) / 0.3).exp() };
-        for (name, speed_mps) in
-            [("hits", &hits as &dyn Fn(f64) -> f64), ("slides", &slides), ("bounces", &bounces)]
-        {
+        let fast = |t_s: f64| if t_s < 2.0 { 1.6 } else { 0.3 };
+        for (name, speed_mps) in [
+            ("hits", &hits as &dyn Fn(f64) -> f64),
+            ("slides", &slides),
+            ("bounces", &bounces),
+            ("fast", &fast),
+        ] {
             for (rate, every) in [("50 Hz", 1), ("25 Hz", 2)] {
                 let found_s = hit_s(speed_mps, |_| 0.5, |k| k % every == 0);
                 let is_soon = found_s.is_some_and(|at_s| (2.05..2.5).contains(&at_s));
@@ -160,7 +164,8 @@ mod tests {
         }
         let by_itself = |t_s: f64| (1.2 - 1.5 * (t_s - 2.0).max(0.0)).max(0.0);
         assert_eq!(hit_s(by_itself, |_| 0.5, always), None);
-        // A slow one.
+        // One that goes on, and a slow one.
+        assert_eq!(hit_s(|t_s| if t_s < 2.0 { 1.6 } else { 0.5 }, |_| 0.5, always), None);
         assert_eq!(hit_s(|t_s| if t_s < 2.0 { 0.85 } else { 0.0 }, |_| 0.5, always), None);
     }
 

@@ -327,6 +327,39 @@ mod tests {
     }
 
     #[test]
+    fn a_gap_of_a_quarter_of_a_second_is_a_motion_and_a_longer_one_begins_the_shifts_anew() {
+        for (gap, is_motion) in [(13, true), (14, false)] {
+            let mut monitor = DirectionMonitor::new(1.0, 0.02);
+            for k in 0..=30 + gap {
+                let pose = (k <= 30 || k == 30 + gap).then(Pose::zeros);
+                let sample =
+                    Sample { pose, drone: None, u_applied: Sticks::zeros(), link_is_up: true };
+                monitor.update(&sample);
+            }
+            let [_, later, _] = &monitor.sums;
+            assert_eq!(later.time_s > 0.3, is_motion, "{gap} periods: {later:?}");
+            assert_eq!(monitor.count > 0, is_motion, "{gap} periods");
+        }
+    }
+
+    #[test]
+    fn after_an_outage_the_decay_of_a_velocity_is_summed() {
+        let mut monitor = DirectionMonitor::new(1.0, 0.02);
+        let mut see = |link_is_up, pose| {
+            let u_applied = Sticks::zeros();
+            monitor.update(&Sample { pose, drone: None, u_applied, link_is_up });
+            monitor.sums[0].y
+        };
+        see(false, None);
+        // The mean over two periods is that of the one motion.
+        see(true, Some(Pose::zeros()));
+        see(true, None);
+        let sum = see(true, Some(Pose::zeros()));
+        let keep = decay(0.02);
+        assert!((sum - 0.02 * (keep * keep + keep * keep * keep)).abs() < 1e-3, "{sum}");
+    }
+
+    #[test]
     fn an_angle_is_wrong_beyond_the_limit_only() {
         let quiet =
             Sample { pose: None, drone: None, u_applied: Sticks::zeros(), link_is_up: true };

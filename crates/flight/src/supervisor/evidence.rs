@@ -293,6 +293,15 @@ mod tests {
     }
 
     #[test]
+    fn a_flight_is_over_in_its_last_phases_and_a_success_if_it_landed_with_all_targets() {
+        use Phase::{Flying, Idle, Landed, Landing, LandingUnconfirmed, MotorsStopped, TakingOff};
+        assert!([Landed, LandingUnconfirmed, MotorsStopped].into_iter().all(Phase::is_over));
+        assert!(![Idle, TakingOff, Flying, Landing].into_iter().any(Phase::is_over));
+        assert!(Landed.is_success(5, 5) && Landed.is_success(0, 0));
+        assert!(!Landed.is_success(4, 5) && !MotorsStopped.is_success(5, 5));
+    }
+
+    #[test]
     fn a_stop_of_the_motors_is_the_strongest_order_and_landing_the_next() {
         use Operator::{EmergencyStop, Fly, FlyByHand, Land, Wait};
         assert!([Wait, Fly, FlyByHand, Land, EmergencyStop].is_sorted_by(|a, b| a < b));

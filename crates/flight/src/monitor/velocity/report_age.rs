@@ -185,3 +185,21 @@ impl Sums {
         self.fit(frame).map(|Fit { axes, .. }| axes / axes.norm())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn on_the_ground_all_differences_are_forgotten() {
+        let fit = Fit { axes: Complex::from(1.0), determination: 1.0 };
+        let mut age = ReportAge {
+            axes: [Some(fit); FRAMES],
+            error_m: [Complex::from(2.0); FRAMES],
+            ..ReportAge::default()
+        };
+        assert_eq!(age.error_m(), Some(2.0));
+        age.rest();
+        assert_eq!(age.error_m(), Some(0.0));
+    }
+}
