@@ -1,11 +1,11 @@
 //! A source that changes its rate in flight, and says so.
 //!
 //! A frame that announces another rate than the one before it may begin a count at another pace, or nothing. By
-//! the old line its predecessor has a time; from there, or from the frame if that comes within a period of either rate,
-//! a new line leads on at the new rate. It takes the old one's place after half a second in which all frames announced that rate and came
-//! within 20 ms of the new line, while the old one does not explain them any more. A delay that grows makes no such
-//! line: the source would have to announce, in the same frame, the rate at which its frames arrive from then on. A
-//! change without an announcement is not followed.
+//! the old line its predecessor has a time; from there, or from the frame if that comes within a period of either
+//! rate, a new line leads on at the new rate. It takes the old one's place after half a second in which all frames
+//! announced that rate and came within 20 ms of the new line, while the old one does not explain them any more. A
+//! delay that grows makes no such line: the source would have to announce, in the same frame, the rate at which its
+//! frames arrive from then on. A change without an announcement is not followed.
 
 use super::{Arrival, Line};
 use crate::clock::{SpanNs, TimeNs};
