@@ -55,20 +55,13 @@ impl TryFrom<&ManualTable> for ManualSettings {
             let rule = "a path from the root, gamepad or null";
             return Err(SettingError::new("device", device, rule));
         }
+        let span = |key, seconds, range| in_range(key, seconds, range).map(SpanNs::from_seconds);
         let hold_s = in_range("hold_s", table.hold_s, 0.3..=2.0)?;
         let timers = Timers {
-            pulse: SpanNs::from_seconds(in_range("pulse_s", table.pulse_s, 0.05..=1.0)?),
+            pulse: span("pulse_s", table.pulse_s, 0.05..=1.0)?,
             hold: SpanNs::from_seconds(hold_s),
-            press_max: SpanNs::from_seconds(in_range(
-                "press_max_s",
-                table.press_max_s,
-                hold_s..=10.0,
-            )?),
-            axis_silent: SpanNs::from_seconds(in_range(
-                "axis_silent_s",
-                table.axis_silent_s,
-                0.5..=5.0,
-            )?),
+            press_max: span("press_max_s", table.press_max_s, hold_s..=10.0)?,
+            axis_silent: span("axis_silent_s", table.axis_silent_s, 0.5..=5.0)?,
         };
         Ok(Self {
             device: device.clone(),

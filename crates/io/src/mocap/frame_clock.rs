@@ -16,6 +16,7 @@ mod earlier;
 mod flight;
 mod ground;
 mod pace_meter;
+mod proof;
 
 use flight::Flight;
 use ground::Ground;

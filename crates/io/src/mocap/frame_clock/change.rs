@@ -7,14 +7,8 @@
 //! delay that grows makes no such line: the source would have to announce, in the same frame, the rate at which its
 //! frames arrive from then on. A change without an announcement is not followed.
 
+use super::proof::Proof;
 use super::{Arrival, Line};
-use crate::clock::{SpanNs, TimeNs};
-
-/// How long frames have to keep to the new line.
-const PROOF: SpanNs = SpanNs::from_ms(500);
-
-/// How many of them there have to be.
-const FRAMES_MIN: u32 = 5;
 
 /// Distance from the new line within which they are. ns
 const NEAR_NS: f64 = 20e6;
@@ -29,12 +23,8 @@ pub(super) struct RateChange {
 #[derive(Debug, Clone, Copy)]
 struct Next {
     announced_hz: f64,
-    /// `None`: a frame was not where it should have been.
-    line: Option<Line>,
-    since: TimeNs,
-    frames: u32,
-    /// How far below the line the lowest of them is. ns, <= 0
-    lowest_ns: f64,
+    /// Of its line; `None`: a frame was not where it should have been.
+    proof: Option<Proof>,
 }
 
 impl RateChange {
@@ -67,26 +57,22 @@ impl RateChange {
             let late_max_ns = (from.period_ns - period_ns).max(0.0);
             let is_within = (-period_ns..=late_max_ns + NEAR_NS).contains(&late_ns);
             let shift_ns = if is_within { late_ns.min(late_max_ns) } else { 0.0 };
-            let line = Some(Line { offset_ns: line.offset_ns + shift_ns, ..line });
-            Next { announced_hz: rate_hz, line, since: arrival.at, frames: 0, lowest_ns: 0.0 }
+            let line = Line { offset_ns: line.offset_ns + shift_ns, ..line };
+            Next { announced_hz: rate_hz, proof: Some(Proof::begin(line, arrival.at)) }
         });
-        let is_near = |line: &Line| line.late_ns(arrival).abs() <= NEAR_NS;
-        next.line = next.line.filter(is_near);
-        let late_ns = next.line.map_or(0.0, |line| line.late_ns(arrival));
-        next.lowest_ns = next.lowest_ns.min(late_ns);
-        next.frames = next.frames.saturating_add(1);
+        let is_near = |proof: &Proof| proof.late_ns(arrival).abs() <= NEAR_NS;
+        next.proof = next.proof.filter(is_near).map(|proof| proof.with(arrival));
         self.next = Some(next);
-        let is_proven = arrival.at.since(next.since) >= PROOF && next.frames >= FRAMES_MIN;
-        let proven = next.line.filter(|_| is_proven && !is_on_time)?;
+        let proven = next.proof?.proven(arrival).filter(|_| !is_on_time)?;
         *self = Self::new(rate_hz);
-        let offset_ns = proven.offset_ns + next.lowest_ns;
-        Some(Line { offset_ns, as_of: arrival.at, touched_at: arrival.at, ..proven })
+        Some(proven)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::clock::{SpanNs, TimeNs};
 
     /// At 200 Hz, frame 0 at time zero; from there on 50 frames per second are announced.
     const BEFORE_HZ: f64 = 200.0;

@@ -5,14 +5,8 @@
 //! Frames at another pace, or behind a gap that could hide a delay, are not followed, nor is more than 0.25 s below the
 //! line of the take-off: numbers that run ahead of time would hide a delay that grows.
 
+use super::proof::Proof;
 use super::{Arrival, Line};
-use crate::clock::{SpanNs, TimeNs};
-
-/// How long frames have to keep to the parallel line.
-const PROOF: SpanNs = SpanNs::from_ms(500);
-
-/// How many of them there have to be.
-const FRAMES_MIN: u32 = 5;
 
 /// How late they may be by the parallel line, and how early: more would be another pace. ns
 const LATE_MAX_NS: f64 = 20e6;
@@ -35,13 +29,9 @@ pub(super) struct ShorterWay {
 
 #[derive(Debug, Clone, Copy)]
 struct Parallel {
-    line: Line,
-    since: TimeNs,
-    frames: u32,
+    proof: Proof,
     /// Number of the newest frame.
     newest: i64,
-    /// How far below the line the lowest frame is. ns, <= 0
-    lowest_ns: f64,
 }
 
 impl ShorterWay {
@@ -63,38 +53,28 @@ impl ShorterWay {
             arrival.number > number && gap_ns <= GAP_MAX_NS.max(2.0 * line.period_ns)
         };
         let is_near =
-            |it: &Parallel| (-EARLY_MAX_NS..=LATE_MAX_NS).contains(&it.line.late_ns(arrival));
+            |proof: &Proof| (-EARLY_MAX_NS..=LATE_MAX_NS).contains(&proof.late_ns(arrival));
         let newest = self.next.map_or(before, |known| known.newest);
         let early_ns = -begin.late_ns(arrival);
         if !follows(newest) || early_ns < 0.0 || self.shorter_ns + early_ns > SHORTER_MAX_NS {
             self.next = None;
             return None;
         }
-        let mut known = self.next.filter(is_near).unwrap_or_else(|| Parallel {
-            line: line.lowered_to(arrival),
-            since: arrival.at,
-            frames: 0,
-            newest,
-            lowest_ns: 0.0,
-        });
-        known.frames = known.frames.saturating_add(1);
-        known.newest = arrival.number;
-        known.lowest_ns = known.lowest_ns.min(known.line.late_ns(arrival));
-        self.next = Some(known);
-        let is_proven = arrival.at.since(known.since) >= PROOF && known.frames >= FRAMES_MIN;
-        is_proven.then(|| {
-            self.next = None;
-            let offset_ns = known.line.offset_ns + known.lowest_ns;
-            let line = Line { offset_ns, as_of: arrival.at, touched_at: arrival.at, ..known.line };
-            self.shorter_ns += line.late_ns(arrival) - begin.late_ns(arrival);
-            line
-        })
+        let known = self.next.map(|known| known.proof).filter(is_near);
+        let begin_proof = || Proof::begin(line.lowered_to(arrival), arrival.at);
+        let proof = known.unwrap_or_else(begin_proof).with(arrival);
+        self.next = Some(Parallel { proof, newest: arrival.number });
+        let proven = proof.proven(arrival)?;
+        self.next = None;
+        self.shorter_ns += proven.late_ns(arrival) - begin.late_ns(arrival);
+        Some(proven)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::clock::{SpanNs, TimeNs};
 
     /// At 100 Hz, frame 0 at one second.
     fn line() -> Line {
