@@ -10,8 +10,10 @@ use clap_complete::Shell;
 use schemars::schema_for;
 use serde_json::{Value, json};
 use tello_flight::MissionTable;
+use tello_io::mocap::MocapTable;
 use tello_io::{config, whole_file};
 
+use crate::mocap::usual_address;
 use crate::{Verdict, stdio};
 
 /// Print the completions of a shell.
@@ -51,8 +53,8 @@ pub(crate) struct InitArguments {
     /// The folder; made if it does not exist.
     #[arg(value_name = "DIR")]
     dir: PathBuf,
-    /// Motion capture: `relay`, `datastream`, `udp`, `natnet`, `qtm` or `vrpn`.
-    #[arg(long, value_name = "KIND", default_value = "relay")]
+    /// Motion capture.
+    #[arg(long, value_name = "KIND", default_value = "relay", value_parser = MocapTable::KINDS.map(|(kind, _)| kind))]
     mocap: String,
     /// Host and port of it; of `udp`, the port here that it sends to [default: the usual port of KIND on this machine].
     #[arg(long, value_name = "ADDRESS")]
@@ -111,7 +113,9 @@ pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
     let mut fly = with_schema("fly.schema.json", serde_json::to_value(table)?);
     fly["mission"] = json!("square.json");
     let side = if mocap == "udp" { "listen" } else { "address" };
-    let address = address.as_deref().unwrap_or(usual_address(mocap));
+    let usual = MocapTable::KINDS.into_iter().find(|(kind, _)| kind == mocap);
+    let (kind, port) = usual.with_context(|| format!("`{mocap}` is no kind of motion capture"))?;
+    let address = address.clone().unwrap_or_else(|| usual_address(kind, port, "127.0.0.1"));
     fly["mocap"] = json!({ mocap: { side: address, "object": object } });
     if matches!(mocap.as_str(), "udp" | "vrpn") {
         fly["mocap"][mocap]["rate_hz"] = json!(rate.unwrap_or(50.0));
@@ -168,18 +172,6 @@ pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
         dir.display()
     ))?;
     Ok(Verdict::Good)
-}
-
-/// Where a motion capture of this kind is on this machine, by its usual port.
-fn usual_address(mocap: &str) -> &'static str {
-    match mocap {
-        "datastream" => "127.0.0.1:801",
-        "udp" => "0.0.0.0:51001",
-        "natnet" => "127.0.0.1:1510",
-        "qtm" => "127.0.0.1:22223",
-        "vrpn" => "127.0.0.1:3883",
-        _ => "127.0.0.1:51602",
-    }
 }
 
 /// Moves the points of a mission, whose x and y stand from `column` on, to lie around `middle`.

@@ -7,6 +7,7 @@ mod ros2;
 mod source;
 mod watch;
 
+pub(crate) use self::source::usual_address;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 

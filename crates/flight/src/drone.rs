@@ -37,6 +37,13 @@ pub const TAKE_OFF_TAIL: SpanNs = SpanNs::from_ms(4000);
 /// seconds late, and a drone may start its motors late. Until then "not flying" does not mean landed.
 pub const TAKE_OFF_UNSEEN: SpanNs = SpanNs::from_ms(8000);
 
+/// Age beyond which a status no longer counts. Statuses come ten times a second; gaps of up to 0.6 s are assumed
+/// (docs/bench-test.md).
+pub const STATUS_FRESH: SpanNs = SpanNs::from_ms(2000);
+
+/// The text SDK's count of seconds with motors on stands still for so long if they are off.
+pub const MOTORS_REST: SpanNs = SpanNs::from_ms(3000);
+
 /// Height above that on the ground beyond which a drone does not stand, whatever it says. Heights come in
 /// steps of 0.1 m and drift by less in a flight. m
 const STANDING_RISE_MAX_M: f64 = 0.4;

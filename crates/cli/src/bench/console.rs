@@ -15,7 +15,7 @@ use super::link::Link;
 use crate::stdio;
 
 /// Ctrl-Z, which would leave the motors running.
-const STOP_KEY: i32 = 20;
+const STOP_KEY: i32 = nix::libc::SIGTSTP;
 
 /// Who is asked, and who may stop a check.
 #[derive(Debug)]

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 use horizon_model::rows::Sticks;
-use tello_flight::drone::{LAND_PERIOD, TAKE_OFF_TAIL};
+use tello_flight::drone::{LAND_PERIOD, STATUS_FRESH, TAKE_OFF_TAIL};
 use tello_io::clock::{CivilTime, Clock, TimeNs};
 use tello_io::tello::protocol::DATAGRAM_BYTES_MAX;
 use tello_io::tello::{Duty, Protocol, STATE_PORT, TelloSettings};
@@ -25,8 +25,6 @@ use super::wire::{self, Event, Motor, Packet, Status, What, hex};
 /// How often the sockets are looked at.
 const LOOK: Duration = Duration::from_millis(5);
 const STICKS_PERIOD_S: f64 = 0.05;
-/// Age from which a status does not count. s
-const STATUS_AGE_MAX_S: f64 = 2.0;
 /// An ending tries to land for so long before it stops the motors, too, and gives up after the second time. s
 const EMERGENCY_AFTER_S: f64 = 8.0;
 const ENDING_MAX_S: f64 = 25.0;
@@ -126,7 +124,7 @@ impl Link {
     /// The newest status, unless it is old.
     pub(super) fn status(&self) -> Option<Status> {
         let (at, status) = self.newest?;
-        (self.clock.now().since(at).seconds() < STATUS_AGE_MAX_S).then_some(status)
+        (self.clock.now().since(at) < STATUS_FRESH).then_some(status)
     }
 
     fn t_s(&self) -> f64 {

@@ -4,18 +4,14 @@
 
 use horizon_model::rows::Sticks;
 use serde::Serialize;
-use tello_io::clock::{SpanNs, TimeNs, TimeOfDay};
+use tello_flight::drone::MOTORS_REST;
+use tello_io::clock::{TimeNs, TimeOfDay};
 use tello_io::tello::Protocol;
 use tello_io::tello::TOF_FLYING_CM;
 use tello_io::tello::protocol::{
-    Action, Answer, DronePacket, FlightStatus, HostPacket, MOTORS_ON, Query,
+    self, Action, Answer, DronePacket, FlightStatus, HostPacket, MOTORS_ON, Query,
 };
-use tello_io::tello::text::{Command, Field, StateLine};
-
-/// Where the host would take video, in either protocol. No video is asked for.
-const VIDEO_PORTS: (u16, u16) = (6038, 11111);
-/// In the text SDK the motors count as running for so long after their time grew by a second.
-const MOTOR_REST: SpanNs = SpanNs::from_ms(2000);
+use tello_io::tello::text::{self, Command, Field, StateLine};
 
 /// A report of the drone.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -114,7 +110,9 @@ impl Packet {
         let mut bytes = Vec::new();
         match protocol {
             Protocol::Binary => match self {
-                Self::Hello | Self::Ports(_) => HostPacket::ConnReq { video_port: VIDEO_PORTS.0 },
+                Self::Hello | Self::Ports(_) => {
+                    HostPacket::ConnReq { video_port: protocol::VIDEO_PORT }
+                }
                 Self::Sticks(u) => HostPacket::Sticks { u, is_fast: false, time },
                 Self::TakeOff(sequence) => HostPacket::Action { action: Action::TakeOff, sequence },
                 Self::Land(sequence) => HostPacket::Action { action: Action::Land, sequence },
@@ -127,7 +125,7 @@ impl Packet {
             .encode(&mut bytes),
             Protocol::Text => match self {
                 Self::Hello | Self::Version(_) | Self::LogHeaderAck(..) => Command::Enter,
-                Self::Ports(state) => Command::Ports { state, video: VIDEO_PORTS.1 },
+                Self::Ports(state) => Command::Ports { state, video: text::VIDEO_PORT },
                 Self::Sticks(u) => Command::Sticks(u),
                 Self::TakeOff(_) => Command::TakeOff,
                 Self::Land(_) => Command::Land,
@@ -147,7 +145,7 @@ pub(super) struct Motor {
 }
 
 impl Motor {
-    /// Takes the newest value. Whether the time grew in the last 2 s.
+    /// Takes the newest value. Whether the time grew within [`MOTORS_REST`].
     fn grows(&mut self, motor_s: Option<f64>, now: TimeNs) -> bool {
         if let (Some(before_s), Some(motor_s)) = (self.newest_s, motor_s)
             && motor_s > before_s
@@ -155,7 +153,7 @@ impl Motor {
             self.grew_at = Some(now);
         }
         self.newest_s = motor_s.or(self.newest_s);
-        self.grew_at.is_some_and(|at| now.since(at) < MOTOR_REST)
+        self.grew_at.is_some_and(|at| now.since(at) < MOTORS_REST)
     }
 }
 

@@ -7,7 +7,9 @@ use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
 use serde::Serialize;
 use tello_eval::flight_log::TickRecord;
-use tello_eval::metrics::{Lap, Metrics, OutageCounter, Outages, ReferencePath, Track};
+use tello_eval::metrics::{
+    LATE_TICK_MS, Lap, Metrics, OutageCounter, Outages, ReferencePath, Track,
+};
 use tello_eval::quantile;
 use tello_flight::cycle::{FlightTable, Pipeline, Timing};
 use tello_flight::jitter::{Jitter, RECORD_EVERY_TICKS};
@@ -16,9 +18,6 @@ use tello_io::mocap::{Sighting, StreamReport};
 use tello_io::tello::LinkCounters;
 
 use super::control_loop::LoopEnd;
-
-/// Lateness beyond which a tick counts as late. ns
-const LATE_NS: i64 = 5_000_000;
 
 /// Gathers the figures of a flight record by record, on the logger's thread.
 #[derive(Debug)]
@@ -57,7 +56,7 @@ pub(super) struct Summary {
     pub(super) faults: Vec<Fault>,
     /// Ticks of the loop.
     pub(super) ticks: u64,
-    /// Ticks that began more than 5 ms late.
+    /// Ticks that began more than [`LATE_TICK_MS`] late.
     pub(super) late_ticks: u64,
     /// Periods without a tick.
     pub(super) missed_periods: u64,
@@ -168,7 +167,7 @@ impl Tally {
         let (out, ms) = (&tick.out, |ns: i64| ns as f64 * 1e-6);
         self.ticks += 1;
         self.jitter.add(&tick.timing);
-        self.late_ticks += u64::from(late_ns > LATE_NS);
+        self.late_ticks += u64::from(ms(late_ns) > LATE_TICK_MS);
         self.missed_periods += tick.inbox.skipped;
         // How long its sticks took is known a tick later.
         self.answer_ms.extend(self.set_out_ms.take().map(|set_out_ms| set_out_ms + ms(way_ns)));
@@ -325,7 +324,7 @@ impl Summary {
         }
         writeln!(
             f,
-            "ticks         {}, {} more than 5 ms late, {} periods missed",
+            "ticks         {}, {} more than {LATE_TICK_MS} ms late, {} periods missed",
             self.ticks, self.late_ticks, self.missed_periods
         )?;
         for (what, histogram) in

@@ -13,7 +13,7 @@ use tello_io::clock::Clock;
 use tello_io::mocap::{MocapSettings, MocapTable, Survey, TrackReport, survey};
 use tokio::task::JoinSet;
 
-use super::source::{self, KINDS, SourceArgument};
+use super::source::{self, SourceArgument};
 use crate::{Verdict, stdio};
 
 /// List the objects of a motion capture system with rate, jitter, gaps and latency.
@@ -90,8 +90,8 @@ enum Drone<'a> {
 pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
     let seconds = super::watch::duration(arguments.seconds)?;
     let tables: Vec<MocapTable> = if let Some(host) = &arguments.host {
-        let usual = |(kind, port)| SourceArgument::usual(kind, port, host).table("any");
-        KINDS.map(usual).into()
+        let usual = |kind| SourceArgument::usual(kind, host).table("any");
+        MocapTable::KINDS.map(usual).into()
     } else if arguments.source.is_empty() {
         vec![source::of_settings(arguments.config.as_ref())?]
     } else {
@@ -133,7 +133,7 @@ fn found(table: &MocapTable, settings: &MocapSettings, survey: Survey) -> FoundS
         }
     });
     FoundSource {
-        kind: source::kind(table),
+        kind: table.kind(),
         address: table.address().1.to_owned(),
         is_there: survey.messages > 0,
         announced_hz: (survey.announced_hz > 0.0 && !super::rate::has_set(table))

@@ -7,16 +7,6 @@ use anyhow::{Result, bail};
 use tello_io::config::{self, FlyTable};
 use tello_io::mocap::{MocapTable, NatnetTable, QtmTable, ServerTable, UdpTable, VrpnTable};
 
-/// Kinds of sources and their usual ports.
-pub(super) const KINDS: [(&str, u16); 6] = [
-    ("natnet", 1510),
-    ("qtm", 22223),
-    ("vrpn", 3883),
-    ("datastream", 801),
-    ("relay", 51602),
-    ("udp", 51001),
-];
-
 /// Numbers of frames of a source that does not announce its rate are counted in this. Hz
 const ANY_RATE_HZ: f64 = 1000.0;
 
@@ -28,11 +18,9 @@ pub(super) struct SourceArgument {
 }
 
 impl SourceArgument {
-    /// The source of a kind at the usual port of `host`.
-    pub(super) fn usual(kind: &'static str, port: u16, host: &str) -> Self {
-        // An object stream is sent to us.
-        let host = if kind == "udp" { "0.0.0.0" } else { host };
-        Self { kind, address: format!("{host}:{port}") }
+    /// The source of a kind at its usual port of `host`.
+    pub(super) fn usual((kind, port): (&'static str, u16), host: &str) -> Self {
+        Self { kind, address: usual_address(kind, port, host) }
     }
 
     /// Settings of the source for one of its objects.
@@ -50,15 +38,22 @@ impl SourceArgument {
     }
 }
 
+/// Where a source of a kind is on `host`. An object stream is sent to us.
+pub(crate) fn usual_address(kind: &str, port: u16, host: &str) -> String {
+    let host = if kind == "udp" { "0.0.0.0" } else { host };
+    format!("{host}:{port}")
+}
+
 impl FromStr for SourceArgument {
     type Err = anyhow::Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        let names = KINDS.map(|(name, _)| name).join(", ");
+        let names = MocapTable::KINDS.map(|(name, _)| name).join(", ");
         let Some((kind, address)) = text.split_once('=') else {
             bail!("`{text}` is not KIND=HOST:PORT; kinds are {names}");
         };
-        let Some((kind, port)) = KINDS.into_iter().find(|(name, _)| *name == kind) else {
+        let Some((kind, port)) = MocapTable::KINDS.into_iter().find(|(name, _)| *name == kind)
+        else {
             bail!("`{kind}` is no kind of source; kinds are {names}");
         };
         let has_port =
@@ -77,18 +72,6 @@ pub(super) fn of_settings(file: Option<&PathBuf>) -> Result<MocapTable> {
     Ok(table.mocap)
 }
 
-/// Kind of a source, as written in the settings.
-pub(super) fn kind(table: &MocapTable) -> &'static str {
-    match table {
-        MocapTable::Relay(_) => "relay",
-        MocapTable::Udp(_) => "udp",
-        MocapTable::Datastream(_) => "datastream",
-        MocapTable::Natnet(_) => "natnet",
-        MocapTable::Qtm(_) => "qtm",
-        MocapTable::Vrpn(_) => "vrpn",
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -98,9 +81,9 @@ mod tests {
         let parsed = |text: &str| text.parse::<SourceArgument>().unwrap();
         assert_eq!(parsed("natnet=motive").address, "motive:1510");
         assert_eq!(parsed("qtm=10.0.0.1:9").address, "10.0.0.1:9");
-        for kind in MocapTable::NAMES {
+        for (kind, _) in MocapTable::KINDS {
             let table = parsed(&format!("{kind}=a:1")).table("tello");
-            assert_eq!((super::kind(&table), table.address().1), (kind, "a:1"));
+            assert_eq!((table.kind(), table.address().1), (kind, "a:1"));
         }
         for (text, reason) in [("motive", "is not KIND=HOST:PORT"), ("optitrack=a", "is no kind")] {
             let error = text.parse::<SourceArgument>().unwrap_err().to_string();

@@ -11,12 +11,9 @@ use tello_flight::Phase;
 
 use super::flight::Flight;
 use super::quantity::{Measured, Quantity, Spread, Spreads};
-use crate::metrics::{OutageCounter, Outages, VALID_DISTANCE_M};
+use crate::metrics::{LATE_TICK_MS, OutageCounter, Outages, VALID_DISTANCE_M};
 use crate::recordings::rows;
 use crate::recordings::ticks::TickRow;
-
-/// Lateness beyond which a tick is worth a remark. ms
-const LATE_MS: f64 = 5.0;
 
 /// How a flight was.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
@@ -150,9 +147,9 @@ pub(super) fn remarks(
         }
     }
     let late = measured.numbers.get(&Quantity::LateMs);
-    let late = late.map_or(0, |ms| ms.iter().filter(|ms| **ms > LATE_MS).count());
+    let late = late.map_or(0, |ms| ms.iter().filter(|ms| **ms > LATE_TICK_MS).count());
     if late > 0 {
-        remarks.push(format!("{late} ticks began more than {LATE_MS} ms late"));
+        remarks.push(format!("{late} ticks began more than {LATE_TICK_MS} ms late"));
     }
     remarks.extend(flight.notes.iter().cloned());
     remarks

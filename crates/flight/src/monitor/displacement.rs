@@ -17,7 +17,7 @@ const FLOWN_MIN_M: f64 = 0.6;
 /// Displacement by the drone over that by the inputs if the drone is a witness.
 const FIT: std::ops::RangeInclusive<f64> = 0.4..=2.5;
 /// Turn of the inputs' axes that does not count: that of the vehicle's own axes in the body of the mocap. rad
-const TURN: f64 = 0.785;
+const TURN_RAD: f64 = 0.785;
 /// Difference between displacements or speeds by poses and by drone that does not count: a fraction of the drone's
 /// displacement, or of the larger speed and at least so much. 1, m/s
 const TOLERANCE: f64 = 0.25;
@@ -35,7 +35,7 @@ pub(super) struct Displacements {
     /// Velocity by the poses, low-pass filtered. m/s
     poses_w_mps: Complex<f64>,
     /// By the drone in each frame. m
-    pub(super) flown_m: [Complex<f64>; FRAMES],
+    pub(super) flown_d_m: [Complex<f64>; FRAMES],
     /// Speed by the drone in each kind of axes, those that are fixed and those that turn with the body.
     drone: [DroneSpeed; 2],
     /// By the inputs of a typical vehicle. m
@@ -48,7 +48,7 @@ pub(super) struct Displacements {
 #[derive(Debug, Clone, Copy, Default)]
 struct DroneSpeed {
     /// Low-pass filtered. m/s
-    velocity_mps: Complex<f64>,
+    velocity_d_mps: Complex<f64>,
     /// Difference between the speeds by poses and by drone, less a tolerance. m/s
     excess_mps: f64,
     /// Its leaky integral. m
@@ -60,7 +60,7 @@ impl Displacements {
     pub(super) fn add(
         &mut self,
         moved_w_m: Complex<f64>,
-        seen: &[Complex<f64>; FRAMES],
+        seen_d_mps: &[Complex<f64>; FRAMES],
         asked_w_mps: Complex<f64>,
         dt_s: f64,
     ) {
@@ -72,12 +72,14 @@ impl Displacements {
         self.poses_w_m = self.poses_w_m * keep + moved_w_m;
         self.poses_w_mps += (moved_w_m / dt_s - self.poses_w_mps) * smooth;
         let by_poses_mps = self.poses_w_mps.norm();
-        for (flown_m, seen) in self.flown_m.iter_mut().zip(seen) {
-            *flown_m = *flown_m * keep + seen * dt_s;
+        for (flown_d_m, seen_d_mps) in self.flown_d_m.iter_mut().zip(seen_d_mps) {
+            *flown_d_m = *flown_d_m * keep + seen_d_mps * dt_s;
         }
-        for (drone, seen) in self.drone.iter_mut().zip([seen[FIXED], seen[TURNING]]) {
-            drone.velocity_mps += (seen - drone.velocity_mps) * smooth;
-            let by_drone_mps = drone.velocity_mps.norm();
+        for (drone, seen_d_mps) in
+            self.drone.iter_mut().zip([seen_d_mps[FIXED], seen_d_mps[TURNING]])
+        {
+            drone.velocity_d_mps += (seen_d_mps - drone.velocity_d_mps) * smooth;
+            let by_drone_mps = drone.velocity_d_mps.norm();
             let tolerance_mps = (TOLERANCE * by_poses_mps.max(by_drone_mps)).max(TOLERANCE_MPS);
             drone.excess_mps = ((by_poses_mps - by_drone_mps).abs() - tolerance_mps).max(0.0);
             drone.difference_m = drone.difference_m * keep_difference + drone.excess_mps * dt_s;
@@ -94,7 +96,7 @@ impl Displacements {
     pub(super) fn difference_m(&self) -> Option<f64> {
         let (inputs_m, poses_m) = (self.inputs_w_m.norm(), self.poses_w_m.norm());
         let difference_m = |frame: usize, drone: &DroneSpeed| {
-            let flown_m = self.flown_m[frame].norm();
+            let flown_m = self.flown_d_m[frame].norm();
             // A drone whose unit is another differs from the inputs more than the poses do.
             let is_nearer = (flown_m - inputs_m).abs() <= (poses_m - inputs_m).abs();
             let is_witness =
@@ -106,14 +108,14 @@ impl Displacements {
         Some(difference_m(FIXED, fixed)?.min(difference_m(TURNING, turning)?))
     }
 
-    /// By how much the displacement by the poses differs from `flown_m` by the drone, less a tolerance; `None` unless
+    /// By how much the displacement by the poses differs from `flown_w_m` by the drone, less a tolerance; `None` unless
     /// the drone is closer than half as far from the inputs as the poses are. m
-    pub(super) fn vector_difference_m(&self, flown_m: Complex<f64>) -> Option<f64> {
-        let turn_rad = (self.poses_w_m * flown_m.conj()).arg().clamp(-TURN, TURN);
-        let poses_m = self.poses_w_m * Complex::from_polar(1.0, -turn_rad);
+    pub(super) fn vector_difference_m(&self, flown_w_m: Complex<f64>) -> Option<f64> {
+        let turn_rad = (self.poses_w_m * flown_w_m.conj()).arg().clamp(-TURN_RAD, TURN_RAD);
+        let turned_w_m = self.poses_w_m * Complex::from_polar(1.0, -turn_rad);
         let is_nearer =
-            (flown_m - self.inputs_w_m).norm() <= 0.5 * (poses_m - self.inputs_w_m).norm();
-        is_nearer.then(|| (poses_m - flown_m).norm() - TOLERANCE * flown_m.norm())
+            (flown_w_m - self.inputs_w_m).norm() <= 0.5 * (turned_w_m - self.inputs_w_m).norm();
+        is_nearer.then(|| (turned_w_m - flown_w_m).norm() - TOLERANCE * flown_w_m.norm())
     }
 }
 

@@ -20,7 +20,7 @@ pub(super) const YAW_LAG_S: f64 = 0.12;
 pub(super) const DEAD_ZONE: f64 = 0.07;
 
 /// Velocity along the floor that `u` asks for at the heading `theta_rad`, world frame. m/s
-pub(super) fn velocity_mps(u: &Sticks, theta_rad: f64) -> Complex<f64> {
+pub(super) fn velocity_w_mps(u: &Sticks, theta_rad: f64) -> Complex<f64> {
     let [x_mps, y_mps] = commanded_mps(u, theta_rad, GAIN_MPS, DEAD_ZONE).into();
     Complex::new(x_mps, y_mps)
 }
@@ -45,7 +45,7 @@ mod tests {
         (u[stick::PITCH], u[stick::ROLL], u[stick::YAW]) =
             (DEAD_ZONE + 0.5, -0.9 * DEAD_ZONE, -0.57);
         let along = GAIN_MPS * 0.5 * Complex::from_polar(1.0, 2.0);
-        assert!((velocity_mps(&u, 2.0) - along).norm() < 1e-12, "{}", velocity_mps(&u, 2.0));
+        assert!((velocity_w_mps(&u, 2.0) - along).norm() < 1e-12, "{}", velocity_w_mps(&u, 2.0));
         assert!(
             (yaw_rate_radps(&u) + 0.5 * YAW_GAIN_RADPS).abs() < 1e-12,
             "{}",

@@ -16,7 +16,7 @@ use nalgebra::Complex;
 
 use self::report_age::{MOTION_MIN, ReportAge, Sums};
 use super::displacement::Displacements;
-use super::typical_vehicle::velocity_mps;
+use super::typical_vehicle::velocity_w_mps;
 use super::{Agreement, Doubt, FORGET_S, Sample};
 
 /// Ages that reports may have, ascending, and the first of them. s
@@ -62,7 +62,7 @@ pub(super) struct VelocityMonitor {
 #[derive(Debug, Clone, Copy, Default)]
 struct Moved {
     /// Since the newest pose before; zero without a pose. m
-    w_m: Complex<f64>,
+    moved_w_m: Complex<f64>,
     /// Time that it took. s
     in_s: f64,
     /// Heading of the newest pose. rad
@@ -78,7 +78,7 @@ struct Motion {
     /// Time that it took. s
     moved_in_s: f64,
     /// Velocity by the drone in each frame. m/s
-    seen: [Complex<f64>; FRAMES],
+    seen_d_mps: [Complex<f64>; FRAMES],
     /// Whether it ends with a pose.
     is_pose: bool,
 }
@@ -86,7 +86,7 @@ struct Motion {
 impl Motion {
     /// Whether the poses have moved further than any vehicle.
     fn is_step(&self) -> bool {
-        let most_mps = self.seen[FIXED].norm() + STEP_MPS;
+        let most_mps = self.seen_d_mps[FIXED].norm() + STEP_MPS;
         self.moved_w_m.norm() > most_mps * self.moved_in_s + STEP_M
     }
 }
@@ -140,15 +140,20 @@ impl VelocityMonitor {
         let speed_mps = reported_mps.map(|[first_mps, second_mps]| first_mps.hypot(second_mps));
         let has_shown_one = self.speed_mps.is_some();
         self.speed_mps = speed_mps.filter(|speed_mps| has_shown_one || *speed_mps > 0.0);
-        if let Some(Motion { moved_w_m, seen, .. }) = motions[self.age] {
+        if let Some(Motion { moved_w_m, seen_d_mps, .. }) = motions[self.age] {
             let scale = self.ages[self.age].scale();
-            let asked_w_mps = asked(sample, moved[NEWEST].theta_rad);
-            self.displacements.add(moved_w_m, &seen.map(|v| v * scale), asked_w_mps, self.dt_s);
+            let asked_w_mps = asked_w_mps(sample, moved[NEWEST].theta_rad);
+            self.displacements.add(
+                moved_w_m,
+                &seen_d_mps.map(|v| v * scale),
+                asked_w_mps,
+                self.dt_s,
+            );
         }
-        if let Some(Motion { seen, .. }) = motions[NEWEST] {
-            let asked_m = self.displacements.asked_w_mps * self.dt_s;
+        if let Some(Motion { seen_d_mps, .. }) = motions[NEWEST] {
+            let asked_w_m = self.displacements.asked_w_mps * self.dt_s;
             let by_inputs =
-                Motion { moved_w_m: asked_m, moved_in_s: self.dt_s, seen, is_pose: true };
+                Motion { moved_w_m: asked_w_m, moved_in_s: self.dt_s, seen_d_mps, is_pose: true };
             self.sums_by_inputs.add(&by_inputs, self.dt_s);
         }
         self.learn(&motions);
@@ -180,7 +185,7 @@ impl VelocityMonitor {
         let before = self.before;
         self.before = sample.pose.or(before);
         self.since_pose_s = if sample.pose.is_some() { 0.0 } else { in_s };
-        let w_m = match (sample.pose, before) {
+        let moved_w_m = match (sample.pose, before) {
             (Some(now), Some(before)) => {
                 Complex::new(now[pose::X] - before[pose::X], now[pose::Y] - before[pose::Y])
             }
@@ -188,7 +193,8 @@ impl VelocityMonitor {
         };
         let theta_rad = self.before.map_or(0.0, |at| at[pose::THETA]);
         self.newest = (self.newest + 1) % self.moved.len();
-        self.moved[self.newest] = Moved { w_m, in_s, theta_rad, is_pose: sample.pose.is_some() };
+        self.moved[self.newest] =
+            Moved { moved_w_m, in_s, theta_rad, is_pose: sample.pose.is_some() };
     }
 
     fn moved_ago(&self, age_s: f64) -> Moved {
@@ -237,7 +243,7 @@ impl VelocityMonitor {
             .filter(|&frame| self.sums_by_inputs.variance(frame) >= MOTION_MIN)
             .filter_map(|frame| {
                 let axes = self.sums_by_inputs.rotation(frame)?;
-                self.displacements.vector_difference_m(axes * self.displacements.flown_m[frame])
+                self.displacements.vector_difference_m(axes * self.displacements.flown_d_m[frame])
             })
             .reduce(f64::min);
         [by_length_m, by_vector_m].into_iter().flatten().reduce(f64::max)
@@ -252,20 +258,25 @@ impl VelocityMonitor {
 impl Moved {
     /// With the velocity that the drone reports of it.
     fn beside(&self, [first_mps, second_mps]: [f64; 2]) -> Motion {
-        let seen = frames(Complex::new(first_mps, second_mps), self.theta_rad);
-        Motion { moved_w_m: self.w_m, moved_in_s: self.in_s, seen, is_pose: self.is_pose }
+        let seen_d_mps = frames(Complex::new(first_mps, second_mps), self.theta_rad);
+        Motion {
+            moved_w_m: self.moved_w_m,
+            moved_in_s: self.in_s,
+            seen_d_mps,
+            is_pose: self.is_pose,
+        }
     }
 }
 
 /// Velocity that the inputs ask of a typical vehicle.
-fn asked(sample: &Sample, theta_rad: f64) -> Complex<f64> {
-    velocity_mps(&sample.u_applied, theta_rad)
+fn asked_w_mps(sample: &Sample, theta_rad: f64) -> Complex<f64> {
+    velocity_w_mps(&sample.u_applied, theta_rad)
 }
 
 /// A velocity of the drone in each of the frames: fixed or turning with the body, right- or left-handed.
-fn frames(velocity_mps: Complex<f64>, theta_rad: f64) -> [Complex<f64>; FRAMES] {
+fn frames(velocity_d_mps: Complex<f64>, theta_rad: f64) -> [Complex<f64>; FRAMES] {
     let turn = Complex::from_polar(1.0, theta_rad);
-    [velocity_mps, velocity_mps.conj(), velocity_mps * turn, velocity_mps.conj() * turn]
+    [velocity_d_mps, velocity_d_mps.conj(), velocity_d_mps * turn, velocity_d_mps.conj() * turn]
 }
 
 /// Ticks in `for_s`.

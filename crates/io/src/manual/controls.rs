@@ -200,7 +200,7 @@ impl Controls {
 
     /// What the person wants at `now`; called once per tick.
     ///
-    /// The sticks follow the asked deflection `d` as `u <- u + (1 - exp(-dt / tau)) (d - u)`: the
+    /// The sticks follow the asked deflection `d` as `u <- u + (1 - exp(-dt / smoothing_s)) (d - u)`: the
     /// published program's `u <- c d + (1 - c) u` with `c` from the time that really passed.
     ///
     /// Real time: no allocation, constant cost.

@@ -86,8 +86,27 @@ enum Protocol {
 }
 
 impl MocapTable {
-    /// Key of each source.
-    pub const NAMES: [&'static str; 6] = ["relay", "udp", "datastream", "natnet", "qtm", "vrpn"];
+    /// Key of each source with its usual port.
+    pub const KINDS: [(&'static str, u16); 6] = [
+        ("relay", 51602),
+        ("udp", 51001),
+        ("datastream", 801),
+        ("natnet", 1510),
+        ("qtm", 22223),
+        ("vrpn", 3883),
+    ];
+
+    /// Key of the source.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Relay(_) => "relay",
+            Self::Udp(_) => "udp",
+            Self::Datastream(_) => "datastream",
+            Self::Natnet(_) => "natnet",
+            Self::Qtm(_) => "qtm",
+            Self::Vrpn(_) => "vrpn",
+        }
+    }
 
     /// Name of the vehicle in the mocap system.
     pub fn object(&self) -> &str {
@@ -141,17 +160,15 @@ impl TryFrom<&MocapTable> for MocapSettings {
     type Error = SettingError;
 
     fn try_from(table: &MocapTable) -> Result<Self, SettingError> {
-        let (key, checked) = match table {
-            MocapTable::Relay(table) => ("relay", Self::of_server(Protocol::Relay, table)),
-            MocapTable::Udp(table) => ("udp", Self::of_udp(table)),
-            MocapTable::Datastream(table) => {
-                ("datastream", Self::of_server(Protocol::Datastream, table))
-            }
-            MocapTable::Natnet(table) => ("natnet", of_natnet(table).map(Self::from)),
-            MocapTable::Qtm(table) => ("qtm", of_qtm(table).map(Self::from)),
-            MocapTable::Vrpn(table) => ("vrpn", of_vrpn(table).map(Self::from)),
+        let checked = match table {
+            MocapTable::Relay(table) => Self::of_server(Protocol::Relay, table),
+            MocapTable::Udp(table) => Self::of_udp(table),
+            MocapTable::Datastream(table) => Self::of_server(Protocol::Datastream, table),
+            MocapTable::Natnet(table) => of_natnet(table).map(Self::from),
+            MocapTable::Qtm(table) => of_qtm(table).map(Self::from),
+            MocapTable::Vrpn(table) => of_vrpn(table).map(Self::from),
         };
-        checked.map_err(|error| error.under(key))
+        checked.map_err(|error| error.under(table.kind()))
     }
 }
 
@@ -294,7 +311,7 @@ mod tests {
     #[test]
     fn the_names_are_those_that_settings_may_have() {
         let error = serde_json::from_str::<MocapTable>(r#"{ "": {} }"#).unwrap_err().to_string();
-        let names = MocapTable::NAMES.map(|name| format!("`{name}`")).join(", ");
+        let names = MocapTable::KINDS.map(|(name, _)| format!("`{name}`")).join(", ");
         assert!(error.contains(&format!("expected one of {names} at")), "{error}");
     }
 

@@ -20,6 +20,9 @@ pub use drone::{DronePacket, FlightStatus, MOTORS_ON};
 pub use host::HostPacket;
 pub use query::{Answer, Query, Version};
 
+/// The drone's video is not used, but the handshake names a port for it.
+pub const VIDEO_PORT: u16 = 6038;
+
 /// First byte of every frame.
 const START: u8 = 0xCC;
 

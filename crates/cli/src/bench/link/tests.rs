@@ -172,7 +172,7 @@ fn an_old_status_is_none() {
     report(&mut link, &drone, status(false));
     let (_, status) = link.newest.unwrap();
     assert_eq!(link.status(), Some(status));
-    link.newest = Some((ago(&link, STATUS_AGE_MAX_S + 0.1), status));
+    link.newest = Some((ago(&link, STATUS_FRESH.seconds() + 0.1), status));
     assert_eq!(link.status(), None);
     assert!(!link.is_over(), "a drone that is silent is not down");
 }

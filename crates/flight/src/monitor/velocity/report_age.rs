@@ -36,7 +36,7 @@ pub(super) struct ReportAge {
     /// Of each frame: displacement by the poses less that by the drone. m
     error_m: [Complex<f64>; FRAMES],
     /// Of each frame: displacement by the drone since the newest pose of that age, and the time. m, s
-    flown_m: [Complex<f64>; FRAMES],
+    flown_d_m: [Complex<f64>; FRAMES],
     flown_s: f64,
     /// Whether the drone was silent since the newest pose of that age: what it flew meanwhile is not known.
     was_silent: bool,
@@ -69,19 +69,21 @@ impl ReportAge {
     /// Integrates the difference in each frame that fits.
     pub(super) fn compare(&mut self, motion: &Motion, dt_s: f64) {
         self.flown_s += dt_s;
-        for (flown_m, seen) in self.flown_m.iter_mut().zip(&motion.seen) {
-            *flown_m += seen * dt_s;
+        for (flown_d_m, seen_d_mps) in self.flown_d_m.iter_mut().zip(&motion.seen_d_mps) {
+            *flown_d_m += seen_d_mps * dt_s;
         }
-        for ((error_m, fit), seen) in self.error_m.iter_mut().zip(&self.axes).zip(&motion.seen) {
+        for ((error_m, fit), seen_d_mps) in
+            self.error_m.iter_mut().zip(&self.axes).zip(&motion.seen_d_mps)
+        {
             if let Some(Fit { axes, .. }) = fit {
-                *error_m += motion.moved_w_m - axes * seen * dt_s;
+                *error_m += motion.moved_w_m - axes * seen_d_mps * dt_s;
             }
         }
     }
 
     /// A pose was compared: the next motion begins.
     pub(super) fn begin_motion(&mut self) {
-        self.flown_m = [Complex::default(); FRAMES];
+        self.flown_d_m = [Complex::default(); FRAMES];
         self.flown_s = 0.0;
     }
 
@@ -93,8 +95,8 @@ impl ReportAge {
 
     /// Learns the axes from a motion between two poses. Axes that were found stay while too little motion shows any.
     pub(super) fn learn(&mut self, motion: &Motion) {
-        let seen = self.flown_m.map(|flown_m| flown_m / self.flown_s);
-        self.sums.add(&Motion { seen, ..*motion }, self.flown_s);
+        let seen_d_mps = self.flown_d_m.map(|flown_d_m| flown_d_m / self.flown_s);
+        self.sums.add(&Motion { seen_d_mps, ..*motion }, self.flown_s);
         let is_well_known = self.is_well_known();
         for (frame, axes) in self.axes.iter_mut().enumerate() {
             if self.sums.variance(frame) < MOTION_MIN {
@@ -137,7 +139,7 @@ pub(super) struct Sums {
     /// Displacement by the poses. m
     moved_w_m: Complex<f64>,
     /// Of each frame: the displacement by the drone. m
-    flown_m: [Complex<f64>; FRAMES],
+    flown_d_m: [Complex<f64>; FRAMES],
     /// Of each frame: displacement by the poses times conjugate velocity by the drone. m^2/s
     products: [Complex<f64>; FRAMES],
     /// Squared speed by the drone. m^2/s
@@ -148,29 +150,29 @@ pub(super) struct Sums {
 
 impl Sums {
     pub(super) fn add(&mut self, motion: &Motion, dt_s: f64) {
-        let Motion { moved_w_m, moved_in_s, ref seen, .. } = *motion;
+        let Motion { moved_w_m, moved_in_s, ref seen_d_mps, .. } = *motion;
         let keep = (-dt_s / AXES_FORGET_S).exp();
         self.time_s = self.time_s * keep + dt_s;
         self.moved_w_m = self.moved_w_m * keep + moved_w_m;
         self.moved_squares = self.moved_squares * keep + moved_w_m.norm_sqr() / moved_in_s;
-        self.squares = self.squares * keep + seen[FIXED].norm_sqr() * dt_s;
-        let sums = self.flown_m.iter_mut().zip(&mut self.products);
-        for ((flown_m, product), seen) in sums.zip(seen) {
-            *flown_m = *flown_m * keep + seen * dt_s;
-            *product = *product * keep + moved_w_m * seen.conj();
+        self.squares = self.squares * keep + seen_d_mps[FIXED].norm_sqr() * dt_s;
+        let sums = self.flown_d_m.iter_mut().zip(&mut self.products);
+        for ((flown_d_m, product), seen_d_mps) in sums.zip(seen_d_mps) {
+            *flown_d_m = *flown_d_m * keep + seen_d_mps * dt_s;
+            *product = *product * keep + moved_w_m * seen_d_mps.conj();
         }
     }
 
     /// Integral of the squared deviation of the drone's velocity from its mean. m^2/s
     pub(super) fn variance(&self, frame: usize) -> f64 {
-        self.squares - self.flown_m[frame].norm_sqr() / self.time_s.max(f64::MIN_POSITIVE)
+        self.squares - self.flown_d_m[frame].norm_sqr() / self.time_s.max(f64::MIN_POSITIVE)
     }
 
     /// The axes of `frame` in the world, and how well they explain the motion; `None` if they do not fit it.
     fn fit(&self, frame: usize) -> Option<Fit> {
         let time_s = self.time_s.max(f64::MIN_POSITIVE);
-        let flown_m = self.flown_m[frame];
-        let covariance = self.products[frame] - self.moved_w_m * flown_m.conj() / time_s;
+        let flown_d_m = self.flown_d_m[frame];
+        let covariance = self.products[frame] - self.moved_w_m * flown_d_m.conj() / time_s;
         let variance = self.variance(frame);
         let moved_variance = self.moved_squares - self.moved_w_m.norm_sqr() / time_s;
         let axes = covariance / variance;

@@ -61,10 +61,10 @@ fn inputs_and_reports_are_turned_by_the_heading() {
     // Forward is x and right is -y, at a heading of zero.
     assert!(close(asked(&sample, 0.0), Complex::new(1.9 * 0.43, -1.9 * 0.13)));
     assert!(close(asked(&sample, FRAC_PI_2), Complex::new(1.9 * 0.13, 1.9 * 0.43)));
-    let seen = frames(Complex::new(0.3, 0.1), FRAC_PI_2);
+    let seen_d_mps = frames(Complex::new(0.3, 0.1), FRAC_PI_2);
     let expected = [(0.3, 0.1), (0.3, -0.1), (-0.1, 0.3), (0.1, 0.3)];
-    for (seen, (x, y)) in seen.into_iter().zip(expected) {
-        assert!(close(seen, Complex::new(x, y)), "{seen}");
+    for (seen_d_mps, (x, y)) in seen_d_mps.into_iter().zip(expected) {
+        assert!(close(seen_d_mps, Complex::new(x, y)), "{seen_d_mps}");
     }
 }
 

@@ -3,11 +3,10 @@
 use super::talk::{Message, Received};
 use super::{Approved, DroneOrder};
 use crate::clock::{CivilTime, SpanNs, TimeNs};
-use crate::tello::protocol::{Action, DronePacket, HostPacket, PacketError, Query, Setting};
+use crate::tello::protocol::{
+    Action, DronePacket, HostPacket, PacketError, Query, Setting, VIDEO_PORT,
+};
 use crate::tello::{DroneStatus, status_from_binary};
-
-/// The drone's video is not used, but the handshake names a port for it.
-const VIDEO_PORT: u16 = 6038;
 
 /// A take-off that arrived shows in the flag "flying" within about 1 s.
 const TAKE_OFF_PATIENCE: SpanNs = SpanNs::from_ms(2500);

@@ -66,6 +66,7 @@ fn moves(message: &Message) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::protocol::VIDEO_PORT;
     use super::*;
 
     #[test]
@@ -94,7 +95,7 @@ mod tests {
         for message in [
             Message::Binary(HostPacket::Action { action: Action::Land, sequence }),
             Message::Binary(HostPacket::EmergencyStop),
-            Message::Binary(HostPacket::ConnReq { video_port: 6038 }),
+            Message::Binary(HostPacket::ConnReq { video_port: VIDEO_PORT }),
             Message::Text(Command::Land),
             Message::Text(Command::EmergencyStop),
             Message::Text(Command::Enter),

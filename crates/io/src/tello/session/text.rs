@@ -4,16 +4,16 @@
 //! can prove: one that is late, doubled or missing shifts nothing. Charge comes from the state line,
 //! never from a reply.
 
+use tello_flight::drone::MOTORS_REST;
+
 use super::DroneOrder;
 use super::talk::{Message, Received};
 use crate::clock::{SpanNs, TimeNs};
 use crate::tello::DroneStatus;
-use crate::tello::text::{Command, Field, Query, Reply, StateLine};
+use crate::tello::text::{Command, Field, Query, Reply, StateLine, VIDEO_PORT};
 
 /// Where the drone sends its state line unless it is configured otherwise.
 pub const STATE_PORT: u16 = 8890;
-/// The port for video, which is not used.
-const VIDEO_PORT: u16 = 11111;
 
 /// An `ok` that comes sooner after a take-off order answers something older: the drone says it when it
 /// hovers, after about 6 s, and a reply takes 0.3 s at most: assumptions (docs/bench-test.md).
@@ -24,8 +24,6 @@ const TAKE_OFF_TYPICAL: SpanNs = SpanNs::from_ms(8000);
 /// packet.
 const TAKE_OFF_MAX: SpanNs = SpanNs::from_ms(12_000);
 
-/// The count of seconds with motors on stands still for so long if they are off.
-const MOTORS_REST: SpanNs = SpanNs::from_ms(3000);
 /// Distances to the floor at which a drone counts as flying while it is unknown whether its motors run. cm; 10 on
 /// the floor
 pub const TOF_FLYING_CM: std::ops::RangeInclusive<f64> = 31.0..=1000.0;

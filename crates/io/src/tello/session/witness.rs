@@ -3,13 +3,10 @@
 //! Owns how long each counts. Either can be wrong: a status may deny a flight, a pose may be missing.
 //! So "down" needs both witnesses, or one of them for longer; "airborne" needs one.
 
-use tello_flight::drone::{ALONE_HOLD, DroneStatus, denies_standing};
+use tello_flight::drone::{ALONE_HOLD, DroneStatus, STATUS_FRESH, denies_standing};
 
 use crate::clock::{SpanNs, TimeNs};
 
-/// Age beyond which a status no longer counts. Statuses come ten times a second; gaps of up to 0.6 s are assumed
-/// (docs/bench-test.md).
-const STATUS_FRESH: SpanNs = SpanNs::from_ms(2000);
 /// Age beyond which a pose on the floor no longer counts.
 const FLOOR_FRESH: SpanNs = SpanNs::from_ms(500);
 /// How long a pose in the air counts while motion capture sees nothing. Longer than on the floor: if in

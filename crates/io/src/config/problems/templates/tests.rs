@@ -26,7 +26,7 @@ fn table(template: &Value) -> FlyTable {
 
 #[test]
 fn settings_are_replaced_from_ones_with_the_same_source_of_poses() {
-    for kind in MocapTable::NAMES {
+    for (kind, _) in MocapTable::KINDS {
         for frame in [None, Some(json!({ "axes": 1 }))] {
             let given = frame.map_or_else(|| json!({}), |frame| json!({ "frame": frame }));
             let has_frame =
