@@ -89,7 +89,7 @@ impl Mpc {
     #[pyo3(signature = (model, dt, settings))]
     fn new(model: &Model, dt: f64, settings: &str) -> PyResult<Self> {
         let dimensions = model.dimensions();
-        let mut table: MpcTable = settings::merged(&default_table(dimensions), settings)?;
+        let mut table: MpcTable = settings::merged("Mpc", &default_table(dimensions), settings)?;
         if table.c_s_end.is_empty() {
             table.c_s_end.clone_from(&table.c_s);
         }

@@ -8,7 +8,7 @@ use horizon_model::setting::SettingError;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
-use tello_sim::{DT_S, SimTable};
+use tello_sim::{DT_S, SimTable, Truth};
 
 use crate::simulator::{CHUNK, Drone, Seen, Shown, seen};
 use crate::{TelloError, array, raised};
@@ -114,7 +114,8 @@ impl Environment {
         outcome
     }
 
-    /// The first step of a new episode, in which the vehicle does not fly yet.
+    /// The first step of a new episode, in which the vehicle does not fly yet: what it shows is what
+    /// [`Environments::reset`] shows, and nothing is judged.
     fn restart(
         &mut self,
         table: &SimTable,
@@ -122,9 +123,9 @@ impl Environment {
         rules: &Rules,
     ) -> Result<Outcome, SettingError> {
         *self = Self::new(table, seed)?;
-        self.filter_velocity();
-        let judged = self.judge(&Sticks::zeros(), rules);
-        Ok(Outcome { reward: 0.0, is_terminated: false, ..judged })
+        let Truth { pose, link_is_up, .. } = self.drone.truth();
+        let distance_m = self.distance_m(&pose, rules);
+        Ok(Outcome { distance_m, link_is_up, ..Outcome::default() })
     }
 
     fn filter_velocity(&mut self) {
@@ -143,10 +144,7 @@ impl Environment {
     /// Reward and end of a step with these sticks, by the true pose; notes a corner that was reached.
     fn judge(&mut self, u: &Sticks, rules: &Rules) -> Outcome {
         let truth = self.drone.truth();
-        let [x, y, z, ..] = *self.target(rules);
-        let [dx, dy, dz] =
-            [x - truth.pose[pose::X], y - truth.pose[pose::Y], z - truth.pose[pose::Z]];
-        let distance_m = (dx * dx + dy * dy + dz * dz).sqrt();
+        let distance_m = self.distance_m(&truth.pose, rules);
         let turned_rad = wrap(truth.pose[pose::THETA]).abs();
         let effort: f64 = u.iter().map(|u| u * u).sum();
         let mut reward = -DT_S * (distance_m + 0.3 * turned_rad + 0.002 * effort);
@@ -169,6 +167,13 @@ impl Environment {
             link_is_up: truth.link_is_up,
             reached: self.reached,
         }
+    }
+
+    /// From this pose to the target. m
+    fn distance_m(&self, at: &Pose, rules: &Rules) -> f64 {
+        let [x, y, z, ..] = *self.target(rules);
+        let [dx, dy, dz] = [x - at[pose::X], y - at[pose::Y], z - at[pose::Z]];
+        (dx * dx + dy * dy + dz * dz).sqrt()
     }
 
     fn target<'a>(&self, rules: &'a Rules) -> &'a Target {
@@ -243,7 +248,7 @@ impl Environments {
         steps_max: usize,
     ) -> PyResult<Self> {
         let table: SimTable =
-            crate::settings::merged(&tello_sim::settings(None).map_err(raised)?, settings)?;
+            crate::settings::merged("sim", &tello_sim::settings(None).map_err(raised)?, settings)?;
         let targets = array::matrix("targets", &targets, (None, 6))?;
         let targets: Vec<Target> =
             targets.iter().map(|row| std::array::from_fn(|column| row[column])).collect();

@@ -60,7 +60,7 @@ impl Mhe {
     fn new(model: &Model, dt: f64, settings: &str) -> PyResult<Self> {
         let dimensions = model.dimensions();
         let default = default_table(model.handle, dimensions)?;
-        let mut table: MheTable = settings::merged(&default, settings)?;
+        let mut table: MheTable = settings::merged("Mhe", &default, settings)?;
         let rows = Rows { table: "Mhe", dimensions };
         rows.check_mhe(&table)?;
         settings::period(dt)?;

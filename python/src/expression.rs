@@ -88,6 +88,9 @@ fn refusal(what: &str, instead: &str) -> PyErr {
     PyTypeError::new_err(format!("a traced model cannot {what}: {instead}"))
 }
 
+/// What Python's `>=` and `<=` are, which `NumPy`'s `minimum`, `maximum` and `clip` call.
+const OR_EQUAL: &str = "compare by >= or <=, as numpy's minimum, maximum and clip do";
+
 #[pymethods]
 #[expect(
     clippy::needless_pass_by_value,
@@ -194,7 +197,7 @@ impl Expression {
     fn __bool__(&self) -> PyResult<bool> {
         Err(refusal(
             "branch on its arguments",
-            "use tello_ctl.select(condition, a, b), .minimum or .maximum",
+            "use tello_ctl.select(condition, a, b), .minimum, .maximum or .sign",
         ))
     }
     fn __float__(&self) -> PyResult<f64> {
@@ -202,6 +205,18 @@ impl Expression {
             "turn an argument into a float",
             "use numpy's functions instead of those of math",
         ))
+    }
+    fn __ge__(&self, _other: Py<PyAny>) -> PyResult<Self> {
+        Err(refusal(OR_EQUAL, "use < or >, .minimum or .maximum"))
+    }
+    fn __le__(&self, _other: Py<PyAny>) -> PyResult<Self> {
+        Err(refusal(OR_EQUAL, "use < or >, .minimum or .maximum"))
+    }
+    fn __eq__(&self, _other: Py<PyAny>) -> PyResult<Self> {
+        Err(refusal("ask whether its arguments are equal", "use tello_ctl.select with < or >"))
+    }
+    fn __ne__(&self, _other: Py<PyAny>) -> PyResult<Self> {
+        Err(refusal("ask whether its arguments are equal", "use tello_ctl.select with < or >"))
     }
     fn __gt__(&self, other: Operand) -> PyResult<Self> {
         self.binary(Binary::Above, &other, false)
@@ -214,13 +229,12 @@ impl Expression {
     }
 }
 
-/// `a` where `condition` is 1, `b` where it is 0, for traced models; `condition` is a comparison with `<` or `>`.
+/// `a` where `condition` holds, else `b`, for traced models; `condition` is a comparison with `<` or `>`. What is not
+/// taken may be infinite or NaN.
 #[pyfunction]
 #[expect(clippy::needless_pass_by_value, reason = "arguments come from Python by value")]
 pub(crate) fn select(condition: &Expression, a: Operand, b: Operand) -> PyResult<Expression> {
     let tracer = &condition.tracer;
-    let (a, b) = (tracer.lift(&a)?, tracer.lift(&b)?);
-    let gap = a.binary(Binary::Sub, &Operand::Expression(b.clone()), false)?;
-    let scaled = condition.binary(Binary::Mul, &Operand::Expression(gap), false)?;
-    b.binary(Binary::Add, &Operand::Expression(scaled), false)
+    let (a, b) = (tracer.id(&a)?, tracer.id(&b)?);
+    Ok(Expression { tracer: tracer.clone(), id: tracer.graph().select(condition.id, a, b) })
 }

@@ -6,15 +6,17 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use pyo3::prelude::*;
 use serde_json::Value;
-use tello_eval::REVISION;
+use tello_eval::flight_log::TickRecord;
 use tello_eval::ident::{self, BootstrapPlan, FileUsed, IdentFileTable, IdentReport, Job};
+use tello_eval::replay::{self as replays, Watch};
 use tello_eval::shard_file::Shard;
-use tello_eval::{replay as replays, report as reports};
+use tello_eval::{REVISION, recordings, report as reports};
 use tello_flight::Start;
 use tello_flight::cycle::FlightTable;
+use tello_io::log::LogReader;
 use tello_io::{config, whole_file};
 use tello_sim::batch::{Batch, Contender};
 use tello_sim::{SimTable, logged_flight};
@@ -48,16 +50,16 @@ pub(crate) fn defaults(kind: &str) -> PyResult<String> {
 /// The flight of the settings in `config` (JSON, keys that differ) and of a mission (JSON), or the built-in one.
 pub(crate) fn flight(config: &str, mission: Option<&str>, start: Start) -> Result<FlightTable> {
     let (fly, built_in) = config::fly(None, None)?;
-    let fly = settings::merged(&fly, config).map_err(as_cause)?;
+    let fly = settings::merged("config", &fly, config).map_err(as_cause)?;
     let mission = match mission {
-        Some(mission) => config::parse(mission).context("in the mission")?,
+        Some(mission) => config::parse(mission).context("mission")?,
         None => built_in,
     };
     Ok(config::flight(&fly, mission, start))
 }
 
 fn simulator(changes: &str) -> Result<SimTable> {
-    settings::merged(&tello_sim::settings(None)?, changes).map_err(as_cause)
+    settings::merged("sim", &tello_sim::settings(None)?, changes).map_err(as_cause)
 }
 
 /// An exception of ours as the cause of an error.
@@ -93,10 +95,12 @@ pub(crate) fn batch(
 #[pyfunction]
 #[expect(clippy::needless_pass_by_value, reason = "arguments come from Python by value")]
 pub(crate) fn fly(py: Python<'_>, log: PathBuf, seed: u64, flown: Flown) -> PyResult<String> {
-    long_call::run(py, |_| {
+    long_call::run(py, |stop| {
         let (mission, config, sim) = &flown;
         let flight = flight(config, mission.as_deref(), Start::Airborne)?;
-        Ok(serde_json::to_string(&logged_flight::fly(&flight, &simulator(sim)?, seed, &log)?)?)
+        let (sim, is_stopped) = (simulator(sim)?, || stop.is_asked());
+        let logged = logged_flight::fly_until(&flight, &sim, seed, &log, &is_stopped)?;
+        Ok(serde_json::to_string(&logged)?)
     })
 }
 
@@ -113,7 +117,7 @@ pub(crate) fn identify(
     out: Option<PathBuf>,
 ) -> PyResult<String> {
     let table: IdentFileTable =
-        settings::merged(&ident::settings(None).map_err(crate::raised)?, table)?;
+        settings::merged("settings", &ident::settings(None).map_err(crate::raised)?, table)?;
     long_call::run(py, |stop| {
         let report = identified(&logs, &table, (bootstrap, seed), out.as_deref(), stop)?;
         Ok(serde_json::to_string(&report)?)
@@ -152,9 +156,7 @@ fn identified(
         fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
         written = ident::write(dir, &job, &fitted)?;
     }
-    if stop.is_asked() {
-        bail!("interrupted");
-    }
+    stop.check()?;
     Ok(IdentReport {
         fit: fitted.fit,
         against: Vec::new(),
@@ -178,15 +180,26 @@ pub(crate) fn replay(
     config: Option<PathBuf>,
     out: Option<PathBuf>,
 ) -> PyResult<String> {
-    long_call::run(py, |_| {
+    long_call::run(py, |stop| {
         let options = replays::Options {
             config: config.as_deref(),
             against: None,
             params: None,
             out: out.as_deref(),
         };
-        Ok(serde_json::to_string(&replays::run(&logs, &options, None)?)?)
+        let mut watch = |_: &FlightTable, _: &TickRecord| stop.check();
+        // Recordings of others have no ticks to stop at, and are short.
+        let watch: Option<Watch<'_>> = if has_ticks(&logs)? { Some(&mut watch) } else { None };
+        Ok(serde_json::to_string(&replays::run(&logs, &options, watch)?)?)
     })
+}
+
+/// Whether a flight of ours is among the logs.
+fn has_ticks(logs: &[PathBuf]) -> Result<bool> {
+    let is_ours = |path: &PathBuf| {
+        LogReader::open(path).is_ok_and(|log| !recordings::rows::is_recording(&log))
+    };
+    Ok(recordings::find(logs)?.iter().any(is_ours))
 }
 
 /// Makes the page of recorded flights, as `report --json`.
@@ -198,8 +211,10 @@ pub(crate) fn report(
     against: Vec<PathBuf>,
     out: PathBuf,
 ) -> PyResult<String> {
-    long_call::run(py, |_| {
+    long_call::run(py, |stop| {
+        reports::replaces_a_page(&out)?;
         let page = reports::of(&logs, &against, &out)?;
+        stop.check()?;
         whole_file::write(&out, true, |part| Ok(fs::write(part, &page.html)?))?;
         Ok(serde_json::to_string(&page.report)?)
     })

@@ -2,22 +2,22 @@
 
 use horizon_estim::{
     Curvature, Ident, IdentTable, LinearSolver, LmTable, LossTable, Observed, Piece,
+    standard_deviations,
 };
-use horizon_model::expression::Dimensions;
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 
 use crate::long_call::{self, Stop};
 use crate::model::{Model, padded};
 use crate::settings::{self, Rows};
-use crate::sizes::visit;
+use crate::sizes::{Handle, visit};
 use crate::{TelloError, array, raised};
 
 /// What identification found.
 pub(crate) struct Found {
     parameter: Vec<f64>,
-    /// Standard deviation of each parameter by the Laplace approximation; empty if it is not determined.
+    /// Standard deviation of each parameter by the Laplace approximation; NaN if it is not determined.
     deviation: Vec<f64>,
     cost: f64,
     iterations: u32,
@@ -37,7 +37,7 @@ pub(crate) fn fit(
     settings: &str,
 ) -> PyResult<(Vec<f64>, Vec<f64>, f64, u32)> {
     let dimensions = model.dimensions();
-    let mut table: IdentTable = settings::merged(&default_table(dimensions), settings)?;
+    let mut table: IdentTable = settings::merged("fit", &default_table(model.handle), settings)?;
     let rows = Rows { table: "fit", dimensions };
     rows.check_ident(&table)?;
     settings::period(dt)?;
@@ -92,23 +92,20 @@ visit!(Solve<'_> => anyhow::Result<Found>, |visitor, model| {
     let pieces = visitor.pieces.iter().map(vectors).collect();
     let mut ident = Ident::new(model, &settings, visitor.dt_s, pieces)?;
     let solved = ident.solve(&mut || visitor.stop.is_asked())?;
-    let covariance = ident.information().ok().and_then(|information| {
-        let rows = visitor.parameters;
-        information.view((0, 0), (rows, rows)).clone_owned().try_inverse()
-    });
-    let deviation = covariance.map_or_else(Vec::new, |covariance| {
-        covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect()
-    });
+    // Without information where the data do not determine the states.
+    let information = ident.information().unwrap_or_else(|_| SMatrix::zeros());
+    let own = |rows: &SVector<f64, NP>| rows.iter().take(visitor.parameters).copied().collect();
     Ok(Found {
-        parameter: ident.parameter().iter().take(visitor.parameters).copied().collect(),
-        deviation,
+        parameter: own(ident.parameter()),
+        deviation: own(&standard_deviations(&information)),
         cost: solved.cost,
         iterations: solved.iterations,
     })
 });
 
 /// Settings of an identification: weights of 1, the data alone.
-fn default_table(dimensions: Dimensions) -> IdentTable {
+fn default_table(model: Handle) -> IdentTable {
+    let dimensions = model.dimensions();
     IdentTable {
         c_o: vec![1.0; dimensions.observations],
         c_s: vec![1.0; dimensions.states],
@@ -119,7 +116,11 @@ fn default_table(dimensions: Dimensions) -> IdentTable {
         p_ub: vec![settings::WIDE; dimensions.parameters],
         observation_loss: LossTable::None {},
         transition_loss: LossTable::None {},
-        curvature: Curvature::Exact,
+        // Second derivatives of traced models are not compiled.
+        curvature: match model {
+            Handle::Vehicle(_) => Curvature::Exact,
+            Handle::Program(_) => Curvature::GaussNewton,
+        },
         linear_solver: LinearSolver::Chain,
         solver: LmTable::default(),
     }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use anyhow::{Result, bail};
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -63,15 +64,16 @@ pub(crate) fn read_log(
         }
         let mut tables: BTreeMap<String, Table> = BTreeMap::new();
         while let Some(message) = log.next_message()? {
-            if stop.is_asked() {
-                break;
-            }
+            stop.check()?;
             // What viewers read is on other channels as numbers.
             if !message.is_json {
                 continue;
             }
             let record = message.decode()?;
             tables.entry(message.topic.to_owned()).or_default().push(message.t.0, record);
+        }
+        if let Some(topics) = &topics {
+            check_topics(&log, topics)?;
         }
         let torn = match log.ending() {
             Some(Ending::Torn { why, .. }) => Some(why.clone()),
@@ -88,6 +90,17 @@ pub(crate) fn read_log(
         channels.set_item(topic, (table.times_ns.into_pyarray(py), columns))?;
     }
     Ok((channels, settings, torn))
+}
+
+/// # Errors
+/// A topic that the log has no channel for.
+fn check_topics(log: &LogReader, topics: &[String]) -> Result<()> {
+    let is_unknown = |topic: &&String| log.json_topics().all(|known| known != *topic);
+    if let Some(topic) = topics.iter().find(is_unknown) {
+        let known = log.json_topics().collect::<Vec<_>>().join(", ");
+        bail!("topics: {topic} is none of {known}");
+    }
+    Ok(())
 }
 
 /// Numbers as float64, where absent NaN; integers as int64 and flags as bool where none is absent; anything else as

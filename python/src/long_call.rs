@@ -5,7 +5,7 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use tello_eval::ident::Observer;
@@ -23,6 +23,13 @@ impl Stop {
     /// Whether the call shall end.
     pub(crate) fn is_asked(&self) -> bool {
         self.0.load(Ordering::Relaxed)
+    }
+
+    /// # Errors
+    /// The call shall end. Nobody sees this error: the signal's exception takes its place.
+    pub(crate) fn check(&self) -> Result<()> {
+        ensure!(!self.is_asked(), "interrupted");
+        Ok(())
     }
 }
 

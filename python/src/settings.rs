@@ -15,15 +15,19 @@ use crate::{TelloError, raised};
 /// Bounds of a parameter that has none.
 pub(crate) const WIDE: f64 = 1e6;
 
-/// `default` with the keys of the JSON object `changes` in place of its own.
+/// `default` with the keys of the JSON object `changes`, the argument `name`, in place of its own.
 ///
 /// # Errors
 /// An unknown key, or a value of another type.
-pub(crate) fn merged<T: Serialize + DeserializeOwned>(default: &T, changes: &str) -> PyResult<T> {
+pub(crate) fn merged<T: Serialize + DeserializeOwned>(
+    name: &'static str,
+    default: &T,
+    changes: &str,
+) -> PyResult<T> {
     let mut table = serde_json::to_value(default).map_err(raised)?;
     let changes: Value = serde_json::from_str(changes).map_err(raised)?;
     merge(&mut table, changes);
-    config::parse(&table.to_string()).map_err(raised)
+    config::parse(&table.to_string()).map_err(|error| raised(error.context(name)))
 }
 
 /// Objects key by key, unless the change is another variant of an enum; anything else as a whole.

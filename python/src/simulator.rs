@@ -132,8 +132,11 @@ impl Simulators {
     #[new]
     #[pyo3(signature = (seeds, settings))]
     fn new(seeds: Vec<u64>, settings: &str) -> PyResult<Self> {
-        let table: SimTable =
-            crate::settings::merged(&tello_sim::settings(None).map_err(raised)?, settings)?;
+        let table: SimTable = crate::settings::merged(
+            "settings",
+            &tello_sim::settings(None).map_err(raised)?,
+            settings,
+        )?;
         if seeds.is_empty() {
             return Err(TelloError::new_err("seeds: expected at least one"));
         }
@@ -290,10 +293,13 @@ impl Controllers {
     /// Starts the controllers at these positions anew.
     fn reset(&mut self, controllers: Vec<usize>) -> PyResult<()> {
         for position in controllers {
-            let fresh = Controller::new(&self.flight)?;
-            if let Some(controller) = self.controllers.get_mut(position) {
-                *controller = fresh;
-            }
+            let count = self.controllers.len();
+            let Some(controller) = self.controllers.get_mut(position) else {
+                let message =
+                    format!("controllers: expected numbers below {count}, given {position}");
+                return Err(TelloError::new_err(message));
+            };
+            *controller = Controller::new(&self.flight)?;
         }
         Ok(())
     }

@@ -4,7 +4,8 @@ Poses are (x, y, z, theta) in the world frame, m and rad, theta counter-clockwis
 (roll, pitch, yaw, throttle) in [-1, 1]: right, forward, counter-clockwise, up. Times are in seconds.
 
 Everything that can be wrong about an argument raises TelloError, a ValueError, which names the argument.
-Long calls use all cores, let other Python threads run and end at Ctrl-C.
+Long calls let other Python threads run and end at Ctrl-C; `report` and replays of CSV flights compute to their end
+first.
 """
 
 from ._native import VERSION, Expression, Model, TelloError, select

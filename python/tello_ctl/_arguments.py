@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import operator
 import os
 from collections.abc import Iterable, Mapping
 from typing import Any, Optional, Union
@@ -17,8 +18,8 @@ Floats = npt.NDArray[np.float64]
 _FLOAT64 = np.dtype(np.float64)
 
 
-def numbers(name: str, value: npt.ArrayLike, dimensions: int) -> Floats:
-    """`value` as float64 array of so many dimensions."""
+def numbers(name: str, value: npt.ArrayLike, dimensions: Optional[int]) -> Floats:
+    """`value` as float64 array of so many dimensions; None: of any number."""
     if type(value) is np.ndarray and value.dtype is _FLOAT64 and value.ndim == dimensions:
         # What a control loop passes: half a microsecond less.
         return value
@@ -26,7 +27,7 @@ def numbers(name: str, value: npt.ArrayLike, dimensions: int) -> Floats:
         array = np.ascontiguousarray(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise TelloError(f"{name}: expected numbers, given {type(value).__name__}: {error}") from None
-    if array.ndim != dimensions:
+    if dimensions is not None and array.ndim != dimensions:
         raise TelloError(f"{name}: expected {dimensions} dimensions, given shape {array.shape}")
     return array
 
@@ -53,12 +54,50 @@ def mapping(name: str, value: Union[Mapping[str, Any], Path, None]) -> Optional[
         return None
     if isinstance(value, Mapping):
         return text(name, value)
-    with open(value, encoding="utf-8") as file:
-        return file.read()
+    try:
+        with open(file(name, value), encoding="utf-8") as opened:
+            return opened.read()
+    except (OSError, UnicodeDecodeError) as error:
+        raise TelloError(f"{name}: {value}: {error}") from None
 
 
-def files(value: Union[Path, Iterable[Path]]) -> list[str]:
+def whole(name: str, value: Any, below: int = 2**64) -> int:
+    """A whole number from 0 on."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = -1
+    if not 0 <= number < below:
+        raise TelloError(f"{name}: expected a whole number in 0..{below}, given {value!r}")
+    return number
+
+
+def wholes(name: str, values: Iterable[Any]) -> list[int]:
+    """Several of them."""
+    try:
+        given = list(values)
+    except TypeError:
+        raise TelloError(f"{name}: expected whole numbers, given {values!r}") from None
+    return [whole(f"{name}[{position}]", value) for position, value in enumerate(given)]
+
+
+def file(name: str, value: Path) -> str:
+    """One path."""
+    try:
+        path: Any = os.fspath(value)
+    except TypeError:
+        path = None
+    if not isinstance(path, str):
+        raise TelloError(f"{name}: expected a path, given {value!r}")
+    return path
+
+
+def files(name: str, value: Union[Path, Iterable[Path]], at_least: int = 1) -> list[str]:
     """One path or several."""
-    if isinstance(value, (str, os.PathLike)):
-        value = [value]
-    return [os.fspath(path) for path in value]
+    try:
+        paths = [value] if isinstance(value, (str, os.PathLike)) else list(value)
+    except TypeError:
+        raise TelloError(f"{name}: expected paths, given {value!r}") from None
+    if len(paths) < at_least:
+        raise TelloError(f"{name}: expected at least {at_least} path, given none")
+    return [file(name, path) for path in paths]

@@ -15,7 +15,8 @@ class TelloError(ValueError):
     """What tello_ctl was given is wrong: an argument, a setting or a file. The message names it and the way out."""
 
 class Expression:
-    """A number of a model that is being traced: + - * / **, comparison by < and >, and NumPy's functions."""
+    """A number of a model that is being traced: + - * / **, abs, comparison by < and >, and the functions below, which
+    NumPy's of the same names call; not `minimum`, `maximum` and `sign`, which are methods alone."""
 
     def __add__(self, other: _Number) -> Expression: ...
     def __radd__(self, other: _Number) -> Expression: ...
@@ -53,7 +54,7 @@ class Expression:
         """The larger of two numbers."""
 
 def select(condition: Expression, a: _Number, b: _Number) -> Expression:
-    """`a` where `condition` (a comparison) holds, else `b`. Both are computed: neither may be infinite or NaN."""
+    """`a` where `condition` (a comparison) holds, else `b`. What is not taken may be infinite or NaN."""
 
 class Model:
     """A discrete-time system `s' = step(s, u, p, dt)`, `o = observe(s)`.

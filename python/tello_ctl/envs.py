@@ -33,6 +33,7 @@ from gymnasium.vector.utils import batch_space
 
 from . import _native
 from ._arguments import Floats, numbers, text
+from ._native import TelloError
 from .simulators import DT, Controllers, State
 
 HISTORY = 20
@@ -40,14 +41,20 @@ HISTORY = 20
 OBSERVATIONS = 12 + 4 * HISTORY
 
 _LARGEST = 100.0
-_FOLLOW = {
-    "reach": 0.2,
-    "start": {"within": 0.5, "settle_s": 0.0},
-    "wait": {"begin_m": 0.15, "stop_m": 0.4},
-}
 _HEIGHT = 1.3
 _TRACK_HOLD_S = 2.0
 _TRACK_PERIOD_S = 14.0
+_MISSION_MAX_S = 3600.0
+"""Longest mission that the flight program accepts."""
+
+
+def _follow(within: float) -> dict[str, Any]:
+    """Settings of the expert, whose mission begins `within` this distance of its first pose."""
+    return {
+        "reach": 0.2,
+        "start": {"within": within, "settle_s": 0.0},
+        "wait": {"begin_m": 0.15, "stop_m": 0.4},
+    }
 
 
 def _lemniscate(time_s: Floats) -> tuple[Floats, Floats]:
@@ -76,10 +83,11 @@ class _Task:
         """Positions and velocities, (n, 6)."""
         return np.hstack([self.corners, np.zeros_like(self.corners)])
 
-    def mission(self) -> dict[str, Any]:
+    def mission(self, steps: int) -> dict[str, Any]:
+        """What the expert flies in an episode of at most so many steps."""
         x, y, z = self.corners[0]
-        rows = [[0.0, x, y, z, 0.0], [self.steps * DT + 60.0, x, y, z, 0.0]]
-        return {"trajectory": {"points": {"rows": rows}, "accel_max_mps2": 0.9, "follow": _FOLLOW}}
+        rows = [[0.0, x, y, z, 0.0], [min(steps * DT + 60.0, _MISSION_MAX_S), x, y, z, 0.0]]
+        return {"trajectory": {"points": {"rows": rows}, "accel_max_mps2": 0.9, "follow": _follow(0.5)}}
 
 
 class _Track(_Task):
@@ -89,11 +97,11 @@ class _Track(_Task):
     def targets(self) -> Floats:
         return np.hstack(_lemniscate(np.arange(self.steps + 1 + self.period) * DT))
 
-    def mission(self) -> dict[str, Any]:
-        times = np.arange(0.0, self.steps * DT + 10.0, 0.1)
+    def mission(self, steps: int) -> dict[str, Any]:
+        times = np.arange(0.0, min(steps * DT + 10.0, _MISSION_MAX_S), 0.1)
         position, _ = _lemniscate(times)
         rows = [[float(t), *map(float, row), 0.0] for t, row in zip(times, position)]
-        return {"trajectory": {"points": {"rows": rows}, "accel_max_mps2": 0.9, "follow": _FOLLOW}}
+        return {"trajectory": {"points": {"rows": rows}, "accel_max_mps2": 0.9, "follow": _follow(0.5)}}
 
 
 class _Square(_Task):
@@ -102,7 +110,7 @@ class _Square(_Task):
         [[0.0, 0.0, _HEIGHT], [0.0, 1.5, _HEIGHT], [1.5, 1.5, _HEIGHT], [1.5, 0.0, _HEIGHT], [0.0, 0.0, _HEIGHT]]
     )
 
-    def mission(self) -> dict[str, Any]:
+    def mission(self, steps: int) -> dict[str, Any]:
         waypoints = [[*map(float, corner), 0.0] for corner in self.corners]
         limits = {"speed_max_mps": 1.2, "accel_max_mps2": 0.9, "climb_max_mps": 0.3, "turn_max_radps": 1.0}
         return {
@@ -111,7 +119,8 @@ class _Square(_Task):
                 "corner_m": 0.1,
                 "heading": "fixed",
                 "limits": limits,
-                "follow": _FOLLOW,
+                # The estimate within half of what the environment demands of the true pose.
+                "follow": _follow(0.1),
             }
         }
 
@@ -134,7 +143,7 @@ class TelloVectorEnv(VectorEnv):  # type: ignore[type-arg]
         render_mode: Optional[str] = None,
     ) -> None:
         if task not in _TASKS:
-            raise ValueError(f"task: expected one of {sorted(_TASKS)}, given {task!r}")
+            raise TelloError(f"task: expected one of {sorted(_TASKS)}, given {task!r}")
         self.task = _TASKS[task]()
         self.steps_max = max_episode_steps or self.task.steps
         self.num_envs = num_envs
@@ -173,7 +182,9 @@ class TelloVectorEnv(VectorEnv):  # type: ignore[type-arg]
     ) -> tuple[npt.NDArray[np.float32], Floats, npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
         if self._environments is None:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
-        sticks = numbers("actions", actions, np.ndim(actions)).reshape(self.num_envs, 4)
+        sticks = numbers("actions", actions, 2)
+        if sticks.shape != (self.num_envs, 4):
+            raise TelloError(f"actions: expected shape {(self.num_envs, 4)}, given {sticks.shape}")
         fresh = np.flatnonzero(self._over)
         stepped = self._environments.step(sticks, self._seeds(len(fresh)))
         observation, reward, terminated, truncated, distance, link, corners = stepped
@@ -190,7 +201,7 @@ class TelloVectorEnv(VectorEnv):  # type: ignore[type-arg]
     def expert_action(self) -> npt.NDArray[np.float32]:
         """The sticks that the flight program would send now, (n, 4)."""
         if self._controllers is None:
-            self._controllers = Controllers(self.num_envs, mission=self.task.mission())
+            self._controllers = Controllers(self.num_envs, mission=self.task.mission(self.steps_max))
         if self._expert is None:
             self._expert = self._controllers.act(self._state())
         return self._expert.astype(np.float32)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Mapping
 from typing import Any, Optional, Union
 
 from . import _native
-from ._arguments import Path, files, mapping, text
+from ._arguments import Path, file, files, mapping, text, whole
 from ._native import TelloError
 
 Settings = Mapping[str, Any]
@@ -44,15 +43,11 @@ def batch(
     `mission` is a mission or its file. `config` and `sim` hold the keys that differ from `defaults("fly")` and
     `defaults("sim")`. With `hover` the vehicle hovers at the first target for so many seconds.
     """
-    if count < 1:
+    if whole("count", count) < 1:
         raise TelloError(f"count: expected at least 1, given {count}")
-    return Batch(
-        json.loads(
-            _native.batch(
-                seed, count, (mapping("mission", mission), text("config", config), text("sim", sim)), hover
-            )
-        )
-    )
+    first = whole("seed", seed, 2**64 - count)
+    flown = (mapping("mission", mission), text("config", config), text("sim", sim))
+    return Batch(json.loads(_native.batch(first, count, flown, hover)))
 
 
 def fly(
@@ -64,10 +59,8 @@ def fly(
     sim: Optional[Settings] = None,
 ) -> dict[str, Any]:
     """Flies one seed in virtual time and leaves its log (MCAP) at `log`; how it ended comes back."""
-    (file,) = files(log)
-    ended: dict[str, Any] = json.loads(
-        _native.fly(file, seed, (mapping("mission", mission), text("config", config), text("sim", sim)))
-    )
+    flown = (mapping("mission", mission), text("config", config), text("sim", sim))
+    ended: dict[str, Any] = json.loads(_native.fly(file("log", log), whole("seed", seed), flown))
     return ended
 
 
@@ -87,7 +80,11 @@ def identify(
     """
     report: dict[str, Any] = json.loads(
         _native.identify(
-            files(logs), text("settings", settings), bootstrap, seed, None if out is None else os.fspath(out)
+            files("logs", logs),
+            text("settings", settings),
+            None if bootstrap is None else whole("bootstrap", bootstrap),
+            whole("seed", seed),
+            None if out is None else file("out", out),
         )
     )
     return report
@@ -99,9 +96,9 @@ def replay(
     """Runs recorded flights through the control loop again and compares, as `tello-ctl replay --json`."""
     replayed: dict[str, Any] = json.loads(
         _native.replay(
-            files(logs),
-            None if config is None else os.fspath(config),
-            None if out is None else os.fspath(out),
+            files("logs", logs),
+            None if config is None else file("config", config),
+            None if out is None else file("out", out),
         )
     )
     return replayed
@@ -113,6 +110,11 @@ def report(
     *,
     against: Union[Path, Iterable[Path]] = (),
 ) -> dict[str, Any]:
-    """Writes the page of recorded flights to `out`; its numbers come back, as `tello-ctl report --json`."""
-    numbers: dict[str, Any] = json.loads(_native.report(files(logs), files(against), os.fspath(out)))
+    """Writes the page of recorded flights to `out`; its numbers come back, as `tello-ctl report --json`.
+
+    An older page at `out` is replaced, any other file is not.
+    """
+    numbers: dict[str, Any] = json.loads(
+        _native.report(files("logs", logs), files("against", against, 0), file("out", out))
+    )
     return numbers

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Optional
+from typing import Any, Optional, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _native
-from ._arguments import Path, files
+from ._arguments import Path, file
+from ._native import TelloError
 
 
 @dataclass(frozen=True)
@@ -57,12 +58,14 @@ class Log:
         return self.channels[topic]
 
 
-def read_log(path: Path, topics: Optional[Iterable[str]] = None) -> Log:
-    """The log of a flight (MCAP), all channels or those of `topics`.
+def read_log(path: Path, topics: Union[str, Iterable[str], None] = None) -> Log:
+    """The log of a flight (MCAP), all channels or those of `topics`, one or several.
 
-    Raises TelloError for a file that is no log.
+    Raises TelloError for a file that is no log, and for a topic that the log does not have.
     """
-    (file,) = files(path)
-    tables, settings, torn = _native.read_log(file, None if topics is None else list(topics))
+    chosen = None if topics is None else [topics] if isinstance(topics, str) else list(topics)
+    if chosen is not None and not all(isinstance(topic, str) for topic in chosen):
+        raise TelloError(f"topics: expected names of channels, given {topics!r}")
+    tables, settings, torn = _native.read_log(file("path", path), chosen)
     channels = {topic: Channel(time_ns, columns) for topic, (time_ns, columns) in tables.items()}
     return Log(channels, None if settings is None else json.loads(settings), torn)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native
-from ._arguments import Floats, Path, mapping, numbers, text
+from ._arguments import Floats, Path, mapping, numbers, text, whole, wholes
 
 DT = 0.02
 """Period of the simulator, s."""
@@ -43,7 +43,7 @@ class Simulators:
     def __init__(self, seeds: Iterable[int], settings: Optional[Mapping[str, Any]] = None) -> None:
         start = {"air": {"x": 0.0, "y": 0.0, "z": 1.2, "theta": 0.0}}
         changes = {"start": start, **(settings or {})}
-        self._native = _native.Simulators([int(seed) for seed in seeds], text("settings", changes))
+        self._native = _native.Simulators(wholes("seeds", seeds), text("settings", changes))
 
     def __len__(self) -> int:
         return len(self._native)
@@ -58,7 +58,7 @@ class Simulators:
 
     def reset(self, drones: Iterable[int], seeds: Iterable[int]) -> State:
         """Starts some drones anew, each with a seed."""
-        return State(*self._native.reset([int(drone) for drone in drones], [int(seed) for seed in seeds]))
+        return State(*self._native.reset(wholes("drones", drones), wholes("seeds", seeds)))
 
 
 class Controllers:
@@ -74,7 +74,8 @@ class Controllers:
         mission: Union[Mapping[str, Any], Path, None] = None,
         config: Optional[Mapping[str, Any]] = None,
     ) -> None:
-        self._native = _native.Controllers(count, mapping("mission", mission), text("config", config))
+        flown = (mapping("mission", mission), text("config", config))
+        self._native = _native.Controllers(whole("count", count), *flown)
 
     def act(self, state: State) -> Floats:
         """The sticks of each controller for its drone, (n, 4).
@@ -87,4 +88,4 @@ class Controllers:
 
     def reset(self, controllers: Iterable[int]) -> None:
         """Starts some controllers anew."""
-        self._native.reset([int(controller) for controller in controllers])
+        self._native.reset(wholes("controllers", controllers))

@@ -32,7 +32,7 @@ class Fit:
 
     parameter: Floats
     deviation: Floats
-    """Standard deviation of each entry by Laplace's approximation (`horizon_estim::Laplace::plain`); NaN if the data do not determine it."""
+    """Standard deviation of each entry by Laplace's approximation; NaN if data and prior do not determine the entry."""
     cost: float
     iterations: int
 
@@ -87,7 +87,7 @@ class Mpc:
         u_before: Optional[npt.ArrayLike] = None,
     ) -> Solved:
         """Plans from `state`. `reference` is (stages, states), or one state for all stages."""
-        target = np.asarray(reference, dtype=np.float64)
+        target = numbers("reference", reference, None)
         if target.ndim == 1:
             target = target[None]
         before = self._rest if u_before is None else numbers("u_before", u_before, 1)
@@ -123,7 +123,7 @@ def fit(
     """Identifies the parameter of `model` from pieces of inputs (n, inputs) and observations (n, observations).
 
     `u[k]` was applied from step k to k + 1. `settings`: `p_prior` (required), `p_lb`, `p_ub`, `C_o`, `C_s`, `C_p`,
-    `C_0`, `observation_loss`, `transition_loss`, `curvature`, `solver`.
+    `C_0`, `observation_loss`, `transition_loss`, `curvature` (Gauss-Newton for own models), `solver`.
     """
     arrays: list[tuple[Floats, Floats]] = []
     for position, piece in enumerate(pieces):
@@ -133,7 +133,5 @@ def fit(
             raise TelloError(f"pieces[{position}]: expected a pair of inputs and observations") from None
         name = f"pieces[{position}]"
         arrays.append((numbers(f"{name}: inputs", u, 2), numbers(f"{name}: observations", o, 2)))
-    settings.setdefault("curvature", "gauss_newton" if "traced" in repr(model) else "exact")
     parameter, deviation, cost, iterations = _native.fit(model, arrays, dt, text("settings", settings))
-    known = np.asarray(deviation) if deviation else np.full(len(parameter), np.nan)
-    return Fit(np.asarray(parameter), known, cost, iterations)
+    return Fit(np.asarray(parameter), np.asarray(deviation), cost, iterations)

@@ -45,6 +45,12 @@ def test_wrong_sticks_are_refused():
         drones.reset([5], [1])
     with pytest.raises(tc.TelloError, match="seeds"):
         tc.Simulators([])
+    with pytest.raises(tc.TelloError, match=r"seeds\[1\]: expected a whole number in 0\.\..*, given -1"):
+        tc.Simulators([1, -1])
+    with pytest.raises(tc.TelloError, match="controllers: expected numbers below 1, given 7"):
+        tc.Controllers(1).reset([7])
+    with pytest.raises(tc.TelloError, match="settings: .*windy"):
+        tc.Simulators([1], {"windy": 1})
 
 
 @pytest.mark.parametrize("task", TASKS)
@@ -70,16 +76,89 @@ def test_the_expert_flies_the_task(task, bound):
         assert truncated and np.median(distances) < bound
 
 
+def with_seeds(task, seeds, **settings):
+    """Environments that take their episodes' seeds from these lists, one for each environment."""
+    environments = tello_ctl.envs.TelloVectorEnv(len(seeds), task=task, **settings)
+    left = [list(of) for of in seeds]
+
+    def draw(count):
+        over = getattr(environments, "_over", np.ones(len(seeds), bool))
+        return [left[row].pop(0) for row in np.flatnonzero(over)]
+
+    environments._seeds = draw
+    return environments
+
+
 def test_a_vector_of_environments_is_as_many_single_ones():
-    vector = gymnasium.make_vec("TelloHover-v0", num_envs=3)
-    first, _ = vector.reset(seed=5)
-    again, _ = gymnasium.make_vec("TelloHover-v0", num_envs=3).reset(seed=5)
-    assert first.shape == (3, tello_ctl.envs.OBSERVATIONS) and np.array_equal(first, again)
-    # Full forward until each has left its box and started anew.
-    forward = np.tile(np.float32([0, 1, 0, 0]), (3, 1))
+    seeds = [range(first, 60, 3) for first in range(3)]
+    vector = with_seeds("track", seeds)
+    singles = [with_seeds("track", [of]) for of in seeds]
+    first, _ = vector.reset()
+    assert first.shape == (3, tello_ctl.envs.OBSERVATIONS)
+    assert np.array_equal(first, np.concatenate([single.reset()[0] for single in singles]))
+    # At three paces, until each has left its box and started anew.
+    sticks = np.float32([[0, 1, 0, 0], [0, 0.8, 0, 0], [0.9, 0, 0.2, 0]])
     ended = np.zeros(3, int)
     for _ in range(600):
-        observation, reward, terminated, truncated, _ = vector.step(forward)
-        ended += terminated | truncated
-        assert np.isfinite(observation).all() and np.isfinite(reward).all()
-    assert (ended >= 2).all()
+        *stepped, info = vector.step(sticks)
+        alone = [single.step(sticks[row : row + 1]) for row, single in enumerate(singles)]
+        for position, together in enumerate(stepped):
+            assert np.array_equal(together, np.concatenate([one[position] for one in alone])), position
+        for name, together in info.items():
+            assert np.array_equal(together, np.concatenate([one[4][name] for one in alone])), name
+        ended += stepped[2] | stepped[3]
+    assert (ended >= 2).all(), ended
+
+
+def test_an_episode_begins_alike_after_a_reset_and_after_another_episode():
+    def begun(seed):
+        environments = with_seeds("square", [[seed, seed]], max_episode_steps=2)
+        neutral = np.zeros((1, 4))
+        fresh, _ = environments.reset()
+        first, second = environments.step(neutral), environments.step(neutral)
+        assert second[3][0], "the episode is over"
+        again, reward, terminated, truncated, info = environments.step(neutral)
+        assert np.array_equal(again, fresh)
+        assert reward[0] == 0.0 and info["corners"][0] == 0 and not terminated[0] and not truncated[0]
+        for step in (first, second):
+            assert all(map(np.array_equal, step[:4], environments.step(neutral)))
+        return first[4]["corners"][0], first[1][0]
+
+    corners, rewards = zip(*[begun(seed) for seed in range(20)])
+    # Some begin at the first corner and are paid for it.
+    assert 0 < sum(corners) < 20
+    assert all((reward > 0.9) == (reached == 1) for reached, reward in zip(corners, rewards))
+
+
+def test_the_expert_flies_the_square_from_every_start():
+    count = 64
+    environments = tello_ctl.envs.TelloVectorEnv(count, task="square", profile="clean")
+    environments.reset(seed=1)
+    corners, done = np.zeros(count, int), np.zeros(count, bool)
+    for _ in range(1000):
+        _, _, terminated, truncated, info = environments.step(environments.expert_action())
+        corners[~done] = info["corners"][~done]
+        done |= terminated | truncated
+        if done.all():
+            break
+    assert (corners == 5).all(), np.bincount(corners)
+
+
+@pytest.mark.parametrize(("task", "steps"), [("hover", 3700), ("track", 1700)])
+def test_the_expert_flies_as_long_as_the_episode(task, steps):
+    env = tello_ctl.envs.TelloVectorEnv(1, task=task, profile="clean", max_episode_steps=steps)
+    env.reset(seed=1)
+    for _ in range(steps):
+        _, _, terminated, truncated, info = env.step(env.expert_action())
+        assert not terminated[0]
+    assert truncated[0] and info["distance"][0] < 0.1
+
+
+def test_wrong_actions_are_refused():
+    environments = tello_ctl.envs.TelloVectorEnv(8)
+    environments.reset(seed=1)
+    for shape in [(4, 8), (8, 3), (32,), (8, 4, 1)]:
+        with pytest.raises(tc.TelloError, match="actions: expected"):
+            environments.step(np.zeros(shape))
+    with pytest.raises(tc.TelloError, match="task: expected one of"):
+        tello_ctl.envs.TelloVectorEnv(1, task="race")

@@ -117,10 +117,17 @@ def test_another_kind_of_loss_replaces_the_built_in_one(log):
 
 def test_a_flight_is_replayed_bit_by_bit_and_reported(log, tmp_path):
     replayed = tc.replay(log)
-    assert "equal" in json.dumps(replayed)
+    assert replayed["is_equal"] is True
     numbers = tc.report(log, tmp_path / "report.html")
     assert not numbers["unusable"]
     assert (tmp_path / "report.html").read_text().startswith("<!")
+    tc.report(log, tmp_path / "report.html")
+    # A second log in the place of the page is a mistake.
+    second = tmp_path / "second.mcap"
+    second.write_bytes(log.read_bytes())
+    with pytest.raises(tc.TelloError, match="second.mcap exists and is no page"):
+        tc.report(log, second)
+    assert second.read_bytes() == log.read_bytes()
 
 
 def test_settings_reach_the_flight():
@@ -134,16 +141,81 @@ def test_settings_reach_the_flight():
         tc.batch(0)
 
 
-def test_ctrl_c_ends_a_long_call(request):
+def test_wrong_arguments_name_themselves(log, tmp_path):
+    new = tmp_path / "new.mcap"
+    for call, message in [
+        (lambda: tc.fly(new, mission=tmp_path / "none.json"), "mission: .*none.json"),
+        (lambda: tc.fly(new, mission=3), "mission: expected a path, given 3"),
+        (lambda: tc.fly(new, mission={"square": 1}), "mission: "),
+        (lambda: tc.fly(new, config={"cycl": 1}), "config: .*cycl"),
+        (lambda: tc.fly(new, sim={"windy": 1}), "sim: .*windy"),
+        (lambda: tc.fly(new, seed=-1), "seed: expected a whole number"),
+        (lambda: tc.fly(3), "log: expected a path, given 3"),
+        (lambda: tc.batch(1, seed=-1), "seed: expected a whole number"),
+        (lambda: tc.batch(2, seed=2**64 - 1), "seed: expected a whole number"),
+        (lambda: tc.batch(1.5), "count: expected a whole number"),
+        (lambda: tc.identify(log, seed=2**64), "seed: expected a whole number"),
+        (lambda: tc.identify(log, bootstrap=-1), "bootstrap: expected a whole number"),
+        (lambda: tc.identify(log, settings={"mapp": {}}), "settings: .*mapp"),
+        (lambda: tc.identify([]), "logs: expected at least 1 path"),
+        (lambda: tc.replay([]), "logs: expected at least 1 path"),
+        (lambda: tc.report([], tmp_path / "a.html"), "logs: expected at least 1 path"),
+        (lambda: tc.read_log(log, ["/estim/stat"]), "topics: /estim/stat is none of .*/estim/state"),
+        (lambda: tc.read_log(log, [3]), "topics: expected names of channels"),
+        (lambda: tc.read_log([log, log]), "path: expected a path"),
+    ]:
+        with pytest.raises(tc.TelloError, match=message):
+            call()
+    assert not new.exists()
+    assert tc.read_log(log, "/estim/state").channels.keys() == {"/estim/state"}
+
+
+@pytest.fixture
+def interrupted():
+    """Runs a call, and Ctrl-C after some seconds; how long it went on after that comes back."""
     # A shell that starts its commands in the background has them ignore it.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
-    timer = threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT))
-    timer.start()
+
+    def run(call, after_s):
+        timer = threading.Timer(after_s, lambda: os.kill(os.getpid(), signal.SIGINT))
+        timer.start()
+        began = time.monotonic()
+        try:
+            with pytest.raises(KeyboardInterrupt):
+                call()
+        finally:
+            timer.cancel()
+        return time.monotonic() - began - after_s
+
+    yield run
+    signal.signal(signal.SIGINT, before)
+
+
+def test_ctrl_c_ends_a_long_call(interrupted):
+    assert interrupted(lambda: tc.batch(100_000), 1.0) < 19.0
+
+
+def test_ctrl_c_ends_a_flight_a_replay_and_a_report_without_a_file(interrupted, tmp_path):
+    hover = {"points": {"rows": [[0, 0, 0, 1.3, 0], [120, 0, 0, 1.3, 0]]}, "accel_max_mps2": 0.9}
+    hover["follow"] = tc.defaults("mission")["waypoints"]["follow"]
+    log = tmp_path / "long.mcap"
+
+    def fly():
+        return tc.fly(log, mission={"trajectory": hover})
+
     began = time.monotonic()
-    with pytest.raises(KeyboardInterrupt):
-        tc.batch(100_000)
-    assert time.monotonic() - began < 20.0
+    fly()
+    flew_s = time.monotonic() - began
+    log.rename(tmp_path / "whole.mcap")
+    assert interrupted(fly, 0.1) < 0.5 * flew_s
+    assert not log.exists()
+    began = time.monotonic()
+    whole = tmp_path / "whole.mcap"
+    assert tc.replay(whole)["is_equal"] is True
+    replayed_s = time.monotonic() - began
+    assert interrupted(lambda: tc.replay(whole), 0.1) < 0.5 * replayed_s
+    interrupted(lambda: tc.report(whole, tmp_path / "page.html"), 0.1)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["whole.mcap"]
 
 
 def test_other_threads_go_on_meanwhile():

@@ -68,6 +68,26 @@ def test_a_pendulum_is_identified_estimated_and_balanced(pendulum):
     assert mpc.planned_states.shape[1] == 4
 
 
+def test_a_parameter_that_the_data_do_not_determine_has_no_deviation():
+    generator = np.random.default_rng(0)
+    for _ in range(50):
+        weights = np.append(generator.normal(size=3), 0.0)
+
+        def rate(s, u, p, dt):
+            # A weighted sum of three parameters, one of its own, and one that makes no difference.
+            return [s[0] + dt * (np.dot(weights, p[:4]) * u[0] + p[4] * u[1])]
+
+        model = tc.Model(rate, lambda s: s, states=1, inputs=2, observations=1, parameters=5)
+        u = generator.normal(size=(generator.integers(10, 60), 2))
+        s = np.concatenate([[0.0], np.cumsum(0.1 * u @ [1.5, 0.5])[:-1]])
+        found = tc.fit(model, [(u, s[:, None])], 0.1, p_prior=[0.5] * 5, C_o=[100.0], C_s=[10.0], C_p=[0.0] * 5)
+        assert np.isnan(found.deviation[:4]).all(), found
+        assert 0.0 < found.deviation[4] < 1.0 and abs(found.parameter[4] - 0.5) < 1e-6, found
+        # With a prior they are determined, each by its own weight at most.
+        found = tc.fit(model, [(u, s[:, None])], 0.1, p_prior=[0.5] * 5, C_o=[100.0], C_s=[10.0], C_p=[2.0] * 5)
+        assert (found.deviation > 0.0).all() and (found.deviation <= 0.5 + 1e-9).all(), found
+
+
 def test_missing_observations_are_bridged(pendulum):
     mhe = tc.Mhe(pendulum, DT, p_prior=[0.45], C_p=[1e4], C_o=[500.0] * 2, C_s=[10.0] * 4)
     s = np.array([0.0, np.pi - 0.3, 0.0, 0.0])
@@ -84,7 +104,7 @@ def test_every_function_of_numpy_that_a_model_may_use():
         x = s[0]
         terms = [np.sin(x), np.cos(x), np.tan(x), np.arcsin(x), np.arccos(x), np.arctan(x), np.sinh(x), np.cosh(x)]
         terms += [np.tanh(x), np.exp(x), np.log(x), np.sqrt(x), np.abs(x), np.square(x), x**3, 2**x, 1 / x]
-        terms += [np.arctan2(x, p[0]), np.hypot(x, p[0]), -x, +x, 1 - x, 3 * x - 2]
+        terms += [np.arctan2(x, p[0]), np.hypot(x, p[0]), -x, +x, 1 - x, 3 * x - 2, np.power(x, p[0])]
         return [s[0] + dt * (np.sum(terms) + u[0])]
 
     model = tc.Model(functions, lambda s: s, states=1, inputs=1, observations=1, parameters=1)
@@ -102,10 +122,54 @@ def test_branches_are_written_as_select():
     assert model.step([0.0], [3.0], [], 0.1)[0] == pytest.approx(0.05)
 
 
+def test_what_is_not_taken_may_be_infinite_or_nan():
+    def model(function):
+        return tc.Model(function, lambda s: s, states=1, inputs=1, observations=1, parameters=0)
+
+    def root(s, u, p, dt):
+        return [tc.select(s[0] > 0.0, np.sqrt(s[0]), 0.0)]
+
+    for x, y in [(-1.0, 0.0), (0.0, 0.0), (4.0, 2.0)]:
+        assert model(root).step([x], [0.0], [], 0.1)[0] == y
+    for other in [1e20, np.inf, np.nan]:
+        assert model(lambda s, u, p, dt: [tc.select(s[0] > 0.0, 1.0, other)]).step([1.0], [0.0], [], 0.1)[0] == 1.0
+
+
+def test_a_tank_that_runs_dry_is_estimated_and_controlled():
+    # Torricelli's law; the root has no derivative where the tank is dry.
+    def tank(s, u, p, dt):
+        return [s[0] + dt * (u[0] - p[0] * np.sqrt(s[0].maximum(0.0)))]
+
+    model = tc.Model(tank, lambda s: s, states=1, inputs=1, observations=1, parameters=1)
+    mhe = tc.Mhe(model, 0.1, p_prior=[0.4], C_p=[10.0], C_o=[100.0], C_s=[10.0], window_steps=5)
+    mhe.start([-0.05])
+    mpc = tc.Mpc(model, 0.1, u_lb=[0.0], u_ub=[1.0])
+    level = -0.05
+    for _ in range(20):
+        mhe.update([0.0], [level])
+        mpc.solve(mhe.state, mhe.parameter, [0.5])
+        assert np.isfinite(mhe.state).all() and np.isfinite(mpc.plan).all()
+    assert abs(mhe.state[0] - level) < 1e-3 and mpc.plan[0] > 0.5
+
+
 def test_what_cannot_be_traced_says_what_to_do_instead():
     def make(function):
         return tc.Model(function, lambda s: s, states=1, inputs=1, observations=1, parameters=1)
 
+    for function, instead in [
+        (lambda s, u, p, dt: [u[0] if s[0] == 0 else s[0]], "select"),
+        (lambda s, u, p, dt: [u[0] if s[0] != p[0] else s[0]], "select"),
+        (lambda s, u, p, dt: [u[0] if 0 == s[0] else s[0]], "select"),
+        (lambda s, u, p, dt: [u[0] if s[0] >= 0 else s[0]], "< or >"),
+        (lambda s, u, p, dt: [u[0] if s[0] <= 0 else s[0]], "< or >"),
+        (lambda s, u, p, dt: [np.minimum(s[0], 1.0)], r"\.minimum"),
+        (lambda s, u, p, dt: np.maximum(s, 0.0), r"\.maximum"),
+        (lambda s, u, p, dt: np.clip(s, -1.0, 1.0), r"\.maximum"),
+        (lambda s, u, p, dt: np.sign(s), r"\.sign"),
+        (lambda s, u, p, dt: [min(s[0], 1.0)], r"\.minimum"),
+    ]:
+        with pytest.raises(TypeError, match=instead):
+            make(function)
     with pytest.raises(TypeError, match="select"):
         make(lambda s, u, p, dt: [s[0] if s[0] > 0 else -s[0]])
     with pytest.raises(TypeError, match="numpy"):
@@ -144,6 +208,9 @@ def test_wrong_arguments_name_themselves(pendulum):
         (lambda: tc.fit(pendulum, [], DT, p_prior=[0.5]), "pieces: expected at least one"),
         (lambda: tc.fit(pendulum, [3], DT, p_prior=[0.5]), r"pieces\[0\]: expected a pair"),
         (lambda: tc.fit(pendulum, [(np.zeros((5, 2)), np.zeros((5, 2)))], DT, p_prior=[0.5]), "inputs: expected shape"),
+        (lambda: tc.Mhe(pendulum, DT, p_prior=[0.5], C_q=[1.0]), "Mhe: .*C_q"),
+        (lambda: tc.fit(pendulum, [], DT, C_q=[1.0]), "fit: .*C_q"),
+        (lambda: mpc.solve(np.zeros(4), [0.5], ["a", "b"]), "reference: expected numbers"),
         (lambda: tc.Model.vehicle("boat"), "expected one of kinematic"),
     ]:
         with pytest.raises(tc.TelloError, match=message):

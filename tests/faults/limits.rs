@@ -6,7 +6,7 @@ use tello_flight::cycle::{
     self, FlightTable, Inbox, Operator, Outcome, ParameterEstimate, Tick, Watch,
 };
 use tello_flight::{Fault, Mission, MissionTable, ObstacleTable, Phase, RoomTable, Start};
-use tello_sim::{Fault as SimFault, ScriptedFault, SimTable};
+use tello_sim::{Fault as SimFault, PasserTable, ScriptedFault, SimTable};
 
 use super::story::{Moment, Story, asks, fly, fly_alone, fly_with, mission, settings};
 
@@ -86,10 +86,15 @@ fn a_mission_that_waits_for_too_long_is_landed() {
     settings.0.start = Start::Airborne;
     settings.0.mission = mission("square.json");
     let MissionTable::Waypoints(square) = &mut settings.0.mission else { panic!("waypoints") };
-    // The first side, with a wall across.
+    // The first side, with a person at its end who stays there.
     square.waypoints.truncate(2);
-    let (x_m, y_m, z_m) = ([-5.1, 5.1], [-2.2, -1.9], [-0.3, 3.1]);
-    settings.0.cycle.obstacles = vec![ObstacleTable::Box { x_m, y_m, z_m }];
+    settings.0.cycle.obstacles = vec![ObstacleTable::Moving { radius_m: 0.6 }];
+    settings.1.passer = Some(PasserTable {
+        from_w_m: [-2.0, -1.5, 1.0],
+        to_w_m: [-2.0, -1.4, 1.0],
+        speed_mps: 0.0,
+        hidden_s: None,
+    });
     settings.0.cycle.supervisor.failsafe.overtime_s = OVERTIME_S;
     let planned = Mission::new(&settings.0.mission, settings.0.cycle.dt_s).unwrap().planned_s();
     let story = fly_alone(&settings, 90.0);

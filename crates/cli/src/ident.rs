@@ -243,7 +243,7 @@ fn note_cut_short(main: &Fitted, asked: Option<&BootstrapPlan>, written: &[PathB
     if main.fit.bootstrap.is_some() {
         return;
     }
-    let (count, resamples) = (done.count(), plan.resamples);
+    let (count, resamples) = (done.file.count(), plan.resamples);
     let rest = match written.first() {
         Some(_) if plan.shard != Shard::WHOLE => "; the same command continues".to_owned(),
         Some(file) => format!("; --resume {} continues", file.display()),

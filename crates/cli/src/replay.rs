@@ -7,11 +7,11 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 use tello_eval::flight_log::TickRecord;
 use tello_eval::replay::{self, Options, Replayed};
+use tello_eval::report;
 use tello_flight::cycle::FlightTable;
 use tello_io::whole_file;
 
 use crate::fly::Playback;
-use crate::report::replaces_a_page;
 use crate::{Verdict, stdio};
 
 /// Run recorded flights through the loop again: compare, or see how far ahead the estimator sees.
@@ -80,7 +80,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
 
 /// Repeats a log and writes a page that plays it.
 fn played(logs: &[PathBuf], options: &Options<'_>, page: &Path) -> Result<Replayed> {
-    replaces_a_page(page)?;
+    report::replaces_a_page(page)?;
     let mut playback: Option<Playback> = None;
     let mut watch = |flight: &FlightTable, tick: &TickRecord| -> Result<()> {
         if playback.is_none() {

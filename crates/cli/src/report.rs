@@ -1,12 +1,11 @@
 //! `tello-ctl report`: recorded flights as one page, figures and numbers.
 
 use std::fs;
-use std::io::Read as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::Result;
 use clap::Args;
-use tello_eval::report::{self, GENERATOR};
+use tello_eval::report;
 use tello_io::whole_file;
 
 use crate::{Verdict, stdio};
@@ -45,7 +44,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
-    replaces_a_page(&arguments.out)?;
+    report::replaces_a_page(&arguments.out)?;
     let page = report::of(&arguments.logs, &arguments.against, &arguments.out)?;
     whole_file::write(&arguments.out, true, |part| Ok(fs::write(part, &page.html)?))?;
     if let Some(dir) = &arguments.figures {
@@ -53,45 +52,4 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     stdio::report(&page.report, arguments.json)?;
     Ok(if page.report.unusable.is_empty() { Verdict::Good } else { Verdict::Bad })
-}
-
-/// Refuses a page that could not be written, and one that would replace a file that is no page of this program: a log
-/// may be the only one of its flight.
-///
-/// # Errors
-/// The file is there and does not begin as our pages do, or cannot be read, or its folder cannot be written.
-pub(crate) fn replaces_a_page(path: &Path) -> Result<()> {
-    whole_file::probe(path)?;
-    if !path.is_file() {
-        return Ok(());
-    }
-    let mut start = Vec::new();
-    let at = || format!("cannot replace {}", path.display());
-    let file = fs::File::open(path).with_context(at)?;
-    file.take(HEAD_BYTES).read_to_end(&mut start).with_context(at)?;
-    let is_page = start.is_empty() || String::from_utf8_lossy(&start).contains(GENERATOR);
-    ensure!(is_page, "{} exists and is no page of tello-ctl: choose another name", path.display());
-    Ok(())
-}
-
-/// Within which a page says by which program it was made. bytes
-const HEAD_BYTES: u64 = 1024;
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_page_is_replaced_and_a_log_is_not() {
-        let path = std::env::temp_dir().join(format!("tello-ctl-page-{}", std::process::id()));
-        assert!(replaces_a_page(&path).is_ok(), "there is no file");
-        let page = format!("<!DOCTYPE html>\n<html>\n<head>\n{GENERATOR}");
-        for (text, is_fine) in
-            [("", true), (&page, true), ("<!DOCTYPE html>", false), ("\u{89}MCAP0", false)]
-        {
-            fs::write(&path, text).unwrap();
-            assert_eq!(replaces_a_page(&path).is_ok(), is_fine, "{text:?}");
-        }
-        fs::remove_file(path).unwrap();
-    }
 }

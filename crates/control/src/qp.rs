@@ -67,7 +67,7 @@ pub struct Problem<'a, const NS: usize, const NU: usize> {
     pub gradient: &'a Horizon<NS, NU>,
     /// Present inputs `u_k`, inside their bounds. Unit of each row
     pub u: &'a [SVector<f64, NU>],
-    /// By step, bounds of the inputs `u_k`, not of the changes `du_k`. Unit of each row
+    /// By step, finite bounds of the inputs `u_k`, not of the changes `du_k`. Unit of each row
     pub bounds: &'a [Bounds<NU>],
     /// By step, the second derivatives of the dynamics that add to `P`; empty if unknown.
     pub second_derivatives: &'a [DriveHessian<NS, NU>],

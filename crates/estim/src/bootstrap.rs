@@ -19,7 +19,7 @@ mod coverage;
 mod laplace;
 mod spread;
 
-pub use laplace::Laplace;
+pub use laplace::{Laplace, standard_deviations};
 pub use spread::{NORMAL_HALF_WIDTH, Spread};
 
 /// How often each of `pieces` pieces was drawn in a sample of as many, with replacement.

@@ -157,6 +157,10 @@ pub struct Step {
 
 /// A least-squares problem that holds a current iterate and a candidate.
 pub trait Problem {
+    /// Part of the predicted decrease of a step that counts as left to gain at least; 0 where a next solve goes on
+    /// from this one. 1
+    const LEFT_MIN: f64 = 1e-3;
+
     /// Linearizes at the current iterate.
     ///
     /// # Errors
@@ -332,12 +336,13 @@ pub fn solve<P: Problem>(
 
 /// Tries one step from an iterate with the true cost `cost` and accepts it if it is good enough.
 ///
-/// What is left to gain is known before another step is made. With the quadratic model's Hessian `H`, the
+/// What is left to gain is estimated before another step is made. With the quadratic model's Hessian `H`, the
 /// true one `H + E` and the step `d`, the model misjudges the gain by `eta = d' E d / 2`, and the gradient
-/// that the step leaves is `E d`: the next step gains about `d' E H^-1 E d / 2 <= eta` as long as the
-/// iteration contracts. Along a direction of curvature `l`, damping holds back `damping^2 |d|^2 / (2 l)`, less than
-/// half of `damping |d|^2` where `l` exceeds the damping. Where it does not, the step is short because of the damping,
-/// and shows no convergence: it is held back.
+/// that the step leaves is `E d`: the next step gains about `d' E H^-1 E d / 2 <= |eta|` if `E` has one sign and the
+/// iteration contracts. Where `E` has both, `eta` may vanish by chance: [`Problem::LEFT_MIN`] counts at least. Along a
+/// direction of curvature `l`, damping holds back `damping^2 |d|^2 / (2 l)`, less than half of `damping |d|^2` where
+/// `l` exceeds the damping. Where it does not, the step is short because of the damping, and shows no convergence: it
+/// is held back.
 fn attempt<P: Problem>(problem: &mut P, settings: &LmSettings, damping: f64, cost: f64) -> Attempt {
     let Ok(step) = problem.try_step(damping) else { return Attempt::Rejected };
     let damped = damping * step.norm * step.norm;
@@ -354,7 +359,7 @@ fn attempt<P: Problem>(problem: &mut P, settings: &LmSettings, damping: f64, cos
     // False for a NaN.
     if gain_ratio > GAIN_ACCEPTED {
         problem.accept();
-        let misjudged = (cost - candidate - step.decrease).abs();
+        let misjudged = (cost - candidate - step.decrease).abs().max(P::LEFT_MIN * step.decrease);
         Attempt::Accepted {
             cost: candidate,
             gain_ratio,

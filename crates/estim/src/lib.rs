@@ -29,7 +29,9 @@ mod residual;
 mod trajectory;
 
 pub use arrival::{ArrivalSettings, ArrivalTable};
-pub use bootstrap::{Laplace, NORMAL_HALF_WIDTH, Resample, Spread, bootstrap, multiplicities};
+pub use bootstrap::{
+    Laplace, NORMAL_HALF_WIDTH, Resample, Spread, bootstrap, multiplicities, standard_deviations,
+};
 pub use chain::{Block, Chain};
 pub use cholesky::NotPositive;
 pub use delay::{

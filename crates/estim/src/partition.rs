@@ -26,15 +26,23 @@ pub(crate) struct Partition<const NS: usize, const NP: usize> {
 
 impl<const NS: usize, const NP: usize> Partition<NS, NP> {
     /// The subsystems of the model `M`, with room for `len_max` states; `None` if the model has none, or if they do
-    /// not hold all of its `NS` states and `NP` parameters.
+    /// not hold each of its `NS` states and `NP` parameters once. Allocates.
     pub(crate) fn of<M, const NU: usize, const NO: usize>(len_max: usize) -> Option<Self>
     where
         M: Model<NS, NU, NO, NP>,
     {
-        let mut sizes = Collected { len_max, states: 0, parameters: 0, subsystems: Vec::new() };
-        M::groups(&mut sizes);
-        let Collected { states, parameters, subsystems, .. } = sizes;
-        (states == NS && parameters == NP && !subsystems.is_empty()).then_some(Self { subsystems })
+        let mut found = Collected {
+            len_max,
+            states: Vec::new(),
+            parameters: Vec::new(),
+            subsystems: Vec::new(),
+        };
+        M::groups(&mut found);
+        let Collected { mut states, mut parameters, subsystems, .. } = found;
+        states.sort_unstable();
+        parameters.sort_unstable();
+        let is_whole = states.into_iter().eq(0..NS) && parameters.into_iter().eq(0..NP);
+        (is_whole && !subsystems.is_empty()).then_some(Self { subsystems })
     }
 
     /// As [`eliminate`].
@@ -132,8 +140,8 @@ pub(crate) enum Division<W, const NS: usize, const NP: usize> {
 /// The subsystems that a model has named so far.
 struct Collected<const NS: usize, const NP: usize> {
     len_max: usize,
-    states: usize,
-    parameters: usize,
+    states: Vec<usize>,
+    parameters: Vec<usize>,
     subsystems: Vec<Box<dyn Eliminate<NS, NP>>>,
 }
 
@@ -144,8 +152,8 @@ impl<const NS: usize, const NP: usize> VisitGroups for Collected<NS, NP> {
         _inputs: &'static [usize],
         parameters: &'static [usize; P],
     ) {
-        self.states += S;
-        self.parameters += P;
+        self.states.extend(states);
+        self.parameters.extend(parameters);
         let rows = Vec::with_capacity(self.len_max);
         let one_by_one = LongElimination::new(0);
         self.subsystems.push(Box::new(Subsystem { states, parameters, rows, one_by_one }));

@@ -150,6 +150,8 @@ where
         self.s.push(s_0);
         self.o.push(Observed::missing());
         self.p = self.prior.p_prior;
+        // Without it the newest covariance would be that of the window before.
+        self.reduced = ReducedSystem::zeros();
         if let Some(arrival) = &mut self.arrival {
             arrival.start(&s_0, &self.prior);
         }
@@ -282,6 +284,8 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Prob
 where
     M: Model<NS, NU, NO, NP>,
 {
+    const LEFT_MIN: f64 = 0.0;
+
     fn linearize(&mut self) -> Result<Linearization, SolveError> {
         self.chain.clear(self.s.len());
         let iterate = Iterate { s: &self.s, u: &self.u, o: &self.o, p: &self.p };

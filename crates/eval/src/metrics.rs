@@ -162,7 +162,10 @@ impl Track {
             return;
         }
         let began_s = *self.began_s.get_or_insert(now_s);
-        let lap = self.reference.lap(targets_reached, self.reference.targets_count);
+        let count = self.reference.targets_count;
+        // Of a curve the controller counts the ends alone.
+        let is_curve = self.reference.is_curve();
+        let lap = if is_curve { 0 } else { self.reference.lap(targets_reached, count) };
         self.samples.enter(lap, now_s);
         self.samples.add(now_s, at, u_sent, self.reference.offset(at).distance_m);
         self.flown_s = now_s - began_s + self.dt_s;
@@ -200,6 +203,7 @@ mod tests {
             reach: 0.2,
             ends_with_mission: false,
             laps: 1,
+            rounds: 1.0,
         };
         let mut track = Track::new(reference, 0.02);
         let (far, near) = (Pose::new(9.0, 9.0, 1.0, 0.0), Pose::new(0.75, 0.1, 1.0, 0.0));
@@ -214,5 +218,37 @@ mod tests {
         assert!((metrics.finish_s.unwrap() - 0.2).abs() < 1e-12, "{metrics:?}");
         assert!((metrics.distance_max_m - 0.1).abs() < 1e-3, "{metrics:?}");
         assert!((metrics.input_norm_median - 0.5).abs() < 1e-12, "{metrics:?}");
+    }
+
+    #[test]
+    fn a_curve_has_no_laps_that_the_controller_counts() {
+        let corners = square().to_vec();
+        let (laps, rounds) = (3, 3.0);
+        let (outline, reach) = (corners.clone(), 0.2);
+        for (targets_count, laps_count) in [(corners.len(), 3), (2, 0)] {
+            let targets = corners.clone();
+            let outline = outline.clone();
+            let ends_with_mission = false;
+            let reference = ReferencePath {
+                outline,
+                targets,
+                targets_count,
+                reach,
+                ends_with_mission,
+                laps,
+                rounds,
+            };
+            let mut track = Track::new(reference, 0.02);
+            for k in 1..=10_u32 {
+                // The targets of a curve are its ends.
+                let reached = match k {
+                    10 => targets_count,
+                    5..10 if targets_count > 2 => 3,
+                    _ => 1,
+                };
+                track.add(f64::from(k) * 0.02, &corners[0], &Sticks::zeros(), reached);
+            }
+            assert_eq!(track.laps().len(), laps_count, "{targets_count} targets");
+        }
     }
 }

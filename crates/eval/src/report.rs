@@ -11,20 +11,22 @@ mod quantity;
 mod verdict;
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::fmt::{self, Display, Formatter};
 use std::fs;
+use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use flight::Flight;
 use group::{Comparison, Group, Looked};
-pub use page::GENERATOR;
-use page::Shown;
+use page::{GENERATOR, Shown};
 use pictures::Picture;
 use quantity::{Quantity, Spread};
 use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
+use sha2::{Digest, Sha256};
 use tello_io::whole_file;
 
 use crate::{REVISION, recordings};
@@ -49,7 +51,7 @@ pub struct FlightsReport {
     groups: Vec<Group>,
     /// Their differences; null without `--against`.
     comparison: Option<Comparison>,
-    /// Files that could not be used.
+    /// Files that could not be used, and copies of others.
     pub unusable: Vec<Unusable>,
     /// What each number means.
     definitions: BTreeMap<&'static str, &'static str>,
@@ -98,16 +100,49 @@ pub fn of(logs: &[PathBuf], against: &[PathBuf], page: &Path) -> Result<Page> {
     Ok(Page { report, html, pictures })
 }
 
+/// Refuses a page that could not be written, and one that would replace a file that is no page of this program: a log
+/// may be the only one of its flight.
+///
+/// # Errors
+/// The file is there and does not begin as our pages do, or cannot be read, or its folder cannot be written.
+pub fn replaces_a_page(path: &Path) -> Result<()> {
+    whole_file::probe(path)?;
+    if !path.is_file() {
+        return Ok(());
+    }
+    let mut start = Vec::new();
+    let at = || format!("cannot replace {}", path.display());
+    let file = fs::File::open(path).with_context(at)?;
+    file.take(HEAD_BYTES).read_to_end(&mut start).with_context(at)?;
+    let is_page = start.is_empty() || String::from_utf8_lossy(&start).contains(GENERATOR);
+    ensure!(is_page, "{} exists and is no page of tello-ctl: choose another name", path.display());
+    Ok(())
+}
+
+/// Within which a page says by which program it was made. bytes
+const HEAD_BYTES: u64 = 1024;
+
 /// The flights in `paths`; those that cannot be used go to `unusable`.
 fn read(paths: &[PathBuf], unusable: &mut Vec<Unusable>) -> Result<Group> {
     let files = recordings::find(paths)?;
-    let read = |file: &PathBuf| Flight::read(file).map(Looked::at);
-    let results: Vec<Result<Looked>> = files.par_iter().map(read).collect();
+    let read = |file: &PathBuf| Ok((checksum(file)?, Looked::at(Flight::read(file)?)));
+    let results: Vec<Result<([u8; 32], Looked)>> = files.par_iter().map(read).collect();
     let mut looked = Vec::with_capacity(files.len());
+    let mut seen: BTreeMap<[u8; 32], PathBuf> = BTreeMap::new();
     let known = unusable.len();
     for (file, result) in files.into_iter().zip(results) {
         match result {
-            Ok(one) => looked.push(one),
+            Ok((sum, one)) => match seen.entry(sum) {
+                // A copy is no second flight.
+                Entry::Occupied(first) => {
+                    let why = format!("the same bytes as {}", first.get().display());
+                    unusable.push(Unusable { file, why });
+                }
+                Entry::Vacant(place) => {
+                    place.insert(file);
+                    looked.push(one);
+                }
+            },
             Err(error) => unusable.push(Unusable { file, why: format!("{error:#}") }),
         }
     }
@@ -116,6 +151,15 @@ fn read(paths: &[PathBuf], unusable: &mut Vec<Unusable>) -> Result<Group> {
         bail!("there is no flight to report: {}", why.join("; "));
     }
     Ok(Group::of(name_of(paths), looked))
+}
+
+/// SHA-256 of the bytes of a file.
+fn checksum(path: &Path) -> Result<[u8; 32]> {
+    let mut sum = Sha256::new();
+    fs::File::open(path)
+        .and_then(|mut file| io::copy(&mut file, &mut sum))
+        .with_context(|| format!("cannot read {}", path.display()))?;
+    Ok(sum.finalize().into())
 }
 
 /// What the flights in `paths` are called together.

@@ -138,6 +138,8 @@ pub struct Supervisor {
     remembered_ns: Option<i64>,
     /// How long plans were blocked, less a fifth of the time without. s
     blocked_s: f64,
+    /// Where an obstacle has been in the way.
+    stuck: Option<blocked::Stuck>,
     /// When a plan that was flown led out of the room or into an obstacle. ns
     blocked_ns: Option<i64>,
     /// What has shown so far that the order to take off was received.
@@ -178,6 +180,7 @@ impl Supervisor {
             is_pose_displaced: false,
             remembered_ns: None,
             blocked_s: 0.0,
+            stuck: None,
             blocked_ns: None,
             take_off_seen: TakeOffSeen::No,
             take_off_ordered_ns: None,
@@ -314,6 +317,7 @@ impl Supervisor {
         self.since.dead_time_long.keep(is_long, e.t_ns);
         self.remember_idle_hand(e, is_fast);
         self.remember_blocked(e);
+        self.remember_stuck(e);
         let is_alone = is_flown && e.outage.is_some() && !conditions::is_confirmed(&e.findings);
         self.since.alone.keep(is_alone, e.t_ns);
     }

@@ -8,6 +8,7 @@ use std::f64::consts::PI;
 use horizon_model::angle;
 use horizon_model::rows::{Pose, pose};
 
+use crate::DT_S;
 use crate::fault::{Fault, Faults, Present};
 use crate::mocap::{Mocap, MocapReport, reported};
 use crate::random::{Purpose, Random};
@@ -71,15 +72,8 @@ impl Distortion {
                     o[row] = at[row] + noise_m * self.noise.normal();
                 }
             }
-            Fault::MocapWalker { offset_w_m, radius_m, speed_mps, noise_m, noise_rad } => {
-                let [x_m, y_m, z_m] = offset_w_m;
-                let turn_rad = speed_mps / radius_m * present.elapsed_s;
-                let theta = at[pose::THETA];
-                let around = |theta: f64| radius_m * theta.sin();
-                *o = at + Pose::new(x_m, y_m, z_m, turn_rad);
-                // The circle lies to the left of the heading at the onset.
-                o[pose::X] += around(theta + turn_rad) - around(theta);
-                o[pose::Y] += around(theta - PI / 2.0 + turn_rad) - around(theta - PI / 2.0);
+            Fault::MocapWalker { offset_w_m: [x_m, y_m, z_m], noise_m, noise_rad, .. } => {
+                *o = at + Pose::new(x_m, y_m, z_m, 0.0) + walked(present, present.elapsed_s);
                 self.add_noise(o, noise_m, noise_rad);
             }
             _ => {}
@@ -98,13 +92,8 @@ impl Distortion {
                 *o = reported(*o);
             }
             Fault::MocapFrame { turn_rad, is_mirrored, scale } => {
-                let sign = if is_mirrored { -1.0 } else { 1.0 };
-                let (x, y) = (scale * o[pose::X], sign * scale * o[pose::Y]);
-                let (sin, cos) = turn_rad.sin_cos();
-                o[pose::X] = cos * x - sin * y;
-                o[pose::Y] = sin * x + cos * y;
-                o[pose::Z] *= scale;
-                o[pose::THETA] = sign * o[pose::THETA] + turn_rad;
+                in_frame(o, turn_rad, is_mirrored, scale);
+                o[pose::THETA] += turn_rad;
                 *o = reported(*o);
             }
             Fault::MocapHeading { turn_rad } => {
@@ -127,10 +116,74 @@ impl Distortion {
     }
 }
 
+/// How the reported pose changes in a step in which the true one changes by `change`: the noise apart.
+pub(crate) fn change(change: Pose, faults: &Faults, step: u64) -> Pose {
+    let is_on = |fault| faults.is_on(fault, step);
+    if is_on(Fault::MocapGhost) || is_on(Fault::MocapFrozen) || is_on(Fault::MocapNan) {
+        return Pose::zeros();
+    }
+    let mut change = change;
+    for present in faults.present(step) {
+        match present.fault {
+            Fault::MocapStill { .. } => change = Pose::zeros(),
+            Fault::MocapWalker { .. } => {
+                let elapsed_s = present.elapsed_s;
+                change = walked(&present, elapsed_s) - walked(&present, elapsed_s - DT_S);
+            }
+            Fault::MocapAxesStuck { axes, .. } => {
+                (pose::X..=pose::Z).filter(|&row| axes[row]).for_each(|row| change[row] = 0.0);
+            }
+            _ => {}
+        }
+    }
+    for present in faults.present(step) {
+        match present.fault {
+            Fault::MocapDrift { velocity_w_mps: [x, y, z], yaw_radps } => {
+                change += Pose::new(x, y, z, yaw_radps) * DT_S;
+            }
+            Fault::MocapFrame { turn_rad, is_mirrored, scale } => {
+                in_frame(&mut change, turn_rad, is_mirrored, scale);
+            }
+            _ => {}
+        }
+    }
+    if is_on(Fault::MocapMillimetres) {
+        for row in [pose::X, pose::Y, pose::Z] {
+            change[row] *= 1000.0;
+        }
+    }
+    change
+}
+
+/// What a walker has moved since the onset, after `elapsed_s`; zero of another fault.
+fn walked(present: &Present, elapsed_s: f64) -> Pose {
+    let Fault::MocapWalker { radius_m, speed_mps, .. } = present.fault else {
+        return Pose::zeros();
+    };
+    let turn_rad = speed_mps / radius_m * elapsed_s;
+    let theta = present.pose_onset[pose::THETA];
+    let around = |theta: f64| radius_m * theta.sin();
+    // The circle lies to the left of the heading at the onset.
+    let x_m = around(theta + turn_rad) - around(theta);
+    let y_m = around(theta - PI / 2.0 + turn_rad) - around(theta - PI / 2.0);
+    Pose::new(x_m, y_m, 0.0, turn_rad)
+}
+
+/// `o`, or a change of it, in a frame that is mirrored, scaled and turned; its heading is not turned.
+fn in_frame(o: &mut Pose, turn_rad: f64, is_mirrored: bool, scale: f64) {
+    let sign = if is_mirrored { -1.0 } else { 1.0 };
+    let (x, y) = (scale * o[pose::X], sign * scale * o[pose::Y]);
+    let (sin, cos) = turn_rad.sin_cos();
+    o[pose::X] = cos * x - sin * y;
+    o[pose::Y] = sin * x + cos * y;
+    o[pose::Z] *= scale;
+    o[pose::THETA] *= sign;
+}
+
 /// Whether the object is occluded: at the onset, and again after each period.
 fn is_occluded(present: Present) -> bool {
     // Half a step: the times of a period are whole numbers of steps up to rounding.
-    let elapsed_s = present.elapsed_s + crate::DT_S / 2.0;
+    let elapsed_s = present.elapsed_s + DT_S / 2.0;
     matches!(present.fault, Fault::MocapOccluded { period_s, lost_s }
         if elapsed_s.rem_euclid(period_s) < lost_s)
 }

@@ -187,17 +187,16 @@ impl Room {
     fn show_between(&mut self, due: TimeNs) {
         let (rate_hz, step) = {
             let world = self.world.lock();
-            for shot in world.shots().filter(|shot| u64::from(shot.frame) != world.step()) {
-                for number in frames::numbers(shot.frame, world.mocap_rate_hz()) {
-                    self.servers.push([frames::moved(
-                        shot,
-                        number,
-                        world.mocap_rate_hz(),
-                        &world.change(),
-                    )]);
+            let rate_hz = world.mocap_rate_hz();
+            for (shot, change) in world.moving_shots() {
+                if u64::from(shot.frame) == world.step() {
+                    continue;
+                }
+                for number in frames::numbers(shot.frame, rate_hz) {
+                    self.servers.push([frames::moved(shot, number, rate_hz, &change)]);
                 }
             }
-            (world.mocap_rate_hz(), world.step())
+            (rate_hz, world.step())
         };
         // Frame numbers of 32 bits last for years.
         let Ok(step) = u32::try_from(step) else { return };
@@ -205,11 +204,11 @@ impl Room {
             let offset = SpanNs::from_seconds(frames::offset_s(number, step, rate_hz));
             std::thread::sleep(due.after(offset).since(self.clock.now()).duration());
             let world = self.world.lock();
-            let of_step = |shot: &Shot<'_>| shot.frame == step;
-            let as_frame = |shot| frames::moved(shot, number, rate_hz, &world.change());
+            let of_step = |(shot, _): &(Shot<'_>, _)| shot.frame == step;
+            let as_frame = |(shot, change)| frames::moved(shot, number, rate_hz, &change);
             let passer = world.shot_of_passer().map(|shot| Shot { frame: number, rate_hz, ..shot });
             let other = passer.and_then(|shot| shot.body);
-            self.servers.push_with(world.shots().filter(of_step).map(as_frame), other);
+            self.servers.push_with(world.moving_shots().filter(of_step).map(as_frame), other);
             if let Some(shot) = passer {
                 self.servers.push_to_relay(&shot);
             }

@@ -20,6 +20,8 @@ pub(crate) struct Frame {
     pub(crate) is_other: bool,
     /// `None` if the object is not seen.
     pub(crate) pose: Option<Pose>,
+    /// How that pose changes in a step, for frames between two steps.
+    pub(crate) change: Pose,
 }
 
 /// What is on its way, and what arrives now.
@@ -75,7 +77,12 @@ impl Lag {
 
     /// What arrives in the present step, oldest first.
     pub(crate) fn shots<'a>(&'a self, object: &'a str) -> impl Iterator<Item = Shot<'a>> {
-        self.arrived.iter().map(move |frame| frame.shot(object))
+        self.moving(object).map(|(shot, _)| shot)
+    }
+
+    /// The same, each with how its pose changes in a step.
+    pub(crate) fn moving<'a>(&'a self, object: &'a str) -> impl Iterator<Item = (Shot<'a>, Pose)> {
+        self.arrived.iter().map(move |frame| (frame.shot(object), frame.change))
     }
 
     /// Length of a frame as a line of the text relay.

@@ -35,7 +35,7 @@ pub(crate) fn offset_s(number: u32, step: u32, rate_hz: f64) -> f64 {
     (f64::from(number) / rate_hz - f64::from(step) * DT_S).clamp(0.0, DT_S)
 }
 
-/// `shot` of a step as the frame `number`, where the drone moves by `change` in a step.
+/// `shot` of a step as the frame `number`, where the pose that it shows changes by `change` in a step.
 pub(crate) fn moved<'a>(shot: Shot<'a>, number: u32, rate_hz: f64, change: &Pose) -> Shot<'a> {
     let fraction = offset_s(number, shot.frame, rate_hz) / DT_S;
     let body = shot.body.map(|mut body| {

@@ -3,7 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use horizon_model::setting::SettingError;
 use serde::Serialize;
 use tello_eval::flight_log::{self, TickRecord};
@@ -61,13 +61,27 @@ impl Display for Logged {
 /// # Errors
 /// A setting that breaks its rule; the log cannot be written.
 pub fn fly(flight: &FlightTable, sim: &SimTable, seed: u64, path: &Path) -> Result<Logged> {
+    fly_until(flight, sim, seed, path, &|| false)
+}
+
+/// The same, given up without a log once `is_stopped` says so.
+///
+/// # Errors
+/// As [`fly`]; the flight was stopped.
+pub fn fly_until(
+    flight: &FlightTable,
+    sim: &SimTable,
+    seed: u64,
+    path: &Path,
+    is_stopped: &dyn Fn() -> bool,
+) -> Result<Logged> {
     if path.exists() {
         return Err(LogError::Exists { path: path.to_owned() }.into());
     }
     let mut logged = None;
     // A torn log would be in the way of the next try.
     whole_file::write(path, false, |part| {
-        logged = Some(fly_into(part, flight, sim, seed)?);
+        logged = Some(fly_into(part, flight, sim, seed, is_stopped)?);
         Ok(())
     })?;
     let logged = logged.context("no flight")?;
@@ -75,7 +89,13 @@ pub fn fly(flight: &FlightTable, sim: &SimTable, seed: u64, path: &Path) -> Resu
 }
 
 /// The same, with the log at `path` whether it is finished or not.
-fn fly_into(path: &Path, flight: &FlightTable, sim: &SimTable, seed: u64) -> Result<Logged> {
+fn fly_into(
+    path: &Path,
+    flight: &FlightTable,
+    sim: &SimTable,
+    seed: u64,
+    is_stopped: &dyn Fn() -> bool,
+) -> Result<Logged> {
     let mut flown = VirtualFlight::new(flight, sim, seed)?;
     let shape = flown.new_outcome();
     let mut scene = Scene::new(flight, 0)?;
@@ -84,6 +104,7 @@ fn fly_into(path: &Path, flight: &FlightTable, sim: &SimTable, seed: u64) -> Res
     let (targets_count, steps_max) = bounds(flight)?;
     let mut newest = None;
     for _ in 0..steps_max {
+        ensure!(!is_stopped(), "interrupted");
         tick.out.clone_from(flown.tick()?);
         tick.inbox = flown.inbox().clone();
         // A period without a tick has no record.

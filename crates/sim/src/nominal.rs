@@ -63,6 +63,21 @@ impl NominalFlight {
         })
     }
 
+    /// Whether it shows that mission, room and obstacles do not go together, whatever the vehicle is.
+    pub fn is_blocked(&self) -> bool {
+        let is_of_mission = |fault: &Fault| {
+            matches!(
+                fault,
+                Fault::BlockedLong
+                    | Fault::PlanBlocked
+                    | Fault::ObstacleEntered
+                    | Fault::FenceLeft
+                    | Fault::MissionOverdue
+            )
+        };
+        !self.is_finished() && self.landed_by.iter().any(is_of_mission)
+    }
+
     /// Whether all targets were reached.
     pub fn is_finished(&self) -> bool {
         self.targets_reached == self.targets_count
@@ -127,10 +142,11 @@ mod tests {
         let wall = ObstacleTable::Box { x_m: [-5.0, 5.0], y_m: [-2.3, -2.2], z_m: [-0.2, 3.0] };
         let flight = flown(|flight| flight.cycle.obstacles = vec![wall]);
         assert!(!flight.is_finished() && flight.finish_s.is_none(), "{flight:?}");
-        assert_eq!(
-            flight.landed_by,
-            [Fault::MissionOverdue],
-            "it waits before the wall: {flight:?}"
+        assert_eq!(flight.landed_by, [Fault::BlockedLong], "it stays before the wall: {flight:?}");
+        assert!(flight.is_blocked());
+        // Another vehicle might do better.
+        assert!(
+            !NominalFlight { landed_by: vec![Fault::DeadTimeLong], ..flight.clone() }.is_blocked()
         );
         assert!(flight.to_string().starts_with("NOT TO ITS END: 1 of 5 targets"), "{flight}");
         // One that moves is nowhere yet.

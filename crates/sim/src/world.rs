@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tello_io::mocap::{Body, format_line};
 
-use crate::distortion::Distortion;
+use crate::distortion::{self, Distortion};
 use crate::drone::{Drone, Phase, Truth};
 use crate::drone_status::Reporter;
 use crate::fault::{Fault, Faults, Present, ScriptedFault};
@@ -262,8 +262,13 @@ impl World {
         is_usual_rate(&self.mocap_rate_hz)
     }
 
+    /// The same, each with how its pose changes in a step.
+    pub(crate) fn moving_shots(&self) -> impl Iterator<Item = (Shot<'_>, Pose)> {
+        self.lag.moving(&self.object)
+    }
+
     /// How the true pose changed in the step before the present one.
-    pub(crate) fn change(&self) -> Pose {
+    fn change(&self) -> Pose {
         let mut change = self.drone.truth().pose - self.earlier;
         change[pose::THETA] = wrap(change[pose::THETA]);
         change
@@ -292,6 +297,7 @@ impl World {
         self.faults.begin(self.step, &truth);
         self.trouble_the_drone();
         let by_chance = self.mocap.observe(&self.measured(truth));
+        let change = distortion::change(self.change(), &self.faults, self.step);
         let Self { faults, step, .. } = self;
         self.report = self.distortion.report(by_chance, self.report, faults, *step);
         let pose = match self.report {
@@ -300,7 +306,7 @@ impl World {
             MocapReport::Silent => None,
         };
         let is_other = faults.is_on(Fault::MocapOther, *step);
-        let taken = pose.map(|pose| Frame { step: *step, is_other, pose });
+        let taken = pose.map(|pose| Frame { step: *step, is_other, pose, change });
         let taken = taken.filter(|_| frames::is_in_step(*step, self.mocap_rate_hz));
         self.lag.advance(taken, *step, faults, &self.object);
     }

@@ -73,6 +73,7 @@ pub(super) struct Live {
     seen: Option<Sighting>,
     measured: Option<Pose>,
     missed_periods: u64,
+    has_log_failed: bool,
 }
 
 /// What is kept of a tick for a while.
@@ -110,8 +111,14 @@ impl Live {
             seen: None,
             measured: None,
             missed_periods: 0,
+            has_log_failed: false,
         };
         Ok((live, briefing, watched))
+    }
+
+    /// From now on nothing is recorded.
+    pub(super) fn note_failed_log(&mut self) {
+        self.has_log_failed = true;
     }
 
     /// Takes note of a tick; called for every one. `mocap` says how the poses come.
@@ -155,6 +162,7 @@ impl Live {
             mocap: self.mocap(inbox.now, stream),
             now_ms: timing.into(),
             worst_ms: self.recent.iter().fold(Times::default(), |worst, r| worst.sup(&r.times)),
+            has_log_failed: self.has_log_failed,
             missed_periods: self.missed_periods,
             trail: self.trail.iter().copied().collect(),
             ..Facts::of(inbox, out, self.predictor.ahead(out))

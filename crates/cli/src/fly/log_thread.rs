@@ -19,6 +19,7 @@ use super::live::Live;
 #[cfg(feature = "ros2")]
 use super::ros2_publisher;
 use super::summary::Tally;
+use crate::stdio;
 use tello_eval::flight_log::{self, TickRecord};
 use tello_eval::scene::Scene;
 use tello_flight::cycle::{FlightTable, Outcome, Tick};
@@ -60,7 +61,14 @@ pub(super) fn start(
     let Notes { tally, mut live, mocap, drone } = notes;
     let mut link = WrittenLink(drone.report());
     let mut scene = Scene::new(flight, started_unix_ns(clock))?;
+    let mut has_failed = false;
     Ok(Recorder::start(log, pool, FLUSH_PERIOD, move |log, tick| {
+        if log.is_none() && !std::mem::replace(&mut has_failed, true) {
+            stdio::note(
+                "the log has failed: the flight goes on, nothing of it is recorded from here on",
+            );
+            live.iter_mut().for_each(Live::note_failed_log);
+        }
         if let Some(live) = &mut live {
             live.observe(tick, || mocap.report());
         }

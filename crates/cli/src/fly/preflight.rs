@@ -215,7 +215,12 @@ fn mission_check(
 ) -> Check {
     let count = mission.targets_count();
     if let Some(flight) = unfinished {
-        return check("mission", Readiness::Note, format!("{count} targets; simulated: {flight}"));
+        let reason = format!("{count} targets; simulated: {flight}");
+        if !flight.is_blocked() {
+            return check("mission", Readiness::Note, reason);
+        }
+        let advice = "change the mission, the room or the obstacles; `tello-ctl check --figure NAME` draws them";
+        return check("mission", Readiness::Never, format!("{reason}: {advice}"));
     }
     let Some(walls) = walls else {
         let reason = format!("{count} targets; no room is set, so that no wall is kept away from");

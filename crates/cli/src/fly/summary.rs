@@ -56,7 +56,7 @@ pub(super) struct Summary {
     pub(super) faults: Vec<Fault>,
     /// Ticks of the loop.
     pub(super) ticks: u64,
-    /// Ticks that began more than [`LATE_TICK_MS`] late.
+    /// Ticks that began more than 5 ms late.
     pub(super) late_ticks: u64,
     /// Periods without a tick.
     pub(super) missed_periods: u64,

@@ -259,7 +259,7 @@ mod tests {
 
     /// The advice on objects that were seen and moved so far, by name. m
     fn advice(objects: &[(&str, f64)]) -> String {
-        let table = SourceArgument::usual("relay", 51602, "a").table("any");
+        let table = SourceArgument::usual(("relay", 51602), "a").table("any");
         let object = |(name, moved_m): &(&str, f64)| FoundObject {
             name: (*name).to_owned(),
             report: TrackReport { frames: 1, seen: 1, ..TrackReport::default() },

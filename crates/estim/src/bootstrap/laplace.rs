@@ -111,5 +111,45 @@ fn inverse<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Result<SMatrix<f64, N
     Ok(root.transpose() * root)
 }
 
+/// Standard deviation of each parameter, the square root of the diagonal of the inverse of `information`, as of
+/// [`Laplace::plain`]; NaN for a parameter that the information does not determine.
+///
+/// `1 / variance` is the information on a parameter after the others are eliminated. A parameter counts as determined
+/// if this is more than a rounding of the information on the parameter alone. Unlike [`Laplace::of`] it tells the
+/// parameters that are determined from the others.
+pub fn standard_deviations<const NP: usize>(
+    information: &SMatrix<f64, NP, NP>,
+) -> SVector<f64, NP> {
+    SVector::from_fn(|row, _| remaining_information(information, row).sqrt().recip())
+}
+
+/// A smaller fraction of the information on a parameter is rounding of what others take away: the entries are sums
+/// over thousands of steps, with a relative error far above that of one operation.
+const FRACTION_MIN: f64 = 1e-10;
+
+/// Information on the parameter `last` after all others are eliminated; NaN if it is none, or if the matrix is not
+/// positive semidefinite.
+fn remaining_information<const NP: usize>(information: &SMatrix<f64, NP, NP>, last: usize) -> f64 {
+    let mut left = *information;
+    let floor = |row: usize| FRACTION_MIN * information[(row, row)];
+    for k in (0..NP).filter(|k| *k != last) {
+        let pivot = left[(k, k)];
+        // False for a NaN.
+        let is_semidefinite = pivot >= -floor(k);
+        if !is_semidefinite {
+            return f64::NAN;
+        }
+        // What others determine already takes nothing away.
+        if pivot > floor(k) {
+            let column = left.column(k).clone_owned();
+            left -= column * column.transpose() / pivot;
+        }
+        left.row_mut(k).fill(0.0);
+        left.column_mut(k).fill(0.0);
+    }
+    let pivot = left[(last, last)];
+    if pivot > floor(last) { pivot } else { f64::NAN }
+}
+
 #[cfg(test)]
 mod tests;

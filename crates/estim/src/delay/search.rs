@@ -82,6 +82,10 @@ where
     M: Model<NS, NU, NO, NP> + Sync,
 {
     pub(super) fn run(&mut self) -> Result<Vec<DelayProfile<NP>>, Halt> {
+        // A start beyond the range begins at its end.
+        for row in self.groups.iter().copied().flatten() {
+            self.dead_time_s[*row] = self.dead_time_s[*row].min(self.settings.dead_time_max_s);
+        }
         let start_s = *self.dead_time_s;
         let start_cost = self.solve()?;
         let start = self.ident.clone();
@@ -100,7 +104,7 @@ where
             .zip(&minima)
             .map(|(curve, minimum)| Found { curve, at_s: minimum.at_s })
             .collect();
-        if cost > start_cost {
+        if cost > start_cost * (1.0 + EXACT) {
             // The groups depend on each other: one after the other, from the start on.
             *self.dead_time_s = start_s;
             found = self.one_by_one(&self.settings.grid().collect::<Vec<_>>())?;

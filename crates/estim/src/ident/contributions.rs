@@ -70,17 +70,20 @@ where
         &self.multiplicities
     }
 
-    /// Residuals less unknowns, pieces by their multiplicity, the prior on the parameter not counted.
+    /// Residuals less unknowns, pieces by their multiplicity, the prior on the parameter not counted. Rows without
+    /// weight are no residuals.
     ///
     /// Twice the cost over this is the mean square of what a residual would be with nothing fitted:
     /// 1 where weights are inverse deviations of independent residuals.
     pub fn degrees_of_freedom(&self) -> f64 {
         // Transitions are as many as the states less one: what is left are the observations, the
         // first states held by a weight, and the states that these have to pay for.
+        let c_o = &self.terms.residuals.c_o;
         let held = self.terms.c_0.iter().filter(|weight| **weight > 0.0).count() as f64;
         let of_piece = |(segment, count): (&Segment<NS, NU, NO, NP>, &u32)| {
             let present = |observed: &crate::residual::Observed<NO>| {
-                observed.is_present.iter().filter(|is_present| **is_present).count()
+                let rows = observed.is_present.iter().zip(c_o);
+                rows.filter(|(is_present, weight)| **is_present && **weight > 0.0).count()
             };
             let observations = segment.o.iter().map(present).sum::<usize>() as f64;
             f64::from(*count) * (observations + held - NS as f64)
@@ -169,5 +172,8 @@ mod tests {
         // A weight on a row of the first state is a residual more.
         ident.terms.c_0 = SVector::from([0.5, 0.0, 0.0, 1.0]);
         assert!((of(&ident) - (3.0 * 20.0 - 4.0)).abs() <= 0.0);
+        // A row of all observations without weight is none: height, present in five of the piece's six.
+        ident.terms.residuals.c_o[2] = 0.0;
+        assert!((of(&ident) - (3.0 * 15.0 - 4.0)).abs() <= 0.0);
     }
 }

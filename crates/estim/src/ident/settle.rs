@@ -128,6 +128,8 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Prob
 where
     M: Model<NS, NU, NO, NP>,
 {
+    const LEFT_MIN: f64 = 0.0;
+
     fn linearize(&mut self) -> Result<Linearization, SolveError> {
         // Derivatives are formed where they are eliminated, and the damping is absolute.
         Ok(Linearization { cost: self.cost, diagonal_max: 1.0 })

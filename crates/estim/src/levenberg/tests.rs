@@ -282,6 +282,22 @@ fn a_step_that_the_damping_made_short_is_no_end() {
 }
 
 #[test]
+fn a_gain_that_is_predicted_right_by_chance_is_no_end() {
+    // Curvatures of both signs, whose errors of the predicted gain cancel at this start.
+    let f = |b: &SVector<f64, 2>, x| match x {
+        0.0 => b[0],
+        1.0 => 0.25 * b[0] * b[0],
+        2.0 => b[1],
+        _ => -0.25 * b[1] * b[1],
+    };
+    let data = &[(0.0, 0.0), (1.0, -1.0), (2.0, 0.0), (3.0, -1.0)];
+    let mut curve = Curve::new(f, data, [1.5, 3.493_707_744_036_844]);
+    let settings = LmSettings { damping_start: 1e-9, cost_tolerance: 1e-3, ..settings() };
+    let report = solve(&mut curve, &settings, &mut || false).unwrap();
+    assert!((report.cost - 1.0).abs() < 2e-3, "{report:?}");
+}
+
+#[test]
 fn every_limit_has_its_own_stop_and_keeps_the_best_iterate() {
     let stop = |settings: LmSettings, late_after: u32| {
         let mut curve = line();

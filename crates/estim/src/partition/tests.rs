@@ -148,3 +148,35 @@ fn any_number_of_subsystems_of_any_size_is_taken_if_they_hold_every_row() {
         assert!(amax(&(step - expected)) < 1e-14, "{step} instead of {expected}");
     }
 }
+
+/// Two integrators whose groups have these rows of the state.
+#[derive(Debug, Clone, Copy)]
+struct Grouped<const FIRST: usize, const SECOND: usize>;
+
+impl<const FIRST: usize, const SECOND: usize> Model<2, 2, 2, 2> for Grouped<FIRST, SECOND> {
+    fn step(
+        &self,
+        s: &SVector<f64, 2>,
+        u: &SVector<f64, 2>,
+        p: &SVector<f64, 2>,
+        dt_s: f64,
+    ) -> SVector<f64, 2> {
+        s + u.component_mul(p) * dt_s
+    }
+
+    fn observe(&self, s: &SVector<f64, 2>) -> SVector<f64, 2> {
+        *s
+    }
+
+    fn groups(to: &mut impl VisitGroups) {
+        to.visit(&const { [FIRST] }, &[0], &[0]);
+        to.visit(&const { [SECOND] }, &[1], &[1]);
+    }
+}
+
+#[test]
+fn groups_that_do_not_hold_each_row_once_are_no_partition() {
+    assert!(Partition::<2, 2>::of::<Grouped<0, 1>, 2, 2>(1).is_some());
+    assert!(Partition::<2, 2>::of::<Grouped<0, 0>, 2, 2>(1).is_none(), "one twice");
+    assert!(Partition::<2, 2>::of::<Grouped<0, 5>, 2, 2>(1).is_none(), "one beyond the state");
+}

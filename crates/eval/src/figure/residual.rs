@@ -62,19 +62,25 @@ pub fn residuals(title: &str, dt_s: f64, lags: usize, rows: &[ResidualRow<'_>]) 
 
 /// Autocorrelation of the residuals of all pieces together at each of `lags`, in steps.
 ///
-/// `sum (r_k - m) (r_{k+lag} - m) / sum (r_k - m)^2`, products within a piece only, m the mean of
-/// all. Absent values are left out. Empty without two different values.
+/// Mean of `(r_k - m) (r_{k+lag} - m)` over that of `(r_k - m)^2`, products within a piece only, m the mean of
+/// all. Absent values are left out; without a pair it is 0. Empty without two different values.
 pub fn autocorrelation(pieces: &[&[f64]], lags: impl IntoIterator<Item = usize>) -> Vec<f64> {
     let Some(moments) = Moments::of(pieces) else { return Vec::new() };
-    let product = |piece: &[f64], lag: usize| -> f64 {
+    let product = |piece: &[f64], lag: usize| -> (f64, f64) {
         let later = piece.iter().skip(lag);
         let products =
             piece.iter().zip(later).map(|(a, b)| (a - moments.mean) * (b - moments.mean));
-        products.filter(|product| is_drawable(*product)).sum()
+        products
+            .filter(|product| is_drawable(*product))
+            .fold((0.0, 0.0), |(sum, pairs), product| (sum + product, pairs + 1.0))
     };
-    let sum = |lag| pieces.iter().map(|piece| product(piece, lag)).sum::<f64>();
-    let total = sum(0);
-    lags.into_iter().map(|lag| sum(lag) / total).collect()
+    let mean = |lag| {
+        let by_piece = pieces.iter().map(|piece| product(piece, lag));
+        let (sum, pairs) = by_piece.fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+        sum / f64::max(pairs, 1.0)
+    };
+    let variance = mean(0);
+    lags.into_iter().map(|lag| mean(lag) / variance).collect()
 }
 
 /// Number, mean and standard deviation (> 0) of all residuals of a row.
@@ -195,8 +201,8 @@ mod tests {
     fn autocorrelation_stays_within_the_pieces() {
         let (up, down) = ([1.0, -1.0, 1.0, -1.0], [-1.0, 1.0, f64::NAN]);
         let got = autocorrelation(&[&up, &down], 0..=2);
-        // Sums of products: 6 at lag 0, -3 - 1 at lag 1, 2 + 0 at lag 2.
-        for (got, expected) in got.iter().zip([1.0, -4.0 / 6.0, 2.0 / 6.0]) {
+        // Sums of products: 6 of six at lag 0, -3 - 1 of four pairs at lag 1, 2 of two at lag 2.
+        for (got, expected) in got.iter().zip([1.0, -1.0, 1.0]) {
             assert!((got - expected).abs() < 1e-12, "{got} for {expected}");
         }
         assert_eq!(got.len(), 3);

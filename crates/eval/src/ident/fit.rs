@@ -126,7 +126,7 @@ where
         let solve_seconds = clock.now().seconds();
         let laplace = self.laplace();
         let (resamples, bootstrap) = match self.job.bootstrap {
-            Some(plan) => self.bootstrap(plan).map(|(file, report)| (Some(file), report))?,
+            Some(plan) => self.bootstrap(plan).map(|(found, report)| (Some(found), report))?,
             None => (None, None),
         };
         let (bootstrap, spread) = bootstrap.unzip();

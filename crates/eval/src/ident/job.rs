@@ -43,7 +43,7 @@ pub struct Fitted {
     /// Estimates along the pieces.
     pub(super) traces: Vec<Trace>,
     /// Estimates of the bootstrap.
-    pub resamples: Option<ResampleFile>,
+    pub resamples: Option<Resampled>,
     /// Cost over the dead times, if they were searched.
     pub(super) delay: Vec<DelayCurve>,
     /// Whether the solver converged.
@@ -52,6 +52,15 @@ pub struct Fitted {
     pub parameter_file: Option<ParameterFile>,
     /// The fitted model as a forecast.
     pub(super) predict: Box<dyn Predict>,
+}
+
+/// Estimates of a bootstrap.
+#[derive(Debug)]
+pub struct Resampled {
+    /// As they are kept: at the dead times of all pieces.
+    pub file: ResampleFile,
+    /// Those that were asked for, each at its own dead times. Unit of each row
+    pub(super) estimates: Vec<Vec<f64>>,
 }
 
 impl fmt::Debug for Job<'_> {

@@ -14,7 +14,7 @@ use tello_io::clock::{SpanNs, TimeNs};
 use tello_io::log::{Channel, Head, LogWriter};
 use tello_io::{config, whole_file};
 
-use super::job::{Fitted, Job, Trace};
+use super::job::{Fitted, Job, Resampled, Trace};
 use super::pictures;
 
 /// Writes everything to `dir`, which exists, and returns what a user would open; of a part of a bootstrap
@@ -24,7 +24,7 @@ use super::pictures;
 /// The disk refuses, with the name of the file.
 pub fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<PathBuf>> {
     let mut written = Vec::new();
-    if let (Some(file), Some(plan)) = (&fitted.resamples, job.bootstrap) {
+    if let (Some(Resampled { file, .. }), Some(plan)) = (&fitted.resamples, job.bootstrap) {
         written.push(file.save(dir, plan)?);
         if plan.part.is_some() {
             return Ok(written);

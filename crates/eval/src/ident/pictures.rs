@@ -11,7 +11,7 @@ use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
 use horizon_model::{Kinematic, Model, Row};
 
 use super::compare::{Comparison, HORIZONS_S, Ranked};
-use super::job::{Fitted, Job, Trace};
+use super::job::{Fitted, Job, Resampled, Trace};
 
 /// Longest part of a log in the figure of the fit and of the shift; more is a black bar. s
 const SHOWN_S: f64 = 60.0;
@@ -191,10 +191,9 @@ fn save_residuals(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
 
 /// Thesis figure 5.3.
 fn save_bootstrap(dir: &Path, fitted: &Fitted) -> Result<()> {
-    let Some(file) = &fitted.resamples else { return Ok(()) };
-    let columns: Vec<Vec<f64>> = (0..fitted.fit.p.len())
-        .map(|row| file.resamples.iter().map(|resample| resample.p[row]).collect())
-        .collect();
+    let Some(Resampled { estimates, .. }) = &fitted.resamples else { return Ok(()) };
+    let columns: Vec<Vec<f64>> =
+        (0..fitted.fit.p.len()).map(|row| estimates.iter().map(|p| p[row]).collect()).collect();
     let rows: Vec<BootstrapRow<'_>> = fitted
         .fit
         .parameters
@@ -207,7 +206,7 @@ fn save_bootstrap(dir: &Path, fitted: &Fitted) -> Result<()> {
             laplace_std: Some(row.std_laplace),
         })
         .collect();
-    let title = format!("{} resamples of the pieces", file.resamples.len());
+    let title = format!("{} resamples of the pieces", estimates.len());
     figure::save(dir, "bootstrap", &figure::bootstrap(&title, &rows))?;
     Ok(())
 }

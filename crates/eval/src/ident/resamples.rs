@@ -252,6 +252,10 @@ impl Display for ResampleFile {
         let unconverged = self.resamples.iter().filter(|row| row.is_unconverged()).count();
         let (count, seed) = (self.resamples.len(), self.seed);
         writeln!(f, "bootstrap     {count} resamples, {unconverged} not converged, seed {seed}")?;
+        writeln!(
+            f,
+            "              at the dead times of all pieces; `ident --resume` adds the spread of the dead times"
+        )?;
         let are_equal = |(row, next): (&ResampleRow, &ResampleRow)| row.p == next.p;
         if count > 1 && self.resamples.iter().zip(self.resamples.iter().skip(1)).all(are_equal) {
             return writeln!(f, "no intervals: all resamples are the same sample, as of one piece");

@@ -70,6 +70,16 @@ impl IdentFileTable {
         vector("dead_time_s", &self.dead_time_s, &Kinematic::INPUT, |key, value| {
             in_range(key, value, 0.0..=2.0)
         })?;
+        let reach_s = self.delay.as_ref().map_or(f64::INFINITY, |delay| delay.dead_time_max_s);
+        for stick in sticks {
+            let dead_time_s = self.dead_time_s[stick.row()];
+            if dead_time_s > reach_s {
+                let rule =
+                    format!("at most delay.dead_time_max_s = {reach_s}: its search begins there");
+                let key = format!("dead_time_s[{}]", stick.row());
+                return Err(SettingError::new(key, dead_time_s, rule));
+            }
+        }
         let under = |section: &'static str| move |error: SettingError| error.under(section);
         self.delay.as_ref().map(DelaySettings::try_from).transpose().map_err(under("delay"))?;
         let lost_commands = self.lost_commands.as_ref().map(OutageSettings::try_from).transpose();
@@ -156,6 +166,7 @@ mod tests {
             (refusal(|table| table.threads = 1025), "threads = 1025"),
             (refusal(|table| table.dead_time_s[2] = -0.1), "dead_time_s[2] = -0.1"),
             (refusal(|table| table.dead_time_s.truncate(3)), "dead_time_s = "),
+            (refusal(|table| table.dead_time_s[0] = 1.9), "dead_time_s[0] = 1.9"),
             (refusal(|table| table.delay.as_mut().unwrap().rounds = 0), "delay.rounds = 0"),
             (refusal(|table| table.map.c_s[0] = 0.0), "map.C_s[0] = 0"),
         ] {

@@ -27,6 +27,8 @@ pub struct ReferencePath {
     pub ends_with_mission: bool,
     /// How often the path is flown; the targets are those of all laps.
     pub laps: usize,
+    /// How often its outline goes round: the laps, or the turns of a circle, of which the last may be a part.
+    pub rounds: f64,
 }
 
 /// How far a pose is from the nearest point of an outline.
@@ -48,6 +50,7 @@ impl ReferencePath {
             .map_err(|error| error.under("mission"))?;
         let outline = mission.outline();
         let laps = flight.mission.laps() as usize;
+        let mut rounds = laps as f64;
         let (targets, reach) = match &flight.mission {
             // Their outlines are the polylines through what is to be reached.
             MissionTable::Targets(table) => (outline.clone(), table.reach),
@@ -62,14 +65,16 @@ impl ReferencePath {
                     clippy::cast_sign_loss,
                     reason = "positive, and the length of the path is limited"
                 )]
-                let turns = turns.ceil() as usize;
-                (quarters(&outline, laps * turns), follow.reach)
+                let whole_turns = turns.ceil() as usize;
+                rounds = turns * laps as f64;
+                (quarters(&outline, laps * whole_turns), follow.reach)
             }
         };
         let targets_count = mission.targets_count();
         let is_timed = matches!(flight.mission, MissionTable::Trajectory(_));
+        let ends_with_mission = is_timed;
         let mut path =
-            Self { outline, targets, targets_count, reach, laps, ends_with_mission: is_timed };
+            Self { outline, targets, targets_count, reach, ends_with_mission, laps, rounds };
         let stays = |pair: &[Pose]| matches!(pair, [from, to] if path.is_within(from, to));
         path.ends_with_mission |= path.is_curve() && path.targets.windows(2).any(stays);
         Ok(path)
@@ -98,10 +103,16 @@ impl ReferencePath {
         if self.is_curve() { Vec::new() } else { corners(&self.targets) }
     }
 
-    /// The outline of one lap: laps are closed, and lie on each other.
+    /// The outline of the first round: rounds are closed, and lie on each other. Less than a round is all of it.
     pub fn lap_outline(&self) -> Vec<Pose> {
-        let sides = self.outline.len().saturating_sub(1) / self.laps.max(1);
-        self.outline.iter().take(sides).chain(self.outline.last()).copied().collect()
+        let sides = self.outline.len().saturating_sub(1);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "positive, and the length of the path is limited"
+        )]
+        let of_round = (sides as f64 / self.rounds.max(1.0)).round() as usize;
+        self.outline.iter().take(of_round + 1).copied().collect()
     }
 
     /// Horizontal distance and height of the pose `at` (world frame, m and rad) from the nearest point of the outline.
@@ -185,6 +196,7 @@ mod tests {
             targets: outline.clone(),
             ends_with_mission: false,
             laps: 1,
+            rounds: 1.0,
             outline,
             reach: 0.2,
         }
@@ -218,6 +230,14 @@ mod tests {
         let (wide, narrow) = (circle(0.6, 2.5), circle(0.05, 3.0));
         assert_eq!((wide.targets.len(), wide.ends_with_mission), (13, false));
         assert_eq!((narrow.targets.len(), narrow.ends_with_mission), (13, true));
+        // One turn of several ends where it began.
+        for several in [&wide, &narrow] {
+            let turn = several.lap_outline();
+            assert!((turn[turn.len() - 1] - turn[0]).norm() < 0.01, "{:?}", several.rounds);
+            assert!(turn.len() < several.outline.len() / 2);
+        }
+        let half = circle(0.6, 0.5);
+        assert_eq!(half.lap_outline(), half.outline);
         let rows = vec![[0.0, 0.0, 0.0, 1.3, 0.0], [30.0, 0.0, 0.0, 1.3, 0.0]];
         assert!(
             of(serde_json::json!({ "trajectory": { "points": { "rows": rows } } }))
@@ -230,7 +250,7 @@ mod tests {
         let lap = [[0.0; 4], [1.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0], [0.0; 4]];
         let once = path(&lap);
         let thrice = [&lap[..], &lap[1..], &lap[1..]].concat();
-        let thrice = ReferencePath { laps: 3, ..path(&thrice) };
+        let thrice = ReferencePath { laps: 3, rounds: 3.0, ..path(&thrice) };
         assert_eq!(thrice.lap_outline(), once.outline);
         assert_eq!(once.lap_outline(), once.outline);
         assert!(path(&[]).lap_outline().is_empty());

@@ -93,7 +93,7 @@ impl InboxHead {
 pub fn read(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<TickRow>> {
     let mut ticks: Vec<TickRow> = Vec::new();
     let (mut periods_skipped, mut unreadable, mut misplaced) = (0, 0, 0);
-    let (mut missing, mut next_step) = (0, None);
+    let (mut missing, mut next_step) = (0, 0);
     let mut open = None;
     while let Some(message) = log.next_message()? {
         let Some(topic) = Topic::named(message.topic) else { continue };
@@ -101,8 +101,8 @@ pub fn read(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<TickRo
             open = None;
             let Some(inbox) = decode::<InboxHead>(&message, &mut unreadable) else { continue };
             open = Some(message.t);
-            missing += next_step.map_or(0, |next: u64| inbox.step.saturating_sub(next));
-            next_step = Some(inbox.step + 1);
+            missing += inbox.step.saturating_sub(next_step);
+            next_step = inbox.step + 1;
             periods_skipped += inbox.skipped;
             let (period, mocap_age_s) = (inbox.step + periods_skipped, inbox.mocap_age_s());
             ticks.push(TickRow { period, mocap_age_s, ..TickRow::default() });

@@ -86,14 +86,16 @@ pub(super) fn run(
     parameter_file::apply(options.params, &mut flight.cycle)?;
     let mut replay = Replay::new(&flight, &log, options)?;
     let mut is_tick_whole = true;
+    let mut open = None;
     while let Some(message) = log.next_message()? {
         match Topic::named(message.topic) {
             Some(Topic::Inbox) => {
                 is_tick_whole = false;
+                open = Some(message.t);
                 replay.repeat(&message.decode()?)?;
             }
             // The last record of a tick.
-            Some(Topic::Timing) => {
+            Some(Topic::Timing) if open == Some(message.t) => {
                 is_tick_whole = true;
                 if let Some(watch) = &mut watch {
                     replay.record.timing = message.decode()?;
@@ -102,6 +104,8 @@ pub(super) fn run(
                 }
             }
             Some(Topic::Jitter) | None => {}
+            // Without its inbox it is of a tick that is missing.
+            Some(_) if open != Some(message.t) => replay.note_gap(),
             Some(topic) => replay.compare(topic, message.data),
         }
     }
@@ -121,6 +125,8 @@ struct Replay {
     now: TickJson,
     out: Option<DrawnLog>,
     report: ReplayReport,
+    /// That of the tick that comes next.
+    next_step: u64,
 }
 
 impl Replay {
@@ -145,15 +151,23 @@ impl Replay {
                 revision_then: log.head().revision.clone(),
                 revision_now: REVISION,
             },
+            next_step: 0,
         })
+    }
+
+    /// From here on ticks are missing, and maybe records of the tick before.
+    fn note_gap(&mut self) {
+        self.report.first_gap.get_or_insert(self.next_step);
+        self.now.records.clear();
     }
 
     /// Closes the tick before and repeats the next.
     fn repeat(&mut self, inbox: &Inbox) -> Result<()> {
-        self.close_tick();
-        if inbox.step != self.report.ticks && self.report.first_gap.is_none() {
-            self.report.first_gap = Some(self.report.ticks);
+        if inbox.step != self.next_step {
+            self.note_gap();
         }
+        self.next_step = inbox.step + 1;
+        self.close_tick();
         self.record.inbox = inbox.clone();
         let mut watch = Unwatched::as_recorded(inbox);
         self.cycle.tick(inbox, &mut watch, &mut self.record.out);

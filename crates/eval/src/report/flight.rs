@@ -109,9 +109,11 @@ impl Flight {
         let ticks = ticks::read(log, &mut notes)?;
         let is_flying = |tick: &TickRow| tick.phase == Some(Phase::Flying);
         let begin = ticks.iter().position(|tick| is_flying(tick) && tick.targets_reached > 0);
+        // A flight to one place is judged to the end of its phase.
+        let is_hover = reference.targets_count == 1;
         let end = ticks
             .iter()
-            .position(|tick| tick.targets_reached == reference.targets_count)
+            .position(|tick| !is_hover && tick.targets_reached == reference.targets_count)
             .or_else(|| ticks.iter().rposition(is_flying))
             .map_or(0, |last| last + 1);
         let reached = ticks.iter().map(|tick| tick.targets_reached).max().unwrap_or(0);

@@ -111,11 +111,7 @@ impl Looked {
 impl Group {
     pub(super) fn of(name: String, looked: Vec<Looked>) -> Self {
         let mut pooled = Numbers::new();
-        let has_flights = looked.iter().any(|one| one.flight.unjudged.is_none());
-        // Replays and dry runs alone are shown; beside flights they are none.
-        let counts = |one: &&Looked| !has_flights || one.flight.unjudged.is_none();
-        for (quantity, values) in looked.iter().filter(counts).flat_map(|one| &one.measured.numbers)
-        {
+        for (quantity, values) in counted(&looked).flat_map(|one| &one.measured.numbers) {
             pooled.entry(*quantity).or_default().extend(values);
         }
         let flights: Vec<FlightRow> = looked.iter().map(|one| one.row.clone()).collect();
@@ -138,6 +134,11 @@ impl Group {
         }
     }
 
+    /// The flights that count: see [`counted`].
+    pub(super) fn counted(&self) -> impl Iterator<Item = &Looked> {
+        counted(&self.looked)
+    }
+
     fn verdict_on(&self, row: &FlightRow) -> String {
         let distance = self.numbers.get(&Quantity::DistanceM);
         let finish = self.numbers.get(&Quantity::FinishS);
@@ -148,6 +149,12 @@ impl Group {
                  its line.",
                 row.targets_count, finish.median, distance.max
             ),
+            (Judgement::Good, None) => {
+                let most = distance.map_or_else(String::new, |distance| {
+                    format!(" It was never more than {:.3} m from its line.", distance.max)
+                });
+                format!("The flight was good.{most}")
+            }
             (Judgement::NotJudged, _) => format!("The flight was not judged: {why}."),
             (judgement, _) => format!("The flight was {}: it {why}.", judgement.name()),
         }];
@@ -207,18 +214,28 @@ impl Group {
     }
 }
 
+/// Those of `looked` that count as flights: replays and dry runs do only if there is nothing else.
+fn counted(looked: &[Looked]) -> impl Iterator<Item = &Looked> {
+    let has_flights = looked.iter().any(|one| one.flight.unjudged.is_none());
+    looked.iter().filter(move |one| !has_flights || one.flight.unjudged.is_none())
+}
+
 impl Comparison {
     /// Pairs flights of the same name; if there are none, flights of the same place in their groups.
     pub(super) fn of(ours: &Group, theirs: &Group) -> Self {
+        let rows = |group: &Group| -> Vec<FlightRow> {
+            group.counted().map(|one| one.row.clone()).collect()
+        };
+        Self::of_rows(&rows(ours), &rows(theirs))
+    }
+
+    fn of_rows(ours: &[FlightRow], theirs: &[FlightRow]) -> Self {
         let by_name: Vec<(&FlightRow, &FlightRow)> = ours
-            .flights
             .iter()
-            .filter_map(|row| {
-                Some((row, theirs.flights.iter().find(|other| other.name == row.name)?))
-            })
+            .filter_map(|row| Some((row, theirs.iter().find(|other| other.name == row.name)?)))
             .collect();
         let (paired_by, pairs) = if by_name.is_empty() {
-            ("order", ours.flights.iter().zip(&theirs.flights).collect())
+            ("order", ours.iter().zip(theirs).collect())
         } else {
             ("name", by_name)
         };
@@ -272,12 +289,14 @@ mod tests {
     fn flights_of_one_name_are_a_pair_wherever_they_stand() {
         let ours = group(&[("1", 10.0), ("2", 12.0), ("3", 9.0)]);
         let theirs = group(&[("3", 10.0), ("1", 11.0), ("9", 50.0)]);
-        let Comparison { paired_by, differences } = Comparison::of(&ours, &theirs);
+        let Comparison { paired_by, differences } =
+            Comparison::of_rows(&ours.flights, &theirs.flights);
         let Paired { pairs, difference, interval, .. } = differences[0];
         assert_eq!((paired_by, pairs, interval), ("name", 2, [-1.0; 2]));
         assert!((difference + 1.0).abs() < 1e-12, "{difference}");
         let strangers = group(&[("x", 8.0), ("y", 10.0)]);
-        let Comparison { paired_by, differences } = Comparison::of(&ours, &strangers);
+        let Comparison { paired_by, differences } =
+            Comparison::of_rows(&ours.flights, &strangers.flights);
         assert_eq!((paired_by, differences[0].pairs), ("order", 2));
     }
 

@@ -23,7 +23,7 @@ pub(super) struct Shown<'a> {
 }
 
 /// By which a page of this program is known.
-pub const GENERATOR: &str = r#"<meta name="generator" content="tello-ctl">"#;
+pub(super) const GENERATOR: &str = r#"<meta name="generator" content="tello-ctl">"#;
 
 /// The page of `report`, with the figures of all flights and those of some.
 pub(super) fn page(report: &FlightsReport, pictures: &[Picture], shown: &[Shown<'_>]) -> String {

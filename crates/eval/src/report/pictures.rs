@@ -6,7 +6,7 @@ use horizon_model::rows::{Pose, pose};
 
 use super::flight::Flight;
 use super::group::{Group, Looked};
-use super::quantity::Quantity;
+use super::quantity::{Measured, Quantity};
 use crate::figure::{self, AlongPath, Figure, SeenFlights, SeenInSpace};
 use crate::metrics::PathProgress;
 use crate::recordings::ticks::TickRow;
@@ -24,10 +24,13 @@ pub(super) struct Picture {
 /// Figures of all flights together.
 pub(super) fn of_groups(groups: &[Group]) -> Vec<Picture> {
     let mut pictures = vec![from_above("all-above", "Flights from above", groups)];
-    let progress: Vec<Vec<f64>> = groups.iter().map(progress).collect();
-    let along = |quantity: Quantity| -> Vec<Vec<f64>> {
-        groups.iter().map(|group| samples(group, quantity)).collect()
+    let along = |samples: fn(&Measured) -> &[f64]| -> Vec<Vec<f64>> {
+        let of_group = |group: &Group| {
+            group.counted().flat_map(|one| samples(&one.measured).iter().copied()).collect()
+        };
+        groups.iter().map(of_group).collect()
     };
+    let progress = along(|measured| &measured.progress);
     if progress.iter().all(Vec::is_empty) {
         return pictures;
     }
@@ -43,9 +46,9 @@ pub(super) fn of_groups(groups: &[Group]) -> Vec<Picture> {
             .into(),
         figure: ways(&progress),
     });
-    let band = |quantity: Quantity, name: &str, caption: &str| {
+    let band = |quantity: Quantity, samples: fn(&Measured) -> &[f64], name: &str, caption: &str| {
         let (quantity_name, unit, _) = quantity.label();
-        let (title, values) = (format!("{quantity_name} over progress"), along(quantity));
+        let (title, values) = (format!("{quantity_name} over progress"), along(samples));
         let groups = self::ways(groups, &progress, &values);
         Picture {
             name: format!("all-{name}"),
@@ -55,12 +58,14 @@ pub(super) fn of_groups(groups: &[Group]) -> Vec<Picture> {
     };
     pictures.push(band(
         Quantity::DistanceM,
+        distances_m,
         "distance",
         "Horizontal distance to the line over the progress along it (thesis figure 5.7): median and the band that \
          holds 95 % of the samples in each of 75 parts of the line.",
     ));
     pictures.push(band(
         Quantity::InputNorm,
+        |measured| &measured.input_norm,
         "input",
         "Norm of the four sticks over the progress along the line (thesis figure 5.8): median and the band that \
          holds 95 % of the samples in each of 75 parts of the line.",
@@ -142,17 +147,10 @@ pub(super) fn shown(group: &Group) -> Vec<&Looked> {
     if shown.is_empty() { group.looked.iter().take(4).collect() } else { shown }
 }
 
-fn progress(group: &Group) -> Vec<f64> {
-    group.looked.iter().flat_map(|looked| looked.measured.progress.iter().copied()).collect()
-}
-
-/// Samples of the flights that have a progress.
-fn samples(group: &Group, quantity: Quantity) -> Vec<f64> {
-    let with_line = group.looked.iter().filter(|looked| !looked.measured.progress.is_empty());
-    with_line
-        .filter_map(|looked| looked.measured.numbers.get(&quantity))
-        .flat_map(|values| values.iter().copied())
-        .collect()
+/// Distances of the samples that have a progress. m
+fn distances_m(measured: &Measured) -> &[f64] {
+    let distances_m = measured.numbers.get(&Quantity::DistanceM).map_or(&[][..], Vec::as_slice);
+    if measured.progress.is_empty() { &[] } else { distances_m }
 }
 
 fn ways<'a>(
@@ -170,7 +168,7 @@ fn ways<'a>(
 
 /// Progresses of the inner targets of the first flight with a line.
 fn targets(groups: &[Group]) -> Vec<f64> {
-    let mut flights = groups.iter().flat_map(|group| &group.looked).map(|looked| &looked.flight);
+    let mut flights = groups.iter().flat_map(Group::counted).map(|looked| &looked.flight);
     let Some(flight) = flights.find(|flight| !flight.outline.is_empty()) else { return Vec::new() };
     let Some(way) = PathProgress::new(&flight.outline) else { return Vec::new() };
     let inner = flight.targets.iter().skip(1).take(flight.targets.len().saturating_sub(2));

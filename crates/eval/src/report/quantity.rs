@@ -74,6 +74,8 @@ pub(super) struct Measured {
     pub numbers: Numbers,
     /// Progress along the line of each sample; empty without a line. 1, 0..=1
     pub progress: Vec<f64>,
+    /// Norm of the sticks at each of these samples; NaN without any. 1
+    pub input_norm: Vec<f64>,
     /// When the horizontal distance was largest. s
     pub farthest_s: f64,
 }
@@ -189,7 +191,9 @@ impl Measured {
         measured.motion(flight);
         measured.line(flight);
         measured.times(flight);
-        if flight.is_finished() {
+        let [_, targets_count] = flight.reached;
+        // At its only target a flight begins and ends.
+        if flight.is_finished() && targets_count > 1 {
             let ticks = flight.judged_ticks();
             if let (Some(first), Some(last)) = (ticks.first(), ticks.last()) {
                 let finish_s = flight.time_s(last) - flight.time_s(first) + flight.dt_s;
@@ -234,6 +238,7 @@ impl Measured {
             distances_m.push(distance_m);
             if let Some(place) = path.as_ref().map(|path| path.place(&at)) {
                 self.progress.push(place.progress);
+                self.input_norm.push(tick.u_sent.map_or(f64::NAN, |u| u.norm()));
                 distances_4d.push(place.distance_4d);
             }
             for corner in &mut corners {

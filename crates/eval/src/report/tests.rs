@@ -45,3 +45,34 @@ fn the_text_names_each_group_what_was_left_out_and_the_page() {
     assert!(text.starts_with("square: 1 of 1 flights were good\n"), "{text}");
     assert!(text.ends_with("not in the report: b.log is empty\npage  out/page.html\n"), "{text}");
 }
+
+#[test]
+fn a_page_is_replaced_and_a_log_is_not() {
+    let path = std::env::temp_dir().join(format!("tello-ctl-page-{}", std::process::id()));
+    assert!(replaces_a_page(&path).is_ok(), "there is no file");
+    let page = format!("<!DOCTYPE html>\n<html>\n<head>\n{GENERATOR}");
+    for (text, is_fine) in
+        [("", true), (&page, true), ("<!DOCTYPE html>", false), ("\u{89}MCAP0", false)]
+    {
+        fs::write(&path, text).unwrap();
+        assert_eq!(replaces_a_page(&path).is_ok(), is_fine, "{text:?}");
+    }
+    fs::remove_file(path).unwrap();
+}
+
+#[test]
+fn a_copy_of_a_log_is_no_second_flight() {
+    let folder = std::env::temp_dir().join(format!("tello-eval-copies-{}", std::process::id()));
+    fs::create_dir_all(&folder).unwrap();
+    let recorded = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data");
+    let log = recordings::find(&[recorded]).unwrap().into_iter().next().unwrap();
+    for name in ["a", "b"] {
+        let name = folder.join(name).with_extension(log.extension().unwrap_or_default());
+        fs::copy(&log, name).unwrap();
+    }
+    let mut unusable = Vec::new();
+    let group = read(std::slice::from_ref(&folder), &mut unusable).unwrap();
+    assert_eq!((group.flights.len(), unusable.len()), (1, 1));
+    assert!(unusable[0].why.starts_with("the same bytes as "), "{}", unusable[0].why);
+    fs::remove_dir_all(&folder).unwrap();
+}

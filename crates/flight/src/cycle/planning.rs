@@ -242,6 +242,11 @@ where
         self.clearance
     }
 
+    /// Whether the straight way from `at` to `to` leads through an obstacle that does not move.
+    pub(super) fn is_way_through_obstacle(&self, at: &Pose, to: &Pose) -> bool {
+        self.walls.as_ref().is_some_and(|it| it.is_way_through_obstacle(&pos_w(at), &pos_w(to)))
+    }
+
     /// Whether the newest plan stays inside of the room and out of obstacles that do not move; true without a plan.
     /// `None`: plans know no walls, or the newest one is too old.
     pub(super) fn is_clear(&self) -> Option<bool> {

@@ -3,13 +3,14 @@
 //! Owns the evidence: the inputs of each monitor and the findings for the supervisor.
 
 use horizon_model::Model;
-use horizon_model::rows::{Pose, Sticks, pose, stick};
-use nalgebra::SVector;
+use horizon_model::rows::{Pose, Sticks, pos_w, pose, stick};
+use nalgebra::{SVector, Vector3};
 
 use super::link::Link;
 use super::progress::Tracking;
 use super::{COMING, Cycle, Inbox, JUST_ENDED, Outcome};
 use crate::drone::DroneStatus;
+use crate::time::TimeNs;
 use crate::{
     DroneMotion, DroneReport, EstimatedMotion, Evidence, Findings, LinkState, Outage, Phase, Pilot,
     Sample,
@@ -54,6 +55,7 @@ where
             is_plan_clear: self.planner.is_clear(),
             is_obstacle_unseen: self.planner.is_obstacle_unseen(),
             is_start_barred: is_idle && pose.is_some_and(|at| self.planner.bars_start(&at)),
+            reference_behind_w: self.reference_behind_w(motion.as_ref()),
             is_in_obstacle: pose.is_some_and(|at| self.planner.is_in_obstacle(&at)),
             is_pose_repeated: self.is_frozen(),
             jump_m: self.plausibility.jump_m(),
@@ -72,14 +74,7 @@ where
             has_hit: self.impact.has_hit(),
             speed_mps,
             overtime_s: self.progress.overtime_s(&self.mission),
-            drone: self.memory.drone.map(|status| DroneReport {
-                age_s: inbox.now.since(status.received_at).seconds(),
-                is_flying: status.is_flying,
-                height_m: status.height_m,
-                battery_pct: status.battery_pct,
-                is_battery_low: status.is_battery_low == Some(true),
-                is_battery_critical: status.is_battery_critical == Some(true),
-            }),
+            drone: self.memory.drone.as_ref().map(|status| drone_report(status, inbox.now)),
             operator: inbox.operator,
             incidents: inbox.incidents,
             is_by_hand: inbox.manual.is_some(),
@@ -93,6 +88,14 @@ where
         out.ruling = Some(ruling);
         self.planner.brake(ruling.is_braking);
         ruling.pilot
+    }
+
+    /// Where the reference, or a constant target, is behind an obstacle that does not move. m
+    fn reference_behind_w(&self, motion: Option<&EstimatedMotion>) -> Option<Vector3<f64>> {
+        let at = motion?.pose;
+        let to = self.mission.reference().unwrap_or(*self.mission.target());
+        let is_behind = self.planner.is_way_through_obstacle(&at, &to);
+        (is_behind && !self.planner.is_way_blocked(&at, &to)).then(|| pos_w(&to))
     }
 
     /// How the vehicle at `at` tracks its reference. Where it was carried before its flight is no part of that, and a
@@ -206,6 +209,18 @@ fn drone_motion(status: &DroneStatus) -> DroneMotion {
         horizontal_mps: status.velocity_mps.map(|[first, second, _]| [first, second]),
         height_m: status.height_m,
         heading_rad: status.heading_rad,
+    }
+}
+
+/// What of a status is evidence at `now`.
+fn drone_report(status: &DroneStatus, now: TimeNs) -> DroneReport {
+    DroneReport {
+        age_s: now.since(status.received_at).seconds(),
+        is_flying: status.is_flying,
+        height_m: status.height_m,
+        battery_pct: status.battery_pct,
+        is_battery_low: status.is_battery_low == Some(true),
+        is_battery_critical: status.is_battery_critical == Some(true),
     }
 }
 

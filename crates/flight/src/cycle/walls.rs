@@ -20,6 +20,10 @@ use crate::{Obstacle, ObstacleTable, Room};
 /// What is further away than this is not looked at. m
 const NEAR_M: f64 = 1.0;
 
+/// Least distance between the places of a way that are looked at, and the most of them. m, 1
+const WAY_SPACING_M: f64 = 0.01;
+const WAY_PLACES_MAX: u32 = 200;
+
 /// A plan that evades an obstacle may change the height of a vehicle that is nearer to it. m
 const BESIDE_M: f64 = 0.6;
 
@@ -119,12 +123,12 @@ impl Walls {
 
     /// Whether `at_w` is inside of an obstacle that does not move.
     pub(super) fn is_in_obstacle(&self, at_w: &Vector3<f64>) -> bool {
-        self.is_nearer(at_w, 0.0)
+        self.rest_distance_m(at_w) < 0.0
     }
 
     /// Whether `at_w` is nearer than 0.6 m to one.
     pub(super) fn is_beside_obstacle(&self, at_w: &Vector3<f64>) -> bool {
-        self.is_nearer(at_w, BESIDE_M)
+        self.rest_distance_m(at_w) < BESIDE_M
     }
 
     /// Whether the obstacle that moves is between `at_w` and `to_w`, world frame, and nearer than 0.6 m to the straight
@@ -141,10 +145,27 @@ impl Walls {
         moving.any(|it| it.distance_from(&nearest_w, Some(&moving_w)).distance_m < limit_m)
     }
 
-    /// Whether `at_w` is nearer than this to an obstacle that does not move. m
-    fn is_nearer(&self, at_w: &Vector3<f64>, limit_m: f64) -> bool {
+    /// Whether the straight way from `at_w` to `to_w`, world frame, leads through an obstacle that does not move. m
+    pub(super) fn is_way_through_obstacle(&self, at_w: &Vector3<f64>, to_w: &Vector3<f64>) -> bool {
+        let way_w = to_w - at_w;
+        let length_m = way_w.norm();
+        let mut gone_m = 0.0;
+        // No obstacle is nearer than its distance: so far the way is free.
+        for _ in 0..WAY_PLACES_MAX {
+            let place_w = at_w + way_w * (gone_m / length_m.max(f64::MIN_POSITIVE));
+            let free_m = self.rest_distance_m(&place_w);
+            if free_m < 0.0 || gone_m >= length_m {
+                return free_m < 0.0;
+            }
+            gone_m = (gone_m + free_m.max(WAY_SPACING_M)).min(length_m);
+        }
+        false
+    }
+
+    /// Least distance from the obstacles that do not move; infinite without one. m
+    fn rest_distance_m(&self, at_w: &Vector3<f64>) -> f64 {
         let at_rest = self.obstacles.iter().filter(|obstacle| !obstacle.is_moving());
-        at_rest.into_iter().any(|obstacle| obstacle.distance(at_w).distance_m < limit_m)
+        at_rest.map(|obstacle| obstacle.distance(at_w).distance_m).fold(f64::INFINITY, f64::min)
     }
 
     /// Whether a vehicle that stands at `at_w` is inside of an obstacle now, or climbs into one in its take-off.

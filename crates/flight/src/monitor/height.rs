@@ -110,7 +110,9 @@ impl HeightMonitor {
         let least_m = |a_m: f64, b_m: f64| if a_m.abs() <= b_m.abs() { a_m } else { b_m };
         let error_m = least_m(difference_m, difference_m - self.floor_m);
         self.error_m = error_m.abs();
-        self.level_m = Some(level_m + error_m * (1.0 - (-self.dt_s / FORGET_S).exp()));
+        // A report of any height, once, must not shift the level for the rest of the flight.
+        let followed_m = error_m.clamp(-2.0 * self.limit_m, 2.0 * self.limit_m);
+        self.level_m = Some(level_m + followed_m * (1.0 - (-self.dt_s / FORGET_S).exp()));
         let of_flight_m = z_m - height_m - self.ground_level_m;
         let of_flight_m = least_m(of_flight_m, of_flight_m - self.floor_m).abs() / WHOLE_FLIGHT;
         let judged_m = maximum(of_flight_m, self.error_m);
@@ -262,6 +264,14 @@ mod tests {
             assert_eq!(found, expected, "{z_m} m");
             assert!(error_m.is_nan() || (error_m - 0.5).abs() < 1e-12, "{error_m} m");
         }
+    }
+
+    #[test]
+    fn one_report_of_any_height_shifts_the_level_by_little() {
+        let mut monitor = risen();
+        monitor.update(&sample(Some(0.5), Some(300.0)));
+        let (found, error_m) = monitor.update(&sample(Some(0.5), Some(0.75)));
+        assert!(found < Agreement::Disagrees && error_m < 0.01, "{found:?}, {error_m} m");
     }
 
     #[test]

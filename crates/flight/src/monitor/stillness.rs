@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use super::hidden::HiddenMotion;
 use super::typical_vehicle::decay;
 use super::{Agreement, Sample};
-use crate::commanded::inputs_w;
+use crate::commanded::{excess, inputs_w};
 
 /// Blocks whose means are compared.
 const BLOCKS: usize = 4;
@@ -23,7 +23,8 @@ const LONG_LIMIT: f64 = 2.5;
 /// The rows that a flying vehicle cannot keep still.
 const ROWS: [usize; 3] = [pose::X, pose::Y, pose::Z];
 
-/// Inputs, after the lag, that no dead zone swallows: a vehicle with half the nominal gain moves 5 cm in 0.4 s. 1
+/// Inputs, after the lag, that no dead zone swallows, of the throttle its excess over it: a vehicle with half the
+/// nominal gain moves 5 cm in 0.4 s. 1
 const INPUT_MIN: f64 = 0.2;
 /// How long they must have been so large: longer than the dead time may be wrong. s
 const ASKED_MIN_S: f64 = 0.4;
@@ -34,6 +35,8 @@ const QUIET_IN_OUTAGE_S: f64 = 2.4;
 /// Speed by the drone that the poses do not show, with which commands act whatever the link monitor reports: a vehicle
 /// that coasts without commands shows its speed. m/s
 const FLOWN_MPS: f64 = 0.3;
+/// Dead zone of the throttle, across which a controller that holds its height jumps. 1
+const DEAD_THROTTLE: f64 = 0.12;
 /// Time of the mean that the inputs along one axis are compared with: against a wind they lean for long.
 const LEAN_S: f64 = 4.0;
 /// Least part of the inputs' change along an axis that is still: the heading, and the direction of flight, may be wrong
@@ -199,7 +202,7 @@ impl FrozenMonitor {
         self.theta_rad = sample.pose.map_or(self.theta_rad, |pose| pose[pose::THETA]);
         let is_heard = sample.link_is_up || self.hidden.mps() >= FLOWN_MPS;
         let u = if is_heard { sample.u_applied } else { Sticks::zeros() };
-        let u_w = inputs_w(&u, self.theta_rad).push(u[stick::THROTTLE]);
+        let u_w = inputs_w(&u, self.theta_rad).push(excess(u[stick::THROTTLE], DEAD_THROTTLE));
         self.u_lagged_w += (u_w - self.u_lagged_w) * (1.0 - decay(self.dt_s));
         self.u_mean_w += (self.u_lagged_w - self.u_mean_w) * (1.0 - (-self.dt_s / LEAN_S).exp());
     }

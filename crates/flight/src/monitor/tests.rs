@@ -338,3 +338,17 @@ fn a_heading_that_is_not_the_poses_own_is_not_compared() {
         assert_eq!(look(2.4, 1.0), expected, "{is_its_own}");
     }
 }
+
+#[test]
+fn a_still_height_counts_against_an_excess_of_the_throttle_alone() {
+    let still = stillness::Still { rows_s: [None, None, Some(1.0)], ..stillness::Still::default() };
+    for (throttle, is_found) in [(0.18, false), (0.3, true)] {
+        let mut frozen = FrozenMonitor::new(DT_S);
+        let found = (0..400).find(|k| {
+            let u_applied = Sticks::new(0.0, 0.0, 0.0, throttle * f64::from(1 - k / 200 * 2));
+            let sample = Sample { pose: None, drone: None, u_applied, link_is_up: true };
+            frozen.update(&still, &sample, Agreement::Agrees).is_some()
+        });
+        assert_eq!(found.is_some(), is_found, "{throttle}");
+    }
+}

@@ -43,7 +43,7 @@ pub(super) struct VelocityMonitor {
     /// Since the newest pose. s
     since_pose_s: f64,
     /// Ring of the newest displacements, as long as the largest age.
-    moved: Vec<Moved>,
+    moved: Vec<PoseStep>,
     newest: usize,
     /// With the drone's reports of each of [`AGES_S`].
     ages: [ReportAge; AGES_S.len()],
@@ -60,7 +60,7 @@ pub(super) struct VelocityMonitor {
 
 /// Displacement by the poses in one tick.
 #[derive(Debug, Clone, Copy, Default)]
-struct Moved {
+struct PoseStep {
     /// Since the newest pose before; zero without a pose. m
     moved_w_m: Complex<f64>,
     /// Time that it took. s
@@ -93,7 +93,7 @@ impl Motion {
 
 impl VelocityMonitor {
     pub(super) fn new(limit_m: f64, dt_s: f64) -> Self {
-        let at_rest = Moved { in_s: dt_s, ..Moved::default() };
+        let at_rest = PoseStep { in_s: dt_s, ..PoseStep::default() };
         Self {
             limit_m,
             dt_s,
@@ -125,7 +125,7 @@ impl VelocityMonitor {
     pub(super) fn update(&mut self, sample: &Sample) -> (Agreement, f64) {
         self.displace(sample);
         let reported_mps = sample.drone.and_then(|drone| drone.horizontal_mps);
-        let moved: [Moved; AGES_S.len()] = array::from_fn(|age| self.moved_ago(AGES_S[age]));
+        let moved: [PoseStep; AGES_S.len()] = array::from_fn(|age| self.moved_ago(AGES_S[age]));
         let keep = (-self.dt_s / FORGET_S).exp();
         let mut motions = [None; AGES_S.len()];
         for ((age, moved), motion) in self.ages.iter_mut().zip(&moved).zip(&mut motions) {
@@ -194,10 +194,10 @@ impl VelocityMonitor {
         let theta_rad = self.before.map_or(0.0, |at| at[pose::THETA]);
         self.newest = (self.newest + 1) % self.moved.len();
         self.moved[self.newest] =
-            Moved { moved_w_m, in_s, theta_rad, is_pose: sample.pose.is_some() };
+            PoseStep { moved_w_m, in_s, theta_rad, is_pose: sample.pose.is_some() };
     }
 
-    fn moved_ago(&self, age_s: f64) -> Moved {
+    fn moved_ago(&self, age_s: f64) -> PoseStep {
         let count = self.moved.len();
         self.moved[(self.newest + count - steps(age_s, self.dt_s)) % count]
     }
@@ -255,7 +255,7 @@ impl VelocityMonitor {
     }
 }
 
-impl Moved {
+impl PoseStep {
     /// With the velocity that the drone reports of it.
     fn beside(&self, [first_mps, second_mps]: [f64; 2]) -> Motion {
         let seen_d_mps = frames(Complex::new(first_mps, second_mps), self.theta_rad);

@@ -1,5 +1,8 @@
 //! Plans that lead outside of the room or into an obstacle, and for how long: the leaky sum b of `docs/model.md`,
-//! section 6.
+//! section 6; and vehicles that do not get past an obstacle.
+
+use horizon_model::rows::pos_w;
+use nalgebra::Vector3;
 
 use super::evidence::Evidence;
 use super::since::{elapsed_s, exceeds};
@@ -11,7 +14,48 @@ const BLOCKED_MAX_S: f64 = 3.0;
 /// Part of the time without a blocked plan that is taken off the time of blocked ones.
 const BLOCKED_FORGIVEN: f64 = 0.2;
 
+/// A vehicle that has stayed within this of a place for so long, an obstacle between it and a reference that stands,
+/// does not get past it: one that evades it at 0.2 m/s does. m, s
+const STUCK_M: f64 = 0.4;
+const STUCK_S: f64 = 3.0;
+
+/// A reference that stands moves by no more. m
+const STANDS_M: f64 = 0.1;
+
+/// The straight way may be free for so long: a vehicle that swings before an edge. s
+const FREE_S: f64 = 0.3;
+
+/// Where and since when an obstacle at rest has been in the way to a reference that stands, world frame. m, ns
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stuck {
+    at_w: Vector3<f64>,
+    reference_w: Vector3<f64>,
+    since_ns: i64,
+    newest_ns: i64,
+}
+
 impl Supervisor {
+    /// Updates since when the vehicle has stayed before an obstacle. What keeps it there for another reason does not
+    /// count: a person, an outage, an obstacle that moves or is not seen.
+    pub(super) fn remember_stuck(&mut self, e: &Evidence) {
+        let is_meant = self.was_steering && !e.is_by_hand && !self.since.braking.holds();
+        let is_free = e.outage.is_none() && !e.is_obstacle_unseen;
+        let Some(motion) = e.motion.filter(|_| is_meant && is_free) else {
+            self.stuck = None;
+            return;
+        };
+        let at_w = pos_w(&motion.pose);
+        let before = self.stuck.filter(|stuck| (at_w - stuck.at_w).norm() <= STUCK_M);
+        self.stuck = match e.reference_behind_w {
+            Some(reference_w) => {
+                let stands = |stuck: &Stuck| (reference_w - stuck.reference_w).norm() <= STANDS_M;
+                let new = Stuck { at_w, reference_w, since_ns: e.t_ns, newest_ns: e.t_ns };
+                Some(Stuck { newest_ns: e.t_ns, ..before.filter(stands).unwrap_or(new) })
+            }
+            None => before.filter(|stuck| elapsed_s(stuck.newest_ns, e.t_ns) <= FREE_S),
+        };
+    }
+
     /// Updates when and for how long plans were blocked.
     pub(super) fn remember_blocked(&mut self, e: &Evidence) {
         if self.was_steering && e.is_plan_clear == Some(false) {
@@ -31,16 +75,70 @@ impl Supervisor {
         self.is_steered() && self.blocked_ns.is_some_and(|at_ns| elapsed_s(at_ns, e.t_ns) < BRAKE_S)
     }
 
-    /// Whether plans were blocked for too long in sum.
-    pub(super) fn is_blocked_long(&self) -> bool {
-        exceeds(self.blocked_s, BLOCKED_MAX_S)
+    /// Whether plans were blocked for too long in sum, or the vehicle does not get past an obstacle.
+    pub(super) fn is_blocked_long(&self, e: &Evidence) -> bool {
+        let is_stuck = |stuck: Stuck| elapsed_s(stuck.since_ns, e.t_ns) >= STUCK_S;
+        exceeds(self.blocked_s, BLOCKED_MAX_S) || self.stuck.is_some_and(is_stuck)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::rows::Pose;
+    use nalgebra::Vector3;
+
     use super::super::tests::*;
     use super::super::*;
+
+    /// The controller steers a vehicle that swings by `amplitude_m` before an obstacle, its reference at `to_m`.
+    fn swings(k: u32, amplitude_m: f64, to_m: f64) -> Evidence {
+        let x_m = amplitude_m * f64::from(k % 10) / 10.0;
+        let pose = Pose::new(x_m, 0.0, 1.0, 0.0);
+        let motion = Some(EstimatedMotion { pose, rate: Pose::zeros() });
+        let reference_behind_w = Some(Vector3::new(to_m, 0.0, 1.0));
+        Evidence { motion, reference_behind_w, speed_mps: 0.1, ..ALOFT }
+    }
+
+    /// Ticks of 0.1 s until `of` ends the flight; `None` in 10 s.
+    fn ends_at(of: impl Fn(u32) -> Evidence) -> Option<u32> {
+        let mut bench = Bench::flying();
+        (0..100).find(|k| faults(bench.tick(&of(*k))).contains(&Fault::BlockedLong))
+    }
+
+    #[test]
+    fn a_vehicle_that_does_not_get_past_an_obstacle_lands() {
+        let stuck = |k| swings(k, 0.4, 1.0);
+        let at = ends_at(stuck).unwrap();
+        assert!((30..=32).contains(&at), "{at}");
+        let seldom_free = |k| {
+            let is_free = k % 7 > 3;
+            let reference_behind_w = stuck(k).reference_behind_w.filter(|_| !is_free);
+            Evidence { reference_behind_w, ..stuck(k) }
+        };
+        assert!(ends_at(seldom_free).is_some());
+    }
+
+    #[test]
+    fn a_vehicle_that_moves_on_or_waits_for_another_reason_is_not_stuck() {
+        let stuck = |k| swings(k, 0.4, 1.0);
+        let outage = Outage { for_s: 0.1, is_held: false, unseen: [stuck(0).motion.unwrap(); 2] };
+        assert_eq!(ends_at(|k| swings(k, 1.0, 2.0)), None, "it moves");
+        assert_eq!(
+            ends_at(|k| swings(k, 0.4, 1.0 + 0.02 * f64::from(k))),
+            None,
+            "the reference moves"
+        );
+        assert_eq!(ends_at(|k| Evidence { is_by_hand: true, ..stuck(k) }), None, "a person steers");
+        assert_eq!(ends_at(|k| Evidence { is_obstacle_unseen: true, ..stuck(k) }), None);
+        assert_eq!(ends_at(|k| Evidence { outage: Some(outage), ..stuck(k) }), None, "an outage");
+        assert_eq!(ends_at(|k| Evidence { motion: None, ..stuck(k) }), None);
+        let often_free = |k| {
+            let is_free = k % 10 > 4;
+            let reference_behind_w = stuck(k).reference_behind_w.filter(|_| !is_free);
+            Evidence { reference_behind_w, ..stuck(k) }
+        };
+        assert_eq!(ends_at(often_free), None, "the way is free again");
+    }
 
     #[test]
     fn plans_that_are_blocked_again_and_again_end_the_flight() {

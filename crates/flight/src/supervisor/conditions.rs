@@ -88,7 +88,7 @@ impl Supervisor {
             (Fault::WitnessDisagrees, worst >= Agreement::Disagrees),
             (Fault::HeadingWrong, is_flown && is_heading_wrong),
             (Fault::PlanBlocked, self.is_blocked(e)),
-            (Fault::BlockedLong, self.is_blocked_long()),
+            (Fault::BlockedLong, self.is_blocked_long(e)),
             (Fault::ObstacleEntered, self.has_entered_obstacle(e)),
             (Fault::ObstacleUnseen, e.is_obstacle_unseen && !self.is_carried),
             (Fault::FenceNear, self.is_in_the_air() && self.would_leave(e)),

@@ -1,6 +1,7 @@
 //! Input and output of the supervisor at a tick.
 
 use horizon_model::rows::Pose;
+use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -181,6 +182,9 @@ pub struct Evidence {
     pub is_obstacle_unseen: bool,
     /// Whether the vehicle stands inside of an obstacle or below one that it would climb into; false in flight.
     pub is_start_barred: bool,
+    /// Where the reference is, if the straight way there leads through an obstacle that does not move and none that
+    /// moves is in it, world frame. m
+    pub reference_behind_w: Option<Vector3<f64>>,
     /// Whether the newest accepted pose is inside of an obstacle that does not move.
     pub is_in_obstacle: bool,
     /// Whether the newest poses, three at least, repeat one place in flight; false on the ground.

@@ -41,7 +41,8 @@ pub enum Fault {
     /// The plan leads outside of the room or into an obstacle that does not move, or did so just now.
     PlanBlocked,
     /// Plans were blocked for more than 3 s, a fifth of the time without a blocked one subtracted: the controller does
-    /// not keep the vehicle where plans say.
+    /// not keep the vehicle where plans say. Or for 3 s an obstacle that does not move was in the way to a reference
+    /// that stood, and the vehicle stayed within 0.4 m.
     BlockedLong,
     /// The vehicle is inside of an obstacle that does not move.
     ObstacleEntered,

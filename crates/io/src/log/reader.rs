@@ -159,6 +159,11 @@ impl LogReader {
         Ok(None)
     }
 
+    /// Topics of the channels with JSON that were met so far; our logs begin with all of them.
+    pub fn json_topics(&self) -> impl Iterator<Item = &str> {
+        self.channels.values().filter_map(|(topic, is_json)| is_json.then_some(topic.as_str()))
+    }
+
     /// How the log ends; `None` before its end was met.
     pub fn ending(&self) -> Option<&Ending> {
         self.ending.as_ref()

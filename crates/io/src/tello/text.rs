@@ -19,7 +19,7 @@ pub use state::{Field, StateLine};
 /// Steps of `rc` from neutral to full deflection.
 const STEPS_FULL: i16 = Protocol::Text.stick_steps();
 
-/// The drone's video is not used, but it is told a port for it.
+/// The drone's video is not used, but its command names a port for it.
 pub const VIDEO_PORT: u16 = 11111;
 
 /// Longest command that is read: the longest of the SDK has 50 bytes.

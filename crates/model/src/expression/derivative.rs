@@ -5,7 +5,10 @@ use super::graph::{Binary, Graph, Id, Node, Unary, Variable, children, index, sa
 impl Graph {
     /// Derivatives of the expressions `of` by a variable, by the chain rule over the graph.
     ///
-    /// At a kink (`abs`, `min`, `max`, `sign`) it is the derivative of one side.
+    /// At a kink of `min` and `max` it is the derivative of one side, of `abs` it is 0, and of `sign` it is 0
+    /// everywhere. A function of what does not change at the point does not change: its derivative is 0 there, however
+    /// steep it is itself, as that of `sqrt(max(x, 0))` for negative `x`; but that of `atan2` has none where both
+    /// arguments are 0.
     pub fn derivatives(&mut self, of: &[Id], by: Variable) -> Vec<Id> {
         let end = of.iter().map(|id| id.position() + 1).max().unwrap_or(0);
         let mut needed = vec![false; end];
@@ -25,15 +28,15 @@ impl Graph {
         for at in 0..end {
             if needed[at] {
                 let inner = |id: Id| derivatives[id.position()];
-                let [a, b] = children(self.node_at(at)).map(|child| child.map_or(zero, inner));
-                derivatives[at] = self.chain_rule(index(at), by, [a, b]);
+                let inner = children(self.node_at(at)).map(|child| child.map_or(zero, inner));
+                derivatives[at] = self.chain_rule(index(at), by, inner);
             }
         }
         of.iter().map(|id| derivatives[id.position()]).collect()
     }
 
     /// Derivative of one node, given those of its children.
-    fn chain_rule(&mut self, id: Id, by: Variable, [da, db]: [Id; 2]) -> Id {
+    fn chain_rule(&mut self, id: Id, by: Variable, [da, db, dc]: [Id; 3]) -> Id {
         match self.node(id) {
             Node::Constant(_) => self.constant(0.0),
             Node::Variable(variable) => self.constant(f64::from(u8::from(variable == by))),
@@ -42,9 +45,12 @@ impl Graph {
                     return da;
                 }
                 let factor = self.factor(function, a, id);
-                self.binary(Binary::Mul, factor, da)
+                // The others are finite where their value is.
+                let is_steep = matches!(function, Unary::Sqrt | Unary::Asin | Unary::Acos);
+                self.binary(if is_steep { Binary::Chain } else { Binary::Mul }, factor, da)
             }
             Node::Binary(function, a, b) => self.binary_rule(function, [a, b, id], [da, db]),
+            Node::Select(condition, ..) => self.select(condition, db, dc),
         }
     }
 
@@ -93,7 +99,7 @@ impl Graph {
 
     /// Derivative of `value = function(a, b)`.
     fn binary_rule(&mut self, function: Binary, [a, b, value]: [Id; 3], [da, db]: [Id; 2]) -> Id {
-        use Binary::{Above, Add, Atan2, Div, Max, Min, Mul, Pow, Sub};
+        use Binary::{Above, Add, Atan2, Chain, Div, Max, Min, Mul, Pow, Sub};
         match function {
             Add | Sub => self.binary(function, da, db),
             Mul => {
@@ -110,13 +116,15 @@ impl Graph {
                 let exponent = self.binary(Sub, b, one);
                 let power = self.binary(Pow, a, exponent);
                 let factor = self.binary(Mul, b, power);
-                let by_base = self.binary(Mul, factor, da);
+                let is_smooth = self.number(b).is_some_and(|b| b >= 1.0);
+                let by_base = self.binary(if is_smooth { Mul } else { Chain }, factor, da);
                 if self.number(db).is_some_and(|db| same(db, 0.0)) {
                     return by_base;
                 }
                 let ln = self.unary(Unary::Ln, a);
-                let growth = self.binary(Mul, value, ln);
-                let by_exponent = self.binary(Mul, growth, db);
+                // `0^b` is 0 for every positive `b`.
+                let growth = self.binary(Chain, ln, value);
+                let by_exponent = self.binary(Chain, growth, db);
                 self.binary(Add, by_base, by_exponent)
             }
             Atan2 => {
@@ -127,14 +135,13 @@ impl Graph {
                 self.binary(Div, top, bottom)
             }
             Min | Max => {
-                let is_a = if function == Max {
-                    self.binary(Above, a, b)
-                } else {
-                    self.binary(Above, b, a)
-                };
-                let gap = self.binary(Sub, da, db);
-                let scaled = self.binary(Mul, is_a, gap);
-                self.binary(Add, db, scaled)
+                // Zero where `a` is the value; NaN where `a` is, and `b` is the value then.
+                let is_b = self.binary(Sub, value, a);
+                self.select(is_b, db, da)
+            }
+            Chain => {
+                let (left, right) = (self.binary(Chain, da, b), self.binary(Chain, a, db));
+                self.binary(Add, left, right)
             }
             Above => self.constant(0.0),
         }
@@ -205,6 +212,94 @@ mod tests {
         }
         let gap = gap([1.7, -0.6], |graph, x, y| graph.binary(Binary::Pow, x, y));
         assert!(gap < 1e-8, "gap {gap:e} of x^y");
+    }
+
+    /// Value and derivatives by both variables.
+    fn at([x, y]: [f64; 2], expression: impl Fn(&mut Graph, [Id; 2]) -> Id) -> Vec<f64> {
+        let mut graph = Graph::default();
+        let variables = [X, Y].map(|variable| graph.variable(variable));
+        let of = expression(&mut graph, variables);
+        let [by_x, by_y] = [X, Y].map(|by| graph.derivatives(&[of], by)[0]);
+        let value = |id| graph.value(id, &|variable| if variable == X { x } else { y });
+        [of, by_x, by_y].map(value).to_vec()
+    }
+
+    #[test]
+    fn a_steep_function_of_what_does_not_change_does_not_change() {
+        let rectified = |graph: &mut Graph, x: Id| {
+            let zero = graph.constant(0.0);
+            graph.binary(Binary::Max, x, zero)
+        };
+        let root = |graph: &mut Graph, [x, _]: [Id; 2]| {
+            let rectified = rectified(graph, x);
+            graph.unary(Unary::Sqrt, rectified)
+        };
+        assert_eq!(at([-0.5, 0.0], root), [0.0; 3]);
+        assert_eq!(at([0.25, 0.0], root), [0.5, 1.0, 0.0]);
+        // The exponents 0.7 and y.
+        let power = |graph: &mut Graph, [x, _]: [Id; 2]| {
+            let (rectified, exponent) = (rectified(graph, x), graph.constant(0.7));
+            graph.binary(Binary::Pow, rectified, exponent)
+        };
+        assert_eq!(at([-0.5, 0.0], power), [0.0; 3]);
+        let power = |graph: &mut Graph, [x, y]: [Id; 2]| {
+            let rectified = rectified(graph, x);
+            graph.binary(Binary::Pow, rectified, y)
+        };
+        assert_eq!(at([-0.5, 1.5], power), [0.0; 3]);
+        let norm = |graph: &mut Graph, variables: [Id; 2]| {
+            let [xx, yy] = variables.map(|id| graph.binary(Binary::Mul, id, id));
+            let sum = graph.binary(Binary::Add, xx, yy);
+            graph.unary(Unary::Sqrt, sum)
+        };
+        assert_eq!(at([0.0, 0.0], norm), [0.0; 3]);
+        assert_eq!(at([0.0, -2.0], norm), [2.0, 0.0, -1.0]);
+        let held = |graph: &mut Graph, [x, _]: [Id; 2]| {
+            let one = graph.constant(1.0);
+            let held = graph.binary(Binary::Min, x, one);
+            graph.unary(Unary::Asin, held)
+        };
+        assert_eq!(at([1.5, 0.0], held)[1..], [0.0; 2]);
+    }
+
+    #[test]
+    fn what_is_not_taken_may_be_anything() {
+        // sqrt(x) above zero, else y.
+        let root = |graph: &mut Graph, [x, y]: [Id; 2]| {
+            let zero = graph.constant(0.0);
+            let (condition, root) =
+                (graph.binary(Binary::Above, x, zero), graph.unary(Unary::Sqrt, x));
+            graph.select(condition, root, y)
+        };
+        assert_eq!(at([-1.0, 2.0], root), [2.0, 0.0, 1.0]);
+        assert_eq!(at([0.0, 2.0], root), [2.0, 0.0, 1.0]);
+        assert_eq!(at([0.25, 2.0], root), [0.5, 1.0, 0.0]);
+        for other in [1e20, f64::INFINITY, f64::NAN] {
+            let small = |graph: &mut Graph, [x, _]: [Id; 2]| {
+                let zero = graph.constant(0.0);
+                let (condition, other) =
+                    (graph.binary(Binary::Above, x, zero), graph.constant(other));
+                graph.select(condition, x, other)
+            };
+            assert_eq!(at([1.0, 0.0], small), [1.0, 1.0, 0.0], "{other}");
+        }
+        // The root of a negative number is no reason for `max` to have no derivative.
+        for function in [Binary::Max, Binary::Min] {
+            let root_first = |graph: &mut Graph, [x, y]: [Id; 2]| {
+                let root = graph.unary(Unary::Sqrt, x);
+                graph.binary(function, root, y)
+            };
+            let root_last = |graph: &mut Graph, [x, y]: [Id; 2]| {
+                let root = graph.unary(Unary::Sqrt, x);
+                graph.binary(function, y, root)
+            };
+            assert_eq!(at([-1.0, 2.0], root_first), [2.0, 0.0, 1.0], "{function:?}");
+            assert_eq!(at([-1.0, 2.0], root_last), [2.0, 0.0, 1.0], "{function:?}");
+        }
+        let mut graph = Graph::default();
+        let (x, one) = (graph.variable(X), graph.constant(1.0));
+        assert_eq!(graph.select(one, x, one), x, "the condition is constant");
+        assert_eq!(graph.select(x, one, one), one, "there is no choice");
     }
 
     #[test]

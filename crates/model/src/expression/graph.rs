@@ -55,6 +55,8 @@ pub enum Binary {
     Max,
     /// 1 where the first is above the second, else 0; its derivative is zero.
     Above,
+    /// Outer times inner derivative: the product, but 0 where the second is 0, whatever the first is.
+    Chain,
 }
 
 /// One expression.
@@ -68,6 +70,8 @@ pub enum Node {
     Unary(Unary, Id),
     /// A function of two expressions.
     Binary(Binary, Id, Id),
+    /// The second where the first is not 0, else the third; what is not taken may be infinite or NaN.
+    Select(Id, Id, Id),
 }
 
 /// Expressions over [`Variable`]s. A node comes after the nodes that it depends on.
@@ -126,6 +130,7 @@ impl Binary {
             Self::Min => a.min(b),
             Self::Max => a.max(b),
             Self::Above => f64::from(u8::from(a > b)),
+            Self::Chain => taken(b, a * b, 0.0),
         }
     }
 }
@@ -165,6 +170,10 @@ impl Graph {
             Binary::Add | Binary::Sub if is(right, 0.0) => a,
             Binary::Sub if is(left, 0.0) => self.unary(Unary::Neg, b),
             Binary::Sub if a == b => self.constant(0.0),
+            // Only an inner derivative that varies can be 0 at some points.
+            Binary::Chain if left.is_some_and(f64::is_finite) || right.is_some() => {
+                self.binary(Binary::Mul, a, b)
+            }
             Binary::Mul if is(left, 0.0) || is(right, 0.0) => self.constant(0.0),
             Binary::Div if is(left, 0.0) => self.constant(0.0),
             Binary::Mul if is(left, 1.0) => b,
@@ -187,6 +196,15 @@ impl Graph {
             // The same sum or product, however it was written.
             Binary::Add | Binary::Mul if b < a => self.put(Node::Binary(function, b, a)),
             _ => self.put(Node::Binary(function, a, b)),
+        }
+    }
+
+    /// `a` where `condition` is not 0, else `b`.
+    pub fn select(&mut self, condition: Id, a: Id, b: Id) -> Id {
+        match self.number(condition) {
+            Some(condition) => taken(condition, a, b),
+            None if a == b => a,
+            None => self.put(Node::Select(condition, a, b)),
         }
     }
 
@@ -246,6 +264,7 @@ impl Graph {
                 Node::Variable(variable) => of(variable),
                 Node::Unary(function, a) => function.at(at(a)),
                 Node::Binary(function, a, b) => function.at(at(a), at(b)),
+                Node::Select(condition, a, b) => taken(at(condition), at(a), at(b)),
             });
         }
         values.last().copied().unwrap_or(f64::NAN)
@@ -264,12 +283,19 @@ impl Graph {
 }
 
 /// The nodes that a node depends on.
-pub(super) fn children(node: Node) -> [Option<Id>; 2] {
+pub(super) fn children(node: Node) -> [Option<Id>; 3] {
     match node {
-        Node::Constant(_) | Node::Variable(_) => [None, None],
-        Node::Unary(_, a) => [Some(a), None],
-        Node::Binary(_, a, b) => [Some(a), Some(b)],
+        Node::Constant(_) | Node::Variable(_) => [None; 3],
+        Node::Unary(_, a) => [Some(a), None, None],
+        Node::Binary(_, a, b) => [Some(a), Some(b), None],
+        Node::Select(condition, a, b) => [Some(condition), Some(a), Some(b)],
     }
+}
+
+/// What a [`Node::Select`] takes.
+#[inline]
+pub(super) fn taken<T>(condition: f64, a: T, b: T) -> T {
+    if condition == 0.0 { b } else { a }
 }
 
 impl Id {
@@ -311,7 +337,7 @@ mod tests {
 
     #[test]
     fn no_simplification_changes_a_value() {
-        use Binary::{Above, Add, Atan2, Div, Max, Min, Mul, Pow, Sub};
+        use Binary::{Above, Add, Atan2, Chain, Div, Max, Min, Mul, Pow, Sub};
         let mut graph = Graph::default();
         let [x, y] = [0, 1].map(|row| graph.variable(Variable::State(row)));
         let of = |variable| if variable == Variable::State(0) { 0.7 } else { 1.9 };
@@ -320,7 +346,7 @@ mod tests {
         let minus = graph.unary(Unary::Neg, x);
         let (product, ratio) = (graph.binary(Mul, minus, y), graph.binary(Div, y, minus));
         terms.extend([x, y, minus, product, ratio]);
-        for function in [Add, Sub, Mul, Div, Pow, Atan2, Min, Max, Above] {
+        for function in [Add, Sub, Mul, Div, Pow, Atan2, Min, Max, Above, Chain] {
             for (a, b) in terms.iter().flat_map(|a| terms.iter().map(move |b| (*a, *b))) {
                 let [left, right] = [a, b].map(|id| graph.value(id, &of));
                 let plain = function.at(left, right);

@@ -6,7 +6,7 @@ mod selection;
 
 use nalgebra::{SMatrix, SVector};
 
-use super::graph::{Binary, Graph, Id, Node, Unary, Variable};
+use super::graph::{Binary, Graph, Id, Node, Unary, Variable, taken};
 use crate::model::{Driven, Linearized};
 use selection::Selection;
 
@@ -97,6 +97,8 @@ enum Operation {
     SinCos,
     Unary(Unary),
     Binary(Binary),
+    /// `b` where `a` is not 0, else `c`
+    Select,
 }
 
 /// What a tape computes, made of its matrices in their order.
@@ -198,7 +200,7 @@ impl<const M: usize> Tape<M> {
                     register[at] = initial.len();
                     initial.push(f64::from_bits(bits));
                 }
-                Node::Unary(..) | Node::Binary(..) => {}
+                Node::Unary(..) | Node::Binary(..) | Node::Select(..) => {}
             }
         }
         let first = initial.len();
@@ -313,6 +315,7 @@ fn run<const N: usize>(instructions: &[Instruction], mut next: usize, registers:
             }
             Operation::Unary(function) => function.at(of(a)),
             Operation::Binary(function) => function.at(of(a), of(b)),
+            Operation::Select => taken(of(a), of(b), of(c)),
         };
         registers[next & mask] = value;
         next += 1;

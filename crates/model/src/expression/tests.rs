@@ -46,12 +46,17 @@ fn everything(size: Option<Dimensions>) -> Program {
         Binary::Min,
         Binary::Max,
         Binary::Above,
+        Binary::Chain,
         Binary::Div,
     ] {
         let term = graph.binary(function, y, a);
         let term = graph.binary(Binary::Mul, term, u);
         other = graph.binary(Binary::Add, other, term);
     }
+    let above = graph.binary(Binary::Above, y, x);
+    let (left, right) = (graph.unary(Unary::Sqrt, sum), graph.binary(Binary::Mul, x, y));
+    let taken = graph.select(above, left, right);
+    other = graph.binary(Binary::Add, other, taken);
     let next = [(x, sum), (y, other)].map(|(s, rate)| {
         let change = graph.binary(Binary::Mul, dt, rate);
         graph.binary(Binary::Add, s, change)

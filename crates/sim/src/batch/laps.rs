@@ -69,7 +69,11 @@ impl LapSpread {
 
 /// Ticks in `lasted_s`, a whole number of them.
 fn ticks(lasted_s: f64) -> usize {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 120 s")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "at most the time limit"
+    )]
     let ticks = (lasted_s / DT_S).round() as usize;
     ticks
 }

@@ -48,7 +48,7 @@ pub struct Batch {
     pub landed_count: usize,
     /// How many of these each fault ended.
     pub landed_by: BTreeMap<Fault, usize>,
-    /// Flights that were neither done nor landed after 120 s.
+    /// Flights that were neither done nor landed within their time limit.
     pub unfinished_count: usize,
     /// Table by the true pose; null if no flight began.
     pub by_truth: Option<Spread>,
@@ -80,7 +80,8 @@ pub struct Batch {
 /// Figures of many flights by one source of poses.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Spread {
-    /// Quartiles of the time from first to last target over all flights; without finish it is 120 s. s
+    /// Quartiles of the time from first to last target over all flights; without finish it is the time limit, 120 s
+    /// or of a long mission more. s
     pub finish_quartiles_s: [f64; 3],
     /// The same from entering the reach of the first target. s
     pub since_entry_quartiles_s: [f64; 3],

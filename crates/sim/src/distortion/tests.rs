@@ -4,7 +4,7 @@ use horizon_model::check::amax;
 
 /// True pose in `step`: along a line, turning.
 fn truth(step: u64) -> Pose {
-    let t_s = step as f64 * crate::DT_S;
+    let t_s = step as f64 * DT_S;
     Pose::new(1.0 + 0.5 * t_s, -2.0, 1.2, 0.3 + 0.1 * t_s)
 }
 
@@ -120,7 +120,7 @@ fn a_walker_moves_on_a_circle_at_its_speed() {
     let centre = (walk[0][pose::X] - 0.5 * theta.sin(), walk[0][pose::Y] + 0.5 * theta.cos());
     for pair in walk.windows(2) {
         let step = pair[1] - pair[0];
-        let speed_mps = step[pose::X].hypot(step[pose::Y]) / crate::DT_S;
+        let speed_mps = step[pose::X].hypot(step[pose::Y]) / DT_S;
         assert!((speed_mps - 0.4).abs() < 1e-4, "{speed_mps} m/s");
         let radius_m = (pair[1][pose::X] - centre.0).hypot(pair[1][pose::Y] - centre.1);
         assert!((radius_m - 0.5).abs() < 1e-9, "{radius_m} m");
@@ -135,7 +135,7 @@ fn a_walker_moves_on_a_circle_at_its_speed() {
 fn a_drift_grows_with_time() {
     let drift = Fault::MocapDrift { velocity_w_mps: [0.1, 0.0, -0.2], yaw_radps: 0.05 };
     for (k, o) in (0_u32..).zip(poses(drift)) {
-        let t_s = f64::from(k) * crate::DT_S;
+        let t_s = f64::from(k) * DT_S;
         let expected = truth(50 + u64::from(k)) + Pose::new(0.1, 0.0, -0.2, 0.05) * t_s;
         assert_close(&o, &expected, 1e-12);
     }
@@ -196,5 +196,41 @@ fn what_is_not_seen_is_not_distorted() {
     for by_chance in [MocapReport::Lost, MocapReport::Silent] {
         let mut distortion = Distortion::new(1);
         assert_eq!(distortion.report(by_chance, MocapReport::Silent, &faults, 0), by_chance);
+    }
+}
+
+#[test]
+fn a_report_changes_as_its_fault_lets_it() {
+    let frozen = [Fault::MocapGhost, Fault::MocapFrozen];
+    let moving = [
+        Fault::MocapFar,
+        Fault::MocapFlipped,
+        Fault::MocapMillimetres,
+        Fault::MocapShifted { offset_w_m: [0.3, 0.0, 0.0] },
+        Fault::MocapHeading { turn_rad: 0.4 },
+        Fault::MocapDrift { velocity_w_mps: [0.1, -0.2, 0.05], yaw_radps: 0.1 },
+        Fault::MocapFrame { turn_rad: 0.4, is_mirrored: true, scale: 1.5 },
+        Fault::MocapAxesStuck { axes: [true, false, true], noise_m: 0.0 },
+        Fault::MocapWalker {
+            offset_w_m: [1.0, 0.0, 0.0],
+            radius_m: 0.5,
+            speed_mps: 0.8,
+            noise_m: 0.0,
+            noise_rad: 0.0,
+        },
+    ];
+    for fault in frozen.into_iter().chain(moving) {
+        let script = vec![ScriptedFault { fault, from_s: 1.0, for_s: 2.0 }];
+        let mut faults = Faults::new(script).unwrap();
+        let poses = poses(fault);
+        for (step, pair) in (51..149).zip(poses.windows(2)) {
+            faults.begin(step - 1, &truth(step - 1));
+            faults.begin(step, &truth(step));
+            let change = change(truth(step) - truth(step - 1), &faults, step);
+            let mut seen = pair[1] - pair[0];
+            seen[pose::THETA] = angle::wrap(seen[pose::THETA]);
+            assert_close(&change, &seen, 1e-9);
+            assert_eq!(amax(&change) > 0.0, !frozen.contains(&fault), "{fault:?}");
+        }
     }
 }

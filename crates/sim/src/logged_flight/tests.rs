@@ -78,3 +78,18 @@ fn the_log_has_a_record_of_every_tick_up_to_the_landing_and_is_written_alike_aga
     fs::remove_file(&first).unwrap();
     fs::remove_file(&second).unwrap();
 }
+
+#[test]
+fn a_flight_that_is_stopped_leaves_no_log() {
+    let path = path("stopped");
+    let asked = std::cell::Cell::new(0);
+    let is_stopped = || {
+        asked.set(asked.get() + 1);
+        asked.get() > 20
+    };
+    let sim = crate::settings(None).unwrap();
+    let error = fly_until(&flight(), &sim, 3, &path, &is_stopped).unwrap_err();
+    assert!(format!("{error:#}").ends_with("interrupted"), "{error:#}");
+    assert_eq!(asked.get(), 21, "it goes on");
+    assert!(!path.exists());
+}

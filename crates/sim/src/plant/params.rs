@@ -124,7 +124,7 @@ impl PlantParams {
         p.vertical.dead_time_s =
             (p.vertical.dead_time_s * random.between(0.9, 1.1)).min(DEAD_TIME_MAX_S);
         p.vertical.tau_s *= random.between(0.9, 1.1);
-        p.vertical.dead_zone *= random.between(0.9, 1.1);
+        p.vertical.dead_zone = (p.vertical.dead_zone * random.between(0.9, 1.1)).min(0.5);
         Self(p)
     }
 

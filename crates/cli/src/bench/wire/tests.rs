@@ -1,3 +1,5 @@
+use tello_io::clock::SpanNs;
+
 use super::*;
 
 fn packet(packet: DronePacket) -> Vec<u8> {
@@ -114,17 +116,17 @@ fn a_distance_to_the_floor_that_can_be_measured_is_a_flight() {
 }
 
 #[test]
-fn motors_run_for_two_seconds_after_their_time_grew() {
+fn motors_run_for_three_seconds_after_their_time_grew() {
     let mut motor = Motor::default();
     let mut runs = |line: &str, ms| state(line, &mut motor, ms).is_running;
     assert!(!runs("time:14;", 0), "the first time is no growth");
     assert!(!runs("time:14;", 1000));
     assert!(runs("time:15;", 2000));
     assert!(runs("bat:3;", 3000), "a line without a time");
-    assert!(runs("time:15;", 3999));
-    assert!(!runs("time:15;", 4000));
-    assert!(!runs("time:2;", 5000), "of a drone that started anew");
-    assert!(runs("time:3;", 6000));
+    assert!(runs("time:15;", 4999));
+    assert!(!runs("time:15;", 5000));
+    assert!(!runs("time:2;", 6000), "of a drone that started anew");
+    assert!(runs("time:3;", 7000));
 }
 
 #[test]

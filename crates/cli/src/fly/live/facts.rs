@@ -57,6 +57,8 @@ pub(in crate::fly) struct Facts {
     pub(in crate::fly) now_ms: Times,
     /// The longest times lately. ms
     pub(in crate::fly) worst_ms: Times,
+    /// Whether the log has failed: nothing is recorded any more.
+    pub(in crate::fly) has_log_failed: bool,
     /// Periods without a tick so far.
     pub(in crate::fly) missed_periods: u64,
     /// Where sticks that are sent already lead, from the estimate on.

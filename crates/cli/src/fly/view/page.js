@@ -12,7 +12,8 @@ const KEYS = { Backspace: "emergency_stop", r: "land", q: "land", e: "hold", c: 
 
 const byId = (id) => document.getElementById(id);
 const known = { briefing: null, facts: null, trail: [], history: [] };
-const wire = { socket: null, mayOrder: false, heardAt: -Infinity, isOver: false, isRecorded: false, retryMs: RETRY_MS[0] };
+const wire = { socket: null, mayOrder: false, heardAt: -Infinity, isOver: false, isRecorded: false, retryMs: RETRY_MS[0], ageMs: 0 };
+const MAY_LOOK = byId("access")?.textContent;
 const shown = { phase: null, faults: [], isDown: false, isByHand: false, reached: 0 };
 let isDirty = false;
 
@@ -41,7 +42,8 @@ function hear(message) {
   if (message.briefing) {
     Object.assign(known, { briefing: message.briefing.briefing, trail: message.briefing.trail, history: [] });
     Object.assign(shown, { phase: null, faults: [], isDown: false, isByHand: false, reached: 0 });
-    wire.isOver = false;
+    Object.assign(wire, { isOver: false, ageMs: 1000 * (message.briefing.age_s ?? 0) });
+    byId("access").textContent = MAY_LOOK;
     byId("program").textContent = known.briefing.program;
   } else if (message.facts) {
     take(message.facts);
@@ -59,7 +61,9 @@ function hear(message) {
 
 /** Takes new facts; draws them when the browser draws next. */
 function take(facts) {
-  wire.heardAt = performance.now();
+  // The first facts after a connection may be old.
+  wire.heardAt = performance.now() - wire.ageMs;
+  wire.ageMs = 0;
   const before = known.facts;
   known.facts = facts;
   if (facts.estimate !== null && (before === null || facts.t_s > before.t_s)) {
@@ -168,7 +172,11 @@ function slow(button) {
       }, PRESS_MS);
     }
   };
-  button.addEventListener("pointerdown", press);
+  button.addEventListener("pointerdown", (event) => {
+    if (event.button === 0) {
+      press();
+    }
+  });
   button.addEventListener("keydown", (event) => {
     if (event.key === " " || event.key === "Enter") {
       event.preventDefault();
@@ -289,6 +297,9 @@ function showLine(now) {
   byId("line").classList.toggle("stale", isStale);
   document.body.classList.toggle("stale", isStale);
   const faults = known.facts === null ? [] : known.facts.faults.map(words);
+  if (known.facts !== null && known.facts.has_log_failed) {
+    faults.unshift("the log has failed: nothing is recorded");
+  }
   if (isStale && known.facts !== null) {
     faults.unshift(`nothing new${since}: what you see is old`);
   }

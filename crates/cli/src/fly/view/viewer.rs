@@ -65,8 +65,8 @@ enum FromViewer {
 #[derive(Debug, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum ToViewer<'a> {
-    /// At first: what stays the same, and where the vehicle has been.
-    Briefing { briefing: &'a Briefing, trail: &'a [Place] },
+    /// At first: what stays the same, where the vehicle has been, and how old the facts are that come next.
+    Briefing { briefing: &'a Briefing, trail: &'a [Place], age_s: f64 },
     /// Again and again.
     Facts(&'a Facts),
     /// After a token: whether orders are taken.
@@ -178,8 +178,9 @@ impl<'a> ViewerConnection<'a> {
         let mut goes_on = true;
         let trail = facts.borrow().trail.clone();
         let now = || self.shown.clock.now();
+        let age_s = (now().since(TimeNs(0)).seconds() - facts.borrow().t_s).max(0.0);
         let mut is_there =
-            self.report(&mut out, &ToViewer::Briefing { briefing, trail: &trail }).await;
+            self.report(&mut out, &ToViewer::Briefing { briefing, trail: &trail, age_s }).await;
         let (mut heard, mut heard_at) = (0_u32, now());
         facts.mark_changed();
         while is_there {

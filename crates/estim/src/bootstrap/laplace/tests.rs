@@ -27,6 +27,37 @@ fn the_three_covariances_are_symmetric_and_the_scaled_one_is_the_plain_one_by_th
 }
 
 #[test]
+fn standard_deviations_are_those_of_the_covariance() {
+    let ident = solved(pieces());
+    let plain = Laplace::of(&ident).unwrap().plain.diagonal().map(f64::sqrt);
+    let deviations = standard_deviations(&ident.information().unwrap());
+    assert!(amax(&(deviations - plain)) < 1e-9 * amax(&plain), "{deviations} instead of {plain}");
+}
+
+#[test]
+fn a_parameter_that_is_not_determined_has_no_standard_deviation() {
+    // The sum of the first two parameters by 200 observations, and the third one by 30.
+    let row = SVector::<f64, 4>::new(0.3, 0.7, 0.0, 0.0);
+    let mut information = M4::zeros();
+    for k in 1..=200 {
+        information += row * row.transpose() * f64::from(k).sin().powi(2);
+    }
+    information[(2, 2)] = 30.0;
+    let deviations = standard_deviations(&information);
+    assert!(deviations[0].is_nan() && deviations[1].is_nan(), "{deviations}");
+    assert!((deviations[2] - 30.0_f64.sqrt().recip()).abs() < 1e-12, "{deviations}");
+    assert!(deviations[3].is_nan(), "nothing is known of it: {deviations}");
+    // A weak prior on one of the two determines both.
+    information[(0, 0)] += 1e-4;
+    let deviations = standard_deviations(&information);
+    assert!((deviations[0] - 100.0).abs() < 0.01 && deviations[1].is_finite(), "{deviations}");
+    for bad in [-30.0, f64::NAN] {
+        information[(2, 2)] = bad;
+        assert!(standard_deviations(&information).iter().all(|value| value.is_nan()), "{bad}");
+    }
+}
+
+#[test]
 fn pieces_that_count_twice_halve_the_covariance_but_not_the_sandwich_of_copies() {
     let once = Laplace::of(&solved(pieces())).unwrap();
     let twice = Laplace::of(&solved([pieces(), pieces()].concat())).unwrap();

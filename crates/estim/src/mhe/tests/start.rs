@@ -76,4 +76,7 @@ fn a_given_state_is_where_the_window_begins() {
         assert!(mhe.update(&u, &observed, &mut || false).unwrap().cost.is_finite());
     }
     assert!((mhe.s_hat() - s).norm() < 1e-3 && (mhe.p_hat() - p).norm() < 1e-3, "{}", mhe.p_hat());
+    assert!(mhe.state_covariance().is_some());
+    mhe.start_at(&s).unwrap();
+    assert!(mhe.state_covariance().is_none(), "that of the window before");
 }

@@ -10,6 +10,7 @@ use tello_io::clock::Clock;
 
 use super::Fitter;
 use crate::REVISION;
+use crate::ident::job::Resampled;
 use crate::ident::report::Bootstrap;
 use crate::ident::resamples::{BootstrapPlan, ResampleFile, ResampleRow, distinct};
 
@@ -21,7 +22,7 @@ where
     pub(super) fn bootstrap(
         &self,
         plan: &BootstrapPlan,
-    ) -> Result<(ResampleFile, Option<(Bootstrap, Spread<NP>)>)> {
+    ) -> Result<(Resampled, Option<(Bootstrap, Spread<NP>)>)> {
         let clock = Clock::start();
         let names = M::PARAMETER.map(|row| row.name.to_owned()).to_vec();
         let mut file = ResampleFile::gather(self.problem()?, names, plan)?;
@@ -65,7 +66,8 @@ where
             };
             (report, spread)
         });
-        Ok((file, report))
+        let estimates = estimates.iter().map(|p| p.iter().copied().collect()).collect();
+        Ok((Resampled { file, estimates }, report))
     }
 
     /// What the dead times of a resample, to first order, add to its estimate at those of all pieces.

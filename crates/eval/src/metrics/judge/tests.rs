@@ -18,6 +18,7 @@ fn square() -> ReferencePath {
         reach: 0.2,
         ends_with_mission: false,
         laps: 1,
+        rounds: 1.0,
     }
 }
 

@@ -8,7 +8,7 @@ fn replay() -> Replay {
     let flight = config::flight(&fly, mission, Start::Airborne);
     let cycle = cycle::build(&flight).unwrap();
     let record = TickRecord::with_buffers(&cycle.new_outcome());
-    Replay { cycle, record, now: TickJson::default(), out: None, report: report() }
+    Replay { cycle, record, now: TickJson::default(), out: None, report: report(), next_step: 0 }
 }
 
 /// A report of 10 equal ticks, 5 of them steered.
@@ -114,4 +114,16 @@ fn the_text_names_the_earliest_difference_and_the_verdict() {
         text.ends_with("\nequal, bit by bit\n") && !text.contains("first difference:"),
         "{text}"
     );
+}
+
+#[test]
+fn a_tick_that_is_cut_before_missing_ones_is_no_difference() {
+    let mut replay = replay();
+    replay.repeat(&Inbox { step: 0, ..Inbox::default() }).unwrap();
+    assert!(!replay.now.records.is_empty());
+    // A record of a tick whose inbox is missing.
+    replay.note_gap();
+    replay.repeat(&Inbox { step: 5, ..Inbox::default() }).unwrap();
+    let finished = replay.finish(None).unwrap();
+    assert_eq!((finished.finding, finished.first_gap), (Finding::TickMissing, Some(1)));
 }

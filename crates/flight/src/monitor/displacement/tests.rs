@@ -93,10 +93,10 @@ fn directions_differ_beyond_the_turn_of_the_vehicles_own_axes() {
     };
     for (length_m, turn_rad, expected_m) in [
         (1.0, 0.0, 0.2 - 0.25),
-        (1.0, TURN, 0.2 - 0.25),
-        (1.0, -TURN, 0.2 - 0.25),
-        (1.2, TURN + FRAC_PI_2, 1.2 * 2.0_f64.sqrt() - 0.3),
-        (1.2, -TURN - FRAC_PI_2, 1.2 * 2.0_f64.sqrt() - 0.3),
+        (1.0, TURN_RAD, 0.2 - 0.25),
+        (1.0, -TURN_RAD, 0.2 - 0.25),
+        (1.2, TURN_RAD + FRAC_PI_2, 1.2 * 2.0_f64.sqrt() - 0.3),
+        (1.2, -TURN_RAD - FRAC_PI_2, 1.2 * 2.0_f64.sqrt() - 0.3),
         (0.0, 0.0, 1.2),
     ] {
         let got_m = difference_m(length_m, turn_rad, length_m).unwrap();

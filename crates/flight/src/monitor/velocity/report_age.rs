@@ -192,6 +192,58 @@ impl Sums {
 mod tests {
     use super::*;
 
+    /// Poses that move as `axes` times the drone's velocity in so many ticks, which the drone reports in each frame.
+    fn shown(axes: Complex<f64>, ticks: u32) -> ReportAge {
+        let mut age = ReportAge::default();
+        for k in 0..ticks {
+            let t_s = f64::from(k) * 0.02;
+            let by_drone_mps = Complex::new((2.0 * t_s).sin(), (3.0 * t_s).cos()) * 0.5;
+            let motion = Motion {
+                moved_w_m: axes * by_drone_mps * 0.02,
+                moved_in_s: 0.02,
+                seen_d_mps: [by_drone_mps, by_drone_mps.conj(), by_drone_mps, by_drone_mps.conj()],
+                is_pose: true,
+            };
+            age.compare(&motion, 0.02);
+            age.learn(&motion);
+            age.begin_motion();
+        }
+        age
+    }
+
+    #[test]
+    fn motion_shows_the_axes_of_the_drone_and_the_scale_of_its_reports() {
+        let axes = Complex::from_polar(1.2, 0.7);
+        let age = shown(axes, 250);
+        assert!(age.is_well_known());
+        assert!((age.scale() - 1.2).abs() < 1e-9, "{}", age.scale());
+        assert!((age.determination() - 1.0).abs() < 1e-9, "{}", age.determination());
+        let turn = age.sums.rotation(FIXED).unwrap();
+        assert!((turn - Complex::from_polar(1.0, 0.7)).norm() < 1e-9, "{turn}");
+        assert_eq!(age.axes.map(|fit| fit.is_some()), [true, false, true, false]);
+    }
+
+    #[test]
+    fn little_motion_and_another_scale_show_no_axes() {
+        let brief = shown(Complex::from(1.0), 20);
+        assert_eq!((brief.scale(), brief.determination(), brief.error_m()), (1.0, 0.0, None));
+        for scale in [0.55, 1.65] {
+            let other = shown(Complex::from(scale), 250);
+            assert_eq!((other.scale(), other.error_m()), (1.0, None), "{scale}");
+        }
+    }
+
+    #[test]
+    fn what_a_silent_drone_flew_is_unknown_up_to_the_next_pose() {
+        let mut age = ReportAge { flown_s: 1.0, ..ReportAge::default() };
+        assert!(age.is_known(true, false) && age.flown_s > 0.0);
+        assert!(!age.is_known(false, false));
+        assert!(age.flown_s <= 0.0, "the motion begins anew");
+        assert!(!age.is_known(true, false), "it is heard again, in the middle of a motion");
+        assert!(!age.is_known(true, true), "the motion that this pose ends was not heard whole");
+        assert!(age.is_known(true, false));
+    }
+
     #[test]
     fn on_the_ground_all_differences_are_forgotten() {
         let fit = Fit { axes: Complex::from(1.0), determination: 1.0 };

@@ -75,6 +75,7 @@ impl Selection {
                 Some([first, _]) => (first == at).then_some((Operation::SinCos, [a; 3])),
                 None => Some((Operation::Unary(function), [a; 3])),
             },
+            Node::Select(condition, a, b) => Some((Operation::Select, [condition, a, b])),
             Node::Binary(function, a, b) => Some(match inner.map(|id| self.nodes[id.position()]) {
                 Some(Node::Binary(part, left, right)) => {
                     let is_first = inner == Some(a);

@@ -120,8 +120,8 @@ fn resamples_that_were_cut_short_have_no_spread() {
     let fitter: LaggedFitter<'_> = Fitter::new(Lagged::default(), &job).unwrap();
     let shard = crate::shard_file::Shard::WHOLE;
     let plan = BootstrapPlan { resamples: 1000, seed: 1, shard, part: None, earlier: Vec::new() };
-    let (file, report) = fitter.bootstrap(&plan).unwrap();
-    assert!((2..1000).contains(&file.count()), "{}", file.count());
+    let (found, report) = fitter.bootstrap(&plan).unwrap();
+    assert!((2..1000).contains(&found.file.count()), "{}", found.file.count());
     assert!(report.is_none());
 }
 
