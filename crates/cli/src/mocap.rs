@@ -7,9 +7,10 @@ mod ros2;
 mod source;
 mod watch;
 
-pub(crate) use self::source::usual_address;
 use anyhow::Result;
 use clap::{Args, Subcommand};
+
+pub(crate) use self::source::usual_address;
 
 use crate::Verdict;
 

@@ -193,10 +193,9 @@ mod tests {
             .map(|[x, y]| Pose::new(x, y, 1.0, 0.0))
     }
 
-    #[test]
-    fn only_the_ticks_between_first_and_last_target_count() {
+    fn reference() -> ReferencePath {
         let targets = square().to_vec();
-        let reference = ReferencePath {
+        ReferencePath {
             outline: targets.clone(),
             targets_count: targets.len(),
             targets,
@@ -204,8 +203,12 @@ mod tests {
             ends_with_mission: false,
             laps: 1,
             rounds: 1.0,
-        };
-        let mut track = Track::new(reference, 0.02);
+        }
+    }
+
+    #[test]
+    fn only_the_ticks_between_first_and_last_target_count() {
+        let mut track = Track::new(reference(), 0.02);
         let (far, near) = (Pose::new(9.0, 9.0, 1.0, 0.0), Pose::new(0.75, 0.1, 1.0, 0.0));
         let u = Sticks::new(0.3, 0.4, 0.0, 0.0);
         track.add(0.0, &far, &u, 0);
@@ -222,22 +225,8 @@ mod tests {
 
     #[test]
     fn a_curve_has_no_laps_that_the_controller_counts() {
-        let corners = square().to_vec();
-        let (laps, rounds) = (3, 3.0);
-        let (outline, reach) = (corners.clone(), 0.2);
-        for (targets_count, laps_count) in [(corners.len(), 3), (2, 0)] {
-            let targets = corners.clone();
-            let outline = outline.clone();
-            let ends_with_mission = false;
-            let reference = ReferencePath {
-                outline,
-                targets,
-                targets_count,
-                reach,
-                ends_with_mission,
-                laps,
-                rounds,
-            };
+        for (targets_count, laps_count) in [(5, 3), (2, 0)] {
+            let reference = ReferencePath { targets_count, laps: 3, rounds: 3.0, ..reference() };
             let mut track = Track::new(reference, 0.02);
             for k in 1..=10_u32 {
                 // The targets of a curve are its ends.
@@ -246,7 +235,7 @@ mod tests {
                     5..10 if targets_count > 2 => 3,
                     _ => 1,
                 };
-                track.add(f64::from(k) * 0.02, &corners[0], &Sticks::zeros(), reached);
+                track.add(f64::from(k) * 0.02, &square()[0], &Sticks::zeros(), reached);
             }
             assert_eq!(track.laps().len(), laps_count, "{targets_count} targets");
         }

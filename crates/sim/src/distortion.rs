@@ -148,9 +148,7 @@ pub(crate) fn change(change: Pose, faults: &Faults, step: u64) -> Pose {
         }
     }
     if is_on(Fault::MocapMillimetres) {
-        for row in [pose::X, pose::Y, pose::Z] {
-            change[row] *= 1000.0;
-        }
+        in_millimetres(&mut change);
     }
     change
 }
@@ -180,6 +178,13 @@ fn in_frame(o: &mut Pose, turn_rad: f64, is_mirrored: bool, scale: f64) {
     o[pose::THETA] *= sign;
 }
 
+/// `o`, or a change of it, with x, y and z in another unit.
+fn in_millimetres(o: &mut Pose) {
+    for row in [pose::X, pose::Y, pose::Z] {
+        o[row] *= 1000.0;
+    }
+}
+
 /// Whether the object is occluded: at the onset, and again after each period.
 fn is_occluded(present: Present) -> bool {
     // Half a step: the times of a period are whole numbers of steps up to rounding.
@@ -203,9 +208,7 @@ fn misread(mut o: Pose, is_on: impl Fn(Fault) -> bool) -> Pose {
         o[pose::THETA] = angle::wrap(o[pose::THETA] + PI);
     }
     if is_on(Fault::MocapMillimetres) {
-        for row in [pose::X, pose::Y, pose::Z] {
-            o[row] *= 1000.0;
-        }
+        in_millimetres(&mut o);
     }
     o
 }

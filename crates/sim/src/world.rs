@@ -252,6 +252,11 @@ impl World {
         self.lag.shots(&self.object)
     }
 
+    /// The same, each with how its pose changes in a step.
+    pub(crate) fn moving_shots(&self) -> impl Iterator<Item = (Shot<'_>, Pose)> {
+        self.lag.moving(&self.object)
+    }
+
     /// Frames of the motion capture per second. Hz
     pub(crate) fn mocap_rate_hz(&self) -> f64 {
         self.mocap_rate_hz
@@ -260,11 +265,6 @@ impl World {
     /// Whether there is one frame in each step, at its beginning.
     pub(crate) fn has_frame_by_step(&self) -> bool {
         is_usual_rate(&self.mocap_rate_hz)
-    }
-
-    /// The same, each with how its pose changes in a step.
-    pub(crate) fn moving_shots(&self) -> impl Iterator<Item = (Shot<'_>, Pose)> {
-        self.lag.moving(&self.object)
     }
 
     /// How the true pose changed in the step before the present one.

@@ -66,18 +66,13 @@ pub fn residuals(title: &str, dt_s: f64, lags: usize, rows: &[ResidualRow<'_>]) 
 /// all. Absent values are left out; without a pair it is 0. Empty without two different values.
 pub fn autocorrelation(pieces: &[&[f64]], lags: impl IntoIterator<Item = usize>) -> Vec<f64> {
     let Some(moments) = Moments::of(pieces) else { return Vec::new() };
-    let product = |piece: &[f64], lag: usize| -> (f64, f64) {
-        let later = piece.iter().skip(lag);
-        let products =
-            piece.iter().zip(later).map(|(a, b)| (a - moments.mean) * (b - moments.mean));
-        products
+    let mean = |lag: usize| {
+        let pairs = pieces.iter().flat_map(|piece| piece.iter().zip(piece.iter().skip(lag)));
+        let products = pairs.map(|(a, b)| (a - moments.mean) * (b - moments.mean));
+        let (sum, count) = products
             .filter(|product| is_drawable(*product))
-            .fold((0.0, 0.0), |(sum, pairs), product| (sum + product, pairs + 1.0))
-    };
-    let mean = |lag| {
-        let by_piece = pieces.iter().map(|piece| product(piece, lag));
-        let (sum, pairs) = by_piece.fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
-        sum / f64::max(pairs, 1.0)
+            .fold((0.0, 0.0), |(sum, count), product| (sum + product, count + 1.0));
+        sum / f64::max(count, 1.0)
     };
     let variance = mean(0);
     lags.into_iter().map(|lag| mean(lag) / variance).collect()

@@ -71,8 +71,7 @@ impl ReferencePath {
             }
         };
         let targets_count = mission.targets_count();
-        let is_timed = matches!(flight.mission, MissionTable::Trajectory(_));
-        let ends_with_mission = is_timed;
+        let ends_with_mission = matches!(flight.mission, MissionTable::Trajectory(_));
         let mut path =
             Self { outline, targets, targets_count, reach, ends_with_mission, laps, rounds };
         let stays = |pair: &[Pose]| matches!(pair, [from, to] if path.is_within(from, to));

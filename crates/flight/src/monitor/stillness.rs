@@ -7,7 +7,7 @@ use horizon_model::rows::{Pose, Sticks, pose, stick};
 use nalgebra::Vector3;
 
 use super::hidden::HiddenMotion;
-use super::typical_vehicle::decay;
+use super::typical_vehicle::{DEAD_THROTTLE, decay};
 use super::{Agreement, Sample};
 use crate::commanded::{excess, inputs_w};
 
@@ -35,8 +35,6 @@ const QUIET_IN_OUTAGE_S: f64 = 2.4;
 /// Speed by the drone that the poses do not show, with which commands act whatever the link monitor reports: a vehicle
 /// that coasts without commands shows its speed. m/s
 const FLOWN_MPS: f64 = 0.3;
-/// Dead zone of the throttle, across which a controller that holds its height jumps. 1
-const DEAD_THROTTLE: f64 = 0.12;
 /// Time of the mean that the inputs along one axis are compared with: against a wind they lean for long.
 const LEAN_S: f64 = 4.0;
 /// Least part of the inputs' change along an axis that is still: the heading, and the direction of flight, may be wrong

@@ -16,8 +16,10 @@ const LAG_S: f64 = 0.6;
 pub(super) const YAW_GAIN_RADPS: f64 = 1.4;
 /// Lag of the yaw rate. s
 pub(super) const YAW_LAG_S: f64 = 0.12;
-/// Dead zone of each input. 1
+/// Dead zone of roll, pitch and yaw. 1
 pub(super) const DEAD_ZONE: f64 = 0.07;
+/// Dead zone of the throttle, across which a controller that holds its height jumps. 1
+pub(super) const DEAD_THROTTLE: f64 = 0.12;
 
 /// Velocity along the floor that `u` asks for at the heading `theta_rad`, world frame. m/s
 pub(super) fn velocity_w_mps(u: &Sticks, theta_rad: f64) -> Complex<f64> {

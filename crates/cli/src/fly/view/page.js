@@ -13,7 +13,7 @@ const KEYS = { Backspace: "emergency_stop", r: "land", q: "land", e: "hold", c: 
 const byId = (id) => document.getElementById(id);
 const known = { briefing: null, facts: null, trail: [], history: [] };
 const wire = { socket: null, mayOrder: false, heardAt: -Infinity, isOver: false, isRecorded: false, retryMs: RETRY_MS[0], ageMs: 0 };
-const MAY_LOOK = byId("access")?.textContent;
+const MAY_LOOK = byId("access").textContent;
 const shown = { phase: null, faults: [], isDown: false, isByHand: false, reached: 0 };
 let isDirty = false;
 

@@ -66,8 +66,8 @@ fn moves(message: &Message) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::protocol::VIDEO_PORT;
     use super::*;
+    use crate::tello::protocol::VIDEO_PORT;
 
     #[test]
     fn the_last_words_are_neutral_sticks_and_a_landing_in_either_protocol() {
