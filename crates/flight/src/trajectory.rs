@@ -10,6 +10,10 @@ use nalgebra::Vector3;
 /// Time between nodes of a trajectory through given points. s
 const SPACING_S: f64 = 0.02;
 
+/// By how much a trajectory may leave the poses that it goes through, in each row: a smooth one turns between two of
+/// them. m and rad
+const OVERSHOOT_MAX: f64 = 0.02;
+
 /// A pose of a trajectory.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Node {
@@ -49,8 +53,8 @@ impl Trajectory {
 
     /// The trajectory through `poses` at `times_s`, at rest at both ends.
     ///
-    /// The rate at an inner point is that of the parabola through it and its neighbours. Both slices
-    /// have one length of at least two; times rise.
+    /// The rate at an inner point is that of the parabola through it and its neighbours, limited in each row: a place
+    /// that is held stays held, to 2 cm (see `limited`). Both slices have one length of at least two; times rise.
     pub(crate) fn through(times_s: &[f64], poses: &[Pose]) -> Self {
         let mut theta = poses[0][pose::THETA];
         let continuous = |at: &Pose| {
@@ -64,7 +68,11 @@ impl Trajectory {
                 return Pose::zeros();
             }
             let (before_s, after_s) = (times_s[i] - times_s[i - 1], times_s[i + 1] - times_s[i]);
-            (after_s * derivative(i - 1) + before_s * derivative(i)) / (before_s + after_s)
+            let (before, after) = (derivative(i - 1), derivative(i));
+            let rate = (after_s * before + before_s * after) / (before_s + after_s);
+            rate.zip_zip_map(&before, &after, |rate, before, after| {
+                limited(rate, [before, before_s], [after, after_s])
+            })
         };
         let node = |i: usize| Node {
             at_s: times_s[i] - times_s[0],
@@ -189,6 +197,15 @@ fn between(pair: &[Node], u: f64) -> Moment {
     }
 }
 
+/// `rate` at a point, limited so that the cubics beside it stay near their ends; `before` and `after` are the mean
+/// rates of the intervals beside it and their lengths (s). Where both have one sign, three times the smaller rate
+/// leaves neither (Fritsch and Carlson 1980); and a rate r leaves one of length h by at most 4/27 r h.
+fn limited(rate: f64, [before, before_s]: [f64; 2], [after, after_s]: [f64; 2]) -> f64 {
+    let least = if before * after > 0.0 { before.abs().min(after.abs()) } else { 0.0 };
+    let most = (3.0 * least).max(OVERSHOOT_MAX / (4.0 / 27.0 * before_s.max(after_s)));
+    rate.clamp(-most, most)
+}
+
 #[cfg(test)]
 mod tests {
     use horizon_model::check::amax;
@@ -248,5 +265,51 @@ mod tests {
         let nodes = trajectory.nodes();
         assert!(nodes.windows(2).all(|pair| pair[1].at_s - pair[0].at_s <= SPACING_S + 1e-12));
         assert!(nodes.windows(2).all(|pair| pair[0].arc_m <= pair[1].arc_m));
+    }
+
+    fn maximum_of(values: &[f64]) -> f64 {
+        values.iter().copied().fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn a_place_that_is_held_stays_held_and_a_way_there_is_not_left_by_much() {
+        let at = |x_m: f64| Pose::new(x_m, 0.0, 0.0, 0.0);
+        let range_m = |times_s: &[f64], places_m: &[f64]| {
+            let poses: Vec<Pose> = places_m.iter().map(|x_m| at(*x_m)).collect();
+            let nodes = Trajectory::through(times_s, &poses).nodes;
+            let x_m = nodes.iter().map(|node| node.pose[pose::X]);
+            x_m.fold((0.0_f64, 0.0_f64), |(low, high), x_m| (low.min(x_m), high.max(x_m)))
+        };
+        for (times_s, places_m) in [
+            ([0.0, 30.0, 32.0, 62.0], [0.0, 0.0, 1.0, 1.0]),
+            // A slow way before a quick one, on, and back.
+            ([0.0, 10.0, 10.5, 20.0], [0.0, 0.5, 1.5, 2.0]),
+            ([0.0, 10.0, 10.5, 20.0], [0.5, 1.0, 0.0, 0.5]),
+        ] {
+            let (low_m, high_m) = range_m(&times_s, &places_m);
+            let most_m = maximum_of(&places_m) + OVERSHOOT_MAX;
+            assert!(low_m >= -OVERSHOOT_MAX && high_m <= most_m, "{low_m}..{high_m} m");
+        }
+    }
+
+    #[test]
+    fn a_smooth_trajectory_keeps_its_acceleration_between_its_points() {
+        // A phase at which no point is an extremum.
+        let place = |t_s: f64| 0.65 * (1.1 * t_s + 0.3).sin();
+        for spacing_s in [0.1, 0.2, 0.5] {
+            let times_s: Vec<f64> = (0..=40).map(|i| f64::from(i) * spacing_s).collect();
+            let poses: Vec<Pose> =
+                times_s.iter().map(|t_s| Pose::new(place(*t_s), 0.0, 0.0, 0.0)).collect();
+            let trajectory = Trajectory::through(&times_s, &poses);
+            // At rest at both ends: not in the first and the last interval.
+            let inside = trajectory
+                .nodes
+                .iter()
+                .filter(|node| (1.5 * spacing_s..38.5 * spacing_s).contains(&node.at_s));
+            let accels_mps2: Vec<f64> =
+                inside.map(|node| trajectory.at(node.at_s).accel[pose::X].abs()).collect();
+            let most_mps2 = 0.65 * 1.1 * 1.1;
+            assert!(maximum_of(&accels_mps2) < 1.25 * most_mps2, "{spacing_s} s");
+        }
     }
 }

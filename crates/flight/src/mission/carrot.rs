@@ -73,6 +73,26 @@ impl Carrot {
         }
     }
 
+    /// The references at the ends of `stages`, which have so many periods each and begin `first_ahead` periods from
+    /// now.
+    pub(super) fn fill(
+        mut self,
+        first_ahead: usize,
+        stages: &[u32],
+        dt_s: f64,
+        refs: &mut [Reference],
+    ) {
+        for _ in 0..first_ahead {
+            self = self.after(dt_s);
+        }
+        for (entry, steps) in refs.iter_mut().zip(stages) {
+            for _ in 0..*steps {
+                self = self.after(dt_s);
+            }
+            *entry = self.reference();
+        }
+    }
+
     /// Way by which a vehicle at `pose_hat` is behind, along the line. m
     pub(super) fn lag_m(&self, pose_hat: &Pose) -> f64 {
         let way_w = self.way_w.fixed_rows::<3>(pose::X);

@@ -20,6 +20,11 @@ const RESUME_WINDOW_M: f64 = 1.0;
 /// acceleration, nothing is left for more pace. 1/s
 const PACE_GROWTH_MIN: f64 = 0.1;
 
+/// Times `start.within`: how far from the first waypoint the vehicle may be while it settles, but within its reach. The
+/// plan sees the path before the reference sets off, and begins to speed up for it. A vehicle that swings about the
+/// waypoint gets going, too, and shows its dead times on the path.
+const SETTLE_LEAVE: f64 = 2.0;
+
 /// Speed below which a trajectory stands still, whatever the pace. m/s
 const STANDSTILL_MPS: f64 = 1e-3;
 
@@ -152,19 +157,27 @@ impl Follower {
     /// Settling begins where the vehicle is close enough, `carrot` arrived or not.
     fn approach(&mut self, pose_hat: &Pose, carrot: Carrot) {
         self.stage = Stage::Approach(carrot);
-        if self.is_at_first(pose_hat) {
+        if self.first_distance(pose_hat) <= self.follow.start.within {
             self.settle(pose_hat, self.settle_periods);
         }
     }
 
-    fn is_at_first(&self, pose_hat: &Pose) -> bool {
-        pose_distance(&self.waypoints[0].pose, pose_hat) <= self.follow.start.within
+    fn first_distance(&self, pose_hat: &Pose) -> f64 {
+        pose_distance(&self.waypoints[0].pose, pose_hat)
+    }
+
+    /// Distance to the first waypoint at which a vehicle that settles has left it.
+    fn settle_leave(&self) -> f64 {
+        let FollowTable { start, reach, .. } = &self.follow;
+        (SETTLE_LEAVE * start.within).min(reach.max(start.within))
     }
 
     /// `left` periods are missing until the reference sets off.
     fn settle(&mut self, pose_hat: &Pose, left: usize) {
         self.stage = match left.checked_sub(1) {
-            _ if !self.is_at_first(pose_hat) => Stage::Approach(self.carrot(pose_hat)),
+            _ if self.first_distance(pose_hat) > self.settle_leave() => {
+                Stage::Approach(self.carrot(pose_hat))
+            }
             Some(left) => Stage::Settle { left },
             None => {
                 self.reached = 1;
@@ -302,7 +315,7 @@ impl Follower {
         let (mut standing, mut phase) = match self.stage {
             Stage::Unplaced => return refs.fill(Reference::at_rest(self.next().pose)),
             Stage::Approach(carrot) | Stage::Return(carrot) => {
-                return self.fill_led(carrot, first_ahead, stages, refs);
+                return carrot.fill(first_ahead, stages, self.dt_s, refs);
             }
             // The last period of settling is spent at the beginning of the path, too.
             Stage::Settle { left } => (left + 1, START),
@@ -323,25 +336,6 @@ impl Follower {
             if let Some(phase) = (0..*steps).map(|_| advance()).last() {
                 *entry = self.reference(phase);
             }
-        }
-    }
-
-    /// The way of `carrot`, up to its goal.
-    fn fill_led(
-        &self,
-        mut carrot: Carrot,
-        first_ahead: usize,
-        stages: &[u32],
-        refs: &mut [Reference],
-    ) {
-        for _ in 0..first_ahead {
-            carrot = carrot.after(self.dt_s);
-        }
-        for (entry, steps) in refs.iter_mut().zip(stages) {
-            for _ in 0..*steps {
-                carrot = carrot.after(self.dt_s);
-            }
-            *entry = carrot.reference();
         }
     }
 

@@ -11,18 +11,17 @@ use crate::cycle::{FlightTable, ModelKind};
 /// The speed at which a mission is flown as it is written. 1
 pub const SPEED_AS_WRITTEN: f64 = 0.5;
 
-/// Of the acceleration limit, less one standard deviation, along straight sides and in their corners, which are short:
-/// the rest corrects.
-const ACCEL_FRACTION: f64 = 0.955;
+/// Of the acceleration limit along straight sides and in their corners, which are short: the rest corrects.
+const ACCEL_FRACTION: f64 = 0.946;
 
 /// The same on a curve, where it is needed all the time.
-const CURVE_FRACTION: f64 = 0.66;
+const CURVE_FRACTION: f64 = 0.654;
 
-/// The same where the speed rises. A vehicle that cannot keep up there is late, but not off the path.
-const SPEED_UP_FRACTION: f64 = 2.0;
+/// To it, where the speed rises. A vehicle that cannot keep up there is late, but not off the path.
+const SPEED_UP_RATIO: f64 = 3.0;
 
 /// Of the reach: how far from an inner waypoint the path passes. The rest is the vehicle's error.
-const CORNER_FRACTION: f64 = 0.675;
+const CORNER_FRACTION: f64 = 0.6;
 
 /// Where a reference slows down and stands for a vehicle that is late: early, since it may be late because it
 /// is weaker than its parameters say, and has yet to brake for the corner. m
@@ -36,7 +35,6 @@ const ASIDE_M: [f64; 2] = [0.05, 0.25];
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Fastest {
     speed_mps: f64,
-    /// Less one standard deviation.
     accel_mps2: f64,
 }
 
@@ -78,8 +76,7 @@ impl FlightTable {
         let LimitTable { speed_max_mps, accel_max_mps2, speed_up_max_mps2, .. } = limits;
         if let Some(fastest) = fastest {
             let speed_up_mps2 = speed_up_max_mps2.unwrap_or(*accel_max_mps2);
-            *speed_up_max_mps2 =
-                Some(toward(speed_up_mps2, SPEED_UP_FRACTION * fastest.accel_mps2));
+            *speed_up_max_mps2 = Some(toward(speed_up_mps2, SPEED_UP_RATIO * fastest.accel_mps2));
             *speed_max_mps = toward(*speed_max_mps, fastest.speed_mps);
             *accel_max_mps2 = toward(*accel_max_mps2, fraction * fastest.accel_mps2);
             wait.begin_m = toward(wait.begin_m, WAIT_M.0);
@@ -98,17 +95,13 @@ impl FlightTable {
         if speed <= SPEED_AS_WRITTEN {
             return Ok(None);
         }
-        let mhe = &self.cycle.mhe;
-        let row = |row: usize| mhe.p_prior.get(row).zip(mhe.c_p.get(row));
+        let row = |row: usize| self.cycle.mhe.p_prior.get(row).copied();
         let rows = row(lag::A_MAX).zip(row(lag::LAMBDA_H)).zip(row(lag::DEAD_H));
-        let (ModelKind::Lagged, Some((((accel, c_accel), (gain, _)), (dead, _)))) =
-            (self.cycle.model, rows)
-        else {
+        let (ModelKind::Lagged, Some(((accel_mps2, gain), dead))) = (self.cycle.model, rows) else {
             let rule = "at most 0.5 for a model without a limit of the acceleration";
             return Err(SettingError::new("speed", speed, rule));
         };
-        let sd_mps2 = if *c_accel > 0.0 { 1.0 / c_accel } else { 0.0 };
-        Ok(Some(Fastest { speed_mps: gain * (1.0 - dead), accel_mps2: accel - sd_mps2 }))
+        Ok(Some(Fastest { speed_mps: gain * (1.0 - dead), accel_mps2 }))
     }
 }
 

@@ -194,7 +194,7 @@ pub struct FollowTable {
 pub struct StartTable {
     /// Distance to the first pose, the norm over x, y, z and theta. m and rad, >= 0.02
     pub within: f64,
-    /// Time for which the vehicle must have been that near without a break. s, 0..=60
+    /// Time for which the vehicle must stay within twice that, and within `reach`, without a break. s, 0..=60
     pub settle_s: f64,
 }
 

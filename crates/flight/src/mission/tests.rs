@@ -115,10 +115,20 @@ fn the_square_takes_the_time_of_the_hand_computation() {
 fn the_reference_stands_until_the_vehicle_has_settled() {
     let mut mission = mission(&square(0.1));
     let first = mission.first_pose();
-    let outside = first + Pose::new(0.08, 0.0, 0.08, 0.0);
+    let outside = first + Pose::new(0.15, 0.0, 0.15, 0.0);
+    // Too far to begin settling, near enough to go on with it: the plan begins to speed up before the path begins.
+    let near = first + Pose::new(0.08, 0.0, 0.08, 0.0);
+    for _ in 0..50 {
+        mission.advance(&near);
+    }
+    assert!(place_gap(&now(&mission).pose, &first) < 1e-3, "{:?}", now(&mission));
     for k in 0..100 {
         // Settling takes 20 periods without a break.
-        mission.advance(if k % 20 == 19 { &outside } else { &first });
+        mission.advance(match k % 20 {
+            19 => &outside,
+            0 => &first,
+            _ => &near,
+        });
         assert_eq!(mission.targets_reached(), 0);
         assert!(k > 18 || now(&mission) == Reference::at_rest(first), "{:?}", now(&mission));
     }
