@@ -9,7 +9,9 @@ pub mod rows;
 pub mod ticks;
 
 use std::cmp::Ordering;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -35,6 +37,9 @@ const EXTENSIONS: [&str; 3] = ["log", "csv", "mcap"];
 
 /// Longest gap in a recording that is bridged with missing observations: one second. steps
 pub const GAP_STEPS_MAX: u64 = 50;
+
+/// Positions on end by which a flight is known: a third of a second.
+const MOTION_POSES: usize = 16;
 
 /// No room is so large. m and rad
 const POSE_MAX: f64 = 1000.0;
@@ -73,29 +78,88 @@ pub fn load(paths: &[PathBuf]) -> Result<(Vec<Loaded>, Vec<Unusable>)> {
     let filter = &config::fly(None, None)?.0.cycle.filter;
     let filter = filter.try_into().map_err(|error: SettingError| error.under("cycle.filter"))?;
     let files = find(paths)?;
-    let results: Vec<Result<Loaded>> =
-        files.par_iter().map(|path| load_one(path, filter)).collect();
-    let mut loaded = Vec::with_capacity(files.len());
+    let load = |path| load_one(path, filter).map(|log| (motions(&log.recording), log));
+    let results: Vec<Result<(BTreeSet<u64>, Loaded)>> =
+        files.par_iter().map(|path| load(path)).collect();
+    let (mut known, mut loaded) = (KnownFlights::default(), Vec::with_capacity(files.len()));
     let mut unusable = Vec::new();
     for (path, result) in files.into_iter().zip(results) {
         match result {
-            Ok(recording) => match equal_to(&recording, &loaded) {
-                // Twice the same flight would count as two.
-                Some(first) => {
-                    let why = format!("its bytes are those of {}", first.path.display());
-                    unusable.push((path, why));
+            Ok((motions, log)) => {
+                if let Some(first) = known.place_of(&log.sha256, &motions) {
+                    // Twice the same flight would count as two.
+                    let Loaded { path: first, sha256, .. }: &Loaded = &loaded[first];
+                    let what = if *sha256 == log.sha256 { "bytes" } else { "poses" };
+                    unusable.push((path, format!("its {what} are those of {}", first.display())));
+                } else {
+                    known.push(&log.sha256, motions);
+                    loaded.push(log);
                 }
-                None => loaded.push(recording),
-            },
+            }
             Err(error) => unusable.push((path, format!("{error:#}"))),
         }
     }
     Ok((loaded, unusable))
 }
 
-/// The one of `others` that was read from the same bytes.
-pub(crate) fn equal_to<'a>(recording: &Loaded, others: &'a [Loaded]) -> Option<&'a Loaded> {
-    others.iter().find(|other| other.sha256 == recording.sha256)
+/// Flights, by which one is known again in another file, such as a converted or a recovered copy.
+#[derive(Debug, Default)]
+struct KnownFlights {
+    /// The first flight with each of these bytes.
+    by_bytes: BTreeMap<String, usize>,
+    /// The first flight with each of these [`motions`].
+    by_motion: BTreeMap<u64, usize>,
+    /// Number of the motions of each flight.
+    motions: Vec<usize>,
+}
+
+impl KnownFlights {
+    fn push(&mut self, sha256: &str, motions: BTreeSet<u64>) {
+        let place = self.motions.len();
+        self.motions.push(motions.len());
+        self.by_bytes.entry(sha256.to_owned()).or_insert(place);
+        for motion in motions {
+            self.by_motion.entry(motion).or_insert(place);
+        }
+    }
+
+    /// The place of the flight that has these bytes, or most of the motions of the shorter one.
+    fn place_of(&self, sha256: &str, motions: &BTreeSet<u64>) -> Option<usize> {
+        let mut shared: BTreeMap<usize, usize> = BTreeMap::new();
+        for place in motions.iter().filter_map(|motion| self.by_motion.get(motion)) {
+            *shared.entry(*place).or_default() += 1;
+        }
+        let is_same = |(place, shared): (usize, usize)| {
+            (2 * shared > motions.len().min(self.motions[place])).then_some(place)
+        };
+        self.by_bytes.get(sha256).copied().or_else(|| shared.into_iter().find_map(is_same))
+    }
+}
+
+/// The one of `others` that has the flight of `log`.
+pub(crate) fn same_flight<'a>(log: &Loaded, others: &'a [Loaded]) -> Option<&'a Loaded> {
+    let mut known = KnownFlights::default();
+    for other in others {
+        known.push(&other.sha256, motions(&other.recording));
+    }
+    known.place_of(&log.sha256, &motions(&log.recording)).map(|place| &others[place])
+}
+
+/// The hashes of all runs of [`MOTION_POSES`] positions on end, repeated ones left out. Noise makes each run its own.
+fn motions(recording: &Recording<{ stick::COUNT }, { pose::COUNT }>) -> BTreeSet<u64> {
+    let is_seen = |o: &&Observed<{ pose::COUNT }>| (pose::X..=pose::Z).all(|row| o.is_present[row]);
+    let micrometres = |o: &Observed<{ pose::COUNT }>| {
+        #[expect(clippy::cast_possible_truncation, reason = "at most 1e9")]
+        [pose::X, pose::Y, pose::Z].map(|row| (1e6 * o.o[row]).round() as i64)
+    };
+    let mut places: Vec<[i64; 3]> = recording.o.iter().filter(is_seen).map(micrometres).collect();
+    places.dedup();
+    let hash = |run: &[[i64; 3]]| {
+        let mut hasher = DefaultHasher::new();
+        run.hash(&mut hasher);
+        hasher.finish()
+    };
+    places.windows(MOTION_POSES).map(hash).collect()
 }
 
 /// The files that `paths` name, each once: a file as it is, of a folder every recording by its name,
@@ -123,7 +187,7 @@ pub fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
         inside.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
         files.append(&mut inside);
     }
-    let mut known = std::collections::BTreeSet::new();
+    let mut known = BTreeSet::new();
     files.retain(|path| known.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
     Ok(files)
 }

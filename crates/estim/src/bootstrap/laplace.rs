@@ -1,6 +1,6 @@
 //! Covariance of the parameter from the curvature of the cost at its minimum.
 //!
-//! Owns three answers from one factorization that differ in what they assume of the residuals. The
+//! Owns answers from one factorization that differ in what they assume of the residuals. The
 //! bootstrap, which assumes least and costs most, is one file up.
 
 use horizon_model::Model;
@@ -16,7 +16,7 @@ use crate::reduced_system::ReducedSystem;
 ///
 /// `H` is the Hessian of the cost of all `n` pieces and the prior by the parameter, states following, `g_i` the
 /// gradient of the cost of piece `i`, less the mean over the pieces. That mean is zero but for the prior's part.
-/// Estimated dead times add to all of them ([`Laplace::with_dead_times`]).
+/// Estimated dead times add to all of them but the prior's part ([`Laplace::with_dead_times`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Laplace<const NP: usize> {
     /// `H^-1`. Right if residuals are independent and every weight is the inverse of a standard deviation.
@@ -29,6 +29,9 @@ pub struct Laplace<const NP: usize> {
     /// independent, whatever the residuals inside are and however they are weighted; what the bootstrap
     /// over pieces tends to. Needs more pieces than parameters. Product of the units of row and column
     pub clustered: SMatrix<f64, NP, NP>,
+    /// `H^-1 diag(C_p)^2 H^-1`: what the deviation of the prior adds to [`Laplace::clustered`], in which a parameter
+    /// that no piece tells anything about has none. Product of the units of row and column
+    pub by_prior: SMatrix<f64, NP, NP>,
     /// Twice the cost over the degrees of freedom: 1 if every weight is the inverse of a standard deviation. 1
     pub residual_variance: f64,
 }
@@ -84,6 +87,7 @@ impl<const NP: usize> Laplace<NP> {
             };
         let scatter: SMatrix<f64, NP, NP> =
             reduced_systems.iter().zip(counts()).enumerate().map(moved).sum();
+        let by_prior = plain * ident.prior_information() * plain;
         let cost: f64 = reduced_systems.iter().zip(counts()).map(|((_, cost), n)| cost * n).sum();
         let residual_variance = 2.0 * cost / ident.degrees_of_freedom();
         let by_dead_times = dead_times.iter().map(|influence| {
@@ -95,13 +99,14 @@ impl<const NP: usize> Laplace<NP> {
             plain,
             scaled: plain * residual_variance,
             clustered: scatter * (pieces / (pieces - 1.0).max(1.0)),
+            by_prior,
             residual_variance,
         })
     }
 
-    /// The normal distribution around the estimate `p` with [`Laplace::clustered`].
+    /// The normal distribution around the estimate `p` with [`Laplace::clustered`] and [`Laplace::by_prior`].
     pub fn spread(&self, p: &SVector<f64, NP>) -> Spread<NP> {
-        Spread::normal(p, &self.clustered)
+        Spread::normal(p, &(self.clustered + self.by_prior))
     }
 }
 

@@ -31,12 +31,16 @@ where
         &self,
         reduced_systems: &[(ReducedSystem<NP>, f64)],
     ) -> SMatrix<f64, NP, NP> {
-        let mut sum = ReducedSystem::zeros();
-        self.prior.add_to(&mut sum, &self.p);
+        let mut sum = self.prior_information();
         for ((parameter_block, _), count) in reduced_systems.iter().zip(&self.multiplicities) {
-            sum.hessian += parameter_block.hessian * f64::from(*count);
+            sum += parameter_block.hessian * f64::from(*count);
         }
-        sum.hessian
+        sum
+    }
+
+    /// Hessian of the prior's cost, `diag(C_p)^2`. One over the product of the units of row and column
+    pub(crate) fn prior_information(&self) -> SMatrix<f64, NP, NP> {
+        self.prior.information()
     }
 
     /// Cost of each piece at the iterate, counted once, without prior. 1

@@ -2,14 +2,16 @@
 
 use std::path::Path;
 
-use anyhow::{Error, Result};
+use anyhow::{Error, Result, bail};
 use horizon_estim::NORMAL_HALF_WIDTH;
+use horizon_model::rows::stick;
 use tello_flight::Start;
 use tello_flight::cycle::{self, FlightTable, ModelKind};
 use tello_io::config;
 
 use super::job::Job;
 use super::report::{Fit, ParameterRow};
+use super::verdict::{EXCITATION_MIN, PRIOR_RATIO};
 use crate::REVISION;
 use crate::parameter_file::{
     DataFile, FORMAT, ParameterEntry, ParameterFile, TakesParameters as _,
@@ -25,18 +27,40 @@ pub fn flight_settings(model: ModelKind, path: Option<&Path>) -> Result<Option<F
     Ok(runs_it.then(|| config::flight(&table, mission, Start::Grounded)))
 }
 
-/// The values of a parameter file: the estimates, but the nearest bound of the flight's estimator where that lies
-/// within the 95 % interval, which the logs then do not exclude. Reports of which that is so.
+/// A value of a parameter file.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Accepted {
+    /// In the unit of the row.
+    value: f64,
+    /// It is the prior, which has no deviation by these logs.
+    is_prior: bool,
+}
+
+/// The values of a parameter file: the estimates, but the prior where no stick of the axis was moved much
+/// (`input_rms`) and the logs tell less than it (`prior_std`), and the nearest bound of the flight's estimator where
+/// that lies within the 95 % interval, which the logs then do not exclude. Reports of which that is so.
 pub(super) fn accepted_values(
     job: &Job<'_>,
     parameters: &[ParameterRow],
-) -> (Vec<f64>, Vec<String>) {
+    input_rms: &[f64],
+    prior_std: &[f64],
+) -> (Vec<Accepted>, Vec<String>) {
     let flight = job.flight.filter(|flight| flight.cycle.model == job.table.model);
     let bounds = flight.map(|flight| (&flight.cycle.mhe.p_lb[..], &flight.cycle.mhe.p_ub[..]));
     let (p_lb, p_ub) = bounds.unwrap_or_default();
     let mut notes = Vec::new();
     let values = parameters.iter().enumerate().map(|(i, row)| {
         let bounds = p_lb.get(i).zip(p_ub.get(i));
+        if is_unknown(row, input_rms, prior_std[i]) {
+            // Like clamp, but without a panic for bounds that are none.
+            let prior = job.table.map.p_prior[i];
+            let value = bounds.map_or(prior, |(lo, hi)| prior.max(*lo).min(*hi));
+            notes.push(format!(
+                "{} is {value} in the parameter file, its prior: no stick that shows it was moved much",
+                row.name
+            ));
+            return Accepted { value, is_prior: true };
+        }
         let value = bounds.map_or(row.value, |(lo, hi)| nearest_bound(row, *lo, *hi));
         if value.total_cmp(&row.value).is_ne() {
             notes.push(format!(
@@ -45,9 +69,24 @@ pub(super) fn accepted_values(
                 row.name
             ));
         }
-        value
+        Accepted { value, is_prior: false }
     });
     (values.collect(), notes)
+}
+
+/// Whether no stick that shows the parameter of `row` was moved much, and the logs tell less of it than its prior.
+fn is_unknown(row: &ParameterRow, input_rms: &[f64], prior_std: f64) -> bool {
+    let is_still = sticks_of(row.name).iter().all(|stick| input_rms[*stick] < EXCITATION_MIN);
+    is_still && (row.std_laplace.is_nan() || row.std_laplace > PRIOR_RATIO * prior_std)
+}
+
+/// The sticks that show a parameter, by the axis that its name ends with.
+fn sticks_of(name: &str) -> &'static [usize] {
+    match name.rsplit_once('_') {
+        Some((_, "v")) => &[stick::THROTTLE],
+        Some((_, "a")) => &[stick::YAW],
+        _ => &[stick::ROLL, stick::PITCH],
+    }
 }
 
 /// The value of `row`, or the nearest of its bounds if that lies within its 95 % interval, by the resamples or by the
@@ -64,9 +103,13 @@ fn nearest_bound(row: &ParameterRow, lo: f64, hi: f64) -> f64 {
 ///
 /// # Errors
 /// The settings cannot be written as JSON.
-pub(super) fn parameter_file(job: &Job<'_>, fit: &Fit, values: &[f64]) -> Result<ParameterFile> {
-    let known = |value: f64| value.is_finite().then_some(value);
-    let entries = fit.parameters.iter().zip(values).map(|(row, value)| {
+pub(super) fn parameter_file(
+    job: &Job<'_>,
+    fit: &Fit,
+    values: &[Accepted],
+) -> Result<ParameterFile> {
+    let entries = fit.parameters.iter().zip(values).map(|(row, Accepted { value, is_prior })| {
+        let known = |value: f64| (value.is_finite() && !is_prior).then_some(value);
         let entry = ParameterEntry {
             value: *value,
             std: known(row.std),
@@ -88,15 +131,29 @@ pub(super) fn parameter_file(job: &Job<'_>, fit: &Fit, values: &[f64]) -> Result
         dead_time_s: fit.dead_time_s.clone(),
         data: data.collect(),
         settings: serde_json::to_value(job.table)?,
-        covariance: fit.covariance.clone(),
+        covariance: fit.covariance.clone().filter(|_| !values.iter().any(|value| value.is_prior)),
         flown: None,
         revision: REVISION.to_owned(),
     })
 }
 
-/// Why the flight of the job would refuse `file`; `None` if it takes it, or if the job names no flight.
-pub(super) fn refusal(job: &Job<'_>, file: &ParameterFile) -> Option<Error> {
+/// Why the flight of the job would refuse the `file` of `fit`, or the logs do not determine it; `None` if it takes it,
+/// or if the job names no flight.
+pub(super) fn refusal(job: &Job<'_>, fit: &Fit, file: &ParameterFile) -> Option<Error> {
     let is_taken = |flight: &FlightTable| {
+        let undetermined = fit.parameters.iter().find(|row| {
+            let entry = file.parameters.get(row.name);
+            let is_written = entry.is_some_and(|entry| entry.value.total_cmp(&row.value).is_eq());
+            // A dead zone of 0 is a vehicle without one.
+            let is_none = row.name.starts_with("dead_") && row.value <= 0.0;
+            row.is_at_bound && is_written && !is_none
+        });
+        if let Some(row) = undetermined {
+            let ParameterRow { name, value, .. } = row;
+            bail!(
+                "{name} = {value} lies at its bound (map.p_lb, map.p_ub): the logs do not determine it"
+            );
+        }
         file.check()?;
         let mut flight = flight.clone();
         flight.cycle.take(file)?;
@@ -109,6 +166,45 @@ pub(super) fn refusal(job: &Job<'_>, file: &ParameterFile) -> Option<Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn each_parameter_has_its_sticks() {
+        use horizon_model::{Kinematic, Lagged, Model};
+        let horizontal = [stick::ROLL, stick::PITCH];
+        let of = |name: &str| match name {
+            "lambda_v" | "tau_v" | "dead_v" => &[stick::THROTTLE][..],
+            "lambda_a" | "tau_a" | "dead_a" => &[stick::YAW],
+            _ => &horizontal,
+        };
+        for row in Kinematic::PARAMETER.iter().chain(&Lagged::PARAMETER) {
+            assert_eq!(sticks_of(row.name), of(row.name), "{}", row.name);
+        }
+    }
+
+    #[test]
+    fn a_prior_is_kept_where_sticks_rested_and_the_logs_tell_less() {
+        let row = |std_laplace: f64| ParameterRow {
+            name: "tau_v",
+            unit: "s",
+            value: 0.7,
+            std: std_laplace,
+            std_laplace,
+            lower: 0.5,
+            upper: 0.9,
+            is_at_bound: false,
+        };
+        let rms = |throttle: f64| {
+            let mut rms = [0.3; stick::COUNT];
+            rms[stick::THROTTLE] = throttle;
+            rms
+        };
+        for (std_laplace, throttle, expected) in
+            [(0.3, 0.04, true), (f64::NAN, 0.04, true), (0.1, 0.04, false), (0.3, 0.06, false)]
+        {
+            let got = is_unknown(&row(std_laplace), &rms(throttle), 0.4);
+            assert_eq!(got, expected, "{std_laplace}, {throttle}");
+        }
+    }
 
     #[test]
     fn a_bound_is_taken_that_the_interval_holds() {

@@ -18,14 +18,13 @@ use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIter
 use tello_flight::cycle::{ModelKind, WithModel};
 use tello_io::clock::Clock;
 
-use crate::Stopped;
-
 use super::acceptance;
 use super::flights::{Flight, cut_logs, prepare};
 use super::job::{DelayCurve, Fitted, Job, Trace};
 use super::predict::{Identified, residual_decay_s};
 use super::report::{Bootstrap, DelayRow, Fit, ParameterRow};
-use super::verdict::{Evidence, PIECES_PER_PARAMETER, autocorrelation, is_resampled};
+use super::verdict::{Evidence, PIECES_PER_PARAMETER, PRIOR_RATIO, autocorrelation, is_resampled};
+use crate::Stopped;
 
 mod bootstrap;
 
@@ -58,8 +57,7 @@ impl WithModel for Fits<'_> {
 }
 
 /// The lagged model with sharper corners of the dead zones than a solver in flight needs: with those of the flight the
-/// gain of yaw is 0.003 rad/s and its dead zone 0.001 too large in simulated flights, several of their standard
-/// deviations.
+/// intervals of simulated flights are too narrow (`docs/benchmarks/2026-11-24-learning/README.md`).
 fn sharp() -> LaggedShape {
     LaggedShape { dead_width: 0.002, ..LaggedShape::default() }
 }
@@ -136,7 +134,8 @@ where
         let parameters = self.parameter_rows(spread, &laplace);
         let traces = self.traces();
         let has_converged = !matches!(report.stop, Stop::IterationLimit | Stop::DampingLimit);
-        let (values, moved) = acceptance::accepted_values(self.job, &parameters);
+        let (rms, prior_std) = (self.input_rms(), &self.prior_std);
+        let (values, moved) = acceptance::accepted_values(self.job, &parameters, &rms, prior_std);
         let mut fit = Fit {
             settings: self.job.name.to_owned(),
             model: M::NAME,
@@ -161,7 +160,7 @@ where
         fit.verdict = self.evidence(&fit, &traces, has_converged).sentences();
         fit.verdict.extend(moved);
         let file = acceptance::parameter_file(self.job, &fit, &values)?;
-        fit.refused = acceptance::refusal(self.job, &file).map(|error| format!("{error:#}"));
+        fit.refused = acceptance::refusal(self.job, &fit, &file).map(|error| format!("{error:#}"));
         Ok(Fitted {
             parameter_file: fit.refused.is_none().then_some(file),
             fit,
@@ -274,6 +273,8 @@ where
     fn parameter_rows(&self, spread: &Spread<NP>, laplace: &Spread<NP>) -> Vec<ParameterRow> {
         let [lower, upper] = &self.bounds;
         let row = |row: usize| {
+            let is_prior = laplace.std[row] > PRIOR_RATIO * self.prior_std[row];
+            let spread = if is_prior { laplace } else { spread }; // resamples of the logs keep the prior
             let value = self.ident.parameter()[row];
             ParameterRow {
                 name: M::PARAMETER[row].name,
@@ -322,8 +323,8 @@ where
             flight.applied_during(steps.clone(), &self.dead_time_s, self.job.table.dt_s)
         });
         let square = used.fold(Inputs::zeros(), |sum, u| sum + u.component_mul(&u));
-        let steps = self.spans.iter().map(|span| span.steps.len()).sum::<usize>();
-        square.iter().map(|square| (square / steps.max(1) as f64).sqrt()).collect()
+        let steps = self.spans.iter().map(|span| span.steps.len()).sum::<usize>().max(1) as f64;
+        square.iter().map(|square| (square / steps).sqrt()).collect()
     }
 
     fn traces(&self) -> Vec<Trace> {

@@ -71,8 +71,8 @@ pub(super) fn cut_logs(
         bail!(
             "no log has {steps_min} steps on end that can be used (piece_steps_min); in {lost} of {steps} \
              steps the drone did not follow its sticks: if that is most of them, the object may be turned \
-             (--turn), axes or sticks exchanged, or the vehicle unlike `lost_commands` (null in the settings \
-             takes every step)"
+             (--turn), axes or sticks exchanged, the period of a CSV not `dt_s`, or the vehicle unlike \
+             `lost_commands` (null in the settings takes every step)"
         );
     }
     Ok(spans)

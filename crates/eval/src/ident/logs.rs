@@ -49,9 +49,9 @@ pub fn load_judged(
     }
     let (mut logs, unusable) = recordings::load(paths)?;
     for log in &logs {
-        if let Some(same) = recordings::equal_to(log, fitted) {
+        if let Some(same) = recordings::same_flight(log, fitted) {
             bail!(
-                "{} of --judge has the bytes of {}, to which is fitted: judge by other logs",
+                "{} of --judge has the flight of {}, to which is fitted: judge by other logs",
                 log.path.display(),
                 same.path.display()
             );

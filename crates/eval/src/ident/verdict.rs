@@ -9,7 +9,7 @@ use super::job::Trace;
 use super::report::{DelayMinimum, DelayRow, ParameterRow};
 
 /// Root mean square below which a stick was hardly moved. 1
-const EXCITATION_MIN: f64 = 0.05;
+pub(super) const EXCITATION_MIN: f64 = 0.05;
 
 /// Autocorrelation of the observation residuals at [`WHITE_LAG_S`] above which they count as not white:
 /// what is left is then dynamics that the model does not know. Residuals of transitions are estimates
@@ -23,7 +23,7 @@ const WHITE_LAG_S: f64 = 0.2;
 const THETA_0_MAX: f64 = 0.2;
 
 /// Part of the prior's standard deviation above which the data contain next to no information.
-const PRIOR_RATIO: f64 = 0.5;
+pub(super) const PRIOR_RATIO: f64 = 0.5;
 
 /// Pieces per parameter from which their scatter counts.
 pub(super) const PIECES_PER_PARAMETER: usize = 3;
@@ -84,11 +84,7 @@ impl Evidence<'_> {
         self.about_parameters(&mut findings);
         for (row, rms) in self.inputs.iter().zip(&self.input_rms) {
             if *rms < EXCITATION_MIN {
-                findings.push(format!(
-                    "{} was hardly moved (rms {rms:.3}): fly it more, its parameters are little \
-                     more than the prior",
-                    row.name
-                ));
+                findings.push(format!("{} was hardly moved (rms {rms:.3}): fly it more", row.name));
             }
         }
         let colored: Vec<String> = self

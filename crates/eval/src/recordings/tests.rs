@@ -66,14 +66,20 @@ fn a_name_that_is_not_utf_8_is_refused_before_the_work() {
 fn a_copy_of_a_recording_does_not_count_twice() {
     let dir = std::env::temp_dir().join(format!("tello-ctl-copies-{}", std::process::id()));
     fs::create_dir_all(&dir).unwrap();
-    for (name, count) in [("1.log", 30), ("2.log", 30), ("3.log", 31)] {
-        fs::write(dir.join(name), steps(0..count)).unwrap();
+    // A copy, the same flight by a few steps longer, and another one.
+    for (name, steps) in [
+        ("1.log", steps(0..60)),
+        ("2.log", steps(0..60)),
+        ("3.log", steps(0..64)),
+        ("4.log", steps(40..90)),
+    ] {
+        fs::write(dir.join(name), steps).unwrap();
     }
     let (loaded, unusable) = load(std::slice::from_ref(&dir)).unwrap();
     let names: Vec<_> = loaded.iter().map(|log| log.path.clone()).collect();
-    assert_eq!(names, [dir.join("1.log"), dir.join("3.log")]);
-    let why = format!("its bytes are those of {}", dir.join("1.log").display());
-    assert_eq!(unusable, [(dir.join("2.log"), why)]);
+    assert_eq!(names, [dir.join("1.log"), dir.join("4.log")]);
+    let why = |what: &str| format!("its {what} are those of {}", dir.join("1.log").display());
+    assert_eq!(unusable, [(dir.join("2.log"), why("bytes")), (dir.join("3.log"), why("poses"))]);
     fs::remove_dir_all(dir).unwrap();
 }
 

@@ -15,15 +15,25 @@ fn a_positive_definite_matrix_times_its_inverse_is_one_and_another_has_none() {
 }
 
 #[test]
-fn the_three_covariances_are_symmetric_and_the_scaled_one_is_the_plain_one_by_the_residuals() {
+fn the_covariances_are_symmetric_and_the_scaled_one_is_the_plain_one_by_the_residuals() {
     let ident = solved(pieces());
-    let Laplace { plain, scaled, clustered, residual_variance } = Laplace::of(&ident).unwrap();
-    for covariance in [plain, scaled, clustered] {
+    let Laplace { plain, scaled, clustered, by_prior, residual_variance } =
+        Laplace::of(&ident).unwrap();
+    for covariance in [plain, scaled, clustered, by_prior] {
         assert!(amax(&(covariance - covariance.transpose())) < 1e-12 * amax(&covariance));
         assert!(inverse(&covariance).is_ok(), "{covariance}");
     }
     assert!(amax(&(scaled - plain * residual_variance)) < 1e-12 * amax(&scaled));
     assert!(residual_variance > 0.0);
+}
+
+#[test]
+fn what_no_piece_tells_has_the_deviation_of_its_prior() {
+    let mut ident = solved(pieces());
+    // No piece: all that is known is the prior.
+    ident.set_multiplicities(&vec![0; ident.multiplicities().len()]);
+    let laplace = Laplace::of(&ident).unwrap();
+    assert!(amax(&(laplace.by_prior - laplace.plain)) < 1e-12 * amax(&laplace.plain));
 }
 
 #[test]
@@ -129,13 +139,13 @@ fn a_dead_time_may_undo_or_double_what_a_piece_does_to_the_parameter() {
 }
 
 #[test]
-fn the_spread_is_normal_around_the_estimate_by_the_sandwich() {
+fn the_spread_is_normal_around_the_estimate_by_the_sandwich_and_the_prior() {
     let ident: Ident<Kinematic, 4, 4, 4, 4> = solved(pieces());
     let laplace = Laplace::of(&ident).unwrap();
     let spread = laplace.spread(ident.parameter());
     assert!(amax(&(spread.mean - ident.parameter())) < 1e-12);
     for row in 0..4 {
-        let std = laplace.clustered[(row, row)].sqrt();
+        let std = (laplace.clustered + laplace.by_prior)[(row, row)].sqrt();
         assert!((spread.std[row] / std - 1.0).abs() < 1e-12, "row {row}");
     }
 }
