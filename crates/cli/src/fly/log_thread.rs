@@ -5,7 +5,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use parking_lot::Mutex;
 use tello_io::clock::{CivilTime, Clock};
 use tello_io::log::{LogWriter, Recorder};
@@ -115,7 +115,13 @@ fn open(
     shape: &Outcome,
 ) -> Result<LogWriter> {
     let path = match &arguments.log {
-        Some(path) => path.clone(),
+        Some(path) => {
+            if let Some(folder) = path.parent() {
+                std::fs::create_dir_all(folder)
+                    .with_context(|| format!("cannot make the log folder {}", folder.display()))?;
+            }
+            path.clone()
+        }
         None => flight_log::free_path(
             &table.log.dir,
             &CivilTime::from_unix_ns(clock.utc_start_ns()).to_string(),

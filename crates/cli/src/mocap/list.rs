@@ -25,7 +25,7 @@ use crate::{Verdict, stdio};
 /// Exit code: 0 if an object was seen, 1 if none, 2 for arguments or settings that make no sense.
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// Computer of the motion capture system, name or address.
+    /// Computer of the motion capture system, name or address; or one source, KIND=HOST:PORT.
     #[arg(conflicts_with_all = ["source", "config"])]
     host: Option<String>,
     /// A source by kind and address, such as `natnet=192.168.1.5:1510`. Repeatable.
@@ -71,7 +71,8 @@ struct FoundObject {
     #[serde(flatten)]
     report: TrackReport,
     /// Newest place in our frame by the settings' axes; null if it was not seen. m
-    position_m: Option<[f64; 3]>,
+    #[serde(rename = "position_m")]
+    position_w_m: Option<[f64; 3]>,
     /// Distance from its first place to the furthest one. m
     moved_m: f64,
     /// What to write into the settings of a flight.
@@ -89,7 +90,9 @@ enum Drone<'a> {
 
 pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
     let seconds = super::watch::duration(arguments.seconds)?;
-    let tables: Vec<MocapTable> = if let Some(host) = &arguments.host {
+    let tables: Vec<MocapTable> = if let Some(source) = one_source(arguments)? {
+        vec![source.table("any")]
+    } else if let Some(host) = &arguments.host {
         let usual = |kind| SourceArgument::usual(kind, host).table("any");
         MocapTable::KINDS.map(usual).into()
     } else if arguments.source.is_empty() {
@@ -102,6 +105,11 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
     let is_seen =
         found.sources.iter().flat_map(|source| &source.objects).any(|o| o.report.seen > 0);
     Ok(if is_seen { Verdict::Good } else { Verdict::Bad })
+}
+
+/// The source that stands in place of a host.
+fn one_source(arguments: &Arguments) -> Result<Option<SourceArgument>> {
+    arguments.host.as_ref().filter(|host| host.contains('=')).map(|host| host.parse()).transpose()
 }
 
 /// Listens to all sources at once.
@@ -127,7 +135,7 @@ fn found(table: &MocapTable, settings: &MocapSettings, survey: Survey) -> FoundS
         FoundObject {
             name: name.clone(),
             report,
-            position_m: track.places.map(|[_, newest]| axes.place(&newest).0),
+            position_w_m: track.places.map(|[_, newest]| axes.place(&newest).0),
             moved_m: super::watch::moved_m(track, &axes),
             settings: super::rate::suggested(table, name, report.usual_hz),
         }
@@ -246,7 +254,7 @@ impl Display for FoundObject {
             write!(f, "not reported")?;
         }
         let frames = frames + missing;
-        match self.position_m {
+        match self.position_w_m {
             Some([x, y, z]) => write!(f, ", seen in {seen} of {frames}, at {x:.3} {y:.3} {z:.3} m"),
             None => write!(f, ", never seen in {frames} frames"),
         }
@@ -263,7 +271,7 @@ mod tests {
         let object = |(name, moved_m): &(&str, f64)| FoundObject {
             name: (*name).to_owned(),
             report: TrackReport { frames: 1, seen: 1, ..TrackReport::default() },
-            position_m: Some([0.0; 3]),
+            position_w_m: Some([0.0; 3]),
             moved_m: *moved_m,
             settings: table.of_object(name),
         };
