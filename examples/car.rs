@@ -53,7 +53,7 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let mut ident = Ident::new(car, &settings.build(&car)?, DT_S, vec![Piece { u: us, o: os }])?;
     assert!(ident.solve(&mut || false)?.is_converged());
     let p = *ident.parameter();
-    // Estimation and control: four metres ahead, one to the left, at rest.
+    // One metre of the way is to the left, where the car cannot move: it has to turn there and back.
     let settings = MheSettings::builder(p.into()).c_o([100.0; 2]).c_s([10.0; 4]).c_p([100.0]);
     let mut mhe = Mhe::new(car, settings.window_steps(20).build(&car)?, DT_S)?;
     let settings = MpcSettings::builder(STEPS).c_s([3.0, 3.0, 1.0, 0.5]).c_s_end([20.0; 4]);

@@ -255,7 +255,7 @@ fn a_picture_of_the_flight_is_drawn_and_the_terminal_is_as_it_was() {
     }
     // What would be written over it is in it, and is shown again afterwards.
     assert!(picture.contains("ws://127.0.0.1:"), "{picture}");
-    // From the outline of the room to the plan, in dots.
+    // Room, path and plan are drawn in dots: without them the words above would be there all the same.
     let dots = picture.chars().filter(|c| ('\u{2801}'..='\u{28ff}').contains(c)).count();
     assert!(dots > 20, "{dots} characters of dots:\n{picture}");
     println!("{picture}");

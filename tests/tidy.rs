@@ -75,6 +75,10 @@ const EVERY_CRATE: &[&str] = &[
     "tello-ctl",
 ];
 
+/// Workspaces of their own, parts of no other crate: one is built by another compiler, in one we fly with other
+/// people's client.
+const OWN_WORKSPACES: [&str; 2] = ["fuzz/Cargo.toml", "tests/clients/tello_edu/Cargo.toml"];
+
 /// What is not below the tick, however far: no runtime, socket, file or system call.
 const NOT_BELOW_FLIGHT: [&str; 9] =
     ["tokio", "mcap", "socket2", "nix", "mio", "evdev", "rtrb", "thread-priority", "tello-io"];
@@ -149,9 +153,7 @@ fn manifest_complaints(manifest: &File) -> Vec<String> {
     let Some(name) = name.map(|name| name.trim_matches('"')) else {
         return Vec::new(); // the workspace itself
     };
-    // Workspaces of their own, parts of no other crate: one is built by another compiler, one holds other people's
-    // work.
-    if ["fuzz/Cargo.toml", "tests/clients/tello_edu/Cargo.toml"].contains(&manifest.path.as_str()) {
+    if OWN_WORKSPACES.contains(&manifest.path.as_str()) {
         return Vec::new();
     }
     let Some((_, allowed)) = ARROWS.iter().find(|(crate_name, _)| *crate_name == name) else {
@@ -249,12 +251,15 @@ fn crates_depend_in_one_direction() -> io::Result<()> {
 
 /// A workspace of its own cannot inherit them.
 #[test]
-fn fuzz_targets_have_the_lints_of_the_workspace() -> io::Result<()> {
-    let (ours, fuzz) = (document("Cargo.toml")?, document("fuzz/Cargo.toml")?);
+fn workspaces_of_their_own_have_the_lints_of_the_workspace() -> io::Result<()> {
+    let ours = document("Cargo.toml")?;
     let lints = workspace_lints(&ours);
     assert!(lints.len() > 20, "{lints:?}");
-    assert_eq!(workspace_lints(&fuzz), lints);
-    assert!(fuzz.contains("[lints]\nworkspace = true"));
+    for path in OWN_WORKSPACES {
+        let manifest = document(path)?;
+        assert_eq!(workspace_lints(&manifest), lints, "{path}");
+        assert!(manifest.contains("[lints]\nworkspace = true"), "{path}");
+    }
     Ok(())
 }
 

@@ -19,8 +19,8 @@ const HISTORY: usize = 20;
 const MEASURED: usize = 12;
 const OBSERVATIONS: usize = MEASURED + HISTORY * stick::COUNT;
 /// Box that ends an episode. m
-const LOW_M: [f64; 3] = [-3.5, -3.5, 0.2];
-const HIGH_M: [f64; 3] = [3.5, 3.5, 3.0];
+const LOW_W_M: [f64; 3] = [-3.5, -3.5, 0.2];
+const HIGH_W_M: [f64; 3] = [3.5, 3.5, 3.0];
 /// Part of each new difference in the filtered velocity.
 const SMOOTHING: f64 = 0.3;
 /// No entry of an observation is larger.
@@ -47,8 +47,11 @@ struct Rules {
     steps_max: usize,
 }
 
-/// Position and velocity. m, m/s
-type Target = [f64; 6];
+/// Where a vehicle is to be and how fast, world frame.
+struct Target {
+    pos_w_m: [f64; 3],
+    velocity_w_mps: [f64; 3],
+}
 
 /// One vehicle and its episode.
 struct Environment {
@@ -148,7 +151,7 @@ impl Environment {
         let turned_rad = wrap(truth.pose[pose::THETA]).abs();
         let effort: f64 = u.iter().map(|u| u * u).sum();
         let mut reward = -DT_S * (distance_m + 0.3 * turned_rad + 0.002 * effort);
-        let is_out = |row: usize| truth.pose[row] < LOW_M[row] || truth.pose[row] > HIGH_M[row];
+        let is_out = |row: usize| truth.pose[row] < LOW_W_M[row] || truth.pose[row] > HIGH_W_M[row];
         let has_left = (pose::X..=pose::Z).any(is_out);
         if has_left {
             reward -= 5.0;
@@ -171,7 +174,7 @@ impl Environment {
 
     /// From this pose to the target. m
     fn distance_m(&self, at: &Pose, rules: &Rules) -> f64 {
-        let [x, y, z, ..] = *self.target(rules);
+        let [x, y, z] = self.target(rules).pos_w_m;
         let [dx, dy, dz] = [x - at[pose::X], y - at[pose::Y], z - at[pose::Z]];
         (dx * dx + dy * dy + dz * dz).sqrt()
     }
@@ -188,13 +191,14 @@ impl Environment {
         let measured = self.drone.measured();
         let heading = measured[pose::THETA];
         let (sin, cos) = heading.sin_cos();
-        let turned = |[x, y, z]: [f64; 3]| [cos * x + sin * y, cos * y - sin * x, z];
-        let [x, y, z, vx, vy, vz] = *self.target(rules);
-        let way = [x - measured[pose::X], y - measured[pose::Y], z - measured[pose::Z]];
+        let body_from_world = |[x, y, z]: [f64; 3]| [cos * x + sin * y, cos * y - sin * x, z];
+        let Target { pos_w_m: [x, y, z], velocity_w_mps } = *self.target(rules);
+        let way_w_m = [x - measured[pose::X], y - measured[pose::Y], z - measured[pose::Z]];
         let v = self.velocity_w;
-        let ([dx, dy, dz], [own_x, own_y, own_z]) =
-            (turned(way), turned([v[pose::X], v[pose::Y], v[pose::Z]]));
-        let [vx, vy, vz] = turned([vx, vy, vz]);
+        let own_w_mps = [v[pose::X], v[pose::Y], v[pose::Z]];
+        let [dx, dy, dz] = body_from_world(way_w_m);
+        let [own_x, own_y, own_z] = body_from_world(own_w_mps);
+        let [vx, vy, vz] = body_from_world(velocity_w_mps);
         let age_s = self.drone.age_s();
         let yaw = v[pose::THETA];
         let numbers = [dx, dy, dz, wrap(-heading), own_x, own_y, own_z, yaw, age_s, vx, vy, vz];
@@ -250,8 +254,14 @@ impl Environments {
         let table: SimTable =
             crate::settings::merged("sim", &tello_sim::settings(None).map_err(raised)?, settings)?;
         let targets = array::matrix("targets", &targets, (None, 6))?;
-        let targets: Vec<Target> =
-            targets.iter().map(|row| std::array::from_fn(|column| row[column])).collect();
+        let target = |row: &Vec<f64>| {
+            let (pos, velocity) = row.split_at(3);
+            Target {
+                pos_w_m: std::array::from_fn(|axis| pos[axis]),
+                velocity_w_mps: std::array::from_fn(|axis| velocity[axis]),
+            }
+        };
+        let targets: Vec<Target> = targets.iter().map(target).collect();
         if !(1..=targets.len()).contains(&period.unwrap_or(1)) {
             let message = format!("period: expected 1..={}, given {period:?}", targets.len());
             return Err(TelloError::new_err(message));
@@ -327,7 +337,7 @@ impl Environments {
     /// Target position of the first environment. m
     fn first_target(&self) -> [f64; 3] {
         let target = self.vehicles.first().map(|first| first.target(&self.rules));
-        target.map_or([0.0; 3], |[x, y, z, ..]| [*x, *y, *z])
+        target.map_or([0.0; 3], |target| target.pos_w_m)
     }
 }
 

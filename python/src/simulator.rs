@@ -267,7 +267,7 @@ impl Witness {
             battery_pct: 90,
             battery_v: None,
             height_m: Some(in_tenths(pose[pose::Z])),
-            velocity_mps: Some([
+            velocity_d_mps: Some([
                 in_tenths(velocity[pose::X]),
                 in_tenths(-velocity[pose::Y]),
                 in_tenths(-velocity[pose::Z]),

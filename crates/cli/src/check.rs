@@ -26,8 +26,8 @@ use crate::{Verdict, stdio};
 /// wrong types and values outside their range are refused, all at once, with file, line, key, value and rule; so are,
 /// as by `fly`, a mission that leaves the room or is faster than a vehicle can be, and parameters outside the bounds
 /// of the estimator. Of a mission it prints length, time, box, speeds, the distance to the walls, where the vehicle
-/// will not keep up, and what becomes of it in the simulator without wind and faults. JSON Schemas among the files are
-/// passed over.
+/// will not keep up, and what becomes of it in the simulator without noise, spread and faults. JSON Schemas among the
+/// files are passed over.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Exit codes: 0 all valid, 1 a file is refused or cannot be read, or the simulator does not get to the \

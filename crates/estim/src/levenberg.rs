@@ -204,9 +204,9 @@ const SHRINK: f64 = 4.0;
 /// The damping and its growth.
 ///
 /// The thesis prints the update the wrong way round (a large gain ratio would double the damping): a
-/// large ratio means that the model is right and the damping may shrink. Over consecutive poor steps
-/// the factor of growth doubles (Madsen, Nielsen, Tingleff 2004, algorithm 3.16), so that a far too
-/// small start costs a few steps instead of dozens.
+/// large ratio means that the model is right and the damping may shrink. With each poor step
+/// since the last good one the factor of growth doubles (Madsen, Nielsen, Tingleff 2004, algorithm
+/// 3.16), so that a far too small start costs a few steps instead of dozens.
 #[derive(Debug, Clone, Copy)]
 struct Damping {
     value: f64,

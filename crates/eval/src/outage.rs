@@ -81,17 +81,19 @@ pub fn lost_commands(
 ) -> Vec<bool> {
     let OutageSettings(table) = settings;
     let scale = 0.5 * dt_s / table.correlation_s;
-    let cost_of =
-        |error: Vector2<f64>| scale * (error.norm_squared() / table.sd_mps.powi(2)).min(ERROR_MAX);
+    let cost_of = |error_w_mps: Vector2<f64>| {
+        scale * (error_w_mps.norm_squared() / table.sd_mps.powi(2)).min(ERROR_MAX)
+    };
     let (mut up, mut down) = (0.0_f64, table.outage_cost);
     // Whether the best sequence that is up (down) in a step was down in the step before.
     let mut was_down = Vec::with_capacity(u_applied.len());
     for (k, u) in u_applied.iter().enumerate() {
-        let implied = implied_command(table, track, k);
+        let implied_w_mps = implied_command(table, track, k);
         let before = (up + table.outage_cost, down + table.return_cost);
         was_down.push([before.1 < up, down <= before.0]);
-        up = up.min(before.1) + cost_of(implied - command(table, u, track.pose[k][pose::THETA]));
-        down = down.min(before.0) + cost_of(implied);
+        up = up.min(before.1)
+            + cost_of(implied_w_mps - command(table, u, track.pose[k][pose::THETA]));
+        down = down.min(before.0) + cost_of(implied_w_mps);
     }
     let mut is_down = down < up;
     let mut is_lost: Vec<bool> = was_down
@@ -109,8 +111,8 @@ pub fn lost_commands(
 
 /// `v + tau dv/dt`, world frame. m/s
 fn implied_command(table: &OutageTable, track: &Track, k: usize) -> Vector2<f64> {
-    let implied = track.velocity[k] + table.tau_h_s * track.acceleration[k];
-    Vector2::new(implied[pose::X], implied[pose::Y])
+    let implied_w_mps = track.velocity[k] + table.tau_h_s * track.acceleration[k];
+    Vector2::new(implied_w_mps[pose::X], implied_w_mps[pose::Y])
 }
 
 fn command(table: &OutageTable, u: &Sticks, theta_rad: f64) -> Vector2<f64> {

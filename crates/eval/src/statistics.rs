@@ -51,7 +51,9 @@ pub fn median_interval(differences: &[f64], seed: u64) -> Option<[f64; 2]> {
     interval(differences, Centre::Median, seed)
 }
 
-/// 95 % of the centres of resampled `differences` lie between the two.
+/// 95 % of the centres of resampled `differences` lie between the two, in their unit; `None` without any.
+///
+/// Cost: 2000 resamples of all differences, sorted for a median.
 pub fn interval(differences: &[f64], centre: Centre, seed: u64) -> Option<[f64; 2]> {
     let mut sample = Vec::with_capacity(differences.len());
     let mut centres = Vec::new();

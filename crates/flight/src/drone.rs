@@ -102,7 +102,8 @@ pub struct DroneStatus {
     pub height_m: Option<f64>,
     /// Velocity by its own sensors: two horizontal axes, whose names and signs differ between reports,
     /// and down, in steps of 0.1 m/s. m/s
-    pub velocity_mps: Option<[f64; 3]>,
+    #[serde(rename = "velocity_mps")]
+    pub velocity_d_mps: Option<[f64; 3]>,
     /// Heading by its own sensors, from an unknown direction; counter-clockwise from above if its documents are right;
     /// missing in logs if it reports none. rad
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -138,7 +139,7 @@ mod tests {
             battery_pct: 80,
             battery_v: Some(3.95),
             height_m: Some(f64::from(3_i16) * 0.1),
-            velocity_mps: Some([-0.7, 1e-9, 0.0]),
+            velocity_d_mps: Some([-0.7, 1e-9, 0.0]),
             heading_rad: Some(0.1),
             flight_mode: Some(6),
         };
@@ -154,7 +155,7 @@ mod tests {
     fn what_a_protocol_does_not_report_stays_away() {
         let text = r#"{"received_at":5,"is_flying":true,"is_on_ground":false,"takes_sticks":true,"is_battery_low":null,"battery_pct":80,"battery_v":null,"height_m":null,"velocity_mps":null,"flight_mode":null}"#;
         let status: DroneStatus = serde_json::from_str(text).unwrap();
-        assert_eq!((status.battery_v, status.height_m, status.velocity_mps), (None, None, None));
+        assert_eq!((status.battery_v, status.height_m, status.velocity_d_mps), (None, None, None));
         assert_eq!(serde_json::to_string(&status).unwrap(), text);
     }
 

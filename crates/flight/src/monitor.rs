@@ -56,7 +56,7 @@ pub enum Agreement {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DroneMotion {
     /// Velocity along two horizontal axes of unknown direction and handedness. m/s
-    pub horizontal_mps: Option<[f64; 2]>,
+    pub horizontal_d_mps: Option<[f64; 2]>,
     /// Height over an unknown level. m
     pub height_m: Option<f64>,
     /// Heading from an unknown direction, in an unknown sense. rad

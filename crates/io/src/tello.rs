@@ -45,7 +45,7 @@ fn status_from_binary(status: &FlightStatus, received_at: TimeNs) -> DroneStatus
         battery_pct: status.battery_pct,
         battery_v: Some(status.battery_v()),
         height_m: Some(status.height_m()),
-        velocity_mps: Some(status.velocity_mps()),
+        velocity_d_mps: Some(status.velocity_d_mps()),
         heading_rad: None,
         flight_mode: Some(status.flight_mode),
     }

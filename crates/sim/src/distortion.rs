@@ -17,11 +17,13 @@ use crate::random::{Purpose, Random};
 #[derive(Debug, Clone)]
 pub(crate) struct Distortion {
     noise: Random,
+    /// Whether the newest report shows the other object of [`Fault::MocapSplit`].
+    is_elsewhere: bool,
 }
 
 impl Distortion {
     pub(crate) fn new(seed: u64) -> Self {
-        Self { noise: Random::new(seed, Purpose::FaultNoise) }
+        Self { noise: Random::new(seed, Purpose::FaultNoise), is_elsewhere: false }
     }
 
     /// The report of `step`, after `last` and in place of `by_chance`.
@@ -32,6 +34,7 @@ impl Distortion {
         faults: &Faults,
         step: u64,
     ) -> MocapReport {
+        self.is_elsewhere = false;
         let is_on = |fault| faults.is_on(fault, step);
         if is_on(Fault::MocapSilent) {
             MocapReport::Silent
@@ -65,6 +68,7 @@ impl Distortion {
             Fault::MocapSplit { offset_w_m: [x_m, y_m, z_m], fraction }
                 if self.noise.chance(fraction) =>
             {
+                self.is_elsewhere = true;
                 *o = at + Pose::new(x_m, y_m, z_m, 0.0);
             }
             Fault::MocapAxesStuck { axes, noise_m } => {
@@ -114,43 +118,45 @@ impl Distortion {
         }
         *o = reported(*o);
     }
-}
 
-/// How the reported pose changes in a step in which the true one changes by `change`: the noise apart.
-pub(crate) fn change(change: Pose, faults: &Faults, step: u64) -> Pose {
-    let is_on = |fault| faults.is_on(fault, step);
-    if is_on(Fault::MocapGhost) || is_on(Fault::MocapFrozen) || is_on(Fault::MocapNan) {
-        return Pose::zeros();
-    }
-    let mut change = change;
-    for present in faults.present(step) {
-        match present.fault {
-            Fault::MocapStill { .. } => change = Pose::zeros(),
-            Fault::MocapWalker { .. } => {
-                let elapsed_s = present.elapsed_s;
-                change = walked(&present, elapsed_s) - walked(&present, elapsed_s - DT_S);
-            }
-            Fault::MocapAxesStuck { axes, .. } => {
-                (pose::X..=pose::Z).filter(|&row| axes[row]).for_each(|row| change[row] = 0.0);
-            }
-            _ => {}
+    /// How the pose that [`Distortion::report`] gave for `step` changes in it, the true one by `change`: the noise
+    /// apart.
+    pub(crate) fn change(&self, change: Pose, faults: &Faults, step: u64) -> Pose {
+        let is_on = |fault| faults.is_on(fault, step);
+        if is_on(Fault::MocapGhost) || is_on(Fault::MocapFrozen) || is_on(Fault::MocapNan) {
+            return Pose::zeros();
         }
-    }
-    for present in faults.present(step) {
-        match present.fault {
-            Fault::MocapDrift { velocity_w_mps: [x, y, z], yaw_radps } => {
-                change += Pose::new(x, y, z, yaw_radps) * DT_S;
+        let mut change = change;
+        for present in faults.present(step) {
+            match present.fault {
+                Fault::MocapStill { .. } => change = Pose::zeros(),
+                Fault::MocapSplit { .. } if self.is_elsewhere => change = Pose::zeros(),
+                Fault::MocapWalker { .. } => {
+                    let elapsed_s = present.elapsed_s;
+                    change = walked(&present, elapsed_s) - walked(&present, elapsed_s - DT_S);
+                }
+                Fault::MocapAxesStuck { axes, .. } => {
+                    (pose::X..=pose::Z).filter(|&row| axes[row]).for_each(|row| change[row] = 0.0);
+                }
+                _ => {}
             }
-            Fault::MocapFrame { turn_rad, is_mirrored, scale } => {
-                in_frame(&mut change, turn_rad, is_mirrored, scale);
-            }
-            _ => {}
         }
+        for present in faults.present(step) {
+            match present.fault {
+                Fault::MocapDrift { velocity_w_mps: [x, y, z], yaw_radps } => {
+                    change += Pose::new(x, y, z, yaw_radps) * DT_S;
+                }
+                Fault::MocapFrame { turn_rad, is_mirrored, scale } => {
+                    in_frame(&mut change, turn_rad, is_mirrored, scale);
+                }
+                _ => {}
+            }
+        }
+        if is_on(Fault::MocapMillimetres) {
+            in_millimetres(&mut change);
+        }
+        change
     }
-    if is_on(Fault::MocapMillimetres) {
-        in_millimetres(&mut change);
-    }
-    change
 }
 
 /// What a walker has moved since the onset, after `elapsed_s`; zero of another fault.

@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tello_io::mocap::{Body, format_line};
 
-use crate::distortion::{self, Distortion};
+use crate::distortion::Distortion;
 use crate::drone::{Drone, Phase, Truth};
 use crate::drone_status::Reporter;
 use crate::fault::{Fault, Faults, Present, ScriptedFault};
@@ -297,9 +297,10 @@ impl World {
         self.faults.begin(self.step, &truth);
         self.trouble_the_drone();
         let by_chance = self.mocap.observe(&self.measured(truth));
-        let change = distortion::change(self.change(), &self.faults, self.step);
+        let change = self.change();
         let Self { faults, step, .. } = self;
         self.report = self.distortion.report(by_chance, self.report, faults, *step);
+        let change = self.distortion.change(change, faults, *step);
         let pose = match self.report {
             MocapReport::Pose(o) => Some(Some(o)),
             MocapReport::Lost => Some(None),

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use tello_eval::view_numbers::to_thousandths;
 
 use super::checks::{Check, Proof};
-use super::wire::{Event, Status, What};
+use super::wire::{Event, Radians, Status, What};
 
 /// A vehicle that is slower stands: reports have steps of 0.1 m/s.
 const MOVED_MIN_MPS: f64 = 0.15;
@@ -47,7 +47,7 @@ pub(super) fn seen(
         "answers": answers,
         "steps": steps(events),
         "velocity": velocity(events),
-        "turned_deg": turned_deg(events),
+        "turned_deg": turned_rad(events).map(|turned_rad| to_thousandths(turned_rad.to_degrees())),
         "height_m": range(statuses(events).filter_map(|(_, status)| status.height_m)),
         "battery_pct": statuses(events).last().and_then(|(_, status)| status.battery_pct),
         "statuses": times.len(),
@@ -194,7 +194,7 @@ fn steps(events: &[Event]) -> Vec<Value> {
                 "step": step,
                 "is_flying": before.map(|status| status.is_flying),
                 "height_m": before.and_then(|status| status.height_m).map(to_thousandths),
-                "velocity_mps": before.and_then(|status| status.velocity_mps).map(|v| v.map(to_thousandths)),
+                "velocity_mps": before.and_then(|status| status.velocity_d_mps).map(|v| v.map(to_thousandths)),
             })),
             _ => {}
         }
@@ -204,46 +204,45 @@ fn steps(events: &[Event]) -> Vec<Value> {
 
 /// Distance travelled and extremes of the reported velocity, and when it first reached 0.2 m/s.
 fn velocity(events: &[Event]) -> Value {
-    let (mut travelled_m, mut extremes, mut moved_at_s) = ([0.0; 3], [[0.0_f64; 2]; 3], None);
+    let (mut travelled_d_m, mut extremes_d_mps) = ([0.0; 3], [[0.0_f64; 2]; 3]);
+    let mut moved_at_s = None;
     let mut before: Option<(f64, [f64; 3])> = None;
     for (t_s, status) in statuses(events) {
-        let Some(velocity) = status.velocity_mps else { continue };
-        if let Some((before_s, was)) = before {
+        let Some(velocity_d_mps) = status.velocity_d_mps else { continue };
+        if let Some((before_s, was_d_mps)) = before {
             // Of a gap in the reports half a second counts at most: nothing is known of the rest.
             let dt_s = (t_s - before_s).min(0.5);
-            for (distance_m, speed_mps) in travelled_m.iter_mut().zip(was) {
+            for (distance_m, speed_mps) in travelled_d_m.iter_mut().zip(was_d_mps) {
                 *distance_m += speed_mps * dt_s;
             }
         }
-        for ([least, most], speed_mps) in extremes.iter_mut().zip(velocity) {
+        for ([least, most], speed_mps) in extremes_d_mps.iter_mut().zip(velocity_d_mps) {
             (*least, *most) = (least.min(speed_mps), most.max(speed_mps));
         }
-        if velocity.iter().any(|speed_mps| speed_mps.abs() > MOVED_MIN_MPS) {
+        if velocity_d_mps.iter().any(|speed_mps| speed_mps.abs() > MOVED_MIN_MPS) {
             moved_at_s.get_or_insert(to_thousandths(t_s));
         }
-        before = Some((t_s, velocity));
+        before = Some((t_s, velocity_d_mps));
     }
     json!({
-        "is_present": extremes.iter().flatten().any(|speed| *speed != 0.0),
-        "travelled_m": travelled_m.map(to_thousandths),
-        "extremes_mps": extremes.map(|range| range.map(to_thousandths)),
+        "is_present": extremes_d_mps.iter().flatten().any(|speed_mps| *speed_mps != 0.0),
+        "travelled_m": travelled_d_m.map(to_thousandths),
+        "extremes_mps": extremes_d_mps.map(|range| range.map(to_thousandths)),
         "moved_at_s": moved_at_s,
     })
 }
 
-/// Turn by the reported heading, as the drone counts it; `null` if it reports none. degrees
-fn turned_deg(events: &[Event]) -> Option<f64> {
+/// Turn by the reported heading, as the drone counts it; `null` if it reports none. rad
+fn turned_rad(events: &[Event]) -> Option<f64> {
     let headings = events.iter().filter_map(|event| match event.what {
-        What::Heading(yaw_deg) => Some(yaw_deg),
-        What::Status(status) => status.yaw_deg,
+        What::Heading(yaw) => Some(yaw),
+        What::Status(status) => status.yaw,
         _ => None,
     });
-    let mut before_deg = None;
-    let turns_deg = headings.map(|yaw_deg| {
-        let turn_deg = yaw_deg - before_deg.replace(yaw_deg).unwrap_or(yaw_deg);
-        wrap(turn_deg.to_radians()).to_degrees()
-    });
-    turns_deg.reduce(|sum_deg, turn_deg| sum_deg + turn_deg).map(to_thousandths)
+    let mut before_rad = None;
+    let turns_rad = headings
+        .map(|Radians(yaw_rad)| wrap(yaw_rad - before_rad.replace(yaw_rad).unwrap_or(yaw_rad)));
+    turns_rad.reduce(|sum_rad, turn_rad| sum_rad + turn_rad)
 }
 
 /// Least and largest value; `null` without any.

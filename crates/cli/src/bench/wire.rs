@@ -3,7 +3,8 @@
 //! Pure. The session of a flight sends packets in its own order alone; the bench needs others.
 
 use horizon_model::rows::Sticks;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
+use tello_eval::view_numbers::to_thousandths;
 use tello_flight::drone::MOTORS_REST;
 use tello_io::clock::{TimeNs, TimeOfDay};
 use tello_io::tello::Protocol;
@@ -12,6 +13,9 @@ use tello_io::tello::protocol::{
     self, Action, Answer, DronePacket, FlightStatus, HostPacket, MOTORS_ON, Query,
 };
 use tello_io::tello::text::{self, Command, Field, StateLine};
+
+/// Metres of the centimetres that the state line reports.
+const M_PER_CM: f64 = 0.01;
 
 /// A report of the drone.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -23,16 +27,39 @@ pub(super) struct Status {
     /// Height. m
     pub(super) height_m: Option<f64>,
     /// Velocity, in the axes of the report. m/s
-    pub(super) velocity_mps: Option<[f64; 3]>,
+    #[serde(rename = "velocity_mps")]
+    pub(super) velocity_d_mps: Option<[f64; 3]>,
     /// Charge. %
     pub(super) battery_pct: Option<f64>,
-    /// Heading of the state line, clockwise. degrees; in the binary protocol it is in [`What::Heading`]
-    pub(super) yaw_deg: Option<f64>,
+    /// Heading of the state line, clockwise. rad; in the binary protocol it is in [`What::Heading`]
+    #[serde(rename = "yaw_deg")]
+    pub(super) yaw: Option<Radians>,
     /// Bits and mode of the binary status.
     flags: Option<(u8, u8)>,
-    /// Distance to the floor and time with motors on of the state line. cm, s
-    tof_cm: Option<f64>,
+    /// Distance to the floor and time with motors on of the state line. m, s
+    #[serde(rename = "tof_cm")]
+    tof: Option<Metres>,
     motor_s: Option<f64>,
+}
+
+/// An angle. rad; degrees in the record
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Radians(pub(super) f64);
+
+/// A distance. m; centimetres in the record
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Metres(f64);
+
+impl Serialize for Radians {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        to_thousandths(self.0.to_degrees()).serialize(serializer)
+    }
+}
+
+impl Serialize for Metres {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        to_thousandths(self.0 / M_PER_CM).serialize(serializer)
+    }
 }
 
 /// A line of the record.
@@ -56,8 +83,8 @@ pub(super) enum What {
         error: Option<String>,
     },
     Status(Status),
-    /// A record of the drone's log: heading, clockwise. degrees
-    Heading(f64),
+    /// A record of the drone's log: heading, clockwise. rad
+    Heading(Radians),
     /// The drone offers its log.
     LogHeader {
         sequence: u16,
@@ -166,11 +193,11 @@ pub(super) fn read(bytes: &[u8], protocol: Protocol) -> What {
                 is_flying: status.is_flying(),
                 is_running: status.is_flying() || flags & MOTORS_ON != 0,
                 height_m: Some(status.height_m()),
-                velocity_mps: Some(status.velocity_mps()),
+                velocity_d_mps: Some(status.velocity_d_mps()),
                 battery_pct: Some(status.battery_pct.into()),
-                yaw_deg: None,
+                yaw: None,
                 flags: Some((flags, flight_mode)),
-                tof_cm: None,
+                tof: None,
                 motor_s: None,
             })
         }
@@ -181,7 +208,7 @@ pub(super) fn read(bytes: &[u8], protocol: Protocol) -> What {
         Ok(DronePacket::LogHeader { sequence, header_id }) => {
             What::LogHeader { sequence, header_id }
         }
-        Ok(DronePacket::LogData { yaw_rad, .. }) => What::Heading(yaw_rad.to_degrees()),
+        Ok(DronePacket::LogData { yaw_rad, .. }) => What::Heading(Radians(yaw_rad)),
         Ok(DronePacket::Answer { sequence, answer: Answer::Version(version) }) => {
             let version = version.to_string();
             What::Version { sequence, version }
@@ -206,11 +233,11 @@ pub(super) fn read_state(bytes: &[u8], motor: &mut Motor, now: TimeNs) -> What {
         is_flying: is_high,
         is_running: is_high || is_growing,
         height_m: line.height_m(),
-        velocity_mps: line.velocity_mps(),
+        velocity_d_mps: line.velocity_d_mps(),
         battery_pct: line.get(Field::Bat),
-        yaw_deg: line.get(Field::Yaw),
+        yaw: line.get(Field::Yaw).map(|yaw_deg| Radians(yaw_deg.to_radians())),
         flags: None,
-        tof_cm,
+        tof: tof_cm.map(|tof_cm| Metres(tof_cm * M_PER_CM)),
         motor_s,
     })
 }

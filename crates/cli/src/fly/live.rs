@@ -19,7 +19,7 @@ pub(super) use self::facts::Facts;
 use self::facts::{DroneFact, MocapFact, Times};
 use tello_eval::REVISION;
 use tello_eval::flight_log::TickRecord;
-use tello_eval::metrics::ReferencePath;
+use tello_eval::metrics::{LATE_TICK_MS, ReferencePath};
 use tello_eval::predicted_trajectory::TrajectoryPredictor;
 use tello_eval::view_numbers::{Place, every, place_of, ticks, to_thousandths};
 use tello_flight::cycle::{FlightTable, Inbox, Outcome, Timing};
@@ -55,6 +55,8 @@ pub(super) struct Briefing {
     pub(super) deadline_s: f64,
     /// Age beyond which a pose is stale. s
     pub(super) stale_s: f64,
+    /// Lateness beyond which a tick counts as late. ms
+    pub(super) late_ms: f64,
 }
 
 /// Makes facts of the ticks of a flight.
@@ -196,6 +198,7 @@ impl Briefing {
             dt_s: flight.cycle.dt_s,
             deadline_s: flight.cycle.deadline_s,
             stale_s: supervisor.stale_s,
+            late_ms: LATE_TICK_MS,
         }
     }
 }

@@ -16,7 +16,7 @@ const HEIGHT_PX: f64 = 110.0;
 /// The histogram reaches this many standard deviations from the mean.
 const REACH_STD: f64 = 5.0;
 
-/// White noise keeps 95 % of its autocorrelations within this over the root of their number.
+/// White noise keeps 95 % of its autocorrelations within this over the root of the number of residuals.
 const WHITE: f64 = 1.96;
 
 const NORMAL: Stroke = Stroke::solid(VERMILION, 1.6);

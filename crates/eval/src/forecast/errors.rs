@@ -52,8 +52,8 @@ impl ForecastErrors {
         Self { by_horizon: vec![Samples::default(); horizon_steps] }
     }
 
-    /// Adds one forecast's error at the horizon of `index + 1` steps, which is among those asked for at
-    /// construction.
+    /// Adds one forecast's error (m, rad) at the horizon of `index + 1` steps, which is among those asked for at
+    /// construction. Constant cost, but the samples grow.
     pub fn push(&mut self, index: usize, error: &Pose) {
         let samples = &mut self.by_horizon[index];
         samples.horizontal.push(error[pose::X].hypot(error[pose::Y]));

@@ -1,13 +1,13 @@
 //! Whether a vehicle that its inputs drive on has come to rest at once: it has hit something, or was caught.
 //!
 //! A vehicle whose commands are lost levels and slows down within a time constant of 0.6 s; a brake is asked for by
-//! its inputs. What is faster is a deceleration of 2.8 m/s^2 at least. With the place p (x and y of an accepted pose,
+//! its inputs. What is faster is a deceleration of 2.8 m/s^2 at least. With the place x (x and y of an accepted pose,
 //! world frame) and the applied inputs `u_w`, in the direction e of the motion before, it has hit something if for two
 //! poses
 //!
 //! ```text
-//! v = (p(t - 0.2 s) - p(t - 0.4 s)) / 0.2 s,    |v| >= 0.9 m/s,    e = v / |v|
-//! e' (p(t) - p(t - 0.12 s)) / 0.12 s <= |v| / 4
+//! v = (x(t - 0.2 s) - x(t - 0.4 s)) / 0.2 s,    |v| >= 0.9 m/s,    e = v / |v|
+//! e' (x(t) - x(t - 0.12 s)) / 0.12 s <= |v| / 4
 //! e' u_w >= 0.05    from t - 0.8 s to t: a brake may act 0.25 s earlier or 0.4 s later than it is taken to
 //! ```
 //!

@@ -62,7 +62,7 @@ impl Progress {
         self.least = None;
     }
 
-    /// A person steers: what the vehicle comes down is meant.
+    /// What the vehicle comes down now is no sinking: a person steers, or the flight is in another phase.
     pub(super) fn restart_height(&mut self) {
         self.top_m = None;
     }

@@ -206,7 +206,7 @@ where
 /// What a report tells of the motion.
 fn drone_motion(status: &DroneStatus) -> DroneMotion {
     DroneMotion {
-        horizontal_mps: status.velocity_mps.map(|[first, second, _]| [first, second]),
+        horizontal_d_mps: status.velocity_d_mps.map(|[first, second, _]| [first, second]),
         height_m: status.height_m,
         heading_rad: status.heading_rad,
     }

@@ -121,7 +121,7 @@ fn status(received_at: TimeNs, takes_sticks: bool) -> DroneStatus {
         battery_pct: 80,
         battery_v: None,
         height_m: None,
-        velocity_mps: None,
+        velocity_d_mps: None,
         heading_rad: None,
         flight_mode: None,
     }

@@ -23,7 +23,8 @@ struct StatusRecord {
     battery_mv: Option<i16>,
     height_m: Option<f64>,
     height_dm: Option<i16>,
-    velocity_mps: Option<[f64; 3]>,
+    #[serde(rename = "velocity_mps")]
+    velocity_d_mps: Option<[f64; 3]>,
     velocity_dm_s: Option<[i16; 3]>,
     heading_rad: Option<f64>,
     flight_mode: Option<u8>,
@@ -45,7 +46,7 @@ impl<'de> Deserialize<'de> for DroneStatus {
             battery_pct: record.battery_pct,
             battery_v: record.battery_v.or(older_v),
             height_m: record.height_m.or(record.height_dm.map(of_tenths)),
-            velocity_mps: record.velocity_mps.or(older_mps),
+            velocity_d_mps: record.velocity_d_mps.or(older_mps),
             heading_rad: record.heading_rad,
             flight_mode: record.flight_mode,
         })
@@ -66,7 +67,7 @@ mod tests {
             let tenths = f64::from(step) * 0.1;
             assert_eq!(status.battery_v, Some(f64::from(step) * 1e-3));
             assert_eq!(status.height_m, Some(tenths));
-            assert_eq!(status.velocity_mps, Some([tenths, 0.0, f64::from(3_i16) * 0.1]));
+            assert_eq!(status.velocity_d_mps, Some([tenths, 0.0, f64::from(3_i16) * 0.1]));
             // Written again in SI, the bits stay.
             let now = serde_json::to_string(&status).unwrap();
             assert!(!now.contains("_mv") && !now.contains("_dm"), "{now}");

@@ -80,8 +80,8 @@ struct Velocities {
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
     time_s: f64,
-    u: Complex<f64>,
-    o: Complex<f64>,
+    v_u_w: Complex<f64>,
+    v_o_w: Complex<f64>,
     y: f64,
     u_o: Complex<f64>,
     u_y: Complex<f64>,
@@ -100,18 +100,18 @@ struct Turn {
 }
 
 impl Sums {
-    fn add(&mut self, [u, o]: [Complex<f64>; 2], y: f64, dt_s: f64) {
+    fn add(&mut self, [v_u_w, v_o_w]: [Complex<f64>; 2], y: f64, dt_s: f64) {
         let keep = (-dt_s / FORGET_S).exp();
         *self = Self {
             time_s: self.time_s * keep + dt_s,
-            u: self.u * keep + u * dt_s,
-            o: self.o * keep + o * dt_s,
+            v_u_w: self.v_u_w * keep + v_u_w * dt_s,
+            v_o_w: self.v_o_w * keep + v_o_w * dt_s,
             y: self.y * keep + y * dt_s,
-            u_o: self.u_o * keep + u.conj() * o * dt_s,
-            u_y: self.u_y * keep + u.conj() * y * dt_s,
-            y_o: self.y_o * keep + o * y * dt_s,
-            u_u: self.u_u * keep + u.norm_sqr() * dt_s,
-            o_o: self.o_o * keep + o.norm_sqr() * dt_s,
+            u_o: self.u_o * keep + v_u_w.conj() * v_o_w * dt_s,
+            u_y: self.u_y * keep + v_u_w.conj() * y * dt_s,
+            y_o: self.y_o * keep + v_o_w * y * dt_s,
+            u_u: self.u_u * keep + v_u_w.norm_sqr() * dt_s,
+            o_o: self.o_o * keep + v_o_w.norm_sqr() * dt_s,
             y_y: self.y_y * keep + y * y * dt_s,
         };
     }
@@ -122,12 +122,12 @@ impl Sums {
         if time_s < BEGIN_S {
             return None;
         }
-        let (u, o, y) = (self.u / time_s, self.o / time_s, self.y / time_s);
-        let (u_y, y_o) = (u_y / time_s - u.conj() * y, y_o / time_s - o * y);
+        let (v_u_w, v_o_w, y) = (self.v_u_w / time_s, self.v_o_w / time_s, self.y / time_s);
+        let (u_y, y_o) = (u_y / time_s - v_u_w.conj() * y, y_o / time_s - v_o_w * y);
         let s_yy = (y_y / time_s - y * y).max(DECAY_VARIANCE_MIN);
-        let s_uo_y = u_o / time_s - u.conj() * o - u_y * y_o / s_yy;
-        let s_uu_y = u_u / time_s - u.norm_sqr() - u_y.norm_sqr() / s_yy;
-        let s_oo_y = o_o / time_s - o.norm_sqr() - y_o.norm_sqr() / s_yy;
+        let s_uo_y = u_o / time_s - v_u_w.conj() * v_o_w - u_y * y_o / s_yy;
+        let s_uu_y = u_u / time_s - v_u_w.norm_sqr() - u_y.norm_sqr() / s_yy;
+        let s_oo_y = o_o / time_s - v_o_w.norm_sqr() - y_o.norm_sqr() / s_yy;
         let is_clear = s_uu_y >= VARIANCE_MIN && s_uo_y.norm() >= GAIN_MIN_MPS * s_uu_y;
         let correlation2 = s_uo_y.norm_sqr() / (s_uu_y * s_oo_y).max(f64::MIN_POSITIVE);
         is_clear.then(|| Turn { angle_rad: s_uo_y.arg(), correlation2 })
@@ -190,9 +190,9 @@ impl DirectionMonitor {
     /// The velocity that the inputs ask for follows them with the lag. Pitch leads forward, roll to the right.
     fn ask(&mut self, sample: &Sample) {
         let [x, y] = inputs_w(&sample.u_applied, self.theta_rad).into();
-        let asked = Complex::new(x, y);
+        let asked_w = Complex::new(x, y);
         let keep = decay(self.dt_s);
-        self.v_u_w += (asked - self.v_u_w) * (1.0 - keep);
+        self.v_u_w += (asked_w - self.v_u_w) * (1.0 - keep);
         self.decay *= keep;
         self.since.count += 1;
         self.since.v_u_w += self.v_u_w;

@@ -22,8 +22,8 @@ const TURN_RAD: f64 = 0.785;
 /// displacement, or of the larger speed and at least so much. 1, m/s
 const TOLERANCE: f64 = 0.25;
 const TOLERANCE_MPS: f64 = 0.1;
-/// Time constant of the low-pass filter of both velocities before their speeds are compared: longer than the
-/// age of a report. s
+/// Time constant of the low-pass filter of both velocities before their speeds are compared: what their ages, which are
+/// found to 0.1 s, still differ by makes a small difference. s
 const SPEED_TAU_S: f64 = 0.4;
 
 /// Motion of the last seconds by three witnesses, while the drone's axes are not known: lengths of displacements
@@ -40,8 +40,8 @@ pub(super) struct Displacements {
     drone: [DroneSpeed; 2],
     /// By the inputs of a typical vehicle. m
     pub(super) inputs_w_m: Complex<f64>,
-    /// Velocity that the inputs ask for, after the lag. m/s
-    pub(super) asked_w_mps: Complex<f64>,
+    /// Velocity that follows the inputs, after the lag. m/s
+    pub(super) followed_w_mps: Complex<f64>,
 }
 
 /// Speed by the drone in one kind of axes.
@@ -67,8 +67,8 @@ impl Displacements {
         let keep = (-dt_s / FORGET_S).exp();
         let keep_difference = (-dt_s / SPEED_FORGET_S).exp();
         let smooth = 1.0 - (-dt_s / SPEED_TAU_S).exp();
-        self.asked_w_mps += (asked_w_mps - self.asked_w_mps) * (1.0 - decay(dt_s));
-        self.inputs_w_m = self.inputs_w_m * keep + self.asked_w_mps * dt_s;
+        self.followed_w_mps += (asked_w_mps - self.followed_w_mps) * (1.0 - decay(dt_s));
+        self.inputs_w_m = self.inputs_w_m * keep + self.followed_w_mps * dt_s;
         self.poses_w_m = self.poses_w_m * keep + moved_w_m;
         self.poses_w_mps += (moved_w_m / dt_s - self.poses_w_mps) * smooth;
         let by_poses_mps = self.poses_w_mps.norm();

@@ -28,7 +28,7 @@ const POSE_STAYS_M: f64 = 0.2;
 const ABOVE_FLOOR_M: f64 = 0.2;
 
 /// By how much the drone's height may differ from the rise when it first shows one: a Tello's reads low from the
-/// take-off on, by up to 0.58 m in four flights. m
+/// take-off on, by an offset that differs from flight to flight. m
 const OFFSET_MAX_M: f64 = 0.75;
 
 /// Heights on the ground and in flight.
@@ -205,7 +205,7 @@ mod tests {
     fn sample(z_m: Option<f64>, height_m: Option<f64>) -> Sample {
         Sample {
             pose: z_m.map(|z_m| Pose::new(0.0, 0.0, z_m, 0.0)),
-            drone: Some(DroneMotion { horizontal_mps: None, height_m, heading_rad: None }),
+            drone: Some(DroneMotion { horizontal_d_mps: None, height_m, heading_rad: None }),
             u_applied: Sticks::zeros(),
             link_is_up: true,
         }

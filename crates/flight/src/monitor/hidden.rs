@@ -72,7 +72,7 @@ impl HiddenMotion {
     /// Takes a tick in flight.
     pub(super) fn update(&mut self, sample: &Sample) {
         self.observe(sample.pose.as_ref());
-        let reported = sample.drone.and_then(|drone| drone.horizontal_mps);
+        let reported = sample.drone.and_then(|drone| drone.horizontal_d_mps);
         let drone_mps = reported.map(|[first_mps, second_mps]| first_mps.hypot(second_mps));
         self.has_reported |= drone_mps.is_some_and(|drone_mps| drone_mps > 0.0);
         let shown_mps = (1.0 + TOLERANCE) * self.poses_mps + TOLERANCE_MPS;
@@ -127,19 +127,19 @@ mod tests {
     /// A period that sums without rounding. s
     const DT_S: f64 = 0.25;
 
-    fn sample(x_m: Option<f64>, horizontal_mps: Option<[f64; 2]>) -> Sample {
+    fn sample(x_m: Option<f64>, horizontal_d_mps: Option<[f64; 2]>) -> Sample {
         Sample {
             pose: x_m.map(|x_m| Pose::new(x_m, 0.0, 1.0, 0.0)),
-            drone: Some(DroneMotion { horizontal_mps, height_m: None, heading_rad: None }),
+            drone: Some(DroneMotion { horizontal_d_mps, height_m: None, heading_rad: None }),
             u_applied: Sticks::zeros(),
             link_is_up: true,
         }
     }
 
     /// After one tick with a pose that stands still.
-    fn beside_a_still_pose(horizontal_mps: Option<[f64; 2]>) -> HiddenMotion {
+    fn beside_a_still_pose(horizontal_d_mps: Option<[f64; 2]>) -> HiddenMotion {
         let mut hidden = HiddenMotion::new(DT_S);
-        hidden.update(&sample(Some(0.0), horizontal_mps));
+        hidden.update(&sample(Some(0.0), horizontal_d_mps));
         hidden
     }
 

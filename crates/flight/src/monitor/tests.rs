@@ -60,9 +60,9 @@ impl Flight {
         seen[pose::X] += noise_m(self.k, 4e-4);
         seen[pose::Y] += noise_m(self.k + 31, 4e-4);
         let tenths = |v: f64| (10.0 * v).round() / 10.0;
-        let horizontal_mps = (wrong.report)(self.velocity_mps).map(|v| v.map(tenths));
+        let horizontal_d_mps = (wrong.report)(self.velocity_mps).map(|v| v.map(tenths));
         let height_m = Some(tenths(self.at[pose::Z]) - 0.3);
-        let drone = Some(DroneMotion { horizontal_mps, height_m, heading_rad: None });
+        let drone = Some(DroneMotion { horizontal_d_mps, height_m, heading_rad: None });
         Sample { pose: Some(seen), drone, u_applied, link_is_up: true }
     }
 
@@ -168,7 +168,8 @@ fn one_wrong_report_is_no_disagreement() {
             let mut sample = flight.sample(&RIGHT, Sticks::zeros());
             let height_m = sample.drone.and_then(|drone| drone.height_m);
             let height_m = height_m.map(|h_m| if step < wrong_steps { h_m - 1.5 } else { h_m });
-            sample.drone = Some(DroneMotion { horizontal_mps: None, height_m, heading_rad: None });
+            sample.drone =
+                Some(DroneMotion { horizontal_d_mps: None, height_m, heading_rad: None });
             flight.monitors.update(&sample).height == Agreement::Disagrees
         });
         assert_eq!(refused, is_refused, "{wrong_steps} steps");
@@ -258,7 +259,7 @@ fn nothing_is_judged_while_poses_are_missing_and_the_way_of_the_vehicle_is_no_er
     let mut flight = Flight::new();
     flight.fly(8.0, &RIGHT);
     let drone =
-        Some(DroneMotion { horizontal_mps: Some([1.0, 0.0]), height_m: None, heading_rad: None });
+        Some(DroneMotion { horizontal_d_mps: Some([1.0, 0.0]), height_m: None, heading_rad: None });
     let blind = Sample { pose: None, drone, u_applied: Sticks::zeros(), link_is_up: true };
     for _ in 0..100 {
         assert_eq!(flight.monitors.update(&blind).velocity, Agreement::Unknown);
@@ -322,8 +323,11 @@ fn a_heading_that_is_not_the_poses_own_is_not_compared() {
         let mut u_applied = Sticks::zeros();
         u_applied[stick::YAW] = 0.5;
         let mut look = |theta_rad: f64, drone_rad: f64| {
-            let drone =
-                DroneMotion { horizontal_mps: None, height_m: None, heading_rad: Some(drone_rad) };
+            let drone = DroneMotion {
+                horizontal_d_mps: None,
+                height_m: None,
+                heading_rad: Some(drone_rad),
+            };
             let pose = Some(Pose::new(0.0, 0.0, 1.0, theta_rad));
             let is_step = (theta_rad - drone_rad).abs() > 1.0;
             monitors.observe_heading(is_its_own || !is_step);

@@ -53,8 +53,10 @@ pub(super) struct VelocityMonitor {
     /// The inputs of a typical vehicle, in place of the poses, beside the drone.
     sums_by_inputs: Sums,
     displacements: Displacements,
-    /// Newest speed by the drone; `None` before the first that was not zero. m/s
+    /// Newest speed by the drone; `None` without a report, and before the first speed that was not zero. m/s
     speed_mps: Option<f64>,
+    /// Whether the drone has reported a speed that was not zero. A silence does not take that back.
+    has_shown_speed: bool,
     doubt: Doubt,
 }
 
@@ -107,6 +109,7 @@ impl VelocityMonitor {
             sums_by_inputs: Sums::default(),
             displacements: Displacements::default(),
             speed_mps: None,
+            has_shown_speed: false,
             doubt: Doubt::default(),
         }
     }
@@ -124,7 +127,7 @@ impl VelocityMonitor {
     /// Takes a tick in flight; how both compare, and by how much they differ. m
     pub(super) fn update(&mut self, sample: &Sample) -> (Agreement, f64) {
         self.displace(sample);
-        let reported_mps = sample.drone.and_then(|drone| drone.horizontal_mps);
+        let reported_mps = sample.drone.and_then(|drone| drone.horizontal_d_mps);
         let moved: [PoseStep; AGES_S.len()] = array::from_fn(|age| self.moved_ago(AGES_S[age]));
         let keep = (-self.dt_s / FORGET_S).exp();
         let mut motions = [None; AGES_S.len()];
@@ -138,8 +141,8 @@ impl VelocityMonitor {
             }
         }
         let speed_mps = reported_mps.map(|[first_mps, second_mps]| first_mps.hypot(second_mps));
-        let has_shown_one = self.speed_mps.is_some();
-        self.speed_mps = speed_mps.filter(|speed_mps| has_shown_one || *speed_mps > 0.0);
+        self.has_shown_speed |= speed_mps.is_some_and(|speed_mps| speed_mps > 0.0);
+        self.speed_mps = speed_mps.filter(|_| self.has_shown_speed);
         if let Some(Motion { moved_w_m, seen_d_mps, .. }) = motions[self.age] {
             let scale = self.ages[self.age].scale();
             let asked_w_mps = asked_w_mps(sample, moved[NEWEST].theta_rad);
@@ -151,9 +154,13 @@ impl VelocityMonitor {
             );
         }
         if let Some(Motion { seen_d_mps, .. }) = motions[NEWEST] {
-            let asked_w_m = self.displacements.asked_w_mps * self.dt_s;
-            let by_inputs =
-                Motion { moved_w_m: asked_w_m, moved_in_s: self.dt_s, seen_d_mps, is_pose: true };
+            let followed_w_m = self.displacements.followed_w_mps * self.dt_s;
+            let by_inputs = Motion {
+                moved_w_m: followed_w_m,
+                moved_in_s: self.dt_s,
+                seen_d_mps,
+                is_pose: true,
+            };
             self.sums_by_inputs.add(&by_inputs, self.dt_s);
         }
         self.learn(&motions);

@@ -96,13 +96,13 @@ fn parabola(
     [d_in_w, d_out_w]: [Vector3<f64>; 2],
 ) -> usize {
     let count = parts(2.0 * blend_m);
-    let turn = 2.0 * blend_m * (d_out_w - d_in_w);
+    let turn_w = 2.0 * blend_m * (d_out_w - d_in_w);
     let at = |i: u32| {
         let q = f64::from(i) / f64::from(count);
-        let by_q = 2.0 * blend_m * ((1.0 - q) * d_in_w + q * d_out_w);
+        let by_q_w = 2.0 * blend_m * ((1.0 - q) * d_in_w + q * d_out_w);
         let pos_w = corner_w + blend_m * (q * q * d_out_w - (1.0 - q).powi(2) * d_in_w);
-        let curvature = by_q.cross(&turn).norm() / by_q.norm().powi(3);
-        Point { pos_w, tangent_w: by_q.normalize(), curvature, is_sharp: false }
+        let curvature = by_q_w.cross(&turn_w).norm() / by_q_w.norm().powi(3);
+        Point { pos_w, tangent_w: by_q_w.normalize(), curvature, is_sharp: false }
     };
     if let Some(joint) = points.last_mut() {
         joint.curvature = joint.curvature.max(at(0).curvature);

@@ -18,19 +18,19 @@ pub(crate) fn spline(waypoints: &[Pose], is_closed: bool) -> Path {
     if is_closed {
         knots_w.extend(knots_w.first().copied());
     }
-    let second_derivatives = second_derivatives(&knots_w, is_closed);
+    let second_derivatives_w = second_derivatives(&knots_w, is_closed);
     let mut points: Vec<Point> = Vec::new();
     let mut marks = vec![0];
     for (i, side) in knots_w.windows(2).enumerate() {
         let span = Span {
             ends_w: [side[0], side[1]],
-            second_derivatives: [second_derivatives[i], second_derivatives[i + 1]],
+            second_derivatives_w: [second_derivatives_w[i], second_derivatives_w[i + 1]],
         };
         let count = parts(span.chord_m());
         let first = u32::from(i > 0);
         for j in first..=count {
-            let fallback = points.last().map_or(side[1] - side[0], |point| point.tangent_w);
-            points.push(span.at(f64::from(j) / f64::from(count), fallback));
+            let fallback_w = points.last().map_or(side[1] - side[0], |point| point.tangent_w);
+            points.push(span.at(f64::from(j) / f64::from(count), fallback_w));
         }
         marks.push(points.len() - 1);
     }
@@ -45,28 +45,28 @@ pub(crate) fn spline(waypoints: &[Pose], is_closed: bool) -> Path {
 /// spline is no special case.
 fn second_derivatives(knots_w: &[Vector3<f64>], is_closed: bool) -> Vec<Vector3<f64>> {
     let last = knots_w.len() - 1;
-    let mut second_derivatives = vec![Vector3::zeros(); knots_w.len()];
+    let mut second_derivatives_w = vec![Vector3::zeros(); knots_w.len()];
     for _ in 0..PASSES {
         for i in usize::from(!is_closed)..last {
             let before = if i == 0 { last - 1 } else { i - 1 };
-            let (way_a, way_b) = (knots_w[i] - knots_w[before], knots_w[i + 1] - knots_w[i]);
-            let (h_a, h_b) = (way_a.norm(), way_b.norm());
-            let known = 6.0 * (way_b / h_b - way_a / h_a);
-            second_derivatives[i] =
-                (known - h_a * second_derivatives[before] - h_b * second_derivatives[i + 1])
+            let (way_a_w, way_b_w) = (knots_w[i] - knots_w[before], knots_w[i + 1] - knots_w[i]);
+            let (h_a, h_b) = (way_a_w.norm(), way_b_w.norm());
+            let known_w = 6.0 * (way_b_w / h_b - way_a_w / h_a);
+            second_derivatives_w[i] =
+                (known_w - h_a * second_derivatives_w[before] - h_b * second_derivatives_w[i + 1])
                     / (2.0 * (h_a + h_b));
             if i == 0 {
-                second_derivatives[last] = second_derivatives[0];
+                second_derivatives_w[last] = second_derivatives_w[0];
             }
         }
     }
-    second_derivatives
+    second_derivatives_w
 }
 
 /// One cubic of a spline.
 struct Span {
     ends_w: [Vector3<f64>; 2],
-    second_derivatives: [Vector3<f64>; 2],
+    second_derivatives_w: [Vector3<f64>; 2],
 }
 
 impl Span {
@@ -76,16 +76,16 @@ impl Span {
 
     /// The point at the fraction `q` of the chord; `fallback_w` is the direction where there is none.
     fn at(&self, q: f64, fallback_w: Vector3<f64>) -> Point {
-        let ([from_w, to_w], [second_a, second_b], h) =
-            (self.ends_w, self.second_derivatives, self.chord_m());
+        let ([from_w, to_w], [second_a_w, second_b_w], h) =
+            (self.ends_w, self.second_derivatives_w, self.chord_m());
         let r = 1.0 - q;
         let pos_w = r * from_w
             + q * to_w
-            + (h * h / 6.0) * ((r.powi(3) - r) * second_a + (q.powi(3) - q) * second_b);
-        let derivative = (to_w - from_w) / h
-            + (h / 6.0) * ((1.0 - 3.0 * r * r) * second_a + (3.0 * q * q - 1.0) * second_b);
-        let second = r * second_a + q * second_b;
-        if derivative.norm() < CUSP_SPEED {
+            + (h * h / 6.0) * ((r.powi(3) - r) * second_a_w + (q.powi(3) - q) * second_b_w);
+        let derivative_w = (to_w - from_w) / h
+            + (h / 6.0) * ((1.0 - 3.0 * r * r) * second_a_w + (3.0 * q * q - 1.0) * second_b_w);
+        let second_w = r * second_a_w + q * second_b_w;
+        if derivative_w.norm() < CUSP_SPEED {
             return Point {
                 pos_w,
                 tangent_w: fallback_w.normalize(),
@@ -93,8 +93,8 @@ impl Span {
                 is_sharp: true,
             };
         }
-        let curvature = derivative.cross(&second).norm() / derivative.norm().powi(3);
-        Point { pos_w, tangent_w: derivative.normalize(), curvature, is_sharp: false }
+        let curvature = derivative_w.cross(&second_w).norm() / derivative_w.norm().powi(3);
+        Point { pos_w, tangent_w: derivative_w.normalize(), curvature, is_sharp: false }
     }
 }
 

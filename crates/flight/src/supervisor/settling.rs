@@ -105,6 +105,21 @@ mod tests {
     }
 
     #[test]
+    fn a_vehicle_that_rises_by_the_limit_itself_still_climbs() {
+        for (risen_m, is_over) in [(RISE_MIN_M.next_down(), true), (RISE_MIN_M, false)] {
+            let mut settling = Settling::default();
+            settling.stand(Some(Pose::new(1.0, 0.0, 0.0, 0.0)));
+            settling.rise(0);
+            let mut over_at = |z_m: f64, t_ns: i64| {
+                let pose = Some(Pose::new(0.0, 0.0, z_m, 0.0));
+                settling.is_over(&Evidence { t_ns, pose, ..ALOFT }, 9.0)
+            };
+            assert!(!over_at(0.0, 0));
+            assert_eq!(over_at(risen_m, 300_000_000), is_over, "{risen_m} m");
+        }
+    }
+
+    #[test]
     fn a_drift_is_measured_from_where_the_vehicle_stood() {
         for (x_m, y_m, is_over) in [(1.2, -2.2, false), (1.0, -2.31, true), (0.69, -2.0, true)] {
             let mut settling = Settling::default();

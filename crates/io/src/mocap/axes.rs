@@ -186,7 +186,7 @@ impl Axes {
     }
 
     /// The pose of a placement of the source; `None` if a number is not finite, the rotation is none, or
-    /// the top is further than 60 degrees from up. m, rad
+    /// the top is further than 60 degrees from up. m, rad. No allocation, constant cost.
     pub fn pose(&self, at: &Placement) -> Option<Pose> {
         let (pos_w, matrix) = self.place(at);
         if !is_rotation(&matrix) {

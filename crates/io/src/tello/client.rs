@@ -76,9 +76,9 @@ impl DroneLink {
         self.approved.send_replace(HandedOver { approved, pose_is_airborne, at });
     }
 
-    /// Orders a take-off, sent once, a landing, repeated until the drone is down, or an emergency stop,
-    /// repeated until the drone is down, with landings in between if it does not fall. There is no take-off
-    /// after a landing, and no other order after an emergency stop.
+    /// Orders a take-off, sent again on another order only if it may be lost, a landing, repeated until the drone is
+    /// down, or an emergency stop, repeated until the drone is down, with landings in between if it does not fall.
+    /// There is no take-off after a landing, and no other order after an emergency stop.
     ///
     /// # Errors
     /// The queue of orders is full, or the link has ended.

@@ -222,15 +222,34 @@ fn a_report_changes_as_its_fault_lets_it() {
     for fault in frozen.into_iter().chain(moving) {
         let script = vec![ScriptedFault { fault, from_s: 1.0, for_s: 2.0 }];
         let mut faults = Faults::new(script).unwrap();
-        let poses = poses(fault);
+        let (poses, distortion) = (poses(fault), Distortion::new(4));
         for (step, pair) in (51..149).zip(poses.windows(2)) {
             faults.begin(step - 1, &truth(step - 1));
             faults.begin(step, &truth(step));
-            let change = change(truth(step) - truth(step - 1), &faults, step);
+            let change = distortion.change(truth(step) - truth(step - 1), &faults, step);
             let mut seen = pair[1] - pair[0];
             seen[pose::THETA] = angle::wrap(seen[pose::THETA]);
             assert_close(&change, &seen, 1e-9);
             assert_eq!(amax(&change) > 0.0, !frozen.contains(&fault), "{fault:?}");
         }
     }
+}
+
+#[test]
+fn between_the_steps_a_split_object_rests_where_it_is_the_other_one() {
+    let split = Fault::MocapSplit { offset_w_m: [0.25, 0.0, 0.0], fraction: 0.5 };
+    let script = vec![ScriptedFault { fault: split, from_s: 1.0, for_s: 2.0 }];
+    let (mut faults, mut distortion) = (Faults::new(script).unwrap(), Distortion::new(4));
+    let mut resting = 0;
+    for step in 0..200 {
+        faults.begin(step, &truth(step));
+        let by_chance = MocapReport::Pose(truth(step));
+        let is_true = distortion.report(by_chance, by_chance, &faults, step) == by_chance;
+        let moved = truth(step + 1) - truth(step);
+        let change = distortion.change(moved, &faults, step);
+        assert_eq!(change, if is_true { moved } else { Pose::zeros() }, "step {step}");
+        resting += u32::from(!is_true);
+    }
+    // Four standard deviations of 100 draws.
+    assert!((30..=70).contains(&resting), "{resting}");
 }

@@ -104,15 +104,17 @@ fn turns_add_up_across_half_a_turn_in_either_protocol() {
         at(t_s, wire::read(&bytes, Protocol::Binary))
     };
     let binary = [log(0.0, 3.0), status(0.05, false, 0), log(0.1, 3.5), log(0.2, 4.0)];
-    let turned = turned_deg(&binary).unwrap();
-    assert!((turned - 1.0_f64.to_degrees()).abs() < 2e-3, "{turned} degrees");
+    let turned = turned_rad(&binary).unwrap();
+    assert!((turned - 1.0).abs() < 3e-5, "{turned} rad");
     let mut motor = wire::Motor::default();
     let text = [170, -170, -100].map(|yaw_deg| {
         let line = format!("yaw:{yaw_deg};tof:80;bat:83;");
         at(1.0, wire::read_state(line.as_bytes(), &mut motor, tello_io::clock::TimeNs(0)))
     });
-    assert_eq!(turned_deg(&text), Some(90.0));
-    assert_eq!(turned_deg(&[status(1.0, true, 0)]), None);
+    let turned_deg =
+        |events: &[Event]| seen(check(Proof::None), true, events, None)["turned_deg"].clone();
+    assert_eq!(turned_deg(&text), json!(90.0));
+    assert_eq!(turned_deg(&[status(1.0, true, 0)]), json!(null));
 }
 
 #[test]

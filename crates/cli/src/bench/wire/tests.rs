@@ -1,3 +1,4 @@
+use serde_json::json;
 use tello_io::clock::SpanNs;
 
 use super::*;
@@ -112,7 +113,7 @@ fn a_distance_to_the_floor_that_can_be_measured_is_a_flight() {
         assert_eq!((status.height_m, status.battery_pct), (Some(0.4), Some(70.0)));
     }
     let none = state("bat:70;", &mut Motor::default(), 0);
-    assert_eq!((none.is_flying, none.height_m, none.velocity_mps), (false, None, None));
+    assert_eq!((none.is_flying, none.height_m, none.velocity_d_mps), (false, None, None));
 }
 
 #[test]
@@ -131,9 +132,21 @@ fn motors_run_for_three_seconds_after_their_time_grew() {
 
 #[test]
 fn a_velocity_has_all_its_axes_or_is_absent() {
-    let velocity = |line: &str| state(line, &mut Motor::default(), 0).velocity_mps;
+    let velocity = |line: &str| state(line, &mut Motor::default(), 0).velocity_d_mps;
     assert_eq!(velocity("vgx:10;vgy:-20;vgz:30;"), Some([1.0, -2.0, 3.0]));
     assert_eq!(velocity("vgx:1;vgz:3;"), None);
     let garbage = read_state(b"\xcc\x01", &mut Motor::default(), at(0));
     assert!(matches!(garbage, What::Other(bytes) if bytes == "cc01"));
+}
+
+#[test]
+fn the_record_shows_what_the_drone_reports_in_the_units_of_the_drone() {
+    let status =
+        serde_json::to_value(state("yaw:-57;tof:89;vgx:1;vgy:0;vgz:-2;", &mut Motor::default(), 0));
+    let status = status.unwrap();
+    assert_eq!((&status["yaw_deg"], &status["tof_cm"]), (&json!(-57.0), &json!(89.0)));
+    assert_eq!(status["velocity_mps"], json!([0.1, 0.0, -0.2]));
+    let log = DronePacket::LogData { sequence: 0, tick: 5, yaw_rad: 0.5 };
+    let heading = serde_json::to_value(read(&packet(log), BINARY)).unwrap();
+    assert_eq!(heading, json!({ "heading": 28.648 }));
 }

@@ -29,7 +29,7 @@ fn all_there() -> Found {
             battery_pct: 87,
             battery_v: None,
             height_m: None,
-            velocity_mps: None,
+            velocity_d_mps: None,
             heading_rad: None,
             flight_mode: None,
         }),

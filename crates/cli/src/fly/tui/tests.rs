@@ -15,6 +15,7 @@ pub(super) fn view(has_colours: bool) -> View {
         dt_s: 0.02,
         deadline_s: 0.01,
         stale_s: 0.1,
+        late_ms: 5.0,
     };
     let mut view = View::new(briefing, Palette::new(has_colours));
     let mut facts = Facts {

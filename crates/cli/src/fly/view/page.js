@@ -257,7 +257,7 @@ function showNumbers(facts, briefing) {
   set("estimate-ms", times("estimate"));
   set("plan-ms", times("plan"));
   set("late-ms", times("late"));
-  warn("late-row", worst.late > 5);
+  warn("late-row", worst.late > briefing.late_ms);
   set("tick-ms", times("tick"));
   set("missed", String(facts.missed_periods));
   warn("missed-row", facts.missed_periods > 0);

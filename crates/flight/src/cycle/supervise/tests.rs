@@ -7,15 +7,15 @@ use crate::{Fault, ObstacleTable, Start};
 #[test]
 fn what_a_report_lacks_stays_absent() {
     let status =
-        DroneStatus { velocity_mps: Some([1.0, -0.5, 0.3]), heading_rad: Some(0.25), ..flying() };
+        DroneStatus { velocity_d_mps: Some([1.0, -0.5, 0.3]), heading_rad: Some(0.25), ..flying() };
     let expected = DroneMotion {
-        horizontal_mps: Some([1.0, -0.5]),
+        horizontal_d_mps: Some([1.0, -0.5]),
         height_m: Some(1.0),
         heading_rad: Some(0.25),
     };
     assert_eq!(drone_motion(&status), expected);
-    let silent = DroneStatus { height_m: None, velocity_mps: None, heading_rad: None, ..status };
-    let nothing = DroneMotion { horizontal_mps: None, height_m: None, heading_rad: None };
+    let silent = DroneStatus { height_m: None, velocity_d_mps: None, heading_rad: None, ..status };
+    let nothing = DroneMotion { horizontal_d_mps: None, height_m: None, heading_rad: None };
     assert_eq!(drone_motion(&silent), nothing);
 }
 
@@ -31,7 +31,7 @@ fn flying() -> DroneStatus {
         battery_pct: 80,
         battery_v: None,
         height_m: Some(1.0),
-        velocity_mps: Some([0.3, 0.4, 0.0]),
+        velocity_d_mps: Some([0.3, 0.4, 0.0]),
         heading_rad: None,
         flight_mode: None,
     }
@@ -101,7 +101,7 @@ fn a_vehicle_that_does_not_follow_its_inputs_is_in_an_outage_that_has_a_limit() 
     let mut table = table();
     table.cycle.supervisor.failsafe.outage_s = 1.0;
     table.cycle.supervisor.failsafe.outage_alone_s = 1.0;
-    let still = DroneStatus { velocity_mps: Some([0.0; 3]), ..flying() };
+    let still = DroneStatus { velocity_d_mps: Some([0.0; 3]), ..flying() };
     let mut shown = Shown::of(&table);
     let mut down = None;
     let long = (0..400).find(|step| {

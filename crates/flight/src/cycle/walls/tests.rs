@@ -224,3 +224,18 @@ fn an_obstacle_of_any_thickness_in_the_climb_keeps_the_vehicle_down() {
         }
     }
 }
+
+#[test]
+fn a_way_that_grazes_an_obstacle_for_too_long_to_be_looked_at_is_one_through_it() {
+    let bench = ObstacleTable::Box { x_m: [-2.0, 8.0], y_m: [-0.5, 0.5], z_m: [0.0, 1.0] };
+    let walls = Walls::new(Some(&TABLE), None, &[bench]).unwrap().unwrap();
+    let is_through = |y_m: f64, length_m: f64| {
+        let [at_w, to_w] = [0.0, length_m].map(|x_m| Vector3::new(x_m, y_m, 0.5));
+        walls.is_way_through_obstacle(&at_w, &to_w)
+    };
+    assert!(is_through(0.4, 1.0), "inside of it");
+    // 5 mm beside it each place is 0.01 m from the one before: 200 of them are 1.99 m.
+    assert!(!is_through(0.505, 1.98), "it is free");
+    assert!(is_through(0.505, 2.0), "nobody has looked at its end");
+    assert!(!is_through(0.6, 5.0), "with 0.1 m beside it");
+}

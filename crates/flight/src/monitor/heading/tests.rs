@@ -51,7 +51,7 @@ impl Flight {
         self.monitor.update(&Sample {
             pose: Some(Pose::new(0.0, 0.0, 1.0, wrap(*by_pose))),
             drone: is_reported.then_some(DroneMotion {
-                horizontal_mps: None,
+                horizontal_d_mps: None,
                 height_m: None,
                 heading_rad,
             }),
@@ -220,7 +220,7 @@ fn without_a_pose_nothing_is_known_and_its_turn_comes_with_the_next() {
         let mut u_applied = Sticks::zeros();
         u_applied[stick::YAW] = 0.5 / YAW_GAIN_RADPS + DEAD_ZONE;
         let heading_rad = Some(wrap(flight.headings[2]));
-        let drone = Some(DroneMotion { horizontal_mps: None, height_m: None, heading_rad });
+        let drone = Some(DroneMotion { horizontal_d_mps: None, height_m: None, heading_rad });
         let lost = Sample { pose: None, drone, u_applied, link_is_up: true };
         assert_eq!(flight.monitor.update(&lost).0, Agreement::Unknown);
     }

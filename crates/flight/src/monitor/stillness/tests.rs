@@ -160,7 +160,7 @@ fn is_frozen_after_a_corner(
         let noise = |row: u32| noise_m(k + row, 4e-4);
         let pose = Some(Pose::new(x_m + noise(0), y_m + noise(13), 1.0 + noise(57), 0.0));
         let drone = Some(DroneMotion {
-            horizontal_mps: report(reported),
+            horizontal_d_mps: report(reported),
             height_m: None,
             heading_rad: None,
         });
@@ -203,7 +203,7 @@ fn a_height_that_is_still_is_not_frozen_in_an_outage_that_the_drone_confirms() {
             let [x_m, y_m] = [0.1, 0.05].map(|mps| mps * f64::from(k) * DT_S);
             let pose = Some(Pose::new(x_m, y_m, 1.0, 0.0));
             let drone =
-                Some(DroneMotion { horizontal_mps: reported, height_m: None, heading_rad: None });
+                Some(DroneMotion { horizontal_d_mps: reported, height_m: None, heading_rad: None });
             let link_is_up = link_is_up || k < 60;
             let sample = Sample { pose, drone, u_applied, link_is_up };
             monitors.update(&sample).frozen_s.is_some()
@@ -291,7 +291,7 @@ fn a_drone_that_says_it_flies_hears_its_inputs_whatever_the_poses_say() {
     {
         let mut monitors = monitors();
         let drone =
-            Some(DroneMotion { horizontal_mps: speed_mps, height_m: None, heading_rad: None });
+            Some(DroneMotion { horizontal_d_mps: speed_mps, height_m: None, heading_rad: None });
         let found = (0..100_u32).any(|k| {
             let mut u_applied = Sticks::zeros();
             u_applied[stick::PITCH] = 0.5;

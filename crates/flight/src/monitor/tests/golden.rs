@@ -120,7 +120,7 @@ fn fly(script: &Script, to: &mut String) {
         }
         let v = (script.report)(v_w, at[pose::THETA]);
         let drone = DroneMotion {
-            horizontal_mps: (k % 211 > 4).then(|| [tenths(v.re), tenths(v.im)]),
+            horizontal_d_mps: (k % 211 > 4).then(|| [tenths(v.re), tenths(v.im)]),
             height_m: Some(tenths(at[pose::Z]) - 0.3),
             heading_rad: None,
         };

@@ -22,7 +22,7 @@ fn swaying(turn_rad: f64, poses_mps: f64, count: u32) -> VelocityMonitor {
         let pose = Some(Pose::new(poses_mps * t_s, 0.0, 1.0, 0.0));
         let by_drone = Complex::from_polar(1.0, turn_rad) * v_mps;
         let drone = DroneMotion {
-            horizontal_mps: Some([by_drone.re, by_drone.im]),
+            horizontal_d_mps: Some([by_drone.re, by_drone.im]),
             height_m: None,
             heading_rad: None,
         };
@@ -89,7 +89,7 @@ fn see(
 ) -> (Agreement, f64) {
     *at_w += moved_w_m;
     let drone = DroneMotion {
-        horizontal_mps: Some([by_drone_mps.re, by_drone_mps.im]),
+        horizontal_d_mps: Some([by_drone_mps.re, by_drone_mps.im]),
         height_m: None,
         heading_rad: None,
     };
@@ -166,6 +166,26 @@ fn a_drone_whose_reports_are_late_or_of_another_scale_is_a_witness_all_the_same(
         // The limit after 1.2 s, and 1.5 s of doubt, later by the age of the reports.
         assert!(refused_s.is_some_and(|refused_s| refused_s < 2.8 + late_s), "{case}");
     }
+}
+
+#[test]
+fn a_drone_that_has_shown_a_speed_reports_one_of_zero_also_after_a_silent_tick() {
+    let (mut monitor, mut at_w) = (VelocityMonitor::new(0.6, DT_S), Complex::default());
+    let none = Complex::default();
+    let mut speed_mps = |reported_mps: Option<f64>| {
+        if let Some(reported_mps) = reported_mps {
+            see(&mut monitor, &mut at_w, none, Complex::from(reported_mps));
+        } else {
+            let u_applied = Sticks::zeros();
+            monitor.update(&Sample { pose: None, drone: None, u_applied, link_is_up: true });
+        }
+        monitor.speed_mps()
+    };
+    assert_eq!(speed_mps(Some(0.0)), None, "it may report none at all");
+    assert_eq!(speed_mps(Some(0.5)), Some(0.5));
+    assert_eq!(speed_mps(Some(0.0)), Some(0.0));
+    assert_eq!(speed_mps(None), None);
+    assert_eq!(speed_mps(Some(0.0)), Some(0.0), "after a silent tick");
 }
 
 #[test]

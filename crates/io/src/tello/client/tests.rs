@@ -58,7 +58,7 @@ fn status(battery_pct: u8) -> DroneStatus {
         battery_pct,
         battery_v: None,
         height_m: None,
-        velocity_mps: None,
+        velocity_d_mps: None,
         heading_rad: None,
         flight_mode: None,
     }

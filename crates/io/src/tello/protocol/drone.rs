@@ -238,7 +238,7 @@ impl FlightStatus {
     }
 
     /// Velocity: north, east, down by their names. m/s
-    pub fn velocity_mps(&self) -> [f64; 3] {
+    pub fn velocity_d_mps(&self) -> [f64; 3] {
         [self.vel_north_dm_s, self.vel_east_dm_s, self.vel_down_dm_s].map(from_tenths)
     }
 

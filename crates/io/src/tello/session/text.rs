@@ -175,7 +175,7 @@ impl TextTalk {
             battery_pct,
             battery_v: None,
             height_m: line.height_m(),
-            velocity_mps: line.velocity_mps(),
+            velocity_d_mps: line.velocity_d_mps(),
             heading_rad: line.heading_rad(),
             flight_mode: None,
         }))

@@ -136,7 +136,7 @@ mod tests {
             battery_pct: 80,
             battery_v: None,
             height_m,
-            velocity_mps: None,
+            velocity_d_mps: None,
             heading_rad: None,
             flight_mode: None,
         }

@@ -111,7 +111,7 @@ impl StateLine {
     }
 
     /// Speeds along three axes; axis and sign differ between reports. m/s
-    pub fn velocity_mps(&self) -> Option<[f64; 3]> {
+    pub fn velocity_d_mps(&self) -> Option<[f64; 3]> {
         let axis = |field| Some(from_tenths(whole(self.get(field)?)));
         Some([axis(Field::Vgx)?, axis(Field::Vgy)?, axis(Field::Vgz)?])
     }

@@ -94,7 +94,7 @@ fn the_age_of_a_status_counts_from_its_arrival() {
         battery_pct: 12,
         battery_v: None,
         height_m: Some(1.1),
-        velocity_mps: None,
+        velocity_d_mps: None,
         heading_rad: None,
         flight_mode: None,
     };

@@ -370,7 +370,7 @@ fn a_dry_run_plans_as_if_it_steered() {
 fn a_velocity_is_handed_on_when_all_axes_are_reported() {
     let mut bench = Text::new();
     let mut velocity =
-        |line: &[u8]| bench.session.receive_state(line, ms(1)).expect("no status").velocity_mps;
+        |line: &[u8]| bench.session.receive_state(line, ms(1)).expect("no status").velocity_d_mps;
     assert_eq!(
         velocity(b"vgx:3;vgy:-4;vgz:12;tof:80;bat:83;"),
         Some([3.0, -4.0, 12.0].map(|tenths| tenths * 0.1))

@@ -59,10 +59,10 @@ fn heights_and_speeds_are_whole_tenths_in_the_range_of_a_log() {
         let line = StateLine::default().with(Field::H, 10.0 * tenths);
         let height_m = line.height_m().unwrap();
         assert!((height_m - expected).abs() < 1e-9, "{tenths}");
-        assert_eq!(line.velocity_mps(), None, "without an axis");
+        assert_eq!(line.velocity_d_mps(), None, "without an axis");
         let axes = [Field::Vgx, Field::Vgy, Field::Vgz];
         let line = axes.into_iter().fold(line, |line, axis| line.with(axis, tenths));
-        assert_eq!(line.velocity_mps(), Some([height_m; 3]));
+        assert_eq!(line.velocity_d_mps(), Some([height_m; 3]));
     }
     assert_eq!(StateLine::default().height_m(), None);
 }
