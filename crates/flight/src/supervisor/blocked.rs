@@ -132,6 +132,10 @@ mod tests {
         assert_eq!(ends_at(|k| Evidence { is_obstacle_unseen: true, ..stuck(k) }), None);
         assert_eq!(ends_at(|k| Evidence { outage: Some(outage), ..stuck(k) }), None, "an outage");
         assert_eq!(ends_at(|k| Evidence { motion: None, ..stuck(k) }), None);
+        // Held for a second in every two, in which nothing is steered.
+        let is_stale = |k: u32| k % 20 > 9;
+        let pose_age_s = |k| Some(if is_stale(k) { 0.7 } else { 0.01 });
+        assert_eq!(ends_at(|k| Evidence { pose_age_s: pose_age_s(k), ..stuck(k) }), None, "a hold");
         let often_free = |k| {
             let is_free = k % 10 > 4;
             let reference_behind_w = stuck(k).reference_behind_w.filter(|_| !is_free);
