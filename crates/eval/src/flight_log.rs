@@ -196,13 +196,21 @@ fn read_settings(text: &str) -> Result<FlightTable> {
     Ok(config::from_value(&table)?)
 }
 
+/// Makes the folder `dir` of logs, if it does not exist.
+///
+/// # Errors
+/// It cannot be made.
+pub fn make_folder(dir: &Path) -> Result<()> {
+    std::fs::create_dir_all(dir)
+        .with_context(|| format!("cannot make the log folder {}", dir.display()))
+}
+
 /// The first of `dir/stem.mcap`, `dir/stem-2.mcap`, .. that does not exist; makes `dir`.
 ///
 /// # Errors
 /// The folder cannot be made.
 pub fn free_path(dir: &Path, stem: &str) -> Result<PathBuf> {
-    std::fs::create_dir_all(dir)
-        .with_context(|| format!("cannot make the log folder {}", dir.display()))?;
+    make_folder(dir)?;
     let mut path = dir.join(format!("{stem}.mcap"));
     let mut number = 2_u32;
     while path.exists() {

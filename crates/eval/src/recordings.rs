@@ -104,7 +104,7 @@ pub fn load(paths: &[PathBuf]) -> Result<(Vec<Loaded>, Vec<Unusable>)> {
 
 /// Flights, by which one is known again in another file, such as a converted or a recovered copy.
 #[derive(Debug, Default)]
-struct KnownFlights {
+pub(crate) struct KnownFlights {
     /// The first flight with each of these bytes.
     by_bytes: BTreeMap<String, usize>,
     /// The first flight with each of these [`motions`].
@@ -114,6 +114,20 @@ struct KnownFlights {
 }
 
 impl KnownFlights {
+    /// Those of `logs`, at their places.
+    pub(crate) fn of(logs: &[Loaded]) -> Self {
+        let mut known = Self::default();
+        for log in logs {
+            known.push(&log.sha256, motions(&log.recording));
+        }
+        known
+    }
+
+    /// The place of the flight of `log`.
+    pub(crate) fn place_of_log(&self, log: &Loaded) -> Option<usize> {
+        self.place_of(&log.sha256, &motions(&log.recording))
+    }
+
     fn push(&mut self, sha256: &str, motions: BTreeSet<u64>) {
         let place = self.motions.len();
         self.motions.push(motions.len());
@@ -134,15 +148,6 @@ impl KnownFlights {
         };
         self.by_bytes.get(sha256).copied().or_else(|| shared.into_iter().find_map(is_same))
     }
-}
-
-/// The one of `others` that has the flight of `log`.
-pub(crate) fn same_flight<'a>(log: &Loaded, others: &'a [Loaded]) -> Option<&'a Loaded> {
-    let mut known = KnownFlights::default();
-    for other in others {
-        known.push(&other.sha256, motions(&other.recording));
-    }
-    known.place_of(&log.sha256, &motions(&log.recording)).map(|place| &others[place])
 }
 
 /// The hashes of all runs of [`MOTION_POSES`] positions on end, repeated ones left out. Noise makes each run its own.

@@ -5,7 +5,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use parking_lot::Mutex;
 use tello_io::clock::{CivilTime, Clock};
 use tello_io::log::{LogWriter, Recorder};
@@ -117,8 +117,7 @@ fn open(
     let path = match &arguments.log {
         Some(path) => {
             if let Some(folder) = path.parent() {
-                std::fs::create_dir_all(folder)
-                    .with_context(|| format!("cannot make the log folder {}", folder.display()))?;
+                flight_log::make_folder(folder)?;
             }
             path.clone()
         }

@@ -11,7 +11,7 @@ use tello_io::config;
 
 use super::job::Job;
 use super::report::{Fit, ParameterRow};
-use super::verdict::{EXCITATION_MIN, PRIOR_RATIO};
+use super::verdict::{EXCITATION_MIN, is_set_by_prior};
 use crate::REVISION;
 use crate::parameter_file::{
     DataFile, FORMAT, ParameterEntry, ParameterFile, TakesParameters as _,
@@ -52,9 +52,8 @@ pub(super) fn accepted_values(
     let values = parameters.iter().enumerate().map(|(i, row)| {
         let bounds = p_lb.get(i).zip(p_ub.get(i));
         if is_unknown(row, input_rms, prior_std[i]) {
-            // Like clamp, but without a panic for bounds that are none.
             let prior = job.table.map.p_prior[i];
-            let value = bounds.map_or(prior, |(lo, hi)| prior.max(*lo).min(*hi));
+            let value = bounds.map_or(prior, |(lo, hi)| within(prior, *lo, *hi));
             notes.push(format!(
                 "{} is {value} in the parameter file, its prior: no stick that shows it was moved much",
                 row.name
@@ -77,7 +76,7 @@ pub(super) fn accepted_values(
 /// Whether no stick that shows the parameter of `row` was moved much, and the logs tell less of it than its prior.
 fn is_unknown(row: &ParameterRow, input_rms: &[f64], prior_std: f64) -> bool {
     let is_still = sticks_of(row.name).iter().all(|stick| input_rms[*stick] < EXCITATION_MIN);
-    is_still && (row.std_laplace.is_nan() || row.std_laplace > PRIOR_RATIO * prior_std)
+    is_still && (row.std_laplace.is_nan() || is_set_by_prior(row.std_laplace, prior_std))
 }
 
 /// The sticks that show a parameter, by the axis that its name ends with.
@@ -92,11 +91,15 @@ fn sticks_of(name: &str) -> &'static [usize] {
 /// The value of `row`, or the nearest of its bounds if that lies within its 95 % interval, by the resamples or by the
 /// Laplace approximation: the resamples of a few pieces may have no width at all.
 fn nearest_bound(row: &ParameterRow, lo: f64, hi: f64) -> f64 {
-    // Like clamp, but without a panic for bounds that are none.
-    let bound = row.value.max(lo).min(hi);
+    let bound = within(row.value, lo, hi);
     let half = NORMAL_HALF_WIDTH * row.std_laplace;
     let is_near = (bound - row.value).abs() <= half;
     if is_near || (row.lower..=row.upper).contains(&bound) { bound } else { row.value }
+}
+
+/// Like clamp, but without a panic for bounds that are none.
+fn within(value: f64, lo: f64, hi: f64) -> f64 {
+    value.max(lo).min(hi)
 }
 
 /// The parameter file of a fit with these `values`.

@@ -23,7 +23,7 @@ use super::flights::{Flight, cut_logs, prepare};
 use super::job::{DelayCurve, Fitted, Job, Trace};
 use super::predict::{Identified, residual_decay_s};
 use super::report::{Bootstrap, DelayRow, Fit, ParameterRow};
-use super::verdict::{Evidence, PIECES_PER_PARAMETER, PRIOR_RATIO, autocorrelation, is_resampled};
+use super::verdict::{Evidence, PIECES_PER_PARAMETER, autocorrelation, is_resampled};
 use crate::Stopped;
 
 mod bootstrap;
@@ -273,7 +273,7 @@ where
     fn parameter_rows(&self, spread: &Spread<NP>, laplace: &Spread<NP>) -> Vec<ParameterRow> {
         let [lower, upper] = &self.bounds;
         let row = |row: usize| {
-            let is_prior = laplace.std[row] > PRIOR_RATIO * self.prior_std[row];
+            let is_prior = super::verdict::is_set_by_prior(laplace.std[row], self.prior_std[row]);
             let spread = if is_prior { laplace } else { spread }; // resamples of the logs keep the prior
             let value = self.ident.parameter()[row];
             ParameterRow {

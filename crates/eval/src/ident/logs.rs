@@ -7,7 +7,7 @@ use horizon_model::rows::pose;
 
 use super::report::{FileSkipped, FileUsed};
 use super::table::IdentFileTable;
-use crate::recordings::{self, Loaded};
+use crate::recordings::{self, KnownFlights, Loaded};
 
 /// The usable logs in `paths`, which are files and folders, and those that are not with the reason.
 ///
@@ -48,8 +48,9 @@ pub fn load_judged(
         return Ok((Vec::new(), Vec::new()));
     }
     let (mut logs, unusable) = recordings::load(paths)?;
+    let known = KnownFlights::of(fitted);
     for log in &logs {
-        if let Some(same) = recordings::same_flight(log, fitted) {
+        if let Some(same) = known.place_of_log(log).map(|place| &fitted[place]) {
             bail!(
                 "{} of --judge has the flight of {}, to which is fitted: judge by other logs",
                 log.path.display(),

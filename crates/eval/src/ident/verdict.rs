@@ -23,7 +23,13 @@ const WHITE_LAG_S: f64 = 0.2;
 const THETA_0_MAX: f64 = 0.2;
 
 /// Part of the prior's standard deviation above which the data contain next to no information.
-pub(super) const PRIOR_RATIO: f64 = 0.5;
+const PRIOR_RATIO: f64 = 0.5;
+
+/// Whether the logs contain next to no information on a parameter with this standard deviation by Laplace's
+/// approximation and by its prior alone.
+pub(super) fn is_set_by_prior(std_laplace: f64, prior_std: f64) -> bool {
+    std_laplace > PRIOR_RATIO * prior_std
+}
 
 /// Pieces per parameter from which their scatter counts.
 pub(super) const PIECES_PER_PARAMETER: usize = 3;
@@ -139,7 +145,7 @@ impl Evidence<'_> {
                     "{} = {} lies at its bound: widen map.p_lb or map.p_ub, or ask why",
                     row.name, row.value
                 ));
-            } else if row.std_laplace > PRIOR_RATIO * prior_std {
+            } else if is_set_by_prior(row.std_laplace, *prior_std) {
                 findings.push(format!(
                     "{} is set by its prior: the data leave a standard deviation of {:.3}, the prior \
                      alone {prior_std:.3}",
