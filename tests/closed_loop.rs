@@ -1,13 +1,16 @@
 //! The whole loop on the simulated plant, in virtual time.
 
+use std::path::Path;
+
 use horizon_model::check::maximum;
 use horizon_model::rows::pose;
 use tello_eval::metrics::{Metrics, ReferencePath, Track};
 use tello_flight::cycle::{FlightTable, Pipeline};
-use tello_flight::{Phase, Start};
+use tello_flight::{Fault, Phase, Start};
 use tello_io::config;
+use tello_sim::plant::RIGID_BODY;
 use tello_sim::virtual_time::VirtualFlight;
-use tello_sim::{Fault, Profile, ScriptedFault, SimTable};
+use tello_sim::{Fault as SimFault, Measured, Profile, ScriptedFault, SimTable};
 
 /// Longest virtual flight. s
 const TIME_LIMIT_S: f64 = 90.0;
@@ -82,7 +85,7 @@ fn stages_make_room_for_any_dead_times() {
 fn poses_of_any_age_that_still_counts_fly_the_square() {
     let (flight, mut sim) = tables(Start::Airborne, Profile::GoodDay);
     for delay_s in [0.02, 0.04, 0.06, 0.08, 0.095] {
-        let lag = ScriptedFault { fault: Fault::MocapLag { delay_s }, from_s: 1.0, for_s: 90.0 };
+        let lag = ScriptedFault { fault: SimFault::MocapLag { delay_s }, from_s: 1.0, for_s: 90.0 };
         sim.faults = vec![lag];
         for seed in [500_001, 500_002, 500_003] {
             let (_, metrics, _) = fly(&flight, &sim, seed);
@@ -92,6 +95,28 @@ fn poses_of_any_age_that_still_counts_fly_the_square() {
                 "{delay_s}: {metrics:?}"
             );
             assert!(metrics.distance_p95_m < 0.09, "{delay_s}: {metrics:?}");
+        }
+    }
+}
+
+/// Real flights drift by the error of the drone's own velocity, by which it holds its place.
+#[test]
+fn a_drone_that_reports_its_own_velocity_without_its_drift_is_not_landed() {
+    let laps =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/missions/square_laps.json");
+    let (fly, mission) = config::fly(None, Some(&laps)).unwrap();
+    let flight = config::flight(&fly, mission, Start::Airborne);
+    for (body, disturbance_h_mps) in [(Some(RIGID_BODY), 0.05), (None, 0.075)] {
+        let (_, mut sim) = tables(Start::Airborne, Profile::GoodDay);
+        (sim.plant.rigid_body, sim.plant.disturbance_h_mps) = (body, disturbance_h_mps);
+        sim.drone.status.velocity.measured = Measured::Own;
+        for seed in [1, 3] {
+            let mut virtual_flight = VirtualFlight::new(&flight, &sim, seed).unwrap();
+            for step in 0..2250 {
+                let out = virtual_flight.tick().unwrap();
+                let faults = out.ruling.unwrap().faults;
+                assert!(!faults.contains(Fault::WitnessDisagrees), "seed {seed}, step {step}");
+            }
         }
     }
 }
@@ -110,8 +135,7 @@ fn both_pipelines_finish_the_square() {
 
 #[test]
 fn the_published_controller_flies() {
-    let path =
-        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/thesis/fly.json");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/thesis/fly.json");
     let (fly_table, mission) = config::fly(Some(&path), None).unwrap();
     let flight = config::flight(&fly_table, mission, Start::Airborne);
     let (_, sim) = tables(Start::Airborne, Profile::GoodDay);

@@ -184,13 +184,15 @@ fn commands_that_get_lost_in_turns_are_no_wrong_heading() {
 }
 
 #[test]
-fn a_position_that_drifts_away_from_a_hover_lands_within_two_metres() {
-    for speed_mps in [0.1, 0.15] {
+fn a_position_that_drifts_away_from_a_hover_faster_than_a_drone_may_drift_lands() {
+    // A drone's own velocity may be wrong by 0.08 m/s, and is reported in steps of 0.1 m/s.
+    for (speed_mps, most_m) in [(0.2, 2.3), (0.3, 3.1)] {
         let drift = SimFault::MocapDrift { velocity_w_mps: [speed_mps, 0.0, 0.0], yaw_radps: 0.0 };
         let story = fly("hover.json", drift, FAULT_AT_S);
         assert!(story.has(Fault::WitnessDisagrees), "{speed_mps} m/s: {:?}", story.last());
         let far_m = distance_m(&story, FAULT_AT_S);
-        assert!(far_m < 1.7, "{speed_mps} m/s: {far_m:.2} m");
+        println!("{speed_mps} m/s: {far_m:.2} m");
+        assert!(far_m < most_m, "{speed_mps} m/s: {far_m:.2} m");
         story.assert_sound();
         story.assert_down();
     }

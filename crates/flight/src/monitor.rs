@@ -153,6 +153,13 @@ impl Monitors {
         }
     }
 
+    /// Forgets the direction of the motion: the poses have jumped, or do so in the coming tick.
+    ///
+    /// Real time: no allocation, constant cost.
+    pub fn skip_jump(&mut self) {
+        self.direction.restart();
+    }
+
     /// Takes a tick in flight.
     ///
     /// Real time: no allocation, constant cost.
@@ -213,16 +220,20 @@ const FORGET_S: f64 = 15.0;
 
 /// From doubt to disagreement: a difference beyond the limit for a while, or beyond twice the limit for some reports.
 #[derive(Debug, Clone, Default)]
+#[expect(clippy::struct_field_names, reason = "the postfix is the unit")]
 struct Doubt {
     doubtful_s: f64,
+    /// How long the difference has been beyond twice the limit without a break.
+    large_s: f64,
     /// Time without a pose since the latest judgement, and between the two before.
     waited_s: [f64; 2],
 }
 
 /// Doubt that lasts longer is disagreement. s
 const DOUBT_MAX_S: f64 = 1.5;
-/// The same if the difference is beyond twice the limit: longer than one report of the drone counts. s
+/// The same if the difference is beyond twice the limit, and for longer than one report of the drone counts. s
 const DOUBT_LARGE_MAX_S: f64 = 0.3;
+const REPORT_S: f64 = 0.11;
 /// Doubt that a time of agreement takes back, over that time: doubt that comes again and again, since the
 /// vehicle stops in it, adds up.
 const FORGIVEN: f64 = 0.2;
@@ -245,10 +256,13 @@ impl Doubt {
         // NaN is in doubt.
         if error <= limit {
             self.doubtful_s = (self.doubtful_s - FORGIVEN * judged_s).max(0.0);
+            self.large_s = 0.0;
             return Agreement::Agrees;
         }
         self.doubtful_s += judged_s;
-        let patience_s = if error <= 2.0 * limit { DOUBT_MAX_S } else { DOUBT_LARGE_MAX_S };
+        self.large_s = if error <= 2.0 * limit { 0.0 } else { self.large_s + judged_s };
+        let is_large = self.large_s > REPORT_S;
+        let patience_s = if is_large { DOUBT_LARGE_MAX_S } else { DOUBT_MAX_S };
         if self.doubtful_s < patience_s { Agreement::Doubtful } else { Agreement::Disagrees }
     }
 }

@@ -9,13 +9,15 @@ use horizon_model::rows::pose;
 
 use crate::DT_S;
 use crate::drone::{Phase, Truth};
-use crate::firmware::{Axes, FlyingFlag, HeadingReport, StatusTable, VelocityReport};
+use crate::firmware::{Axes, FlyingFlag, HeadingReport, Measured, StatusTable, VelocityReport};
 use crate::plant::{STANDING_M, Velocity};
 
 /// What a report is made of, as it was in some step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Sample {
     velocity: Velocity,
+    /// What the drone's own measurement of it differs by, world x and y. m/s
+    own_error_w_mps: [f64; 2],
     /// Continuous. rad
     theta: f64,
     is_flying: bool,
@@ -44,7 +46,7 @@ impl Reporter {
     pub(crate) fn new(table: StatusTable, truth: &Truth) -> Self {
         let late_s = table.flying_late_s.max(table.velocity.late_s).max(table.heading.late_s);
         let steps_kept = 1 + steps(late_s);
-        let history = VecDeque::from([Sample::of(truth)]);
+        let history = VecDeque::from([Sample::of(truth, [0.0; 2])]);
         Self {
             table,
             history,
@@ -56,12 +58,12 @@ impl Reporter {
         }
     }
 
-    /// Advances by one step that ended with `truth`.
-    pub(crate) fn advance(&mut self, truth: &Truth) {
+    /// Advances by one step that ended with `truth`, from which the drone's own velocity differs by `own_error_w_mps`.
+    pub(crate) fn advance(&mut self, truth: &Truth, own_error_w_mps: [f64; 2]) {
         if self.history.len() == self.steps_kept {
             self.history.pop_front();
         }
-        self.history.push_back(Sample::of(truth));
+        self.history.push_back(Sample::of(truth, own_error_w_mps));
         self.drift_m += self.table.height_drift_mps * DT_S;
         self.drift_rad += self.table.heading.drift_radps * DT_S;
         self.claimed_s += if self.is_flying() { DT_S } else { 0.0 };
@@ -84,7 +86,11 @@ impl Reporter {
             self.table;
         let mut reported = truth;
         if let Some(sample) = self.sample(report.late_s) {
-            reported.velocity = seen(&report, sample.velocity, truth.pose[pose::THETA]);
+            let velocity = match report.measured {
+                Measured::True => sample.velocity,
+                Measured::Own => sample.own(),
+            };
+            reported.velocity = seen(&report, velocity, truth.pose[pose::THETA]);
         }
         let height_m = truth.pose[pose::Z] + self.drift_m;
         reported.pose[pose::Z] = if has_height { height_m } else { 0.0 };
@@ -112,10 +118,17 @@ impl Reporter {
 }
 
 impl Sample {
-    fn of(truth: &Truth) -> Self {
+    fn of(truth: &Truth, own_error_w_mps: [f64; 2]) -> Self {
         let is_flying = truth.phase != Phase::Grounded && truth.pose[pose::Z] > STANDING_M;
         let (velocity, theta) = (truth.velocity, truth.pose[pose::THETA]);
-        Self { velocity, theta, is_flying, motor_s: truth.motor_s }
+        Self { velocity, own_error_w_mps, theta, is_flying, motor_s: truth.motor_s }
+    }
+
+    /// Velocity by the drone's own measurement.
+    fn own(&self) -> Velocity {
+        let ([x_mps, y_mps], Velocity { x_mps: true_x_mps, y_mps: true_y_mps, .. }) =
+            (self.own_error_w_mps, self.velocity);
+        Velocity { x_mps: true_x_mps + x_mps, y_mps: true_y_mps + y_mps, ..self.velocity }
     }
 }
 

@@ -194,7 +194,7 @@ pub(crate) struct Present {
     pub(crate) fault: Fault,
     /// Since the onset. s
     pub(crate) elapsed_s: f64,
-    /// True pose at the onset.
+    /// True pose at the onset, world frame. m and rad
     pub(crate) pose_onset: Pose,
 }
 

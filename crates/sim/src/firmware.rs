@@ -195,6 +195,28 @@ pub struct VelocityReport {
     pub is_upside_down: bool,
     /// Age, in addition to the period of the status. s, 0..=60
     pub late_s: f64,
+    /// Which velocity that is. Missing: the true one
+    #[serde(default, skip_serializing_if = "Measured::is_true")]
+    pub measured: Measured,
+}
+
+/// Which velocity a drone reports.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Measured {
+    /// The true one.
+    #[default]
+    True,
+    /// That of its own measurement, by which it holds its place. The drone does not see its drift: the disturbance
+    /// velocity is missing, or the error of the rigid body's optical flow is in it.
+    Own,
+}
+
+impl Measured {
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
+    fn is_true(&self) -> bool {
+        *self == Self::True
+    }
 }
 
 /// Horizontal axes of the reported velocity.
@@ -261,6 +283,7 @@ pub(crate) const PLAIN: DroneTable = DroneTable {
             is_mirrored: false,
             is_upside_down: false,
             late_s: 0.0,
+            measured: Measured::True,
         },
         has_height: true,
         height_drift_mps: 0.0,

@@ -18,9 +18,9 @@ pub(crate) struct Frame {
     pub(crate) step: u64,
     /// Whether another object is seen in place of the drone.
     pub(crate) is_other: bool,
-    /// `None` if the object is not seen.
+    /// World frame, m and rad; `None` if the object is not seen.
     pub(crate) pose: Option<Pose>,
-    /// How that pose changes in a step, for frames between two steps.
+    /// How that pose changes in a step, for frames between two steps. m and rad
     pub(crate) change: Pose,
 }
 

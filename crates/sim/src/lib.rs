@@ -50,8 +50,8 @@ pub use emulator::{Emulator, EmulatorError, MocapAddresses, MocapServers, Natnet
 pub use excitation::ManualFlight;
 pub use fault::{Fault, ScriptedFault};
 pub use firmware::{
-    Axes, CancelledBy, DroneTable, EmergencyTable, FlyingFlag, HeadingReport, LandingTable, Outage,
-    ReplyTo, SdkVersion, StatusTable, VelocityReport,
+    Axes, CancelledBy, DroneTable, EmergencyTable, FlyingFlag, HeadingReport, LandingTable,
+    Measured, Outage, ReplyTo, SdkVersion, StatusTable, VelocityReport,
 };
 pub use mocap::MocapReport;
 pub use nominal::NominalFlight;

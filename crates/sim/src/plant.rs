@@ -230,6 +230,15 @@ impl Plant {
         }
     }
 
+    /// By how much the velocity that the drone measures itself, and holds its place by, differs from the true one,
+    /// world x and y. m/s
+    pub(crate) fn own_error_w_mps(&self) -> [f64; 2] {
+        match &self.rigid_body {
+            Some(body) => body.drift_w_mps(self.pose[pose::THETA] + self.params.0.theta_0),
+            None => [-self.disturbance.x_mps, -self.disturbance.y_mps],
+        }
+    }
+
     /// Velocity without a push.
     fn flown(&self) -> Velocity {
         Velocity {

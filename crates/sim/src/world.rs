@@ -4,28 +4,29 @@
 //! call of [`World::advance`] is one step of 20 ms. Who calls it, and when, decides between virtual
 //! and real time. The bytes of the drone are `wire`'s.
 
+mod start;
+
 use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, Sticks, pose};
-use horizon_model::setting::{SettingError, finite, in_range};
+use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tello_io::mocap::{Body, format_line};
 
 use crate::distortion::Distortion;
-use crate::drone::{Drone, Phase, Truth};
+use crate::drone::{Drone, Truth};
 use crate::drone_status::Reporter;
 use crate::fault::{Fault, Faults, Present, ScriptedFault};
 use crate::firmware::DroneTable;
 use crate::frame_lag::{Frame, Lag};
 use crate::mocap::{Mocap, MocapReport, Shot};
-use crate::plant::{
-    External, Plant, PlantParams, PlantTable, STANDING_M, VariationTable, Velocity,
-};
+use crate::plant::{External, Plant, PlantParams, PlantTable, VariationTable};
 use crate::profile::Profile;
 use crate::radio::Radio;
 use crate::random::{Purpose, Random};
 use crate::second_object::PasserTable;
 use crate::{DT_S, frames, hand};
+pub use start::Start;
 
 /// Settings of the simulator.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -79,45 +80,6 @@ fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
 
-/// Where a flight starts.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Start {
-    /// Standing on the floor.
-    Ground {
-        /// World x. m
-        x: f64,
-        /// World y. m
-        y: f64,
-        /// Measured yaw. rad
-        theta: f64,
-    },
-    /// In flight, near the first target.
-    Air {
-        /// World x of the target. m
-        x: f64,
-        /// World y of the target. m
-        y: f64,
-        /// Height of the target. m, > 0
-        z: f64,
-        /// Measured yaw of the target. rad
-        theta: f64,
-    },
-}
-
-/// How the valid flights of the thesis were handed over to the controller, relative to the first
-/// target: mean and deviation.
-mod scatter {
-    /// Horizontal position, per axis. m
-    pub(super) const XY_M: (f64, f64) = (0.0, 0.10);
-    /// Height. m
-    pub(super) const Z_M: (f64, f64) = (-0.08, 0.03);
-    /// Heading. rad
-    pub(super) const THETA_RAD: (f64, f64) = (0.03, 0.05);
-    /// Horizontal velocity, per axis. m/s
-    pub(super) const VELOCITY_MPS: (f64, f64) = (0.0, 0.16);
-}
-
 /// One simulated flight.
 #[derive(Debug, Clone)]
 pub struct World {
@@ -153,6 +115,7 @@ impl World {
         passer.map_err(|error| error.under("passer"))?;
         let nominal = PlantParams::try_from(table.plant).map_err(|error| error.under("plant"))?;
         let battery_pct = in_range("battery_pct", table.battery_pct, 0.0..=100.0)?;
+        table.start.check().map_err(|error| error.under("start"))?;
         let age_s = in_range("mocap_age_s", table.mocap_age_s, 0.0..=DT_S)?;
         let mocap_rate_hz = in_range("mocap_rate_hz", table.mocap_rate_hz, 4.0..=500.0)?;
         let firmware = table.drone.checked().map_err(|error| error.under("drone"))?;
@@ -166,9 +129,6 @@ impl World {
             (nominal, table.start.exact())
         };
         let params = params.varied(&table.variation).map_err(|error| error.under("variation"))?;
-        for (key, value) in ["x", "y", "z", "theta"].into_iter().zip(pose.iter()) {
-            finite(key, *value).map_err(|error| error.under("start"))?;
-        }
         let plant = Plant::new(params, pose, velocity, seed)?;
         let radio = Radio::new(table.profile, seed).with_outages(firmware.outage);
         let drone = Drone::new(plant, radio, phase, battery_pct, firmware);
@@ -200,7 +160,7 @@ impl World {
         self.receive_second_controllers();
         self.earlier = self.drone.truth().pose;
         self.drone.advance();
-        self.reporter.advance(&self.drone.truth());
+        self.reporter.advance(&self.drone.truth(), self.drone.plant().own_error_w_mps());
         self.step += 1;
         self.look();
     }
@@ -364,35 +324,6 @@ impl World {
     /// Whether the drone is starting anew.
     pub(crate) fn is_rebooting(&self) -> bool {
         self.is_rebooting
-    }
-}
-
-impl Start {
-    /// Phase, pose and velocity, exactly as given and at rest.
-    fn exact(self) -> (Phase, Pose, Velocity) {
-        let rest = Velocity::default();
-        match self {
-            Self::Ground { x, y, theta } => {
-                (Phase::Grounded, Pose::new(x, y, STANDING_M, theta), rest)
-            }
-            Self::Air { x, y, z, theta } => (Phase::Flying, Pose::new(x, y, z, theta), rest),
-        }
-    }
-
-    /// Phase, pose and velocity as they vary between flights. A drone on the floor stands where it
-    /// was put.
-    fn draw(self, random: &mut Random) -> (Phase, Pose, Velocity) {
-        let (phase, mut at, mut velocity) = self.exact();
-        if phase == Phase::Flying {
-            let mut draw = |(mean, sd): (f64, f64)| mean + sd * random.normal();
-            at[pose::X] += draw(scatter::XY_M);
-            at[pose::Y] += draw(scatter::XY_M);
-            at[pose::Z] = (at[pose::Z] + draw(scatter::Z_M)).max(STANDING_M);
-            at[pose::THETA] += draw(scatter::THETA_RAD);
-            velocity.x_mps = draw(scatter::VELOCITY_MPS);
-            velocity.y_mps = draw(scatter::VELOCITY_MPS);
-        }
-        (phase, at, velocity)
     }
 }
 

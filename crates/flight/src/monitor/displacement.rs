@@ -8,7 +8,7 @@ use nalgebra::Complex;
 
 use super::FORGET_S;
 use super::typical_vehicle::decay;
-use super::velocity::{FIXED, FRAMES, TURNING};
+use super::velocity::{FIXED, FRAMES, TURNING, shortened};
 
 /// Time within which a difference between speeds is forgotten. s
 const SPEED_FORGET_S: f64 = 4.0;
@@ -22,6 +22,8 @@ const TURN_RAD: f64 = 0.785;
 /// displacement, or of the larger speed and at least so much. 1, m/s
 const TOLERANCE: f64 = 0.25;
 const TOLERANCE_MPS: f64 = 0.1;
+/// Error of the drone's velocity that shows nothing, beside that tolerance: as that of `velocity.rs`. m/s
+const OWN_ERROR_MPS: f64 = 0.05;
 /// Time constant of the low-pass filter of both velocities before their speeds are compared: what their ages, which are
 /// found to 0.1 s, still differ by makes a small difference. s
 const SPEED_TAU_S: f64 = 0.4;
@@ -65,15 +67,16 @@ impl Displacements {
         dt_s: f64,
     ) {
         let keep = (-dt_s / FORGET_S).exp();
+        let remember = |displacement_m| shortened(displacement_m * keep, OWN_ERROR_MPS * dt_s);
         let keep_difference = (-dt_s / SPEED_FORGET_S).exp();
         let smooth = 1.0 - (-dt_s / SPEED_TAU_S).exp();
         self.followed_w_mps += (asked_w_mps - self.followed_w_mps) * (1.0 - decay(dt_s));
-        self.inputs_w_m = self.inputs_w_m * keep + self.followed_w_mps * dt_s;
-        self.poses_w_m = self.poses_w_m * keep + moved_w_m;
+        self.inputs_w_m = remember(self.inputs_w_m) + self.followed_w_mps * dt_s;
+        self.poses_w_m = remember(self.poses_w_m) + moved_w_m;
         self.poses_w_mps += (moved_w_m / dt_s - self.poses_w_mps) * smooth;
         let by_poses_mps = self.poses_w_mps.norm();
         for (flown_d_m, seen_d_mps) in self.flown_d_m.iter_mut().zip(seen_d_mps) {
-            *flown_d_m = *flown_d_m * keep + seen_d_mps * dt_s;
+            *flown_d_m = remember(*flown_d_m) + seen_d_mps * dt_s;
         }
         for (drone, seen_d_mps) in
             self.drone.iter_mut().zip([seen_d_mps[FIXED], seen_d_mps[TURNING]])

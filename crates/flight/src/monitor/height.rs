@@ -3,9 +3,7 @@
 //! Owns the difference of both since the take-off. The drone measures from a level of its own, by air pressure
 //! and by the distance to what is below it: slow drift is forgotten. A drone whose height did not
 //! rise is no witness. A height that changes from one report to the next further than a vehicle climbs, while the poses
-//! stay, is that of a table or an edge below.
-
-use std::ops::RangeInclusive;
+//! stay, is that of a table or an edge below, or a wrong report.
 
 use horizon_model::check::maximum;
 use horizon_model::rows::pose;
@@ -19,10 +17,12 @@ const WHOLE_FLIGHT: f64 = 1.5;
 /// Rise that shows that the drone reports its height. m
 const RISE_MIN_M: f64 = 0.3;
 
-/// Change of the drone's height from one report to the next, 0.1 s later, that is one of the floor: 3.5 m/s. The poses
-/// move by less, and no table is higher. m
-const FLOOR_STEP_M: RangeInclusive<f64> = 0.35..=1.2;
+/// Change of the drone's height from one report to the next, 0.1 s later, that is none of the vehicle: 3.5 m/s. The
+/// poses move by less. m
+const FLOOR_STEP_MIN_M: f64 = 0.35;
 const POSE_STAYS_M: f64 = 0.2;
+/// After a longer time without a pose a change of the height is one of the vehicle. s
+const UNSEEN_MAX_S: f64 = 0.3;
 
 /// A smaller difference is none of a table: the steps of the drone's height have forgotten it. m
 const ABOVE_FLOOR_M: f64 = 0.2;
@@ -44,6 +44,8 @@ pub(super) struct HeightMonitor {
     ground_m: Option<f64>,
     /// By poses and drone when the drone's was new last. m
     before: Option<(f64, f64)>,
+    /// Since the newest pose. s
+    unseen_s: f64,
     /// Height of what is below, as its steps have shown it. m
     floor_m: f64,
     is_witness: bool,
@@ -60,6 +62,7 @@ impl HeightMonitor {
             ground_level_m: 0.0,
             ground_m: None,
             before: None,
+            unseen_s: 0.0,
             floor_m: 0.0,
             is_witness: false,
             error_m: 0.0,
@@ -87,9 +90,15 @@ impl HeightMonitor {
         else {
             if sample.pose.is_none() {
                 self.doubt.wait(self.dt_s);
+                self.unseen_s += self.dt_s;
+            }
+            if sample.drone.is_none() || self.unseen_s > UNSEEN_MAX_S {
+                // A fall fits into the time without a report, or without a pose.
+                self.before = None;
             }
             return (Agreement::Unknown, self.error_m);
         };
+        self.unseen_s = 0.0;
         self.floor_m += self.floor_step_m(z_m, height_m);
         let rise_m = z_m - self.ground_level_m - ground_m;
         let is_first = !self.is_witness && height_m - ground_m >= RISE_MIN_M;
@@ -128,7 +137,7 @@ impl HeightMonitor {
             return 0.0;
         }
         let (risen_m, moved_m) = (height_m - before_m, z_m - z_before_m);
-        let is_step = FLOOR_STEP_M.contains(&risen_m.abs()) && moved_m.abs() < POSE_STAYS_M;
+        let is_step = risen_m.abs() >= FLOOR_STEP_MIN_M && moved_m.abs() < POSE_STAYS_M;
         if is_step { moved_m - risen_m } else { 0.0 }
     }
 }
@@ -184,6 +193,26 @@ mod tests {
                 assert_eq!(agreement, Agreement::Agrees, "{height_m} m");
                 assert!(error_m < 0.02, "{height_m} m: {error_m} m");
             }
+        }
+        // A report that is 2 m off for a second, again and again.
+        for k in 0..400 {
+            let wrong_m = if k % 40 < 10 { 2.0 } else { 0.0 };
+            let (agreement, error_m) = see(&mut monitor, 0.5, 0.75 + wrong_m);
+            assert_eq!(agreement, Agreement::Agrees, "{k}: {error_m} m");
+        }
+        // After a time without reports such a step may be a fall.
+        let mut fallen = monitor.clone();
+        fallen.update(&Sample { drone: None, ..sample(Some(0.5), None) });
+        let mut unseen = monitor.clone();
+        for _ in 0..20 {
+            unseen.update(&sample(None, Some(0.75)));
+        }
+        for mut monitor in [fallen, unseen] {
+            let mut found = Agreement::Unknown;
+            for _ in 0..20 {
+                found = found.max(see(&mut monitor, 0.5, 0.75 - 1.3).0);
+            }
+            assert_eq!(found, Agreement::Disagrees);
         }
         // A box as high as the least step, crossed again and again: some of its edges are steps, some are not.
         for k in 0..8000 {

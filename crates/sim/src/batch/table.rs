@@ -54,7 +54,7 @@ pub struct Batch {
     pub by_truth: Option<Spread>,
     /// Table by the controller's own estimate.
     pub by_estimate: Option<Spread>,
-    /// Table of the laps by the true pose; empty for a way that is flown once.
+    /// Table of the laps by the true pose; empty for a path that is flown once.
     pub laps: Laps,
     /// Table of the hovers, if they were asked for and one lasted.
     pub hover: Option<HoverSpread>,

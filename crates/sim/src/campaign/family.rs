@@ -1,7 +1,6 @@
 //! Families of faults: what a flight of the campaign may draw, with its values.
 //!
-//! Owns the ranges. A family is a fault with a time, a fault of the set-up, or a switch of the drone. One
-//! seed and one choice of families, one draw.
+//! Owns the ranges. A family is a fault with a time or of the set-up, or a switch of the drone. One seed, one draw.
 
 use std::f64::consts::{PI, TAU};
 
@@ -12,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::random::{Purpose, Random};
 use crate::{
-    Axes, CancelledBy, Fault, FlyingFlag, Outage, Profile, ScriptedFault, SimTable, Start,
+    Axes, CancelledBy, Fault, FlyingFlag, Measured, Outage, Profile, ScriptedFault, SimTable, Start,
 };
 
 /// Most faults of a flight that have a time.
@@ -312,8 +311,8 @@ impl Family {
             }
             Self::LandUnheard => drone.landing.deaf_count = pick(&[1, 2, 3, 5, 10], random),
             Self::LandingCancelled => {
-                let all = [CancelledBy::Deflection, CancelledBy::AnySticks];
-                drone.landing.cancelled_by = pick(&all, random);
+                drone.landing.cancelled_by =
+                    pick(&[CancelledBy::Deflection, CancelledBy::AnySticks], random);
             }
             Self::FlyingFlag => {
                 let right = FlyingFlag::Right;
@@ -329,6 +328,7 @@ impl Family {
                 velocity.is_mirrored = random.chance(0.5);
                 velocity.is_upside_down = random.chance(0.5);
                 velocity.late_s = random.between(0.0, 0.6);
+                velocity.measured = pick(&[Measured::True, Measured::Own], random);
             }
             Self::Height => {
                 drone.status.has_height = random.chance(0.5);

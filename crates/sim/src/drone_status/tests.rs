@@ -57,6 +57,19 @@ fn a_velocity_is_absent_turned_mirrored_or_upside_down() {
 }
 
 #[test]
+fn a_drone_that_misses_its_drift_reports_its_own_velocity() {
+    let now = truth(true, 1.0, 2.0, 3.0);
+    for (measured, expected) in
+        [(Measured::True, [1.0, 2.0, 3.0]), (Measured::Own, [0.9, 2.25, 3.0])]
+    {
+        let mut reporter = reporter(|table| table.velocity.measured = measured, &now);
+        reporter.advance(&now, [-0.1, 0.25]);
+        let Velocity { x_mps, y_mps, z_mps, .. } = reporter.reported(now).velocity;
+        assert_close([x_mps, y_mps, z_mps], expected);
+    }
+}
+
+#[test]
 fn velocity_and_flag_come_late() {
     let late = |table: &mut StatusTable| {
         table.velocity.late_s = 0.2;
@@ -65,7 +78,7 @@ fn velocity_and_flag_come_late() {
     let mut reporter = reporter(late, &truth(false, 0.0, 0.0, 0.0));
     for k in 1..=30 {
         let now = truth(true, f64::from(k), 0.0, 0.0);
-        reporter.advance(&now);
+        reporter.advance(&now, [0.0; 2]);
         let reported = reporter.reported(now);
         assert_close([reported.velocity.x_mps, 0.0, 0.0], [f64::from((k - 10).max(0)), 0.0, 0.0]);
         assert_eq!(reporter.is_flying(), k > 5, "after {k} steps");
@@ -83,7 +96,7 @@ fn a_wrong_flag_is_wrong_and_counts_its_own_motor_time() {
         for (is_flying, expected) in [(true, in_the_air), (false, on_the_ground)] {
             let now = truth(is_flying, 0.0, 0.0, 0.0);
             let mut reporter = reporter(|table| table.flying = flying, &now);
-            (0..50).for_each(|_| reporter.advance(&now));
+            (0..50).for_each(|_| reporter.advance(&now, [0.0; 2]));
             assert_eq!(reporter.is_flying(), expected, "{flying:?}, flies: {is_flying}");
             let motor_s = reporter.reported(now).motor_s;
             let claimed_s = if expected { 1.0 } else { 0.0 };
@@ -99,7 +112,7 @@ fn a_height_is_absent_or_drifts() {
     let absent = reporter(|table| table.has_height = false, &now);
     assert!(absent.reported(now).pose[pose::Z].abs() < 1e-12);
     let mut drifting = reporter(|table| table.height_drift_mps = 0.1, &now);
-    (0..100).for_each(|_| drifting.advance(&now));
+    (0..100).for_each(|_| drifting.advance(&now, [0.0; 2]));
     let height_m = drifting.reported(now).pose[pose::Z];
     assert!((height_m - now.pose[pose::Z] - 0.2).abs() < 1e-9, "{height_m} m");
 }
@@ -113,7 +126,7 @@ fn a_heading_is_absent_mirrored_drifting_or_late() {
         let mut now = start;
         for _ in 0..50 {
             now.pose[pose::THETA] += 0.01;
-            reporter.advance(&now);
+            reporter.advance(&now, [0.0; 2]);
         }
         reporter.reported(now).pose[pose::THETA] - begin
     };

@@ -168,6 +168,12 @@ impl RigidBody {
         self.gust_w_mps = [0.0; 2];
     }
 
+    /// Error of the optical flow, world x and y, of a body that heads for `psi`. m/s
+    pub(super) fn drift_w_mps(&self, psi: f64) -> [f64; 2] {
+        let ((sin, cos), [forward_mps, right_mps]) = (psi.sin_cos(), self.drift_fr_mps);
+        [cos * forward_mps + sin * right_mps, sin * forward_mps - cos * right_mps]
+    }
+
     /// Flies one step of [`DT_S`] from pose `at` and velocity `v`, which it moves on.
     ///
     /// | symbol | equation, steps of 2 ms |

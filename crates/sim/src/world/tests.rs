@@ -5,7 +5,7 @@ use tello_io::mocap::parse_line;
 use super::*;
 use crate::drone::Phase;
 use crate::firmware::PLAIN;
-use crate::plant::{NOMINAL, STANDING_M, UNVARIED};
+use crate::plant::{NOMINAL, STANDING_M, UNVARIED, Velocity};
 
 /// A good day with the nominal vehicle of the flights.
 pub(crate) fn table() -> SimTable {
@@ -138,6 +138,8 @@ fn nonsense_is_refused_with_key_value_and_rule() {
     );
     let start = Start::Air { x: f64::NAN, y: 0.0, z: 1.0, theta: 0.0 };
     assert_eq!(refusal(SimTable { start, ..table() }), "start.x = NaN violates finite");
+    let start = Start::Air { x: 0.0, y: 0.0, z: -5.0, theta: 0.0 };
+    assert_eq!(refusal(SimTable { start, ..table() }), "start.z = -5 violates finite and > 0");
     let mut bad = table();
     bad.variation.gain = -1.0;
     assert_eq!(refusal(bad), "variation.gain = -1 violates 0.01..=100.0");

@@ -4,7 +4,7 @@
 
 use nalgebra::Complex;
 
-use super::{FIXED, FRAMES, Motion};
+use super::{FIXED, FRAMES, Motion, OWN_ERROR_MPS, shortened};
 
 /// Time within which motion that showed the axes is forgotten. s
 const AXES_FORGET_S: f64 = 30.0;
@@ -76,7 +76,8 @@ impl ReportAge {
             self.error_m.iter_mut().zip(&self.axes).zip(&motion.seen_d_mps)
         {
             if let Some(Fit { axes, .. }) = fit {
-                *error_m += motion.moved_w_m - axes * seen_d_mps * dt_s;
+                *error_m = shortened(*error_m, OWN_ERROR_MPS * dt_s) + motion.moved_w_m
+                    - axes * seen_d_mps * dt_s;
             }
         }
     }
