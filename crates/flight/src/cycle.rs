@@ -302,7 +302,7 @@ where
         if !link.correct_dead_time(fifo) {
             return;
         }
-        let steps = self.mhe.window().len() - 1;
+        let steps = (self.mhe.window().len() - 1).min(link.state_steps());
         link.recall(steps, |back| fifo.applied(ahead - back.cast_signed()));
         let amended = self.mhe.amend(steps, |age| link.applied(age));
         debug_assert!(amended.is_ok(), "sticks that were sent are finite: {amended:?}");

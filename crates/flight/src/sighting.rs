@@ -14,8 +14,7 @@ pub struct Sighting {
     pub frame: i64,
     /// When it was measured, as the frame number tells by the source's clock, which is learned on the
     /// ground: [`Sighting::received_at`] less what this frame was slower than the fastest. If its number
-    /// does not tell, the time of the newest frame whose number did, or the start of the log, so that it
-    /// counts as old. Its age counts from here.
+    /// does not tell, a time that is too old to be used. Its age counts from here.
     pub measured_at: TimeNs,
     /// When its bytes arrived.
     pub received_at: TimeNs,

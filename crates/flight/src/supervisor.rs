@@ -41,6 +41,7 @@ pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 
 use horizon_model::rows::pose;
 
+use self::braking::Steered;
 use self::settling::Settling;
 use self::since::{Since, elapsed_s, exceeds};
 use crate::drone::LAND_PERIOD;
@@ -66,6 +67,9 @@ const TURNING_RADPS: f64 = 0.3;
 
 /// A drone that says for so long that it flies took off without our order. s
 const ALOFT_S: f64 = 1.0;
+
+/// One wrong report must not count for longer, where it takes several: a Tello reports ten times a second. s
+const REPORT_RENEWED_S: f64 = 0.5;
 
 /// How long a vehicle must look grounded to count as down. s
 const DOWN_HOLD_S: f64 = 1.0;
@@ -156,8 +160,8 @@ pub struct Supervisor {
     failures: f64,
     /// Periods missed and not yet forgiven.
     late_periods: f64,
-    /// Whether the controller steered in the tick before.
-    was_steering: bool,
+    /// What the controller did in the tick before.
+    steered: Steered,
     /// What ended the flight.
     ended_by: FaultSet,
 }
@@ -189,7 +193,7 @@ impl Supervisor {
             drone_ground_m: None,
             failures: 0.0,
             late_periods: 0.0,
-            was_steering: false,
+            steered: Steered::Not,
             ended_by: FaultSet::default(),
         }
     }
@@ -236,7 +240,7 @@ impl Supervisor {
         let may_steer = self.phase == Phase::Flying
             && (is_braking || reaction < Reaction::Hold)
             && (is_settled || pilot == Pilot::Person);
-        self.was_steering = may_steer && pilot == Pilot::Controller;
+        self.steered = Steered::of(may_steer && pilot == Pilot::Controller, is_braking);
         Ruling {
             phase: self.phase,
             pilot: may_steer.then_some(pilot),
@@ -264,7 +268,9 @@ impl Supervisor {
             _ => (self.failures - FAILURE_FORGIVEN).max(0.0),
         };
         self.late_periods = (self.late_periods - LATE_FORGIVEN).max(0.0) + e.skipped as f64;
-        let is_aloft = self.is_aloft_unasked(e);
+        // Of a report that is not renewed nothing more is known.
+        let is_renewed = e.drone.is_some_and(|drone| !exceeds(drone.age_s, REPORT_RENEWED_S));
+        let is_aloft = is_renewed && self.is_aloft_unasked(e);
         self.since.aloft.keep(is_aloft, e.t_ns);
         let is_standing = self.phase == Phase::Idle && self.drone_says_flying(e) != Some(true);
         if is_standing && !self.is_pose_stale(e) {
@@ -284,18 +290,18 @@ impl Supervisor {
         self.remember_landing(e);
         // A report may be late, but does not take itself back.
         let counts = match (self.phase, self.take_off_seen) {
-            (Phase::TakingOff, TakeOffSeen::Reported) => true,
+            (Phase::TakingOff | Phase::Flying, TakeOffSeen::Reported) => true,
             (Phase::TakingOff, TakeOffSeen::Measured) | (Phase::Flying, _) => {
                 self.is_past_take_off(e)
             }
             _ => false,
         };
-        let says_grounded = counts && says_flying == Some(false);
+        let says_grounded = counts && is_renewed && says_flying == Some(false);
         self.since.grounded.keep(says_grounded, e.t_ns);
         let is_critical = e.drone.is_some_and(|drone| {
             drone.is_battery_critical || drone.battery_pct < self.table.battery_critical_pct
         });
-        self.since.battery_critical.keep(is_critical, e.t_ns);
+        self.since.battery_critical.keep(is_critical && is_renewed, e.t_ns);
         let climbs_still = self.phase == Phase::TakingOff
             && e.findings.still_s.is_some()
             && self.drone_has_risen(e);
@@ -339,7 +345,6 @@ impl Supervisor {
             Phase::TakingOff if reaction == Reaction::BrakeAndLand => Phase::Landing,
             Phase::Flying if has_braked => Phase::Landing,
             Phase::TakingOff if self.is_airborne(e) => Phase::Flying,
-            Phase::Flying if self.is_held_out(e) => Phase::Landing,
             Phase::Landing if self.is_down(e) => Phase::Landed,
             Phase::Landing if self.is_landing_overdue(e) => Phase::LandingUnconfirmed,
             Phase::Idle
@@ -386,11 +391,6 @@ impl Supervisor {
             }
             _ => SupervisorOrder::None,
         }
-    }
-
-    /// Whether the last target was held for long enough.
-    fn is_held_out(&self, e: &Evidence) -> bool {
-        self.since.done.has_lasted(e.t_ns, self.table.finish_hold_s)
     }
 }
 

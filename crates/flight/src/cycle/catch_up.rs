@@ -21,6 +21,7 @@ where
     pub(super) fn catch_up(&mut self, inbox: &Inbox, watch: &mut dyn Watch) {
         for missed in 1..=inbox.skipped.min(SKIPPED_MAX) {
             self.plausibility.open();
+            self.filter.update(None);
             let is_repeated = missed as f64 * self.dt_s < CONTROL_SILENCE_NEUTRAL.seconds();
             self.fifo.push(&if is_repeated { *self.fifo.newest() } else { Sticks::zeros() });
             self.monitor_missed(self.fifo.applied(JUST_ENDED_AFTER_PUSH));

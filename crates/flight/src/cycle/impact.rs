@@ -11,6 +11,9 @@
 //! e' u_w >= 0.05    from t - 0.8 s to t: a brake may act 0.25 s earlier or 0.4 s later than it is taken to
 //! ```
 //!
+//! A step further than a vehicle flies, or back by more than it bounces, is one of the poses: until both places are
+//! later, there is no stop.
+//!
 //! The inputs are turned by the heading alone: `theta_0` turns them by less than a corner does.
 
 use horizon_model::rows::{Pose, Sticks, pos_w};
@@ -36,6 +39,13 @@ const INPUT_MIN: f64 = 0.05;
 /// Poses for which all this must hold: one may be an outlier.
 const TICKS_MIN: u32 = 2;
 
+/// A step back that is longer is one of the poses: a vehicle that hits something bounces off slowly. m/s, m
+const BOUNCE_MPS: f64 = 0.5;
+const BOUNCE_M: f64 = 0.02;
+/// Any step that is longer: full sticks along one axis reach 1.8 m/s. m/s, m
+const STEP_MPS: f64 = 2.0;
+const STEP_M: f64 = 0.05;
+
 /// The newest places and inputs.
 #[derive(Debug, Clone)]
 pub(super) struct Impact {
@@ -44,13 +54,15 @@ pub(super) struct Impact {
     ring: [(Option<Vector2<f64>>, Vector2<f64>); DRIVEN + 1],
     newest: usize,
     ticks: u32,
+    /// Periods since a step that no vehicle makes.
+    since_jump: usize,
 }
 
 impl Impact {
     /// Nothing was seen yet. `dt_s` > 0 is the period.
     pub(super) fn new(dt_s: f64) -> Self {
         let ring = [(None, Vector2::zeros()); DRIVEN + 1];
-        Self { dt_s, ring, newest: 0, ticks: 0 }
+        Self { dt_s, ring, newest: 0, ticks: 0, since_jump: usize::MAX }
     }
 
     /// A period has ended in which `u_applied` was applied at the heading `theta_rad`; `seen` is the new pose in it, if
@@ -58,9 +70,11 @@ impl Impact {
     ///
     /// Real time: no allocation, constant cost.
     pub(super) fn see(&mut self, seen: Option<&Pose>, u_applied: &Sticks, theta_rad: f64) {
-        self.newest = (self.newest + 1) % self.ring.len();
         let place_w = seen.map(|seen| pos_w(seen).xy());
+        self.newest = (self.newest + 1) % self.ring.len();
         self.ring[self.newest] = (place_w, inputs_w(u_applied, theta_rad));
+        let has_jumped = place_w.is_some() && self.has_jumped();
+        self.since_jump = if has_jumped { 0 } else { self.since_jump.saturating_add(1) };
         // A tick without a place decides nothing.
         if place_w.is_some() {
             self.ticks = if self.stops() { self.ticks + 1 } else { 0 };
@@ -73,12 +87,27 @@ impl Impact {
     }
 
     fn stops(&self) -> bool {
+        if self.since_jump <= COMES + LATER {
+            return false;
+        }
         let Some(velocity_w_mps) = self.velocity(ARRIVES, COMES) else { return false };
         let Some(left_w_mps) = self.velocity(0, STANDS) else { return false };
         let speed_mps = velocity_w_mps.norm();
         let along_w = velocity_w_mps / speed_mps.max(f64::MIN_POSITIVE);
         let is_driven = || self.ring.iter().all(|(_, u_w)| u_w.dot(&along_w) >= INPUT_MIN);
         speed_mps >= SPEED_MIN_MPS && along_w.dot(&left_w_mps) <= LEFT * speed_mps && is_driven()
+    }
+
+    /// Whether the newest step leads further than a vehicle flies, or back further than it bounces.
+    fn has_jumped(&self) -> bool {
+        let Some(((to_w, _), (from_w, age))) = self.place(0).zip(self.place(1)) else {
+            return false;
+        };
+        let (step_w, time_s) = (to_w - from_w, self.dt_s * age as f64);
+        let leads_back =
+            |v: Vector2<f64>| -step_w.dot(&v) > (BOUNCE_MPS * time_s + BOUNCE_M) * v.norm();
+        step_w.norm() > STEP_MPS * time_s + STEP_M
+            || self.velocity(ARRIVES, COMES).is_some_and(leads_back)
     }
 
     /// Mean velocity between two ages. m/s
@@ -181,5 +210,23 @@ mod tests {
             _ => 1.2,
         };
         assert_eq!(hit_s(outlier, |_| 0.5, always), None);
+        // Longer ones, and one that stays, of poses that come in every or in every second period.
+        for by_m in [-0.09, -0.1, -0.15, -0.2, -0.28, -0.39, 0.25, 0.39] {
+            for (length, speed_mps) in [1, 2, 3, 4, 5, 6, 7, 200]
+                .into_iter()
+                .flat_map(|length| [0.4, 0.6, 0.95, 1.2, 1.6].map(|speed_mps| (length, speed_mps)))
+            {
+                let is_out = |t_s: f64| (2.0..2.0 + DT_S * f64::from(length) - 1e-9).contains(&t_s);
+                let shifted = |t_s: f64| {
+                    let step =
+                        f64::from(u8::from(is_out(t_s))) - f64::from(u8::from(is_out(t_s - DT_S)));
+                    speed_mps + by_m * step / DT_S
+                };
+                for is_pose in [always, |k: u32| k.is_multiple_of(2)] {
+                    let hit_s = hit_s(shifted, |_| 0.5, is_pose);
+                    assert_eq!(hit_s, None, "{by_m} m for {length} periods at {speed_mps} m/s");
+                }
+            }
+        }
     }
 }

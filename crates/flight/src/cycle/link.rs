@@ -28,6 +28,8 @@ pub(super) struct Link {
     meant: Vec<Sticks>,
     newest: usize,
     state: LinkState,
+    /// For how long it has been so; the largest number before the first change. steps
+    state_steps: usize,
     /// The sticks that act while an old command is held.
     held: Sticks,
 }
@@ -51,6 +53,7 @@ impl Link {
             meant,
             newest: 0,
             state: LinkState::Up,
+            state_steps: usize::MAX,
             held: Sticks::zeros(),
         }
     }
@@ -111,10 +114,17 @@ impl Link {
         let verdict = self.monitor.update(u_meant, observed, p);
         self.state = verdict.state;
         let since_steps = verdict.onset_steps as usize;
+        self.state_steps =
+            if verdict.changed { since_steps } else { self.state_steps.saturating_add(1) };
         if verdict.changed {
             self.held = self.meant(since_steps.min(self.meant.len() - 1));
         }
         (verdict, verdict.changed.then_some(since_steps.min(self.window_steps)))
+    }
+
+    /// For how many steps the newest verdict holds: what was applied before followed another one.
+    pub(super) fn state_steps(&self) -> usize {
+        self.state_steps
     }
 
     /// The applied sticks `back` steps before the newest, by the newest verdict.
@@ -206,6 +216,7 @@ mod tests {
         assert!((50..100).contains(&step), "noticed in step {step}");
         assert_eq!(since_steps, Some(WINDOW_STEPS.min(onset_steps as usize)));
         assert_eq!((link.state(), link.is_up()), (LinkState::Released, false));
+        assert_eq!(link.state_steps(), onset_steps as usize + 199 - step);
         assert_eq!((link.instead(), link.applied(3)), (Some(Sticks::zeros()), Sticks::zeros()));
         let u_plan = Sticks::new(-0.9, 0.3, 0.41, 1.0);
         assert_eq!(link.limited(&u_plan), Sticks::new(-0.4, 0.3, 0.4, 0.4));

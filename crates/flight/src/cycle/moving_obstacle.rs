@@ -1,6 +1,6 @@
 //! An obstacle that moves: where it is going to be.
 //!
-//! Owns the prediction with constant velocity; the velocity is that of an alpha-beta filter on the positions.
+//! Owns the prediction with constant velocity, and which places count. The velocity is that of an alpha-beta filter.
 
 use nalgebra::Vector3;
 
@@ -13,9 +13,29 @@ const VELOCITY_GAIN: f64 = 0.205;
 /// How long an obstacle that is not seen goes on as before. s
 const FORGET_S: f64 = 0.5;
 
-/// The motion of one obstacle.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Largest innovation that is a motion: a person who turns round while walking at 2 m/s makes 0.08 m in a tick. m
+const JUMP_M: f64 = 0.3;
+/// By how much it grows while no place counts: an obstacle that really is elsewhere is followed again after 0.1 s per
+/// 0.5 m. m/s
+const JUMP_GROWTH_MPS: f64 = 5.0;
+
+/// Nobody stops between two ticks from this speed: a place that is repeated to the bit is that of a stream that stands
+/// still. m/s
+const REPEATED_MPS: f64 = 0.5;
+
+/// What is known of one obstacle.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct MovingObstacle {
+    /// `None`: nobody knows where it is.
+    motion: Option<Motion>,
+    /// The newest finite place, whether it counted or not. m
+    newest_w: Option<Vector3<f64>>,
+    /// Whether a moving obstacle has been repeated at that place.
+    is_stuck: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Motion {
     /// m
     pos_w: Vector3<f64>,
     /// m/s
@@ -24,29 +44,48 @@ pub(super) struct MovingObstacle {
 }
 
 impl MovingObstacle {
-    /// The motion after a period of `dt_s`, in which the obstacle was seen at `seen_w` (m) or not at all; `None` if
-    /// nothing is known of it. Places that are not finite are not seen.
-    pub(super) fn after(before: Option<Self>, seen_w: Option<[f64; 3]>, dt_s: f64) -> Option<Self> {
+    /// Follows it by a period of `dt_s`, in which it was seen at `seen_w` (m) or not at all. Places that are not
+    /// finite, a jump, and a place that a moving obstacle repeats to the bit are not seen.
+    pub(super) fn follow(&mut self, seen_w: Option<[f64; 3]>, dt_s: f64) {
         let seen_w = seen_w.map(Vector3::from).filter(|at_w| at_w.iter().all(|x| x.is_finite()));
-        let Some(before) = before else {
-            return seen_w.map(|pos_w| Self { pos_w, vel_w: Vector3::zeros(), unseen_s: 0.0 });
+        let is_repeated = seen_w.is_some() && seen_w == self.newest_w;
+        let is_moving = self.motion.is_some_and(|motion| motion.vel_w.norm() > REPEATED_MPS);
+        if seen_w.is_some() {
+            self.newest_w = seen_w;
+            self.is_stuck = is_repeated && (is_moving || self.is_stuck);
+        }
+        let seen_w = seen_w.filter(|_| !self.is_stuck);
+        self.motion = match self.motion {
+            Some(before) => before.after(seen_w, dt_s),
+            None => seen_w.map(|pos_w| Motion { pos_w, vel_w: Vector3::zeros(), unseen_s: 0.0 }),
         };
-        let pos_w = before.pos_w + before.vel_w * dt_s;
-        let Some(seen_w) = seen_w else {
-            let unseen_s = before.unseen_s + dt_s;
-            return (unseen_s <= FORGET_S).then_some(Self { pos_w, unseen_s, ..before });
-        };
-        let innovation_w = seen_w - pos_w;
-        Some(Self {
-            pos_w: pos_w + innovation_w * PLACE_GAIN,
-            vel_w: before.vel_w + innovation_w * (VELOCITY_GAIN / dt_s),
-            unseen_s: 0.0,
-        })
     }
 
-    /// Where it is after `ahead_s`, world frame. m
-    pub(super) fn place(&self, ahead_s: f64) -> Vector3<f64> {
-        self.pos_w + self.vel_w * ahead_s
+    /// Where it is after `ahead_s`, world frame; `None` if nobody knows. m
+    pub(super) fn place(&self, ahead_s: f64) -> Option<Vector3<f64>> {
+        self.motion.map(|motion| motion.pos_w + motion.vel_w * ahead_s)
+    }
+}
+
+impl Motion {
+    /// The motion after a period of `dt_s`; `None` after too long without a place that counts.
+    fn after(self, seen_w: Option<Vector3<f64>>, dt_s: f64) -> Option<Self> {
+        let pos_w = self.pos_w + self.vel_w * dt_s;
+        let limit_m = JUMP_M + JUMP_GROWTH_MPS * self.unseen_s;
+        let innovation_w = seen_w.map(|seen_w| seen_w - pos_w);
+        let Some(innovation_w) = innovation_w.filter(|it| it.norm() <= limit_m) else {
+            let unseen_s = self.unseen_s + dt_s;
+            return (unseen_s <= FORGET_S).then_some(Self { pos_w, unseen_s, ..self });
+        };
+        if innovation_w.norm() > JUMP_M {
+            let pos_w = pos_w + innovation_w;
+            return Some(Self { pos_w, vel_w: Vector3::zeros(), unseen_s: 0.0 });
+        }
+        Some(Self {
+            pos_w: pos_w + innovation_w * PLACE_GAIN,
+            vel_w: self.vel_w + innovation_w * (VELOCITY_GAIN / dt_s),
+            unseen_s: 0.0,
+        })
     }
 }
 
@@ -57,28 +96,79 @@ mod tests {
     const DT_S: f64 = 0.02;
 
     /// After `count` periods along x with 1 m/s.
-    fn followed(count: u32) -> Option<MovingObstacle> {
-        (0..count).fold(None, |before, k| {
-            MovingObstacle::after(before, Some([DT_S * f64::from(k), 2.0, 1.0]), DT_S)
-        })
+    fn followed(count: u32) -> MovingObstacle {
+        let mut obstacle = MovingObstacle::default();
+        for k in 0..count {
+            obstacle.follow(Some(place_w(k)), DT_S);
+        }
+        obstacle
+    }
+
+    fn place_w(k: u32) -> [f64; 3] {
+        [DT_S * f64::from(k), 2.0, 1.0]
     }
 
     #[test]
     fn a_straight_motion_is_predicted_after_half_a_second() {
-        let found = followed(26).unwrap().place(1.0);
+        let found = followed(26).place(1.0).unwrap();
         assert!((found - Vector3::new(1.5, 2.0, 1.0)).norm() < 0.05, "{found}");
     }
 
     #[test]
     fn what_is_not_seen_goes_on_for_half_a_second_and_is_forgotten() {
         let go_on = |count: u32| {
-            (0..count).fold(followed(100), |before, k| {
-                let nothing = if k % 2 == 0 { None } else { Some([f64::NAN, 0.0, 0.0]) };
-                MovingObstacle::after(before, nothing, DT_S)
-            })
+            let mut obstacle = followed(100);
+            for k in 0..count {
+                obstacle.follow((k % 2 == 1).then_some([f64::NAN, 0.0, 0.0]), DT_S);
+            }
+            obstacle.place(0.0)
         };
-        let place = go_on(20).unwrap().place(0.0);
+        let place = go_on(20).unwrap();
         assert!((place.x - 0.02 * 119.0).abs() < 0.02, "{place}");
         assert_eq!(go_on(27), None);
+    }
+
+    #[test]
+    fn an_outlier_moves_nothing_and_an_obstacle_that_is_elsewhere_is_found() {
+        let mut obstacle = followed(100);
+        for k in 100..110 {
+            let [x, y, z] = place_w(k);
+            obstacle.follow(Some([x, y + if k == 100 { 0.5 } else { 0.0 }, z]), DT_S);
+            let ahead = obstacle.place(0.5).unwrap();
+            let [x, y, z] = place_w(k + 25);
+            assert!((ahead - Vector3::new(x, y, z)).norm() < 0.02, "{k}: {ahead}");
+        }
+        // 1.1 m away: not at once, but before it is forgotten, and at rest at first.
+        let there_w = |k: u32| [1.1, 2.0, 1.0 + 1e-4 * f64::from(k % 3)];
+        let mut found_after = None;
+        for k in 0..24 {
+            obstacle.follow(Some(there_w(k)), DT_S);
+            let is_there = (obstacle.place(0.5).unwrap() - Vector3::from(there_w(k))).norm() < 0.01;
+            found_after = found_after.or(is_there.then_some(k));
+        }
+        assert!(found_after.is_some_and(|k| (8..20).contains(&k)), "{found_after:?}");
+    }
+
+    #[test]
+    fn a_stream_that_stands_still_is_no_obstacle_that_stops() {
+        let mut stuck = followed(100);
+        for _ in 0..26 {
+            stuck.follow(Some(place_w(99)), DT_S);
+        }
+        assert_eq!(stuck.place(0.0), None);
+        // One that has slowed down and stands is known, also without noise.
+        let mut slow = followed(100);
+        let mut x_m = place_w(99)[0];
+        for k in 0..200 {
+            x_m += DT_S * (1.0 - 4.0 * DT_S * f64::from(k)).max(0.0);
+            slow.follow(Some([x_m, 2.0, 1.0]), DT_S);
+        }
+        let stands_w = Vector3::new(x_m, 2.0, 1.0);
+        assert!((slow.place(0.5).unwrap() - stands_w).norm() < 1e-3);
+        // Also after it was hidden.
+        (0..30).for_each(|_| slow.follow(None, DT_S));
+        assert_eq!(slow.place(0.0), None);
+        slow.follow(Some(stands_w.into()), DT_S);
+        assert_eq!(slow.place(0.5), Some(stands_w));
     }
 }

@@ -25,9 +25,9 @@ const CLEAR_LAG_MAX: u32 = 5;
 /// What the plan follows from.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Known<'a, const NS: usize, const NP: usize> {
-    /// Newest estimate.
+    /// Newest estimate. In the units of the model's rows
     pub(super) s_hat: &'a SVector<f64, NS>,
-    /// Parameter estimate.
+    /// Parameter estimate. In the units of its rows
     pub(super) p_hat: &'a SVector<f64, NP>,
     /// Covariance of `s_hat`; `None`: unknown. Units of its rows, squared
     pub(super) covariance: Option<SMatrix<f64, NS, NS>>,

@@ -121,7 +121,12 @@ where
         if let Some(repeated) = self.memory.o_repeated.filter(|_| sample.pose.is_none()) {
             self.monitors.observe_repeated(&repeated);
         }
-        self.monitors.update(&sample)
+        let findings = self.monitors.update(&sample);
+        if !self.plausibility.has_jumped() {
+            return findings;
+        }
+        self.monitors.skip_jump();
+        Findings { direction_error_rad: None, is_direction_wrong: false, ..findings }
     }
 
     /// Shows a period without a tick, in which `u_meant` would have been applied, to the monitors and to the worst
@@ -148,6 +153,8 @@ where
     pub(super) fn note_pressed(&mut self, pilot: Option<Pilot>, u_sent: &Sticks) {
         if pilot == Some(Pilot::Person) {
             self.immobility.restart();
+            // After a hand-back the reference may wait: under a brake or a hold the mission is not resumed.
+            self.progress.resume();
             self.progress.restart_height();
         } else if self.memory.is_on_mission && self.link_is_up() {
             self.immobility.press(u_sent, self.dt_s);

@@ -3,9 +3,9 @@ use horizon_model::rows::{lag, motion};
 use nalgebra::Vector2;
 
 use super::*;
-use crate::Sighting;
 use crate::cycle::sense::tests::{DT_NS, sighting, table};
 use crate::gate::Approved;
+use crate::{Phase, Sighting};
 
 type LaggedCycle = Cycle<Lagged, { motion::COUNT }, { lag::COUNT }, { motion::CONTROLLABLE }>;
 
@@ -135,6 +135,38 @@ fn sticks_are_sent_to_a_drone_that_takes_them_or_has_not_reported() {
         cycle.memory.drone = Some(status(TimeNs(0), takes_sticks));
         assert_eq!(cycle.takes_sticks(), takes_sticks);
     }
+}
+
+#[test]
+fn a_hand_back_while_poses_are_stale_holds_and_does_not_end_the_flight_by_the_distance() {
+    const HAND: std::ops::Range<i64> = 100..320;
+    const UNSEEN: std::ops::Range<i64> = HAND.end - 30..HAND.end + 40;
+    let table = table();
+    let (mut cycle, model) = (cycle(), Lagged::default());
+    let (mut inbox, mut out) = (Inbox::new(), cycle.new_outcome());
+    let mut fifo = InputFifo::new(&table.cycle.dead_time_s, &Lagged::INPUT, cycle.dt_s).unwrap();
+    let p = *cycle.mhe.p_hat();
+    let mut s = model.at_rest(&sighting(TimeNs(0), 0).pose.unwrap());
+    for step in 0..UNSEEN.end {
+        let now = TimeNs(step * DT_NS);
+        inbox.open(step.unsigned_abs(), now);
+        inbox.drone = Some(status(now, true));
+        inbox.manual = HAND.contains(&step).then_some([0.6, 0.0, 0.0, 0.0]);
+        if !UNSEEN.contains(&step) {
+            inbox.sightings.push(Sighting { pose: Some(model.observe(&s)), ..sighting(now, 0) });
+        }
+        cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
+        let ruling = out.ruling.unwrap();
+        assert_eq!(ruling.phase, Phase::Flying, "{step}: {ruling:?}");
+        if step > HAND.end {
+            assert!(!ruling.may_steer(), "{step}: the poses are stale");
+        }
+        fifo.push(&out.u_sent);
+        s = model.step(&s, &fifo.applied(-1), &p, cycle.dt_s);
+    }
+    let carried_m = (model.observe(&s) - sighting(TimeNs(0), 0).pose.unwrap())[pose::Y].abs();
+    let limit_m = table.cycle.supervisor.failsafe.tracking_m;
+    assert!(carried_m > limit_m + 0.3, "{carried_m} m: the test shows nothing");
 }
 
 #[test]

@@ -61,7 +61,7 @@ pub(super) struct Walls {
     obstacles: Vec<Obstacle>,
     table: WallTable,
     /// What moves, by the newest tick.
-    moving: Option<MovingObstacle>,
+    moving: MovingObstacle,
     /// From now to the beginning of the plan. s
     lead_s: f64,
     /// Covariance of the predicted position. m^2
@@ -108,17 +108,24 @@ impl Walls {
         check().map_err(|error| error.under("mpc.walls"))?;
         let covariance_w = Matrix3::zeros();
         let table = table.clone();
-        Ok(Some(Self { room, obstacles, table, moving: None, lead_s: 0.0, covariance_w }))
+        Ok(Some(Self {
+            room,
+            obstacles,
+            table,
+            moving: MovingObstacle::default(),
+            lead_s: 0.0,
+            covariance_w,
+        }))
     }
 
     /// Follows the obstacle that moves by a period of `dt_s`, in which it was seen at `seen_w`, world frame. m
     pub(super) fn follow(&mut self, seen_w: Option<[f64; 3]>, dt_s: f64) {
-        self.moving = MovingObstacle::after(self.moving, seen_w, dt_s);
+        self.moving.follow(seen_w, dt_s);
     }
 
     /// Whether there is an obstacle that moves and nobody knows where.
     pub(super) fn is_moving_unseen(&self) -> bool {
-        self.moving.is_none() && self.obstacles.iter().any(Obstacle::is_moving)
+        self.moving.place(0.0).is_none() && self.obstacles.iter().any(Obstacle::is_moving)
     }
 
     /// Whether `at_w` is inside of an obstacle that does not move.
@@ -134,7 +141,7 @@ impl Walls {
     /// Whether the obstacle that moves is between `at_w` and `to_w`, world frame, and nearer than 0.6 m to the straight
     /// way, or so near to one of its ends that a vehicle is driven away: it does not get there. m
     pub(super) fn is_way_blocked(&self, at_w: &Vector3<f64>, to_w: &Vector3<f64>) -> bool {
-        let Some(moving_w) = self.moving.map(|moving| moving.place(0.0)) else { return false };
+        let Some(moving_w) = self.moving.place(0.0) else { return false };
         // Seen from above: it has any height.
         let (way_w, apart_w) = ((to_w - at_w).xy(), (moving_w - at_w).xy());
         let along = apart_w.dot(&way_w) / way_w.norm_squared().max(f64::MIN_POSITIVE);
@@ -175,7 +182,7 @@ impl Walls {
 
     /// Whether a vehicle that stands at `at_w` is inside of an obstacle now, or climbs into one in its take-off.
     pub(super) fn bars_start(&self, at_w: &Vector3<f64>) -> bool {
-        let moving_w = self.moving.map(|moving| moving.place(0.0));
+        let moving_w = self.moving.place(0.0);
         let least_m = |obstacle: &Obstacle| {
             obstacle.distance_in_climb(at_w, CLIMB_M, moving_w.as_ref()).distance_m
         };
@@ -210,7 +217,7 @@ impl Walls {
     fn distance(&self, i: usize, at_w: &Vector3<f64>, ahead_s: f64) -> SignedDistance {
         match (self.obstacle(i), &self.room) {
             (Some(obstacle), _) if obstacle.is_moving() => {
-                let moving_w = self.moving.map(|moving| moving.place(self.lead_s + ahead_s));
+                let moving_w = self.moving.place(self.lead_s + ahead_s);
                 obstacle.distance_from(at_w, moving_w.as_ref())
             }
             (Some(obstacle), _) => obstacle.distance(at_w),

@@ -4,6 +4,7 @@
 use horizon_model::rows::pos_w;
 use nalgebra::Vector3;
 
+use super::braking::Steered;
 use super::evidence::Evidence;
 use super::since::{elapsed_s, exceeds};
 use super::{BRAKE_S, Supervisor};
@@ -38,7 +39,7 @@ impl Supervisor {
     /// Updates since when the vehicle has stayed before an obstacle. What keeps it there for another reason does not
     /// count: a person, an outage, an obstacle that moves or is not seen.
     pub(super) fn remember_stuck(&mut self, e: &Evidence) {
-        let is_meant = self.was_steering && !e.is_by_hand && !self.since.braking.holds();
+        let is_meant = self.steered != Steered::Not && !e.is_by_hand && !self.since.braking.holds();
         let is_free = e.outage.is_none() && !e.is_obstacle_unseen;
         let Some(motion) = e.motion.filter(|_| is_meant && is_free) else {
             self.stuck = None;
@@ -58,7 +59,7 @@ impl Supervisor {
 
     /// Updates when and for how long plans were blocked.
     pub(super) fn remember_blocked(&mut self, e: &Evidence) {
-        if self.was_steering && e.is_plan_clear == Some(false) {
+        if self.steered != Steered::Not && e.is_plan_clear == Some(false) {
             self.blocked_ns = Some(e.t_ns);
         }
         let period_s =

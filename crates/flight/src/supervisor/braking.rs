@@ -2,7 +2,8 @@
 //!
 //! Owns when a flight that has to end is brought to rest by the controller first. A landing flies with neutral sticks:
 //! a vehicle at 1 m/s coasts on for 0.7 m. A fault that leaves poses and controller trusted
-//! ([`Reaction::BrakeAndLand`]) gives the time.
+//! ([`Reaction::BrakeAndLand`]) gives the time, and so does a mission that is done: a person may have handed the
+//! vehicle back far from the last target.
 
 use super::Supervisor;
 use super::evidence::{Evidence, Phase};
@@ -14,13 +15,41 @@ const SLOW_MPS: f64 = 0.2;
 /// Longest braking: a dead time of 0.34 s, and 1.2 m/s at 1.1 m/s^2. s
 const BRAKE_MAX_S: f64 = 1.5;
 
+/// What the controller does in a tick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Steered {
+    /// Nothing: others steer, or nobody.
+    Not,
+    /// It follows the mission.
+    Mission,
+    /// It brings the vehicle to rest.
+    Brake,
+}
+
+impl Steered {
+    /// Of a controller that steers or not, while the vehicle brakes or not.
+    pub(super) fn of(steers: bool, is_braking: bool) -> Self {
+        match (steers, is_braking) {
+            (false, _) => Self::Not,
+            (true, false) => Self::Mission,
+            (true, true) => Self::Brake,
+        }
+    }
+}
+
 impl Supervisor {
     /// Remembers when the vehicle began to brake: from then on the flight ends, whatever comes later.
     pub(super) fn remember_braking(&mut self, e: &Evidence, faults: FaultSet, pilot: Pilot) {
-        if self.phase == Phase::Flying && faults.reaction(pilot) == Reaction::BrakeAndLand {
+        let has_to_land = faults.reaction(pilot) == Reaction::BrakeAndLand || self.is_held_out(e);
+        if self.phase == Phase::Flying && has_to_land {
             self.since.braking.keep(true, e.t_ns);
             self.ended_by = self.ended_by.union(faults.ending_flight(pilot));
         }
+    }
+
+    /// Whether the mission has been done for long enough.
+    fn is_held_out(&self, e: &Evidence) -> bool {
+        self.since.done.has_lasted(e.t_ns, self.table.finish_hold_s)
     }
 
     /// Whether a vehicle that has to land brakes no longer: it is slow, or braked long enough, or the controller may
@@ -28,7 +57,7 @@ impl Supervisor {
     pub(super) fn has_braked(&self, e: &Evidence, faults: FaultSet, pilot: Pilot) -> bool {
         let is_fast = e.speed_mps > SLOW_MPS;
         let forbids = |one: Reaction| one >= Reaction::Hold && one != Reaction::BrakeAndLand;
-        let may_brake = self.was_steering
+        let may_brake = self.steered != Steered::Not
             && pilot == Pilot::Controller
             && !faults.iter().any(|fault| forbids(fault.reaction(pilot)));
         let is_over = !(is_fast && may_brake) || self.since.braking.has_lasted(e.t_ns, BRAKE_MAX_S);

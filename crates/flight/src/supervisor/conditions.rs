@@ -2,6 +2,7 @@
 //!
 //! Owns the condition of every fault. What follows from a fault stands in `fault.rs`.
 
+use super::braking::Steered;
 use super::evidence::{Evidence, Operator, Phase};
 use super::fault::{Fault, FaultSet};
 use super::{ALOFT_S, DOWN_HOLD_S, Supervisor, elapsed_s, exceeds};
@@ -117,7 +118,8 @@ impl Supervisor {
 
     /// Whether a vehicle that should climb to its reference is stiller than one that flies, by poses that are new.
     pub(super) fn seems_to_stand(&self, e: &Evidence) -> bool {
-        let is_asked = !e.is_by_hand && (self.was_steering || e.outage.is_some());
+        let is_steered = self.steered == Steered::Mission;
+        let is_asked = !e.is_by_hand && (is_steered || e.outage.is_some());
         let is_new = !self.is_pose_stale(e) && !e.is_pose_repeated;
         let is_still = is_new && e.findings.still_s.is_some();
         let is_below = e.below_m.is_some_and(|below_m| exceeds(below_m, STANDS_BELOW_M));
@@ -213,7 +215,7 @@ impl Supervisor {
 
     /// The flag belongs to the plan of the previous tick, which was made only if it could be used.
     pub(super) fn has_controller_failed(&self, e: &Evidence) -> bool {
-        e.controller_failed && self.was_steering
+        e.controller_failed && self.steered != Steered::Not
     }
 }
 

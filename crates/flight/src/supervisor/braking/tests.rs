@@ -69,6 +69,34 @@ fn a_speed_just_above_the_limit_is_braked_on_and_so_is_one_before_a_wall_that_a_
 }
 
 #[test]
+fn a_mission_that_is_done_lands_a_vehicle_at_rest_and_brakes_one_that_a_person_hands_back() {
+    let done = Evidence { is_mission_done: true, ..ALOFT };
+    let by_hand = Evidence { is_by_hand: true, ..done };
+    let fast = Evidence { speed_mps: 0.8, ..done };
+    let mut bench = Bench::flying();
+    bench.pass(20, &by_hand);
+    let hold = (TABLE.finish_hold_s * 10.0).round();
+    let is_braking = |bench: &mut Bench| {
+        let ruling = bench.tick(&fast);
+        (ruling.phase, ruling.is_braking)
+    };
+    for _ in 0..100 {
+        match is_braking(&mut bench) {
+            (Phase::Flying, false) => {}
+            found => {
+                assert_eq!(found, (Phase::Flying, true));
+                break;
+            }
+        }
+    }
+    let ruling = bench.tick(&done);
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
+    let mut bench = Bench::flying();
+    let ticks = (0..100).take_while(|_| bench.tick(&done).phase == Phase::Flying).count();
+    assert!((ticks as f64 - hold).abs() <= 1.0, "{ticks} ticks for {hold}");
+}
+
+#[test]
 fn a_fault_that_holds_the_sticks_ends_the_braking_by_a_landing() {
     let failed = Evidence { estimator_failed: true, ..fast() };
     assert_eq!(braking().tick(&failed).phase, Phase::Landing);

@@ -205,6 +205,39 @@ fn a_drone_that_stands_while_control_flies_it_ends_the_flight_after_a_second() {
 }
 
 #[test]
+fn one_report_and_silence_end_no_flight() {
+    for change in [
+        |drone: &mut DroneReport| drone.is_flying = false,
+        |drone: &mut DroneReport| drone.is_battery_critical = true,
+    ] {
+        let mut bench = Bench::flown();
+        for k in 0..18 {
+            let age_s = 0.1 * f64::from(k);
+            let wrong = with_drone(ALOFT, |drone| {
+                change(drone);
+                drone.age_s = age_s;
+            });
+            assert_eq!(bench.tick(&wrong).phase, Phase::Flying, "{age_s} s");
+        }
+        assert_eq!(bench.tick(&ALOFT).phase, Phase::Flying);
+    }
+}
+
+#[test]
+fn a_drone_that_falls_at_the_end_of_its_climb_is_known_to_stand_after_a_second() {
+    let mut bench = Bench::taking_off();
+    let mut ticks = 0;
+    while bench.tick(&ALOFT).phase == Phase::TakingOff {
+        ticks += 1;
+    }
+    assert!(ticks < 20, "its report confirms the take-off, long before the end of the climb");
+    let fallen = with_drone(CALM, |drone| drone.is_flying = false);
+    let ruling = bench.run(11, &fallen);
+    assert_eq!(ruling.phase, Phase::Landing);
+    assert!(faults(ruling).contains(&Fault::NotFlying), "{:?}", faults(ruling));
+}
+
+#[test]
 fn the_drone_confirms_an_outage_by_a_speed_up_to_the_limit_and_not_by_one_that_is_no_number() {
     for (drone_speed_mps, is_slow) in [
         (Some(0.0), true),
@@ -255,6 +288,9 @@ fn a_vehicle_that_stands_still_below_its_reference_lands() {
     let mut bench = Bench::flying();
     assert_eq!(faults(bench.run(12, &stands)), []);
     assert_eq!(faults(bench.tick(&stands)), [Fault::Immobile]);
+    // A plan that brakes does not climb.
+    let waits = Evidence { is_obstacle_unseen: true, ..stands };
+    assert_eq!(faults(Bench::flying().run(50, &waits)), [Fault::ObstacleUnseen]);
     let in_outage = Evidence { outage: Some(outage(1.0, true, 0.0)), ..stands };
     let mut bench = Bench::flying();
     assert!(!bench.run(24, &in_outage).faults.contains(Fault::Immobile));
