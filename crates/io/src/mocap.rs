@@ -20,6 +20,7 @@ mod relay;
 mod settings;
 mod source;
 mod source_clock;
+mod stamp_numbers;
 mod statistics;
 mod stream;
 mod survey;
@@ -36,6 +37,7 @@ pub use settings::{
     MocapSettings, MocapTable, NatnetTable, QtmTable, ServerTable, UdpTable, VrpnTable,
 };
 pub use source::{Frame, SourceError};
+pub use stamp_numbers::StampNumbers;
 pub use statistics::{MocapCounters, StreamReport};
 pub use stream::MocapStream;
 pub use survey::{Survey, Track, TrackReport, survey};

@@ -26,7 +26,7 @@ pub use client::{DroneClient, DroneLink, OrderError};
 pub use guardian::{Duty, Guardian, GuardianReport, Heartbeat, Post, WatchEnd};
 use protocol::{Answer, FlightStatus, Version};
 pub use report::LinkReport;
-pub use session::{Message, STATE_PORT, Session, TOF_FLYING_CM};
+pub use session::{Message, STATE_PORT, Session, TOF_FLYING_M};
 pub use tello_flight::drone::{DroneOrder, DroneStatus, Protocol};
 pub use tello_flight::gate::Approved;
 
@@ -225,8 +225,8 @@ pub struct DroneFacts {
     pub altitude_limit_m: Option<u16>,
     /// Charge below which it calls its battery low. %
     pub battery_threshold_pct: Option<u8>,
-    /// Largest tilt. degrees: for displays only
-    pub tilt_limit_deg: Option<f32>,
+    /// Largest tilt. rad
+    pub tilt_limit_rad: Option<f32>,
 }
 
 /// More of the words of a refusal is not kept.
@@ -302,7 +302,7 @@ impl LinkCounters {
             Answer::Version(version) => facts.version = Some(version),
             Answer::AltitudeLimit(limit_m) => facts.altitude_limit_m = Some(limit_m),
             Answer::BatteryThreshold(pct) => facts.battery_threshold_pct = Some(pct),
-            Answer::TiltLimit(tilt_deg) => facts.tilt_limit_deg = Some(tilt_deg),
+            Answer::TiltLimit(tilt_deg) => facts.tilt_limit_rad = Some(tilt_deg.to_radians()),
         }
     }
 }

@@ -52,11 +52,15 @@ impl Part {
         self.part.as_deref().unwrap_or(&self.path)
     }
 
-    /// Gives it its name, in place of what has it.
+    /// Gives it its name, in place of what has it: with its bytes on the disk, so that a power cut leaves the one or
+    /// the other.
     ///
     /// # Errors
     /// The file system refuses.
     pub fn finish(mut self) -> Result<()> {
+        fs::File::open(self.path())
+            .and_then(|part| part.sync_all())
+            .with_context(|| format!("{} is not written", self.path.display()))?;
         fs::rename(self.path(), &self.path).with_context(|| {
             format!("{} is not written: it cannot be renamed", self.path.display())
         })?;

@@ -8,13 +8,13 @@ use tello_eval::view_numbers::to_thousandths;
 use tello_flight::drone::MOTORS_REST;
 use tello_io::clock::{TimeNs, TimeOfDay};
 use tello_io::tello::Protocol;
-use tello_io::tello::TOF_FLYING_CM;
+use tello_io::tello::TOF_FLYING_M;
 use tello_io::tello::protocol::{
     self, Action, Answer, DronePacket, FlightStatus, HostPacket, MOTORS_ON, Query,
 };
 use tello_io::tello::text::{self, Command, Field, StateLine};
 
-/// Metres of the centimetres that the state line reports.
+/// A centimetre of the record. m
 const M_PER_CM: f64 = 0.01;
 
 /// A report of the drone.
@@ -226,9 +226,9 @@ pub(super) fn read_state(bytes: &[u8], motor: &mut Motor, now: TimeNs) -> What {
     let Some(line) = StateLine::decode(bytes) else {
         return What::Other(hex(bytes));
     };
-    let (tof_cm, motor_s) = (line.get(Field::Tof), line.get(Field::Time));
+    let (tof_m, motor_s) = (line.tof_m(), line.get(Field::Time));
     let is_growing = motor.grows(motor_s, now);
-    let is_high = tof_cm.is_some_and(|tof_cm| TOF_FLYING_CM.contains(&tof_cm));
+    let is_high = tof_m.is_some_and(|tof_m| TOF_FLYING_M.contains(&tof_m));
     What::Status(Status {
         is_flying: is_high,
         is_running: is_high || is_growing,
@@ -237,7 +237,7 @@ pub(super) fn read_state(bytes: &[u8], motor: &mut Motor, now: TimeNs) -> What {
         battery_pct: line.get(Field::Bat),
         yaw: line.get(Field::Yaw).map(|yaw_deg| Radians(yaw_deg.to_radians())),
         flags: None,
-        tof: tof_cm.map(|tof_cm| Metres(tof_cm * M_PER_CM)),
+        tof: tof_m.map(Metres),
         motor_s,
     })
 }

@@ -84,7 +84,7 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
     let messages = counters.messages.get();
     let (key, address) = table.mocap.address();
     let object = table.mocap.object();
-    let old = too_old(&report);
+    let (unnumbered, old) = (misnumbered(&report, object), too_old(&report));
     match (counters.connects.get(), messages, counters.given_up()) {
         (_, _, Some(error)) => format!("{address} cannot be understood: {error}"),
         (0, ..) => match counters.unopened() {
@@ -93,7 +93,7 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
             }
             Some(why) => format!("no pose, {address} cannot be opened: {why}; is {key} right?"),
         },
-        _ if report.doubled > 0 => doubled(&report, object),
+        _ if unnumbered.is_some() => unnumbered.unwrap_or_default(),
         _ if old.is_some() => old.unwrap_or_default(),
         (_, 0, _) => format!("no pose, nothing comes from {address}: is the mocap system live?"),
         _ => format!(
@@ -104,15 +104,18 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
     }
 }
 
-/// What poses are that have one number and different places.
-pub(super) fn doubled(report: &StreamReport, object: &str) -> String {
-    if report.frames <= 1 {
-        return "its frame numbers or time stamps stand still: its poses cannot be dated".into();
+/// That many poses have one number, or that a number has two places.
+pub(super) fn misnumbered(report: &StreamReport, object: &str) -> Option<String> {
+    if report.frames <= 1 && report.repeated > 0 {
+        let reason = "its frame numbers or time stamps stand still: its poses cannot be dated";
+        return Some(reason.into());
     }
-    format!(
-        "two objects are called {object:?}, in {} frames: which of them is the drone?",
-        report.doubled
-    )
+    (report.doubled > 0).then(|| {
+        format!(
+            "two objects are called {object:?}, in {} frames: which of them is the drone?",
+            report.doubled
+        )
+    })
 }
 
 /// That poses are older when they arrive than those which count.

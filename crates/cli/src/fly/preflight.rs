@@ -24,7 +24,7 @@ use tello_sim::NominalFlight;
 
 use self::battery::battery_check;
 use super::Arguments;
-use super::not_ready::{doubled, drone_trouble, mocap_trouble, too_old};
+use super::not_ready::{drone_trouble, misnumbered, mocap_trouble, too_old};
 use crate::stdio;
 
 /// What a log must find free: a flight of a quarter of an hour takes less. bytes
@@ -249,8 +249,8 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Chec
         );
         return check("mocap", Readiness::Never, reason);
     }
-    if found.stream.doubled > 0 {
-        return check("mocap", Readiness::Bad, doubled(&found.stream, object));
+    if let Some(reason) = misnumbered(&found.stream, object) {
+        return check("mocap", Readiness::Bad, reason);
     }
     let (Some(_), Some(rate_hz)) = (found.at, rate_hz) else {
         return check("mocap", Readiness::Bad, &*found.mocap_trouble);
@@ -348,11 +348,11 @@ fn drone_check(found: &Found, table: &FlyTable) -> Check {
 
 /// The answers of the drone, as the end of a sentence.
 fn reported(facts: &DroneFacts) -> String {
-    let DroneFacts { version, altitude_limit_m, battery_threshold_pct, tilt_limit_deg } = facts;
+    let DroneFacts { version, altitude_limit_m, battery_threshold_pct, tilt_limit_rad } = facts;
     [
         version.map(|version| format!("; firmware {version}")),
         altitude_limit_m.map(|limit_m| format!("; climbs to {limit_m} m")),
-        tilt_limit_deg.map(|tilt_deg| format!("; tilts to {tilt_deg:.0} degrees")),
+        tilt_limit_rad.map(|tilt_rad| format!("; tilts to {:.0} degrees", tilt_rad.to_degrees())),
         battery_threshold_pct.map(|pct| format!("; warns of its battery below {pct} %")),
     ]
     .into_iter()
@@ -388,7 +388,7 @@ fn operator_check(found: &Found) -> Check {
         (Some(device), false) => (Readiness::Good, format!("{device} alone")),
         (None, true) => (Readiness::Good, keys.to_owned()),
         (None, false) => {
-            let reason = "no keys and no device: nobody can take over, a signal to end lands";
+            let reason = "no keys and no device: nobody can steer; a signal to end lands, and so does the page of --view";
             (Readiness::Note, reason.to_owned())
         }
     };

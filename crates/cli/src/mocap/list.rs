@@ -233,6 +233,7 @@ impl Display for FoundObject {
         let TrackReport {
             frames,
             seen,
+            doubled,
             missing,
             rate_hz,
             jitter_s,
@@ -254,10 +255,15 @@ impl Display for FoundObject {
             write!(f, "not reported")?;
         }
         let frames = frames + missing;
-        match self.position_w_m {
-            Some([x, y, z]) => write!(f, ", seen in {seen} of {frames}, at {x:.3} {y:.3} {z:.3} m"),
-            None => write!(f, ", never seen in {frames} frames"),
+        if let Some([x, y, z]) = self.position_w_m {
+            write!(f, ", seen in {seen} of {frames}, at {x:.3} {y:.3} {z:.3} m")?;
+        } else {
+            write!(f, ", never seen in {frames} frames")?;
         }
+        if doubled > 0 {
+            write!(f, "; TWO OBJECTS have this name, in {doubled} frames: rename one")?;
+        }
+        Ok(())
     }
 }
 

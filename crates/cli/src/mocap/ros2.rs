@@ -4,11 +4,13 @@
 //! relay that falls silent.
 
 use std::io;
+use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use clap::Args;
 use futures_util::StreamExt;
 use tello_eval::ros2::Kind;
+use tello_io::mocap::StampNumbers;
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::broadcast;
@@ -19,6 +21,9 @@ use crate::{Verdict, stdio};
 /// Lines that wait for a client; of a slow one the oldest are lost.
 const LINES: usize = 64;
 
+/// Between a client that was not accepted and the next one.
+const ACCEPT_AGAIN: Duration = Duration::from_millis(200);
+
 /// Serve the poses of a ROS 2 topic (`geometry_msgs/PoseStamped`) as a relay, until Ctrl-C.
 ///
 /// A flight reads it with `"mocap": { "relay": { "address": "127.0.0.1:51602", "object": "tello" } }`. Poses in
@@ -27,8 +32,8 @@ const LINES: usize = 64;
 pub(super) struct Arguments {
     /// Topic, such as `/tello/pose`.
     topic: String,
-    /// Rate of the topic. Hz
-    #[arg(long, value_name = "HZ")]
+    /// Rate of the topic. Hz, 4 to 1000
+    #[arg(long, value_name = "HZ", value_parser = rate_hz)]
     rate_hz: f64,
     /// Name of the object in the relay's lines.
     #[arg(long, value_name = "NAME", default_value = "tello")]
@@ -40,6 +45,13 @@ pub(super) struct Arguments {
     network: Network,
 }
 
+/// As [`Arguments::rate_hz`] has to be.
+fn rate_hz(text: &str) -> Result<f64> {
+    let rate_hz = text.parse()?;
+    ensure!((4.0..=1000.0).contains(&rate_hz), "expected 4 to 1000 Hz");
+    Ok(rate_hz)
+}
+
 pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
     let Arguments { topic, rate_hz, object, listen, network } = arguments;
     let listener = TcpListener::bind(listen).await.with_context(|| format!("listen {listen}"))?;
@@ -47,14 +59,19 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
     let mut poses = node.reader::<PoseStamped>(topic, Kind::Pose)?;
     let (lines, _) = broadcast::channel(LINES);
     stdio::note(format_args!("{topic} at --source relay={listen}"));
-    let mut counts = [0_u64; 2];
+    let (mut counts, mut numbers) = ([0_u64; 2], StampNumbers::default());
     loop {
         tokio::select! {
             accepted = listener.accept() => {
-                let (client, _) = accepted?;
-                client.set_nodelay(true)?;
-                // It ends with its client.
-                drop(tokio::spawn(serve(client, lines.subscribe())));
+                match accepted.and_then(|(client, _)| client.set_nodelay(true).map(|()| client)) {
+                    // It ends with its client.
+                    Ok(client) => drop(tokio::spawn(serve(client, lines.subscribe()))),
+                    // The other clients go on. The reason, such as too many open files, lasts.
+                    Err(error) => {
+                        stdio::note(format_args!("no client: {error}"));
+                        tokio::time::sleep(ACCEPT_AGAIN).await;
+                    }
+                }
             }
             pose = poses.next() => {
                 let [read, refused] = &mut counts;
@@ -62,7 +79,7 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
                     Ok(pose) => {
                         *read += 1;
                         // An error: there is no client.
-                        drop(lines.send(line(&pose, *rate_hz, object)));
+                        drop(lines.send(line(&pose, &mut numbers, *rate_hz, object)));
                     }
                     Err(_) => *refused += 1,
                 }
@@ -77,10 +94,10 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
     }
 }
 
-/// A line of the relay. There are no frame numbers: times in periods are numbers that keep pace with time.
-fn line(pose: &PoseStamped, rate_hz: f64, object: &str) -> String {
+/// A line of the relay. There are no frame numbers.
+fn line(pose: &PoseStamped, numbers: &mut StampNumbers, rate_hz: f64, object: &str) -> String {
     let ([x, y, z], [qx, qy, qz, qw]) = pose.pose;
-    let number = (pose.stamp_s() * rate_hz).round();
+    let number = numbers.number(pose.stamp_s(), rate_hz);
     format!("{number} {rate_hz} {object} 0 {x} {y} {z} {qx} {qy} {qz} {qw}\n")
 }
 
@@ -104,12 +121,21 @@ mod tests {
     #[test]
     fn a_line_is_that_of_the_relay_and_its_number_keeps_pace_with_time() {
         let pose = |stamp| PoseStamped::new(stamp, ([1.0, -2.0, 1.5], [0.0, 0.0, 0.6, 0.8]));
-        let of = |stamp| line(&pose(stamp), 100.0, "tello");
+        let mut numbers = StampNumbers::default();
+        let mut of = |stamp| line(&pose(stamp), &mut numbers, 100.0, "tello");
         let text = of((7, 250_000_000));
         assert_eq!(text, "725 100 tello 0 1 -2 1.5 0 0 0.6 0.8\n");
         assert_eq!(of((7, 259_600_000)).split(' ').next(), Some("726"));
         let read = parse_line(text.trim_end().as_bytes()).unwrap();
         assert_eq!(read.object, "tello");
+    }
+
+    #[test]
+    fn a_rate_that_numbers_no_frames_is_refused() {
+        assert!((rate_hz("50").unwrap() - 50.0).abs() < 1e-12);
+        for wrong in ["0", "-50", "nan", "inf", "fast"] {
+            assert!(rate_hz(wrong).is_err(), "{wrong}");
+        }
     }
 
     #[tokio::test]

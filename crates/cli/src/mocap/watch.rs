@@ -240,6 +240,13 @@ fn print_end(watched: &Watched, survey: &Survey) -> Result<()> {
             stdio::line(format_args!("There are: {}", names.join(", ")))
         };
     };
+    let doubled = watched.report.doubled;
+    if doubled > 0 {
+        return stdio::line(format_args!(
+            "Two objects are called {:?}, in {doubled} frames: rename one; what is above is of both.",
+            watched.object
+        ));
+    }
     if now.tilt_deg > TILT_MAX_DEG {
         stdio::line(format_args!(
             "Its top leans {:.0} degrees from up: if the vehicle stands level, the axes are wrong, or the object was \
@@ -251,7 +258,7 @@ fn print_end(watched: &Watched, survey: &Survey) -> Result<()> {
         None => stdio::line(
             "It did not move. Lift it straight up to check the axes, carry it nose first to check the nose.",
         )?,
-        Some(way) => print_way(&way)?,
+        Some(way) => print_way(&way, watched.settings.has_frame())?,
     }
     let settings = serde_json::to_string(&watched.settings)?;
     stdio::line(format_args!("Settings that were used: \"mocap\": {settings}"))?;
@@ -264,7 +271,8 @@ fn print_end(watched: &Watched, survey: &Survey) -> Result<()> {
     Ok(())
 }
 
-fn print_way(way: &Way) -> Result<()> {
+/// `has_frame`: the settings of the source have axes.
+fn print_way(way: &Way, has_frame: bool) -> Result<()> {
     let Way { length_m, source_axis, source_off_deg, object_axis, object_off_deg, climb_deg } =
         *way;
     stdio::line(format_args!(
@@ -275,6 +283,12 @@ fn print_way(way: &Way) -> Result<()> {
     ))?;
     if climb_deg > 60.0 {
         return stdio::line("If you lifted it, up is right.");
+    }
+    if !has_frame {
+        return stdio::line(
+            "If you lifted it, up is wrong: set the vertical axis of the system to z. If you carried it nose first, the x \
+             axis of the object has to be that of the way: define it again in the system.",
+        );
     }
     let frame = |axes, nose| {
         let (axes, nose) = (Some(axes), nose);

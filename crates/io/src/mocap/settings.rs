@@ -108,6 +108,11 @@ impl MocapTable {
         }
     }
 
+    /// Whether axes and nose are settings (`frame`); else the mocap system has to send ours.
+    pub fn has_frame(&self) -> bool {
+        matches!(self, Self::Natnet(_) | Self::Qtm(_) | Self::Vrpn(_))
+    }
+
     /// Name of the vehicle in the mocap system.
     pub fn object(&self) -> &str {
         match self {

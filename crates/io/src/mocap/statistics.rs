@@ -28,7 +28,7 @@ pub struct MocapCounters {
     pub other_object: Counter,
     /// Messages with the frame number of the message before.
     pub repeated: Counter,
-    /// Frames with two objects of the name, or two messages of one frame that place the object elsewhere.
+    /// Frames with two objects of the name, or two messages of one frame that place it more than 0.1 m apart.
     pub doubled: Counter,
     /// Frames that arrived after a later one, and were dropped.
     pub overtaken: Counter,
@@ -88,7 +88,9 @@ pub struct StreamReport {
     pub malformed: u64,
     /// Messages about other objects only.
     pub other_object: u64,
-    /// Frames with two objects of the name, or two messages of one frame that place the object elsewhere.
+    /// Messages dropped because they had the number of the frame before.
+    pub repeated: u64,
+    /// Frames with two objects of the name, or two messages of one frame that place it more than 0.1 m apart.
     pub doubled: u64,
     /// Frames dropped because a later one had arrived.
     pub overtaken: u64,
@@ -118,6 +120,7 @@ impl MocapCounters {
             reconnects: self.connects.get().saturating_sub(1),
             malformed: self.malformed.get(),
             other_object: self.other_object.get(),
+            repeated: self.repeated.get(),
             doubled: self.doubled.get(),
             overtaken: self.overtaken.get(),
             overflow: self.overflow.get(),
@@ -129,7 +132,7 @@ impl MocapCounters {
         self.has_clock.load(Ordering::Relaxed)
     }
 
-    /// Why the last connection that made no sense was given up.
+    /// Why a connection was given up that made no sense; `None` once a frame was understood after it.
     pub fn given_up(&self) -> Option<SourceError> {
         self.given_up.lock().clone()
     }
@@ -171,6 +174,7 @@ impl MocapCounters {
     ) {
         let Sighting { measured_at, received_at, pose, .. } = sighting;
         self.sightings.count();
+        *self.given_up.lock() = None;
         if pose.is_none() {
             self.unseen.count();
         }
@@ -216,6 +220,8 @@ impl Display for StreamReport {
             (self.reconnects, "reconnects"),
             (self.malformed, "malformed"),
             (self.other_object, "of other objects"),
+            (self.repeated, "repeated"),
+            (self.doubled, "in two places"),
             (self.overtaken, "overtaken"),
             (self.overflow, "overflow"),
         ];
@@ -263,5 +269,16 @@ mod tests {
     fn a_stream_without_frames_has_no_rate() {
         let report = MocapCounters::default().report();
         assert_eq!(report, StreamReport::default());
+    }
+
+    #[test]
+    fn what_was_wrong_with_an_earlier_connection_is_no_reason_once_a_frame_is_understood() {
+        let counters = MocapCounters::default();
+        counters.give_up(SourceError::NoVrpn);
+        assert_eq!(counters.given_up(), Some(SourceError::NoVrpn));
+        let at = TimeNs(5);
+        let sighting = Sighting { frame: 1, measured_at: at, received_at: at, pose: None };
+        counters.note(&sighting, true, None, 50.0);
+        assert_eq!(counters.given_up(), None);
     }
 }

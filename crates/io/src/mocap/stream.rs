@@ -5,7 +5,8 @@
 
 use core::net::SocketAddrV4;
 
-use horizon_model::rows::Pose;
+use horizon_model::rows::{Pose, pos_w};
+use tello_flight::cycle::SIGHTING_AGE_MAX;
 
 use super::source::{Frame, Source, SourceError};
 use super::source_clock::SourceClock;
@@ -14,6 +15,11 @@ use crate::clock::{SpanNs, TimeNs};
 
 /// A datagram is overtaken by a few others at most; a number further back begins a new count.
 const OVERTAKEN_MAX: i64 = 20;
+
+/// Two places of one frame further apart are those of two objects. m
+const ONE_PLACE_M: f64 = 0.1;
+/// How long two objects of one name are unseen: which of them is the vehicle is not known.
+const DOUBLED: SpanNs = SpanNs::from_ms(500);
 
 /// The bytes of one connection, read for one object.
 #[derive(Debug)]
@@ -33,6 +39,8 @@ struct FrameOrder {
     measured_at: TimeNs,
     /// When the last sighting came, also on an earlier connection.
     received_at: Option<TimeNs>,
+    /// When a frame last placed the object twice.
+    doubled_at: Option<TimeNs>,
 }
 
 impl MocapStream {
@@ -44,6 +52,7 @@ impl MocapStream {
             clock: SourceClock::new(),
             measured_at: TimeNs(0),
             received_at: None,
+            doubled_at: None,
         };
         Self { source: settings.source(), order }
     }
@@ -113,9 +122,11 @@ impl FrameOrder {
         match back {
             Some(0) => {
                 counters.repeated.count();
-                let is_elsewhere = |(last, pose): (Pose, Pose)| last != pose;
+                let is_elsewhere =
+                    |(last, now): (Pose, Pose)| (pos_w(&now) - pos_w(&last)).norm() > ONE_PLACE_M;
                 if self.last_pose.zip(pose).is_some_and(is_elsewhere) {
                     counters.doubled.count();
+                    self.doubled_at = Some(received_at);
                 }
                 return None;
             }
@@ -129,9 +140,18 @@ impl FrameOrder {
         let known = self.clock.measured_at(&frame, sent_at);
         counters.note_clock(self.clock.is_confirmed(), self.clock.count_hz());
         self.measured_at = known.map_or(self.measured_at, |at| self.measured_at.max(at));
-        // As old as the newest frame with a known time: it cannot be shown to be younger.
-        let measured_at = known.unwrap_or(self.measured_at).min(received_at);
-        let sighting = Sighting { frame: number, measured_at, received_at, pose };
+        // No younger than the newest frame with a known time, and too old to be used: beside frames with a known time
+        // it would count as new.
+        let too_old =
+            received_at.after(SpanNs(SIGHTING_AGE_MAX.0.saturating_add(1).saturating_neg()));
+        let measured_at = known.unwrap_or(self.measured_at.min(too_old)).min(received_at);
+        let is_doubled = self.doubled_at.is_some_and(|at| received_at.since(at) < DOUBLED);
+        let sighting = Sighting {
+            frame: number,
+            measured_at,
+            received_at,
+            pose: pose.filter(|_| !is_doubled),
+        };
         let is_known = known.is_some();
         counters.note(&sighting, is_known, self.received_at.replace(received_at), rate_hz);
         Some(sighting)
@@ -223,21 +243,46 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_of_unknown_time_is_as_old_as_the_last_of_a_known_one() {
+    fn a_frame_of_unknown_time_is_too_old_to_be_used() {
         let counters = MocapCounters::default();
         let mut stream = begun(&counters);
         stream.set_airborne(true);
         stream.restart();
         // Frame 1059 was measured at 490 ms; then the server counts from 1 again.
         let text = [1059, 1, 2, 1900].map(|frame| line(frame, 100.0)).concat();
-        assert_eq!(ages_ms(&frames(&mut stream, &text, &counters)), [10.0; 4]);
+        assert_eq!(ages_ms(&frames(&mut stream, &text, &counters)), [10.0, 100.0, 100.0, 100.0]);
+        // Also beside frames of a known time.
+        let text = [1060, 7, 1061, 8].map(|frame| line(frame, 100.0)).concat();
+        assert_eq!(ages_ms(&frames(&mut stream, &text, &counters)), [0.0, 100.0, 0.0, 100.0]);
         let report = counters.report();
-        assert_eq!((report.frames, report.undated), (5, 3));
+        assert_eq!((report.frames, report.undated), (9, 5));
         assert!((report.latency_max_s - 0.01).abs() < 1e-4, "{report:?}");
         // Nothing is known of a source that never reported its rate.
         let (mut stream, counters) = (relay(), MocapCounters::default());
         assert_eq!(ages_ms(&frames(&mut stream, &line(1, 0.0), &counters)), [500.0]);
         assert!(!counters.report().has_clock);
+    }
+
+    #[test]
+    fn of_two_objects_of_one_name_none_is_seen_until_one_of_them_has_gone() {
+        let (mut stream, counters) = (relay(), MocapCounters::default());
+        let mut seen = |from: i64, to: i64, beside_m: Option<f64>| {
+            let mut seen = 0;
+            for frame in from..to {
+                let at = TimeNs(0).after(SpanNs::from_ms(10 * frame));
+                let beside =
+                    beside_m.map(|x_m| format!("{frame} 100.0 tello 0 {x_m} 2 3 0 0 0.5\n"));
+                let text = line(frame, 100.0) + &beside.unwrap_or_default();
+                let take = |sighting: Sighting| seen += i64::from(sighting.pose.is_some());
+                stream.push(text.as_bytes(), at, &counters, take).unwrap();
+            }
+            seen
+        };
+        assert_eq!(seen(0, 100, None), 100);
+        // A source that sends some frames twice, the object 2 cm further on.
+        assert_eq!(seen(100, 200, Some(1.02)), 100);
+        assert_eq!(seen(200, 300, Some(1.5)), 1, "the first cannot be known");
+        assert_eq!(seen(300, 400, None), 51);
     }
 
     #[test]

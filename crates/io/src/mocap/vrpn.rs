@@ -18,6 +18,7 @@ use super::MocapCounters;
 use super::axes::{Placement, matrix_of_quaternion};
 use super::protocol::{BodyProtocol, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, Taker};
 use super::source::{Connection, SourceError};
+use super::stamp_numbers::StampNumbers;
 use crate::clock::SpanNs;
 
 /// The type of message that a pose comes by.
@@ -40,6 +41,8 @@ struct Reader {
     /// The server's number for poses.
     pose: Option<i32>,
     requests: Vec<u8>,
+    /// By tracker and sensor, each of which has stamps of its own.
+    numbers: BTreeMap<(i32, i32), StampNumbers>,
 }
 
 impl VrpnProtocol {
@@ -51,6 +54,7 @@ impl VrpnProtocol {
             senders: BTreeMap::new(),
             pose: None,
             requests: Vec::new(),
+            numbers: BTreeMap::new(),
         };
         Self { messages: Messages::default(), reader }
     }
@@ -111,7 +115,7 @@ impl Reader {
         Some(())
     }
 
-    fn read_pose(&self, message: &Message<'_>, taker: &mut dyn Taker) -> Option<()> {
+    fn read_pose(&mut self, message: &Message<'_>, taker: &mut dyn Taker) -> Option<()> {
         let (sensor, pos_v, quaternion) = packet::pose(message.body)?;
         let matrix = matrix_of_quaternion(quaternion)?;
         if !pos_v.iter().all(|value| value.is_finite()) {
@@ -126,9 +130,13 @@ impl Reader {
             let name = format!("{sender}#{sensor}");
             taker.body(Name { text: Some(&name), id: None }, Some(&at));
         }
-        // There are no frame numbers: measurement times in periods are numbers that keep pace with time.
-        #[expect(clippy::cast_possible_truncation, reason = "a u32 of seconds at 2000 Hz at most")]
-        let number = (message.time_s * self.rate_hz).round() as i64;
+        // There are no frame numbers. A server with more objects than are read numbers the rest by rounding.
+        let source = (message.sender, sensor);
+        let has_room = self.numbers.len() < OBJECTS_MAX || self.numbers.contains_key(&source);
+        let mut rounding = StampNumbers::default();
+        let numbers =
+            if has_room { self.numbers.entry(source).or_default() } else { &mut rounding };
+        let number = numbers.number(message.time_s, self.rate_hz);
         let (rate_hz, stamp) = (self.rate_hz, Some(SpanNs::from_seconds(message.time_s)));
         taker.frame(Head { number, rate_hz, stamp, latency: SpanNs(0), is_whole: false });
         Some(())

@@ -38,7 +38,7 @@ use witness::{Rest, Witnesses};
 
 pub(super) use guard::last_words;
 pub use talk::Message;
-pub use text::{STATE_PORT, TOF_FLYING_CM};
+pub use text::{STATE_PORT, TOF_FLYING_M};
 
 /// A connection is asked for this often: a drone that boots hears one of the next requests.
 const ASK_PERIOD: SpanNs = SpanNs::from_ms(2000);

@@ -12,6 +12,8 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use tello_io::manual::{Act, Ask, Remote, RemoteBusy};
 
+use crate::stdio;
+
 /// Length of a token. bytes
 const TOKEN_BYTES: usize = 16;
 
@@ -67,6 +69,8 @@ pub(super) struct OrderAccess {
 #[derive(Debug)]
 struct Inside {
     remote: Remote,
+    /// Whether a page took the sticks, and none has given them back or ordered more since.
+    is_held: bool,
     /// Rights to give orders that are held now.
     rights: usize,
 }
@@ -78,7 +82,10 @@ pub(super) struct OrderRight(Arc<OrderAccess>);
 impl OrderAccess {
     /// Access for those who know `token`.
     pub(super) fn new(token: &str, remote: Remote) -> Self {
-        Self { token: digest(token), inside: Mutex::new(Inside { remote, rights: 0 }) }
+        Self {
+            token: digest(token),
+            inside: Mutex::new(Inside { remote, is_held: false, rights: 0 }),
+        }
     }
 
     /// The right to give orders, for a viewer that knows the token.
@@ -100,7 +107,9 @@ impl OrderRight {
     /// The control loop has not taken earlier orders.
     pub(super) fn order(&self, order: PageOrder) -> Result<(), RemoteBusy> {
         let mut inside = self.0.inside.lock();
-        inside.remote.push(order.act())
+        inside.remote.push(order.act())?;
+        inside.is_held = order == PageOrder::Hold;
+        Ok(())
     }
 }
 
@@ -111,6 +120,11 @@ impl Drop for OrderRight {
         if inside.rights == 0 {
             // If the queue is full the control loop stands still, and the sender's watchdog lands the drone.
             inside.remote.push(Act::Lost).ok();
+            if inside.is_held {
+                stdio::note(
+                    "warning: the page that held the drone is gone: it lands if nobody else steers",
+                );
+            }
         }
     }
 }

@@ -20,6 +20,9 @@ const SILENCE: SpanNs = SIGHTING_AGE_MAX;
 /// Largest factor between the rate by stamps and that of the arrivals, of stamps in seconds. 1
 const STAMPS_FACTOR_MAX: f64 = 1.5;
 
+/// Two places of one frame further apart are those of two objects. In the unit of the source, m or mm
+const ONE_PLACE: f64 = 0.1;
+
 /// How the frames of one object came.
 #[derive(Debug, Clone, Default)]
 pub struct Track {
@@ -27,6 +30,8 @@ pub struct Track {
     pub frames: u64,
     /// Frames in which it was seen.
     pub seen: u64,
+    /// Places beside the first one of a frame.
+    doubled: u64,
     /// Seconds between arrivals.
     waits: Intervals,
     numbers: Intervals,
@@ -53,6 +58,8 @@ pub struct TrackReport {
     pub frames: u64,
     /// Frames in which it was seen.
     pub seen: u64,
+    /// Times that a frame had another place of it: two objects have the name. They count nowhere else.
+    pub doubled: u64,
     /// Frames that did not come, by numbers or time stamps: lost on the way, or not sent since the object was not seen.
     pub missing: u64,
     /// Frames per second, gaps included. Hz
@@ -84,6 +91,7 @@ impl Track {
         TrackReport {
             frames,
             seen: self.seen,
+            doubled: self.doubled,
             missing: steps.missing(),
             rate_hz,
             usual_hz,
@@ -116,6 +124,10 @@ impl Track {
 
     /// Takes in a frame, and where the object is in it.
     pub(super) fn take(&mut self, now: TimeNs, at: Option<Placement>, head: Head) {
+        if self.is_second_of_frame(at, head) {
+            self.doubled += 1;
+            return;
+        }
         self.frames += 1;
         self.pace.take(head.number, now);
         if let Some((then, before)) = self.last.replace((now, head)) {
@@ -143,6 +155,16 @@ impl Track {
         if self.furthest.is_none_or(|furthest| apart(&at, &first) > apart(&furthest, &first)) {
             self.furthest = Some(at);
         }
+    }
+}
+
+impl Track {
+    /// Whether the frame of `head` had another place of the object before. Numbers that stand still count no frames.
+    fn is_second_of_frame(&self, at: Option<Placement>, head: Head) -> bool {
+        let is_same_frame = self.last.is_some_and(|(_, last)| last.number == head.number);
+        let is_elsewhere =
+            self.places.zip(at).is_some_and(|([_, newest], at)| apart(&newest, &at) > ONE_PLACE);
+        is_same_frame && is_elsewhere && self.numbers.count > 0
     }
 }
 
@@ -227,6 +249,31 @@ mod tests {
             (8, 2),
             "the first ones have no number before them"
         );
+    }
+
+    #[test]
+    fn a_second_place_in_a_frame_is_counted_and_changes_no_rate() {
+        const MATRIX: [f64; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        let place = |x_m: f64| Some(Placement { pos_v: [x_m, 0.0, 1.0], matrix: MATRIX });
+        let mut track = Track::default();
+        for number in 0..200_i64 {
+            let now = at_s(number as f64 / 100.0);
+            track.take(now, place(1e-3 * number as f64), head(number, None));
+            track.take(now, place(5.0), head(number, None));
+        }
+        let report = track.report();
+        // Of the first frame nothing tells yet that numbers move.
+        assert_eq!((report.frames, report.seen, report.doubled), (201, 201, 199), "{report:?}");
+        assert!((report.usual_hz - 100.0).abs() < 1.0, "{report:?}");
+        assert_eq!(bursts(50.0, 3.0, |_| true, |_| head(0, None)).doubled, 0);
+        // A frame that is sent twice, a little later.
+        let mut track = Track::default();
+        for number in 0..20_i64 {
+            for x_m in [0.0, 0.02] {
+                track.take(at_s(number as f64 / 100.0), place(x_m), head(number, None));
+            }
+        }
+        assert_eq!(track.report().doubled, 0);
     }
 
     #[test]

@@ -24,9 +24,9 @@ const TAKE_OFF_TYPICAL: SpanNs = SpanNs::from_ms(8000);
 /// packet.
 const TAKE_OFF_MAX: SpanNs = SpanNs::from_ms(12_000);
 
-/// Distances to the floor at which a drone counts as flying while it is unknown whether its motors run. cm; 10 on
-/// the floor
-pub const TOF_FLYING_CM: std::ops::RangeInclusive<f64> = 31.0..=1000.0;
+/// Distances to the floor at which a drone counts as flying while it is unknown whether its motors run: a drone
+/// on the floor reports 0.1 or 0.3 m. m
+pub const TOF_FLYING_M: std::ops::RangeInclusive<f64> = 0.31..=10.0;
 
 /// What the replies and the state lines have reported so far.
 #[derive(Debug)]
@@ -158,7 +158,7 @@ impl TextTalk {
         if let Some(count_s) = line.get(Field::Time) {
             self.motors = Some(Motors::seen(self.motors, count_s, now));
         }
-        self.is_high = line.get(Field::Tof).and_then(|tof_cm| self.flies_at(tof_cm));
+        self.is_high = line.tof_m().and_then(|tof_m| self.flies_at(tof_m));
         if !self.is_taking_off(now) && self.motors_run() == Some(true) {
             self.take_off = self.take_off.flown();
         }
@@ -181,11 +181,11 @@ impl TextTalk {
         }))
     }
 
-    /// Whether a drone of unknown motors that measures `tof_cm` to the floor flies. Without an echo the
+    /// Whether a drone of unknown motors that measures `tof_m` to the floor flies. Without an echo the
     /// distance says nothing, and the motors will, where the line counts their seconds.
-    fn flies_at(&self, tof_cm: f64) -> Option<bool> {
-        let is_echo = tof_cm <= *TOF_FLYING_CM.end();
-        (is_echo || self.motors.is_none()).then(|| TOF_FLYING_CM.contains(&tof_cm))
+    fn flies_at(&self, tof_m: f64) -> Option<bool> {
+        let is_echo = tof_m <= *TOF_FLYING_M.end();
+        (is_echo || self.motors.is_none()).then(|| TOF_FLYING_M.contains(&tof_m))
     }
 
     /// Whether the drone flies: by its motors or, while these are unknown, by its distance to the floor.
@@ -329,18 +329,18 @@ mod tests {
     }
 
     #[test]
-    fn a_drone_of_unknown_motors_flies_by_an_echo_from_31_cm_to_10_m() {
+    fn a_drone_of_unknown_motors_flies_by_an_echo_from_0_31_to_10_m() {
         let mut talk = TextTalk::new(STATE_PORT);
-        for (tof_cm, flies) in [(10.0, false), (30.0, false), (31.0, true), (1000.0, true)] {
+        for (tof_m, flies) in [(0.1, false), (0.3, false), (0.31, true), (10.0, true)] {
             talk.motors = None;
-            assert_eq!(talk.flies_at(tof_cm), Some(flies), "{tof_cm} cm");
+            assert_eq!(talk.flies_at(tof_m), Some(flies), "{tof_m} m");
             talk.motors = Some(running(0));
-            assert_eq!(talk.flies_at(tof_cm), Some(flies), "{tof_cm} cm");
+            assert_eq!(talk.flies_at(tof_m), Some(flies), "{tof_m} m");
         }
         // No echo: the motors will tell, where they are counted.
-        assert_eq!(talk.flies_at(1001.0), None);
+        assert_eq!(talk.flies_at(10.01), None);
         talk.motors = None;
-        assert_eq!(talk.flies_at(1001.0), Some(false));
+        assert_eq!(talk.flies_at(10.01), Some(false));
     }
 
     #[test]

@@ -110,6 +110,11 @@ impl StateLine {
         Some(from_tenths(whole(self.get(Field::H)? / 10.0)))
     }
 
+    /// Distance to the floor below; more than 10 m without an echo. m
+    pub fn tof_m(&self) -> Option<f64> {
+        Some(self.get(Field::Tof)? / 100.0)
+    }
+
     /// Speeds along three axes; axis and sign differ between reports. m/s
     pub fn velocity_d_mps(&self) -> Option<[f64; 3]> {
         let axis = |field| Some(from_tenths(whole(self.get(field)?)));

@@ -47,7 +47,7 @@ fn a_drone_is_asked_once_for_what_it_tells() {
         version: Some(version),
         altitude_limit_m: Some(30),
         battery_threshold_pct: Some(10),
-        tilt_limit_deg: Some(25.0),
+        tilt_limit_rad: Some(25.0_f32.to_radians()),
     };
     assert_eq!(session.counters.facts(), facts);
 }
