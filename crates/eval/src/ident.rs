@@ -10,6 +10,7 @@ mod fit;
 mod flights;
 mod job;
 mod logs;
+mod opposed;
 mod output;
 mod pictures;
 mod predict;

@@ -70,6 +70,18 @@ pub struct Unusable {
     pub why: String,
 }
 
+impl Display for Unusable {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let file = self.file.display().to_string();
+        // Some errors begin with their file.
+        if self.why.starts_with(&file) {
+            f.write_str(&self.why)
+        } else {
+            write!(f, "{file}: {}", self.why)
+        }
+    }
+}
+
 /// The page of the flights in `logs` and, beside them, in `against`, which may be empty.
 ///
 /// # Errors
@@ -147,7 +159,7 @@ fn read(paths: &[PathBuf], unusable: &mut Vec<Unusable>) -> Result<Group> {
         }
     }
     if looked.is_empty() {
-        let why: Vec<&str> = unusable[known..].iter().map(|file| file.why.as_str()).collect();
+        let why: Vec<String> = unusable[known..].iter().map(Unusable::to_string).collect();
         bail!("there is no flight to report: {}", why.join("; "));
     }
     Ok(Group::of(name_of(paths), looked))
@@ -231,8 +243,8 @@ impl Display for FlightsReport {
             }
             writeln!(f)?;
         }
-        for Unusable { why, .. } in &self.unusable {
-            writeln!(f, "not in the report: {why}")?;
+        for unusable in &self.unusable {
+            writeln!(f, "not in the report: {unusable}")?;
         }
         writeln!(f, "page  {}", self.page.display())
     }

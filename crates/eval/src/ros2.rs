@@ -16,7 +16,6 @@ use serde::Deserialize;
 use serde_json::{Map, Value};
 use tello_flight::cycle::{PoseRecord, Topic};
 use tello_flight::drone::DroneStatus;
-use tello_flight::{Fault, Phase};
 use tello_io::log::{Channel, Ending, LogReader, LogWriter};
 
 use crate::scene;
@@ -125,14 +124,15 @@ pub fn sources() -> [&'static str; 7] {
     ]
 }
 
+/// Phase and faults by their names, which may be those of another version.
 #[derive(Deserialize)]
-struct PhaseOnly {
-    phase: Phase,
+struct PhaseName {
+    phase: String,
 }
 
 #[derive(Deserialize)]
-struct FaultsOnly {
-    faults: Vec<Fault>,
+struct FaultNames {
+    faults: Vec<String>,
 }
 
 /// What of an inbox is published.
@@ -158,13 +158,12 @@ pub fn messages(topic: &str, stamp_ns: u64, data: &[u8]) -> Result<Vec<RosMessag
             vec![(RosTopic::Target, pose_stamped(stamp_ns, &record_place(data)?))]
         }
         Some(Topic::Phase) => {
-            let PhaseOnly { phase } = serde_json::from_slice(data)?;
-            vec![(RosTopic::Diagnostics, diagnosis(stamp_ns, OK, "phase", phase.name()))]
+            let PhaseName { phase } = serde_json::from_slice(data)?;
+            vec![(RosTopic::Diagnostics, diagnosis(stamp_ns, OK, "phase", &phase))]
         }
         Some(Topic::Fault) => {
-            let FaultsOnly { faults } = serde_json::from_slice(data)?;
-            let names: Vec<&str> = faults.iter().map(|fault| fault.name()).collect();
-            vec![(RosTopic::Diagnostics, diagnosis(stamp_ns, WARN, "faults", &names.join(", ")))]
+            let FaultNames { faults } = serde_json::from_slice(data)?;
+            vec![(RosTopic::Diagnostics, diagnosis(stamp_ns, WARN, "faults", &faults.join(", ")))]
         }
         Some(Topic::Inbox) => match serde_json::from_slice(data)? {
             DroneOnly { drone: Some(status) } => {
@@ -357,6 +356,19 @@ mod tests {
         };
         assert_eq!(single(r#""battery_v":3.95"#), 3.95_f32.to_le_bytes());
         assert_eq!(single(r#""battery_mv":3950"#), 3.95_f32.to_le_bytes());
+    }
+
+    #[test]
+    fn phases_and_faults_of_another_version_keep_their_names() {
+        for (topic, name, json) in [
+            (Topic::Phase, "phase_to_come", r#"{"phase":"phase_to_come"}"#),
+            (Topic::Fault, "fault_to_come", r#"{"faults":["fault_to_come"]}"#),
+        ] {
+            let made = messages(topic.name(), 0, json.as_bytes()).unwrap();
+            assert_eq!(made[0].0, RosTopic::Diagnostics);
+            let is_there = made[0].1.windows(name.len()).any(|part| part == name.as_bytes());
+            assert!(is_there, "{name}");
+        }
     }
 
     #[test]

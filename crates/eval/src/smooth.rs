@@ -109,11 +109,11 @@ fn valid_samples(o: &[Observed<{ pose::COUNT }>]) -> Vec<Option<Pose>> {
         let position = [pose::X, pose::Y, pose::Z];
         let is_complete = position.iter().all(|row| observed.is_present[*row]);
         let mut sample = (is_complete && observed.is_finite()).then_some(observed.o)?;
-        if !observed.is_present[pose::THETA] {
-            sample[pose::THETA] = f64::NAN;
-        }
-        let is_repeated = previous.replace(sample) == Some(sample);
+        let heading = observed.is_present[pose::THETA].then_some(sample[pose::THETA]);
+        let seen = (position.map(|row| sample[row]), heading);
+        let is_repeated = previous.replace(seen) == Some(seen);
         let is_lost = position.iter().all(|row| sample[*row].abs() < ORIGIN_M);
+        sample[pose::THETA] = heading.unwrap_or(f64::NAN);
         (!is_repeated && !is_lost).then_some(sample)
     };
     o.iter().map(&mut valid).collect()

@@ -89,9 +89,9 @@ pub struct ShiftRow<'a> {
     pub row: Row,
     /// Change since the start at each sample, NaN where nothing was seen. In the unit of its label
     pub moved: &'a [f64],
-    /// Cumulative input, thesis equation 5.1, as sent.
+    /// Cumulative input, thesis equation 5.1, as sent. In the unit of `row`
     pub cumulative: &'a [f64],
-    /// The same, `dead_time_s` later.
+    /// The same, `dead_time_s` later. In the unit of `row`
     pub shifted: &'a [f64],
     /// The dead time. s
     pub dead_time_s: f64,

@@ -1,4 +1,4 @@
-//! Flights matched to the way that they followed: thesis figures 5.6 to 5.8.
+//! Flights matched to the path that they followed: thesis figures 5.6 to 5.8.
 
 use super::axis::{Axis, is_drawable};
 use super::drawing::{BLACK, BLUE, Color, Figure, ORANGE, Stroke};
@@ -10,20 +10,20 @@ use crate::quantile;
 /// Height of a panel. px
 const HEIGHT_PX: f64 = 220.0;
 
-/// Parts of the way of which each has a median and a band of its own.
+/// Parts of the path of which each has a median and a band of its own.
 const PARTS: usize = 75;
 
 /// Points of the density.
 const PLACES: u32 = 300;
 
-/// Half the width of the band: 95 % lie in it.
+/// Fraction of the samples below the band, and above it. 1
 const TAIL: f64 = 0.025;
 
 const COLORS: [Color; 2] = [BLUE, ORANGE];
 const MARKS: Stroke = Stroke::dashed(BLACK.faded(0.4), 1.0, 3.0);
 const PROGRESS: &str = "progress along the line, 0 begin, 1 end";
 
-/// Samples of flights with their places on the way.
+/// Samples of flights with their places on the path.
 #[derive(Debug, Clone, Copy)]
 pub struct AlongPath<'a> {
     /// Name of the group of flights.
@@ -34,7 +34,7 @@ pub struct AlongPath<'a> {
     pub values: &'a [f64],
 }
 
-/// Where on the way the time was spent: a Gaussian kernel density with Scott's bandwidth (`std n^(-1/5)`),
+/// Where on the path the time was spent: a Gaussian kernel density with Scott's bandwidth (`std n^(-1/5)`),
 /// a colour for each group, two at most. `marks` are progresses of the targets.
 pub fn density_over_progress(title: &str, marks: &[f64], groups: &[AlongPath<'_>]) -> Figure {
     let curves: Vec<Vec<(f64, f64)>> = groups.iter().map(|group| density(group.progress)).collect();
@@ -107,7 +107,7 @@ fn open(figure: &mut Figure, y: Option<Axis>, name: &str, marks: &[f64]) -> Opti
     Some(panel)
 }
 
-/// A part of the way with the quantiles of its samples.
+/// A part of the path with the quantiles of its samples.
 struct Part {
     number: usize,
     /// Progress at its middle.

@@ -144,6 +144,14 @@ pub(super) fn parameter_file(
 /// or if the job names no flight.
 pub(super) fn refusal(job: &Job<'_>, fit: &Fit, file: &ParameterFile) -> Option<Error> {
     let is_taken = |flight: &FlightTable| {
+        let steps: usize = job.logs.iter().map(|log| log.recording.o.len()).sum();
+        if 2 * fit.steps_lost > steps {
+            bail!(
+                "in {} of {steps} steps the drone did not follow its sticks: what is left says little of it; are axes \
+                 exchanged, is the object turned (--turn), or the link bad?",
+                fit.steps_lost
+            );
+        }
         let undetermined = fit.parameters.iter().find(|row| {
             let entry = file.parameters.get(row.name);
             let is_written = entry.is_some_and(|entry| entry.value.total_cmp(&row.value).is_eq());

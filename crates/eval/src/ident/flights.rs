@@ -68,11 +68,15 @@ pub(super) fn cut_logs(
             .iter()
             .flatten()
             .fold((0, 0), |(lost, steps), is_lost| (lost + usize::from(*is_lost), steps + 1));
+        let no_log =
+            format!("no log has {steps_min} steps on end that can be used (piece_steps_min)");
+        if lost == 0 {
+            bail!("{no_log}: the logs have {steps} steps, with gaps; fly longer");
+        }
         bail!(
-            "no log has {steps_min} steps on end that can be used (piece_steps_min); in {lost} of {steps} \
-             steps the drone did not follow its sticks: if that is most of them, the object may be turned \
-             (--turn), axes or sticks exchanged, the period of a CSV not `dt_s`, or the vehicle unlike \
-             `lost_commands` (null in the settings takes every step)"
+            "{no_log}; in {lost} of {steps} steps the drone did not follow its sticks: if that is most of them, the \
+             object may be turned (--turn), axes or sticks exchanged, the period of a CSV not `dt_s`, or the vehicle \
+             unlike `lost_commands` (null in the settings takes every step)"
         );
     }
     Ok(spans)

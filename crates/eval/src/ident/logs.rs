@@ -4,7 +4,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use horizon_model::rows::pose;
+use horizon_model::setting::{not_negative, vector};
+use horizon_model::{Lagged, Model as _};
 
+use super::opposed::opposed;
 use super::report::{FileSkipped, FileUsed};
 use super::table::IdentFileTable;
 use crate::recordings::{self, KnownFlights, Loaded};
@@ -24,6 +27,8 @@ pub fn load_logs(
     turn(&mut logs, table.turn_rad);
     check_period(&logs, table.dt_s)?;
     let mut files_skipped = skipped(unusable);
+    let (mut logs, opposed) = without_opposed(logs, table)?;
+    files_skipped.extend(opposed);
     let beyond = logs.split_off(table.logs_max.min(logs.len()));
     files_skipped.extend(beyond.into_iter().map(|log| FileSkipped {
         path: log.path,
@@ -31,6 +36,22 @@ pub fn load_logs(
     }));
     refuse_none(&logs, &files_skipped)?;
     Ok((logs, files_skipped))
+}
+
+/// The logs that do not contradict their sticks, and the others with the reason.
+fn without_opposed(
+    logs: Vec<Loaded>,
+    table: &IdentFileTable,
+) -> Result<(Vec<Loaded>, Vec<FileSkipped>)> {
+    let dead_time_s = vector("dead_time_s", &table.dead_time_s, &Lagged::INPUT, not_negative)?;
+    let (mut kept, mut skipped) = (Vec::with_capacity(logs.len()), Vec::new());
+    for log in logs {
+        match opposed(&log.recording, &dead_time_s, table.dt_s) {
+            Some(why) => skipped.push(FileSkipped { path: log.path, why }),
+            None => kept.push(log),
+        }
+    }
+    Ok((kept, skipped))
 }
 
 /// The usable logs in `paths` by which fits with the period `dt_s` (s) are judged, and those that are not with the

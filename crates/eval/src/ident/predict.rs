@@ -18,7 +18,7 @@ pub(super) trait Predict: Sync {
 pub(super) struct Identified<M, const NS: usize, const NP: usize> {
     /// The model.
     pub(super) model: M,
-    /// Parameter.
+    /// Parameter. In the units of its rows
     pub(super) p: SVector<f64, NP>,
     /// Dead times. s
     pub(super) dead_time_s: Sticks,

@@ -77,9 +77,9 @@ struct PartSettings {
 pub(super) struct ResampleRow {
     /// Index of the resample, from 0.
     pub(super) index: u64,
-    /// Estimate.
+    /// Estimate. In the units of its rows
     pub(super) p: Vec<f64>,
-    /// Cost of the estimate.
+    /// Cost of the estimate. 1
     pub(super) cost: f64,
     /// Why its solve stopped, see [`Stop::name`].
     pub(super) stop: String,

@@ -1,6 +1,6 @@
-//! How far along its way a vehicle is: the thesis' matching of poses to points of the trajectory.
+//! How far along its path a vehicle is: the thesis' matching of poses to points of the trajectory.
 //!
-//! Owns the thesis' progress and its distance in four rows (section 5.2.3), with the way sampled as the thesis does.
+//! Owns the thesis' progress and its distance in four rows (section 5.2.3), with the path sampled as the thesis does.
 //! The horizontal distance is the exact one of [`ReferencePath::offset`](super::ReferencePath::offset): samples 0.02 m
 //! apart read up to 0.01 m more beside a vehicle on the line.
 
@@ -20,17 +20,17 @@ pub struct PathProgress {
     points_w: Vec<Vector2<f64>>,
 }
 
-/// A pose matched to the point of the way that is horizontally nearest.
+/// A pose matched to the point of the path that is horizontally nearest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
-    /// Number of that point over the largest number: 0 at the begin of the way, 1 at its end.
+    /// Number of that point over the largest number: 0 at the begin of the path, 1 at its end. 1
     pub progress: f64,
     /// Norm of the difference to that point over x, y, z and theta. m and rad
     pub distance_4d: f64,
 }
 
 impl PathProgress {
-    /// The way through `corners`: `ceil(length / 0.02 m)` points on each side, its end belonging to the
+    /// The path through `corners`: `ceil(length / 0.02 m)` points on each side, its end belonging to the
     /// next. `None` without a side.
     pub fn new(corners: &[Pose]) -> Option<Self> {
         let mut points = Vec::new();

@@ -27,7 +27,7 @@ pub struct ReferencePath {
     pub ends_with_mission: bool,
     /// How often the path is flown; the targets are those of all laps.
     pub laps: usize,
-    /// How often its outline goes round: the laps, or the turns of a circle, of which the last may be a part.
+    /// How often its outline goes round: the laps, or the turns of a circle, of which the last may be a part. 1
     pub rounds: f64,
 }
 

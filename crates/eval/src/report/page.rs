@@ -127,7 +127,7 @@ impl Page {
 
     fn unusable(&mut self, report: &FlightsReport) {
         for file in &report.unusable {
-            let text = format!("Not in this report: {}", file.why);
+            let text = format!("Not in this report: {file}");
             self.element_of("p", "note", &text);
         }
     }

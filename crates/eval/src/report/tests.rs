@@ -73,6 +73,9 @@ fn a_copy_of_a_log_is_no_second_flight() {
     let mut unusable = Vec::new();
     let group = read(std::slice::from_ref(&folder), &mut unusable).unwrap();
     assert_eq!((group.flights.len(), unusable.len()), (1, 1));
-    assert!(unusable[0].why.starts_with("the same bytes as "), "{}", unusable[0].why);
+    let (file, line) = (unusable[0].file.display().to_string(), unusable[0].to_string());
+    assert!(line.starts_with(&format!("{file}: the same bytes as ")), "{line}");
+    let why = format!("{file} is empty");
+    assert_eq!(Unusable { why: why.clone(), ..unusable[0].clone() }.to_string(), why);
     fs::remove_dir_all(&folder).unwrap();
 }

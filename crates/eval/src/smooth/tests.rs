@@ -120,6 +120,14 @@ fn steps_far_from_samples_are_not_trusted() {
 }
 
 #[test]
+fn a_pose_repeated_without_a_heading_is_no_new_sample() {
+    let mut seen = Observed::full(truth(10));
+    seen.is_present[pose::THETA] = false;
+    let valid = valid_samples(&[seen, seen, Observed::full(truth(11))]);
+    assert_eq!(valid.iter().map(Option::is_some).collect::<Vec<_>>(), [true, false, true]);
+}
+
+#[test]
 fn a_flight_without_samples_is_still_a_track() {
     let track = smooth(&vec![Observed::missing(); 20], &[], DT_S);
     assert!(track.pose.iter().all(|pose| pose.iter().all(|value| value.is_finite())));
