@@ -227,6 +227,17 @@ fn nothing_is_replaced_without_force_and_no_half_file_is_left() {
 }
 
 #[test]
+fn a_name_with_dots_is_kept_and_two_recordings_of_it_stay_two() {
+    let folder = folder("dots");
+    for name in ["run.1.log", "run.2.log"] {
+        fs::write(folder.join(name), FLIGHT).unwrap();
+    }
+    let output = tello_ctl(&folder, &["convert", ".", "--out-dir", "out"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    assert_eq!(names(&folder.join("out")), ["run.1.mcap", "run.2.mcap"]);
+}
+
+#[test]
 fn what_cannot_be_converted_says_why_and_does_not_stop_the_rest() {
     let folder = folder("refused");
     for (name, text) in [("a.log", FLIGHT), ("b.log", ""), ("c.csv", "no flight in here\n")] {

@@ -13,7 +13,7 @@ use tello_sim::{DT_S, SimTable, Truth};
 use crate::simulator::{CHUNK, Drone, Seen, Shown, seen};
 use crate::{TelloError, array, raised};
 
-/// Actions in an observation: more than the longest dead time.
+/// Actions in an observation, as `tello_ctl.envs.HISTORY`: more than the nominal dead time.
 const HISTORY: usize = 20;
 /// Numbers of an observation before the actions.
 const MEASURED: usize = 12;

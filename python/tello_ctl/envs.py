@@ -4,7 +4,8 @@
     env = gymnasium.make("TelloHover-v0", profile="good_day")
     envs = gymnasium.make_vec("TelloSquare-v0", num_envs=4096)
 
-Action: sticks (roll, pitch, yaw, throttle) in [-1, 1]. They act after the vehicle's dead time, up to 0.36 s.
+Action: sticks (roll, pitch, yaw, throttle) in [-1, 1]. They act after the vehicle's dead time: of the nominal
+vehicle 0.34 s in roll and pitch.
 
 Observation, 92 numbers, from motion capture and what was sent alone, horizontal vectors turned by the heading:
 target minus position (3, m), heading error (1, rad), velocity by low-pass filtered differences (3, m/s), yaw
@@ -37,7 +38,7 @@ from ._native import TelloError
 from .simulators import DT, Controllers, State
 
 HISTORY = 20
-"""Actions in an observation: more than the longest dead time."""
+"""Actions in an observation: 0.4 s, more than the nominal dead time."""
 OBSERVATIONS = 12 + 4 * HISTORY
 
 _LARGEST = 100.0

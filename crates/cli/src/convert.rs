@@ -188,9 +188,11 @@ fn convert(from: &Path, arguments: &Arguments) -> Result<Converted> {
     let to = match (&arguments.out, &arguments.out_dir) {
         (Some(out), _) => out.clone(),
         (None, dir) => {
-            let name = Path::new(from.file_stem().unwrap_or_default());
-            let dir = dir.as_deref().unwrap_or(Path::new("."));
-            dir.join(name.with_extension(target.name()))
+            // Not `with_extension`: of `run.1.log` the name is `run.1`.
+            let mut name = from.file_stem().unwrap_or_default().to_owned();
+            name.push(".");
+            name.push(target.name());
+            dir.as_deref().unwrap_or(Path::new(".")).join(name)
         }
     };
     whole_file::keep_apart(from, &to)?;

@@ -346,7 +346,7 @@ where
     /// Covariance of the newest state estimate, the parameter unknown, in the units of the weights: NS x NS. `None`
     /// before the first update, or where a factorization fails.
     ///
-    /// Exact without damping and off the bounds of the parameter.
+    /// Exact without damping and off the bounds of the parameter; after a late solve that of the window before.
     ///
     /// Real time: no allocation, one factorization and two triangular solves per decoupled subsystem.
     pub fn state_covariance(&self) -> Option<SMatrix<f64, NS, NS>> {

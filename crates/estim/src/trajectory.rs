@@ -232,8 +232,9 @@ where
         self.arrival.as_ref()?.information().ok()
     }
 
-    /// Covariance of the newest state by the curvature of the newest solve, in the units of the weights. Real time:
-    /// factorizations of the reduced Hessian and products, no allocation.
+    /// Covariance of the newest state by the last curvature that was factorized, with its damping, in the units of the
+    /// weights: of the window before where a solve was too late for one. Real time: factorizations of the reduced
+    /// Hessian and products, no allocation.
     ///
     /// # Errors
     /// Nothing has been solved, or the window says nothing of a row of the parameter.

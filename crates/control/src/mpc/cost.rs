@@ -11,9 +11,9 @@ use crate::qp::product::resized;
 /// What a plan is measured against.
 #[derive(Clone, Copy)]
 pub(super) struct Against<'a, const NS: usize, const NU: usize> {
-    /// The input before `u_0`.
+    /// The input before `u_0`. In the units of its rows
     pub(super) u_before: &'a SVector<f64, NU>,
-    /// References of `s_1 .. s_N`.
+    /// References of `s_1 .. s_N`. In the units of their rows
     pub(super) s_ref: &'a [SVector<f64, NS>],
     /// Soft constraints on `s_1 .. s_N`.
     pub(super) constraints: Option<&'a dyn SoftConstraints<NS>>,
