@@ -191,7 +191,6 @@ fn a_position_that_drifts_away_from_a_hover_faster_than_a_drone_may_drift_lands(
         let story = fly("hover.json", drift, FAULT_AT_S);
         assert!(story.has(Fault::WitnessDisagrees), "{speed_mps} m/s: {:?}", story.last());
         let far_m = distance_m(&story, FAULT_AT_S);
-        println!("{speed_mps} m/s: {far_m:.2} m");
         assert!(far_m < most_m, "{speed_mps} m/s: {far_m:.2} m");
         story.assert_sound();
         story.assert_down();

@@ -388,7 +388,8 @@ fn operator_check(found: &Found) -> Check {
         (Some(device), false) => (Readiness::Good, format!("{device} alone")),
         (None, true) => (Readiness::Good, keys.to_owned()),
         (None, false) => {
-            let reason = "no keys and no device: nobody can steer; a signal to end lands, and so does the page of --view";
+            let reason = "no keys and no device: nobody can steer; a signal to end lands, and so does the page of \
+                          --view";
             (Readiness::Note, reason.to_owned())
         }
     };

@@ -19,6 +19,7 @@
 use horizon_model::rows::{Pose, Sticks, pos_w};
 use nalgebra::Vector2;
 
+use super::plausible::SPEED_MAX_MPS;
 use crate::commanded::inputs_w;
 
 /// Ages of the places that are compared, and of the inputs. periods
@@ -42,8 +43,7 @@ const TICKS_MIN: u32 = 2;
 /// A step back that is longer is one of the poses: a vehicle that hits something bounces off slowly. m/s, m
 const BOUNCE_MPS: f64 = 0.5;
 const BOUNCE_M: f64 = 0.02;
-/// Any step that is longer: full sticks along one axis reach 1.8 m/s. m/s, m
-const STEP_MPS: f64 = 2.0;
+/// Any step that exceeds [`SPEED_MAX_MPS`] by more. m
 const STEP_M: f64 = 0.05;
 
 /// The newest places and inputs.
@@ -70,8 +70,8 @@ impl Impact {
     ///
     /// Real time: no allocation, constant cost.
     pub(super) fn see(&mut self, seen: Option<&Pose>, u_applied: &Sticks, theta_rad: f64) {
-        let place_w = seen.map(|seen| pos_w(seen).xy());
         self.newest = (self.newest + 1) % self.ring.len();
+        let place_w = seen.map(|seen| pos_w(seen).xy());
         self.ring[self.newest] = (place_w, inputs_w(u_applied, theta_rad));
         let has_jumped = place_w.is_some() && self.has_jumped();
         self.since_jump = if has_jumped { 0 } else { self.since_jump.saturating_add(1) };
@@ -106,7 +106,7 @@ impl Impact {
         let (step_w, time_s) = (to_w - from_w, self.dt_s * age as f64);
         let leads_back =
             |v: Vector2<f64>| -step_w.dot(&v) > (BOUNCE_MPS * time_s + BOUNCE_M) * v.norm();
-        step_w.norm() > STEP_MPS * time_s + STEP_M
+        step_w.norm() > SPEED_MAX_MPS * time_s + STEP_M
             || self.velocity(ARRIVES, COMES).is_some_and(leads_back)
     }
 

@@ -114,9 +114,9 @@ impl Link {
         let verdict = self.monitor.update(u_meant, observed, p);
         self.state = verdict.state;
         let since_steps = verdict.onset_steps as usize;
-        self.state_steps =
-            if verdict.changed { since_steps } else { self.state_steps.saturating_add(1) };
+        self.state_steps = self.state_steps.saturating_add(1);
         if verdict.changed {
+            self.state_steps = since_steps;
             self.held = self.meant(since_steps.min(self.meant.len() - 1));
         }
         (verdict, verdict.changed.then_some(since_steps.min(self.window_steps)))

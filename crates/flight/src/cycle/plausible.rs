@@ -16,7 +16,7 @@ use crate::{Acceptance, Filtered};
 const REPEATS_MIN: u32 = 3;
 
 /// Speed of a step between poses that is no jump: full sticks along one axis reach 1.8 m/s. m/s
-const SPEED_MAX_MPS: f64 = 2.0;
+pub(super) const SPEED_MAX_MPS: f64 = 2.0;
 
 /// For so long a place may have been repeated while the vehicle flew on: what lasts longer ends a flight. s
 const REPEATED_MAX_S: f64 = 1.0;

@@ -137,67 +137,74 @@ fn sticks_are_sent_to_a_drone_that_takes_them_or_has_not_reported() {
     }
 }
 
+/// A flight of so many `steps` from the beginning of the square: a person gives the roll of `hand`, and the poses are
+/// seen where `is_seen`; `see` sees each tick. How far it ends beside the first side. m
+fn fly_by_hand(
+    steps: i64,
+    hand: impl Fn(i64) -> Option<f64>,
+    is_seen: impl Fn(i64) -> bool,
+    mut see: impl FnMut(i64, &LaggedCycle, &Outcome),
+) -> f64 {
+    let (mut cycle, model) = (cycle(), Lagged::default());
+    let (mut inbox, mut out) = (Inbox::new(), cycle.new_outcome());
+    let mut fifo = InputFifo::new(&table().cycle.dead_time_s, &Lagged::INPUT, cycle.dt_s).unwrap();
+    let (p, begin) = (*cycle.mhe.p_hat(), sighting(TimeNs(0), 0).pose.unwrap());
+    let mut s = model.at_rest(&begin);
+    for step in 0..steps {
+        let now = TimeNs(step * DT_NS);
+        inbox.open(step.unsigned_abs(), now);
+        inbox.drone = Some(status(now, true));
+        inbox.manual = hand(step).map(|roll| [roll, 0.0, 0.0, 0.0]);
+        if is_seen(step) {
+            inbox.sightings.push(Sighting { pose: Some(model.observe(&s)), ..sighting(now, 0) });
+        }
+        cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
+        see(step, &cycle, &out);
+        fifo.push(&out.u_sent);
+        s = model.step(&s, &fifo.applied(-1), &p, cycle.dt_s);
+    }
+    (model.observe(&s) - begin)[pose::Y].abs()
+}
+
 #[test]
 fn a_hand_back_while_poses_are_stale_holds_and_does_not_end_the_flight_by_the_distance() {
     const HAND: std::ops::Range<i64> = 100..320;
     const UNSEEN: std::ops::Range<i64> = HAND.end - 30..HAND.end + 40;
-    let table = table();
-    let (mut cycle, model) = (cycle(), Lagged::default());
-    let (mut inbox, mut out) = (Inbox::new(), cycle.new_outcome());
-    let mut fifo = InputFifo::new(&table.cycle.dead_time_s, &Lagged::INPUT, cycle.dt_s).unwrap();
-    let p = *cycle.mhe.p_hat();
-    let mut s = model.at_rest(&sighting(TimeNs(0), 0).pose.unwrap());
-    for step in 0..UNSEEN.end {
-        let now = TimeNs(step * DT_NS);
-        inbox.open(step.unsigned_abs(), now);
-        inbox.drone = Some(status(now, true));
-        inbox.manual = HAND.contains(&step).then_some([0.6, 0.0, 0.0, 0.0]);
-        if !UNSEEN.contains(&step) {
-            inbox.sightings.push(Sighting { pose: Some(model.observe(&s)), ..sighting(now, 0) });
-        }
-        cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
-        let ruling = out.ruling.unwrap();
-        assert_eq!(ruling.phase, Phase::Flying, "{step}: {ruling:?}");
-        if step > HAND.end {
-            assert!(!ruling.may_steer(), "{step}: the poses are stale");
-        }
-        fifo.push(&out.u_sent);
-        s = model.step(&s, &fifo.applied(-1), &p, cycle.dt_s);
-    }
-    let carried_m = (model.observe(&s) - sighting(TimeNs(0), 0).pose.unwrap())[pose::Y].abs();
-    let limit_m = table.cycle.supervisor.failsafe.tracking_m;
+    let hand = |step| HAND.contains(&step).then_some(0.6);
+    let carried_m = fly_by_hand(
+        UNSEEN.end,
+        hand,
+        |step| !UNSEEN.contains(&step),
+        |step, _, out| {
+            let ruling = out.ruling.unwrap();
+            assert_eq!(ruling.phase, Phase::Flying, "{step}: {ruling:?}");
+            if step > HAND.end {
+                assert!(!ruling.may_steer(), "{step}: the poses are stale");
+            }
+        },
+    );
+    let limit_m = table().cycle.supervisor.failsafe.tracking_m;
     assert!(carried_m > limit_m + 0.3, "{carried_m} m: the test shows nothing");
 }
 
 #[test]
 fn after_a_hand_back_the_mission_goes_on_from_the_vehicle() {
     const HAND: std::ops::Range<i64> = 100..200;
-    let table = table();
-    let (mut cycle, model) = (cycle(), Lagged::default());
-    let (mut inbox, mut out) = (Inbox::new(), cycle.new_outcome());
-    let mut fifo = InputFifo::new(&table.cycle.dead_time_s, &Lagged::INPUT, cycle.dt_s).unwrap();
-    let p = *cycle.mhe.p_hat();
-    let mut s = model.at_rest(&sighting(TimeNs(0), 0).pose.unwrap());
     let mut off_m = Vec::new();
-    for step in 0..=HAND.end {
-        let now = TimeNs(step * DT_NS);
-        inbox.open(step.unsigned_abs(), now);
-        inbox.drone = Some(status(now, true));
-        // To the right, beside the first side of the square.
-        inbox.manual = HAND.contains(&step).then_some([0.4, 0.0, 0.0, 0.0]);
-        inbox.sightings.push(Sighting { pose: Some(model.observe(&s)), ..sighting(now, 0) });
-        cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
-        let is_by_hand = inbox.manual.is_some();
-        assert_eq!(cycle.memory.is_on_mission, !is_by_hand, "{step}: {:?}", out.ruling);
-        if let Some(reference) = out.reference.filter(|_| !is_by_hand) {
-            let pred_w = Vector2::new(out.s_pred[motion::X], out.s_pred[motion::Y]);
-            off_m.push((reference.fixed_rows::<2>(pose::X) - pred_w).norm());
-        }
-        fifo.push(&out.u_sent);
-        s = model.step(&s, &fifo.applied(-1), &p, cycle.dt_s);
-    }
-    let before = sighting(TimeNs(0), 0).pose.unwrap();
-    let carried_m = (model.observe(&s) - before)[pose::Y].abs();
+    let hand = |step| HAND.contains(&step).then_some(0.4);
+    let carried_m = fly_by_hand(
+        HAND.end + 1,
+        hand,
+        |_| true,
+        |step, cycle, out| {
+            let is_by_hand = HAND.contains(&step);
+            assert_eq!(cycle.memory.is_on_mission, !is_by_hand, "{step}: {:?}", out.ruling);
+            if let Some(reference) = out.reference.filter(|_| !is_by_hand) {
+                let pred_w = Vector2::new(out.s_pred[motion::X], out.s_pred[motion::Y]);
+                off_m.push((reference.fixed_rows::<2>(pose::X) - pred_w).norm());
+            }
+        },
+    );
     let last_m = off_m.last().copied().unwrap();
     assert!(carried_m > 0.6 && last_m < 0.3, "{last_m} m after {carried_m} m aside");
 }

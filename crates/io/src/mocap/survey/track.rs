@@ -156,9 +156,7 @@ impl Track {
             self.furthest = Some(at);
         }
     }
-}
 
-impl Track {
     /// Whether the frame of `head` had another place of the object before. Numbers that stand still count no frames.
     fn is_second_of_frame(&self, at: Option<Placement>, head: Head) -> bool {
         let is_same_frame = self.last.is_some_and(|(_, last)| last.number == head.number);
