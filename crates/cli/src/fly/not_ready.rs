@@ -85,6 +85,7 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
     let (key, address) = table.mocap.address();
     let object = table.mocap.object();
     let (unnumbered, old) = (misnumbered(&report, object), too_old(&report));
+    let nameless = unnamed(counters, object);
     match (counters.connects.get(), messages, counters.given_up()) {
         (_, _, Some(error)) => format!("{address} cannot be understood: {error}"),
         (0, ..) => match counters.unopened() {
@@ -96,6 +97,11 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
         _ if unnumbered.is_some() => unnumbered.unwrap_or_default(),
         _ if old.is_some() => old.unwrap_or_default(),
         (_, 0, _) => format!("no pose, nothing comes from {address}: is the mocap system live?"),
+        _ if nameless.is_some() => nameless.unwrap_or_default(),
+        _ if [report.frames, report.other_object, report.malformed] == [0; 3] => format!(
+            "{address} answers, {messages} messages, but no frame with an object comes: is streaming on, is the drone seen, \
+             does a firewall or a network without multicast keep frames back?"
+        ),
         _ => format!(
             "{messages} messages, {} of them of other objects, {} malformed: is the object's name ({object:?}) right \
              (tello-ctl mocap list shows all), is the drone seen, is its z above cycle.filter.floor_m = {} m?",
@@ -110,10 +116,21 @@ pub(super) fn misnumbered(report: &StreamReport, object: &str) -> Option<String>
         let reason = "its frame numbers or time stamps stand still: its poses cannot be dated";
         return Some(reason.into());
     }
-    (report.doubled > 0).then(|| {
+    // A server that starts anew may send one frame twice.
+    (20 * report.doubled > report.frames + report.doubled).then(|| {
         format!(
             "two objects are called {object:?}, in {} frames: which of them is the drone?",
             report.doubled
+        )
+    })
+}
+
+/// That a source sends bodies and has named none of them so far.
+fn unnamed(counters: &MocapCounters, object: &str) -> Option<String> {
+    (counters.sightings.get() == 0 && counters.unnamed.get() > 0).then(|| {
+        format!(
+            "no pose, the mocap system sends bodies and none that it names: is {object:?} among its rigid bodies? \
+             object: \"#7\" means the one with the streaming identity 7 (tello-ctl mocap list shows all)"
         )
     })
 }
@@ -151,7 +168,11 @@ pub(super) fn drone_trouble(table: &FlyTable, packets: u64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use tello_io::clock::TimeNs;
     use tello_io::config;
+    use tello_io::mocap::natnet::encode;
+    use tello_io::mocap::natnet::packet::{FrameEnd, RigidBody, ServerInfo, Version};
+    use tello_io::mocap::{MocapSettings, MocapStream, MocapTable};
 
     use super::*;
 
@@ -191,6 +212,47 @@ mod tests {
         let counters = MocapCounters::default();
         let text = unseen(&table, &counters).unwrap();
         assert!(text.starts_with("no pose, nobody is at 127.0.0.1:51602"), "{text}");
+    }
+
+    #[test]
+    fn a_server_that_names_no_object_is_another_case_than_one_without_ours() {
+        let text = r#"{ "natnet": { "address": "motive:1510", "object": "tello" } }"#;
+        let table: MocapTable = serde_json::from_str(text).unwrap();
+        let mut stream = MocapStream::new(&MocapSettings::try_from(&table).unwrap());
+        let counters = MocapCounters::default();
+        counters.connects.count();
+        let (mut fly, _) = config::fly(None, None).unwrap();
+        fly.mocap = table;
+        let version = Version { major: 4, minor: 1 };
+        let mut push = |fill: &dyn Fn(&mut Vec<u8>)| {
+            let mut bytes = Vec::new();
+            fill(&mut bytes);
+            stream.push(&bytes, TimeNs(0), &counters, |_| ()).unwrap();
+        };
+        let server = ServerInfo { version, ticks_per_s: 1, group: None };
+        push(&|to| encode::server_info(&server, "Motive", to));
+        let text = mocap_trouble(&fly, &counters);
+        assert!(text.contains("answers, 1 messages, but no frame with an object comes"), "{text}");
+        let body = RigidBody {
+            id: 7,
+            pos_v: [1.0; 3],
+            quaternion: [0.0, 0.0, 0.0, 1.0],
+            is_tracked: true,
+        };
+        let end = FrameEnd {
+            timestamp_s: 0.0,
+            exposed: 0,
+            received: 0,
+            transmitted: 0,
+            has_new_models: false,
+        };
+        push(&|to| encode::frame(version, 1, &[body], &end, to));
+        let text = mocap_trouble(&fly, &counters);
+        assert!(text.contains("is \"tello\" among") && text.contains("\"#7\""), "{text}");
+        push(&|to| encode::model_definitions(version, &[(7, "wand")], to));
+        push(&|to| encode::frame(version, 2, &[body], &end, to));
+        let text = mocap_trouble(&fly, &counters);
+        assert!(text.contains("1 of them of other objects"), "now another one has a name: {text}");
     }
 
     #[test]

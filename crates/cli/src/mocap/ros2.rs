@@ -58,21 +58,11 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
     let node = Node::join(*network)?;
     let mut poses = node.reader::<PoseStamped>(topic, Kind::Pose)?;
     let (lines, _) = broadcast::channel(LINES);
+    drop(tokio::spawn(accept(listener, lines.clone())));
     stdio::note(format_args!("{topic} at --source relay={listen}"));
     let (mut counts, mut numbers) = ([0_u64; 2], StampNumbers::default());
     loop {
         tokio::select! {
-            accepted = listener.accept() => {
-                match accepted.and_then(|(client, _)| client.set_nodelay(true).map(|()| client)) {
-                    // It ends with its client.
-                    Ok(client) => drop(tokio::spawn(serve(client, lines.subscribe()))),
-                    // The other clients go on. The reason, such as too many open files, lasts.
-                    Err(error) => {
-                        stdio::note(format_args!("no client: {error}"));
-                        tokio::time::sleep(ACCEPT_AGAIN).await;
-                    }
-                }
-            }
             pose = poses.next() => {
                 let [read, refused] = &mut counts;
                 match pose.with_context(|| format!("{topic}: no more poses come"))? {
@@ -89,6 +79,22 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
                 let [read, refused] = counts;
                 stdio::line(format_args!("{read} poses, {refused} refused"))?;
                 return Ok(Verdict::Good);
+            }
+        }
+    }
+}
+
+/// Lets clients in, beside the relay of poses.
+async fn accept(listener: TcpListener, lines: broadcast::Sender<String>) {
+    loop {
+        let accepted = listener.accept().await;
+        match accepted.and_then(|(client, _)| client.set_nodelay(true).map(|()| client)) {
+            // It ends with its client.
+            Ok(client) => drop(tokio::spawn(serve(client, lines.subscribe()))),
+            // The reason, such as too many open files, lasts.
+            Err(error) => {
+                stdio::note(format_args!("no client: {error}"));
+                tokio::time::sleep(ACCEPT_AGAIN).await;
             }
         }
     }

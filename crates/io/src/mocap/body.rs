@@ -8,9 +8,6 @@
 
 use horizon_model::rows::Pose;
 
-/// Numbers of few decimals may lengthen a unit vector by this much.
-const UNIT_SLACK: f64 = 1e-3;
-
 /// Least height of the tip of the body's z axis: a vehicle whose top is further than 60 degrees from up has tipped
 /// over, or its object has other axes.
 const TOP_MIN: f64 = 0.5;
@@ -45,28 +42,9 @@ pub fn matrix_of_angles([a, b, c]: [f64; 3]) -> [f64; 9] {
     ]
 }
 
-/// Heading of three angles, in [-pi, pi]; `None` if the top of the body is further than 60 degrees from up. rad
-pub(super) fn heading_of_angles(angles: [f64; 3]) -> Option<f64> {
-    heading_of_matrix(&matrix_of_angles(angles))
-}
-
-/// Heading of a quaternion x y z w, likewise; `None` also if an entry is beyond 1.
-pub(super) fn heading_of_quaternion([x, y, z, w]: [f64; 4]) -> Option<f64> {
-    let is_rotation = [x, y, z, w].iter().all(|q| q.abs() <= 1.0 + UNIT_SLACK);
-    // First column and last entry of its matrix.
-    let (r00, r10) = (w * w + x * x - y * y - z * z, 2.0 * (x * y + w * z));
-    let r22 = w * w - x * x - y * y + z * z;
-    heading(r00, r10, r22).filter(|_| is_rotation)
-}
-
-/// Heading of a matrix, likewise.
+/// Heading of a rotation matrix, in [-pi, pi]; `None` if the top of the body is further than 60 degrees from up. rad
 pub(super) fn heading_of_matrix(matrix: &[f64; 9]) -> Option<f64> {
-    let is_rotation = matrix.iter().all(|r| r.abs() <= 1.0 + UNIT_SLACK);
     let [r00, _, _, r10, .., r22] = *matrix;
-    heading(r00, r10, r22).filter(|_| is_rotation)
-}
-
-fn heading(r00: f64, r10: f64, r22: f64) -> Option<f64> {
     (r22 >= TOP_MIN).then(|| r10.atan2(r00))
 }
 
@@ -86,6 +64,11 @@ mod tests {
     use horizon_model::check::{amax, maximum};
 
     use super::*;
+    use crate::mocap::axes::matrix_of_quaternion;
+
+    fn heading_of_angles(angles: [f64; 3]) -> Option<f64> {
+        heading_of_matrix(&matrix_of_angles(angles))
+    }
 
     #[test]
     fn the_matrix_turns_about_x_y_and_z_in_this_order() {
@@ -104,7 +87,7 @@ mod tests {
         // Quaternion of the angles (0.1, 0.2, 0.3), by an independent program.
         let quaternion = [0.0641, 0.0912, 0.1534, 0.9819];
         let by_angles = heading_of_angles([0.1, 0.2, 0.3]).unwrap();
-        let by_quaternion = heading_of_quaternion(quaternion).unwrap();
+        let by_quaternion = heading_of_matrix(&matrix_of_quaternion(quaternion).unwrap()).unwrap();
         assert!((by_angles - by_quaternion).abs() < 2e-4, "{by_angles} {by_quaternion}");
     }
 
@@ -134,8 +117,6 @@ mod tests {
     #[test]
     fn a_nose_straight_up_and_no_rotation_have_no_heading() {
         assert_eq!(heading_of_angles([0.0, std::f64::consts::FRAC_PI_2, 0.0]), None);
-        assert_eq!(heading_of_quaternion([0.0, 0.0, 0.0, 9.0]), None);
-        assert_eq!(heading_of_quaternion([f64::NAN, 0.0, 0.0, 1.0]), None);
         assert_eq!(heading_of_matrix(&[0.0; 9]), None);
         assert_eq!(heading_of_matrix(&[f64::NAN; 9]), None);
     }

@@ -28,7 +28,9 @@ impl<'a> Bytes<'a> {
         u32_le: u32 = from_le_bytes;
         i32_le: i32 = from_le_bytes;
         u64_le: u64 = from_le_bytes;
+        i64_le: i64 = from_le_bytes;
         f32_le: f32 = from_le_bytes;
+        f64_le: f64 = from_le_bytes;
         u32_be: u32 = from_be_bytes;
         i32_be: i32 = from_be_bytes;
         f64_be: f64 = from_be_bytes;
@@ -39,6 +41,15 @@ impl<'a> Bytes<'a> {
         let mut values = [0.0; N];
         for value in &mut values {
             *value = self.f32_le()?.into();
+        }
+        Some(values)
+    }
+
+    /// The next `N` numbers of eight bytes, little-endian.
+    pub(super) fn f64s_le<const N: usize>(&mut self) -> Option<[f64; N]> {
+        let mut values = [0.0; N];
+        for value in &mut values {
+            *value = self.f64_le()?;
         }
         Some(values)
     }
@@ -63,6 +74,12 @@ impl<'a> Bytes<'a> {
         Some(bytes)
     }
 
+    /// Bytes behind their number, which has four bytes, little-endian.
+    pub(super) fn counted_le(&mut self) -> Option<&'a [u8]> {
+        let count = usize::try_from(self.u32_le()?).ok()?;
+        self.take(count)
+    }
+
     /// Skips `count` things of `size` bytes each.
     pub(super) fn skip(&mut self, count: usize, size: usize) -> Option<()> {
         self.take(count.checked_mul(size)?).map(|_| ())
@@ -85,6 +102,11 @@ impl<'a> Bytes<'a> {
     /// What was not read.
     pub(super) fn rest(self) -> &'a [u8] {
         self.0
+    }
+
+    /// `None` if something was not read.
+    pub(super) fn end(self) -> Option<()> {
+        self.0.is_empty().then_some(())
     }
 }
 
@@ -117,6 +139,9 @@ mod tests {
         let received = [0.1_f64.to_be_bytes(), f64::MAX.to_be_bytes()].concat();
         assert_eq!(Bytes::new(&received).f64s_be(), Some([0.1, f64::MAX]));
         assert_eq!(Bytes::new(&received).f64s_be::<3>(), None);
+        let received = [0.1_f64.to_le_bytes(), f64::MAX.to_le_bytes()].concat();
+        assert_eq!(Bytes::new(&received).f64s_le(), Some([0.1, f64::MAX]));
+        assert_eq!(Bytes::new(&received).f64s_le::<3>(), None);
     }
 
     #[test]
@@ -127,6 +152,16 @@ mod tests {
         assert_eq!(bytes.skip(usize::MAX, 2), None, "the product has no number");
         assert_eq!(bytes.skip(3, 3), None);
         assert_eq!((bytes.skip(2, 4), bytes.rest()), (Some(()), &[][..]));
+    }
+
+    #[test]
+    fn counted_bytes_are_all_there_or_none() {
+        let received = b"\x02\0\0\0ab\x02\0\0\0c";
+        let mut bytes = Bytes::new(received);
+        assert_eq!((bytes.counted_le(), bytes.end()), (Some(&b"ab"[..]), None));
+        assert_eq!(bytes.counted_le(), None);
+        assert_eq!(Bytes::new(&u32::MAX.to_le_bytes()).counted_le(), None);
+        assert_eq!(Bytes::new(b"").end(), Some(()));
     }
 
     #[test]

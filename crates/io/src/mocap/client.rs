@@ -29,9 +29,6 @@ const SILENCE_TIMEOUT: Duration = Duration::from_secs(5);
 const BACK_OFF_MIN: Duration = Duration::from_millis(100);
 const BACK_OFF_MAX: Duration = Duration::from_secs(2);
 
-/// Time between two [`MocapStream::beat`]s: requests and signs of life for the server.
-pub(super) const BEAT: Duration = Duration::from_secs(1);
-
 /// What the control thread holds of the mocap link.
 #[derive(Debug)]
 pub struct MocapFeed {
@@ -117,11 +114,12 @@ impl MocapClient {
     async fn read_connection(&mut self, mut wire: Wire, stream: &mut MocapStream) {
         let mut chunk = vec![0; CHUNK_BYTES];
         let mut requests = Vec::new();
+        let beat_period = stream.beat_period();
         let mut heard_at = self.clock.now();
         let mut beat_at = None;
         loop {
             let now = self.clock.now();
-            if beat_at.is_none_or(|beat_at| now.since(beat_at).duration() >= BEAT) {
+            if beat_at.is_none_or(|beat_at| now.since(beat_at).duration() >= beat_period) {
                 beat_at = Some(now);
                 stream.beat();
             }
@@ -132,7 +130,7 @@ impl MocapClient {
             if silent >= SILENCE_TIMEOUT {
                 return;
             }
-            let patience = BEAT.min(SILENCE_TIMEOUT.saturating_sub(silent));
+            let patience = beat_period.min(SILENCE_TIMEOUT.saturating_sub(silent));
             let count = match timeout(patience, wire.read(&mut chunk)).await {
                 Ok(Ok(count)) => count,
                 // The end of a stream is as final as an error or silence.

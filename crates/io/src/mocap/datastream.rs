@@ -1,4 +1,4 @@
-//! Vicon's DataStream, as far as the pose of one subject needs it; both sides of the conversation.
+//! Vicon's DataStream, as far as the poses of subjects need it; both sides of the conversation.
 //!
 //! The server speaks first and says what it can send; the client answers with what it wants and asks
 //! for a packet per frame. A packet is a sequence of objects, each with identity and length, so that
@@ -8,20 +8,18 @@
 
 #![deny(clippy::indexing_slicing)]
 
-mod bodies;
 pub mod decode;
 pub mod encode;
 pub mod packet;
 
-pub(super) use bodies::DatastreamBodies;
 use decode::Segment;
-use horizon_model::rows::Pose;
-use packet::{PacketError, Packets, objects};
+use packet::{Packets, objects};
 
 use super::MocapCounters;
-use super::body::{heading_of_matrix, is_all_zero, pose};
-use super::protocol::LATENCY_MAX_S;
-use super::source::{Connection, Frame, Source, SourceError};
+use super::axes::Placement;
+use super::body::is_all_zero;
+use super::protocol::{Absence, BodyProtocol, Head, LATENCY_MAX_S, Name, OBJECTS_MAX, Taker};
+use super::source::SourceError;
 use crate::clock::SpanNs;
 
 /// Identities of objects.
@@ -58,9 +56,9 @@ const NEEDED: [u32; 3] = [id::SUBJECT_INFO, id::FRAME_INFO, id::GLOBAL_SEGMENTS]
 /// What is asked for if it is offered, beside [`NEEDED`].
 const USEFUL: [u32; 3] = [id::STREAM_INFO, id::LATENCY_INFO, id::APPLICATION_INFO];
 
-/// The packets of a server, read for the root segment of one subject.
-#[derive(Debug)]
-pub(super) struct DatastreamSource {
+/// The packets of a server.
+#[derive(Debug, Default)]
+pub(super) struct DatastreamProtocol {
     packets: Packets,
     /// What to send next.
     requests: Vec<u8>,
@@ -68,43 +66,29 @@ pub(super) struct DatastreamSource {
 }
 
 /// What the packets so far say.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Reader {
-    subject: String,
-    /// Identities of the subject and of its root segment.
-    root: Option<Segment>,
-    /// Whether two subjects have its name.
-    is_doubled: bool,
     rate_hz: f64,
+    subjects: Vec<Subject>,
 }
 
-/// What one packet says.
-struct News {
+/// A subject, which is where its root segment is.
+#[derive(Debug)]
+struct Subject {
+    name: Vec<u8>,
+    root: Segment,
+    /// Where it is in the newest frame. m
+    at: Option<Placement>,
+}
+
+/// What one packet says beside its subjects and segments.
+#[derive(Default)]
+struct Contents {
     /// What the server offers, if this is its greeting.
     offer: Option<Offer>,
-    frame: Option<Frame>,
-}
-
-/// Everything but the segments of a packet.
-#[derive(Default)]
-struct Head {
-    offer: Option<Offer>,
+    is_y_up: bool,
     number: Option<u32>,
     latency: SpanNs,
-}
-
-/// Why a packet says nothing.
-enum Refusal {
-    /// An object in it is not what its identity says; the next packet is read.
-    Packet,
-    /// No packet will say anything.
-    Connection(SourceError),
-}
-
-impl From<PacketError> for Refusal {
-    fn from(_: PacketError) -> Self {
-        Self::Packet
-    }
 }
 
 /// Which of [`NEEDED`] and [`USEFUL`] a server offers.
@@ -114,58 +98,38 @@ struct Offer {
     useful: [bool; USEFUL.len()],
 }
 
-impl DatastreamSource {
-    pub(super) fn new(subject: &str) -> Self {
-        let subject = subject.to_owned();
-        Self {
-            packets: Packets::default(),
-            requests: Vec::new(),
-            reader: Reader { subject, root: None, is_doubled: false, rate_hz: 0.0 },
-        }
-    }
-}
-
-impl Source for DatastreamSource {
+impl BodyProtocol for DatastreamProtocol {
     fn push(
         &mut self,
         bytes: &[u8],
         counters: &MocapCounters,
-        on_frame: &mut dyn FnMut(Frame),
+        taker: &mut dyn Taker,
     ) -> Result<(), SourceError> {
         let Self { packets, requests, reader } = self;
         packets.push(bytes, |packet| {
             counters.messages.count();
-            let news = match reader.read(packet) {
-                Ok(news) => news,
-                Err(Refusal::Connection(error)) => return Err(error),
-                Err(Refusal::Packet) => {
-                    counters.malformed.count();
-                    return Ok(());
-                }
+            let Some(contents) = reader.read(packet) else {
+                counters.malformed.count();
+                return Ok(());
             };
-            if let Some(offer) = news.offer {
+            let Contents { offer, is_y_up, number, latency } = contents;
+            if is_y_up {
+                return Err(SourceError::UpIsY);
+            }
+            if let Some(offer) = offer {
                 offer.accept(requests)?;
             }
-            if let Some(frame) = news.frame {
-                if reader.is_doubled {
-                    counters.doubled.count();
-                } else if reader.root.is_none() {
-                    counters.other_object.count();
-                }
-                on_frame(frame);
+            if let Some(number) = number {
+                reader.hand_over(number, latency, taker);
             }
             Ok(())
         })
     }
-}
 
-impl Connection for DatastreamSource {
     fn restart(&mut self) {
         self.packets.clear();
         self.requests.clear();
-        self.reader.root = None;
-        self.reader.is_doubled = false;
-        self.reader.rate_hz = 0.0;
+        self.reader = Reader::default();
     }
 
     fn take_requests(&mut self, to: &mut Vec<u8>) {
@@ -174,63 +138,71 @@ impl Connection for DatastreamSource {
 }
 
 impl Reader {
-    fn read(&mut self, packet: &[u8]) -> Result<News, Refusal> {
-        // Segments are understood once the subjects of the same packet are.
-        let Head { offer, number, latency } = self.read_head(packet)?;
-        let Some(number) = number else { return Ok(News { offer, frame: None }) };
-        let pose = self.read_pose(packet)?;
-        let frame =
-            Frame { number: number.into(), rate_hz: self.rate_hz, stamp: None, latency, pose };
-        Ok(News { offer, frame: Some(frame) })
-    }
-
-    fn read_head(&mut self, packet: &[u8]) -> Result<Head, Refusal> {
-        let mut head = Head::default();
-        let (mut has_subjects, mut root, mut is_doubled) = (false, None, false);
+    /// Takes in a packet; `None` if an object in it is not what its identity says.
+    fn read(&mut self, packet: &[u8]) -> Option<Contents> {
+        let mut contents = Contents::default();
+        let mut has_subjects = false;
         for object in objects(packet) {
             let (id, body) = object?;
             match id {
-                id::OBJECT_ENUMS => head.offer = Some(Offer::decode(body)?),
-                id::FRAME_INFO => head.number = Some(decode::frame_number(body)?),
+                id::OBJECT_ENUMS => contents.offer = Some(Offer::decode(body)?),
+                id::FRAME_INFO => contents.number = Some(decode::frame_number(body)?),
                 id::STREAM_INFO => self.rate_hz = decode::rate_hz(body)?,
-                id::LATENCY_INFO => head.latency = latency(decode::latency_s(body)?),
-                id::APPLICATION_INFO if decode::is_y_up(body)? => {
-                    return Err(Refusal::Connection(SourceError::UpIsY));
-                }
+                id::LATENCY_INFO => contents.latency = latency(decode::latency_s(body)?),
+                id::APPLICATION_INFO => contents.is_y_up |= decode::is_y_up(body)?,
                 id::SUBJECT_INFO => {
                     has_subjects = true;
-                    let named = decode::root_segment(body, self.subject.as_bytes())?;
-                    is_doubled |= root.is_some() && named.is_some();
-                    root = root.or(named);
+                    decode::subject(body)?;
                 }
                 _ => {}
             }
         }
+        // Segments are understood once the subjects of the same packet are.
         if has_subjects {
-            // A packet with subjects has all of them: one that is missing was removed.
-            // Of two it is not known which is which.
-            self.root = root.filter(|_| !is_doubled);
-            self.is_doubled = is_doubled;
+            self.learn(packet);
         }
-        Ok(head)
+        self.place(packet)?;
+        Some(contents)
     }
 
-    /// Pose of the root segment; `None` if it is not there or all zero.
-    fn read_pose(&self, packet: &[u8]) -> Result<Option<Pose>, Refusal> {
-        let Some(root) = self.root else { return Ok(None) };
-        for object in objects(packet) {
-            let (id, body) = object?;
+    /// Takes in the subjects of a packet, which has all: one that is missing was removed. Allocates only if they
+    /// changed.
+    fn learn(&mut self, packet: &[u8]) {
+        let infos = objects(packet).flatten().filter(|(id, _)| *id == id::SUBJECT_INFO);
+        let named = infos.filter_map(|(_, body)| decode::subject(body));
+        let named =
+            || named.clone().filter_map(|(name, root)| Some((name, root?))).take(OBJECTS_MAX);
+        if named().ne(self.subjects.iter().map(|known| (known.name.as_slice(), known.root))) {
+            let subject =
+                |(name, root): (&[u8], _)| Subject { name: name.to_vec(), root, at: None };
+            self.subjects = named().map(subject).collect();
+        }
+    }
+
+    /// Takes in where the subjects are; `None` if an object is not what its identity says.
+    fn place(&mut self, packet: &[u8]) -> Option<()> {
+        self.subjects.iter_mut().for_each(|subject| subject.at = None);
+        for (id, body) in objects(packet).flatten() {
             if id != id::GLOBAL_SEGMENTS {
                 continue;
             }
-            let Some(at) = decode::global_segment(body, root)? else { continue };
-            if is_all_zero(at.pos_w.into_iter().chain(at.matrix)) {
-                return Ok(None);
-            }
-            let pose = heading_of_matrix(&at.matrix).and_then(|theta| pose(at.pos_w, theta));
-            return pose.map(Some).ok_or(Refusal::Packet);
+            decode::global_segments(body, |segment, at| {
+                let is_lost = is_all_zero(at.pos_v.into_iter().chain(at.matrix));
+                for subject in self.subjects.iter_mut().filter(|known| known.root == segment) {
+                    subject.at = (!is_lost).then_some(at);
+                }
+            })?;
         }
-        Ok(None)
+        Some(())
+    }
+
+    /// Hands over the frame of the newest packet.
+    fn hand_over(&self, number: u32, latency: SpanNs, taker: &mut dyn Taker) {
+        for Subject { name, at, .. } in &self.subjects {
+            taker.body(Name { text: Some(name), id: None }, at.as_ref());
+        }
+        let (number, rate_hz, absence) = (number.into(), self.rate_hz, Absence::Lost);
+        taker.frame(Head { number, rate_hz, stamp: None, latency, absence });
     }
 }
 
@@ -243,7 +215,7 @@ fn latency(latency_s: f64) -> SpanNs {
 }
 
 impl Offer {
-    fn decode(body: &[u8]) -> Result<Self, PacketError> {
+    fn decode(body: &[u8]) -> Option<Self> {
         let mut offer = Self { needed: [false; NEEDED.len()], useful: [false; USEFUL.len()] };
         decode::object_enums(body, |offered| {
             let is_needed = offer.needed.iter_mut().zip(NEEDED);
@@ -251,7 +223,7 @@ impl Offer {
                 *is_offered |= id == offered;
             }
         })?;
-        Ok(offer)
+        Some(offer)
     }
 
     /// Appends the answer: what is wanted of this, and a packet for every frame.

@@ -12,16 +12,25 @@ pub mod packet;
 
 use core::net::SocketAddrV4;
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use packet::{FrameEnd, ServerInfo, Version, id};
 
 use super::MocapCounters;
 use super::axes::{Placement, matrix_of_quaternion};
 use super::protocol::{
-    BodyProtocol, Head, LATENCY_MAX_S, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, RATE_HZ, Taker,
+    Absence, BodyProtocol, Head, LATENCY_MAX_S, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, RATE_HZ,
+    Taker,
 };
-use super::source::{Connection, SourceError};
+use super::source::SourceError;
 use crate::clock::SpanNs;
+
+/// Time between two beats, and without a frame until it is asked who serves: a server that was started again has
+/// forgotten its clients, and a flight lands 2 s (`lost_s`) after the last pose. The first question is sent within two
+/// beats.
+const BEAT_PERIOD: Duration = Duration::from_millis(250);
+/// Beats until the client says again that it is there, and asks for what changed: 1 s.
+const BEATS_PER_SLOW: u32 = 4;
 
 /// The datagrams of a server.
 #[derive(Debug)]
@@ -35,6 +44,9 @@ pub(super) struct NatnetProtocol {
     knows_names: bool,
     /// Whether a frame came since the last beat.
     has_frames: bool,
+    /// Beats so far, and without a frame since the newest one.
+    beats: u32,
+    silent_beats: u32,
     /// From the settings, else from the server; 0 while it is not known. Hz
     rate_hz: f64,
     set_rate_hz: Option<f64>,
@@ -50,6 +62,8 @@ impl NatnetProtocol {
             has_names: false,
             knows_names: false,
             has_frames: false,
+            beats: 0,
+            silent_beats: 0,
             rate_hz: rate_hz.unwrap_or(0.0),
             set_rate_hz: rate_hz,
             requests: Vec::new(),
@@ -62,10 +76,15 @@ impl NatnetProtocol {
         if !(3..=4).contains(&major) {
             return Err(SourceError::NatnetVersion { major, minor });
         }
-        // It comes after a silence only: a server that was started again may name its bodies otherwise.
+        // It comes after a silence only: a server that was started again may name its bodies otherwise. After a short
+        // one the old names count until the new ones come.
+        let is_other = self.server.is_none_or(|known| known.version != server.version);
         self.server = Some(server);
-        (self.has_names, self.knows_names) = (false, false);
-        self.names.clear();
+        self.has_names = false;
+        if is_other || self.silent_beats >= BEATS_PER_SLOW {
+            self.knows_names = false;
+            self.names.clear();
+        }
         self.ask();
         Ok(())
     }
@@ -98,7 +117,7 @@ impl NatnetProtocol {
         let mut is_unnamed = false;
         let names = &self.names;
         let (number, end) = packet::frame(body, server.version, |rigid| {
-            let text = names.get(&rigid.id).map(String::as_str);
+            let text = names.get(&rigid.id).map(String::as_bytes);
             is_unnamed |= text.is_none();
             let placement = |matrix| Placement { pos_v: rigid.pos_v, matrix };
             let is_seen = rigid.is_tracked && rigid.pos_v.iter().all(|value| value.is_finite());
@@ -113,8 +132,9 @@ impl NatnetProtocol {
         let latency = end.map_or(SpanNs(0), |end| latency(&end, server.ticks_per_s));
         let number = number.into();
         let stamp = end.and_then(|end| stamp(&end, server.ticks_per_s));
-        let (rate_hz, is_whole) = (self.rate_hz, self.knows_names);
-        taker.frame(Head { number, rate_hz, stamp, latency, is_whole });
+        let absence = if self.knows_names { Absence::Lost } else { Absence::Unknown };
+        let rate_hz = self.rate_hz;
+        taker.frame(Head { number, rate_hz, stamp, latency, absence });
         Some(())
     }
 }
@@ -154,25 +174,36 @@ impl BodyProtocol for NatnetProtocol {
         };
         if is_read.is_none() {
             counters.malformed.count();
+            taker.forget();
         }
         Ok(())
     }
-}
 
-impl Connection for NatnetProtocol {
     fn restart(&mut self) {
         *self = Self::new(self.set_rate_hz);
     }
 
     fn beat(&mut self) {
         // A server that fell silent may have started again, with another version or without us.
-        if !std::mem::take(&mut self.has_frames) {
+        let is_silent = !std::mem::take(&mut self.has_frames);
+        self.silent_beats = if is_silent { self.silent_beats.saturating_add(1) } else { 0 };
+        if is_silent {
             encode::request(id::CONNECT, b"Ping\0", &mut self.requests);
         }
-        if self.server.is_some() {
+        let is_slow = self.beats.is_multiple_of(BEATS_PER_SLOW);
+        self.beats = self.beats.wrapping_add(1);
+        if self.server.is_some() && is_slow {
             encode::request(id::KEEPALIVE, b"", &mut self.requests);
+        }
+        // Frames without any names have no body of ours. Names that changed can wait, and a silent server is asked for
+        // its names when it answers.
+        if self.server.is_some() && (is_slow || !(self.knows_names || is_silent)) {
             self.ask();
         }
+    }
+
+    fn beat_period(&self) -> Duration {
+        BEAT_PERIOD
     }
 
     fn take_requests(&mut self, to: &mut Vec<u8>) {

@@ -1,16 +1,19 @@
-//! Protocols that send many bodies in a frame, read for one of them or for all.
+//! What every mocap protocol has in common: bytes in, bodies and frames out.
 //!
-//! Owns what lies between bytes and [`Source`]: a protocol hands over each body of a frame by name, then
-//! the frame. [`Picked`] takes one body and turns it into our frame.
+//! Owns the interface: a protocol hands over each body of a frame by name, then the frame. [`Picked`] takes one body
+//! and turns it into our frame; a survey takes all. What a new protocol takes is listed in `ARCHITECTURE.md`.
+//! Measurement times, repeated frames, statistics, queue and connections are shared by all.
 
 use core::net::SocketAddrV4;
+use std::fmt::Debug;
 use std::ops::RangeInclusive;
+use std::time::Duration;
 
 use horizon_model::rows::Pose;
 
 use super::MocapCounters;
 use super::axes::{Axes, Placement};
-use super::source::{Connection, Frame, Source, SourceError};
+use super::source::{Frame, SourceError};
 use crate::clock::SpanNs;
 
 /// Rates that a server may announce. Hz
@@ -36,15 +39,26 @@ pub struct Head {
     pub stamp: Option<SpanNs>,
     /// Age of the frame when it was sent, as far as the source reports it. ns, >= 0
     pub latency: SpanNs,
-    /// Whether an object that is not in the frame is lost; else nothing is reported about it.
-    pub is_whole: bool,
+    /// What it says of an object that is not among its bodies.
+    pub absence: Absence,
+}
+
+/// What a frame says of an object that is not among its bodies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Absence {
+    /// Nothing: the object may be in another message, or have no name yet.
+    Unknown,
+    /// The object is lost: the frame has all bodies.
+    Lost,
+    /// The frame ends here, and its number may have had messages before: the object is lost if none of them had it.
+    LostUnlessBefore,
 }
 
 /// Identification of an object by its source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Name<'a> {
-    /// By name, if it has one.
-    pub text: Option<&'a str>,
+    /// By name, if it has one. Any bytes: protocols promise no UTF-8.
+    pub text: Option<&'a [u8]>,
     /// By number, if it has one.
     pub id: Option<i32>,
 }
@@ -53,7 +67,7 @@ impl Name<'_> {
     /// Whether the settings mean this object: by its name, or by `#` and its number.
     pub fn is(&self, wanted: &str) -> bool {
         let by_id = || wanted.strip_prefix('#').and_then(|id| id.parse().ok());
-        self.text == Some(wanted) || (self.id.is_some() && by_id() == self.id)
+        self.text == Some(wanted.as_bytes()) || (self.id.is_some() && by_id() == self.id)
     }
 }
 
@@ -64,20 +78,44 @@ pub trait Taker {
 
     /// The frame of these bodies, after them.
     fn frame(&mut self, head: Head);
+
+    /// The bodies so far have no frame: it was refused.
+    fn forget(&mut self);
 }
 
 /// One way in which frames of many bodies arrive. Pure: what it needs is in the bytes.
-pub(super) trait BodyProtocol: Connection {
-    /// Takes in received bytes, a whole datagram or any piece of a stream.
+pub(super) trait BodyProtocol: Debug + Send {
+    /// Takes in received bytes, a whole datagram or any piece of a stream, and hands over each frame that they
+    /// complete. What is refused is counted, and the next message is read.
     ///
     /// # Errors
-    /// As [`Source::push`].
+    /// The stream makes no sense from here on: only a new connection helps.
     fn push(
         &mut self,
         bytes: &[u8],
         counters: &MocapCounters,
         taker: &mut dyn Taker,
     ) -> Result<(), SourceError>;
+
+    /// Forgets the connection.
+    fn restart(&mut self);
+
+    /// Prepares what is to be sent without having been asked for: once when a connection begins, then about
+    /// every [`beat_period`](Self::beat_period).
+    fn beat(&mut self) {}
+
+    /// Time between two [`beat`](Self::beat)s: requests and signs of life for the server.
+    fn beat_period(&self) -> Duration {
+        Duration::from_secs(1)
+    }
+
+    /// Appends what is to be sent to the server now, once.
+    fn take_requests(&mut self, _to: &mut Vec<u8>) {}
+
+    /// The multicast group that frames come by, once the server named it.
+    fn group(&self) -> Option<SocketAddrV4> {
+        None
+    }
 }
 
 /// A protocol, read for one object.
@@ -86,41 +124,49 @@ pub(super) struct Picked {
     protocol: Box<dyn BodyProtocol>,
     object: String,
     axes: Axes,
+    /// Number of the last frame that had the object.
+    seen: Option<i64>,
 }
 
 impl Picked {
     pub(super) fn new(protocol: Box<dyn BodyProtocol>, object: &str, axes: Axes) -> Self {
-        Self { protocol, object: object.to_owned(), axes }
+        Self { protocol, object: object.to_owned(), axes, seen: None }
     }
-}
 
-impl Source for Picked {
-    fn push(
+    /// Takes in received bytes as [`BodyProtocol::push`], and calls `on_frame` for each frame that tells of the object.
+    /// No allocation beyond that of the protocol.
+    ///
+    /// # Errors
+    /// As [`BodyProtocol::push`].
+    pub(super) fn push(
         &mut self,
         bytes: &[u8],
         counters: &MocapCounters,
         on_frame: &mut dyn FnMut(Frame),
     ) -> Result<(), SourceError> {
-        let Self { protocol, object, axes } = self;
-        let mut pick = Pick { object, axes, found: Found::default(), counters, on_frame };
+        let Self { protocol, object, axes, seen } = self;
+        let mut pick = Pick { object, axes, seen, found: Found::default(), counters, on_frame };
         protocol.push(bytes, counters, &mut pick)
     }
-}
 
-impl Connection for Picked {
-    fn restart(&mut self) {
+    pub(super) fn restart(&mut self) {
         self.protocol.restart();
+        self.seen = None;
     }
 
-    fn beat(&mut self) {
+    pub(super) fn beat(&mut self) {
         self.protocol.beat();
     }
 
-    fn take_requests(&mut self, to: &mut Vec<u8>) {
+    pub(super) fn beat_period(&self) -> Duration {
+        self.protocol.beat_period()
+    }
+
+    pub(super) fn take_requests(&mut self, to: &mut Vec<u8>) {
         self.protocol.take_requests(to);
     }
 
-    fn group(&self) -> Option<SocketAddrV4> {
+    pub(super) fn group(&self) -> Option<SocketAddrV4> {
         self.protocol.group()
     }
 }
@@ -129,6 +175,7 @@ impl Connection for Picked {
 struct Pick<'a> {
     object: &'a str,
     axes: &'a Axes,
+    seen: &'a mut Option<i64>,
     found: Found,
     counters: &'a MocapCounters,
     on_frame: &'a mut dyn FnMut(Frame),
@@ -143,12 +190,15 @@ struct Found {
     is_refused: bool,
     /// Whether another object has a name in it.
     has_others: bool,
+    /// Whether there is one without a name.
+    has_unnamed: bool,
 }
 
 impl Taker for Pick<'_> {
     fn body(&mut self, name: Name<'_>, at: Option<&Placement>) {
         if !name.is(self.object) {
             self.found.has_others |= name.text.is_some();
+            self.found.has_unnamed |= name.text.is_none();
             return;
         }
         self.found.named += 1;
@@ -160,25 +210,55 @@ impl Taker for Pick<'_> {
         self.found.is_refused = at.is_some() && pose.is_none();
     }
 
-    fn frame(&mut self, Head { number, rate_hz, stamp, latency, is_whole }: Head) {
+    fn frame(&mut self, Head { number, rate_hz, stamp, latency, absence }: Head) {
         let found = std::mem::take(&mut self.found);
-        let Found { mut pose, named, is_refused, has_others } = found;
-        let is_named = named > 0;
-        if named > 1 {
+        let Found { mut pose, named, is_refused, has_others, has_unnamed } = found;
+        if named > 0 {
+            // Also if it is refused: that is no loss.
+            *self.seen = Some(number);
+        }
+        if named == 0 {
+            if has_others || absence == Absence::Lost {
+                self.counters.other_object.count();
+            }
+            let is_lost = match absence {
+                Absence::Unknown => false,
+                Absence::Lost => true,
+                Absence::LostUnlessBefore => *self.seen != Some(number),
+            };
+            if !is_lost {
+                if has_unnamed {
+                    self.counters.unnamed.count();
+                }
+                return;
+            }
+        } else if named > 1 {
             self.counters.doubled.count();
             pose = None;
         } else if is_refused {
             self.counters.malformed.count();
             return;
         }
-        if !is_named && (is_whole || has_others) {
-            self.counters.other_object.count();
-        }
-        if !is_named && !is_whole {
-            return;
-        }
         (self.on_frame)(Frame { number, rate_hz, stamp, latency, pose });
     }
+
+    fn forget(&mut self) {
+        self.found = Found::default();
+    }
+}
+
+/// What one object's reader makes of the bytes, which come in these pieces: its frames, and the counters.
+#[cfg(test)]
+pub(super) fn read(
+    source: &mut Picked,
+    pieces: impl IntoIterator<Item: AsRef<[u8]>>,
+) -> (Vec<Frame>, MocapCounters) {
+    let counters = MocapCounters::default();
+    let mut frames = Vec::new();
+    for piece in pieces {
+        source.push(piece.as_ref(), &counters, &mut |frame| frames.push(frame)).unwrap();
+    }
+    (frames, counters)
 }
 
 #[cfg(test)]
@@ -189,20 +269,21 @@ mod tests {
         Placement { pos_v: [1.0, 2.0, 3.0], matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
 
     fn named(text: &str) -> Name<'_> {
-        Name { text: Some(text), id: None }
+        Name { text: Some(text.as_bytes()), id: None }
     }
 
     /// What comes of a frame with these bodies that is read for `tello`: its poses, and the counts of malformed
     /// frames and of frames without the object.
     fn picked(
         bodies: &[(Name<'_>, Option<Placement>)],
-        is_whole: bool,
+        absence: Absence,
     ) -> (Vec<Option<Pose>>, u64, u64) {
         let (counters, mut frames) = (MocapCounters::default(), Vec::new());
         let mut on_frame = |frame: Frame| frames.push(frame.pose);
         let mut pick = Pick {
             object: "tello",
             axes: &Axes::ours(),
+            seen: &mut None,
             found: Found::default(),
             counters: &counters,
             on_frame: &mut on_frame,
@@ -210,13 +291,13 @@ mod tests {
         for (name, at) in bodies {
             pick.body(*name, at.as_ref());
         }
-        pick.frame(Head { number: 1, rate_hz: 100.0, stamp: None, latency: SpanNs(0), is_whole });
+        pick.frame(Head { number: 1, rate_hz: 100.0, stamp: None, latency: SpanNs(0), absence });
         (frames, counters.malformed.get(), counters.other_object.get())
     }
 
     #[test]
     fn an_object_is_meant_by_its_name_or_by_its_number() {
-        let both = Name { text: Some("tello"), id: Some(-3) };
+        let both = Name { text: Some(b"tello"), id: Some(-3) };
         assert!(both.is("tello") && both.is("#-3") && !both.is("#3") && !both.is("-3"));
         let unnamed = Name { text: None, id: None };
         assert!(!unnamed.is("#") && !unnamed.is("") && !unnamed.is("#x"));
@@ -231,29 +312,29 @@ mod tests {
             (named("tello"), Some(HERE)),
             (named("tello"), Some(there)),
         ];
-        let (poses, malformed, others) = picked(&bodies, true);
+        let (poses, malformed, others) = picked(&bodies, Absence::Lost);
         assert_eq!((poses, malformed, others), (vec![None], 0, 0));
-        let (poses, ..) = picked(&bodies[..2], true);
+        let (poses, ..) = picked(&bodies[..2], Absence::Lost);
         assert_eq!(poses, [Some(Pose::new(1.0, 2.0, 3.0, 0.0))]);
         // Lost first: a second one of the name does not stand in for it.
         let bodies = [(named("tello"), None), (named("tello"), Some(there))];
-        assert_eq!(picked(&bodies, true), (vec![None], 0, 0));
+        assert_eq!(picked(&bodies, Absence::Lost), (vec![None], 0, 0));
     }
 
     #[test]
     fn a_frame_without_the_object_says_that_it_is_lost_only_if_it_is_whole() {
         let others = [(named("box"), Some(HERE))];
-        assert_eq!(picked(&others, true), (vec![None], 0, 1));
-        assert_eq!(picked(&others, false), (vec![], 0, 1));
-        assert_eq!(picked(&[], true), (vec![None], 0, 1));
-        assert_eq!(picked(&[], false), (vec![], 0, 0));
+        assert_eq!(picked(&others, Absence::Lost), (vec![None], 0, 1));
+        assert_eq!(picked(&others, Absence::Unknown), (vec![], 0, 1));
+        assert_eq!(picked(&[], Absence::Lost), (vec![None], 0, 1));
+        assert_eq!(picked(&[], Absence::Unknown), (vec![], 0, 0));
         let nameless = [(Name { text: None, id: Some(3) }, Some(HERE))];
-        assert_eq!(picked(&nameless, false), (vec![], 0, 0));
+        assert_eq!(picked(&nameless, Absence::Unknown), (vec![], 0, 0));
     }
 
     #[test]
     fn a_place_that_is_no_number_is_a_malformed_frame_and_no_loss() {
         let bodies = [(named("tello"), Some(Placement { pos_v: [f64::NAN, 0.0, 0.0], ..HERE }))];
-        assert_eq!(picked(&bodies, true), (vec![], 1, 0));
+        assert_eq!(picked(&bodies, Absence::Lost), (vec![], 1, 0));
     }
 }

@@ -15,9 +15,9 @@ use packet::{Packets, kind};
 use super::MocapCounters;
 use super::axes::{Axis, Placement};
 use super::protocol::{
-    BodyProtocol, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, RATE_HZ, Taker,
+    Absence, BodyProtocol, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, RATE_HZ, Taker,
 };
-use super::source::{Connection, SourceError};
+use super::source::SourceError;
 use crate::clock::SpanNs;
 
 /// What a server says first.
@@ -127,13 +127,12 @@ impl BodyProtocol for QtmProtocol {
             counters.messages.count();
             if reader.read(packet, body, taker)?.is_none() {
                 counters.malformed.count();
+                taker.forget();
             }
             Ok(())
         })
     }
-}
 
-impl Connection for QtmProtocol {
     fn restart(&mut self) {
         *self = Self::new(self.reader.up);
     }
@@ -209,7 +208,7 @@ impl Reader {
         let Some(parameters) = &self.parameters else { return Some(()) };
         let mut is_unnamed = false;
         let (time_us, number) = packet::frame(body, |index, count, at: Option<Placement>| {
-            let text = parameters.name(index, count);
+            let text = parameters.name(index, count).map(str::as_bytes);
             is_unnamed |= text.is_none();
             taker.body(Name { text, id: None }, at.as_ref());
         })?;
@@ -221,7 +220,7 @@ impl Reader {
         }
         let stamp = i64::try_from(u128::from(time_us) * 1000).ok().map(SpanNs);
         let (number, latency) = (number.into(), SpanNs(0));
-        taker.frame(Head { number, rate_hz, stamp, latency, is_whole: true });
+        taker.frame(Head { number, rate_hz, stamp, latency, absence: Absence::Lost });
         Some(())
     }
 }

@@ -8,13 +8,14 @@ use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::axes::Axes;
-use super::datastream::{DatastreamBodies, DatastreamSource};
-use super::object_stream::{BlockBodies, NAME_BYTES_MAX, ObjectStreamSource};
-use super::protocol::BodyProtocol;
-use super::relay::{RelayBodies, RelaySource};
-use super::source::Source;
-pub(super) use protocols::Bodies;
+use super::axes::{Axes, Axis};
+use super::datastream::DatastreamProtocol;
+use super::natnet::NatnetProtocol;
+use super::object_stream::{NAME_BYTES_MAX, ObjectStreamProtocol};
+use super::protocol::{BodyProtocol, Picked};
+use super::qtm::QtmProtocol;
+use super::relay::RelayProtocol;
+use super::vrpn::VrpnProtocol;
 pub use protocols::{NatnetTable, QtmTable, VrpnTable};
 use protocols::{of_natnet, of_qtm, of_vrpn};
 
@@ -64,6 +65,7 @@ pub struct MocapSettings {
     transport: Transport,
     protocol: Protocol,
     object: String,
+    axes: Axes,
 }
 
 /// How bytes arrive.
@@ -77,12 +79,14 @@ pub(super) enum Transport {
     Natnet(String),
 }
 
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum Protocol {
     Relay,
     ObjectStream { rate_hz: f64 },
     Datastream,
-    Bodies(Bodies),
+    Natnet { rate_hz: Option<f64> },
+    Qtm { up: Option<Axis> },
+    Vrpn { rate_hz: f64 },
 }
 
 impl MocapTable {
@@ -169,18 +173,11 @@ impl TryFrom<&MocapTable> for MocapSettings {
             MocapTable::Relay(table) => Self::of_server(Protocol::Relay, table),
             MocapTable::Udp(table) => Self::of_udp(table),
             MocapTable::Datastream(table) => Self::of_server(Protocol::Datastream, table),
-            MocapTable::Natnet(table) => of_natnet(table).map(Self::from),
-            MocapTable::Qtm(table) => of_qtm(table).map(Self::from),
-            MocapTable::Vrpn(table) => of_vrpn(table).map(Self::from),
+            MocapTable::Natnet(table) => of_natnet(table),
+            MocapTable::Qtm(table) => of_qtm(table),
+            MocapTable::Vrpn(table) => of_vrpn(table),
         };
         checked.map_err(|error| error.under(table.kind()))
-    }
-}
-
-impl From<(Transport, Bodies)> for MocapSettings {
-    fn from((transport, bodies): (Transport, Bodies)) -> Self {
-        let object = bodies.object.clone();
-        Self { transport, protocol: Protocol::Bodies(bodies), object }
     }
 }
 
@@ -198,34 +195,26 @@ impl MocapSettings {
         &self.transport
     }
 
-    /// The source at its beginning.
-    pub(super) fn source(&self) -> Box<dyn Source> {
-        match &self.protocol {
-            Protocol::Relay => Box::new(RelaySource::new(&self.object)),
-            Protocol::ObjectStream { rate_hz } => {
-                Box::new(ObjectStreamSource::new(&self.object, *rate_hz))
-            }
-            Protocol::Bodies(bodies) => bodies.source(),
-            Protocol::Datastream => Box::new(DatastreamSource::new(&self.object)),
-        }
+    /// The source at its beginning, read for the vehicle.
+    pub(super) fn source(&self) -> Picked {
+        Picked::new(self.protocol(), &self.object, self.axes.clone())
     }
 
-    /// The source at its beginning, read for all of its objects.
-    pub(super) fn all(&self) -> Box<dyn BodyProtocol> {
-        match &self.protocol {
-            Protocol::Relay => Box::new(RelayBodies::default()),
-            Protocol::ObjectStream { rate_hz } => Box::new(BlockBodies::new(*rate_hz)),
-            Protocol::Datastream => Box::new(DatastreamBodies::default()),
-            Protocol::Bodies(bodies) => bodies.protocol(),
+    /// The source at its beginning.
+    pub(super) fn protocol(&self) -> Box<dyn BodyProtocol> {
+        match self.protocol {
+            Protocol::Relay => Box::new(RelayProtocol::default()),
+            Protocol::ObjectStream { rate_hz } => Box::new(ObjectStreamProtocol::new(rate_hz)),
+            Protocol::Datastream => Box::new(DatastreamProtocol::default()),
+            Protocol::Natnet { rate_hz } => Box::new(NatnetProtocol::new(rate_hz)),
+            Protocol::Qtm { up } => Box::new(QtmProtocol::new(up)),
+            Protocol::Vrpn { rate_hz } => Box::new(VrpnProtocol::new(rate_hz)),
         }
     }
 
     /// How a place of the source becomes one of ours.
     pub fn axes(&self) -> Axes {
-        match &self.protocol {
-            Protocol::Bodies(bodies) => bodies.axes.clone(),
-            Protocol::Relay | Protocol::ObjectStream { .. } | Protocol::Datastream => Axes::ours(),
-        }
+        self.axes.clone()
     }
 
     /// Name of the vehicle in the mocap system.
@@ -240,7 +229,7 @@ impl MocapSettings {
             return Err(name_error(object, "a name without spaces"));
         }
         let transport = Transport::Tcp(address);
-        Ok(Self { transport, protocol, object: named(object)? })
+        Ok(Self { transport, protocol, object: named(object)?, axes: Axes::ours() })
     }
 
     fn of_udp(table: &UdpTable) -> Result<Self, SettingError> {
@@ -252,7 +241,8 @@ impl MocapSettings {
         }
         let protocol =
             Protocol::ObjectStream { rate_hz: in_range("rate_hz", *rate_hz, 1.0..=2000.0)? };
-        Ok(Self { transport: Transport::Udp(address), protocol, object: named(object)? })
+        let transport = Transport::Udp(address);
+        Ok(Self { transport, protocol, object: named(object)?, axes: Axes::ours() })
     }
 }
 

@@ -1,15 +1,8 @@
-//! What every mocap source has in common: bytes in, frames out.
-//!
-//! Owns the interface. What a new source takes is listed in `ARCHITECTURE.md`; measurement times, repeated frames,
-//! statistics, queue and connections are shared by all.
-
-use core::net::SocketAddrV4;
-use std::fmt::Debug;
+//! What comes of a mocap source: frames of one object, or a reason to give its connection up.
 
 use horizon_model::rows::Pose;
 use thiserror::Error;
 
-use super::MocapCounters;
 use crate::clock::SpanNs;
 
 /// What the source says about the vehicle in one frame.
@@ -25,53 +18,6 @@ pub struct Frame {
     pub latency: SpanNs,
     /// Pose in the world frame, heading in [-pi, pi]; `None` if the system does not see the vehicle. m, rad
     pub pose: Option<Pose>,
-}
-
-/// One connection to a source beside the bytes that it receives, whatever they are read for.
-pub(super) trait Connection: Debug + Send {
-    /// Forgets the connection.
-    fn restart(&mut self);
-
-    /// Prepares what is to be sent without having been asked for: once when a connection begins, then about
-    /// once a second.
-    fn beat(&mut self) {}
-
-    /// Appends what is to be sent to the server now, once.
-    fn take_requests(&mut self, _to: &mut Vec<u8>) {}
-
-    /// The multicast group that frames come by, once the server named it.
-    fn group(&self) -> Option<SocketAddrV4> {
-        None
-    }
-}
-
-/// One way in which poses arrive. Pure: what it needs is in the bytes.
-pub(super) trait Source: Connection {
-    /// Takes in received bytes, a whole datagram or any piece of a stream, and calls `on_frame` for
-    /// each frame that they complete. What is refused is counted, and the next message is read.
-    ///
-    /// # Errors
-    /// The stream makes no sense from here on: only a new connection helps.
-    fn push(
-        &mut self,
-        bytes: &[u8],
-        counters: &MocapCounters,
-        on_frame: &mut dyn FnMut(Frame),
-    ) -> Result<(), SourceError>;
-}
-
-/// What a source makes of the bytes, which come in these pieces: its frames, and the counters.
-#[cfg(test)]
-pub(super) fn read(
-    source: &mut dyn Source,
-    pieces: impl IntoIterator<Item: AsRef<[u8]>>,
-) -> (Vec<Frame>, MocapCounters) {
-    let counters = MocapCounters::default();
-    let mut frames = Vec::new();
-    for piece in pieces {
-        source.push(piece.as_ref(), &counters, &mut |frame| frames.push(frame)).unwrap();
-    }
-    (frames, counters)
 }
 
 /// Why a connection is given up.

@@ -26,6 +26,8 @@ pub struct MocapCounters {
     pub malformed: Counter,
     /// Messages about other objects only.
     pub other_object: Counter,
+    /// Frames in which bodies have no name yet, and none is the object: no frame of ours.
+    pub unnamed: Counter,
     /// Messages with the frame number of the message before.
     pub repeated: Counter,
     /// Frames with two objects of the name, or two messages of one frame that place it more than 0.1 m apart.

@@ -4,11 +4,13 @@
 //! Pure, so that virtual time and sockets use it.
 
 use core::net::SocketAddrV4;
+use std::time::Duration;
 
 use horizon_model::rows::{Pose, pos_w};
 use tello_flight::cycle::SIGHTING_AGE_MAX;
 
-use super::source::{Frame, Source, SourceError};
+use super::protocol::Picked;
+use super::source::{Frame, SourceError};
 use super::source_clock::SourceClock;
 use super::{MocapCounters, MocapSettings, Sighting};
 use crate::clock::{SpanNs, TimeNs};
@@ -18,13 +20,16 @@ const OVERTAKEN_MAX: i64 = 20;
 
 /// Two places of one frame further apart are those of two objects. m
 const ONE_PLACE_M: f64 = 0.1;
+/// Age of a frame of unknown time when it came: more than a tick is late.
+const UNDATED_AGE: SpanNs = SpanNs(SIGHTING_AGE_MAX.0 + SpanNs::from_ms(1_000).0);
+
 /// How long two objects of one name are unseen: which of them is the vehicle is not known.
 const DOUBLED: SpanNs = SpanNs::from_ms(500);
 
 /// The bytes of one connection, read for one object.
 #[derive(Debug)]
 pub struct MocapStream {
-    source: Box<dyn Source>,
+    source: Picked,
     order: FrameOrder,
 }
 
@@ -90,9 +95,14 @@ impl MocapStream {
     }
 
     /// Prepares what is to be sent without having been asked for: once when a connection begins, then about
-    /// once a second.
+    /// once a second, for NatNet four times.
     pub fn beat(&mut self) {
         self.source.beat();
+    }
+
+    /// Time between two [`beat`](Self::beat)s.
+    pub(super) fn beat_period(&self) -> Duration {
+        self.source.beat_period()
     }
 
     /// The multicast group that frames come by, once the server named it.
@@ -140,10 +150,9 @@ impl FrameOrder {
         let known = self.clock.measured_at(&frame, sent_at);
         counters.note_clock(self.clock.is_confirmed(), self.clock.count_hz());
         self.measured_at = known.map_or(self.measured_at, |at| self.measured_at.max(at));
-        // No younger than the newest frame with a known time, and too old to be used: beside frames with a known time
-        // it would count as new.
-        let too_old =
-            received_at.after(SpanNs(SIGHTING_AGE_MAX.0.saturating_add(1).saturating_neg()));
+        // No younger than the newest frame with a known time, and too old to be used, also by a tick that began before
+        // it came: beside frames with a known time it would count as new.
+        let too_old = received_at.after(SpanNs(UNDATED_AGE.0.saturating_neg()));
         let measured_at = known.unwrap_or(self.measured_at.min(too_old)).min(received_at);
         let is_doubled = self.doubled_at.is_some_and(|at| received_at.since(at) < DOUBLED);
         let sighting = Sighting {

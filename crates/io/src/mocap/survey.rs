@@ -14,8 +14,8 @@ use std::time::Duration;
 use tokio::time::{sleep, timeout};
 
 use super::axes::Placement;
-use super::client::{BEAT, CONNECT_TIMEOUT};
-use super::protocol::{BodyProtocol, Head, Name, OBJECTS_MAX, Taker};
+use super::client::CONNECT_TIMEOUT;
+use super::protocol::{Absence, BodyProtocol, Head, Name, OBJECTS_MAX, Taker};
 use super::wire::{CHUNK_BYTES, Wire};
 use super::{MocapCounters, MocapSettings, SourceError};
 use crate::clock::{Clock, TimeNs};
@@ -58,7 +58,7 @@ impl Taker for Collect<'_> {
                 if let Some(id) = id {
                     self.survey.objects.remove(&format!("#{id}"));
                 }
-                text.to_owned()
+                String::from_utf8_lossy(text).into_owned()
             }
             Name { id: Some(id), .. } => format!("#{id}"),
             Name { .. } => return,
@@ -71,10 +71,14 @@ impl Taker for Collect<'_> {
     fn frame(&mut self, head: Head) {
         self.survey.announced_hz = head.rate_hz;
         let objects = &mut self.survey.objects;
-        if head.is_whole {
+        if head.absence != Absence::Unknown {
             // What is known and not in the frame is not seen.
-            let is_there = |name: &String| self.bodies.iter().any(|(body, _)| body == name);
-            for (_, track) in objects.iter_mut().filter(|(name, _)| !is_there(name)) {
+            let may_be_before = head.absence == Absence::LostUnlessBefore;
+            let is_there = |name: &String, track: &Track| {
+                self.bodies.iter().any(|(body, _)| body == name)
+                    || (may_be_before && track.had(head.number))
+            };
+            for (_, track) in objects.iter_mut().filter(|(name, track)| !is_there(name, track)) {
                 track.take(self.now, None, head);
             }
         }
@@ -83,6 +87,10 @@ impl Taker for Collect<'_> {
                 objects.entry(name).or_default().take(self.now, at, head);
             }
         }
+    }
+
+    fn forget(&mut self) {
+        self.bodies.clear();
     }
 }
 
@@ -109,7 +117,7 @@ async fn read(
     on_look: &mut impl FnMut(&Survey, TimeNs),
 ) {
     let mut reader = Reader {
-        protocol: settings.all(),
+        protocol: settings.protocol(),
         counters: MocapCounters::default(),
         chunk: vec![0; CHUNK_BYTES],
         clock,
@@ -167,7 +175,7 @@ impl Reader {
         let mut look_at = clock.now();
         loop {
             let now = clock.now();
-            if beat_at.is_none_or(|at| now.since(at).duration() >= BEAT) {
+            if beat_at.is_none_or(|at| now.since(at).duration() >= protocol.beat_period()) {
                 beat_at = Some(now);
                 protocol.beat();
             }
@@ -192,6 +200,15 @@ impl Reader {
             result.map_err(Ended::Source)?;
             wire.join(protocol.group())?;
         }
+    }
+}
+
+#[cfg(test)]
+impl Survey {
+    /// Takes in bytes that came at `now`.
+    pub(super) fn take_in(&mut self, protocol: &mut dyn BodyProtocol, bytes: &[u8], now: TimeNs) {
+        let mut taker = Collect { survey: self, bodies: Vec::new(), now };
+        protocol.push(bytes, &MocapCounters::default(), &mut taker).unwrap();
     }
 }
 

@@ -16,8 +16,10 @@ use packet::{Message, Messages, kind};
 
 use super::MocapCounters;
 use super::axes::{Placement, matrix_of_quaternion};
-use super::protocol::{BodyProtocol, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, Taker};
-use super::source::{Connection, SourceError};
+use super::protocol::{
+    Absence, BodyProtocol, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, Taker,
+};
+use super::source::SourceError;
 use super::stamp_numbers::StampNumbers;
 use crate::clock::SpanNs;
 
@@ -76,9 +78,7 @@ impl BodyProtocol for VrpnProtocol {
             Ok(())
         })
     }
-}
 
-impl Connection for VrpnProtocol {
     fn restart(&mut self) {
         *self = Self::new(self.reader.rate_hz);
     }
@@ -125,10 +125,10 @@ impl Reader {
         let sender = self.senders.get(&message.sender)?;
         let at = Placement { pos_v, matrix };
         if sensor == 0 {
-            taker.body(Name { text: Some(sender), id: None }, Some(&at));
+            taker.body(Name { text: Some(sender.as_bytes()), id: None }, Some(&at));
         } else {
             let name = format!("{sender}#{sensor}");
-            taker.body(Name { text: Some(&name), id: None }, Some(&at));
+            taker.body(Name { text: Some(name.as_bytes()), id: None }, Some(&at));
         }
         // There are no frame numbers. A server with more objects than are read numbers the rest by rounding.
         let source = (message.sender, sensor);
@@ -138,7 +138,7 @@ impl Reader {
             if has_room { self.numbers.entry(source).or_default() } else { &mut rounding };
         let number = numbers.number(message.time_s, self.rate_hz);
         let (rate_hz, stamp) = (self.rate_hz, Some(SpanNs::from_seconds(message.time_s)));
-        taker.frame(Head { number, rate_hz, stamp, latency: SpanNs(0), is_whole: false });
+        taker.frame(Head { number, rate_hz, stamp, latency: SpanNs(0), absence: Absence::Unknown });
         Some(())
     }
 }

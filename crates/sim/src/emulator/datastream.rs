@@ -9,7 +9,7 @@ use std::net::SocketAddr;
 
 use tello_io::mocap::Body;
 use tello_io::mocap::datastream::decode::{self, Request};
-use tello_io::mocap::datastream::packet::{PacketError, Packets, objects};
+use tello_io::mocap::datastream::packet::{Packets, objects};
 use tello_io::mocap::datastream::{encode, id};
 
 use super::clients::Clients;
@@ -80,7 +80,7 @@ impl Session {
         let Self { packets, wanted, wants_every_frame, frames_due, pings } = self;
         let mut is_clear = true;
         let result = packets.push(bytes, |packet| {
-            let mut read = || -> Result<(), PacketError> {
+            let mut read = || -> Option<()> {
                 for object in objects(packet) {
                     let (id, body) = object?;
                     if id == id::OBJECT_ENUMS {
@@ -92,24 +92,22 @@ impl Session {
                         })?;
                     }
                     match decode::request(id, body)? {
-                        Some(Request::EveryFrame) => *wants_every_frame = true,
-                        Some(Request::Frame) => {
+                        Request::EveryFrame => *wants_every_frame = true,
+                        Request::Frame => {
                             *wants_every_frame = false;
                             *frames_due = 1;
                         }
-                        Some(Request::NextFrames(count)) => {
+                        Request::NextFrames(count) => {
                             let count = usize::try_from(count).unwrap_or(WAITING_MAX);
                             *frames_due = frames_due.saturating_add(count).min(WAITING_MAX);
                         }
-                        Some(Request::Ping(number)) if pings.len() < WAITING_MAX => {
-                            pings.push(number);
-                        }
-                        Some(Request::Ping(_)) | None => {}
+                        Request::Ping(number) if pings.len() < WAITING_MAX => pings.push(number),
+                        Request::Ping(_) | Request::Other => {}
                     }
                 }
-                Ok(())
+                Some(())
             };
-            is_clear &= read().is_ok();
+            is_clear &= read().is_some();
             Ok(())
         });
         if is_clear && result.is_ok() { Ok(()) } else { Err(io::ErrorKind::InvalidData.into()) }

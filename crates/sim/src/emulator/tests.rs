@@ -166,7 +166,7 @@ fn every_client_of_the_relay_sees_the_drone() {
     let seen = parse_line(line.as_bytes()).unwrap();
     assert_eq!(seen.object, "tello");
     // The relay prints four decimals.
-    assert!(amax(&(seen.pose.unwrap() - Pose::new(0.5, -0.5, 1.3, 0.0))) < 1e-4, "{line}");
+    assert!(amax(&(seen.pose().unwrap() - Pose::new(0.5, -0.5, 1.3, 0.0))) < 1e-4, "{line}");
     drop(first);
     let frames: Vec<i64> = second.take(20).map(|line| frame_of(&line)).collect();
     // A machine under load may skip steps, but never repeats or reorders them.
@@ -190,7 +190,7 @@ fn the_world_keeps_the_pace_of_the_clock() {
 fn faults_are_switched_live() {
     let emulator = emulator(IN_THE_AIR);
     let mut is_seen =
-        relay_lines(&emulator).map(|line| parse_line(line.as_bytes()).unwrap().pose.is_some());
+        relay_lines(&emulator).map(|line| parse_line(line.as_bytes()).unwrap().at.is_some());
     assert_eq!(is_seen.next(), Some(true));
     // Lines on their way are older than the switch.
     emulator.set_fault(Fault::MocapLost, true);

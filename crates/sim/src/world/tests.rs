@@ -164,9 +164,9 @@ fn the_relay_line_is_what_the_parser_reads() {
     let seen = parse_line(lines[0].trim_ascii_end()).unwrap();
     assert_eq!((seen.frame, seen.object), (0, "tello"));
     // The relay prints four decimals.
-    assert!(amax(&(seen.pose.unwrap() - Pose::new(0.5, -0.5, 1.3, 0.2))) < 1e-4, "{seen:?}");
+    assert!(amax(&(seen.pose().unwrap() - Pose::new(0.5, -0.5, 1.3, 0.2))) < 1e-4, "{seen:?}");
     let lost = parse_line(lines[1].trim_ascii_end()).unwrap();
-    assert_eq!((lost.frame, lost.pose), (2, None), "frames keep pace with time while silent");
+    assert_eq!((lost.frame, lost.at), (2, None), "frames keep pace with time while silent");
     for line in [seen, lost] {
         assert!((line.rate_hz * DT_S - 1.0).abs() < 1e-12, "{} Hz", line.rate_hz);
     }

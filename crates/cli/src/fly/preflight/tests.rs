@@ -38,7 +38,7 @@ fn all_there() -> Found {
             version: Version::read(b"01.04.91.01"),
             altitude_limit_m: Some(30),
             battery_threshold_pct: Some(10),
-            tilt_limit_rad: Some(25.0_f32.to_radians()),
+            tilt_limit_rad: Some(25.0_f64.to_radians()),
         },
         log_dir: "logs".into(),
         disk_free: Some(12_345_678_901),
@@ -196,10 +196,11 @@ fn assert_found<const N: usize>(cases: [(Found, &str, Readiness, &str); N]) {
 #[test]
 fn a_start_beside_a_wall_is_noted_and_a_name_that_two_objects_have_fails() {
     let beside = |x_m: f64| Found { at: Some(Pose::new(x_m, -3.0, 0.05, 0.0)), ..all_there() };
-    let stream = StreamReport { doubled: 3, ..all_there().stream };
+    let all = all_there().stream;
+    let stream = StreamReport { doubled: all.frames, ..all };
     let wall = "0.59 m from the wall at the upper x of the room";
     let still = StreamReport { frames: 1, repeated: 90, ..all_there().stream };
-    let doubled = "two objects are called \"tello\", in 3 frames";
+    let doubled = "two objects are called \"tello\", in 101 frames";
     assert_found([
         (beside(4.41), "start", Readiness::Note, wall),
         (beside(4.39), "start", Readiness::Good, "m from the first target"),

@@ -3,7 +3,10 @@ use tokio::net::{TcpListener, TcpStream, UdpSocket};
 
 use super::*;
 use crate::Stopper;
-use crate::mocap::{MocapTable, ServerTable, UdpTable};
+use crate::clock::TimeNs;
+use crate::mocap::natnet::encode;
+use crate::mocap::natnet::packet::{FrameEnd, ServerInfo, Version, id, message};
+use crate::mocap::{MocapTable, NatnetTable, ServerTable, UdpTable};
 
 /// Far beyond what any step takes on a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -98,6 +101,48 @@ async fn the_task_hears_from_the_control_loop_whether_the_vehicle_flies() {
         bench.feed.airborne.store(is_airborne, Ordering::Relaxed);
         assert_eq!(bench.client.is_airborne(), is_airborne);
     }
+}
+
+#[tokio::test]
+async fn a_natnet_server_that_fell_silent_is_asked_again_within_a_second() {
+    let server = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    let address = server.local_addr().unwrap().to_string();
+    let table = NatnetTable { address, object: "#7".into(), rate_hz: Some(100.0), frame: None };
+    let settings = MocapSettings::try_from(&MocapTable::Natnet(table)).unwrap();
+    let (client, _feed) = MocapClient::new(settings, Clock::start());
+    let (stopper, stop) = Stopper::new();
+    let task = tokio::spawn(client.run(stop));
+    let mut chunk = [0; 2048];
+    let version = Version { major: 4, minor: 1 };
+    let (mut bytes, mut client) = (Vec::new(), None);
+    while client.is_none() {
+        let (count, from) = timeout(PATIENCE, server.recv_from(&mut chunk)).await.unwrap().unwrap();
+        client = message(&chunk[..count]).filter(|(kind, _)| *kind == id::CONNECT).map(|_| from);
+    }
+    let info = ServerInfo { version, ticks_per_s: 1, group: None };
+    encode::server_info(&info, "Motive", &mut bytes);
+    server.send_to(&bytes, client.unwrap()).await.unwrap();
+    bytes.clear();
+    let end = FrameEnd {
+        timestamp_s: 0.0,
+        exposed: 0,
+        received: 0,
+        transmitted: 0,
+        has_new_models: false,
+    };
+    encode::frame(version, 1, &[], &end, &mut bytes);
+    server.send_to(&bytes, client.unwrap()).await.unwrap();
+    let silent = Clock::start();
+    let asked_s = loop {
+        let count = timeout(PATIENCE, server.recv(&mut chunk)).await.unwrap().unwrap();
+        if matches!(message(&chunk[..count]), Some((id::CONNECT, _))) {
+            break silent.now().since(TimeNs(0)).seconds();
+        }
+    };
+    // Twice 0.25 s; a loaded machine may be late.
+    assert!((0.2..1.0).contains(&asked_s), "{asked_s} s");
+    stopper.stop();
+    task.await.unwrap();
 }
 
 #[tokio::test]

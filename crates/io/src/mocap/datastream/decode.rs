@@ -1,12 +1,14 @@
 //! Bodies of objects, to values in SI units.
 //!
-//! Each function reads one kind of body whole, or says why not. Counts on the wire are never trusted:
-//! each element has to be there before the next is read, and nothing is allocated.
+//! Each function reads one kind of body whole, or returns `None`: it is shorter or longer than it says; what follows
+//! a single number is not read. Counts on the wire are never trusted: each element has to be there before the next is
+//! read, and nothing is allocated.
 
 #![deny(clippy::indexing_slicing)]
 
-use super::packet::{PacketError, Values};
 use crate::mocap::M_PER_MM;
+use crate::mocap::axes::Placement;
+use crate::mocap::bytes::Bytes;
 
 /// Ticks of the frame period in a second.
 pub(super) const TICKS_PER_S: f64 = 135e6;
@@ -25,15 +27,6 @@ pub struct Segment {
     pub segment: u32,
 }
 
-/// Where a segment is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Placement {
-    /// x, y, z in the world. m
-    pub pos_w: [f64; 3],
-    /// Rotation, row by row. 1
-    pub matrix: [f64; 9],
-}
-
 /// What a client asks of the server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Request {
@@ -45,117 +38,90 @@ pub enum Request {
     NextFrames(u32),
     /// The number, back.
     Ping(u64),
+    /// Nothing that frames depend on.
+    Other,
 }
 
 /// Calls `on_id` for each identity in the body of an `OBJECT_ENUMS`.
-///
-/// # Errors
-/// The body is shorter or longer than it says, as for every function here; what follows a single number is not read.
-pub fn object_enums(body: &[u8], mut on_id: impl FnMut(u32)) -> Result<(), PacketError> {
-    let mut values = Values::new(body);
-    for _ in 0..values.u32()? {
-        on_id(values.u32()?);
+pub fn object_enums(body: &[u8], mut on_id: impl FnMut(u32)) -> Option<()> {
+    let mut bytes = Bytes::new(body);
+    for _ in 0..bytes.u32_le()? {
+        on_id(bytes.u32_le()?);
     }
-    values.end()
+    bytes.end()
 }
 
 /// Number of the frame.
-///
-/// # Errors
-/// As [`object_enums`].
-pub fn frame_number(body: &[u8]) -> Result<u32, PacketError> {
-    let mut values = Values::new(body);
-    let number = values.u32()?;
-    values.end()?;
-    Ok(number)
+pub fn frame_number(body: &[u8]) -> Option<u32> {
+    let mut bytes = Bytes::new(body);
+    let number = bytes.u32_le()?;
+    bytes.end()?;
+    Some(number)
 }
 
 /// Frames per second of a `STREAM_INFO`. Hz, > 0
-///
-/// # Errors
-/// As [`object_enums`]; a period that is not positive.
-pub fn rate_hz(body: &[u8]) -> Result<f64, PacketError> {
-    let ticks = Values::new(body).i64()?;
-    if ticks <= 0 {
-        return Err(PacketError::Period { ticks });
-    }
-    Ok(TICKS_PER_S / ticks as f64)
+pub fn rate_hz(body: &[u8]) -> Option<f64> {
+    let ticks = Bytes::new(body).i64_le()?;
+    (ticks > 0).then(|| TICKS_PER_S / ticks as f64)
 }
 
 /// Sum of the latencies of a `LATENCY_INFO`; any number. s
-///
-/// # Errors
-/// As [`object_enums`].
-pub fn latency_s(body: &[u8]) -> Result<f64, PacketError> {
-    let mut values = Values::new(body);
+pub fn latency_s(body: &[u8]) -> Option<f64> {
+    let mut bytes = Bytes::new(body);
     let mut sum_s = 0.0;
-    for _ in 0..values.u32()? {
-        values.bytes()?;
-        sum_s += values.f64()?;
+    for _ in 0..bytes.u32_le()? {
+        bytes.counted_le()?;
+        sum_s += bytes.f64_le()?;
     }
-    values.end()?;
-    Ok(sum_s)
+    bytes.end()?;
+    Some(sum_s)
 }
 
 /// Whether y points up, by an `APPLICATION_INFO`; else z does.
-///
-/// # Errors
-/// As [`object_enums`].
-pub fn is_y_up(body: &[u8]) -> Result<bool, PacketError> {
-    Ok(Values::new(body).u8()? != 0)
+pub fn is_y_up(body: &[u8]) -> Option<bool> {
+    Some(Bytes::new(body).u8()? != 0)
 }
 
-/// The root segment of a `SUBJECT_INFO`, if the subject has this name; names are compared byte by byte.
-///
-/// # Errors
-/// As [`object_enums`]. Markers and what else follows the segments are not looked at.
-pub fn root_segment(body: &[u8], name: &[u8]) -> Result<Option<Segment>, PacketError> {
-    let mut values = Values::new(body);
-    let subject = values.u32()?;
-    let is_named = values.bytes()? == name;
+/// Name and root segment of a `SUBJECT_INFO`; a subject without segments has no root. Markers and what else follows the
+/// segments are not looked at.
+pub fn subject(body: &[u8]) -> Option<(&[u8], Option<Segment>)> {
+    let mut bytes = Bytes::new(body);
+    let subject = bytes.u32_le()?;
+    let name = bytes.counted_le()?;
     let mut root = None;
-    for _ in 0..values.u32()? {
-        let (parent, segment) = (values.u32()?, values.u32()?);
-        values.take(BOUNDS_BYTES)?;
-        values.bytes()?;
+    for _ in 0..bytes.u32_le()? {
+        let (parent, segment) = (bytes.u32_le()?, bytes.u32_le()?);
+        bytes.take(BOUNDS_BYTES)?;
+        bytes.counted_le()?;
         if parent == NO_PARENT && root.is_none() {
             root = Some(Segment { subject, segment });
         }
     }
-    Ok(root.filter(|_| is_named))
+    Some((name, root))
 }
 
-/// Where `wanted` is by a `GLOBAL_SEGMENTS`, if it is there.
-///
-/// # Errors
-/// As [`object_enums`].
-pub fn global_segment(body: &[u8], wanted: Segment) -> Result<Option<Placement>, PacketError> {
-    let mut values = Values::new(body);
-    let subject = values.u32()?;
-    let mut found = None;
-    for _ in 0..values.u32()? {
-        let segment = values.u32()?;
-        let (position_mm, matrix) = (values.f64s::<3>()?, values.f64s::<9>()?);
-        if (Segment { subject, segment }) == wanted {
-            found = Some(Placement { pos_w: position_mm.map(|mm| mm * M_PER_MM), matrix });
-        }
+/// Calls `on_segment` for each segment of a `GLOBAL_SEGMENTS`, with where it is in the world. m
+pub fn global_segments(body: &[u8], mut on_segment: impl FnMut(Segment, Placement)) -> Option<()> {
+    let mut bytes = Bytes::new(body);
+    let subject = bytes.u32_le()?;
+    for _ in 0..bytes.u32_le()? {
+        let segment = bytes.u32_le()?;
+        let (position_mm, matrix) = (bytes.f64s_le::<3>()?, bytes.f64s_le()?);
+        let pos_v = position_mm.map(|mm| mm * M_PER_MM);
+        on_segment(Segment { subject, segment }, Placement { pos_v, matrix });
     }
-    values.end()?;
-    Ok(found)
+    bytes.end()
 }
 
-/// The request in an object of a client; `None` if it is none that the stream's data depend on.
-///
-/// # Errors
-/// As [`object_enums`].
-pub fn request(id: u32, body: &[u8]) -> Result<Option<Request>, PacketError> {
-    let mut values = Values::new(body);
-    Ok(match id {
-        super::id::REQUEST_FRAME if values.u8()? != 0 => Some(Request::EveryFrame),
-        super::id::REQUEST_FRAME => Some(Request::Frame),
-        super::id::REQUEST_NEXT_FRAME => Some(Request::NextFrames(values.u32()?)),
-        super::id::PING => Some(Request::Ping(values.i64()?.cast_unsigned())),
-        _ => None,
+/// The request in an object of a client.
+pub fn request(id: u32, body: &[u8]) -> Option<Request> {
+    let mut bytes = Bytes::new(body);
+    Some(match id {
+        super::id::REQUEST_FRAME if bytes.u8()? != 0 => Request::EveryFrame,
+        super::id::REQUEST_FRAME => Request::Frame,
+        super::id::REQUEST_NEXT_FRAME => Request::NextFrames(bytes.u32_le()?),
+        super::id::PING => Request::Ping(bytes.u64_le()?),
+        _ => Request::Other,
     })
 }
 

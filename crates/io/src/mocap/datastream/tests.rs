@@ -1,9 +1,14 @@
-use horizon_model::rows::pose;
+mod bodies;
+
+use horizon_model::rows::{Pose, pose};
 use proptest::prelude::*;
 
 use super::packet::MAGIC;
 use super::*;
 use crate::mocap::Body;
+use crate::mocap::axes::Axes;
+use crate::mocap::protocol::Picked;
+use crate::mocap::source::Frame;
 
 /// Bytes of a hexadecimal text.
 pub(super) fn bytes(hex: &str) -> Vec<u8> {
@@ -41,7 +46,8 @@ struct Received {
 }
 
 fn receive<'a>(pieces: impl IntoIterator<Item = &'a [u8]>) -> Received {
-    let mut source = DatastreamSource::new("tello");
+    let protocol = Box::new(DatastreamProtocol::default());
+    let mut source = Picked::new(protocol, "tello", Axes::ours());
     let mut received = Received {
         frames: Vec::new(),
         requests: Vec::new(),
@@ -153,6 +159,69 @@ fn a_subject_that_is_left_out_is_not_seen_and_a_removed_one_is_unknown() {
     // At the origin, but with a matrix: that is a pose.
     assert_eq!(is_seen, [(1, true), (2, false), (3, true), (4, false)]);
     assert_eq!(received.counters.other_object.get(), 1);
+}
+
+#[test]
+fn a_subject_of_nothing_but_zeros_is_lost_and_another_rotation_is_refused() {
+    let frame = |matrix: [f64; 9]| {
+        let mut frame = bytes(FRAME);
+        let numbers = frame.len() - 9 * 8;
+        frame.truncate(numbers - 3 * 8);
+        frame.extend([0.0_f64; 3].into_iter().chain(matrix).flat_map(f64::to_le_bytes));
+        frame
+    };
+    let level = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+    let mirrored = [1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0];
+    for (matrix, expected, malformed) in [
+        (level, Some(true), 0),
+        ([0.0; 9], Some(false), 0),
+        (mirrored, None, 1),
+        (level.map(|r| 0.9 * r), None, 1),
+        ([f64::NAN; 9], None, 1),
+    ] {
+        let received = receive([frame(matrix).as_slice()]);
+        let seen = received.frames.first().map(|frame| frame.pose.is_some());
+        assert_eq!((seen, received.counters.malformed.get()), (expected, malformed), "{matrix:?}");
+    }
+}
+
+#[test]
+fn a_subject_that_is_called_in_no_text_is_compared_byte_by_byte() {
+    // A U+FFFD is what a text would have in place of the byte.
+    for (name, is_named) in
+        [(&b"tello"[..], true), (b"tell\xf6", false), ("tell\u{fffd}".as_bytes(), false)]
+    {
+        let frame = packet(|packet| {
+            packet.frame_info(1);
+            packet.subject_info(1, name);
+            packet.segments(id::GLOBAL_SEGMENTS, 1, &body());
+        });
+        let received = receive([frame.as_slice()]);
+        assert_eq!(received.frames[0].pose.is_some(), is_named, "{name:?}");
+        assert_eq!(received.counters.other_object.get(), u64::from(!is_named));
+    }
+}
+
+#[test]
+fn of_a_refused_frame_nothing_is_left_for_the_next_one() {
+    let frame = |length: u8| {
+        let mut frame = packet(|packet| {
+            packet.frame_info(1000);
+            packet.subject_info(1, b"tello");
+            packet.subject_info(2, b"wand");
+            packet.segments(id::GLOBAL_SEGMENTS, 1, &body());
+            packet.segments(id::GLOBAL_SEGMENTS, 2, &body());
+        });
+        // One segment is announced, or more than there are.
+        let at = frame.len() - 104;
+        assert_eq!(frame[at], 1);
+        frame[at] = length;
+        frame
+    };
+    let received = receive([[frame(2), frame(1)].concat().as_slice()]);
+    let counters = &received.counters;
+    assert_eq!((counters.malformed.get(), counters.doubled.get()), (1, 0));
+    assert!(matches!(*received.frames, [Frame { pose: Some(_), .. }]), "{:?}", received.frames);
 }
 
 #[test]

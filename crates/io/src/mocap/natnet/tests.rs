@@ -5,8 +5,8 @@ use proptest::prelude::*;
 use super::packet::RigidBody;
 use super::*;
 use crate::mocap::axes::{Axes, Unit};
-use crate::mocap::protocol::Picked;
-use crate::mocap::source::{Frame, Source, read};
+use crate::mocap::protocol::{Picked, read};
+use crate::mocap::source::Frame;
 use crate::mocap::{matrix_of_angles, quaternion_of_matrix};
 
 pub(super) const VERSIONS: [(u8, u8); 5] = [(3, 0), (3, 1), (4, 0), (4, 1), (4, 2)];
@@ -107,12 +107,44 @@ fn every_version_gives_pose_rate_and_age() {
         let gap = frame.pose.unwrap() - Pose::new(1.0, -2.0, 1.5, 0.5);
         assert!(amax(&gap) < 1e-6, "{of:?}: {gap}");
         assert_eq!(counters.malformed.get(), 0, "{of:?}");
-        // As long as frames come nothing but that the client is there.
-        source.beat();
-        assert_eq!(asked(&mut source), [id::KEEPALIVE]);
-        source.beat();
-        assert_eq!(asked(&mut source), [id::CONNECT, id::KEEPALIVE]);
+        // As long as frames come nothing but that the client is there, once a second.
+        let mut kinds = Vec::new();
+        for number in 3..11 {
+            source.beat();
+            kinds.extend(asked(&mut source));
+            read(&mut source, [self::frame(of, number, &bodies)]);
+        }
+        assert_eq!(kinds, [id::KEEPALIVE; 2]);
     }
+}
+
+#[test]
+fn after_a_beat_without_a_frame_it_is_asked_who_serves() {
+    let (of, mut source) = ((4, 1), source("tello"));
+    assert_eq!(source.beat_period(), Duration::from_millis(250));
+    let names = models(of, &[(7, "tello")]);
+    let frame = frame(of, 1, &[rigid(7, 1.0)]);
+    source.beat();
+    read(&mut source, [server(of), names.clone(), rate(100.0), frame.clone()]);
+    asked(&mut source);
+    let mut beat = || {
+        source.beat();
+        asked(&mut source)
+    };
+    assert!(beat().is_empty(), "a frame came since the last one");
+    // One question a beat, and signs of life as before: no more than six datagrams a second.
+    let silent: Vec<Vec<u16>> = (0..8).map(|_| beat()).collect();
+    assert!(silent.iter().all(|kinds| kinds.first() == Some(&id::CONNECT)), "{silent:?}");
+    assert_eq!(silent.concat().len(), 10, "{silent:?}");
+    // The server is back, and the answer with its names is lost: they are asked for at the next beat.
+    read(&mut source, [server(of)]);
+    assert_eq!(asked(&mut source), [id::REQUEST_MODELDEF]);
+    let (lost, _) = read(&mut source, [frame.clone()]);
+    assert!(lost.is_empty());
+    source.beat();
+    assert_eq!(asked(&mut source), [id::REQUEST_MODELDEF]);
+    let (found, _) = read(&mut source, [names, frame]);
+    assert!(found[0].pose.is_some());
 }
 
 #[test]
@@ -153,10 +185,11 @@ fn before_there_are_names_nothing_is_missing() {
     let mut source = source("tello");
     let (frames, counters) =
         read(&mut source, &[server((4, 1)), frame((4, 1), 1, &[rigid(7, 1.0)])]);
-    assert_eq!((frames.len(), counters.other_object.get()), (0, 0));
+    assert_eq!((frames.len(), counters.other_object.get(), counters.unnamed.get()), (0, 0, 1));
     let names = models((4, 1), &[(3, "wand")]);
     let (frames, counters) = read(&mut source, &[names, frame((4, 1), 2, &[rigid(3, 1.0)])]);
-    assert_eq!((frames.len(), counters.other_object.get()), (1, 1));
+    let counts = [counters.other_object.get(), counters.unnamed.get()];
+    assert_eq!((frames.len(), counts), (1, [1, 0]));
     assert_eq!(frames[0].pose, None);
 }
 

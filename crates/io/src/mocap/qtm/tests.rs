@@ -5,8 +5,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::mocap::axes::{Axes, Unit};
 use crate::mocap::matrix_of_angles;
-use crate::mocap::protocol::Picked;
-use crate::mocap::source::{Source, read};
+use crate::mocap::protocol::{Picked, read};
 
 fn source(object: &str, up: Option<Axis>) -> Picked {
     let axes = Axes::new(None, Unit::Millimetre).unwrap();
@@ -139,6 +138,19 @@ fn other_servers_and_refusals_have_a_reason() {
     let refused = packet(|to| encode::text(kind::ERROR, "No\nlicense", to));
     let error = push(&[greeting(), refused].concat()).unwrap_err();
     assert_eq!(error.to_string(), "QTM says: Nolicense");
+}
+
+#[test]
+fn of_a_refused_frame_nothing_is_left_for_the_next_one() {
+    let mut short = frame(7, &[at(1.0), at(2.0)]);
+    // A second component is announced behind head, time and number.
+    assert_eq!(short[20], 1);
+    short[20] = 2;
+    let bytes = [greeting(), parameters(&["wand", "tello"]), short, frame(8, &[at(1.0), at(2.0)])];
+    let (frames, counters) = read(&mut source("tello", None), [bytes.concat()]);
+    assert_eq!((counters.malformed.get(), counters.doubled.get()), (1, 0));
+    let [frame] = *frames else { panic!("{frames:?}") };
+    assert!(frame.number == 8 && frame.pose.is_some(), "{frame:?}");
 }
 
 #[test]

@@ -7,17 +7,21 @@ use horizon_model::check::amax;
 use horizon_model::rows::pose;
 
 use super::*;
+use crate::mocap::protocol::{Picked, read};
+use crate::mocap::source::Frame;
+
+fn line_of(line: &str) -> RelayPose<'_> {
+    parse_line(line.as_bytes()).unwrap()
+}
 
 fn pose_of(line: &str) -> Pose {
-    parse_line(line.as_bytes()).unwrap().pose.unwrap()
+    line_of(line).pose().unwrap()
 }
 
-fn error_of(line: &str) -> LineError {
-    parse_line(line.as_bytes()).unwrap_err()
-}
-
-fn number_error(field: &'static str, text: &str) -> LineError {
-    LineError::Number { field, text: text.to_owned() }
+/// What a stream for `tello` makes of these lines.
+fn read_lines(lines: &[&str]) -> (Vec<Frame>, MocapCounters) {
+    let mut source = Picked::new(Box::new(RelayProtocol::default()), "tello", Axes::ours());
+    read(&mut source, lines.iter().map(|line| format!("{line}\n")))
 }
 
 #[test]
@@ -27,56 +31,64 @@ fn the_documented_examples_are_read() {
     assert_eq!((line.frame, line.object), (1000, "tello"));
     assert!((line.rate_hz - 100.0).abs() < 1e-12, "{line:?}");
     // A roll of 0.01 and a pitch of 0.02 turn the nose by about their product on top of the 0.3.
-    let gap = line.pose.unwrap() - Pose::new(1.0, -2.0, 1.3, 0.300_224_894);
+    let gap = line.pose().unwrap() - Pose::new(1.0, -2.0, 1.3, 0.300_224_894);
     assert!(amax(&gap) < 1e-9, "{line:?}");
     let line = b"1001 100.0 tello 1 0.0000 0.0000 0.0000 0.0000 0.0000 0.0000";
-    assert_eq!(parse_line(line).unwrap().pose, None);
+    assert_eq!(parse_line(line).unwrap().at, None);
     // Half the turn has sine 0.1494: 2 asin(0.1494) = 0.29992, the digits carry 1e-4.
     let pose = pose_of("1002 100.0 tello 0 1.0000 -2.0000 1.3000 0.0 0.0 0.1494 0.9888");
     assert!((pose[pose::THETA] - 0.3).abs() < 2e-4, "{pose}");
 }
 
 #[test]
-fn every_malformed_line_that_killed_the_old_client_has_its_error() {
-    use LineError::{Empty, Missing, Rotation, RotationCount};
-    let cases = [
-        ("", Empty),
-        ("   ", Empty),
-        ("1 100 tello 0 1 2", Missing { field: "z" }),
-        ("1 100 tello", Missing { field: "occluded" }),
-        (
-            "1\t100\ttello\t0\t1\t2\t3\t0\t0\t0",
-            number_error("frame", "1\t100\ttello\t0\t1\t2\t3\t0\t0\t0"),
-        ),
-        ("1 100 tello 0 1 2 3", RotationCount { count: 0 }),
-        ("1 100 tello 0 1 2 3 0", RotationCount { count: 1 }),
-        ("1 100 tello 0 1 2 3 0 0", RotationCount { count: 2 }),
-        ("1 100 tello 0 1 2 3 0 0 0 0 0", RotationCount { count: 5 }),
-        ("1 100 tello 0 1 2 3 1 0 0 0 1 0 0 0 1 0 0", RotationCount { count: 10 }),
-        ("1 100 my drone 0 1 2 3 0 0 0", number_error("occluded", "drone")),
-        ("1 100 tello 0 nan 2 3 0 0 0", number_error("x", "nan")),
-        ("1 100 tello 0 1 inf 3 0 0 0", number_error("y", "inf")),
-        ("1 100 tello 0 1 2 1e999 0 0 0", number_error("z", "1e999")),
-        ("1 100 tello 0 1,5 2 3 0 0 0", number_error("x", "1,5")),
-        ("1 100 tello 0 1 2 3 0 0 -nan", number_error("rotation", "-nan")),
-        ("1 100 tello 0.5 1 2 3 0 0 0", number_error("occluded", "0.5")),
-        ("a b c d e f g h i j k", number_error("frame", "a")),
-        ("1 100 tello 0 1 2 3 0 0 0 0", Rotation { count: 4 }),
-        ("1 100 tello 0 1 2 3 0 0 0 9", Rotation { count: 4 }),
-    ];
-    for (line, expected) in cases {
-        let mut expected = expected;
-        if let LineError::Number { text, .. } = &mut expected {
-            text.truncate(QUOTE_CHARS_MAX);
-        }
-        assert_eq!(error_of(line), expected, "{line:?}");
+fn every_malformed_line_that_killed_the_old_client_is_refused() {
+    for line in [
+        "",
+        "   ",
+        "1 100 tello 0 1 2",
+        "1 100 tello",
+        "1\t100\ttello\t0\t1\t2\t3\t0\t0\t0",
+        "1 100 tello 0 1 2 3",
+        "1 100 tello 0 1 2 3 0",
+        "1 100 tello 0 1 2 3 0 0",
+        "1 100 tello 0 1 2 3 0 0 0 0 0",
+        "1 100 tello 0 1 2 3 1 0 0 0 1 0 0 0 1 0 0",
+        "1 100 tello 0 1,5 2 3 0 0 0",
+        "1 100 tello 0 1 2 3 0 0 -nan",
+        "1 100 tello 0.5 1 2 3 0 0 0",
+        "a b c d e f g h i j k",
+        "1 100 tello 0 1 2 3 0 0 0 0",
+        "1 100 tello 0 1 2 3 0 0 0 9",
+        "1 nan tello 0 1 2 3 0 0 0",
+    ] {
+        assert_eq!(parse_line(line.as_bytes()), None, "{line:?}");
+        let (frames, counters) = read_lines(&[line, "2 100 tello 0 1 2 3 0 0 0"]);
+        assert_eq!((frames.len(), counters.malformed.get()), (1, 1), "{line:?}");
     }
-    assert_eq!(parse_line(b"1 100 t\xff").unwrap_err(), LineError::NotText { valid_up_to: 7 });
+    assert_eq!(parse_line(b"1 100 t\xff"), None);
+    assert_eq!(parse_line(b"1 100 t\xff 0 1 2 3 0 0 0"), None);
+}
+
+#[test]
+fn numbers_that_are_no_rotation_or_a_body_that_tipped_over_are_refused() {
+    for rotation in [
+        "2 0 0 0 2 0 0 0 2",
+        "1 0 0 0 1 0 0 0 -1",
+        "1 0 0 0 -1 0 0 0 1",
+        "0 0 0 0 0 0 0 0 0",
+        "0 0 0 0.8",
+        "3.1 0 0",
+        "0 1.0479 0",
+        "1 0 0 0",
+    ] {
+        let (frames, counters) = read_lines(&[&format!("1 100 tello 0 1 2 3 {rotation}")]);
+        assert_eq!((frames.len(), counters.malformed.get()), (0, 1), "{rotation}");
+    }
 }
 
 #[test]
 fn occluded_or_all_zero_means_not_seen() {
-    let pose = |line: &str| parse_line(line.as_bytes()).unwrap().pose;
+    let pose = |line| line_of(line).at;
     assert_eq!(pose("1 100 tello 2 1 2 3 0 0 0.5"), None, "occluded with old values");
     assert_eq!(pose("1 100 tello 0 0 0 0 0 0 0"), None);
     assert_eq!(pose("1 100 tello 0 0 -0.0 0 0 0 0 0"), None, "zero quaternion");
@@ -129,10 +141,11 @@ fn a_quaternion_and_a_matrix_give_the_heading_of_a_tilted_body() {
         }
     }
     for (pitch, roll) in [(FRAC_PI_2, 0.0), (-0.9, 0.9), (0.0, 1.06), (0.0, 3.1)] {
-        let tilted = matrix(0.7, pitch, roll);
-        assert_eq!(error_of(&text(&tilted)), LineError::Rotation { count: 9 }, "{pitch} {roll}");
-        let tilted = quaternion(0.7, pitch, roll);
-        assert_eq!(error_of(&text(&tilted)), LineError::Rotation { count: 4 }, "{pitch} {roll}");
+        for tilted in [text(&matrix(0.7, pitch, roll)), text(&quaternion(0.7, pitch, roll))] {
+            assert_eq!(line_of(&tilted).pose(), None, "{pitch} {roll}");
+            let (frames, counters) = read_lines(&[&tilted]);
+            assert_eq!((frames.len(), counters.malformed.get()), (0, 1), "{pitch} {roll}");
+        }
     }
 }
 
@@ -153,7 +166,7 @@ fn every_truncation_of_a_good_line_is_survived() {
     // Up to the first digit of the tenth field the line has too few fields.
     let whole_from = line.len() - "0.3000".len() + 1;
     for length in 0..line.len() {
-        let is_read = parse_line(&line[..length]).is_ok();
+        let is_read = parse_line(&line[..length]).is_some();
         assert_eq!(is_read, length >= whole_from, "{length} bytes");
     }
 }
@@ -161,7 +174,7 @@ fn every_truncation_of_a_good_line_is_survived() {
 proptest! {
     #[test]
     fn random_bytes_are_survived(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
-        if let Ok(RelayPose { pose: Some(o), .. }) = parse_line(&bytes) {
+        if let Some(o) = parse_line(&bytes).and_then(|line| line.pose()) {
             prop_assert!(o.iter().all(|value| value.is_finite()));
         }
     }
@@ -173,7 +186,8 @@ proptest! {
             0..20,
         ),
     ) {
-        if let Ok(RelayPose { pose: Some(o), .. }) = parse_line(fields.join(" ").as_bytes()) {
+        let text = fields.join(" ");
+        if let Some(o) = parse_line(text.as_bytes()).and_then(|line| line.pose()) {
             prop_assert!(o.iter().all(|value| value.is_finite()));
             prop_assert!(o[pose::THETA].abs() <= PI);
         }
@@ -189,7 +203,7 @@ proptest! {
         let sent = Pose::new(x, y, z, theta);
         let read = parse_line(bytes.strip_suffix(b"\n").unwrap()).unwrap();
         prop_assert_eq!(read.frame, frame);
-        let gap = read.pose.unwrap() - sent;
+        let gap = read.pose().unwrap() - sent;
         // Half of the last decimal, plus rounding; a heading of +-pi may have changed its sign.
         prop_assert!(amax(gap.fixed_rows::<3>(0).iter()) < 0.500_001e-4);
         prop_assert!(angle::wrap(gap[pose::THETA]).abs() < 0.500_001e-4);

@@ -1,16 +1,12 @@
-//! Settings of the protocols that send many bodies in a frame: NatNet, QTM, VRPN.
+//! Settings of the protocols whose axes are settings: NatNet, QTM, VRPN.
 
 use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::axes::{Axes, FrameTable, Unit};
-use super::super::natnet::NatnetProtocol;
-use super::super::protocol::{BodyProtocol, OBJECT_NAME_BYTES_MAX, Picked};
-use super::super::qtm::QtmProtocol;
-use super::super::source::Source;
-use super::super::vrpn::VrpnProtocol;
-use super::{Transport, name_error, named, server_address};
+use super::super::protocol::OBJECT_NAME_BYTES_MAX;
+use super::{MocapSettings, Protocol, Transport, name_error, named, server_address};
 
 /// An OptiTrack system: Motive's NatNet stream.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -56,79 +52,48 @@ pub struct VrpnTable {
     pub frame: Option<FrameTable>,
 }
 
-/// A checked table.
-#[derive(Debug, Clone, PartialEq)]
-pub(in super::super) struct Bodies {
-    kind: Kind,
-    /// Axes, nose and unit of the source.
-    pub(in super::super) axes: Axes,
-    pub(in super::super) object: String,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Kind {
-    Natnet { rate_hz: Option<f64> },
-    Qtm { up: Option<super::super::axes::Axis> },
-    Vrpn { rate_hz: f64 },
-}
-
-impl Bodies {
-    /// The protocol at its beginning.
-    pub(in super::super) fn protocol(&self) -> Box<dyn BodyProtocol> {
-        match self.kind {
-            Kind::Natnet { rate_hz } => Box::new(NatnetProtocol::new(rate_hz)),
-            Kind::Qtm { up } => Box::new(QtmProtocol::new(up)),
-            Kind::Vrpn { rate_hz } => Box::new(VrpnProtocol::new(rate_hz)),
-        }
-    }
-
-    /// The source at its beginning.
-    pub(super) fn source(&self) -> Box<dyn Source> {
-        Box::new(Picked::new(self.protocol(), &self.object, self.axes.clone()))
-    }
-}
-
-/// How bytes arrive from a NatNet server, and what they mean.
+/// Settings of a NatNet server.
 ///
 /// # Errors
 /// The first value that breaks its rule, by its key in the table.
-pub(super) fn of_natnet(table: &NatnetTable) -> Result<(Transport, Bodies), SettingError> {
-    let rate_hz = table.rate_hz.map(|rate_hz| in_range("rate_hz", rate_hz, 1.0..=2000.0));
-    let kind = Kind::Natnet { rate_hz: rate_hz.transpose()? };
-    let bodies = bodies(kind, &table.object, table.frame.as_ref(), Unit::Metre)?;
-    Ok((Transport::Natnet(server_address(&table.address)?), bodies))
+pub(super) fn of_natnet(table: &NatnetTable) -> Result<MocapSettings, SettingError> {
+    let NatnetTable { address, object, rate_hz, frame } = table;
+    let rate_hz = rate_hz.map(|rate_hz| in_range("rate_hz", rate_hz, 1.0..=2000.0)).transpose()?;
+    let (object, axes) = (checked(object)?, Axes::new(frame.as_ref(), Unit::Metre)?);
+    let transport = Transport::Natnet(server_address(address)?);
+    Ok(MocapSettings { transport, protocol: Protocol::Natnet { rate_hz }, object, axes })
 }
 
 /// The same for QTM.
 ///
 /// # Errors
 /// The first value that breaks its rule, by its key in the table.
-pub(super) fn of_qtm(table: &QtmTable) -> Result<(Transport, Bodies), SettingError> {
-    let up = table.frame.as_ref().and_then(|frame| frame.axes).map(|[_, _, up]| up);
-    let bodies = bodies(Kind::Qtm { up }, &table.object, table.frame.as_ref(), Unit::Millimetre)?;
-    Ok((Transport::Tcp(server_address(&table.address)?), bodies))
+pub(super) fn of_qtm(table: &QtmTable) -> Result<MocapSettings, SettingError> {
+    let QtmTable { address, object, frame } = table;
+    let up = frame.as_ref().and_then(|frame| frame.axes).map(|[_, _, up]| up);
+    let (object, axes) = (checked(object)?, Axes::new(frame.as_ref(), Unit::Millimetre)?);
+    let transport = Transport::Tcp(server_address(address)?);
+    Ok(MocapSettings { transport, protocol: Protocol::Qtm { up }, object, axes })
 }
 
 /// The same for VRPN.
 ///
 /// # Errors
 /// The first value that breaks its rule, by its key in the table.
-pub(super) fn of_vrpn(table: &VrpnTable) -> Result<(Transport, Bodies), SettingError> {
-    let kind = Kind::Vrpn { rate_hz: in_range("rate_hz", table.rate_hz, 1.0..=2000.0)? };
-    let bodies = bodies(kind, &table.object, table.frame.as_ref(), Unit::Metre)?;
-    Ok((Transport::Tcp(server_address(&table.address)?), bodies))
+pub(super) fn of_vrpn(table: &VrpnTable) -> Result<MocapSettings, SettingError> {
+    let VrpnTable { address, object, rate_hz, frame } = table;
+    let rate_hz = in_range("rate_hz", *rate_hz, 1.0..=2000.0)?;
+    let (object, axes) = (checked(object)?, Axes::new(frame.as_ref(), Unit::Metre)?);
+    let transport = Transport::Tcp(server_address(address)?);
+    Ok(MocapSettings { transport, protocol: Protocol::Vrpn { rate_hz }, object, axes })
 }
 
-fn bodies(
-    kind: Kind,
-    object: &str,
-    frame: Option<&FrameTable>,
-    usual: Unit,
-) -> Result<Bodies, SettingError> {
+/// `object` if it is a name that is remembered.
+fn checked(object: &str) -> Result<String, SettingError> {
     if object.len() > OBJECT_NAME_BYTES_MAX {
         return Err(name_error(object, "at most 256 bytes"));
     }
-    Ok(Bodies { kind, axes: Axes::new(frame, usual)?, object: named(object)? })
+    named(object)
 }
 
 #[cfg(test)]

@@ -4,12 +4,12 @@ use crate::clock::SpanNs;
 const AT: Placement =
     Placement { pos_v: [1.0, 2.0, 3.0], matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
 
-fn head(number: i64, is_whole: bool) -> Head {
-    Head { number, rate_hz: 100.0, stamp: None, latency: SpanNs(0), is_whole }
+fn head(number: i64, absence: Absence) -> Head {
+    Head { number, rate_hz: 100.0, stamp: None, latency: SpanNs(0), absence }
 }
 
 fn text(text: &str) -> Name<'_> {
-    Name { text: Some(text), id: None }
+    Name { text: Some(text.as_bytes()), id: None }
 }
 
 /// A frame of `bodies` into `survey`.
@@ -30,23 +30,43 @@ fn counts(survey: &Survey) -> Vec<(&str, u64, u64)> {
 #[test]
 fn an_object_that_is_not_in_a_whole_frame_is_lost_in_it() {
     let mut survey = Survey::default();
-    take(&mut survey, head(1, true), &[(text("a"), Some(AT)), (text("b"), Some(AT))]);
-    take(&mut survey, head(2, true), &[(text("a"), None)]);
+    take(&mut survey, head(1, Absence::Lost), &[(text("a"), Some(AT)), (text("b"), Some(AT))]);
+    take(&mut survey, head(2, Absence::Lost), &[(text("a"), None)]);
     assert_eq!(counts(&survey), [("a", 2, 1), ("b", 2, 1)]);
     // Of a source that sends objects one by one the others are not in the frame, and not lost.
-    take(&mut survey, head(3, false), &[(text("a"), Some(AT))]);
+    take(&mut survey, head(3, Absence::Unknown), &[(text("a"), Some(AT))]);
     assert_eq!(counts(&survey), [("a", 3, 2), ("b", 2, 1)]);
     assert_eq!(Some(survey.announced_hz), Some(100.0));
+}
+
+#[test]
+fn a_frame_that_ends_in_parts_loses_only_what_no_part_had() {
+    let mut survey = Survey::default();
+    take(&mut survey, head(1, Absence::Lost), &["a", "b", "c"].map(|name| (text(name), Some(AT))));
+    take(&mut survey, head(2, Absence::Unknown), &[(text("a"), Some(AT))]);
+    take(&mut survey, head(2, Absence::LostUnlessBefore), &[(text("b"), Some(AT))]);
+    assert_eq!(counts(&survey), [("a", 2, 2), ("b", 2, 2), ("c", 2, 1)]);
+}
+
+#[test]
+fn the_bodies_of_a_refused_frame_are_forgotten() {
+    let mut survey = Survey::default();
+    let mut taker = Collect { survey: &mut survey, bodies: Vec::new(), now: TimeNs(0) };
+    taker.body(text("a"), Some(&AT));
+    taker.forget();
+    taker.body(text("b"), Some(&AT));
+    taker.frame(head(1, Absence::Lost));
+    assert_eq!(counts(&survey), [("b", 1, 1)]);
 }
 
 #[test]
 fn an_object_goes_by_its_number_until_it_has_a_name() {
     let mut survey = Survey::default();
     let [by_id, nameless] = [Some(7), None].map(|id| Name { text: None, id });
-    take(&mut survey, head(1, true), &[(by_id, Some(AT)), (nameless, Some(AT))]);
+    take(&mut survey, head(1, Absence::Lost), &[(by_id, Some(AT)), (nameless, Some(AT))]);
     assert_eq!(counts(&survey), [("#7", 1, 1)]);
-    let named = Name { text: Some("tello"), id: Some(7) };
-    take(&mut survey, head(2, true), &[(named, Some(AT))]);
+    let named = Name { text: Some(b"tello"), id: Some(7) };
+    take(&mut survey, head(2, Absence::Lost), &[(named, Some(AT))]);
     assert_eq!(counts(&survey), [("tello", 1, 1)]);
 }
 
@@ -55,10 +75,10 @@ fn as_many_objects_are_remembered_as_there_is_room_for() {
     let mut survey = Survey::default();
     let names: Vec<String> = (0..OBJECTS_MAX + 3).map(|number| format!("{number:03}")).collect();
     let bodies: Vec<_> = names.iter().map(|name| (text(name), Some(AT))).collect();
-    take(&mut survey, head(1, true), &bodies);
+    take(&mut survey, head(1, Absence::Lost), &bodies);
     assert_eq!(survey.objects.len(), OBJECTS_MAX);
     // Others do not come in later, and those that are there go on.
-    take(&mut survey, head(2, true), &[(text("x"), Some(AT)), (text("000"), Some(AT))]);
+    take(&mut survey, head(2, Absence::Lost), &[(text("x"), Some(AT)), (text("000"), Some(AT))]);
     assert_eq!(survey.objects.len(), OBJECTS_MAX);
     assert_eq!((counts(&survey)[0], counts(&survey)[1]), (("000", 2, 2), ("001", 2, 1)));
 }

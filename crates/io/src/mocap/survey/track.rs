@@ -157,12 +157,16 @@ impl Track {
         }
     }
 
+    /// Whether the newest frame with it has this number.
+    pub(super) fn had(&self, number: i64) -> bool {
+        self.last.is_some_and(|(_, last)| last.number == number)
+    }
+
     /// Whether the frame of `head` had another place of the object before. Numbers that stand still count no frames.
     fn is_second_of_frame(&self, at: Option<Placement>, head: Head) -> bool {
-        let is_same_frame = self.last.is_some_and(|(_, last)| last.number == head.number);
         let is_elsewhere =
             self.places.zip(at).is_some_and(|([_, newest], at)| apart(&newest, &at) > ONE_PLACE);
-        is_same_frame && is_elsewhere && self.numbers.count > 0
+        self.had(head.number) && is_elsewhere && self.numbers.count > 0
     }
 }
 
@@ -173,6 +177,7 @@ fn apart(a: &Placement, b: &Placement) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::protocol::Absence;
     use super::*;
 
     fn at_s(seconds: f64) -> TimeNs {
@@ -181,7 +186,7 @@ mod tests {
 
     fn head(number: i64, stamp: Option<f64>) -> Head {
         let stamp = stamp.map(SpanNs::from_seconds);
-        Head { number, rate_hz: 0.0, stamp, latency: SpanNs::from_ms(3), is_whole: true }
+        Head { number, rate_hz: 0.0, stamp, latency: SpanNs::from_ms(3), absence: Absence::Lost }
     }
 
     #[test]

@@ -4,8 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::mocap::axes::{Axes, Unit};
-use crate::mocap::protocol::Picked;
-use crate::mocap::source::{Source, read};
+use crate::mocap::protocol::{Picked, read};
 
 fn source(object: &str) -> Picked {
     let axes = Axes::new(None, Unit::Metre).unwrap();

@@ -16,6 +16,6 @@ fn requests_are_the_documented_bytes() {
     };
     assert_eq!(
         [bytes(PUSH), once, next, ping].map(|bytes| request(&bytes)),
-        [Request::EveryFrame, Request::Frame, Request::NextFrames(1), Request::Ping(1)].map(Some)
+        [Request::EveryFrame, Request::Frame, Request::NextFrames(1), Request::Ping(1)]
     );
 }

@@ -18,10 +18,10 @@ fn a_packet_that_ends_within_an_object_says_so_once() {
         let (read, whole) = (read(length), usize::from(length >= 9));
         let is_between = length == 0 || length == 9;
         assert_eq!(read.len(), whole + usize::from(!is_between), "{length} bytes");
-        assert!(read[..whole].iter().all(Result::is_ok), "{length} bytes");
-        assert_eq!(read.last().is_none_or(Result::is_ok), is_between, "{length} bytes");
+        assert!(read[..whole].iter().all(Option::is_some), "{length} bytes");
+        assert_eq!(read.last().is_none_or(Option::is_some), is_between, "{length} bytes");
     }
-    assert_eq!(read(packet.len()), [Ok((1, &[0xaa][..])), Ok((2, &[0xbb, 0xcc][..]))]);
+    assert_eq!(read(packet.len()), [Some((1, &[0xaa][..])), Some((2, &[0xbb, 0xcc][..]))]);
 }
 
 #[test]

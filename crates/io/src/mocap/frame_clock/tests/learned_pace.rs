@@ -13,7 +13,7 @@ fn late_max_ms(announced_hz: f64, count_hz: f64, ground_s: f64) -> Option<[f64; 
     }
     clock.set_airborne(true);
     let mut late_max_ms = [0.0_f64; 2];
-    for number in ground..ground + whole(300.0 * count_hz) {
+    for number in ground..ground + whole(120.0 * count_hz) {
         let late_ms = late_ms(&mut clock, number, announced_hz, ms(number))?;
         let is_later = (number - ground) as f64 > 10.0 * count_hz;
         let late_max_ms = &mut late_max_ms[usize::from(is_later)];
@@ -27,7 +27,7 @@ fn a_rate_that_is_wrong_by_thousandths_is_learned_in_flight() {
     let rates_hz = [(241.0, 240.0), (60.0, 59.94), (100.3, 100.0), (500.0, 498.0)];
     for (a_hz, b_hz) in rates_hz {
         for (announced_hz, count_hz) in [(a_hz, b_hz), (b_hz, a_hz), (b_hz, b_hz)] {
-            for ground_s in [0.5, 2.3, 5.0, 16.0, 31.0] {
+            for ground_s in [0.5, 5.0, 31.0] {
                 let late_max_ms = late_max_ms(announced_hz, count_hz, ground_s);
                 // Seven of jitter, and up to four per second until five seconds tell the rate.
                 let is_good = late_max_ms.is_some_and(|[first, then]| first < 30.0 && then < 10.0);

@@ -1,6 +1,6 @@
-use super::super::tests::{body, packet};
+//! All subjects of a frame, as a survey takes them.
+
 use super::*;
-use crate::mocap::Body;
 
 /// Bodies and heads as they come.
 #[derive(Debug, Default)]
@@ -11,16 +11,20 @@ struct Taken {
 
 impl Taker for Taken {
     fn body(&mut self, name: Name<'_>, at: Option<&Placement>) {
-        let name = name.text.unwrap().to_owned();
+        let name = str::from_utf8(name.text.unwrap()).unwrap().to_owned();
         self.bodies.push((name, at.map(|at| at.pos_v)));
     }
 
     fn frame(&mut self, head: Head) {
         self.heads.push(head);
     }
+
+    fn forget(&mut self) {
+        self.bodies.clear();
+    }
 }
 
-fn push(protocol: &mut DatastreamBodies, packet: &[u8]) -> (Taken, u64) {
+fn push(protocol: &mut DatastreamProtocol, packet: &[u8]) -> (Taken, u64) {
     let (mut taken, counters) = (Taken::default(), MocapCounters::default());
     protocol.push(packet, &counters, &mut taken).unwrap();
     (taken, counters.malformed.get())
@@ -36,7 +40,7 @@ fn every_subject_of_a_frame_is_reported_seen_or_not() {
         packet.frame_info(7);
         packet.segments(id::GLOBAL_SEGMENTS, 1, &body());
     });
-    let (taken, malformed) = push(&mut DatastreamBodies::default(), &bytes);
+    let (taken, malformed) = push(&mut DatastreamProtocol::default(), &bytes);
     let seen = ("tello".to_owned(), Some([1.0, -2.0, 1.3]));
     assert_eq!(taken.bodies, [seen, ("wand".to_owned(), None)]);
     let [head] = *taken.heads else { panic!("{:?}", taken.heads) };
@@ -46,7 +50,7 @@ fn every_subject_of_a_frame_is_reported_seen_or_not() {
 
 #[test]
 fn subjects_and_rate_are_remembered_until_the_connection_ends() {
-    let mut protocol = DatastreamBodies::default();
+    let mut protocol = DatastreamProtocol::default();
     let info = packet(|packet| {
         packet.subject_info(1, b"tello");
         packet.stream_info(100.0);
@@ -70,6 +74,6 @@ fn a_frame_with_a_malformed_object_counts_and_gives_no_frame() {
     let mut bytes = packet(|packet| packet.frame_info(7));
     // Head of the packet, identity of the object, then its length: a byte less than there is.
     bytes[12] = 3;
-    let (taken, malformed) = push(&mut DatastreamBodies::default(), &bytes);
+    let (taken, malformed) = push(&mut DatastreamProtocol::default(), &bytes);
     assert_eq!((taken.heads.len(), malformed), (0, 1));
 }
