@@ -7,9 +7,9 @@ use serde_json::{Value, json};
 use tello_eval::flight_log::{self, TickRecord};
 use tello_eval::metrics::{LeastClearance, Surroundings};
 use tello_flight::cycle::{FlightTable, Outcome, Timing};
-use tello_flight::{Fault, ObstacleTable, RoomTable, Start};
+use tello_flight::{Fault, ObstacleTable, Phase, RoomTable, Start};
 use tello_io::config;
-use tello_sim::plant::RIGID_BODY;
+use tello_sim::plant::{RIGID_BODY, RigidBodyTable};
 use tello_sim::virtual_time::VirtualFlight;
 use tello_sim::{PasserTable, SimTable};
 
@@ -155,6 +155,28 @@ fn an_obstacle_that_moves_unseen_in_flight_is_waited_for() {
 }
 
 #[test]
+fn a_vehicle_that_waits_for_an_obstacle_stays_where_it_stopped() {
+    let (mut flight, mut sim) = tables();
+    flight.cycle.obstacles = vec![ObstacleTable::Moving { radius_m: 0.2 }];
+    let (at_m, hidden_s) = ([4.0, 4.0, 1.0], Some([3.0, 1e3]));
+    sim.passer = Some(PasserTable { from_w_m: at_m, to_w_m: at_m, speed_mps: 0.0, hidden_s });
+    sim.plant.rigid_body = Some(RigidBodyTable { wind_mps: 0.5, ..RIGID_BODY });
+    for seed in 1..=4 {
+        let (mut at_rest, mut far_m) = (None, 0.0_f64);
+        fly(&(flight.clone(), sim.clone()), seed, |out| {
+            let faults = out.ruling.unwrap().faults;
+            assert!(out.step < 200 || faults.contains(Fault::ObstacleUnseen), "{faults:?}");
+            assert_eq!(out.phase(), Phase::Flying, "{faults:?}");
+            if let Some(at) = out.pose_hat().filter(|_| out.step > 400) {
+                let way = at - *at_rest.get_or_insert(at);
+                far_m = far_m.max(way[pose::X].hypot(way[pose::Y]));
+            }
+        });
+        assert!(far_m < 0.2, "seed {seed}: {far_m:.2} m");
+    }
+}
+
+#[test]
 fn a_mission_beside_a_wall_is_not_braked_by_it() {
     let (mut flight, sim) = tables();
     let room = RoomTable { x_m: [-2.25, 5.0], y_m: [-3.25, 5.0], z_m: [-0.2, 3.0], stop_s: 1.3 };
@@ -189,6 +211,8 @@ fn a_flight_around_an_obstacle_replays_bit_by_bit_and_its_log_has_the_clearance(
     log.finish().unwrap();
     let output = tello_ctl(&folder, &["replay", path.to_str().unwrap()]);
     assert!(text(&output).contains("equal, bit by bit"), "{}", text(&output));
+    let output = tello_ctl(&folder, &["report", path.to_str().unwrap()]);
+    assert!(text(&output).contains("nearest to an obstacle: 0."), "{}", text(&output));
     let mut reader = tello_io::log::LogReader::open(&path).unwrap().select(&["/control/solve"]);
     let mut active = 0;
     while let Some(message) = reader.next_message().unwrap() {

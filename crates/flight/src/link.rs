@@ -164,6 +164,11 @@ impl LinkMonitor {
         })
     }
 
+    /// Forgets the motion so far: the link is up, and of the dead times nothing is known.
+    pub fn restart(&mut self) {
+        self.test = None;
+    }
+
     /// From now on `u_applied` of [`LinkMonitor::update`] assumes dead times that are longer by `longer_s` (s, by
     /// stick), the horizontal ones both alike. An axis at its least dead time keeps it, and with it the error.
     ///

@@ -3,15 +3,16 @@
 //! Owns the reference that the controller is given, now and over its horizon. It reads no clock and
 //! no file: time is the number of [`Mission::advance`] calls, a CSV file comes in as rows.
 //!
-//! | file                  | owns                                                          |
-//! |-----------------------|---------------------------------------------------------------|
-//! | `mission/table.rs`    | missions as written in JSON                                   |
-//! | `mission/csv.rs`      | timed poses as CSV text                                       |
-//! | `mission/build.rs`    | from a table to a checked mission                             |
-//! | `mission/carrot.rs`   | the reference on the way to a waypoint                        |
-//! | `mission/speed.rs`    | a mission flown slower or faster than it is written            |
-//! | `mission/survey.rs`   | length, time, box and speeds of a mission                     |
-//! | `mission/follower.rs` | the reference along a trajectory: start, wait, missed corners |
+//! | file                    | owns                                                          |
+//! |-------------------------|---------------------------------------------------------------|
+//! | `mission/table.rs`      | missions as written in JSON                                   |
+//! | `mission/csv.rs`        | timed poses as CSV text                                       |
+//! | `mission/build.rs`      | from a table to a checked mission                             |
+//! | `mission/carrot.rs`     | the reference on the way to a waypoint                        |
+//! | `mission/timed_path.rs` | a trajectory with its waypoints                               |
+//! | `mission/speed.rs`      | a mission flown slower or faster than it is written           |
+//! | `mission/survey.rs`     | length, time, box and speeds of a mission                     |
+//! | `mission/follower.rs`   | the reference along a trajectory: start, wait, missed corners |
 
 mod build;
 mod carrot;
@@ -22,6 +23,7 @@ mod survey;
 mod table;
 #[cfg(test)]
 mod tests;
+mod timed_path;
 
 use follower::Follower;
 use horizon_model::rows::Pose;
@@ -67,7 +69,7 @@ impl Reference {
 /// and stands there until the vehicle has settled. Then it moves along the path. Both as fast as the
 /// limits of the path allow; it slows down or stands still for a vehicle that is late, and arrives
 /// at rest. To a waypoint that the vehicle has passed out of reach it leads back in the same way;
-/// from there the path goes on.
+/// from there the path goes on, with tighter corners from the first such waypoint on.
 ///
 /// Real time: functions without a line on their cost allocate nothing and take at most a binary search.
 #[derive(Debug, Clone, PartialEq)]
@@ -169,6 +171,11 @@ impl Mission {
     /// Whether the last target was reached.
     pub fn is_finished(&self) -> bool {
         self.targets_reached() == self.targets_count()
+    }
+
+    /// Whether the reference leads back to a waypoint that was missed.
+    pub(crate) fn is_returning(&self) -> bool {
+        matches!(&self.0, Kind::Path(follower) if follower.is_returning())
     }
 
     /// Whether references are constant targets, which the clipping of thesis equation 4.20 is for.

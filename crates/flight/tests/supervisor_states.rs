@@ -86,6 +86,7 @@ fn evidence(
         is_plan_clear: (flag(0) != flag(1)).then_some(flag(2)),
         is_obstacle_unseen: flag(0) && flag(1) && flag(3),
         is_start_barred: flag(1) && flag(2) && flag(3),
+        is_approached: flag(1) && flag(3),
         reference_behind_w: (flag(0) && flag(3)).then(Vector3::zeros),
         is_in_obstacle: flag(0) && flag(1) && flag(2),
         is_pose_repeated: flag(2),

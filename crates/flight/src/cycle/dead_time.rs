@@ -14,8 +14,17 @@ const ERROR_MIN: f64 = 0.75;
 /// The same in its own standard deviations.
 const CERTAINTY_MIN: f64 = 1.0;
 
+/// A dead time that was shortened is taken back when the link goes down so often: one that is too short makes the
+/// vehicle swing, and the monitor takes the swing for outages, in which no dead time is corrected.
+const OUTAGES_MAX: u32 = 4;
+
 /// Part of the prior standard deviation below which enough commands have changed to tell a delay.
 const EXCITED_MAX: f64 = 0.6;
+
+/// For so long an error has to ask before the dead time becomes shorter than configured by more than so much: a gust
+/// that comes before a stick acts looks like that. periods, steps
+const SHORT_PERIODS: u32 = 150;
+const SHORT_STEPS: i32 = 2;
 
 /// Error that is left at the largest correction from which on the dead time is too long to fly with. s
 const LEFT_MAX_S: f64 = 0.08;
@@ -67,6 +76,8 @@ pub(super) struct DeadTime {
     throttle: Correction,
     /// Beyond that of roll and pitch.
     yaw: Correction,
+    /// Outages with a dead time that is shorter than configured.
+    outages: u32,
 }
 
 /// Correction of one axis.
@@ -79,6 +90,8 @@ struct Correction {
     steps: i32,
     /// Periods since the newest correction.
     since: u32,
+    /// Periods in which errors have asked for a dead time shorter than configured.
+    short: u32,
     /// The newest error that was excited enough.
     error: Option<DeadTimeError>,
 }
@@ -103,7 +116,7 @@ impl DeadTime {
         let correction = |axis: usize| {
             let given_up_s = (1.0 - dead_time_min_ratio) * dead_time_s[axis];
             let steps_min = -steps_max.min(whole(given_up_s / dt_s + 1e-9));
-            Correction { given_up_s, steps_min, steps: 0, since: 0, error: None }
+            Correction { given_up_s, steps_min, steps: 0, since: 0, short: 0, error: None }
         };
         Self {
             dt_s,
@@ -112,6 +125,7 @@ impl DeadTime {
             horizontal: correction(stick::PITCH),
             throttle: correction(stick::THROTTLE),
             yaw: correction(stick::YAW),
+            outages: 0,
         }
     }
 
@@ -152,14 +166,39 @@ impl DeadTime {
         self.steps_max
     }
 
+    /// The link has gone down.
+    pub(super) fn note_outage(&mut self) {
+        if self.horizontal.steps < 0 {
+            self.outages = self.outages.saturating_add(1);
+        }
+    }
+
+    /// Whether a dead time that was shortened is taken back, which is forgotten then: what the motion seemed to say of
+    /// it was wrong.
+    pub(super) fn is_taken_back(&mut self) -> bool {
+        let is_back = self.outages >= OUTAGES_MAX && self.horizontal.steps >= 0;
+        if is_back {
+            self.outages = 0;
+        }
+        is_back
+    }
+
     /// Whether a dead time changes after a period that left `errors`: each by one step or none, either way.
     pub(super) fn follow(&mut self, errors: Option<DeadTimeErrors>) -> bool {
-        let Self { dt_s, sd_prior_s, steps_max, horizontal, throttle, yaw } = self;
+        let Self { dt_s, sd_prior_s, steps_max, horizontal, throttle, yaw, outages } = self;
+        if horizontal.steps >= 0 && *outages < OUTAGES_MAX {
+            *outages = 0;
+        }
         let excited = |error: Option<DeadTimeError>| {
             error.filter(|error| error.sd_s <= EXCITED_MAX * *sd_prior_s)
         };
-        let step =
-            horizontal.follow(excited(errors.map(|all| all.horizontal)), 0, *steps_max, *dt_s);
+        let takes_back = *outages >= OUTAGES_MAX;
+        let step = if takes_back {
+            horizontal.take_back()
+        } else {
+            let error = excited(errors.map(|all| all.horizontal));
+            horizontal.follow(error, 0, *steps_max, *dt_s)
+        };
         let mut is_changed = step != 0;
         let own = [
             (throttle, errors.and_then(|all| all.throttle)),
@@ -167,7 +206,7 @@ impl DeadTime {
         ];
         for (axis, error) in own {
             let error = excited(error);
-            if error.is_some() {
+            if error.is_some() || (takes_back && axis.steps != 0) {
                 // It is known by itself.
                 axis.steps -= step;
             } else if step != 0 {
@@ -190,13 +229,19 @@ impl Correction {
         dt_s: f64,
     ) -> i32 {
         self.since = self.since.saturating_add(1);
-        let Some(error) = error else { return 0 };
+        let Some(error) = error else {
+            self.short = self.short.saturating_sub(1);
+            return 0;
+        };
         let DeadTimeError { mean_s, sd_s } = error;
-        let is_clear = mean_s.abs() >= (ERROR_MIN * dt_s).max(CERTAINTY_MIN * sd_s);
         let step = if mean_s > 0.0 { 1 } else { -1 };
+        let is_short = common + self.steps == -SHORT_STEPS && step < 0;
+        let is_clear = mean_s.abs() >= (ERROR_MIN * dt_s).max(CERTAINTY_MIN * sd_s);
+        self.short = if is_short && is_clear { self.short.saturating_add(1) } else { 0 };
+        let is_shown = !is_short || self.short >= SHORT_PERIODS;
         let range = self.steps_min..=steps_max;
         let after = (common + self.steps).clamp(self.steps_min, steps_max) + step;
-        if is_clear && range.contains(&after) && self.since >= PERIODS_BETWEEN {
+        if is_clear && is_shown && range.contains(&after) && self.since >= PERIODS_BETWEEN {
             self.since = 0;
             self.steps = after - common;
             let mean_s = mean_s - f64::from(step) * dt_s;
@@ -205,6 +250,17 @@ impl Correction {
         }
         self.error = Some(error);
         0
+    }
+
+    /// The step back to the configured dead time; what is known of its error is of another one.
+    fn take_back(&mut self) -> i32 {
+        self.since = self.since.saturating_add(1);
+        if self.since < PERIODS_BETWEEN || self.steps >= 0 {
+            return 0;
+        }
+        (self.since, self.error) = (0, None);
+        self.steps += 1;
+        1
     }
 }
 

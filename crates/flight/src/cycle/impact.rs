@@ -12,7 +12,7 @@
 //! ```
 //!
 //! A step further than a vehicle flies, or back by more than it bounces, is one of the poses: until both places are
-//! later, there is no stop.
+//! later, there is no stop. Where poses are missing, the poses behind them have to show it alone.
 //!
 //! The inputs are turned by the heading alone: `theta_0` turns them by less than a corner does.
 
@@ -40,9 +40,11 @@ const INPUT_MIN: f64 = 0.05;
 /// Poses for which all this must hold: one may be an outlier.
 const TICKS_MIN: u32 = 2;
 
-/// A step back that is longer is one of the poses: a vehicle that hits something bounces off slowly. m/s, m
+/// A step back that is longer is one of the poses: a vehicle that hits something bounces off slowly. Beyond so many
+/// periods only the second one counts: a step that looks like a stop leads back by little there. m/s, m, periods
 const BOUNCE_MPS: f64 = 0.5;
 const BOUNCE_M: f64 = 0.02;
+const BOUNCE_AGE_MAX: usize = 2;
 /// Any step that exceeds [`SPEED_MAX_MPS`] by more. m
 const STEP_M: f64 = 0.05;
 
@@ -56,13 +58,16 @@ pub(super) struct Impact {
     ticks: u32,
     /// Periods since a step that no vehicle makes.
     since_jump: usize,
+    /// Periods between the two newest places, and since places were missing.
+    spacing: usize,
+    since_gap: usize,
 }
 
 impl Impact {
     /// Nothing was seen yet. `dt_s` > 0 is the period.
     pub(super) fn new(dt_s: f64) -> Self {
         let ring = [(None, Vector2::zeros()); DRIVEN + 1];
-        Self { dt_s, ring, newest: 0, ticks: 0, since_jump: usize::MAX }
+        Self { dt_s, ring, newest: 0, ticks: 0, since_jump: usize::MAX, spacing: 1, since_gap: 0 }
     }
 
     /// A period has ended in which `u_applied` was applied at the heading `theta_rad`; `seen` is the new pose in it, if
@@ -75,6 +80,14 @@ impl Impact {
         self.ring[self.newest] = (place_w, inputs_w(u_applied, theta_rad));
         let has_jumped = place_w.is_some() && self.has_jumped();
         self.since_jump = if has_jumped { 0 } else { self.since_jump.saturating_add(1) };
+        self.since_gap = self.since_gap.saturating_add(1);
+        if place_w.is_some() {
+            let spacing = self.spacing();
+            if spacing > self.spacing + LATER {
+                self.since_gap = 0;
+            }
+            self.spacing = spacing;
+        }
         // A tick without a place decides nothing.
         if place_w.is_some() {
             self.ticks = if self.stops() { self.ticks + 1 } else { 0 };
@@ -87,7 +100,7 @@ impl Impact {
     }
 
     fn stops(&self) -> bool {
-        if self.since_jump <= COMES + LATER {
+        if self.since_jump <= COMES + LATER || self.since_gap < STANDS {
             return false;
         }
         let Some(velocity_w_mps) = self.velocity(ARRIVES, COMES) else { return false };
@@ -98,14 +111,22 @@ impl Impact {
         speed_mps >= SPEED_MIN_MPS && along_w.dot(&left_w_mps) <= LEFT * speed_mps && is_driven()
     }
 
+    /// Periods between the newest place and the one before.
+    fn spacing(&self) -> usize {
+        let count = self.ring.len();
+        let is_place = |age: &usize| self.ring[(self.newest + count - age) % count].0.is_some();
+        (1..count).find(is_place).unwrap_or(count)
+    }
+
     /// Whether the newest step leads further than a vehicle flies, or back further than it bounces.
     fn has_jumped(&self) -> bool {
         let Some(((to_w, _), (from_w, age))) = self.place(0).zip(self.place(1)) else {
             return false;
         };
         let (step_w, time_s) = (to_w - from_w, self.dt_s * age as f64);
+        let bounce_mps = if age > BOUNCE_AGE_MAX { 0.0 } else { BOUNCE_MPS };
         let leads_back =
-            |v: Vector2<f64>| -step_w.dot(&v) > (BOUNCE_MPS * time_s + BOUNCE_M) * v.norm();
+            |v: Vector2<f64>| -step_w.dot(&v) > (bounce_mps * time_s + BOUNCE_M) * v.norm();
         step_w.norm() > SPEED_MAX_MPS * time_s + STEP_M
             || self.velocity(ARRIVES, COMES).is_some_and(leads_back)
     }
@@ -210,6 +231,19 @@ mod tests {
             _ => 1.2,
         };
         assert_eq!(hit_s(outlier, |_| 0.5, always), None);
+        // A stall, behind which the object is elsewhere.
+        for (length, by_m) in (1..10)
+            .flat_map(|length| [-0.09, -0.1, -0.12, -0.15, -0.2, -0.28].map(|by_m| (length, by_m)))
+        {
+            for speed_mps in [0.95, 1.2, 1.6] {
+                let shifted = |t_s: f64| {
+                    let is_step = (2.0..2.02 - 1e-9).contains(&t_s);
+                    speed_mps + if is_step { by_m / DT_S } else { 0.0 }
+                };
+                let hit_s = hit_s(shifted, |_| 0.5, |k| !(100..100 + length).contains(&k));
+                assert_eq!(hit_s, None, "{by_m} m behind {length} periods at {speed_mps} m/s");
+            }
+        }
         // Longer ones, and one that stays, of poses that come in every or in every second period.
         for by_m in [-0.09, -0.1, -0.15, -0.2, -0.28, -0.39, 0.25, 0.39] {
             for (length, speed_mps) in [1, 2, 3, 4, 5, 6, 7, 200]

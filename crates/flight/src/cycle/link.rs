@@ -61,6 +61,9 @@ impl Link {
     /// Decides a correction of the dead times by what [`Link::judge`] saw, makes it in `fifo` and takes what each axis
     /// changed by off the monitor's errors; whether there is one.
     pub(super) fn correct_dead_time(&mut self, fifo: &mut InputFifo<{ stick::COUNT }>) -> bool {
+        if self.is_up() && self.dead_time.is_taken_back() {
+            self.monitor.restart();
+        }
         if !self.dead_time.follow(self.monitor.dead_time_errors()) {
             return false;
         }
@@ -112,6 +115,9 @@ impl Link {
         self.newest = (self.newest + 1) % self.meant.len();
         self.meant[self.newest] = *u_meant;
         let verdict = self.monitor.update(u_meant, observed, p);
+        if self.is_up() && verdict.state.is_down() {
+            self.dead_time.note_outage();
+        }
         self.state = verdict.state;
         let since_steps = verdict.onset_steps as usize;
         self.state_steps = self.state_steps.saturating_add(1);

@@ -22,6 +22,10 @@ const PLAN_DECAY_TICKS: f64 = 10.0;
 /// Ticks after which an unused plan is too old to be judged against walls.
 const CLEAR_LAG_MAX: u32 = 5;
 
+/// A vehicle that brakes is held where it is once it is slower, until it is so far away. m/s, m
+const REST_MPS: f64 = 0.1;
+const REST_M: f64 = 0.5;
+
 /// What the plan follows from.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Known<'a, const NS: usize, const NP: usize> {
@@ -71,8 +75,9 @@ where
     walls: Option<Walls>,
     clearance: Option<Clearance>,
     is_clear: bool,
-    /// Whether the plan brings the vehicle to rest, whatever the mission.
+    /// Whether the plan brings the vehicle to rest, whatever the mission, and where it is held then.
     is_braking: bool,
+    rest: Option<Pose>,
 }
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Planner<M, NS, NP, NR>
@@ -110,6 +115,7 @@ where
             clearance: None,
             is_clear: true,
             is_braking: false,
+            rest: None,
         }
     }
 
@@ -129,11 +135,17 @@ where
     /// From now on plans follow the mission, or bring the vehicle to rest as near as they can.
     pub(super) fn brake(&mut self, is_braking: bool) {
         self.is_braking = is_braking;
+        self.rest = self.rest.filter(|_| is_braking);
     }
 
     /// Whether plans bring the vehicle to rest.
     pub(super) fn is_braking(&self) -> bool {
         self.is_braking
+    }
+
+    /// Whether plans hold a vehicle that has braked at one place.
+    pub(super) fn is_at_rest(&self) -> bool {
+        self.rest.is_some()
     }
 
     /// Length of the plan. steps
@@ -205,11 +217,12 @@ where
     /// Fills the references of the plan that begins at `s_0`, `first` steps after the estimate.
     fn refer(&mut self, mission: &Mission, s_0: &SVector<f64, NS>, first: usize) {
         let from = self.model.observe(s_0);
+        let near = |at: &Pose| angle::nearest_turn(at, &from, &M::OBSERVATION);
         if self.is_braking {
-            self.s_ref.fill(self.model.moving(&from, &Pose::zeros(), s_0));
+            let rest = near(&self.rest(&from, s_0));
+            self.s_ref.fill(self.model.moving(&rest, &Pose::zeros(), s_0));
             return;
         }
-        let near = |at: &Pose| angle::nearest_turn(at, &from, &M::OBSERVATION);
         if mission.is_pointwise() {
             let distance_max = self.baseline.max_target_distance;
             let target = clip_target(&near(mission.target()), &from, distance_max);
@@ -227,6 +240,15 @@ where
             at[pose::THETA] += turn;
             *s_ref = self.model.moving(&at, &reference.rate, s_0);
         }
+    }
+
+    /// Where a vehicle that brakes and is at `from` comes to rest: held at one place, it does not creep on.
+    fn rest(&mut self, from: &Pose, s_0: &SVector<f64, NS>) -> Pose {
+        let next = self.model.observe(&self.model.step(s_0, &Sticks::zeros(), &self.p, self.dt_s));
+        let is_slow = (pos_w(&next) - pos_w(from)).norm() < REST_MPS * self.dt_s;
+        let is_near = |rest: &Pose| (pos_w(rest) - pos_w(from)).norm() < REST_M;
+        self.rest = self.rest.filter(is_near).or_else(|| is_slow.then_some(*from));
+        self.rest.unwrap_or(*from)
     }
 
     /// State when a stick of the slowest axis, sent now, begins to act, by the newest plan.
@@ -321,6 +343,11 @@ where
     /// Whether a vehicle that stands at `at` is inside of an obstacle, or climbs into one in its take-off.
     pub(super) fn bars_start(&self, at: &Pose) -> bool {
         self.walls.as_ref().is_some_and(|walls| walls.bars_start(&pos_w(at)))
+    }
+
+    /// Whether the obstacle that moves comes near to a vehicle that stays at `at`.
+    pub(super) fn is_approached(&self, at: &Pose) -> bool {
+        self.walls.as_ref().is_some_and(|walls| walls.is_approached(&pos_w(at)))
     }
 
     /// Whether `at` is inside of an obstacle that does not move.

@@ -11,6 +11,9 @@ const PLANNED_MAX: f64 = 2.0;
 /// What counts of the distance to a reference that the vehicle cannot get to.
 const BLOCKED: f64 = 0.5;
 
+/// A reference that turns back to a missed waypoint leaves a vehicle that flies on: dead time and braking. s
+const TURN_BACK_S: f64 = 2.0;
+
 /// A vehicle within this of the height of its reference, or above it, has not sunk. m
 const LEVEL_M: f64 = 0.1;
 
@@ -25,6 +28,9 @@ pub(super) struct Progress {
     least: Option<(f64, f64)>,
     /// Whether an obstacle that moves was in the way to the reference.
     was_blocked: bool,
+    /// Whether the reference led back to a missed waypoint, and until when that counts, in `flown_s`. s
+    was_returning: bool,
+    turns_until_s: f64,
     /// Greatest height since the vehicle was last level with its reference. World frame. m
     top_m: Option<f64>,
 }
@@ -82,6 +88,15 @@ impl Progress {
         if target.is_some() && self.targets_reached != mission.targets_reached() {
             self.targets_reached = mission.targets_reached();
             self.resume();
+        }
+        let was_returning = std::mem::replace(&mut self.was_returning, mission.is_returning());
+        if self.was_returning && !was_returning {
+            self.turns_until_s = self.flown_s + TURN_BACK_S;
+        }
+        if let Some((least_m, _)) = &mut self.least
+            && self.flown_s < self.turns_until_s
+        {
+            *least_m = f64::INFINITY;
         }
         let apart_w = reference - pose_hat;
         let (now_m, now_rad) =
@@ -196,6 +211,36 @@ mod tests {
             let found_m = progress.tracking(&mission, &over(z_m), |_| false).sunk_m;
             assert!((found_m - sunk_m).abs() < 1e-9, "{z_m} m: {found_m} m");
         }
+    }
+
+    #[test]
+    fn a_vehicle_may_fly_on_for_two_seconds_when_its_reference_turns_back() {
+        let mut mission = mission(include_str!("../../../../configs/missions/square.json"));
+        let mut progress = Progress::default();
+        // Along the path, but far outside of the corner.
+        let mut at = mission.first_pose();
+        for _ in 0..2000 {
+            if mission.is_returning() {
+                break;
+            }
+            mission.advance(&at);
+            at = mission.reference().unwrap_or(at);
+            if mission.targets_reached() == 1 && at[pose::Y] > -1.8 {
+                at += Pose::new(-0.3, 0.3, 0.0, 0.0);
+            }
+            progress.fly(0.02);
+        }
+        assert!(mission.is_returning());
+        let mut away_m = |count: u32| {
+            let ahead = (0..count).map(|_| {
+                at += Pose::new(0.02, 0.0, 0.0, 0.0);
+                progress.fly(0.02);
+                progress.tracking(&mission, &at, |_| false).away_m
+            });
+            ahead.last().unwrap_or_default()
+        };
+        assert!(away_m(99) <= 0.0, "it brakes");
+        assert!((away_m(50) - 1.0).abs() < 0.1, "and does not come back");
     }
 
     #[test]

@@ -7,6 +7,7 @@ use horizon_model::Row;
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use schemars::{JsonSchema, Schema, schema_for};
 use serde::{Deserialize, Serialize};
+use strum::VariantArray;
 
 use super::outcome::SolveFigures;
 use super::walls::Clearance;
@@ -19,7 +20,7 @@ pub use rows::RowsRecord;
 use rows::rows_schema;
 
 /// A channel of the log: `/subject/what`, one JSON record per tick at most.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, VariantArray)]
 pub enum Topic {
     /// [`Inbox`]: all that a replay needs; the first record of each tick.
     Inbox,
@@ -63,27 +64,7 @@ pub enum Topic {
 
 impl Topic {
     /// Every channel, in the order in which a tick writes them.
-    pub const ALL: [Self; 19] = [
-        Self::Inbox,
-        Self::Raw,
-        Self::Filtered,
-        Self::State,
-        Self::Parameter,
-        Self::Link,
-        Self::Estimator,
-        Self::Prediction,
-        Self::Reference,
-        Self::Target,
-        Self::Plan,
-        Self::Controller,
-        Self::Wish,
-        Self::Command,
-        Self::Monitor,
-        Self::Phase,
-        Self::Fault,
-        Self::Timing,
-        Self::Jitter,
-    ];
+    pub const ALL: &[Self] = Self::VARIANTS;
 
     /// Name of the channel in the log.
     pub fn name(self) -> &'static str {
@@ -112,7 +93,7 @@ impl Topic {
 
     /// The channel whose [`Topic::name`] is `name`; `None` for a name that no tick writes.
     pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|topic| topic.name() == name)
+        Self::ALL.iter().copied().find(|topic| topic.name() == name)
     }
 
     /// Name of the kind of record on the channel.

@@ -55,6 +55,7 @@ where
             is_plan_clear: self.planner.is_clear(),
             is_obstacle_unseen: self.planner.is_obstacle_unseen(),
             is_start_barred: is_idle && pose.is_some_and(|at| self.planner.bars_start(&at)),
+            is_approached: pose.is_some_and(|at| self.planner.is_approached(&at)),
             reference_behind_w: self.reference_behind_w(motion.as_ref()),
             is_in_obstacle: pose.is_some_and(|at| self.planner.is_in_obstacle(&at)),
             is_pose_repeated: self.is_frozen(),
@@ -156,7 +157,7 @@ where
             // After a hand-back the reference may wait: under a brake or a hold the mission is not resumed.
             self.progress.resume();
             self.progress.restart_height();
-        } else if self.memory.is_on_mission && self.link_is_up() {
+        } else if (self.memory.is_on_mission || self.planner.is_at_rest()) && self.link_is_up() {
             self.immobility.press(u_sent, self.dt_s);
         }
     }

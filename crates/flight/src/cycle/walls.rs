@@ -30,6 +30,10 @@ const BESIDE_M: f64 = 0.6;
 /// How far above a start obstacles are looked for: a take-off, and 0.1 m to spare. m
 const CLIMB_M: f64 = CLIMB_MAX_M + 0.1;
 
+/// An obstacle that moves is in the way of a climb or landing that it meets within so long: a landing from 1.3 m takes
+/// 3.5 s. s
+const APPROACH_S: f64 = 4.0;
+
 /// How the plan keeps away from walls and obstacles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -180,13 +184,28 @@ impl Walls {
         at_rest.map(|obstacle| obstacle.distance(at_w).distance_m).fold(f64::INFINITY, f64::min)
     }
 
+    /// Whether the obstacle that moves comes within the margin of one who stays at `at_w`, as it moves now.
+    pub(super) fn is_approached(&self, at_w: &Vector3<f64>) -> bool {
+        let Some((from_w, to_w)) = self.moving.place(0.0).zip(self.moving.place(APPROACH_S)) else {
+            return false;
+        };
+        // The nearest place of its way from above: an obstacle that moves has no ends.
+        let way_w = to_w - from_w;
+        let part = (at_w - from_w).xy().dot(&way_w.xy()) / way_w.xy().norm_squared();
+        let nearest_w = from_w + way_w * if part.is_finite() { part.clamp(0.0, 1.0) } else { 0.0 };
+        let comes_near = |obstacle: &Obstacle| {
+            obstacle.distance_from(at_w, Some(&nearest_w)).distance_m < self.table.margin_m
+        };
+        self.obstacles.iter().filter(|obstacle| obstacle.is_moving()).any(comes_near)
+    }
+
     /// Whether a vehicle that stands at `at_w` is inside of an obstacle now, or climbs into one in its take-off.
     pub(super) fn bars_start(&self, at_w: &Vector3<f64>) -> bool {
         let moving_w = self.moving.place(0.0);
         let least_m = |obstacle: &Obstacle| {
             obstacle.distance_in_climb(at_w, CLIMB_M, moving_w.as_ref()).distance_m
         };
-        self.obstacles.iter().any(|obstacle| least_m(obstacle) < 0.0)
+        self.is_approached(at_w) || self.obstacles.iter().any(|obstacle| least_m(obstacle) < 0.0)
     }
 
     /// The plan begins `lead_s` after now, at a position of this covariance. m^2

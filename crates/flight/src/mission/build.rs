@@ -5,13 +5,14 @@ use std::f64::consts::TAU;
 use horizon_model::rows::{Pose, pos_w, pose};
 use horizon_model::setting::{SettingError, finite, in_range, not_negative, positive};
 
-use super::follower::{Follower, Waypoint};
+use super::follower::Follower;
 use super::table::{
     CircleTable, Direction, FollowTable, LIMIT_MIN, LimitTable, PointsTable, SplineTable,
     TIMED_COUNT, TrajectoryTable, WaypointTable, check_apart, check_waypoints, repeat,
 };
+use super::timed_path::{TimedPath, Waypoint, leave};
 use crate::path::{self, Heading, Limits, Path};
-use crate::reference::{at_least, pose_distance};
+use crate::reference::at_least;
 use crate::trajectory::Trajectory;
 
 /// Longest path. m
@@ -22,6 +23,9 @@ const DURATION_MAX_S: f64 = 3600.0;
 
 /// Speed and yaw rate to the beginning of a trajectory that is slower, or stands still. m/s, rad/s
 const SLOWEST: (f64, f64) = (0.3, 0.5);
+
+/// Of the distance at which corners pass their waypoints: after a missed one.
+const CAREFUL_CORNERS: f64 = 0.5;
 
 /// A limit that does not limit. m/s, m/s^2, rad/s
 const LIFTED: f64 = 1e3;
@@ -36,17 +40,22 @@ pub(super) fn waypoints(table: &WaypointTable, dt_s: f64) -> Result<Follower, Se
         return Err(SettingError::new("corner_m", corner_m, rule));
     }
     let limits = limits(&table.limits)?;
-    let path = path::rounded(&poses, corner_m);
-    let trajectory = timed_path(&path, &poses, table.heading, &limits)?;
-    let stops = poses.iter().zip(path.marks()).map(|(at, node)| {
-        let passing = trajectory.nodes()[*node].pose;
-        // On a rounded corner the path passes beside the waypoint, with the same heading.
-        let at = Pose::new(at[pose::X], at[pose::Y], at[pose::Z], passing[pose::THETA]);
-        let leave = leave(&trajectory, *node, &at, table.follow.reach);
-        Waypoint { pose: at, node: *node, leave, counts_from_s: 0.0 }
-    });
-    let stops = stops.collect();
-    Follower::new(trajectory, stops, &table.follow, limits, dt_s)
+    let timed = |corner_m| -> Result<TimedPath, SettingError> {
+        let path = path::rounded(&poses, corner_m);
+        let trajectory = timed_path(&path, &poses, table.heading, &limits)?;
+        let stops = poses.iter().zip(path.marks()).map(|(at, node)| {
+            let passing = trajectory.nodes()[*node].pose;
+            // On a rounded corner the path passes beside the waypoint, with the same heading.
+            let at = Pose::new(at[pose::X], at[pose::Y], at[pose::Z], passing[pose::THETA]);
+            let leave = leave(&trajectory, *node, &at, table.follow.reach);
+            Waypoint { pose: at, node: *node, leave, counts_from_s: 0.0 }
+        });
+        let waypoints = stops.collect();
+        Ok(TimedPath { trajectory, waypoints })
+    };
+    // One that would take too long is none.
+    let careful = if corner_m > 0.0 { timed(CAREFUL_CORNERS * corner_m).ok() } else { None };
+    Follower::new(timed(corner_m)?, careful, &table.follow, limits, dt_s)
 }
 
 pub(super) fn spline(table: &SplineTable, dt_s: f64) -> Result<Follower, SettingError> {
@@ -174,7 +183,7 @@ fn curve(
         Waypoint { pose: at.pose, node, leave: last, counts_from_s: at.at_s }
     };
     let waypoints = vec![waypoint(0), waypoint(last)];
-    Follower::new(trajectory, waypoints, follow, limits, dt_s)
+    Follower::new(TimedPath { trajectory, waypoints }, None, follow, limits, dt_s)
 }
 
 /// The path as fast as `limits` allow.
@@ -222,13 +231,6 @@ fn check_length(poses: &[Pose]) -> Result<(), SettingError> {
     }
     let rule = format!("at most {LENGTH_MAX_M} m in all");
     Err(SettingError::new("waypoints", format!("{length_m:.2} m"), rule))
-}
-
-/// The first node from `node` on that is out of `reach` of `waypoint`, else the last one.
-fn leave(trajectory: &Trajectory, node: usize, waypoint: &Pose, reach: f64) -> usize {
-    let nodes = trajectory.nodes();
-    let is_out = |i: &usize| pose_distance(waypoint, &nodes[*i].pose) > reach;
-    (node..nodes.len()).find(is_out).unwrap_or(nodes.len() - 1)
 }
 
 #[cfg(test)]

@@ -1,7 +1,9 @@
 //! A reference that moves along a trajectory and keeps together with the vehicle.
 //!
 //! Owns when the reference sets off, waits, goes back to a missed waypoint and arrives, and which waypoints are
-//! reached. A way off the trajectory is `carrot.rs`. The trajectory is never changed: only the time on it runs slower.
+//! reached. A way off the trajectory is `carrot.rs`. Trajectories are never changed: only the time on them runs slower.
+
+use std::mem::swap;
 
 use horizon_model::rows::{Pose, pose};
 use horizon_model::setting::SettingError;
@@ -9,6 +11,7 @@ use horizon_model::setting::SettingError;
 use super::Reference;
 use super::carrot::Carrot;
 use super::table::FollowTable;
+use super::timed_path::{TimedPath, Waypoint};
 use crate::path::Limits;
 use crate::reference::pose_distance;
 use crate::trajectory::{Moment, Trajectory};
@@ -27,19 +30,6 @@ const SETTLE_LEAVE: f64 = 2.0;
 
 /// Speed below which a trajectory stands still, whatever the pace. m/s
 const STANDSTILL_MPS: f64 = 1e-3;
-
-/// A place that has to be reached.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Waypoint {
-    /// Pose, theta continuous over the trajectory. m, rad
-    pub pose: Pose,
-    /// Node of the trajectory that passes it.
-    pub node: usize,
-    /// Node at which the trajectory has left its reach again.
-    pub leave: usize,
-    /// Time on the trajectory before which it does not count. s
-    pub counts_from_s: f64,
-}
 
 /// What the reference does.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -74,9 +64,10 @@ const START: Phase = Phase { at_s: 0.0, pace: 1.0 };
 /// A reference along a trajectory.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Follower {
-    trajectory: Trajectory,
-    /// At least two: the first at the beginning, the last at the end.
-    waypoints: Vec<Waypoint>,
+    path: TimedPath,
+    /// The same waypoints with tighter corners, for a vehicle that has missed one; then the path until there.
+    other: Option<TimedPath>,
+    has_missed: bool,
     follow: FollowTable,
     limits: Limits,
     dt_s: f64,
@@ -91,15 +82,15 @@ pub(super) struct Follower {
 }
 
 impl Follower {
-    /// A reference at the beginning of `trajectory`.
+    /// A reference at the beginning of `path`, which goes on along `careful`, if there is one, after a missed waypoint.
     ///
     /// `limits` are for the return to full pace and for ways to waypoints; `dt_s` is the period.
     ///
     /// # Errors
     /// A value of `follow` that breaks its rule.
     pub(super) fn new(
-        trajectory: Trajectory,
-        waypoints: Vec<Waypoint>,
+        path: TimedPath,
+        careful: Option<TimedPath>,
         follow: &FollowTable,
         limits: Limits,
         dt_s: f64,
@@ -108,8 +99,9 @@ impl Follower {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=60 s")]
         let settle_periods = (follow.start.settle_s / dt_s).round() as usize;
         Ok(Self {
-            trajectory,
-            waypoints,
+            path,
+            other: careful,
+            has_missed: false,
             follow,
             limits,
             dt_s,
@@ -163,7 +155,7 @@ impl Follower {
     }
 
     fn first_distance(&self, pose_hat: &Pose) -> f64 {
-        pose_distance(&self.waypoints[0].pose, pose_hat)
+        pose_distance(&self.path.waypoints[0].pose, pose_hat)
     }
 
     /// Distance to the first waypoint at which a vehicle that settles has left it.
@@ -188,12 +180,12 @@ impl Follower {
 
     fn run(&mut self, pose_hat: &Pose) {
         self.phase = self.after(self.phase, self.pace_max);
-        let now = self.trajectory.node_before(self.phase.at_s);
+        let now = self.path.trajectory.node_before(self.phase.at_s);
         let between = (self.passed..=now).rev();
-        self.passed = self.trajectory.nearest(between, pose_hat).unwrap_or(self.passed);
-        let lag_m = self.trajectory.arc_at_m(self.phase.at_s)
-            - self.trajectory.arc_beside_m(self.passed, pose_hat);
-        let aside_m = self.trajectory.aside_m(self.passed, pose_hat);
+        self.passed = self.path.trajectory.nearest(between, pose_hat).unwrap_or(self.passed);
+        let lag_m = self.path.trajectory.arc_at_m(self.phase.at_s)
+            - self.path.trajectory.arc_beside_m(self.passed, pose_hat);
+        let aside_m = self.path.trajectory.aside_m(self.passed, pose_hat);
         let aside_pace = self.follow.wait.aside_m.map_or(1.0, |ends_m| falling(aside_m, ends_m));
         self.pace_max = self.allowed_pace(lag_m).min(aside_pace);
         if self.is_finished() {
@@ -221,15 +213,20 @@ impl Follower {
     /// Whether the vehicle has left the next waypoint behind. The last one cannot be missed: the
     /// reference stays there.
     fn has_missed_next(&self) -> bool {
-        let is_last = self.reached + 1 == self.waypoints.len();
+        let is_last = self.reached + 1 == self.path.waypoints.len();
         let is_past = self.passed >= self.next().leave;
-        !is_last && (is_past || self.phase.at_s >= self.trajectory.end_s())
+        !is_last && (is_past || self.phase.at_s >= self.path.trajectory.end_s())
     }
 
-    /// From the missed waypoint, which is reached now, on along the trajectory from rest.
+    /// From the missed waypoint, which is reached now, on along the trajectory from rest. A vehicle that has missed one
+    /// corner would miss others, and each return costs seconds: from the first one on corners are tighter.
     fn set_off_again(&mut self) {
+        if let Some(other) = self.other.as_mut().filter(|_| !self.has_missed) {
+            swap(&mut self.path, other);
+            self.has_missed = true;
+        }
         let node = self.next().node;
-        self.place_at(node, self.trajectory.nodes()[node].at_s, 0.0);
+        self.place_at(node, self.path.trajectory.nodes()[node].at_s, 0.0);
         self.reached += 1;
         self.stage = Stage::Run;
     }
@@ -250,19 +247,19 @@ impl Follower {
 
     /// Goes to the place on the trajectory that is nearest to the vehicle.
     fn resume_run(&mut self, pose_hat: &Pose, velocity_hat: &Pose) {
-        let now = self.trajectory.node_before(self.phase.at_s);
-        let mut first = self.waypoints[self.reached - 1].node.min(self.passed);
-        while self.way_m(first, self.passed) > RESUME_WINDOW_M {
+        let now = self.path.trajectory.node_before(self.phase.at_s);
+        let mut first = self.path.waypoints[self.reached - 1].node.min(self.passed);
+        while self.path.way_m(first, self.passed) > RESUME_WINDOW_M {
             first += 1;
         }
         let mut last = self.next().node.max(first);
-        while last > now && self.way_m(now, last) > RESUME_WINDOW_M {
+        while last > now && self.path.way_m(now, last) > RESUME_WINDOW_M {
             last -= 1;
         }
         // From the reference outwards: a trajectory that stands still is not begun again.
         let around = (first..=last.min(now)).rev().chain(now + 1..=last);
-        let Some(node) = self.trajectory.nearest(around, pose_hat) else { return };
-        let found = self.trajectory.nodes()[node];
+        let Some(node) = self.path.trajectory.nearest(around, pose_hat) else { return };
+        let found = self.path.trajectory.nodes()[node];
         let vel_w = found.vel_w();
         let speed2 = vel_w.norm_squared();
         let along = vel_w.dot(&velocity_hat.fixed_rows::<3>(pose::X));
@@ -278,21 +275,15 @@ impl Follower {
         self.pace_max = 1.0;
     }
 
-    /// Way from node `from` to node `to`; negative if that lies before. m
-    fn way_m(&self, from: usize, to: usize) -> f64 {
-        let nodes = self.trajectory.nodes();
-        nodes[to].arc_m - nodes[from].arc_m
-    }
-
     /// The phase one period later.
     fn after(&self, phase: Phase, pace_max: f64) -> Phase {
         let pace = if phase.pace < pace_max {
-            let growth = self.pace_growth(&self.trajectory.at(phase.at_s), phase.pace);
+            let growth = self.pace_growth(&self.path.trajectory.at(phase.at_s), phase.pace);
             (phase.pace + self.dt_s * growth).min(pace_max)
         } else {
             pace_max
         };
-        Phase { at_s: (phase.at_s + self.dt_s * pace).min(self.trajectory.end_s()), pace }
+        Phase { at_s: (phase.at_s + self.dt_s * pace).min(self.path.trajectory.end_s()), pace }
     }
 
     /// Largest growth of `pace` with which the reference keeps its acceleration. 1/s
@@ -351,17 +342,17 @@ impl Follower {
 
     /// Time from the beginning of the trajectory to its end, with the time to settle. s
     pub(super) fn planned_s(&self) -> f64 {
-        self.follow.start.settle_s + self.trajectory.end_s()
+        self.follow.start.settle_s + self.path.trajectory.end_s()
     }
 
     fn reference(&self, phase: Phase) -> Reference {
-        let at = self.trajectory.at(phase.at_s);
+        let at = self.path.trajectory.at(phase.at_s);
         Reference { pose: at.pose, rate: phase.pace * at.rate }
     }
 
     /// The waypoint to reach, the last one when all are reached.
     pub(super) fn next(&self) -> &Waypoint {
-        &self.waypoints[self.reached.min(self.waypoints.len() - 1)]
+        &self.path.waypoints[self.reached.min(self.path.waypoints.len() - 1)]
     }
 
     pub(super) fn reached(&self) -> usize {
@@ -369,15 +360,20 @@ impl Follower {
     }
 
     pub(super) fn waypoints(&self) -> &[Waypoint] {
-        &self.waypoints
+        &self.path.waypoints
+    }
+
+    /// See [`super::Mission::is_returning`].
+    pub(super) fn is_returning(&self) -> bool {
+        matches!(self.stage, Stage::Return(_))
     }
 
     pub(super) fn is_finished(&self) -> bool {
-        self.reached == self.waypoints.len()
+        self.reached == self.path.waypoints.len()
     }
 
     pub(super) fn trajectory(&self) -> &Trajectory {
-        &self.trajectory
+        &self.path.trajectory
     }
 }
 

@@ -50,8 +50,8 @@ pub struct WaypointTable {
     /// How often the whole is flown; more than once needs a last waypoint that is the first. 1..=100
     #[serde(default = "one_lap", skip_serializing_if = "is_one_lap")]
     pub laps: u32,
-    /// Distance at which the path passes an inner waypoint; less where half a side is too short, and
-    /// 0 where the path turns back on itself. m, >= 0, below `reach`
+    /// Distance at which the path passes an inner waypoint; less where half a side is too short, 0 where the path turns
+    /// back on itself, and half of it once a waypoint was missed. m, >= 0, below `reach`
     #[serde(default = "corner_m")]
     pub corner_m: f64,
     /// Where the vehicle looks.

@@ -22,7 +22,8 @@ const TURN_RAD: f64 = 0.785;
 /// displacement, or of the larger speed and at least so much. 1, m/s
 const TOLERANCE: f64 = 0.25;
 const TOLERANCE_MPS: f64 = 0.1;
-/// Error of the drone's velocity that shows nothing, beside that tolerance: as that of `velocity.rs`. m/s
+/// Error of the drone's velocity that shows nothing, beside that tolerance: with it less than the 0.08 m/s of
+/// `velocity.rs` is needed. m/s
 const OWN_ERROR_MPS: f64 = 0.05;
 /// Time constant of the low-pass filter of both velocities before their speeds are compared: what their ages, which are
 /// found to 0.1 s, still differ by makes a small difference. s

@@ -87,7 +87,7 @@ pub(super) struct Still {
 
 /// The longer of two times.
 fn longest(a_s: Option<f64>, b_s: Option<f64>) -> Option<f64> {
-    [a_s, b_s].into_iter().flatten().reduce(f64::max)
+    [a_s, b_s].into_iter().flatten().max_by(f64::total_cmp)
 }
 
 /// How long all rows have been still.

@@ -228,7 +228,7 @@ impl VelocityMonitor {
         let error_m = if self.is_age_known {
             known.error_m()
         } else {
-            self.ages.iter().filter_map(ReportAge::error_m).reduce(f64::min)
+            self.ages.iter().filter_map(ReportAge::error_m).min_by(f64::total_cmp)
         };
         let is_well_known = known.is_well_known();
         let agrees = |error_m| {
@@ -264,8 +264,8 @@ impl VelocityMonitor {
                 let axes = self.sums_by_inputs.rotation(frame)?;
                 self.displacements.vector_difference_m(axes * self.displacements.flown_d_m[frame])
             })
-            .reduce(f64::min);
-        [by_length_m, by_vector_m].into_iter().flatten().reduce(f64::max)
+            .min_by(f64::total_cmp);
+        [by_length_m, by_vector_m].into_iter().flatten().max_by(f64::total_cmp)
     }
 
     /// Newest speed by the drone; `None` if it reports none. m/s

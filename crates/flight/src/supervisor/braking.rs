@@ -15,6 +15,9 @@ const SLOW_MPS: f64 = 0.2;
 /// Longest braking: a dead time of 0.34 s, and 1.2 m/s at 1.1 m/s^2. s
 const BRAKE_MAX_S: f64 = 1.5;
 
+/// Longest wait for an obstacle that comes near at the end of a mission. s
+const LET_PAST_S: f64 = 10.0;
+
 /// What the controller does in a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Steered {
@@ -47,9 +50,11 @@ impl Supervisor {
         }
     }
 
-    /// Whether the mission has been done for long enough.
+    /// Whether the mission has been done for long enough. A landing evades nothing: an obstacle that comes near is
+    /// let past first.
     fn is_held_out(&self, e: &Evidence) -> bool {
-        self.since.done.has_lasted(e.t_ns, self.table.finish_hold_s)
+        let let_past_s = if e.is_approached { LET_PAST_S } else { 0.0 };
+        self.since.done.has_lasted(e.t_ns, self.table.finish_hold_s + let_past_s)
     }
 
     /// Whether a vehicle that has to land brakes no longer: it is slow, or braked long enough, or the controller may

@@ -180,8 +180,11 @@ pub struct Evidence {
     pub is_plan_clear: Option<bool>,
     /// Whether there is an obstacle that moves and was not seen for half a second or ever.
     pub is_obstacle_unseen: bool,
-    /// Whether the vehicle stands inside of an obstacle or below one that it would climb into; false in flight.
+    /// Whether the vehicle stands inside of an obstacle or below one that it would climb into, or one that moves comes
+    /// near; false in flight.
     pub is_start_barred: bool,
+    /// Whether the obstacle that moves comes near to the newest accepted pose within the time of a landing.
+    pub is_approached: bool,
     /// Where the reference is, if the straight way there leads through an obstacle that does not move and none that
     /// moves is in it, world frame. m
     pub reference_behind_w: Option<Vector3<f64>>,

@@ -4,10 +4,21 @@ use std::fmt::{self, Debug, Formatter};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use strum::VariantArray;
 
 /// Something that is wrong at a tick.
 #[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Serialize,
+    Deserialize,
+    JsonSchema,
+    VariantArray,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Fault {
@@ -153,6 +164,9 @@ pub enum Reaction {
 }
 
 impl Fault {
+    /// All faults, in the order of their declaration.
+    pub const ALL: &[Self] = Self::VARIANTS;
+
     /// Name on terminals.
     pub fn name(self) -> &'static str {
         match self {
@@ -204,56 +218,6 @@ impl Fault {
             Self::OperatorEmergencyStop => "operator emergency stop",
         }
     }
-
-    /// All faults, in the order of their declaration.
-    pub const ALL: [Self; Self::OperatorEmergencyStop as usize + 1] = [
-        Self::MocapStale,
-        Self::MocapLost,
-        Self::MocapFrozen,
-        Self::MocapJumped,
-        Self::MocapRough,
-        Self::MocapUnsettled,
-        Self::MocapUndated,
-        Self::WitnessDoubtful,
-        Self::WitnessDisagrees,
-        Self::HeadingWrong,
-        Self::StartMisplaced,
-        Self::PlanBlocked,
-        Self::BlockedLong,
-        Self::ObstacleEntered,
-        Self::ObstacleUnseen,
-        Self::FenceNear,
-        Self::FenceLeft,
-        Self::TrackingLost,
-        Self::Immobile,
-        Self::TooFast,
-        Self::DeadTimeLong,
-        Self::MissionOverdue,
-        Self::OutageHeld,
-        Self::OutageLong,
-        Self::OutageUnsafe,
-        Self::DroneUnheard,
-        Self::DroneAloft,
-        Self::TookOffUnasked,
-        Self::DroneSilent,
-        Self::NotFlying,
-        Self::BatteryLow,
-        Self::BatteryCritical,
-        Self::EstimatorFailed,
-        Self::ControllerFailed,
-        Self::SolverFailing,
-        Self::TicksLate,
-        Self::TakeOffTimeout,
-        Self::LandingTimeout,
-        Self::GuardianLost,
-        Self::ProgramStalled,
-        Self::PersonGone,
-        Self::InputExpired,
-        Self::LandedByPose,
-        Self::LandedByDrone,
-        Self::OperatorStop,
-        Self::OperatorEmergencyStop,
-    ];
 
     /// What it leads to under `pilot`. No wildcard: a new fault does not compile without a reaction.
     ///
@@ -342,7 +306,7 @@ impl FaultSet {
 
     /// The faults in the order of their declaration.
     pub fn iter(self) -> impl Iterator<Item = Fault> {
-        Fault::ALL.into_iter().filter(move |fault| self.contains(*fault))
+        Fault::ALL.iter().copied().filter(move |fault| self.contains(*fault))
     }
 
     /// Faults in either set.

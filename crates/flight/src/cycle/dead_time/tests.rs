@@ -21,16 +21,16 @@ fn steps(dead_time: &DeadTime) -> [i32; stick::COUNT] {
     dead_time.change().map_or([0; stick::COUNT], |change| change.steps)
 }
 
-/// The corrections of roll in 60 periods of a vehicle whose dead times are wrong by `error_s`, known to `sd_s`. steps
+/// The corrections of roll in 250 periods of a vehicle whose dead times are wrong by `error_s`, known to `sd_s`. steps
 fn corrected(change_s: f64, error_s: f64, sd_s: f64) -> i32 {
     let mut dead_time = dead_time(change_s);
-    for period in 0..60 {
+    for period in 0..250_u32 {
         let before = steps(&dead_time)[stick::ROLL];
         let left_s = error_s - f64::from(before) * DT_S;
         let is_changed = dead_time.follow(Some(common(left_s, sd_s)));
         let step = steps(&dead_time)[stick::ROLL] - before;
         assert_eq!(is_changed, step != 0);
-        assert!(step.abs() <= 1 && (step == 0 || period % PERIODS_BETWEEN as usize == 4));
+        assert!(step.abs() <= 1 && (step == 0 || period % PERIODS_BETWEEN == 4));
     }
     steps(&dead_time)[stick::ROLL]
 }
@@ -107,7 +107,7 @@ fn an_axis_that_follows_is_limited_but_keeps_pace_when_the_others_return() {
         }
         steps(&dead_time)
     };
-    for _ in 0..4 {
+    for _ in 0..SHORT_PERIODS / PERIODS_BETWEEN + 3 {
         follow(-0.1);
     }
     assert_eq!(follow(-0.1), [-5; stick::COUNT], "the FIFO keeps the least dead time of yaw");
@@ -160,4 +160,46 @@ fn what_is_left_is_reported_with_the_correction() {
     assert!(!dead_time.follow(None));
     assert_eq!(dead_time.change(), Some(change));
     assert_eq!(self::dead_time(0.0).change(), None);
+}
+
+#[test]
+fn a_dead_time_that_was_shortened_is_taken_back_when_the_link_goes_down_again_and_again() {
+    let mut dead_time = dead_time(0.3);
+    for _ in 0..10 {
+        dead_time.note_outage();
+    }
+    assert!(!dead_time.is_taken_back(), "nothing was shortened");
+    for _ in 0..SHORT_PERIODS + 15 {
+        dead_time.follow(Some(common(-0.1, 0.02)));
+    }
+    assert_eq!(steps(&dead_time)[stick::ROLL], -4);
+    for _ in 0..OUTAGES_MAX - 1 {
+        dead_time.note_outage();
+        assert!(!dead_time.follow(None));
+    }
+    dead_time.note_outage();
+    let changes = (0..100).filter(|_| dead_time.follow(None)).count();
+    assert_eq!((steps(&dead_time)[stick::ROLL], changes), (0, 4));
+    assert!(!dead_time.follow(Some(common(-0.1, 0.02))), "it waits for the new filter");
+    assert!(dead_time.is_taken_back() && !dead_time.is_taken_back());
+    // A longer one stays.
+    for _ in 0..20 {
+        dead_time.follow(Some(common(0.1, 0.02)));
+    }
+    for _ in 0..20 {
+        dead_time.note_outage();
+        dead_time.follow(None);
+    }
+    assert_eq!(steps(&dead_time)[stick::ROLL], 4);
+}
+
+#[test]
+fn a_gust_that_looks_like_an_early_answer_shortens_nothing() {
+    let mut dead_time = dead_time(0.3);
+    for mean_s in [-0.13, 0.05, -0.13] {
+        for _ in 0..SHORT_PERIODS - 1 {
+            dead_time.follow(Some(common(mean_s, 0.02)));
+            assert!(steps(&dead_time)[stick::ROLL] >= -SHORT_STEPS);
+        }
+    }
 }

@@ -192,6 +192,25 @@ fn the_way_is_blocked_by_what_moves_between_its_ends_or_over_one_of_them() {
 }
 
 #[test]
+fn an_obstacle_that_comes_near_within_four_seconds_bars_a_start_and_one_that_passes_or_leaves_does_not()
+ {
+    let moving = ObstacleTable::Moving { radius_m: 0.3 };
+    let is_barred = |aside_m: f64, away_m: f64, speed_mps: f64| {
+        let mut walls =
+            Walls::new(Some(&TABLE), None, std::slice::from_ref(&moving)).unwrap().unwrap();
+        for k in 0..100 {
+            let x_m = -away_m + speed_mps * 0.02 * f64::from(k - 99);
+            walls.follow(Some([x_m, aside_m, 1.0]), 0.02);
+        }
+        walls.bars_start(&Vector3::zeros())
+    };
+    assert!(is_barred(0.0, 0.3, 0.0) && !is_barred(0.0, 0.5, 0.0), "it stands");
+    assert!(is_barred(0.0, 4.2, 1.0) && !is_barred(0.0, 4.6, 1.0), "it comes");
+    assert!(is_barred(0.35, 2.0, 1.0) && !is_barred(0.5, 2.0, 1.0), "it passes");
+    assert!(!is_barred(0.0, 1.0, -1.0), "it leaves");
+}
+
+#[test]
 fn a_vehicle_stays_down_inside_of_an_obstacle_and_below_one_that_its_climb_meets() {
     let shelf = |low_m| ObstacleTable::Box { x_m: [0.0, 1.0], y_m: [0.0, 1.0], z_m: [low_m, 2.4] };
     let is_blocked = |obstacle: ObstacleTable, x_m: f64, z_m: f64| {

@@ -98,6 +98,26 @@ fn a_missed_corner_is_flown_to_before_the_path_goes_on() {
 }
 
 #[test]
+fn a_vehicle_that_cuts_its_corners_misses_one_and_no_other() {
+    let mut mission = set_off(&square(0.15));
+    let corners = mission.outline();
+    // The reference steps to the vehicle where a return begins, and from the corner to the path where it ends.
+    let (mut steps, mut before) = (0, mission.first_pose());
+    // At most 0.15 m from a corner by the reference; 0.07 m more inside, where it turns.
+    let middle = corners.iter().take(4).fold(Pose::zeros(), |sum, at| sum + at / 4.0);
+    let cut = |reference: &Reference, _: &Pose| {
+        steps += u32::from(place_gap(&reference.pose, &before) > 0.05);
+        before = reference.pose;
+        let inward = (middle - reference.pose).fixed_rows::<2>(pose::X).normalize();
+        let is_near = corners.iter().any(|corner| place_gap(&reference.pose, corner) < 0.4);
+        let by_m = if is_near { 0.07 } else { 0.0 };
+        reference.pose + Pose::new(by_m * inward.x, by_m * inward.y, 0.0, 0.0)
+    };
+    fly(&mut mission, cut, 4000);
+    assert!(mission.is_finished() && steps == 2, "{steps} steps");
+}
+
+#[test]
 fn every_mission_ends_once_the_vehicle_follows_again() {
     for (index, table) in
         [targets(), square(0.1), square(0.0), eight(), circle(), timed()].iter().enumerate()

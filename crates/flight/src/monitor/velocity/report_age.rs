@@ -91,7 +91,7 @@ impl ReportAge {
     /// The least difference; `None` before a frame fits. m
     pub(super) fn error_m(&self) -> Option<f64> {
         let known = self.error_m.iter().zip(&self.axes).filter(|(_, axes)| axes.is_some());
-        known.map(|(error_m, _)| error_m.norm()).reduce(f64::min)
+        known.map(|(error_m, _)| error_m.norm()).min_by(f64::total_cmp)
     }
 
     /// Learns the axes from a motion between two poses. Axes that were found stay while too little motion shows any.
