@@ -5,9 +5,6 @@
 //! only go down without a line in the changelog. What is rare counts as well: periods without a tick, solves that end
 //! because they are late, an estimator that fails and starts anew.
 
-#[path = "faults/breaking.rs"]
-mod breaking;
-
 use std::alloc::System;
 use std::ops::Range;
 use std::path::Path;
@@ -18,10 +15,9 @@ use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use tello_flight::cycle::{self, FlightTable, Inbox, Operator, Outcome, Solve, Tick, Unwatched};
 use tello_flight::{Fault, ObstacleTable, Phase, Pilot, Start};
 use tello_io::config;
+use tello_sim::breaking::{self, BROKEN, Broken};
 use tello_sim::virtual_time::VirtualFlight;
 use tello_sim::{Fault as SimFault, PasserTable, Profile, ScriptedFault, SimTable};
-
-use breaking::{BROKEN, Broken};
 
 #[global_allocator]
 static GLOBAL: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
@@ -191,7 +187,7 @@ fn assert_happened(case: &Case, seen: &Seen) {
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn cycle(case: &Case) -> Box<dyn Tick> {
     if case.breaks_in.is_some() {
-        breaking::cycle(&case.flight)
+        breaking::cycle(&case.flight).unwrap()
     } else {
         cycle::build(&case.flight).unwrap()
     }

@@ -5,8 +5,6 @@
 
 #[path = "faults/blocked.rs"]
 mod blocked;
-#[path = "faults/breaking.rs"]
-mod breaking;
 #[path = "faults/drone.rs"]
 mod drone;
 #[path = "faults/fence.rs"]

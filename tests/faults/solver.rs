@@ -1,15 +1,16 @@
 //! Solvers that fail or are late, in the whole loop: held, flown on, or landed.
 
 use tello_flight::{Fault, Phase};
+use tello_sim::breaking::{self, BROKEN, Broken};
 use tello_sim::virtual_time::VirtualFlight;
 
-use super::breaking::{self, BROKEN, Broken};
 use super::story::{FAULT_AT_S, Moment, Story, fly, fly_with, settings};
 
 /// A flight in which `broken` fails in `ticks` ticks from [`FAULT_AT_S`] on.
+#[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn fly_breaking(broken: Broken, ticks: u32) -> Story {
     let settings = settings(&[]);
-    let cycle = breaking::cycle(&settings.0);
+    let cycle = breaking::cycle(&settings.0).unwrap();
     let until_s = FAULT_AT_S + (f64::from(ticks) - 0.5) * settings.0.cycle.dt_s;
     let story = fly_with(cycle, &settings, 60.0, |at_s, _| {
         let is_broken = (FAULT_AT_S - 1e-9..until_s).contains(&at_s);

@@ -7,6 +7,8 @@
 //! Flight code never depends on this crate.
 
 pub mod batch;
+#[cfg(feature = "breaking")]
+pub mod breaking;
 pub mod campaign;
 pub mod contact;
 mod datagram_channel;

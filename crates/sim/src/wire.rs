@@ -18,7 +18,7 @@ use crate::world::World;
 /// Firmware with which a Tello was often sold.
 const VERSION: &[u8] = b"01.04.91.01";
 const ALTITUDE_LIMIT_M: u16 = 30;
-const TILT_LIMIT_DEG: f32 = 25.0;
+const TILT_LIMIT_RAD: f64 = 25.0_f64.to_radians();
 /// Rate of the clock of the drone's log. Hz
 const LOG_TICK_HZ: f64 = 2_344_062.0;
 
@@ -133,7 +133,7 @@ impl World {
             Query::Version => Answer::Version(Version::read(VERSION)?),
             Query::AltitudeLimit => Answer::AltitudeLimit(ALTITUDE_LIMIT_M),
             Query::BatteryThreshold => Answer::BatteryThreshold(self.firmware.warns_below_pct),
-            Query::TiltLimit => Answer::TiltLimit(TILT_LIMIT_DEG),
+            Query::TiltLimit => Answer::TiltLimit(TILT_LIMIT_RAD),
         })
     }
 }

@@ -1,8 +1,12 @@
-//! A vehicle model that fails on demand: its steps are NaN, for the estimator or for the controller.
+//! A vehicle model that fails on demand, for tests of the reaction: its steps are NaN, for the estimator or for the
+//! controller. With the feature `breaking` only.
+//!
+//! It is here and not beside the tests because they are compiled without optimization.
 
 use std::cell::Cell;
 
 use horizon_model::rows::{Pose, Sticks, lag, motion, pose, stick};
+use horizon_model::setting::SettingError;
 use horizon_model::{Lagged, Model, Row};
 use nalgebra::SVector;
 use tello_flight::cycle::{self, FlightTable, Tick};
@@ -12,7 +16,8 @@ type Parameter = SVector<f64, { lag::COUNT }>;
 
 /// Which model gives NaN now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Broken {
+pub enum Broken {
+    /// None: the flight is that of [`Lagged`].
     Nothing,
     /// The model of the controller: it plans on [`Model::core`].
     Controller,
@@ -22,7 +27,7 @@ pub(crate) enum Broken {
 
 thread_local! {
     /// What fails in this thread.
-    pub(crate) static BROKEN: Cell<Broken> = const { Cell::new(Broken::Nothing) };
+    pub static BROKEN: Cell<Broken> = const { Cell::new(Broken::Nothing) };
 }
 
 /// [`Lagged`], whose steps are NaN while it is broken.
@@ -74,8 +79,11 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
 }
 
 /// The cycle of `flight` with this model in place of [`Lagged`].
-#[expect(clippy::unwrap_used, reason = "a test may panic")]
-pub(crate) fn cycle(flight: &FlightTable) -> Box<dyn Tick> {
+///
+/// # Errors
+///
+/// As [`cycle::build`].
+pub fn cycle(flight: &FlightTable) -> Result<Box<dyn Tick>, SettingError> {
     let model = Breaking { model: Lagged::default(), breaks_with: Broken::Estimator };
-    cycle::build_with::<_, _, _, { motion::CONTROLLABLE }>(model, flight).unwrap()
+    cycle::build_with::<_, _, _, { motion::CONTROLLABLE }>(model, flight)
 }
