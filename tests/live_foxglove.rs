@@ -88,8 +88,9 @@ fn a_viewer_sees_what_the_log_has() {
     let channels: BTreeMap<String, (String, Vec<String>)> =
         serde_json::from_slice(&watched.stdout).unwrap();
     let known: BTreeSet<&str> = Topic::ALL
+        .iter()
+        .copied()
         .map(Topic::name)
-        .into_iter()
         .chain(scene::topics())
         .chain([flight_log::STREAM, flight_log::LINK])
         .collect();

@@ -50,7 +50,7 @@ fn python_reads_a_log_whole_and_cut() {
         .arg(script)
         .arg(&path)
         .args(["--period", "0.02", "--cut", "0.7", "--topics"])
-        .args(Topic::ALL.map(Topic::name))
+        .args(Topic::ALL.iter().copied().map(Topic::name))
         .args([flight_log::STREAM, flight_log::LINK])
         .args(scene::topics())
         .output()

@@ -234,7 +234,8 @@ fn the_scene_is_a_small_part_of_the_log_and_the_layout_shows_channels_that_exist
         assert!(layout["layout"].to_string().contains(panel.as_str()), "{panel} is not shown");
     }
     assert!(named.len() > 10, "{named:?}");
-    let known: Vec<&str> = Topic::ALL.map(Topic::name).into_iter().chain(scene::topics()).collect();
+    let known: Vec<&str> =
+        Topic::ALL.iter().copied().map(Topic::name).chain(scene::topics()).collect();
     for topic in named {
         assert!(known.contains(&topic.as_str()), "{topic} is no channel");
     }

@@ -11,6 +11,8 @@ use clap::{Args, ValueEnum};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
+use tello_eval::flight_log;
+use tello_eval::metrics::ReferencePath;
 use tello_eval::recordings::rows::{self, RowFlight};
 use tello_eval::recordings::{self, MCAP_MAGIC, ticks};
 use tello_io::log::csv::{self, CsvRow};
@@ -224,6 +226,10 @@ fn of_mcap(path: &Path, pos: Pos) -> Result<RowFlight> {
     if !log.head().documents.contains_key(CONFIG) {
         bail!("it is neither a flight nor a converted recording");
     }
+    // A log of another version may have settings that are not read any more.
+    let reference =
+        flight_log::settings(&log, path).and_then(|flight| Ok(ReferencePath::of(&flight)?));
+    let targets_count = reference.map_or(usize::MAX, |reference| reference.targets_count);
     let mut notes = Vec::new();
     let ticks = ticks::read(&mut log, &mut notes)?;
     let row = |tick: &ticks::TickRow| CsvRow {
@@ -234,7 +240,8 @@ fn of_mcap(path: &Path, pos: Pos) -> Result<RowFlight> {
             Pos::Raw => tick.raw,
         },
         input: tick.u_sent,
-        target: tick.target,
+        // A recording whose last target is reached has none any more: what follows is no part of its mission.
+        target: tick.target.filter(|_| targets_count < 2 || tick.targets_reached < targets_count),
         param: tick.param,
     };
     let rows = ticks.iter().map(row).collect();

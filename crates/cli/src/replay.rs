@@ -37,7 +37,7 @@ pub(crate) struct Arguments {
     /// One log of ours, or recordings and folders of recordings.
     #[arg(value_name = "LOG", required = true)]
     logs: Vec<PathBuf>,
-    /// Settings of the controller, in place of the log's own.
+    /// Settings of the controller, in place of the log's own; the mission of a log of ours stays.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Run CSV flights through these settings, too, and show both.

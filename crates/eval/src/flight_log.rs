@@ -102,11 +102,12 @@ pub fn is_replay(log: &LogReader) -> bool {
 
 /// The channels of a flight's log; `shape` is any outcome of its cycle.
 pub fn channels(shape: &Outcome) -> Vec<Channel> {
-    let mut channels = Vec::from(Topic::ALL.map(|topic| Channel {
+    let channel = |topic: &Topic| Channel {
         topic: topic.name(),
         schema_name: topic.schema_name(),
         schema: topic.schema(shape.state_rows, shape.parameter_rows).into(),
-    }));
+    };
+    let mut channels: Vec<_> = Topic::ALL.iter().map(channel).collect();
     let schema = schema_for!(StreamReport).into();
     channels.push(Channel { topic: STREAM, schema_name: "Stream", schema });
     let schema = schema_for!(LinkReport).into();

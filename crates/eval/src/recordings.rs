@@ -219,7 +219,11 @@ fn natural(a: &str, b: &str) -> Ordering {
             .map(|run| run.iter().collect())
             .collect()
     };
-    let number = |chunk: &str| chunk.parse::<u64>().ok();
+    // Of numbers without leading zeros the longer one is larger, whatever its length.
+    let number = |chunk: &str| -> Option<(usize, String)> {
+        let digits = chunk.trim_start_matches('0');
+        chunk.starts_with(|c| is_digit(&c)).then(|| (digits.len(), digits.to_owned()))
+    };
     let (a_chunks, b_chunks) = (chunks(a), chunks(b));
     let pairs = a_chunks.iter().zip(&b_chunks).map(|(a, b)| match (number(a), number(b)) {
         (Some(a), Some(b)) => a.cmp(&b),

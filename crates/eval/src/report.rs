@@ -101,7 +101,10 @@ pub fn of(logs: &[PathBuf], against: &[PathBuf], page: &Path) -> Result<Page> {
         groups,
         comparison,
         unusable,
-        definitions: Quantity::ALL.map(|quantity| (quantity.key(), quantity.definition())).into(),
+        definitions: Quantity::ALL
+            .iter()
+            .map(|quantity| (quantity.key(), quantity.definition()))
+            .collect(),
         page: page.to_owned(),
         revision: REVISION,
     };

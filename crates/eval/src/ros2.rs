@@ -14,6 +14,7 @@ use foxglove::messages::PosesInFrame;
 use horizon_model::rows::pose;
 use serde::Deserialize;
 use serde_json::{Map, Value};
+use strum::VariantArray;
 use tello_flight::cycle::{PoseRecord, Topic};
 use tello_flight::drone::DroneStatus;
 use tello_io::log::{Channel, Ending, LogReader, LogWriter};
@@ -34,7 +35,7 @@ const WARN: u8 = 1;
 const BATTERY_KIND: [u8; 3] = [2, 1, 3];
 
 /// A topic.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, VariantArray)]
 pub enum RosTopic {
     /// Estimated pose.
     Pose,
@@ -61,17 +62,7 @@ pub type RosMessage = (RosTopic, Vec<u8>);
 
 impl RosTopic {
     /// Every message, in the order of the documentation.
-    pub const ALL: [Self; 9] = [
-        Self::Pose,
-        Self::Transform,
-        Self::Velocity,
-        Self::State,
-        Self::Reference,
-        Self::Target,
-        Self::Plan,
-        Self::Diagnostics,
-        Self::Battery,
-    ];
+    pub const ALL: &[Self] = Self::VARIANTS;
 
     /// Name of the topic.
     pub const fn name(self) -> &'static str {
@@ -191,9 +182,9 @@ pub struct Exported {
 pub fn export(from: &Path, to: &Path) -> Result<Exported> {
     let mut log = LogReader::open(from)?.select(&sources());
     let started_unix_ns = log.head().started_unix_ns;
-    let channels = RosTopic::ALL.map(RosTopic::channel);
+    let channels: Vec<_> = RosTopic::ALL.iter().copied().map(RosTopic::channel).collect();
     let mut out = LogWriter::create_ros2(to, log.head(), &channels)?;
-    let mut counts = RosTopic::ALL.map(|topic| (topic.name(), 0));
+    let mut counts: Vec<_> = RosTopic::ALL.iter().map(|topic| (topic.name(), 0)).collect();
     while let Some(message) = log.next_message()? {
         let stamp_ns = started_unix_ns.saturating_add_signed(message.t.0);
         // The plan of older logs is not there, nor is their scene in this form.

@@ -31,8 +31,8 @@ pub use axes::{Axes, Axis, FrameTable, Placement, Unit, quaternion_of_matrix};
 pub use body::{ABOUT_Z, Body, matrix_of_angles};
 pub use client::{MocapClient, MocapFeed};
 pub use lines::{LINE_BYTES_MAX, Lines};
-pub use protocol::{Head, Name, Taker};
-pub use relay::{LineError, RelayPose, format_line, parse_line};
+pub use protocol::{Absence, Head, Name, Taker};
+pub use relay::{RelayPose, format_line, parse_line};
 pub use settings::{
     MocapSettings, MocapTable, NatnetTable, QtmTable, ServerTable, UdpTable, VrpnTable,
 };

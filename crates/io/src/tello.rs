@@ -20,6 +20,7 @@ use horizon_model::setting::{SettingError, in_range};
 use parking_lot::Mutex;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use strum::VariantArray;
 
 pub use bind::LinkError;
 pub use client::{DroneClient, DroneLink, OrderError};
@@ -140,7 +141,7 @@ impl TelloSettings {
 }
 
 /// What the sender puts on the wire now, whatever the control thread has approved.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema, VariantArray)]
 #[serde(rename_all = "snake_case")]
 #[repr(u8)]
 pub enum SenderState {
@@ -160,18 +161,6 @@ pub enum SenderState {
     /// Nothing: the motors are stopped.
     #[serde(rename = "cut")]
     MotorsStopped,
-}
-
-impl SenderState {
-    const ALL: [Self; 7] = [
-        Self::Quiet,
-        Self::Steering,
-        Self::Neutral,
-        Self::Landing,
-        Self::Landed,
-        Self::EmergencyStop,
-        Self::MotorsStopped,
-    ];
 }
 
 /// How the link to the drone does.
@@ -226,7 +215,7 @@ pub struct DroneFacts {
     /// Charge below which it calls its battery low. %
     pub battery_threshold_pct: Option<u8>,
     /// Largest tilt. rad
-    pub tilt_limit_rad: Option<f32>,
+    pub tilt_limit_rad: Option<f64>,
 }
 
 /// More of the words of a refusal is not kept.
@@ -243,7 +232,7 @@ impl LinkCounters {
     /// What the sender puts on the wire now.
     pub fn sender(&self) -> SenderState {
         let number = usize::from(self.sender.load(Ordering::Relaxed));
-        SenderState::ALL.get(number).copied().unwrap_or(SenderState::Quiet)
+        SenderState::VARIANTS.get(number).copied().unwrap_or(SenderState::Quiet)
     }
 
     fn set_sender(&self, state: SenderState) {
@@ -302,7 +291,7 @@ impl LinkCounters {
             Answer::Version(version) => facts.version = Some(version),
             Answer::AltitudeLimit(limit_m) => facts.altitude_limit_m = Some(limit_m),
             Answer::BatteryThreshold(pct) => facts.battery_threshold_pct = Some(pct),
-            Answer::TiltLimit(tilt_deg) => facts.tilt_limit_rad = Some(tilt_deg.to_radians()),
+            Answer::TiltLimit(tilt_rad) => facts.tilt_limit_rad = Some(tilt_rad),
         }
     }
 }

@@ -235,7 +235,7 @@ pub(super) fn read_state(bytes: &[u8], motor: &mut Motor, now: TimeNs) -> What {
         height_m: line.height_m(),
         velocity_d_mps: line.velocity_d_mps(),
         battery_pct: line.get(Field::Bat),
-        yaw: line.get(Field::Yaw).map(|yaw_deg| Radians(yaw_deg.to_radians())),
+        yaw: line.heading_rad().map(|heading_rad| Radians(-heading_rad)),
         flags: None,
         tof: tof_m.map(Metres),
         motor_s,

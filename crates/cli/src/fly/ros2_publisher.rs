@@ -51,7 +51,7 @@ impl Publisher {
     fn start(network: Network) -> Result<Self> {
         let node = Node::join(network)?;
         let writers: Result<Vec<_>> =
-            RosTopic::ALL.into_iter().map(|topic| Ok((topic, node.writer(topic)?))).collect();
+            RosTopic::ALL.iter().map(|&topic| Ok((topic, node.writer(topic)?))).collect();
         let writers = writers?;
         let (records, queue) = sync_channel(RECORDS);
         let (end, done) = sync_channel::<()>(0);

@@ -7,8 +7,8 @@ use std::time::Duration;
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use rtrb::Consumer;
 use tello_eval::flight_log::TickRecord;
-use tello_flight::Phase;
 use tello_flight::cycle::Timing;
+use tello_flight::{Fault, Phase, Pilot, Reaction};
 
 use crate::stdio;
 
@@ -22,6 +22,8 @@ pub(super) const WIDE: usize = 200;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Status {
     phase: Phase,
+    /// The fault that keeps the vehicle from its mission.
+    stopped_by: Option<Fault>,
     link_is_down: bool,
     is_by_hand: bool,
     pose_hat: Option<Pose>,
@@ -34,9 +36,16 @@ pub(super) struct Status {
 impl Status {
     pub(super) fn of(tick: &TickRecord) -> Self {
         let (out, timing) = (&tick.out, &tick.timing);
+        let is_by_hand = tick.inbox.manual.is_some();
+        let pilot = if is_by_hand { Pilot::Person } else { Pilot::Controller };
+        let faults =
+            out.ruling.map(|ruling| ruling.faults).filter(|_| out.phase() == Phase::Flying);
+        let strongest =
+            faults.and_then(|faults| faults.iter().max_by_key(|fault| fault.reaction(pilot)));
         Self {
             phase: out.phase(),
-            is_by_hand: tick.inbox.manual.is_some(),
+            stopped_by: strongest.filter(|fault| fault.reaction(pilot) >= Reaction::Hold),
+            is_by_hand,
             link_is_down: out.link.is_some_and(|link| link.state.is_down()),
             pose_hat: out.pose_hat(),
             target: out.target,
@@ -68,6 +77,8 @@ impl Status {
         let warnings =
             [(self.is_by_hand, " BY HAND"), (self.link_is_down, " LINK DOWN")].into_iter();
         let warnings = warnings.filter(|(is_so, _)| *is_so).map(|(_, text)| text.to_owned());
+        let stopped = self.stopped_by.map(|fault| format!(" STOPPED {}", fault.name()));
+        let warnings = warnings.chain(stopped);
         let place = self.pose_hat.as_ref().map_or(" waiting for a pose".to_owned(), |at| {
             let [x, y, z] = [at[pose::X], at[pose::Y], at[pose::Z]];
             format!(" {x:+.2} {y:+.2} {z:.2} m {:+4.0}\u{b0}", at[pose::THETA].to_degrees())
@@ -95,7 +106,7 @@ fn width() -> usize {
 /// own: a terminal that blocks must not hold up a link.
 pub(super) fn show_statuses(mut statuses: Consumer<Status>, period: Duration) {
     let is_terminal = io::stderr().is_terminal();
-    let mut shown = 0_u32;
+    let (mut shown, mut stopped_by) = (0_u32, None);
     while !statuses.is_abandoned() {
         let mut newest = None;
         while let Ok(status) = statuses.pop() {
@@ -104,9 +115,10 @@ pub(super) fn show_statuses(mut statuses: Consumer<Status>, period: Duration) {
         if let Some(status) = newest {
             if is_terminal {
                 stdio::note_raw(format_args!("\r\x1b[2K{}", status.line(width())));
-            } else if shown.is_multiple_of(LINES_SKIPPED) {
+            } else if shown.is_multiple_of(LINES_SKIPPED) || stopped_by != status.stopped_by {
                 stdio::note(status.line(WIDE));
             }
+            stopped_by = status.stopped_by;
             shown += 1;
         }
         thread::sleep(period);
@@ -124,6 +136,7 @@ mod tests {
     fn the_line_fits_every_width_and_keeps_place_target_and_sticks_on_80_columns() {
         let mut status = Status {
             phase: Phase::Flying,
+            stopped_by: Some(Fault::ObstacleUnseen),
             link_is_down: true,
             is_by_hand: true,
             pose_hat: Some(Pose::new(-9.99, -9.99, 2.34, -3.1)),
@@ -136,9 +149,9 @@ mod tests {
             let line = status.line(width);
             assert!(line.chars().count() <= width, "{width}: {line}");
         }
-        let line = status.line(60);
-        assert!(line.contains("BY HAND LINK DOWN -9.99"), "{line}");
-        (status.is_by_hand, status.link_is_down) = (false, false);
+        let line = status.line(79);
+        assert!(line.contains("BY HAND LINK DOWN STOPPED obstacle unseen -9.99"), "{line}");
+        (status.is_by_hand, status.link_is_down, status.stopped_by) = (false, false, None);
         let line = status.line(79);
         assert!(line.ends_with("u -1.0 -1.0 -1.0 -1.0"), "{line}");
         assert!(line.contains("> 10 -9.99 -9.99 2.34"), "{line}");

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Error, Result, bail};
+use anyhow::{Result, bail, ensure};
 use horizon_estim::NORMAL_HALF_WIDTH;
 use horizon_model::rows::stick;
 use tello_flight::Start;
@@ -140,38 +140,36 @@ pub(super) fn parameter_file(
     })
 }
 
-/// Why the flight of the job would refuse the `file` of `fit`, or the logs do not determine it; `None` if it takes it,
-/// or if the job names no flight.
-pub(super) fn refusal(job: &Job<'_>, fit: &Fit, file: &ParameterFile) -> Option<Error> {
-    let is_taken = |flight: &FlightTable| {
-        let steps: usize = job.logs.iter().map(|log| log.recording.o.len()).sum();
-        if 2 * fit.steps_lost > steps {
-            bail!(
-                "in {} of {steps} steps the drone did not follow its sticks: what is left says little of it; are axes \
-                 exchanged, is the object turned (--turn), or the link bad?",
-                fit.steps_lost
-            );
-        }
-        let undetermined = fit.parameters.iter().find(|row| {
-            let entry = file.parameters.get(row.name);
-            let is_written = entry.is_some_and(|entry| entry.value.total_cmp(&row.value).is_eq());
-            // A dead zone of 0 is a vehicle without one.
-            let is_none = row.name.starts_with("dead_") && row.value <= 0.0;
-            row.is_at_bound && is_written && !is_none
-        });
-        if let Some(row) = undetermined {
-            let ParameterRow { name, value, .. } = row;
-            bail!(
-                "{name} = {value} lies at its bound (map.p_lb, map.p_ub): the logs do not determine it"
-            );
-        }
-        file.check()?;
-        let mut flight = flight.clone();
-        flight.cycle.take(file)?;
-        cycle::build(&flight).map(drop)?;
-        anyhow::Ok(())
-    };
-    job.flight.and_then(|flight| is_taken(flight).err())
+/// Refuses the `file` of `fit` if the logs do not determine it, or if the job names a flight that would not take it.
+///
+/// # Errors
+/// The reason.
+pub(super) fn accept(job: &Job<'_>, fit: &Fit, file: &ParameterFile) -> Result<()> {
+    let steps: usize = job.logs.iter().map(|log| log.recording.o.len()).sum();
+    ensure!(
+        2 * fit.steps_lost <= steps,
+        "in {} of {steps} steps the drone did not follow its sticks: what is left says little of it; are axes \
+         exchanged, is the object turned (--turn), or the link bad?",
+        fit.steps_lost
+    );
+    let undetermined = fit.parameters.iter().find(|row| {
+        let entry = file.parameters.get(row.name);
+        let is_written = entry.is_some_and(|entry| entry.value.total_cmp(&row.value).is_eq());
+        // A dead zone of 0 is a vehicle without one.
+        let is_none = row.name.starts_with("dead_") && row.value <= 0.0;
+        row.is_at_bound && is_written && !is_none
+    });
+    if let Some(ParameterRow { name, value, .. }) = undetermined {
+        bail!(
+            "{name} = {value} lies at its bound (map.p_lb, map.p_ub): the logs do not determine it"
+        );
+    }
+    let Some(flight) = job.flight else { return Ok(()) };
+    file.check()?;
+    let mut flight = flight.clone();
+    flight.cycle.take(file)?;
+    cycle::build(&flight).map(drop)?;
+    Ok(())
 }
 
 #[cfg(test)]

@@ -262,9 +262,11 @@ impl Display for Comparison {
         };
         let lost = 100.0 * self.lost;
         writeln!(f, "prediction    {how}; commands lost in {lost:.0} % of the steps")?;
+        let [near_s, middle_s, far_s] = self.horizons_s;
+        let errors = format!("x-y RMSE [m] at {near_s:.1} / {middle_s:.1} / {far_s:.1} s");
         writeln!(
             f,
-            "  x-y RMSE [m] at 0.2 / 0.6 / 1.0 s   smoothed start      no lost commands    causal start        \
+            "  {errors:<33}   smoothed start      no lost commands    causal start        \
              no lost commands"
         )?;
         for model in &self.models {

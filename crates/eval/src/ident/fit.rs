@@ -157,10 +157,10 @@ where
             is_resampled,
             refused: None,
         };
-        fit.verdict = self.evidence(&fit, &traces, has_converged).sentences();
-        fit.verdict.extend(moved);
+        fit.verdict = [self.evidence(&fit, &traces, has_converged).sentences(), moved].concat();
         let file = acceptance::parameter_file(self.job, &fit, &values)?;
-        fit.refused = acceptance::refusal(self.job, &fit, &file).map(|error| format!("{error:#}"));
+        fit.refused =
+            acceptance::accept(self.job, &fit, &file).err().map(|error| format!("{error:#}"));
         Ok(Fitted {
             parameter_file: fit.refused.is_none().then_some(file),
             fit,

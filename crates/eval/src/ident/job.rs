@@ -24,7 +24,7 @@ pub struct Job<'a> {
     pub logs: &'a [Loaded],
     /// The bootstrap, if there shall be one.
     pub bootstrap: Option<&'a BootstrapPlan>,
-    /// The settings of the flight that shall take the parameters; without, nothing is refused.
+    /// The settings of the flight that shall take the parameters, if there is one.
     pub flight: Option<&'a FlightTable>,
     /// Shown the progress; may ask to stop.
     pub observer: &'a dyn Observer,

@@ -51,6 +51,8 @@ pub struct TickRow {
     pub timing: Option<Timing>,
     /// Age of the newest mocap sample when the tick began. s
     pub mocap_age_s: Option<f64>,
+    /// The obstacle that moves, if it was seen since the tick before. World frame. m
+    pub obstacle_w: Option<[f64; 3]>,
 }
 
 /// What of an inbox places its tick in time.
@@ -60,6 +62,8 @@ struct InboxHead {
     skipped: u64,
     now: TimeNs,
     sightings: Vec<SightingHead>,
+    #[serde(rename = "obstacle", default)]
+    obstacle_w: Option<[f64; 3]>,
 }
 
 /// What of a sighting tells its age.
@@ -105,7 +109,8 @@ pub fn read(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<TickRo
             next_step = inbox.step + 1;
             periods_skipped += inbox.skipped;
             let (period, mocap_age_s) = (inbox.step + periods_skipped, inbox.mocap_age_s());
-            ticks.push(TickRow { period, mocap_age_s, ..TickRow::default() });
+            let obstacle_w = inbox.obstacle_w;
+            ticks.push(TickRow { period, mocap_age_s, obstacle_w, ..TickRow::default() });
             continue;
         }
         // Without its inbox a tick has no place in time: it is missing.

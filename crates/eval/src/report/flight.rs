@@ -10,11 +10,12 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use horizon_model::rows::{Pose, pose};
 use horizon_model::{Kinematic, Model};
+use tello_flight::cycle::FlightTable;
 use tello_flight::{Phase, Start};
 use tello_io::log::LogReader;
 
 use crate::flight_log;
-use crate::metrics::{Corner, ReferencePath, corners};
+use crate::metrics::{Corner, ReferencePath, Surroundings, corners};
 use crate::recordings::rows::{self, RowFlight};
 use crate::recordings::ticks::{self, TickRow};
 use crate::recordings::{MCAP_MAGIC, PERIOD_S};
@@ -107,6 +108,7 @@ impl Flight {
         let reference = ReferencePath::of(&settings)?;
         let mut notes = Vec::new();
         let ticks = ticks::read(log, &mut notes)?;
+        notes.extend(nearest_obstacle(&settings, &ticks)?);
         let is_flying = |tick: &TickRow| tick.phase == Some(Phase::Flying);
         let begin = ticks.iter().position(|tick| is_flying(tick) && tick.targets_reached > 0);
         // A flight to one place is judged to the end of its phase.
@@ -149,16 +151,21 @@ impl Flight {
         // A target at the estimate in one tick alone may be chance.
         let taken_over = ticks.windows(2).position(|pair| pair.iter().all(is_piloted));
         let end = taken_over.unwrap_or(ticks.len());
+        let is_alone = taken_over.is_none();
         if let Some(tick) = ticks.get(end) {
             let at_s = tick.period as f64 * PERIOD_S;
             notes.push(format!("from {at_s:.2} s on a pilot flies; what follows does not count"));
         }
+        // Ticks after the last target are the landing.
+        let end = ticks[..end]
+            .iter()
+            .rposition(|tick| tick.target.is_some())
+            .map_or(end, |last| last + 1);
         let targets = count_targets(&mut ticks[..end]);
         let first = ticks[..end].iter().position(|tick| tick.targets_reached > 0);
         let follows = targets.len() > TARGETS_FEW && targets.len() * TARGET_PERIODS_MIN > end;
         let has_line = targets.len() > 1 && !follows;
         let last = ticks[..end].iter().rev().find_map(|tick| tick.estimate);
-        let is_alone = end == ticks.len();
         let is_at_last = last.zip(targets.last()).is_some_and(|(at, target)| {
             is_alone && (at - target).fixed_rows::<2>(pose::X).norm() <= LAST_REACH_M
         });
@@ -179,6 +186,37 @@ impl Flight {
             unjudged: None,
         }
     }
+}
+
+/// For how long the place of an obstacle that moves counts. periods
+const OBSTACLE_PERIODS_MAX: u64 = 25;
+
+/// How near the vehicle came to an obstacle while it flew; `None` without obstacles.
+fn nearest_obstacle(settings: &FlightTable, ticks: &[TickRow]) -> Result<Option<String>> {
+    let surroundings = Surroundings::of(&settings.cycle)?;
+    let mut seen: Option<([f64; 3], u64)> = None;
+    let mut nearest: Option<(f64, u64)> = None;
+    for tick in ticks {
+        seen = tick.obstacle_w.map(|at_w| (at_w, tick.period)).or(seen);
+        let moving_w = seen
+            .filter(|(_, since)| tick.period - since <= OBSTACLE_PERIODS_MAX)
+            .map(|(at_w, _)| at_w);
+        let at = tick.estimate.filter(|_| tick.phase == Some(Phase::Flying));
+        let distance_m = at.and_then(|at| surroundings.at(&at, moving_w).obstacle_m);
+        if let Some(distance_m) = distance_m
+            && nearest.is_none_or(|(least_m, _)| distance_m < least_m)
+        {
+            nearest = Some((distance_m, tick.period));
+        }
+    }
+    Ok(nearest.map(|(distance_m, period)| {
+        let at_s = period as f64 * settings.cycle.dt_s;
+        if distance_m < 0.0 {
+            format!("it was {:.2} m inside of an obstacle at {at_s:.2} s", -distance_m)
+        } else {
+            format!("nearest to an obstacle: {distance_m:.2} m at {at_s:.2} s")
+        }
+    }))
 }
 
 fn starts_as_mcap(path: &Path) -> Result<bool> {

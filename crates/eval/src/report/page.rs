@@ -172,7 +172,7 @@ impl Page {
                 group.judged_count
             );
             self.head(&caption, &columns);
-            for quantity in Quantity::ALL {
+            for &quantity in Quantity::ALL {
                 let Some(spread) = group.numbers.get(&quantity) else { continue };
                 let (name, unit, digits) = quantity.label();
                 self.add(format_args!("<tr><td>{}</td><td>{}</td>", escaped(name), escaped(unit)));
@@ -312,7 +312,7 @@ impl Page {
              Quantiles are linear between order statistics.",
         );
         self.add("<dl>\n");
-        for quantity in Quantity::ALL {
+        for &quantity in Quantity::ALL {
             if groups.iter().any(|group| group.numbers.contains_key(&quantity)) {
                 let (name, unit, _) = quantity.label();
                 self.element("dt", &format!("{name} [{unit}]"));

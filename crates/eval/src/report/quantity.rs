@@ -8,13 +8,16 @@ use std::collections::BTreeMap;
 use horizon_model::rows::pose;
 use schemars::JsonSchema;
 use serde::Serialize;
+use strum::VariantArray;
 
 use super::flight::Flight;
 use crate::metrics::{Corner, PathProgress, horizontal, offset};
 use crate::quantile;
 
 /// One number per sample, corner or flight.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema, VariantArray,
+)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Quantity {
     FinishS,
@@ -81,17 +84,7 @@ pub(super) struct Measured {
 }
 
 impl Quantity {
-    pub(super) const ALL: [Self; 9] = [
-        Self::FinishS,
-        Self::SpeedMps,
-        Self::DistanceM,
-        Self::Distance4d,
-        Self::InputNorm,
-        Self::OvershootM,
-        Self::SolveMs,
-        Self::LateMs,
-        Self::MocapAgeMs,
-    ];
+    pub(super) const ALL: &[Self] = Self::VARIANTS;
 
     /// Its key in JSON.
     pub(super) fn key(self) -> &'static str {
@@ -276,7 +269,7 @@ mod tests {
 
     #[test]
     fn the_key_of_a_quantity_is_its_name_in_json() {
-        for quantity in Quantity::ALL {
+        for &quantity in Quantity::ALL {
             let json = serde_json::to_value(quantity).unwrap();
             assert_eq!(json, quantity.key());
         }

@@ -263,8 +263,8 @@ impl LogReader {
         let why = match self.ending {
             _ if self.bytes == 0 => "it is empty".to_owned(),
             Some(Ending::Torn { why, .. }) => format!(
-                "{why} (`tello-ctl convert` makes a log from a CSV flight log; a log that was cut \
-                 off within its head has no flight in it)"
+                "{why} (`tello-ctl convert` makes a log from a CSV flight log; `tello-ctl log recover` saves what is \
+                 left of a damaged one)"
             ),
             _ => format!("it is MCAP, but without the metadata record `{}`", metadata::NAME),
         };

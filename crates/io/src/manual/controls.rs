@@ -5,6 +5,7 @@
 //! from beyond its [`Source`]; devices and bytes are `manual::device` and `manual::terminal`.
 
 use horizon_model::rows::{Sticks, stick};
+use strum::VariantArray;
 
 use super::panel::{Note, Panel};
 use super::{Ask, Hand, ManualSettings};
@@ -63,7 +64,7 @@ pub enum Act {
 }
 
 /// Where a steering key pushes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, VariantArray)]
 pub enum Direction {
     /// To the right: roll.
     Right,
@@ -85,16 +86,7 @@ pub enum Direction {
 
 impl Direction {
     /// Every direction.
-    pub const ALL: [Self; 8] = [
-        Self::Right,
-        Self::Left,
-        Self::Forward,
-        Self::Backward,
-        Self::TurnLeft,
-        Self::TurnRight,
-        Self::Up,
-        Self::Down,
-    ];
+    pub const ALL: &[Self] = Self::VARIANTS;
 
     /// The row of [`stick`] and the sign of the push.
     pub(super) fn push(self) -> (usize, f64) {

@@ -83,7 +83,7 @@ impl Layout {
 
     /// The steering keys that are down.
     pub(super) fn held(&self) -> impl Iterator<Item = Direction> + use<> {
-        let known = Direction::ALL.into_iter().zip(self.is_down);
+        let known = Direction::ALL.iter().copied().zip(self.is_down);
         known.filter_map(|(direction, is_down)| is_down.then_some(direction))
     }
 

@@ -29,6 +29,11 @@ impl Remote {
         Self { events, emergency, clock }
     }
 
+    /// Whether a control thread hears it: not after the flight.
+    pub fn is_heard(&self) -> bool {
+        !self.events.is_abandoned()
+    }
+
     /// Hands `act` to the control thread, which takes it in its next tick, and an emergency stop to the sender as well.
     /// Never waits.
     ///

@@ -69,22 +69,26 @@ pub(super) struct OrderAccess {
 #[derive(Debug)]
 struct Inside {
     remote: Remote,
-    /// Whether a page took the sticks, and none has given them back or ordered more since.
-    is_held: bool,
-    /// Rights to give orders that are held now.
+    /// The right by which a page took the sticks, if none has given them back or ordered more since.
+    holder: Option<u64>,
+    /// Rights to give orders that are held now, and all that ever were.
     rights: usize,
+    rights_given: u64,
 }
 
 /// The right to give orders. When the last one goes, a person who steered from a page is gone.
 #[derive(Debug)]
-pub(super) struct OrderRight(Arc<OrderAccess>);
+pub(super) struct OrderRight {
+    access: Arc<OrderAccess>,
+    number: u64,
+}
 
 impl OrderAccess {
     /// Access for those who know `token`.
     pub(super) fn new(token: &str, remote: Remote) -> Self {
         Self {
             token: digest(token),
-            inside: Mutex::new(Inside { remote, is_held: false, rights: 0 }),
+            inside: Mutex::new(Inside { remote, holder: None, rights: 0, rights_given: 0 }),
         }
     }
 
@@ -95,8 +99,10 @@ impl OrderAccess {
         if differing != 0 {
             return None;
         }
-        self.inside.lock().rights += 1;
-        Some(OrderRight(Arc::clone(self)))
+        let mut inside = self.inside.lock();
+        inside.rights += 1;
+        inside.rights_given += 1;
+        Some(OrderRight { access: Arc::clone(self), number: inside.rights_given })
     }
 }
 
@@ -106,25 +112,33 @@ impl OrderRight {
     /// # Errors
     /// The control loop has not taken earlier orders.
     pub(super) fn order(&self, order: PageOrder) -> Result<(), RemoteBusy> {
-        let mut inside = self.0.inside.lock();
+        let mut inside = self.access.inside.lock();
         inside.remote.push(order.act())?;
-        inside.is_held = order == PageOrder::Hold;
+        inside.holder = (order == PageOrder::Hold).then_some(self.number);
         Ok(())
     }
 }
 
 impl Drop for OrderRight {
     fn drop(&mut self) {
-        let mut inside = self.0.inside.lock();
+        let mut inside = self.access.inside.lock();
         inside.rights -= 1;
-        if inside.rights == 0 {
+        let is_last = inside.rights == 0;
+        if is_last {
             // If the queue is full the control loop stands still, and the sender's watchdog lands the drone.
             inside.remote.push(Act::Lost).ok();
-            if inside.is_held {
-                stdio::note(
-                    "warning: the page that held the drone is gone: it lands if nobody else steers",
-                );
-            }
+        }
+        if inside.holder.take_if(|holder| *holder == self.number).is_some()
+            && inside.remote.is_heard()
+        {
+            let what_follows = if is_last {
+                "it lands if nobody else steers"
+            } else {
+                "it hovers until another page or a person at the keys gives an order"
+            };
+            stdio::note(format_args!(
+                "warning: the page that held the drone is gone: {what_follows}"
+            ));
         }
     }
 }

@@ -76,8 +76,8 @@ fn what_is_no_log_is_refused_with_the_way_out() {
     foreign.add_channel(0, "/a", "json", &BTreeMap::new()).unwrap();
     foreign.finish().unwrap();
     let foreign = foreign.into_inner().into_inner();
-    let convert = "(`tello-ctl convert` makes a log from a CSV flight log; a log that was cut off \
-                   within its head has no flight in it)";
+    let convert = "(`tello-ctl convert` makes a log from a CSV flight log; `tello-ctl log recover` saves what is \
+                   left of a damaged one)";
     for (bytes, why) in [
         (Vec::new(), "it is empty".to_owned()),
         (b"pos,0,-0.38,-2.23,1.22,1.22\n".to_vec(), format!("Bad magic number {convert}")),

@@ -31,8 +31,8 @@ pub enum Answer {
     AltitudeLimit(u16),
     /// Charge below which the drone calls its battery low. %
     BatteryThreshold(u8),
-    /// Largest tilt, finite. degrees, as on the wire
-    TiltLimit(f32),
+    /// Largest tilt, finite. rad
+    TiltLimit(f64),
 }
 
 /// Version of a firmware: printable ASCII without blanks.
@@ -71,7 +71,7 @@ impl Query {
             (Self::BatteryThreshold, &[percent, ..]) => Some(Answer::BatteryThreshold(percent)),
             (Self::TiltLimit, &[b0, b1, b2, b3]) => {
                 let tilt_deg = f32::from_le_bytes([b0, b1, b2, b3]);
-                tilt_deg.is_finite().then_some(Answer::TiltLimit(tilt_deg))
+                tilt_deg.is_finite().then(|| Answer::TiltLimit(f64::from(tilt_deg).to_radians()))
             }
             _ => None,
         }
@@ -96,7 +96,14 @@ impl Answer {
             Self::Version(version) => payload.extend_from_slice(version.to_string().as_bytes()),
             Self::AltitudeLimit(limit_m) => payload.extend_from_slice(&limit_m.to_le_bytes()),
             Self::BatteryThreshold(percent) => payload.push(*percent),
-            Self::TiltLimit(tilt_deg) => payload.extend_from_slice(&tilt_deg.to_le_bytes()),
+            Self::TiltLimit(tilt_rad) => {
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    reason = "the wire has single precision"
+                )]
+                let tilt_deg = tilt_rad.to_degrees() as f32;
+                payload.extend_from_slice(&tilt_deg.to_le_bytes());
+            }
         }
         payload
     }

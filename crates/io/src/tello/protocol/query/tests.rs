@@ -17,7 +17,10 @@ fn answers_are_read_as_they_are_laid_out_and_no_others() {
     assert_eq!(read(0x0045, b"\x0001.04.91.01"), Some(Answer::Version(version)));
     assert_eq!(read(0x0045, b"\x0001.04.91.01\0\0"), Some(Answer::Version(version)));
     assert_eq!(read(0x1057, &[0, 10]), Some(Answer::BatteryThreshold(10)));
-    assert_eq!(read(0x1059, &[0, 0, 0, 0xC8, 0x41]), Some(Answer::TiltLimit(25.0)));
+    assert_eq!(
+        read(0x1059, &[0, 0, 0, 0xC8, 0x41]),
+        Some(Answer::TiltLimit(25.0_f64.to_radians()))
+    );
     // A status that is no success, nothing at all, too long, and no number.
     assert_eq!(read(0x0045, b"\x0101.04.91.01"), None);
     assert_eq!(read(0x0045, &[0]), None);
@@ -35,7 +38,7 @@ fn a_query_and_its_answer_carry_one_number() {
         Answer::Version(version),
         Answer::AltitudeLimit(30),
         Answer::BatteryThreshold(10),
-        Answer::TiltLimit(25.0),
+        Answer::TiltLimit(25.0_f64.to_radians()),
     ] {
         let query = HostPacket::Query { sequence: 0x0201, query: answer.query() };
         query.encode(&mut written);

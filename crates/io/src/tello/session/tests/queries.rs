@@ -38,7 +38,7 @@ fn a_drone_is_asked_once_for_what_it_tells() {
         Answer::Version(version),
         Answer::AltitudeLimit(30),
         Answer::BatteryThreshold(10),
-        Answer::TiltLimit(25.0),
+        Answer::TiltLimit(25.0_f64.to_radians()),
     ];
     let mut session = session();
     assert_eq!(session.counters.facts(), DroneFacts::default());
@@ -47,7 +47,7 @@ fn a_drone_is_asked_once_for_what_it_tells() {
         version: Some(version),
         altitude_limit_m: Some(30),
         battery_threshold_pct: Some(10),
-        tilt_limit_rad: Some(25.0_f32.to_radians()),
+        tilt_limit_rad: Some(25.0_f64.to_radians()),
     };
     assert_eq!(session.counters.facts(), facts);
 }
@@ -55,8 +55,11 @@ fn a_drone_is_asked_once_for_what_it_tells() {
 #[test]
 fn a_drone_that_does_not_answer_is_asked_three_times_and_then_left_alone() {
     let mut session = session();
-    let answers =
-        [Answer::AltitudeLimit(30), Answer::BatteryThreshold(10), Answer::TiltLimit(25.0)];
+    let answers = [
+        Answer::AltitudeLimit(30),
+        Answer::BatteryThreshold(10),
+        Answer::TiltLimit(25.0_f64.to_radians()),
+    ];
     let asked = asked(&mut session, &answers, 20_000);
     let for_version: Vec<i64> =
         asked.iter().filter(|(_, query)| *query == Query::Version).map(|(at, _)| *at).collect();
