@@ -7,12 +7,15 @@ use std::cell::Cell;
 
 use horizon_model::rows::{Pose, Sticks, lag, motion, pose, stick};
 use horizon_model::setting::SettingError;
-use horizon_model::{Lagged, Model, Row};
-use nalgebra::SVector;
+use horizon_model::{Lagged, Model, Row, VisitGroups};
+use nalgebra::{SMatrix, SVector};
 use tello_flight::cycle::{self, FlightTable, Tick};
 
 type State = SVector<f64, { motion::COUNT }>;
 type Parameter = SVector<f64, { lag::COUNT }>;
+type ByState = SMatrix<f64, { motion::COUNT }, { motion::COUNT }>;
+type ByInput = SMatrix<f64, { motion::COUNT }, { stick::COUNT }>;
+type ByParameter = SMatrix<f64, { motion::COUNT }, { lag::COUNT }>;
 
 /// Which model gives NaN now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,6 +50,23 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     fn step(&self, s: &State, u: &Sticks, p: &Parameter, dt_s: f64) -> State {
         let is_broken = BROKEN.get() == self.breaks_with;
         if is_broken { State::repeat(f64::NAN) } else { self.model.step(s, u, p, dt_s) }
+    }
+
+    // Derivatives are those of the whole one: differences take ten times as long.
+    fn groups(visit: &mut impl VisitGroups) {
+        Lagged::groups(visit);
+    }
+
+    fn step_by_state(&self, s: &State, u: &Sticks, p: &Parameter, dt_s: f64) -> ByState {
+        self.model.step_by_state(s, u, p, dt_s)
+    }
+
+    fn step_by_input(&self, s: &State, u: &Sticks, p: &Parameter, dt_s: f64) -> ByInput {
+        self.model.step_by_input(s, u, p, dt_s)
+    }
+
+    fn step_by_parameter(&self, s: &State, u: &Sticks, p: &Parameter, dt_s: f64) -> ByParameter {
+        self.model.step_by_parameter(s, u, p, dt_s)
     }
 
     fn observe(&self, s: &State) -> Pose {

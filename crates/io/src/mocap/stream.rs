@@ -259,16 +259,16 @@ mod tests {
         stream.restart();
         // Frame 1059 was measured at 490 ms; then the server counts from 1 again.
         let text = [1059, 1, 2, 1900].map(|frame| line(frame, 100.0)).concat();
-        assert_eq!(ages_ms(&frames(&mut stream, &text, &counters)), [10.0, 100.0, 100.0, 100.0]);
+        assert_eq!(ages_ms(&frames(&mut stream, &text, &counters)), [10.0, 1100.0, 1100.0, 1100.0]);
         // Also beside frames of a known time.
         let text = [1060, 7, 1061, 8].map(|frame| line(frame, 100.0)).concat();
-        assert_eq!(ages_ms(&frames(&mut stream, &text, &counters)), [0.0, 100.0, 0.0, 100.0]);
+        assert_eq!(ages_ms(&frames(&mut stream, &text, &counters)), [0.0, 1100.0, 0.0, 1100.0]);
         let report = counters.report();
         assert_eq!((report.frames, report.undated), (9, 5));
         assert!((report.latency_max_s - 0.01).abs() < 1e-4, "{report:?}");
         // Nothing is known of a source that never reported its rate.
         let (mut stream, counters) = (relay(), MocapCounters::default());
-        assert_eq!(ages_ms(&frames(&mut stream, &line(1, 0.0), &counters)), [500.0]);
+        assert_eq!(ages_ms(&frames(&mut stream, &line(1, 0.0), &counters)), [1100.0]);
         assert!(!counters.report().has_clock);
     }
 

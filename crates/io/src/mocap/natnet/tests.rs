@@ -216,6 +216,14 @@ fn a_server_that_was_started_again_is_asked_for_its_names_anew() {
     let names = models(of, &[(3, "wand"), (7, "tello")]);
     read(&mut source, &[server(of), names, rate(100.0), frame(of, 1, &bodies)]);
     asked(&mut source);
+    // After a short silence the names stay until new ones come, after a second they are forgotten.
+    let (frames, _) = read(&mut source, &[server(of), frame(of, 1, &bodies)]);
+    assert!(frames.iter().all(|frame| frame.pose.is_some()) && !frames.is_empty(), "{frames:?}");
+    assert!(asked(&mut source).contains(&id::REQUEST_MODELDEF));
+    for _ in 0..=BEATS_PER_SLOW {
+        source.beat();
+    }
+    asked(&mut source);
     let (frames, _) = read(&mut source, &[server(of), frame(of, 1, &bodies)]);
     assert!(frames.iter().all(|frame| frame.pose.is_none()), "of unknown bodies: {frames:?}");
     assert!(asked(&mut source).contains(&id::REQUEST_MODELDEF));
