@@ -84,8 +84,6 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
     let messages = counters.messages.get();
     let (key, address) = table.mocap.address();
     let object = table.mocap.object();
-    let (unnumbered, old) = (misnumbered(&report, object), too_old(&report));
-    let nameless = unnamed(counters, object);
     match (counters.connects.get(), messages, counters.given_up()) {
         (_, _, Some(error)) => format!("{address} cannot be understood: {error}"),
         (0, ..) => match counters.unopened() {
@@ -94,13 +92,13 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
             }
             Some(why) => format!("no pose, {address} cannot be opened: {why}; is {key} right?"),
         },
-        _ if unnumbered.is_some() => unnumbered.unwrap_or_default(),
-        _ if old.is_some() => old.unwrap_or_default(),
+        _ if let Some(trouble) = misnumbered(&report, object) => trouble,
+        _ if let Some(trouble) = too_old(&report) => trouble,
         (_, 0, _) => format!("no pose, nothing comes from {address}: is the mocap system live?"),
-        _ if nameless.is_some() => nameless.unwrap_or_default(),
+        _ if let Some(trouble) = unnamed(counters, object) => trouble,
         _ if [report.frames, report.other_object, report.malformed] == [0; 3] => format!(
-            "{address} answers, {messages} messages, but no frame with an object comes: is streaming on, is the drone seen, \
-             does a firewall or a network without multicast keep frames back?"
+            "{address} answers, {messages} messages, but no frame with an object comes: is streaming on, is the drone \
+             seen, does a firewall or a network without multicast keep frames back?"
         ),
         _ => format!(
             "{messages} messages, {} of them of other objects, {} malformed: is the object's name ({object:?}) right \
@@ -239,13 +237,7 @@ mod tests {
             quaternion: [0.0, 0.0, 0.0, 1.0],
             is_tracked: true,
         };
-        let end = FrameEnd {
-            timestamp_s: 0.0,
-            exposed: 0,
-            received: 0,
-            transmitted: 0,
-            has_new_models: false,
-        };
+        let end = FrameEnd::default();
         push(&|to| encode::frame(version, 1, &[body], &end, to));
         let text = mocap_trouble(&fly, &counters);
         assert!(text.contains("is \"tello\" among") && text.contains("\"#7\""), "{text}");

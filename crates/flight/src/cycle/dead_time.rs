@@ -173,9 +173,8 @@ impl DeadTime {
         }
     }
 
-    /// Whether a dead time that was shortened is taken back, which is forgotten then: what the motion seemed to say of
-    /// it was wrong.
-    pub(super) fn is_taken_back(&mut self) -> bool {
+    /// Ends the return of a dead time that was shortened, once it is there: corrections begin anew. Whether it does.
+    pub(super) fn finish_taking_back(&mut self) -> bool {
         let is_back = self.outages >= OUTAGES_MAX && self.horizontal.steps >= 0;
         if is_back {
             self.outages = 0;

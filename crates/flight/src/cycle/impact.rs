@@ -81,15 +81,13 @@ impl Impact {
         let has_jumped = place_w.is_some() && self.has_jumped();
         self.since_jump = if has_jumped { 0 } else { self.since_jump.saturating_add(1) };
         self.since_gap = self.since_gap.saturating_add(1);
-        if place_w.is_some() {
-            let spacing = self.spacing();
-            if spacing > self.spacing + LATER {
-                self.since_gap = 0;
-            }
-            self.spacing = spacing;
-        }
         // A tick without a place decides nothing.
         if place_w.is_some() {
+            let before = self.spacing;
+            self.spacing = self.spacing();
+            if self.spacing > before + LATER {
+                self.since_gap = 0;
+            }
             self.ticks = if self.stops() { self.ticks + 1 } else { 0 };
         }
     }
@@ -114,8 +112,7 @@ impl Impact {
     /// Periods between the newest place and the one before.
     fn spacing(&self) -> usize {
         let count = self.ring.len();
-        let is_place = |age: &usize| self.ring[(self.newest + count - age) % count].0.is_some();
-        (1..count).find(is_place).unwrap_or(count)
+        (1..count).find(|age| self.place_at(*age).is_some()).unwrap_or(count)
     }
 
     /// Whether the newest step leads further than a vehicle flies, or back further than it bounces.
@@ -139,9 +136,13 @@ impl Impact {
 
     /// The first place that is at least so old, and its age.
     fn place(&self, age: usize) -> Option<(Vector2<f64>, usize)> {
+        (age..=age + LATER).find_map(|age| Some((self.place_at(age)?, age)))
+    }
+
+    /// The place that is exactly so old, less than the length of the ring.
+    fn place_at(&self, age: usize) -> Option<Vector2<f64>> {
         let count = self.ring.len();
-        let at = |age: usize| self.ring[(self.newest + count - age) % count].0;
-        (age..=age + LATER).find_map(|age| Some((at(age)?, age)))
+        self.ring[(self.newest + count - age) % count].0
     }
 }
 

@@ -61,7 +61,7 @@ impl Link {
     /// Decides a correction of the dead times by what [`Link::judge`] saw, makes it in `fifo` and takes what each axis
     /// changed by off the monitor's errors; whether there is one.
     pub(super) fn correct_dead_time(&mut self, fifo: &mut InputFifo<{ stick::COUNT }>) -> bool {
-        if self.is_up() && self.dead_time.is_taken_back() {
+        if self.is_up() && self.dead_time.finish_taking_back() {
             self.monitor.restart();
         }
         if !self.dead_time.follow(self.monitor.dead_time_errors()) {

@@ -146,9 +146,7 @@ impl Walls {
     /// way, or so near to one of its ends that a vehicle is driven away: it does not get there. m
     pub(super) fn is_way_blocked(&self, at_w: &Vector3<f64>, to_w: &Vector3<f64>) -> bool {
         let Some(moving_w) = self.moving.place(0.0) else { return false };
-        // Seen from above: it has any height.
-        let (way_w, apart_w) = ((to_w - at_w).xy(), (moving_w - at_w).xy());
-        let along = apart_w.dot(&way_w) / way_w.norm_squared().max(f64::MIN_POSITIVE);
+        let along = nearest_along(at_w, to_w, &moving_w);
         let nearest_w = at_w + along.clamp(0.0, 1.0) * (to_w - at_w);
         let is_between = (0.0..=1.0).contains(&along);
         let limit_m = if is_between { BESIDE_M } else { self.table.margin_m };
@@ -189,10 +187,8 @@ impl Walls {
         let Some((from_w, to_w)) = self.moving.place(0.0).zip(self.moving.place(APPROACH_S)) else {
             return false;
         };
-        // The nearest place of its way from above: an obstacle that moves has no ends.
-        let way_w = to_w - from_w;
-        let part = (at_w - from_w).xy().dot(&way_w.xy()) / way_w.xy().norm_squared();
-        let nearest_w = from_w + way_w * if part.is_finite() { part.clamp(0.0, 1.0) } else { 0.0 };
+        let along = nearest_along(&from_w, &to_w, at_w);
+        let nearest_w = from_w + along.clamp(0.0, 1.0) * (to_w - from_w);
         let comes_near = |obstacle: &Obstacle| {
             obstacle.distance_from(at_w, Some(&nearest_w)).distance_m < self.table.margin_m
         };
@@ -358,6 +354,13 @@ where
         }
         Some(Excess { value, gradient, weight: walls.table.weight })
     }
+}
+
+/// Where the line from `from_w` to `to_w` is nearest to `place_w`, all in m: 0 at `from_w`, 1 at `to_w`. Seen from
+/// above: an obstacle that moves has any height.
+fn nearest_along(from_w: &Vector3<f64>, to_w: &Vector3<f64>, place_w: &Vector3<f64>) -> f64 {
+    let (way_w, apart_w) = ((to_w - from_w).xy(), (place_w - from_w).xy());
+    apart_w.dot(&way_w) / way_w.norm_squared().max(f64::MIN_POSITIVE)
 }
 
 #[cfg(test)]

@@ -42,11 +42,9 @@ pub(super) struct NatnetProtocol {
     has_names: bool,
     /// Whether any names came on this connection: before, it is unknown which bodies a frame lacks.
     knows_names: bool,
-    /// Whether a frame came since the last beat.
-    has_frames: bool,
-    /// Beats so far, and without a frame since the newest one.
+    /// Beats so far, and since the newest frame.
     beats: u32,
-    silent_beats: u32,
+    beats_since_frame: u32,
     /// From the settings, else from the server; 0 while it is not known. Hz
     rate_hz: f64,
     set_rate_hz: Option<f64>,
@@ -61,9 +59,8 @@ impl NatnetProtocol {
             names: BTreeMap::new(),
             has_names: false,
             knows_names: false,
-            has_frames: false,
             beats: 0,
-            silent_beats: 0,
+            beats_since_frame: 1,
             rate_hz: rate_hz.unwrap_or(0.0),
             set_rate_hz: rate_hz,
             requests: Vec::new(),
@@ -81,7 +78,7 @@ impl NatnetProtocol {
         let is_other = self.server.is_none_or(|known| known.version != server.version);
         self.server = Some(server);
         self.has_names = false;
-        if is_other || self.silent_beats >= BEATS_PER_SLOW {
+        if is_other || self.beats_since_frame > BEATS_PER_SLOW {
             self.knows_names = false;
             self.names.clear();
         }
@@ -128,7 +125,7 @@ impl NatnetProtocol {
             // Asked for at the next beat, not with each frame.
             self.has_names = false;
         }
-        self.has_frames = true;
+        self.beats_since_frame = 0;
         let latency = end.map_or(SpanNs(0), |end| latency(&end, server.ticks_per_s));
         let number = number.into();
         let stamp = end.and_then(|end| stamp(&end, server.ticks_per_s));
@@ -185,8 +182,8 @@ impl BodyProtocol for NatnetProtocol {
 
     fn beat(&mut self) {
         // A server that fell silent may have started again, with another version or without us.
-        let is_silent = !std::mem::take(&mut self.has_frames);
-        self.silent_beats = if is_silent { self.silent_beats.saturating_add(1) } else { 0 };
+        let is_silent = self.beats_since_frame > 0;
+        self.beats_since_frame = self.beats_since_frame.saturating_add(1);
         if is_silent {
             encode::request(id::CONNECT, b"Ping\0", &mut self.requests);
         }

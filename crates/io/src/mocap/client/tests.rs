@@ -123,14 +123,7 @@ async fn a_natnet_server_that_fell_silent_is_asked_again_within_a_second() {
     encode::server_info(&info, "Motive", &mut bytes);
     server.send_to(&bytes, client.unwrap()).await.unwrap();
     bytes.clear();
-    let end = FrameEnd {
-        timestamp_s: 0.0,
-        exposed: 0,
-        received: 0,
-        transmitted: 0,
-        has_new_models: false,
-    };
-    encode::frame(version, 1, &[], &end, &mut bytes);
+    encode::frame(version, 1, &[], &FrameEnd::default(), &mut bytes);
     server.send_to(&bytes, client.unwrap()).await.unwrap();
     let silent = Clock::start();
     let asked_s = loop {

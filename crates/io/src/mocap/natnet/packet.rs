@@ -96,7 +96,7 @@ pub struct RigidBody {
 }
 
 /// What stands at the end of a frame. Times are in ticks of the server's clock.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FrameEnd {
     /// Seconds since the server's start, or of a recording. s
     pub timestamp_s: f64,
