@@ -202,7 +202,7 @@ impl Monitors {
     /// Real time: no allocation, constant cost.
     pub fn rest(&mut self, sample: &Sample) {
         self.stillness.restart();
-        self.direction.restart();
+        self.direction.rest();
         if let Some(velocity) = &mut self.velocity {
             velocity.rest(sample);
         }

@@ -10,6 +10,11 @@
 //!
 //! After an outage the vehicle has a velocity that no known input made. It decays with the lag, as `y = exp(-t / lag)`,
 //! so the part of both velocities that `y` explains is left out: the covariances are those given `y`.
+//!
+//! A vehicle that flies against its inputs looks like one that they do not reach. So outages do not count before the
+//! motion has shown once that the inputs lead where they should: a vehicle that stood before and is not reached has no
+//! motion, and so no direction. What is compared has an outage in it then, so only a motion that is as strong as the
+//! inputs ask for, and leads back, is against them.
 
 use horizon_model::rows::{Pose, pose};
 use nalgebra::Complex;
@@ -24,6 +29,9 @@ const FORGET_S: f64 = 4.0;
 const VARIANCE_MIN: f64 = 0.012;
 /// Velocity per input below which the motion does not follow the inputs. m/s; 1.9 nominal
 const GAIN_MIN_MPS: f64 = 0.4;
+/// The same where an outage has been among what is compared: a vehicle that flies against its inputs follows them as
+/// strongly as one that flies along. m/s
+const GAIN_SURE_MIN_MPS: f64 = 0.6;
 /// Variance of the decay below which it explains nothing. 1
 const DECAY_VARIANCE_MIN: f64 = 1e-9;
 /// Time that the means need. s
@@ -31,6 +39,10 @@ const BEGIN_S: f64 = 0.5;
 /// How long the angle must be too large, and beyond twice the limit. s
 const WRONG_S: f64 = 0.6;
 const WRONG_LARGE_S: f64 = 0.3;
+/// How long the angle must be within the limit to show that the inputs lead where they should. s
+const RIGHT_S: f64 = 0.2;
+/// Time in flight after which outages count whatever was shown: a hover shows nothing, and wind moves it. s
+const UNSHOWN_MAX_S: f64 = 15.0;
 /// By how much the motion may be later than the inputs say, and earlier. s
 const SHIFT_S: f64 = 0.25;
 /// Longest time between two poses that show a motion: a source of 4 Hz. s
@@ -57,6 +69,12 @@ pub(super) struct DirectionMonitor {
     /// As the inputs say, later, and earlier.
     sums: [Sums; 3],
     wrong_s: f64,
+    right_s: f64,
+    flown_s: f64,
+    /// Whether the motion has shown in this flight that the inputs lead where they should.
+    is_shown: bool,
+    /// Whether what is compared has an outage in it.
+    has_outage: bool,
 }
 
 /// Sums over the periods since the newest pose.
@@ -116,8 +134,8 @@ impl Sums {
         };
     }
 
-    /// The turn, if the inputs excite enough and the motion follows them.
-    fn turn(&self) -> Option<Turn> {
+    /// The turn, if the inputs excite enough and the motion follows them; `is_sure`: strongly.
+    fn turn(&self, is_sure: bool) -> Option<Turn> {
         let Self { time_s, u_o, u_y, y_o, u_u, o_o, y_y, .. } = *self;
         if time_s < BEGIN_S {
             return None;
@@ -128,7 +146,8 @@ impl Sums {
         let s_uo_y = u_o / time_s - v_u_w.conj() * v_o_w - u_y * y_o / s_yy;
         let s_uu_y = u_u / time_s - v_u_w.norm_sqr() - u_y.norm_sqr() / s_yy;
         let s_oo_y = o_o / time_s - v_o_w.norm_sqr() - y_o.norm_sqr() / s_yy;
-        let is_clear = s_uu_y >= VARIANCE_MIN && s_uo_y.norm() >= GAIN_MIN_MPS * s_uu_y;
+        let gain_min_mps = if is_sure { GAIN_SURE_MIN_MPS } else { GAIN_MIN_MPS };
+        let is_clear = s_uu_y >= VARIANCE_MIN && s_uo_y.norm() >= gain_min_mps * s_uu_y;
         let correlation2 = s_uo_y.norm_sqr() / (s_uu_y * s_oo_y).max(f64::MIN_POSITIVE);
         is_clear.then(|| Turn { angle_rad: s_uo_y.arg(), correlation2 })
     }
@@ -151,7 +170,18 @@ impl DirectionMonitor {
             count: 0,
             sums: [Sums::default(); 3],
             wrong_s: 0.0,
+            right_s: 0.0,
+            flown_s: 0.0,
+            is_shown: false,
+            has_outage: false,
         }
+    }
+
+    /// Takes a tick on the ground: nothing has been shown.
+    pub(super) fn rest(&mut self) {
+        self.restart();
+        self.flown_s = 0.0;
+        self.is_shown = false;
     }
 
     /// Forgets the motion and begins at rest.
@@ -163,18 +193,22 @@ impl DirectionMonitor {
         self.count = 0;
         self.sums = [Sums::default(); 3];
         self.wrong_s = 0.0;
+        self.right_s = 0.0;
+        self.has_outage = false;
     }
 
     /// Takes a tick in flight: the angle, if there is one, and whether it has been wrong for long enough.
     ///
-    /// A motion is that from one pose to the next, of a source of 4 Hz or more. In an outage it is forgotten: inputs
-    /// had ceased to act before that was noticed.
+    /// A motion is that from one pose to the next, of a source of 4 Hz or more. In an outage it is forgotten, once the
+    /// direction has been shown: inputs had ceased to act before that was noticed.
     pub(super) fn update(&mut self, sample: &Sample) -> (Option<f64>, bool) {
-        if !sample.link_is_up {
+        self.flown_s += self.dt_s;
+        if !sample.link_is_up && (self.is_shown || self.flown_s > UNSHOWN_MAX_S) {
             self.restart();
             self.decay = 1.0;
             return (None, false);
         }
+        self.has_outage |= !sample.link_is_up;
         self.theta_rad = sample.pose.map_or(self.theta_rad, |now| now[pose::THETA]);
         self.ask(sample);
         if let Some(now) = sample.pose {
@@ -182,7 +216,11 @@ impl DirectionMonitor {
         }
         let error_rad = self.error_rad();
         let is_beyond = |limit_rad| error_rad.is_some_and(|error_rad| error_rad.abs() > limit_rad);
-        self.wrong_s = if is_beyond(self.limit_rad) { self.wrong_s + self.dt_s } else { 0.0 };
+        let least_rad = if self.has_outage { 2.0 * self.limit_rad } else { self.limit_rad };
+        self.wrong_s = if is_beyond(least_rad) { self.wrong_s + self.dt_s } else { 0.0 };
+        let is_right = error_rad.is_some_and(|error_rad| error_rad.abs() <= self.limit_rad);
+        self.right_s = if is_right { self.right_s + self.dt_s } else { 0.0 };
+        self.is_shown |= self.right_s >= RIGHT_S;
         let patience_s = if is_beyond(2.0 * self.limit_rad) { WRONG_LARGE_S } else { WRONG_S };
         (error_rad, self.wrong_s >= patience_s)
     }
@@ -234,8 +272,8 @@ impl DirectionMonitor {
     /// The least angle of the motion as it is, if that shows one, and of the shifts that correlate better.
     fn error_rad(&self) -> Option<f64> {
         let [unshifted, shifted @ ..] = &self.sums;
-        let as_is = unshifted.turn()?;
-        let better = shifted.iter().filter_map(Sums::turn);
+        let as_is = unshifted.turn(self.has_outage)?;
+        let better = shifted.iter().filter_map(|sums| sums.turn(self.has_outage));
         let better = better.filter(|turn| turn.correlation2 > as_is.correlation2);
         let angles_rad = better.map(|turn| turn.angle_rad);
         Some(angles_rad.fold(as_is.angle_rad, |a, b| if b.abs() < a.abs() { b } else { a }))
@@ -243,130 +281,4 @@ impl DirectionMonitor {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::f64::consts::FRAC_PI_2;
-
-    use horizon_model::rows::{Sticks, stick};
-
-    use super::*;
-
-    /// Sums over half a second whose motion is the input times `u_o`: its angle is the turn, its length the
-    /// correlation.
-    fn sums(u_o: Complex<f64>) -> Sums {
-        Sums { time_s: 0.5, u_o: u_o * 0.5, u_u: 0.5, o_o: 0.5, ..Sums::default() }
-    }
-
-    fn monitor(limit_rad: f64, turns: [Complex<f64>; 3]) -> DirectionMonitor {
-        DirectionMonitor { sums: turns.map(sums), ..DirectionMonitor::new(limit_rad, 0.02) }
-    }
-
-    #[test]
-    fn a_shift_counts_if_it_correlates_better_and_turns_less() {
-        let i = Complex::i();
-        let (none, half, whole) = (Complex::default(), Complex::from(0.5), Complex::from(1.0));
-        for (turns, error_rad) in [
-            ([i, none, none], FRAC_PI_2),
-            ([i, whole, none], FRAC_PI_2),
-            ([i, none, half], FRAC_PI_2),
-            ([i * 0.9, whole, none], 0.0),
-            ([i * 0.9, none, whole], 0.0),
-            ([i * 0.9, -i, -whole], FRAC_PI_2),
-            ([whole * 0.9, i, none], 0.0),
-        ] {
-            assert_eq!(monitor(0.8, turns).error_rad(), Some(error_rad), "{turns:?}");
-        }
-        assert_eq!(monitor(0.8, [none, whole, whole]).error_rad(), None, "as it is, none shows");
-    }
-
-    #[test]
-    fn a_velocity_that_decays_is_left_out_of_direction_and_correlation() {
-        let (gain, before) = (Complex::from_polar(1.5, 0.5), Complex::new(-0.7, 2.0));
-        let mut sums = Sums::default();
-        for k in 0..200_u32 {
-            let t_s = f64::from(k) * 0.02;
-            let (u, y) = (Complex::new((5.0 * t_s).sin(), (3.0 * t_s).cos()), decay(t_s));
-            sums.add([u, gain * u + before * y], y, 0.02);
-        }
-        let Turn { angle_rad, correlation2 } = sums.turn().unwrap();
-        assert!((angle_rad - 0.5).abs() < 1e-9, "{angle_rad} rad");
-        assert!((correlation2 - 1.0).abs() < 1e-9, "{correlation2}");
-    }
-
-    #[test]
-    fn a_turn_is_found_with_a_source_of_4_hz_and_with_one_that_misses_frames() {
-        let found_s = |has_pose: fn(u32) -> bool, turn_rad: f64| {
-            let mut monitor = DirectionMonitor::new(1.0, 0.02);
-            let (mut v, mut at) = (Complex::default(), Complex::default());
-            (0..500).map(|k| (k, f64::from(k) * 0.02)).find_map(|(k, t_s)| {
-                let asked = Complex::new((1.3 * t_s).sin(), (0.9 * t_s).cos()) * 0.6;
-                let target = 1.9 * asked * Complex::from_polar(1.0, turn_rad);
-                v += (target - v) * (1.0 - decay(0.02));
-                at += v * 0.02;
-                let mut u_applied = Sticks::zeros();
-                (u_applied[stick::PITCH], u_applied[stick::ROLL]) = (asked.re, -asked.im);
-                let pose = has_pose(k).then(|| Pose::new(at.re, at.im, 1.0, 0.0));
-                let sample = Sample { pose, drone: None, u_applied, link_is_up: true };
-                monitor.update(&sample).1.then_some(t_s)
-            })
-        };
-        let sources: [fn(u32) -> bool; 7] = [
-            |_| true,
-            |k| k % 2 == 0,
-            |k| k % 5 == 0,
-            |k| k % 10 == 0,
-            |k| k % 25 == 0 || k % 25 == 13,
-            |k| k % 7 > 2,
-            // A hole of 0.3 s in each half second.
-            |k| k % 25 < 11,
-        ];
-        for has_pose in sources {
-            let found_s = [FRAC_PI_2, 3.0, 0.8, 0.0].map(|turn_rad| found_s(has_pose, turn_rad));
-            let [Some(right_s), Some(back_s), None, None] = found_s else { panic!("{found_s:?}") };
-            assert!(right_s < 1.8 && back_s < 1.5, "{found_s:?}");
-        }
-    }
-
-    #[test]
-    fn a_gap_of_a_quarter_of_a_second_is_a_motion_and_a_longer_one_begins_the_shifts_anew() {
-        for (gap, is_motion) in [(13, true), (14, false)] {
-            let mut monitor = DirectionMonitor::new(1.0, 0.02);
-            for k in 0..=30 + gap {
-                let pose = (k <= 30 || k == 30 + gap).then(Pose::zeros);
-                let sample =
-                    Sample { pose, drone: None, u_applied: Sticks::zeros(), link_is_up: true };
-                monitor.update(&sample);
-            }
-            let [_, later, _] = &monitor.sums;
-            assert_eq!(later.time_s > 0.3, is_motion, "{gap} periods: {later:?}");
-            assert_eq!(monitor.count > 0, is_motion, "{gap} periods");
-        }
-    }
-
-    #[test]
-    fn after_an_outage_the_decay_of_a_velocity_is_summed() {
-        let mut monitor = DirectionMonitor::new(1.0, 0.02);
-        let mut see = |link_is_up, pose| {
-            let u_applied = Sticks::zeros();
-            monitor.update(&Sample { pose, drone: None, u_applied, link_is_up });
-            monitor.sums[0].y
-        };
-        see(false, None);
-        // The mean over two periods is that of the one motion.
-        see(true, Some(Pose::zeros()));
-        see(true, None);
-        let sum = see(true, Some(Pose::zeros()));
-        let keep = decay(0.02);
-        assert!((sum - 0.02 * (keep * keep + keep * keep * keep)).abs() < 1e-3, "{sum}");
-    }
-
-    #[test]
-    fn an_angle_is_wrong_beyond_the_limit_only() {
-        let quiet =
-            Sample { pose: None, drone: None, u_applied: Sticks::zeros(), link_is_up: true };
-        for (limit_rad, is_wrong) in [(FRAC_PI_2, false), (1.5, true)] {
-            let mut monitor = monitor(limit_rad, [Complex::i(); 3]);
-            let found = (0..40).map(|_| monitor.update(&quiet)).last();
-            assert_eq!(found, Some((Some(FRAC_PI_2), is_wrong)), "limit of {limit_rad} rad");
-        }
-    }
-}
+mod tests;
