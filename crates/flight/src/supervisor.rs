@@ -43,7 +43,7 @@ use horizon_model::rows::pose;
 
 use self::braking::Steered;
 use self::settling::Settling;
-use self::since::{Since, elapsed_s, exceeds};
+use self::since::{Reported, Since, elapsed_s, exceeds};
 use crate::drone::LAND_PERIOD;
 
 /// Take-off is ordered again when the drone still reports to be grounded after this time: the order
@@ -68,9 +68,6 @@ const TURNING_RADPS: f64 = 0.3;
 /// A drone that says for so long that it flies took off without our order. s
 const ALOFT_S: f64 = 1.0;
 
-/// One wrong report must not count for longer, where it takes several: a Tello reports ten times a second. s
-const REPORT_RENEWED_S: f64 = 0.5;
-
 /// How long a vehicle must look grounded to count as down. s
 const DOWN_HOLD_S: f64 = 1.0;
 
@@ -92,9 +89,9 @@ struct Timers {
     /// It looks so to both witnesses.
     agreed: Since,
     /// The drone says that it stands while control flies it.
-    grounded: Since,
+    grounded: Reported,
     /// The drone calls its charge critical.
-    battery_critical: Since,
+    battery_critical: Reported,
     /// The pose is still in a climb that the drone reports.
     climbs_still: Since,
     /// The mission is done.
@@ -116,7 +113,7 @@ struct Timers {
     /// The vehicle brakes before a landing.
     braking: Since,
     /// The drone says that it flies, without an order to take off.
-    aloft: Since,
+    aloft: Reported,
     /// Nothing confirms the command outage.
     alone: Since,
 }
@@ -268,10 +265,8 @@ impl Supervisor {
             _ => (self.failures - FAILURE_FORGIVEN).max(0.0),
         };
         self.late_periods = (self.late_periods - LATE_FORGIVEN).max(0.0) + e.skipped as f64;
-        // Of a report that is not renewed nothing more is known.
-        let is_renewed = e.drone.is_some_and(|drone| !exceeds(drone.age_s, REPORT_RENEWED_S));
-        let is_aloft = is_renewed && self.is_aloft_unasked(e);
-        self.since.aloft.keep(is_aloft, e.t_ns);
+        let reported_ns = e.drone.map(|drone| e.t_ns - since::nanoseconds(drone.age_s));
+        self.since.aloft.keep(self.is_aloft_unasked(e), reported_ns);
         let is_standing = self.phase == Phase::Idle && self.drone_says_flying(e) != Some(true);
         if is_standing && !self.is_pose_stale(e) {
             self.ground_height_m = e.pose.map(|at| at[pose::Z]);
@@ -296,12 +291,11 @@ impl Supervisor {
             }
             _ => false,
         };
-        let says_grounded = counts && is_renewed && says_flying == Some(false);
-        self.since.grounded.keep(says_grounded, e.t_ns);
+        self.since.grounded.keep(counts && says_flying == Some(false), reported_ns);
         let is_critical = e.drone.is_some_and(|drone| {
             drone.is_battery_critical || drone.battery_pct < self.table.battery_critical_pct
         });
-        self.since.battery_critical.keep(is_critical && is_renewed, e.t_ns);
+        self.since.battery_critical.keep(is_critical, reported_ns);
         let climbs_still = self.phase == Phase::TakingOff
             && e.findings.still_s.is_some()
             && self.drone_has_risen(e);
@@ -337,7 +331,7 @@ impl Supervisor {
                 Phase::Landing
             }
             // On the ground no other fault orders a landing.
-            Phase::Idle if reaction == Reaction::Land && self.has_taken_off_unasked(e) => {
+            Phase::Idle if reaction == Reaction::Land && self.has_taken_off_unasked() => {
                 Phase::Landing
             }
             Phase::Idle if asks_to_fly && reaction < Reaction::StayDown => Phase::TakingOff,

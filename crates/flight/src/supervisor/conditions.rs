@@ -134,12 +134,12 @@ impl Supervisor {
         let has_little_charge = e.drone.is_some_and(|drone| {
             drone.is_battery_low || !(table.battery_low_pct..=100).contains(&drone.battery_pct)
         });
-        let has_no_charge = self.since.battery_critical.has_lasted(e.t_ns, BATTERY_CRITICAL_S);
-        let is_grounded = self.since.grounded.has_lasted(e.t_ns, DOWN_HOLD_S);
+        let has_no_charge = self.since.battery_critical.has_lasted(BATTERY_CRITICAL_S);
+        let is_grounded = self.since.grounded.has_lasted(DOWN_HOLD_S);
         [
             (Fault::DroneUnheard, e.drone.is_none() && !self.is_carried),
             (Fault::DroneAloft, self.is_aloft_unasked(e)),
-            (Fault::TookOffUnasked, self.has_taken_off_unasked(e)),
+            (Fault::TookOffUnasked, self.has_taken_off_unasked()),
             (Fault::DroneSilent, exceeds(silent_s, table.drone_silent_s) && !self.is_carried),
             (Fault::NotFlying, is_grounded && !self.is_carried),
             (Fault::BatteryLow, has_little_charge),
@@ -153,8 +153,8 @@ impl Supervisor {
     }
 
     /// Whether it has reported so for too long to be a mistake.
-    pub(super) fn has_taken_off_unasked(&self, e: &Evidence) -> bool {
-        self.since.aloft.has_lasted(e.t_ns, ALOFT_S)
+    pub(super) fn has_taken_off_unasked(&self) -> bool {
+        self.since.aloft.has_lasted(ALOFT_S)
     }
 
     /// What is wrong with the program, or has taken too long, and what the operator asks for.

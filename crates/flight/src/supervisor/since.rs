@@ -39,9 +39,56 @@ impl Since {
     }
 }
 
+/// Reports of a condition: from the first to the newest of those without one that denies it. Between two reports, and
+/// in a silence, nothing more is known: one wrong report lasts no time.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Reported {
+    since: Since,
+    newest_ns: i64,
+}
+
+impl Reported {
+    /// Notes whether the condition holds by the report of `reported_ns`, which may be the same as before; `None`: there
+    /// is no report.
+    pub(super) fn keep(&mut self, holds: bool, reported_ns: Option<i64>) {
+        self.newest_ns = reported_ns.unwrap_or(self.newest_ns);
+        self.since.keep(holds && reported_ns.is_some(), self.newest_ns);
+    }
+
+    /// Whether it was reported over `for_s`, to a millisecond: reports are dated by their age.
+    pub(super) fn has_lasted(self, for_s: f64) -> bool {
+        self.since.has_lasted(self.newest_ns, for_s - 1e-3)
+    }
+}
+
+/// `span_s` in nanoseconds.
+#[expect(clippy::cast_possible_truncation, reason = "saturates")]
+pub(super) fn nanoseconds(span_s: f64) -> i64 {
+    (span_s * 1e9) as i64
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_condition_is_reported_from_its_first_to_its_newest_report() {
+        const MS: i64 = 1_000_000;
+        let mut reported = Reported::default();
+        let mut lasts = |holds, reported_ms: Option<i64>| {
+            reported.keep(holds, reported_ms.map(|t_ms| t_ms * MS));
+            reported.has_lasted(1.0)
+        };
+        // Twice a second, and once more for the first: nothing is known between them.
+        assert_eq!(
+            [0, 0, 500, 1000].map(|t_ms| lasts(true, Some(t_ms))),
+            [false, false, false, true]
+        );
+        assert!(!lasts(false, Some(1100)) && !lasts(true, Some(1200)) && !lasts(true, Some(2100)));
+        assert!(lasts(true, Some(2200)));
+        assert!(!lasts(true, None) && !lasts(true, Some(2300)), "without a report it begins anew");
+        assert_eq!(nanoseconds(0.25), 250 * MS);
+    }
 
     #[test]
     fn a_limit_is_exceeded_above_it_and_by_nan() {
