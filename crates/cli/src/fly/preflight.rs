@@ -96,7 +96,8 @@ impl Display for Check {
     }
 }
 
-/// Shows what is ready and what is not and, unless it was answered on the command line, asks whether to fly.
+/// Shows what is ready and what is not and, unless it was answered on the command line, asks whether to fly. A drone
+/// that says that it flies already is no question: the flight lands it.
 ///
 /// # Errors
 /// No person is there to ask, or the person declines; a port that is taken.
@@ -114,6 +115,10 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
     // Before the look, whose findings shall be new when they are read.
     let nominal = NominalFlight::fly(flight);
     let mut found = inspection::inspect(table, log_dir, has_keys)?;
+    if found.drone.is_some_and(|status| status.is_flying) {
+        stdio::note("the drone says that it flies: it is landed, without a question");
+        return Ok(());
+    }
     found.unfinished = nominal.ok().filter(|flight| !flight.is_finished());
     let checks = checks(&found, table, flight)?;
     stdio::note("pre-flight");
@@ -305,8 +310,8 @@ fn start_check(at: Option<&Pose>, cycle: &CycleTable, first: &Pose) -> Result<Ch
     );
     Ok(if at[pose::Z] < floor_m {
         let reason = format!(
-            "{place}: lower poses than {floor_m} m (cycle.filter.floor_m) count as wrong; lower it, or the origin of the \
-             motion capture"
+            "{place}: lower poses than {floor_m} m (cycle.filter.floor_m) count as wrong; are poses in metres, with z \
+             upwards (tello-ctl mocap watch shows it)? If they are, lower that key, or the origin of the motion capture"
         );
         check("start", Readiness::Bad, reason)
     } else if room.is_some_and(|room| !room.may_start_at(at)) {
@@ -334,16 +339,11 @@ fn start_check(at: Option<&Pose>, cycle: &CycleTable, first: &Pose) -> Result<Ch
 
 fn drone_check(found: &Found, table: &FlyTable) -> Check {
     let address = &table.tello.address;
-    match &found.drone {
-        None => check("drone", Readiness::Bad, &*found.drone_trouble),
-        Some(status) if status.is_flying => {
-            check("drone", Readiness::Bad, format!("{address} says that it flies; R or Q lands it"))
-        }
-        Some(_) => {
-            let reported = reported(&found.facts);
-            check("drone", Readiness::Good, format!("{address} answers and stands{reported}"))
-        }
+    if found.drone.is_none() {
+        return check("drone", Readiness::Bad, &*found.drone_trouble);
     }
+    let reported = reported(&found.facts);
+    check("drone", Readiness::Good, format!("{address} answers and stands{reported}"))
 }
 
 /// The answers of the drone, as the end of a sentence.

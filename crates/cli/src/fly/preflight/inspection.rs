@@ -22,7 +22,8 @@ const LOOK_MAX_S: f64 = 5.0;
 
 const LOOK_PERIOD: Duration = Duration::from_millis(20);
 
-/// What is there, within a second if all is and five if something is missing. Nothing moves.
+/// What is there, within a second if all is and five if something is missing; at once if the drone flies. Nothing
+/// moves.
 ///
 /// # Errors
 /// A port that is taken; settings that break a rule.
@@ -61,7 +62,8 @@ async fn look_at_links(table: &FlyTable) -> Result<Found> {
         let looked_s = clock.now().seconds();
         let has_poses = at.is_some() && (moving_feed.is_none() || moving_at.is_some());
         let has_all = has_poses && status.is_some() && feed.counters.report().has_clock;
-        is_done = looked_s >= if has_all { LOOK_MIN_S } else { LOOK_MAX_S };
+        let is_flying = status.is_some_and(|status| status.is_flying);
+        is_done = is_flying || looked_s >= if has_all { LOOK_MIN_S } else { LOOK_MAX_S };
     }
     stopper.stop();
     mocap.await?;
