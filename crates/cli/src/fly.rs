@@ -298,7 +298,7 @@ async fn fly(
         let packets = drone_counters.packets.get();
         bail!(not_ready(table, PATIENCE, end.faults_last, &mocap_counters, packets));
     }
-    let summary = summary.with_end(&end, mocap_counters.report(), &drone_counters);
+    let summary = summary.with_end(&end, (&mocap_counters, table.mocap.object()), &drone_counters);
     vehicle::remember(arguments, flight, (&summary, &end), clock);
     conclude(summary, links, left)
 }

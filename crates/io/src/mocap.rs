@@ -38,7 +38,7 @@ pub use settings::{
 };
 pub use source::{Frame, SourceError};
 pub use stamp_numbers::StampNumbers;
-pub use statistics::{MocapCounters, StreamReport};
+pub use statistics::{MocapCounters, SincePose, StreamReport};
 pub use stream::MocapStream;
 pub use survey::{Survey, Track, TrackReport, survey};
 pub use tello_flight::Sighting;

@@ -7,7 +7,7 @@ use tello_flight::cycle::SIGHTING_AGE_MAX;
 use tello_flight::{Fault, FaultSet};
 use tello_io::clock::SpanNs;
 use tello_io::config::FlyTable;
-use tello_io::mocap::{MocapCounters, StreamReport};
+use tello_io::mocap::{MocapCounters, SincePose, StreamReport};
 use tello_io::tello::Protocol;
 
 use super::Arguments;
@@ -123,6 +123,22 @@ pub(super) fn misnumbered(report: &StreamReport, object: &str) -> Option<String>
     })
 }
 
+/// Why poses ended in a flight, if the frames since the newest one tell.
+pub(super) fn hidden(since: SincePose, object: &str) -> Option<String> {
+    let SincePose { other_object, unnamed, doubled } = since;
+    let most = other_object.max(unnamed).max(doubled);
+    Some(match most {
+        0 => return None,
+        _ if most == doubled => {
+            format!("{doubled} frames with two objects that are called {object:?}")
+        }
+        _ if most == unnamed => format!("{unnamed} frames with bodies that have no name"),
+        _ => format!(
+            "{other_object} frames with other objects only: was {object:?} renamed, or left out?"
+        ),
+    })
+}
+
 /// That a source sends bodies and has named none of them so far.
 fn unnamed(counters: &MocapCounters, object: &str) -> Option<String> {
     (counters.sightings.get() == 0 && counters.unnamed.get() > 0).then(|| {
@@ -210,6 +226,23 @@ mod tests {
         let counters = MocapCounters::default();
         let text = unseen(&table, &counters).unwrap();
         assert!(text.starts_with("no pose, nobody is at 127.0.0.1:51602"), "{text}");
+    }
+
+    #[test]
+    fn what_frames_had_in_place_of_the_object_is_the_reason_that_poses_ended() {
+        let reason = |other_object, unnamed, doubled| {
+            hidden(SincePose { other_object, unnamed, doubled }, "tello")
+        };
+        assert_eq!(reason(0, 0, 0), None);
+        for (counts, expected) in [
+            ([1, 2, 90], "90 frames with two objects that are called \"tello\""),
+            ([1, 90, 2], "90 frames with bodies that have no name"),
+            ([90, 1, 2], "90 frames with other objects only: was \"tello\" renamed"),
+        ] {
+            let [other_object, unnamed, doubled] = counts;
+            let text = reason(other_object, unnamed, doubled).unwrap();
+            assert!(text.starts_with(expected), "{text}");
+        }
     }
 
     #[test]

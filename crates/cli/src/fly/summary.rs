@@ -14,10 +14,11 @@ use tello_eval::quantile;
 use tello_flight::cycle::{FlightTable, Pipeline, Timing};
 use tello_flight::jitter::{Jitter, RECORD_EVERY_TICKS};
 use tello_flight::{Fault, Phase};
-use tello_io::mocap::{Sighting, StreamReport};
+use tello_io::mocap::{MocapCounters, Sighting, StreamReport};
 use tello_io::tello::LinkCounters;
 
 use super::control_loop::LoopEnd;
+use super::not_ready::hidden;
 
 /// Gathers the figures of a flight record by record, on the logger's thread.
 #[derive(Debug)]
@@ -71,6 +72,8 @@ pub(super) struct Summary {
     pub(super) outages: Outages,
     /// How the mocap stream did.
     pub(super) mocap: StreamReport,
+    /// What frames had in place of a pose when poses were lost; null if they were not, or the frames do not show it.
+    pub(super) hidden: Option<String>,
     /// Version of the drone's firmware; null if it did not tell.
     pub(super) firmware: Option<String>,
     /// The words in which the drone last refused a command; null if it did not.
@@ -207,6 +210,7 @@ impl Tally {
             solve_ms: spread(&self.solve_ms),
             answer_ms: spread(&self.answer_ms),
             mocap: StreamReport::default(),
+            hidden: None,
             firmware: None,
             refusal: None,
             sender_pause_ms: 0.0,
@@ -226,9 +230,16 @@ fn spread(values: &[f64]) -> Option<[f64; 4]> {
 
 impl Summary {
     /// The same, with what the control thread and the links know.
-    pub(super) fn with_end(self, end: &LoopEnd, mocap: StreamReport, drone: &LinkCounters) -> Self {
+    pub(super) fn with_end(
+        self,
+        end: &LoopEnd,
+        (mocap, object): (&MocapCounters, &str),
+        drone: &LinkCounters,
+    ) -> Self {
+        let is_lost = end.faults.contains(Fault::MocapLost);
         Self {
-            mocap,
+            mocap: mocap.report(),
+            hidden: if is_lost { hidden(mocap.since_pose(), object) } else { None },
             firmware: drone.facts().version.map(|version| version.to_string()),
             refusal: drone.refusal(),
             sender_pause_ms: drone.longest_pause().seconds() * 1e3,
@@ -353,6 +364,9 @@ impl Summary {
             writeln!(f, "link down     {count} times, {down_s:.2} s together")?;
         }
         writeln!(f, "mocap         {}", self.mocap)?;
+        if let Some(hidden) = &self.hidden {
+            writeln!(f, "no pose       {hidden}")?;
+        }
         if let Some(firmware) = &self.firmware {
             writeln!(f, "firmware      {firmware}")?;
         }

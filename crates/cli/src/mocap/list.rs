@@ -14,6 +14,7 @@ use tello_io::mocap::{MocapSettings, MocapTable, Survey, TrackReport, survey};
 use tokio::task::JoinSet;
 
 use super::source::{self, SourceArgument};
+use super::watch::{self, WAY_MIN_M, unit_doubt};
 use crate::{Verdict, stdio};
 
 /// List the objects of a motion capture system with rate, jitter, gaps and latency.
@@ -89,7 +90,7 @@ enum Drone<'a> {
 }
 
 pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
-    let seconds = super::watch::duration(arguments.seconds)?;
+    let seconds = watch::duration(arguments.seconds)?;
     let tables: Vec<MocapTable> = if let Some(source) = one_source(arguments)? {
         vec![source.table("any")]
     } else if let Some(host) = &arguments.host {
@@ -136,7 +137,7 @@ fn found(table: &MocapTable, settings: &MocapSettings, survey: Survey) -> FoundS
             name: name.clone(),
             report,
             position_w_m: track.places.map(|[_, newest]| axes.place(&newest).0),
-            moved_m: super::watch::moved_m(track, &axes),
+            moved_m: watch::moved_m(track, &axes),
             settings: super::rate::suggested(table, name, report.usual_hz),
         }
     });
@@ -190,7 +191,7 @@ impl Found {
         if seen.iter().all(|object| object.name == first.name) {
             return Drone::Is(first);
         }
-        let mut moved = seen.iter().filter(|object| object.moved_m >= super::watch::WAY_MIN_M);
+        let mut moved = seen.iter().filter(|object| object.moved_m >= WAY_MIN_M);
         match moved.next() {
             Some(first) if moved.all(|object| object.name == first.name) => Drone::Is(first),
             _ => {
@@ -257,6 +258,9 @@ impl Display for FoundObject {
         let frames = frames + missing;
         if let Some([x, y, z]) = self.position_w_m {
             write!(f, ", seen in {seen} of {frames}, at {x:.3} {y:.3} {z:.3} m")?;
+            if let Some(doubt) = unit_doubt([x, y, z]) {
+                write!(f, ". {doubt}")?;
+            }
         } else {
             write!(f, ", never seen in {frames} frames")?;
         }

@@ -1,5 +1,6 @@
 //! Which source a command looks at: by kind and address, or by the settings of a flight.
 
+use std::net::Ipv6Addr;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -41,7 +42,15 @@ impl SourceArgument {
 /// Where a source of a kind is on `host`. An object stream is sent to us.
 pub(crate) fn usual_address(kind: &str, port: u16, host: &str) -> String {
     let host = if kind == "udp" { "0.0.0.0" } else { host };
-    format!("{host}:{port}")
+    with_port(host, port)
+}
+
+/// `host` and `port`, with brackets about an address whose colons are its own.
+fn with_port(host: &str, port: u16) -> String {
+    match host.parse::<Ipv6Addr>() {
+        Ok(host) => format!("[{host}]:{port}"),
+        Err(_) => format!("{host}:{port}"),
+    }
 }
 
 impl FromStr for SourceArgument {
@@ -56,9 +65,9 @@ impl FromStr for SourceArgument {
         else {
             bail!("`{kind}` is no kind of source; kinds are {names}");
         };
-        let has_port =
-            address.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok());
-        let address = if has_port { address.to_owned() } else { format!("{address}:{port}") };
+        let has_port = address.parse::<Ipv6Addr>().is_err()
+            && address.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok());
+        let address = if has_port { address.to_owned() } else { with_port(address, port) };
         Ok(Self { kind, address })
     }
 }
@@ -81,6 +90,8 @@ mod tests {
         let parsed = |text: &str| text.parse::<SourceArgument>().unwrap();
         assert_eq!(parsed("natnet=motive").address, "motive:1510");
         assert_eq!(parsed("qtm=10.0.0.1:9").address, "10.0.0.1:9");
+        assert_eq!(parsed("natnet=::1").address, "[::1]:1510");
+        assert_eq!(parsed("natnet=[::1]:9").address, "[::1]:9");
         for (kind, _) in MocapTable::KINDS {
             let table = parsed(&format!("{kind}=a:1")).table("tello");
             assert_eq!((table.kind(), table.address().1), (kind, "a:1"));

@@ -20,6 +20,9 @@ use crate::{Verdict, stdio};
 /// Shorter ways do not tell a direction. m
 pub(super) const WAY_MIN_M: f64 = 0.1;
 
+/// Further from the origin is no vehicle in a room. m
+const PLACE_MAX_M: f64 = 100.0;
+
 /// A body that stands on the floor leans less than this. deg
 const TILT_MAX_DEG: f64 = 20.0;
 
@@ -149,6 +152,15 @@ fn seen(track: &Track, axes: &Axes, now: TimeNs) -> Option<Seen> {
     Some(Seen { x_m, y_m, z_m, heading_deg, tilt_deg, age_s })
 }
 
+/// Why a place is hardly one in metres; `None` if it may be.
+pub(super) fn unit_doubt(place_w_m: [f64; 3]) -> Option<String> {
+    place_w_m.iter().any(|x_m| x_m.abs() > PLACE_MAX_M).then(|| {
+        format!(
+            "More than {PLACE_MAX_M} m from the origin: is the source in another unit (\"unit\" of \"frame\", `mm` or `m`)?"
+        )
+    })
+}
+
 /// From the first place to the furthest one, in our frame. m
 fn longest(track: &Track, axes: &Axes) -> Option<Vector3<f64>> {
     let ([first, _], furthest) = (track.places?, track.furthest?);
@@ -254,10 +266,14 @@ fn print_end(watched: &Watched, survey: &Survey) -> Result<()> {
             now.tilt_deg
         ))?;
     }
+    if let Some(doubt) = unit_doubt([now.x_m, now.y_m, now.z_m]) {
+        stdio::line(doubt)?;
+    }
     match watched.way {
-        None => stdio::line(
-            "It did not move. Lift it straight up to check the axes, carry it nose first to check the nose.",
-        )?,
+        None => stdio::line(format_args!(
+            "It did not move by {WAY_MIN_M} m. Lift it straight up to check the axes, carry it nose first to check the \
+             nose. If it was lifted, the source is in another unit than these settings say."
+        ))?,
         Some(way) => print_way(&way, watched.settings.has_frame())?,
     }
     let settings = serde_json::to_string(&watched.settings)?;
@@ -335,6 +351,14 @@ mod tests {
         let mut track = Track::default();
         (track.places, track.furthest) = (Some([first, last]), Some(last));
         track
+    }
+
+    #[test]
+    fn a_place_that_no_room_has_is_one_in_another_unit() {
+        assert_eq!(unit_doubt([99.0, -3.0, 1.0]), None);
+        for far in [[499.5, 300.4, 39.9], [0.0, -101.0, 0.0]] {
+            assert!(unit_doubt(far).is_some_and(|doubt| doubt.contains("\"unit\"")), "{far:?}");
+        }
     }
 
     #[test]

@@ -26,6 +26,11 @@ pub(super) const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 /// end, and one that trickles never gets anywhere.
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(5);
 
+/// A connection that had frames, and whose next message is still incomplete after bytes for so long, is made anew: a
+/// damaged length makes the reader wait for what is no message. Short enough for `failsafe.lost_s`; a message of
+/// 1 MB takes less on any network that carries 50 frames per second.
+const INCOMPLETE_TIMEOUT: Duration = Duration::from_millis(500);
+
 const BACK_OFF_MIN: Duration = Duration::from_millis(100);
 const BACK_OFF_MAX: Duration = Duration::from_secs(2);
 
@@ -117,6 +122,9 @@ impl MocapClient {
         let beat_period = stream.beat_period();
         let mut heard_at = self.clock.now();
         let mut beat_at = None;
+        let sightings_before = self.counters.sightings.get();
+        // When the first bytes came of the message that is not complete.
+        let mut begun_at = None;
         loop {
             let now = self.clock.now();
             if beat_at.is_none_or(|beat_at| now.since(beat_at).duration() >= beat_period) {
@@ -155,8 +163,15 @@ impl MocapClient {
                 self.counters.give_up(error);
                 return;
             }
+            let has_frames = self.counters.sightings.get() > sightings_before;
             if self.counters.messages.get() > messages {
                 heard_at = received_at;
+                begun_at = None;
+            } else if has_frames
+                && received_at.since(*begun_at.get_or_insert(received_at)).duration()
+                    >= INCOMPLETE_TIMEOUT
+            {
+                return;
             }
             // A source that floods has always more to read: the other source and the end come between two chunks.
             tokio::task::yield_now().await;

@@ -32,6 +32,8 @@ pub struct MocapCounters {
     pub repeated: Counter,
     /// Frames with two objects of the name, or two messages of one frame that place it more than 0.1 m apart.
     pub doubled: Counter,
+    /// `other_object`, `unnamed` and `doubled` at the newest pose.
+    at_pose: [Counter; 3],
     /// Frames that arrived after a later one, and were dropped.
     pub overtaken: Counter,
     /// Sightings lost because the queue was full.
@@ -100,6 +102,17 @@ pub struct StreamReport {
     pub overflow: u64,
 }
 
+/// What frames without a pose had in place of it. Counts of frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SincePose {
+    /// Other objects only.
+    pub other_object: u64,
+    /// Bodies without a name.
+    pub unnamed: u64,
+    /// Two objects of the name.
+    pub doubled: u64,
+}
+
 impl MocapCounters {
     /// What the counts say now.
     pub fn report(&self) -> StreamReport {
@@ -126,6 +139,22 @@ impl MocapCounters {
             doubled: self.doubled.get(),
             overtaken: self.overtaken.get(),
             overflow: self.overflow.get(),
+        }
+    }
+
+    fn without_pose(&self) -> [u64; 3] {
+        [&self.other_object, &self.unnamed, &self.doubled].map(Counter::get)
+    }
+
+    /// What the frames since the newest pose had in place of it.
+    pub fn since_pose(&self) -> SincePose {
+        let [other_object, unnamed, doubled] = self.without_pose();
+        let [other_before, unnamed_before, doubled_before] =
+            self.at_pose.each_ref().map(Counter::get);
+        SincePose {
+            other_object: other_object.saturating_sub(other_before),
+            unnamed: unnamed.saturating_sub(unnamed_before),
+            doubled: doubled.saturating_sub(doubled_before),
         }
     }
 
@@ -179,6 +208,10 @@ impl MocapCounters {
         *self.given_up.lock() = None;
         if pose.is_none() {
             self.unseen.count();
+        } else {
+            for (at_pose, count) in self.at_pose.iter().zip(self.without_pose()) {
+                at_pose.raise(count);
+            }
         }
         if is_dated {
             let latency_ns = nanoseconds(received_at.since(*measured_at));
@@ -240,6 +273,8 @@ fn nanoseconds(span: SpanNs) -> u64 {
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::rows::Pose;
+
     use super::*;
 
     #[test]
@@ -271,6 +306,22 @@ mod tests {
     fn a_stream_without_frames_has_no_rate() {
         let report = MocapCounters::default().report();
         assert_eq!(report, StreamReport::default());
+    }
+
+    #[test]
+    fn what_frames_had_in_place_of_a_pose_is_counted_from_the_newest_pose_on() {
+        let counters = MocapCounters::default();
+        let at = TimeNs(5);
+        let seen =
+            Sighting { frame: 1, measured_at: at, received_at: at, pose: Some(Pose::zeros()) };
+        counters.doubled.count();
+        counters.note(&seen, true, None, 50.0);
+        assert_eq!(counters.since_pose(), SincePose::default());
+        counters.other_object.count();
+        counters.doubled.count();
+        counters.note(&Sighting { pose: None, ..seen }, true, None, 50.0);
+        let expected = SincePose { other_object: 1, unnamed: 0, doubled: 1 };
+        assert_eq!(counters.since_pose(), expected, "a frame without a pose begins nothing");
     }
 
     #[test]

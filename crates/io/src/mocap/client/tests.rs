@@ -94,6 +94,28 @@ async fn a_stream_that_makes_no_sense_is_given_up_with_its_reason() {
 }
 
 #[tokio::test]
+async fn a_damaged_length_behind_frames_ends_the_connection_before_poses_count_as_lost() {
+    let Bench { mut client, wire, mut stream, mut server, .. } = relay().await;
+    server.write_all(line(7, "tello").as_bytes()).await.unwrap();
+    let trickle = async {
+        loop {
+            if server.write_all(b"1").await.is_err() {
+                std::future::pending::<()>().await;
+            }
+            sleep(Duration::from_millis(20)).await;
+        }
+    };
+    let begun = Clock::start();
+    tokio::select! {
+        () = client.read_connection(wire, &mut stream) => {}
+        () = trickle => {}
+    }
+    let took_s = begun.now().since(TimeNs(0)).seconds();
+    // 0.5 s; a loaded machine may be late.
+    assert!((0.4..2.0).contains(&took_s), "{took_s} s");
+}
+
+#[tokio::test]
 async fn the_task_hears_from_the_control_loop_whether_the_vehicle_flies() {
     let bench = relay().await;
     assert!(!bench.client.is_airborne(), "at first it is on the ground");
