@@ -181,11 +181,13 @@ impl TextTalk {
         }))
     }
 
-    /// Whether a drone of unknown motors that measures `tof_m` to the floor flies. Without an echo the
-    /// distance says nothing, and the motors will, where the line counts their seconds.
+    /// Whether a drone of unknown motors that measures `tof_m` to the floor flies. Without an echo the distance says
+    /// nothing: the motors will, where the line counts their seconds, else what the newest echo showed stays.
     fn flies_at(&self, tof_m: f64) -> Option<bool> {
-        let is_echo = tof_m <= *TOF_FLYING_M.end();
-        (is_echo || self.motors.is_none()).then(|| TOF_FLYING_M.contains(&tof_m))
+        if tof_m <= *TOF_FLYING_M.end() {
+            return Some(TOF_FLYING_M.contains(&tof_m));
+        }
+        self.motors.is_none().then(|| self.is_high == Some(true))
     }
 
     /// Whether the drone flies: by its motors or, while these are unknown, by its distance to the floor.
@@ -341,6 +343,10 @@ mod tests {
         assert_eq!(talk.flies_at(10.01), None);
         talk.motors = None;
         assert_eq!(talk.flies_at(10.01), Some(false));
+        for is_high in [true, false] {
+            talk.is_high = Some(is_high);
+            assert_eq!(talk.flies_at(10.01), Some(is_high), "as by the newest echo");
+        }
     }
 
     #[test]

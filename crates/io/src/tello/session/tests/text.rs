@@ -158,7 +158,9 @@ fn a_line_that_lacks_what_a_status_needs_is_a_sign_of_life() {
     let mut bench = Text::new();
     assert!(!receive(&mut bench, b"bat:50;tof:10;").unwrap().is_flying);
     assert!(receive(&mut bench, b"tof:80;").unwrap().is_flying);
-    assert!(!receive(&mut bench, b"tof:6553;").unwrap().is_flying, "no echo");
+    assert!(receive(&mut bench, b"tof:6553;").unwrap().is_flying, "no echo, as before");
+    assert!(!receive(&mut bench, b"tof:10;").unwrap().is_flying);
+    assert!(!receive(&mut bench, b"tof:6553;").unwrap().is_flying, "no echo, as before");
     assert_eq!(receive(&mut bench, b"nonsense"), None);
     assert_eq!(bench.session.counters.malformed.get(), 1);
 }
