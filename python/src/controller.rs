@@ -23,11 +23,14 @@ pub(crate) struct Mpc {
 
 /// A controller of any dimensions; vectors may be shorter than those of the model.
 trait AnyMpc: Send + Sync {
-    fn solve(&mut self, ask: &AnyAsk<'_>) -> Result<(f64, u32), SolveError>;
+    fn solve(&mut self, ask: &AnyAsk<'_>) -> Result<Ended, SolveError>;
     fn shift(&mut self);
     fn plan(&self, inputs: usize) -> Vec<f64>;
     fn states(&self, states: usize) -> Vec<f64>;
 }
+
+/// Cost, iterations and whether the plan is new.
+type Ended = (f64, u32, bool);
 
 /// What the controller is asked.
 struct AnyAsk<'a> {
@@ -58,7 +61,7 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize, cons
 where
     M: AnyModel<NS, NU, NO, NP>,
 {
-    fn solve(&mut self, ask: &AnyAsk<'_>) -> Result<(f64, u32), SolveError> {
+    fn solve(&mut self, ask: &AnyAsk<'_>) -> Result<Ended, SolveError> {
         self.s_ref.clear();
         self.s_ref.extend(ask.reference.iter().map(|row| padded::<NS>(row)));
         if let [all] = self.s_ref[..] {
@@ -66,7 +69,7 @@ where
         }
         let (s, p, u_before) = (padded(ask.s), padded(ask.p), padded(ask.u_before));
         let solved = self.mpc.solve(&Ask::new(&s, &p, &u_before, &self.s_ref), &mut || false);
-        solved.map(|report| (report.cost, report.iterations))
+        solved.map(|report| (report.cost, report.iterations, report.has_new_plan()))
     }
 
     fn shift(&mut self) {
@@ -117,7 +120,7 @@ impl Mpc {
         p: PyReadonlyArray1<'_, f64>,
         reference: PyReadonlyArray2<'_, f64>,
         u_before: PyReadonlyArray1<'_, f64>,
-    ) -> PyResult<(f64, u32)> {
+    ) -> PyResult<Ended> {
         let Dimensions { states, inputs, parameters, .. } = self.dimensions;
         let s = array::vector("state", &s, states)?;
         let p = array::vector("parameter", &p, parameters)?;

@@ -262,6 +262,11 @@ impl Environments {
             }
         };
         let targets: Vec<Target> = targets.iter().map(target).collect();
+        if targets.is_empty() || steps_max == 0 {
+            return Err(TelloError::new_err(
+                "targets, max_episode_steps: expected at least one of each",
+            ));
+        }
         if !(1..=targets.len()).contains(&period.unwrap_or(1)) {
             let message = format!("period: expected 1..={}, given {period:?}", targets.len());
             return Err(TelloError::new_err(message));

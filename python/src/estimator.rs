@@ -23,7 +23,7 @@ pub(crate) struct Mhe {
 /// An estimator of any dimensions; vectors may be shorter than those of the model.
 trait AnyMhe: Send + Sync {
     fn start(&mut self, o: &[f64]) -> Result<(), MheError>;
-    fn update(&mut self, u: &[f64], o: Option<&[f64]>) -> Result<(f64, u32), MheError>;
+    fn update(&mut self, u: &[f64], o: Option<&[f64]>) -> Result<(f64, u32, bool), MheError>;
     fn s_hat(&self) -> &[f64];
     fn p_hat(&self) -> &[f64];
 }
@@ -37,10 +37,10 @@ where
         self.start(&padded(o)).map(|_| ())
     }
 
-    fn update(&mut self, u: &[f64], o: Option<&[f64]>) -> Result<(f64, u32), MheError> {
+    fn update(&mut self, u: &[f64], o: Option<&[f64]>) -> Result<(f64, u32, bool), MheError> {
         let observed = o.map_or_else(Observed::missing, |o| Observed::full(padded(o)));
         let solved = self.update(&padded(u), &observed, &mut || false);
-        solved.map(|report| (report.cost, report.iterations))
+        solved.map(|report| (report.cost, report.iterations, report.is_converged()))
     }
 
     fn s_hat(&self) -> &[f64] {
@@ -93,7 +93,7 @@ impl Mhe {
         py: Python<'_>,
         u: PyReadonlyArray1<'_, f64>,
         o: Option<PyReadonlyArray1<'_, f64>>,
-    ) -> PyResult<(f64, u32)> {
+    ) -> PyResult<(f64, u32, bool)> {
         let u = array::vector("u", &u, self.dimensions.inputs)?;
         let observations = self.dimensions.observations;
         let o = o.map(|o| array::vector("o", &o, observations)).transpose()?;

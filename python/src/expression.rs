@@ -83,6 +83,15 @@ impl Expression {
     }
 }
 
+/// Refuses the third number of Python's `pow`, of which floats know nothing either.
+fn without_modulo(has_modulo: bool) -> PyResult<()> {
+    if has_modulo {
+        Err(refusal("take a power modulo a number", "write pow(x, y)"))
+    } else {
+        Ok(())
+    }
+}
+
 /// What a traced model cannot do, and what to do instead.
 fn refusal(what: &str, instead: &str) -> PyErr {
     PyTypeError::new_err(format!("a traced model cannot {what}: {instead}"))
@@ -122,10 +131,12 @@ impl Expression {
     fn __rtruediv__(&self, other: Operand) -> PyResult<Self> {
         self.binary(Binary::Div, &other, true)
     }
-    fn __pow__(&self, other: Operand, _modulo: Option<Py<PyAny>>) -> PyResult<Self> {
+    fn __pow__(&self, other: Operand, modulo: Option<Py<PyAny>>) -> PyResult<Self> {
+        without_modulo(modulo.is_some())?;
         self.binary(Binary::Pow, &other, false)
     }
-    fn __rpow__(&self, other: Operand, _modulo: Option<Py<PyAny>>) -> PyResult<Self> {
+    fn __rpow__(&self, other: Operand, modulo: Option<Py<PyAny>>) -> PyResult<Self> {
+        without_modulo(modulo.is_some())?;
         self.binary(Binary::Pow, &other, true)
     }
     fn __neg__(&self) -> Self {

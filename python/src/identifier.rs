@@ -21,11 +21,14 @@ pub(crate) struct Found {
     deviation: Vec<f64>,
     cost: f64,
     iterations: u32,
+    is_converged: bool,
 }
+
+/// Parameter, standard deviations, cost, iterations, whether it converged.
+type Fitted = (Vec<f64>, Vec<f64>, f64, u32, bool);
 
 /// Fits `model` to pieces of inputs and observations; see `tello_ctl.fit`.
 ///
-/// Parameter, standard deviations, cost and iterations come back.
 #[pyfunction]
 #[pyo3(signature = (model, pieces, dt, settings))]
 #[expect(clippy::needless_pass_by_value, reason = "arguments come from Python by value")]
@@ -35,7 +38,7 @@ pub(crate) fn fit(
     pieces: Vec<(PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, f64>)>,
     dt: f64,
     settings: &str,
-) -> PyResult<(Vec<f64>, Vec<f64>, f64, u32)> {
+) -> PyResult<Fitted> {
     let dimensions = model.dimensions();
     let mut table: IdentTable = settings::merged("fit", &default_table(model.handle), settings)?;
     let rows = Rows { table: "fit", dimensions };
@@ -68,7 +71,7 @@ pub(crate) fn fit(
         Ok(handle.visit(Solve { table: &table, pieces: &numbers, dt_s: dt, parameters, stop }))
     })?;
     let found = visited?.map_err(raised)?;
-    Ok((found.parameter, found.deviation, found.cost, found.iterations))
+    Ok((found.parameter, found.deviation, found.cost, found.iterations, found.is_converged))
 }
 
 /// Inputs and observations of a piece, row by row.
@@ -100,6 +103,7 @@ visit!(Solve<'_> => anyhow::Result<Found>, |visitor, model| {
         deviation: own(&standard_deviations(&information)),
         cost: solved.cost,
         iterations: solved.iterations,
+        is_converged: solved.is_converged(),
     })
 });
 

@@ -12,7 +12,7 @@ from ._native import VERSION, Expression, Model, TelloError, select
 from .flights import Batch, batch, defaults, fly, identify, replay, report
 from .logs import Channel, Log, read_log
 from .simulators import DT, Controllers, Simulators, State
-from .solvers import Fit, Mhe, Mpc, Solved, fit
+from .solvers import Fit, Mhe, Mpc, Planned, Solved, fit
 
 __version__ = VERSION
 
@@ -28,6 +28,7 @@ __all__ = [
     "Mhe",
     "Model",
     "Mpc",
+    "Planned",
     "Simulators",
     "Solved",
     "State",

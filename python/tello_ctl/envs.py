@@ -146,7 +146,7 @@ class TelloVectorEnv(VectorEnv):  # type: ignore[type-arg]
         if task not in _TASKS:
             raise TelloError(f"task: expected one of {sorted(_TASKS)}, given {task!r}")
         self.task = _TASKS[task]()
-        self.steps_max = max_episode_steps or self.task.steps
+        self.steps_max = self.task.steps if max_episode_steps is None else max_episode_steps
         self.num_envs = num_envs
         self.render_mode = render_mode
         x, y, z = map(float, self.task.corners[0])

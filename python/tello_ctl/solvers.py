@@ -24,6 +24,17 @@ class Solved(NamedTuple):
 
     cost: float
     iterations: int
+    converged: bool
+    """Whether it ended by a tolerance, not by its limit of iterations."""
+
+
+class Planned(NamedTuple):
+    """How a controller ended."""
+
+    cost: float
+    iterations: int
+    has_new_plan: bool
+    """Whether the plan is new; if not, it is the one from before, shifted or zero."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +46,8 @@ class Fit:
     """Standard deviation of each entry by Laplace's approximation; NaN if data and prior do not determine the entry."""
     cost: float
     iterations: int
+    converged: bool
+    """Whether it ended by a tolerance; if not, `deviation` says nothing."""
 
 
 class Mhe:
@@ -85,7 +98,7 @@ class Mpc:
         parameter: npt.ArrayLike,
         reference: npt.ArrayLike,
         u_before: Optional[npt.ArrayLike] = None,
-    ) -> Solved:
+    ) -> Planned:
         """Plans from `state`. `reference` is (stages, states), or one state for all stages."""
         target = numbers("reference", reference, None)
         if target.ndim == 1:
@@ -97,7 +110,7 @@ class Mpc:
             numbers("reference", target, 2),
             before,
         )
-        return Solved(*solved)
+        return Planned(*solved)
 
     def shift(self) -> None:
         """Moves the plan on by one period: the start of the next solution."""
@@ -133,5 +146,5 @@ def fit(
             raise TelloError(f"pieces[{position}]: expected a pair of inputs and observations") from None
         name = f"pieces[{position}]"
         arrays.append((numbers(f"{name}: inputs", u, 2), numbers(f"{name}: observations", o, 2)))
-    parameter, deviation, cost, iterations = _native.fit(model, arrays, dt, text("settings", settings))
-    return Fit(np.asarray(parameter), np.asarray(deviation), cost, iterations)
+    parameter, deviation, cost, iterations, converged = _native.fit(model, arrays, dt, text("settings", settings))
+    return Fit(np.asarray(parameter), np.asarray(deviation), cost, iterations, converged)

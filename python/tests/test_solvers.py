@@ -46,6 +46,7 @@ def test_a_pendulum_is_identified_estimated_and_balanced(pendulum):
     )
     assert abs(fit.parameter[0] - 0.45) < 3e-3
     assert 0 < fit.deviation[0] < 0.01
+    assert fit.converged
 
     mhe = tc.Mhe(
         pendulum, DT, p_prior=fit.parameter, p_lb=[0.1], p_ub=[2.0],
@@ -57,15 +58,21 @@ def test_a_pendulum_is_identified_estimated_and_balanced(pendulum):
     goal, s, u = np.array([0.5, 0.0, 0.0, 0.0]), np.array([0.0, 0.2, 0.0, 0.0]), np.zeros(1)
     mhe.start(s[:2])
     for _ in range(250):
-        mpc.solve(mhe.state, mhe.parameter, goal, u)
+        assert mpc.solve(mhe.state, mhe.parameter, goal, u).has_new_plan
         u = mpc.plan[0]
         mpc.shift()
         s = pendulum.step(s, u, truth, DT)
-        mhe.update(u, s[:2] + 0.001 * noise.normal(size=2))
+        assert mhe.update(u, s[:2] + 0.001 * noise.normal(size=2)).converged
     assert np.linalg.norm(mhe.state - s) < 0.05
     assert np.linalg.norm(s - goal) < 0.05
     assert mpc.plan.shape == (30, 1)
     assert mpc.planned_states.shape[1] == 4
+
+
+def test_a_fit_that_ends_at_its_limit_of_iterations_says_so(pendulum):
+    piece = (np.ones((20, 1)), np.linspace([0.0, 3.0], [1.0, 3.2], 21))
+    fit = tc.fit(pendulum, [piece], DT, p_prior=[0.6], C_o=[500.0] * 2, C_s=[10.0] * 4, solver={"iterations_max": 1})
+    assert fit.iterations == 1 and not fit.converged
 
 
 def test_a_parameter_that_the_data_do_not_determine_has_no_deviation():

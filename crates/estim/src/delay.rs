@@ -51,7 +51,7 @@ pub struct Flights<'a, const NU: usize, const NO: usize> {
 }
 
 /// What makes a delay search impossible.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum DelayError {
     /// The spans are not the pieces of the identification.
@@ -60,6 +60,27 @@ pub enum DelayError {
     /// The model is not finite where a candidate leads.
     #[error(transparent)]
     Solve(#[from] SolveError),
+    /// A group names a row that no input has.
+    #[error("input row {row} violates 0..={}", inputs - 1)]
+    Row {
+        /// The row.
+        row: usize,
+        /// Number of inputs.
+        inputs: usize,
+    },
+    /// The recordings have another period than the identification.
+    #[error(
+        "the recordings have a period of {recordings_s} s, the identification one of {ident_s} s"
+    )]
+    Period {
+        /// Of the recordings. s
+        recordings_s: f64,
+        /// Of the identification. s
+        ident_s: f64,
+    },
+    /// A dead time to start from is not finite, or negative.
+    #[error("dead time {0} s of the start violates finite, >= 0")]
+    Start(f64),
 }
 
 /// Profile of the cost over the dead time of one group of inputs.
@@ -156,7 +177,8 @@ impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
     /// are; an exact one per step of refinement, and two per group for the spread.
     ///
     /// # Errors
-    /// The pieces of `ident` are others, or the model is not finite somewhere.
+    /// The pieces or the period of `ident` are others, a group has a row that is no input, a dead time to start from is
+    /// not finite or negative, or the model is not finite somewhere.
     pub fn search<M, const NS: usize, const NP: usize>(
         &self,
         ident: &mut Ident<M, NS, NU, NO, NP>,
@@ -168,6 +190,19 @@ impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
     where
         M: Model<NS, NU, NO, NP> + Sync,
     {
+        if let Some(row) = groups.iter().copied().flatten().copied().find(|row| *row >= NU) {
+            return Err(DelayError::Row { row, inputs: NU });
+        }
+        let (recordings_s, ident_s) = (self.dt_s, ident.dt_s());
+        // Comparisons are false for NaN.
+        let is_same = (recordings_s - ident_s).abs() <= 1e-9 * ident_s;
+        if !is_same {
+            return Err(DelayError::Period { recordings_s, ident_s });
+        }
+        let is_start = |at_s: &f64| at_s.is_finite() && *at_s >= 0.0;
+        if let Some(at_s) = dead_time_s.iter().find(|at_s| !is_start(at_s)) {
+            return Err(DelayError::Start(*at_s));
+        }
         match (Search { flights: self, ident, groups, dead_time_s, settings, is_late }).run() {
             Ok(profiles) => Ok(Some(profiles)),
             Err(Halt::Late) => Ok(None),

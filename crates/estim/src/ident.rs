@@ -110,6 +110,11 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Iden
 where
     M: Model<NS, NU, NO, NP> + Sync,
 {
+    /// The period. s
+    pub fn dt_s(&self) -> f64 {
+        self.terms.residuals.dt_s
+    }
+
     /// The problem over `pieces`, each counting once, started. `dt_s` is the period. s, > 0
     ///
     /// # Errors

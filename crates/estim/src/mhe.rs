@@ -265,7 +265,8 @@ where
     }
 
     /// Adds what was seen late: `observed` is of the state `back` steps before the newest. Its present rows replace
-    /// those of that state, or of the oldest of a shorter window. The estimates move with the next update.
+    /// those of that state, or of the oldest while the window grows. What is older than a whole window is not used. The
+    /// estimates move with the next update.
     ///
     /// Real time: no allocation, constant cost.
     ///
@@ -283,7 +284,9 @@ where
         if !observed.is_finite() {
             return Err(SolveError::NonFinite { block: "observation", k }.into());
         }
-        self.trajectory.observe(k, observed);
+        if back <= self.window_steps {
+            self.trajectory.observe(k, observed);
+        }
         Ok(())
     }
 

@@ -220,6 +220,29 @@ fn groups_one_after_the_other_find_the_same() {
 }
 
 #[test]
+fn what_is_no_search_is_refused_with_the_reason() {
+    let truth = dead_time_s(0.3, 0.1, 0.2);
+    let recordings = flights(truth, 0.2, 0.0, 3);
+    let recordings: Vec<_> = recordings.iter().map(Cow::Borrowed).collect();
+    let spans = [Span { recording: 0, steps: 50..200 }];
+    let flights = |dt_s| Flights { recordings: &recordings, spans: &spans, dt_s };
+    let mut problem = ident(&flights(DT_S), &truth);
+    let mut refusal = |dt_s: f64, group: &[usize], start_s: f64| {
+        let mut at_s = Sticks::repeat(start_s);
+        let found =
+            flights(dt_s).search(&mut problem, &[group], &mut at_s, &settings(), &mut || false);
+        found.unwrap_err().to_string()
+    };
+    assert_eq!(refusal(DT_S, &[4], 0.2), "input row 4 violates 0..=3");
+    for dt_s in [0.04, f64::NAN] {
+        assert!(refusal(dt_s, &[0], 0.2).contains("the identification one of 0.02 s"), "{dt_s}");
+    }
+    for start_s in [f64::NAN, f64::INFINITY, -0.1] {
+        assert!(refusal(DT_S, &[0], start_s).contains("of the start violates"), "{start_s}");
+    }
+}
+
+#[test]
 fn a_late_search_finds_nothing() {
     let flights = flights(dead_time_s(0.2, 0.1, 0.2), 0.1, 0.0, 3);
     let mut polls = 0;

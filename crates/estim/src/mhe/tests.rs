@@ -181,6 +181,27 @@ fn what_cannot_be_added_is_refused() {
 }
 
 #[test]
+fn what_is_older_than_a_whole_window_is_not_used() {
+    let [mut without, mut with] = [estimator(&table()), estimator(&table())];
+    for mhe in [&mut without, &mut with] {
+        fly(mhe, 30, |_, s| Observed::full(*s));
+    }
+    let steps = with.window().len() - 1;
+    let far = Observed::full(Pose::repeat(9.0));
+    let is_apart = |with: &mut Vehicle, back| {
+        with.observe_earlier(back, &far).unwrap();
+        let mut copy = without.clone();
+        for mhe in [&mut *with, &mut copy] {
+            assert!(mhe.update(&sticks(30), &Observed::missing(), &mut || false).is_ok());
+        }
+        (with.s_hat() - copy.s_hat()).norm() > 1e-9
+    };
+    assert!(!is_apart(&mut with.clone(), steps + 1));
+    // The newest state that stays free in the next window.
+    assert!(is_apart(&mut with, steps - 2));
+}
+
+#[test]
 fn an_active_bound_is_held_exactly() {
     let mut bounded = table();
     bounded.p_ub[gain::LAMBDA_H] = 1.2;

@@ -2,6 +2,9 @@
 
 use std::collections::BTreeMap;
 
+/// Products below which the sign of a term of a sum is looked for: at most 2 to the power of it are.
+const SIGN_DEPTH: u8 = 8;
+
 /// Index of a node in its [`Graph`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Id(u32);
@@ -181,13 +184,11 @@ impl Graph {
             Binary::Mul if is(left, -1.0) => self.unary(Unary::Neg, b),
             Binary::Mul if is(right, -1.0) => self.unary(Unary::Neg, a),
             // `x - (-y)` is `x + y` in every bit, so is a product with one of its factors negated.
-            Binary::Add | Binary::Sub if self.opposite(b).is_some() => {
-                let b = self.opposite(b).unwrap_or(b);
+            Binary::Add | Binary::Sub if let Some(b) = self.opposite(b, SIGN_DEPTH) => {
                 let function = if function == Binary::Add { Binary::Sub } else { Binary::Add };
                 self.binary(function, a, b)
             }
-            Binary::Add if self.opposite(a).is_some() => {
-                let a = self.opposite(a).unwrap_or(a);
+            Binary::Add if let Some(a) = self.opposite(a, SIGN_DEPTH) => {
                 self.binary(Binary::Sub, b, a)
             }
             Binary::Pow if is(right, 0.0) => self.constant(1.0),
@@ -208,15 +209,16 @@ impl Graph {
         }
     }
 
-    /// The expression without its sign, if it has one: of `-x` it is `x`, of `(-x) y` it is `x y`.
-    fn opposite(&mut self, id: Id) -> Option<Id> {
+    /// The expression without its sign, if it has one below `depth` products: `x` of `-x`, `x y` of `(-x) y`.
+    fn opposite(&mut self, id: Id, depth: u8) -> Option<Id> {
         match self.node(id) {
             Node::Unary(Unary::Neg, inner) => Some(inner),
             Node::Binary(function @ (Binary::Mul | Binary::Div), a, b) => {
-                if let Some(a) = self.opposite(a) {
+                let depth = depth.checked_sub(1)?;
+                if let Some(a) = self.opposite(a, depth) {
                     return Some(self.binary(function, a, b));
                 }
-                let b = self.opposite(b)?;
+                let b = self.opposite(b, depth)?;
                 Some(self.binary(function, a, b))
             }
             _ => None,
@@ -333,6 +335,16 @@ mod tests {
             assert_eq!(graph.binary(Add, y, opposite), difference);
             assert_eq!(graph.binary(Add, opposite, y), difference);
         }
+    }
+
+    #[test]
+    fn a_sum_of_a_deep_product_is_built_in_a_moment() {
+        let mut graph = Graph::default();
+        let (x, one) = (graph.variable(Variable::State(0)), graph.constant(1.0));
+        // It has 2^60 factors.
+        let product = (0..60).fold(x, |y, _| graph.binary(Binary::Mul, y, y));
+        let sum = graph.binary(Binary::Add, product, one);
+        assert!(matches!(graph.node(sum), Node::Binary(Binary::Add, ..)));
     }
 
     #[test]
