@@ -137,6 +137,17 @@ fn a_simulation_of_a_wrong_mission_prints_all_of_its_mistakes_too() {
 }
 
 #[test]
+fn schemas_among_the_files_are_passed_over() {
+    let folder = folder("schemas");
+    for kind in ["fly", "mission"] {
+        let schema = tello_ctl(&folder, &["check", "--schema", kind]);
+        fs::write(folder.join(format!("{kind}.schema.json")), schema.stdout).unwrap();
+    }
+    let output = tello_ctl(&folder, &["check", "fly.schema.json", "mission.schema.json"]);
+    assert!(output.status.success(), "{}", text(&output));
+}
+
+#[test]
 fn a_short_mission_with_its_schema_is_surveyed_drawn_and_judged_by_the_room() {
     let folder = folder("short-mission");
     let short = r#"{ "$schema": "mission.schema.json", "waypoints": { "waypoints": [[0, 0, 1, 0], [2, 0, 1, 0]] } }"#;

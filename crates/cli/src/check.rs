@@ -135,7 +135,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
 
 /// Whether `file` is a JSON Schema in place of settings.
 fn is_schema(file: &Path) -> bool {
-    let keys = config::load::<Value>(file).unwrap_or_default();
+    let text = config::read(file).unwrap_or_default();
+    // Not as settings, which are read without the name of their schema.
+    let keys: Value = serde_json::from_str(&text).unwrap_or_default();
     let schema = keys.get("$schema").and_then(Value::as_str);
     let is_one = schema.is_some_and(|schema| schema.starts_with("https://json-schema.org/"));
     is_one && keys.get("title").is_some()

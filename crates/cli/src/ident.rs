@@ -95,7 +95,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", value_parser = crate::thread_count())]
     threads: Option<usize>,
     /// Identify simulated flights whose truth is known, and compare.
-    #[arg(long, conflicts_with_all = ["logs", "against", "compare", "bootstrap", "out"])]
+    #[arg(long, conflicts_with_all = ["logs", "against", "compare", "bootstrap", "out", "flight", "turn"])]
     self_test: bool,
     /// Let the self-test identify a log of one automatic flight of the built-in mission, in place of flights by
     /// hand.
@@ -177,7 +177,7 @@ fn identify<'a>(
         // The parameters of the first settings are written; those of the others are only compared.
         flight: flight.as_ref().filter(|_| position == 0),
         observer: &observer,
-        keeps_estimates: out.is_some(),
+        keeps_estimates: out.is_some() && position == 0,
     };
     let jobs: Vec<Job<'_>> = tables.iter().enumerate().map(job).collect();
     if let Some(dir) = out.filter(|_| arguments.part.is_none()) {
@@ -285,6 +285,9 @@ fn test_itself(
     table: &IdentFileTable,
     interrupt: &Interrupt,
 ) -> Result<Verdict> {
+    if (table.dt_s - tello_sim::DT_S).abs() > 1e-9 {
+        bail!("dt_s is {}: simulated flights have {} s", table.dt_s, tello_sim::DT_S);
+    }
     let observer = Shown::new(!arguments.json, interrupt);
     observer.begin("self-test", Some(arguments.runs));
     let mission = arguments.automatic.then(|| config::fly(None, arguments.mission.as_deref()));

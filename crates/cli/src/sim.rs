@@ -70,7 +70,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE", requires = "flown")]
     mission: Option<PathBuf>,
     /// How fast the mission is flown in a batch, 0.1 to 1: 0.5 as it is written, 1 at the limit of the vehicle.
-    #[arg(long, value_name = "SPEED", default_value_t = SPEED_AS_WRITTEN)]
+    #[arg(long, value_name = "SPEED", default_value_t = SPEED_AS_WRITTEN, requires = "flown")]
     speed: f64,
     /// Settings of a second controller that flies the same seeds: both tables, and the differences
     /// within the seeds with their 95 % intervals (bootstrap over the seeds).

@@ -195,10 +195,7 @@ fn variables(arguments: &Arguments) -> Result<Vec<Variable>> {
 impl Setup<'_> {
     /// Where the search begins: the present numbers, as fractions of their ranges.
     fn start(&self) -> Result<Vec<f64>> {
-        self.variables
-            .iter()
-            .map(|variable| Ok(variable.fraction(variable.value(&self.document)?)))
-            .collect()
+        self.variables.iter().map(|variable| variable.fraction(&self.document)).collect()
     }
 
     /// The flight's settings with the numbers at the fractions `x` of their ranges.

@@ -1,11 +1,11 @@
 //! A flight for identification: sums of sines on all four axes at once.
 //!
-//! Owns the amplitudes and phases, and how they are scaled to a room. The axes have no frequency in common, so that
-//! what one stick does is not taken for what another does. Amplitudes and phases of x and y maximize the information
-//! about gain, lag, dead time, dead zone, acceleration limit and `theta_0` of the nominal vehicle (D-optimal:
-//! determinant of the information matrix; Ljung, System Identification, 13.3) within 1.5 m/s and 1.2 m/s^2, more than
-//! the vehicle can do, without which its limit would not show. `docs/benchmarks/2026-11-24-learning` has the program
-//! that found them.
+//! Owns the amplitudes and phases, and how they are scaled to a room. The axes have no frequency in common, in a room
+//! of any size, so that what one stick does is not taken for what another does. Amplitudes and phases of x and y
+//! maximize the information about gain, lag, dead time, dead zone, acceleration limit and `theta_0` of the nominal
+//! vehicle (D-optimal: determinant of the information matrix; Ljung, System Identification, 13.3) within 1.5 m/s and
+//! 1.2 m/s^2, more than the vehicle can do, without which its limit would not show.
+//! `docs/benchmarks/2026-11-24-learning` has the program that found them.
 
 use std::f64::consts::TAU;
 
@@ -59,6 +59,13 @@ const THETA: [Tone; 4] = [
     tone(37.0, 0.095, 6.15),
 ];
 
+/// Periods in [`PATTERN_S`] by which frequencies of two axes differ at least, where a size allows it: two sines can
+/// be distinguished in a pattern if they differ by some tenths of a period. 1
+const APART: f64 = 0.4;
+
+/// How much slower than by its size alone a pattern may run for that. %
+const SLOWER_PERCENT: u8 = 30;
+
 /// Time in which the sines grow at the beginning, and fade at the end. s
 const RAMP_S: f64 = 4.0;
 
@@ -99,12 +106,12 @@ impl Excitation {
         in_range("half_height_m", half_height_m, 0.1..=1.0)?;
         in_range("duration_s", duration_s, 20.0..=600.0)?;
         let (wide, high) = (half_width_m / HALF_WIDTH_M, half_height_m / HALF_HEIGHT_M);
+        let [wide_pace, high_pace] = paces(wide, high);
         let at = |t_s: f64| {
             let grown = ramp(t_s.min(duration_s - t_s) / RAMP_S);
             let axis = |tones: &[Tone], scale: f64, pace: f64| {
                 grown * scale * tones.iter().map(|tone| tone.at(t_s * pace)).sum::<f64>()
             };
-            let (wide_pace, high_pace) = (pace(wide), pace(high));
             Pose::new(
                 axis(&X, wide, wide_pace),
                 axis(&Y, wide, wide_pace),
@@ -144,6 +151,31 @@ impl Tone {
 /// larger one with the same speeds. 1
 fn pace(scale: f64) -> f64 {
     1.0 / scale.sqrt().max(scale)
+}
+
+/// Paces of x and y, and of z, for patterns of these sizes: [`pace`], slowed down as far as keeps the frequencies of
+/// the axes apart.
+fn paces(wide: f64, high: f64) -> [f64; 2] {
+    let of = |axes: &[&[Tone]], pace: f64| -> Vec<f64> {
+        axes.iter().flat_map(|tones| tones.iter().map(|tone| tone.periods * pace)).collect()
+    };
+    let high_pace = apart(pace(high), &of(&[&Z], 1.0), &of(&[&THETA], 1.0));
+    let others = [of(&[&Z], high_pace), of(&[&THETA], 1.0)].concat();
+    [apart(pace(wide), &of(&[&X, &Y], 1.0), &others), high_pace]
+}
+
+/// The greatest pace, at most `pace`, at which no frequency of `scaled` is nearer than [`APART`] to one of `others`;
+/// where there is none within [`SLOWER_PERCENT`], that which keeps them furthest apart.
+fn apart(pace: f64, scaled: &[f64], others: &[f64]) -> f64 {
+    let nearest = |pace: f64| {
+        let gaps = scaled.iter().flat_map(|a| others.iter().map(move |b| (pace * a - b).abs()));
+        gaps.fold(f64::INFINITY, f64::min)
+    };
+    let paces = (0..=SLOWER_PERCENT).map(|percent| pace * (1.0 - 0.01 * f64::from(percent)));
+    paces
+        .map(|pace| (pace, nearest(pace).min(APART)))
+        .reduce(|best, next| if next.1 > best.1 { next } else { best })
+        .map_or(pace, |(pace, _)| pace)
 }
 
 /// From 0 to 1 without a jump of the rate.
@@ -203,13 +235,26 @@ mod tests {
 
     #[test]
     fn no_two_axes_have_a_frequency_in_common() {
-        let axes = [&X[..], &Y, &Z, &THETA];
-        let all: Vec<f64> = axes.iter().flat_map(|tones| tones.iter().map(|t| t.periods)).collect();
-        for (i, a) in all.iter().enumerate() {
-            for b in &all[i + 1..] {
-                assert!((a - b).abs() > 0.5, "{a} and {b}");
+        for half_width_dm in 3..=40 {
+            for half_height_dm in 1..=10 {
+                let wide = 0.1 * f64::from(half_width_dm) / HALF_WIDTH_M;
+                let high = 0.1 * f64::from(half_height_dm) / HALF_HEIGHT_M;
+                let [wide_pace, high_pace] = paces(wide, high);
+                let axes = [(&X[..], wide_pace), (&Y, wide_pace), (&Z, high_pace), (&THETA, 1.0)];
+                for (axis, (tones, pace)) in axes.iter().enumerate() {
+                    let others = axes[axis + 1..].iter().flat_map(|(tones, pace)| {
+                        tones.iter().map(move |tone| tone.periods * pace)
+                    });
+                    for b in others {
+                        for a in tones.iter().map(|tone| tone.periods * pace) {
+                            assert!((a - b).abs() > 0.2, "{wide} x {high}: {a} and {b}");
+                        }
+                    }
+                }
             }
         }
+        let as_designed = paces(1.0, 1.0).map(f64::to_bits);
+        assert_eq!(as_designed, [1.0_f64.to_bits(); 2], "the pattern as it was designed");
     }
 
     #[test]

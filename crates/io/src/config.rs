@@ -219,7 +219,11 @@ pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T> {
 
 const SETTINGS_BYTES_MAX: u64 = 64 << 20;
 
-fn read(path: &Path) -> Result<String> {
+/// The text of a file of settings.
+///
+/// # Errors
+/// It cannot be read, is larger than 64 MiB, or is no UTF-8.
+pub fn read(path: &Path) -> Result<String> {
     let bytes = whole_file::read(path, SETTINGS_BYTES_MAX)
         .with_context(|| format!("cannot read {}", path.display()))?;
     let text = String::from_utf8(bytes)

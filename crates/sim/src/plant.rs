@@ -210,6 +210,7 @@ impl Plant {
     pub fn step_grounded(&mut self) {
         self.fifo.push(&Sticks::zeros());
         self.pose[pose::Z] = STANDING_M;
+        self.external = External::None;
         self.rest();
     }
 

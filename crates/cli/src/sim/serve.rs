@@ -57,7 +57,7 @@ fn mocap(arguments: &Arguments, index: u8) -> MocapAddresses {
     MocapAddresses {
         relay: Some(at(arguments.relay_address)),
         datastream: Some(at(arguments.datastream_address)),
-        udp_target: Some(arguments.udp_target),
+        udp_target: Some(at(arguments.udp_target)),
         natnet: Some(NatnetServer {
             group: arguments.natnet_group,
             ..NatnetServer::unicast(at(arguments.natnet_address))

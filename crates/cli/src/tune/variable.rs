@@ -76,27 +76,44 @@ impl Variable {
         value.clamp(lo, hi)
     }
 
-    /// The fraction of the range at which `value` lies; its nearest end if it lies outside.
-    pub(super) fn fraction(&self, value: f64) -> f64 {
-        let Range { lo, hi, .. } = self.range;
-        let value = value.clamp(lo, hi);
-        match self.scale {
-            Scale::Linear => (value - lo) / (hi - lo),
-            Scale::Logarithmic => (value / lo).ln() / (hi / lo).ln(),
-        }
-    }
-
-    /// The number in `document`, at the first of its places.
+    /// The fraction of the range at which the number in `document` lies: where the search begins, so that its first
+    /// try is the configuration as it is.
     ///
     /// # Errors
-    /// A place that is missing or holds no number.
+    /// As [`Variable::value`]; a number that lies outside of the range.
+    pub(super) fn fraction(&self, document: &Value) -> Result<f64> {
+        let Range { name, lo, hi } = &self.range;
+        let value = self.value(document)?;
+        if !(*lo..=*hi).contains(&value) {
+            bail!(
+                "{name} is {value}, outside of {lo}..{hi}: the search begins there, so the range has to hold it"
+            );
+        }
+        Ok(match self.scale {
+            Scale::Linear => (value - lo) / (hi - lo),
+            Scale::Logarithmic => (value / lo).ln() / (hi / lo).ln(),
+        })
+    }
+
+    /// The number in `document`, which is the same at all of its places.
+    ///
+    /// # Errors
+    /// A place that is missing or holds no number; two that differ.
     pub(super) fn value(&self, document: &Value) -> Result<f64> {
         let mut values = self.pointers.iter().map(|pointer| {
             document.pointer(pointer).and_then(Value::as_f64).ok_or_else(|| self.missing(pointer))
         });
-        let first = values.next().unwrap_or_else(|| Err(self.missing("")));
-        values.try_for_each(|value| value.map(drop))?;
-        first
+        let first = values.next().unwrap_or_else(|| Err(self.missing("")))?;
+        for value in values {
+            let value = value?;
+            if value.to_bits() != first.to_bits() {
+                bail!(
+                    "{}: {first} and {value} differ; numbers that are searched as one begin as one",
+                    self.name()
+                );
+            }
+        }
+        Ok(first)
     }
 
     /// Sets the number in `document` to where `fraction` is; a whole number stays one.
@@ -145,7 +162,7 @@ mod tests {
 
     #[test]
     fn a_number_goes_where_its_keys_say() {
-        let mut document = json!({ "mpc": { "C_u": [1.0, 2.0, 3.0], "horizon_steps": 13 } });
+        let mut document = json!({ "mpc": { "C_u": [1.0, 2.0, 1.0], "horizon_steps": 13 } });
         let both = variable("mpc.C_u[0]+/mpc/C_u/2=0.1..10", Scale::Logarithmic);
         assert_eq!(both.value(&document).unwrap().to_bits(), 1.0_f64.to_bits());
         both.set(&mut document, 1.0).unwrap();
@@ -163,14 +180,21 @@ mod tests {
             assert!((variable.at(0.5) - middle).abs() < 1e-12, "{text}: {}", variable.at(0.5));
             for k in 0..=10 {
                 let fraction = f64::from(k) / 10.0;
-                let back = variable.fraction(variable.at(fraction));
+                let back = variable.fraction(&json!({ "a": variable.at(fraction) })).unwrap();
                 assert!((back - fraction).abs() < 1e-12, "{text}: {back} instead of {fraction}");
             }
-            assert!(
-                variable.fraction(-1e9).abs() < 1e-12
-                    && (variable.fraction(1e9) - 1.0).abs() < 1e-12
-            );
+            for outside in [-2.1, 10.1] {
+                let error = variable.fraction(&json!({ "a": outside })).unwrap_err().to_string();
+                assert!(error.contains("outside of"), "{text}: {error}");
+            }
         }
+    }
+
+    #[test]
+    fn numbers_that_are_searched_as_one_begin_as_one() {
+        let error = variable("a+b=0..1", Scale::Linear).value(&json!({ "a": 0.5, "b": 0.6 }));
+        let error = error.unwrap_err().to_string();
+        assert!(error.contains("a+b: 0.5 and 0.6 differ"), "{error}");
     }
 
     #[test]

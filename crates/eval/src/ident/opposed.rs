@@ -9,8 +9,8 @@ use nalgebra::{Rotation2, Vector2};
 
 use super::flights::Flight;
 
-/// Half of the time over which a velocity is taken. steps
-const HALF_STEPS: usize = 10;
+/// Half of the time over which a velocity is taken. s
+const HALF_S: f64 = 0.2;
 
 /// Lag of the velocity behind the sticks: that of a Tello. s
 const TAU_S: f64 = 0.6;
@@ -76,13 +76,19 @@ impl Sums {
 
 /// Velocity at step `k`, forward and left; `None` where a pose is missing or jumps. m/s
 fn velocity_b_mps(o: &[Observed<{ pose::COUNT }>], k: usize, dt_s: f64) -> Option<Vector2<f64>> {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "2 to 40: a period is 0.005 to 0.1 s"
+    )]
+    let half = (HALF_S / dt_s).round() as usize;
     let complete = |k: usize| -> Option<&Pose> {
         o.get(k).filter(|o| o.is_present.iter().all(|seen| *seen)).map(|o| &o.o)
     };
-    let (before, now) = (complete(k.checked_sub(HALF_STEPS)?)?, complete(k)?);
-    let after = complete(k + HALF_STEPS)?;
+    let (before, now) = (complete(k.checked_sub(half)?)?, complete(k)?);
+    let after = complete(k + half)?;
     let moved_w = after.fixed_rows::<2>(pose::X) - before.fixed_rows::<2>(pose::X);
-    let velocity_w_mps = moved_w / (2.0 * HALF_STEPS as f64 * dt_s);
+    let velocity_w_mps = moved_w / (2.0 * half as f64 * dt_s);
     let is_flown = velocity_w_mps.norm() <= SPEED_MAX_MPS;
     is_flown.then(|| Rotation2::new(-now[pose::THETA]) * velocity_w_mps)
 }

@@ -83,7 +83,7 @@ pub(super) fn judge(
         ));
     }
     if flight.ticks.last().is_some_and(|tick| tick.phase == Some(Phase::LandingUnconfirmed)) {
-        reasons.push("its landing was not confirmed".to_owned());
+        reasons.push("was not confirmed to have landed".to_owned());
     }
     (if reasons.is_empty() { Judgement::Good } else { Judgement::Bad }, reasons)
 }

@@ -113,7 +113,8 @@ fn button(code: KeyCode) -> Option<Act> {
         KeyCode::BTN_SELECT => Some(Act::Ask(Ask::EmergencyStop)),
         KeyCode::BTN_START => Some(Act::Ask(Ask::TakeOff)),
         KeyCode::BTN_EAST => Some(Act::Ask(Ask::Land)),
-        KeyCode::BTN_WEST => Some(Act::Manual),
+        // The button with an X on it: drivers of Xbox pads send BTN_X, which is BTN_NORTH, others the place, west.
+        KeyCode::BTN_WEST | KeyCode::BTN_NORTH => Some(Act::Manual),
         KeyCode::BTN_SOUTH => Some(Act::Automatic),
         _ => None,
     }

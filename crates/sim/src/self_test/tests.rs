@@ -95,6 +95,9 @@ fn flights_by_hand_pass_if_the_mean_error_is_small_or_within_its_claims() {
     assert!(!test_of(four(1.11), Source::ByHand).is_passed);
     assert!(test_of(vec![number("tau_h", 1.0, 1.11, Some(0.05))], Source::ByHand).is_passed);
     assert!(!test_of(Vec::new(), Source::ByHand).is_passed, "nothing was found");
+    let found = vec![number("tau_h", 1.0, 1.0, Some(0.1))];
+    let test = SelfTest::of(&[Some(Identified { found, flown: None }), None], Source::ByHand);
+    assert!(!test.is_passed && test.to_string().contains(", 1 refused\n"), "{test}");
 }
 
 #[test]

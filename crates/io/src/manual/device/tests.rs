@@ -62,6 +62,7 @@ fn buttons_act_when_they_are_pressed() {
         (KeyCode::BTN_START, Act::Ask(Ask::TakeOff)),
         (KeyCode::BTN_EAST, Act::Ask(Ask::Land)),
         (KeyCode::BTN_WEST, Act::Manual),
+        (KeyCode::BTN_NORTH, Act::Manual),
         (KeyCode::BTN_SOUTH, Act::Automatic),
     ] {
         assert_eq!(key(&mut layout, button, 1), Some(act));
