@@ -66,8 +66,6 @@ struct Bench {
     data: PathBuf,
     repetitions: u32,
     workshop: Workshop,
-    /// Where pictures go.
-    out: Option<PathBuf>,
 }
 
 /// What a part found: a table in markdown, and lines of the raw file.
@@ -86,7 +84,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         data: arguments.data.clone(),
         repetitions: arguments.repetitions,
         workshop: Workshop::open()?,
-        out: arguments.out.clone(),
     };
     if let Some(out) = &arguments.out {
         fs::create_dir_all(out).with_context(|| out.display().to_string())?;

@@ -7,7 +7,6 @@
 use std::fmt::Write as _;
 
 use anyhow::Result;
-use tello_eval::figure::{self, GrowthCurve};
 
 use super::comparison::{quantile, sorted};
 use super::{Bench, Findings, ident, mhe, mpc};
@@ -24,10 +23,10 @@ const GOAL: f64 = 1.1;
 /// Threads of the identification.
 const THREADS: usize = 1;
 
-/// All curves, and their picture where results are kept.
+/// The times over all sizes, and their exponents.
 ///
 /// # Errors
-/// A solve that fails, missing data, a picture that cannot be written.
+/// A solve that fails, missing data.
 pub(super) fn run(bench: &Bench) -> Result<Findings> {
     let least = |mut pass: Box<dyn FnMut() -> Result<Vec<f64>> + '_>| -> Result<f64> {
         let mut medians = Vec::new();
@@ -56,7 +55,6 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
     let mut table =
         "| | sizes, steps | times, us | of passes | exponent |\n|---|---|---|---|---|\n".to_owned();
     let mut raw = String::new();
-    let mut curves = Vec::new();
     for (name, statistic, sizes, us) in &parts {
         let exponent = exponent(sizes, us);
         let verdict = if exponent <= GOAL { "met" } else { "**missed**" };
@@ -70,11 +68,6 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
         for (steps, us) in sizes.iter().zip(us) {
             writeln!(raw, "\"{name}\",\"{steps} steps\",{statistic},,{us:.3},,")?;
         }
-        curves.push(GrowthCurve { name, sizes, values: us, exponent });
-    }
-    if let Some(out) = &bench.out {
-        let picture = figure::growth("Time over size", ("steps", "time [us]"), &curves);
-        std::fs::write(out.join("growth.svg"), picture.svg())?;
     }
     Ok(Findings { table, raw })
 }

@@ -40,7 +40,6 @@ pub(super) fn figures(values: &[f64]) -> Vec<(&'static str, Figure)> {
         shifted: values,
         dead_time_s: 0.32,
     });
-    let curve = GrowthCurve { name: "MHE", sizes: &time_s, values, exponent: 1.25 };
     let halves = [&values[..half], &values[half..]];
     let residual_rows = ROWS.map(|row| ResidualRow { row, pieces: &halves });
     let lines = [ForecastLine { model: "kinematic", horizon_s: &time_s, rmse: values }];
@@ -52,7 +51,6 @@ pub(super) fn figures(values: &[f64]) -> Vec<(&'static str, Figure)> {
         ("delay_shift", delay_shift("Shift", &time_s, &shifts)),
         ("residuals", residuals("Residuals", DT_S, 20, &residual_rows)),
         ("forecast", forecast("Forecast", &[0.2, 0.6, 1.0], &panels)),
-        ("growth", growth("Growth", ("steps", "time [us]"), &[curve; 3])),
     ]
 }
 
@@ -78,14 +76,13 @@ pub(super) fn texts(svg: &str) -> Vec<String> {
 
 #[test]
 fn each_figure_is_xml_and_names_its_axes_with_units() {
-    let expected: [(&str, &[&str]); 7] = [
+    let expected: [(&str, &[&str]); 6] = [
         ("fit", &["Fit", "x [m]", "ratio", "theta [rad]", "time [s]", "observation", "estimate"]),
         ("bootstrap", &["x [m]", "ratio", "bootstrap", "Laplace", "estimate from all data"]),
         ("delay_profile", &["horizontal", "dead time [s]", "cost above the minimum", "minimum"]),
         ("delay_shift", &["theta [rad]", "time [s]", "cumulative input", "x: dead time 0.320 s"]),
         ("residuals", &["density [1/m]", "density", "x residual [m]", "lag [s]"]),
         ("forecast", &["x error, RMSE [m]", "horizon [s]", "kinematic"]),
-        ("growth", &["MHE: exponent 1.25", "steps", "time [us]", "measured"]),
     ];
     for ((name, figure), (expected_name, labels)) in figures(&flight()).iter().zip(expected) {
         assert_eq!(*name, expected_name);
