@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fmt::{self, Display, Formatter};
 use std::fs::File;
-use std::io::{BufWriter, Read, Write};
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -14,7 +14,7 @@ use serde::Serialize;
 use tello_eval::flight_log;
 use tello_eval::metrics::ReferencePath;
 use tello_eval::recordings::rows::{self, RowFlight};
-use tello_eval::recordings::{self, MCAP_MAGIC, ticks};
+use tello_eval::recordings::{self, ticks};
 use tello_io::log::csv::{self, CsvRow};
 use tello_io::log::{CONFIG, LogReader};
 use tello_io::whole_file;
@@ -86,11 +86,8 @@ impl Format {
     }
 
     fn of(path: &Path) -> Result<Self> {
-        let mut head = Vec::new();
-        let file = File::open(path).context("it cannot be read")?;
-        file.take(MCAP_MAGIC.len() as u64).read_to_end(&mut head).context("it cannot be read")?;
-        anyhow::ensure!(!head.is_empty(), "it is empty");
-        Ok(if head == MCAP_MAGIC { Self::Mcap } else { Self::Csv })
+        let is_mcap = recordings::begins_as_mcap(path).context("it cannot be read")?;
+        Ok(if is_mcap.context("it is empty")? { Self::Mcap } else { Self::Csv })
     }
 
     fn other(self) -> Self {

@@ -12,6 +12,7 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -30,7 +31,7 @@ use tello_io::whole_file::{self, RECORDING_BYTES_MAX};
 pub const PERIOD_S: f64 = 0.02;
 
 /// First bytes of every MCAP file.
-pub const MCAP_MAGIC: &[u8] = b"\x89MCAP";
+const MCAP_MAGIC: &[u8] = b"\x89MCAP";
 
 /// Names of the files of a folder that are recordings.
 const EXTENSIONS: [&str; 3] = ["log", "csv", "mcap"];
@@ -197,7 +198,7 @@ pub fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-fn recordings_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+fn recordings_in(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();
@@ -230,6 +231,23 @@ fn natural(a: &str, b: &str) -> Ordering {
         _ => a.cmp(b),
     });
     pairs.fold(Ordering::Equal, Ordering::then).then_with(|| a.cmp(b))
+}
+
+/// Whether a file begins as MCAP files do; `None` if it is empty.
+///
+/// # Errors
+/// It cannot be read.
+pub fn begins_as_mcap(path: &Path) -> io::Result<Option<bool>> {
+    let mut head = Vec::new();
+    fs::File::open(path)?.take(MCAP_MAGIC.len() as u64).read_to_end(&mut head)?;
+    Ok((!head.is_empty()).then(|| head == MCAP_MAGIC))
+}
+
+/// The same of a file with a flight, which an empty one is not.
+pub(crate) fn is_mcap(path: &Path) -> Result<bool> {
+    begins_as_mcap(path)
+        .with_context(|| format!("cannot read {}", path.display()))?
+        .with_context(|| format!("{} is empty: there is no flight in it", path.display()))
 }
 
 fn load_one(path: &Path, filter: FilterSettings) -> Result<Loaded> {

@@ -10,17 +10,15 @@ mod forecast_errors;
 mod recording;
 
 use std::fmt::{self, Display, Formatter};
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use serde::Serialize;
 use tello_flight::cycle::FlightTable;
 use tello_io::log::LogReader;
 
 use crate::flight_log::TickRecord;
-use crate::recordings::{self, MCAP_MAGIC, rows};
+use crate::recordings::{self, rows};
 
 /// How flights are repeated.
 #[derive(Debug, Clone, Copy, Default)]
@@ -83,7 +81,7 @@ pub fn run(logs: &[PathBuf], options: &Options<'_>, watch: Option<Watch<'_>>) ->
     let logs = recordings::find(logs)?;
     let mut flights = Vec::with_capacity(logs.len());
     for log in &logs {
-        let is_mcap = is_mcap(log)?;
+        let is_mcap = recordings::is_mcap(log)?;
         if is_mcap && !rows::is_recording(&LogReader::open(log)?) {
             if logs.len() > 1 {
                 bail!("{} is a log of tello-ctl: it is repeated alone", log.display());
@@ -99,15 +97,6 @@ pub fn run(logs: &[PathBuf], options: &Options<'_>, watch: Option<Watch<'_>>) ->
         bail!("--view is for a log of tello-ctl: recordings of others have no plans and no phases");
     }
     recording::run(&logs, &flights, options).map(Replayed::Forecast)
-}
-
-fn is_mcap(path: &Path) -> Result<bool> {
-    let mut head = Vec::new();
-    File::open(path)
-        .and_then(|file| file.take(MCAP_MAGIC.len() as u64).read_to_end(&mut head))
-        .with_context(|| format!("cannot read {}", path.display()))?;
-    anyhow::ensure!(!head.is_empty(), "{} is empty: there is no flight in it", path.display());
-    Ok(head == MCAP_MAGIC)
 }
 
 #[cfg(test)]

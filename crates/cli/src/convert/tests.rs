@@ -25,12 +25,13 @@ fn arguments(out: Option<&Path>, to: Option<Format>) -> Arguments {
 
 #[test]
 fn the_format_is_that_of_the_bytes_and_not_of_the_name() {
-    let long = [MCAP_MAGIC, &[0]].concat();
+    const MCAP: &[u8] = b"\x89MCAP";
+    let long = [MCAP, &[0]].concat();
     for (name, bytes, expected) in [
-        ("a.csv", MCAP_MAGIC, Some(Format::Mcap)),
+        ("a.csv", MCAP, Some(Format::Mcap)),
         ("b.csv", long.as_slice(), Some(Format::Mcap)),
         ("c.mcap", b"pos,0,1,2,3,4\n", Some(Format::Csv)),
-        ("d.mcap", &MCAP_MAGIC[..MCAP_MAGIC.len() - 1], Some(Format::Csv)),
+        ("d.mcap", &MCAP[..MCAP.len() - 1], Some(Format::Csv)),
         ("e.mcap", b"", None),
     ] {
         let path = file(name, bytes);

@@ -7,7 +7,7 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use horizon_model::rows::{Pose, pose};
 use horizon_model::{Kinematic, Model};
 use tello_flight::cycle::FlightTable;
@@ -18,7 +18,7 @@ use crate::flight_log;
 use crate::metrics::{Corner, ReferencePath, Surroundings, corners};
 use crate::recordings::rows::{self, RowFlight};
 use crate::recordings::ticks::{self, TickRow};
-use crate::recordings::{MCAP_MAGIC, PERIOD_S};
+use crate::recordings::{PERIOD_S, is_mcap};
 
 /// A recording of the thesis is finished if it ends within this of its last target, no pilot having taken
 /// over before: the larger of the thesis' required distances (section 5.2.4). m
@@ -65,7 +65,7 @@ impl Flight {
     /// The file cannot be read, or there is no flight in it.
     pub(super) fn read(path: &Path) -> Result<Self> {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let is_mcap = starts_as_mcap(path)?;
+        let is_mcap = is_mcap(path)?;
         let flight = if is_mcap {
             let mut log = LogReader::open(path)?;
             if rows::is_recording(&log) {
@@ -217,16 +217,6 @@ fn nearest_obstacle(settings: &FlightTable, ticks: &[TickRow]) -> Result<Option<
             format!("nearest to an obstacle: {distance_m:.2} m at {at_s:.2} s")
         }
     }))
-}
-
-fn starts_as_mcap(path: &Path) -> Result<bool> {
-    use std::io::Read;
-    let mut head = Vec::new();
-    std::fs::File::open(path)
-        .and_then(|file| file.take(MCAP_MAGIC.len() as u64).read_to_end(&mut head))
-        .with_context(|| format!("cannot read {}", path.display()))?;
-    ensure!(!head.is_empty(), "{} is empty: there is no flight in it", path.display());
-    Ok(head == MCAP_MAGIC)
 }
 
 /// The targets in their order. A tick whose successor has another target has reached its own.
