@@ -86,8 +86,7 @@ pub(crate) fn batch(
         let seeds = seed..seed.saturating_add(count);
         let stopped = || stop.is_asked();
         let flown = tello_sim::batch::fly(&[contender], &simulator(sim)?, seeds, &stopped, &|| {})?;
-        let flown = flown.first().map(|flown| Batch::of(flown));
-        Ok(serde_json::to_string(&flown)?)
+        Ok(serde_json::to_string(&Batch::of(&flown.concat()))?)
     })
 }
 

@@ -10,14 +10,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::{ArgGroup, Args};
-use serde_json::json;
+use serde_json::{Value, json};
 use tello_eval::figure::{self, Place, SeenFlights};
-use tello_eval::shard_file::{Kind, Shard};
+use tello_eval::shard_file::{Kind, Seeded, Shard};
 use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{SPEED_AS_WRITTEN, Start};
 use tello_io::config;
 use tello_sim::batch::{self, Batch, Comparison, Contender, Flown};
-use tello_sim::campaign::{self, Campaign, CampaignRow, Family};
+use tello_sim::campaign::{self, Campaign, Family};
 use tello_sim::{SimTable, logged_flight};
 
 use self::shard::Target;
@@ -244,53 +244,56 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     if let Some(against) = &arguments.against {
         contenders.push(contender(Some(against))?);
     }
-    let mut seeds = seeds_from(arguments.seed, count)?;
     let settings = json!({
         "sim": sim,
         "contenders": contenders.iter().map(Contender::settings).collect::<Vec<_>>(),
     });
-    let target = Target::of(arguments, Kind::Batch, settings, count);
-    if let Some(target) = &target {
-        if target.is_done::<Vec<Flown>>()? {
-            return Ok(Verdict::Good);
-        }
-        seeds = target.head.seeds();
-    }
     let place =
         arguments.figure.as_deref().map(|name| Place::of(name, arguments.force)).transpose()?;
-    let count = seeds.end - seeds.start;
-    let interrupt = Interrupt::listen()?;
-    let seen = Seeds::of(count, !arguments.json)?;
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
-    let flown = pool.install(|| {
-        batch::fly(&contenders, sim, seeds, &|| interrupt.is_asked(), &|| seen.advance())
-    })?;
-    seen.end();
-    let done = flown.first().map_or(0, Vec::len);
-    if interrupt.is_asked() && (target.is_some() || done == 0) {
-        return Ok(stopped(done, count, ": nothing is written"));
-    }
-    if let Some(target) = &target {
-        return target.write(&batch::by_seed(flown));
-    }
-    if let Some(place) = &place {
-        draw(place, &names(arguments), &contenders, &flown)?;
-    }
-    print_batches(&flown, names(arguments), arguments.seed, arguments.json)?;
-    if interrupt.is_asked() {
-        return Ok(stopped(done, count, ""));
-    }
-    Ok(Verdict::Good)
+    let fly = |seeds, watch: &Watch<'_>| {
+        let mut rows = batch::fly(&contenders, sim, seeds, watch.0, watch.1)?;
+        if place.is_none() {
+            // Long, and not in part files.
+            rows.iter_mut().flatten().for_each(|flown| flown.track_w.clear());
+        }
+        Ok(rows)
+    };
+    in_parts(arguments, (Kind::Batch, settings, count), fly, |rows| {
+        let flown = batch::by_contender(rows);
+        if let Some(place) = &place {
+            draw(place, &names(arguments), &contenders, &flown)?;
+        }
+        print_batches(&flown, names(arguments), arguments.seed, arguments.json)?;
+        Ok(Verdict::Good)
+    })
 }
 
 /// Flies `count` seeds with random faults and prints how they ended.
 fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdict> {
     let flight = flight(arguments, arguments.config.as_deref(), Start::Grounded)?;
-    let mut seeds = seeds_from(arguments.seed, count)?;
     let settings = json!({ "sim": sim, "flight": flight, "family": arguments.family });
-    let target = Target::of(arguments, Kind::Campaign, settings, count);
+    let fly = |seeds, watch: &Watch<'_>| {
+        campaign::fly(&flight, sim, seeds, arguments.family, watch.0, watch.1)
+    };
+    in_parts(arguments, (Kind::Campaign, settings, count), fly, |rows| {
+        print_campaign(&Campaign::of(rows), arguments.json)
+    })
+}
+
+/// Whether Ctrl-C came, and what is called after each seed.
+struct Watch<'a>(&'a (dyn Fn() -> bool + Sync), &'a (dyn Fn() + Sync));
+
+/// Flies `count` seeds, or those of the part that is asked for; writes the part, or shows the rows. Bad after Ctrl-C.
+fn in_parts<T: Seeded + Send>(
+    arguments: &Arguments,
+    (kind, settings, count): (Kind, Value, u64),
+    fly: impl FnOnce(Range<u64>, &Watch<'_>) -> Result<Vec<T>> + Send,
+    show: impl FnOnce(Vec<T>) -> Result<Verdict>,
+) -> Result<Verdict> {
+    let mut seeds = seeds_from(arguments.seed, count)?;
+    let target = Target::of(arguments, kind, settings, count);
     if let Some(target) = &target {
-        if target.is_done::<CampaignRow>()? {
+        if target.is_done::<T>()? {
             return Ok(Verdict::Good);
         }
         seeds = target.head.seeds();
@@ -299,10 +302,8 @@ fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Ver
     let interrupt = Interrupt::listen()?;
     let seen = Seeds::of(count, !arguments.json)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
-    let rows = pool.install(|| {
-        let is_interrupted = || interrupt.is_asked();
-        campaign::fly(&flight, sim, seeds, arguments.family, &is_interrupted, &|| seen.advance())
-    })?;
+    let watch = Watch(&|| interrupt.is_asked(), &|| seen.advance());
+    let rows = pool.install(|| fly(seeds, &watch))?;
     seen.end();
     let done = rows.len();
     if interrupt.is_asked() && (target.is_some() || done == 0) {
@@ -311,11 +312,8 @@ fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Ver
     if let Some(target) = target {
         return target.write(&rows);
     }
-    let verdict = print_campaign(&Campaign::of(rows), arguments.json)?;
-    if interrupt.is_asked() {
-        return Ok(stopped(done, count, ""));
-    }
-    Ok(verdict)
+    let verdict = show(rows)?;
+    Ok(if interrupt.is_asked() { stopped(done, count, "") } else { verdict })
 }
 
 /// `count` seeds from `first` on.

@@ -25,10 +25,9 @@ pub use laps::{LapSpread, Laps};
 pub use paired::Comparison;
 pub use table::Batch;
 
-/// Flights of every contender, in the order of the contenders; each in the order of its seeds.
+/// Flights of each seed, in the order of the seeds: one of each contender.
 ///
-/// All contenders fly a seed before it counts as done. After an interrupt no further seed is begun:
-/// the seeds that are missing are missing for all.
+/// After an interrupt no further seed is begun.
 ///
 /// `on_flown` is called after every seed.
 ///
@@ -41,12 +40,9 @@ pub fn fly(
     is_interrupted: &(dyn Fn() -> bool + Sync),
     on_flown: &(dyn Fn() + Sync),
 ) -> Result<Vec<Vec<Flown>>> {
-    let by_seed = fly_each(seeds, is_interrupted, on_flown, |seed| {
+    fly_each(seeds, is_interrupted, on_flown, |seed| {
         contenders.iter().map(|contender| contender.fly(sim, seed)).collect()
-    })?;
-    let mut flown = by_contender(by_seed);
-    flown.resize(contenders.len(), Vec::new());
-    Ok(flown)
+    })
 }
 
 /// Keys of `sim` that differ from the built-in ones and count over sockets alone: in virtual time nothing is sent, and
@@ -80,29 +76,9 @@ pub fn by_contender(by_seed: Vec<Vec<Flown>>) -> Vec<Vec<Flown>> {
     by_contender
 }
 
-/// Transposes flights `[contender][seed]` to `[seed][contender]`, and drops their tracks: what a part file holds.
-pub fn by_seed(by_contender: Vec<Vec<Flown>>) -> Vec<Vec<Flown>> {
-    let mut by_seed: Vec<Vec<Flown>> = Vec::new();
-    for flights in by_contender {
-        by_seed.resize(by_seed.len().max(flights.len()), Vec::new());
-        for (seed, flight) in by_seed.iter_mut().zip(flights) {
-            seed.push(Flown { track_w: Vec::new(), ..flight });
-        }
-    }
-    by_seed
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// A flight of a seed with a track, distinguished by its time.
-    fn flown(seed: u64, finish_s: f64) -> Flown {
-        let mut flown = Flown::example(Some(finish_s), 0.2);
-        flown.row.seed = seed;
-        flown.track_w = vec![(1.0, 2.0)];
-        flown
-    }
 
     #[test]
     fn what_counts_over_sockets_alone_is_named() {
@@ -115,24 +91,10 @@ mod tests {
 
     #[test]
     fn flights_by_seed_are_those_by_contender_turned_around() {
-        let by_contender = vec![
-            vec![flown(7, 10.0), flown(8, 11.0), flown(9, 12.0)],
-            vec![flown(7, 20.0), flown(8, 21.0), flown(9, 22.0)],
-        ];
-        let by_seed = by_seed(by_contender.clone());
-        assert_eq!(by_seed.len(), 3);
-        for (seed, flights) in (7..).zip(&by_seed) {
-            assert!(flights.iter().all(|flown| flown.row.seed == seed), "{seed}: {flights:?}");
-            assert!(
-                flights.iter().all(|flown| flown.track_w.is_empty()),
-                "no track in a part file"
-            );
-        }
-        let back = super::by_contender(by_seed);
-        let rows = |flights: &[Vec<Flown>]| -> Vec<Vec<FlightRow>> {
-            flights.iter().map(|own| own.iter().map(|flown| flown.row.clone()).collect()).collect()
-        };
-        assert_eq!(rows(&back), rows(&by_contender));
-        assert!(super::by_contender(Vec::new()).is_empty());
+        let flown = |finish_s| Flown::example(Some(finish_s), 0.2);
+        let by_seed = [10.0, 11.0, 12.0].map(|s| vec![flown(s), flown(s + 10.0)]).to_vec();
+        let expected = [10.0, 20.0].map(|s| vec![flown(s), flown(s + 1.0), flown(s + 2.0)]);
+        assert_eq!(by_contender(by_seed), expected);
+        assert!(by_contender(Vec::new()).is_empty());
     }
 }
