@@ -63,14 +63,9 @@ struct Delay {
 
 impl Delay {
     fn new(steps: f64) -> Self {
-        // 0 for a NaN.
+        // 0 for a NaN; infinity never acts.
         let steps = steps.max(0.0);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "not negative, and a cast saturates: infinity never acts"
-        )]
-        let whole = steps as usize;
+        let whole = horizon_model::whole(steps);
         // Infinity has no fraction.
         let fraction = if steps.is_finite() { steps.fract() } else { 0.0 };
         Self { whole, fraction }

@@ -119,10 +119,9 @@ impl Excitation {
                 axis(&THETA, 1.0, 1.0),
             )
         };
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "200..=6000")]
-        let steps = (duration_s / SPACING_S).round() as u32;
-        let row = |step: u32| -> [f64; TIMED_COUNT] {
-            let t_s = duration_s * f64::from(step) / f64::from(steps);
+        let steps = horizon_model::steps(duration_s, SPACING_S);
+        let row = |step: usize| -> [f64; TIMED_COUNT] {
+            let t_s = duration_s * step as f64 / steps as f64;
             let pose = centre + at(t_s);
             let rounded = |value: f64| (value * 1e4).round() / 1e4;
             [t_s, pose[pose::X], pose[pose::Y], pose[pose::Z], pose[pose::THETA]].map(rounded)

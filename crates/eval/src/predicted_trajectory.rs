@@ -77,8 +77,7 @@ impl TrajectoryPredictor {
             s = model.step(&s, &u, &p, self.dt_s);
             path.push(place(&model.observe(&s)));
         }
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=500")]
-        let decided = self.fifo.dead_time_steps().max() as usize;
+        let decided = horizon_model::whole(self.fifo.dead_time_steps().max());
         let turn = decided.min(path.len().saturating_sub(1));
         let has_plan = !out.plan.is_empty();
         let plan =

@@ -19,8 +19,7 @@ pub fn quantile(values: &[f64], fraction: f64) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let place = fraction.clamp(0.0, 1.0) * sorted.len().checked_sub(1)? as f64;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..len")]
-    let below = place.floor() as usize;
+    let below = horizon_model::whole(place);
     let above = (below + 1).min(sorted.len() - 1);
     Some(sorted[below] + (place - below as f64) * (sorted[above] - sorted[below]))
 }

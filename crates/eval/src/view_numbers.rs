@@ -15,9 +15,7 @@ pub fn every<T: Copy>(points: &[T], most: usize) -> Vec<T> {
 
 /// Ticks of `dt_s` between two drawings that are `span_s` apart, one at least.
 pub fn ticks(span_s: f64, dt_s: f64) -> u64 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1..=200")]
-    let ticks = (span_s / dt_s).round().max(1.0) as u64;
-    ticks
+    horizon_model::steps(span_s, dt_s).max(1) as u64
 }
 
 /// Position of the pose `at` in the world frame, rounded to a millimetre. m

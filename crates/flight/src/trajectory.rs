@@ -89,14 +89,9 @@ impl Trajectory {
         let mut arc_m = 0.0;
         for pair in self.nodes.windows(2) {
             let length_s = pair[1].at_s - pair[0].at_s;
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "minutes / SPACING_S, >= 1"
-            )]
-            let count = (length_s / SPACING_S).ceil().max(1.0) as u32;
+            let count = horizon_model::whole((length_s / SPACING_S).ceil()).max(1);
             for i in 1..=count {
-                let u = f64::from(i) / f64::from(count);
+                let u = i as f64 / count as f64;
                 let Moment { pose: at, rate, .. } = between(pair, u);
                 let before = nodes[nodes.len() - 1].pose;
                 arc_m += (at - before).fixed_rows::<3>(pose::X).norm();

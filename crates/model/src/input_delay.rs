@@ -55,7 +55,7 @@ impl<const NU: usize> InputFifo<NU> {
             let rule = format!("a dead time of at most {STEPS_MAX} steps");
             return Err(SettingError::new("dt_s", dt_s, rule));
         }
-        let depth = whole_steps(dead_time_steps.max()) + LOOK_BACK_STEPS + 2;
+        let depth = crate::whole(dead_time_steps.max()) + LOOK_BACK_STEPS + 2;
         let sent = vec![SVector::zeros(); depth];
         Ok(Self {
             dead_time_steps,
@@ -133,7 +133,7 @@ impl<const NU: usize> InputFifo<NU> {
             let whole = self.dead_time_steps[axis].floor();
             let fraction = self.dead_time_steps[axis] - whole;
             // Age 0 is the newest push, one step before the coming one.
-            let age = whole_steps(whole).cast_signed() - 1 - ahead;
+            let age = crate::whole(whole).cast_signed() - 1 - ahead;
             let late = self.sent_at_age(age)[axis];
             if fraction > 0.0 {
                 (1.0 - fraction) * late + fraction * self.sent_at_age(age + 1)[axis]
@@ -153,14 +153,14 @@ impl<const NU: usize> InputFifo<NU> {
     ///
     /// Real time: no allocation, constant cost.
     pub fn known_steps(&self) -> usize {
-        whole_steps(self.dead_time_steps.min())
+        crate::whole(self.dead_time_steps.min())
     }
 
     /// Time from sending an input until it acts on every axis: the longest dead time, rounded up. steps
     ///
     /// Real time: no allocation, constant cost.
     pub fn longest_steps(&self) -> usize {
-        whole_steps(self.dead_time_steps.max().ceil())
+        crate::whole(self.dead_time_steps.max().ceil())
     }
 
     /// The latest pushed input, in its units; zero before the first.
@@ -174,17 +174,6 @@ impl<const NU: usize> InputFifo<NU> {
         let age = usize::try_from(age).unwrap_or(0).min(depth - 1);
         &self.sent[(self.newest + depth - age) % depth]
     }
-}
-
-/// A non-negative number of steps as an index.
-fn whole_steps(steps: f64) -> usize {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a dead time is not negative: at most 2 s of steps, and those of a correction"
-    )]
-    let whole = steps as usize;
-    whole
 }
 
 #[cfg(test)]

@@ -28,6 +28,7 @@ mod row;
 pub mod setting;
 mod transpose;
 mod vehicles;
+mod whole;
 
 pub use bounds::Bounds;
 #[cfg(feature = "dual")]
@@ -38,3 +39,4 @@ pub use model::{DriveHessian, Driven, HessianKind, Linearized, Model, StepHessia
 pub use row::{Domain, Row};
 pub use transpose::transpose;
 pub use vehicles::*;
+pub use whole::{steps, whole};

@@ -298,9 +298,8 @@ fn is_longer(from: u64, to: u64, limit_s: f64) -> bool {
     to.saturating_sub(from) as f64 * DT_S > limit_s
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=60 s")]
 fn steps(time_s: f64) -> u64 {
-    (time_s / DT_S).round() as u64
+    horizon_model::steps(time_s, DT_S) as u64
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 use std::collections::VecDeque;
 
 use horizon_model::rows::pose;
+use horizon_model::steps;
 
 use crate::DT_S;
 use crate::drone::{Phase, Truth};
@@ -45,7 +46,7 @@ impl Reporter {
     /// The reports of a drone that starts as `truth`.
     pub(crate) fn new(table: StatusTable, truth: &Truth) -> Self {
         let late_s = table.flying_late_s.max(table.velocity.late_s).max(table.heading.late_s);
-        let steps_kept = 1 + steps(late_s);
+        let steps_kept = 1 + steps(late_s, DT_S);
         let history = VecDeque::from([Sample::of(truth, [0.0; 2])]);
         Self {
             table,
@@ -113,7 +114,7 @@ impl Reporter {
     /// What was so `late_s` ago, or at the start.
     fn sample(&self, late_s: f64) -> Option<&Sample> {
         let newest = self.history.len().saturating_sub(1);
-        self.history.get(newest.saturating_sub(steps(late_s)))
+        self.history.get(newest.saturating_sub(steps(late_s, DT_S)))
     }
 }
 
@@ -153,13 +154,6 @@ fn seen(report: &VelocityReport, velocity: Velocity, theta: f64) -> Velocity {
         seen.z_mps = -seen.z_mps;
     }
     seen
-}
-
-/// A time as a number of steps.
-fn steps(time_s: f64) -> usize {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=60 s")]
-    let steps = (time_s / DT_S).round() as usize;
-    steps
 }
 
 #[cfg(test)]

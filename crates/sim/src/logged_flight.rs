@@ -133,9 +133,7 @@ fn fly_into(
 fn bounds(flight: &FlightTable) -> Result<(usize, u64), SettingError> {
     let mission = Mission::new(&flight.mission, flight.cycle.dt_s)?;
     let steps = (2.0 * mission.planned_s() + BESIDE_S) / flight.cycle.dt_s;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "hours at most")]
-    let steps_max = steps.ceil() as u64;
-    Ok((mission.targets_count(), steps_max))
+    Ok((mission.targets_count(), horizon_model::whole(steps.ceil()) as u64))
 }
 
 #[cfg(test)]

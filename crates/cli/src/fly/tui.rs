@@ -174,12 +174,7 @@ impl View {
             if history.len() == HISTORY {
                 history.pop_front();
             }
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "a time in ms, not negative; a cast saturates"
-            )]
-            history.push_back((ms * 1e3) as u64);
+            history.push_back(horizon_model::whole(ms * 1e3) as u64);
         }
         self.facts = facts;
     }

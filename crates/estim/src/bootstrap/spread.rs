@@ -86,8 +86,7 @@ impl<const NP: usize> Spread<NP> {
 fn quantile(values: &[f64], q: f64) -> f64 {
     let last = (values.len() - 1) as f64;
     let at = (q * (last + 2.0) - 1.0).clamp(0.0, last);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..len")]
-    let below = at.floor() as usize;
+    let below = horizon_model::whole(at);
     let above = (below + 1).min(values.len() - 1);
     values[below] + (at - at.floor()) * (values[above] - values[below])
 }

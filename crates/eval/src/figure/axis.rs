@@ -101,9 +101,8 @@ fn number(value: f64, step: f64, largest: f64) -> String {
     format!("{value:.*}", digits(-exponent))
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in 0..=12")]
 fn digits(count: f64) -> usize {
-    count.clamp(0.0, 12.0) as usize
+    horizon_model::whole(count.clamp(0.0, 12.0))
 }
 
 #[cfg(test)]

@@ -97,8 +97,7 @@ fn heading(row: &BootstrapRow<'_>) -> [String; 2] {
     let squares = samples.iter().map(|sample| (sample - mean).powi(2)).sum::<f64>();
     let std = (squares / (samples.len() as f64 - 1.0)).sqrt();
     let value = if std > 0.0 {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in 0..=9")]
-        let digits = (1.0 - std.log10().floor()).clamp(0.0, 9.0) as usize;
+        let digits = horizon_model::whole((1.0 - std.log10().floor()).clamp(0.0, 9.0));
         format!("{:.digits$} (std {std:.digits$})", row.estimate)
     } else {
         format!("{:.4}", row.estimate)

@@ -121,12 +121,7 @@ struct Part {
 fn parts(group: &AlongPath<'_>) -> Vec<Part> {
     let mut samples = vec![Vec::new(); PARTS];
     for (progress, value) in group.progress.iter().zip(group.values) {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "limited to PARTS - 1"
-        )]
-        let part = ((progress * PARTS as f64) as usize).min(PARTS - 1);
+        let part = horizon_model::whole(progress * PARTS as f64).min(PARTS - 1);
         if is_drawable(*progress) && is_drawable(*value) {
             samples[part].push(*value);
         }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use horizon_model::Row;
+use horizon_model::{Row, whole};
 
 use super::axis::{Axis, is_drawable};
 use super::drawing::{BLACK, BLUE, Color, Figure, SKY, Stroke, VERMILION};
@@ -132,17 +132,11 @@ fn histogram(figure: &mut Figure, area: Area, row: &ResidualRow<'_>, moments: Op
 
 /// Fraction of the `count` residuals per unit in each of the bins over `axis`, and how many lie outside.
 fn densities(pieces: &[&[f64]], axis: Axis, count: f64) -> (Vec<f64>, usize) {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in 10..=60")]
-    let mut counts = vec![0_u32; count.sqrt().clamp(10.0, 60.0) as usize];
+    let mut counts = vec![0_u32; whole(count.sqrt().clamp(10.0, 60.0))];
     let bins = counts.len() as f64;
     let mut outside = 0;
     for &r in pieces.iter().copied().flatten().filter(|r| is_drawable(**r)) {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "beyond the bins is outside"
-        )]
-        let bin = (axis.fraction(r) * bins) as usize;
+        let bin = whole(axis.fraction(r) * bins);
         match counts.get_mut(bin) {
             Some(in_bin) if axis.contains(r) => *in_bin += 1,
             _ => outside += 1,

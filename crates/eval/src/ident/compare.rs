@@ -16,7 +16,7 @@ use anyhow::{Context, Result, bail};
 use horizon_estim::Recording;
 use horizon_model::rows::{Sticks, pose, stick};
 use horizon_model::setting::{SettingError, vector};
-use horizon_model::{Kinematic, Model};
+use horizon_model::{Kinematic, Model, steps};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -143,16 +143,6 @@ impl Errors {
             curve,
         }
     }
-}
-
-fn steps(horizon_s: f64, dt_s: f64) -> usize {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a second of steps"
-    )]
-    let steps = (horizon_s / dt_s).round() as usize;
-    steps
 }
 
 /// Ranks the fits of `jobs` by prediction: on `others` if there are any, as `fitted` to all logs; else

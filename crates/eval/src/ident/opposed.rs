@@ -76,12 +76,7 @@ impl Sums {
 
 /// Velocity at step `k`, forward and left; `None` where a pose is missing or jumps. m/s
 fn velocity_b_mps(o: &[Observed<{ pose::COUNT }>], k: usize, dt_s: f64) -> Option<Vector2<f64>> {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "2 to 40: a period is 0.005 to 0.1 s"
-    )]
-    let half = (HALF_S / dt_s).round() as usize;
+    let half = horizon_model::steps(HALF_S, dt_s);
     let complete = |k: usize| -> Option<&Pose> {
         o.get(k).filter(|o| o.is_present.iter().all(|seen| *seen)).map(|o| &o.o)
     };

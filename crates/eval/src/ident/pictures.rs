@@ -277,13 +277,7 @@ fn scale_between(values: impl Iterator<Item = f64>, goal: &[f64]) -> f64 {
 }
 
 fn steps_shown(dt_s: f64) -> usize {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a minute of steps"
-    )]
-    let steps = (SHOWN_S / dt_s) as usize;
-    steps
+    horizon_model::whole(SHOWN_S / dt_s)
 }
 
 #[cfg(test)]

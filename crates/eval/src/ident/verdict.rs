@@ -165,8 +165,7 @@ impl Evidence<'_> {
 
 /// Autocorrelation of the observation residuals of each row at [`WHITE_LAG_S`].
 pub(super) fn autocorrelation(traces: &[Trace], dt_s: f64) -> Vec<f64> {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few steps")]
-    let lag = (WHITE_LAG_S / dt_s).round() as usize;
+    let lag = horizon_model::steps(WHITE_LAG_S, dt_s);
     let of_row = |row: usize| {
         let pieces = traces.iter().map(|trace| trace.observation_residuals[row].as_slice());
         let pieces: Vec<&[f64]> = pieces.collect();

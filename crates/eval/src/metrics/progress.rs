@@ -38,12 +38,7 @@ impl PathProgress {
             let [from, to] = side else { continue };
             let path = to - from;
             let count = (path.fixed_rows::<3>(pose::X).norm() / SPACING_M).ceil();
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "in a room"
-            )]
-            let count = count.min(1e6) as usize;
+            let count = horizon_model::whole(count.min(1e6));
             points.extend((0..count).map(|k| from + path * (k as f64 / count as f64)));
         }
         let points_w = points.iter().map(horizontal).collect();

@@ -4,6 +4,7 @@
 use horizon_model::angle::unwrap_near;
 use horizon_model::rows::{Pose, pose};
 use horizon_model::setting::SettingError;
+use horizon_model::whole;
 use nalgebra::Vector2;
 use tello_flight::{CircleTable, Mission, MissionTable, SplineTable, TargetTable, TrajectoryTable};
 
@@ -60,14 +61,8 @@ impl ReferencePath {
                 (quarters(&outline, laps), follow.reach)
             }
             MissionTable::Circle(CircleTable { follow, turns, .. }) => {
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "positive, and the length of the path is limited"
-                )]
-                let whole_turns = turns.ceil() as usize;
                 rounds = turns * laps as f64;
-                (quarters(&outline, laps * whole_turns), follow.reach)
+                (quarters(&outline, laps * whole(turns.ceil())), follow.reach)
             }
         };
         let targets_count = mission.targets_count();
@@ -105,12 +100,7 @@ impl ReferencePath {
     /// The outline of the first round: rounds are closed, and lie on each other. Less than a round is all of it.
     pub fn lap_outline(&self) -> Vec<Pose> {
         let sides = self.outline.len().saturating_sub(1);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "positive, and the length of the path is limited"
-        )]
-        let of_round = (sides as f64 / self.rounds.max(1.0)).round() as usize;
+        let of_round = whole((sides as f64 / self.rounds.max(1.0)).round());
         self.outline.iter().take(of_round + 1).copied().collect()
     }
 

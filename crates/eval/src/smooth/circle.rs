@@ -119,13 +119,7 @@ fn angle_of(point: usize) -> f64 {
 }
 
 fn point_of(angle: f64) -> usize {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "wrap + pi lies in 0..2 pi; a cast saturates"
-    )]
-    let point = ((wrap(angle) + PI) / SPACING_RAD).round() as usize;
-    point % POINTS
+    horizon_model::whole(((wrap(angle) + PI) / SPACING_RAD).round()) % POINTS
 }
 
 #[cfg(test)]

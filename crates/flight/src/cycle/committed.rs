@@ -4,11 +4,10 @@
 
 use horizon_control::MpcSettings;
 use horizon_model::rows::{Sticks, stick};
+use horizon_model::whole;
 
 /// Steps of a plan in which each axis is already decided, with these dead times in steps.
 pub(super) fn given_steps(dead_time_steps: &Sticks) -> [usize; stick::COUNT] {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=500")]
-    let whole = |steps: f64| steps as usize;
     let shortest = whole(dead_time_steps.min());
     std::array::from_fn(|axis| whole(dead_time_steps[axis]) - shortest)
 }

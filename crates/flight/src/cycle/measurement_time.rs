@@ -34,12 +34,7 @@ impl Age {
     fn of(age_s: f64, dt_s: f64, states: usize) -> Self {
         // The oldest state of the window is about to leave it.
         let back_max = (states - 1).max(1);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a late pose is none"
-        )]
-        let back = ((age_s / dt_s) as usize).min(back_max);
+        let back = horizon_model::whole(age_s / dt_s).min(back_max);
         Self { back, rest_s: (age_s - back as f64 * dt_s).min(dt_s) }
     }
 }

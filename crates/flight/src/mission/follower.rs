@@ -96,8 +96,7 @@ impl Follower {
         dt_s: f64,
     ) -> Result<Self, SettingError> {
         let follow = follow.check().map_err(|error| error.under("follow"))?.clone();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=60 s")]
-        let settle_periods = (follow.start.settle_s / dt_s).round() as usize;
+        let settle_periods = horizon_model::steps(follow.start.settle_s, dt_s);
         Ok(Self {
             path,
             other: careful,

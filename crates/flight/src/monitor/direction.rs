@@ -155,8 +155,7 @@ impl Sums {
 
 impl DirectionMonitor {
     pub(super) fn new(limit_rad: f64, dt_s: f64) -> Self {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "2..=50")]
-        let length = (SHIFT_S / dt_s).round() as usize + 1;
+        let length = horizon_model::steps(SHIFT_S, dt_s) + 1;
         Self {
             limit_rad,
             dt_s,

@@ -222,8 +222,7 @@ struct Window {
 
 impl Window {
     fn new(still_m: f64, length_s: f64, dt_s: f64) -> Self {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "2..=120")]
-        let block = (length_s / BLOCKS as f64 / dt_s).round().max(2.0) as usize;
+        let block = horizon_model::steps(length_s / BLOCKS as f64, dt_s).max(2);
         let poses = vec![Pose::zeros(); BLOCKS * block];
         Self { still_m, length_s, dt_s, poses, newest: 0, count: 0, still_s: [None; ROWS.len()] }
     }

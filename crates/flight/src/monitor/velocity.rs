@@ -13,6 +13,7 @@ mod report_age;
 use std::array;
 
 use horizon_model::rows::{Pose, pose};
+use horizon_model::steps;
 use nalgebra::Complex;
 
 use self::report_age::{MOTION_MIN, ReportAge, Sums};
@@ -296,12 +297,6 @@ fn asked_w_mps(sample: &Sample, theta_rad: f64) -> Complex<f64> {
 fn frames(velocity_d_mps: Complex<f64>, theta_rad: f64) -> [Complex<f64>; FRAMES] {
     let turn = Complex::from_polar(1.0, theta_rad);
     [velocity_d_mps, velocity_d_mps.conj(), velocity_d_mps * turn, velocity_d_mps.conj() * turn]
-}
-
-/// Ticks in `for_s`.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=40")]
-fn steps(for_s: f64, dt_s: f64) -> usize {
-    (for_s / dt_s).round() as usize
 }
 
 #[cfg(test)]

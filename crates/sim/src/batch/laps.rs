@@ -69,13 +69,7 @@ impl LapSpread {
 
 /// Ticks in `lasted_s`, a whole number of them.
 fn ticks(lasted_s: f64) -> usize {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "at most the time limit"
-    )]
-    let ticks = (lasted_s / DT_S).round() as usize;
-    ticks
+    horizon_model::steps(lasted_s, DT_S)
 }
 
 impl Display for Laps {

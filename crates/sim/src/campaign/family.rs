@@ -365,8 +365,7 @@ fn frame(turn_rad: f64, is_mirrored: bool, scale: f64) -> Fault {
 
 /// One of `all`, which are not none.
 fn pick<T: Copy>(all: &[T], random: &mut Random) -> T {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below the length")]
-    let place = random.between(0.0, all.len() as f64) as usize;
+    let place = horizon_model::whole(random.between(0.0, all.len() as f64));
     all[place.min(all.len() - 1)]
 }
 

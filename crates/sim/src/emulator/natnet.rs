@@ -102,12 +102,7 @@ impl NatnetPort {
         let mut bodies = vec![rigid(OBJECT_ID, body)];
         bodies.extend(other.map(|other| rigid(OTHER_ID, Some(other))));
         let timestamp_s = f64::from(frame) / rate_hz;
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "u64 ticks last for years"
-        )]
-        let now = (timestamp_s * TICKS_PER_S as f64) as u64 + 1;
+        let now = horizon_model::whole(timestamp_s * TICKS_PER_S as f64) as u64 + 1;
         // The simulated room sees without delay.
         let end = FrameEnd {
             timestamp_s,

@@ -71,12 +71,7 @@ impl QtmPort {
         };
         let mut places = vec![body.map(place)];
         places.extend(other.map(|other| Some(place(other))));
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "u64 us last for ages"
-        )]
-        let time_us = (1e6 * f64::from(frame) / rate_hz) as u64;
+        let time_us = horizon_model::whole(1e6 * f64::from(frame) / rate_hz) as u64;
         self.clients.send(|session, to| {
             if std::mem::take(&mut session.wants_frame) || session.wants_every_frame {
                 encode::frame(frame, time_us, &places, to);

@@ -84,9 +84,8 @@ fn sticks(view: &View) -> Vec<Line<'static>> {
 
 /// What is left and right of the middle.
 fn gauge(u: f64) -> [String; 2] {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=10")]
     // NaN is none.
-    let filled = (u.abs().clamp(0.0, 1.0) * STICK_COLUMNS as f64).round() as usize;
+    let filled = horizon_model::whole((u.abs().clamp(0.0, 1.0) * STICK_COLUMNS as f64).round());
     let empty = "\u{b7}".repeat(STICK_COLUMNS - filled);
     let (bar, rest) = ("\u{2588}".repeat(filled), "\u{b7}".repeat(STICK_COLUMNS));
     if u < 0.0 { [empty + &bar, rest] } else { [rest, bar + &empty] }

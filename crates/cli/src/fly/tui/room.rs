@@ -126,9 +126,8 @@ fn place(at: &Spot) -> Place {
 /// The vehicle as a character: where it looks, seen from above.
 fn arrow(at: &Spot, seen: Seen) -> &'static str {
     let eighths = (at.theta / std::f64::consts::FRAC_PI_4).round().rem_euclid(8.0);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..8")]
     match seen {
-        Seen::Above => ARROWS.get(eighths as usize).copied().unwrap_or("o"),
+        Seen::Above => ARROWS.get(horizon_model::whole(eighths)).copied().unwrap_or("o"),
         Seen::Side => "o",
     }
 }

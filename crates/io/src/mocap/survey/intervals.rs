@@ -81,13 +81,7 @@ impl Intervals {
 
     /// How many frames are missing between those that came.
     pub(super) fn missing(&self) -> u64 {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a whole count"
-        )]
-        let missing = (self.due - self.count as f64).max(0.0) as u64;
-        missing
+        horizon_model::whole(self.due - self.count as f64) as u64
     }
 }
 
