@@ -8,16 +8,15 @@ use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::axes::{Axes, Axis};
+use super::axes::{Axes, FrameTable, Unit};
 use super::datastream::DatastreamProtocol;
 use super::natnet::NatnetProtocol;
 use super::object_stream::{NAME_BYTES_MAX, ObjectStreamProtocol};
-use super::protocol::{BodyProtocol, Picked};
+use super::protocol::{BodyProtocol, OBJECT_NAME_BYTES_MAX, Picked};
 use super::qtm::QtmProtocol;
 use super::relay::RelayProtocol;
 use super::vrpn::VrpnProtocol;
 pub use protocols::{NatnetTable, QtmTable, VrpnTable};
-use protocols::{of_natnet, of_qtm, of_vrpn};
 
 /// Where poses come from, as written in JSON: the source by its key.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -62,9 +61,8 @@ pub struct UdpTable {
 /// Checked [`MocapTable`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct MocapSettings {
+    table: MocapTable,
     transport: Transport,
-    protocol: Protocol,
-    object: String,
     axes: Axes,
 }
 
@@ -79,15 +77,8 @@ pub(super) enum Transport {
     Natnet(String),
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Protocol {
-    Relay,
-    ObjectStream { rate_hz: f64 },
-    Datastream,
-    Natnet { rate_hz: Option<f64> },
-    Qtm { up: Option<Axis> },
-    Vrpn { rate_hz: f64 },
-}
+/// What a table says: key of the source, key of its address, address and vehicle, frame rate, axes and nose.
+type Parts<'a> = (&'static str, &'static str, [&'a str; 2], Option<f64>, Option<&'a FrameTable>);
 
 impl MocapTable {
     /// Key of each source with its usual port.
@@ -100,16 +91,32 @@ impl MocapTable {
         ("vrpn", 3883),
     ];
 
+    fn parts(&self) -> Parts<'_> {
+        match self {
+            Self::Relay(ServerTable { address, object }) => {
+                ("relay", "mocap.relay.address", [address, object], None, None)
+            }
+            Self::Udp(UdpTable { listen, object, rate_hz }) => {
+                ("udp", "mocap.udp.listen", [listen, object], Some(*rate_hz), None)
+            }
+            Self::Datastream(ServerTable { address, object }) => {
+                ("datastream", "mocap.datastream.address", [address, object], None, None)
+            }
+            Self::Natnet(NatnetTable { address, object, rate_hz, frame }) => {
+                ("natnet", "mocap.natnet.address", [address, object], *rate_hz, frame.as_ref())
+            }
+            Self::Qtm(QtmTable { address, object, frame }) => {
+                ("qtm", "mocap.qtm.address", [address, object], None, frame.as_ref())
+            }
+            Self::Vrpn(VrpnTable { address, object, rate_hz, frame }) => {
+                ("vrpn", "mocap.vrpn.address", [address, object], Some(*rate_hz), frame.as_ref())
+            }
+        }
+    }
+
     /// Key of the source.
     pub fn kind(&self) -> &'static str {
-        match self {
-            Self::Relay(_) => "relay",
-            Self::Udp(_) => "udp",
-            Self::Datastream(_) => "datastream",
-            Self::Natnet(_) => "natnet",
-            Self::Qtm(_) => "qtm",
-            Self::Vrpn(_) => "vrpn",
-        }
+        self.parts().0
     }
 
     /// Whether axes and nose are settings (`frame`); else the mocap system has to send ours.
@@ -119,13 +126,8 @@ impl MocapTable {
 
     /// Name of the vehicle in the mocap system.
     pub fn object(&self) -> &str {
-        match self {
-            Self::Relay(table) | Self::Datastream(table) => &table.object,
-            Self::Udp(table) => &table.object,
-            Self::Natnet(table) => &table.object,
-            Self::Qtm(table) => &table.object,
-            Self::Vrpn(table) => &table.object,
-        }
+        let (_, _, [_, object], ..) = self.parts();
+        object
     }
 
     /// The same source for another object.
@@ -154,14 +156,8 @@ impl MocapTable {
 
     /// The address to connect to or to listen on, with its key.
     pub fn address(&self) -> (&'static str, &str) {
-        match self {
-            Self::Relay(table) => ("mocap.relay.address", &table.address),
-            Self::Datastream(table) => ("mocap.datastream.address", &table.address),
-            Self::Udp(table) => ("mocap.udp.listen", &table.listen),
-            Self::Natnet(table) => ("mocap.natnet.address", &table.address),
-            Self::Qtm(table) => ("mocap.qtm.address", &table.address),
-            Self::Vrpn(table) => ("mocap.vrpn.address", &table.address),
-        }
+        let (_, key, [address, _], ..) = self.parts();
+        (key, address)
     }
 }
 
@@ -169,15 +165,7 @@ impl TryFrom<&MocapTable> for MocapSettings {
     type Error = SettingError;
 
     fn try_from(table: &MocapTable) -> Result<Self, SettingError> {
-        let checked = match table {
-            MocapTable::Relay(table) => Self::of_server(Protocol::Relay, table),
-            MocapTable::Udp(table) => Self::of_udp(table),
-            MocapTable::Datastream(table) => Self::of_server(Protocol::Datastream, table),
-            MocapTable::Natnet(table) => of_natnet(table),
-            MocapTable::Qtm(table) => of_qtm(table),
-            MocapTable::Vrpn(table) => of_vrpn(table),
-        };
-        checked.map_err(|error| error.under(table.kind()))
+        Self::of(table).map_err(|error| error.under(table.kind()))
     }
 }
 
@@ -188,7 +176,7 @@ impl MocapSettings {
     /// A name with spaces, or none.
     pub fn relay(object: &str) -> Result<Self, SettingError> {
         let (address, object) = ("localhost:0".to_owned(), object.to_owned());
-        Self::of_server(Protocol::Relay, &ServerTable { address, object })
+        Self::of(&MocapTable::Relay(ServerTable { address, object }))
     }
 
     pub(super) fn transport(&self) -> &Transport {
@@ -197,18 +185,21 @@ impl MocapSettings {
 
     /// The source at its beginning, read for the vehicle.
     pub(super) fn source(&self) -> Picked {
-        Picked::new(self.protocol(), &self.object, self.axes.clone())
+        Picked::new(self.protocol(), self.object(), self.axes.clone())
     }
 
     /// The source at its beginning.
     pub(super) fn protocol(&self) -> Box<dyn BodyProtocol> {
-        match self.protocol {
-            Protocol::Relay => Box::new(RelayProtocol::default()),
-            Protocol::ObjectStream { rate_hz } => Box::new(ObjectStreamProtocol::new(rate_hz)),
-            Protocol::Datastream => Box::new(DatastreamProtocol::default()),
-            Protocol::Natnet { rate_hz } => Box::new(NatnetProtocol::new(rate_hz)),
-            Protocol::Qtm { up } => Box::new(QtmProtocol::new(up)),
-            Protocol::Vrpn { rate_hz } => Box::new(VrpnProtocol::new(rate_hz)),
+        match &self.table {
+            MocapTable::Relay(_) => Box::new(RelayProtocol::default()),
+            MocapTable::Udp(table) => Box::new(ObjectStreamProtocol::new(table.rate_hz)),
+            MocapTable::Datastream(_) => Box::new(DatastreamProtocol::default()),
+            MocapTable::Natnet(table) => Box::new(NatnetProtocol::new(table.rate_hz)),
+            MocapTable::Qtm(QtmTable { frame, .. }) => {
+                let axes = frame.as_ref().and_then(|frame| frame.axes);
+                Box::new(QtmProtocol::new(axes.map(|[_, _, up]| up)))
+            }
+            MocapTable::Vrpn(table) => Box::new(VrpnProtocol::new(table.rate_hz)),
         }
     }
 
@@ -219,30 +210,40 @@ impl MocapSettings {
 
     /// Name of the vehicle in the mocap system.
     pub fn object(&self) -> &str {
-        &self.object
+        self.table.object()
     }
 
-    fn of_server(protocol: Protocol, table: &ServerTable) -> Result<Self, SettingError> {
-        let ServerTable { address, object } = table;
-        let address = server_address(address)?;
-        if protocol == Protocol::Relay && object.contains(char::is_whitespace) {
-            return Err(name_error(object, "a name without spaces"));
+    fn of(table: &MocapTable) -> Result<Self, SettingError> {
+        let (_, _, [address, object], rate_hz, frame) = table.parts();
+        let transport = match table {
+            MocapTable::Udp(_) => {
+                let listen = address.parse().ok();
+                let refused = || SettingError::new("listen", address, "address:port");
+                Transport::Udp(listen.ok_or_else(refused)?)
+            }
+            MocapTable::Natnet(_) => Transport::Natnet(server_address(address)?),
+            _ => Transport::Tcp(server_address(address)?),
+        };
+        rate_hz.map(|rate_hz| in_range("rate_hz", rate_hz, 1.0..=2000.0)).transpose()?;
+        let bytes = object.len();
+        let broken = match table {
+            _ if bytes == 0 => Some("a name"),
+            MocapTable::Relay(_) if object.contains(char::is_whitespace) => {
+                Some("a name without spaces")
+            }
+            MocapTable::Udp(_) if bytes > NAME_BYTES_MAX => Some("at most 24 bytes"),
+            _ if table.has_frame() && bytes > OBJECT_NAME_BYTES_MAX => Some("at most 256 bytes"),
+            _ => None,
+        };
+        if let Some(rule) = broken {
+            return Err(SettingError::new("object", format!("{object:?}"), rule));
         }
-        let transport = Transport::Tcp(address);
-        Ok(Self { transport, protocol, object: named(object)?, axes: Axes::ours() })
-    }
-
-    fn of_udp(table: &UdpTable) -> Result<Self, SettingError> {
-        let UdpTable { listen, object, rate_hz } = table;
-        let address = listen.parse().ok();
-        let address = address.ok_or_else(|| SettingError::new("listen", listen, "address:port"))?;
-        if object.len() > NAME_BYTES_MAX {
-            return Err(name_error(object, "at most 24 bytes"));
-        }
-        let protocol =
-            Protocol::ObjectStream { rate_hz: in_range("rate_hz", *rate_hz, 1.0..=2000.0)? };
-        let transport = Transport::Udp(address);
-        Ok(Self { transport, protocol, object: named(object)?, axes: Axes::ours() })
+        let axes = match table {
+            MocapTable::Qtm(_) => Axes::new(frame, Unit::Millimetre)?,
+            _ if table.has_frame() => Axes::new(frame, Unit::Metre)?,
+            _ => Axes::ours(),
+        };
+        Ok(Self { table: table.clone(), transport, axes })
     }
 }
 
@@ -256,17 +257,6 @@ fn server_address(address: &str) -> Result<String, SettingError> {
     } else {
         Err(SettingError::new("address", address, "host:port"))
     }
-}
-
-fn named(object: &str) -> Result<String, SettingError> {
-    if object.is_empty() {
-        return Err(name_error(object, "a name"));
-    }
-    Ok(object.to_owned())
-}
-
-fn name_error(object: &str, rule: &'static str) -> SettingError {
-    SettingError::new("object", format!("{object:?}"), rule)
 }
 
 #[cfg(test)]
