@@ -39,7 +39,7 @@ fn python_reads_a_log_whole_and_cut() {
         scene.write(&mut log, &tick).unwrap();
         if step % 50 == 0 {
             let now = virtual_flight.inbox().now;
-            flight_log::write_stream(&mut log, now, &StreamReport::default()).unwrap();
+            log.write(flight_log::STREAM, now, &StreamReport::default()).unwrap();
             log.flush().unwrap();
         }
     }

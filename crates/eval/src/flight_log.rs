@@ -10,7 +10,6 @@ use schemars::schema_for;
 use serde::Serialize;
 use serde_json::Value;
 use tello_flight::cycle::{FlightTable, Inbox, Outcome, Sink, Timing, Topic};
-use tello_flight::jitter::Jitter;
 use tello_io::clock::TimeNs;
 use tello_io::config;
 use tello_io::log::{CONFIG, Channel, Head, LogError, LogReader, LogWriter};
@@ -125,30 +124,6 @@ pub fn write_tick(log: &mut LogWriter, tick: &TickRecord) -> Result<(), LogError
     sink.put(Topic::Inbox, &tick.inbox)?;
     tick.out.records(&mut sink)?;
     sink.put(Topic::Timing, &tick.timing)
-}
-
-/// Appends how the mocap stream does at `t`.
-///
-/// # Errors
-/// As [`LogWriter::write`].
-pub fn write_stream(log: &mut LogWriter, t: TimeNs, report: &StreamReport) -> Result<(), LogError> {
-    log.write(STREAM, t, report)
-}
-
-/// Appends how the link to the drone does at `t`.
-///
-/// # Errors
-/// As [`LogWriter::write`].
-pub fn write_link(log: &mut LogWriter, t: TimeNs, report: &LinkReport) -> Result<(), LogError> {
-    log.write(LINK, t, report)
-}
-
-/// Appends how punctual the ticks were up to `t`.
-///
-/// # Errors
-/// As [`LogWriter::write`].
-pub fn write_jitter(log: &mut LogWriter, t: TimeNs, jitter: &Jitter) -> Result<(), LogError> {
-    LogSink { log, t }.put(Topic::Jitter, jitter)
 }
 
 /// A log that takes the records of one tick.

@@ -22,7 +22,7 @@ use super::summary::Tally;
 use crate::stdio;
 use tello_eval::flight_log::{self, TickRecord};
 use tello_eval::scene::Scene;
-use tello_flight::cycle::{FlightTable, Outcome, Tick};
+use tello_flight::cycle::{FlightTable, Outcome, Tick, Topic};
 use tello_io::config::FlyTable;
 
 /// Records in transit between control thread and logger: five seconds at 50 Hz.
@@ -75,17 +75,17 @@ pub(super) fn start(
         let mut tally = tally.lock();
         tally.add(tick);
         let Some(log) = log else { return Ok(()) };
-        let is_due = tick.inbox.step.is_multiple_of(STREAM_EVERY_TICKS);
+        let (now, is_due) = (tick.inbox.now, tick.inbox.step.is_multiple_of(STREAM_EVERY_TICKS));
         if is_due {
-            flight_log::write_stream(log, tick.inbox.now, &mocap.report())?;
+            log.write(flight_log::STREAM, now, &mocap.report())?;
         }
         let newest = drone.report();
         if link.takes(&newest, is_due) {
-            flight_log::write_link(log, tick.inbox.now, &newest)?;
+            log.write(flight_log::LINK, now, &newest)?;
         }
         flight_log::write_tick(log, tick)?;
         if let Some(jitter) = tally.jitter_due() {
-            flight_log::write_jitter(log, tick.inbox.now, jitter)?;
+            log.write(Topic::Jitter.name(), now, jitter)?;
         }
         scene.write(log, tick)
     })?)
