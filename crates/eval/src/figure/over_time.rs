@@ -71,6 +71,10 @@ pub fn over_time(
     TimeSpans { bars, bands }: TimeSpans<'_>,
 ) -> Figure {
     let looks = looks(panels);
+    let look = |line: &TimeLine<'_>| {
+        let look = looks.iter().find(|(name, _)| *name == line.name);
+        look.map_or(REFERENCE, |(_, stroke)| *stroke)
+    };
     let bands: Vec<_> = bands.iter().zip(BANDS.into_iter().cycle()).collect();
     let lines = looks.iter().map(|(name, stroke)| (Mark::Line(*stroke), *name));
     let marks = bands.iter().map(|(band, color)| (Mark::Patch(*color), band.name));
@@ -95,14 +99,10 @@ pub fn over_time(
             panel.spans(&mut figure, band.spans_s, (panel.y.low, panel.y.high), *color);
         }
         for line in content.lines {
-            let look = looks.iter().find(|(name, _)| *name == line.name);
             let points: Vec<_> = time_s.iter().copied().zip(line.values.iter().copied()).collect();
-            panel.line(&mut figure, &points, look.map_or(REFERENCE, |(_, stroke)| *stroke));
+            panel.line(&mut figure, &points, look(line));
         }
-        let values = |line: &TimeLine<'_>| {
-            let look = looks.iter().find(|(name, _)| *name == line.name);
-            Line::new(line.name, look.map_or(REFERENCE, |(_, stroke)| *stroke), line.values)
-        };
+        let values = |line: &TimeLine<'_>| Line::new(line.name, look(line), line.values);
         overlay.panels.push(OverTime {
             frame: Frame::of(&panel),
             unit: content.unit.to_owned(),

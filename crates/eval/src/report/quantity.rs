@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use horizon_model::rows::pose;
 use schemars::JsonSchema;
 use serde::Serialize;
-use strum::VariantArray;
+use strum::{IntoStaticStr, VariantArray};
 
 use super::flight::Flight;
 use crate::metrics::{Corner, PathProgress, horizontal, offset};
@@ -16,14 +16,26 @@ use crate::quantile;
 
 /// One number per sample, corner or flight.
 #[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema, VariantArray,
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Serialize,
+    JsonSchema,
+    IntoStaticStr,
+    VariantArray,
 )]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub(super) enum Quantity {
     FinishS,
     SpeedMps,
     DistanceM,
     #[serde(rename = "distance_4d")]
+    #[strum(serialize = "distance_4d")]
     Distance4d,
     InputNorm,
     OvershootM,
@@ -88,17 +100,7 @@ impl Quantity {
 
     /// Its key in JSON.
     pub(super) fn key(self) -> &'static str {
-        match self {
-            Self::FinishS => "finish_s",
-            Self::SpeedMps => "speed_mps",
-            Self::DistanceM => "distance_m",
-            Self::Distance4d => "distance_4d",
-            Self::InputNorm => "input_norm",
-            Self::OvershootM => "overshoot_m",
-            Self::SolveMs => "solve_ms",
-            Self::LateMs => "late_ms",
-            Self::MocapAgeMs => "mocap_age_ms",
-        }
+        self.into()
     }
 
     /// Name, unit and digits behind the point.
