@@ -22,7 +22,7 @@ mod reader;
 mod recorder;
 mod recover;
 #[cfg(test)]
-mod testing;
+mod tests;
 mod writer;
 
 use std::borrow::Cow;

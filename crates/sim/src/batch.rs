@@ -9,8 +9,6 @@ mod flight;
 mod laps;
 mod paired;
 mod table;
-#[cfg(test)]
-mod testing;
 
 use std::ops::Range;
 
@@ -77,24 +75,4 @@ pub fn by_contender(by_seed: Vec<Vec<Flown>>) -> Vec<Vec<Flown>> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_counts_over_sockets_alone_is_named() {
-        let mut sim = crate::settings(None).unwrap();
-        assert_eq!(ignored(&sim).unwrap(), [""; 0]);
-        sim.drone.air.loss = 0.5;
-        sim.start = crate::Start::Ground { x: 9.0, y: 0.0, theta: 0.0 };
-        assert_eq!(ignored(&sim).unwrap(), ["start", "drone.air"]);
-    }
-
-    #[test]
-    fn flights_by_seed_are_those_by_contender_turned_around() {
-        let flown = |finish_s| Flown::example(Some(finish_s), 0.2);
-        let by_seed = [10.0, 11.0, 12.0].map(|s| vec![flown(s), flown(s + 10.0)]).to_vec();
-        let expected = [10.0, 20.0].map(|s| vec![flown(s), flown(s + 1.0), flown(s + 2.0)]);
-        assert_eq!(by_contender(by_seed), expected);
-        assert!(by_contender(Vec::new()).is_empty());
-    }
-}
+mod tests;

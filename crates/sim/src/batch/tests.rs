@@ -1,9 +1,9 @@
-//! A flown flight, for the tests of what reads batches.
+//! Flights turned around and settings that are ignored; a flown flight, for the tests of what reads batches.
 
 use tello_eval::metrics::{Metrics, Score};
 
 use super::flight::TIME_LIMIT_S;
-use super::{Ending, FlightRow, Flown};
+use super::{Ending, FlightRow, Flown, by_contender, ignored};
 
 impl Flown {
     /// A flight with three corners that took `since_entry_s` (s), at most `distance_max_m` off; without a time it did
@@ -28,4 +28,22 @@ impl Flown {
         };
         Self { row, distances_m: [vec![0.05], vec![]], ..Self::default() }
     }
+}
+
+#[test]
+fn what_counts_over_sockets_alone_is_named() {
+    let mut sim = crate::settings(None).unwrap();
+    assert_eq!(ignored(&sim).unwrap(), [""; 0]);
+    sim.drone.air.loss = 0.5;
+    sim.start = crate::Start::Ground { x: 9.0, y: 0.0, theta: 0.0 };
+    assert_eq!(ignored(&sim).unwrap(), ["start", "drone.air"]);
+}
+
+#[test]
+fn flights_by_seed_are_those_by_contender_turned_around() {
+    let flown = |finish_s| Flown::example(Some(finish_s), 0.2);
+    let by_seed = [10.0, 11.0, 12.0].map(|s| vec![flown(s), flown(s + 10.0)]).to_vec();
+    let expected = [10.0, 20.0].map(|s| vec![flown(s), flown(s + 1.0), flown(s + 2.0)]);
+    assert_eq!(by_contender(by_seed), expected);
+    assert!(by_contender(Vec::new()).is_empty());
 }

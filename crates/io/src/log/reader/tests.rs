@@ -3,7 +3,7 @@ use std::sync::LazyLock;
 use proptest::prelude::*;
 
 use super::*;
-use crate::log::testing::{COUNT, counts, flight, head, reader};
+use crate::log::tests::{COUNT, counts, flight, head, reader};
 
 /// Ten seconds of flight.
 const STEPS: u64 = 500;

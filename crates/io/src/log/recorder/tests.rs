@@ -3,7 +3,7 @@ use std::sync::mpsc;
 use super::*;
 use crate::clock::TimeNs;
 use crate::log::Ending;
-use crate::log::testing::{COUNT, Count, Memory, counts, reader};
+use crate::log::tests::{COUNT, Count, Memory, counts, reader};
 
 const POOL: usize = 4;
 /// Longer than any test: no flush on its own.

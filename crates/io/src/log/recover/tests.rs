@@ -5,7 +5,7 @@ use mcap::MAGIC;
 
 use super::*;
 use crate::log::Ending;
-use crate::log::testing::{counts, flight, reader};
+use crate::log::tests::{counts, flight, reader};
 
 /// A path without a file.
 fn fresh(name: &str) -> PathBuf {

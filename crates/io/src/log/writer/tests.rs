@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::log::Ending;
-use crate::log::testing::{COUNT, Count, Memory, Sample, VALUE, counts, flight, fly, head, reader};
+use crate::log::tests::{COUNT, Count, Memory, Sample, VALUE, counts, flight, fly, head, reader};
 
 fn samples(log: &Memory) -> Vec<Result<Sample, LogError>> {
     let mut log = reader(log.bytes()).unwrap();
