@@ -87,7 +87,7 @@ const DRIFTING: [&str; 5] =
 
 #[test]
 fn a_heading_that_drifts_lands_when_the_drone_s_own_does_not() {
-    let right = HeadingReport::default();
+    let right = HeadingReport::RIGHT;
     let mirrored = HeadingReport { is_mirrored: true, ..right };
     for (report, missions) in [(right, &DRIFTING[..]), (mirrored, &DRIFTING[..1])] {
         for &name in missions {
@@ -105,14 +105,14 @@ fn a_heading_that_drifts_lands_when_the_drone_s_own_does_not() {
 #[test]
 fn a_heading_that_drifts_while_the_mission_turns_lands_within_six_seconds() {
     for yaw_radps in [0.3, -0.3] {
-        let after_s = landing_s(turning(), yaw_radps, HeadingReport::default());
+        let after_s = landing_s(turning(), yaw_radps, HeadingReport::RIGHT);
         assert!(after_s <= 6.0, "{yaw_radps} rad/s: LAND after {after_s:.2} s");
     }
 }
 
 #[test]
 fn a_heading_that_drifts_lands_when_the_motion_shows_it() {
-    let absent = HeadingReport { is_present: false, ..HeadingReport::default() };
+    let absent = HeadingReport { is_present: false, ..HeadingReport::RIGHT };
     for name in DRIFTING {
         for yaw_radps in [0.3, -0.3] {
             let after_s = landing_s(mission(name), yaw_radps, absent);
@@ -123,7 +123,7 @@ fn a_heading_that_drifts_lands_when_the_motion_shows_it() {
 
 #[test]
 fn a_drone_whose_own_heading_is_wrong_flies_on() {
-    let right = HeadingReport::default();
+    let right = HeadingReport::RIGHT;
     let absent = HeadingReport { is_present: false, ..right };
     let late = HeadingReport { late_s: 0.5, ..right };
     let mirrored = HeadingReport { is_mirrored: true, ..right };

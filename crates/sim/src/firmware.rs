@@ -37,32 +37,12 @@ pub struct DroneTable {
     pub lands_on_silence: bool,
     /// What acts while commands get lost by chance.
     pub outage: Outage,
-    /// Whether all sticks at full deflection, pitch back and throttle down, stop its motors. Missing: true.
-    #[serde(default = "yes", skip_serializing_if = "is_yes")]
+    /// Whether all sticks at full deflection, pitch back and throttle down, stop its motors.
     pub stops_at_gesture: bool,
-    /// Charge below which it says that its battery is low, below half of it critical. %, 0..=100. Missing: 10
-    #[serde(default = "warns_below_pct", skip_serializing_if = "is_usual")]
+    /// Charge below which it says that its battery is low, below half of it critical. %, 0..=100
     pub warns_below_pct: u8,
     /// What it reports of itself.
     pub status: StatusTable,
-}
-
-fn warns_below_pct() -> u8 {
-    10
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks for a reference")]
-fn is_usual(value: &u8) -> bool {
-    *value == warns_below_pct()
-}
-
-fn yes() -> bool {
-    true
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks for a reference")]
-fn is_yes(value: &bool) -> bool {
-    *value
 }
 
 /// In which protocol the order to stop the motors is obeyed. For the binary one this is not verified.
@@ -130,8 +110,7 @@ pub struct StatusTable {
     pub has_height: bool,
     /// Drift of the reported height, as of a barometer. m/s, -1..=1
     pub height_drift_mps: f64,
-    /// Heading. Missing: right.
-    #[serde(default, skip_serializing_if = "HeadingReport::is_right")]
+    /// Heading.
     pub heading: HeadingReport,
 }
 
@@ -149,19 +128,10 @@ pub struct HeadingReport {
     pub late_s: f64,
 }
 
-impl Default for HeadingReport {
-    fn default() -> Self {
-        Self::RIGHT
-    }
-}
-
 impl HeadingReport {
-    const RIGHT: Self =
+    /// The truth.
+    pub const RIGHT: Self =
         Self { is_present: true, is_mirrored: false, drift_radps: 0.0, late_s: 0.0 };
-
-    fn is_right(&self) -> bool {
-        *self == Self::RIGHT
-    }
 }
 
 /// What the drone says of flying.
@@ -195,28 +165,19 @@ pub struct VelocityReport {
     pub is_upside_down: bool,
     /// Age, in addition to the period of the status. s, 0..=60
     pub late_s: f64,
-    /// Which velocity that is. Missing: the true one
-    #[serde(default, skip_serializing_if = "Measured::is_true")]
+    /// Which velocity that is.
     pub measured: Measured,
 }
 
 /// Which velocity a drone reports.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Measured {
     /// The true one.
-    #[default]
     True,
     /// That of its own measurement, by which it holds its place. The drone does not see its drift: the disturbance
     /// velocity is missing, or the error of the rigid body's optical flow is in it.
     Own,
-}
-
-impl Measured {
-    #[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
-    fn is_true(&self) -> bool {
-        *self == Self::True
-    }
 }
 
 /// Horizontal axes of the reported velocity.

@@ -23,8 +23,7 @@ pub struct PasserTable {
     pub to_w_m: [f64; 3],
     /// Speed. m/s, 0..=5
     pub speed_mps: f64,
-    /// From when to when nothing sees it. s, >= 0, not decreasing
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// From when to when nothing sees it; null: always seen. s, >= 0, not decreasing
     pub hidden_s: Option<[f64; 2]>,
 }
 

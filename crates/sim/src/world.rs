@@ -52,32 +52,14 @@ pub struct SimTable {
     /// Faults on order, beside those of the profile.
     pub faults: Vec<ScriptedFault>,
     /// A second object that moves, seen exactly: by each tick in virtual time, over sockets as the object `passer`.
-    /// Null or missing: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Null: none.
     pub passer: Option<PasserTable>,
     /// How old a pose is when it is sent: exposure, processing, and the wait for a tick that does not begin with
-    /// its frame. s, 0..=0.02; missing: 0
-    #[serde(default, skip_serializing_if = "is_zero")]
+    /// its frame. s, 0..=0.02
     pub mocap_age_s: f64,
     /// Frames of the motion capture per second: those between two steps of 20 ms go on with the change of the step
-    /// before. In virtual time there is one by step at most. Hz, 4..=500; missing: 50
-    #[serde(default = "usual_rate_hz", skip_serializing_if = "is_usual_rate")]
+    /// before. In virtual time there is one by step at most. Hz, 4..=500
     pub mocap_rate_hz: f64,
-}
-
-/// One frame by step. Hz
-fn usual_rate_hz() -> f64 {
-    1.0 / DT_S
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
-fn is_usual_rate(value: &f64) -> bool {
-    value.total_cmp(&usual_rate_hz()).is_eq()
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
-fn is_zero(value: &f64) -> bool {
-    *value == 0.0
 }
 
 /// One simulated flight.
@@ -224,7 +206,7 @@ impl World {
 
     /// Whether there is one frame in each step, at its beginning.
     pub(crate) fn has_frame_by_step(&self) -> bool {
-        is_usual_rate(&self.mocap_rate_hz)
+        self.mocap_rate_hz.total_cmp(&(1.0 / DT_S)).is_eq()
     }
 
     /// How the true pose changed in the step before the present one.

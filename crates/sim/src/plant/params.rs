@@ -45,8 +45,7 @@ pub struct PlantTable {
     /// Standard deviation of the vertical disturbance velocity. m/s, >= 0
     pub disturbance_v_mps: f64,
     /// A rigid body with attitude and velocity loops in place of the first-order lags and of the
-    /// disturbance velocity. Missing: none.
-    #[serde(default)]
+    /// disturbance velocity. Null: none.
     pub rigid_body: Option<RigidBodyTable>,
 }
 
