@@ -20,7 +20,7 @@ use tello_sim::radio::Radio;
 use tello_sim::random::{Purpose, Random};
 use tello_sim::{ManualFlight, MocapReport, Profile};
 
-use recorded::{DT_S, dead_time_s, driven_turn, logs, p_prior, setting};
+use recorded::{DT_S, dead_time_s, logs, p_prior, setting};
 
 /// Two minutes. steps
 const STEPS: usize = 6000;
@@ -299,7 +299,7 @@ impl Agreement {
     #[expect(clippy::unwrap_used, reason = "a test may panic")]
     fn add(&mut self, recording: &Recording<4, 4>, is_raw: bool) {
         let applied = recording.applied(&dead_time_s(), DT_S);
-        let track = smooth(&recording.o, &driven_turn(&applied), DT_S);
+        let track = smooth(&recording.o, DT_S);
         let outage = OutageSettings::try_from(&setting::<OutageTable>("lost_commands")).unwrap();
         let is_lost = lost_commands(&outage, &applied, &track, DT_S);
 

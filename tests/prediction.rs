@@ -19,7 +19,7 @@ use tello_eval::smooth::{Track, smooth, track};
 use tello_sim::plant::{NOMINAL, PlantParams};
 use tello_sim::{ManualFlight, MocapReport, Profile};
 
-use recorded::{DT_S, dead_time_s, driven_turn, logs, setting};
+use recorded::{DT_S, dead_time_s, logs, setting};
 
 /// Horizons of the table. steps
 const HORIZONS: [usize; 3] = [10, 30, 50];
@@ -46,9 +46,8 @@ impl Flight {
     #[expect(clippy::unwrap_used, reason = "a test may panic")]
     fn new(recording: &Recording<4, 4>) -> Self {
         let applied = recording.applied(&dead_time_s(), DT_S);
-        let turn_rad = driven_turn(&applied);
-        let smoothed = smooth(&recording.o, &turn_rad, DT_S);
-        let causal = track(&recording.o, &turn_rad, DT_S);
+        let smoothed = smooth(&recording.o, DT_S);
+        let causal = track(&recording.o, DT_S);
         let outage = OutageSettings::try_from(&setting::<OutageTable>("lost_commands")).unwrap();
         let is_lost = lost_commands(&outage, &applied, &smoothed, DT_S);
         let applied_thesis = recording.applied(&Sticks::repeat(THESIS_DEAD_TIME_S), DT_S);

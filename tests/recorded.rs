@@ -4,8 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use horizon_estim::{IdentTable, Observed, Recording};
-use horizon_model::rows::{Pose, Sticks, lag, motion};
-use horizon_model::{Lagged, Model};
+use horizon_model::rows::{Pose, Sticks, lag};
 use nalgebra::SVector;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -65,17 +64,4 @@ pub(crate) fn logs(folder: &Path, prefix: &str) -> Vec<PathBuf> {
         .collect();
     paths.sort();
     paths
-}
-
-/// Turn per step that the yaw stick explains, by the expected parameter.
-pub(crate) fn driven_turn(applied: &[Sticks]) -> Vec<f64> {
-    let p = p_prior();
-    let mut s = Lagged::default().at_rest(&Pose::zeros());
-    let turn = applied.iter().map(|u| {
-        let before = s[motion::THETA];
-        s = Lagged::default().step(&s, u, &p, DT_S);
-        s[motion::THETA] - before
-    });
-    // u[k] acts from step k to k + 1.
-    std::iter::once(0.0).chain(turn).take(applied.len()).collect()
 }

@@ -51,32 +51,30 @@ pub struct Track {
 /// Track of a flight from all its samples.
 ///
 /// Position: robust fixed-interval smoother under white jerk (400 m^2/s^5, Student-t with 3 degrees
-/// of freedom and scale 4 mm). Heading: best path on a circular grid beside the turn that the sticks
-/// explain, then the same smoother (20 rad^2/s^5, 0.02 rad) on the samples within 0.12 rad of it. A sample counts if
+/// of freedom and scale 4 mm). Heading: best path on a circular grid,
+/// then the same smoother (20 rad^2/s^5, 0.02 rad) on the samples within 0.12 rad of it. A sample counts if
 /// its position is complete, is not "object lost" and differs from the one before.
 ///
-/// `turn_rad[k]` is the turn that the sticks explain from step `k - 1` to `k`; zeros will do. Missing
-/// entries count as zero. Time and memory grow linearly with the steps.
-pub fn smooth(o: &[Observed<{ pose::COUNT }>], turn_rad: &[f64], dt_s: f64) -> Track {
-    estimate(o, turn_rad, circle::best_path, |samples, noise| jerk::smooth(samples, noise, dt_s))
+/// Time and memory grow linearly with the steps.
+pub fn smooth(o: &[Observed<{ pose::COUNT }>], dt_s: f64) -> Track {
+    estimate(o, circle::best_path, |samples, noise| jerk::smooth(samples, noise, dt_s))
 }
 
 /// Track from the samples up to each step: what a controller could have known.
 ///
 /// As [`smooth`], with a Kalman filter in place of the smoother and the end of the best path so far.
 /// `is_trusted` and `is_current` are those of [`smooth`], so that the same steps are judged.
-pub fn track(o: &[Observed<{ pose::COUNT }>], turn_rad: &[f64], dt_s: f64) -> Track {
-    estimate(o, turn_rad, circle::best_so_far, |samples, noise| jerk::track(samples, noise, dt_s))
+pub fn track(o: &[Observed<{ pose::COUNT }>], dt_s: f64) -> Track {
+    estimate(o, circle::best_so_far, |samples, noise| jerk::track(samples, noise, dt_s))
 }
 
 fn estimate(
     o: &[Observed<{ pose::COUNT }>],
-    turn_rad: &[f64],
     path: impl Fn(&[Option<f64>]) -> Vec<f64>,
     follow: impl Fn(&[Option<f64>], Noise) -> Vec<jerk::Estimate>,
 ) -> Track {
     let valid = valid_samples(o);
-    let heading = trusted_headings(&valid, turn_rad, path);
+    let heading = trusted_headings(&valid, path);
     let estimates: [Vec<jerk::Estimate>; pose::COUNT] = std::array::from_fn(|row| {
         if row == pose::THETA {
             return follow(&heading, HEADING);
@@ -122,34 +120,21 @@ fn valid_samples(o: &[Observed<{ pose::COUNT }>]) -> Vec<Option<Pose>> {
 /// Headings near the best path, continuous.
 fn trusted_headings(
     valid: &[Option<Pose>],
-    turn_rad: &[f64],
     path: impl Fn(&[Option<f64>]) -> Vec<f64>,
 ) -> Vec<Option<f64>> {
-    let mut driven = 0.0;
-    let driven: Vec<f64> = (0..valid.len())
-        .map(|k| {
-            driven += turn_rad.get(k).copied().unwrap_or(0.0);
-            driven
-        })
-        .collect();
-    // The grid holds what is left beside the turn of the sticks.
-    let offsets: Vec<Option<f64>> = valid
-        .iter()
-        .zip(&driven)
-        .map(|(sample, driven)| {
-            let theta = (*sample)?[pose::THETA];
-            theta.is_finite().then_some(theta - driven)
-        })
-        .collect();
+    let seen = |sample: &Option<Pose>| {
+        let theta = (*sample)?[pose::THETA];
+        theta.is_finite().then_some(theta)
+    };
+    let seen: Vec<Option<f64>> = valid.iter().map(seen).collect();
     let mut continuous = 0.0;
-    path(&offsets)
+    path(&seen)
         .iter()
-        .zip(&offsets)
-        .zip(&driven)
-        .map(|((path, offset), driven)| {
+        .zip(&seen)
+        .map(|(path, seen)| {
             continuous = unwrap_near(*path, continuous);
-            let r = wrap((*offset)? - continuous);
-            (r.abs() < HEADING_TRUST_RAD).then_some(continuous + r + driven)
+            let r = wrap((*seen)? - continuous);
+            (r.abs() < HEADING_TRUST_RAD).then_some(continuous + r)
         })
         .collect()
 }

@@ -232,12 +232,12 @@ impl Masker {
 
     fn judged(&self, log: &Loaded) -> Judged {
         let recording = &log.recording;
-        let smoothed = smooth(&recording.o, &[], self.dt_s);
+        let smoothed = smooth(&recording.o, self.dt_s);
         let applied = recording.applied(&self.dead_time_s, self.dt_s);
         let is_lost = lost_commands(&self.settings, &applied, &smoothed, self.dt_s);
         Judged {
             recording: recording.clone(),
-            causal: track(&recording.o, &[], self.dt_s),
+            causal: track(&recording.o, self.dt_s),
             smoothed,
             is_lost,
         }

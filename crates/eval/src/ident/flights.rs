@@ -29,7 +29,7 @@ pub(super) fn prepare<'a>(job: &Job<'a>, dead_time_s: &Sticks) -> Result<Prepare
         let mut flight = Cow::Borrowed(&log.recording);
         let mut is_lost = vec![false; flight.o.len()];
         if table.clean_observations || settings.is_some() {
-            let track = smooth(&flight.o, &[], table.dt_s);
+            let track = smooth(&flight.o, table.dt_s);
             if let Some(settings) = &settings {
                 let applied = flight.applied(dead_time_s, table.dt_s);
                 is_lost = lost_commands(settings, &applied, &track, table.dt_s);

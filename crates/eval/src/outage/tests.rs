@@ -38,7 +38,7 @@ fn flight(steps: usize, is_lost: impl Fn(usize) -> bool) -> (Vec<Sticks>, Track)
         pose[pose::X] += DT_S * velocity.x;
         pose[pose::Y] += DT_S * velocity.y;
     }
-    let track = smooth(&o, &[], DT_S);
+    let track = smooth(&o, DT_S);
     (u, track)
 }
 

@@ -197,7 +197,7 @@ impl Flight {
             forecasts.push(pass.forecasts);
             names.push(&against.name);
         }
-        forecasts.push(forecast_errors::constant_velocity(&track(&pass.o, &[], PERIOD_S)));
+        forecasts.push(forecast_errors::constant_velocity(&track(&pass.o, PERIOD_S)));
         names.push(CONSTANT_VELOCITY);
         let errors = forecast_errors::judge(&forecasts, &pass.o);
         let forecasts =
