@@ -32,9 +32,7 @@ pub use job::{Fitted, Job};
 pub use logs::{load_judged, load_logs};
 pub use output::{is_earlier, write};
 pub use pictures::save_prediction;
-pub use report::{
-    Bootstrap, DelayMinimum, DelayRow, FileSkipped, FileUsed, Fit, IdentReport, ParameterRow,
-};
+pub use report::{Bootstrap, DelayMinimum, DelayRow, FileUsed, Fit, IdentReport, ParameterRow};
 pub use resamples::{BootstrapPlan, ResampleFile};
 pub use table::{IdentFileTable, Stick};
 

@@ -20,6 +20,8 @@ use horizon_estim::{Observed, Recording};
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::setting::SettingError;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
+use schemars::JsonSchema;
+use serde::Serialize;
 use sha2::{Digest, Sha256};
 use tello_flight::FilterSettings;
 use tello_io::log::{LogReader, csv};
@@ -58,8 +60,14 @@ pub struct Loaded {
     pub skipped: Vec<String>,
 }
 
-/// A file that cannot be used, and why.
-pub type Unusable = (PathBuf, String);
+/// A log that was not used.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct FileSkipped {
+    /// Where it was looked for.
+    pub path: PathBuf,
+    /// Why it was not used.
+    pub why: String,
+}
 
 /// The recordings in `paths`, files and folders, in the order of [`find`]; and the files that cannot
 /// be used, with the reason.
@@ -75,7 +83,7 @@ pub type Unusable = (PathBuf, String);
 ///
 /// # Errors
 /// As [`find`].
-pub fn load(paths: &[PathBuf]) -> Result<(Vec<Loaded>, Vec<Unusable>)> {
+pub fn load(paths: &[PathBuf]) -> Result<(Vec<Loaded>, Vec<FileSkipped>)> {
     let filter = &config::fly(None, None)?.0.cycle.filter;
     let filter = filter.try_into().map_err(|error: SettingError| error.under("cycle.filter"))?;
     let files = find(paths)?;
@@ -91,13 +99,14 @@ pub fn load(paths: &[PathBuf]) -> Result<(Vec<Loaded>, Vec<Unusable>)> {
                     // Twice the same flight would count as two.
                     let Loaded { path: first, sha256, .. }: &Loaded = &loaded[first];
                     let what = if *sha256 == log.sha256 { "bytes" } else { "poses" };
-                    unusable.push((path, format!("its {what} are those of {}", first.display())));
+                    let why = format!("its {what} are those of {}", first.display());
+                    unusable.push(FileSkipped { path, why });
                 } else {
                     known.push(&log.sha256, motions);
                     loaded.push(log);
                 }
             }
-            Err(error) => unusable.push((path, format!("{error:#}"))),
+            Err(error) => unusable.push(FileSkipped { path, why: format!("{error:#}") }),
         }
     }
     Ok((loaded, unusable))

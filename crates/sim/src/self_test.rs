@@ -203,7 +203,7 @@ fn automatic(seed: u64, mission: &MissionTable) -> Result<Loaded> {
     let (mut logs, unusable) = loaded?;
     match (logs.pop(), unusable.first()) {
         (Some(log), _) => Ok(log),
-        (None, Some((_, why))) => bail!("the flight of seed {seed} cannot be used: {why}"),
+        (None, Some(file)) => bail!("the flight of seed {seed} cannot be used: {}", file.why),
         (None, None) => bail!("the flight of seed {seed} left no log"),
     }
 }

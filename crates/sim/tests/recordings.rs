@@ -17,7 +17,7 @@ use tello_sim::virtual_time::VirtualFlight;
 fn load(path: &PathBuf) -> Result<Loaded, String> {
     let found = recordings::load(std::slice::from_ref(path)).map_err(|error| error.to_string())?;
     let (mut loaded, unusable) = found;
-    loaded.pop().ok_or_else(|| unusable.into_iter().map(|(_, why)| why).collect())
+    loaded.pop().ok_or_else(|| unusable.into_iter().map(|file| file.why).collect())
 }
 
 /// Ticks of a recorded flight, which is still running at its end.

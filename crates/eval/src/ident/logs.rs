@@ -8,9 +8,9 @@ use horizon_model::setting::{not_negative, vector};
 use horizon_model::{Lagged, Model as _};
 
 use super::opposed::opposed;
-use super::report::{FileSkipped, FileUsed};
+use super::report::FileUsed;
 use super::table::IdentFileTable;
-use crate::recordings::{self, KnownFlights, Loaded};
+use crate::recordings::{self, FileSkipped, KnownFlights, Loaded};
 
 /// The usable logs in `paths`, which are files and folders, and those that are not with the reason.
 ///
@@ -23,10 +23,9 @@ pub fn load_logs(
     if paths.is_empty() {
         bail!("no logs: name files or folders, e.g. `tello-ctl ident logs/`");
     }
-    let (mut logs, unusable) = recordings::load(paths)?;
+    let (mut logs, mut files_skipped) = recordings::load(paths)?;
     turn(&mut logs, table.turn_rad);
     check_period(&logs, table.dt_s)?;
-    let mut files_skipped = skipped(unusable);
     let (mut logs, opposed) = without_opposed(logs, table)?;
     files_skipped.extend(opposed);
     let beyond = logs.split_off(table.logs_max.min(logs.len()));
@@ -68,7 +67,7 @@ pub fn load_judged(
     if paths.is_empty() {
         return Ok((Vec::new(), Vec::new()));
     }
-    let (mut logs, unusable) = recordings::load(paths)?;
+    let (mut logs, files_skipped) = recordings::load(paths)?;
     let known = KnownFlights::of(fitted);
     for log in &logs {
         if let Some(same) = known.place_of_log(log).map(|place| &fitted[place]) {
@@ -81,7 +80,6 @@ pub fn load_judged(
     }
     turn(&mut logs, turn_rad);
     check_period(&logs, dt_s)?;
-    let files_skipped = skipped(unusable);
     refuse_none(&logs, &files_skipped)?;
     Ok((logs, files_skipped))
 }
@@ -101,10 +99,6 @@ fn turn(logs: &mut [Loaded], by_rad: f64) {
     for o in logs.iter_mut().flat_map(|log| &mut log.recording.o) {
         o.o[pose::THETA] += by_rad;
     }
-}
-
-fn skipped(unusable: Vec<(PathBuf, String)>) -> Vec<FileSkipped> {
-    unusable.into_iter().map(|(path, why)| FileSkipped { path, why }).collect()
 }
 
 fn refuse_none(logs: &[Loaded], files_skipped: &[FileSkipped]) -> Result<()> {

@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::compare::Comparison;
+use crate::recordings::FileSkipped;
 
 /// The result of `tello-ctl ident`.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -42,15 +43,6 @@ pub struct FileUsed {
     pub steps: usize,
     /// What of it was left out and why.
     pub skipped: Vec<String>,
-}
-
-/// A log that was not used.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct FileSkipped {
-    /// Where it was looked for.
-    pub path: PathBuf,
-    /// Why it was not used.
-    pub why: String,
 }
 
 /// One model fitted to the logs.

@@ -78,8 +78,11 @@ fn a_copy_of_a_recording_does_not_count_twice() {
     let (loaded, unusable) = load(std::slice::from_ref(&dir)).unwrap();
     let names: Vec<_> = loaded.iter().map(|log| log.path.clone()).collect();
     assert_eq!(names, [dir.join("1.log"), dir.join("4.log")]);
-    let why = |what: &str| format!("its {what} are those of {}", dir.join("1.log").display());
-    assert_eq!(unusable, [(dir.join("2.log"), why("bytes")), (dir.join("3.log"), why("poses"))]);
+    let copy = |name, what| FileSkipped {
+        path: dir.join(name),
+        why: format!("its {what} are those of {}", dir.join("1.log").display()),
+    };
+    assert_eq!(unusable, [copy("2.log", "bytes"), copy("3.log", "poses")]);
     fs::remove_dir_all(dir).unwrap();
 }
 
@@ -251,7 +254,8 @@ fn a_damaged_file_does_not_stop_the_others() {
     assert_eq!(names, ["2.csv", "10.log"]);
     assert_eq!(loaded[0].recording.o.len(), 40);
     assert_eq!(loaded[0].skipped.len(), 3, "{:?}", loaded[0].skipped);
-    assert_eq!(unusable, [(folder.join("3.log"), "it is empty".to_owned())]);
+    let why = "it is empty".to_owned();
+    assert_eq!(unusable, [FileSkipped { path: folder.join("3.log"), why }]);
     assert!(load(&[folder.join("4.log")]).unwrap_err().to_string().contains("cannot read"));
     fs::remove_dir_all(&folder).unwrap();
     fs::create_dir_all(&folder).unwrap();

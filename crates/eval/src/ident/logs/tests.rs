@@ -22,7 +22,7 @@ fn a_turned_object_changes_the_heading_of_every_observation_and_nothing_else() {
 #[test]
 fn no_log_is_refused_with_the_reason_of_each_file() {
     let unusable = [("a.log", "it is empty"), ("b.mcap", "there is no flight in it")];
-    let files = skipped(unusable.map(|(path, why)| (path.into(), why.into())).to_vec());
+    let files = unusable.map(|(path, why)| FileSkipped { path: path.into(), why: why.into() });
     assert!(refuse_none(&[log(0.0)], &files).is_ok());
     let message = refuse_none(&[], &files).unwrap_err().to_string();
     let expected = "no log can be used:\n  a.log: it is empty\n  b.mcap: there is no flight in it";
