@@ -86,19 +86,7 @@ fn finite(name: &str, values: &[f64]) -> PyResult<()> {
     }
 }
 
-/// A new array of this shape, filled row by row.
-///
-/// # Errors
-/// Python is out of memory.
-pub(crate) fn table<'py, T: Element + Copy>(
-    py: Python<'py>,
-    columns: usize,
-    values: &[T],
-) -> PyResult<Bound<'py, PyArray2<T>>> {
-    owned(py, columns, values.to_vec())
-}
-
-/// The same of numbers that Python takes over.
+/// An array with these columns, filled row by row, of numbers that Python takes over.
 ///
 /// # Errors
 /// Python is out of memory.

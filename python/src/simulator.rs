@@ -335,6 +335,6 @@ impl Controllers {
             controllers.par_iter_mut().zip(given).map(act).collect()
         });
         let flat: Vec<f64> = sticks.iter().flat_map(|u| u.iter().copied()).collect();
-        array::table(py, stick::COUNT, &flat)
+        array::owned(py, stick::COUNT, flat)
     }
 }

@@ -45,7 +45,7 @@ pub mod vehicle;
 pub mod view_numbers;
 
 pub use excitation::Excitation;
-pub use statistics::{Centre, interval, median_interval, quantile, quantiles, rate_interval};
+pub use statistics::{Centre, interval, quantile, quantiles, rate_interval};
 
 /// Somebody ended the work before this was so.
 #[derive(Debug, thiserror::Error)]

@@ -45,11 +45,6 @@ impl Centre {
     }
 }
 
-/// The interval that holds 95 % of the medians of resampled `differences`; `None` without any.
-pub fn median_interval(differences: &[f64], seed: u64) -> Option<[f64; 2]> {
-    interval(differences, Centre::Median, seed)
-}
-
 /// 95 % of the centres of resampled `differences` lie between the two, in their unit; `None` without any.
 ///
 /// Cost: 2000 resamples of all differences, sorted for a median.

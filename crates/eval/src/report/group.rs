@@ -10,7 +10,7 @@ use super::flight::Flight;
 use super::quantity::{Measured, Numbers, OF_FLIGHT, OfFlight, Quantity, Spreads, spreads};
 use super::verdict::{self, FaultTime, Judgement};
 use crate::metrics::{Outages, VALID_DISTANCE_M};
-use crate::{median_interval, quantile};
+use crate::{Centre, interval, quantile};
 
 /// Seed of the bootstrap of differences.
 const SEED: u64 = 1;
@@ -248,7 +248,7 @@ impl Comparison {
                 of_flight,
                 pairs: differences.len(),
                 difference: quantile(&differences, 0.5)?,
-                interval: median_interval(&differences, SEED)?,
+                interval: interval(&differences, Centre::Median, SEED)?,
             })
         };
         Self { paired_by, differences: OF_FLIGHT.into_iter().filter_map(difference).collect() }
