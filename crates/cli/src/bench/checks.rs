@@ -34,13 +34,15 @@ impl Display for Place {
     }
 }
 
-/// What the drone's own words prove.
+/// What the drone's reports prove.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Proof {
     /// Nothing: eyes, or the table of velocities.
     None,
     /// The motors ran and are off before the ending begins.
     Down,
+    /// Only eyes can tell: motors that are not off before the ending begins disprove it.
+    NotDown,
     /// Every question was answered.
     Answered,
 }
@@ -242,7 +244,7 @@ pub(super) const CHECKS: [Check; 17] = [
             Step::Land,
             Step::Down(8.0),
         ],
-        Proof::Down,
+        Proof::NotDown,
         Some("Did it go forward, then right, then turn counter-clockwise?"),
     ),
     net(
@@ -286,7 +288,7 @@ pub(super) const CHECKS: [Check; 17] = [
             Step::Land,
             Step::Down(6.0),
         ],
-        Proof::Down,
+        Proof::NotDown,
         Some("Did it stop moving forward within a second of the beginning of its descent?"),
     ),
     net(
@@ -328,7 +330,7 @@ pub(super) const CHECKS: [Check; 17] = [
             Step::Land,
             Step::Down(8.0),
         ],
-        Proof::Down,
+        Proof::NotDown,
         Some("Did it turn, smoothly or in jerks?"),
     ),
 ];

@@ -36,6 +36,7 @@ pub(super) fn seen(
         _ if !is_whole => None,
         Proof::None => None,
         Proof::Down => has_run.then_some(is_down),
+        Proof::NotDown => (has_run && !is_down).then_some(false),
         Proof::Answered => Some(answers.iter().all(|answer| !answer["after_s"].is_null())),
     };
     let times: Vec<f64> = statuses(events).map(|(t_s, _)| t_s).collect();
@@ -99,7 +100,7 @@ pub(super) fn lines(seen: &Value) -> Vec<String> {
     }
     let is_as_expected = &seen["is_as_expected"];
     if !is_as_expected.is_null() {
-        lines.push(format!("as expected by the drone's own words: {is_as_expected}"));
+        lines.push(format!("as expected by the drone's reports: {is_as_expected}"));
     }
     lines
 }

@@ -129,15 +129,18 @@ fn a_drone_moves_from_two_decimetres_a_second_on() {
 
 #[test]
 fn a_drone_that_never_ran_proves_nothing_about_its_stop() {
-    let expected = |events: &[Event], is_whole, ending| {
-        seen(check(Proof::Down), is_whole, events, ending)["is_as_expected"].clone()
+    let by = |proof, events: &[Event], is_whole, ending| {
+        seen(check(proof), is_whole, events, ending)["is_as_expected"].clone()
     };
+    let expected = |events: &[Event], is_whole, ending| by(Proof::Down, events, is_whole, ending);
     let (ran, stopped) = (status(1.0, true, 0), status(2.0, false, 0));
     let whole = [ran.clone(), stopped.clone()];
     assert_eq!(expected(&whole, true, None), json!(true));
     assert_eq!(expected(&whole, false, None), json!(null), "a check that was stopped");
     assert_eq!(expected(&[stopped], true, None), json!(null));
-    assert_eq!(expected(&[ran], true, None), json!(false));
+    assert_eq!(expected(std::slice::from_ref(&ran), true, None), json!(false));
+    assert_eq!(by(Proof::NotDown, &whole, true, None), json!(null), "the sticks may be inverted");
+    assert_eq!(by(Proof::NotDown, &[ran], true, None), json!(false));
     // It ran until the ending stopped it.
     assert_eq!(expected(&whole, true, Some((2.0, true))), json!(false));
     assert_eq!(expected(&whole, true, Some((2.5, true))), json!(true));
