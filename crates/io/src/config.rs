@@ -230,10 +230,8 @@ pub fn read(path: &Path) -> Result<String> {
         .ok()
         .with_context(|| format!("{} is not text in UTF-8", path.display()))?;
     // Some editors begin a file with a mark of its byte order.
-    Ok(match text.strip_prefix('\u{feff}') {
-        Some(rest) => rest.to_owned(),
-        None => text,
-    })
+    let rest = text.strip_prefix('\u{feff}').map(str::to_owned);
+    Ok(rest.unwrap_or(text))
 }
 
 /// JSON text as a table, with the path of the offending key in the message. `"$schema"` at the top is for
