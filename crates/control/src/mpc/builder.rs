@@ -115,7 +115,8 @@ impl<const NS: usize, const NU: usize> MpcBuilder<NS, NU> {
         self
     }
 
-    /// Move blocking: pairs of how many stages, and how many steps each of them lasts; the horizon in all.
+    /// Move blocking: pairs of how many stages, and how many steps each of them lasts; the horizon in all. The model is
+    /// asked for a step of so many periods at once.
     #[must_use]
     pub fn stages(mut self, stages: &[(usize, u32)]) -> Self {
         self.table.stages = stages.into();
