@@ -213,16 +213,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         None
     };
     let _lock = Lock::take(&table.tello)?;
-    if !(arguments.sim || arguments.dry_run) {
-        preflight::arm(arguments, &table, &flight)?;
-    }
+    let orders = preflight::arm(arguments, &table, &flight)?;
     signals::block()?;
     stdio::never_wait();
     if arguments.drill.is_some() {
         Drill::check(&table.tello.address)?;
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let summary = runtime.block_on(fly(arguments, &table, &flight, cycle))?;
+    let summary = runtime.block_on(fly(arguments, &table, &flight, (cycle, orders)))?;
     drop(emulator);
     // Flight and log are what is judged, not whether the summary can be written.
     stdio::report(&summary, arguments.json)
@@ -234,7 +232,7 @@ async fn fly(
     arguments: &Arguments,
     table: &FlyTable,
     flight: &FlightTable,
-    cycle: Box<dyn cycle::Tick>,
+    (cycle, orders): (Box<dyn cycle::Tick>, Orders),
 ) -> Result<Summary> {
     let clock = Clock::start();
     // Before anything moves: from here on every way to end the program lands the drone first.
@@ -278,7 +276,7 @@ async fn fly(
         status,
         asks_to_land: Arc::clone(&asks_to_land),
         person,
-        orders: Orders::to_fly(),
+        orders,
         drill: arguments.drill,
     };
 

@@ -6,9 +6,10 @@
 
 mod battery;
 mod inspection;
+mod question;
 
 use std::fmt::{self, Display, Formatter};
-use std::io::{self, IsTerminal, Write as _};
+use std::io::{self, IsTerminal};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
@@ -17,13 +18,14 @@ use horizon_model::rows::{Pose, pose};
 use tello_flight::cycle::{self, CycleTable, FlightTable};
 use tello_flight::{Mission, Room, RoomTable};
 use tello_io::config::{self, FlyTable};
-use tello_io::manual;
 use tello_io::mocap::StreamReport;
 use tello_io::tello::{DroneFacts, DroneStatus};
 use tello_sim::NominalFlight;
 
 use self::battery::battery_check;
+use self::question::confirm;
 use super::Arguments;
+use super::control_loop::Orders;
 use super::not_ready::{drone_trouble, misnumbered, mocap_trouble, too_old};
 use crate::stdio;
 
@@ -96,12 +98,16 @@ impl Display for Check {
     }
 }
 
-/// Shows what is ready and what is not and, unless it was answered on the command line, asks whether to fly. A drone
-/// that says that it flies already is no question: the flight lands it.
+/// The orders with which the flight begins. Shows what is ready and what is not and, unless it was answered on the
+/// command line, asks whether to fly. A drone that says that it flies already is no question: the flight lands it, and
+/// orders no take-off should it stand after all.
 ///
 /// # Errors
 /// No person is there to ask, or the person declines; a port that is taken.
-pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable) -> Result<()> {
+pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable) -> Result<Orders> {
+    if arguments.sim || arguments.dry_run {
+        return Ok(Orders::to_fly());
+    }
     if !(arguments.yes || io::stdin().is_terminal()) {
         bail!("a real drone takes off only when asked: press Enter on a terminal, or give --yes");
     }
@@ -117,7 +123,7 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
     let mut found = inspection::inspect(table, log_dir, has_keys)?;
     if found.drone.is_some_and(|status| status.is_flying) {
         stdio::note("the drone says that it flies: it is landed, without a question");
-        return Ok(());
+        return Ok(Orders::to_wait());
     }
     found.unfinished = nominal.ok().filter(|flight| !flight.is_finished());
     let checks = checks(&found, table, flight)?;
@@ -129,7 +135,7 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
         bail!("not started: {}", check.reason);
     }
     if !arguments.yes {
-        return confirm(&table.tello.address, &checks);
+        return confirm(&table.tello.address, &checks).map(|()| Orders::to_fly());
     }
     let failed = checks.iter().filter(|check| check.readiness == Readiness::Bad).count();
     if failed > 0 {
@@ -138,7 +144,7 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
             "takes off as soon as all is well, if that is within {patience_s} s"
         ));
     }
-    Ok(())
+    Ok(Orders::to_fly())
 }
 
 /// Refuses to fly a real drone between walls that were not measured. A drone on this machine is a simulated one.
@@ -154,31 +160,6 @@ fn refuse_built_in_room(table: &FlyTable) -> Result<()> {
         );
     }
     Ok(())
-}
-
-fn confirm(address: &str, checks: &[Check]) -> Result<()> {
-    // Keys from before the question are no answer to it.
-    manual::discard_typed();
-    write!(io::stderr(), "{}", question(address, checks))?;
-    let mut answer = String::new();
-    let bytes = io::stdin().read_line(&mut answer)?;
-    if bytes == 0 || !answer.trim().is_empty() {
-        bail!("not started: only Enter starts");
-    }
-    Ok(())
-}
-
-fn question(address: &str, checks: &[Check]) -> String {
-    let is_clear = "Is the room clear? Enter starts, anything else leaves. ";
-    match checks.iter().filter(|check| check.readiness == Readiness::Bad).count() {
-        0 => format!("The drone at {address} will take off. {is_clear}"),
-        failed => format!(
-            "{failed} of {} failed. The drone at {address} will take off as soon as all is well, if that is \
-             within {} s. {is_clear}",
-            checks.len(),
-            super::PATIENCE.seconds()
-        ),
-    }
 }
 
 /// The list, in the order in which things are put right.

@@ -18,6 +18,11 @@ impl Orders {
         Self { strongest: Operator::Fly, take_off_at: TimeNs(0) }
     }
 
+    /// No flight is ordered.
+    pub(in crate::fly) fn to_wait() -> Self {
+        Self { strongest: Operator::Wait, ..Self::to_fly() }
+    }
+
     /// Takes `order`, unless there is a stronger one.
     pub(super) fn give(&mut self, order: Operator, now: TimeNs) {
         if is_take_off(order) {

@@ -4,6 +4,7 @@ use tello_io::clock::TimeNs;
 use tello_io::config;
 use tello_io::tello::protocol::Version;
 
+use super::question::question;
 use super::*;
 
 /// All that a flight needs.
