@@ -186,6 +186,7 @@ impl Story {
             }
         }
         let steered = self.moments.iter().filter(|moment| moment.stick.is_some_and(|u| u > 0.0));
+        // Half a second: a heading that is wrong lands within one.
         assert!(steered.count() > 25, "the controller never flew");
     }
 

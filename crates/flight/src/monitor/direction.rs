@@ -73,8 +73,9 @@ pub(super) struct DirectionMonitor {
     flown_s: f64,
     /// Whether the motion has shown in this flight that the inputs lead where they should.
     is_shown: bool,
-    /// Whether what is compared has an outage in it.
+    /// Whether what is compared has an outage in it, and how long ago it ended.
     has_outage: bool,
+    up_s: f64,
 }
 
 /// Sums over the periods since the newest pose.
@@ -173,6 +174,7 @@ impl DirectionMonitor {
             flown_s: 0.0,
             is_shown: false,
             has_outage: false,
+            up_s: 0.0,
         }
     }
 
@@ -208,6 +210,11 @@ impl DirectionMonitor {
             return (None, false);
         }
         self.has_outage |= !sample.link_is_up;
+        self.up_s = if sample.link_is_up { self.up_s + self.dt_s } else { 0.0 };
+        if self.has_outage && self.up_s >= FORGET_S {
+            self.restart();
+            self.decay = 1.0;
+        }
         self.theta_rad = sample.pose.map_or(self.theta_rad, |now| now[pose::THETA]);
         self.ask(sample);
         if let Some(now) = sample.pose {
@@ -220,6 +227,7 @@ impl DirectionMonitor {
         let is_right = error_rad.is_some_and(|error_rad| error_rad.abs() <= self.limit_rad);
         self.right_s = if is_right { self.right_s + self.dt_s } else { 0.0 };
         self.is_shown |= self.right_s >= RIGHT_S;
+        self.has_outage &= !self.is_shown;
         let patience_s = if is_beyond(2.0 * self.limit_rad) { WRONG_LARGE_S } else { WRONG_S };
         (error_rad, self.wrong_s >= patience_s)
     }
