@@ -142,7 +142,8 @@ pub(crate) struct Arguments {
         conflicts_with = "flown"
     )]
     datastream_address: SocketAddr,
-    /// Where the mocap sends its UDP object stream to, without --batch.
+    /// Where the mocap sends its UDP object stream to, without --batch; with --drones the next drone sends to the next
+    /// address.
     #[arg(
         long,
         value_name = "ADDRESS",

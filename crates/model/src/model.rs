@@ -101,8 +101,8 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     /// system. A solver may then use a block for each of them instead of one large block.
     fn groups(_visit: &mut impl VisitGroups) {}
 
-    /// State one period later, thesis equation 3.49. A controller with move blocking asks for `dt_s` of several periods: a
-    /// model that holds for one period alone has to make as many steps.
+    /// State one period later, thesis equation 3.49. A controller with move blocking asks for `dt_s` of several
+    /// periods: a model that holds for one period alone has to make as many steps.
     fn step(
         &self,
         s: &SVector<f64, NS>,

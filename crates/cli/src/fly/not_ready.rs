@@ -53,6 +53,9 @@ pub(super) fn not_ready(
     text
 }
 
+/// Fewer frames without a pose are those that any source has now and then.
+const HIDDEN_MIN: u64 = 10;
+
 /// How long poses may take to come before a note says that there are none.
 const UNSEEN: Duration = Duration::from_secs(2);
 
@@ -128,7 +131,7 @@ pub(super) fn hidden(since: SincePose, object: &str) -> Option<String> {
     let SincePose { other_object, unnamed, doubled } = since;
     let most = other_object.max(unnamed).max(doubled);
     Some(match most {
-        0 => return None,
+        0..HIDDEN_MIN => return None,
         _ if most == doubled => {
             format!("{doubled} frames with two objects that are called {object:?}")
         }
@@ -234,6 +237,7 @@ mod tests {
             hidden(SincePose { other_object, unnamed, doubled }, "tello")
         };
         assert_eq!(reason(0, 0, 0), None);
+        assert_eq!(reason(9, 9, 9), None);
         for (counts, expected) in [
             ([1, 2, 90], "90 frames with two objects that are called \"tello\""),
             ([1, 90, 2], "90 frames with bodies that have no name"),

@@ -236,7 +236,8 @@ impl Summary {
         (mocap, object): (&MocapCounters, &str),
         drone: &LinkCounters,
     ) -> Self {
-        let is_lost = end.faults.contains(Fault::MocapLost);
+        let faults = &end.faults_last;
+        let is_lost = faults.contains(Fault::MocapLost) || faults.contains(Fault::MocapStale);
         Self {
             mocap: mocap.report(),
             hidden: if is_lost { hidden(mocap.since_pose(), object) } else { None },

@@ -156,7 +156,7 @@ fn seen(track: &Track, axes: &Axes, now: TimeNs) -> Option<Seen> {
 pub(super) fn unit_doubt(place_w_m: [f64; 3]) -> Option<String> {
     place_w_m.iter().any(|x_m| x_m.abs() > PLACE_MAX_M).then(|| {
         format!(
-            "More than {PLACE_MAX_M} m from the origin: is the source in another unit (\"unit\" of \"frame\", `mm` or `m`)?"
+            "More than {PLACE_MAX_M} m from the origin: is the source in metres, or in the \"unit\" of its settings?"
         )
     })
 }

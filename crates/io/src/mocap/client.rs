@@ -31,6 +31,9 @@ const SILENCE_TIMEOUT: Duration = Duration::from_secs(5);
 /// 1 MB takes less on any network that carries 50 frames per second.
 const INCOMPLETE_TIMEOUT: Duration = Duration::from_millis(500);
 
+/// After such a pause a network goes on: what is incomplete then has not been waited for.
+const PAUSE_MIN: Duration = Duration::from_millis(200);
+
 const BACK_OFF_MIN: Duration = Duration::from_millis(100);
 const BACK_OFF_MAX: Duration = Duration::from_secs(2);
 
@@ -123,8 +126,9 @@ impl MocapClient {
         let mut heard_at = self.clock.now();
         let mut beat_at = None;
         let sightings_before = self.counters.sightings.get();
-        // When the first bytes came of the message that is not complete.
+        // When the first bytes came of the message that is not complete, without a pause since.
         let mut begun_at = None;
+        let mut read_at = heard_at;
         loop {
             let now = self.clock.now();
             if beat_at.is_none_or(|beat_at| now.since(beat_at).duration() >= beat_period) {
@@ -146,6 +150,8 @@ impl MocapClient {
                 Err(_) => continue,
             };
             let received_at = self.clock.now();
+            let paused = received_at.since(std::mem::replace(&mut read_at, received_at)).duration();
+            begun_at = begun_at.filter(|_| paused < PAUSE_MIN);
             let messages = self.counters.messages.get();
             let sightings = self.counters.sightings.get();
             let bytes = chunk.get(..count).unwrap_or_default();
