@@ -78,6 +78,14 @@ mod tests {
     }
 
     #[test]
+    fn a_flight_that_finds_the_drone_in_the_air_orders_nothing_until_a_person_does() {
+        let mut orders = Orders::to_wait();
+        assert_eq!(orders.strongest, Operator::Wait);
+        orders.give(Operator::Land, TimeNs(0));
+        assert_eq!(orders.strongest, Operator::Land);
+    }
+
+    #[test]
     fn an_order_to_take_off_lapses_on_the_ground_and_no_other_does() {
         let at = |s: i64| TimeNs(0).after(SpanNs::from_ms(1000 * s));
         let lapses = |orders: &mut Orders, now, phase| orders.lapse(now, phase, PATIENCE);
