@@ -160,3 +160,22 @@ fn the_direction_is_shown_by_a_motion_along_the_inputs_until_the_vehicle_stands(
         assert!(!monitor.is_shown);
     }
 }
+
+#[test]
+fn an_outage_counts_for_the_time_of_forgetting_or_until_the_direction_is_shown() {
+    let quiet =
+        |link_is_up| Sample { pose: None, drone: None, u_applied: Sticks::zeros(), link_is_up };
+    let mut monitor = DirectionMonitor::new(0.785, 0.02);
+    monitor.update(&quiet(false));
+    let steps = (0..300).position(|_| {
+        monitor.update(&quiet(true));
+        !monitor.has_outage
+    });
+    assert!(steps.is_some_and(|steps| (198..=201).contains(&steps)), "{steps:?}");
+    monitor.update(&quiet(false));
+    monitor.sums = [sums(Complex::from(1.0)); 3];
+    for _ in 0..12 {
+        monitor.update(&quiet(true));
+    }
+    assert!(monitor.is_shown && !monitor.has_outage);
+}
