@@ -45,6 +45,7 @@ use self::braking::Steered;
 use self::settling::Settling;
 use self::since::{Reported, Since, elapsed_s, exceeds};
 use crate::drone::LAND_PERIOD;
+use crate::time::SpanNs;
 
 /// Take-off is ordered again when the drone still reports to be grounded after this time: the order
 /// may be lost, but a drone spinning up must not receive the order twice. s
@@ -265,7 +266,7 @@ impl Supervisor {
             _ => (self.failures - FAILURE_FORGIVEN).max(0.0),
         };
         self.late_periods = (self.late_periods - LATE_FORGIVEN).max(0.0) + e.skipped as f64;
-        let reported_ns = e.drone.map(|drone| e.t_ns - since::nanoseconds(drone.age_s));
+        let reported_ns = e.drone.map(|drone| e.t_ns - SpanNs::from_seconds(drone.age_s).0);
         self.since.aloft.keep(self.is_aloft_unasked(e), reported_ns);
         let is_standing = self.phase == Phase::Idle && self.drone_says_flying(e) != Some(true);
         if is_standing && !self.is_pose_stale(e) {

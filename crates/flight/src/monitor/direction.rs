@@ -198,6 +198,12 @@ impl DirectionMonitor {
         self.has_outage = false;
     }
 
+    /// Forgets the motion and begins at a velocity that no known input made.
+    fn restart_in_motion(&mut self) {
+        self.restart();
+        self.decay = 1.0;
+    }
+
     /// Takes a tick in flight: the angle, if there is one, and whether it has been wrong for long enough.
     ///
     /// A motion is that from one pose to the next, of a source of 4 Hz or more. In an outage it is forgotten, once the
@@ -205,15 +211,13 @@ impl DirectionMonitor {
     pub(super) fn update(&mut self, sample: &Sample) -> (Option<f64>, bool) {
         self.flown_s += self.dt_s;
         if !sample.link_is_up && (self.is_shown || self.flown_s > UNSHOWN_MAX_S) {
-            self.restart();
-            self.decay = 1.0;
+            self.restart_in_motion();
             return (None, false);
         }
         self.has_outage |= !sample.link_is_up;
         self.up_s = if sample.link_is_up { self.up_s + self.dt_s } else { 0.0 };
         if self.has_outage && self.up_s >= FORGET_S {
-            self.restart();
-            self.decay = 1.0;
+            self.restart_in_motion();
         }
         self.theta_rad = sample.pose.map_or(self.theta_rad, |now| now[pose::THETA]);
         self.ask(sample);

@@ -61,12 +61,6 @@ impl Reported {
     }
 }
 
-/// `span_s` in nanoseconds.
-#[expect(clippy::cast_possible_truncation, reason = "saturates")]
-pub(super) fn nanoseconds(span_s: f64) -> i64 {
-    (span_s * 1e9) as i64
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -87,7 +81,6 @@ mod tests {
         assert!(!lasts(false, Some(1100)) && !lasts(true, Some(1200)) && !lasts(true, Some(2100)));
         assert!(lasts(true, Some(2200)));
         assert!(!lasts(true, None) && !lasts(true, Some(2300)), "without a report it begins anew");
-        assert_eq!(nanoseconds(0.25), 250 * MS);
     }
 
     #[test]

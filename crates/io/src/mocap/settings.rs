@@ -77,8 +77,17 @@ pub(super) enum Transport {
     Natnet(String),
 }
 
-/// What a table says: key of the source, key of its address, address and vehicle, frame rate, axes and nose.
-type Parts<'a> = (&'static str, &'static str, [&'a str; 2], Option<f64>, Option<&'a FrameTable>);
+/// What a table says, whatever its source.
+struct Parts<'a> {
+    kind: &'static str,
+    /// Key of the address.
+    key: &'static str,
+    address: &'a str,
+    object: &'a str,
+    /// Hz
+    rate_hz: Option<f64>,
+    frame: Option<&'a FrameTable>,
+}
 
 impl MocapTable {
     /// Key of each source with its usual port.
@@ -92,7 +101,7 @@ impl MocapTable {
     ];
 
     fn parts(&self) -> Parts<'_> {
-        match self {
+        let (kind, key, [address, object], rate_hz, frame) = match self {
             Self::Relay(ServerTable { address, object }) => {
                 ("relay", "mocap.relay.address", [address, object], None, None)
             }
@@ -111,12 +120,13 @@ impl MocapTable {
             Self::Vrpn(VrpnTable { address, object, rate_hz, frame }) => {
                 ("vrpn", "mocap.vrpn.address", [address, object], Some(*rate_hz), frame.as_ref())
             }
-        }
+        };
+        Parts { kind, key, address, object, rate_hz, frame }
     }
 
     /// Key of the source.
     pub fn kind(&self) -> &'static str {
-        self.parts().0
+        self.parts().kind
     }
 
     /// Whether axes and nose are settings (`frame`); else the mocap system has to send ours.
@@ -126,8 +136,7 @@ impl MocapTable {
 
     /// Name of the vehicle in the mocap system.
     pub fn object(&self) -> &str {
-        let (_, _, [_, object], ..) = self.parts();
-        object
+        self.parts().object
     }
 
     /// The same source for another object.
@@ -156,7 +165,7 @@ impl MocapTable {
 
     /// The address to connect to or to listen on, with its key.
     pub fn address(&self) -> (&'static str, &str) {
-        let (_, key, [address, _], ..) = self.parts();
+        let Parts { key, address, .. } = self.parts();
         (key, address)
     }
 }
@@ -214,7 +223,7 @@ impl MocapSettings {
     }
 
     fn of(table: &MocapTable) -> Result<Self, SettingError> {
-        let (_, _, [address, object], rate_hz, frame) = table.parts();
+        let Parts { address, object, rate_hz, frame, .. } = table.parts();
         let transport = match table {
             MocapTable::Udp(_) => {
                 let listen = address.parse().ok();
