@@ -140,7 +140,11 @@ const HEAD_BYTES: u64 = 1024;
 /// The flights in `paths`; those that cannot be used go to `unusable`.
 fn read(paths: &[PathBuf], unusable: &mut Vec<Unusable>) -> Result<Group> {
     let files = recordings::find(paths)?;
-    let read = |file: &PathBuf| Ok((checksum(file)?, Looked::at(Flight::read(file)?)));
+    // The flight first: the checksum of a file without end would not end.
+    let read = |file: &PathBuf| {
+        let looked = Looked::at(Flight::read(file)?);
+        Ok((checksum(file)?, looked))
+    };
     let results: Vec<Result<([u8; 32], Looked)>> = files.par_iter().map(read).collect();
     let mut looked = Vec::with_capacity(files.len());
     let mut seen: BTreeMap<[u8; 32], PathBuf> = BTreeMap::new();

@@ -272,7 +272,8 @@ pub fn merge<T: Seeded>(paths: &[PathBuf]) -> Result<(Head, Vec<T>)> {
 }
 
 fn text_of(path: &Path) -> Result<String> {
-    let bytes = fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let bytes = whole_file::read(path, whole_file::RECORDING_BYTES_MAX)
+        .with_context(|| format!("cannot read {}", path.display()))?;
     let text = String::from_utf8(bytes).ok();
     text.with_context(|| format!("{}: not a part file", path.display()))
 }
