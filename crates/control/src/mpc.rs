@@ -25,6 +25,7 @@ pub use self::builder::MpcBuilder;
 use self::cost::{Against, Cost};
 use self::expansion::Expansion;
 use self::prepared::Prepared;
+use self::report::all_finite_of;
 pub use self::report::{Ask, MpcReport, SolveError, Stop};
 pub use self::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverSettings, SolverTable};
 use crate::SoftConstraints;
@@ -247,6 +248,27 @@ where
         self.plan.u.fill(bounds.clamp(&SVector::zeros()));
         self.plan.s.fill(SVector::zeros());
         self.qp.reset();
+    }
+
+    /// Replaces the plan that the next solve improves, for a problem with several minima: `u` has one input for each
+    /// stage, in the unit of each row, and is moved into the bounds.
+    ///
+    /// # Errors
+    /// The plan stays as it was. [`SolveError::Plan`]: not one input for each stage; [`SolveError::NotFinite`].
+    ///
+    /// Real time: no allocation, cost linear in the number of stages.
+    pub fn set_plan(&mut self, u: &[SVector<f64, NU>]) -> Result<(), SolveError> {
+        let stages = self.plan.steps();
+        if u.len() != stages {
+            return Err(SolveError::Plan { given: u.len(), stages });
+        }
+        all_finite_of("u", u)?;
+        self.reset();
+        let bounds = Bounds { lo: *self.settings.u_lb(), hi: *self.settings.u_ub() };
+        for (plan, u) in self.plan.u.iter_mut().zip(u) {
+            *plan = bounds.clamp(u);
+        }
+        Ok(())
     }
 
     /// The present plan `u_0 .. u_{N-1}`, one for each stage, each within the bounds where it was not given.

@@ -73,7 +73,7 @@ fn all_finite<const N: usize>(what: &'static str, v: &SVector<f64, N>) -> Result
     }
 }
 
-fn all_finite_of<const N: usize>(
+pub(super) fn all_finite_of<const N: usize>(
     what: &'static str,
     vectors: &[SVector<f64, N>],
 ) -> Result<(), SolveError> {
@@ -155,7 +155,7 @@ pub enum SolveError {
     /// An entry of the ask is infinite or NaN.
     #[error("{what}{}[{row}] = {value} is not finite", index(*at))]
     NotFinite {
-        /// Field of [`Ask`].
+        /// Field of [`Ask`], or `u` of a plan.
         what: &'static str,
         /// Index of the vector in a field that has several.
         at: Option<usize>,
@@ -168,6 +168,14 @@ pub enum SolveError {
     #[error("{given} references for a horizon of {stages} stages")]
     Horizon {
         /// Number of references in the ask.
+        given: usize,
+        /// Number of stages.
+        stages: usize,
+    },
+    /// The plan of [`Mpc::set_plan`](super::Mpc::set_plan) has not one input for each stage.
+    #[error("a plan of {given} inputs for a horizon of {stages} stages")]
+    Plan {
+        /// Number of inputs.
         given: usize,
         /// Number of stages.
         stages: usize,

@@ -54,3 +54,18 @@ fn no_solve_ends_further_above_the_optimum_than_its_tolerance_allows() {
     }
     assert!(worst < 1e-6, "{worst:e} above the least cost");
 }
+
+#[test]
+fn a_plan_that_does_not_fit_is_refused_and_one_beyond_the_bounds_moved() {
+    let mut case = Case::new(&table(3, 0.8));
+    assert!(case.solve().has_new_plan());
+    let before = case.mpc.plan().to_vec();
+    let refused = case.mpc.set_plan(&[Sticks::zeros(); 2]);
+    assert_eq!(refused, Err(SolveError::Plan { given: 2, stages: 3 }));
+    let refused = case.mpc.set_plan(&[Sticks::zeros(), Sticks::repeat(f64::NAN), Sticks::zeros()]);
+    let expected = "u[1][0] = NaN is not finite";
+    assert_eq!(refused.unwrap_err().to_string(), expected);
+    assert_eq!(case.mpc.plan(), before);
+    case.mpc.set_plan(&[Sticks::new(2.0, -2.0, 0.3, 0.0); 3]).unwrap();
+    assert_eq!(case.mpc.plan(), [Sticks::new(0.8, -0.8, 0.3, 0.0); 3]);
+}
