@@ -255,4 +255,4 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -177,7 +177,7 @@ where
         if self.pipeline == Pipeline::SameTick {
             self.estimate(seen.as_ref(), JUST_ENDED, watch, out);
         }
-        let pilot = self.supervise(inbox, out).filter(|_| self.takes_sticks());
+        let pilot = self.supervise(inbox, out);
         let may_steer = pilot == Some(Pilot::Controller);
         self.note_mission(may_steer);
         if self.pipeline == Pipeline::SameTick && may_steer {

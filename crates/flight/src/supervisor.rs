@@ -51,6 +51,9 @@ use crate::time::SpanNs;
 /// may be lost, but a drone spinning up must not receive the order twice. s
 const TAKE_OFF_RETRY_S: f64 = 3.0;
 
+/// And not later than this: a link that returns must not start a drone beside which the person stands. s
+const TAKE_OFF_PATIENCE_S: f64 = 10.0;
+
 /// Fraction of a missed period that is forgiven at each tick: one may be missed after each ten ticks for ever.
 const LATE_FORGIVEN: f64 = 0.1;
 
@@ -233,9 +236,10 @@ impl Supervisor {
             }
         }
         let is_settled = self.settling.is_over(e, self.table.settle_s);
-        let is_braking = self.phase == Phase::Flying
-            && (self.since.braking.holds() || reaction == Reaction::Brake);
-        let may_steer = self.phase == Phase::Flying
+        let is_steerable = self.phase == Phase::Flying && self.takes_sticks(e);
+        let is_braking =
+            is_steerable && (self.since.braking.holds() || reaction == Reaction::Brake);
+        let may_steer = is_steerable
             && (is_braking || reaction < Reaction::Hold)
             && (is_settled || pilot == Pilot::Person);
         self.steered = Steered::of(may_steer && pilot == Pilot::Controller, is_braking);
@@ -368,6 +372,7 @@ impl Supervisor {
                     || (is_due(self.take_off_ordered_ns, TAKE_OFF_RETRY_S)
                         && self.drone_says_flying(e) == Some(false)
                         && self.take_off_seen == TakeOffSeen::No
+                        && elapsed_s(self.phase_since_ns, e.t_ns) < TAKE_OFF_PATIENCE_S
                         && reaction < Reaction::StayDown) =>
             {
                 self.take_off_ordered_ns = Some(e.t_ns);

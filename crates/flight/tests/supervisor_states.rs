@@ -120,6 +120,7 @@ fn evidence(
         drone: drone_age_s.map(|age_s| DroneReport {
             age_s,
             is_flying: drone % 2 == 1,
+            takes_sticks: !(flag(1) && flag(3)),
             height_m: None,
             battery_pct: [80, 20, 5][usize::from(drone / 2)],
             is_battery_low: flag(0) && flag(3),

@@ -14,7 +14,7 @@ use crate::model::{Driven, Linearized, Model};
 use tape::{Arguments, Entries, Layout, Tape};
 
 pub use graph::{Binary, Graph, Id, Node, Unary, Variable};
-pub use tape::{REGISTERS_MAX, TooLong};
+pub use tape::{CompileError, REGISTERS_MAX};
 
 /// Step and observation of a system with their derivatives, compiled.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,13 +48,13 @@ impl Program {
     /// The system `s' = step`, `o = observe` with `inputs` inputs and `parameters` parameters.
     ///
     /// # Errors
-    /// [`TooLong`].
+    /// [`CompileError`].
     pub fn compile(
         graph: &mut Graph,
         step: &[Id],
         observe: &[Id],
         (inputs, parameters): (usize, usize),
-    ) -> Result<Self, TooLong> {
+    ) -> Result<Self, CompileError> {
         let (states, observations) = (step.len(), observe.len());
         let size = Dimensions { states, inputs, observations, parameters };
         Self::compile_padded(graph, step, observe, [size, size])
@@ -63,13 +63,13 @@ impl Program {
     /// The same with its `dimensions`, for a [`Compiled`] of a `size` that may have more rows.
     ///
     /// # Errors
-    /// [`TooLong`].
+    /// [`CompileError`].
     pub fn compile_padded(
         graph: &mut Graph,
         step: &[Id],
         observe: &[Id],
         [dimensions, size]: [Dimensions; 2],
-    ) -> Result<Self, TooLong> {
+    ) -> Result<Self, CompileError> {
         let Dimensions { states, inputs, parameters, .. } = dimensions;
         let mut jacobian = |of: &[Id], by: fn(usize) -> Variable, columns: usize| -> Vec<Id> {
             let columns: Vec<Vec<Id>> =

@@ -44,7 +44,7 @@ impl Status {
             faults.and_then(|faults| faults.iter().max_by_key(|fault| fault.reaction(pilot)));
         Self {
             phase: out.phase(),
-            stopped_by: strongest.filter(|fault| fault.reaction(pilot) >= Reaction::Hold),
+            stopped_by: strongest.filter(|fault| fault.reaction(pilot) >= Reaction::Brake),
             is_by_hand,
             link_is_down: out.link.is_some_and(|link| link.state.is_down()),
             pose_hat: out.pose_hat(),

@@ -3,8 +3,8 @@
 //! Owns the only use of Clarabel. Variables are ordered by stage, `du_0, ds_1, du_1, ds_2, ..`. Blocks
 //! are stored full, zeros included, so that the sparsity never changes: the symbolic factorization of
 //! [`Clarabel::new`] serves every later solve. A given input is cut off from all the others, so that
-//! zero is what it costs least at. Each penalty has a slack variable, after the state of its stage; one that no
-//! penalty needs is cut off, too.
+//! zero is what it costs least at. Each penalty has a slack variable, after the state of its stage: the excess in units
+//! of 1 / weight, so that a large weight does not spread the curvature. One that no penalty needs is cut off, too.
 
 use std::fmt::{self, Debug, Formatter};
 
@@ -25,7 +25,7 @@ pub(crate) struct Clarabel<const NS: usize, const NU: usize> {
     curvature: CostHessian<NS, NU>,
     /// Penalties per stage, at most.
     penalties_max: usize,
-    /// Whether `P` lacks couplings, because inputs were given, or holds squared weights of penalties.
+    /// Whether `P` lacks couplings, because inputs were given.
     is_cut: bool,
     /// Nonzeros of `P`, column by column.
     quadratic: Vec<f64>,
@@ -51,9 +51,9 @@ impl<const NS: usize, const NU: usize> Clarabel<NS, NU> {
         let stages = vec![Stage::<NS, NU>::zeros(); steps];
         let bounds = vec![Bounds { lo: SVector::zeros(), hi: SVector::from_element(1.0) }; steps];
         let slacks = limits.penalties_max;
-        let shape = (steps * (NS + 2 * NU + 2 * slacks), steps * (NS + NU + slacks));
+        let shape = (steps * (NS + 2 * NU + slacks), steps * (NS + NU + slacks));
         let quadratic = by_columns((shape.1, shape.1), |entry| {
-            curvature_entries(curvature, &bounds, (&[], slacks), entry);
+            curvature_entries(curvature, &bounds, slacks, entry);
         });
         let constraint = by_columns(shape, |entry| {
             constraint_entries(&stages, &bounds, (&[], slacks), entry);
@@ -67,7 +67,7 @@ impl<const NS: usize, const NU: usize> Clarabel<NS, NU> {
             &bound,
             &[
                 SupportedConeT::ZeroConeT(steps * NS),
-                SupportedConeT::NonnegativeConeT(2 * steps * (NU + slacks)),
+                SupportedConeT::NonnegativeConeT(steps * (2 * NU + slacks)),
             ],
             clarabel_settings(limits),
         )?;
@@ -86,17 +86,17 @@ impl<const NS: usize, const NU: usize> Clarabel<NS, NU> {
     /// Tells the solver the problem. Only numbers change, never the sparsity.
     fn update(&mut self, problem: &Problem<'_, NS, NU>) -> Result<(), DataUpdateError> {
         let has_given = problem.bounds.iter().any(|bounds| (0..NU).any(|i| bounds.is_given(i)));
-        let has_cut = has_given && !self.curvature.coupling.is_empty();
-        let differs = has_cut || !problem.penalties.is_empty();
-        let slacks = (problem.penalties, self.penalties_max);
-        if differs || self.is_cut {
-            self.is_cut = differs;
+        let is_cut = has_given && !self.curvature.coupling.is_empty();
+        if is_cut || self.is_cut {
+            self.is_cut = is_cut;
             self.quadratic.clear();
+            let slacks = self.penalties_max;
             curvature_entries(&self.curvature, problem.bounds, slacks, |_, _, value| {
                 self.quadratic.push(value);
             });
             self.solver.update_P(&self.quadratic)?;
         }
+        let slacks = (problem.penalties, self.penalties_max);
         self.constraint.clear();
         constraint_entries(problem.stages, problem.bounds, slacks, |_, _, value| {
             self.constraint.push(value);
@@ -117,8 +117,8 @@ impl<const NS: usize, const NU: usize> Clarabel<NS, NU> {
         for k in 0..problem.stages.len() {
             let penalties = &problem.penalties[of_stage(problem.penalties, k)];
             for j in 0..self.penalties_max {
-                self.bound.push(penalties.get(j).map_or(1.0, |penalty| -penalty.excess));
-                self.bound.push(0.0);
+                let room = |penalty: &Penalty<NS>| -penalty.weight() * penalty.excess;
+                self.bound.push(penalties.get(j).map_or(1.0, room));
             }
         }
         self.solver.update_A(&self.constraint)?;
@@ -178,7 +178,8 @@ fn clarabel_settings(limits: Limits) -> DefaultSettings<f64> {
         input_sparse_dropzeros: false,
         // Off: the line search of the outer iteration rejects a step that is not precise enough.
         equilibrate_enable: false,
-        iterative_refinement_enable: false,
+        // The default, 1e-8, leaves penalties with a weight of 1e4 unsolved, 1e-13 problems without penalties.
+        static_regularization_constant: 1e-11,
         ..DefaultSettings::default()
     }
 }
@@ -187,7 +188,7 @@ fn clarabel_settings(limits: Limits) -> DefaultSettings<f64> {
 fn curvature_entries<const NS: usize, const NU: usize>(
     curvature: &CostHessian<NS, NU>,
     bounds: &[Bounds<NU>],
-    (penalties, slacks): (&[Penalty<NS>], usize),
+    slacks: usize,
     mut visit: impl FnMut(usize, usize, f64),
 ) {
     let width = NU + NS + slacks;
@@ -205,10 +206,8 @@ fn curvature_entries<const NS: usize, const NU: usize>(
             let col = k * width + NU + i;
             visit(col, col, by_s[i]);
         }
-        let penalties = &penalties[of_stage(penalties, k)];
-        for j in 0..slacks {
-            let col = k * width + NU + NS + j;
-            visit(col, col, penalties.get(j).map_or(1.0, |penalty| penalty.squared_weight));
+        for col in (0..slacks).map(|j| k * width + NU + NS + j) {
+            visit(col, col, 1.0);
         }
     }
 }
@@ -216,7 +215,7 @@ fn curvature_entries<const NS: usize, const NU: usize>(
 /// Visits the constraint matrix as `(row, column, value)`, column by column.
 ///
 /// Rows: the dynamics `A_k ds_k + B_k du_k - ds_{k+1} = 0` of all steps, then for each step
-/// `du_k <= hi - u_k` and `-du_k <= u_k - lo`, then for each slack variable `g' ds - sigma <= -c` and `-sigma <= 0`.
+/// `du_k <= hi - u_k` and `-du_k <= u_k - lo`, then for each slack variable `w g' ds - sigma <= -w c` with the weight `w`.
 fn constraint_entries<const NS: usize, const NU: usize>(
     stages: &[Stage<NS, NU>],
     bounds: &[Bounds<NU>],
@@ -228,7 +227,7 @@ fn constraint_entries<const NS: usize, const NU: usize>(
     for (k, stage) in stages.iter().enumerate() {
         let col_of_stage = k * (NU + NS + slacks);
         let penalties = &penalties[of_stage(penalties, k)];
-        let row_of_slack = |j: usize| slack_row + 2 * (k * slacks + j);
+        let row_of_slack = |j: usize| slack_row + k * slacks + j;
         for (i, by_input) in stage.by_input.column_iter().enumerate() {
             let col = col_of_stage + i;
             let is_given = bounds[k].is_given(i);
@@ -247,14 +246,12 @@ fn constraint_entries<const NS: usize, const NU: usize>(
                 }
             }
             for j in 0..slacks {
-                let value = penalties.get(j).map_or(0.0, |penalty| penalty.gradient[i]);
-                visit(row_of_slack(j), col, value);
+                let weighted = |penalty: &Penalty<NS>| penalty.weight() * penalty.gradient[i];
+                visit(row_of_slack(j), col, penalties.get(j).map_or(0.0, weighted));
             }
         }
         for j in 0..slacks {
-            let col = col_of_stage + NU + NS + j;
-            visit(row_of_slack(j), col, -1.0);
-            visit(row_of_slack(j) + 1, col, -1.0);
+            visit(row_of_slack(j), col_of_stage + NU + NS + j, -1.0);
         }
     }
 }

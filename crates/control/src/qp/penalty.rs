@@ -1,7 +1,7 @@
 //! Soft constraints of the quadratic subproblem.
 //!
 //! Owns the one-sided quadratic penalty `1/2 squared_weight max(0, c + g' ds)^2` of a linearized constraint `c + g' ds
-//! <= 0`. It is what a slack variable leaves: `min 1/2 squared_weight sigma^2` subject to `sigma >= c + g' ds`.
+//! <= 0`. It is what a slack variable leaves: `min 1/2 sigma^2` subject to `sigma >= w (c + g' ds)` with the weight `w`.
 
 use nalgebra::SVector;
 
@@ -30,6 +30,11 @@ impl<const NS: usize> Penalty<NS> {
     #[inline]
     pub fn cost(&self, excess: f64) -> f64 {
         one_sided(self.squared_weight, excess)
+    }
+
+    /// Weight of the violation over the stage, which is not squared. 1 / unit of `c`
+    pub(crate) fn weight(&self) -> f64 {
+        self.squared_weight.sqrt()
     }
 
     /// Derivative of the penalty at `ds = 0`. 1 / unit of the row

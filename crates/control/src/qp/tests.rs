@@ -1,4 +1,4 @@
-pub(super) mod case;
+pub(crate) mod case;
 mod penalties;
 
 use self::case::{Case, Kind, kinematic, lagged, random};

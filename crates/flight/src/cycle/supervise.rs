@@ -225,6 +225,7 @@ fn drone_report(status: &DroneStatus, now: TimeNs) -> DroneReport {
     DroneReport {
         age_s: now.since(status.received_at).seconds(),
         is_flying: status.is_flying,
+        takes_sticks: status.takes_sticks,
         height_m: status.height_m,
         battery_pct: status.battery_pct,
         is_battery_low: status.is_battery_low == Some(true),

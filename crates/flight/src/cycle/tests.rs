@@ -69,7 +69,7 @@ fn in_an_outage_the_sticks_of_the_controller_are_limited_and_those_of_a_person_a
     for step in 0..400 {
         let now = TimeNs(step * DT_NS);
         inbox.open(step.unsigned_abs(), now);
-        inbox.drone = Some(status(now, true));
+        inbox.drone = Some(status(now));
         let mut at = sighting(TimeNs(0), 0).pose.unwrap();
         at[pose::X] += 0.01 * (0.1 * step as f64).sin();
         inbox.sightings.push(Sighting { pose: Some(at), ..sighting(now, 0) });
@@ -110,12 +110,12 @@ fn the_sticks_of_the_controller_pass_on_a_fresh_pose_only() {
 }
 
 /// A drone that flies.
-fn status(received_at: TimeNs, takes_sticks: bool) -> DroneStatus {
+fn status(received_at: TimeNs) -> DroneStatus {
     DroneStatus {
         received_at,
         is_flying: true,
         is_on_ground: false,
-        takes_sticks,
+        takes_sticks: true,
         is_battery_low: None,
         is_battery_critical: None,
         battery_pct: 80,
@@ -124,16 +124,6 @@ fn status(received_at: TimeNs, takes_sticks: bool) -> DroneStatus {
         velocity_d_mps: None,
         heading_rad: None,
         flight_mode: None,
-    }
-}
-
-#[test]
-fn sticks_are_sent_to_a_drone_that_takes_them_or_has_not_reported() {
-    let mut cycle = cycle();
-    assert!(cycle.takes_sticks());
-    for takes_sticks in [true, false] {
-        cycle.memory.drone = Some(status(TimeNs(0), takes_sticks));
-        assert_eq!(cycle.takes_sticks(), takes_sticks);
     }
 }
 
@@ -153,7 +143,7 @@ fn fly_by_hand(
     for step in 0..steps {
         let now = TimeNs(step * DT_NS);
         inbox.open(step.unsigned_abs(), now);
-        inbox.drone = Some(status(now, true));
+        inbox.drone = Some(status(now));
         inbox.manual = hand(step).map(|roll| [roll, 0.0, 0.0, 0.0]);
         if is_seen(step) {
             inbox.sightings.push(Sighting { pose: Some(model.observe(&s)), ..sighting(now, 0) });

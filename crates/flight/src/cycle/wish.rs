@@ -37,9 +37,4 @@ where
             None => approved.sticks(),
         }
     }
-
-    /// Whether the drone is sent sticks: in the text SDK not before a take-off is over.
-    pub(super) fn takes_sticks(&self) -> bool {
-        self.memory.drone.is_none_or(|status| status.takes_sticks)
-    }
 }

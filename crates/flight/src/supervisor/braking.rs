@@ -64,6 +64,7 @@ impl Supervisor {
         let forbids = |one: Reaction| one >= Reaction::Hold && one != Reaction::BrakeAndLand;
         let may_brake = self.steered != Steered::Not
             && pilot == Pilot::Controller
+            && self.takes_sticks(e)
             && !faults.iter().any(|fault| forbids(fault.reaction(pilot)));
         let is_over = !(is_fast && may_brake) || self.since.braking.has_lasted(e.t_ns, BRAKE_MAX_S);
         self.since.braking.holds() && is_over

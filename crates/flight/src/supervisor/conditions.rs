@@ -131,20 +131,29 @@ impl Supervisor {
         let table = &self.table;
         let running_s = self.began_ns.map_or(0.0, |began_ns| elapsed_s(began_ns, e.t_ns));
         let silent_s = e.drone.map_or(running_s, |drone| drone.age_s);
+        let is_silent = exceeds(silent_s, table.drone_silent_s);
+        let is_unheard = e.drone.is_none() || (self.phase == Phase::Idle && is_silent);
         let has_little_charge = e.drone.is_some_and(|drone| {
             drone.is_battery_low || !(table.battery_low_pct..=100).contains(&drone.battery_pct)
         });
         let has_no_charge = self.since.battery_critical.has_lasted(BATTERY_CRITICAL_S);
         let is_grounded = self.since.grounded.has_lasted(DOWN_HOLD_S);
         [
-            (Fault::DroneUnheard, e.drone.is_none() && !self.is_carried),
+            (Fault::DroneUnheard, is_unheard && !self.is_carried),
             (Fault::DroneAloft, self.is_aloft_unasked(e)),
             (Fault::TookOffUnasked, self.has_taken_off_unasked()),
-            (Fault::DroneSilent, exceeds(silent_s, table.drone_silent_s) && !self.is_carried),
+            (Fault::DroneSilent, is_silent && !self.is_carried),
             (Fault::NotFlying, is_grounded && !self.is_carried),
             (Fault::BatteryLow, has_little_charge),
             (Fault::BatteryCritical, has_no_charge),
         ]
+    }
+
+    /// Whether the drone is sent sticks. A report that is old says nothing of it.
+    pub(super) fn takes_sticks(&self, e: &Evidence) -> bool {
+        e.drone.is_none_or(|drone| {
+            drone.takes_sticks || exceeds(drone.age_s, self.table.drone_silent_s)
+        })
     }
 
     /// Whether the drone says that it flies and no take-off was ordered.

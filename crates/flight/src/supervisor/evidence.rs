@@ -114,11 +114,14 @@ pub struct Outage {
 
 /// What the drone says of itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "reports of separate things, not a state")]
 pub struct DroneReport {
     /// Age of the report. s
     pub age_s: f64,
     /// Whether it flies.
     pub is_flying: bool,
+    /// Whether it is sent sticks: in the text SDK not before a take-off is over.
+    pub takes_sticks: bool,
     /// Height over an unknown level. m
     pub height_m: Option<f64>,
     /// Battery charge. %

@@ -85,7 +85,7 @@ pub enum Fault {
     /// For 0.5 s the drone has not confirmed an outage, and the vehicle would have left the room if its commands act
     /// against the judgement of the link monitor.
     OutageUnsafe,
-    /// The drone has not reported yet.
+    /// The drone has not reported yet, or before the take-off not for `drone_silent_s`.
     DroneUnheard,
     /// Before the take-off the drone says that it flies.
     DroneAloft,

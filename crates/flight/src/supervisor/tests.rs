@@ -98,6 +98,7 @@ pub(super) const CALM: Evidence = Evidence {
 pub(super) const REPORT: DroneReport = DroneReport {
     age_s: 0.1,
     is_flying: false,
+    takes_sticks: true,
     height_m: None,
     battery_pct: 80,
     is_battery_low: false,

@@ -16,12 +16,20 @@ pub const REGISTERS_MAX: usize = 4096;
 /// Numbers of registers that a tape may have, powers of two.
 const SIZES: [usize; 6] = [16, 32, 64, 256, 1024, REGISTERS_MAX];
 
-/// Expressions have more terms than [`REGISTERS_MAX`].
+/// Why expressions are no [`Program`](super::Program).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("{registers} different terms, derivatives included; at most {REGISTERS_MAX} are possible")]
-pub struct TooLong {
-    /// Registers that it would take, one for each term and variable.
-    pub registers: usize,
+pub enum CompileError {
+    /// They have more terms than [`REGISTERS_MAX`].
+    #[error(
+        "{registers} different terms, derivatives included; at most {REGISTERS_MAX} are possible"
+    )]
+    TooLong {
+        /// Registers that it would take, one for each term and variable.
+        registers: usize,
+    },
+    /// The program has no such row, or this is an observation, which depends on the state alone.
+    #[error("{0:?} is no variable of the step, or the observation depends on more than the state")]
+    Variable(Variable),
 }
 
 /// Numbers of variables of a tape, which are its first registers: states, inputs, parameters, then the period.
@@ -172,21 +180,20 @@ impl Layout {
 
 impl<const M: usize> Tape<M> {
     /// The instructions that compute some matrices, each term once. A matrix is given by its entries row by row and
-    /// their shape, and by the larger shape that it is filled up to with zeros. A variable that `layout` does not
-    /// have is zero.
+    /// their shape, and by the larger shape that it is filled up to with zeros.
     ///
     /// # Errors
-    /// More terms than [`REGISTERS_MAX`].
+    /// [`CompileError`].
     pub(super) fn compile(
         graph: &Graph,
         layout: Layout,
         matrices: [Entries<'_>; M],
-    ) -> Result<Self, TooLong> {
+    ) -> Result<Self, CompileError> {
         let selection = Selection::new(graph, matrices.iter().flat_map(|matrix| matrix.ids));
         // One more is the zero.
         let registers = layout.len() + 1 + selection.terms();
         if registers > REGISTERS_MAX {
-            return Err(TooLong { registers });
+            return Err(CompileError::TooLong { registers });
         }
         let mut initial = vec![0.0; layout.len() + 1];
         let zero = layout.len();
@@ -194,7 +201,8 @@ impl<const M: usize> Tape<M> {
         for (at, node) in selection.computed() {
             match node {
                 Node::Variable(variable) => {
-                    register[at] = layout.register(variable).unwrap_or(zero);
+                    register[at] =
+                        layout.register(variable).ok_or(CompileError::Variable(variable))?;
                 }
                 Node::Constant(bits) => {
                     register[at] = initial.len();

@@ -4,6 +4,7 @@ use horizon_model::check::jacobian_gap;
 use horizon_model::check::{amax, maximum};
 
 use super::*;
+use crate::qp::tests::case::Numbers;
 use crate::{Excess, SoftConstraints, StateBounds};
 
 /// A pole in the plane of the first two rows that is not to be nearer than `radius`, and the half-plane `x <= wall`.
@@ -190,4 +191,46 @@ fn bounded_rows_stop_at_their_bounds() {
         true
     });
     assert!(bounded.eq([pose::X, 4 + pose::Y]));
+}
+
+/// Start and target anywhere, some of them beyond the bounds of rows that weigh 1e4.
+#[test]
+fn stiff_bounds_of_the_state_always_leave_a_plan() {
+    for (qp, steps) in [QpKind::Riccati, QpKind::Clarabel].into_iter().zip([20, 80]) {
+        let table = table(steps, 0.8);
+        let solver = SolverTable { qp, cost_tolerance: 1e-6, qp_tolerance: 1e-8, ..table.solver };
+        let table = MpcTable { solver, ..table };
+        let (mut fallbacks, mut violated) = (0, 0);
+        for seed in 0..30 {
+            let mut numbers = Numbers::new(seed);
+            let mut case = Case::new(&table);
+            let settings = case.mpc.settings().clone().with_constraints(8);
+            case.mpc = Mpc::new(Kinematic, settings, DT_S).unwrap();
+            case.s_0 = numbers.fill();
+            case.s_ref.fill(numbers.fill());
+            let hi = Pose::repeat(0.5) + numbers.fill() * 0.4;
+            let bounds = StateBounds::new(-hi, hi, Pose::repeat(1e4)).unwrap();
+            let report = solve_with(&mut case, &bounds);
+            assert!(report.has_new_plan(), "seed {seed}, {qp:?}: {report:?}");
+            fallbacks += report.qp_fallbacks;
+            violated += u32::from(case.s_0.iter().zip(&hi).any(|(s, hi)| s.abs() > *hi));
+        }
+        let falls_back = qp == QpKind::Riccati;
+        assert!((fallbacks > 0) == falls_back && violated > 10, "{fallbacks}, {violated}");
+    }
+}
+
+#[test]
+fn the_plan_that_is_set_decides_on_which_side_a_pole_is_passed() {
+    let pole = Pole { at: [0.2, 0.0], radius: 0.09, wall: 50.0, weight: 300.0 };
+    let passed_m = [0.5, -0.5].map(|roll| {
+        let mut case = case(QpKind::Riccati, 40);
+        (case.s_0, case.p[gain::THETA_0]) = (Pose::new(0.0, 0.0, 1.0, 0.0), 0.0);
+        case.s_ref.fill(Pose::new(0.4, 0.0, 1.0, 0.0));
+        case.mpc.set_plan(&[Sticks::new(roll, 0.5, 0.0, 0.0); 40]).unwrap();
+        assert!(solve_with(&mut case, &pole).has_new_plan());
+        let beside = |s: &&Pose| (s[pose::X] - 0.2).abs() < 0.02;
+        case.mpc.planned_states().iter().find(beside).unwrap()[pose::Y]
+    });
+    assert!(passed_m[0] < -0.08 && passed_m[1] > 0.08, "{passed_m:?} m beside the pole's middle");
 }

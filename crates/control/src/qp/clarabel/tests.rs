@@ -56,7 +56,7 @@ fn sparse_matrices_are_well_formed() {
     // Rows at their bounds, then full blocks for all but the first state, then one -1 per state.
     assert_eq!(constraint.nnz(), STEPS * (2 * 2 + 3 * 2 + 3) + (STEPS - 1) * 9);
     let curvature = by_columns((STEPS * 5, STEPS * 5), |entry| {
-        curvature_entries(&case.curvature, &case.bounds, (&[], 0), entry);
+        curvature_entries(&case.curvature, &case.bounds, 0, entry);
     });
     assert!(curvature.check_format().is_ok() && curvature.is_triu());
 }

@@ -20,6 +20,48 @@ fn take_off_is_ordered_again_after_three_seconds_on_the_ground() {
 }
 
 #[test]
+fn take_off_is_not_ordered_again_ten_seconds_after_it_was_asked_for() {
+    let table = SupervisorTable { take_off_timeout_s: 60.0, ..TABLE };
+    let settings = SupervisorSettings::try_from(&table).unwrap();
+    let mut bench = Bench { supervisor: Supervisor::new(settings, Start::Grounded), t_ns: 0 };
+    for expected in [Some(1), Some(30), Some(30), Some(30), None] {
+        let found = ticks_until(&mut bench, SupervisorOrder::TakeOff, &asks_to_fly(CALM));
+        assert_eq!(found, expected);
+    }
+}
+
+#[test]
+fn a_drone_that_is_silent_on_the_ground_is_not_started_by_hand_either() {
+    let by_hand =
+        Evidence { operator: Operator::FlyByHand, is_by_hand: true, is_hand_neutral: true, ..CALM };
+    for (age_s, phase) in [(1.9, Phase::TakingOff), (2.1, Phase::Idle)] {
+        let mut bench = Bench::new(Start::Grounded);
+        let e = with_drone(by_hand, |drone| drone.age_s = age_s);
+        assert_eq!(bench.tick(&e).phase, phase, "{age_s} s");
+    }
+}
+
+#[test]
+fn nobody_steers_a_drone_that_takes_no_sticks_unless_its_report_is_old() {
+    for (e, may_steer) in [
+        (ALOFT, true),
+        (with_drone(ALOFT, |drone| drone.takes_sticks = false), false),
+        (
+            Evidence {
+                is_by_hand: true,
+                ..with_drone(ALOFT, |drone| {
+                    (drone.takes_sticks, drone.age_s) = (false, 3.0);
+                })
+            },
+            true,
+        ),
+    ] {
+        let ruling = Bench::new(Start::Airborne).run(3, &e);
+        assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, may_steer));
+    }
+}
+
+#[test]
 fn take_off_is_not_ordered_again_unless_the_drone_says_that_it_is_down() {
     for e in [
         spinning(),

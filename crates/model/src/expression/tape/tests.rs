@@ -25,11 +25,12 @@ fn a_model_that_is_too_long_is_refused() {
         sum = graph.unary(Unary::Sin, scaled);
     }
     let error = compile(&graph, &[sum]).unwrap_err();
-    assert_eq!(error.registers, 3 * REGISTERS_MAX + 3, "the state, the period and the zero, too");
+    // The state, the period and the zero, too.
+    assert_eq!(error, CompileError::TooLong { registers: 3 * REGISTERS_MAX + 3 });
 }
 
 /// The expressions of one state as a column.
-fn compile(graph: &Graph, column: &[Id]) -> Result<Tape<1>, TooLong> {
+fn compile(graph: &Graph, column: &[Id]) -> Result<Tape<1>, CompileError> {
     let layout = Layout { states: 1, inputs: 0, parameters: 0 };
     Tape::compile(graph, layout, [Entries::new(column, 1, (column.len(), 1))])
 }
@@ -84,7 +85,7 @@ fn every_number_of_registers_gives_the_value_of_the_graph() {
         let tape = match compile(&graph, &[sum]) {
             Ok(tape) => tape,
             Err(error) => {
-                assert!(error.registers > REGISTERS_MAX, "{error}");
+                assert!(matches!(error, CompileError::TooLong { .. }), "{error}");
                 continue;
             }
         };
@@ -101,14 +102,21 @@ fn variables_and_constants_alone_need_no_instruction() {
     let variables =
         [Variable::State(1), Variable::Input(0), Variable::Parameter(1), Variable::Period];
     let mut of: Vec<Id> = variables.into_iter().map(|variable| graph.variable(variable)).collect();
-    // A row that the tape is not given is zero.
-    of.push(graph.variable(Variable::Parameter(2)));
     of.push(graph.constant(7.0));
     let layout = Layout { states: 2, inputs: 1, parameters: 2 };
-    let tape = Tape::compile(&graph, layout, [Entries::new(&of, 1, (6, 1))]).unwrap();
+    let tape = Tape::compile(&graph, layout, [Entries::new(&of, 1, (5, 1))]).unwrap();
     let at = (&SVector::from([0.1, 0.2]), &SVector::from([0.3]), &SVector::from([0.4, 0.5]), 0.6);
-    let value: SVector<f64, 6> = tape.evaluate::<_, 2, 1, 2>(at);
-    assert_eq!(value.as_slice(), [0.2, 0.3, 0.5, 0.6, 0.0, 7.0]);
+    let value: SVector<f64, 5> = tape.evaluate::<_, 2, 1, 2>(at);
+    assert_eq!(value.as_slice(), [0.2, 0.3, 0.5, 0.6, 7.0]);
+}
+
+#[test]
+fn a_variable_that_the_program_does_not_have_is_refused() {
+    let mut graph = Graph::default();
+    for variable in [Variable::State(1), Variable::Input(0), Variable::Parameter(7)] {
+        let id = graph.variable(variable);
+        assert_eq!(compile(&graph, &[id]).unwrap_err(), CompileError::Variable(variable));
+    }
 }
 
 #[test]
