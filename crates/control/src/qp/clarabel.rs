@@ -215,7 +215,8 @@ fn curvature_entries<const NS: usize, const NU: usize>(
 /// Visits the constraint matrix as `(row, column, value)`, column by column.
 ///
 /// Rows: the dynamics `A_k ds_k + B_k du_k - ds_{k+1} = 0` of all steps, then for each step
-/// `du_k <= hi - u_k` and `-du_k <= u_k - lo`, then for each slack variable `w g' ds - sigma <= -w c` with the weight `w`.
+/// `du_k <= hi - u_k` and `-du_k <= u_k - lo`, then for each slack variable
+/// `w g' ds - sigma <= -w c` with the weight `w`.
 fn constraint_entries<const NS: usize, const NU: usize>(
     stages: &[Stage<NS, NU>],
     bounds: &[Bounds<NU>],

@@ -1,7 +1,8 @@
 //! Soft constraints of the quadratic subproblem.
 //!
 //! Owns the one-sided quadratic penalty `1/2 squared_weight max(0, c + g' ds)^2` of a linearized constraint `c + g' ds
-//! <= 0`. It is what a slack variable leaves: `min 1/2 sigma^2` subject to `sigma >= w (c + g' ds)` with the weight `w`.
+//! <= 0`. It is what a slack variable leaves: `min 1/2 sigma^2` subject to `sigma >= w (c + g' ds)` with the weight
+//! `w`.
 
 use nalgebra::SVector;
 
