@@ -194,10 +194,6 @@ const GAIN_GOOD: f64 = 0.75;
 /// `H = J' J`, `|g|^2 <= 2 n (max H_ii) cost`, so this is at most `2e-12 n` of the cost.
 const DAMPING_LIMIT: f64 = 1e12;
 
-/// Part of `damping |d|^2` in the decrease of a step `d` above which the damping has made it short: 2/3 where the
-/// curvature along it is the damping, 1 where there is none, 0.17 where it is tenfold.
-const HELD_BACK: f64 = 0.6;
-
 /// Factor by which the damping shrinks after a good step.
 const SHRINK: f64 = 4.0;
 
@@ -252,13 +248,9 @@ enum Attempt {
         gain_ratio: f64,
         /// Bound of what another step may gain.
         left: f64,
-        is_held_back: bool,
     },
     Rejected,
-    Converged {
-        stop: Stop,
-        is_held_back: bool,
-    },
+    Converged(Stop),
 }
 
 /// Minimizes `problem` from its current iterate; the best iterate found is left in it.
@@ -286,7 +278,8 @@ pub fn solve<P: Problem>(
         cost: start.cost,
     };
     let mut is_linearized = true;
-    // Once: where a step without damping fails, the end that a damped one found stands.
+    // Damping may hold back a row alone, whose unit is far from those of the others: no end counts before a step
+    // without damping confirms it. Once: where that step fails, the end that a damped one found stands.
     let mut may_release = true;
     while report.iterations < settings.iterations_max {
         if is_late() {
@@ -298,19 +291,20 @@ pub fn solve<P: Problem>(
             is_linearized = true;
         }
         report.iterations += 1;
+        let may_end = !(may_release && damping.value > 0.0);
         match attempt(problem, settings, damping.value, report.cost) {
-            Attempt::Accepted { cost, gain_ratio, left, is_held_back } => {
+            Attempt::Accepted { cost, gain_ratio, left } => {
                 let drop = report.cost - cost;
                 report.cost = cost;
                 is_linearized = false;
                 if drop.min(left) > settings.cost_tolerance * cost {
                     damping.adapt(gain_ratio);
-                } else if is_held_back && may_release {
-                    may_release = false;
-                    damping.release();
-                } else {
+                } else if may_end {
                     report.stop = Stop::CostTolerance;
                     break;
+                } else {
+                    may_release = false;
+                    damping.release();
                 }
             }
             Attempt::Rejected => {
@@ -321,13 +315,13 @@ pub fn solve<P: Problem>(
                     break;
                 }
             }
-            Attempt::Converged { is_held_back: true, .. } if may_release => {
-                may_release = false;
-                damping.release();
-            }
-            Attempt::Converged { stop, .. } => {
+            Attempt::Converged(stop) if may_end => {
                 report.stop = stop;
                 break;
+            }
+            Attempt::Converged(_) => {
+                may_release = false;
+                damping.release();
             }
         }
     }
@@ -341,18 +335,16 @@ pub fn solve<P: Problem>(
 /// that the step leaves is `E d`: the next step gains about `d' E H^-1 E d / 2 <= |eta|` if `E` has one sign and the
 /// iteration contracts. Where `E` has both, `eta` may vanish by chance: [`Problem::LEFT_MIN`] counts at least. Along a
 /// direction of curvature `l`, damping holds back `damping^2 |d|^2 / (2 l)`, less than half of `damping |d|^2` where
-/// `l` exceeds the damping. Where it does not, the step is short because of the damping, and shows no convergence: it
-/// is held back.
+/// `l` exceeds the damping.
 fn attempt<P: Problem>(problem: &mut P, settings: &LmSettings, damping: f64, cost: f64) -> Attempt {
     let Ok(step) = problem.try_step(damping) else { return Attempt::Rejected };
     let damped = damping * step.norm * step.norm;
-    let is_held_back = damped > HELD_BACK * step.decrease;
     if step.norm <= settings.step_tolerance * step.iterate_norm {
-        return Attempt::Converged { stop: Stop::StepTolerance, is_held_back };
+        return Attempt::Converged(Stop::StepTolerance);
     }
     if step.decrease <= f64::EPSILON * cost {
         // What is left to gain is lost in the rounding of the cost.
-        return Attempt::Converged { stop: Stop::CostTolerance, is_held_back };
+        return Attempt::Converged(Stop::CostTolerance);
     }
     let candidate = problem.candidate_cost();
     let gain_ratio = (cost - candidate) / step.decrease;
@@ -360,12 +352,7 @@ fn attempt<P: Problem>(problem: &mut P, settings: &LmSettings, damping: f64, cos
     if gain_ratio > GAIN_ACCEPTED {
         problem.accept();
         let misjudged = (cost - candidate - step.decrease).abs().max(P::LEFT_MIN * step.decrease);
-        Attempt::Accepted {
-            cost: candidate,
-            gain_ratio,
-            left: misjudged + 0.5 * damped,
-            is_held_back,
-        }
+        Attempt::Accepted { cost: candidate, gain_ratio, left: misjudged + 0.5 * damped }
     } else {
         Attempt::Rejected
     }

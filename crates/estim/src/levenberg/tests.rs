@@ -368,3 +368,15 @@ fn the_name_of_each_reason_to_stop_is_that_of_serde() {
         assert_eq!(variant["const"], stop.name());
     }
 }
+
+/// Line `y = b_0 + b_1 x` in units that are 1e12 apart.
+#[test]
+fn a_row_that_the_damping_alone_holds_back_is_no_end() {
+    let data: &[(f64, f64)] = &[(1e-12, 3.0), (2e-12, 5.0), (3e-12, 7.0), (4e-12, 9.0)];
+    let line = |b: &SVector<f64, 2>, x: f64| b[0] + b[1] * x;
+    let mut fit = Curve::new(line, data, [1.0, 1.0]);
+    fit.b = [0.9, 1e12].into();
+    let report = solve(&mut fit, &settings(), &mut || false).unwrap();
+    assert!(report.is_converged(), "{report:?}");
+    assert!((fit.b[0] - 1.0).abs() < 1e-6 && (fit.b[1] / 2e12 - 1.0).abs() < 1e-6, "{}", fit.b);
+}
