@@ -84,7 +84,8 @@ pub(crate) struct Arguments {
     /// Bootstrap files of earlier runs and of other shards: what is in them is not done again.
     #[arg(long, value_name = "FILE", num_args = 1.., requires = "bootstrap")]
     resume: Vec<PathBuf>,
-    /// Folder for the results [default: ident; with --json none, unless there is a bootstrap to keep].
+    /// Folder for the results, in place of those of earlier runs there [default: ident; with --json none, unless there
+    /// is a bootstrap to keep].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Settings of the flight that shall take the parameters: what it would refuse is not written [default: the
@@ -95,17 +96,24 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", value_parser = crate::thread_count())]
     threads: Option<usize>,
     /// Identify simulated flights whose truth is known, and compare.
-    #[arg(long, conflicts_with_all = ["logs", "against", "compare", "bootstrap", "out", "flight", "turn"])]
+    #[arg(long, conflicts_with_all = ["logs", "against", "compare", "bootstrap", "out", "flight", "turn",
+        "folds", "judge", "shard", "resume"])]
     self_test: bool,
     /// Let the self-test identify a log of one automatic flight of the built-in mission, in place of flights by
     /// hand.
-    #[arg(long, requires = "self_test")]
+    #[arg(long, requires = "self_test", conflicts_with = "logs")]
     automatic: bool,
     /// The mission of --automatic, for instance one of `tello-ctl excite` [default: the built-in mission].
     #[arg(long, value_name = "FILE", requires = "automatic")]
     mission: Option<PathBuf>,
     /// Simulated identifications of the self-test.
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "self_test")]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 1,
+        requires = "self_test",
+        conflicts_with = "logs"
+    )]
     #[arg(value_parser = clap::value_parser!(u64).range(1..=100_000))]
     runs: u64,
     /// Print one JSON object.

@@ -61,7 +61,9 @@ pub(crate) struct Arguments {
     batch: Option<u64>,
     /// Fly the seed once in virtual time, as a batch or a campaign does, and leave its log here, for `report`,
     /// `replay` and `ident`.
-    #[arg(long, value_name = "FILE", conflicts_with = "batch")]
+    // What needs --batch is named too: a conflict with it lifts that need.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["batch", "against", "hover", "earlier", "figure",
+        "threads", "shard"])]
     log: Option<PathBuf>,
     /// Settings of the controller in a batch [default: the built-in configs/fly.json].
     #[arg(long, value_name = "FILE", requires = "flown")]
@@ -82,6 +84,7 @@ pub(crate) struct Arguments {
     hover: Option<f64>,
     /// Let each vehicle fly so often before, and begin with the vehicle file that these flights leave.
     #[arg(long, value_name = "N", default_value_t = 0, requires = "batch")]
+    #[arg(value_parser = clap::value_parser!(u32).range(..=100))]
     earlier: u32,
     /// Take off in each flight of a batch, and let one to three faults of random families and sizes
     /// happen in it, to a drone that may differ from what is assumed of it. The table counts how the

@@ -26,7 +26,7 @@ pub fn write(path: &Path, is_replaced: bool, fill: impl FnOnce(&Path) -> Result<
     }
     let part = Part::of(path)?;
     fill(part.path()).with_context(|| format!("{} is not written", path.display()))?;
-    part.finish()
+    if is_replaced { part.finish() } else { part.finish_new() }
 }
 
 /// The file beside another one that takes its name when it is finished, and is removed if it is not.
@@ -58,14 +58,28 @@ impl Part {
     /// # Errors
     /// The file system refuses.
     pub fn finish(mut self) -> Result<()> {
-        fs::File::open(self.path())
-            .and_then(|part| part.sync_all())
-            .with_context(|| format!("{} is not written", self.path.display()))?;
+        self.sync()?;
         fs::rename(self.path(), &self.path).with_context(|| {
             format!("{} is not written: it cannot be renamed", self.path.display())
         })?;
         self.part = None;
         Ok(())
+    }
+
+    /// The same, but nothing is replaced: neither what another process has written there meanwhile.
+    fn finish_new(self) -> Result<()> {
+        self.sync()?;
+        match fs::hard_link(self.path(), &self.path) {
+            Ok(()) => Ok(()),
+            // A file system may have no hard links.
+            Err(_) => refuse_existing(&self.path).and_then(|()| self.finish()),
+        }
+    }
+
+    fn sync(&self) -> Result<()> {
+        fs::File::open(self.path())
+            .and_then(|part| part.sync_all())
+            .with_context(|| format!("{} is not written", self.path.display()))
     }
 }
 
@@ -215,6 +229,13 @@ mod tests {
         assert_eq!(fs::read_to_string(&path).unwrap(), "first");
         write(&path, true, fill("third")).unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "third");
+        fs::remove_file(&path).unwrap();
+        let late = write(&path, false, |part| {
+            write(&path, false, fill("another process"))?;
+            Ok(fs::write(part, "late")?)
+        });
+        assert!(late.unwrap_err().to_string().contains("--force"));
+        assert_eq!(fs::read_to_string(&path).unwrap(), "another process");
         assert_eq!(names(&folder), ["a.txt"]);
         fs::remove_dir_all(folder).unwrap();
     }
