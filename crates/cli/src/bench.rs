@@ -136,6 +136,8 @@ fn described(number: usize, check: &Check) -> String {
 
 /// Asks the person, and refuses to start if the drone or the guardian is not as it must be.
 fn is_confirmed(check: &Check, link: &mut Link, console: &Console, address: &str) -> Result<bool> {
+    // Enter typed too early would end the connection.
+    console.forget_lines();
     if !link.connect(console) {
         bail!("no status from {address}: is its Wi-Fi joined, and no other program talking to it?");
     }
@@ -198,8 +200,9 @@ fn run_check(
         "events": link.events(),
     });
     // Before the questions: a terminal that is closed then loses nothing.
-    append(report, &record)?;
+    let appended = append(report, &record);
     make_sure(check, link, console);
+    appended?;
     if !console.is_unattended() {
         append(report, &answers(check, link, console))?;
     }
@@ -207,7 +210,7 @@ fn run_check(
     Ok(is_whole && link.ending.is_none_or(|(_, is_down)| is_down))
 }
 
-/// Repeats LAND and the emergency stop until the person says that the drone is down.
+/// Repeats the end of the check until the person says that the drone is down.
 fn make_sure(check: &Check, link: &mut Link, console: &Console) {
     if !check.place.spins() {
         return;
@@ -217,12 +220,14 @@ fn make_sure(check: &Check, link: &mut Link, console: &Console) {
             "THE DRONE DID NOT SAY THAT IT IS DOWN. Keep away from it; its battery ends what nothing else does.",
         );
     }
-    let question = "Is it down with standing motors? y: yes; anything else repeats LAND and the emergency stop.";
+    console.forget_lines();
+    let question =
+        "Is it down with standing motors? y: yes; anything else lands or stops it again.";
     while let Some(answer) = console.ask(question, link) {
         if answer.eq_ignore_ascii_case("y") {
             return;
         }
-        link.end(checks::Place::PropsOff, console);
+        link.end(check.place, console);
     }
 }
 

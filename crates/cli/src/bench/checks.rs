@@ -216,7 +216,7 @@ pub(super) const CHECKS: [Check; 17] = [
         place: Place::PropsOff,
         assumption: "`emergency` stops the motors in this protocol",
         todo: "take all four propellers off; place it on the table",
-        steps: &[Step::TakeOff, Step::Quiet(2.5), Step::Emergency, Step::Quiet(3.0)],
+        steps: &[Step::TakeOff, Step::Quiet(2.5), Step::Emergency, Step::Quiet(4.0)],
         proof: Proof::Down,
         question: Some("Did the motors stop 2.5 s after they were started, not 3 s later?"),
     },

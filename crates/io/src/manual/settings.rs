@@ -68,7 +68,7 @@ impl TryFrom<&ManualTable> for ManualSettings {
             deflection: in_range("deflection", *deflection, 0.0..=1.0)?,
             smoothing_s: in_range("smoothing_s", *smoothing_s, 0.01..=5.0)?,
             timers,
-            dead_zone: in_range("dead_zone", *dead_zone, 0.0..=0.5)?,
+            dead_zone: in_range("dead_zone", *dead_zone, 0.02..=0.5)?,
         })
     }
 }

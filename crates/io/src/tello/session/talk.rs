@@ -67,7 +67,7 @@ impl Talk {
     pub(super) fn ping(&mut self, outbox: &mut Vec<Message>) {
         match self {
             Self::Binary(talk) => talk.introduce(outbox),
-            Self::Text(_) => TextTalk::ping(outbox),
+            Self::Text(talk) => talk.ping(outbox),
         }
     }
 

@@ -85,8 +85,12 @@ impl TextTalk {
     }
 
     /// A question that every firmware answers and whose answer cannot be taken for an `ok`: state lines
-    /// may arrive while the way to the drone is dead, answers do not.
-    pub(super) fn ping(outbox: &mut Vec<Message>) {
+    /// may arrive while the link to the drone is dead, answers do not. The ports may have been lost if no state line
+    /// came.
+    pub(super) fn ping(&self, outbox: &mut Vec<Message>) {
+        if self.battery_pct.is_none() {
+            self.greet(outbox);
+        }
         outbox.push(Message::Text(Command::Query(Query::Battery)));
     }
 
@@ -230,6 +234,19 @@ mod tests {
     /// Motors whose count was seen to grow at `since_ms`.
     fn running(since_ms: i64) -> Motors {
         Motors { count_s: 9.0, since: ms(since_ms), last: ms(since_ms), has_grown: true }
+    }
+
+    #[test]
+    fn the_ports_are_sent_until_a_state_line_has_come() {
+        let sent = |talk: &TextTalk| {
+            let mut outbox = Vec::new();
+            talk.ping(&mut outbox);
+            outbox.len()
+        };
+        let mut talk = TextTalk::new(9000);
+        assert_eq!(sent(&talk), 2);
+        talk.receive_state(b"bat:80;time:3;\r\n", ms(0)).unwrap();
+        assert_eq!([sent(&talk), sent(&TextTalk::new(STATE_PORT))], [1, 1]);
     }
 
     #[test]
