@@ -182,7 +182,10 @@ impl Tally {
         }
         self.outages.add(out, self.dt_s);
         self.targets_reached = out.targets_reached;
-        if let Some(pose_hat) = out.pose_hat() {
+        // A landing is no part of the mission.
+        if out.phase() == Phase::Flying
+            && let Some(pose_hat) = out.pose_hat()
+        {
             let now_s = tick.inbox.now.seconds();
             self.track.add(now_s, &pose_hat, &out.u_sent, out.targets_reached);
         }
