@@ -186,9 +186,18 @@ impl Mission {
     /// Where the reference is now; `None` before the first [`Mission::advance`], and for constant targets,
     /// which the vehicle may be far from. World frame. m, rad
     pub fn reference(&self) -> Option<Pose> {
+        self.now().map(|reference| reference.pose)
+    }
+
+    /// How it moves, likewise. World frame. m/s, rad/s
+    pub fn reference_rate(&self) -> Option<Pose> {
+        self.now().map(|reference| reference.rate)
+    }
+
+    fn now(&self) -> Option<Reference> {
         match &self.0 {
             Kind::Targets(_) => None,
-            Kind::Path(follower) => follower.now().map(|reference| reference.pose),
+            Kind::Path(follower) => follower.now(),
         }
     }
 

@@ -43,7 +43,7 @@ use horizon_model::rows::pose;
 
 use self::braking::Steered;
 use self::settling::Settling;
-use self::since::{Reported, Since, elapsed_s, exceeds};
+use self::since::{Leaky, Reported, Since, elapsed_s, exceeds};
 use crate::drone::LAND_PERIOD;
 use crate::time::SpanNs;
 
@@ -102,6 +102,10 @@ struct Timers {
     done: Since,
     /// The controller's vehicle is far from its reference.
     astray: Since,
+    /// Its velocity is far from that of its reference.
+    swinging: Leaky,
+    /// Plans are blocked.
+    blocked: Leaky,
     /// It seems to stand on something.
     stands: Since,
     /// It is turned away from its reference.
@@ -139,10 +143,6 @@ pub struct Supervisor {
     since: Timers,
     /// Whether the pose came to the floor by a jump: it is no witness of a landing.
     is_pose_displaced: bool,
-    /// When the tick before was. ns
-    remembered_ns: Option<i64>,
-    /// How long plans were blocked, less a fifth of the time without. s
-    blocked_s: f64,
     /// Where an obstacle has been in the way.
     stuck: Option<blocked::Stuck>,
     /// When a plan that was flown led out of the room or into an obstacle. ns
@@ -183,8 +183,6 @@ impl Supervisor {
             settling: Settling::default(),
             since: Timers::default(),
             is_pose_displaced: false,
-            remembered_ns: None,
-            blocked_s: 0.0,
             stuck: None,
             blocked_ns: None,
             take_off_seen: TakeOffSeen::No,
@@ -311,6 +309,7 @@ impl Supervisor {
         let is_astray = is_flown && !e.is_by_hand && self.is_off_reference(e);
         let is_fast = is_flown && exceeds(e.speed_mps, failsafe.speed_mps);
         self.since.astray.keep(is_astray, e.t_ns);
+        self.since.swinging.keep(self.swings(e), e.t_ns);
         self.since.stands.keep(self.seems_to_stand(e), e.t_ns);
         // In an outage the reference may turn on without the vehicle.
         let turns = e.motion.is_some_and(|motion| motion.rate[pose::THETA].abs() > TURNING_RADPS);

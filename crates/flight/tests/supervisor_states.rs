@@ -112,6 +112,7 @@ fn evidence(
         pressed_s: if flag(2) && flag(3) { 9.0 } else { 0.0 },
         has_hit: flag(3) && flag(5),
         tracking_m: flag(0).then_some(2.0),
+        velocity_error_mps: flag(2).then_some(2.0),
         turned_rad: flag(2).then_some(2.0),
         below_m: flag(1).then_some(0.5),
         sunk_m: flag(1).then_some(0.5),

@@ -68,6 +68,7 @@ where
             outage,
             is_dead_time_long: self.link.as_ref().is_some_and(Link::is_dead_time_long),
             tracking_m,
+            velocity_error_mps: motion.and_then(|motion| self.velocity_error_mps(&motion)),
             turned_rad: tracking.map(|tracking| tracking.turned_rad),
             below_m: tracking.map(|tracking| tracking.below_m),
             sunk_m: tracking.map(|tracking| tracking.sunk_m),
@@ -97,6 +98,16 @@ where
         let to = self.mission.reference().unwrap_or(*self.mission.target());
         let is_behind = self.planner.is_way_through_obstacle(&at, &to);
         (is_behind && !self.planner.is_way_blocked(&at, &to)).then(|| pos_w(&to))
+    }
+
+    /// How fast the vehicle moves beside its reference, horizontally; `None` if it is a constant target, or an obstacle
+    /// is near or in the way there, which may have to be evaded. m/s
+    fn velocity_error_mps(&self, motion: &EstimatedMotion) -> Option<f64> {
+        let (at, to) = (&motion.pose, self.mission.reference()?);
+        let error = motion.rate - self.mission.reference_rate()?;
+        let is_evading =
+            self.planner.is_beside_obstacle(at) || self.planner.is_way_blocked(at, &to);
+        (!is_evading).then(|| error[pose::X].hypot(error[pose::Y]))
     }
 
     /// How the vehicle at `at` tracks its reference. Where it was carried before its flight is no part of that, and a

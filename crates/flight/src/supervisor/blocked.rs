@@ -6,14 +6,11 @@ use nalgebra::Vector3;
 
 use super::braking::Steered;
 use super::evidence::Evidence;
-use super::since::{elapsed_s, exceeds};
+use super::since::elapsed_s;
 use super::{BRAKE_S, Supervisor};
 
 /// How long plans may be blocked in sum, a fifth of the time without a blocked one subtracted. s
 const BLOCKED_MAX_S: f64 = 3.0;
-
-/// Part of the time without a blocked plan that is taken off the time of blocked ones.
-const BLOCKED_FORGIVEN: f64 = 0.2;
 
 /// A vehicle that has stayed within this of a place for so long, an obstacle between it and a reference that stands,
 /// does not get past it: one that evades it at 0.2 m/s does. m, s
@@ -62,13 +59,7 @@ impl Supervisor {
         if self.steered != Steered::Not && e.is_plan_clear == Some(false) {
             self.blocked_ns = Some(e.t_ns);
         }
-        let period_s =
-            self.remembered_ns.replace(e.t_ns).map_or(0.0, |t_ns| elapsed_s(t_ns, e.t_ns));
-        self.blocked_s = if self.is_blocked(e) {
-            self.blocked_s + period_s
-        } else {
-            (self.blocked_s - BLOCKED_FORGIVEN * period_s).max(0.0)
-        };
+        self.since.blocked.keep(self.is_blocked(e), e.t_ns);
     }
 
     /// Whether a plan that was flown just now leads out of the room or into an obstacle.
@@ -79,7 +70,7 @@ impl Supervisor {
     /// Whether plans were blocked for too long in sum, or the vehicle does not get past an obstacle.
     pub(super) fn is_blocked_long(&self, e: &Evidence) -> bool {
         let is_stuck = |stuck: Stuck| elapsed_s(stuck.since_ns, e.t_ns) >= STUCK_S;
-        exceeds(self.blocked_s, BLOCKED_MAX_S) || self.stuck.is_some_and(is_stuck)
+        self.since.blocked.exceeds(BLOCKED_MAX_S) || self.stuck.is_some_and(is_stuck)
     }
 }
 

@@ -28,6 +28,11 @@ const ALONE_S: f64 = 0.5;
 /// (docs/benchmarks/2026-11-27-poses). m
 const SUNK_M: f64 = 0.45;
 
+/// A vehicle whose velocity is further from that of its reference for so long in sum swings around it: the velocity
+/// loop of the vehicle is weakly damped, or its dead time much longer than that of the model. m/s, s
+const SWINGS_MPS: f64 = 0.6;
+const SWINGS_S: f64 = 4.0;
+
 /// A steered vehicle whose pose is still for so long below its reference stands on something: a throttle that acts
 /// shows within half of it. s
 const STANDS_S: f64 = 1.2;
@@ -96,7 +101,8 @@ impl Supervisor {
             (Fault::FenceLeft, self.is_in_the_air() && self.is_outside(e)),
             (
                 Fault::TrackingLost,
-                self.since.astray.has_lasted(e.t_ns, ASTRAY_S)
+                self.since.swinging.exceeds(SWINGS_S)
+                    || self.since.astray.has_lasted(e.t_ns, ASTRAY_S)
                     || self.since.turned.has_lasted(e.t_ns, TURNED_S),
             ),
             (Fault::Immobile, is_flown && !e.is_by_hand && is_immobile),
@@ -114,6 +120,12 @@ impl Supervisor {
         let limit_m = self.table.failsafe.tracking_m;
         e.tracking_m.is_some_and(|error_m| exceeds(error_m, limit_m))
             || e.sunk_m.is_some_and(|sunk_m| exceeds(sunk_m, SUNK_M))
+    }
+
+    /// Whether the velocity of a vehicle that follows its reference is that of neither flight nor rest.
+    pub(super) fn swings(&self, e: &Evidence) -> bool {
+        let is_meant = self.steered == Steered::Mission && !e.is_by_hand && e.outage.is_none();
+        is_meant && e.velocity_error_mps.is_some_and(|error_mps| exceeds(error_mps, SWINGS_MPS))
     }
 
     /// Whether a vehicle that should climb to its reference is stiller than one that flies, by poses that are new.

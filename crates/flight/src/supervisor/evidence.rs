@@ -217,6 +217,8 @@ pub struct Evidence {
     /// By how much the vehicle has gone away from its reference: its distance less the least one since the mission
     /// began or was resumed. m
     pub tracking_m: Option<f64>,
+    /// Difference between its horizontal velocity and that of its reference; `None` for constant targets. m/s
+    pub velocity_error_mps: Option<f64>,
     /// By how much it has turned away from the heading of its reference, likewise. rad
     pub turned_rad: Option<f64>,
     /// Height of its reference over it. m

@@ -39,6 +39,31 @@ impl Since {
     }
 }
 
+/// Part of the time in which a condition did not hold that is taken off the time in which it did.
+const FORGIVEN: f64 = 0.2;
+
+/// For how long a condition has held in sum, [`FORGIVEN`] of the time subtracted in which it did not.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Leaky {
+    sum_s: f64,
+    /// The tick before. ns
+    at_ns: Option<i64>,
+}
+
+impl Leaky {
+    /// Notes at `t_ns` whether the condition holds.
+    pub(super) fn keep(&mut self, holds: bool, t_ns: i64) {
+        let period_s = self.at_ns.replace(t_ns).map_or(0.0, |at_ns| elapsed_s(at_ns, t_ns));
+        self.sum_s =
+            if holds { self.sum_s + period_s } else { (self.sum_s - FORGIVEN * period_s).max(0.0) };
+    }
+
+    /// Whether the sum is above `for_s`.
+    pub(super) fn exceeds(self, for_s: f64) -> bool {
+        self.sum_s > for_s
+    }
+}
+
 /// Reports of a condition: from the first to the newest of those without one that denies it. Between two reports, and
 /// in a silence, nothing more is known: one wrong report lasts no time.
 #[derive(Debug, Clone, Copy, Default)]
@@ -81,6 +106,20 @@ mod tests {
         assert!(!lasts(false, Some(1100)) && !lasts(true, Some(1200)) && !lasts(true, Some(2100)));
         assert!(lasts(true, Some(2200)));
         assert!(!lasts(true, None) && !lasts(true, Some(2300)), "without a report it begins anew");
+    }
+
+    #[test]
+    fn a_sum_forgets_five_times_as_slowly_as_it_grows() {
+        let mut leaky = Leaky::default();
+        let mut keep = |holds, t_s: i64| {
+            leaky.keep(holds, t_s * 1_000_000_000);
+            [2.9, 3.1].map(|for_s| leaky.exceeds(for_s))
+        };
+        assert_eq!(keep(true, 5), [false, false], "the first tick has no time");
+        assert_eq!(keep(true, 9), [true, true]);
+        assert_eq!(keep(false, 14), [true, false]);
+        assert_eq!(keep(false, 30), [false, false]);
+        assert_eq!(keep(true, 33), [true, false], "not below zero");
     }
 
     #[test]

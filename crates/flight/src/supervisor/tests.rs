@@ -77,6 +77,7 @@ pub(super) const CALM: Evidence = Evidence {
     outage: None,
     is_dead_time_long: false,
     tracking_m: Some(0.1),
+    velocity_error_mps: Some(0.1),
     turned_rad: Some(0.1),
     below_m: Some(0.1),
     sunk_m: Some(0.1),
