@@ -309,7 +309,7 @@ impl Supervisor {
         let is_astray = is_flown && !e.is_by_hand && self.is_off_reference(e);
         let is_fast = is_flown && exceeds(e.speed_mps, failsafe.speed_mps);
         self.since.astray.keep(is_astray, e.t_ns);
-        self.since.swinging.keep(self.swings(e), e.t_ns);
+        self.remember_swings(e);
         self.since.stands.keep(self.seems_to_stand(e), e.t_ns);
         // In an outage the reference may turn on without the vehicle.
         let turns = e.motion.is_some_and(|motion| motion.rate[pose::THETA].abs() > TURNING_RADPS);

@@ -5,7 +5,7 @@
 use super::braking::Steered;
 use super::evidence::{Evidence, Operator, Phase};
 use super::fault::{Fault, FaultSet};
-use super::{ALOFT_S, DOWN_HOLD_S, Supervisor, elapsed_s, exceeds};
+use super::{ALOFT_S, DOWN_HOLD_S, Leaky, Supervisor, elapsed_s, exceeds};
 use crate::monitor::{Agreement, Findings};
 
 /// How long the vehicle must be off its reference, or too fast. s
@@ -122,10 +122,15 @@ impl Supervisor {
             || e.sunk_m.is_some_and(|sunk_m| exceeds(sunk_m, SUNK_M))
     }
 
-    /// Whether the velocity of a vehicle that follows its reference is that of neither flight nor rest.
-    pub(super) fn swings(&self, e: &Evidence) -> bool {
-        let is_meant = self.steered == Steered::Mission && !e.is_by_hand && e.outage.is_none();
-        is_meant && e.velocity_error_mps.is_some_and(|error_mps| exceeds(error_mps, SWINGS_MPS))
+    /// Updates for how long the velocity of a vehicle that follows its reference was far from that of the reference.
+    /// What was before a person steered does not count.
+    pub(super) fn remember_swings(&mut self, e: &Evidence) {
+        if e.is_by_hand {
+            self.since.swinging = Leaky::default();
+        }
+        let is_meant = self.is_steered() && self.steered == Steered::Mission && e.outage.is_none();
+        let swings = e.velocity_error_mps.is_some_and(|error_mps| exceeds(error_mps, SWINGS_MPS));
+        self.since.swinging.keep(is_meant && swings, e.t_ns);
     }
 
     /// Whether a vehicle that should climb to its reference is stiller than one that flies, by poses that are new.

@@ -79,22 +79,21 @@ fn a_vehicle_that_swings_is_landed_after_four_seconds_in_sum() {
     let error = |mps: f64| Evidence { velocity_error_mps: Some(mps), ..ALOFT };
     for (steps, pause, lands) in [(39, 0, false), (41, 0, true), (10, 20, true), (10, 60, false)] {
         let mut bench = Bench::flying();
-        let mut swings = 0;
-        // A swing of a second, or of four, between pauses.
-        while swings < 12 && bench.supervisor.phase() == Phase::Flying {
+        // Swings of a second between pauses, or one of four.
+        for _ in 0..if pause == 0 { 1 } else { 12 } {
             bench.pass(steps, &error(0.61));
             bench.pass(pause + 1, &error(0.59));
-            swings += 1;
-            if pause == 0 {
-                break;
-            }
         }
         let ruling = bench.tick(&ALOFT);
         assert_eq!(ruling.phase != Phase::Flying, lands, "{steps} of {pause}: {ruling:?}");
         assert_eq!(ruling.faults.contains(Fault::TrackingLost), lands);
     }
     let by_hand = Evidence { is_by_hand: true, ..error(2.0) };
-    assert_eq!(Bench::flying().run(60, &by_hand).phase, Phase::Flying);
+    let mut bench = Bench::flying();
+    bench.pass(39, &error(2.0));
+    bench.pass(60, &by_hand);
+    assert_eq!(bench.run(39, &error(2.0)).phase, Phase::Flying, "begun anew after a person");
+    assert_eq!(Bench::new(Start::Carried).run(60, &error(2.0)).phase, Phase::Flying, "a walk");
 }
 
 #[test]
