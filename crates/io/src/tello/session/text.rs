@@ -38,6 +38,8 @@ pub(super) struct TextTalk {
     /// Whether the newest distance to the floor is that of a flying drone.
     is_high: Option<bool>,
     battery_pct: Option<u8>,
+    /// Whether a state line has come since the ports were sent.
+    has_state_line: bool,
 }
 
 /// Sticks that come shortly before or during a take-off make it fail.
@@ -74,11 +76,19 @@ struct Motors {
 impl TextTalk {
     pub(super) fn new(state_port: u16) -> Self {
         let state_port = (state_port != STATE_PORT).then_some(state_port);
-        Self { state_port, take_off: TakeOff::None, motors: None, is_high: None, battery_pct: None }
+        Self {
+            state_port,
+            take_off: TakeOff::None,
+            motors: None,
+            is_high: None,
+            battery_pct: None,
+            has_state_line: false,
+        }
     }
 
-    /// Sends the state line where it is listened for.
-    pub(super) fn greet(&self, outbox: &mut Vec<Message>) {
+    /// Sends the state line where it is listened for. The drone may have been started anew.
+    pub(super) fn greet(&mut self, outbox: &mut Vec<Message>) {
+        self.has_state_line = false;
         if let Some(state) = self.state_port {
             outbox.push(Message::Text(Command::Ports { state, video: VIDEO_PORT }));
         }
@@ -87,8 +97,8 @@ impl TextTalk {
     /// A question that every firmware answers and whose answer cannot be taken for an `ok`: state lines
     /// may arrive while the link to the drone is dead, answers do not. The ports may have been lost if no state line
     /// came.
-    pub(super) fn ping(&self, outbox: &mut Vec<Message>) {
-        if self.battery_pct.is_none() {
+    pub(super) fn ping(&mut self, outbox: &mut Vec<Message>) {
+        if !self.has_state_line {
             self.greet(outbox);
         }
         outbox.push(Message::Text(Command::Query(Query::Battery)));
@@ -158,6 +168,7 @@ impl TextTalk {
     /// A status needs a charge and a sign of the motors; a line without them is a sign of life.
     pub(super) fn receive_state(&mut self, datagram: &[u8], now: TimeNs) -> Option<Received> {
         let line = StateLine::decode(datagram)?;
+        self.has_state_line = true;
         self.battery_pct = line.get(Field::Bat).map(percent).or(self.battery_pct);
         if let Some(count_s) = line.get(Field::Time) {
             self.motors = Some(Motors::seen(self.motors, count_s, now));
@@ -238,15 +249,17 @@ mod tests {
 
     #[test]
     fn the_ports_are_sent_until_a_state_line_has_come() {
-        let sent = |talk: &TextTalk| {
+        let sent = |talk: &mut TextTalk| {
             let mut outbox = Vec::new();
             talk.ping(&mut outbox);
             outbox.len()
         };
         let mut talk = TextTalk::new(9000);
-        assert_eq!(sent(&talk), 2);
+        assert_eq!(sent(&mut talk), 2);
         talk.receive_state(b"bat:80;time:3;\r\n", ms(0)).unwrap();
-        assert_eq!([sent(&talk), sent(&TextTalk::new(STATE_PORT))], [1, 1]);
+        assert_eq!([sent(&mut talk), sent(&mut TextTalk::new(STATE_PORT))], [1, 1]);
+        talk.greet(&mut Vec::new());
+        assert_eq!(sent(&mut talk), 2, "a new connection");
     }
 
     #[test]
