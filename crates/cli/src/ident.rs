@@ -97,14 +97,14 @@ pub(crate) struct Arguments {
     threads: Option<usize>,
     /// Identify simulated flights whose truth is known, and compare.
     #[arg(long, conflicts_with_all = ["logs", "against", "compare", "bootstrap", "out", "flight", "turn",
-        "folds", "judge", "shard", "resume"])]
+        "folds", "judge", "judge_turn", "shard", "part", "resume"])]
     self_test: bool,
     /// Let the self-test identify a log of one automatic flight of the built-in mission, in place of flights by
     /// hand.
     #[arg(long, requires = "self_test", conflicts_with = "logs")]
     automatic: bool,
     /// The mission of --automatic, for instance one of `tello-ctl excite` [default: the built-in mission].
-    #[arg(long, value_name = "FILE", requires = "automatic")]
+    #[arg(long, value_name = "FILE", requires = "automatic", conflicts_with = "logs")]
     mission: Option<PathBuf>,
     /// Simulated identifications of the self-test.
     #[arg(

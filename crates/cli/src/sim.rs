@@ -63,7 +63,7 @@ pub(crate) struct Arguments {
     /// `replay` and `ident`.
     // What needs --batch is named too: a conflict with it lifts that need.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["batch", "against", "hover", "earlier", "figure",
-        "threads", "shard"])]
+        "threads", "shard", "force", "part"])]
     log: Option<PathBuf>,
     /// Settings of the controller in a batch [default: the built-in configs/fly.json].
     #[arg(long, value_name = "FILE", requires = "flown")]
