@@ -34,6 +34,8 @@ pub struct LmSettings {
     cost_tolerance: f64,
     step_tolerance: f64,
     iterations_max: u32,
+    /// Whether an end that a damped step found has to be confirmed by one without damping.
+    confirms: bool,
 }
 
 impl TryFrom<&LmTable> for LmSettings {
@@ -45,6 +47,7 @@ impl TryFrom<&LmTable> for LmSettings {
             cost_tolerance: in_range("cost_tolerance", table.cost_tolerance, 0.0..=0.1)?,
             step_tolerance: in_range("step_tolerance", table.step_tolerance, 0.0..=0.1)?,
             iterations_max: in_range("iterations_max", table.iterations_max, 1..=1000)?,
+            confirms: true,
         })
     }
 }
@@ -60,9 +63,11 @@ impl LmSettings {
         self.cost_tolerance
     }
 
-    /// For a part of a larger problem, in which the damping is not in units of its own diagonal.
+    /// For a part of a larger problem, in which the damping is not in units of its own diagonal. That of the whole
+    /// keeps the part near its start: no end of the part is confirmed without it.
     pub(crate) fn of_part(damping_start: f64, cost_tolerance: f64, iterations_max: u32) -> Self {
-        Self { damping_start, cost_tolerance, step_tolerance: 0.0, iterations_max }
+        let (step_tolerance, confirms) = (0.0, false);
+        Self { damping_start, cost_tolerance, step_tolerance, iterations_max, confirms }
     }
 }
 
@@ -280,7 +285,7 @@ pub fn solve<P: Problem>(
     let mut is_linearized = true;
     // Damping may hold back a row alone, whose unit is far from those of the others: no end counts before a step
     // without damping confirms it. Once: where that step fails, the end that a damped one found stands.
-    let mut may_release = true;
+    let mut may_release = settings.confirms;
     while report.iterations < settings.iterations_max {
         if is_late() {
             report.stop = Stop::Late;
