@@ -15,7 +15,7 @@ use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use tello_flight::cycle::{self, FlightTable, Inbox, Operator, Outcome, Solve, Tick, Unwatched};
 use tello_flight::{Fault, ObstacleTable, Phase, Pilot, Start};
 use tello_io::config;
-use tello_sim::breaking::{self, BROKEN, Broken};
+use tello_sim::failing_model::{self, FAILING_PART, FailingPart};
 use tello_sim::virtual_time::VirtualFlight;
 use tello_sim::{Fault as SimFault, PasserTable, Profile, ScriptedFault, SimTable};
 
@@ -187,7 +187,7 @@ fn assert_happened(case: &Case, seen: &Seen) {
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn cycle(case: &Case) -> Box<dyn Tick> {
     if case.breaks_in.is_some() {
-        breaking::cycle(&case.flight).unwrap()
+        failing_model::cycle(&case.flight).unwrap()
     } else {
         cycle::build(&case.flight).unwrap()
     }
@@ -196,7 +196,7 @@ fn cycle(case: &Case) -> Box<dyn Tick> {
 /// Breaks the estimator of this thread in the ticks of `case` in which it fails.
 fn set_broken(case: &Case, step: u64) {
     let is_broken = case.breaks_in.as_ref().is_some_and(|ticks| ticks.contains(&step));
-    BROKEN.set(if is_broken { Broken::Estimator } else { Broken::Nothing });
+    FAILING_PART.set(if is_broken { FailingPart::Estimator } else { FailingPart::Nothing });
 }
 
 /// The inputs of the ticks of `case`, recorded first: the simulator may use the heap as it likes.

@@ -310,7 +310,7 @@ fn a_nan_weight_is_no_json_and_a_huge_one_is_no_number() {
         assert_eq!(output.status.code(), Some(1), "{}", text(&output));
         let line = 1 + text_in.lines().position(|line| line.contains("\"dt_s\"")).unwrap();
         assert!(text(&output).contains(&format!("bad.json:{line}:")), "{}", text(&output));
-        let rule = format!("cycle.dt_s = {bad} violates finite");
+        let rule = format!("cycle.dt_s = {bad}: expected finite");
         assert!(text(&output).contains(&rule), "{}", text(&output));
     }
 }

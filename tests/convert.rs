@@ -259,7 +259,7 @@ fn what_cannot_be_converted_says_why_and_does_not_stop_the_rest() {
     refuse(&["convert", "a.log"], "--out");
     refuse(&["convert", "a.log", "-o", "x.csv", "--to", "csv"], "it is csv already");
     refuse(&["convert", "a.log", "out/a.mcap", "--out-dir", "out"], "name of another recording");
-    refuse(&["convert", "a.log", "-o", "nowhere/x.mcap"], "nowhere/x.mcap is not written");
+    refuse(&["convert", "a.log", "-o", "nowhere/x.mcap"], "cannot write nowhere/x.mcap");
     refuse(&["convert", "b.log", "-o", "x.mcap"], "nothing was converted");
     assert_eq!(names(&folder), ["a.log", "b.log", "c.csv", "out"]);
 }

@@ -329,7 +329,7 @@ fn parts_of_a_bootstrap_that_are_not_a_whole_are_refused() {
         assert!(text(&output).contains(why), "{parts:?}: {}", text(&output));
     };
     expect(&[&first, &third], "part 2 of 3 is missing");
-    expect(&[&first, &second, &second, &third], "part 2 is there twice");
+    expect(&[&first, &second, &second, &third], "part 2 occurs twice");
     expect(&[&first, "foreign.part", &third], "another hash of the settings");
     expect(&[&first, "torn.part", &third], "torn");
     expect(&[&first, "altered.part", &third], "altered");

@@ -27,11 +27,11 @@ const OBJECT: &str = "tello";
 
 /// Where the body is. m, rad
 const BODY: Body<'static> =
-    Body { name: OBJECT.as_bytes(), pos_w: [1.0, -2.0, 1.3], angles: [0.1, 0.2, 0.3] };
+    Body { name: OBJECT.as_bytes(), pos_v: [1.0, -2.0, 1.3], angles: [0.1, 0.2, 0.3] };
 
 /// A second one.
 const OTHER: Body<'static> =
-    Body { name: b"passer", pos_w: [-0.5, 0.7, 1.1], angles: [0.0, 0.0, -1.0] };
+    Body { name: b"passer", pos_v: [-0.5, 0.7, 1.1], angles: [0.0, 0.0, -1.0] };
 
 /// Numbers of single precision and of one client more may differ by so much. m, 1
 const SAME: f64 = 1e-6;
@@ -62,7 +62,7 @@ impl Read {
 /// The place that the servers send.
 fn truth(body: &Body<'_>) -> Read {
     let quaternion = quaternion_of_matrix(&matrix_of_angles(body.angles)).to_vec();
-    Read { position: body.pos_w.to_vec(), quaternion }
+    Read { position: body.pos_v.to_vec(), quaternion }
 }
 
 /// What the foreign client reads.

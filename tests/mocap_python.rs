@@ -22,7 +22,7 @@ const OBJECT: &str = "tello";
 
 /// Where the body is. m, rad
 const BODY: Body<'static> =
-    Body { name: OBJECT.as_bytes(), pos_w: [1.0, -2.0, 1.3], angles: [0.1, 0.2, 0.3] };
+    Body { name: OBJECT.as_bytes(), pos_v: [1.0, -2.0, 1.3], angles: [0.1, 0.2, 0.3] };
 
 /// Quaternion x y z w of these angles, by Vicon's program.
 const QUATERNION: [f64; 4] = [0.0641, 0.0912, 0.1534, 0.9819];
@@ -83,7 +83,7 @@ fn vicons_own_client_reads_metres_a_quaternion_and_an_occlusion() {
         assert_eq!(numbers.len(), expected.len(), "{value}");
         numbers.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, maximum)
     };
-    assert!(gap(&seen["position"], &BODY.pos_w) < 1e-6, "{seen}");
+    assert!(gap(&seen["position"], &BODY.pos_v) < 1e-6, "{seen}");
     assert!(gap(&seen["quaternion"], &QUATERNION) < 1e-4, "{seen}");
     assert_eq!(lost, serde_json::json!({ "lost": OBJECT, "others": [] }));
 }

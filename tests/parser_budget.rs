@@ -113,7 +113,7 @@ fn heap_calls_of_frames(table: &MocapTable, frame: impl Fn(u32, &mut Vec<u8>)) -
 fn frames_of_known_bodies_take_no_heap() {
     let [tello, other] = [&b"tello"[..], b"b\xfcrste"].map(|name| Body {
         name,
-        pos_w: [1.0, 2.0, 1.5],
+        pos_v: [1.0, 2.0, 1.5],
         angles: [0.0, 0.0, 0.3],
     });
     let object = String::from("tello");

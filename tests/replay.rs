@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 
 use tello_eval::flight_log::{self, TickRecord};
 use tello_flight::Start;
-use tello_flight::cycle::{self, FlightTable, Inbox, Outcome, Stage, Timing, Unwatched, Watch};
+use tello_flight::cycle::{self, FlightTable, Inbox, Outcome, TickStage, Timing, Unwatched, Watch};
 use tello_io::config;
 use tello_io::log::LogReader;
 use tello_sim::virtual_time::VirtualFlight;
@@ -124,7 +124,7 @@ impl Watch for LateAt {
         self.polls > self.poll
     }
 
-    fn mark(&mut self, _stage: Stage) {}
+    fn mark(&mut self, _stage: TickStage) {}
 
     fn send(&mut self, _out: &Outcome) {}
 }

@@ -79,7 +79,7 @@ fn a_part_that_is_there_is_not_flown_again_and_another_one_is_not_replaced() {
     let (bytes, at) = (of(&folder), modified());
     let again = fly(&folder, &arguments, 1);
     assert_eq!(again.status.code(), Some(0), "{}", text(&again));
-    assert!(text(&again).contains("is there already"), "{}", text(&again));
+    assert!(text(&again).contains("exists already"), "{}", text(&again));
     assert_eq!((of(&folder), modified()), (bytes.clone(), at));
     let other = fly(&folder, &["--batch", "3", "--campaign", "--family", "drift"], 1);
     assert_eq!(other.status.code(), Some(2), "{}", text(&other));
@@ -102,7 +102,7 @@ fn parts_that_are_not_a_whole_are_refused_and_nothing_is_printed() {
     put("no.part", "flights 3\n");
     for (parts, why) in [
         (&["1.part", "3.part"][..], "part 2 of 3 is missing"),
-        (&["1.part", "2.part", "2.part", "3.part"], "part 2 is there twice"),
+        (&["1.part", "2.part", "2.part", "3.part"], "part 2 occurs twice"),
         (&["1.part", "other/2.part", "3.part"], "another hash of the settings"),
         (&["1.part", "torn.part", "3.part"], "torn"),
         (&["1.part", "cut.part", "3.part"], "torn"),
@@ -181,7 +181,7 @@ fn a_watch_ends_on_ctrl_c_and_refuses_parts_of_another_whole() {
     let whole = fs::read(folder.join("2.part")).unwrap();
     fs::write(folder.join("4.part"), &whole[..whole.len() / 2]).unwrap();
     fs::copy(folder.join("1.part"), folder.join("5.part")).unwrap();
-    for (part, why) in [("4.part", "torn"), ("5.part", "part 1 is there twice")] {
+    for (part, why) in [("4.part", "torn"), ("5.part", "part 1 occurs twice")] {
         let watching = watch(&folder);
         arrive(&folder, part);
         let output = watching.wait_with_output().unwrap();

@@ -240,15 +240,18 @@ fn check_names_wrong_obstacles_and_draws_right_ones() {
     };
     let pole = |x: f64, radius_m: f64| json!({ "kind": "cylinder", "centre_m": [x, -2.2], "radius_m": radius_m, "z_m": [0, 2] });
     for (obstacles, expected) in [
-        (json!([pole(-2.3, 0.2), pole(-2.3, -0.2)]), "cycle.obstacles[1].radius_m = -0.2 violates"),
+        (
+            json!([pole(-2.3, 0.2), pole(-2.3, -0.2)]),
+            "cycle.obstacles[1].radius_m = -0.2: expected",
+        ),
         (
             json!([{ "kind": "box", "x_m": [1, 0], "y_m": [0, 1], "z_m": [0, 1] }]),
-            "x_m = [1, 0] violates the first number",
+            "x_m = [1, 0]: expected the first number",
         ),
         (json!([{ "kind": "ball", "x_m": [1, 0] }]), "unknown variant `ball`"),
         (
             json!([pole(-2.1, 0.9)]),
-            "(-2.00, -1.50, 1.30) m violates outside of cycle.obstacles[0]: it is 0.19 m inside",
+            "(-2.00, -1.50, 1.30) m: expected outside of cycle.obstacles[0]: it is 0.19 m inside",
         ),
         (json!([pole(-2.4, 0.2)]), "obstacle 0.20 m or more to each"),
         (json!([pole(-2.1, 0.2)]), "obstacle 0.10 m INSIDE"),

@@ -98,13 +98,13 @@ fn wrong_simulators_and_identifications_print_all_of_their_mistakes_once() {
                 "faults[0].fault: unknown variant `mocap_gone`",
                 "faults[1].fault.mocap_heading",
                 "drone.sdk: unknown variant `4.0`",
-                "battery_pct = 150 violates",
+                "battery_pct = 150: expected",
             ][..],
         ),
         (
             "ident.json",
             &["ident", "--config", "ident.json", "no.mcap"],
-            &["model: unknown variant `quadratic`", "map.C_o[3] = -4 violates"],
+            &["model: unknown variant `quadratic`", "map.C_o[3] = -4: expected"],
         ),
     ] {
         for arguments in [&["check", file][..], command] {
@@ -129,7 +129,7 @@ fn a_simulation_of_a_wrong_mission_prints_all_of_its_mistakes_too() {
         let printed = text(&output);
         assert_eq!(output.status.code(), Some(2), "{printed}");
         for mistake in
-            ["circle.json:1:", "circle.radius_m = 0.01 violates", "circle.turns = -1 violates"]
+            ["circle.json:1:", "circle.radius_m = 0.01: expected", "circle.turns = -1: expected"]
         {
             assert!(printed.contains(mistake), "{mistake}: {printed}");
         }
@@ -187,16 +187,16 @@ fn a_short_mission_with_its_schema_is_surveyed_drawn_and_judged_by_the_room() {
             }
         }
     };
-    let far = "far.json:1:80: waypoints.waypoints[1] = (9.00, 0.00, 1.00) m violates inside of cycle.supervisor.room: it is 4.00 m outside";
+    let far = "far.json:1:80: waypoints.waypoints[1] = (9.00, 0.00, 1.00) m: expected inside of cycle.supervisor.room: it is 4.00 m outside";
     refused("far.json", &short.replace("[2, 0, 1, 0]", "[9, 0, 1, 0]"), &[far]);
     let points =
         |points: &str| format!("{{ \"trajectory\": {{ \"points\": {{ \"rows\": {points} }} }} }}");
     let fast = [
-        "(8.00, 0.00, 1.00) m violates inside of cycle.supervisor.room: it is 3.00 m outside",
-        "m/s at (4.00, 0.00, 1.00) m after 0.5 s violates at most 3, cycle.supervisor.failsafe.speed_mps",
+        "(8.00, 0.00, 1.00) m: expected inside of cycle.supervisor.room: it is 3.00 m outside",
+        "m/s at (4.00, 0.00, 1.00) m after 0.5 s: expected at most 3, cycle.supervisor.failsafe.speed_mps",
     ];
     refused("fast.json", &points("[[0, 0, 0, 1, 0], [1, 8, 0, 1, 0]]"), &fast);
-    let turn = "rad/s at (0.00, 0.00, 1.00) m after 0.5 s violates at most 3, full sticks with cycle.mhe.p_ub[2]";
+    let turn = "rad/s at (0.00, 0.00, 1.00) m after 0.5 s: expected at most 3, full sticks with cycle.mhe.p_ub[2]";
     refused("turn.json", &points("[[0, 0, 0, 1, 0], [1, 0, 0, 1, 3]]"), &[turn]);
     // What only this vehicle does not follow is flown with a note.
     fs::write(folder.join("late.json"), points("[[0, 0, 0, 1, 0], [3, 4.5, 0, 1, 0]]")).unwrap();

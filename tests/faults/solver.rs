@@ -1,22 +1,22 @@
 //! Solvers that fail or are late, in the whole loop: held, flown on, or landed.
 
 use tello_flight::{Fault, Phase};
-use tello_sim::breaking::{self, BROKEN, Broken};
+use tello_sim::failing_model::{self, FAILING_PART, FailingPart};
 use tello_sim::virtual_time::VirtualFlight;
 
 use super::story::{FAULT_AT_S, Moment, Story, fly, fly_with, settings};
 
 /// A flight in which `broken` fails in `ticks` ticks from [`FAULT_AT_S`] on.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
-fn fly_breaking(broken: Broken, ticks: u32) -> Story {
+fn fly_failing(broken: FailingPart, ticks: u32) -> Story {
     let settings = settings(&[]);
-    let cycle = breaking::cycle(&settings.0).unwrap();
+    let cycle = failing_model::cycle(&settings.0).unwrap();
     let until_s = FAULT_AT_S + (f64::from(ticks) - 0.5) * settings.0.cycle.dt_s;
     let story = fly_with(cycle, &settings, 60.0, |at_s, _| {
         let is_broken = (FAULT_AT_S - 1e-9..until_s).contains(&at_s);
-        BROKEN.set(if is_broken { broken } else { Broken::Nothing });
+        FAILING_PART.set(if is_broken { broken } else { FailingPart::Nothing });
     });
-    BROKEN.set(Broken::Nothing);
+    FAILING_PART.set(FailingPart::Nothing);
     story.assert_sound();
     story
 }
@@ -33,7 +33,7 @@ fn failures_max() -> u32 {
 #[test]
 fn an_estimator_that_fails_is_held_and_one_that_goes_on_failing_is_landed() {
     let max = failures_max();
-    let story = fly_breaking(Broken::Estimator, max);
+    let story = fly_failing(FailingPart::Estimator, max);
     assert!(story.has(Fault::EstimatorFailed) && !story.has(Fault::SolverFailing));
     for moment in story.moments.iter().filter(|it| it.faults.contains(&Fault::EstimatorFailed)) {
         assert!(!steers(moment), "steered without an estimate: {moment:?}");
@@ -41,7 +41,7 @@ fn an_estimator_that_fails_is_held_and_one_that_goes_on_failing_is_landed() {
     assert_eq!(story.last().phase, Phase::Landed, "the mission is flown to its end");
     assert!(story.last().at_s > FAULT_AT_S + 5.0, "{:?}", story.last());
 
-    let story = fly_breaking(Broken::Estimator, max + 1);
+    let story = fly_failing(FailingPart::Estimator, max + 1);
     let dt_s = settings(&[]).0.cycle.dt_s;
     let failing_s = f64::from(max) * dt_s;
     story.assert_landed_by(Fault::SolverFailing, [failing_s - 1e-6, failing_s + 2.5 * dt_s]);
@@ -50,13 +50,13 @@ fn an_estimator_that_fails_is_held_and_one_that_goes_on_failing_is_landed() {
 #[test]
 fn a_controller_that_fails_flies_on_its_plan_and_one_that_goes_on_failing_is_landed() {
     let max = failures_max();
-    let story = fly_breaking(Broken::Controller, max);
+    let story = fly_failing(FailingPart::Controller, max);
     assert!(story.has(Fault::ControllerFailed) && !story.has(Fault::SolverFailing));
     let failed = |it: &&Moment| it.faults.contains(&Fault::ControllerFailed);
     assert!(story.moments.iter().filter(failed).all(steers), "the plan before goes on");
     assert!(story.last().at_s > FAULT_AT_S + 5.0, "{:?}", story.last());
 
-    let story = fly_breaking(Broken::Controller, max + 1);
+    let story = fly_failing(FailingPart::Controller, max + 1);
     let dt_s = settings(&[]).0.cycle.dt_s;
     let failing_s = f64::from(max) * dt_s;
     story.assert_landed_by(Fault::SolverFailing, [failing_s - 1e-6, failing_s + 2.5 * dt_s]);

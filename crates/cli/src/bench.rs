@@ -95,7 +95,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     if let Some(check) = checks.iter().find(|check| check.is_binary_only())
         && table.protocol == Protocol::Text
     {
-        bail!("{} is a check of the binary protocol", check.name);
+        bail!(
+            "{} is a check of the binary protocol: switch the drone off and on, then run it with \
+             --protocol binary",
+            check.name
+        );
     }
     probe(&arguments.report)?;
     let console = Console::open(arguments.yes)?;
@@ -105,10 +109,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         let settings = TelloSettings::try_from(&table).map_err(|error| error.under("tello"))?;
         let _lock = Lock::take(&table)?;
         let mut link = Link::bind(&settings, check.place)?;
-        let is_good = run_check(check, &mut link, &console, (&table, &arguments.report))?;
+        let verdict = run_check(check, &mut link, &console, (&table, &arguments.report))?;
         drop(emulator);
-        if !is_good {
-            return Ok(Verdict::Bad);
+        if verdict == Verdict::Bad {
+            return Ok(verdict);
         }
     }
     Ok(Verdict::Good)
@@ -138,8 +142,10 @@ fn described(number: usize, check: &Check) -> String {
 fn is_confirmed(check: &Check, link: &mut Link, console: &Console, address: &str) -> Result<bool> {
     // Enter typed too early would end the connection.
     console.forget_lines();
-    if !link.connect(console) {
-        bail!("no status from {address}: is its Wi-Fi joined, and no other program talking to it?");
+    if link.connect(console).is_none() {
+        bail!(
+            "no status from {address}: is this computer in the drone's Wi-Fi, and no other program connected?"
+        );
     }
     let go = if check.place.spins() { "YES" } else { "" };
     let question = match go {
@@ -150,10 +156,10 @@ fn is_confirmed(check: &Check, link: &mut Link, console: &Console, address: &str
         return Ok(false);
     }
     // The question may have stood there for long.
-    if !link.connect(console) {
+    let Some(status) = link.connect(console) else {
         bail!("the drone sends no status any more: is it still switched on and its Wi-Fi joined?");
-    }
-    if check.place.spins() && link.status().is_none_or(|status| status.is_running) {
+    };
+    if check.place.spins() && status.is_running {
         bail!("the drone says that it flies, or that its motors run: land it, then begin anew");
     }
     if link.has_lost_guardian() {
@@ -162,23 +168,23 @@ fn is_confirmed(check: &Check, link: &mut Link, console: &Console, address: &str
     Ok(true)
 }
 
-/// Does one check. Whether it was done to its end, with a drone that reports that it is down.
+/// Does one check. Good if it was done to its end, and the drone reports that it is down.
 fn run_check(
     check: &Check,
     link: &mut Link,
     console: &Console,
     (table, report): (&TelloTable, &Path),
-) -> Result<bool> {
+) -> Result<Verdict> {
     let number = CHECKS.iter().position(|other| other.name == check.name).unwrap_or_default() + 1;
     stdio::note(described(number, check));
     if !is_confirmed(check, link, console, &table.address)? {
         stdio::note("not started");
-        return Ok(false);
+        return Ok(Verdict::Bad);
     }
     stdio::note("running; Enter or Ctrl-C ends it");
     console.forget_lines();
     link.begin();
-    let is_whole = Armed::new(link, check.place, console).run(check.steps);
+    let is_whole = Armed::new(link, check.place, console).run(check.steps).is_ok();
     if link.has_lost_guardian() {
         stdio::note("the guardian landed the drone or is lost: the check was ended");
     }
@@ -207,7 +213,8 @@ fn run_check(
         append(report, &answers(check, link, console))?;
     }
     stdio::line(format_args!("{} is in {}\n", check.name, report.display()))?;
-    Ok(is_whole && link.ending.is_none_or(|(_, is_down)| is_down))
+    let is_down = link.ending.is_none_or(|(_, is_down)| is_down);
+    Ok(if is_whole && is_down { Verdict::Good } else { Verdict::Bad })
 }
 
 /// Repeats the end of the check until the person says that the drone is down.
@@ -217,7 +224,7 @@ fn make_sure(check: &Check, link: &mut Link, console: &Console) {
     }
     if link.ending.is_none_or(|(_, is_down)| !is_down) {
         stdio::note(
-            "THE DRONE DID NOT SAY THAT IT IS DOWN. Keep away from it; its battery ends what nothing else does.",
+            "THE DRONE DID NOT CONFIRM THAT IT IS DOWN. Keep away from it; it lands when its battery is empty.",
         );
     }
     console.forget_lines();

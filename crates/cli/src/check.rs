@@ -179,7 +179,7 @@ fn resolve(room_of: Option<&Path>, file: Option<&Path>) -> Result<Value> {
         Ok(keys) => keys,
         Err(error) => {
             // Not JSON: every kind of file gets the same message, with line and column.
-            config::mission_problems(path).none()?;
+            config::mission_problems(path).into_result()?;
             return Err(error);
         }
     };
@@ -188,7 +188,7 @@ fn resolve(room_of: Option<&Path>, file: Option<&Path>) -> Result<Value> {
         return resolve_fly(Some(path));
     }
     if MissionTable::NAMES.iter().any(|kind| has(kind)) {
-        let found = config::fly_problems(room_of, Some(path)).none();
+        let found = config::fly_problems(room_of, Some(path)).into_result();
         found.with_context(|| {
             let room_of = room_of.map_or_else(|| "the built-in one".into(), Path::to_string_lossy);
             format!("in the room of --config, {room_of}")
@@ -215,7 +215,7 @@ fn resolve(room_of: Option<&Path>, file: Option<&Path>) -> Result<Value> {
     let found = keys.as_object().into_iter().flatten().map(|(key, _)| format!("`{key}`"));
     let found = found.collect::<Vec<_>>().join(", ");
     bail!(
-        "{} is none of ours: found {}, no key \"cycle\" (fly), \"profile\" (sim), \"map\" (ident), \
+        "{}: unknown kind of file: found {}, no key \"cycle\" (fly), \"profile\" (sim), \"map\" (ident), \
          \"parameters\" (params) or one of \"{}\" (mission)",
         path.display(),
         if found.is_empty() { "none" } else { &found },
@@ -224,7 +224,7 @@ fn resolve(room_of: Option<&Path>, file: Option<&Path>) -> Result<Value> {
 }
 
 fn resolve_fly(path: Option<&Path>) -> Result<Value> {
-    config::fly_problems(path, None).none()?;
+    config::fly_problems(path, None).into_result()?;
     let (table, mission) = config::fly(path, None)?;
     let flight = config::flight(&table, mission, Start::Grounded);
     let FlyTable { mocap, tello, manual, log, .. } = table;

@@ -166,7 +166,7 @@ fn centre(given: &[f64], room: Option<&RoomTable>) -> Result<Pose> {
     let middle = |[low, high]: [f64; 2]| f64::midpoint(low, high);
     match (given, room) {
         ([.., theta], _) if theta.abs() > std::f64::consts::TAU => {
-            bail!("--centre: theta = {theta} violates at most a turn: it is in radians")
+            bail!("--centre: theta = {theta}: expected at most one turn, 6.28 rad, to either side")
         }
         ([x, y, z, theta], _) => Ok(Pose::new(*x, *y, *z, *theta)),
         ([], Some(room)) => Ok(Pose::new(middle(room.x_m), middle(room.y_m), HEIGHT_M, 0.0)),

@@ -77,7 +77,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "I/N", requires = "bootstrap", conflicts_with_all = ["against", "compare"])]
     shard: Option<Shard>,
     /// The file of --shard [default: bootstrap-I-of-N.part in the folder --out]. It appears when all of its resamples
-    /// are done; if it is there already, of the same logs, settings and revision, no resample is done. What Ctrl-C
+    /// are done; if it exists already, of the same logs, settings and revision, no resample is done. What Ctrl-C
     /// leaves is kept beside it, and continued by the same command.
     #[arg(long, value_name = "FILE", requires = "shard")]
     part: Option<PathBuf>,

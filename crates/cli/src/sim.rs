@@ -110,7 +110,7 @@ pub(crate) struct Arguments {
     /// process prints.
     #[arg(long, value_name = "I/N", requires_all = ["batch", "part"], conflicts_with = "figure")]
     shard: Option<Shard>,
-    /// The file of --shard. It appears when all of its flights are done; if it is there already, with the same settings
+    /// The file of --shard. It appears when all of its flights are done; if it exists already, with the same settings
     /// and revision, nothing is flown.
     #[arg(long, value_name = "FILE", requires = "shard")]
     part: Option<PathBuf>,
@@ -237,7 +237,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     if let Some(hover_s) = arguments.hover
         && !(hover_s > 0.0 && hover_s <= 600.0)
     {
-        bail!("--hover {hover_s} violates above 0, at most 600 s");
+        bail!("--hover {hover_s}: expected above 0, at most 600 s");
     }
     let contender = |config: Option<&Path>| -> Result<Contender> {
         let flight = flight(arguments, config, Start::Airborne)?;
@@ -297,7 +297,7 @@ fn in_parts<T: Seeded + Send>(
     let mut seeds = seeds_from(arguments.seed, count)?;
     let target = Target::of(arguments, kind, settings, count);
     if let Some(target) = &target {
-        if target.is_done::<T>()? {
+        if target.check_existing::<T>()? {
             return Ok(Verdict::Good);
         }
         seeds = target.head.seeds();

@@ -130,7 +130,7 @@ struct Setup<'a> {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     if !(arguments.step > 0.0 && arguments.step <= 0.5) {
-        bail!("--step {} violates above 0, at most 0.5", arguments.step);
+        bail!("--step {}: expected above 0, at most 0.5", arguments.step);
     }
     let is_config = |out: &PathBuf| {
         let whole = |path: &PathBuf| path.canonicalize().unwrap_or_else(|_| path.clone());

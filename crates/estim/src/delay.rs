@@ -61,7 +61,7 @@ pub enum DelayError {
     #[error(transparent)]
     Solve(#[from] SolveError),
     /// A group names a row that no input has.
-    #[error("input row {row} violates 0..={}", inputs - 1)]
+    #[error("input row {row}: expected 0..={}", inputs - 1)]
     Row {
         /// The row.
         row: usize,
@@ -79,7 +79,7 @@ pub enum DelayError {
         ident_s: f64,
     },
     /// A dead time to start from is not finite, or negative.
-    #[error("dead time {0} s of the start violates finite, >= 0")]
+    #[error("dead time {0} s of the start: expected finite, >= 0")]
     Start(f64),
 }
 

@@ -204,7 +204,7 @@ mod tests {
     #[test]
     fn a_scale_must_be_positive_and_a_key_known() {
         let error = LossTable::Huber { scale: 0.0 }.check("observation_loss").unwrap_err();
-        assert_eq!(error.to_string(), "observation_loss.scale = 0 violates finite and > 0");
+        assert_eq!(error.to_string(), "observation_loss.scale = 0: expected finite and > 0");
         let parse = serde_json::from_str::<LossTable>;
         assert_eq!(
             parse(r#"{"kind": "tukey", "scale": 2.0}"#).unwrap(),

@@ -8,9 +8,9 @@ mod acceptance;
 mod compare;
 mod fit;
 mod flights;
+mod inverted_sticks;
 mod job;
 mod logs;
-mod opposed;
 mod output;
 mod pictures;
 mod predict;
@@ -48,7 +48,7 @@ pub fn settings(path: Option<&Path>) -> Result<IdentFileTable> {
         return config::parse(BUILT_IN).context("in the built-in configs/ident.json");
     };
     let template = |_: &Value| config::parse(BUILT_IN).ok();
-    config::problems(path, template, IdentFileTable::check).none()?;
+    config::problems(path, template, IdentFileTable::check).into_result()?;
     config::load(path)
 }
 

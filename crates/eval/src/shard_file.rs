@@ -210,11 +210,11 @@ pub fn is_done<T: Seeded>(path: &Path, head: &Head) -> Result<bool> {
     }
     let (there, _) = read::<T>(path)?;
     if let Some(why) = head.difference(&there) {
-        bail!("{} is there already, with {why}; choose another name", path.display());
+        bail!("{} exists already, with {why}; choose another name", path.display());
     }
     ensure!(
         there.part == head.part,
-        "{} is there already, and is part {}",
+        "{} exists already, and is part {}",
         path.display(),
         there.part
     );
@@ -261,7 +261,7 @@ pub fn merge<T: Seeded>(paths: &[PathBuf]) -> Result<(Head, Vec<T>)> {
         if let [(a, _, path_a), (b, _, path_b)] = pair
             && a.part == b.part
         {
-            bail!("part {} is there twice: {}, {}", a.part, path_a.display(), path_b.display());
+            bail!("part {} occurs twice: {}, {}", a.part, path_a.display(), path_b.display());
         }
     }
     let missing = (1..=first.parts).find(|part| parts.iter().all(|(head, ..)| head.part != *part));
@@ -292,7 +292,7 @@ fn parse<T: Seeded>(text: &str) -> Result<(Head, Vec<T>)> {
     ensure!(settings_sum == head.settings_sha256, "the hash of its settings is wrong");
     ensure!(
         (1..=head.parts).contains(&head.part),
-        "part = {} violates 1..={}",
+        "part = {}: expected 1..={}",
         head.part,
         head.parts
     );

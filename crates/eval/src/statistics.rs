@@ -1,6 +1,6 @@
 //! Quantiles, and intervals of what many flights have in common.
 
-use horizon_estim::multiplicities;
+use horizon_estim::{NORMAL_HALF_WIDTH, multiplicities};
 
 /// Resamples of the bootstrap.
 const RESAMPLES: u64 = 2000;
@@ -65,8 +65,7 @@ pub fn interval(differences: &[f64], centre: Centre, seed: u64) -> Option<[f64; 
 
 /// 95 % interval of a rate after `hits` of `trials`, by Wilson's score (1927); 0 to 1 without trials.
 pub fn rate_interval(hits: usize, trials: usize) -> [f64; 2] {
-    /// Quantile of the normal distribution.
-    const Z: f64 = 1.959_963_984_540_054;
+    const Z: f64 = NORMAL_HALF_WIDTH;
     if trials == 0 {
         return [0.0, 1.0];
     }

@@ -24,6 +24,7 @@ mod planning;
 mod planning_table;
 mod plausible;
 mod progress;
+mod proposed_sticks;
 mod record;
 mod sense;
 mod settled_poses;
@@ -32,7 +33,6 @@ mod table;
 mod timing;
 mod vehicle;
 mod walls;
-mod wish;
 mod worst_case;
 
 use horizon_control::{MpcReport, Stop, predict};
@@ -62,7 +62,7 @@ use settled_poses::StandingStart;
 use worst_case::WorstCase;
 
 pub use crate::Operator;
-pub use inbox::{Inbox, SIGHTINGS_MAX, Stage, Unwatched, Watch};
+pub use inbox::{Inbox, SIGHTINGS_MAX, TickStage, Unwatched, Watch};
 pub use outcome::{Outcome, Solve};
 pub use parameter_estimate::ParameterEstimate;
 pub use planning_table::PlanningTable;
@@ -185,12 +185,12 @@ where
             self.plan(COMING, watch, out);
         }
 
-        let u_wish = self.wish(pilot, inbox);
-        let approved = self.pass_gate(pilot, &u_wish, inbox);
+        let u_proposed = self.proposed_sticks(pilot, inbox);
+        let approved = self.pass_gate(pilot, &u_proposed, inbox);
         let u_sent = self.sent(approved, inbox);
         self.note_pressed(pilot, &u_sent);
         self.fifo.push(&u_sent);
-        out.decide(&u_wish, approved, &u_sent, self.planner.lag());
+        out.decide(&u_proposed, approved, &u_sent, self.planner.lag());
         watch.send(out);
 
         if self.pipeline == Pipeline::NextTick {
@@ -256,7 +256,7 @@ where
             self.start_estimate(&at_tick.o);
         }
         out.dead_time = self.link.as_ref().and_then(Link::dead_time);
-        watch.mark(Stage::Estimated);
+        watch.mark(TickStage::Estimated);
         out.s_hat.extend_from_slice(self.mhe.s_hat().as_slice());
         out.p_hat.extend_from_slice(self.mhe.p_hat().as_slice());
     }
@@ -308,11 +308,11 @@ where
         debug_assert!(amended.is_ok(), "sticks that were sent are finite: {amended:?}");
     }
 
-    /// What the gate lets through of the sticks that `pilot` wishes.
-    fn pass_gate(&self, pilot: Option<Pilot>, u_wish: &Sticks, inbox: &Inbox) -> Approved {
+    /// What the gate lets through of the sticks that `pilot` proposes.
+    fn pass_gate(&self, pilot: Option<Pilot>, u_proposed: &Sticks, inbox: &Inbox) -> Approved {
         match pilot {
-            Some(Pilot::Controller) => self.gate.pass(u_wish, self.pose_age_s(inbox)),
-            Some(Pilot::Person) => self.gate.pass_manual(u_wish),
+            Some(Pilot::Controller) => self.gate.pass(u_proposed, self.pose_age_s(inbox)),
+            Some(Pilot::Person) => self.gate.pass_manual(u_proposed),
             None => Approved::neutral(),
         }
     }
@@ -370,7 +370,7 @@ where
             from_ahead,
         };
         let solved = self.planner.plan(&known, &self.mission, &mut || watch.is_late());
-        watch.mark(Stage::Planned);
+        watch.mark(TickStage::Planned);
         // Late is no failure until the plan is older than its horizon.
         let is_late = matches!(&solved, Ok(report) if report.stop == Stop::Late);
         let has_new_plan = solved.as_ref().is_ok_and(MpcReport::has_new_plan);

@@ -53,7 +53,7 @@ impl Gate {
         Ok(Self { steps_full, steps_max: (steps_full * stick_max).round(), stale_s })
     }
 
-    /// `u_wish` as the wire carries it, or neutral sticks if a row is not finite or over its limit,
+    /// `u_proposed` as the wire carries it, or neutral sticks if a row is not finite or over its limit,
     /// or if the pose is absent or stale.
     ///
     /// A value over the limit means that control is wrong, so it is refused and not cut off. The limit is checked
@@ -62,10 +62,10 @@ impl Gate {
     /// as much as it may be positive: a pose can arrive between the due time of a tick and the tick.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn pass(&self, u_wish: &Sticks, pose_age_s: Option<f64>) -> Approved {
+    pub fn pass(&self, u_proposed: &Sticks, pose_age_s: Option<f64>) -> Approved {
         // Comparisons are false for NaN.
         let is_fresh = pose_age_s.is_some_and(|age_s| age_s.abs() <= self.stale_s);
-        if is_fresh { self.pass_manual(u_wish) } else { Approved::neutral() }
+        if is_fresh { self.pass_manual(u_proposed) } else { Approved::neutral() }
     }
 
     /// The sticks of a person as the wire carries them, or neutral sticks if a row is not finite or

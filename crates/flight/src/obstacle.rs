@@ -348,18 +348,18 @@ mod tests {
     #[test]
     fn what_is_no_obstacle_is_refused() {
         for (text, good, bad, refusal) in [
-            (CYLINDER, "0.5", "0", "radius_m = 0 violates finite and > 0"),
-            (CYLINDER, "0.5", "1000.1", "radius_m = 1000.1 violates 0.0..=1000.0"),
+            (CYLINDER, "0.5", "0", "radius_m = 0: expected finite and > 0"),
+            (CYLINDER, "0.5", "1000.1", "radius_m = 1000.1: expected 0.0..=1000.0"),
             (CYLINDER, "[1, 2]", "[1, -1e300]", "centre_m[1] = -1"),
-            (BOX, "[1, 2]", "[1, 1000.1]", "y_m = 1000.1 violates -1000.0..=1000.0"),
+            (BOX, "[1, 2]", "[1, 1000.1]", "y_m = 1000.1: expected -1000.0..=1000.0"),
             (
                 CYLINDER,
                 "[0, 2]",
                 "[2, 0]",
-                "z_m = [2, 0] violates the first number below the second",
+                "z_m = [2, 0]: expected the first number below the second",
             ),
             (CYLINDER, "[1, 2]", "[1, 1e999]", "number out of range"),
-            (BOX, "[1, 2]", "[2, 2]", "y_m = [2, 2] violates the first number below the second"),
+            (BOX, "[1, 2]", "[2, 2]", "y_m = [2, 2]: expected the first number below the second"),
             (BOX, "\"z_m\"", "\"height_m\"", "unknown field `height_m`"),
             (BOX, "box", "sphere", "unknown variant `sphere`"),
         ] {
@@ -371,7 +371,7 @@ mod tests {
         let nan = ObstacleTable::Box { x_m: [f64::NAN, 1.0], y_m: [0.0, 1.0], z_m: [0.0, 1.0] };
         let refused = obstacles(&[nan]).unwrap_err().to_string();
         assert!(
-            refused.starts_with("obstacles[0].x_m = NaN violates -1000.0..=1000.0"),
+            refused.starts_with("obstacles[0].x_m = NaN: expected -1000.0..=1000.0"),
             "{refused}"
         );
     }

@@ -225,9 +225,9 @@ mod tests {
     fn a_bad_list_is_refused_with_key_value_and_rule() {
         let refusal =
             |reach, targets| Targets::new(&TargetTable { reach, targets }).unwrap_err().to_string();
-        assert_eq!(refusal(0.0, vec![[0.0; 4]]), "reach = 0 violates finite and >= 0.02");
-        assert_eq!(refusal(0.2, vec![]), "targets = [] violates at least one target");
+        assert_eq!(refusal(0.0, vec![[0.0; 4]]), "reach = 0: expected finite and >= 0.02");
+        assert_eq!(refusal(0.2, vec![]), "targets = []: expected at least one target");
         let nan = [0.0, 0.0, f64::NAN, 0.0];
-        assert_eq!(refusal(0.2, vec![[0.0; 4], nan]), "targets[1][2] = NaN violates finite");
+        assert_eq!(refusal(0.2, vec![[0.0; 4], nan]), "targets[1][2] = NaN: expected finite");
     }
 }

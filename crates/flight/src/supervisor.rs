@@ -90,7 +90,7 @@ enum TakeOffSeen {
 struct Timers {
     /// The vehicle looks grounded while landing, to one witness at least.
     down: Since,
-    /// It looks so to both witnesses.
+    /// The vehicle looks grounded to both witnesses.
     agreed: Since,
     /// The drone says that it stands while control flies it.
     grounded: Reported,
@@ -102,13 +102,13 @@ struct Timers {
     done: Since,
     /// The controller's vehicle is far from its reference.
     astray: Since,
-    /// Its velocity is far from that of its reference.
+    /// The vehicle's velocity is far from that of its reference.
     swinging: Leaky,
     /// Plans are blocked.
     blocked: Leaky,
-    /// It seems to stand on something.
+    /// The vehicle seems to stand on something.
     stands: Since,
-    /// It is turned away from its reference.
+    /// The heading is far from that of the reference.
     turned: Since,
     /// The vehicle is too fast.
     fast: Since,
@@ -233,7 +233,7 @@ impl Supervisor {
                 Phase::Idle => {}
             }
         }
-        let is_settled = self.settling.is_over(e, self.table.settle_s);
+        let is_settled = self.settling.update(e, self.table.settle_s);
         let is_steerable = self.phase == Phase::Flying && self.takes_sticks(e);
         let is_braking =
             is_steerable && (self.since.braking.holds() || reaction == Reaction::Brake);

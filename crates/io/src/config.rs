@@ -238,7 +238,7 @@ pub fn read(path: &Path) -> Result<String> {
 /// editors and may be there.
 ///
 /// # Errors
-/// Not JSON, a key that is there twice, an unknown or missing one, or a wrong type; each with its place in the text.
+/// Not JSON, a key that occurs twice, an unknown or missing one, or a wrong type; each with its place in the text.
 pub fn parse<T: DeserializeOwned>(text: &str) -> Result<T> {
     from_value(&value(text)?).map_err(|error| refusal(&error, text))
 }
@@ -260,14 +260,14 @@ fn value(text: &str) -> Result<Value> {
         Ok(value) => value,
         Err(error) => match not_finite(text, &error) {
             Some(NotFinite { key, place: (line, _), range }) => {
-                bail!("{key} = {} violates finite, at line {line}", &text[range])
+                bail!("{key} = {}: expected finite, at line {line}", &text[range])
             }
             None => return Err(error.into()),
         },
     };
     json.end()?;
     if let Some((place, (line, column))) = place::doubles(text).into_iter().next() {
-        bail!("{place} is there twice, again at line {line} column {column}");
+        bail!("{place} occurs twice, again at line {line} column {column}");
     }
     if let Some(settings) = value.as_object_mut() {
         settings.remove(SCHEMA);
@@ -344,7 +344,7 @@ mod tests {
             table.manual.deflection = 0.5;
         }));
         let error = refused.unwrap_err().to_string();
-        assert_eq!(error, "manual.deflection = 0.5 violates at most cycle.gate.stick_max = 0.4");
+        assert_eq!(error, "manual.deflection = 0.5: expected at most cycle.gate.stick_max = 0.4");
         let refused = manual(&changed(|table| table.manual.pulse_s = 3.0));
         assert_eq!(refused.unwrap_err().key, "manual.pulse_s");
     }
@@ -367,7 +367,7 @@ mod tests {
             table.mocap = MocapTable::Udp(udp);
         };
         for (refused, words) in [
-            (with(None, |_| ()), "moving_object = null violates the name of an object"),
+            (with(None, |_| ()), "moving_object = null: expected the name of an object"),
             (with(Some("tello"), |_| ()), "another object than the vehicle"),
             (with(Some("person"), no_obstacle), "null without an obstacle of kind moving"),
             (with(Some("person"), by_udp), "null with mocap.udp"),

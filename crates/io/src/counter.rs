@@ -13,7 +13,7 @@ impl Counter {
         self.0.load(Ordering::Relaxed)
     }
 
-    /// One more.
+    /// Increments the count.
     pub fn count(&self) {
         self.add(1);
     }

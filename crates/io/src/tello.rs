@@ -321,7 +321,7 @@ mod tests {
         let error = check(&TelloTable { address: "tello:8889".into(), ..table() }).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "address = tello:8889 violates IPv4 address:port of one host"
+            "address = tello:8889: expected IPv4 address:port of one host"
         );
         for address in ["[::1]:8889", "255.255.255.255:8889", "0.0.0.0:8889", "224.0.0.1:8889"] {
             assert!(
@@ -330,11 +330,11 @@ mod tests {
             );
         }
         let error = check(&TelloTable { interface: Some(String::new()), ..table() }).unwrap_err();
-        assert_eq!(error.to_string(), "interface = \"\" violates a name or null");
+        assert_eq!(error.to_string(), "interface = \"\": expected a name or null");
         assert!(check(&TelloTable { altitude_limit_m: Some(0), ..table() }).is_err());
         let text = TelloTable { protocol: Protocol::Text, local_port: 8890, ..table() };
         let error = check(&text).unwrap_err();
-        assert_eq!(error.to_string(), "state_port = 8890 violates another port than local_port");
+        assert_eq!(error.to_string(), "state_port = 8890: expected another port than local_port");
     }
 
     #[test]

@@ -22,10 +22,10 @@ pub fn write(path: &Path, is_replaced: bool, fill: impl FnOnce(&Path) -> Result<
         refuse_existing(path)?;
     }
     if takes_bytes(path)? {
-        return pass_on(path, fill).with_context(|| format!("{} is not written", path.display()));
+        return pass_on(path, fill).with_context(|| format!("cannot write {}", path.display()));
     }
     let part = Part::of(path)?;
-    fill(part.path()).with_context(|| format!("{} is not written", path.display()))?;
+    fill(part.path()).with_context(|| format!("cannot write {}", path.display()))?;
     if is_replaced { part.finish() } else { part.finish_new() }
 }
 
@@ -60,7 +60,7 @@ impl Part {
     pub fn finish(mut self) -> Result<()> {
         self.sync()?;
         fs::rename(self.path(), &self.path).with_context(|| {
-            format!("{} is not written: it cannot be renamed", self.path.display())
+            format!("cannot write {}: it cannot be renamed", self.path.display())
         })?;
         self.part = None;
         Ok(())
@@ -79,7 +79,7 @@ impl Part {
     fn sync(&self) -> Result<()> {
         fs::File::open(self.path())
             .and_then(|part| part.sync_all())
-            .with_context(|| format!("{} is not written", self.path.display()))
+            .with_context(|| format!("cannot write {}", self.path.display()))
     }
 }
 
@@ -310,7 +310,7 @@ mod tests {
         let error = write(&path, true, half).unwrap_err();
         assert_eq!(
             format!("{error:#}"),
-            format!("{} is not written: the disk is full", path.display())
+            format!("cannot write {}: the disk is full", path.display())
         );
         assert_eq!(fs::read_to_string(&path).unwrap(), "before");
         assert_eq!(names(&folder), ["a.txt"]);

@@ -4,8 +4,8 @@ use nalgebra::{SMatrix, SVector};
 use num_dual::{DualNum, DualSVec64};
 
 use crate::group::VisitGroups;
+use crate::least_squares;
 use crate::model::Model;
-use crate::rest;
 use crate::row::Row;
 
 /// A number that a [`DualModel`] computes with: `f64`, or a dual number that carries derivatives.
@@ -126,7 +126,8 @@ where
     }
 
     fn at_rest(&self, o: &SVector<f64, NO>) -> SVector<f64, NS> {
-        let default = || rest::least_squares(|s| self.observe(s), |s| self.observe_by_state(s), o);
+        let default =
+            || least_squares::least_squares(|s| self.observe(s), |s| self.observe_by_state(s), o);
         self.0.at_rest(o).unwrap_or_else(default)
     }
 

@@ -265,7 +265,7 @@ mod tests {
     #[test]
     fn nonsense_is_refused_with_key_value_and_rule() {
         let error = InputFifo::new(&[0.1, f64::NAN], &ROWS, DT_S).unwrap_err();
-        assert_eq!(error.to_string(), "dead_time_s[1] = NaN violates 0.0..=2.0");
+        assert_eq!(error.to_string(), "dead_time_s[1] = NaN: expected 0.0..=2.0");
         assert!(InputFifo::new(&[0.1, -0.1], &ROWS, DT_S).is_err());
         assert!(InputFifo::new(&[0.1], &ROWS, DT_S).is_err());
         assert!(InputFifo::new(&[0.1, 0.1], &ROWS, 0.0).is_err());

@@ -22,13 +22,13 @@ mod dual;
 pub mod expression;
 pub mod group;
 mod input_delay;
+mod least_squares;
 mod model;
-mod rest;
+mod rounding;
 mod row;
 pub mod setting;
 mod transpose;
 mod vehicles;
-mod whole;
 
 pub use bounds::Bounds;
 #[cfg(feature = "dual")]
@@ -36,7 +36,7 @@ pub use dual::{Dual, DualModel, Scalar};
 pub use group::{Group, VisitGroups};
 pub use input_delay::{DEAD_TIME_MAX_S, InputFifo};
 pub use model::{DriveHessian, Driven, HessianKind, Linearized, Model, StepHessian};
+pub use rounding::{steps, whole};
 pub use row::{Domain, Row};
 pub use transpose::transpose;
 pub use vehicles::*;
-pub use whole::{steps, whole};

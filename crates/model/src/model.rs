@@ -7,7 +7,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::differences;
 use crate::group::VisitGroups;
-use crate::rest;
+use crate::least_squares;
 use crate::row::Row;
 
 /// A step and its derivatives at the same arguments.
@@ -230,7 +230,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     /// where `observe` is linear: rows that are not observed stay zero. Override it if rest means something else, or if
     /// `observe` has other places without a derivative.
     fn at_rest(&self, o: &SVector<f64, NO>) -> SVector<f64, NS> {
-        rest::least_squares(|s| self.observe(s), |s| self.observe_by_state(s), o)
+        least_squares::least_squares(|s| self.observe(s), |s| self.observe_by_state(s), o)
     }
 
     /// The state that is observed as `o` while the observation changes by `rate` per second, in the

@@ -11,9 +11,9 @@ use thiserror::Error;
 
 use crate::row::{Domain, Row};
 
-/// A setting that breaks its rule, e.g. `mhe.window_steps = 1 violates 2..=200`.
+/// A setting that breaks its rule, e.g. `mhe.window_steps = 1: expected 2..=200`.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("{key} = {value} violates {rule}")]
+#[error("{key} = {value}: expected {rule}")]
 pub struct SettingError {
     /// Path of the key inside the file.
     pub key: String,
@@ -184,11 +184,11 @@ mod tests {
     #[test]
     fn a_refusal_names_key_value_and_rule() {
         let error = in_range("window_steps", 1, 2..=200).unwrap_err().under("mhe");
-        assert_eq!(error.to_string(), "mhe.window_steps = 1 violates 2..=200");
+        assert_eq!(error.to_string(), "mhe.window_steps = 1: expected 2..=200");
         let error = vector("C_o", &[1.0], &ROWS, positive).unwrap_err();
-        assert_eq!(error.to_string(), "C_o = [1.0] violates 2 entries (x, y)");
+        assert_eq!(error.to_string(), "C_o = [1.0]: expected 2 entries (x, y)");
         let error = vector("C_o", &[1.0, -2.0], &ROWS, positive).unwrap_err();
-        assert_eq!(error.to_string(), "C_o[1] = -2 violates finite and > 0");
+        assert_eq!(error.to_string(), "C_o[1] = -2: expected finite and > 0");
     }
 
     #[test]
@@ -203,7 +203,7 @@ mod tests {
     #[test]
     fn crossed_bounds_are_refused() {
         let error = bounds(("lo", &[0.0, 2.0]), ("hi", &[1.0, 1.0]), &ROWS).unwrap_err();
-        assert_eq!(error.to_string(), "lo[1] = 2 violates at most hi[1] = 1");
+        assert_eq!(error.to_string(), "lo[1] = 2: expected at most hi[1] = 1");
         assert!(bounds(("lo", &[0.0, 1.0]), ("hi", &[1.0, 1.0]), &ROWS).is_ok());
     }
 
@@ -213,9 +213,9 @@ mod tests {
         let check = |lo: [f64; 2], hi: [f64; 2]| bounds(("lo", &lo), ("hi", &hi), &rows);
         assert!(check([1e-9, 0.0], [5.0, 0.999]).is_ok());
         for (lo, hi, message) in [
-            ([0.0, 0.0], [1.0, 0.5], "lo[0] = 0 violates > 0: tau is positive"),
-            ([0.1, -0.1], [1.0, 0.5], "lo[1] = -0.1 violates >= 0: dead is not negative"),
-            ([0.1, 0.0], [1.0, 1.0], "hi[1] = 1 violates < 1: dead is below 1"),
+            ([0.0, 0.0], [1.0, 0.5], "lo[0] = 0: expected > 0: tau is positive"),
+            ([0.1, -0.1], [1.0, 0.5], "lo[1] = -0.1: expected >= 0: dead is not negative"),
+            ([0.1, 0.0], [1.0, 1.0], "hi[1] = 1: expected < 1: dead is below 1"),
         ] {
             assert_eq!(check(lo, hi).unwrap_err().to_string(), message);
         }

@@ -236,7 +236,7 @@ impl Watch {
             let Some(body) = shot.body else { continue };
             let taken = u64::from(shot.frame);
             let was = self.truths[usize::try_from(taken).unwrap_or(0).min(self.truths.len() - 1)];
-            let [dx, dy, dz] = std::array::from_fn(|i| body.pos_w[i] - was[pose::X + i]);
+            let [dx, dy, dz] = std::array::from_fn(|i| body.pos_v[i] - was[pose::X + i]);
             let is_near = dx.hypot(dy).hypot(dz) <= FALSE_M;
             let is_turned = wrap(body.angles[ABOUT_Z] - was[pose::THETA]).abs() > FALSE_RAD;
             self.newest = Some((taken, is_near && !is_turned));

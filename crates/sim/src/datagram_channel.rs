@@ -169,6 +169,6 @@ mod tests {
     #[test]
     fn nonsense_is_refused() {
         let table = AirTable { loss: 1.5, ..PERFECT };
-        assert_eq!(table.check().unwrap_err().to_string(), "loss = 1.5 violates 0.0..=1.0");
+        assert_eq!(table.check().unwrap_err().to_string(), "loss = 1.5: expected 0.0..=1.0");
     }
 }

@@ -100,7 +100,7 @@ impl Frame {
         let object = if self.is_other { "wand" } else { object };
         let body = self.pose.map(|o| Body {
             name: object.as_bytes(),
-            pos_w: [o[pose::X], o[pose::Y], o[pose::Z]],
+            pos_v: [o[pose::X], o[pose::Y], o[pose::Z]],
             angles: [0.0, 0.0, o[pose::THETA]],
         });
         // u32 lasts for two years at 50 Hz.

@@ -40,7 +40,7 @@ pub(crate) fn moved<'a>(shot: Shot<'a>, number: u32, rate_hz: f64, change: &Pose
     let fraction = offset_s(number, shot.frame, rate_hz) / DT_S;
     let body = shot.body.map(|mut body| {
         for (axis, row) in [pose::X, pose::Y, pose::Z].into_iter().enumerate() {
-            body.pos_w[axis] += fraction * change[row];
+            body.pos_v[axis] += fraction * change[row];
         }
         body.angles[ABOUT_Z] += fraction * change[pose::THETA];
         body
@@ -79,7 +79,7 @@ mod tests {
 
     #[test]
     fn a_frame_goes_on_with_the_change_of_the_step() {
-        let body = Body { name: b"tello", pos_w: [1.0, 2.0, 3.0], angles: [0.0, 0.0, 0.5] };
+        let body = Body { name: b"tello", pos_v: [1.0, 2.0, 3.0], angles: [0.0, 0.0, 0.5] };
         let shot = Shot { frame: 3, rate_hz: 50.0, object: "tello", body: Some(body) };
         let change = Pose::new(0.02, 0.0, -0.04, 0.1);
         // Frames 12 to 15 of 200 Hz are those of step 3.
@@ -88,7 +88,7 @@ mod tests {
         let body = moved.body.unwrap();
         assert_eq!((moved.frame, moved.rate_hz), (13, 200.0));
         let expected = [1.005, 2.0, 2.99, 0.525];
-        let [x, y, z] = body.pos_w;
+        let [x, y, z] = body.pos_v;
         for (value, expected) in [x, y, z, body.angles[ABOUT_Z]].into_iter().zip(expected) {
             assert!((value - expected).abs() < 1e-12, "{body:?}");
         }

@@ -7,8 +7,6 @@
 //! Flight code never depends on this crate.
 
 pub mod batch;
-#[cfg(feature = "breaking")]
-pub mod breaking;
 pub mod campaign;
 pub mod contact;
 mod datagram_channel;
@@ -17,11 +15,13 @@ pub mod drone;
 mod drone_status;
 pub mod emulator;
 mod excitation;
+#[cfg(feature = "failing_model")]
+pub mod failing_model;
 pub mod fault;
 mod firmware;
 mod frame_lag;
 mod frames;
-mod hand;
+mod held_by_hand;
 mod identified_plant;
 pub mod logged_flight;
 pub mod mocap;
@@ -76,7 +76,7 @@ pub fn settings(path: Option<&Path>) -> Result<SimTable> {
         return config::parse(BUILT_IN).context("in the built-in configs/sim.json");
     };
     let check = |table: &SimTable| World::new(table, 0).map(drop);
-    config::problems(path, template, check).none()?;
+    config::problems(path, template, check).into_result()?;
     config::load(path)
 }
 

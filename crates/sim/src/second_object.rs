@@ -28,7 +28,7 @@ pub struct PasserTable {
 }
 
 impl PasserTable {
-    /// Refuses what is no path.
+    /// Checks the values.
     ///
     /// # Errors
     /// The first value that breaks its rule.
@@ -45,9 +45,9 @@ impl PasserTable {
         in_range("speed_mps", self.speed_mps, 0.0..=5.0).map(drop)
     }
 
-    /// Where it is in step `step` of the flight of `seed`; seeds begin at different places of the way. m
+    /// Its position at `step`; the seed chooses where on the path it begins. World frame. m
     pub fn place(&self, step: u64, seed: u64) -> [f64; 3] {
-        let phase = self.ways(step, seed) % 2.0;
+        let phase = self.traversals(step, seed) % 2.0;
         let fraction = if phase > 1.0 { 2.0 - phase } else { phase };
         std::array::from_fn(|i| self.from_w_m[i] + fraction * (self.to_w_m[i] - self.from_w_m[i]))
     }
@@ -62,11 +62,11 @@ impl PasserTable {
 
     /// Whether it turns round between `step` and the next one.
     pub fn turns_after(&self, step: u64, seed: u64) -> bool {
-        self.ways(step, seed).floor() < self.ways(step + 1, seed).floor()
+        self.traversals(step, seed).floor() < self.traversals(step + 1, seed).floor()
     }
 
-    /// How often it has gone the way, by `step`. 1
-    fn ways(&self, step: u64, seed: u64) -> f64 {
+    /// Traversals of the path by `step`. 1
+    fn traversals(&self, step: u64, seed: u64) -> f64 {
         let squares = self.from_w_m.iter().zip(&self.to_w_m).map(|(from, to)| (to - from).powi(2));
         let length_m = squares.sum::<f64>().sqrt();
         let begun = 2.0 * (seed as f64 * GOLDEN).fract();
@@ -110,9 +110,9 @@ mod tests {
         let nan = PasserTable { to_w_m: [0.0, f64::NAN, 0.0], ..PASSER };
         assert!(refused(nan).starts_with("to_m[1] = NaN"), "{}", refused(nan));
         let fast = PasserTable { speed_mps: 5.5, ..PASSER };
-        assert_eq!(refused(fast), "speed_mps = 5.5 violates 0.0..=5.0");
+        assert_eq!(refused(fast), "speed_mps = 5.5: expected 0.0..=5.0");
         let backwards = PasserTable { hidden_s: Some([2.0, 1.0]), ..PASSER };
-        assert_eq!(refused(backwards), "hidden_s[0] = 2 violates 0.0..=1.0");
+        assert_eq!(refused(backwards), "hidden_s[0] = 2: expected 0.0..=1.0");
         assert!(PASSER.check().is_ok());
     }
 

@@ -25,7 +25,7 @@ use crate::profile::Profile;
 use crate::radio::Radio;
 use crate::random::{Purpose, Random};
 use crate::second_object::PasserTable;
-use crate::{DT_S, frames, hand};
+use crate::{DT_S, frames, held_by_hand};
 pub use start::Start;
 
 /// Settings of the simulator.
@@ -220,9 +220,9 @@ impl World {
     /// hidden: its true place, at once.
     pub(crate) fn shot_of_passer(&self) -> Option<Shot<'_>> {
         const NAME: &str = "passer";
-        let pos_w = self.passer?.seen(self.step, self.seed)?;
+        let pos_v = self.passer?.seen(self.step, self.seed)?;
         let frame = u32::try_from(self.step).ok()?;
-        let body = Some(Body { name: NAME.as_bytes(), pos_w, angles: [0.0; 3] });
+        let body = Some(Body { name: NAME.as_bytes(), pos_v, angles: [0.0; 3] });
         Some(Shot { frame, rate_hz: 1.0 / DT_S, object: NAME, body })
     }
 
@@ -270,7 +270,8 @@ impl World {
         let (are_stuck, refuses) = (is_on(Fault::DroneSticksStuck), is_on(Fault::DroneRefusesLand));
         let external = self.faults.present(self.step).find_map(|present| match present.fault {
             Fault::DroneHeld { sway_m, lowered_m } => {
-                let velocity_w_mps = hand::velocity_w_mps(sway_m, lowered_m, present.elapsed_s);
+                let velocity_w_mps =
+                    held_by_hand::velocity_w_mps(sway_m, lowered_m, present.elapsed_s);
                 Some(External::Held { velocity_w_mps })
             }
             Fault::DronePushed { velocity_w_mps } => Some(External::Pushed { velocity_w_mps }),

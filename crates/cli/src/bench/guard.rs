@@ -51,7 +51,7 @@ impl Guard {
         self.heartbeat.beat(self.duty, now);
     }
 
-    /// Whether the guardian has landed the drone, or is lost: no check goes on.
+    /// Whether the guardian has ordered a landing, or is lost: no check goes on.
     pub(super) fn has_failed(&self) -> bool {
         self.has_failed
     }

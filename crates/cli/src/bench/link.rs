@@ -29,6 +29,10 @@ const STICKS_PERIOD_S: f64 = 0.05;
 const EMERGENCY_AFTER_S: f64 = 8.0;
 const ENDING_MAX_S: f64 = 25.0;
 
+/// The person has stopped a step, or the guardian is lost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Stopped;
+
 /// The drone and the record of what passes between it and us.
 #[derive(Debug)]
 pub(super) struct Link {
@@ -79,8 +83,8 @@ impl Link {
         })
     }
 
-    /// Asks for a connection until a status comes. Whether one came within 6 s.
-    pub(super) fn connect(&mut self, console: &Console) -> bool {
+    /// Asks for a connection until a status comes, for 6 s.
+    pub(super) fn connect(&mut self, console: &Console) -> Option<Status> {
         for _ in 0..6 {
             self.send(Packet::Hello);
             if let Some(Ok(port)) =
@@ -92,11 +96,11 @@ impl Link {
             if self.protocol == Protocol::Binary && self.version.is_none() {
                 self.send(Packet::Version(0));
             }
-            if !self.wait(1.0, console, |_| false) || self.status().is_some() {
+            if self.wait(1.0, console, |_| false).is_err() || self.status().is_some() {
                 break;
             }
         }
-        self.status().is_some()
+        self.status()
     }
 
     /// Begins a new record.
@@ -135,8 +139,8 @@ impl Link {
         self.events.push(Event { t_s: self.t_s(), what });
     }
 
-    /// Runs one step. Whether it was not stopped.
-    fn take(&mut self, step: &Step, console: &Console) -> bool {
+    /// Runs one step.
+    fn take(&mut self, step: &Step, console: &Console) -> Result<(), Stopped> {
         self.note(What::Step(step.to_string()));
         match *step {
             Step::TakeOff => {
@@ -151,9 +155,7 @@ impl Link {
                 while self.t_s() < until_s && !self.is_over() {
                     self.send(Packet::Land(sequence));
                     sequence = if has_same_number { sequence } else { self.count() };
-                    if !self.wait(LAND_PERIOD.seconds(), console, |_| false) {
-                        return false;
-                    }
+                    self.wait(LAND_PERIOD.seconds(), console, |_| false)?;
                 }
             }
             Step::Emergency => {
@@ -175,7 +177,7 @@ impl Link {
             }
             Step::Down(most_s) => return self.wait(most_s, console, Self::is_over),
         }
-        true
+        Ok(())
     }
 
     /// Sends sticks at once and until `for_s` have passed, and those of a second program beside them.
@@ -185,7 +187,7 @@ impl Link {
         second: Option<[f64; 4]>,
         for_s: f64,
         console: &Console,
-    ) -> bool {
+    ) -> Result<(), Stopped> {
         let until_s = self.t_s() + for_s;
         loop {
             self.send(Packet::Sticks(sticks(u)));
@@ -193,29 +195,27 @@ impl Link {
                 self.send_by_second(Packet::Sticks(sticks(u)));
             }
             if self.t_s() >= until_s {
-                return true;
+                return Ok(());
             }
-            if !self.wait(STICKS_PERIOD_S, console, |_| false) {
-                return false;
-            }
+            self.wait(STICKS_PERIOD_S, console, |_| false)?;
         }
     }
 
-    /// Listens for so long, or until `is_enough`. Whether it was not stopped, by the person or for a lost guardian.
+    /// Listens for so long, or until `is_enough`.
     pub(super) fn wait(
         &mut self,
         for_s: f64,
         console: &Console,
         is_enough: impl Fn(&Self) -> bool,
-    ) -> bool {
+    ) -> Result<(), Stopped> {
         let until_s = self.t_s() + for_s;
         loop {
             self.receive();
             if console.asks_to_stop() || self.guard.has_failed() {
-                return false;
+                return Err(Stopped);
             }
             if self.t_s() >= until_s || is_enough(self) {
-                return true;
+                return Ok(());
             }
             thread::sleep(LOOK);
         }
@@ -305,7 +305,7 @@ impl Link {
         thread::sleep(LOOK);
     }
 
-    /// Whether the guardian has landed the drone, or is lost: the check is over.
+    /// Whether the guardian has ordered a landing, or is lost: the check is over.
     pub(super) fn has_lost_guardian(&self) -> bool {
         self.guard.has_failed()
     }
@@ -363,9 +363,9 @@ impl<'a> Armed<'a> {
         Self { link, place, console }
     }
 
-    /// Runs the steps. Whether none was stopped.
-    pub(super) fn run(&mut self, steps: &[Step]) -> bool {
-        steps.iter().all(|step| self.link.take(step, self.console))
+    /// Runs the steps until one is stopped.
+    pub(super) fn run(&mut self, steps: &[Step]) -> Result<(), Stopped> {
+        steps.iter().try_for_each(|step| self.link.take(step, self.console))
     }
 }
 

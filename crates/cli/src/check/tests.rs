@@ -35,10 +35,10 @@ fn the_kind_of_a_file_follows_from_its_keys() {
 #[test]
 fn a_file_of_no_kind_shows_the_keys_that_it_has() {
     let error = resolved("other.json", r#"{ "b": 1, "a": 2 }"#).unwrap_err();
-    assert!(error.starts_with("FILE is none of ours: found `a`, `b`, no key"), "{error}");
+    assert!(error.starts_with("FILE: unknown kind of file: found `a`, `b`, no key"), "{error}");
     for none in ["{}", "[1]", "7"] {
         let error = resolved("none.json", none).unwrap_err();
-        assert!(error.starts_with("FILE is none of ours: found none, no key"), "{error}");
+        assert!(error.starts_with("FILE: unknown kind of file: found none, no key"), "{error}");
     }
 }
 

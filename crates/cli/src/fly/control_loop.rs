@@ -14,7 +14,7 @@ use horizon_model::rows::pose;
 use rtrb::Producer;
 use tello_eval::flight_log::TickRecord;
 use tello_flight::cycle::{
-    Inbox, Operator, Outcome, ParameterEstimate, SIGHTING_AGE_MAX, SIGHTINGS_MAX, Stage, Tick,
+    Inbox, Operator, Outcome, ParameterEstimate, SIGHTING_AGE_MAX, SIGHTINGS_MAX, Tick, TickStage,
     Timing, Watch, is_airborne,
 };
 use tello_flight::{FaultSet, Incidents, Phase, Ruling};
@@ -179,7 +179,7 @@ impl ControlLoop {
             records_dropped: 0,
             found: None,
         };
-        let mut over = Over::new(self.patience);
+        let mut end_condition = EndCondition::new(self.patience);
         let mut is_drilled = false;
         for step in 0.. {
             if let Some(drill) = self.drill {
@@ -189,7 +189,7 @@ impl ControlLoop {
             record.inbox.open(step, beat.due.after(beat.lateness));
             record.inbox.skipped = beat.skipped;
             end.sightings_dropped += self.fill(&mut record.inbox, end.phase);
-            over.receive(record.inbox.drone);
+            end_condition.receive(record.inbox.drone);
             end.is_unseen &= record.inbox.sightings.is_empty();
             let has_lost_order = self.tick(&mut record, beat.due.after(self.solver_time));
             end.orders_lost += u64::from(has_lost_order);
@@ -212,7 +212,8 @@ impl ControlLoop {
             }
             let is_in_vain = end.is_unseen && record.inbox.now.since(TimeNs(0)) > self.patience;
             let pose_is_airborne = record.out.pose_is_airborne();
-            let is_over = over.is_over(&record.inbox, end.phase, pose_is_airborne) || is_in_vain;
+            let is_over =
+                end_condition.update(&record.inbox, end.phase, pose_is_airborne) || is_in_vain;
             if let Some(mut slot) = self.recorder.borrow() {
                 std::mem::swap(&mut *slot, &mut record);
                 self.recorder.submit(slot);
@@ -269,15 +270,15 @@ impl ControlLoop {
     }
 }
 
-/// When to stop ticking.
-struct Over {
+/// When the loop ends.
+struct EndCondition {
     patience: SpanNs,
     is_flying: bool,
     /// When the phase was last one that goes on.
     went_on_at: TimeNs,
 }
 
-impl Over {
+impl EndCondition {
     fn new(patience: SpanNs) -> Self {
         Self { patience, is_flying: false, went_on_at: TimeNs(0) }
     }
@@ -286,7 +287,7 @@ impl Over {
         self.is_flying = status.map_or(self.is_flying, |status| status.is_flying);
     }
 
-    fn is_over(&mut self, inbox: &Inbox, phase: Phase, pose_is_airborne: Option<bool>) -> bool {
+    fn update(&mut self, inbox: &Inbox, phase: Phase, pose_is_airborne: Option<bool>) -> bool {
         // A person who holds the sticks may take time.
         let is_person_at_it = phase == Phase::Idle && inbox.manual.is_some();
         if matches!(phase, Phase::TakingOff | Phase::Flying | Phase::Landing) || is_person_at_it {
@@ -370,12 +371,12 @@ impl Watch for LiveWatch<'_> {
         self.late_at_poll.is_some()
     }
 
-    fn mark(&mut self, stage: Stage) {
+    fn mark(&mut self, stage: TickStage) {
         let now = self.clock.now();
         let span = now.since(self.marked);
         match stage {
-            Stage::Estimated => self.estimate = span,
-            Stage::Planned => self.plan = span,
+            TickStage::Estimated => self.estimate = span,
+            TickStage::Planned => self.plan = span,
         }
         self.marked = now;
     }

@@ -42,10 +42,11 @@ impl FromStr for Drill {
     type Err = anyhow::Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        let (what, after_s) = text.split_once('@').context("no `@`: WHAT@SECONDS")?;
+        let (what, after_s) =
+            text.split_once('@').with_context(|| format!("{text:?}: expected WHAT@SECONDS"))?;
         let after_s: f64 = after_s.parse().with_context(|| format!("{after_s:?} is no number"))?;
         if !(0.0..=3600.0).contains(&after_s) {
-            bail!("{after_s} s: 0 to 3600");
+            bail!("{after_s} s: expected 0 to 3600");
         }
         let failure = match what {
             "control-stalls" => Failure::ControlStalls,
@@ -54,7 +55,7 @@ impl FromStr for Drill {
             "link-dies" => Failure::LinkDies,
             "main-panics" => Failure::MainPanics,
             _ => bail!(
-                "{what:?}: control-stalls, control-panics, link-stalls, link-dies or main-panics"
+                "{what:?}: expected control-stalls, control-panics, link-stalls, link-dies or main-panics"
             ),
         };
         Ok(Self { failure, after_s })

@@ -106,12 +106,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         tello_io::tello::Guardian::start(Post { socket, channel, address, protocol })?;
     match guardian.watch() {
         WatchEnd::Over => {}
-        WatchEnd::Landed => stdio::note(format_args!(
-            "tello-ctl: the flight stood still and then died; its guardian has landed the drone at {address}"
+        WatchEnd::OrderedLanding => stdio::note(format_args!(
+            "tello-ctl: the flight stopped responding and then ended; its guardian has ordered the drone at \
+             {address} to land. Check that it is down."
         )),
         WatchEnd::Abandoned => {
             stdio::note(format_args!(
-                "tello-ctl: the flight died; its guardian lands the drone at {address} for 15 s"
+                "tello-ctl: the flight ended unexpectedly; its guardian orders the drone at {address} to land for 15 s"
             ));
             guardian.land_alone();
         }

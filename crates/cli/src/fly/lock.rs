@@ -36,7 +36,7 @@ impl Lock {
                     || "another process".to_owned(),
                     |process| format!("process {process}, or the guardian that lands after it,"),
                 );
-                bail!("{process} has the drone at {address}: wait for its end, or end it");
+                bail!("{process} has the drone at {address}: wait until it has ended");
             }
             Err(error) => return Err(error).context("cannot lock the drone"),
         };

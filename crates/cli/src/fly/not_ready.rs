@@ -111,7 +111,7 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
     }
 }
 
-/// That many poses have one number, or that a number has two places.
+/// What is wrong with the numbers of poses: they stand still, or one has two places.
 pub(super) fn misnumbered(report: &StreamReport, object: &str) -> Option<String> {
     if report.frames <= 1 && report.repeated > 0 {
         let reason = "its frame numbers or time stamps stand still: its poses cannot be dated";
@@ -142,7 +142,7 @@ pub(super) fn hidden(since: SincePose, object: &str) -> Option<String> {
     })
 }
 
-/// That a source sends bodies and has named none of them so far.
+/// Message if a source sends bodies and has named none of them so far.
 fn unnamed(counters: &MocapCounters, object: &str) -> Option<String> {
     (counters.sightings.get() == 0 && counters.unnamed.get() > 0).then(|| {
         format!(
@@ -152,7 +152,7 @@ fn unnamed(counters: &MocapCounters, object: &str) -> Option<String> {
     })
 }
 
-/// That poses are older when they arrive than those which count.
+/// Message if poses arrive older than those that count.
 pub(super) fn too_old(report: &StreamReport) -> Option<String> {
     let limit_s = SIGHTING_AGE_MAX.seconds();
     (report.latency_mean_s > limit_s).then(|| {

@@ -140,9 +140,7 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
     let failed = checks.iter().filter(|check| check.readiness == Readiness::Bad).count();
     if failed > 0 {
         let patience_s = super::PATIENCE.seconds();
-        stdio::note(format_args!(
-            "takes off as soon as all is well, if that is within {patience_s} s"
-        ));
+        stdio::note(format_args!("takes off once all checks pass, within {patience_s} s at most"));
     }
     Ok(Orders::to_fly())
 }

@@ -83,7 +83,7 @@ impl Parts {
         }
         let [part, _] = head.numbers();
         if let Some((known, _)) = self.0.get(&part) {
-            bail!("part {part} is there twice: {}, {}", known.display(), path.display());
+            bail!("part {part} occurs twice: {}, {}", known.display(), path.display());
         }
         self.0.insert(part, (path, head));
         Ok(())

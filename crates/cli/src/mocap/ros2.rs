@@ -54,7 +54,9 @@ fn rate_hz(text: &str) -> Result<f64> {
 
 pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
     let Arguments { topic, rate_hz, object, listen, network } = arguments;
-    let listener = TcpListener::bind(listen).await.with_context(|| format!("listen {listen}"))?;
+    let listener = TcpListener::bind(listen).await.with_context(|| {
+        format!("cannot listen at {listen}: is the port in use? Choose another --listen")
+    })?;
     let node = Node::join(*network)?;
     let mut poses = node.reader::<PoseStamped>(topic, Kind::Pose)?;
     let (lines, _) = broadcast::channel(LINES);
@@ -65,7 +67,7 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
         tokio::select! {
             pose = poses.next() => {
                 let [read, refused] = &mut counts;
-                match pose.with_context(|| format!("{topic}: no more poses come"))? {
+                match pose.with_context(|| format!("{topic}: the subscription ended"))? {
                     Ok(pose) => {
                         *read += 1;
                         // An error: there is no client.

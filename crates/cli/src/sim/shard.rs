@@ -30,14 +30,14 @@ impl Target {
         Some(Self { head, path })
     }
 
-    /// Whether the file is there already, whole.
+    /// Says so if the whole file exists already, else checks that it can be written. Returns whether it exists.
     ///
     /// # Errors
     /// It is another part, or it could not be written.
-    pub(super) fn is_done<T: Seeded>(&self) -> Result<bool> {
+    pub(super) fn check_existing<T: Seeded>(&self) -> Result<bool> {
         let is_done = shard_file::is_done::<T>(&self.path, &self.head)?;
         if is_done {
-            stdio::note(format_args!("{} is there already", self.path.display()));
+            stdio::note(format_args!("{} exists already", self.path.display()));
         } else {
             whole_file::probe(&self.path)?;
         }

@@ -50,20 +50,21 @@ impl FromStr for Weigh {
     type Err = anyhow::Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        let (name, weight) = text.split_once('=').context("no `=`: WHAT=NUMBER")?;
+        let (name, weight) =
+            text.split_once('=').with_context(|| format!("{text:?}: expected WHAT=NUMBER"))?;
         let what = match name {
             "distance" => What::Distance,
             "distance_p95" => What::DistanceP95,
             "overshoot" => What::Overshoot,
             "outside" => What::Outside,
             "unfinished" => What::Unfinished,
-            _ => bail!(
-                "{name:?} has no weight: distance, distance_p95, overshoot, outside or unfinished"
-            ),
+            _ => {
+                bail!("{name:?}: expected distance, distance_p95, overshoot, outside or unfinished")
+            }
         };
         let weight: f64 = weight.parse().with_context(|| format!("{weight:?} is no number"))?;
         if !(weight.is_finite() && weight >= 0.0) {
-            bail!("{name} = {weight} violates finite and >= 0");
+            bail!("{name} = {weight}: expected finite and >= 0");
         }
         Ok(Self { what, weight })
     }
@@ -185,7 +186,7 @@ mod tests {
         let expected = Weights { distance: 0.0, outside: 7.0, ..DEFAULT };
         assert_eq!(Weights::new(&weigh), expected);
         for (text, reason) in [
-            ("speed=1", "has no weight"),
+            ("speed=1", "expected distance"),
             ("distance", "no `=`"),
             ("outside=-1", "finite and >= 0"),
         ] {

@@ -94,7 +94,7 @@ fn a_first_step_of_nothing_or_of_more_than_half_the_range_is_refused_before_anyt
         let step_word = format!("--step={step}");
         let words = [&OVER[..], &[&step_word]].concat();
         let error = run(&arguments(&words)).unwrap_err().to_string();
-        assert_eq!(error, format!("--step {step} violates above 0, at most 0.5"));
+        assert_eq!(error, format!("--step {step}: expected above 0, at most 0.5"));
     }
 }
 

@@ -34,14 +34,16 @@ impl FromStr for Range {
 
     fn from_str(text: &str) -> Result<Self> {
         let shape = "KEY=LO..HI, e.g. cycle.mpc.C_u[0]=0.1..10";
-        let (name, range) = text.split_once('=').with_context(|| format!("no `=`: {shape}"))?;
-        let (lo, hi) = range.split_once("..").with_context(|| format!("no `..`: {shape}"))?;
+        let (name, range) =
+            text.split_once('=').with_context(|| format!("{text:?}: expected {shape}"))?;
+        let (lo, hi) =
+            range.split_once("..").with_context(|| format!("{text:?}: expected {shape}"))?;
         let number = |text: &str| -> Result<f64> {
             text.trim().parse().with_context(|| format!("{text:?} is no number"))
         };
         let (lo, hi) = (number(lo)?, number(hi)?);
         if !(lo.is_finite() && hi.is_finite() && lo < hi) {
-            bail!("{name}: {lo}..{hi} violates LO < HI");
+            bail!("{name}: {lo}..{hi}: expected LO < HI");
         }
         Ok(Self { name: name.to_owned(), lo, hi })
     }
@@ -54,7 +56,7 @@ impl Variable {
     /// A range that is not positive has no logarithm.
     pub(super) fn new(range: &Range, scale: Scale) -> Result<Self> {
         if scale == Scale::Logarithmic && range.lo <= 0.0 {
-            bail!("{}: {}..{} violates 0 < LO for --over-log", range.name, range.lo, range.hi);
+            bail!("{}: {}..{}: expected 0 < LO for --over-log", range.name, range.lo, range.hi);
         }
         let pointers = range.name.split('+').map(pointer).collect();
         Ok(Self { range: range.clone(), scale, pointers })

@@ -175,6 +175,6 @@ mod tests {
         assert_eq!(settings.input_cost(), InputCost::Difference);
         assert_eq!(settings.solver().iterations_max, 3);
         let refusal = builder.bounds([0.3; 4], [0.2; 4]).build(&Kinematic).unwrap_err();
-        assert_eq!(refusal.to_string(), "u_lb[0] = 0.3 violates at most u_ub[0] = 0.2");
+        assert_eq!(refusal.to_string(), "u_lb[0] = 0.3: expected at most u_ub[0] = 0.2");
     }
 }

@@ -1,6 +1,6 @@
 //! The model of a horizon whose stages differ in length.
 //!
-//! Owns when a model is prepared anew; what is prepared it knows itself.
+//! Owns when a model is prepared again; the model owns what that means.
 
 use horizon_model::Model;
 use nalgebra::SVector;
@@ -26,7 +26,7 @@ impl<M> Prepared<M> {
     where
         M: Model<NS, NU, NO, NP>,
     {
-        // A horizon has one parameter; with another one the model is as right, and slower.
+        // A horizon has one parameter. With another one the prepared model gives the same result, at a higher cost.
         if stage_s.to_bits() != self.stage_s.to_bits() {
             *self = Self { model: self.model.prepared(p, stage_s), stage_s };
         }

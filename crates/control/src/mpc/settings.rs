@@ -314,7 +314,7 @@ mod tests {
         for stages in ["[[13, 2]]", "[[1, 12]]", "[[13, 1], [0, 3]]"] {
             let refusal = with(stages).unwrap_err();
             let expected = format!(
-                "stages = {stages} violates pairs of [stages, steps of each] above 0 that last \
+                "stages = {stages}: expected pairs of [stages, steps of each] above 0 that last \
                  horizon_steps = 13 in all"
             );
             assert_eq!(refusal, expected);
@@ -324,24 +324,28 @@ mod tests {
     #[test]
     fn each_bad_value_is_refused_with_key_value_and_rule() {
         for (good, bad, refusal) in [
-            ("\"horizon_steps\": 13", "\"horizon_steps\": 0", "horizon_steps = 0 violates 1..=500"),
-            ("\"C_u\": [1.2", "\"C_u\": [0.0", "C_u[0] = 0 violates 1e-6..=1e6"),
-            ("\"C_s\": [1.5", "\"C_s\": [-1.5", "C_s[0] = -1.5 violates 0 or 1e-6..=1e6"),
-            ("[15, 15, 10, 0]", "[15, 15, -1, 0]", "C_s_end[2] = -1 violates 0 or 1e-6..=1e6"),
-            ("[15, 15, 10, 0]", "[15]", "C_s_end = [15.0] violates 4 entries (x, y, z, theta)"),
+            (
+                "\"horizon_steps\": 13",
+                "\"horizon_steps\": 0",
+                "horizon_steps = 0: expected 1..=500",
+            ),
+            ("\"C_u\": [1.2", "\"C_u\": [0.0", "C_u[0] = 0: expected 1e-6..=1e6"),
+            ("\"C_s\": [1.5", "\"C_s\": [-1.5", "C_s[0] = -1.5: expected 0 or 1e-6..=1e6"),
+            ("[15, 15, 10, 0]", "[15, 15, -1, 0]", "C_s_end[2] = -1: expected 0 or 1e-6..=1e6"),
+            ("[15, 15, 10, 0]", "[15]", "C_s_end = [15.0]: expected 4 entries (x, y, z, theta)"),
             (
                 "[0.8, 0.8, 1, 1]",
                 "[0.8, -0.9, 1, 1]",
-                "u_lb[1] = -0.8 violates at most u_ub[1] = -0.9",
+                "u_lb[1] = -0.8: expected at most u_ub[1] = -0.9",
             ),
-            ("1e-6", "0.2", "solver.cost_tolerance = 0.2 violates 1e-15..=0.1"),
+            ("1e-6", "0.2", "solver.cost_tolerance = 0.2: expected 1e-15..=0.1"),
             (
                 "\"iterations_max\": 20",
                 "\"iterations_max\": 0",
-                "solver.iterations_max = 0 violates 1..=1000",
+                "solver.iterations_max = 0: expected 1..=1000",
             ),
-            ("1e-8", "0.5", "solver.qp_tolerance = 0.5 violates 1e-14..=0.001"),
-            ("50 }", "500 }", "solver.qp_iterations_max = 500 violates 1..=200"),
+            ("1e-8", "0.5", "solver.qp_tolerance = 0.5: expected 1e-14..=0.001"),
+            ("50 }", "500 }", "solver.qp_iterations_max = 500: expected 1..=200"),
         ] {
             let text = GOOD.replacen(good, bad, 1);
             assert_ne!(text, GOOD, "{good} is not in the table");

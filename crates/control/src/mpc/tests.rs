@@ -385,5 +385,5 @@ fn the_iteration_limit_is_an_outcome() {
 fn a_bad_period_is_refused() {
     let settings = table(3, 0.8).check::<Kinematic, 4, 4, 4, 4>().unwrap();
     let error = Mpc::<_, 4, 4, 4, 4, 4>::new(Kinematic, settings, 0.0).unwrap_err();
-    assert_eq!(error.to_string(), "dt_s = 0 violates finite and > 0");
+    assert_eq!(error.to_string(), "dt_s = 0: expected finite and > 0");
 }

@@ -60,12 +60,12 @@ mod tests {
         for (table, refusal) in [
             (
                 DelayTable { dead_time_max_s: 2.1, ..TABLE },
-                "dead_time_max_s = 2.1 violates 0.1..=2.0",
+                "dead_time_max_s = 2.1: expected 0.1..=2.0",
             ),
-            (DelayTable { grid_s: 0.0, ..TABLE }, "grid_s = 0 violates 0.01..=0.2"),
-            (DelayTable { grid_s: f64::NAN, ..TABLE }, "grid_s = NaN violates 0.01..=0.2"),
-            (DelayTable { tolerance_s: 0.1, ..TABLE }, "tolerance_s = 0.1 violates 0.0005..=0.02"),
-            (DelayTable { rounds: 0, ..TABLE }, "rounds = 0 violates 1..=50"),
+            (DelayTable { grid_s: 0.0, ..TABLE }, "grid_s = 0: expected 0.01..=0.2"),
+            (DelayTable { grid_s: f64::NAN, ..TABLE }, "grid_s = NaN: expected 0.01..=0.2"),
+            (DelayTable { tolerance_s: 0.1, ..TABLE }, "tolerance_s = 0.1: expected 0.0005..=0.02"),
+            (DelayTable { rounds: 0, ..TABLE }, "rounds = 0: expected 1..=50"),
         ] {
             assert_eq!(DelaySettings::try_from(&table).unwrap_err().to_string(), refusal);
         }

@@ -233,12 +233,12 @@ fn what_is_no_search_is_refused_with_the_reason() {
             flights(dt_s).search(&mut problem, &[group], &mut at_s, &settings(), &mut || false);
         found.unwrap_err().to_string()
     };
-    assert_eq!(refusal(DT_S, &[4], 0.2), "input row 4 violates 0..=3");
+    assert_eq!(refusal(DT_S, &[4], 0.2), "input row 4: expected 0..=3");
     for dt_s in [0.04, f64::NAN] {
         assert!(refusal(dt_s, &[0], 0.2).contains("the identification one of 0.02 s"), "{dt_s}");
     }
     for start_s in [f64::NAN, f64::INFINITY, -0.1] {
-        assert!(refusal(DT_S, &[0], start_s).contains("of the start violates"), "{start_s}");
+        assert!(refusal(DT_S, &[0], start_s).contains("of the start: expected"), "{start_s}");
     }
 }
 

@@ -117,6 +117,6 @@ mod tests {
         let settings = builder.clone().build(&Kinematic).unwrap();
         assert_eq!(settings, table.check::<Kinematic, 4, 4, 4, 4>().unwrap());
         let refusal = builder.c_s([0.0; 4]).build(&Kinematic).unwrap_err();
-        assert_eq!(refusal.to_string(), "C_s[0] = 0 violates 1e-6..=1e6");
+        assert_eq!(refusal.to_string(), "C_s[0] = 0: expected 1e-6..=1e6");
     }
 }

@@ -291,8 +291,8 @@ fn a_bad_setting_is_named() {
         change(&mut table);
         table.check::<Kinematic, 4, 4, 4, 4>().unwrap_err().to_string()
     };
-    assert_eq!(refuse(&|t| t.c_s[pose::Y] = 0.0), "C_s[1] = 0 violates 1e-6..=1e6");
-    assert_eq!(refuse(&|t| t.c_0[pose::X] = -1.0), "C_0[0] = -1 violates 0 or 1e-6..=1e6");
-    assert_eq!(refuse(&|t| t.p_prior[gain::LAMBDA_V] = 9.0), "p_prior[1] = 9 violates 0.1..=3.0");
+    assert_eq!(refuse(&|t| t.c_s[pose::Y] = 0.0), "C_s[1] = 0: expected 1e-6..=1e6");
+    assert_eq!(refuse(&|t| t.c_0[pose::X] = -1.0), "C_0[0] = -1: expected 0 or 1e-6..=1e6");
+    assert_eq!(refuse(&|t| t.p_prior[gain::LAMBDA_V] = 9.0), "p_prior[1] = 9: expected 0.1..=3.0");
     assert!(refuse(&|t| t.solver.iterations_max = 0).starts_with("solver.iterations_max = 0"));
 }

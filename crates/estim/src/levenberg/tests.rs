@@ -348,7 +348,7 @@ fn a_setting_out_of_range_is_named() {
         iterations_max: 10,
     };
     let error = LmSettings::try_from(&table).unwrap_err();
-    assert_eq!(error.to_string(), "cost_tolerance = 0.2 violates 0.0..=0.1");
+    assert_eq!(error.to_string(), "cost_tolerance = 0.2: expected 0.0..=0.1");
 }
 
 #[test]

@@ -122,7 +122,7 @@ mod tests {
         let settings = builder.clone().build(&Kinematic).unwrap();
         assert_eq!(settings, table.check::<Kinematic, 4, 4, 4, 4>().unwrap());
         let refusal = builder.window_steps(1).build(&Kinematic).unwrap_err();
-        assert_eq!(refusal.to_string(), "window_steps = 1 violates 2..=200");
+        assert_eq!(refusal.to_string(), "window_steps = 1: expected 2..=200");
         let defaults = MheSettings::builder(prior).build(&Kinematic).unwrap();
         assert_eq!(defaults.window_steps, 30);
     }

@@ -309,18 +309,21 @@ fn equal_inputs_give_equal_bits() {
 #[test]
 fn a_bad_setting_is_named() {
     let check = |table: MheTable| table.check::<Kinematic, 4, 4, 4, 4>().unwrap_err().to_string();
-    assert_eq!(check(MheTable { window_steps: 1, ..table() }), "window_steps = 1 violates 2..=200");
+    assert_eq!(
+        check(MheTable { window_steps: 1, ..table() }),
+        "window_steps = 1: expected 2..=200"
+    );
     assert_eq!(
         check(MheTable { p_prior: vec![1.0, 0.6, f64::NAN, 0.0], ..table() }),
-        "p_prior[2] = NaN violates 0.5..=2.0"
+        "p_prior[2] = NaN: expected 0.5..=2.0"
     );
     assert_eq!(
         check(MheTable { c_s: vec![1.0, 1.0, 0.0, 1.0], ..table() }),
-        "C_s[2] = 0 violates 1e-6..=1e6"
+        "C_s[2] = 0: expected 1e-6..=1e6"
     );
     assert_eq!(
         check(MheTable { solver: LmTable { iterations_max: 0, ..table().solver }, ..table() }),
-        "solver.iterations_max = 0 violates 1..=1000"
+        "solver.iterations_max = 0: expected 1..=1000"
     );
     let json = serde_json::to_string(&table()).unwrap();
     assert_eq!(serde_json::from_str::<MheTable>(&json).unwrap(), table());
@@ -336,18 +339,18 @@ fn a_carried_arrival_needs_a_prior_that_stays() {
     let table = MheTable { c_p: vec![1.0; 4], arrival: carried(3.0, 60.0), ..table() };
     assert!(check(table.clone()).is_ok());
     for (bad, message) in [
-        (MheTable { c_p: vec![0.0; 4], ..table.clone() }, "C_p[0] = 0 violates 1e-6..=1e6"),
+        (MheTable { c_p: vec![0.0; 4], ..table.clone() }, "C_p[0] = 0: expected 1e-6..=1e6"),
         (
             MheTable { shift_prior: true, ..table.clone() },
-            "shift_prior = true violates false with a carried arrival",
+            "shift_prior = true: expected false with a carried arrival",
         ),
         (
             MheTable { arrival: carried(0.0, 60.0), ..table.clone() },
-            "arrival.carried.C_0[0] = 0 violates 1e-6..=1e6",
+            "arrival.carried.C_0[0] = 0: expected 1e-6..=1e6",
         ),
         (
             MheTable { arrival: carried(3.0, f64::NAN), ..table.clone() },
-            "arrival.carried.forget_s = NaN violates finite and > 0",
+            "arrival.carried.forget_s = NaN: expected finite and > 0",
         ),
     ] {
         assert_eq!(check(bad).unwrap_err(), message);

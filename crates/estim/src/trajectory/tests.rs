@@ -47,7 +47,7 @@ fn a_box_that_lets_a_time_constant_vanish_is_refused() {
     assert_eq!(check(&p_lb), Ok(()));
     p_lb[lag::TAU_H] = -1.0;
     let error = check(&p_lb).unwrap_err().to_string();
-    assert_eq!(error, "p_lb[4] = -1 violates > 0: tau_h is positive");
+    assert_eq!(error, "p_lb[4] = -1: expected > 0: tau_h is positive");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Thesis figure 5.3: how the estimates of a bootstrap spread.
 
+use horizon_estim::NORMAL_HALF_WIDTH;
 use horizon_model::Row;
 
 use super::axis::{Axis, is_drawable};
@@ -56,7 +57,7 @@ pub fn bootstrap(title: &str, rows: &[BootstrapRow<'_>]) -> Figure {
             (Mark::Patch(BOX), "middle half of the resamples, whiskers 95 %"),
             (Mark::Dots(OUTSIDE_PX, OUTSIDE), "resamples outside"),
             (Mark::Patch(VIOLIN), "their density"),
-            (Mark::Line(LAPLACE), "Laplace, estimate +- 2 std"),
+            (Mark::Line(LAPLACE), "Laplace, 95 %"),
         ],
     );
     let names = [(BOOTSTRAP_X, "bootstrap"), (LAPLACE_X, "Laplace")];
@@ -83,9 +84,9 @@ pub fn bootstrap(title: &str, rows: &[BootstrapRow<'_>]) -> Figure {
     figure.end()
 }
 
-/// Estimate -+ 2 standard deviations, NaN without one.
+/// The central 95 % of the normal distribution around the estimate, NaN without a standard deviation.
 fn laplace_interval(row: &BootstrapRow<'_>) -> [f64; 2] {
-    let half = 2.0 * row.laplace_std.unwrap_or(f64::NAN);
+    let half = NORMAL_HALF_WIDTH * row.laplace_std.unwrap_or(f64::NAN);
     [row.estimate - half, row.estimate + half]
 }
 

@@ -7,7 +7,7 @@ use horizon_model::rows::pose;
 use horizon_model::setting::{not_negative, vector};
 use horizon_model::{Lagged, Model as _};
 
-use super::opposed::opposed;
+use super::inverted_sticks::inverted_axis;
 use super::report::FileUsed;
 use super::table::IdentFileTable;
 use crate::recordings::{self, FileSkipped, KnownFlights, Loaded};
@@ -45,7 +45,7 @@ fn without_opposed(
     let dead_time_s = vector("dead_time_s", &table.dead_time_s, &Lagged::INPUT, not_negative)?;
     let (mut kept, mut skipped) = (Vec::with_capacity(logs.len()), Vec::new());
     for log in logs {
-        match opposed(&log.recording, &dead_time_s, table.dt_s) {
+        match inverted_axis(&log.recording, &dead_time_s, table.dt_s) {
             Some(why) => skipped.push(FileSkipped { path: log.path, why }),
             None => kept.push(log),
         }

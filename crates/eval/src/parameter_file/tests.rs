@@ -57,18 +57,21 @@ fn what_breaks_a_rule_is_refused_with_its_key() {
         refusal(&move |json| *json.pointer_mut(path).unwrap() = value.clone())
     };
     for (message, part) in [
-        (set("/format", json!(2)), "format = 2 violates 1..=1"),
+        (set("/format", json!(2)), "format = 2: expected 1..=1"),
         (set("/model", json!("flying")), "unknown variant `flying`"),
         (set("/model", json!("kinematic")), "violates the parameters of kinematic"),
-        (set("/parameters/tau_h/unit", json!("m")), "parameters.tau_h.unit = \"m\" violates s"),
+        (set("/parameters/tau_h/unit", json!("m")), "parameters.tau_h.unit = \"m\": expected s"),
         (set("/parameters/tau_h/std", json!(-1.0)), "parameters.tau_h.std = -1"),
-        (set("/parameters/tau_h/lower", json!(3.0)), "parameters.tau_h.lower = 3 violates at most"),
+        (
+            set("/parameters/tau_h/lower", json!(3.0)),
+            "parameters.tau_h.lower = 3: expected at most",
+        ),
         (set("/parameters/tau_h/value", json!(null)), "parameters.tau_h.value"),
         (set("/dead_time_s", json!([0.1, 0.1, 0.1])), "4 entries (roll, pitch, yaw, throttle)"),
-        (set("/dead_time_s/1", json!(2.5)), "dead_time_s[1] = 2.5 violates 0.0..=2.0"),
+        (set("/dead_time_s/1", json!(2.5)), "dead_time_s[1] = 2.5: expected 0.0..=2.0"),
         (
             refusal(&|json| drop(json["parameters"].as_object_mut().unwrap().remove("a_max"))),
-            "parameters.a_max = nothing violates a value for each of lambda_h, ",
+            "parameters.a_max = nothing: expected a value for each of lambda_h, ",
         ),
         (
             refusal(&|json| json["parameters"]["tau_x"] = json["parameters"]["tau_h"].clone()),

@@ -63,7 +63,7 @@ impl DrawnLog {
 }
 
 fn not_written(path: &Path) -> String {
-    format!("{} is not written", path.display())
+    format!("cannot write {}", path.display())
 }
 
 #[cfg(test)]

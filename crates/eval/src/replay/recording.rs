@@ -116,7 +116,7 @@ impl Setup {
         let dt_s = table.cycle.dt_s;
         ensure!(
             (dt_s - PERIOD_S).abs() < 1e-9,
-            "cycle.dt_s = {dt_s} violates {PERIOD_S}: the period of the recordings"
+            "cycle.dt_s = {dt_s}: expected {PERIOD_S}: the period of the recordings"
         );
         Ok(Self {
             name: path.map_or_else(|| "built-in".into(), |path| path.display().to_string()),

@@ -201,7 +201,7 @@ fn link(cycle: &CycleTable, dt_s: f64, model: &str) -> Result<Option<Link>, Sett
 }
 
 /// The gate refuses what control must never ask for; within its limits control must be free, or a
-/// saturated wish would turn into neutral sticks without a word.
+/// saturated proposal would turn into neutral sticks without a word.
 fn check_gate(cycle: &CycleTable) -> Result<(), SettingError> {
     let CycleTable { gate, mpc, supervisor, .. } = cycle;
     let widest = mpc.u_lb.iter().chain(&mpc.u_ub).fold(0.0_f64, |widest, u| widest.max(u.abs()));

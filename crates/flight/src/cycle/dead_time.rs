@@ -11,14 +11,14 @@ use crate::{DeadTimeError, DeadTimeErrors, LinkTable};
 /// Estimated error from which on the dead times are corrected. periods
 const ERROR_MIN: f64 = 0.75;
 
-/// The same in its own standard deviations.
+/// Estimated error over its standard deviation from which on the dead times are corrected. 1
 const CERTAINTY_MIN: f64 = 1.0;
 
 /// A dead time that was shortened is taken back when the link goes down so often: one that is too short makes the
 /// vehicle swing, and the monitor takes the swing for outages, in which no dead time is corrected.
 const OUTAGES_MAX: u32 = 4;
 
-/// Part of the prior standard deviation below which enough commands have changed to tell a delay.
+/// Standard deviation over that of the prior below which enough commands have changed to tell a delay. 1
 const EXCITED_MAX: f64 = 0.6;
 
 /// For so long an error has to ask before the dead time becomes shorter than configured by more than so much: a gust

@@ -1,5 +1,5 @@
-//! Whether a mission fits the room, the obstacles and the vehicle: what nothing that the settings describe can fly is
-//! refused, what is more than the expected vehicle does is noted. How near to them a take-off is.
+//! Refuses missions that no vehicle within the settings can fly between walls and obstacles, and notes what the expected
+//! vehicle cannot. Also the clearance of a take-off.
 
 use horizon_model::rows::{Pose, lag, pos_w, pose, stick};
 use horizon_model::setting::SettingError;

@@ -23,10 +23,10 @@ use super::plausible::SPEED_MAX_MPS;
 use crate::commanded::inputs_w;
 
 /// Ages of the places that are compared, and of the inputs. periods
-const STANDS: usize = 6;
-const ARRIVES: usize = 10;
-const COMES: usize = 20;
-const DRIVEN: usize = 40;
+const AGE_STOPPED: usize = 6;
+const AGE_BEFORE_STOP: usize = 10;
+const AGE_APPROACH: usize = 20;
+const AGE_INPUTS: usize = 40;
 
 /// How much older than that a place may be: a source of 20 Hz has one in 2.5 periods. periods
 const LATER: usize = 2;
@@ -34,7 +34,7 @@ const LATER: usize = 2;
 /// Least speed before; slower vehicles hit nothing hard. m/s
 const SPEED_MIN_MPS: f64 = 0.9;
 /// Most of it that is left.
-const LEFT: f64 = 0.25;
+const REMAINING_SPEED_RATIO: f64 = 0.25;
 /// Least input along the motion. 1
 const INPUT_MIN: f64 = 0.05;
 /// Poses for which all this must hold: one may be an outlier.
@@ -53,7 +53,7 @@ const STEP_M: f64 = 0.05;
 pub(super) struct Impact {
     dt_s: f64,
     /// Place and applied input of a period, by its number modulo the length. m, 1
-    ring: [(Option<Vector2<f64>>, Vector2<f64>); DRIVEN + 1],
+    ring: [(Option<Vector2<f64>>, Vector2<f64>); AGE_INPUTS + 1],
     newest: usize,
     ticks: u32,
     /// Periods since a step that no vehicle makes.
@@ -66,7 +66,7 @@ pub(super) struct Impact {
 impl Impact {
     /// Nothing was seen yet. `dt_s` > 0 is the period.
     pub(super) fn new(dt_s: f64) -> Self {
-        let ring = [(None, Vector2::zeros()); DRIVEN + 1];
+        let ring = [(None, Vector2::zeros()); AGE_INPUTS + 1];
         Self { dt_s, ring, newest: 0, ticks: 0, since_jump: usize::MAX, spacing: 1, since_gap: 0 }
     }
 
@@ -98,15 +98,19 @@ impl Impact {
     }
 
     fn stops(&self) -> bool {
-        if self.since_jump <= COMES + LATER || self.since_gap < STANDS {
+        if self.since_jump <= AGE_APPROACH + LATER || self.since_gap < AGE_STOPPED {
             return false;
         }
-        let Some(velocity_w_mps) = self.velocity(ARRIVES, COMES) else { return false };
-        let Some(left_w_mps) = self.velocity(0, STANDS) else { return false };
+        let Some(velocity_w_mps) = self.velocity(AGE_BEFORE_STOP, AGE_APPROACH) else {
+            return false;
+        };
+        let Some(left_w_mps) = self.velocity(0, AGE_STOPPED) else { return false };
         let speed_mps = velocity_w_mps.norm();
         let along_w = velocity_w_mps / speed_mps.max(f64::MIN_POSITIVE);
         let is_driven = || self.ring.iter().all(|(_, u_w)| u_w.dot(&along_w) >= INPUT_MIN);
-        speed_mps >= SPEED_MIN_MPS && along_w.dot(&left_w_mps) <= LEFT * speed_mps && is_driven()
+        speed_mps >= SPEED_MIN_MPS
+            && along_w.dot(&left_w_mps) <= REMAINING_SPEED_RATIO * speed_mps
+            && is_driven()
     }
 
     /// Periods between the newest place and the one before.
@@ -125,7 +129,7 @@ impl Impact {
         let leads_back =
             |v: Vector2<f64>| -step_w.dot(&v) > (bounce_mps * time_s + BOUNCE_M) * v.norm();
         step_w.norm() > SPEED_MAX_MPS * time_s + STEP_M
-            || self.velocity(ARRIVES, COMES).is_some_and(leads_back)
+            || self.velocity(AGE_BEFORE_STOP, AGE_APPROACH).is_some_and(leads_back)
     }
 
     /// Mean velocity between two ages. m/s

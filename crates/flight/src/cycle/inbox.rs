@@ -86,7 +86,7 @@ impl Default for Inbox {
 
 /// Where in a tick the solvers are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
+pub enum TickStage {
     /// The estimator is done.
     Estimated,
     /// The controller is done.
@@ -100,7 +100,7 @@ pub trait Watch {
     fn is_late(&mut self) -> bool;
 
     /// Called when a stage is done, for the log of solve times.
-    fn mark(&mut self, stage: Stage);
+    fn mark(&mut self, stage: TickStage);
 
     /// Called once per tick when sticks and order stand, which may be before the solvers run.
     fn send(&mut self, out: &Outcome);
@@ -144,7 +144,7 @@ impl Watch for Unwatched {
         is_late
     }
 
-    fn mark(&mut self, _stage: Stage) {}
+    fn mark(&mut self, _stage: TickStage) {}
 
     fn send(&mut self, _out: &Outcome) {}
 

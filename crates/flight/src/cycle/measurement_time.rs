@@ -49,7 +49,7 @@ where
     /// oscillates where poses are three periods old. Within a period the pose is interpolated between two states,
     /// `o(t_j) = o(t) + (t_j - t) (g(s_j) - g(s_j-1)) / dt`. What is left of the error of the measurement time is its
     /// product with the velocity: 1 mm at 1 m/s and 1 ms.
-    pub(super) fn place(
+    pub(super) fn assign_to_states(
         &mut self,
         observed: Observed<{ pose::COUNT }>,
         now: TimeNs,

@@ -27,7 +27,7 @@ const REPEATED_MPS: f64 = 0.5;
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct MovingObstacle {
     /// `None`: nobody knows where it is.
-    motion: Option<Motion>,
+    motion: Option<ObstacleMotion>,
     /// The newest finite place, whether it counted or not. m
     newest_w: Option<Vector3<f64>>,
     /// Whether a moving obstacle has been repeated at that place.
@@ -35,7 +35,7 @@ pub(super) struct MovingObstacle {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Motion {
+struct ObstacleMotion {
     /// m
     pos_w: Vector3<f64>,
     /// m/s
@@ -57,7 +57,9 @@ impl MovingObstacle {
         let seen_w = seen_w.filter(|_| !self.is_stuck);
         self.motion = match self.motion {
             Some(before) => before.after(seen_w, dt_s),
-            None => seen_w.map(|pos_w| Motion { pos_w, vel_w: Vector3::zeros(), unseen_s: 0.0 }),
+            None => {
+                seen_w.map(|pos_w| ObstacleMotion { pos_w, vel_w: Vector3::zeros(), unseen_s: 0.0 })
+            }
         };
     }
 
@@ -67,7 +69,7 @@ impl MovingObstacle {
     }
 }
 
-impl Motion {
+impl ObstacleMotion {
     /// The motion after a period of `dt_s`; `None` after too long without a place that counts.
     fn after(self, seen_w: Option<Vector3<f64>>, dt_s: f64) -> Option<Self> {
         let pos_w = self.pos_w + self.vel_w * dt_s;

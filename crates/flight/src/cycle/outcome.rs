@@ -120,7 +120,7 @@ pub struct Outcome {
     /// Ticks since the plan in use was solved; `None` without a plan.
     pub plan_lag: Option<u32>,
     /// Sticks asked for by control. 1
-    pub u_wish: Sticks,
+    pub u_proposed: Sticks,
     /// Sticks that passed the gate; what the link sends.
     pub approved: Approved,
     /// Sticks that entered the FIFO. 1
@@ -171,7 +171,7 @@ impl Outcome {
             controller: None,
             clearance: None,
             plan_lag: None,
-            u_wish: Sticks::zeros(),
+            u_proposed: Sticks::zeros(),
             approved: Approved::neutral(),
             u_sent: Sticks::zeros(),
             target: Pose::zeros(),
@@ -242,12 +242,12 @@ impl Outcome {
 
     pub(super) fn decide(
         &mut self,
-        u_wish: &Sticks,
+        u_proposed: &Sticks,
         approved: Approved,
         u_sent: &Sticks,
         plan_lag: Option<u32>,
     ) {
-        self.u_wish = *u_wish;
+        self.u_proposed = *u_proposed;
         self.approved = approved;
         self.u_sent = *u_sent;
         self.plan_lag = plan_lag;

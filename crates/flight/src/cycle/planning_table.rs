@@ -130,16 +130,24 @@ mod tests {
     #[test]
     fn each_bad_value_is_refused_with_key_value_and_rule() {
         for (good, bad, refusal) in [
-            ("[0.8, 0.8, 1, 1]", "[0.8, 0.8, -1, 1]", "u_lb[2] = -1 violates below u_ub[2] = -1"),
-            ("[-0.8, -0.8, -1, -1]", "[-0.8, 0.1, -1, -1]", "u_lb[1] = 0.1 violates at most 0"),
-            ("[0.8, 0.8, 1, 1]", "[0.8, 0.8, 1, -0.1]", "u_ub[3] = -0.1 violates at least 0"),
-            ("distance\": 0.3", "distance\": 0", "max_target_distance = 0 violates finite and > 0"),
+            ("[0.8, 0.8, 1, 1]", "[0.8, 0.8, -1, 1]", "u_lb[2] = -1: expected below u_ub[2] = -1"),
+            ("[-0.8, -0.8, -1, -1]", "[-0.8, 0.1, -1, -1]", "u_lb[1] = 0.1: expected at most 0"),
+            ("[0.8, 0.8, 1, 1]", "[0.8, 0.8, 1, -0.1]", "u_ub[3] = -0.1: expected at least 0"),
+            (
+                "distance\": 0.3",
+                "distance\": 0",
+                "max_target_distance = 0: expected finite and > 0",
+            ),
             (
                 "\"p_correction\": [0, 0, 0, -0.3]",
                 "\"p_correction\": [0]",
-                "p_correction = [0.0] violates 4 entries (lambda_h, lambda_v, lambda_a, theta_0)",
+                "p_correction = [0.0]: expected 4 entries (lambda_h, lambda_v, lambda_a, theta_0)",
             ),
-            ("\"horizon_steps\": 13", "\"horizon_steps\": 0", "horizon_steps = 0 violates 1..=500"),
+            (
+                "\"horizon_steps\": 13",
+                "\"horizon_steps\": 0",
+                "horizon_steps = 0: expected 1..=500",
+            ),
         ] {
             let text = GOOD.replacen(good, bad, 1);
             assert_ne!(text, GOOD, "{good} is not in the table");

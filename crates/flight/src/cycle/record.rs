@@ -47,7 +47,7 @@ pub enum Topic {
     /// How the controller ended.
     Controller,
     /// Sticks that control asked for.
-    Wish,
+    Proposed,
     /// Sticks that were sent.
     Command,
     /// What the monitors found.
@@ -81,7 +81,7 @@ impl Topic {
             Self::Target => "/control/target",
             Self::Plan => "/control/plan",
             Self::Controller => "/control/solve",
-            Self::Wish => "/control/input",
+            Self::Proposed => "/control/input",
             Self::Command => "/tello/command",
             Self::Monitor => "/supervisor/monitor",
             Self::Phase => "/supervisor/phase",
@@ -108,7 +108,7 @@ impl Topic {
             Self::Estimator | Self::Controller => "Solve",
             Self::Target => "Target",
             Self::Plan => "Plan",
-            Self::Wish | Self::Command => "Sticks",
+            Self::Proposed | Self::Command => "Sticks",
             Self::Monitor => "Monitor",
             Self::Phase => "Phase",
             Self::Fault => "Fault",
@@ -129,7 +129,7 @@ impl Topic {
             Self::Estimator | Self::Controller => schema_for!(SolveRecord),
             Self::Target => schema_for!(TargetRecord),
             Self::Plan => schema_for!(PlanRecord<'_>),
-            Self::Wish | Self::Command => schema_for!(SticksRecord),
+            Self::Proposed | Self::Command => schema_for!(SticksRecord),
             Self::Monitor => schema_for!(MonitorRecord),
             Self::Phase => schema_for!(PhaseRecord),
             Self::Fault => schema_for!(FaultRecord),
@@ -190,7 +190,7 @@ impl Outcome {
             sink.put(Topic::Plan, &PlanRecord { step, lag: self.plan_lag, sticks: &self.plan })?;
         }
         put_solve(sink, Topic::Controller, step, (self.controller.as_ref(), self.clearance))?;
-        sink.put(Topic::Wish, &SticksRecord::new(step, &self.u_wish))?;
+        sink.put(Topic::Proposed, &SticksRecord::new(step, &self.u_proposed))?;
         sink.put(Topic::Command, &SticksRecord::new(step, &self.u_sent))?;
         if let Some(findings) = self.findings {
             sink.put(Topic::Monitor, &MonitorRecord { step, findings })?;

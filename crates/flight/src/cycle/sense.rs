@@ -71,7 +71,7 @@ where
             o = filtered.o;
         }
         let observed = self.usable_rows(o?, is_position_new, is_heading_new);
-        Some(self.place(observed, inbox.now, [is_position_new, is_heading_new]))
+        Some(self.assign_to_states(observed, inbox.now, [is_position_new, is_heading_new]))
     }
 
     /// The filter's verdict on `sighting`, the first one of its tick or a further one.

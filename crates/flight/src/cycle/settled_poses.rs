@@ -73,8 +73,9 @@ impl StandingStart {
         Ok(Self { table, first: None, count: 0, is_settled: false, contradicted_since: None })
     }
 
-    /// Takes a raw pose of the vehicle on the ground. Whether it contradicts the ones before: then the
-    /// filter has to begin anew.
+    /// Takes a raw pose of the vehicle on the ground. Returns whether it contradicts the ones before: then the filter
+    /// has to begin anew.
+    #[must_use]
     pub(super) fn observe(&mut self, raw: &Pose, at: TimeNs) -> bool {
         let agrees = self.first.is_some_and(|(first, _)| {
             let apart_w = raw - first;
@@ -94,8 +95,9 @@ impl StandingStart {
         false
     }
 
-    /// Takes a raw heading of a flight that began in the air, where nothing has to settle first. Whether it
-    /// has contradicted the estimate `theta_hat_rad` for so long that the estimate began with a false one.
+    /// Takes a raw heading of a flight that began in the air, where nothing has to settle first. Returns whether
+    /// headings have contradicted the estimate `theta_hat_rad` for so long that the estimate began with a false one.
+    #[must_use]
     pub(super) fn observe_in_flight(
         &mut self,
         theta_rad: f64,
@@ -150,9 +152,9 @@ mod tests {
     fn a_bad_value_is_refused_with_its_key() {
         let good = StandingTable::default();
         for (table, refusal) in [
-            (StandingTable { for_s: 0.0, ..good }, "for_s = 0 violates 0.1..=10.0"),
-            (StandingTable { distance_m: 2.0, ..good }, "distance_m = 2 violates 0.001..=1.0"),
-            (StandingTable { turn_rad: f64::NAN, ..good }, "turn_rad = NaN violates 0.001..=3.0"),
+            (StandingTable { for_s: 0.0, ..good }, "for_s = 0: expected 0.1..=10.0"),
+            (StandingTable { distance_m: 2.0, ..good }, "distance_m = 2: expected 0.001..=1.0"),
+            (StandingTable { turn_rad: f64::NAN, ..good }, "turn_rad = NaN: expected 0.001..=3.0"),
         ] {
             assert_eq!(StandingStart::new(table).unwrap_err().to_string(), refusal);
         }
@@ -163,7 +165,7 @@ mod tests {
     fn few_poses_are_no_agreement() {
         let mut start = standing();
         for k in 0..9 {
-            start.observe(&HERE, TimeNs(0).after(SpanNs::from_ms(400 * k)));
+            assert!(!start.observe(&HERE, TimeNs(0).after(SpanNs::from_ms(400 * k))));
         }
         assert!(!start.is_settled());
     }

@@ -15,10 +15,10 @@ fn cycle() -> LaggedCycle {
     build::cycle(Lagged::default(), &table()).unwrap()
 }
 
-/// What the pilot wishes, and what the gate lets through.
+/// What the pilot proposes, and what the gate lets through.
 fn steer(cycle: &mut LaggedCycle, pilot: Option<Pilot>, inbox: &Inbox) -> (Sticks, Approved) {
-    let u_wish = cycle.wish(pilot, inbox);
-    (u_wish, cycle.pass_gate(pilot, &u_wish, inbox))
+    let u_proposed = cycle.proposed_sticks(pilot, inbox);
+    (u_proposed, cycle.pass_gate(pilot, &u_proposed, inbox))
 }
 
 #[test]
@@ -85,8 +85,8 @@ fn in_an_outage_the_sticks_of_the_controller_are_limited_and_those_of_a_person_a
     assert!((0.5 * limit..limit + 1e-3).contains(&largest_down), "{largest_down}");
     assert!(!cycle.link_is_up());
     let inbox = Inbox { manual: Some([0.9; stick::COUNT]), ..inbox };
-    let wished = (0..20).map(|_| steer(&mut cycle, Some(Pilot::Person), &inbox).0).last();
-    assert_eq!(wished, Some(Sticks::repeat(0.9)));
+    let proposed = (0..20).map(|_| steer(&mut cycle, Some(Pilot::Person), &inbox).0).last();
+    assert_eq!(proposed, Some(Sticks::repeat(0.9)));
 }
 
 #[test]
@@ -103,8 +103,8 @@ fn the_sticks_of_the_controller_pass_on_a_fresh_pose_only() {
         cycle.memory.heading_at = cycle.memory.position_at;
         let mut inbox = Inbox::new();
         inbox.open(0, now);
-        let (u_wish, approved) = steer(&mut cycle, Some(Pilot::Controller), &inbox);
-        assert!(u_wish.amax() > 0.1, "{u_wish}");
+        let (u_proposed, approved) = steer(&mut cycle, Some(Pilot::Controller), &inbox);
+        assert!(u_proposed.amax() > 0.1, "{u_proposed}");
         assert_eq!(approved != Approved::neutral(), passes, "{pose_age_ns:?}");
     }
 }

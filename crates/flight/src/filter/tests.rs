@@ -131,16 +131,16 @@ fn missing_samples_widen_both_limits() {
 fn a_bad_setting_is_named() {
     let bad = FilterTable { vertical_base_m: f64::NAN, ..table() };
     let error = FilterSettings::try_from(&bad).unwrap_err();
-    assert_eq!(error.to_string(), "vertical_base_m = NaN violates 0.01..=5.0");
+    assert_eq!(error.to_string(), "vertical_base_m = NaN: expected 0.01..=5.0");
     let in_degrees = FilterTable { angle_base_rad: 8.6, ..table() };
     let error = FilterSettings::try_from(&in_degrees).unwrap_err();
-    assert_eq!(error.to_string(), "angle_base_rad = 8.6 violates 0.01..=3.15");
+    assert_eq!(error.to_string(), "angle_base_rad = 8.6: expected 0.01..=3.15");
     let in_millimetres = FilterTable { horizontal_growth_m: 100.0, ..table() };
     let error = FilterSettings::try_from(&in_millimetres).unwrap_err();
-    assert_eq!(error.to_string(), "horizontal_growth_m = 100 violates 0.0..=1.0");
+    assert_eq!(error.to_string(), "horizontal_growth_m = 100: expected 0.0..=1.0");
     let wide = FilterTable { origin_m: 0.5, ..table() };
     let error = FilterSettings::try_from(&wide).unwrap_err();
-    assert_eq!(error.to_string(), "origin_m = 0.5 violates 0.0..=0.1");
+    assert_eq!(error.to_string(), "origin_m = 0.5: expected 0.0..=0.1");
 }
 
 #[test]

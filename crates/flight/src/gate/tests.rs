@@ -44,12 +44,12 @@ fn every_age_and_value_on_every_axis_passes_or_is_neutral() {
         for axis in 0..stick::COUNT {
             for value in values() {
                 for (age_s, is_fresh) in AGES {
-                    let mut u_wish = Sticks::from_element(0.125 * stick_max);
-                    u_wish[axis] = value;
-                    let u = gate.pass(&u_wish, age_s).sticks();
-                    // Independently of the gate: the wish may round to the limit, not beyond.
+                    let mut u_proposed = Sticks::from_element(0.125 * stick_max);
+                    u_proposed[axis] = value;
+                    let u = gate.pass(&u_proposed, age_s).sticks();
+                    // Independently of the gate: the proposal may round to the limit, not beyond.
                     let is_within = value.abs() <= stick_max + 0.5 / 660.0 - 1e-9;
-                    let expected = if is_fresh && is_within { u_wish } else { Sticks::zeros() };
+                    let expected = if is_fresh && is_within { u_proposed } else { Sticks::zeros() };
                     let gap = amax(&(u - expected));
                     assert!(
                         gap <= 0.5 / 660.0 + 1e-12,
@@ -76,9 +76,9 @@ fn what_passes_is_a_whole_number_of_wire_steps() {
 fn what_passes_to_the_text_sdk_is_a_whole_number_of_its_steps() {
     let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: STALE_S }, Protocol::Text).unwrap();
     for value in values().into_iter().filter(|value| value.abs() <= 1.0) {
-        let u_wish = Sticks::new(value, -value, value, value);
-        let u = gate.pass(&u_wish, Some(0.0)).sticks();
-        assert!(amax(&(u - u_wish)) <= 0.005 + 1e-12, "{value} became {u}");
+        let u_proposed = Sticks::new(value, -value, value, value);
+        let u = gate.pass(&u_proposed, Some(0.0)).sticks();
+        assert!(amax(&(u - u_proposed)) <= 0.005 + 1e-12, "{value} became {u}");
         let steps = u[stick::ROLL] * 100.0;
         assert!((steps - steps.round()).abs() < 1e-9, "{value} became {u}");
     }
@@ -98,19 +98,19 @@ fn the_gesture_that_stops_the_motors_never_passes() {
     let (roll, pitch, yaw, throttle) = (stick::ROLL, stick::PITCH, stick::YAW, stick::THROTTLE);
     let mut cut = 0;
     for at in 0..values.len().pow(4) {
-        let u_wish = Sticks::from_fn(|row, _| {
+        let u_proposed = Sticks::from_fn(|row, _| {
             values[at / values.len().pow(row.try_into().unwrap()) % values.len()]
         });
-        let u = gate(1.0).pass(&u_wish, Some(0.0)).sticks();
-        assert_eq!(gate(1.0).pass_manual(&u_wish).sticks(), u);
-        let is_far = |row: usize| u_wish[row].abs() > 0.75;
-        let is_down = u_wish[pitch] < 0.0 && u_wish[throttle] < 0.0;
-        let mut expected = u_wish;
+        let u = gate(1.0).pass(&u_proposed, Some(0.0)).sticks();
+        assert_eq!(gate(1.0).pass_manual(&u_proposed).sticks(), u);
+        let is_far = |row: usize| u_proposed[row].abs() > 0.75;
+        let is_down = u_proposed[pitch] < 0.0 && u_proposed[throttle] < 0.0;
+        let mut expected = u_proposed;
         if is_down && [roll, pitch, yaw, throttle].into_iter().all(is_far) {
-            expected[yaw] = 0.5 * u_wish[yaw].signum();
+            expected[yaw] = 0.5 * u_proposed[yaw].signum();
             cut += 1;
         }
-        assert!(amax(&(u - expected)) <= 0.5 / 660.0 + 1e-12, "{u_wish} became {u}");
+        assert!(amax(&(u - expected)) <= 0.5 / 660.0 + 1e-12, "{u_proposed} became {u}");
     }
     assert_eq!(cut, 3 * 3 * 6 * 6, "three values back and down, six to the sides");
 }
@@ -135,9 +135,9 @@ fn nonsense_limits_are_refused() {
     let refusal = |stick_max, stale_s| {
         Gate::new(&GateTable { stick_max, stale_s }, Protocol::Binary).unwrap_err().to_string()
     };
-    assert_eq!(refusal(1.1, 0.1), "stick_max = 1.1 violates 0.0..=1.0");
-    assert_eq!(refusal(f64::NAN, 0.1), "stick_max = NaN violates 0.0..=1.0");
-    assert_eq!(refusal(1.0, 0.0), "stale_s = 0 violates 0.01..=2.0");
-    assert_eq!(refusal(1.0, 2.5), "stale_s = 2.5 violates 0.01..=2.0");
-    assert_eq!(refusal(1.0, f64::INFINITY), "stale_s = inf violates 0.01..=2.0");
+    assert_eq!(refusal(1.1, 0.1), "stick_max = 1.1: expected 0.0..=1.0");
+    assert_eq!(refusal(f64::NAN, 0.1), "stick_max = NaN: expected 0.0..=1.0");
+    assert_eq!(refusal(1.0, 0.0), "stale_s = 0: expected 0.01..=2.0");
+    assert_eq!(refusal(1.0, 2.5), "stale_s = 2.5: expected 0.01..=2.0");
+    assert_eq!(refusal(1.0, f64::INFINITY), "stale_s = inf: expected 0.01..=2.0");
 }

@@ -53,7 +53,7 @@ pub fn parse_csv(text: &str) -> Result<Vec<[f64; TIMED_COUNT]>, CsvErrors> {
         let before = errors.len();
         let fields = numbers(text, line, &mut errors);
         if let Some((column, t_s)) = fields.first().filter(|(_, t_s)| *t_s <= before_s) {
-            let text = format!("t = {t_s} violates above the time before, {before_s}");
+            let text = format!("t = {t_s}: expected above the time before, {before_s}");
             errors.push(CsvError { line, column: *column, text });
         }
         before_s = fields.first().map_or(before_s, |(_, t_s)| t_s.max(before_s));
@@ -120,7 +120,7 @@ mod tests {
         assert_eq!(after("1,2,NaN,4,5"), "line 4, column 5: `NaN` is no finite number");
         assert_eq!(after("1,2,,4,5"), "line 4, column 5: `` is no finite number");
         assert_eq!(after("up,-1,3,4,5"), "line 4, column 1: `up` is no finite number");
-        let time = "line 4, column 1: t = 0 violates above the time before, 0";
+        let time = "line 4, column 1: t = 0: expected above the time before, 0";
         assert_eq!(after("0,2,3,4,5"), time);
         let all =
             "line 5, column 3: `a` is no finite number; line 5, column 7: `b` is no finite number";

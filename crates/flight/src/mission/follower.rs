@@ -33,7 +33,7 @@ const STANDSTILL_MPS: f64 = 1e-3;
 
 /// What the reference does.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Stage {
+enum FollowStage {
     /// Stands at the first waypoint; it is not known yet where the vehicle is.
     Unplaced,
     /// Leads the vehicle to the first waypoint.
@@ -51,7 +51,7 @@ enum Stage {
 
 /// Where on the trajectory the reference is.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Phase {
+struct PathTime {
     /// Time on the trajectory. s
     at_s: f64,
     /// How fast that time runs. 1, 0..=1
@@ -59,7 +59,7 @@ struct Phase {
 }
 
 /// At the beginning, at full pace.
-const START: Phase = Phase { at_s: 0.0, pace: 1.0 };
+const START: PathTime = PathTime { at_s: 0.0, pace: 1.0 };
 
 /// A reference along a trajectory.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,8 +72,8 @@ pub(super) struct Follower {
     limits: Limits,
     dt_s: f64,
     settle_periods: usize,
-    stage: Stage,
-    phase: Phase,
+    stage: FollowStage,
+    time: PathTime,
     /// Pace that the lag of the vehicle allows.
     pace_max: f64,
     /// Node up to which the vehicle has come.
@@ -105,8 +105,8 @@ impl Follower {
             limits,
             dt_s,
             settle_periods,
-            stage: Stage::Unplaced,
-            phase: START,
+            stage: FollowStage::Unplaced,
+            time: START,
             pace_max: 1.0,
             passed: 0,
             reached: 0,
@@ -119,13 +119,13 @@ impl Follower {
             return;
         }
         match self.stage {
-            Stage::Unplaced => self.approach(pose_hat, self.carrot(pose_hat)),
-            Stage::Approach(carrot) => self.approach(pose_hat, self.led(carrot, pose_hat)),
-            Stage::Settle { left } => self.settle(pose_hat, left),
-            Stage::Run => self.run(pose_hat),
-            Stage::Return(carrot) => {
+            FollowStage::Unplaced => self.approach(pose_hat, self.carrot(pose_hat)),
+            FollowStage::Approach(carrot) => self.approach(pose_hat, self.led(carrot, pose_hat)),
+            FollowStage::Settle { left } => self.settle(pose_hat, left),
+            FollowStage::Run => self.run(pose_hat),
+            FollowStage::Return(carrot) => {
                 let carrot = self.led(carrot, pose_hat);
-                self.stage = Stage::Return(carrot);
+                self.stage = FollowStage::Return(carrot);
                 if carrot.is_arrived() && self.is_at_next(pose_hat) {
                     self.set_off_again();
                 }
@@ -147,7 +147,7 @@ impl Follower {
 
     /// Settling begins where the vehicle is close enough, `carrot` arrived or not.
     fn approach(&mut self, pose_hat: &Pose, carrot: Carrot) {
-        self.stage = Stage::Approach(carrot);
+        self.stage = FollowStage::Approach(carrot);
         if self.first_distance(pose_hat) <= self.follow.start.within {
             self.settle(pose_hat, self.settle_periods);
         }
@@ -167,22 +167,22 @@ impl Follower {
     fn settle(&mut self, pose_hat: &Pose, left: usize) {
         self.stage = match left.checked_sub(1) {
             _ if self.first_distance(pose_hat) > self.settle_leave() => {
-                Stage::Approach(self.carrot(pose_hat))
+                FollowStage::Approach(self.carrot(pose_hat))
             }
-            Some(left) => Stage::Settle { left },
+            Some(left) => FollowStage::Settle { left },
             None => {
                 self.reached = 1;
-                Stage::Run
+                FollowStage::Run
             }
         };
     }
 
     fn run(&mut self, pose_hat: &Pose) {
-        self.phase = self.after(self.phase, self.pace_max);
-        let now = self.path.trajectory.node_before(self.phase.at_s);
+        self.time = self.after(self.time, self.pace_max);
+        let now = self.path.trajectory.node_before(self.time.at_s);
         let between = (self.passed..=now).rev();
         self.passed = self.path.trajectory.nearest(between, pose_hat).unwrap_or(self.passed);
-        let lag_m = self.path.trajectory.arc_at_m(self.phase.at_s)
+        let lag_m = self.path.trajectory.arc_at_m(self.time.at_s)
             - self.path.trajectory.arc_beside_m(self.passed, pose_hat);
         let aside_m = self.path.trajectory.aside_m(self.passed, pose_hat);
         let aside_pace = self.follow.wait.aside_m.map_or(1.0, |ends_m| falling(aside_m, ends_m));
@@ -193,7 +193,7 @@ impl Follower {
         if self.is_at_next(pose_hat) {
             self.reached += 1;
         } else if self.has_missed_next() {
-            self.stage = Stage::Return(self.carrot(pose_hat));
+            self.stage = FollowStage::Return(self.carrot(pose_hat));
         }
     }
 
@@ -205,7 +205,7 @@ impl Follower {
     /// Whether the vehicle is within reach of the next waypoint, and that counts already.
     fn is_at_next(&self, pose_hat: &Pose) -> bool {
         let next = self.next();
-        self.phase.at_s >= next.counts_from_s
+        self.time.at_s >= next.counts_from_s
             && pose_distance(&next.pose, pose_hat) <= self.follow.reach
     }
 
@@ -214,7 +214,7 @@ impl Follower {
     fn has_missed_next(&self) -> bool {
         let is_last = self.reached + 1 == self.path.waypoints.len();
         let is_past = self.passed >= self.next().leave;
-        !is_last && (is_past || self.phase.at_s >= self.path.trajectory.end_s())
+        !is_last && (is_past || self.time.at_s >= self.path.trajectory.end_s())
     }
 
     /// From the missed waypoint, which is reached now, on along the trajectory from rest. A vehicle that has missed one
@@ -227,7 +227,7 @@ impl Follower {
         let node = self.next().node;
         self.place_at(node, self.path.trajectory.nodes()[node].at_s, 0.0);
         self.reached += 1;
-        self.stage = Stage::Run;
+        self.stage = FollowStage::Run;
     }
 
     /// See [`super::Mission::resume`].
@@ -237,16 +237,16 @@ impl Follower {
             return;
         }
         match self.stage {
-            Stage::Unplaced | Stage::Settle { .. } => {}
-            Stage::Approach(_) => self.stage = Stage::Approach(self.carrot(pose_hat)),
-            Stage::Return(_) => self.stage = Stage::Return(self.carrot(pose_hat)),
-            Stage::Run => self.resume_run(pose_hat, velocity_hat),
+            FollowStage::Unplaced | FollowStage::Settle { .. } => {}
+            FollowStage::Approach(_) => self.stage = FollowStage::Approach(self.carrot(pose_hat)),
+            FollowStage::Return(_) => self.stage = FollowStage::Return(self.carrot(pose_hat)),
+            FollowStage::Run => self.resume_run(pose_hat, velocity_hat),
         }
     }
 
     /// Goes to the place on the trajectory that is nearest to the vehicle.
     fn resume_run(&mut self, pose_hat: &Pose, velocity_hat: &Pose) {
-        let now = self.path.trajectory.node_before(self.phase.at_s);
+        let now = self.path.trajectory.node_before(self.time.at_s);
         let mut first = self.path.waypoints[self.reached - 1].node.min(self.passed);
         while self.path.way_m(first, self.passed) > RESUME_WINDOW_M {
             first += 1;
@@ -263,26 +263,26 @@ impl Follower {
         let speed2 = vel_w.norm_squared();
         let along = vel_w.dot(&velocity_hat.fixed_rows::<3>(pose::X));
         let pace = if speed2 < STANDSTILL_MPS.powi(2) { 1.0 } else { along / speed2 };
-        let at_s = if node == now { self.phase.at_s } else { found.at_s };
+        let at_s = if node == now { self.time.at_s } else { found.at_s };
         self.place_at(node, at_s, pace.clamp(0.0, 1.0));
     }
 
     /// Puts the reference to `at_s`, the vehicle beside `node`.
     fn place_at(&mut self, node: usize, at_s: f64, pace: f64) {
-        self.phase = Phase { at_s, pace };
+        self.time = PathTime { at_s, pace };
         self.passed = node;
         self.pace_max = 1.0;
     }
 
-    /// The phase one period later.
-    fn after(&self, phase: Phase, pace_max: f64) -> Phase {
-        let pace = if phase.pace < pace_max {
-            let growth = self.pace_growth(&self.path.trajectory.at(phase.at_s), phase.pace);
-            (phase.pace + self.dt_s * growth).min(pace_max)
+    /// The time one period later.
+    fn after(&self, time: PathTime, pace_max: f64) -> PathTime {
+        let pace = if time.pace < pace_max {
+            let growth = self.pace_growth(&self.path.trajectory.at(time.at_s), time.pace);
+            (time.pace + self.dt_s * growth).min(pace_max)
         } else {
             pace_max
         };
-        Phase { at_s: (phase.at_s + self.dt_s * pace).min(self.path.trajectory.end_s()), pace }
+        PathTime { at_s: (time.at_s + self.dt_s * pace).min(self.path.trajectory.end_s()), pace }
     }
 
     /// Largest growth of `pace` with which the reference keeps its acceleration. 1/s
@@ -302,29 +302,29 @@ impl Follower {
 
     /// See [`super::Mission::fill`].
     pub(super) fn fill(&self, first_ahead: usize, stages: &[u32], refs: &mut [Reference]) {
-        let (mut standing, mut phase) = match self.stage {
-            Stage::Unplaced => return refs.fill(Reference::at_rest(self.next().pose)),
-            Stage::Approach(carrot) | Stage::Return(carrot) => {
+        let (mut standing, mut time) = match self.stage {
+            FollowStage::Unplaced => return refs.fill(Reference::at_rest(self.next().pose)),
+            FollowStage::Approach(carrot) | FollowStage::Return(carrot) => {
                 return carrot.fill(first_ahead, stages, self.dt_s, refs);
             }
             // The last period of settling is spent at the beginning of the path, too.
-            Stage::Settle { left } => (left + 1, START),
-            Stage::Run => (0, self.phase),
+            FollowStage::Settle { left } => (left + 1, START),
+            FollowStage::Run => (0, self.time),
         };
         let mut advance = || {
             if standing > 0 {
                 standing -= 1;
             } else {
-                phase = self.after(phase, self.pace_max);
+                time = self.after(time, self.pace_max);
             }
-            phase
+            time
         };
         for _ in 0..first_ahead {
             advance();
         }
         for (entry, steps) in refs.iter_mut().zip(stages) {
-            if let Some(phase) = (0..*steps).map(|_| advance()).last() {
-                *entry = self.reference(phase);
+            if let Some(time) = (0..*steps).map(|_| advance()).last() {
+                *entry = self.reference(time);
             }
         }
     }
@@ -332,10 +332,10 @@ impl Follower {
     /// The reference of now; `None` before the vehicle was seen.
     pub(super) fn now(&self) -> Option<Reference> {
         match self.stage {
-            Stage::Unplaced => None,
-            Stage::Approach(carrot) | Stage::Return(carrot) => Some(carrot.reference()),
-            Stage::Settle { .. } => Some(self.reference(START)),
-            Stage::Run => Some(self.reference(self.phase)),
+            FollowStage::Unplaced => None,
+            FollowStage::Approach(carrot) | FollowStage::Return(carrot) => Some(carrot.reference()),
+            FollowStage::Settle { .. } => Some(self.reference(START)),
+            FollowStage::Run => Some(self.reference(self.time)),
         }
     }
 
@@ -344,9 +344,9 @@ impl Follower {
         self.follow.start.settle_s + self.path.trajectory.end_s()
     }
 
-    fn reference(&self, phase: Phase) -> Reference {
-        let at = self.path.trajectory.at(phase.at_s);
-        Reference { pose: at.pose, rate: phase.pace * at.rate }
+    fn reference(&self, time: PathTime) -> Reference {
+        let at = self.path.trajectory.at(time.at_s);
+        Reference { pose: at.pose, rate: time.pace * at.rate }
     }
 
     /// The waypoint to reach, the last one when all are reached.
@@ -364,7 +364,7 @@ impl Follower {
 
     /// See [`super::Mission::is_returning`].
     pub(super) fn is_returning(&self) -> bool {
-        matches!(self.stage, Stage::Return(_))
+        matches!(self.stage, FollowStage::Return(_))
     }
 
     pub(super) fn is_finished(&self) -> bool {

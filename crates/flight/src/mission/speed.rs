@@ -11,21 +11,23 @@ use crate::cycle::{FlightTable, ModelKind};
 /// The speed at which a mission is flown as it is written. 1
 pub const SPEED_AS_WRITTEN: f64 = 0.5;
 
-/// Of the acceleration limit along straight sides and in their corners, which are short: the rest corrects.
+/// Fraction of the acceleration limit used on straight sides and in their corners; the rest is for corrections. 1
 const ACCEL_FRACTION: f64 = 0.946;
 
-/// The same on a curve, where it is needed all the time.
+/// Fraction of the acceleration limit used on curves, where it is needed all the time. 1
 const CURVE_FRACTION: f64 = 0.654;
 
-/// To it, where the speed rises. A vehicle that cannot keep up there is late, but not off the path.
+/// Acceleration where the speed rises over the acceleration limit. A vehicle that cannot keep up there is late, but
+/// not off the path. 1
 const SPEED_UP_RATIO: f64 = 3.0;
 
-/// Of the reach: how far from an inner waypoint the path passes. The rest is the vehicle's error.
+/// Distance of the path from an inner waypoint over the reach; the rest is for the vehicle's error. 1
 const CORNER_FRACTION: f64 = 0.6;
 
 /// Where a reference slows down and stands for a vehicle that is late: early, since it may be late because it
 /// is weaker than its parameters say, and has yet to brake for the corner. m
-const WAIT_M: (f64, f64) = (0.03, 0.3);
+const WAIT_BEGIN_M: f64 = 0.03;
+const WAIT_STOP_M: f64 = 0.3;
 
 /// On a curve: how far beside it the reference slows down and stands. A vehicle that is weaker than its parameters say
 /// is carried out of a curve; the slower reference asks for less.
@@ -79,8 +81,8 @@ impl FlightTable {
             *speed_up_max_mps2 = Some(toward(speed_up_mps2, SPEED_UP_RATIO * fastest.accel_mps2));
             *speed_max_mps = toward(*speed_max_mps, fastest.speed_mps);
             *accel_max_mps2 = toward(*accel_max_mps2, fraction * fastest.accel_mps2);
-            wait.begin_m = toward(wait.begin_m, WAIT_M.0);
-            wait.stop_m = toward(wait.stop_m, WAIT_M.1);
+            wait.begin_m = toward(wait.begin_m, WAIT_BEGIN_M);
+            wait.stop_m = toward(wait.stop_m, WAIT_STOP_M);
         }
         *accel_max_mps2 *= pace * pace;
         *speed_up_max_mps2 = speed_up_max_mps2.map(|accel_mps2| accel_mps2 * pace * pace);

@@ -90,9 +90,9 @@ struct SincePose {
 /// One period of the motion.
 #[derive(Debug, Clone, Copy, Default)]
 struct Velocities {
-    /// That the inputs ask for, after the lag, over the gain. 1
+    /// Velocity that the inputs ask for, after the lag, over the gain. 1
     v_u_w: Complex<f64>,
-    /// That the poses show. m/s
+    /// Velocity that the poses show. m/s
     v_o_w: Complex<f64>,
 }
 

@@ -15,7 +15,7 @@ const SPEED_FORGET_S: f64 = 4.0;
 /// Displacement by the drone that counts. m
 const FLOWN_MIN_M: f64 = 0.6;
 /// Displacement by the drone over that by the inputs if the drone is a witness.
-const FIT: std::ops::RangeInclusive<f64> = 0.4..=2.5;
+const WITNESS_RATIO: std::ops::RangeInclusive<f64> = 0.4..=2.5;
 /// Turn of the inputs' axes that does not count: that of the vehicle's own axes in the body of the mocap. rad
 const TURN_RAD: f64 = 0.785;
 /// Difference between displacements or speeds by poses and by drone that does not count: a fraction of the drone's
@@ -24,7 +24,7 @@ const TOLERANCE: f64 = 0.25;
 const TOLERANCE_MPS: f64 = 0.1;
 /// Error of the drone's velocity that shows nothing, beside that tolerance: with it less than the 0.08 m/s of
 /// `velocity.rs` is needed. m/s
-const OWN_ERROR_MPS: f64 = 0.05;
+const DISPLACEMENT_DRIFT_MPS: f64 = 0.05;
 /// Time constant of the low-pass filter of both velocities before their speeds are compared: what their ages, which are
 /// found to 0.1 s, still differ by makes a small difference. s
 const SPEED_TAU_S: f64 = 0.4;
@@ -68,7 +68,8 @@ impl Displacements {
         dt_s: f64,
     ) {
         let keep = (-dt_s / FORGET_S).exp();
-        let remember = |displacement_m| shortened(displacement_m * keep, OWN_ERROR_MPS * dt_s);
+        let remember =
+            |displacement_m| shortened(displacement_m * keep, DISPLACEMENT_DRIFT_MPS * dt_s);
         let keep_difference = (-dt_s / SPEED_FORGET_S).exp();
         let smooth = 1.0 - (-dt_s / SPEED_TAU_S).exp();
         self.followed_w_mps += (asked_w_mps - self.followed_w_mps) * (1.0 - decay(dt_s));
@@ -103,8 +104,9 @@ impl Displacements {
             let flown_m = self.flown_d_m[frame].norm();
             // A drone whose unit is another differs from the inputs more than the poses do.
             let is_nearer = (flown_m - inputs_m).abs() <= (poses_m - inputs_m).abs();
-            let is_witness =
-                flown_m >= FLOWN_MIN_M && FIT.contains(&(flown_m / inputs_m)) && is_nearer;
+            let is_witness = flown_m >= FLOWN_MIN_M
+                && WITNESS_RATIO.contains(&(flown_m / inputs_m))
+                && is_nearer;
             let difference_m = (poses_m - flown_m).abs() - TOLERANCE * flown_m;
             is_witness.then(|| difference_m.max(drone.difference_m))
         };

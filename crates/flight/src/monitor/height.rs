@@ -15,7 +15,7 @@ const FORGET_S: f64 = 30.0;
 /// Limit of the difference since the take-off over that of what is not forgotten.
 const WHOLE_FLIGHT: f64 = 1.5;
 /// Rise that shows that the drone reports its height. m
-const RISE_MIN_M: f64 = 0.3;
+const WITNESS_RISE_M: f64 = 0.3;
 
 /// Change of the drone's height from one report to the next, 0.1 s later, that is none of the vehicle: 3.5 m/s. The
 /// poses move by less. m
@@ -101,13 +101,13 @@ impl HeightMonitor {
         self.unseen_s = 0.0;
         self.floor_m += self.floor_step_m(z_m, height_m);
         let rise_m = z_m - self.ground_level_m - ground_m;
-        let is_first = !self.is_witness && height_m - ground_m >= RISE_MIN_M;
+        let is_first = !self.is_witness && height_m - ground_m >= WITNESS_RISE_M;
         self.is_witness |= is_first;
         if !self.is_witness {
             return (Agreement::Unknown, 0.0);
         }
         let offset_m = z_m - height_m - level_m;
-        let is_offset = is_first && rise_m >= RISE_MIN_M && offset_m.abs() <= OFFSET_MAX_M;
+        let is_offset = is_first && rise_m >= WITNESS_RISE_M && offset_m.abs() <= OFFSET_MAX_M;
         let shift_m = if is_offset { offset_m } else { 0.0 };
         let level_m = level_m + shift_m;
         self.ground_level_m += shift_m;
@@ -132,7 +132,7 @@ impl HeightMonitor {
     fn floor_step_m(&mut self, z_m: f64, height_m: f64) -> f64 {
         let Some((z_before_m, before_m)) = self.before.replace((z_m, height_m)) else { return 0.0 };
         if height_m.total_cmp(&before_m).is_eq() {
-            // Not a new one.
+            // The report has not changed: the pair before stays.
             self.before = Some((z_before_m, before_m));
             return 0.0;
         }
@@ -256,7 +256,7 @@ mod tests {
 
     #[test]
     fn a_drone_is_a_witness_from_the_least_rise_on_and_stays_one() {
-        let rise_m = 0.25 + RISE_MIN_M;
+        let rise_m = 0.25 + WITNESS_RISE_M;
         for (height_m, expected) in [
             (rise_m - 1e-9, Agreement::Unknown),
             (rise_m + 1e-9, Agreement::Agrees),

@@ -28,7 +28,7 @@ const NEWEST: usize = 0;
 /// Error of the drone's velocity that shows nothing. Real flights drift by 0.07 to 0.08 m/s (standard deviation per
 /// axis, for 1.2 s): an error of that size, or of 0.05 m/s for 8 s, lands one simulated flight of 60 s in a hundred at
 /// most. m/s
-const OWN_ERROR_MPS: f64 = 0.08;
+const VELOCITY_DRIFT_MPS: f64 = 0.08;
 
 /// Displacement of poses beyond that of a vehicle which is faster by so much than the drone reports: another body's, or
 /// an outlier. One of 0.2 m in a period outweighs the motion of a flight. m/s
@@ -81,7 +81,7 @@ struct PoseStep {
 
 /// One period of the motion.
 #[derive(Debug, Clone, Copy)]
-struct Motion {
+struct MotionSample {
     /// Displacement by the poses. m
     moved_w_m: Complex<f64>,
     /// Time that it took. s
@@ -92,7 +92,7 @@ struct Motion {
     is_pose: bool,
 }
 
-impl Motion {
+impl MotionSample {
     /// Whether the poses have moved further than any vehicle.
     fn is_step(&self) -> bool {
         let most_mps = self.seen_d_mps[FIXED].norm() + STEP_MPS;
@@ -146,7 +146,7 @@ impl VelocityMonitor {
         let mut motions = [None; AGES_S.len()];
         for ((age, moved), motion) in self.ages.iter_mut().zip(&moved).zip(&mut motions) {
             age.forget(keep);
-            let is_known = age.is_known(reported_mps.is_some(), moved.is_pose);
+            let is_known = age.note_report(reported_mps.is_some(), moved.is_pose);
             *motion =
                 reported_mps.filter(|_| is_known).map(|by_drone_mps| moved.beside(by_drone_mps));
             if let Some(motion) = motion {
@@ -156,7 +156,7 @@ impl VelocityMonitor {
         let speed_mps = reported_mps.map(|[first_mps, second_mps]| first_mps.hypot(second_mps));
         self.has_shown_speed |= speed_mps.is_some_and(|speed_mps| speed_mps > 0.0);
         self.speed_mps = speed_mps.filter(|_| self.has_shown_speed);
-        if let Some(Motion { moved_w_m, seen_d_mps, .. }) = motions[self.age] {
+        if let Some(MotionSample { moved_w_m, seen_d_mps, .. }) = motions[self.age] {
             let scale = self.ages[self.age].scale();
             let asked_w_mps = asked_w_mps(sample, moved[NEWEST].theta_rad);
             self.displacements.add(
@@ -166,9 +166,9 @@ impl VelocityMonitor {
                 self.dt_s,
             );
         }
-        if let Some(Motion { seen_d_mps, .. }) = motions[NEWEST] {
+        if let Some(MotionSample { seen_d_mps, .. }) = motions[NEWEST] {
             let followed_w_m = self.displacements.followed_w_mps * self.dt_s;
-            let by_inputs = Motion {
+            let by_inputs = MotionSample {
                 moved_w_m: followed_w_m,
                 moved_in_s: self.dt_s,
                 seen_d_mps,
@@ -224,7 +224,7 @@ impl VelocityMonitor {
 
     /// Learns axes, and the age of the reports, from a motion that does not contradict them, also not by its speed once
     /// they are well known: a drone that fitted a short motion by accident must be found out.
-    fn learn(&mut self, motions: &[Option<Motion>; AGES_S.len()]) {
+    fn learn(&mut self, motions: &[Option<MotionSample>; AGES_S.len()]) {
         let known = &self.ages[self.age];
         let error_m = if self.is_age_known {
             known.error_m()
@@ -277,9 +277,9 @@ impl VelocityMonitor {
 
 impl PoseStep {
     /// With the velocity that the drone reports of it.
-    fn beside(&self, [first_mps, second_mps]: [f64; 2]) -> Motion {
+    fn beside(&self, [first_mps, second_mps]: [f64; 2]) -> MotionSample {
         let seen_d_mps = frames(Complex::new(first_mps, second_mps), self.theta_rad);
-        Motion {
+        MotionSample {
             moved_w_m: self.moved_w_m,
             moved_in_s: self.in_s,
             seen_d_mps,

@@ -21,7 +21,7 @@ const DROP_MAX_M: f64 = 0.3;
 const CLIMB_MIN_M: f64 = 0.35;
 
 /// Above this rise by the poses an order to take off was received. m
-const RISE_MIN_M: f64 = 0.15;
+const ORDER_OBEYED_RISE_M: f64 = 0.15;
 
 /// What the witnesses say of a vehicle that lands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,7 +83,7 @@ impl Supervisor {
 
     /// Whether a drone that takes off has left the ground by any measurement.
     pub(super) fn has_risen(&self, e: &Evidence) -> bool {
-        self.drone_has_risen(e) || self.rise_m(e).is_some_and(|rise_m| rise_m > RISE_MIN_M)
+        self.drone_has_risen(e) || self.rise_m(e).is_some_and(|rise_m| rise_m > ORDER_OBEYED_RISE_M)
     }
 
     /// Whether no take-off may still be in progress.

@@ -245,7 +245,7 @@ impl Fault {
             | Self::OutageHeld
             | Self::EstimatorFailed
             | Self::FenceNear => (Reaction::Hold, Reaction::Note),
-            // A drone that says nothing may still obey: a person who sees it can tell.
+            // A silent drone may still obey, and a person who sees it can judge that. A mission does not bind a person.
             Self::DroneSilent | Self::MissionOverdue | Self::BlockedLong => {
                 (Reaction::BrakeAndLand, Reaction::Note)
             }

@@ -259,12 +259,12 @@ mod tests {
     fn a_room_without_an_inside_is_refused() {
         let refused = |table| Room::try_from(&table).unwrap_err().to_string();
         let error = refused(RoomTable { y_m: [1.0, 1.0], ..TABLE });
-        assert_eq!(error, "y_m = [1, 1] violates the first number below the second");
+        assert_eq!(error, "y_m = [1, 1]: expected the first number below the second");
         let error = refused(RoomTable { z_m: [0.0, f64::NAN], ..TABLE });
         assert!(error.starts_with("z_m = NaN"), "{error}");
         for (stop_s, given) in [(-1.0, "-1"), (800.0, "800"), (f64::NAN, "NaN")] {
             let error = refused(RoomTable { stop_s, ..TABLE });
-            assert_eq!(error, format!("stop_s = {given} violates 0.0..=10.0"));
+            assert_eq!(error, format!("stop_s = {given}: expected 0.0..=10.0"));
         }
     }
 
@@ -272,11 +272,11 @@ mod tests {
     fn walls_in_millimetres_or_centimetres_are_refused() {
         for (x_m, given) in [([-2000.0, 2000.0], "-2000"), ([0.0, 500.1], "500.1")] {
             let error = Room::try_from(&RoomTable { x_m, ..TABLE }).unwrap_err().to_string();
-            assert_eq!(error, format!("x_m = {given} violates -500..=500, in metres"));
+            assert_eq!(error, format!("x_m = {given}: expected -500..=500, in metres"));
         }
         let y_m = [-250.0, 250.0];
         let error = Room::try_from(&RoomTable { y_m, ..TABLE }).unwrap_err().to_string();
-        assert_eq!(error, "y_m = [-250, 250] violates at most 100 apart, in metres");
+        assert_eq!(error, "y_m = [-250, 250]: expected at most 100 apart, in metres");
         for far in [[-500.0, -400.0], [400.0, 500.0]] {
             assert!(Room::try_from(&RoomTable { x_m: far, ..TABLE }).is_ok());
         }

@@ -221,7 +221,7 @@ mod tests {
             let (old, new) = (format!("\"{key}\": {good}"), format!("\"{key}\": {bad}"));
             let text = GOOD.replacen(&old, &new, 1);
             assert_ne!(text, GOOD, "{old} is not in the table");
-            assert_eq!(check(&text).unwrap_err(), format!("{key} = {bad} violates {rule}"));
+            assert_eq!(check(&text).unwrap_err(), format!("{key} = {bad}: expected {rule}"));
         }
     }
 
@@ -236,31 +236,31 @@ mod tests {
         for (failsafe, message) in [
             (
                 FailsafeTable { tracking_m: 1e9, ..good.clone() },
-                "failsafe.tracking_m = 1000000000 violates 0.3..=5.0",
+                "failsafe.tracking_m = 1000000000: expected 0.3..=5.0",
             ),
             (
                 FailsafeTable { speed_mps: f64::NAN, ..good.clone() },
-                "failsafe.speed_mps = NaN violates 0.5..=10.0",
+                "failsafe.speed_mps = NaN: expected 0.5..=10.0",
             ),
             (
                 FailsafeTable { overtime_s: 0.0, ..good.clone() },
-                "failsafe.overtime_s = 0 violates 5.0..=3600.0",
+                "failsafe.overtime_s = 0: expected 5.0..=3600.0",
             ),
             (
                 FailsafeTable { outage_s: 61.0, ..good.clone() },
-                "failsafe.outage_s = 61 violates 1.0..=60.0",
+                "failsafe.outage_s = 61: expected 1.0..=60.0",
             ),
             (
                 FailsafeTable { outage_alone_s: 20.5, ..good.clone() },
-                "failsafe.outage_alone_s = 20.5 violates 1.0..=20.0",
+                "failsafe.outage_alone_s = 20.5: expected 1.0..=20.0",
             ),
             (
                 FailsafeTable { pressed_s: Some(0.4), ..good.clone() },
-                "failsafe.pressed_s = 0.4 violates 0.5..=4.0",
+                "failsafe.pressed_s = 0.4: expected 0.5..=4.0",
             ),
             (
                 FailsafeTable { person_gone_s: Some(5.0), ..good },
-                "failsafe.person_gone_s = 5 violates 10.0..=3600.0",
+                "failsafe.person_gone_s = 5: expected 10.0..=3600.0",
             ),
         ] {
             assert_eq!(refused(failsafe), message);

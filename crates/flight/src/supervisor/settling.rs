@@ -12,7 +12,7 @@ use super::since::elapsed_s;
 const DRIFT_MAX_M: f64 = 0.3;
 
 /// A vehicle that does not rise by so much in this time, longer than between poses of 4 Hz, has ended its climb. m, s
-const RISE_MIN_M: f64 = 0.03;
+const CLIMB_RISE_M: f64 = 0.03;
 const LEVEL_S: f64 = 0.3;
 
 /// What is known of the take-off.
@@ -38,23 +38,23 @@ impl Settling {
         self.risen_ns = Some(t_ns);
     }
 
-    /// Whether `settle_s` have passed since, or the vehicle has ended its climb and has drifted away.
+    /// Notes the pose. Returns whether `settle_s` have passed since the take-off was confirmed, or the vehicle has ended its climb and has drifted away.
     ///
     /// Real time: no allocation, constant cost.
-    pub(super) fn is_over(&mut self, e: &Evidence, settle_s: f64) -> bool {
+    pub(super) fn update(&mut self, e: &Evidence, settle_s: f64) -> bool {
         let drift_m = self.stood.zip(e.pose).map_or(0.0, |(stood, now)| {
             (now[pose::X] - stood[pose::X]).hypot(now[pose::Y] - stood[pose::Y])
         });
         self.has_drifted |= drift_m > DRIFT_MAX_M;
-        let is_level = self.is_level(e);
+        let is_level = self.note_height(e);
         self.has_drifted && is_level
             || self.risen_ns.is_none_or(|risen_ns| elapsed_s(risen_ns, e.t_ns) >= settle_s)
     }
 
-    /// Whether the vehicle does not climb any more.
-    fn is_level(&mut self, e: &Evidence) -> bool {
+    /// Notes the height. Returns whether the vehicle has ended its climb.
+    fn note_height(&mut self, e: &Evidence) -> bool {
         let Some(z_m) = e.pose.map(|at| at[pose::Z]) else { return false };
-        let stays = |(before_m, _): &(f64, i64)| z_m - before_m < RISE_MIN_M;
+        let stays = |(before_m, _): &(f64, i64)| z_m - before_m < CLIMB_RISE_M;
         let climbed = self.climbed.filter(stays).unwrap_or((z_m, e.t_ns));
         self.climbed = Some(climbed);
         let (_, since_ns) = climbed;
@@ -96,7 +96,7 @@ mod tests {
                 let t_s = 1e-3 * f64::from(*ms);
                 let at = Pose::new(0.5, 0.0, 0.5 + 0.33 * t_s.min(climb_s), 0.0);
                 let e = Evidence { pose: Some(at), t_ns: i64::from(*ms) * 1_000_000, ..ALOFT };
-                settling.is_over(&e, settle_s)
+                settling.update(&e, settle_s)
             })
         };
         let level_ms = steered_ms(1.5, 4.0).unwrap();
@@ -106,13 +106,13 @@ mod tests {
 
     #[test]
     fn a_vehicle_that_rises_by_the_limit_itself_still_climbs() {
-        for (risen_m, is_over) in [(RISE_MIN_M.next_down(), true), (RISE_MIN_M, false)] {
+        for (risen_m, is_over) in [(CLIMB_RISE_M.next_down(), true), (CLIMB_RISE_M, false)] {
             let mut settling = Settling::default();
             settling.stand(Some(Pose::new(1.0, 0.0, 0.0, 0.0)));
             settling.rise(0);
             let mut over_at = |z_m: f64, t_ns: i64| {
                 let pose = Some(Pose::new(0.0, 0.0, z_m, 0.0));
-                settling.is_over(&Evidence { t_ns, pose, ..ALOFT }, 9.0)
+                settling.update(&Evidence { t_ns, pose, ..ALOFT }, 9.0)
             };
             assert!(!over_at(0.0, 0));
             assert_eq!(over_at(risen_m, 300_000_000), is_over, "{risen_m} m");
@@ -127,8 +127,8 @@ mod tests {
             settling.rise(0);
             let at = Some(Pose::new(x_m, y_m, 1.0, 0.0));
             let [early, later] = [0, 300_000_000].map(|t_ns| Evidence { pose: at, t_ns, ..ALOFT });
-            assert!(!settling.is_over(&early, 1.0), "nothing tells that it does not climb");
-            assert_eq!(settling.is_over(&later, 1.0), is_over, "{x_m}, {y_m} m");
+            assert!(!settling.update(&early, 1.0), "nothing tells that it does not climb");
+            assert_eq!(settling.update(&later, 1.0), is_over, "{x_m}, {y_m} m");
         }
     }
 }

@@ -36,16 +36,16 @@ pub(super) struct FramePhase {
     /// How long a tick waits for its frame. ns
     wait_ns: f64,
     cadence: Cadence,
-    /// Frames since the last change of [`Stage`].
+    /// Frames since the last change of [`LockState`].
     frames: u32,
-    stage: Stage,
+    state: LockState,
     /// Correction of the grid that is still to be made. ns
     pending_ns: f64,
     received_at: Option<TimeNs>,
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Stage {
+enum LockState {
     /// The time between two frames is not known, or no divisor of the period.
     Learning,
     /// Looks for the earliest arrival, seen from that of the first frame. ns
@@ -61,7 +61,7 @@ impl FramePhase {
             wait_ns: wait.0 as f64,
             cadence: Cadence::default(),
             frames: 0,
-            stage: Stage::Learning,
+            state: LockState::Learning,
             pending_ns: 0.0,
             received_at: None,
         }
@@ -70,7 +70,7 @@ impl FramePhase {
     /// Time from which a frame counts as that of the tick that is due at `due`, and until which to wait for it;
     /// `None` while the frames do not keep pace with the ticks.
     pub(super) fn window(&self, due: TimeNs) -> Option<(TimeNs, TimeNs)> {
-        let Stage::Locked { frame_ns, .. } = self.stage else { return None };
+        let LockState::Locked { frame_ns, .. } = self.state else { return None };
         Some((due.after(span(-frame_ns / 2.0)), due.after(span(self.wait_ns))))
     }
 
@@ -92,16 +92,16 @@ impl FramePhase {
     /// A frame that arrived `late_ns` after a tick was due.
     fn observe(&mut self, sighting: &Sighting, late_ns: f64) {
         self.frames += 1;
-        match &mut self.stage {
-            Stage::Learning => {
+        match &mut self.state {
+            LockState::Learning => {
                 self.cadence.observe(sighting);
                 if self.frames < LEARN_FRAMES {
                     return;
                 }
                 let Some(frame_ns) = self.cadence.divisor_ns(self.period_ns) else { return };
-                self.enter(Stage::Searching { first_ns: late_ns, earliest_ns: 0.0, frame_ns });
+                self.enter(LockState::Searching { first_ns: late_ns, earliest_ns: 0.0, frame_ns });
             }
-            Stage::Searching { first_ns, earliest_ns, frame_ns } => {
+            LockState::Searching { first_ns, earliest_ns, frame_ns } => {
                 *earliest_ns = earliest_ns.min(wrapped(late_ns - *first_ns, *frame_ns));
                 if self.frames < LEARN_FRAMES {
                     return;
@@ -109,11 +109,11 @@ impl FramePhase {
                 let frame_ns = *frame_ns;
                 let phase_ns = *first_ns + *earliest_ns - self.wait_ns / 2.0;
                 self.pending_ns = wrapped(phase_ns, frame_ns);
-                self.enter(Stage::Locked { late: 0, frame_ns });
+                self.enter(LockState::Locked { late: 0, frame_ns });
             }
             // Frames that arrive on the way to another phase say nothing about the one that it leads to.
-            Stage::Locked { .. } if self.pending_ns.abs() > STEP_MAX_NS => {}
-            Stage::Locked { late, frame_ns } => {
+            LockState::Locked { .. } if self.pending_ns.abs() > STEP_MAX_NS => {}
+            LockState::Locked { late, frame_ns } => {
                 let is_late = wrapped(late_ns, *frame_ns) > self.wait_ns / 2.0;
                 *late += u32::from(is_late);
                 let target = if is_late { 1.0 - LATE_FRACTION } else { -LATE_FRACTION };
@@ -125,14 +125,14 @@ impl FramePhase {
                 self.frames = 0;
                 if std::mem::take(late) > LATE_MAX {
                     self.cadence = Cadence::default();
-                    self.enter(Stage::Learning);
+                    self.enter(LockState::Learning);
                 }
             }
         }
     }
 
-    fn enter(&mut self, stage: Stage) {
-        (self.stage, self.frames) = (stage, 0);
+    fn enter(&mut self, state: LockState) {
+        (self.state, self.frames) = (state, 0);
     }
 }
 

@@ -4,9 +4,9 @@
 //! valid file has in the same place, and the file is read and checked again, until nothing is left. What follows from
 //! a replacement is not the file's mistake: its value is replaced and not noted.
 
+mod malformed_json;
+mod serde_messages;
 mod templates;
-mod texts;
-mod words;
 
 use std::error::Error;
 use std::fmt::{self, Display, Formatter};
@@ -28,9 +28,9 @@ use super::{
     moving_object, parse, read, read_points,
 };
 use crate::tello::TelloSettings;
+use malformed_json::finite_text;
+use serde_messages::{named_places, plain, single_key};
 use templates::{fly_template, mission_template};
-use texts::finite_text;
-use words::{named_places, plain, single_key};
 
 /// Most mistakes that are looked for in a file.
 const PROBLEMS_MAX: usize = 50;
@@ -57,11 +57,11 @@ pub struct Problems {
 }
 
 impl Problems {
-    /// Fails with all mistakes if there are any.
+    /// `Ok` without mistakes.
     ///
     /// # Errors
-    /// These.
-    pub fn none(self) -> Result<(), Self> {
+    /// All mistakes that were found.
+    pub fn into_result(self) -> Result<(), Self> {
         if self.list.is_empty() { Ok(()) } else { Err(self) }
     }
 }
@@ -314,7 +314,7 @@ fn of_file<T: DeserializeOwned>(
     found.list.extend(doubles(&text).into_iter().map(|(place, at)| SettingProblem {
         file: file.clone(),
         place: Some(at),
-        text: format!("{place} is there twice"),
+        text: format!("{place} occurs twice"),
     }));
     for _ in 0..REPLACED_MAX {
         let refused = match from_value::<T>(&value) {

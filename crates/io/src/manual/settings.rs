@@ -126,9 +126,9 @@ pub(super) mod tests {
         assert!(check(table()).is_ok());
         assert!(check(ManualTable { device: Some("gamepad".into()), ..table() }).is_ok());
         let error = check(ManualTable { device: Some("event5".into()), ..table() }).unwrap_err();
-        assert_eq!(error, "device = event5 violates a path from the root, gamepad or null");
+        assert_eq!(error, "device = event5: expected a path from the root, gamepad or null");
         let error = check(ManualTable { deflection: 1.5, ..table() }).unwrap_err();
-        assert_eq!(error, "deflection = 1.5 violates 0.0..=1.0");
+        assert_eq!(error, "deflection = 1.5: expected 0.0..=1.0");
         assert!(check(ManualTable { smoothing_s: 0.0, ..table() }).is_err());
         assert!(check(ManualTable { pulse_s: f64::NAN, ..table() }).is_err());
         for hold_s in [f64::NAN, 0.1, 5.0] {
@@ -136,7 +136,7 @@ pub(super) mod tests {
         }
         let error = check(ManualTable { press_max_s: 0.5, ..table() }).unwrap_err();
         assert_eq!(
-            error, "press_max_s = 0.5 violates 0.9..=10.0",
+            error, "press_max_s = 0.5: expected 0.9..=10.0",
             "shorter than a repetition takes"
         );
         for axis_silent_s in [0.1, 60.0, f64::INFINITY] {

@@ -17,8 +17,8 @@ const TOP_MIN: f64 = 0.5;
 pub struct Body<'a> {
     /// Name of the object, without padding.
     pub name: &'a [u8],
-    /// x, y, z in the world. m
-    pub pos_w: [f64; 3],
+    /// x, y, z in the axes of the source, which for Vicon are those of the world. m
+    pub pos_v: [f64; 3],
     /// Angles about x, y and z of `R = Rx Ry Rz`. rad
     pub angles: [f64; 3],
 }
@@ -48,7 +48,7 @@ pub(super) fn heading_of_matrix(matrix: &[f64; 9]) -> Option<f64> {
     (r22 >= TOP_MIN).then(|| r10.atan2(r00))
 }
 
-/// The pose at `pos_w` with heading `theta`; `None` if a coordinate is not finite.
+/// The pose at `pos_v` with heading `theta`; `None` if a coordinate is not finite.
 pub(super) fn pose([x, y, z]: [f64; 3], theta: f64) -> Option<Pose> {
     let is_finite = [x, y, z].iter().all(|value| value.is_finite());
     is_finite.then(|| Pose::new(x, y, z, theta))

@@ -76,7 +76,7 @@ fn object(bytes: &[u8]) -> Option<Body<'_>> {
     let name = text_of(bytes.take(NAME_BYTES_MAX)?);
     let (pos_mm, angles) = (bytes.f64s_le::<3>()?, bytes.f64s_le()?);
     bytes.end()?;
-    Some(Body { name, pos_w: pos_mm.map(|mm| mm * M_PER_MM), angles })
+    Some(Body { name, pos_v: pos_mm.map(|mm| mm * M_PER_MM), angles })
 }
 
 /// Appends a block of `size` bytes with as many of `bodies` as fit; the number of those that did.
@@ -93,7 +93,7 @@ pub fn encode_block(frame: u32, bodies: &[Body<'_>], size: usize, to: &mut Vec<u
         to.extend(u16::try_from(OBJECT_BYTES).unwrap_or(u16::MAX).to_le_bytes());
         let padding = std::iter::repeat(&0);
         to.extend(body.name.iter().chain(padding).take(NAME_BYTES_MAX));
-        let numbers = body.pos_w.map(|m| m / M_PER_MM).into_iter().chain(body.angles);
+        let numbers = body.pos_v.map(|m| m / M_PER_MM).into_iter().chain(body.angles);
         to.extend(numbers.flat_map(f64::to_le_bytes));
     }
     to.resize(begin + size.max(HEAD_BYTES), 0);
@@ -136,9 +136,9 @@ impl BodyProtocol for ObjectStreamProtocol {
             // The frame did not go on: what was in none of its blocks is lost.
             taker.frame(self.head(number, Absence::LostUnlessBefore));
         }
-        for Body { name, pos_w, angles } in block.objects() {
-            let at = Placement { pos_v: pos_w, matrix: matrix_of_angles(angles) };
-            let is_lost = is_all_zero(pos_w.into_iter().chain(angles));
+        for Body { name, pos_v, angles } in block.objects() {
+            let at = Placement { pos_v, matrix: matrix_of_angles(angles) };
+            let is_lost = is_all_zero(pos_v.into_iter().chain(angles));
             taker.body(Name { text: Some(name), id: None }, (!is_lost).then_some(&at));
         }
         // Handed over before the next block: a pose does not wait for it.

@@ -89,7 +89,7 @@ pub fn format_line(
 ) {
     let is_occluded = u8::from(seen.is_none());
     let ([x, y, z], [a, b, c]) =
-        seen.map_or_else(Default::default, |body| (body.pos_w, body.angles));
+        seen.map_or_else(Default::default, |body| (body.pos_v, body.angles));
     // Writing into memory cannot fail.
     writeln!(
         to,

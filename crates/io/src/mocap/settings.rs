@@ -212,7 +212,7 @@ impl MocapSettings {
         }
     }
 
-    /// How a place of the source becomes one of ours.
+    /// The mapping from axes and unit of the source to the world frame.
     pub fn axes(&self) -> Axes {
         self.axes.clone()
     }
@@ -328,21 +328,21 @@ mod tests {
     fn nonsense_settings_are_refused_with_key_value_and_rule() {
         let relay = |address, object| MocapTable::Relay(server(address, object));
         assert!(MocapSettings::try_from(&relay("mocap:51602", "tello")).is_ok());
-        assert_eq!(error(&relay("mocap", "t")), "relay.address = mocap violates host:port");
+        assert_eq!(error(&relay("mocap", "t")), "relay.address = mocap: expected host:port");
         assert!(MocapSettings::try_from(&relay(":51602", "tello")).is_err());
         assert!(MocapSettings::try_from(&relay("mocap:70000", "tello")).is_err());
         assert_eq!(
             error(&relay("mocap:51602", "my drone")),
-            "relay.object = \"my drone\" violates a name without spaces"
+            "relay.object = \"my drone\": expected a name without spaces"
         );
         assert!(MocapSettings::try_from(&relay("mocap:51602", "")).is_err());
         let datastream = |object| MocapTable::Datastream(server("vicon:801", object));
         assert!(MocapSettings::try_from(&datastream("my drone")).is_ok());
-        assert_eq!(error(&datastream("")), "datastream.object = \"\" violates a name");
+        assert_eq!(error(&datastream("")), "datastream.object = \"\": expected a name");
         assert!(MocapSettings::try_from(&udp("0.0.0.0:51001", "tello", 100.0)).is_ok());
         assert_eq!(
             error(&udp("51001", "tello", 100.0)),
-            "udp.listen = 51001 violates address:port"
+            "udp.listen = 51001: expected address:port"
         );
         assert!(error(&udp("0.0.0.0:1", "tello", 0.0)).starts_with("udp.rate_hz = 0"));
         assert!(error(&udp("0.0.0.0:1", "tello", f64::NAN)).starts_with("udp.rate_hz = NaN"));

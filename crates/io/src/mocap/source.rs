@@ -30,7 +30,7 @@ pub enum SourceError {
         found: u32,
     },
     /// A packet that would be kept is longer than any that makes sense.
-    #[error("a packet of {length} bytes, at most {max} are read")]
+    #[error("a packet of {length} bytes exceeds the limit of {max}")]
     TooLong {
         /// Announced length.
         length: u32,

@@ -35,7 +35,7 @@ const ERROR_PAUSE: Duration = Duration::from_millis(5);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum OrderError {
     /// Earlier orders are not yet sent; try again at the next tick.
-    #[error("{QUEUE_ORDERS} orders wait to be sent")]
+    #[error("the order was refused: {QUEUE_ORDERS} orders are already queued")]
     Busy,
     /// The link has ended.
     #[error("the link to the drone has ended")]
@@ -276,7 +276,7 @@ struct Wire {
 }
 
 impl Wire {
-    /// Asks whether the guardian has landed the drone, and goes on with the landing if it has. If the guardian is
+    /// Asks whether the guardian has ordered a landing, and goes on with the landing if it has. If the guardian is
     /// lost, no process would land the drone in place of this task: it lands the drone now.
     fn ask_guardian(&self, heartbeat: &mut Heartbeat, session: &mut Session, now: TimeNs) {
         self.counters.note_pause(heartbeat.pause(now));

@@ -33,7 +33,7 @@ const LANDINGS_MAX: u32 = 60;
 /// The guardian runs.
 const READY: u8 = b'r';
 /// The guardian has ordered, or is about to order, a landing.
-const LANDED: u8 = b'L';
+const LANDING_ORDERED: u8 = b'L';
 /// The guardian has read heartbeats.
 const HEARD: u8 = b'h';
 
@@ -87,8 +87,8 @@ pub enum WatchEnd {
     Over,
     /// The sender is gone, and the drone may be in the air: it was ordered to land once.
     Abandoned,
-    /// The sender is gone, after the guardian has landed the drone in its place.
-    Landed,
+    /// The sender is gone; the guardian has ordered landings in its place.
+    OrderedLanding,
 }
 
 /// Watches one sender.
@@ -101,7 +101,7 @@ pub struct Guardian {
     landings: u32,
     /// LANDs sent so far.
     sent: u32,
-    has_landed: bool,
+    has_ordered_landing: bool,
 }
 
 /// What was read from the channel.
@@ -128,7 +128,7 @@ impl Guardian {
             duty: Duty::Idle,
             landings: 0,
             sent: 0,
-            has_landed: false,
+            has_ordered_landing: false,
         })
     }
 
@@ -146,7 +146,7 @@ impl Guardian {
                     self.send_landing();
                     return WatchEnd::Abandoned;
                 }
-                Received::End if self.has_landed => return WatchEnd::Landed,
+                Received::End if self.has_ordered_landing => return WatchEnd::OrderedLanding,
                 Received::Over | Received::End => return WatchEnd::Over,
             }
         }
@@ -164,11 +164,11 @@ impl Guardian {
 
     /// Lands until the sender goes on with it.
     fn land(&mut self) -> Received {
-        self.has_landed = true;
+        self.has_ordered_landing = true;
         while self.landings < LANDINGS_MAX {
             // Before the packets: a sender that goes on reads it before it sends anything.
             // A sender that is gone shows in the next reading.
-            self.post.channel.write_all(&[LANDED]).ok();
+            self.post.channel.write_all(&[LANDING_ORDERED]).ok();
             self.send_landing();
             let again_at = self.clock.now().after(GUARDIAN_LAND_PERIOD);
             loop {

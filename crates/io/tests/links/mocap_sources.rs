@@ -24,7 +24,7 @@ const PATIENCE: Duration = Duration::from_secs(15);
 const SILENCE: Duration = Duration::from_secs(5);
 
 const BODY: Body<'static> =
-    Body { name: b"tello", pos_w: [1.0, -2.0, 1.3], angles: [0.0, 0.0, 0.3] };
+    Body { name: b"tello", pos_v: [1.0, -2.0, 1.3], angles: [0.0, 0.0, 0.3] };
 
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn start(table: &MocapTable) -> (MocapFeed, Stopper) {

@@ -51,9 +51,9 @@ pub struct Batch {
     /// Flights that were neither done nor landed within their time limit.
     pub unfinished_count: usize,
     /// Table by the true pose; null if no flight began.
-    pub by_truth: Option<Spread>,
+    pub by_truth: Option<FlightSpread>,
     /// Table by the controller's own estimate.
-    pub by_estimate: Option<Spread>,
+    pub by_estimate: Option<FlightSpread>,
     /// Table of the laps by the true pose; empty for a path that is flown once.
     pub laps: Laps,
     /// Table of the hovers, if they were asked for and one lasted.
@@ -79,7 +79,7 @@ pub struct Batch {
 
 /// Figures of many flights by one source of poses.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-pub struct Spread {
+pub struct FlightSpread {
     /// Quartiles of the time from first to last target over all flights; without finish it is the time limit, 120 s
     /// or of a long mission more. s
     pub finish_quartiles_s: [f64; 3],
@@ -133,8 +133,8 @@ impl Batch {
             landed_count: count(Ending::Landed),
             landed_by: faults_of(&flights),
             unfinished_count: count(Ending::TimeLimit),
-            by_truth: Spread::of(flown, |row| row.by_truth.as_ref(), source::TRUTH),
-            by_estimate: Spread::of(flown, |row| row.by_estimate.as_ref(), source::ESTIMATE),
+            by_truth: FlightSpread::of(flown, |row| row.by_truth.as_ref(), source::TRUTH),
+            by_estimate: FlightSpread::of(flown, |row| row.by_estimate.as_ref(), source::ESTIMATE),
             laps: Laps::of(flown),
             hover: HoverSpread::of(&hovers),
             fence_distance_m: fences().map(|fence| fence.distance_m).fold(0.0, maximum),
@@ -154,7 +154,7 @@ impl Batch {
     }
 }
 
-impl Spread {
+impl FlightSpread {
     /// The figures of the poses that `pick` chooses, whose distances are the entry `from` of [`Flown::distances_m`].
     fn of(flown: &[Flown], pick: fn(&FlightRow) -> Option<&Score>, from: usize) -> Option<Self> {
         let scores = || flown.iter().filter_map(|flown| pick(&flown.row));
@@ -210,7 +210,7 @@ impl HoverSpread {
 }
 
 /// A line of the table: name, unit, digits, figure.
-pub(super) type Line = (&'static str, &'static str, usize, fn(&Spread) -> Option<f64>);
+pub(super) type Line = (&'static str, &'static str, usize, fn(&FlightSpread) -> Option<f64>);
 
 /// The table, line by line.
 pub(super) const LINES: [Line; 15] = [

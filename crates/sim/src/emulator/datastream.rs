@@ -192,7 +192,7 @@ mod tests {
 
     /// Identities in the packet that the session sends for one frame, seen or not.
     fn sent(session: &mut Session, is_seen: bool) -> Vec<u32> {
-        let body = Body { name: b"tello", pos_w: [1.0, 2.0, 3.0], angles: [0.0; 3] };
+        let body = Body { name: b"tello", pos_v: [1.0, 2.0, 3.0], angles: [0.0; 3] };
         let body = is_seen.then_some(body);
         let mut bytes = Vec::new();
         session.send(&Shot { frame: 1, rate_hz: 50.0, object: "tello", body }, None, &mut bytes);

@@ -164,7 +164,7 @@ impl NatnetPort {
 /// `body` by its number; one that is not seen stays in the frame.
 fn rigid(id: i32, body: Option<Body<'_>>) -> RigidBody {
     let (pos_v, quaternion) = body.map_or(([0.0; 3], [0.0, 0.0, 0.0, 1.0]), |body| {
-        (body.pos_w, quaternion_of_matrix(&matrix_of_angles(body.angles)))
+        (body.pos_v, quaternion_of_matrix(&matrix_of_angles(body.angles)))
     });
     RigidBody { id, pos_v, quaternion, is_tracked: body.is_some() }
 }

@@ -66,7 +66,7 @@ impl QtmPort {
         let Shot { frame, rate_hz, object, body } = *shot;
         self.room = Some((rate_hz, names(object, other)));
         let place = |body: Body<'_>| Placement {
-            pos_v: body.pos_w.map(|m| m * MM_PER_M),
+            pos_v: body.pos_v.map(|m| m * MM_PER_M),
             matrix: matrix_of_angles(body.angles),
         };
         let mut places = vec![body.map(place)];

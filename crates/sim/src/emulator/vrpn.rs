@@ -65,7 +65,7 @@ impl VrpnPort {
         let time_s = f64::from(frame) / rate_hz;
         let pose = |body: Body<'_>| {
             let quaternion = quaternion_of_matrix(&matrix_of_angles(body.angles));
-            encode::pose(0, body.pos_w, quaternion)
+            encode::pose(0, body.pos_v, quaternion)
         };
         let poses = [(TRACKER, body.map(pose)), (OTHER, other.map(pose))];
         let senders = [TRACKER, OTHER].into_iter().zip(names(object, other));

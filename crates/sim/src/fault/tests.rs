@@ -67,7 +67,7 @@ fn nonsense_is_refused() {
         Faults::new(vec![entry]).unwrap_err().to_string()
     };
     let text = refusal(Fault::MocapLost, -1.0);
-    assert_eq!(text, "faults[0].from_s = -1 violates finite and >= 0");
+    assert_eq!(text, "faults[0].from_s = -1: expected finite and >= 0");
     for (fault, key) in [
         (still(f64::NAN, 0.0), "mocap_still.offset_m"),
         (still(0.0, -1.0), "mocap_still.noise_m"),

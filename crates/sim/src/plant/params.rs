@@ -204,15 +204,15 @@ mod tests {
         };
         assert_eq!(
             refusal(&|t| t.horizontal.gain = f64::NAN),
-            "horizontal.gain = NaN violates finite and > 0"
+            "horizontal.gain = NaN: expected finite and > 0"
         );
         assert_eq!(
             refusal(&|t| t.yaw.dead_time_s = -0.1),
-            "yaw.dead_time_s = -0.1 violates 0.0..=2.0"
+            "yaw.dead_time_s = -0.1: expected 0.0..=2.0"
         );
         assert_eq!(
             refusal(&|t| t.accel_max_mps2 = 0.0),
-            "accel_max_mps2 = 0 violates finite and > 0"
+            "accel_max_mps2 = 0: expected finite and > 0"
         );
     }
 

@@ -78,13 +78,13 @@ mod tests {
     #[test]
     fn nonsense_is_refused_with_key_value_and_rule() {
         for (variation, refusal) in [
-            (VariationTable { gain: 0.0, ..UNVARIED }, "gain = 0 violates 0.01..=100.0"),
-            (VariationTable { lag: -1.0, ..UNVARIED }, "lag = -1 violates 0.01..=100.0"),
-            (VariationTable { theta_0: f64::NAN, ..UNVARIED }, "theta_0 = NaN violates"),
-            (VariationTable { theta_0: 180.0, ..UNVARIED }, "theta_0 = 180 violates -3.2..=3.2"),
+            (VariationTable { gain: 0.0, ..UNVARIED }, "gain = 0: expected 0.01..=100.0"),
+            (VariationTable { lag: -1.0, ..UNVARIED }, "lag = -1: expected 0.01..=100.0"),
+            (VariationTable { theta_0: f64::NAN, ..UNVARIED }, "theta_0 = NaN: expected"),
+            (VariationTable { theta_0: 180.0, ..UNVARIED }, "theta_0 = 180: expected -3.2..=3.2"),
             (
                 VariationTable { dead_time_s: 2.0, ..UNVARIED },
-                "horizontal.dead_time_s = 2.32 violates 0.0..=2.0",
+                "horizontal.dead_time_s = 2.32: expected 0.0..=2.0",
             ),
         ] {
             assert!(varied(variation).unwrap_err().contains(refusal), "{variation:?}");

@@ -89,3 +89,30 @@ impl Start {
         (phase, at, velocity)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Purpose;
+
+    #[test]
+    fn a_drone_stands_where_it_was_put_and_one_in_the_air_begins_around_its_target() {
+        const FLIGHTS: u32 = 2000;
+        let mut random = Random::new(1, Purpose::Start);
+        let ground = Start::Ground { x: 1.0, y: -2.0, theta: 0.5 };
+        assert_eq!(ground.draw(&mut random), ground.exact());
+        let air = Start::Air { x: 1.0, y: -2.0, z: 1.3, theta: 0.5 };
+        let (mut mean, mut speed_mps) = (Pose::zeros(), 0.0);
+        for _ in 0..FLIGHTS {
+            let (phase, at, velocity) = air.draw(&mut random);
+            assert_eq!(phase, Phase::Flying);
+            mean += at / f64::from(FLIGHTS);
+            speed_mps += velocity.x_mps.abs() / f64::from(FLIGHTS);
+        }
+        assert!((mean - Pose::new(1.0, -2.0, 1.22, 0.53)).amax() < 0.01, "{mean}");
+        // The mean of |v| is sqrt(2 / pi) of its deviation.
+        assert!((speed_mps - 0.8 * 0.16).abs() < 0.01, "{speed_mps}");
+        let low = Start::Air { x: 0.0, y: 0.0, z: 0.05, theta: 0.0 };
+        assert!((0..20).all(|_| low.draw(&mut random).1[pose::Z] >= STANDING_M));
+    }
+}

@@ -130,22 +130,22 @@ fn nonsense_is_refused_with_key_value_and_rule() {
     let refusal = |table: SimTable| World::new(&table, 0).unwrap_err().to_string();
     assert_eq!(
         refusal(SimTable { battery_pct: 101.0, ..table() }),
-        "battery_pct = 101 violates 0.0..=100.0"
+        "battery_pct = 101: expected 0.0..=100.0"
     );
     assert_eq!(
         refusal(SimTable { object: "my tello".into(), ..table() }),
-        "object = my tello violates a name without spaces"
+        "object = my tello: expected a name without spaces"
     );
     let start = Start::Air { x: f64::NAN, y: 0.0, z: 1.0, theta: 0.0 };
-    assert_eq!(refusal(SimTable { start, ..table() }), "start.x = NaN violates finite");
+    assert_eq!(refusal(SimTable { start, ..table() }), "start.x = NaN: expected finite");
     let start = Start::Air { x: 0.0, y: 0.0, z: -5.0, theta: 0.0 };
-    assert_eq!(refusal(SimTable { start, ..table() }), "start.z = -5 violates finite and > 0");
+    assert_eq!(refusal(SimTable { start, ..table() }), "start.z = -5: expected finite and > 0");
     let mut bad = table();
     bad.variation.gain = -1.0;
-    assert_eq!(refusal(bad), "variation.gain = -1 violates 0.01..=100.0");
+    assert_eq!(refusal(bad), "variation.gain = -1: expected 0.01..=100.0");
     let mut table = table();
     table.plant.vertical.tau_s = 0.0;
-    assert_eq!(refusal(table), "plant.vertical.tau_s = 0 violates finite and > 0");
+    assert_eq!(refusal(table), "plant.vertical.tau_s = 0: expected finite and > 0");
 }
 
 #[test]

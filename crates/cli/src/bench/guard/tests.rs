@@ -6,10 +6,10 @@ use tello_io::clock::SpanNs;
 
 use super::*;
 
-/// The guardian's words: it watches, it has read heartbeats, it has landed the drone.
+/// The guardian's words: it watches, it has read heartbeats, it has ordered a landing.
 const READY: u8 = b'r';
 const HEARD: u8 = b'h';
-const LANDED: u8 = b'L';
+const LANDING_ORDERED: u8 = b'L';
 
 fn at(ms: i64) -> TimeNs {
     TimeNs(0).after(SpanNs::from_ms(ms))
@@ -75,7 +75,7 @@ fn a_guardian_that_answers_lets_a_check_go_on() {
 
 #[test]
 fn a_guardian_that_has_landed_is_lost_or_is_silent_ends_the_check_for_good() {
-    let landed = |channel: &mut UnixStream| channel.write_all(&[LANDED]).unwrap();
+    let landed = |channel: &mut UnixStream| channel.write_all(&[LANDING_ORDERED]).unwrap();
     let lost = |channel: &mut UnixStream| channel.shutdown(std::net::Shutdown::Both).unwrap();
     for act in [landed, lost] {
         let (mut guard, mut channel) = guard();

@@ -79,7 +79,7 @@ fn each_step_sends_its_packets_and_no_others_and_all_are_written_down() {
         (Step::Down(0.0), &[]),
     ] {
         let (mut link, drone) = link(Protocol::Binary);
-        assert!(link.take(&step, &person(false)), "{step}");
+        assert_eq!(link.take(&step, &person(false)), Ok(()), "{step}");
         assert_eq!(sent(&link), expected, "{step}");
         assert!(matches!(&link.events()[0].what, What::Step(name) if *name == step.to_string()));
         let written: Vec<String> = link
@@ -97,7 +97,7 @@ fn each_step_sends_its_packets_and_no_others_and_all_are_written_down() {
 #[test]
 fn a_second_program_is_another_socket_and_its_sticks_are_not_ours() {
     let (mut link, drone) = link(Protocol::Binary);
-    assert!(link.take(&Step::Second([0.5, 0.0, 0.0, 0.0], 0.0), &person(false)));
+    assert_eq!(link.take(&Step::Second([0.5, 0.0, 0.0, 0.0], 0.0), &person(false)), Ok(()));
     let mut buffer = [0; 64];
     let senders = [(); 2].map(|()| drone.recv_from(&mut buffer).unwrap().1.port());
     let port = |socket: &UdpSocket| socket.local_addr().unwrap().port();
@@ -112,7 +112,7 @@ fn a_second_program_is_another_socket_and_its_sticks_are_not_ours() {
 #[test]
 fn the_text_sdk_is_asked_no_numbered_question() {
     let (mut link, drone) = link(Protocol::Text);
-    assert!(link.take(&Step::Ask(7), &person(false)));
+    assert_eq!(link.take(&Step::Ask(7), &person(false)), Ok(()));
     assert!(sent(&link).is_empty() && arrived(&drone).is_empty());
 }
 
@@ -121,7 +121,7 @@ fn every_order_has_a_number_of_its_own_also_past_the_largest() {
     let (mut link, _drone) = link(Protocol::Binary);
     link.sequence = u16::MAX - 1;
     for step in [Step::TakeOff, Step::Land, Step::Land] {
-        assert!(link.take(&step, &person(false)));
+        assert_eq!(link.take(&step, &person(false)), Ok(()));
     }
     let numbers: Vec<_> = sent(&link).into_iter().map(|(_, number)| number.unwrap()).collect();
     assert_eq!(numbers, [u16::MAX, 0, 1]);
@@ -136,7 +136,7 @@ fn a_request_to_stop_ends_a_step_before_its_time() {
         Step::Down(60.0),
     ] {
         let (mut link, _drone) = link(Protocol::Binary);
-        assert!(!link.take(&step, &person(true)), "{step}");
+        assert_eq!(link.take(&step, &person(true)), Err(Stopped), "{step}");
         assert!(sent(&link).len() <= 1, "{step}");
     }
 }
@@ -145,10 +145,13 @@ fn a_request_to_stop_ends_a_step_before_its_time() {
 fn waiting_ends_with_what_is_waited_for() {
     let (mut link, drone) = link(Protocol::Binary);
     report(&mut link, &drone, status(true));
-    assert!(link.take(&Step::Flying(60.0), &person(false)));
+    assert_eq!(link.take(&Step::Flying(60.0), &person(false)), Ok(()));
     report(&mut link, &drone, status(false));
-    assert!(link.take(&Step::Down(60.0), &person(false)));
-    assert!(link.take(&Step::Lands { for_s: 60.0, has_same_number: false }, &person(false)));
+    assert_eq!(link.take(&Step::Down(60.0), &person(false)), Ok(()));
+    assert_eq!(
+        link.take(&Step::Lands { for_s: 60.0, has_same_number: false }, &person(false)),
+        Ok(())
+    );
     assert!(sent(&link).is_empty(), "it is down already");
 }
 
@@ -160,7 +163,7 @@ fn a_drone_that_reports_standing_motors_is_down_only_after_a_take_off_had_its_ti
     assert!(!link.is_over());
     report(&mut link, &drone, status(false));
     assert!(link.is_over());
-    assert!(link.take(&Step::TakeOff, &person(false)));
+    assert_eq!(link.take(&Step::TakeOff, &person(false)), Ok(()));
     assert!(!link.is_over());
     link.take_off_at = Some(ago(&link, TAKE_OFF_TAIL.seconds() + 0.1));
     assert!(link.is_over());
@@ -202,7 +205,7 @@ fn the_log_that_a_drone_offers_is_asked_for() {
 #[test]
 fn a_new_record_is_empty_and_listening_writes_nothing_down_but_keeps_the_status() {
     let (mut link, drone) = link(Protocol::Binary);
-    assert!(link.take(&Step::TakeOff, &person(false)));
+    assert_eq!(link.take(&Step::TakeOff, &person(false)), Ok(()));
     link.ending = Some((1.0, true));
     link.begin();
     assert!(link.events().is_empty());
@@ -221,7 +224,7 @@ fn a_check_that_starts_no_motor_ends_without_a_packet() {
     let (mut link, drone) = link(Protocol::Binary);
     let person = person(false);
     let mut armed = Armed::new(&mut link, Place::Still, &person);
-    assert!(armed.run(&[Step::Hello, Step::Quiet(0.0)]));
+    assert_eq!(armed.run(&[Step::Hello, Step::Quiet(0.0)]), Ok(()));
     drop(armed);
     assert_eq!((sent(&link), arrived(&drone).len()), (vec![("hello", None)], 1));
     assert_eq!(link.ending, None);

@@ -11,15 +11,15 @@ fn end_ms(
     pose_is_airborne: Option<bool>,
     change: fn(&mut Inbox),
 ) -> Option<i64> {
-    let mut over = Over::new(PATIENCE);
-    over.is_flying = is_flying;
+    let mut end_condition = EndCondition::new(PATIENCE);
+    end_condition.is_flying = is_flying;
     let mut inbox = Inbox::new();
     change(&mut inbox);
     inbox.now = TimeNs(0).after(SpanNs::from_ms(1000));
-    assert!(!over.is_over(&inbox, Phase::Flying, None), "in flight");
+    assert!(!end_condition.update(&inbox, Phase::Flying, None), "in flight");
     (1000..31_000).step_by(20).find(|ms| {
         inbox.now = TimeNs(0).after(SpanNs::from_ms(*ms));
-        over.is_over(&inbox, phase, pose_is_airborne)
+        end_condition.update(&inbox, phase, pose_is_airborne)
     })
 }
 
@@ -55,8 +55,8 @@ fn on_the_ground_the_loop_waits_as_long_as_it_is_patient_and_for_a_person_longer
 
 #[test]
 fn a_report_that_is_missing_leaves_the_one_before() {
-    let mut over = Over::new(PATIENCE);
-    over.is_flying = true;
-    over.receive(None);
-    assert!(over.is_flying);
+    let mut end_condition = EndCondition::new(PATIENCE);
+    end_condition.is_flying = true;
+    end_condition.receive(None);
+    assert!(end_condition.is_flying);
 }

@@ -29,7 +29,7 @@ pub(super) fn question(address: &str, checks: &[Check]) -> String {
     match checks.iter().filter(|check| check.readiness == Readiness::Bad).count() {
         0 => format!("The drone at {address} will take off. {is_clear}"),
         failed => format!(
-            "{failed} of {} failed. The drone at {address} will take off as soon as all is well, if that is \
+            "{failed} of {} failed. The drone at {address} will take off once all checks pass, if that is \
              within {} s. {is_clear}",
             checks.len(),
             PATIENCE.seconds()

@@ -96,7 +96,7 @@ async fn watch_flight(
     upgrade.max_message_size(MESSAGE_BYTES_MAX).max_frame_size(MESSAGE_BYTES_MAX).on_upgrade(
         async move |socket| {
             let (slot, goes) = state.slots.enter();
-            // The slots bound it from now on.
+            // From here on the slots limit this connection.
             handle.release();
             let viewer = ViewerConnection::new(&state.shown, &slot);
             tokio::select! {

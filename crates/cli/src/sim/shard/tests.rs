@@ -47,12 +47,12 @@ fn a_part_is_flown_once_and_never_taken_for_one_of_other_settings() {
     std::fs::remove_file(&path).ok();
     let at = path.to_str().unwrap();
     let target = second(at, json!({ "gain": 1 }));
-    assert!(!target.is_done::<Row>().unwrap());
+    assert!(!target.check_existing::<Row>().unwrap());
     assert!(target.write(&[Row(103)]).is_err(), "two of its three seeds are missing");
-    assert!(!target.is_done::<Row>().unwrap());
+    assert!(!target.check_existing::<Row>().unwrap());
     assert_eq!(target.write(&[Row(103), Row(104), Row(105)]).unwrap(), Verdict::Good);
-    assert!(target.is_done::<Row>().unwrap());
-    let other = second(at, json!({ "gain": 2 })).is_done::<Row>().unwrap_err().to_string();
+    assert!(target.check_existing::<Row>().unwrap());
+    let other = second(at, json!({ "gain": 2 })).check_existing::<Row>().unwrap_err().to_string();
     assert!(other.contains("hash of the settings"), "{other}");
     std::fs::remove_file(&path).unwrap();
 }

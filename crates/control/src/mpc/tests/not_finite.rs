@@ -131,5 +131,5 @@ fn more_places_for_constraints_than_memory_are_refused() {
     let settings = MpcSettings::builder(5).build(&Kinematic).unwrap();
     let error = Mpc::<_, 4, 4, 4, 4, 4>::new(Kinematic, settings.with_constraints(1 << 40), DT_S);
     let error = error.unwrap_err().to_string();
-    assert_eq!(error, "constraints_max = 1099511627776 violates 0..=1000");
+    assert_eq!(error, "constraints_max = 1099511627776: expected 0..=1000");
 }

@@ -87,7 +87,7 @@ fn given_inputs_act_as_their_mean_over_a_stage() {
 fn a_horizon_that_is_refused_is_shown_in_steps() {
     let table = MpcTable { stages: vec![(1, 1), (4, 3)], ..table(13, 0.8) };
     let error = refusal(&table.check::<Kinematic, 4, 4, 4, 4>().unwrap(), &"a horizon that fits");
-    assert_eq!(error.to_string(), "horizon_steps = 13 violates a horizon that fits");
+    assert_eq!(error.to_string(), "horizon_steps = 13: expected a horizon that fits");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 use super::*;
 use crate::Operator;
 use crate::cycle::sense::tests::{DT_NS, sighting, table};
-use crate::cycle::{Inbox, Stage, build};
+use crate::cycle::{Inbox, TickStage, build};
 use crate::time::TimeNs;
 
 /// What a tick did, in its order.
@@ -20,10 +20,10 @@ impl Watch for Order {
         false
     }
 
-    fn mark(&mut self, stage: Stage) {
+    fn mark(&mut self, stage: TickStage) {
         self.0.push(match stage {
-            Stage::Estimated => Deed::Estimated,
-            Stage::Planned => Deed::Planned,
+            TickStage::Estimated => Deed::Estimated,
+            TickStage::Planned => Deed::Planned,
         });
     }
 

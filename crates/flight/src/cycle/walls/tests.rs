@@ -123,19 +123,19 @@ fn the_margin_grows_with_the_standard_deviation_towards_the_wall() {
 #[test]
 fn each_bad_value_is_refused_with_key_value_and_rule() {
     for (table, refusal) in [
-        (WallTable { weight: 0.0, ..TABLE }, "mpc.walls.weight = 0 violates 1.0..=10000.0"),
-        (WallTable { margin_m: 1.5, ..TABLE }, "mpc.walls.margin_m = 1.5 violates 0.0..=1.0"),
+        (WallTable { weight: 0.0, ..TABLE }, "mpc.walls.weight = 0: expected 1.0..=10000.0"),
+        (WallTable { margin_m: 1.5, ..TABLE }, "mpc.walls.margin_m = 1.5: expected 0.0..=1.0"),
         (
             WallTable { growth_mps: f64::NAN, ..TABLE },
-            "mpc.walls.growth_mps = NaN violates 0.0..=0.5",
+            "mpc.walls.growth_mps = NaN: expected 0.0..=0.5",
         ),
-        (WallTable { margin_sd: -1.0, ..TABLE }, "mpc.walls.margin_sd = -1 violates 0.0..=5.0"),
-        (WallTable { coasting: 1.1, ..TABLE }, "mpc.walls.coasting = 1.1 violates 0.0..=1.0"),
+        (WallTable { margin_sd: -1.0, ..TABLE }, "mpc.walls.margin_sd = -1: expected 0.0..=5.0"),
+        (WallTable { coasting: 1.1, ..TABLE }, "mpc.walls.coasting = 1.1: expected 0.0..=1.0"),
     ] {
         assert_eq!(walls(Some(&table)).unwrap_err().to_string(), refusal);
     }
     let refused = walls(None).unwrap_err().to_string();
-    assert!(refused.starts_with("mpc.walls = null violates a table: the plan"), "{refused}");
+    assert!(refused.starts_with("mpc.walls = null: expected a table: the plan"), "{refused}");
     assert!(Walls::new(None, None, &[]).unwrap().is_none());
 }
 

@@ -47,19 +47,19 @@ fn each_bad_value_is_refused_with_key_value_and_rule() {
         (targets(), "targets.reach", "0", near),
     ] {
         let bad = with(table, key, value.parse().unwrap());
-        assert_eq!(refusal(&bad), format!("{key} = {value} violates {rule}"));
+        assert_eq!(refusal(&bad), format!("{key} = {value}: expected {rule}"));
     }
 }
 
 #[test]
 fn bad_waypoints_are_refused() {
-    let same = "[0.0, 0.0, 1.3, 0.0] violates at least 0.01 m from the waypoint before";
+    let same = "[0.0, 0.0, 1.3, 0.0]: expected at least 0.01 m from the waypoint before";
     let here = json!([0.0, 0.0, 1.3, 0.0]);
     let few = json!([[0.0, 0.0, 1.3, 0.0]]);
     for (table, key, value, message) in [
-        (square(0.1), "waypoints.waypoints", few.clone(), "waypoints = 1 violates 2..=300 poses"),
-        (eight(), "spline.waypoints", few, "waypoints = 1 violates 3..=300 poses"),
-        (square(0.1), "waypoints.waypoints.0.0", json!(600), "waypoints = 606.50 m violates"),
+        (square(0.1), "waypoints.waypoints", few.clone(), "waypoints = 1: expected 2..=300 poses"),
+        (eight(), "spline.waypoints", few, "waypoints = 1: expected 3..=300 poses"),
+        (square(0.1), "waypoints.waypoints.0.0", json!(600), "waypoints = 606.50 m: expected"),
         (eight(), "spline.waypoints.1", here.clone(), &format!("waypoints[1] = {same}")),
         // The last waypoint of a closed spline is followed by the first.
         (eight(), "spline.waypoints.7", here, &format!("waypoints[7] = {same}")),
@@ -74,7 +74,7 @@ fn bad_waypoints_are_refused() {
         let mut bad = good.clone();
         bad.waypoints[3][row] = f64::NAN;
         let error = Mission::new(&MissionTable::Waypoints(bad), DT_S).unwrap_err().to_string();
-        assert_eq!(error, format!("waypoints.waypoints[3][{row}] = NaN violates finite"));
+        assert_eq!(error, format!("waypoints.waypoints[3][{row}] = NaN: expected finite"));
     }
     assert!(Mission::new(&MissionTable::Waypoints(good), 0.0).is_err());
 }
@@ -82,15 +82,15 @@ fn bad_waypoints_are_refused() {
 #[test]
 fn bad_points_are_refused() {
     for (key, value, message) in [
-        ("rows.2.0", json!(2.0), "points[2][0] = 2 violates above the time before, 2"),
-        ("rows.4.0", json!(4000), "points = 3999 s violates at most 3600 s in all"),
-        ("rows", json!([[0, 0, 0, 0, 0]]), "points = 1 violates at least 2 rows"),
+        ("rows.2.0", json!(2.0), "points[2][0] = 2: expected above the time before, 2"),
+        ("rows.4.0", json!(4000), "points = 3999 s: expected at most 3600 s in all"),
+        ("rows", json!([[0, 0, 0, 0, 0]]), "points = 1: expected at least 2 rows"),
     ] {
         let bad = with(timed(), &format!("trajectory.points.{key}"), value);
         assert_eq!(refusal(&bad), format!("trajectory.{message}"));
     }
     let unread = with(timed(), "trajectory.points", json!({ "csv": "eight.csv" }));
-    let rule = "trajectory.points.csv = eight.csv violates rows of `points`: a CSV file is read only from a mission file";
+    let rule = "trajectory.points.csv = eight.csv: expected rows of `points`: a CSV file is read only from a mission file";
     assert_eq!(refusal(&unread), rule);
 }
 
@@ -110,7 +110,7 @@ fn a_path_that_takes_hours_is_refused_by_the_limit_that_costs_the_time() {
         (coil, "circle.limits.turn_max_radps", "0.01"),
     ] {
         let refusal = refusal(&with(table, key, value.parse().unwrap()));
-        let expected = format!("{key} = {value} violates at most 3600 s for the path instead of ");
+        let expected = format!("{key} = {value}: expected at most 3600 s for the path instead of ");
         assert!(refusal.starts_with(&expected), "{refusal}");
     }
 }

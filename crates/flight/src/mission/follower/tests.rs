@@ -217,7 +217,7 @@ fn a_waypoint_counts_from_its_time_on_and_within_reach() {
         (end_s, 0.199, true),
         (end_s, 0.201, false),
     ] {
-        follower.phase.at_s = at_s;
+        follower.time.at_s = at_s;
         assert_eq!(follower.is_at_next(&at(z_m)), is_there, "{at_s} s, {z_m} m");
         assert!(!follower.has_missed_next(), "the last one");
     }

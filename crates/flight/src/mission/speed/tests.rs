@@ -64,10 +64,10 @@ fn a_speed_that_means_nothing_is_refused() {
     let mut kinematic = flight(square(0.1));
     kinematic.cycle.model = ModelKind::Kinematic;
     for (flight, speed, message) in [
-        (flight(square(0.1)), 1.1, "speed = 1.1 violates 0.1..=1.0"),
-        (flight(square(0.1)), f64::NAN, "speed = NaN violates 0.1..=1.0"),
-        (flight(timed()), 0.7, "speed = 0.7 violates 0.5 for targets and timed trajectories"),
-        (kinematic, 0.7, "speed = 0.7 violates at most 0.5 for a model without"),
+        (flight(square(0.1)), 1.1, "speed = 1.1: expected 0.1..=1.0"),
+        (flight(square(0.1)), f64::NAN, "speed = NaN: expected 0.1..=1.0"),
+        (flight(timed()), 0.7, "speed = 0.7: expected 0.5 for targets and timed trajectories"),
+        (kinematic, 0.7, "speed = 0.7: expected at most 0.5 for a model without"),
     ] {
         let error = flight.at_speed(speed).unwrap_err().to_string();
         assert!(error.starts_with(message), "{error}");

@@ -34,9 +34,9 @@ fn a_way_that_does_not_end_where_it_begins_has_no_laps() {
     line["spline"]["closed"] = json!(false);
     let none = with_laps(square(0.1), "waypoints", 0);
     for (table, message) in [
-        (open, "waypoints.laps = 2 violates 1 for a path whose last waypoint is not its first"),
-        (line, "spline.laps = 2 violates 1 for a path whose last waypoint is not its first"),
-        (none, "waypoints.laps = 0 violates 1..=100"),
+        (open, "waypoints.laps = 2: expected 1 for a path whose last waypoint is not its first"),
+        (line, "spline.laps = 2: expected 1 for a path whose last waypoint is not its first"),
+        (none, "waypoints.laps = 0: expected 1..=100"),
     ] {
         let table = serde_json::from_value(table).unwrap();
         let error = Mission::new(&table, DT_S).unwrap_err().to_string();

@@ -29,7 +29,7 @@ fn limits_hold_at_both_ends_and_are_named_in_the_refusal() {
             assert_eq!(check(key, &json!(good)), Ok(()), "{key}");
         }
         for bad in [low.next_down(), high.next_up()] {
-            assert_eq!(check(key, &json!(bad)), Err(format!("{key} = {bad} violates {rule}")));
+            assert_eq!(check(key, &json!(bad)), Err(format!("{key} = {bad}: expected {rule}")));
         }
     }
 }

@@ -4,17 +4,17 @@
 
 use nalgebra::Complex;
 
-use super::{FIXED, FRAMES, Motion, OWN_ERROR_MPS, shortened};
+use super::{FIXED, FRAMES, MotionSample, VELOCITY_DRIFT_MPS, shortened};
 
 /// Time within which motion that showed the axes is forgotten. s
 const AXES_FORGET_S: f64 = 30.0;
 /// Motion that shows the axes: integral of the squared deviation of the drone's velocity from its mean. m^2/s
 pub(super) const MOTION_MIN: f64 = 0.15;
-/// Motion that shows also the age of the reports and their scale, over that.
+/// Multiple of [`MOTION_MIN`] from which on the age and the scale of the reports are known. 1
 const WELL_KNOWN: f64 = 4.0;
 /// Speed by the poses over speed by the drone if the axes fit, and as it is used while motion has shown little of it.
-const FIT: [f64; 2] = [0.6, 1.6];
-const FIT_EARLY: [f64; 2] = [0.75, 1.33];
+const SCALE: [f64; 2] = [0.6, 1.6];
+const SCALE_EARLY: [f64; 2] = [0.75, 1.33];
 /// Least fraction of the variance of the poses' velocity that the drone's explains if the axes fit (R^2).
 const DETERMINATION_MIN: f64 = 0.7;
 
@@ -55,8 +55,9 @@ impl ReportAge {
         }
     }
 
-    /// Whether what the drone flew until the pose of this age, if there `is_pose`, is known, now that it `is_heard`.
-    pub(super) fn is_known(&mut self, is_heard: bool, is_pose: bool) -> bool {
+    /// Notes whether the drone reported in this period and whether there is a pose of this age. Returns whether its
+    /// displacement since the pose before is complete.
+    pub(super) fn note_report(&mut self, is_heard: bool, is_pose: bool) -> bool {
         let is_known = is_heard && !self.was_silent;
         if !is_known {
             self.begin_motion();
@@ -67,7 +68,7 @@ impl ReportAge {
     }
 
     /// Integrates the difference in each frame that fits.
-    pub(super) fn compare(&mut self, motion: &Motion, dt_s: f64) {
+    pub(super) fn compare(&mut self, motion: &MotionSample, dt_s: f64) {
         self.flown_s += dt_s;
         for (flown_d_m, seen_d_mps) in self.flown_d_m.iter_mut().zip(&motion.seen_d_mps) {
             *flown_d_m += seen_d_mps * dt_s;
@@ -76,7 +77,7 @@ impl ReportAge {
             self.error_m.iter_mut().zip(&self.axes).zip(&motion.seen_d_mps)
         {
             if let Some(Fit { axes, .. }) = fit {
-                *error_m = shortened(*error_m, OWN_ERROR_MPS * dt_s) + motion.moved_w_m
+                *error_m = shortened(*error_m, VELOCITY_DRIFT_MPS * dt_s) + motion.moved_w_m
                     - axes * seen_d_mps * dt_s;
             }
         }
@@ -95,9 +96,9 @@ impl ReportAge {
     }
 
     /// Learns the axes from a motion between two poses. Axes that were found stay while too little motion shows any.
-    pub(super) fn learn(&mut self, motion: &Motion) {
+    pub(super) fn learn(&mut self, motion: &MotionSample) {
         let seen_d_mps = self.flown_d_m.map(|flown_d_m| flown_d_m / self.flown_s);
-        self.sums.add(&Motion { seen_d_mps, ..*motion }, self.flown_s);
+        self.sums.add(&MotionSample { seen_d_mps, ..*motion }, self.flown_s);
         let is_well_known = self.is_well_known();
         for (frame, axes) in self.axes.iter_mut().enumerate() {
             if self.sums.variance(frame) < MOTION_MIN {
@@ -105,7 +106,7 @@ impl ReportAge {
             }
             *axes = self.sums.fit(frame).map(|fit| {
                 let scale = fit.axes.norm();
-                let [low, high] = if is_well_known { FIT } else { FIT_EARLY };
+                let [low, high] = if is_well_known { SCALE } else { SCALE_EARLY };
                 Fit { axes: fit.axes * (scale.clamp(low, high) / scale), ..fit }
             });
         }
@@ -150,8 +151,8 @@ pub(super) struct Sums {
 }
 
 impl Sums {
-    pub(super) fn add(&mut self, motion: &Motion, dt_s: f64) {
-        let Motion { moved_w_m, moved_in_s, ref seen_d_mps, .. } = *motion;
+    pub(super) fn add(&mut self, motion: &MotionSample, dt_s: f64) {
+        let MotionSample { moved_w_m, moved_in_s, ref seen_d_mps, .. } = *motion;
         let keep = (-dt_s / AXES_FORGET_S).exp();
         self.time_s = self.time_s * keep + dt_s;
         self.moved_w_m = self.moved_w_m * keep + moved_w_m;
@@ -178,7 +179,7 @@ impl Sums {
         let moved_variance = self.moved_squares - self.moved_w_m.norm_sqr() / time_s;
         let axes = covariance / variance;
         let determination = covariance.norm_sqr() / (variance * moved_variance);
-        let [low, high] = FIT;
+        let [low, high] = SCALE;
         let fits = (low..=high).contains(&axes.norm()) && determination >= DETERMINATION_MIN;
         fits.then_some(Fit { axes, determination })
     }
@@ -199,7 +200,7 @@ mod tests {
         for k in 0..ticks {
             let t_s = f64::from(k) * 0.02;
             let by_drone_mps = Complex::new((2.0 * t_s).sin(), (3.0 * t_s).cos()) * 0.5;
-            let motion = Motion {
+            let motion = MotionSample {
                 moved_w_m: axes * by_drone_mps * 0.02,
                 moved_in_s: 0.02,
                 seen_d_mps: [by_drone_mps, by_drone_mps.conj(), by_drone_mps, by_drone_mps.conj()],
@@ -237,12 +238,12 @@ mod tests {
     #[test]
     fn what_a_silent_drone_flew_is_unknown_up_to_the_next_pose() {
         let mut age = ReportAge { flown_s: 1.0, ..ReportAge::default() };
-        assert!(age.is_known(true, false) && age.flown_s > 0.0);
-        assert!(!age.is_known(false, false));
+        assert!(age.note_report(true, false) && age.flown_s > 0.0);
+        assert!(!age.note_report(false, false));
         assert!(age.flown_s <= 0.0, "the motion begins anew");
-        assert!(!age.is_known(true, false), "it is heard again, in the middle of a motion");
-        assert!(!age.is_known(true, true), "the motion that this pose ends was not heard whole");
-        assert!(age.is_known(true, false));
+        assert!(!age.note_report(true, false), "it is heard again, in the middle of a motion");
+        assert!(!age.note_report(true, true), "the motion that this pose ends was not heard whole");
+        assert!(age.note_report(true, false));
     }
 
     #[test]

@@ -61,7 +61,7 @@ fn every_kind_of_mistake_is_found_at_once_with_its_place() {
         ((3, 15), "b.c: invalid type: string \"x\""),
         ((3, 25), "b.e: unknown field `e`"),
         ((3, 8), "b: missing field `d`"),
-        ((2, 8), "a = -1 violates > 0"),
+        ((2, 8), "a = -1: expected > 0"),
     ] {
         let is_it = |(at, text): &&(_, String)| *at == Some(place) && text.starts_with(start);
         assert_eq!(found.iter().filter(is_it).count(), 1, "{start}: {found:?}");

@@ -52,7 +52,7 @@ impl Frames {
             let frame = self.frame(self.at)?;
             let behind = frame.as_ref().map(|frame| self.at + frame.bytes());
             if let (Some(frame), Some(behind)) = (frame, behind) {
-                if self.is_sound(&frame) {
+                if self.check(&frame) {
                     self.at = behind;
                     if frame.opcode == op::FOOTER {
                         self.is_ended = true;
@@ -114,8 +114,8 @@ impl Frames {
         Ok(Some(Frame { opcode, data }))
     }
 
-    /// Whether the fields of `frame` fit into it, and a chunk of it may be unpacked.
-    fn is_sound(&mut self, frame: &Frame) -> bool {
+    /// Counts what a chunk unpacks to. Returns whether the fields of `frame` fit into it, and its chunk may be unpacked.
+    fn check(&mut self, frame: &Frame) -> bool {
         if frame.opcode == op::ATTACHMENT && !is_attachment(&frame.data) {
             return false;
         }

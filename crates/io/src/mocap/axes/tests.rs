@@ -61,11 +61,11 @@ fn refusal(axes: [Axis; 3], nose: Option<Axis>) -> String {
 #[test]
 fn what_mirrors_or_has_no_volume_is_refused() {
     let mirrored = refusal([Axis::X, Axis::Z, Axis::Y], None);
-    assert!(mirrored.starts_with("frame.axes = x, z, y violates a right-handed"), "{mirrored}");
+    assert!(mirrored.starts_with("frame.axes = x, z, y: expected a right-handed"), "{mirrored}");
     assert!(refusal([Axis::X, Axis::Y, Axis::MinusZ], None).contains("right-handed"));
     assert!(refusal([Axis::X, Axis::MinusX, Axis::Z], None).ends_with("three different axes"));
     let nose = refusal([Axis::X, Axis::MinusZ, Axis::Y], Some(Axis::MinusY));
-    assert!(nose.starts_with("frame.nose = -y violates an axis"), "{nose}");
+    assert!(nose.starts_with("frame.nose = -y: expected an axis"), "{nose}");
 }
 
 #[test]

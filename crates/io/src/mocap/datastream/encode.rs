@@ -97,7 +97,7 @@ impl Packet<'_> {
             body.extend(subject.to_le_bytes());
             put_count(body, 1);
             body.extend(SEGMENT.to_le_bytes());
-            let numbers = seen.pos_w.map(|m| m / M_PER_MM);
+            let numbers = seen.pos_v.map(|m| m / M_PER_MM);
             let numbers = numbers.into_iter().chain(matrix_of_angles(seen.angles));
             // A product of zero and a negative number is -0.0, which Vicon does not send.
             body.extend(numbers.flat_map(|number| (number + 0.0).to_le_bytes()));

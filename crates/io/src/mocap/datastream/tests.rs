@@ -34,7 +34,7 @@ pub(super) const FRAME: &str = "01002b1a ca000000
     0000000000000000 0000000000000000 000000000000f03f";
 
 pub(super) fn body() -> Body<'static> {
-    Body { name: b"tello", pos_w: [1.0, -2.0, 1.3], angles: [0.0; 3] }
+    Body { name: b"tello", pos_v: [1.0, -2.0, 1.3], angles: [0.0; 3] }
 }
 
 /// What a client for `tello` makes of `pieces`.
@@ -147,7 +147,7 @@ fn a_subject_that_is_left_out_is_not_seen_and_a_removed_one_is_unknown() {
     let occluded = packet(|packet| packet.frame_info(2));
     let zeros = packet(|packet| {
         packet.frame_info(3);
-        packet.segments(id::GLOBAL_SEGMENTS, 1, &Body { pos_w: [0.0; 3], ..body() });
+        packet.segments(id::GLOBAL_SEGMENTS, 1, &Body { pos_v: [0.0; 3], ..body() });
     });
     let removed = packet(|packet| {
         packet.subject_info(1, b"tello2");

@@ -86,7 +86,7 @@ impl Flight {
         arrivals: &mut Arrivals,
     ) -> Option<TimeNs> {
         let drifted = self.line?.drifted(arrival.at);
-        let is_possible = self.is_possible(arrival, drifted)?;
+        let is_possible = self.check_arrival(arrival, drifted)?;
         // Only a frame on time tells of the drift: a late one stays late for as long as it lasts.
         let is_on_time = is_possible && drifted.late_ns(arrival) <= ON_TIME_NS;
         let next = self.change.observe(arrival, rate_hz, drifted, self.newest, is_on_time);
@@ -122,8 +122,8 @@ impl Flight {
         line.measured_at(arrival)
     }
 
-    /// Whether jitter and drift or any delay explain a frame.
-    fn is_possible(&mut self, arrival: Arrival, drifted: Line) -> Option<bool> {
+    /// Ends the climb when its time is over. Returns whether jitter and drift, or a delay, explain a frame.
+    fn check_arrival(&mut self, arrival: Arrival, drifted: Line) -> Option<bool> {
         let begin = self.begin.as_mut()?;
         if self.is_climbing && begin.age_ns(arrival.at) > CLIMB_NS {
             (*begin, self.is_climbing) = (drifted.from(arrival.number), false);

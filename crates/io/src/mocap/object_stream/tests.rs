@@ -15,7 +15,7 @@ const DOCUMENTED: [u8; 80] = *b"\xe8\x03\x00\x00\x01\x00\x48\x00\
     \x7b\x14\xae\x47\xe1\x7a\x84\x3f\x7b\x14\xae\x47\xe1\x7a\x94\x3f\x33\x33\x33\x33\x33\x33\xd3\x3f";
 
 fn body(name: &str) -> Body<'_> {
-    Body { name: name.as_bytes(), pos_w: [1.0, -2.0, 1.3], angles: [0.01, 0.02, 0.3] }
+    Body { name: name.as_bytes(), pos_v: [1.0, -2.0, 1.3], angles: [0.01, 0.02, 0.3] }
 }
 
 fn block(frame: u32, bodies: &[Body<'_>], size: usize) -> Vec<u8> {
@@ -67,7 +67,7 @@ fn every_block_size_carries_as_many_objects_as_fit_and_ours_is_found_by_name() {
 
 #[test]
 fn an_object_that_is_lost_is_a_frame_without_a_pose() {
-    let zero = Body { pos_w: [0.0; 3], angles: [0.0; 3], ..body("tello") };
+    let zero = Body { pos_v: [0.0; 3], angles: [0.0; 3], ..body("tello") };
     // An empty block is about no other object.
     let cases = [(vec![], 0), (vec![body("wand")], 1), (vec![body("wand"), zero], 0)];
     for (bodies, others) in cases {
@@ -79,7 +79,7 @@ fn an_object_that_is_lost_is_a_frame_without_a_pose() {
 
 #[test]
 fn of_two_objects_with_the_name_none_is_ours() {
-    let twin = Body { pos_w: [2.0, 0.0, 1.0], ..body("tello") };
+    let twin = Body { pos_v: [2.0, 0.0, 1.0], ..body("tello") };
     let (frames, counters) = read(&[block(1, &[body("tello"), body("wand"), twin], 256)]);
     assert_eq!((frames, counters.doubled.get()), (vec![(1, None)], 1));
 }
@@ -114,7 +114,7 @@ fn items_that_are_no_objects_are_skipped_by_their_size() {
 #[test]
 fn numbers_that_are_no_pose_are_refused() {
     let upright = Body { angles: [0.0, std::f64::consts::FRAC_PI_2, 0.0], ..body("tello") };
-    let not_finite = Body { pos_w: [f64::NAN, 0.0, 0.0], ..body("tello") };
+    let not_finite = Body { pos_v: [f64::NAN, 0.0, 0.0], ..body("tello") };
     let no_angle = Body { angles: [0.0, 0.0, f64::INFINITY], ..body("tello") };
     for bad in [upright, not_finite, no_angle] {
         let (frames, counters) = read(&[block(7, &[bad], 256)]);
@@ -168,15 +168,15 @@ proptest! {
 
     #[test]
     fn a_body_comes_back_as_it_was(
-        pos_w in prop::array::uniform3(-50.0..50.0), angles in prop::array::uniform3(-3.0..3.0),
+        pos_v in prop::array::uniform3(-50.0..50.0), angles in prop::array::uniform3(-3.0..3.0),
         frame: u32,
     ) {
-        let sent = Body { name: b"tello", pos_w, angles };
+        let sent = Body { name: b"tello", pos_v, angles };
         let datagram = block(frame, &[body("wand"), sent], 512);
         let block = Block::parse(&datagram).unwrap();
         let read = block.objects().nth(1).unwrap();
         prop_assert_eq!((block.frame, read.name, read.angles), (frame, sent.name, angles));
-        let gap = read.pos_w.into_iter().zip(pos_w).map(|(a, b)| (a - b).abs()).fold(0.0, maximum);
+        let gap = read.pos_v.into_iter().zip(pos_v).map(|(a, b)| (a - b).abs()).fold(0.0, maximum);
         prop_assert!(gap < 1e-12, "{gap}");
     }
 }
@@ -187,7 +187,7 @@ fn for_a_list_of_objects_the_blocks_of_a_frame_are_one() {
     let [all, rest] = [["a", "b", "c"].map(body), ["d", "e", "f"].map(body)];
     let mut survey = Survey::default();
     let mut source = ObjectStreamProtocol::new(100.0);
-    let zero = Body { pos_w: [0.0; 3], angles: [0.0; 3], ..body("z") };
+    let zero = Body { pos_v: [0.0; 3], angles: [0.0; 3], ..body("z") };
     for (at_ms, datagram) in [
         (0, block(7, &all, 256)),
         (1, block(7, &rest[..1], 256)),

@@ -152,7 +152,7 @@ fn a_quaternion_and_a_matrix_give_the_heading_of_a_tilted_body() {
 #[test]
 fn a_formatted_line_is_the_relays() {
     let mut bytes = Vec::new();
-    let body = Body { name: b"tello", pos_w: [1.0, -2.0, 1.300_04], angles: [0.01, 0.0, 0.3] };
+    let body = Body { name: b"tello", pos_v: [1.0, -2.0, 1.300_04], angles: [0.01, 0.0, 0.3] };
     format_line(1000, 100.0, "tello", Some(&body), &mut bytes);
     format_line(1001, 50.0, "tello", None, &mut bytes);
     let expected = "1000 100.0 tello 0 1.0000 -2.0000 1.3000 0.0100 0.0000 0.3000\n\
@@ -198,7 +198,7 @@ proptest! {
         x in -20.0..20.0, y in -20.0..20.0, z in 0.1..5.0, theta in -PI..PI, frame: i64,
     ) {
         let mut bytes = Vec::new();
-        let body = Body { name: b"tello", pos_w: [x, y, z], angles: [0.0, 0.0, theta] };
+        let body = Body { name: b"tello", pos_v: [x, y, z], angles: [0.0, 0.0, theta] };
         format_line(frame, 100.0, "tello", Some(&body), &mut bytes);
         let sent = Pose::new(x, y, z, theta);
         let read = parse_line(bytes.strip_suffix(b"\n").unwrap()).unwrap();

@@ -11,9 +11,9 @@ use super::*;
 use crate::Stopper;
 use crate::clock::SpanNs;
 
-/// The guardian's words: it watches, it has landed the drone.
+/// The guardian's words: it watches, it has ordered a landing.
 const READY: u8 = b'r';
-const LANDED: u8 = b'L';
+const LANDING_ORDERED: u8 = b'L';
 
 /// Far beyond what any step takes on a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -196,7 +196,7 @@ async fn a_guardian_that_watches_changes_nothing() {
 #[tokio::test]
 async fn a_landing_of_the_guardian_and_its_loss_are_gone_on_with_and_counted_apart() {
     let landed = |mut channel: UnixStream| {
-        channel.write_all(&[LANDED]).unwrap();
+        channel.write_all(&[LANDING_ORDERED]).unwrap();
         Some(channel)
     };
     let lost = |channel: UnixStream| {

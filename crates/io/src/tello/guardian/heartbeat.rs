@@ -11,7 +11,7 @@ use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
 use super::super::Protocol;
-use super::{Duty, HEARD, LANDED, Post, READY};
+use super::{Duty, HEARD, LANDING_ORDERED, Post, READY};
 use crate::clock::{SpanNs, TimeNs};
 
 /// Longest time between two heartbeats of a sender without other work.
@@ -34,7 +34,7 @@ const END_TIME: Duration = Duration::from_millis(500);
 pub enum GuardianReport {
     /// Nothing to report.
     Continue,
-    /// The guardian has landed the drone, or must be taken to have.
+    /// The guardian has ordered a landing, or must be taken to have.
     Landed {
         /// Whether the sender steered until then.
         is_steered: bool,
@@ -105,12 +105,12 @@ impl Heartbeat {
     pub fn report(&mut self, now: TimeNs) -> GuardianReport {
         let Some(channel) = &mut self.channel else { return GuardianReport::Continue };
         let mut bytes = [0; 64];
-        let (mut has_landed, mut has_ended) = (false, false);
+        let (mut has_ordered_landing, mut has_ended) = (false, false);
         match channel.read(&mut bytes) {
             Ok(0) => has_ended = true,
             Ok(count) => {
                 let heard = bytes.get(..count).unwrap_or_default();
-                has_landed = heard.contains(&LANDED);
+                has_ordered_landing = heard.contains(&LANDING_ORDERED);
                 if heard.contains(&HEARD) {
                     self.silence = SpanNs(0);
                 }
@@ -130,7 +130,7 @@ impl Heartbeat {
         }
         let has_paused =
             self.last.is_some_and(|(duty, at)| duty.is_guarded() && now.since(at) >= PAUSE_MAX);
-        if has_landed || (has_paused && !has_ended) {
+        if has_ordered_landing || (has_paused && !has_ended) {
             let is_steered = matches!(self.last, Some((Duty::Steering, _)));
             return GuardianReport::Landed { is_steered };
         }

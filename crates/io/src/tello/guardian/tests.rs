@@ -70,7 +70,7 @@ fn silence_in_flight_lands_until_the_sender_goes_on_with_it_and_silence_then_lan
     let since_s = bench.clock.now().seconds();
     let first_s = bench.landing(1.0);
     assert!((0.25..0.45).contains(&(first_s - since_s)), "{}", first_s - since_s);
-    assert_eq!(bench.word(0.1), Some(LANDED));
+    assert_eq!(bench.word(0.1), Some(LANDING_ORDERED));
     // It does not know of the landing yet.
     bench.send(Duty::Steering);
     let second_s = bench.landing(1.0);
@@ -119,7 +119,7 @@ fn every_heartbeat_is_answered_at_once_whatever_is_going_on() {
         bench.send(duty);
         assert_eq!(bench.any_word(0.2), Some(HEARD), "{duty:?}");
     }
-    assert_eq!(bench.any_word(1.0), Some(LANDED));
+    assert_eq!(bench.any_word(1.0), Some(LANDING_ORDERED));
     bench.send(Duty::Landing);
     assert_eq!(bench.any_word(0.2), Some(HEARD));
 }
@@ -143,7 +143,7 @@ fn the_landing_is_reported_before_it_is_ordered() {
     bench.packet(1.0).unwrap();
     bench.sender.set_nonblocking(true).unwrap();
     let mut byte = [0];
-    assert!(bench.sender.read_exact(&mut byte).is_ok() && byte == [LANDED]);
+    assert!(bench.sender.read_exact(&mut byte).is_ok() && byte == [LANDING_ORDERED]);
 }
 
 #[test]
@@ -189,7 +189,7 @@ fn a_sender_that_stays_silent_is_given_up_after_15_s_and_its_end_is_reported() {
     assert!((14.5..17.0).contains(&(last_s - first_s)), "{}", last_s - first_s);
     assert_eq!(bench.packet(0.6), None);
     drop(std::mem::replace(&mut bench.sender, UnixStream::pair().unwrap().0));
-    assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::Landed));
+    assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::OrderedLanding));
 }
 
 #[test]

@@ -143,8 +143,8 @@ proptest! {
 fn what_the_gate_approves_is_what_arrives() {
     let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: 0.25 }, Protocol::Text).unwrap();
     for step in -1400..=1400 {
-        let u_wish = Sticks::from_element((f64::from(step) / 1320.0).clamp(-1.0, 1.0));
-        let sent = Command::Sticks(gate.pass(&u_wish, Some(0.0)).sticks());
+        let u_proposed = Sticks::from_element((f64::from(step) / 1320.0).clamp(-1.0, 1.0));
+        let sent = Command::Sticks(gate.pass(&u_proposed, Some(0.0)).sticks());
         let mut bytes = Vec::new();
         sent.encode(&mut bytes);
         assert_eq!(Command::decode(&bytes), Ok(sent));

@@ -208,7 +208,7 @@ fn a_vehicle_at_rest_stays_where_it_was_seen() {
 #[test]
 fn a_width_of_zero_is_refused() {
     let error = Lagged::new(LaggedShape { dead_width: 0.0, ..LaggedShape::default() }).unwrap_err();
-    assert_eq!(error.to_string(), "dead_width = 0 violates finite and > 0");
+    assert_eq!(error.to_string(), "dead_width = 0: expected finite and > 0");
     assert!(Lagged::new(LaggedShape { decay_h_s: f64::NAN, ..LaggedShape::default() }).is_err());
 }
 

@@ -15,9 +15,9 @@ pub(in crate::emulator) const ANY: SocketAddr =
 
 /// The vehicle, and another object.
 pub(in crate::emulator) const VEHICLE: Body<'_> =
-    Body { name: b"tello", pos_w: [1.0, -2.0, 1.25], angles: [0.0, 0.0, 0.5] };
+    Body { name: b"tello", pos_v: [1.0, -2.0, 1.25], angles: [0.0, 0.0, 0.5] };
 pub(in crate::emulator) const WAND: Body<'_> =
-    Body { name: b"wand", pos_w: [0.5, 0.25, 0.75], angles: [0.0, 0.0, -1.0] };
+    Body { name: b"wand", pos_v: [0.5, 0.25, 0.75], angles: [0.0, 0.0, -1.0] };
 
 pub(in crate::emulator) fn shot(frame: u32, body: Option<Body<'_>>) -> Shot<'_> {
     Shot { frame, rate_hz: 100.0, object: "tello", body }
@@ -108,7 +108,7 @@ impl Viewer {
     pub(in crate::emulator) fn assert_sees(&self, frame: u32, body: Option<Body<'_>>) {
         let newest = self.sightings.last().expect("nothing was seen");
         assert_eq!(newest.frame, i64::from(frame));
-        let [x, y, z] = body.map_or([f64::NAN; 3], |body| body.pos_w);
+        let [x, y, z] = body.map_or([f64::NAN; 3], |body| body.pos_v);
         match (newest.pose, body) {
             (Some(seen), Some(body)) => {
                 let gap = amax(&(seen - Pose::new(x, y, z, body.angles[2])));

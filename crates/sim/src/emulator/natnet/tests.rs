@@ -105,7 +105,7 @@ fn a_body_that_is_not_seen_stays_in_the_frame_without_a_place() {
     let RigidBody { id, is_tracked, pos_v, .. } = rigid(OBJECT_ID, None);
     assert_eq!((id, is_tracked, pos_v), (OBJECT_ID, false, [0.0; 3]));
     let seen = rigid(OTHER_ID, Some(VEHICLE));
-    assert_eq!((seen.id, seen.is_tracked, seen.pos_v), (OTHER_ID, true, VEHICLE.pos_w));
+    assert_eq!((seen.id, seen.is_tracked, seen.pos_v), (OTHER_ID, true, VEHICLE.pos_v));
     // Half of 0.5 rad about the vertical.
     assert!((seen.quaternion[2] - 0.25_f64.sin()).abs() < 1e-12, "{:?}", seen.quaternion);
 }

@@ -59,7 +59,7 @@ fn subjects_and_rate_are_remembered_until_the_connection_ends() {
     assert!(taken.heads.is_empty(), "no frame without its number");
     let frame = packet(|packet| {
         packet.frame_info(8);
-        packet.segments(id::GLOBAL_SEGMENTS, 1, &Body { pos_w: [0.5; 3], ..body() });
+        packet.segments(id::GLOBAL_SEGMENTS, 1, &Body { pos_v: [0.5; 3], ..body() });
     });
     let (taken, _) = push(&mut protocol, &frame);
     assert_eq!(taken.bodies, [("tello".to_owned(), Some([0.5; 3]))]);

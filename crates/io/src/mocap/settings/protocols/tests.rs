@@ -26,16 +26,16 @@ fn each_protocol_is_chosen_by_its_key() {
 fn nonsense_is_refused_with_key_value_and_rule() {
     assert_eq!(
         error(r#"{ "natnet": { "address": "motive", "object": "tello" } }"#),
-        "natnet.address = motive violates host:port"
+        "natnet.address = motive: expected host:port"
     );
     assert_eq!(
         error(r#"{ "qtm": { "address": "a:1", "object": "" } }"#),
-        "qtm.object = \"\" violates a name"
+        "qtm.object = \"\": expected a name"
     );
     let text = r#"{ "vrpn": { "address": "a:1", "object": "t", "rate_hz": 0.0 } }"#;
     assert!(error(text).starts_with("vrpn.rate_hz = 0"));
     let text = r#"{ "natnet": { "address": "a:1", "object": "t", "frame": { "axes": ["x", "z", "y"] } } }"#;
-    assert!(error(text).starts_with("natnet.frame.axes = x, z, y violates a right-handed"));
+    assert!(error(text).starts_with("natnet.frame.axes = x, z, y: expected a right-handed"));
     let text = r#"{ "natnet": { "address": "a:1", "object": "t", "unit": "mm" } }"#;
     assert!(serde_json::from_str::<MocapTable>(text).is_err(), "unknown keys are");
 }

@@ -35,7 +35,7 @@ fn a_landing_of_the_guardian_is_heard_once() {
     let (mut heartbeat, mut channel) = pair();
     heartbeat.beat(Duty::Steering, ms(0));
     assert_eq!(heartbeat.report(ms(1)), GuardianReport::Continue);
-    channel.write_all(&[LANDED]).unwrap();
+    channel.write_all(&[LANDING_ORDERED]).unwrap();
     assert_eq!(heartbeat.report(ms(2)), GuardianReport::Landed { is_steered: true });
     assert_eq!(heartbeat.report(ms(3)), GuardianReport::Continue);
 }

@@ -21,9 +21,9 @@ fn every_number_that_json_does_not_have_becomes_a_zero_of_its_length() {
     assert_eq!(
         problems,
         [
-            of((2, 8), "a = NaN violates finite"),
-            of((3, 21), "b.c[1] = -Infinity violates finite"),
-            of((3, 43), "d = inf violates finite"),
+            of((2, 8), "a = NaN: expected finite"),
+            of((3, 21), "b.c[1] = -Infinity: expected finite"),
+            of((3, 43), "d = inf: expected finite"),
         ]
     );
 }

@@ -73,7 +73,7 @@ mod tests {
         let template = json!({ "a": { "low": 1, "high": 2 }, "b": 3 });
         let place = Place::of_key("a.high");
         let named =
-            named_places("a.high = 0 violates above low = 1 and b, not c", &place, &template);
+            named_places("a.high = 0: expected above low = 1 and b, not c", &place, &template);
         let named: Vec<String> = named.iter().map(Place::to_string).collect();
         assert_eq!(named, ["a.high", "a.low", "b"]);
     }

@@ -1,4 +1,4 @@
-//! The sticks that the pilot of a tick wishes, the plan's or the person's, limited and blended; and those that are
+//! The sticks that the pilot of a tick proposes, the plan's or the person's, limited and blended; and those that are
 //! sent.
 
 use horizon_model::Model;
@@ -12,8 +12,8 @@ impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    /// The sticks that `pilot` wishes; neutral without one. Begins, advances or ends the hand-over between pilots.
-    pub(super) fn wish(&mut self, pilot: Option<Pilot>, inbox: &Inbox) -> Sticks {
+    /// The sticks that `pilot` proposes; neutral without one. Begins, advances or ends the hand-over between pilots.
+    pub(super) fn proposed_sticks(&mut self, pilot: Option<Pilot>, inbox: &Inbox) -> Sticks {
         let u_pilot = match (pilot, inbox.manual) {
             (Some(Pilot::Person), Some(u_hand)) => Sticks::from(u_hand),
             (Some(Pilot::Controller), _) => {

@@ -1,5 +1,5 @@
 //! A vehicle model that fails on demand, for tests of the reaction: its steps are NaN, for the estimator or for the
-//! controller. With the feature `breaking` only.
+//! controller. With the feature `failing_model` only.
 //!
 //! It is here and not beside the tests because they are compiled without optimization.
 
@@ -19,7 +19,7 @@ type ByParameter = SMatrix<f64, { motion::COUNT }, { lag::COUNT }>;
 
 /// Which model gives NaN now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Broken {
+pub enum FailingPart {
     /// None: the flight is that of [`Lagged`].
     Nothing,
     /// The model of the controller: it plans on [`Model::core`].
@@ -30,17 +30,17 @@ pub enum Broken {
 
 thread_local! {
     /// What fails in this thread.
-    pub static BROKEN: Cell<Broken> = const { Cell::new(Broken::Nothing) };
+    pub static FAILING_PART: Cell<FailingPart> = const { Cell::new(FailingPart::Nothing) };
 }
 
 /// [`Lagged`], whose steps are NaN while it is broken.
 #[derive(Debug, Clone, Copy)]
-struct Breaking {
+struct FailingModel {
     model: Lagged,
-    breaks_with: Broken,
+    breaks_with: FailingPart,
 }
 
-impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }> for Breaking {
+impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }> for FailingModel {
     const STATE: [Row; motion::COUNT] = Lagged::STATE;
     const INPUT: [Row; stick::COUNT] = Lagged::INPUT;
     const OBSERVATION: [Row; pose::COUNT] = Lagged::OBSERVATION;
@@ -48,7 +48,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     const CONTROLLABLE: usize = Lagged::CONTROLLABLE;
 
     fn step(&self, s: &State, u: &Sticks, p: &Parameter, dt_s: f64) -> State {
-        let is_broken = BROKEN.get() == self.breaks_with;
+        let is_broken = FAILING_PART.get() == self.breaks_with;
         if is_broken { State::repeat(f64::NAN) } else { self.model.step(s, u, p, dt_s) }
     }
 
@@ -86,7 +86,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     }
 
     fn core(&self) -> Self {
-        Self { model: self.model.core(), breaks_with: Broken::Controller }
+        Self { model: self.model.core(), breaks_with: FailingPart::Controller }
     }
 
     fn effect(&self, u: &Sticks, p: &Parameter) -> Sticks {
@@ -104,6 +104,6 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
 ///
 /// As [`cycle::build`].
 pub fn cycle(flight: &FlightTable) -> Result<Box<dyn Tick>, SettingError> {
-    let model = Breaking { model: Lagged::default(), breaks_with: Broken::Estimator };
+    let model = FailingModel { model: Lagged::default(), breaks_with: FailingPart::Estimator };
     cycle::build_with::<_, _, _, { motion::CONTROLLABLE }>(model, flight)
 }

@@ -17,7 +17,7 @@ pub(super) fn finite_text(
         found.list.push(SettingProblem {
             file: file.to_owned(),
             place: Some(number.place),
-            text: format!("{place} = {} violates finite", &text[number.range.clone()]),
+            text: format!("{place} = {}: expected finite", &text[number.range.clone()]),
         });
         // Of the same length: the places of what follows stay.
         let zero = format!("{:<1$}", "0", number.range.len());

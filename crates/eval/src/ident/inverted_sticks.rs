@@ -38,7 +38,7 @@ struct Sums {
 /// Why `flight` cannot be fitted; `None` if its motion does not contradict its sticks.
 ///
 /// Correlates the velocity along the body's axes with the applied stick behind a lag, about zero.
-pub(super) fn opposed(flight: &Flight, dead_time_s: &Sticks, dt_s: f64) -> Option<String> {
+pub(super) fn inverted_axis(flight: &Flight, dead_time_s: &Sticks, dt_s: f64) -> Option<String> {
     let applied = flight.applied(dead_time_s, dt_s);
     let mut lagged = Sticks::zeros();
     let [mut roll, mut pitch] = [Sums::default(); 2];
@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn an_inverted_stick_and_half_a_turn_are_named_and_a_right_flight_and_a_rest_are_not() {
-        let reason = |flight: &Flight| opposed(flight, &Sticks::zeros(), DT_S);
+        let reason = |flight: &Flight| inverted_axis(flight, &Sticks::zeros(), DT_S);
         assert_eq!(reason(&flight([1.0, 1.0], 0.0)), None);
         assert_eq!(reason(&flight([1.0, 1.0], 0.8)), None, "theta_0 is identified");
         for (flight, name) in [
