@@ -285,7 +285,7 @@ impl LastLogged {
 #[cfg(test)]
 pub(crate) mod tests {
     use horizon_model::{Kinematic, Model};
-    use tello_flight::{Ruling, SupervisorOrder};
+    use tello_flight::Ruling;
 
     use super::*;
 
@@ -296,7 +296,7 @@ pub(crate) mod tests {
             phase,
             pilot: None,
             is_braking: false,
-            order: SupervisorOrder::None,
+            order: None,
             faults: FaultSet::default(),
             pose_is_airborne: None,
         });

@@ -66,8 +66,8 @@ pub use reference::{TargetTable, Targets, clip_target};
 pub use sighting::Sighting;
 pub use supervisor::{
     DroneReport, EstimatedMotion, Evidence, FailsafeTable, Fault, FaultSet, Incidents, Operator,
-    Outage, Phase, Pilot, Reaction, Room, RoomTable, Ruling, Start, Supervisor, SupervisorOrder,
-    SupervisorSettings, SupervisorTable,
+    Outage, Phase, Pilot, Reaction, Room, RoomTable, Ruling, Start, Supervisor, SupervisorSettings,
+    SupervisorTable,
 };
 
 /// An optional value whose key is required: serde lets the key of an `Option` be missing.

@@ -32,7 +32,6 @@ mod staleness;
 
 pub use self::evidence::{
     DroneReport, EstimatedMotion, Evidence, Incidents, Operator, Outage, Phase, Ruling, Start,
-    SupervisorOrder,
 };
 pub use self::fault::{Fault, FaultSet, Pilot, Reaction};
 pub(crate) use self::geofence::CLIMB_MAX_M;
@@ -44,7 +43,7 @@ use horizon_model::rows::pose;
 use self::braking::Steered;
 use self::settling::Settling;
 use self::since::{Leaky, Reported, Since, elapsed_s, exceeds};
-use crate::drone::LAND_PERIOD;
+use crate::drone::{DroneOrder, LAND_PERIOD};
 use crate::time::SpanNs;
 
 /// Take-off is ordered again when the drone still reports to be grounded after this time: the order
@@ -361,7 +360,7 @@ impl Supervisor {
     }
 
     /// The order of this tick, after the phase is known.
-    fn order(&mut self, e: &Evidence, reaction: Reaction) -> SupervisorOrder {
+    fn order(&mut self, e: &Evidence, reaction: Reaction) -> Option<DroneOrder> {
         let is_due = |ordered_ns: Option<i64>, after_s| {
             ordered_ns.is_none_or(|ordered_ns| elapsed_s(ordered_ns, e.t_ns) >= after_s)
         };
@@ -375,7 +374,7 @@ impl Supervisor {
                         && reaction < Reaction::StayDown) =>
             {
                 self.take_off_ordered_ns = Some(e.t_ns);
-                SupervisorOrder::TakeOff
+                Some(DroneOrder::TakeOff)
             }
             Phase::Landing | Phase::LandingUnconfirmed | Phase::MotorsStopped
                 if is_due(self.end_ordered_ns, LAND_PERIOD.seconds())
@@ -383,12 +382,12 @@ impl Supervisor {
             {
                 self.end_ordered_ns = Some(e.t_ns);
                 if self.phase == Phase::MotorsStopped {
-                    SupervisorOrder::EmergencyStop
+                    Some(DroneOrder::EmergencyStop)
                 } else {
-                    SupervisorOrder::Land
+                    Some(DroneOrder::Land)
                 }
             }
-            _ => SupervisorOrder::None,
+            _ => None,
         }
     }
 }

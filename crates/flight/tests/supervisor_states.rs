@@ -3,10 +3,11 @@
 use horizon_model::rows::{Pose, pose};
 use horizon_model::setting::SettingError;
 use nalgebra::Vector3;
+use tello_flight::drone::DroneOrder;
 use tello_flight::{
     Agreement, DroneReport, EstimatedMotion, Evidence, FailsafeTable, Fault, Findings, Incidents,
     Operator, Outage, Phase, Pilot, Reaction, RoomTable, Ruling, Start, Supervisor,
-    SupervisorOrder, SupervisorSettings, SupervisorTable,
+    SupervisorSettings, SupervisorTable,
 };
 
 const STALE_S: f64 = 0.25;
@@ -161,7 +162,7 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
     if ruling.may_steer() {
         assert_eq!(ruling.phase, Phase::Flying, "steers outside of a flight: {}", case());
         assert!(!asks_to_end, "steers against orders: {}", case());
-        assert_eq!(ruling.order, SupervisorOrder::None, "steers beside an order: {}", case());
+        assert_eq!(ruling.order, None, "steers beside an order: {}", case());
     }
     match ruling.pilot {
         Some(Pilot::Controller) => {
@@ -175,16 +176,16 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
     if e.operator == Operator::EmergencyStop {
         assert_eq!(ruling.phase, Phase::MotorsStopped, "does not stop: {}", case());
     }
-    if ruling.order == SupervisorOrder::EmergencyStop {
+    if ruling.order == Some(DroneOrder::EmergencyStop) {
         assert_eq!(ruling.phase, Phase::MotorsStopped, "{}", case());
     }
-    if ruling.order == SupervisorOrder::TakeOff {
+    if ruling.order == Some(DroneOrder::TakeOff) {
         assert_eq!(ruling.phase, Phase::TakingOff, "{}", case());
         assert!(!has_landed, "takes off after a landing: {}", case());
         assert!(!asks_to_end, "takes off against orders: {}", case());
         assert_may_take_off(before, is_fresh && is_inside, e);
     }
-    if ruling.order == SupervisorOrder::Land {
+    if ruling.order == Some(DroneOrder::Land) {
         assert!(matches!(ruling.phase, Phase::Landing | Phase::LandingUnconfirmed), "{}", case());
     }
     let is_on_the_way = matches!(before, Phase::TakingOff | Phase::Flying);
@@ -193,7 +194,7 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
     if is_on_the_way && must_land {
         assert_eq!(
             (ruling.phase, ruling.order),
-            (Phase::Landing, SupervisorOrder::Land),
+            (Phase::Landing, Some(DroneOrder::Land)),
             "{}",
             case()
         );

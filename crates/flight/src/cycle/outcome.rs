@@ -10,8 +10,9 @@ use serde::Serialize;
 
 use super::dead_time::DeadTimeChange;
 use super::walls::Clearance;
+use crate::drone::DroneOrder;
 use crate::gate::Approved;
-use crate::{Filtered, Findings, LinkVerdict, Mission, Phase, Ruling, Sighting, SupervisorOrder};
+use crate::{Filtered, Findings, LinkVerdict, Mission, Phase, Ruling, Sighting};
 
 /// How a solve ended.
 #[derive(Debug, Clone, PartialEq)]
@@ -193,13 +194,8 @@ impl Outcome {
     }
 
     /// The order that the tick gives to the drone.
-    pub fn order(&self) -> Option<crate::drone::DroneOrder> {
-        match self.ruling?.order {
-            SupervisorOrder::None => None,
-            SupervisorOrder::TakeOff => Some(crate::drone::DroneOrder::TakeOff),
-            SupervisorOrder::Land => Some(crate::drone::DroneOrder::Land),
-            SupervisorOrder::EmergencyStop => Some(crate::drone::DroneOrder::EmergencyStop),
-        }
+    pub fn order(&self) -> Option<DroneOrder> {
+        self.ruling?.order
     }
 
     /// Whether a fresh pose shows the vehicle above the ground; `None` without such a pose.
@@ -266,7 +262,6 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::drone::DroneOrder;
     use crate::time::TimeNs;
     use crate::{Acceptance, FaultSet, Pilot, Reference};
 
@@ -276,7 +271,7 @@ mod tests {
         Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 3)
     }
 
-    fn ruling(order: SupervisorOrder) -> Ruling {
+    fn ruling(order: Option<DroneOrder>) -> Ruling {
         Ruling {
             phase: Phase::Flying,
             pilot: Some(Pilot::Controller),
@@ -292,17 +287,12 @@ mod tests {
     }
 
     #[test]
-    fn each_order_of_the_supervisor_is_the_one_of_its_name_to_the_drone() {
+    fn an_outcome_has_the_order_and_the_phase_of_its_ruling() {
         let mut out = outcome();
         assert_eq!((out.order(), out.phase(), out.pose_is_airborne()), (None, Phase::Idle, None));
-        for (order, expected) in [
-            (SupervisorOrder::None, None),
-            (SupervisorOrder::TakeOff, Some(DroneOrder::TakeOff)),
-            (SupervisorOrder::Land, Some(DroneOrder::Land)),
-            (SupervisorOrder::EmergencyStop, Some(DroneOrder::EmergencyStop)),
-        ] {
+        for order in [None, Some(DroneOrder::Land)] {
             out.ruling = Some(ruling(order));
-            assert_eq!(out.order(), expected);
+            assert_eq!(out.order(), order);
             assert_eq!((out.phase(), out.pose_is_airborne()), (Phase::Flying, Some(true)));
         }
     }
@@ -331,7 +321,7 @@ mod tests {
         out.s_hat.push(1.0);
         out.plan.push([0.0; stick::COUNT]);
         out.reference = Some(HERE);
-        out.ruling = Some(ruling(SupervisorOrder::Land));
+        out.ruling = Some(ruling(Some(DroneOrder::Land)));
         out.clear(7);
         assert_eq!(out, Outcome { step: 7, ..outcome() });
     }

@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::fault::{FaultSet, Pilot};
+use crate::drone::DroneOrder;
 use crate::monitor::Findings;
 
 /// Where a flight begins.
@@ -251,19 +252,6 @@ pub struct Evidence {
     pub controller_failed: bool,
 }
 
-/// What to send beside the sticks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SupervisorOrder {
-    /// Nothing.
-    None,
-    /// Take off.
-    TakeOff,
-    /// Land.
-    Land,
-    /// Stop the motors.
-    EmergencyStop,
-}
-
 /// What the supervisor decides for one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[must_use]
@@ -275,7 +263,7 @@ pub struct Ruling {
     /// Whether the controller brings the vehicle to rest where it is, whatever the mission.
     pub is_braking: bool,
     /// What to send beside the sticks.
-    pub order: SupervisorOrder,
+    pub order: Option<DroneOrder>,
     /// What is wrong, and what ended the flight.
     pub faults: FaultSet,
     /// Whether a fresh pose shows the vehicle above the ground; `None` without such a pose.

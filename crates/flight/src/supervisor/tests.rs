@@ -165,7 +165,7 @@ impl Bench {
     pub(super) fn taking_off() -> Self {
         let mut bench = Self::new(Start::Grounded);
         bench.pass(1, &CALM);
-        assert_eq!(bench.tick(&asks_to_fly(CALM)).order, SupervisorOrder::TakeOff);
+        assert_eq!(bench.tick(&asks_to_fly(CALM)).order, Some(DroneOrder::TakeOff));
         bench
     }
 
@@ -181,7 +181,7 @@ impl Bench {
     /// Landing ordered by the operator one tick ago, from steered flight.
     pub(super) fn landing() -> Self {
         let mut bench = Self::flown();
-        assert_eq!(bench.tick(&asks_to_land(ALOFT)).order, SupervisorOrder::Land);
+        assert_eq!(bench.tick(&asks_to_land(ALOFT)).order, Some(DroneOrder::Land));
         bench
     }
 }
@@ -216,14 +216,11 @@ pub(super) fn faults(ruling: Ruling) -> Vec<Fault> {
 fn a_whole_flight_goes_through_every_phase() {
     let mut bench = Bench::new(Start::Grounded);
     let ruling = bench.run(30, &CALM);
-    assert_eq!(
-        (ruling.phase, ruling.order, ruling.may_steer()),
-        (Phase::Idle, SupervisorOrder::None, false)
-    );
+    assert_eq!((ruling.phase, ruling.order, ruling.may_steer()), (Phase::Idle, None, false));
     let ruling = bench.tick(&asks_to_fly(CALM));
-    assert_eq!((ruling.phase, ruling.order), (Phase::TakingOff, SupervisorOrder::TakeOff));
+    assert_eq!((ruling.phase, ruling.order), (Phase::TakingOff, Some(DroneOrder::TakeOff)));
     let ruling = bench.run(20, &CALM);
-    assert_eq!((ruling.phase, ruling.order), (Phase::TakingOff, SupervisorOrder::None));
+    assert_eq!((ruling.phase, ruling.order), (Phase::TakingOff, None));
     let ruling = bench.tick(&ALOFT);
     assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
     assert!(!bench.run(14, &ALOFT).may_steer(), "1.4 s after the take-off");
@@ -235,7 +232,7 @@ fn a_whole_flight_goes_through_every_phase() {
     let ruling = bench.tick(&done);
     assert_eq!(
         (ruling.phase, ruling.order),
-        (Phase::Landing, SupervisorOrder::Land),
+        (Phase::Landing, Some(DroneOrder::Land)),
         "done for 2.0 s"
     );
     assert!(!ruling.may_steer() && ruling.faults.is_empty());
@@ -243,14 +240,10 @@ fn a_whole_flight_goes_through_every_phase() {
     let ruling = bench.run(10, &CALM);
     assert_eq!(ruling.phase, Phase::Landing, "down for 0.9 s");
     let ruling = bench.tick(&CALM);
-    assert_eq!(
-        (ruling.phase, ruling.order),
-        (Phase::Landed, SupervisorOrder::None),
-        "down for 1.0 s"
-    );
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landed, None), "down for 1.0 s");
     assert!(ruling.faults.is_empty());
     let ruling = bench.run(100, &asks_to_fly(CALM));
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landed, SupervisorOrder::None));
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landed, None));
 }
 
 #[test]
@@ -277,13 +270,13 @@ fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
     ] {
         let mut bench = Bench::new(Start::Grounded);
         let ruling = bench.run(5, &asks_to_fly(e));
-        assert_eq!((ruling.phase, ruling.order), (Phase::Idle, SupervisorOrder::None), "{fault:?}");
+        assert_eq!((ruling.phase, ruling.order), (Phase::Idle, None), "{fault:?}");
         assert!(ruling.faults.contains(fault), "{fault:?} is not in {:?}", ruling.faults);
         // Nothing of it stays: nothing has happened yet.
         let ruling = bench.tick(&asks_to_fly(CALM));
         assert_eq!(
             (ruling.phase, ruling.order),
-            (Phase::TakingOff, SupervisorOrder::TakeOff),
+            (Phase::TakingOff, Some(DroneOrder::TakeOff)),
             "{fault:?}"
         );
         assert!(ruling.faults.is_empty(), "{:?}", ruling.faults);
@@ -323,7 +316,7 @@ fn landing_faults_end_the_flight_for_good() {
             let ruling = bench.tick(&e);
             assert_eq!(
                 (ruling.phase, ruling.order),
-                (Phase::Landing, SupervisorOrder::Land),
+                (Phase::Landing, Some(DroneOrder::Land)),
                 "{fault:?}"
             );
             assert!(ruling.faults.contains(fault) && !ruling.may_steer(), "{:?}", ruling.faults);
@@ -356,7 +349,7 @@ fn what_never_came_is_missed_from_the_first_tick() {
     let ruling = bench.run(11, &Evidence { pose_age_s: None, ..ALOFT });
     assert_eq!((ruling.phase, faults(ruling)), (Phase::Flying, vec![Fault::MocapStale]));
     let ruling = bench.tick(&Evidence { pose_age_s: None, ..ALOFT });
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
 
     let mut bench = Bench::new(Start::Airborne);
     let ruling = bench.run(21, &Evidence { drone: None, ..ALOFT });

@@ -21,7 +21,7 @@ fn landing_from_0_2_m() -> Bench {
 
 /// How many of so many ticks with `e` order a landing.
 fn landings(bench: &mut Bench, ticks: u32, e: &Evidence) -> usize {
-    (0..ticks).filter(|_| bench.tick(e).order == SupervisorOrder::Land).count()
+    (0..ticks).filter(|_| bench.tick(e).order == Some(DroneOrder::Land)).count()
 }
 
 #[test]
@@ -31,7 +31,7 @@ fn a_landing_is_ordered_until_one_witness_alone_has_lasted_and_the_other_is_name
         assert_eq!(landings(&mut bench, 100, &e), 20);
         assert_eq!(bench.supervisor.phase(), Phase::Landing, "longer than the time for a landing");
         let ruling = bench.tick(&e);
-        assert_eq!((ruling.phase, ruling.order), (Phase::Landed, SupervisorOrder::None));
+        assert_eq!((ruling.phase, ruling.order), (Phase::Landed, None));
         let witnesses = [Fault::LandedByPose, Fault::LandedByDrone];
         let is_named = |ruling: Ruling| witnesses.map(|fault| ruling.faults.contains(fault));
         assert_eq!(is_named(ruling), witnesses.map(|one| one == fault));

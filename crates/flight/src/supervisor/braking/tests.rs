@@ -22,7 +22,7 @@ fn braking() -> Bench {
 #[test]
 fn it_lands_when_it_is_slow_or_has_braked_for_long_enough() {
     let ruling = braking().tick(&Evidence { speed_mps: 0.2, ..fast() });
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
     // 0.1 s a tick.
     let mut bench = braking();
     assert_eq!(bench.run(14, &fast()).phase, Phase::Flying);
@@ -90,7 +90,7 @@ fn a_mission_that_is_done_lands_a_vehicle_at_rest_and_brakes_one_that_a_person_h
         }
     }
     let ruling = bench.tick(&done);
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
     let mut bench = Bench::flying();
     let ticks = (0..100).take_while(|_| bench.tick(&done).phase == Phase::Flying).count();
     assert!((ticks as f64 - hold).abs() <= 1.0, "{ticks} ticks for {hold}");

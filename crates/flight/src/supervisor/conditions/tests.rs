@@ -204,13 +204,13 @@ fn a_drone_that_flies_already_is_landed_and_not_ordered_to_take_off() {
     {
         let mut bench = Bench::new(Start::Grounded);
         let ruling = bench.run(10, &e);
-        assert_eq!((ruling.phase, ruling.order), (Phase::Idle, SupervisorOrder::None));
+        assert_eq!((ruling.phase, ruling.order), (Phase::Idle, None));
         assert_eq!(faults(ruling), [Fault::DroneAloft]);
         // A report that was wrong for a moment counts no more.
         assert_eq!(bench.tick(&CALM).phase, Phase::Idle);
         assert_eq!(bench.run(10, &e).phase, Phase::Idle);
         let ruling = bench.tick(&e);
-        assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
+        assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
         assert_eq!(faults(ruling), [Fault::DroneAloft, Fault::TookOffUnasked]);
     }
 }
@@ -392,7 +392,7 @@ fn a_charge_that_is_critical_for_a_second_lands_the_drone() {
         bench.pass(1, &ALOFT);
         assert_eq!(bench.run(10, &critical).phase, Phase::Flying, "a sag begins anew");
         let ruling = bench.tick(&critical);
-        assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
+        assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
         assert!(ruling.faults.contains(Fault::BatteryCritical), "{:?}", ruling.faults);
     }
     let least = with_drone(ALOFT, |drone| drone.battery_pct = 10);

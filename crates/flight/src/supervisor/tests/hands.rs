@@ -30,7 +30,7 @@ fn a_person_flies_on_without_a_pose_and_who_hands_back_blind_is_landed() {
     assert_eq!((ruling.phase, ruling.pilot), (Phase::Flying, Some(Pilot::Person)));
     assert!(ruling.faults.contains(Fault::MocapLost), "{:?}", ruling.faults);
     let ruling = bench.tick(&blind(ALOFT));
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
 }
 
 #[test]
@@ -77,7 +77,7 @@ fn a_take_off_without_a_pose_needs_a_person_who_asks_for_it() {
     // The drone's word confirms it, and a person needs no time to settle.
     let mut bench = Bench::new(Start::Grounded);
     let fly = Evidence { operator: Operator::FlyByHand, ..by_hand(on_the_ground) };
-    assert_eq!(bench.tick(&fly).order, SupervisorOrder::TakeOff);
+    assert_eq!(bench.tick(&fly).order, Some(DroneOrder::TakeOff));
     let ruling = bench.tick(&with_drone(fly, |drone| drone.is_flying = true));
     assert_eq!((ruling.phase, ruling.pilot), (Phase::Flying, Some(Pilot::Person)));
 }
@@ -118,7 +118,7 @@ fn the_emergency_stop_works_in_every_phase_at_once() {
         let ruling = bench.tick(&asks_for_emergency_stop(ALOFT));
         assert_eq!(
             (ruling.phase, ruling.order),
-            (Phase::MotorsStopped, SupervisorOrder::EmergencyStop),
+            (Phase::MotorsStopped, Some(DroneOrder::EmergencyStop)),
             "{before:?}"
         );
         assert!(ruling.pilot.is_none() && ruling.faults.contains(Fault::OperatorEmergencyStop));
@@ -131,15 +131,15 @@ fn the_emergency_stop_works_in_every_phase_at_once() {
 #[test]
 fn an_emergency_stop_is_ordered_every_half_second_until_the_vehicle_is_down() {
     let mut bench = Bench::flown();
-    assert_eq!(bench.tick(&asks_for_emergency_stop(ALOFT)).order, SupervisorOrder::EmergencyStop);
+    assert_eq!(bench.tick(&asks_for_emergency_stop(ALOFT)).order, Some(DroneOrder::EmergencyStop));
     for _ in 0..3 {
         let ticks = (1..=200).find(|_| {
-            bench.tick(&asks_for_emergency_stop(ALOFT)).order == SupervisorOrder::EmergencyStop
+            bench.tick(&asks_for_emergency_stop(ALOFT)).order == Some(DroneOrder::EmergencyStop)
         });
         assert_eq!(ticks, Some(5));
     }
     bench.pass(11, &asks_for_emergency_stop(CALM));
     for _ in 0..50 {
-        assert_eq!(bench.tick(&asks_for_emergency_stop(CALM)).order, SupervisorOrder::None);
+        assert_eq!(bench.tick(&asks_for_emergency_stop(CALM)).order, None);
     }
 }

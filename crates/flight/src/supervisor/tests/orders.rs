@@ -8,15 +8,15 @@ fn spinning() -> Evidence {
 }
 
 /// Ticks with `e` until `order` comes; the number of ticks comes back.
-fn ticks_until(bench: &mut Bench, order: SupervisorOrder, e: &Evidence) -> Option<u32> {
+fn ticks_until(bench: &mut Bench, order: Option<DroneOrder>, e: &Evidence) -> Option<u32> {
     (1..=200).find(|_| bench.tick(e).order == order)
 }
 
 #[test]
 fn take_off_is_ordered_again_after_three_seconds_on_the_ground() {
     let mut bench = Bench::taking_off();
-    assert_eq!(ticks_until(&mut bench, SupervisorOrder::TakeOff, &CALM), Some(30));
-    assert_eq!(ticks_until(&mut bench, SupervisorOrder::TakeOff, &CALM), Some(30));
+    assert_eq!(ticks_until(&mut bench, Some(DroneOrder::TakeOff), &CALM), Some(30));
+    assert_eq!(ticks_until(&mut bench, Some(DroneOrder::TakeOff), &CALM), Some(30));
 }
 
 #[test]
@@ -25,7 +25,7 @@ fn take_off_is_not_ordered_again_ten_seconds_after_it_was_asked_for() {
     let settings = SupervisorSettings::try_from(&table).unwrap();
     let mut bench = Bench { supervisor: Supervisor::new(settings, Start::Grounded), t_ns: 0 };
     for expected in [Some(1), Some(30), Some(30), Some(30), None] {
-        let found = ticks_until(&mut bench, SupervisorOrder::TakeOff, &asks_to_fly(CALM));
+        let found = ticks_until(&mut bench, Some(DroneOrder::TakeOff), &asks_to_fly(CALM));
         assert_eq!(found, expected);
     }
 }
@@ -73,7 +73,7 @@ fn take_off_is_not_ordered_again_unless_the_drone_says_that_it_is_down() {
         bench.pass(20, &CALM);
         for _ in 0..30 {
             let ruling = bench.tick(&e);
-            assert_ne!(ruling.order, SupervisorOrder::TakeOff, "{e:?}");
+            assert_ne!(ruling.order, Some(DroneOrder::TakeOff), "{e:?}");
         }
     }
 }
@@ -88,7 +88,7 @@ fn a_drone_that_flew_and_stands_again_in_the_take_off_is_landed_and_never_ordere
     assert_eq!(bench.run(10, &CALM).phase, Phase::TakingOff);
     let ruling = bench.tick(&CALM);
     assert_eq!((ruling.phase, faults(ruling)), (Phase::Landing, vec![Fault::NotFlying]));
-    assert_eq!(ticks_until(&mut bench, SupervisorOrder::TakeOff, &CALM), None);
+    assert_eq!(ticks_until(&mut bench, Some(DroneOrder::TakeOff), &CALM), None);
 }
 
 #[test]
@@ -98,7 +98,7 @@ fn a_drone_that_rose_and_never_reported_it_is_landed_when_its_report_cannot_be_l
     // 4 s after the order its report counts, and has to last for a second.
     for _ in 0..48 {
         let ruling = bench.tick(&CALM);
-        assert_eq!((ruling.phase, ruling.order), (Phase::TakingOff, SupervisorOrder::None));
+        assert_eq!((ruling.phase, ruling.order), (Phase::TakingOff, None));
     }
     let ruling = bench.run(2, &CALM);
     assert_eq!((ruling.phase, faults(ruling)), (Phase::Landing, vec![Fault::NotFlying]));
@@ -106,7 +106,7 @@ fn a_drone_that_rose_and_never_reported_it_is_landed_when_its_report_cannot_be_l
 
 #[test]
 fn a_rise_of_fifteen_centimetres_is_none_yet() {
-    for (height_m, order) in [(0.15, SupervisorOrder::TakeOff), (0.16, SupervisorOrder::None)] {
+    for (height_m, order) in [(0.15, Some(DroneOrder::TakeOff)), (0.16, None)] {
         let mut bench = Bench::new(Start::Grounded);
         let at = |height_m| Evidence { pose: Some(at_height(height_m)), ..CALM };
         bench.pass(1, &at(0.0));
@@ -125,7 +125,7 @@ fn a_take_off_that_is_not_confirmed_in_time_ends_in_landing() {
     let mut bench = Bench::taking_off();
     assert_eq!(bench.run(79, &spinning()).phase, Phase::TakingOff, "7.9 s");
     let ruling = bench.tick(&spinning());
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land), "8.0 s");
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)), "8.0 s");
     assert_eq!(faults(ruling), [Fault::TakeOffTimeout]);
     let ruling = bench.run(20, &CALM);
     assert_eq!((ruling.phase, faults(ruling)), (Phase::Landed, vec![Fault::TakeOffTimeout]));
@@ -206,10 +206,10 @@ fn a_mission_is_done_when_it_stays_done() {
 fn landing_is_ordered_every_half_second_until_the_vehicle_is_down() {
     let mut bench = Bench::landing();
     for _ in 0..4 {
-        assert_eq!(ticks_until(&mut bench, SupervisorOrder::Land, &ALOFT), Some(5));
+        assert_eq!(ticks_until(&mut bench, Some(DroneOrder::Land), &ALOFT), Some(5));
     }
     assert_eq!(bench.run(11, &CALM).phase, Phase::Landed);
-    assert_eq!(ticks_until(&mut bench, SupervisorOrder::Land, &ALOFT), None);
+    assert_eq!(ticks_until(&mut bench, Some(DroneOrder::Land), &ALOFT), None);
 }
 
 #[test]
@@ -276,12 +276,12 @@ fn a_landing_that_is_not_confirmed_is_a_fault_and_goes_on() {
     assert_eq!(ruling.phase, Phase::LandingUnconfirmed, "10.0 s");
     assert_eq!(faults(ruling), [Fault::LandingTimeout, Fault::OperatorStop]);
     for _ in 0..4 {
-        assert_eq!(ticks_until(&mut bench, SupervisorOrder::Land, &asks_to_fly(ALOFT)), Some(5));
+        assert_eq!(ticks_until(&mut bench, Some(DroneOrder::Land), &asks_to_fly(ALOFT)), Some(5));
     }
     let ruling = bench.run(11, &CALM);
-    assert_eq!((ruling.phase, ruling.order), (Phase::LandingUnconfirmed, SupervisorOrder::None));
+    assert_eq!((ruling.phase, ruling.order), (Phase::LandingUnconfirmed, None));
     assert_eq!(faults(ruling), [Fault::LandingTimeout, Fault::OperatorStop]);
-    assert_eq!(ticks_until(&mut bench, SupervisorOrder::Land, &CALM), None);
+    assert_eq!(ticks_until(&mut bench, Some(DroneOrder::Land), &CALM), None);
 }
 
 #[test]
@@ -300,12 +300,12 @@ fn without_a_guardian_or_after_a_standstill_nothing_takes_off_and_what_flies_is_
         let mut bench = Bench::new(Start::Grounded);
         bench.pass(1, &CALM);
         let ruling = bench.tick(&Evidence { incidents, ..asks_to_fly(CALM) });
-        assert_eq!((ruling.phase, ruling.order), (Phase::Idle, SupervisorOrder::None), "{fault:?}");
+        assert_eq!((ruling.phase, ruling.order), (Phase::Idle, None), "{fault:?}");
         assert_eq!(faults(ruling), [fault]);
         let ruling = bench.tick(&Evidence { incidents, ..asks_to_fly(spinning()) });
         assert_eq!(
             (ruling.phase, ruling.order),
-            (Phase::Landing, SupervisorOrder::Land),
+            (Phase::Landing, Some(DroneOrder::Land)),
             "{fault:?}"
         );
     }
@@ -316,7 +316,7 @@ fn an_operator_can_land_a_drone_that_flies_without_an_order() {
     let mut bench = Bench::new(Start::Grounded);
     assert_eq!(bench.run(10, &spinning()).phase, Phase::Idle);
     let ruling = bench.tick(&asks_to_land(spinning()));
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
     let old = with_drone(spinning(), |drone| drone.age_s = 2.01);
     let mut bench = Bench::new(Start::Grounded);
     assert_eq!(bench.tick(&asks_to_land(old)).phase, Phase::Idle);
@@ -337,10 +337,10 @@ fn one_solve_in_three_may_fail_for_ever_and_one_in_two_may_not() {
 fn an_emergency_stop_is_ordered_once_though_everything_says_that_the_drone_is_down() {
     let mut bench = Bench::landing();
     assert_eq!(bench.run(110, &ALOFT).phase, Phase::LandingUnconfirmed);
-    assert_eq!(bench.run(30, &CALM).order, SupervisorOrder::None, "down");
+    assert_eq!(bench.run(30, &CALM).order, None, "down");
     let stop = Evidence { operator: Operator::EmergencyStop, ..CALM };
-    assert_eq!(bench.tick(&stop).order, SupervisorOrder::EmergencyStop);
-    assert_eq!(ticks_until(&mut bench, SupervisorOrder::EmergencyStop, &stop), None);
+    assert_eq!(bench.tick(&stop).order, Some(DroneOrder::EmergencyStop));
+    assert_eq!(ticks_until(&mut bench, Some(DroneOrder::EmergencyStop), &stop), None);
 }
 
 #[test]

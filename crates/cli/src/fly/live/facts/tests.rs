@@ -1,5 +1,5 @@
 use horizon_model::{Kinematic, Lagged, Model};
-use tello_flight::{FaultSet, LinkState, LinkVerdict, Ruling, SupervisorOrder};
+use tello_flight::{FaultSet, LinkState, LinkVerdict, Ruling};
 
 use super::*;
 
@@ -32,7 +32,7 @@ fn the_ruling_of_the_tick_is_shown_as_it_is() {
         phase: Phase::Flying,
         pilot: Some(Pilot::Person),
         is_braking: false,
-        order: SupervisorOrder::None,
+        order: None,
         faults: set,
         pose_is_airborne: None,
     });

@@ -68,7 +68,7 @@ fn by_hand_the_way_to_rest_warns_whatever_a_plan_would_do() {
 #[test]
 fn behind_the_wall_the_flight_ends() {
     let ruling = Bench::flying().tick(&moving(3.01, -1.0));
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, SupervisorOrder::Land));
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
     assert!(ruling.faults.contains(Fault::FenceLeft), "{:?}", ruling.faults);
 }
 
