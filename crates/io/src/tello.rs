@@ -14,13 +14,12 @@ mod session;
 pub mod text;
 
 use std::net::{SocketAddr, SocketAddrV4, UdpSocket};
-use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU8, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 
 use horizon_model::setting::{SettingError, in_range};
 use parking_lot::Mutex;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use strum::VariantArray;
 
 pub use bind::LinkError;
 pub use client::{DroneClient, DroneLink, OrderError};
@@ -140,47 +139,19 @@ impl TelloSettings {
     }
 }
 
-/// What the sender puts on the wire now, whatever the control thread has approved.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema, VariantArray)]
-#[serde(rename_all = "snake_case")]
-#[repr(u8)]
-pub enum SenderState {
-    /// Neither sticks nor orders.
-    Quiet,
-    /// The approved sticks.
-    Steering,
-    /// Neutral sticks, because the control thread is silent.
-    Neutral,
-    /// Neutral sticks and LAND, every 0.5 s.
-    Landing,
-    /// Nothing: a landing has ended.
-    Landed,
-    /// Emergency stops, and in turn with them neutral sticks and LAND.
-    #[serde(rename = "cutting")]
-    EmergencyStop,
-    /// Nothing: the motors are stopped.
-    #[serde(rename = "cut")]
-    MotorsStopped,
-}
-
 /// How the link to the drone does.
 #[derive(Debug, Default)]
 pub struct LinkCounters {
     is_connected: AtomicBool,
-    /// The number of a [`SenderState`].
-    sender: AtomicU8,
-    /// Requests for a connection.
-    pub conn_requests: Counter,
     /// Correct packets of the drone.
     pub packets: Counter,
     /// Datagrams that are damaged, of another protocol or from another address.
     pub malformed: Counter,
     /// Status packets lost because the queue was full.
     pub overflow: Counter,
-    /// Stick packets sent while the sender steers, neutral ones of its watchdog included.
+    /// Stick packets sent while the sender steers, neutral ones of its watchdog included; not those directly before
+    /// LAND and before the first emergency stop.
     pub sticks: Counter,
-    /// Neutral stick packets sent directly before LAND and before the first emergency stop, beside `sticks`.
-    pub ending_neutrals: Counter,
     /// Stick packets made neutral because the control thread was silent.
     pub neutralised: Counter,
     /// Landings begun because the control thread was silent.
@@ -227,16 +198,6 @@ impl LinkCounters {
     /// It says nothing about the direction to the drone: packets may be lost there while status packets arrive.
     pub fn is_connected(&self) -> bool {
         self.is_connected.load(Ordering::Relaxed)
-    }
-
-    /// What the sender puts on the wire now.
-    pub fn sender(&self) -> SenderState {
-        let number = usize::from(self.sender.load(Ordering::Relaxed));
-        SenderState::VARIANTS.get(number).copied().unwrap_or(SenderState::Quiet)
-    }
-
-    fn set_sender(&self, state: SenderState) {
-        self.sender.store(state as u8, Ordering::Relaxed);
     }
 
     /// Time from the control thread to the socket of the newest sticks; zero before the first.

@@ -220,7 +220,6 @@ impl Session {
             | Flight::EmergencyStop(_)
             | Flight::MotorsStopped => {}
         }
-        self.counters.set_sender(self.sender_state(now));
     }
 
     /// Asks for a connection that is not there, and keeps one that is.
@@ -237,7 +236,6 @@ impl Session {
                 *again_at = now.after(ASK_PERIOD);
                 *is_overdue = !may_ask;
                 if may_ask {
-                    self.counters.conn_requests.count();
                     self.talk.ask(&mut self.outbox);
                 }
             }

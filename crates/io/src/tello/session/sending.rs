@@ -2,11 +2,10 @@
 
 use super::witness::Rest;
 use super::{
-    ASK_PERIOD, Approved, CONTROL_SILENCE_NEUTRAL, DroneOrder, EMERGENCY_COPIES,
-    EMERGENCY_PATIENCE, EMERGENCY_PERIOD, EmergencyStop, Flight, Link, Session,
+    ASK_PERIOD, Approved, DroneOrder, EMERGENCY_COPIES, EMERGENCY_PATIENCE, EMERGENCY_PERIOD,
+    EmergencyStop, Flight, Link, Session,
 };
 use crate::clock::TimeNs;
-use crate::tello::SenderState;
 
 impl Session {
     /// Sends sticks, if the drone has answered or reported and takes them now; never in a dry run.
@@ -31,7 +30,6 @@ impl Session {
     pub(super) fn send_landing(&mut self, now: TimeNs) {
         if let Link::Asking { again_at, is_overdue: is_overdue @ true } = &mut self.link {
             (*again_at, *is_overdue) = (now.after(ASK_PERIOD), false);
-            self.counters.conn_requests.count();
             self.talk.ask(&mut self.outbox);
         }
         self.send_neutral(now);
@@ -44,7 +42,6 @@ impl Session {
     /// Neutral sticks, whether the drone has acknowledged anything or not.
     fn send_neutral(&mut self, now: TimeNs) {
         if !self.is_dry_run {
-            self.counters.ending_neutrals.count();
             self.talk.steer(Approved::neutral(), now, &mut self.outbox);
         }
     }
@@ -78,32 +75,15 @@ impl Session {
             self.send(DroneOrder::EmergencyStop);
         }
     }
-
-    /// What is sent at `now`, for the counters.
-    pub(super) fn sender_state(&self, now: TimeNs) -> SenderState {
-        match self.flight {
-            Flight::Quiet => SenderState::Quiet,
-            Flight::Steered { approved_at, .. }
-                if now.since(approved_at) >= CONTROL_SILENCE_NEUTRAL =>
-            {
-                SenderState::Neutral
-            }
-            Flight::Steered { .. } => SenderState::Steering,
-            Flight::Landing { .. } => SenderState::Landing,
-            Flight::Landed { .. } => SenderState::Landed,
-            Flight::EmergencyStop(_) => SenderState::EmergencyStop,
-            Flight::MotorsStopped => SenderState::MotorsStopped,
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
 
+    use super::super::Message;
     use super::super::tests::{approved, ms};
     use super::super::witness::Witnesses;
-    use super::super::{Message, STICKS_PERIOD};
     use super::*;
     use crate::tello::LinkCounters;
     use crate::tello::protocol::{Action, HostPacket};
@@ -138,7 +118,6 @@ mod tests {
             session.link = asking(true);
             session.send_landing(ms(10));
             assert_eq!(waiting(&mut session), ["ask", "sticks", "land"]);
-            assert_eq!(session.counters.conn_requests.get(), 1);
             let again_at = ms(10).after(ASK_PERIOD);
             assert_eq!(session.link, Link::Asking { again_at, is_overdue: false });
             session.send_landing(ms(20));
@@ -190,18 +169,5 @@ mod tests {
             assert_eq!(next.is_landing_next, is_landing_next, "{stop:?}");
             assert_eq!(next.again_at, now.after(EMERGENCY_PERIOD));
         }
-    }
-
-    #[test]
-    fn sticks_count_as_neutral_from_the_limit_of_silence_on() {
-        let mut session = session(false);
-        let approved_at = ms(1_000);
-        let again_at = approved_at.after(STICKS_PERIOD);
-        session.flight = Flight::Steered { approved: approved(0.5), approved_at, again_at };
-        let limit = approved_at.after(CONTROL_SILENCE_NEUTRAL);
-        assert_eq!(session.sender_state(TimeNs(limit.0 - 1)), SenderState::Steering);
-        assert_eq!(session.sender_state(limit), SenderState::Neutral);
-        session.flight = Flight::MotorsStopped;
-        assert_eq!(session.sender_state(limit), SenderState::MotorsStopped);
     }
 }
