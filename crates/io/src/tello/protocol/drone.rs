@@ -173,7 +173,8 @@ impl DronePacket {
     }
 }
 
-/// Flight status as sent, in the units of the wire.
+/// Flight status as sent, in the units of the wire; faults, calibration, camera, motors and sensors are not read and
+/// sent as 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FlightStatus {
     /// Height. dm; low by an offset that differs from flight to flight
@@ -186,10 +187,6 @@ pub struct FlightStatus {
     pub vel_down_dm_s: i16,
     /// Time in the air. 0.1 s
     pub fly_time_ds: i16,
-    /// Fault bits: IMU, pressure, vision, power, battery, gravity, -, wind.
-    pub fault_bits: u8,
-    /// State of the IMU calibration.
-    pub imu_calibration: u8,
     /// Charge. %
     pub battery_pct: u8,
     /// Flight time left. 0.1 s
@@ -200,16 +197,6 @@ pub struct FlightStatus {
     pub flags: u8,
     /// 1 landed, 6 flying; others are undocumented.
     pub flight_mode: u8,
-    /// Timer of throw and go.
-    pub throw_timer: u8,
-    /// State of the camera.
-    pub camera: u8,
-    /// State of the motors.
-    pub motors: u8,
-    /// Bits of the front sensor.
-    pub front_bits: u8,
-    /// Bit 0: too hot.
-    pub temperature_bits: u8,
 }
 
 impl FlightStatus {
@@ -274,55 +261,27 @@ impl FlightStatus {
             vel_east_dm_s: i16::from_le_bytes([b[4], b[5]]),
             vel_down_dm_s: i16::from_le_bytes([b[6], b[7]]),
             fly_time_ds: i16::from_le_bytes([b[8], b[9]]),
-            fault_bits: b[10],
-            imu_calibration: b[11],
             battery_pct: b[12],
             time_left_ds: i16::from_le_bytes([b[13], b[14]]),
             battery_mv: i16::from_le_bytes([b[15], b[16]]),
             flags: b[17],
             flight_mode: b[18],
-            throw_timer: b[19],
-            camera: b[20],
-            motors: b[21],
-            front_bits: b[22],
-            temperature_bits: b[23],
         })
     }
 
     fn to_bytes(self) -> [u8; Self::BYTES] {
-        let [h0, h1] = self.height_dm.to_le_bytes();
-        let [n0, n1] = self.vel_north_dm_s.to_le_bytes();
-        let [e0, e1] = self.vel_east_dm_s.to_le_bytes();
-        let [d0, d1] = self.vel_down_dm_s.to_le_bytes();
-        let [t0, t1] = self.fly_time_ds.to_le_bytes();
-        let [l0, l1] = self.time_left_ds.to_le_bytes();
-        let [v0, v1] = self.battery_mv.to_le_bytes();
-        [
-            h0,
-            h1,
-            n0,
-            n1,
-            e0,
-            e1,
-            d0,
-            d1,
-            t0,
-            t1,
-            self.fault_bits,
-            self.imu_calibration,
-            self.battery_pct,
-            l0,
-            l1,
-            v0,
-            v1,
-            self.flags,
-            self.flight_mode,
-            self.throw_timer,
-            self.camera,
-            self.motors,
-            self.front_bits,
-            self.temperature_bits,
-        ]
+        let mut b = [0; Self::BYTES];
+        b[0..2].copy_from_slice(&self.height_dm.to_le_bytes());
+        b[2..4].copy_from_slice(&self.vel_north_dm_s.to_le_bytes());
+        b[4..6].copy_from_slice(&self.vel_east_dm_s.to_le_bytes());
+        b[6..8].copy_from_slice(&self.vel_down_dm_s.to_le_bytes());
+        b[8..10].copy_from_slice(&self.fly_time_ds.to_le_bytes());
+        b[12] = self.battery_pct;
+        b[13..15].copy_from_slice(&self.time_left_ds.to_le_bytes());
+        b[15..17].copy_from_slice(&self.battery_mv.to_le_bytes());
+        b[17] = self.flags;
+        b[18] = self.flight_mode;
+        b
     }
 }
 
