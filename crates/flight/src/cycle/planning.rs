@@ -264,9 +264,9 @@ where
         self.clearance
     }
 
-    /// Whether the straight way from `at` to `to` leads through an obstacle that does not move.
-    pub(super) fn is_way_through_obstacle(&self, at: &Pose, to: &Pose) -> bool {
-        self.walls.as_ref().is_some_and(|it| it.is_way_through_obstacle(&pos_w(at), &pos_w(to)))
+    /// What the plan keeps away from; `None`: nothing.
+    pub(super) fn walls(&self) -> Option<&Walls> {
+        self.walls.as_ref()
     }
 
     /// Whether the newest plan stays inside of the room and out of obstacles that do not move; true without a plan.
@@ -338,36 +338,6 @@ where
     /// Follows the obstacle that moves by a period.
     pub(super) fn follow(&mut self, obstacle_w: Option<[f64; 3]>) {
         self.walls.iter_mut().for_each(|walls| walls.follow(obstacle_w, self.dt_s));
-    }
-
-    /// Whether a vehicle that stands at `at` is inside of an obstacle, or climbs into one in its take-off.
-    pub(super) fn bars_start(&self, at: &Pose) -> bool {
-        self.walls.as_ref().is_some_and(|walls| walls.bars_start(&pos_w(at)))
-    }
-
-    /// Whether the obstacle that moves comes near to a vehicle that stays at `at`.
-    pub(super) fn is_approached(&self, at: &Pose) -> bool {
-        self.walls.as_ref().is_some_and(|walls| walls.is_approached(&pos_w(at)))
-    }
-
-    /// Whether `at` is inside of an obstacle that does not move.
-    pub(super) fn is_in_obstacle(&self, at: &Pose) -> bool {
-        self.walls.as_ref().is_some_and(|walls| walls.is_in_obstacle(&pos_w(at)))
-    }
-
-    /// Whether `at` is so near to an obstacle that does not move that a plan may evade it up or down.
-    pub(super) fn is_beside_obstacle(&self, at: &Pose) -> bool {
-        self.walls.as_ref().is_some_and(|walls| walls.is_beside_obstacle(&pos_w(at)))
-    }
-
-    /// Whether an obstacle that moves is in the straight way from `at` to `to`.
-    pub(super) fn is_way_blocked(&self, at: &Pose, to: &Pose) -> bool {
-        self.walls.as_ref().is_some_and(|walls| walls.is_way_blocked(&pos_w(at), &pos_w(to)))
-    }
-
-    /// Whether plans should keep away from an obstacle that moves and was not seen for so long that they cannot.
-    pub(super) fn is_obstacle_unseen(&self) -> bool {
-        self.walls.as_ref().is_some_and(Walls::is_moving_unseen)
     }
 
     /// Forgets the plan.

@@ -8,6 +8,7 @@ use nalgebra::{SVector, Vector3};
 
 use super::link::Link;
 use super::progress::Tracking;
+use super::walls::Walls;
 use super::{COMING, Cycle, Inbox, JUST_ENDED, Outcome};
 use crate::drone::DroneStatus;
 use crate::time::TimeNs;
@@ -46,6 +47,9 @@ where
         out.pressed_s = self.immobility.pressed_s();
         let pose = out.filtered.and_then(|filtered| filtered.o);
         let is_idle = self.supervisor.phase() == Phase::Idle;
+        let is_place = |is_so: fn(&Walls, &Vector3<f64>) -> bool| {
+            self.planner.walls().zip(pose).is_some_and(|(walls, at)| is_so(walls, &pos_w(&at)))
+        };
         let ruling = self.supervisor.rule(&Evidence {
             t_ns: inbox.now.0,
             skipped: inbox.skipped,
@@ -53,11 +57,11 @@ where
             pose,
             motion,
             is_plan_clear: self.planner.is_clear(),
-            is_obstacle_unseen: self.planner.is_obstacle_unseen(),
-            is_start_barred: is_idle && pose.is_some_and(|at| self.planner.bars_start(&at)),
-            is_approached: pose.is_some_and(|at| self.planner.is_approached(&at)),
+            is_obstacle_unseen: self.planner.walls().is_some_and(Walls::is_moving_unseen),
+            is_start_barred: is_idle && is_place(Walls::bars_start),
+            is_approached: is_place(Walls::is_approached),
             reference_behind_w: self.reference_behind_w(motion.as_ref()),
-            is_in_obstacle: pose.is_some_and(|at| self.planner.is_in_obstacle(&at)),
+            is_in_obstacle: is_place(Walls::is_in_obstacle),
             is_pose_repeated: self.is_frozen(),
             jump_m: self.plausibility.jump_m(),
             shift_m: self.plausibility.shift_m(),
@@ -94,19 +98,20 @@ where
 
     /// Where the reference, or a constant target, is behind an obstacle that does not move. m
     fn reference_behind_w(&self, motion: Option<&EstimatedMotion>) -> Option<Vector3<f64>> {
-        let at = motion?.pose;
-        let to = self.mission.reference().unwrap_or(*self.mission.target());
-        let is_behind = self.planner.is_way_through_obstacle(&at, &to);
-        (is_behind && !self.planner.is_way_blocked(&at, &to)).then(|| pos_w(&to))
+        let (walls, at_w) = (self.planner.walls()?, pos_w(&motion?.pose));
+        let to_w = pos_w(&self.mission.reference().unwrap_or(*self.mission.target()));
+        let is_behind = walls.is_way_through_obstacle(&at_w, &to_w);
+        (is_behind && !walls.is_way_blocked(&at_w, &to_w)).then_some(to_w)
     }
 
     /// How fast the vehicle moves beside its reference, horizontally; `None` if it is a constant target, or an obstacle
     /// is near or in the way there, which may have to be evaded. m/s
     fn velocity_error_mps(&self, motion: &EstimatedMotion) -> Option<f64> {
-        let (at, to) = (&motion.pose, self.mission.reference()?);
+        let (at_w, to_w) = (pos_w(&motion.pose), pos_w(&self.mission.reference()?));
         let error = motion.rate - self.mission.reference_rate()?;
-        let is_evading =
-            self.planner.is_beside_obstacle(at) || self.planner.is_way_blocked(at, &to);
+        let is_evading = self.planner.walls().is_some_and(|walls| {
+            walls.is_beside_obstacle(&at_w) || walls.is_way_blocked(&at_w, &to_w)
+        });
         (!is_evading).then(|| error[pose::X].hypot(error[pose::Y]))
     }
 
@@ -117,9 +122,12 @@ where
             self.progress.resume();
             self.progress.restart_height();
         }
-        let is_way_blocked = |to: &Pose| self.planner.is_way_blocked(at, to);
+        let (walls, at_w) = (self.planner.walls(), pos_w(at));
+        let is_way_blocked =
+            |to: &Pose| walls.is_some_and(|walls| walls.is_way_blocked(&at_w, &pos_w(to)));
         let tracking = self.progress.tracking(&self.mission, at, is_way_blocked);
-        let sunk_m = if self.planner.is_beside_obstacle(at) { 0.0 } else { tracking.sunk_m };
+        let is_beside = walls.is_some_and(|walls| walls.is_beside_obstacle(&at_w));
+        let sunk_m = if is_beside { 0.0 } else { tracking.sunk_m };
         Tracking { sunk_m, ..tracking }
     }
 
