@@ -5,7 +5,7 @@
 
 use horizon_model::rows::pose;
 
-use super::evidence::{Evidence, Phase};
+use super::evidence::{DroneReport, Evidence, Phase};
 use super::fault::Fault;
 use super::{DOWN_HOLD_S, Supervisor, TakeOffSeen, elapsed_s, exceeds};
 use crate::drone::{ALONE_HOLD, TAKE_OFF_TAIL, TAKE_OFF_UNSEEN, denies_standing};
@@ -39,9 +39,12 @@ enum Ground {
 impl Supervisor {
     /// Whether the drone flies by its own fresh report.
     pub(super) fn drone_says_flying(&self, e: &Evidence) -> Option<bool> {
-        e.drone
-            .filter(|drone| !exceeds(drone.age_s, self.table.drone_silent_s))
-            .map(|drone| drone.is_flying)
+        self.fresh_report(e).map(|drone| drone.is_flying)
+    }
+
+    /// The drone's own report, unless it is older than `drone_silent_s`.
+    pub(super) fn fresh_report<'a>(&self, e: &'a Evidence) -> Option<&'a DroneReport> {
+        e.drone.as_ref().filter(|drone| !exceeds(drone.age_s, self.table.drone_silent_s))
     }
 
     /// Height above the ground by a fresh position. m
@@ -75,8 +78,7 @@ impl Supervisor {
 
     /// Whether the vehicle is off the ground by the drone's own fresh height.
     pub(super) fn drone_has_risen(&self, e: &Evidence) -> bool {
-        let drone = e.drone.filter(|drone| !exceeds(drone.age_s, self.table.drone_silent_s));
-        let height_m = drone.and_then(|drone| drone.height_m);
+        let height_m = self.fresh_report(e).and_then(|drone| drone.height_m);
         let rise_m = height_m.zip(self.drone_ground_m).map(|(at_m, ground_m)| at_m - ground_m);
         rise_m.is_some_and(|rise_m| rise_m > CLIMB_MIN_M)
     }

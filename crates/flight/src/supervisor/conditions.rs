@@ -168,9 +168,7 @@ impl Supervisor {
 
     /// Whether the drone is sent sticks. A report that is old says nothing of it.
     pub(super) fn takes_sticks(&self, e: &Evidence) -> bool {
-        e.drone.is_none_or(|drone| {
-            drone.takes_sticks || exceeds(drone.age_s, self.table.drone_silent_s)
-        })
+        self.fresh_report(e).is_none_or(|drone| drone.takes_sticks)
     }
 
     /// Whether the drone says that it flies and no take-off was ordered.
