@@ -29,6 +29,6 @@ pub mod qp;
 pub use constraint::{Excess, SoftConstraints, StateBounds};
 pub use mpc::{
     Ask, InputCost, Mpc, MpcBuilder, MpcReport, MpcSettings, MpcTable, QpKind, SolveError,
-    SolverSettings, SolverTable, Stop,
+    SolverTable, Stop,
 };
 pub use predictor::predict;

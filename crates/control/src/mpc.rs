@@ -27,7 +27,7 @@ use self::expansion::Expansion;
 use self::prepared::Prepared;
 use self::report::all_finite_of;
 pub use self::report::{Ask, MpcReport, SolveError, Stop};
-pub use self::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverSettings, SolverTable};
+pub use self::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverTable};
 use crate::SoftConstraints;
 use crate::horizon::Horizon;
 use crate::qp::product::resized;
@@ -78,15 +78,15 @@ where
         let stages = settings.stage_steps().len();
         let cost = Cost::new(&settings);
         let limits = Limits {
-            tolerance: settings.solver().qp_tolerance,
-            iterations_max: settings.solver().qp_iterations_max,
-            penalties_max: in_range("constraints_max", settings.constraints_max(), 0..=1000)?,
+            tolerance: settings.solver.qp_tolerance,
+            iterations_max: settings.solver.qp_iterations_max,
+            penalties_max: in_range("constraints_max", settings.constraints_max, 0..=1000)?,
         };
-        let is_stage_wise = settings.solver().qp == QpKind::Riccati;
+        let is_stage_wise = settings.solver.qp == QpKind::Riccati;
         let curvature = cost.curvature();
         let qp = Qp::new(&curvature, limits, is_stage_wise)
             .map_err(|error| refusal(&settings, &error))?;
-        let bounds = Bounds { lo: *settings.u_lb(), hi: *settings.u_ub() };
+        let bounds = settings.bounds();
         let mut mpc = Self {
             model,
             settings,
@@ -180,7 +180,7 @@ where
         cost_start: f64,
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<MpcReport, SolveError> {
-        let solver = *self.settings.solver();
+        let solver = self.settings.solver;
         let (mut cost, mut iterations) = (cost_start, 0);
         let (mut qp_iterations, mut qp_fallbacks) = (0, 0);
         let stop = loop {
@@ -244,8 +244,7 @@ where
     ///
     /// Real time: no allocation, cost linear in the number of stages.
     pub fn reset(&mut self) {
-        let bounds = Bounds { lo: *self.settings.u_lb(), hi: *self.settings.u_ub() };
-        self.plan.u.fill(bounds.clamp(&SVector::zeros()));
+        self.plan.u.fill(self.settings.bounds().clamp(&SVector::zeros()));
         self.plan.s.fill(SVector::zeros());
         self.qp.reset();
     }
@@ -264,7 +263,7 @@ where
         }
         all_finite_of("u", u)?;
         self.reset();
-        let bounds = Bounds { lo: *self.settings.u_lb(), hi: *self.settings.u_ub() };
+        let bounds = self.settings.bounds();
         for (plan, u) in self.plan.u.iter_mut().zip(u) {
             *plan = bounds.clamp(u);
         }
@@ -294,7 +293,7 @@ where
         for (k, steps) in self.settings.stage_steps().iter().enumerate() {
             let end = begin + *steps as usize;
             let bounds = &mut self.bounds[k];
-            *bounds = Bounds { lo: *self.settings.u_lb(), hi: *self.settings.u_ub() };
+            *bounds = self.settings.bounds();
             for i in (0..NU).filter(|i| end <= ask.given_steps[*i]) {
                 let sum: f64 = ask.u_given[begin..end].iter().map(|u_given| u_given[i]).sum();
                 let mean = sum / f64::from(*steps);

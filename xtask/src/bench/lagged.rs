@@ -86,11 +86,11 @@ pub(super) fn run(bench: &Bench) -> Result<Findings> {
         let [usual, tight] = TOLERANCES.map(|cost_tolerance| SolverTable {
             cost_tolerance,
             iterations_max: 100,
-            ..cycle.mpc.solver.clone()
+            ..cycle.mpc.solver
         });
         let best = steer(&cycle, &p, &flight, (horizon_steps, &tight))?;
         let best = best.into_iter().map(|solve| solve.cost).collect();
-        let few = SolverTable { iterations_max: ITERATIONS_MAX, ..cycle.mpc.solver.clone() };
+        let few = SolverTable { iterations_max: ITERATIONS_MAX, ..cycle.mpc.solver };
         let programs = [
             ("ours, up to four iterations", &few),
             ("ours, one iteration as flown", &cycle.mpc.solver),
@@ -120,12 +120,8 @@ fn estimate(bench: &Bench, cycle: &CycleTable, flight: &[Tick]) -> Result<Compar
 }
 
 fn controller(cycle: &CycleTable, (steps, solver): (usize, &SolverTable)) -> Result<Controller> {
-    let table = MpcTable {
-        horizon_steps: steps,
-        stages: Vec::new(),
-        solver: solver.clone(),
-        ..cycle.mpc.mpc()
-    };
+    let table =
+        MpcTable { horizon_steps: steps, stages: Vec::new(), solver: *solver, ..cycle.mpc.mpc() };
     Ok(Mpc::new(Lagged::default().core(), table.check::<Lagged, _, _, _, _>()?, cycle.dt_s)?)
 }
 
@@ -181,11 +177,8 @@ fn record(
     horizon_steps: usize,
 ) -> Result<Vec<Tick>> {
     let vehicle = Lagged::default();
-    let solver = SolverTable {
-        cost_tolerance: TOLERANCES[1],
-        iterations_max: 100,
-        ..cycle.mpc.solver.clone()
-    };
+    let solver =
+        SolverTable { cost_tolerance: TOLERANCES[1], iterations_max: 100, ..cycle.mpc.solver };
     let mut mpc = controller(cycle, (horizon_steps, &solver))?;
     let (mut noise, mut corners) = (Noise::new(SEED), Corners::default());
     let mut s = vehicle.at_rest(&Pose::new(0.0, 0.0, 0.9, 0.5));

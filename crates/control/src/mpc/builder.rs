@@ -154,11 +154,11 @@ mod tests {
     #[test]
     fn what_is_not_set_has_its_default() {
         let settings = MpcSettings::builder(6).c_s([1.0, 2.0, 3.0, 0.0]).build(&Kinematic).unwrap();
-        assert_eq!(*settings.c_s_end(), SVector::from([1.0, 2.0, 3.0, 0.0]));
-        assert_eq!(*settings.c_u(), SVector::from([0.1; 4]));
+        assert_eq!(settings.c_s_end, SVector::from([1.0, 2.0, 3.0, 0.0]));
+        assert_eq!(settings.c_u, SVector::from([0.1; 4]));
         assert_eq!((settings.u_lb()[2], settings.u_ub()[2]), (-1.0, 1.0));
         assert_eq!(settings.stage_steps(), [1; 6]);
-        assert_eq!(settings.input_cost(), InputCost::Absolute);
+        assert_eq!(settings.input_cost, InputCost::Absolute);
     }
 
     #[test]
@@ -168,12 +168,12 @@ mod tests {
         let solver = SolverTable { iterations_max: 3, ..SolverTable::default() };
         let builder = builder.input_cost(InputCost::Difference).solver(solver);
         let settings = builder.clone().build(&Kinematic).unwrap();
-        assert_eq!(*settings.c_u(), SVector::from([0.5; 4]));
-        assert_eq!(*settings.c_s_end(), SVector::from([7.0; 4]));
+        assert_eq!(settings.c_u, SVector::from([0.5; 4]));
+        assert_eq!(settings.c_s_end, SVector::from([7.0; 4]));
         assert_eq!((*settings.u_lb(), *settings.u_ub()), ([0.2; 4].into(), [0.2; 4].into()));
         assert_eq!(settings.stage_steps(), [1, 1, 4]);
-        assert_eq!(settings.input_cost(), InputCost::Difference);
-        assert_eq!(settings.solver().iterations_max, 3);
+        assert_eq!(settings.input_cost, InputCost::Difference);
+        assert_eq!(settings.solver.iterations_max, 3);
         let refusal = builder.bounds([0.3; 4], [0.2; 4]).build(&Kinematic).unwrap_err();
         assert_eq!(refusal.to_string(), "u_lb[0] = 0.3: expected at most u_ub[0] = 0.2");
     }

@@ -38,9 +38,9 @@ pub(super) struct Cost<const NS: usize, const NU: usize> {
 impl<const NS: usize, const NU: usize> Cost<NS, NU> {
     pub(super) fn new(settings: &MpcSettings<NS, NU>) -> Self {
         let squared = |weights: &SVector<f64, NS>| weights.component_mul(weights);
-        let input = settings.c_u().component_mul(settings.c_u());
-        let states = [squared(settings.c_s()), squared(settings.c_s_end())];
-        Self::of_squares(settings.input_cost(), settings.stage_steps(), input, states)
+        let input = settings.c_u.component_mul(&settings.c_u);
+        let states = [squared(&settings.c_s), squared(&settings.c_s_end)];
+        Self::of_squares(settings.input_cost, settings.stage_steps(), input, states)
     }
 
     /// With the steps of each stage, and the squared weights of the inputs of a step, of the state after a step and

@@ -1,7 +1,7 @@
 //! Settings of the controller: as written, and checked. Thesis appendix C.3.
 
-use horizon_model::Model;
 use horizon_model::setting::{SettingError, bounds, in_range, vector, weight, weight_or_zero};
+use horizon_model::{Bounds, Model};
 use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -57,7 +57,7 @@ pub struct MpcTable {
 }
 
 /// When the solver stops.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SolverTable {
     /// Who solves the quadratic subproblems.
@@ -73,29 +73,24 @@ pub struct SolverTable {
     pub qp_iterations_max: u32,
 }
 
-/// Checked form of [`SolverTable`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SolverSettings {
-    pub(super) qp: QpKind,
-    pub(super) cost_tolerance: f64,
-    pub(super) iterations_max: u32,
-    pub(super) qp_tolerance: f64,
-    pub(super) qp_iterations_max: u32,
-}
-
 /// Checked form of [`MpcTable`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct MpcSettings<const NS: usize, const NU: usize> {
     horizon_steps: usize,
     stage_steps: Vec<u32>,
-    input_cost: InputCost,
-    c_u: SVector<f64, NU>,
-    c_s: SVector<f64, NS>,
-    c_s_end: SVector<f64, NS>,
+    /// Whether `c_u` weighs the inputs or their changes.
+    pub(super) input_cost: InputCost,
+    /// Weight of each input, or of its change. 1/unit
+    pub(super) c_u: SVector<f64, NU>,
+    /// Weight of each state's distance to the reference, all steps but the last. 1/unit
+    pub(super) c_s: SVector<f64, NS>,
+    /// The same, last step. 1/unit
+    pub(super) c_s_end: SVector<f64, NS>,
     u_lb: SVector<f64, NU>,
     u_ub: SVector<f64, NU>,
-    constraints_max: usize,
-    solver: SolverSettings,
+    /// Soft constraints after each stage, at most; 0 without [`MpcSettings::with_constraints`].
+    pub(super) constraints_max: usize,
+    pub(super) solver: SolverTable,
 }
 
 impl MpcTable {
@@ -148,8 +143,8 @@ impl MpcTable {
 }
 
 impl SolverTable {
-    fn check(&self) -> Result<SolverSettings, SettingError> {
-        Ok(SolverSettings {
+    fn check(&self) -> Result<Self, SettingError> {
+        Ok(Self {
             qp: self.qp,
             cost_tolerance: in_range("cost_tolerance", self.cost_tolerance, 1e-15..=0.1)?,
             iterations_max: in_range("iterations_max", self.iterations_max, 1..=1000)?,
@@ -210,26 +205,6 @@ impl<const NS: usize, const NU: usize> MpcSettings<NS, NU> {
         step == 0 || self.stage_ends().any(|end| end == step)
     }
 
-    /// Whether [`MpcSettings::c_u`] weighs the inputs or their changes.
-    pub fn input_cost(&self) -> InputCost {
-        self.input_cost
-    }
-
-    /// Weight of each input, or of its change. 1/unit
-    pub fn c_u(&self) -> &SVector<f64, NU> {
-        &self.c_u
-    }
-
-    /// Weight of each state's distance to the reference, all steps but the last. 1/unit
-    pub fn c_s(&self) -> &SVector<f64, NS> {
-        &self.c_s
-    }
-
-    /// Weight of each state's distance to the reference, last step. 1/unit
-    pub fn c_s_end(&self) -> &SVector<f64, NS> {
-        &self.c_s_end
-    }
-
     /// Lower bound of each input. Unit of the row
     pub fn u_lb(&self) -> &SVector<f64, NU> {
         &self.u_lb
@@ -240,22 +215,17 @@ impl<const NS: usize, const NU: usize> MpcSettings<NS, NU> {
         &self.u_ub
     }
 
+    /// The bounds of the inputs where none is given.
+    pub(super) fn bounds(&self) -> Bounds<NU> {
+        Bounds { lo: self.u_lb, hi: self.u_ub }
+    }
+
     /// The same settings for a controller whose plans may have up to `count` soft constraints after each stage,
     /// 0..=1000;
     /// [`Mpc::new`](crate::Mpc::new) refuses more.
     #[must_use]
     pub fn with_constraints(self, count: usize) -> Self {
         Self { constraints_max: count, ..self }
-    }
-
-    /// Soft constraints after each stage, at most; 0 without [`MpcSettings::with_constraints`].
-    pub fn constraints_max(&self) -> usize {
-        self.constraints_max
-    }
-
-    /// Tolerances and limits of iterations at which the solver stops.
-    pub fn solver(&self) -> &SolverSettings {
-        &self.solver
     }
 }
 
@@ -282,15 +252,15 @@ mod tests {
     fn a_good_table_becomes_settings_with_the_same_values() {
         let settings = check(GOOD).unwrap();
         assert_eq!(settings.horizon_steps(), 13);
-        assert_eq!(settings.input_cost(), InputCost::Absolute);
-        assert_eq!(*settings.c_u(), SVector::from([1.2, 1.2, 0.8, 0.8]));
-        assert_eq!(*settings.c_s(), SVector::from([1.5, 1.5, 1.0, 0.0]));
-        assert_eq!(*settings.c_s_end(), SVector::from([15.0, 15.0, 10.0, 0.0]));
+        assert_eq!(settings.input_cost, InputCost::Absolute);
+        assert_eq!(settings.c_u, SVector::from([1.2, 1.2, 0.8, 0.8]));
+        assert_eq!(settings.c_s, SVector::from([1.5, 1.5, 1.0, 0.0]));
+        assert_eq!(settings.c_s_end, SVector::from([15.0, 15.0, 10.0, 0.0]));
         assert_eq!(*settings.u_lb(), SVector::from([-0.8, -0.8, -1.0, -1.0]));
         assert_eq!(*settings.u_ub(), SVector::from([0.8, 0.8, 1.0, 1.0]));
-        assert_eq!(settings.solver().qp, QpKind::Riccati);
-        assert_eq!(settings.solver().iterations_max, 20);
-        assert_eq!(settings.solver().qp_iterations_max, 50);
+        assert_eq!(settings.solver.qp, QpKind::Riccati);
+        assert_eq!(settings.solver.iterations_max, 20);
+        assert_eq!(settings.solver.qp_iterations_max, 50);
         let table: MpcTable = serde_json::from_str(GOOD).unwrap();
         let written = serde_json::to_string(&table).unwrap();
         assert_eq!(serde_json::from_str::<MpcTable>(&written).unwrap(), table);

@@ -21,7 +21,7 @@ where
         constraints: Option<&dyn SoftConstraints<NS>>,
     ) -> Result<(), SolveError> {
         let (given, max) =
-            (constraints.map_or(0, SoftConstraints::count), self.settings.constraints_max());
+            (constraints.map_or(0, SoftConstraints::count), self.settings.constraints_max);
         if given > max { Err(SolveError::Constraints { given, max }) } else { Ok(()) }
     }
 

@@ -60,7 +60,7 @@ impl PlanningTable {
             c_s_end: self.c_s_end.clone(),
             u_lb: self.u_lb.clone(),
             u_ub: self.u_ub.clone(),
-            solver: self.solver.clone(),
+            solver: self.solver,
         }
     }
 
