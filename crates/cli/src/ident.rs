@@ -107,14 +107,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE", requires = "automatic", conflicts_with = "logs")]
     mission: Option<PathBuf>,
     /// Simulated identifications of the self-test.
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 1,
-        requires = "self_test",
-        conflicts_with = "logs"
-    )]
-    #[arg(value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    #[arg(requires = "self_test", conflicts_with = "logs")]
     runs: u64,
     /// Print one JSON object.
     #[arg(long)]

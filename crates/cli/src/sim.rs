@@ -121,66 +121,38 @@ pub(crate) struct Arguments {
     drones: u8,
     /// Where the drone listens (UDP), without --batch. It speaks what it hears first, the text SDK or the
     /// binary protocol, until it is started anew.
-    #[arg(
-        long,
-        value_name = "ADDRESS",
-        default_value = "127.0.0.1:8889",
-        conflicts_with = "flown"
-    )]
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "flown")]
+    #[arg(default_value = "127.0.0.1:8889")]
     drone_address: SocketAddr,
     /// Where the mocap relay listens (TCP), without --batch.
-    #[arg(
-        long,
-        value_name = "ADDRESS",
-        default_value = "127.0.0.1:51602",
-        conflicts_with = "flown"
-    )]
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "flown")]
+    #[arg(default_value = "127.0.0.1:51602")]
     relay_address: SocketAddr,
     /// Where the mocap's DataStream server listens (TCP), without --batch. Vicon's own port, 801, is
     /// reserved for root.
-    #[arg(
-        long,
-        value_name = "ADDRESS",
-        default_value = "127.0.0.1:8801",
-        conflicts_with = "flown"
-    )]
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "flown")]
+    #[arg(default_value = "127.0.0.1:8801")]
     datastream_address: SocketAddr,
     /// Where the mocap sends its UDP object stream to, without --batch; with --drones the next drone sends to the next
     /// address.
-    #[arg(
-        long,
-        value_name = "ADDRESS",
-        default_value = "127.0.0.1:51001",
-        conflicts_with = "flown"
-    )]
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "flown")]
+    #[arg(default_value = "127.0.0.1:51001")]
     udp_target: SocketAddr,
     /// Where the mocap's NatNet server (OptiTrack) listens for questions (UDP), without --batch. Frames go to
     /// the clients that asked.
-    #[arg(
-        long,
-        value_name = "ADDRESS",
-        default_value = "127.0.0.1:1510",
-        conflicts_with = "flown"
-    )]
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "flown")]
+    #[arg(default_value = "127.0.0.1:1510")]
     natnet_address: SocketAddr,
     /// Send the frames of the NatNet server to this multicast group, in place of the clients that asked.
     #[arg(long, value_name = "ADDRESS", conflicts_with = "flown")]
     natnet_group: Option<SocketAddrV4>,
     /// Where the mocap's QTM server (Qualisys) listens (TCP, little-endian), without --batch.
-    #[arg(
-        long,
-        value_name = "ADDRESS",
-        default_value = "127.0.0.1:22223",
-        conflicts_with = "flown"
-    )]
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "flown")]
+    #[arg(default_value = "127.0.0.1:22223")]
     qtm_address: SocketAddr,
     /// Where the mocap's VRPN server listens (TCP), without --batch.
-    #[arg(
-        long,
-        value_name = "ADDRESS",
-        default_value = "127.0.0.1:3883",
-        conflicts_with = "flown"
-    )]
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "flown")]
+    #[arg(default_value = "127.0.0.1:3883")]
     vrpn_address: SocketAddr,
     /// Print one JSON object.
     #[arg(long)]
