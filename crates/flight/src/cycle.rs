@@ -190,7 +190,8 @@ where
         let u_sent = self.sent(approved, inbox);
         self.note_pressed(pilot, &u_sent);
         self.fifo.push(&u_sent);
-        out.decide(&u_proposed, approved, &u_sent, self.planner.lag());
+        (out.u_proposed, out.approved, out.u_sent) = (u_proposed, approved, u_sent);
+        out.plan_lag = self.planner.lag();
         watch.send(out);
 
         if self.pipeline == Pipeline::NextTick {

@@ -236,19 +236,6 @@ impl Outcome {
         self.filtered = Some(*filtered);
     }
 
-    pub(super) fn decide(
-        &mut self,
-        u_proposed: &Sticks,
-        approved: Approved,
-        u_sent: &Sticks,
-        plan_lag: Option<u32>,
-    ) {
-        self.u_proposed = *u_proposed;
-        self.approved = approved;
-        self.u_sent = *u_sent;
-        self.plan_lag = plan_lag;
-    }
-
     pub(super) fn aim_at(&mut self, mission: &Mission) {
         self.target = *mission.target();
         self.targets_reached = mission.targets_reached();
