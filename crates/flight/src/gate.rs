@@ -38,7 +38,7 @@ pub struct Gate {
 }
 
 /// Sticks that passed the gate; in a flight nothing else reaches the socket.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Approved(Sticks);
 
 impl Gate {

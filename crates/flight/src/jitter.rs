@@ -28,7 +28,7 @@ pub struct Histogram {
 }
 
 /// Punctuality of a flight, from its first tick on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, JsonSchema)]
 pub struct Jitter {
     /// Ticks since the start of the log.
     step: u64,
@@ -38,9 +38,14 @@ pub struct Jitter {
     pub duration: Histogram,
 }
 
-impl Histogram {
-    const EMPTY: Self = Self { upper_us: BINS_US, counts: [0; BINS + 1], max_us: 0 };
+/// Nothing counted.
+impl Default for Histogram {
+    fn default() -> Self {
+        Self { upper_us: BINS_US, counts: [0; BINS + 1], max_us: 0 }
+    }
+}
 
+impl Histogram {
     fn add(&mut self, ns: i64) {
         // A started microsecond counts as a whole one.
         let us = ns.max(0).saturating_add(999) / 1000;
@@ -73,10 +78,6 @@ impl Histogram {
 }
 
 impl Jitter {
-    /// Nothing counted.
-    pub const EMPTY: Self =
-        Self { step: 0, lateness: Histogram::EMPTY, duration: Histogram::EMPTY };
-
     /// Counts lateness and length of a tick, whose step becomes that of the record.
     ///
     /// Real time: no allocation, constant cost.
@@ -93,7 +94,7 @@ mod tests {
 
     #[test]
     fn a_length_falls_into_the_bin_that_holds_it() {
-        let mut histogram = Histogram::EMPTY;
+        let mut histogram = Histogram::default();
         for (ns, bin) in [(-5, 0), (10_000, 0), (10_001, 1), (1_000_000, 6), (1_000_001, 7)] {
             let before = histogram.counts[bin];
             histogram.add(ns);
@@ -106,7 +107,7 @@ mod tests {
 
     #[test]
     fn quantiles_are_upper_ends_and_never_beyond_the_longest() {
-        let mut histogram = Histogram::EMPTY;
+        let mut histogram = Histogram::default();
         assert_eq!(histogram.quantile_us(0.5), 0);
         for us in 1..=1000 {
             histogram.add(us * 1000);

@@ -129,7 +129,7 @@ impl Drop for ControlThread {
 }
 
 /// How the loop ended.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct LoopEnd {
     /// Phase after the last tick.
     pub(super) phase: Phase,
@@ -169,16 +169,7 @@ impl ControlLoop {
         let arrival = Arc::clone(&self.feed.arrival);
         let mut ticker = Ticker::new(self.clock, self.period).with_frames(arrival, self.frame_wait);
         let mut record = TickRecord::with_buffers(&self.cycle.new_outcome());
-        let mut end = LoopEnd {
-            phase: Phase::Idle,
-            faults_last: FaultSet::default(),
-            faults: FaultSet::default(),
-            is_unseen: self.is_carried,
-            orders_lost: 0,
-            sightings_dropped: 0,
-            records_dropped: 0,
-            found: None,
-        };
+        let mut end = LoopEnd { is_unseen: self.is_carried, ..LoopEnd::default() };
         let mut end_condition = EndCondition::new(self.patience);
         let mut is_drilled = false;
         for step in 0.. {

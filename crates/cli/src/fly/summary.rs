@@ -41,7 +41,7 @@ pub(super) struct Tally {
 }
 
 /// The summary of a flight; see [`Metrics`] for the definitions.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, JsonSchema)]
 pub(super) struct Summary {
     /// Phase at the end.
     pub(super) phase: Phase,
@@ -161,7 +161,7 @@ impl Tally {
             is_same_tick: flight.cycle.pipeline == Pipeline::SameTick,
             set_out_ms: None,
             answer_ms: Vec::new(),
-            jitter: Jitter::EMPTY,
+            jitter: Jitter::default(),
         })
     }
 
@@ -199,28 +199,18 @@ impl Tally {
     /// The summary, but for what only the control thread knows.
     pub(super) fn summary(&self) -> Summary {
         Summary {
-            phase: Phase::Idle,
             targets_reached: self.targets_reached,
             targets_count: self.targets_count,
             metrics: self.track.metrics(),
             laps: self.track.laps(),
             outages: self.outages.outages(),
-            faults: Vec::new(),
             ticks: self.ticks,
             late_ticks: self.late_ticks,
             missed_periods: self.missed_periods,
             jitter: self.jitter,
             solve_ms: spread(&self.solve_ms),
             answer_ms: spread(&self.answer_ms),
-            mocap: StreamReport::default(),
-            hidden: None,
-            firmware: None,
-            refusal: None,
-            sender_pause_ms: 0.0,
-            links: Links::default(),
-            records_dropped: 0,
-            log: None,
-            log_error: None,
+            ..Summary::default()
         }
     }
 }

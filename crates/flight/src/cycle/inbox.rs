@@ -14,7 +14,7 @@ use crate::{Incidents, Operator, Sighting};
 pub const SIGHTINGS_MAX: usize = 64;
 
 /// Arguments of one tick.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema, Default)]
 #[serde(deny_unknown_fields)]
 pub struct Inbox {
     /// Ticks since the start of the log.
@@ -46,25 +46,9 @@ pub struct Inbox {
 }
 
 impl Inbox {
-    /// The inbox of step 0 with nothing in it. The only allocation.
+    /// The inbox of step 0 with nothing in it, and room for the sightings. The only allocation.
     pub fn new() -> Self {
-        Self { sightings: Vec::with_capacity(SIGHTINGS_MAX), ..Self::empty() }
-    }
-
-    const fn empty() -> Self {
-        Self {
-            step: 0,
-            now: TimeNs(0),
-            skipped: 0,
-            sightings: Vec::new(),
-            drone: None,
-            obstacle_w: None,
-            operator: Operator::Wait,
-            incidents: Incidents::NONE,
-            manual: None,
-            flown: None,
-            late_at_poll: None,
-        }
+        Self { sightings: Vec::with_capacity(SIGHTINGS_MAX), ..Self::default() }
     }
 
     /// Empties the inbox for the tick of `step`, which begins at `now`, and keeps its buffer.
@@ -74,13 +58,7 @@ impl Inbox {
         let mut sightings = std::mem::take(&mut self.sightings);
         sightings.clear();
         let operator = self.operator;
-        *self = Self { step, now, sightings, operator, ..Self::empty() };
-    }
-}
-
-impl Default for Inbox {
-    fn default() -> Self {
-        Self::new()
+        *self = Self { step, now, sightings, operator, ..Self::default() };
     }
 }
 

@@ -88,7 +88,7 @@ impl From<Result<horizon_control::MpcReport, horizon_control::SolveError>> for S
 }
 
 /// Result of one tick. An empty vector or a `None` means that the tick did not come so far.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Outcome {
     /// Ticks since the start of the log.
     pub step: u64,
@@ -157,34 +157,14 @@ impl Outcome {
         horizon_steps: usize,
     ) -> Self {
         Self {
-            step: 0,
-            raw: None,
-            filtered: None,
             s_hat: Vec::with_capacity(state_rows.len()),
             p_hat: Vec::with_capacity(parameter_rows.len()),
-            link: None,
-            applied_instead: None,
-            dead_time: None,
-            estimator: None,
-            reference: None,
             s_pred: Vec::with_capacity(state_rows.len()),
             plan: Vec::with_capacity(horizon_steps),
-            controller: None,
-            clearance: None,
-            plan_lag: None,
-            u_proposed: Sticks::zeros(),
-            approved: Approved::neutral(),
-            u_sent: Sticks::zeros(),
-            target: Pose::zeros(),
             target_number: 1,
-            targets_reached: 0,
-            findings: None,
-            tracking_m: None,
-            pressed_s: 0.0,
-            speed_mps: 0.0,
-            ruling: None,
             state_rows,
             parameter_rows,
+            ..Self::default()
         }
     }
 

@@ -49,7 +49,7 @@ const SHIFT_S: f64 = 0.25;
 const MOTION_MAX_S: f64 = 0.25;
 
 /// Exponentially weighted sums over the motion.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct DirectionMonitor {
     limit_rad: f64,
     dt_s: f64,
@@ -157,25 +157,7 @@ impl Sums {
 impl DirectionMonitor {
     pub(super) fn new(limit_rad: f64, dt_s: f64) -> Self {
         let length = horizon_model::steps(SHIFT_S, dt_s) + 1;
-        Self {
-            limit_rad,
-            dt_s,
-            before: None,
-            theta_rad: 0.0,
-            since: SincePose::default(),
-            v_u_w: Complex::default(),
-            decay: 0.0,
-            ring: vec![Velocities::default(); length],
-            newest: 0,
-            count: 0,
-            sums: [Sums::default(); 3],
-            wrong_s: 0.0,
-            right_s: 0.0,
-            flown_s: 0.0,
-            is_shown: false,
-            has_outage: false,
-            up_s: 0.0,
-        }
+        Self { limit_rad, dt_s, ring: vec![Velocities::default(); length], ..Self::default() }
     }
 
     /// Takes a tick on the ground: nothing has been shown.

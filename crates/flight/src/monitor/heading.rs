@@ -24,7 +24,7 @@ const TURN_MAX_RAD: f64 = 1.0;
 const GAP_MAX_S: f64 = 1.0;
 
 /// Turns so far.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct HeadingMonitor {
     limit_rad: f64,
     dt_s: f64,
@@ -61,18 +61,7 @@ struct Turns {
 
 impl HeadingMonitor {
     pub(super) fn new(limit_rad: f64, dt_s: f64) -> Self {
-        Self {
-            limit_rad,
-            dt_s,
-            before_pose: None,
-            before_drone: None,
-            since_s: [0.0; 2],
-            is_held: false,
-            asked_radps: 0.0,
-            turns: Turns::default(),
-            sense: None,
-            doubt: Doubt::default(),
-        }
+        Self { limit_rad, dt_s, ..Self::default() }
     }
 
     /// Forgets the turns; the sense of the drone's heading stays.

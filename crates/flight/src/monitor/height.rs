@@ -32,7 +32,7 @@ const ABOVE_FLOOR_M: f64 = 0.2;
 const OFFSET_MAX_M: f64 = 0.75;
 
 /// Heights on the ground and in flight.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct HeightMonitor {
     limit_m: f64,
     dt_s: f64,
@@ -55,19 +55,7 @@ pub(super) struct HeightMonitor {
 
 impl HeightMonitor {
     pub(super) fn new(limit_m: f64, dt_s: f64) -> Self {
-        Self {
-            limit_m,
-            dt_s,
-            level_m: None,
-            ground_level_m: 0.0,
-            ground_m: None,
-            before: None,
-            unseen_s: 0.0,
-            floor_m: 0.0,
-            is_witness: false,
-            error_m: 0.0,
-            doubt: Doubt::default(),
-        }
+        Self { limit_m, dt_s, ..Self::default() }
     }
 
     /// Learns the level on the ground.

@@ -32,7 +32,7 @@ const FIT_MIN: f64 = 0.5;
 const WAY_FORGET_S: f64 = 15.0;
 
 /// Speed by the drone that exceeds the speed by the poses.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct HiddenMotion {
     dt_s: f64,
     before: Option<Pose>,
@@ -55,18 +55,7 @@ pub(super) struct HiddenMotion {
 
 impl HiddenMotion {
     pub(super) fn new(dt_s: f64) -> Self {
-        Self {
-            dt_s,
-            before: None,
-            since_pose_s: 0.0,
-            velocity_w_mps: Vector2::zeros(),
-            poses_mps: 0.0,
-            way_m: 0.0,
-            flown_m: 0.0,
-            has_reported: false,
-            hidden_mps: None,
-            since_hidden_s: f64::INFINITY,
-        }
+        Self { dt_s, since_hidden_s: f64::INFINITY, ..Self::default() }
     }
 
     /// Takes a tick in flight.

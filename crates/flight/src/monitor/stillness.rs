@@ -96,7 +96,7 @@ fn all(rows_s: &[Option<f64>; ROWS.len()]) -> Option<f64> {
 }
 
 /// Whether a still pose contradicts anything: a calm vehicle that nothing is asked of may stand still.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct FrozenMonitor {
     dt_s: f64,
     hidden: HiddenMotion,
@@ -141,15 +141,7 @@ impl Contradiction {
 
 impl FrozenMonitor {
     pub(super) fn new(dt_s: f64) -> Self {
-        Self {
-            dt_s,
-            hidden: HiddenMotion::new(dt_s),
-            theta_rad: 0.0,
-            u_lagged_w: Vector3::zeros(),
-            u_mean_w: Vector3::zeros(),
-            all: Contradiction::default(),
-            rows: [Contradiction::default(); ROWS.len()],
-        }
+        Self { dt_s, hidden: HiddenMotion::new(dt_s), ..Self::default() }
     }
 
     /// Takes a tick in which the pose had been still for so long; for how long that has been no flying vehicle's.

@@ -42,7 +42,7 @@ pub(super) const FIXED: usize = 0;
 pub(super) const TURNING: usize = 2;
 
 /// Poses and velocity reports so far.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct VelocityMonitor {
     limit_m: f64,
     dt_s: f64,
@@ -112,18 +112,8 @@ impl VelocityMonitor {
         Self {
             limit_m,
             dt_s,
-            before: None,
-            since_pose_s: 0.0,
             moved: vec![at_rest; steps(AGES_S[AGES_S.len() - 1], dt_s) + 1],
-            newest: 0,
-            ages: Default::default(),
-            age: 0,
-            is_age_known: false,
-            sums_by_inputs: Sums::default(),
-            displacements: Displacements::default(),
-            speed_mps: None,
-            has_shown_speed: false,
-            doubt: Doubt::default(),
+            ..Self::default()
         }
     }
 

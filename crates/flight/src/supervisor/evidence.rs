@@ -22,10 +22,11 @@ pub enum Start {
 }
 
 /// Part of a flight.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
     /// On the ground, waiting for the order to fly and for everything it takes.
+    #[default]
     Idle,
     /// Take-off ordered and not yet confirmed.
     TakingOff,
@@ -150,14 +151,6 @@ pub struct Incidents {
 }
 
 impl Incidents {
-    /// Nothing happened.
-    pub const NONE: Self = Self {
-        is_guardian_lost: false,
-        has_landed_unasked: false,
-        has_input_expired: false,
-        is_mocap_undated: false,
-    };
-
     /// Whether one of them ends the flight: the drone is landed, whatever the control loop wants.
     pub fn ends_flight(&self) -> bool {
         self.is_guardian_lost || self.has_landed_unasked
@@ -310,7 +303,7 @@ mod tests {
 
     #[test]
     fn a_lost_guardian_and_an_unasked_landing_end_a_flight_and_no_other_incident_does() {
-        let none = Incidents::NONE;
+        let none = Incidents::default();
         for (incidents, ends) in [
             (none, false),
             (Incidents { is_guardian_lost: true, ..none }, true),
@@ -319,13 +312,12 @@ mod tests {
         ] {
             assert_eq!(incidents.ends_flight(), ends, "{incidents:?}");
         }
-        assert_eq!(Incidents::default(), none);
     }
 
     #[test]
     fn logs_without_dated_poses_or_with_the_old_word_for_an_emergency_stop_are_read() {
         let old = r#"{"is_guardian_lost": true, "has_landed_unasked": false, "has_input_expired": false}"#;
-        let expected = Incidents { is_guardian_lost: true, ..Incidents::NONE };
+        let expected = Incidents { is_guardian_lost: true, ..Incidents::default() };
         assert_eq!(serde_json::from_str::<Incidents>(old).unwrap(), expected);
         let unknown = old.replace("has_input_expired", "has_input_expires");
         assert!(serde_json::from_str::<Incidents>(&unknown).is_err());

@@ -48,9 +48,15 @@ pub(super) const NOTHING_FOUND: Findings = Findings {
     is_direction_wrong: false,
 };
 
-pub(super) const GUARDIAN_LOST: Incidents = Incidents { is_guardian_lost: true, ..Incidents::NONE };
-pub(super) const STALLED: Incidents = Incidents { has_landed_unasked: true, ..Incidents::NONE };
-pub(super) const UNDATED: Incidents = Incidents { is_mocap_undated: true, ..Incidents::NONE };
+const NO_INCIDENTS: Incidents = Incidents {
+    is_guardian_lost: false,
+    has_landed_unasked: false,
+    has_input_expired: false,
+    is_mocap_undated: false,
+};
+pub(super) const GUARDIAN_LOST: Incidents = Incidents { is_guardian_lost: true, ..NO_INCIDENTS };
+pub(super) const STALLED: Incidents = Incidents { has_landed_unasked: true, ..NO_INCIDENTS };
+pub(super) const UNDATED: Incidents = Incidents { is_mocap_undated: true, ..NO_INCIDENTS };
 
 pub(super) const TICK_NS: i64 = 100_000_000; // 0.1 s
 
@@ -87,7 +93,7 @@ pub(super) const CALM: Evidence = Evidence {
     overtime_s: -30.0,
     drone: Some(REPORT),
     operator: Operator::Wait,
-    incidents: Incidents::NONE,
+    incidents: NO_INCIDENTS,
     is_by_hand: false,
     is_hand_neutral: false,
     is_mission_done: false,
@@ -335,7 +341,7 @@ fn mild_faults_are_noted_and_the_flight_goes_on() {
     assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::BatteryLow]));
     let ruling = bench.tick(&Evidence { controller_failed: true, ..ALOFT });
     assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::ControllerFailed]));
-    let expired = Incidents { has_input_expired: true, ..Incidents::NONE };
+    let expired = Incidents { has_input_expired: true, ..NO_INCIDENTS };
     let ruling = bench.tick(&Evidence { incidents: expired, ..ALOFT });
     assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::InputExpired]));
     let ruling = bench.tick(&Evidence { estimator_failed: true, ..ALOFT });

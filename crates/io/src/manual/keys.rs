@@ -113,7 +113,7 @@ enum State {
 }
 
 /// The numbers of a control sequence that a key needs: `code : shifted : base ; modifiers : motion u`.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Sequence {
     /// Whether nothing stood in it yet.
     is_empty: bool,
@@ -145,7 +145,7 @@ impl Decoder {
                 None
             }
             State::Escaped if byte == b'[' => {
-                self.state = State::Sequence(Sequence::START);
+                self.state = State::Sequence(Sequence { is_empty: true, ..Sequence::default() });
                 None
             }
             State::Escaped if byte == SINGLE_SHIFT => {
@@ -184,18 +184,6 @@ impl Decoder {
 }
 
 impl Sequence {
-    /// After the bracket.
-    const START: Self = Self {
-        is_empty: true,
-        is_answer: false,
-        field: 0,
-        part: 0,
-        code: 0,
-        base: 0,
-        modifiers: 0,
-        motion: 0,
-    };
-
     fn take(&mut self, byte: u8) {
         self.is_empty = false;
         match byte {

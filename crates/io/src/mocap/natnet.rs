@@ -33,7 +33,7 @@ const BEAT_PERIOD: Duration = Duration::from_millis(250);
 const BEATS_PER_SLOW: u32 = 4;
 
 /// The datagrams of a server.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct NatnetProtocol {
     server: Option<ServerInfo>,
     /// Rigid bodies by their streaming identity.
@@ -55,15 +55,10 @@ impl NatnetProtocol {
     /// A client before its first datagram; `rate_hz` of the settings comes before that of the server.
     pub(super) fn new(rate_hz: Option<f64>) -> Self {
         Self {
-            server: None,
-            names: BTreeMap::new(),
-            has_names: false,
-            knows_names: false,
-            beats: 0,
             beats_since_frame: 1,
             rate_hz: rate_hz.unwrap_or(0.0),
             set_rate_hz: rate_hz,
-            requests: Vec::new(),
+            ..Self::default()
         }
     }
 

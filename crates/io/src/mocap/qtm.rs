@@ -36,7 +36,7 @@ pub(super) struct QtmProtocol {
 }
 
 /// What the packets so far say.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Reader {
     /// Which axis the settings take for up.
     up: Option<Axis>,
@@ -103,14 +103,7 @@ impl Parameters {
 impl QtmProtocol {
     /// A client before its first packet. `up`: which axis the settings take for up, z if they do not say.
     pub(super) fn new(up: Option<Axis>) -> Self {
-        let reader = Reader {
-            up,
-            has_greeted: false,
-            has_frames: false,
-            parameters: None,
-            is_outdated: true,
-            requests: Vec::new(),
-        };
+        let reader = Reader { up, is_outdated: true, ..Reader::default() };
         Self { packets: Packets::default(), reader }
     }
 }

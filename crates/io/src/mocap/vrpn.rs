@@ -34,7 +34,7 @@ pub(super) struct VrpnProtocol {
 }
 
 /// What the messages so far say.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Reader {
     rate_hz: f64,
     is_new: bool,
@@ -50,14 +50,7 @@ struct Reader {
 impl VrpnProtocol {
     /// A client before its first message, of a system with frames at `rate_hz`.
     pub(super) fn new(rate_hz: f64) -> Self {
-        let reader = Reader {
-            rate_hz,
-            is_new: true,
-            senders: BTreeMap::new(),
-            pose: None,
-            requests: Vec::new(),
-            numbers: BTreeMap::new(),
-        };
+        let reader = Reader { rate_hz, is_new: true, ..Reader::default() };
         Self { messages: Messages::default(), reader }
     }
 }

@@ -107,7 +107,7 @@ pub(super) struct Look<'a> {
 }
 
 /// What is remembered of a flight to judge it by.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Judge {
     room: Option<Room>,
     onset_s: f64,
@@ -131,20 +131,7 @@ pub(super) struct Judge {
 
 impl Judge {
     pub(super) fn new(room: Option<Room>, onset_s: f64) -> Self {
-        Self {
-            room,
-            onset_s,
-            now_s: 0.0,
-            deaf_s: f64::NEG_INFINITY,
-            has_flown: false,
-            has_received_land: false,
-            is_ignored: false,
-            allowed_m: None,
-            excess_m: 0.0,
-            found: BTreeSet::new(),
-            known: FaultSet::default(),
-            since: None,
-        }
+        Self { room, onset_s, deaf_s: f64::NEG_INFINITY, ..Self::default() }
     }
 
     pub(super) fn look(&mut self, look: &Look<'_>) {

@@ -86,7 +86,7 @@ fn a_pose_is_stale_above_the_limit_without_an_age_or_with_none_that_is_a_number(
 
 #[test]
 fn what_is_asked_of_poses_before_a_take_off_is_not_asked_in_flight_and_jumps_only_there() {
-    let undated = Incidents { is_mocap_undated: true, ..Incidents::NONE };
+    let undated = UNDATED;
     let pose = Some(at(2.9, 2.0));
     let e = Evidence { pose, is_pose_settled: false, incidents: undated, ..ALOFT };
     assert_eq!(faults(Bench::flying().tick(&e)), []);

@@ -29,7 +29,7 @@ const TAKE_OFF_MAX: SpanNs = SpanNs::from_ms(12_000);
 pub const TOF_FLYING_M: std::ops::RangeInclusive<f64> = 0.31..=10.0;
 
 /// What the replies and the state lines have reported so far.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct TextTalk {
     /// Where the state line is to go, if not to the usual port.
     state_port: Option<u16>,
@@ -43,9 +43,10 @@ pub(super) struct TextTalk {
 }
 
 /// Sticks that come shortly before or during a take-off make it fail.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 enum TakeOff {
     /// Not ordered.
+    #[default]
     None,
     Ordered {
         at: TimeNs,
@@ -76,14 +77,7 @@ struct Motors {
 impl TextTalk {
     pub(super) fn new(state_port: u16) -> Self {
         let state_port = (state_port != STATE_PORT).then_some(state_port);
-        Self {
-            state_port,
-            take_off: TakeOff::None,
-            motors: None,
-            is_high: None,
-            battery_pct: None,
-            has_state_line: false,
-        }
+        Self { state_port, ..Self::default() }
     }
 
     /// Sends the state line where it is listened for. The drone may have been started anew.
