@@ -322,7 +322,8 @@ impl Display for Look {
 fn draw(place: &Place, mission: &Mission, around: &Surroundings) -> Result<()> {
     let outline: Vec<(f64, f64)> =
         mission.outline().iter().map(|at| (at[pose::X], at[pose::Y])).collect();
-    let seen = [SeenFlights { name: "mission", outline: &outline, tracks: &[&outline] }];
+    let tracks = vec![outline.clone()];
+    let seen = [SeenFlights { name: "mission", outline, tracks }];
     let title = format!("{}: the mission from above", place.stem());
     place.save(&figure::tracks_among(&title, &seen, &around.outlines()))?;
     Ok(())

@@ -342,21 +342,16 @@ fn draw(
     flown: &[Vec<Flown>],
 ) -> Result<()> {
     let obstacles = contenders.first().map(Contender::obstacles).transpose()?.unwrap_or_default();
-    let outlines: Vec<Vec<(f64, f64)>> = contenders.iter().map(Contender::outline).collect();
-    let shown = flown.iter().map(|flown| flown.iter().take(FIGURE_FLIGHTS_MAX));
-    let tracks: Vec<Vec<&[(f64, f64)]>> =
-        shown.map(|shown| shown.map(|flown| &*flown.track_w).collect()).collect();
-    let seen: Vec<SeenFlights<'_>> = names
-        .iter()
-        .map(String::as_str)
-        .zip(&outlines)
-        .zip(&tracks)
-        .map(|((name, outline), tracks)| SeenFlights { name, outline, tracks })
-        .collect();
+    let contenders = names.iter().zip(contenders).zip(flown);
+    let seen = contenders.map(|((name, contender), flown)| {
+        let tracks = flown.iter().take(FIGURE_FLIGHTS_MAX).map(|flown| flown.track_w.clone());
+        SeenFlights { name, outline: contender.outline(), tracks: tracks.collect() }
+    });
+    let seen: Vec<_> = seen.collect();
     let title = format!(
         "{}: true tracks of {} flights from above",
         place.stem(),
-        tracks.iter().map(Vec::len).max().unwrap_or(0)
+        seen.iter().map(|seen| seen.tracks.len()).max().unwrap_or(0)
     );
     place.save(&figure::tracks_among(&title, &seen, &obstacles))?;
     Ok(())

@@ -33,14 +33,14 @@ const OUTSIDE: Color = BLACK.faded(0.5);
 const OUTSIDE_PX: f64 = 1.6;
 
 /// One parameter.
-#[derive(Debug, Clone, Copy)]
-pub struct BootstrapRow<'a> {
+#[derive(Debug, Clone)]
+pub struct BootstrapRow {
     /// Name and unit.
     pub row: Row,
     /// The estimate from all data. In the unit of its label
     pub estimate: f64,
     /// The estimates from the resamples, in any order. In the unit of its label
-    pub samples: &'a [f64],
+    pub samples: Vec<f64>,
     /// Standard deviation by the Laplace approximation, if there is one. In the unit of its label
     pub laplace_std: Option<f64>,
 }
@@ -49,7 +49,7 @@ pub struct BootstrapRow<'a> {
 /// all data, and the interval of the Laplace approximation.
 ///
 /// The box holds the middle half, the whiskers 95 %; what lies outside is drawn as dots.
-pub fn bootstrap(title: &str, rows: &[BootstrapRow<'_>]) -> Figure {
+pub fn bootstrap(title: &str, rows: &[BootstrapRow]) -> Figure {
     let mut figure = Figure::begin(
         title,
         &[
@@ -71,7 +71,7 @@ pub fn bootstrap(title: &str, rows: &[BootstrapRow<'_>]) -> Figure {
             let y = Axis::over(values).map(|axis| axis.padded(0.05));
             let axes = (Some(Axis { low: 0.0, high: 1.0 }), y);
             if let Some(panel) = Panel::open(&mut figure, area, axes, below, (&heading(row), "")) {
-                spread(&mut figure, &panel, row.samples);
+                spread(&mut figure, &panel, &row.samples);
                 panel.horizontal(&mut figure, row.estimate, ESTIMATE);
                 bar(&mut figure, &panel, laplace);
                 let estimate = (LAPLACE_X, row.estimate);
@@ -85,15 +85,15 @@ pub fn bootstrap(title: &str, rows: &[BootstrapRow<'_>]) -> Figure {
 }
 
 /// The central 95 % of the normal distribution around the estimate, NaN without a standard deviation.
-fn laplace_interval(row: &BootstrapRow<'_>) -> [f64; 2] {
+fn laplace_interval(row: &BootstrapRow) -> [f64; 2] {
     let half = NORMAL_HALF_WIDTH * row.laplace_std.unwrap_or(f64::NAN);
     [row.estimate - half, row.estimate + half]
 }
 
 /// Name with unit, and the estimate with the standard deviation of the resamples, which has two
 /// digits.
-fn heading(row: &BootstrapRow<'_>) -> [String; 2] {
-    let samples = finite(row.samples);
+fn heading(row: &BootstrapRow) -> [String; 2] {
+    let samples = finite(&row.samples);
     let mean = samples.iter().sum::<f64>() / samples.len() as f64;
     let squares = samples.iter().map(|sample| (sample - mean).powi(2)).sum::<f64>();
     let std = (squares / (samples.len() as f64 - 1.0)).sqrt();

@@ -83,22 +83,22 @@ fn found(DelayCurve { minimum_s, interval_s: [low_s, high_s], .. }: &DelayCurve<
 }
 
 /// One axis of the vehicle over time.
-#[derive(Debug, Clone, Copy)]
-pub struct ShiftRow<'a> {
+#[derive(Debug, Clone)]
+pub struct ShiftRow {
     /// Name and unit of the position or heading.
     pub row: Row,
     /// Change since the start at each sample, NaN where nothing was seen. In the unit of its label
-    pub moved: &'a [f64],
+    pub moved: Vec<f64>,
     /// Cumulative input, thesis equation 5.1, as sent. In the unit of `row`
-    pub cumulative: &'a [f64],
+    pub cumulative: Vec<f64>,
     /// The same, `dead_time_s` later. In the unit of `row`
-    pub shifted: &'a [f64],
+    pub shifted: Vec<f64>,
     /// The dead time. s
     pub dead_time_s: f64,
 }
 
 /// Thesis figure 5.1: what the vehicle did, the commands, and the commands after the dead time.
-pub fn delay_shift(title: &str, time_s: &[f64], rows: &[ShiftRow<'_>]) -> Figure {
+pub fn delay_shift(title: &str, time_s: &[f64], rows: &[ShiftRow]) -> Figure {
     let strokes = [BLUE, ORANGE, GREEN].map(|color| Stroke::solid(color, 1.5));
     let names = ["change of the pose", "cumulative input", "cumulative input after the dead time"];
     let legend: Vec<_> =
@@ -108,7 +108,7 @@ pub fn delay_shift(title: &str, time_s: &[f64], rows: &[ShiftRow<'_>]) -> Figure
     for (i, row) in rows.iter().enumerate() {
         let below = if i + 1 == rows.len() { Below::Quantity("time [s]") } else { Below::Nothing };
         let strip = Strip { columns: 1, height_px: SHIFT_PX, heading_lines: 1, below };
-        let curves = [row.moved, row.cumulative, row.shifted];
+        let curves = [&row.moved, &row.cumulative, &row.shifted];
         let values = curves.iter().flat_map(|curve| curve.iter().copied());
         let axes = (x, Axis::over(values).map(|axis| axis.padded(0.06)));
         let heading = [format!("{}: dead time {:.3} s", row.row.name, row.dead_time_s)];

@@ -15,16 +15,16 @@ use super::panel::{Below, Panel, Strip};
 const HEIGHT_PX: f64 = 132.0;
 
 /// One row of the state over time.
-#[derive(Debug, Clone, Copy)]
-pub struct FitRow<'a> {
+#[derive(Debug, Clone)]
+pub struct FitRow {
     /// Name and unit; observations of an angle are drawn on the turn of the estimate.
     pub row: Row,
     /// What was seen at each sample, NaN where nothing was. In the unit of its label
-    pub observed: &'a [f64],
+    pub observed: Vec<f64>,
     /// What the fit says, NaN where it says nothing. In the unit of its label
-    pub estimated: &'a [f64],
+    pub estimated: Vec<f64>,
     /// Open-loop simulation of each piece, NaN where there is none. In the unit of its label
-    pub simulated: &'a [f64],
+    pub simulated: Vec<f64>,
 }
 
 /// Observations as dots and the estimate as a line, a panel for each row.
@@ -33,7 +33,7 @@ pub struct FitRow<'a> {
 /// They are shaded in turns, and the line breaks between them; what was left out of the fit stays
 /// white. The heading of a panel is the distance of both lines from the observations: the estimate follows them
 /// whatever the parameters are, the simulation does not.
-pub fn fit(title: &str, time_s: &[f64], pieces: &[Range<usize>], rows: &[FitRow<'_>]) -> Figure {
+pub fn fit(title: &str, time_s: &[f64], pieces: &[Range<usize>], rows: &[FitRow]) -> Figure {
     let line = Stroke::solid(BLUE, 1.5);
     let open_loop = Stroke::dashed(GREEN, 1.2, 4.0);
     let (dot_px, dot) = (2.3, ORANGE.faded(0.6));
@@ -72,7 +72,7 @@ pub fn fit(title: &str, time_s: &[f64], pieces: &[Range<usize>], rows: &[FitRow<
 }
 
 /// Observation and estimate of a row over time, observed angles on the turn of the estimate.
-fn curves(time_s: &[f64], row: &FitRow<'_>) -> [Vec<(f64, f64)>; 2] {
+fn curves(time_s: &[f64], row: &FitRow) -> [Vec<(f64, f64)>; 2] {
     let estimated: Vec<_> = time_s.iter().copied().zip(row.estimated.iter().copied()).collect();
     let turned = |(k, &observed): (usize, &f64)| match row.estimated.get(k) {
         Some(&near) if row.row.is_angle && near.is_finite() => angle::unwrap_near(observed, near),

@@ -16,23 +16,21 @@ const HEIGHT_PX: f64 = 260.0;
 const MARK_PX: f64 = 3.5;
 
 /// Prediction error of one model.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct ForecastLine<'a> {
     /// Name of the model; the same name has the same colour in each panel.
     pub model: &'a str,
-    /// How far ahead, ascending. s
-    pub horizon_s: &'a [f64],
-    /// Root mean square error there, in the unit of the panel's row.
-    pub rmse: &'a [f64],
+    /// How far ahead, ascending (s), and the root mean square error there, in the unit of the panel's row.
+    pub points: Vec<(f64, f64)>,
 }
 
 /// What is predicted.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct ForecastPanel<'a> {
     /// Name and unit.
     pub row: Row,
     /// A line for each model.
-    pub lines: &'a [ForecastLine<'a>],
+    pub lines: Vec<ForecastLine<'a>>,
 }
 
 /// Prediction error over horizon: a panel for each row, a line for each model, and circles at the
@@ -49,9 +47,9 @@ pub fn forecast(title: &str, marks_s: &[f64], panels: &[ForecastPanel<'_>]) -> F
     for side_by_side in panels.chunks(columns) {
         let areas = strip.place(&mut figure);
         for (content, area) in side_by_side.iter().zip(areas) {
-            let lines = content.lines;
-            let x = Axis::over(lines.iter().flat_map(|line| line.horizon_s.iter().copied()));
-            let errors = Axis::over(lines.iter().flat_map(|line| line.rmse.iter().copied()));
+            let points = || content.lines.iter().flat_map(|line| &line.points);
+            let x = Axis::over(points().map(|(horizon_s, _)| *horizon_s));
+            let errors = Axis::over(points().map(|(_, error)| *error));
             let y = errors.map(|axis| Axis { high: 1.05 * axis.high, ..axis }.with_zero());
             let axes = (x.map(|x| x.padded(0.02)), y);
             let name = quantity(&format!("{} error, RMSE", content.row.name), content.row.unit);
@@ -61,14 +59,12 @@ pub fn forecast(title: &str, marks_s: &[f64], panels: &[ForecastPanel<'_>]) -> F
             for &mark_s in marks_s {
                 panel.vertical(&mut figure, mark_s, Stroke::dashed(BLACK.faded(0.5), 1.0, 2.0));
             }
-            for line in lines {
+            for line in &content.lines {
                 let model = models.iter().position(|model| *model == line.model);
                 let stroke = stroke(model.unwrap_or_default());
-                let points: Vec<_> =
-                    line.horizon_s.iter().copied().zip(line.rmse.iter().copied()).collect();
-                panel.line(&mut figure, &points, stroke);
+                panel.line(&mut figure, &line.points, stroke);
                 let marks: Vec<_> =
-                    marks_s.iter().filter_map(|&mark_s| between(&points, mark_s)).collect();
+                    marks_s.iter().filter_map(|&mark_s| between(&line.points, mark_s)).collect();
                 panel.dots(&mut figure, &marks, MARK_PX, stroke.color);
             }
         }
@@ -79,7 +75,7 @@ pub fn forecast(title: &str, marks_s: &[f64], panels: &[ForecastPanel<'_>]) -> F
 /// Names of the models in the order in which they appear first.
 fn models<'a>(panels: &[ForecastPanel<'a>]) -> Vec<&'a str> {
     let mut names = Vec::new();
-    for line in panels.iter().flat_map(|panel| panel.lines) {
+    for line in panels.iter().flat_map(|panel| &panel.lines) {
         if !names.contains(&line.model) {
             names.push(line.model);
         }

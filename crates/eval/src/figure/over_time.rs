@@ -21,43 +21,43 @@ const BAR_FRACTION: f64 = 0.4;
 const TIME: &str = "time [s]";
 
 /// A line over time; the same name has the same look in each panel.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct TimeLine<'a> {
     /// What it is.
     pub name: &'a str,
     /// A value for each time, NaN where there is none. In the unit of its panel
-    pub values: &'a [f64],
+    pub values: Vec<f64>,
     /// Drawn dashed: what was wanted, not what was.
     pub is_reference: bool,
 }
 
 /// Lines of one quantity.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct TimePanel<'a> {
     /// Quantity.
     pub name: &'a str,
     /// Its unit, 1 for a ratio.
     pub unit: &'a str,
     /// What is drawn.
-    pub lines: &'a [TimeLine<'a>],
+    pub lines: Vec<TimeLine<'a>>,
 }
 
 /// What was true for some of the time.
-#[derive(Debug, Clone, Copy)]
-pub struct TimeBars<'a> {
+#[derive(Debug, Clone)]
+pub struct TimeBars {
     /// What it is.
-    pub name: &'a str,
+    pub name: String,
     /// From when to when. s
-    pub spans_s: &'a [(f64, f64)],
+    pub spans_s: Vec<(f64, f64)>,
 }
 
 /// What of a flight is drawn over its time, besides the lines.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct TimeSpans<'a> {
+#[derive(Debug, Clone, Default)]
+pub struct TimeSpans {
     /// Below the panels, a row of bars for each.
-    pub bars: &'a [TimeBars<'a>],
+    pub bars: Vec<TimeBars>,
     /// Behind the lines of every panel, a colour for each.
-    pub bands: &'a [TimeBars<'a>],
+    pub bands: Vec<TimeBars>,
 }
 
 /// Colours of the bands, all to be seen through.
@@ -68,7 +68,7 @@ pub fn over_time(
     title: &str,
     time_s: &[f64],
     panels: &[TimePanel<'_>],
-    TimeSpans { bars, bands }: TimeSpans<'_>,
+    TimeSpans { bars, bands }: &TimeSpans,
 ) -> Figure {
     let looks = looks(panels);
     let look = |line: &TimeLine<'_>| {
@@ -77,13 +77,13 @@ pub fn over_time(
     };
     let bands: Vec<_> = bands.iter().zip(BANDS.into_iter().cycle()).collect();
     let lines = looks.iter().map(|(name, stroke)| (Mark::Line(*stroke), *name));
-    let marks = bands.iter().map(|(band, color)| (Mark::Patch(*color), band.name));
+    let marks = bands.iter().map(|(band, color)| (Mark::Patch(*color), band.name.as_str()));
     let legend: Vec<_> = lines.chain(marks).collect();
     let mut figure = Figure::begin(title, if legend.len() > 1 { &legend } else { &[] });
     let x = Axis::over(time_s.iter().copied());
     let mut overlay = Overlay { time: overlay::times(time_s), ..Overlay::default() };
     overlay.bands =
-        bands.iter().map(|(band, color)| Band::new(band.name, *color, band.spans_s)).collect();
+        bands.iter().map(|(band, color)| Band::new(&band.name, *color, &band.spans_s)).collect();
     for (i, content) in panels.iter().enumerate() {
         let is_last = i + 1 == panels.len() && bars.is_empty();
         let below = if is_last { Below::Quantity(TIME) } else { Below::Nothing };
@@ -96,13 +96,13 @@ pub fn over_time(
             continue;
         };
         for (band, color) in &bands {
-            panel.spans(&mut figure, band.spans_s, (panel.y.low, panel.y.high), *color);
+            panel.spans(&mut figure, &band.spans_s, (panel.y.low, panel.y.high), *color);
         }
-        for line in content.lines {
+        for line in &content.lines {
             let points: Vec<_> = time_s.iter().copied().zip(line.values.iter().copied()).collect();
             panel.line(&mut figure, &points, look(line));
         }
-        let values = |line: &TimeLine<'_>| Line::new(line.name, look(line), line.values);
+        let values = |line: &TimeLine<'_>| Line::new(line.name, look(line), &line.values);
         overlay.panels.push(OverTime {
             frame: Frame::of(&panel),
             unit: content.unit.to_owned(),
@@ -123,7 +123,7 @@ const REFERENCE: Stroke = Stroke::dashed(BLACK, 1.2, 5.0);
 fn looks<'a>(panels: &[TimePanel<'a>]) -> Vec<(&'a str, Stroke)> {
     let mut colors = [BLUE, ORANGE, GREEN, PURPLE, VERMILION, GREY].into_iter().cycle();
     let mut looks: Vec<(&str, Stroke)> = Vec::new();
-    for line in panels.iter().flat_map(|panel| panel.lines) {
+    for line in panels.iter().flat_map(|panel| &panel.lines) {
         if looks.iter().any(|(name, _)| *name == line.name) {
             continue;
         }
@@ -134,7 +134,7 @@ fn looks<'a>(panels: &[TimePanel<'a>]) -> Vec<(&'a str, Stroke)> {
 }
 
 /// A row for each of `bars`, the first at the top, its name above it.
-fn open_bars(figure: &mut Figure, x: Option<Axis>, bars: &[TimeBars<'_>]) -> Option<OverTime> {
+fn open_bars(figure: &mut Figure, x: Option<Axis>, bars: &[TimeBars]) -> Option<OverTime> {
     let below = Below::Quantity(TIME);
     let height_px = BAR_PX * bars.len() as f64;
     let strip = Strip { columns: 1, height_px, heading_lines: 0, below };
@@ -151,11 +151,11 @@ fn open_bars(figure: &mut Figure, x: Option<Axis>, bars: &[TimeBars<'_>]) -> Opt
     figure.text(TIME, (middle_px, bottom_px + 33.0), TICK_PX, Anchor::Middle);
     for (row, bar) in bars.iter().enumerate() {
         let low = y.high - row as f64 - 1.0 + 0.5 * (1.0 - BAR_FRACTION) * 0.4;
-        panel.spans(figure, bar.spans_s, (low, low + BAR_FRACTION), VERMILION);
+        panel.spans(figure, &bar.spans_s, (low, low + BAR_FRACTION), VERMILION);
         let (left_px, name_px) = panel.at((x.low, low + BAR_FRACTION));
-        figure.text(bar.name, (left_px + 4.0, name_px - 4.0), TICK_PX, Anchor::Start);
+        figure.text(&bar.name, (left_px + 4.0, name_px - 4.0), TICK_PX, Anchor::Start);
     }
-    let named = |bar: &TimeBars<'_>| (bar.name.to_owned(), bar.spans_s.to_vec());
+    let named = |bar: &TimeBars| (bar.name.clone(), bar.spans_s.clone());
     Some(OverTime {
         frame: Frame::of(&panel),
         unit: String::new(),
@@ -171,14 +171,16 @@ mod tests {
     #[test]
     fn lines_bars_and_their_names_are_drawn() {
         let time_s = [0.0, 1.0, 2.0];
-        let line =
-            |name, is_reference| TimeLine { name, values: &[0.0, f64::NAN, 1.0], is_reference };
-        let lines = [line("state", false), line("wanted", true)];
-        let panels = [TimePanel { name: "x", unit: "m", lines: &lines }];
-        let bars = [TimeBars { name: "link down", spans_s: &[(0.5, 1.5), (1.9, 9.0)] }];
-        let bands = [TimeBars { name: "a fault", spans_s: &[(0.5, 1.0)] }];
-        let svg =
-            over_time("Flight", &time_s, &panels, TimeSpans { bars: &bars, bands: &bands }).svg();
+        let line = |name, is_reference| {
+            let values = vec![0.0, f64::NAN, 1.0];
+            TimeLine { name, values, is_reference }
+        };
+        let lines = vec![line("state", false), line("wanted", true)];
+        let panels = [TimePanel { name: "x", unit: "m", lines }];
+        let bars =
+            vec![TimeBars { name: "link down".into(), spans_s: vec![(0.5, 1.5), (1.9, 9.0)] }];
+        let bands = vec![TimeBars { name: "a fault".into(), spans_s: vec![(0.5, 1.0)] }];
+        let svg = over_time("Flight", &time_s, &panels, &TimeSpans { bars, bands }).svg();
         for text in ["state", "wanted", "x [m]", "link down", "a fault", "time [s]"] {
             assert!(svg.contains(&format!(">{text}<")), "{text}: {svg}");
         }
@@ -187,7 +189,7 @@ mod tests {
         assert_eq!(bars, 2, "{svg}");
         // One in the panel, one in the legend.
         assert_eq!(svg.matches("fill-opacity=\"0.35\"").count(), 2, "{svg}");
-        let nothing = over_time("Nothing", &[], &panels, TimeSpans::default());
+        let nothing = over_time("Nothing", &[], &panels, &TimeSpans::default());
         assert!(nothing.svg().contains("no data"));
     }
 }

@@ -24,20 +24,21 @@ const MARKS: Stroke = Stroke::dashed(BLACK.faded(0.4), 1.0, 3.0);
 const PROGRESS: &str = "progress along the line, 0 begin, 1 end";
 
 /// Samples of flights with their places on the path.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct AlongPath<'a> {
     /// Name of the group of flights.
     pub name: &'a str,
     /// Progress of each sample, 0..=1. 1
-    pub progress: &'a [f64],
+    pub progress: Vec<f64>,
     /// Value of each sample. In the unit of the figure
-    pub values: &'a [f64],
+    pub values: Vec<f64>,
 }
 
 /// Where on the path the time was spent: a Gaussian kernel density with Scott's bandwidth (`std n^(-1/5)`),
 /// a colour for each group, two at most. `marks` are progresses of the targets.
 pub fn density_over_progress(title: &str, marks: &[f64], groups: &[AlongPath<'_>]) -> Figure {
-    let curves: Vec<Vec<(f64, f64)>> = groups.iter().map(|group| density(group.progress)).collect();
+    let curves: Vec<Vec<(f64, f64)>> =
+        groups.iter().map(|group| density(&group.progress)).collect();
     let legend: Vec<_> = groups
         .iter()
         .zip(COLORS)
@@ -120,7 +121,7 @@ struct Part {
 /// The parts that have samples.
 fn parts(group: &AlongPath<'_>) -> Vec<Part> {
     let mut samples = vec![Vec::new(); PARTS];
-    for (progress, value) in group.progress.iter().zip(group.values) {
+    for (progress, value) in group.progress.iter().zip(&group.values) {
         let part = horizon_model::whole(progress * PARTS as f64).min(PARTS - 1);
         if is_drawable(*progress) && is_drawable(*value) {
             samples[part].push(*value);
@@ -174,7 +175,7 @@ mod tests {
     fn a_part_of_the_way_has_the_quantiles_of_its_own_samples() {
         let values: Vec<f64> = (0..=40).map(f64::from).chain([1000.0]).collect();
         let progress = [vec![0.5; 41], vec![0.9]].concat();
-        let parts = parts(&AlongPath { name: "a", progress: &progress, values: &values });
+        let parts = parts(&AlongPath { name: "a", progress, values });
         assert_eq!(parts.len(), 2);
         let Part { number, low, median, high, .. } = parts[0];
         assert_eq!(number, 37);
@@ -185,8 +186,8 @@ mod tests {
 
     #[test]
     fn figures_without_samples_say_so() {
-        let none = AlongPath { name: "a", progress: &[], values: &[] };
-        assert!(density_over_progress("Density", &[], &[none]).svg().contains("no data"));
-        assert!(band_over_progress("Band", ("d", "m"), &[], &[none]).svg().contains("no data"));
+        let none = [AlongPath { name: "a", progress: Vec::new(), values: Vec::new() }];
+        assert!(density_over_progress("Density", &[], &none).svg().contains("no data"));
+        assert!(band_over_progress("Band", ("d", "m"), &[], &none).svg().contains("no data"));
     }
 }

@@ -25,12 +25,12 @@ const BAND: Color = BLACK.faded(0.12);
 const STEMS: Stroke = Stroke::solid(BLUE, 2.0);
 
 /// Residuals of one row.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct ResidualRow<'a> {
     /// Name and unit.
     pub row: Row,
     /// Residuals of each piece over time, NaN where there is none. In the unit of its label, 1 if weighted
-    pub pieces: &'a [&'a [f64]],
+    pub pieces: Vec<&'a [f64]>,
 }
 
 /// Histogram with the normal density of the same mean and variance, and autocorrelation over lag
@@ -52,7 +52,7 @@ pub fn residuals(title: &str, dt_s: f64, lags: usize, rows: &[ResidualRow<'_>]) 
         let strip = Strip { columns: 2, height_px: HEIGHT_PX, heading_lines: 1, below };
         let mut areas = strip.place(&mut figure);
         if let (Some(left), Some(right)) = (areas.next(), areas.next()) {
-            let moments = Moments::of(row.pieces);
+            let moments = Moments::of(&row.pieces);
             histogram(&mut figure, left, row, moments.as_ref());
             correlogram(&mut figure, right, row, moments.as_ref(), (dt_s, lags));
         }
@@ -110,7 +110,7 @@ fn histogram(figure: &mut Figure, area: Area, row: &ResidualRow<'_>, moments: Op
     };
     let normal = |r: f64| (-0.5 * ((r - mean) / std).powi(2)).exp() / (std * TAU.sqrt());
     let x = Axis { low: mean - REACH_STD * std, high: mean + REACH_STD * std };
-    let (densities, outside) = densities(row.pieces, x, count);
+    let (densities, outside) = densities(&row.pieces, x, count);
     let heights = densities.iter().copied().chain([normal(mean)]);
     let y = Axis::over(heights).map(|axis| Axis { high: 1.05 * axis.high, ..axis }.with_zero());
     let heading = [format!(
@@ -153,7 +153,7 @@ fn correlogram(
     moments: Option<&Moments>,
     (dt_s, lags): (f64, usize),
 ) {
-    let correlations = autocorrelation(row.pieces, 1..=lags);
+    let correlations = autocorrelation(&row.pieces, 1..=lags);
     let stems = (1..=lags).zip(correlations);
     let stems: Vec<_> = stems.map(|(lag, r)| (lag as f64 * dt_s, r)).collect();
     let white = moments.map_or(f64::NAN, |moments| WHITE / moments.count.sqrt());

@@ -17,13 +17,14 @@ pub(super) fn figures(values: &[f64]) -> Vec<(&'static str, Figure)> {
     let time_s: Vec<_> = (0..values.len()).map(|k| k as f64 * DT_S).collect();
     let half = values.len() / 2;
     let pieces: [Range<usize>; 2] = [0..half, half..values.len()];
+    let owned = || values.to_vec();
     let fits =
-        ROWS.map(|row| FitRow { row, observed: values, estimated: values, simulated: values });
+        ROWS.map(|row| FitRow { row, observed: owned(), estimated: owned(), simulated: owned() });
     let first = values.first().copied().unwrap_or(f64::NAN);
     let resampled = ROWS.map(|row| BootstrapRow {
         row,
         estimate: first,
-        samples: values,
+        samples: owned(),
         laplace_std: Some(0.1),
     });
     let profile = DelayCurve {
@@ -35,15 +36,16 @@ pub(super) fn figures(values: &[f64]) -> Vec<(&'static str, Figure)> {
     };
     let shifts = ROWS.map(|row| ShiftRow {
         row,
-        moved: values,
-        cumulative: values,
-        shifted: values,
+        moved: owned(),
+        cumulative: owned(),
+        shifted: owned(),
         dead_time_s: 0.32,
     });
-    let halves = [&values[..half], &values[half..]];
-    let residual_rows = ROWS.map(|row| ResidualRow { row, pieces: &halves });
-    let lines = [ForecastLine { model: "kinematic", horizon_s: &time_s, rmse: values }];
-    let panels = ROWS.map(|row| ForecastPanel { row, lines: &lines });
+    let halves = || vec![&values[..half], &values[half..]];
+    let residual_rows = ROWS.map(|row| ResidualRow { row, pieces: halves() });
+    let points = || time_s.iter().copied().zip(owned()).collect();
+    let line = || ForecastLine { model: "kinematic", points: points() };
+    let panels = ROWS.map(|row| ForecastPanel { row, lines: vec![line()] });
     vec![
         ("fit", fit("Fit", &time_s, &pieces, &fits)),
         ("bootstrap", bootstrap("Bootstrap", &resampled)),
@@ -140,7 +142,12 @@ fn observed_angles_are_drawn_on_the_turn_of_the_estimate() {
             "",
             &time_s,
             &[],
-            &[FitRow { row: ROWS[3], observed, estimated: &[PI, 3.2], simulated: &[] }],
+            &[FitRow {
+                row: ROWS[3],
+                observed: observed.to_vec(),
+                estimated: vec![PI, 3.2],
+                simulated: Vec::new(),
+            }],
         )
     };
     assert_eq!(figure(&[PI, 3.2 - TAU]).svg(), figure(&[PI, 3.2]).svg());
@@ -151,7 +158,7 @@ fn the_box_plot_prints_the_estimate_with_the_digits_that_the_spread_allows() {
     let row = BootstrapRow {
         row: Row::linear("lambda_h", "m/s"),
         estimate: 1.064_8,
-        samples: &[0.99, f64::NAN, 1.14],
+        samples: vec![0.99, f64::NAN, 1.14],
         laplace_std: None,
     };
     // The standard deviation of two samples is their distance over the root of 2.

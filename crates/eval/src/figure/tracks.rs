@@ -13,14 +13,14 @@ const HEIGHT_PX: (f64, f64) = (240.0, 660.0);
 const PADDING: f64 = 0.05;
 
 /// Flights of one controller, in world x and y. m
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct SeenFlights<'a> {
     /// Name of the controller.
     pub name: &'a str,
     /// Corners of the polyline to follow, x and y in the world frame. m
-    pub outline: &'a [(f64, f64)],
+    pub outline: Vec<(f64, f64)>,
     /// Where each flight was, tick by tick, x and y in the world frame. m
-    pub tracks: &'a [&'a [(f64, f64)]],
+    pub tracks: Vec<Vec<(f64, f64)>>,
 }
 
 /// Tracks over their outline, x to the right and y upwards in one scale; a colour for each controller, two
@@ -66,10 +66,10 @@ pub fn tracks_among(
             panel.line(&mut figure, obstacle, solid);
         }
         for (seen, stroke) in seen.iter().zip(strokes) {
-            panel.runs(&mut figure, seen.tracks.iter().copied(), stroke);
+            panel.runs(&mut figure, seen.tracks.iter().map(Vec::as_slice), stroke);
         }
         for seen in seen {
-            panel.line(&mut figure, seen.outline, outline);
+            panel.line(&mut figure, &seen.outline, outline);
             let starts: Vec<_> =
                 seen.tracks.iter().filter_map(|track| track.first().copied()).collect();
             panel.dots(&mut figure, &starts, start_px, GREY);
@@ -117,9 +117,10 @@ mod tests {
 
     #[test]
     fn every_track_and_the_outline_are_drawn() {
-        let square = [(0.0, 0.0), (1.5, 0.0), (1.5, 1.5)];
-        let flown = [(0.0, 0.1), (0.7, 0.05), (f64::NAN, 0.0), (1.4, 0.1), (1.5, 1.4)];
-        let seen = SeenFlights { name: "config", outline: &square, tracks: &[&flown, &square] };
+        let square = vec![(0.0, 0.0), (1.5, 0.0), (1.5, 1.5)];
+        let flown = vec![(0.0, 0.1), (0.7, 0.05), (f64::NAN, 0.0), (1.4, 0.1), (1.5, 1.4)];
+        let (outline, tracks_w) = (square.clone(), vec![flown, square]);
+        let seen = SeenFlights { name: "config", outline, tracks: tracks_w };
         let svg = tracks("Tracks", &[seen]).svg();
         let texts = ["config", "outline", "start", "x [m]", "y [m]"];
         assert!(texts.iter().all(|text| svg.contains(&format!(">{text}<"))), "{svg}");

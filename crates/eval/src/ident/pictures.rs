@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::report::DelayMinimum;
+use super::report::{DelayMinimum, ParameterRow};
 use crate::figure::{
     self, BootstrapRow, DelayCurve, FitRow, ForecastLine, ForecastPanel, ResidualRow, ShiftRow,
 };
@@ -10,7 +10,7 @@ use anyhow::Result;
 use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
 use horizon_model::{Kinematic, Model, Row};
 
-use super::compare::{Comparison, HORIZONS_S, Ranked};
+use super::compare::{Comparison, HORIZONS_S};
 use super::job::{Fitted, Job, Resampled, Trace};
 
 /// Longest part of a log in the figure of the fit and of the shift; more is a black bar. s
@@ -70,30 +70,17 @@ fn save_fit(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
         }
         values
     };
-    let rows = 0..fitted.observation_rows.len();
-    let columns: Vec<[Vec<f64>; 2]> =
-        rows.map(|row| [column(|t| &t.s, row), column(|t| &t.simulated, row)]).collect();
-    let seen: Vec<Vec<f64>> = (0..fitted.observation_rows.len())
-        .map(|row| {
-            let value = |k: usize| {
-                let o = &recording.o[k];
-                if o.is_present[row] { o.o[row] } else { f64::NAN }
-            };
-            (first..end).map(value).collect()
-        })
-        .collect();
-    let rows: Vec<FitRow<'_>> = fitted
-        .observation_rows
-        .iter()
-        .zip(&seen)
-        .zip(&columns)
-        .map(|((row, observed), [estimated, simulated])| FitRow {
-            row: *row,
-            observed,
-            estimated,
-            simulated,
-        })
-        .collect();
+    let seen = |k: usize, row: usize| {
+        let o = &recording.o[k];
+        if o.is_present[row] { o.o[row] } else { f64::NAN }
+    };
+    let curves = |(row, of): (usize, &Row)| FitRow {
+        row: *of,
+        observed: (first..end).map(|k| seen(k, row)).collect(),
+        estimated: column(|trace| &trace.s, row),
+        simulated: column(|trace| &trace.simulated, row),
+    };
+    let rows: Vec<FitRow> = fitted.observation_rows.iter().enumerate().map(curves).collect();
     let title = format!("{} fitted to {}", fitted.fit.model, file_name(&job.logs[log].path));
     figure::save(dir, "fit", &figure::fit(&title, &time_s, &pieces, &rows))?;
     Ok(())
@@ -133,32 +120,20 @@ fn save_shift(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
     let sent = cumulative(&recording.u);
     let applied = cumulative(&recording.applied(&dead_time_s, dt_s));
     let time_s: Vec<f64> = (0..end).map(|k| k as f64 * dt_s).collect();
-    let columns: Vec<[Vec<f64>; 3]> = (0..pose::COUNT)
-        .map(|row| {
-            let moved = recording.o.iter().take(end).map(|o| {
-                if o.is_present[row] { o.o[row] - recording.o[start].o[row] } else { f64::NAN }
-            });
-            let moved: Vec<f64> = moved.collect();
-            // As the thesis: scaled, since the delay is to be seen and not the gain.
-            let scale = scale_between(applied.iter().map(|s| s[row]), &moved);
-            let of = |sums: &[Pose]| sums.iter().map(|s| scale * s[row]).collect();
-            let [cumulative, shifted] = [of(&sent), of(&applied)];
-            [moved, cumulative, shifted]
-        })
-        .collect();
+    let curves = |(row, stick): (usize, usize)| {
+        let moved = recording.o.iter().take(end).map(|o| {
+            if o.is_present[row] { o.o[row] - recording.o[start].o[row] } else { f64::NAN }
+        });
+        let moved: Vec<f64> = moved.collect();
+        // As the thesis: scaled, since the delay is to be seen and not the gain.
+        let scale = scale_between(applied.iter().map(|s| s[row]), &moved);
+        let of = |sums: &[Pose]| sums.iter().map(|s| scale * s[row]).collect();
+        let (cumulative, shifted) = (of(&sent), of(&applied));
+        let row = Kinematic::STATE[row];
+        ShiftRow { row, moved, cumulative, shifted, dead_time_s: dead_time_s[stick] }
+    };
     let stick_of = [stick::PITCH, stick::PITCH, stick::THROTTLE, stick::YAW];
-    let rows: Vec<ShiftRow<'_>> = Kinematic::STATE
-        .iter()
-        .zip(&columns)
-        .zip(stick_of)
-        .map(|((row, [moved, cumulative, shifted]), stick)| ShiftRow {
-            row: *row,
-            moved,
-            cumulative,
-            shifted,
-            dead_time_s: dead_time_s[stick],
-        })
-        .collect();
+    let rows: Vec<ShiftRow> = stick_of.into_iter().enumerate().map(curves).collect();
     let title = format!("Delay in {}", file_name(&job.logs[log].path));
     figure::save(dir, "delay_shift", &figure::delay_shift(&title, &time_s, &rows))?;
     Ok(())
@@ -172,16 +147,12 @@ fn save_residuals(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
         ("transitions", fitted.state_rows, |trace| &trace.transition_residuals),
     ];
     for (kind, names, residuals) in kinds {
-        let pieces_of = |row: usize| -> Vec<&[f64]> {
-            fitted.traces.iter().map(|trace| residuals(trace)[row].as_slice()).collect()
+        let of = |(row, named): (usize, &Row)| ResidualRow {
+            // Weighted residuals have no unit.
+            row: Row::linear(named.name, "1"),
+            pieces: fitted.traces.iter().map(|trace| &*residuals(trace)[row]).collect(),
         };
-        let pieces: Vec<Vec<&[f64]>> = (0..names.len()).map(pieces_of).collect();
-        // Weighted residuals have no unit.
-        let rows: Vec<ResidualRow<'_>> = names
-            .iter()
-            .zip(&pieces)
-            .map(|(row, pieces)| ResidualRow { row: Row::linear(row.name, "1"), pieces })
-            .collect();
+        let rows: Vec<ResidualRow<'_>> = names.iter().enumerate().map(of).collect();
         let title = format!("Weighted residuals of the {kind}");
         let picture = figure::residuals(&title, job.table.dt_s, LAGS, &rows);
         figure::save(dir, &format!("residuals_{kind}"), &picture)?;
@@ -192,20 +163,13 @@ fn save_residuals(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
 /// Thesis figure 5.3.
 fn save_bootstrap(dir: &Path, fitted: &Fitted) -> Result<()> {
     let Some(Resampled { estimates, .. }) = &fitted.resamples else { return Ok(()) };
-    let columns: Vec<Vec<f64>> =
-        (0..fitted.fit.p.len()).map(|row| estimates.iter().map(|p| p[row]).collect()).collect();
-    let rows: Vec<BootstrapRow<'_>> = fitted
-        .fit
-        .parameters
-        .iter()
-        .zip(&columns)
-        .map(|(row, samples)| BootstrapRow {
-            row: Row::linear(row.name, row.unit),
-            estimate: row.value,
-            samples,
-            laplace_std: Some(row.std_laplace),
-        })
-        .collect();
+    let of = |(k, row): (usize, &ParameterRow)| BootstrapRow {
+        row: Row::linear(row.name, row.unit),
+        estimate: row.value,
+        samples: estimates.iter().map(|p| p[k]).collect(),
+        laplace_std: Some(row.std_laplace),
+    };
+    let rows: Vec<BootstrapRow> = fitted.fit.parameters.iter().enumerate().map(of).collect();
     let title = format!("{} resamples of the pieces", estimates.len());
     figure::save(dir, "bootstrap", &figure::bootstrap(&title, &rows))?;
     Ok(())
@@ -222,32 +186,14 @@ pub fn save_prediction(out: &Path, comparison: &Comparison, dt_s: f64) -> Result
         (Row::linear("z", "m"), |errors| errors.vertical.rmse),
         (Row::linear("theta", "rad"), |errors| errors.heading.rmse),
     ];
-    let curve = |model: &Ranked, pick: Pick| -> (Vec<f64>, Vec<f64>) {
-        let points = model.smoothed.curve.iter();
-        points.map(|errors| (errors.steps as f64 * dt_s, pick(errors))).unzip()
-    };
-    let curves: Vec<Vec<(Vec<f64>, Vec<f64>)>> = quantities
-        .iter()
-        .map(|(_, pick)| comparison.models.iter().map(|model| curve(model, *pick)).collect())
-        .collect();
-    let lines: Vec<Vec<ForecastLine<'_>>> = curves
-        .iter()
-        .map(|curves| {
-            let named = comparison.models.iter().zip(curves);
-            named
-                .map(|(model, (horizon_s, rmse))| ForecastLine {
-                    model: &model.name,
-                    horizon_s,
-                    rmse,
-                })
-                .collect()
-        })
-        .collect();
-    let panels: Vec<ForecastPanel<'_>> = quantities
-        .iter()
-        .zip(&lines)
-        .map(|((row, _), lines)| ForecastPanel { row: *row, lines })
-        .collect();
+    let panels = quantities.map(|(row, pick)| {
+        let lines = comparison.models.iter().map(|model| {
+            let points = model.smoothed.curve.iter();
+            let points = points.map(|errors| (errors.steps as f64 * dt_s, pick(errors))).collect();
+            ForecastLine { model: &model.name, points }
+        });
+        ForecastPanel { row, lines: lines.collect() }
+    });
     let picture = figure::forecast("Prediction error, smoothed start", &HORIZONS_S, &panels);
     figure::save(&out.join("figures"), "prediction", &picture)
 }

@@ -24,32 +24,29 @@ pub(super) struct Picture {
 /// Figures of all flights together.
 pub(super) fn of_groups(groups: &[Group]) -> Vec<Picture> {
     let mut pictures = vec![from_above("all-above", "Flights from above", groups)];
-    let along = |samples: fn(&Measured) -> &[f64]| -> Vec<Vec<f64>> {
-        let of_group = |group: &Group| {
-            group.counted().flat_map(|one| samples(&one.measured).iter().copied()).collect()
-        };
-        groups.iter().map(of_group).collect()
+    let along = |samples: fn(&Measured) -> &[f64]| -> Vec<AlongPath<'_>> {
+        let of_groups = groups.iter().map(|group| AlongPath {
+            name: &group.name,
+            progress: pooled(group, |measured| &measured.progress),
+            values: pooled(group, samples),
+        });
+        of_groups.collect()
     };
     let progress = along(|measured| &measured.progress);
-    if progress.iter().all(Vec::is_empty) {
+    if progress.iter().all(|group| group.progress.is_empty()) {
         return pictures;
     }
     let marks = targets(groups);
-    let ways = |values: &[Vec<f64>]| -> Figure {
-        let groups: Vec<_> = ways(groups, &progress, values);
-        figure::density_over_progress("Where the time was spent", &marks, &groups)
-    };
     pictures.push(Picture {
         name: "all-density".into(),
         caption: "Density of the samples over the progress along the line (thesis figure 5.6): a Gaussian kernel \
                   estimate with Scott's bandwidth. Where it is high, the vehicle was slow."
             .into(),
-        figure: ways(&progress),
+        figure: figure::density_over_progress("Where the time was spent", &marks, &progress),
     });
     let band = |quantity: Quantity, samples: fn(&Measured) -> &[f64], name: &str, caption: &str| {
         let (quantity_name, unit, _) = quantity.label();
-        let (title, values) = (format!("{quantity_name} over progress"), along(samples));
-        let groups = self::ways(groups, &progress, &values);
+        let (title, groups) = (format!("{quantity_name} over progress"), along(samples));
         Picture {
             name: format!("all-{name}"),
             caption: caption.into(),
@@ -153,17 +150,9 @@ fn distances_m(measured: &Measured) -> &[f64] {
     if measured.progress.is_empty() { &[] } else { distances_m }
 }
 
-fn ways<'a>(
-    groups: &'a [Group],
-    progress: &'a [Vec<f64>],
-    values: &'a [Vec<f64>],
-) -> Vec<AlongPath<'a>> {
-    let way = |((group, progress), values): ((&'a Group, &'a Vec<f64>), &'a Vec<f64>)| AlongPath {
-        name: &group.name,
-        progress,
-        values,
-    };
-    groups.iter().zip(progress).zip(values).map(way).collect()
+/// The samples of all flights of a group that count.
+fn pooled(group: &Group, samples: fn(&Measured) -> &[f64]) -> Vec<f64> {
+    group.counted().flat_map(|one| samples(&one.measured).iter().copied()).collect()
 }
 
 /// Progresses of the inner targets of the first flight with a line.
@@ -190,7 +179,7 @@ fn times_of_track_s(flight: &Flight) -> Vec<f64> {
 }
 
 fn from_above(name: &str, title: &str, groups: &[Group]) -> Picture {
-    let of_group = |group: &Group| {
+    let seen = groups.iter().map(|group| {
         let mut outlines: Vec<&[Pose]> = Vec::new();
         for outline in group.looked.iter().map(|looked| looked.flight.outline.as_slice()) {
             if !outlines.contains(&outline) {
@@ -200,20 +189,12 @@ fn from_above(name: &str, title: &str, groups: &[Group]) -> Picture {
         // Between two lines there is a gap.
         let gap = vec![(f64::NAN, f64::NAN)];
         let with_gap = |outline: &[Pose]| [horizontal(outline), gap.clone()].concat();
-        let outline: Vec<_> = outlines.into_iter().flat_map(with_gap).collect();
-        let tracks =
-            group.looked.iter().map(|looked| horizontal(&track(looked.flight.judged_ticks())));
-        (outline, tracks.collect::<Vec<_>>())
-    };
-    let drawn: Vec<_> = groups.iter().map(of_group).collect();
-    let tracks: Vec<Vec<&[(f64, f64)]>> =
-        drawn.iter().map(|(_, tracks)| tracks.iter().map(Vec::as_slice).collect()).collect();
-    let seen: Vec<_> = groups
-        .iter()
-        .zip(&drawn)
-        .zip(&tracks)
-        .map(|((group, (outline, _)), tracks)| SeenFlights { name: &group.name, outline, tracks })
-        .collect();
+        let outline = outlines.into_iter().flat_map(with_gap).collect();
+        let flights = group.looked.iter().map(|looked| looked.flight.judged_ticks());
+        let tracks = flights.map(|ticks| horizontal(&track(ticks))).collect();
+        SeenFlights { name: &group.name, outline, tracks }
+    });
+    let seen: Vec<_> = seen.collect();
     Picture {
         name: name.to_owned(),
         caption: "Every flight from above, from its first target to its last, over the \
@@ -225,10 +206,9 @@ fn from_above(name: &str, title: &str, groups: &[Group]) -> Picture {
 
 fn above(title: &str, Looked { flight, .. }: &Looked) -> Figure {
     let track = horizontal(&track(flight.judged_ticks()));
-    let outline = horizontal(&flight.outline);
-    let times = times_of_track_s(flight);
-    figure::tracks(title, &[SeenFlights { name: "flight", outline: &outline, tracks: &[&track] }])
-        .with_times(&times, &track)
+    let (outline, tracks) = (horizontal(&flight.outline), vec![track.clone()]);
+    figure::tracks(title, &[SeenFlights { name: "flight", outline, tracks }])
+        .with_times(&times_of_track_s(flight), &track)
 }
 
 fn in_space(title: &str, flight: &Flight) -> Figure {

@@ -1,7 +1,12 @@
 use super::*;
 
-fn row(estimate: f64, samples: &[f64], laplace_std: Option<f64>) -> BootstrapRow<'_> {
-    BootstrapRow { row: Row::linear("tau_h", "s"), estimate, samples, laplace_std }
+fn row(estimate: f64, samples: &[f64], laplace_std: Option<f64>) -> BootstrapRow {
+    BootstrapRow {
+        row: Row::linear("tau_h", "s"),
+        estimate,
+        samples: samples.to_vec(),
+        laplace_std,
+    }
 }
 
 #[test]

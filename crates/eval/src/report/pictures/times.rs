@@ -2,7 +2,7 @@
 
 use horizon_model::angle::unwrap_near;
 use horizon_model::rows::{Pose, pose, stick};
-use horizon_model::{Kinematic, Model};
+use horizon_model::{Kinematic, Model, Row};
 use tello_flight::Phase;
 
 use crate::figure::{self, Figure, TimeBars, TimeLine, TimePanel, TimeSpans};
@@ -24,12 +24,10 @@ fn is_link_down(tick: &TickRow) -> bool {
 /// Panels with a band for the time in which sent sticks did not act, and one for that of a fault, if there was any.
 fn with_bands(title: &str, flight: &Flight, panels: &[TimePanel<'_>]) -> Figure {
     let named = [(LINK_DOWN, spans_s(flight, is_link_down)), ("fault", spans_s(flight, is_faulty))];
-    let bands: Vec<_> = named
-        .iter()
-        .filter(|(_, spans_s)| !spans_s.is_empty())
-        .map(|(name, spans_s)| TimeBars { name, spans_s })
-        .collect();
-    figure::over_time(title, &times_s(flight), panels, TimeSpans { bars: &[], bands: &bands })
+    let occurred = named.into_iter().filter(|(_, spans_s)| !spans_s.is_empty());
+    let bands = occurred.map(|(name, spans_s)| TimeBars { name: name.to_owned(), spans_s });
+    let spans = TimeSpans { bars: Vec::new(), bands: bands.collect() };
+    figure::over_time(title, &times_s(flight), panels, &spans)
 }
 
 fn times_s(flight: &Flight) -> Vec<f64> {
@@ -44,39 +42,29 @@ fn row(flight: &Flight, row: usize, pick: impl Fn(&TickRow) -> Option<Pose>) -> 
 /// State, prediction, cumulative input and reference, and below them the distance from the reference.
 pub(super) fn states(title: &str, flight: &Flight) -> Figure {
     let sums = cumulative_input(flight);
-    let columns: Vec<[Vec<f64>; 4]> = (0..pose::COUNT)
-        .map(|k| {
-            let state = row(flight, k, |tick| tick.estimate);
-            let mut wanted = row(flight, k, |tick| tick.reference.or(tick.target));
-            if k == pose::THETA {
-                for (wanted, near) in
-                    wanted.iter_mut().zip(&state).filter(|(_, near)| near.is_finite())
-                {
-                    *wanted = unwrap_near(*wanted, *near);
-                }
+    let line = |name, values, is_reference| TimeLine { name, values, is_reference };
+    let panel = |(k, of): (usize, Row)| {
+        let state = row(flight, k, |tick| tick.estimate);
+        let mut wanted = row(flight, k, |tick| tick.reference.or(tick.target));
+        if k == pose::THETA {
+            for (wanted, near) in wanted.iter_mut().zip(&state).filter(|(_, near)| near.is_finite())
+            {
+                *wanted = unwrap_near(*wanted, *near);
             }
-            let sum = sums.iter().map(|sum| sum.map_or(f64::NAN, |sum| sum[k])).collect();
-            [state, row(flight, k, |tick| tick.prediction), sum, wanted]
-        })
-        .collect();
-    let lines: Vec<[TimeLine<'_>; 4]> = columns
-        .iter()
-        .map(|[state, prediction, sum, wanted]| {
-            let line = |name, values, is_reference| TimeLine { name, values, is_reference };
-            [
-                line("reference", wanted, true),
-                line("state", state, false),
-                line("prediction", prediction, false),
-                line("cumulative input", sum, false),
-            ]
-        })
-        .collect();
-    let error_m: Vec<f64> = flight.ticks.iter().map(error_m).collect();
-    let error = [TimeLine { name: "distance", values: &error_m, is_reference: false }];
-    let rows = Kinematic::STATE.iter().zip(&lines);
-    let rows = rows.map(|(row, lines)| TimePanel { name: row.name, unit: row.unit, lines });
-    let error = TimePanel { name: "error", unit: "m", lines: &error };
-    let panels: Vec<_> = rows.chain([error]).collect();
+        }
+        let sum = sums.iter().map(|sum| sum.map_or(f64::NAN, |sum| sum[k])).collect();
+        let lines = vec![
+            line("reference", wanted, true),
+            line("state", state, false),
+            line("prediction", row(flight, k, |tick| tick.prediction), false),
+            line("cumulative input", sum, false),
+        ];
+        TimePanel { name: of.name, unit: of.unit, lines }
+    };
+    let error = line("distance", flight.ticks.iter().map(error_m).collect(), false);
+    let error = TimePanel { name: "error", unit: "m", lines: vec![error] };
+    let panels: Vec<_> =
+        Kinematic::STATE.into_iter().enumerate().map(panel).chain([error]).collect();
     with_bands(title, flight, &panels)
 }
 
@@ -118,42 +106,29 @@ fn cumulative_input(flight: &Flight) -> Vec<Option<Pose>> {
 
 /// Sticks that were sent.
 pub(super) fn sticks(title: &str, flight: &Flight) -> Figure {
-    let column = |k: usize| -> Vec<f64> {
-        flight.ticks.iter().map(|tick| tick.u_sent.map_or(f64::NAN, |u| u[k])).collect()
-    };
     let names = [
         (stick::ROLL, "roll"),
         (stick::PITCH, "pitch"),
         (stick::YAW, "yaw"),
         (stick::THROTTLE, "throttle"),
     ];
-    let columns = names.map(|(k, name)| (name, column(k)));
-    let lines = columns
-        .each_ref()
-        .map(|(_, values)| [TimeLine { name: "sent", values, is_reference: false }]);
-    let panels: Vec<_> = columns
-        .iter()
-        .zip(&lines)
-        .map(|((name, _), lines)| TimePanel { name, unit: "1", lines })
-        .collect();
+    let panels = names.map(|(k, name)| {
+        let sent = flight.ticks.iter().map(|tick| tick.u_sent.map_or(f64::NAN, |u| u[k]));
+        let line = TimeLine { name: "sent", values: sent.collect(), is_reference: false };
+        TimePanel { name, unit: "1", lines: vec![line] }
+    });
     with_bands(title, flight, &panels)
 }
 
 /// Estimated parameters.
 pub(super) fn parameters(title: &str, flight: &Flight) -> Figure {
-    let columns: Vec<Vec<f64>> = (0..Kinematic::PARAMETER.len())
-        .map(|k| flight.ticks.iter().map(|tick| tick.param.map_or(f64::NAN, |p| p[k])).collect())
-        .collect();
-    let lines: Vec<_> = columns
-        .iter()
-        .map(|values| [TimeLine { name: "estimate", values, is_reference: false }])
-        .collect();
-    let panels: Vec<_> = Kinematic::PARAMETER
-        .iter()
-        .zip(&lines)
-        .map(|(row, lines)| TimePanel { name: row.name, unit: row.unit, lines })
-        .collect();
-    figure::over_time(title, &times_s(flight), &panels, TimeSpans::default())
+    let panel = |(k, row): (usize, Row)| {
+        let values = flight.ticks.iter().map(|tick| tick.param.map_or(f64::NAN, |p| p[k]));
+        let line = TimeLine { name: "estimate", values: values.collect(), is_reference: false };
+        TimePanel { name: row.name, unit: row.unit, lines: vec![line] }
+    };
+    let panels: Vec<_> = Kinematic::PARAMETER.into_iter().enumerate().map(panel).collect();
+    figure::over_time(title, &times_s(flight), &panels, &TimeSpans::default())
 }
 
 /// Times of the loop, and bars for the part of the flight, the link and each fault.
@@ -166,31 +141,26 @@ pub(super) fn the_loop(title: &str, looked: &Looked) -> Figure {
     };
     let solve_ms = timing(|timing| timing.estimate_ns + timing.plan_ns);
     let late_ms = timing(|timing| timing.late_ns);
-    let age_ms: Vec<f64> = flight
-        .ticks
-        .iter()
-        .map(|tick| tick.mocap_age_s.map_or(f64::NAN, |age_s| age_s * 1e3))
-        .collect();
-    let line = |values| [TimeLine { name: "each tick", values, is_reference: false }];
-    let [solve, late, age] = [line(&solve_ms), line(&late_ms), line(&age_ms)];
-    let panels = [
-        TimePanel { name: "solve", unit: "ms", lines: &solve },
-        TimePanel { name: "late", unit: "ms", lines: &late },
-        TimePanel { name: "mocap age", unit: "ms", lines: &age },
-    ];
+    let age_ms = |tick: &TickRow| tick.mocap_age_s.map_or(f64::NAN, |age_s| age_s * 1e3);
+    let age_ms = flight.ticks.iter().map(age_ms).collect();
+    let panels =
+        [("solve", solve_ms), ("late", late_ms), ("mocap age", age_ms)].map(|(name, values)| {
+            let line = TimeLine { name: "each tick", values, is_reference: false };
+            TimePanel { name, unit: "ms", lines: vec![line] }
+        });
     let is_flown = |tick: &TickRow| tick.phase == Some(Phase::Flying);
-    let mut named = vec![
-        ("flown by the controller".to_owned(), spans_s(flight, is_flown)),
-        (LINK_DOWN.to_owned(), spans_s(flight, is_link_down)),
+    let bar = |name: &str, spans_s| TimeBars { name: name.to_owned(), spans_s };
+    let mut bars = vec![
+        bar("flown by the controller", spans_s(flight, is_flown)),
+        bar(LINK_DOWN, spans_s(flight, is_link_down)),
     ];
     for fault in &looked.row.faults {
         let is_present =
             |tick: &TickRow| tick.faults.iter().any(|name| name.replace('_', " ") == fault.name);
-        named.push((format!("fault: {}", fault.name), spans_s(flight, is_present)));
+        bars.push(bar(&format!("fault: {}", fault.name), spans_s(flight, is_present)));
     }
-    let bars: Vec<_> = named.iter().map(|(name, spans_s)| TimeBars { name, spans_s }).collect();
-    let spans = TimeSpans { bars: &bars, bands: &[] };
-    figure::over_time(title, &times_s(flight), &panels, spans)
+    let spans = TimeSpans { bars, bands: Vec::new() };
+    figure::over_time(title, &times_s(flight), &panels, &spans)
 }
 
 /// From when to when `is_true` holds. s
