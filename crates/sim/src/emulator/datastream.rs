@@ -13,6 +13,7 @@ use tello_io::mocap::datastream::packet::{Packets, objects};
 use tello_io::mocap::datastream::{encode, id};
 
 use super::clients::Clients;
+use super::mocap::Port;
 use crate::mocap::Shot;
 
 /// What can be sent.
@@ -59,14 +60,16 @@ impl DatastreamPort {
         let clients = Clients::bind(address, greeting)?;
         Ok((clients.address()?, Self { clients }))
     }
+}
 
+impl Port for DatastreamPort {
     /// Accepts new clients, and reads from all.
-    pub(super) fn receive(&mut self) {
+    fn receive(&mut self) {
         self.clients.listen(Session::receive);
     }
 
     /// Sends `shot` to whom it is due, with a second object.
-    pub(super) fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
+    fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
         self.clients.send(|session, to| session.send(shot, other, to));
     }
 }

@@ -1,5 +1,6 @@
 //! The motion capture system in its protocols, side by side.
 
+use std::fmt::Debug;
 use std::io;
 use std::net::SocketAddr;
 
@@ -36,12 +37,17 @@ pub struct MocapAddresses {
 pub struct MocapServers {
     addresses: MocapAddresses,
     relay: Option<Clients<()>>,
-    datastream: Option<DatastreamPort>,
-    object_stream: Option<ObjectStreamPort>,
-    natnet: Option<NatnetPort>,
-    qtm: Option<QtmPort>,
-    vrpn: Option<VrpnPort>,
+    ports: Vec<Box<dyn Port>>,
     line: Vec<u8>,
+}
+
+/// The sockets of one protocol. Nothing in it waits.
+pub(super) trait Port: Debug + Send {
+    /// Hears the clients and answers them.
+    fn receive(&mut self) {}
+
+    /// Sends `shot` to whom it is due, with a second object.
+    fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>);
 }
 
 impl MocapServers {
@@ -54,33 +60,21 @@ impl MocapServers {
             let clients = Clients::bind(address, Vec::new())?;
             Ok((clients.address()?, clients))
         })?;
-        let datastream = open("DataStream server", asked.datastream, DatastreamPort::open)?;
-        let object_stream = open("object stream", asked.udp_target, ObjectStreamPort::open)?;
-        let natnet = asked.natnet.map(|server| {
-            let refused = |source| EmulatorError::Bind {
-                what: "NatNet server",
-                address: server.address,
-                source,
-            };
-            NatnetPort::bind(server).map_err(refused)
-        });
-        let natnet = natnet.transpose()?;
-        let qtm = open("QTM server", asked.qtm, QtmPort::open)?;
-        let vrpn = open("VRPN server", asked.vrpn, VrpnPort::open)?;
-        let (qtm_address, qtm) = qtm.unzip();
-        let (vrpn_address, vrpn) = vrpn.unzip();
         let (relay_address, relay) = relay.unzip();
-        let (datastream_address, datastream) = datastream.unzip();
-        let addresses = MocapAddresses {
-            relay: relay_address,
-            datastream: datastream_address,
-            udp_target: asked.udp_target,
-            natnet: natnet.as_ref().map(NatnetPort::server),
-            qtm: qtm_address,
-            vrpn: vrpn_address,
-        };
-        let line = Vec::new();
-        Ok(Self { addresses, relay, datastream, object_stream, natnet, qtm, vrpn, line })
+        let mut addresses = MocapAddresses { relay: relay_address, ..asked };
+        let mut ports: Vec<Box<dyn Port>> = Vec::new();
+        add(&mut ports, "DataStream server", &mut addresses.datastream, DatastreamPort::open)?;
+        add(&mut ports, "object stream", &mut addresses.udp_target, ObjectStreamPort::open)?;
+        if let Some(server) = asked.natnet {
+            let (what, address) = ("NatNet server", server.address);
+            let refused = |source| EmulatorError::Bind { what, address, source };
+            let port = NatnetPort::bind(server).map_err(refused)?;
+            addresses.natnet = Some(port.server());
+            ports.push(Box::new(port));
+        }
+        add(&mut ports, "QTM server", &mut addresses.qtm, QtmPort::open)?;
+        add(&mut ports, "VRPN server", &mut addresses.vrpn, VrpnPort::open)?;
+        Ok(Self { addresses, relay, ports, line: Vec::new() })
     }
 
     /// Where clients find them.
@@ -102,20 +96,14 @@ impl MocapServers {
         if let Some(relay) = &mut self.relay {
             relay.accept();
         }
-        if let Some(datastream) = &mut self.datastream {
-            datastream.receive();
-        }
-        if let Some(natnet) = &mut self.natnet {
-            natnet.receive();
-        }
-        if let Some(qtm) = &mut self.qtm {
-            qtm.receive();
-        }
-        if let Some(vrpn) = &mut self.vrpn {
-            vrpn.receive();
+        for port in &mut self.ports {
+            port.receive();
         }
         for shot in shots {
-            self.send(&shot, other);
+            self.push_to_relay(&shot);
+            for port in &mut self.ports {
+                port.send(&shot, other);
+            }
         }
         // What the sockets did not take before.
         if let Some(relay) = &mut self.relay {
@@ -133,25 +121,6 @@ impl MocapServers {
             relay.send(|(), to| to.extend_from_slice(&self.line));
         }
     }
-
-    fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
-        self.push_to_relay(shot);
-        if let Some(datastream) = &mut self.datastream {
-            datastream.send(shot, other);
-        }
-        if let Some(object_stream) = &mut self.object_stream {
-            object_stream.push(shot, other);
-        }
-        if let Some(natnet) = &mut self.natnet {
-            natnet.send(shot, other);
-        }
-        if let Some(qtm) = &mut self.qtm {
-            qtm.send(shot, other);
-        }
-        if let Some(vrpn) = &mut self.vrpn {
-            vrpn.send(shot, other);
-        }
-    }
 }
 
 /// What `bind` makes of the address, if there is one.
@@ -162,6 +131,20 @@ fn open<T>(
 ) -> Result<Option<T>, EmulatorError> {
     let refused = |address| move |source| EmulatorError::Bind { what, address, source };
     address.map(|address| bind(address).map_err(refused(address))).transpose()
+}
+
+/// Opens the port at `address`, if there is one, and notes where it is then.
+fn add<P: Port + 'static>(
+    ports: &mut Vec<Box<dyn Port>>,
+    what: &'static str,
+    address: &mut Option<SocketAddr>,
+    bind: fn(SocketAddr) -> io::Result<(SocketAddr, P)>,
+) -> Result<(), EmulatorError> {
+    if let Some((bound, port)) = open(what, *address, bind)? {
+        *address = Some(bound);
+        ports.push(Box::new(port));
+    }
+    Ok(())
 }
 
 /// Names of what a shot shows.

@@ -10,7 +10,7 @@ use tello_io::mocap::natnet::encode;
 use tello_io::mocap::natnet::packet::{FrameEnd, RigidBody, ServerInfo, Version, id, message};
 use tello_io::mocap::{Body, matrix_of_angles, quaternion_of_matrix};
 
-use super::mocap::names;
+use super::mocap::{Port, names};
 use crate::mocap::Shot;
 
 /// Where the server is, and what it speaks.
@@ -81,9 +81,11 @@ impl NatnetPort {
     pub(super) fn server(&self) -> NatnetServer {
         self.server
     }
+}
 
+impl Port for NatnetPort {
     /// Answers what was asked.
-    pub(super) fn receive(&mut self) {
+    fn receive(&mut self) {
         let mut chunk = [0; 2048];
         for _ in 0..HEARD_MAX {
             // Errors of earlier datagrams show up here; the next call hears the others.
@@ -96,7 +98,7 @@ impl NatnetPort {
     }
 
     /// Sends `shot` to whom it is due, with a second object.
-    pub(super) fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
+    fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
         let Shot { frame, rate_hz, object, body } = *shot;
         self.room = Some((rate_hz, names(object, other)));
         let mut bodies = vec![rigid(OBJECT_ID, body)];
@@ -125,7 +127,9 @@ impl NatnetPort {
         let is_there = |client: &Client| f64::from(client.silent_frames) < SILENT_MAX_S * rate_hz;
         self.clients.retain(is_there);
     }
+}
 
+impl NatnetPort {
     /// Notes that a client is there.
     fn note(&mut self, address: SocketAddr) {
         if let Some(client) = self.clients.iter_mut().find(|client| client.address == address) {

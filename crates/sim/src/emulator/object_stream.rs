@@ -6,6 +6,7 @@ use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 use tello_io::mocap::Body;
 use tello_io::mocap::object_stream::encode_block;
 
+use super::mocap::Port;
 use crate::mocap::Shot;
 
 /// The largest block that Tracker can be set to.
@@ -20,19 +21,21 @@ pub(super) struct ObjectStreamPort {
 }
 
 impl ObjectStreamPort {
-    /// A socket that sends to `target`.
-    pub(super) fn open(target: SocketAddr) -> io::Result<Self> {
+    /// A socket that sends to `target`, and that address.
+    pub(super) fn open(target: SocketAddr) -> io::Result<(SocketAddr, Self)> {
         let any = match target {
             SocketAddr::V4(_) => SocketAddr::from((Ipv4Addr::UNSPECIFIED, 0)),
             SocketAddr::V6(_) => SocketAddr::from((Ipv6Addr::UNSPECIFIED, 0)),
         };
         let socket = UdpSocket::bind(any)?;
         socket.set_nonblocking(true)?;
-        Ok(Self { socket, target, block: Vec::new() })
+        Ok((target, Self { socket, target, block: Vec::new() }))
     }
+}
 
+impl Port for ObjectStreamPort {
     /// Sends the block of `shot`, with a second object.
-    pub(super) fn push(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
+    fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
         self.block.clear();
         let bodies: Vec<Body<'_>> = shot.body.into_iter().chain(other).collect();
         encode_block(shot.frame, &bodies, BLOCK_BYTES, &mut self.block);
@@ -51,7 +54,7 @@ mod tests {
     #[test]
     fn each_frame_is_a_datagram_with_what_is_seen() {
         let listener = UdpSocket::bind(ANY).unwrap();
-        let mut port = ObjectStreamPort::open(listener.local_addr().unwrap()).unwrap();
+        let (_, mut port) = ObjectStreamPort::open(listener.local_addr().unwrap()).unwrap();
         let mut bytes = [0; 2 * BLOCK_BYTES];
         for (frame, body, other, names) in [
             (1, Some(VEHICLE), None, &["tello"][..]),
@@ -59,7 +62,7 @@ mod tests {
             (3, None, Some(WAND), &["wand"]),
             (4, None, None, &[]),
         ] {
-            port.push(&shot(frame, body), other);
+            port.send(&shot(frame, body), other);
             let count = listener.recv(&mut bytes).unwrap();
             let block = Block::parse(&bytes[..count]).unwrap();
             let found: Vec<_> = block.objects().map(|body| str::from_utf8(body.name)).collect();
@@ -71,12 +74,12 @@ mod tests {
     #[test]
     fn a_host_that_does_not_listen_holds_up_nothing() {
         let gone = UdpSocket::bind(ANY).unwrap().local_addr().unwrap();
-        let mut port = ObjectStreamPort::open(gone).unwrap();
+        let (_, mut port) = ObjectStreamPort::open(gone).unwrap();
         for frame in 0..10 {
-            port.push(&shot(frame, Some(VEHICLE)), None);
+            port.send(&shot(frame, Some(VEHICLE)), None);
         }
         let six = ObjectStreamPort::open((Ipv6Addr::LOCALHOST, 9).into());
         // A machine without IPv6 has none.
-        assert!(six.is_err() || six.is_ok_and(|port| port.target.is_ipv6()));
+        assert!(six.is_err() || six.is_ok_and(|(target, _)| target.is_ipv6()));
     }
 }

@@ -10,7 +10,7 @@ use tello_io::mocap::qtm::{GREETING, encode};
 use tello_io::mocap::{Body, Placement, matrix_of_angles};
 
 use super::clients::Clients;
-use super::mocap::names;
+use super::mocap::{Port, names};
 use crate::mocap::Shot;
 
 const MM_PER_M: f64 = 1e3;
@@ -44,9 +44,11 @@ impl QtmPort {
         let clients = Clients::bind(address, greeting)?;
         Ok((clients.address()?, Self { clients, room: None }))
     }
+}
 
+impl Port for QtmPort {
     /// Accepts new clients, reads and answers all.
-    pub(super) fn receive(&mut self) {
+    fn receive(&mut self) {
         self.clients.receive(Session::receive);
         let room = &self.room;
         self.clients.send(|session, to| {
@@ -62,7 +64,7 @@ impl QtmPort {
     }
 
     /// Sends `shot` to whom it is due, with a second object.
-    pub(super) fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
+    fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
         let Shot { frame, rate_hz, object, body } = *shot;
         self.room = Some((rate_hz, names(object, other)));
         let place = |body: Body<'_>| Placement {

@@ -11,7 +11,7 @@ use tello_io::mocap::vrpn::{POSE, encode};
 use tello_io::mocap::{Body, matrix_of_angles, quaternion_of_matrix};
 
 use super::clients::Clients;
-use super::mocap::names;
+use super::mocap::{Port, names};
 use crate::mocap::Shot;
 
 /// Our numbers for the tracker, for a second one and for the types.
@@ -53,14 +53,16 @@ impl VrpnPort {
         let clients = Clients::bind(address, greeting)?;
         Ok((clients.address()?, Self { clients }))
     }
+}
 
+impl Port for VrpnPort {
     /// Accepts new clients, and reads from all.
-    pub(super) fn receive(&mut self) {
+    fn receive(&mut self) {
         self.clients.listen(Session::receive);
     }
 
     /// Sends `shot` to all, with a second object.
-    pub(super) fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
+    fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
         let Shot { frame, rate_hz, object, body } = *shot;
         let time_s = f64::from(frame) / rate_hz;
         let pose = |body: Body<'_>| {
