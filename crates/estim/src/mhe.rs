@@ -132,10 +132,7 @@ pub enum MheError {
 #[derive(Debug, Clone)]
 pub struct Mhe<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
     trajectory: Trajectory<M, NS, NU, NO, NP>,
-    window_steps: usize,
-    p_prior: SVector<f64, NP>,
-    shift_prior: bool,
-    solver: LmSettings,
+    settings: MheSettings<NS, NO, NP>,
     is_started: bool,
 }
 
@@ -161,14 +158,8 @@ where
             transition_loss: settings.transition_loss,
         };
         let MheSettings { prior, arrival, window_steps, .. } = settings;
-        Ok(Self {
-            trajectory: Trajectory::new(residuals, prior, arrival, window_steps),
-            window_steps: settings.window_steps,
-            p_prior: settings.prior.p_prior,
-            shift_prior: settings.shift_prior,
-            solver: settings.solver,
-            is_started: false,
-        })
+        let trajectory = Trajectory::new(residuals, prior, arrival, window_steps);
+        Ok(Self { trajectory, settings, is_started: false })
     }
 
     /// Starts, or starts again, at rest where `o` was observed, with the prior parameter.
@@ -202,7 +193,7 @@ where
         let model = self.trajectory.model();
         finite("observation of the state", &model.observe(s))?;
         finite("derivative", &model.observe_by_state(s))?;
-        self.trajectory.set_prior(self.p_prior);
+        self.trajectory.set_prior(self.settings.prior.p_prior);
         self.trajectory.start(*s);
         self.is_started = true;
         Ok(())
@@ -252,13 +243,13 @@ where
         if !observed.is_finite() {
             return Err(SolveError::NonFinite { block: "observation", k }.into());
         }
-        if k > self.window_steps {
+        if k > self.settings.window_steps {
             self.trajectory.pop();
         }
         self.trajectory.push(u_applied, observed);
-        let solved = levenberg::solve(&mut self.trajectory, &self.solver, is_late);
+        let solved = levenberg::solve(&mut self.trajectory, &self.settings.solver, is_late);
         self.is_started = solved.is_ok();
-        if self.is_started && self.shift_prior {
+        if self.is_started && self.settings.shift_prior {
             self.trajectory.set_prior(*self.trajectory.parameter());
         }
         solved.map_err(MheError::from)
@@ -284,7 +275,7 @@ where
         if !observed.is_finite() {
             return Err(SolveError::NonFinite { block: "observation", k }.into());
         }
-        if back <= self.window_steps {
+        if back <= self.settings.window_steps {
             self.trajectory.observe(k, observed);
         }
         Ok(())
