@@ -161,9 +161,9 @@ pub fn manual(table: &FlyTable) -> Result<ManualSettings, SettingError> {
     let settings =
         ManualSettings::try_from(&table.manual).map_err(|error| error.under("manual"))?;
     let stick_max = table.cycle.gate.stick_max;
-    if settings.deflection() > stick_max {
+    if settings.deflection > stick_max {
         let rule = format!("at most cycle.gate.stick_max = {stick_max}");
-        return Err(SettingError::new("manual.deflection", settings.deflection(), rule));
+        return Err(SettingError::new("manual.deflection", settings.deflection, rule));
     }
     Ok(settings)
 }

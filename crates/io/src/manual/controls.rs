@@ -142,7 +142,7 @@ impl Controls {
     /// Whatever is held when the pilot changes does nothing until it is pushed anew.
     pub fn receive(&mut self, event: &Event) {
         let Event { at, source, act } = *event;
-        let timers = *self.settings.timers();
+        let timers = self.settings.timers;
         let panel = self.panel(source);
         panel.lapse(at, &timers);
         if act != Act::Lost && !matches!(act, Act::Repeat(_)) {
@@ -199,14 +199,14 @@ impl Controls {
     pub fn hand(&mut self, now: TimeNs) -> Hand {
         let dt_s = self.asked_at.map_or(0.0, |before| now.since(before).seconds().max(0.0));
         self.asked_at = Some(now);
-        let timers = *self.settings.timers();
+        let timers = self.settings.timers;
         let mut asked = Sticks::zeros();
         for panel in [&mut self.terminal, &mut self.device, &mut self.remote] {
             panel.lapse(now, &timers);
             asked += panel.asked();
         }
-        let largest = self.settings.deflection();
-        let gain = -(-dt_s / self.settings.smoothing_s()).exp_m1();
+        let largest = self.settings.deflection;
+        let gain = -(-dt_s / self.settings.smoothing_s).exp_m1();
         let mut ask = self.ask.take();
         if self.steering.is_some() {
             let deflection = asked.map(|fraction| (fraction * largest).clamp(-largest, largest));

@@ -38,10 +38,14 @@ pub struct ManualTable {
 /// Checked [`ManualTable`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct ManualSettings {
-    device: Option<String>,
-    deflection: f64,
-    smoothing_s: f64,
-    timers: Timers,
+    /// The input device beside the terminal: a path, `gamepad` or none.
+    pub(super) device: Option<String>,
+    /// Largest deflection that a person's sticks have. 1, 0..=1
+    pub(crate) deflection: f64,
+    /// Time constant of the sticks. s
+    pub(super) smoothing_s: f64,
+    /// How long something acts without news of it.
+    pub(super) timers: Timers,
     dead_zone: f64,
 }
 
@@ -74,26 +78,6 @@ impl TryFrom<&ManualTable> for ManualSettings {
 }
 
 impl ManualSettings {
-    /// The input device beside the terminal: a path, `gamepad` or none.
-    pub fn device(&self) -> Option<&str> {
-        self.device.as_deref()
-    }
-
-    /// Largest deflection that a person's sticks have. 1, 0..=1
-    pub fn deflection(&self) -> f64 {
-        self.deflection
-    }
-
-    /// Time constant of the sticks. s
-    pub(super) fn smoothing_s(&self) -> f64 {
-        self.smoothing_s
-    }
-
-    /// How long something acts without news of it.
-    pub(super) fn timers(&self) -> &Timers {
-        &self.timers
-    }
-
     /// The place of a gamepad's stick, -1..=1, with its dead zone cut out and the rest stretched to the
     /// whole way.
     pub fn excess_over_dead_zone(&self, place: f64) -> f64 {
