@@ -191,7 +191,7 @@ impl Inputs {
         let mut inputs = Self { ends: Arc::clone(&ends), readers: Vec::new(), mode: None };
         let shown = notes::show(person.notes.clone(), Arc::clone(&ends));
         shown.map_err(ManualError::Thread)?;
-        if let Some(name) = settings.device() {
+        if let Some(name) = settings.device.as_deref() {
             let device = device::open(name)?;
             let axes = device
                 .get_absinfo()

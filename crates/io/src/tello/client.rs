@@ -3,10 +3,10 @@
 //! Moves bytes and approvals between sockets, [`Session`] and control thread. It decides nothing: what
 //! is sent when is the session's.
 
-use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
+use std::{io, iter};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use thiserror::Error;
@@ -91,11 +91,7 @@ impl DroneLink {
 
     /// The newest status since the last call.
     pub fn poll_status(&mut self) -> Option<DroneStatus> {
-        let mut newest = None;
-        while let Ok(status) = self.statuses.pop() {
-            newest = Some(status);
-        }
-        newest
+        iter::from_fn(|| self.statuses.pop().ok()).last()
     }
 }
 
