@@ -62,12 +62,15 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let (mut s, mut sent, mut plant) = (SVector::zeros(), fifo(&found_s)?, fifo(&dead_s)?);
     mhe.start(&measure(&s, 0).o)?;
     for k in 0..200 {
-        let in_transit = (0..sent.longest_steps()).map(|k| sent.applied(k.cast_signed()));
+        let first = sent.known_steps().cast_signed();
+        let in_transit = (0..first).map(|ahead| sent.applied(ahead));
         let (s_0, s_ref) = (predict(&carriage, mhe.s_hat(), &p, in_transit, DT_S), [goal; 40]);
-        let ask = Ask::new(&s_0, &p, sent.newest(), &s_ref);
+        let u_before = sent.applied(first - 1);
+        let ask = Ask::new(&s_0, &p, &u_before, &s_ref);
         assert!(mpc.solve_with(&ask, Some(&limit), &mut || false)?.has_new_plan());
-        sent.push(&mpc.plan()[0]);
-        plant.push(&mpc.plan()[0]);
+        let u = sent.to_send(mpc.plan());
+        sent.push(&u);
+        plant.push(&u);
         mpc.shift();
         s = carriage.step(&s, &plant.applied(-1), &truth, DT_S);
         assert!(mhe.update(&sent.applied(-1), &measure(&s, k), &mut || false)?.is_converged());

@@ -5,7 +5,7 @@ use crate::program;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use program::{config_file, tello_ctl, text};
 
@@ -77,6 +77,19 @@ fn a_hover_lasts_as_long_as_asked_and_tracks_are_drawn() {
     for kind in ["svg", "png"] {
         assert!(folder.join("seen/tracks").with_extension(kind).exists(), "no {kind}");
     }
+}
+
+#[test]
+fn a_hover_that_a_fault_ends_has_landed_early_and_missed_no_target() {
+    let folder = folder("hover_fault");
+    let mut sim: Value =
+        serde_json::from_str(&fs::read_to_string(config_file("sim.json")).unwrap()).unwrap();
+    sim["faults"] = json!([{ "fault": "mocap_lost", "from_s": 8.0, "for_s": 60.0 }]);
+    fs::write(folder.join("sim.json"), sim.to_string()).unwrap();
+    let hovered = batch(&folder, "1", &["--hover", "30", "--sim-config", "sim.json"]);
+    let flight = &hovered["flights"][0];
+    assert_eq!((&flight["ending"], &flight["hover"]), (&json!("landed"), &Value::Null), "{flight}");
+    assert_eq!(flight["landed_by"], json!(["mocap_lost"]), "{flight}");
 }
 
 #[test]

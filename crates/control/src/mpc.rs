@@ -215,8 +215,11 @@ where
             if let Some(lower) = self.search_line(ask, against, (cost, decrease), trial) {
                 cost = lower;
                 iterations += 1;
-            } else if !is_optimal {
+            } else if !is_optimal && decrease > self.cost.rounding(cost, &self.plan, against.s_ref)
+            {
                 break Stop::Stalled;
+            } else {
+                break Stop::CostTolerance;
             }
             if is_optimal {
                 break Stop::CostTolerance;

@@ -156,6 +156,22 @@ impl<const NU: usize> InputFifo<NU> {
         crate::whole(self.dead_time_steps.min())
     }
 
+    /// The input to send now for a `plan` of one input for each coming step from step [`InputFifo::known_steps`] on. A
+    /// row is what is planned for the step in which it begins to act. With a fraction of a step in its dead time it
+    /// acts in two, and is the mean of what is planned for both. The last input of a plan that is too short is held;
+    /// zeros without a plan.
+    ///
+    /// Real time: no allocation, constant cost.
+    pub fn to_send(&self, plan: &[SVector<f64, NU>]) -> SVector<f64, NU> {
+        let planned =
+            |step: usize, axis: usize| plan.get(step).or(plan.last()).map_or(0.0, |u| u[axis]);
+        SVector::from_fn(|axis, _| {
+            let steps = self.dead_time_steps[axis];
+            let (step, fraction) = (crate::whole(steps) - self.known_steps(), steps.fract());
+            (1.0 - fraction) * planned(step, axis) + fraction * planned(step + 1, axis)
+        })
+    }
+
     /// Time from sending an input until it acts on every axis: the longest dead time, rounded up. steps
     ///
     /// Real time: no allocation, constant cost.
@@ -194,6 +210,20 @@ mod tests {
 
     fn assert_close(got: SVector<f64, 2>, expected: [f64; 2]) {
         assert!((got - SVector::from(expected)).norm() < 1e-9, "{got} instead of {expected:?}");
+    }
+
+    #[test]
+    fn what_is_sent_is_the_mean_of_the_planned_inputs_of_the_steps_in_which_it_acts() {
+        let plan = [[1.0, 10.0], [2.0, 20.0], [4.0, 40.0]].map(SVector::from);
+        for (dead_time_s, expected) in [
+            ([0.04, 0.04], [1.0, 10.0]),
+            ([0.045, 0.055], [1.25, 17.5]),
+            ([0.04, 0.07], [1.0, 30.0]),
+            ([0.2, 0.0], [4.0, 10.0]),
+        ] {
+            assert_close(counted(dead_time_s, 9).to_send(&plan), expected);
+        }
+        assert_close(counted([0.045, 0.055], 9).to_send(&[]), [0.0; 2]);
     }
 
     #[test]

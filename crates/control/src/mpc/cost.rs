@@ -131,6 +131,22 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
         0.5 * gain
     }
 
+    /// Decrease that is lost in the rounding of states and inputs near a plan of the cost `cost`: with the weighted
+    /// squares `m` of references and inputs and `e` the rounding of a horizon, `e sqrt(m) sqrt(cost) + e^2 m`.
+    pub(super) fn rounding(
+        &self,
+        cost: f64,
+        plan: &Horizon<NS, NU>,
+        s_ref: &[SVector<f64, NS>],
+    ) -> f64 {
+        let states = self.state.iter().zip(s_ref).map(|(weight, s)| s.component_mul(s).dot(weight));
+        let inputs =
+            self.input.iter().zip(&plan.u).map(|(weight, u)| u.component_mul(u).dot(weight));
+        let error = f64::EPSILON * plan.u.len() as f64;
+        let size = error * states.chain(inputs).sum::<f64>().sqrt();
+        size * cost.sqrt() + size * size
+    }
+
     /// What `u_k` is compared with.
     fn input_origin(
         &self,

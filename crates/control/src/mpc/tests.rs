@@ -1,3 +1,4 @@
+mod dead_time;
 mod disturbance;
 mod expansion;
 mod given;

@@ -215,7 +215,8 @@ impl Contender {
             let out = virtual_flight.tick()?;
             row.targets_reached = out.targets_reached;
             if out.phase() != Phase::Flying {
-                let is_done = row.targets_reached == self.reference.targets_count;
+                let reached_all = row.targets_reached == self.reference.targets_count;
+                let is_done = measures.hover.as_ref().map_or(reached_all, Hover::is_done);
                 let faults = out.ruling.map(|ruling| ruling.faults).filter(|_| !is_done);
                 let faults = faults.unwrap_or_default().ending_flight(Pilot::Controller);
                 row.landed_by.extend(faults.iter());

@@ -248,7 +248,10 @@ impl Display for Batch {
                 }
             }
         } else {
-            writeln!(f, "no flight reached its first target")?;
+            writeln!(
+                f,
+                "no flight is judged: none reached its first target, or hovered until the end"
+            )?;
         }
         write!(f, "{}", self.laps)?;
         let Self { fence_distance_m, fence_height_m, outside_fence, .. } = self;
