@@ -196,6 +196,9 @@ fn a_short_mission_with_its_schema_is_surveyed_drawn_and_judged_by_the_room() {
         "m/s at (4.00, 0.00, 1.00) m after 0.5 s: expected at most 3, cycle.supervisor.failsafe.speed_mps",
     ];
     refused("fast.json", &points("[[0, 0, 0, 1, 0], [1, 8, 0, 1, 0]]"), &fast);
+    let jump = "m/s at (2.00, 0.00, 1.00) m after 1.0 s: expected at most 3";
+    let rows = "[[0, 0, 0, 1, 0], [1, 0, 0, 1, 0], [1.001, 4, 0, 1, 0], [10, 4, 0, 1, 0]]";
+    refused("jump.json", &points(rows), &[jump]);
     let turn = "rad/s at (0.00, 0.00, 1.00) m after 0.5 s: expected at most 3, full sticks with cycle.mhe.p_ub[2]";
     refused("turn.json", &points("[[0, 0, 0, 1, 0], [1, 0, 0, 1, 3]]"), &[turn]);
     // What only this vehicle does not follow is flown with a note.

@@ -1,8 +1,10 @@
 //! `tello-ctl ident`: from flight logs to a parameter file, with its uncertainty and its pictures.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -84,8 +86,8 @@ pub(crate) struct Arguments {
     /// Bootstrap files of earlier runs and of other shards: what is in them is not done again.
     #[arg(long, value_name = "FILE", num_args = 1.., requires = "bootstrap")]
     resume: Vec<PathBuf>,
-    /// Folder for the results, in place of those of earlier runs there [default: ident; with --json none, unless there
-    /// is a bootstrap to keep].
+    /// Folder for the results; of those of an earlier run there the ones that are written again are replaced, the
+    /// others are named [default: ident; with --json none, unless there is a bootstrap to keep].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Settings of the flight that shall take the parameters: what it would refuse is not written [default: the
@@ -185,6 +187,7 @@ fn identify<'a>(
     if let Some(dir) = out.filter(|_| arguments.part.is_none()) {
         fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
     }
+    let before = out.map(ident::results).unwrap_or_default();
     let main = ident::fit(&jobs[0])?;
     let mut written = match out {
         Some(dir) => ident::write(dir, &jobs[0], &main)?,
@@ -206,6 +209,7 @@ fn identify<'a>(
             comparison = Some(ranked);
         }
     }
+    note_left(out, &before);
     let main = fits.remove(0);
     // A part is whole when it is done.
     let is_whole =
@@ -223,11 +227,8 @@ fn identify<'a>(
         revision: REVISION,
     };
     stdio::report(&report, arguments.json)?;
-    Ok(if has_converged && is_taken && is_whole && !interrupt.is_asked() {
-        Verdict::Good
-    } else {
-        Verdict::Bad
-    })
+    let is_good = has_converged && is_taken && is_whole && !interrupt.is_asked();
+    Ok(if is_good { Verdict::Good } else { Verdict::Bad })
 }
 
 /// A note of a vehicle file that flights have taught and that is not replaced.
@@ -236,6 +237,21 @@ fn note_kept(main: &Fitted, written: &[PathBuf]) {
         && let Some(earlier) = written.iter().find(|path| ident::is_earlier(path))
     {
         stdio::note(format_args!("note: what flights taught is kept as {}", earlier.display()));
+    }
+}
+
+/// A note of results of earlier runs that stand beside those of this one.
+fn note_left(dir: Option<&Path>, before: &BTreeMap<PathBuf, SystemTime>) {
+    let Some(dir) = dir else { return };
+    let after = ident::results(dir);
+    let left: Vec<_> = before.iter().filter(|(path, at)| after.get(*path) == Some(at)).collect();
+    if let Some((first, _)) = left.first() {
+        stdio::note(format_args!(
+            "note: {} files in {} are of an earlier run, e.g. {}; --out names another folder",
+            left.len(),
+            dir.display(),
+            first.display()
+        ));
     }
 }
 

@@ -30,7 +30,7 @@ pub use compare::{Comparison, Errors, Ranked, compare};
 pub use fit::fit;
 pub use job::{Fitted, Job};
 pub use logs::{load_judged, load_logs};
-pub use output::{is_earlier, write};
+pub use output::{is_earlier, results, write};
 pub use pictures::save_prediction;
 pub use report::{Bootstrap, DelayMinimum, DelayRow, FileUsed, Fit, IdentReport, ParameterRow};
 pub use resamples::{BootstrapPlan, ResampleFile};

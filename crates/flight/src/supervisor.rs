@@ -50,9 +50,6 @@ use crate::time::SpanNs;
 /// may be lost, but a drone spinning up must not receive the order twice. s
 const TAKE_OFF_RETRY_S: f64 = 3.0;
 
-/// And not later than this: a link that returns must not start a drone beside which the person stands. s
-const TAKE_OFF_PATIENCE_S: f64 = 10.0;
-
 /// Fraction of a missed period that is forgiven at each tick: one may be missed after each ten ticks for ever.
 const LATE_FORGIVEN: f64 = 0.1;
 
@@ -368,9 +365,7 @@ impl Supervisor {
             Phase::TakingOff
                 if self.take_off_ordered_ns.is_none()
                     || (is_due(self.take_off_ordered_ns, TAKE_OFF_RETRY_S)
-                        && self.drone_says_flying(e) == Some(false)
-                        && self.take_off_seen == TakeOffSeen::No
-                        && elapsed_s(self.phase_since_ns, e.t_ns) < TAKE_OFF_PATIENCE_S
+                        && self.may_repeat_take_off(e)
                         && reaction < Reaction::StayDown) =>
             {
                 self.take_off_ordered_ns = Some(e.t_ns);

@@ -106,6 +106,18 @@ impl Trajectory {
         &self.nodes
     }
 
+    /// What is in the middle between two nodes: where a step between places that stand is fastest.
+    pub(crate) fn middles(&self) -> impl Iterator<Item = Node> {
+        self.nodes.windows(2).map(|pair| {
+            let Moment { pose, rate, .. } = between(pair, 0.5);
+            let (at_s, arc_m) = (
+                f64::midpoint(pair[0].at_s, pair[1].at_s),
+                f64::midpoint(pair[0].arc_m, pair[1].arc_m),
+            );
+            Node { at_s, arc_m, pose, rate }
+        })
+    }
+
     /// When it ends. s
     pub(crate) fn end_s(&self) -> f64 {
         self.nodes[self.nodes.len() - 1].at_s

@@ -179,7 +179,7 @@ impl ControlLoop {
             let beat = ticker.wait()?;
             record.inbox.open(step, beat.due.after(beat.lateness));
             record.inbox.skipped = beat.skipped;
-            end.sightings_dropped += self.fill(&mut record.inbox, end.phase);
+            end.sightings_dropped += self.fill(&mut record.inbox, &end);
             end_condition.receive(record.inbox.drone);
             end.is_unseen &= record.inbox.sightings.is_empty();
             let has_lost_order = self.tick(&mut record, beat.due.after(self.solver_time));
@@ -218,7 +218,7 @@ impl ControlLoop {
     }
 
     /// Puts into the inbox what arrived since the last tick; the number of sightings that found no room.
-    fn fill(&mut self, inbox: &mut Inbox, phase: Phase) -> u64 {
+    fn fill(&mut self, inbox: &mut Inbox, before: &LoopEnd) -> u64 {
         let mut dropped = 0;
         // The newest count: what does not fit is older than what does.
         while let Ok(sighting) = self.feed.sightings.pop() {
@@ -233,7 +233,9 @@ impl ControlLoop {
         let hand = self.person.poll(inbox.now);
         let by_signal = self.asks_to_land.load(Ordering::Relaxed).then_some(Operator::Land);
         let by_hand = hand.ask.map(|ask| meaning(ask, &hand));
-        if self.orders.lapse(inbox.now, phase, self.patience) {
+        // Before the first tick nothing is known of the poses.
+        let judged = (before.phase, before.faults_last);
+        if inbox.step > 0 && self.orders.lapse(inbox.now, judged, self.patience) {
             self.person.note_lapsed_take_off();
         }
         for order in [by_signal, by_hand].into_iter().flatten() {

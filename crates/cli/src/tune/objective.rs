@@ -187,7 +187,7 @@ mod tests {
         assert_eq!(Weights::new(&weigh), expected);
         for (text, reason) in [
             ("speed=1", "expected distance"),
-            ("distance", "no `=`"),
+            ("distance", "expected WHAT=NUMBER"),
             ("outside=-1", "finite and >= 0"),
         ] {
             let error = text.parse::<Weigh>().unwrap_err().to_string();

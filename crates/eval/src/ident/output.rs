@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use crate::REVISION;
 use crate::recordings::Loaded;
@@ -52,6 +53,16 @@ pub fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<PathBuf>>
     estimates_written.and(figures_written)?;
     written.extend([estimates, figures]);
     Ok(written)
+}
+
+/// Files of results in `dir`, each with the time of its last change. What a run leaves as it was is of an earlier one.
+pub fn results(dir: &Path) -> BTreeMap<PathBuf, SystemTime> {
+    let files = |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten();
+    let folders = ["estimates", "figures"].map(|name| dir.join(name));
+    let parts = folders.iter().flat_map(|folder| files(folder).map(|file| file.path()));
+    let changed =
+        |path: PathBuf| fs::metadata(&path).and_then(|it| it.modified()).map(|at| (path, at));
+    parts.chain([dir.join("bootstrap.json")]).flat_map(changed).collect()
 }
 
 /// Whether flights changed the parameter file at `path`.

@@ -59,7 +59,7 @@ fn what_breaks_a_rule_is_refused_with_its_key() {
     for (message, part) in [
         (set("/format", json!(2)), "format = 2: expected 1..=1"),
         (set("/model", json!("flying")), "unknown variant `flying`"),
-        (set("/model", json!("kinematic")), "violates the parameters of kinematic"),
+        (set("/model", json!("kinematic")), "expected the parameters of kinematic"),
         (set("/parameters/tau_h/unit", json!("m")), "parameters.tau_h.unit = \"m\": expected s"),
         (set("/parameters/tau_h/std", json!(-1.0)), "parameters.tau_h.std = -1"),
         (

@@ -46,7 +46,7 @@ where
         }
         out.pressed_s = self.immobility.pressed_s();
         let pose = out.filtered.and_then(|filtered| filtered.o);
-        let is_idle = self.supervisor.phase() == Phase::Idle;
+        let may_stand = matches!(self.supervisor.phase(), Phase::Idle | Phase::TakingOff);
         let is_place = |is_so: fn(&Walls, &Vector3<f64>) -> bool| {
             self.planner.walls().zip(pose).is_some_and(|(walls, at)| is_so(walls, &pos_w(&at)))
         };
@@ -58,7 +58,7 @@ where
             motion,
             is_plan_clear: self.planner.is_clear(),
             is_obstacle_unseen: self.planner.walls().is_some_and(Walls::is_moving_unseen),
-            is_start_barred: is_idle && is_place(Walls::bars_start),
+            is_start_barred: may_stand && is_place(Walls::bars_start),
             is_approached: is_place(Walls::is_approached),
             reference_behind_w: self.reference_behind_w(motion.as_ref()),
             is_in_obstacle: is_place(Walls::is_in_obstacle),

@@ -72,8 +72,9 @@ const ACCEL_S: f64 = 0.1;
 impl Demands {
     pub(super) fn of(trajectory: &Trajectory) -> Self {
         let most = |value: &dyn Fn(&Node) -> f64| {
-            let demands = trajectory.nodes().iter().map(|node| Demand {
-                value: value(node),
+            let nodes = trajectory.nodes().iter().copied().chain(trajectory.middles());
+            let demands = nodes.map(|node| Demand {
+                value: value(&node),
                 at_w: pos_w(&node.pose).into(),
                 at_s: node.at_s,
             });

@@ -20,6 +20,10 @@ const DROP_MAX_M: f64 = 0.3;
 /// Above this rise by the drone's own height its pose has to move, too: between two steps of that height. m
 const CLIMB_MIN_M: f64 = 0.35;
 
+/// An order to take off is not repeated later than this: a link that returns must not start a drone beside which the
+/// person stands. s
+const TAKE_OFF_PATIENCE_S: f64 = 10.0;
+
 /// Above this rise by the poses an order to take off was received. m
 const ORDER_OBEYED_RISE_M: f64 = 0.15;
 
@@ -86,6 +90,15 @@ impl Supervisor {
     /// Whether a drone that takes off has left the ground by any measurement.
     pub(super) fn has_risen(&self, e: &Evidence) -> bool {
         self.drone_has_risen(e) || self.rise_m(e).is_some_and(|rise_m| rise_m > ORDER_OBEYED_RISE_M)
+    }
+
+    /// Whether the drone shows no sign of an order to take off, stands where it stood, and nobody has come near.
+    pub(super) fn may_repeat_take_off(&self, e: &Evidence) -> bool {
+        self.drone_says_flying(e) == Some(false)
+            && self.take_off_seen == TakeOffSeen::No
+            && elapsed_s(self.phase_since_ns, e.t_ns) < TAKE_OFF_PATIENCE_S
+            && !self.settling.was_moved()
+            && self.may_start(e)
     }
 
     /// Whether no take-off may still be in progress.

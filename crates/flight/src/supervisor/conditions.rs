@@ -68,7 +68,7 @@ impl Supervisor {
     }
 
     /// What is wrong with the motion.
-    fn motion_faults(&self, e: &Evidence) -> [(Fault, bool); 16] {
+    fn motion_faults(&self, e: &Evidence) -> [(Fault, bool); 17] {
         let (failsafe, findings) = (&self.table.failsafe, &e.findings);
         let is_flown = self.is_steered();
         // The drone's velocity is judged by what it showed in level flight, its height from the ground on.
@@ -97,6 +97,7 @@ impl Supervisor {
             (Fault::BlockedLong, self.is_blocked_long(e)),
             (Fault::ObstacleEntered, self.has_entered_obstacle(e)),
             (Fault::ObstacleUnseen, e.is_obstacle_unseen && !self.is_carried),
+            (Fault::ObstacleApproaches, self.phase == Phase::TakingOff && e.is_approached),
             (Fault::FenceNear, self.is_in_the_air() && self.would_leave(e)),
             (Fault::FenceLeft, self.is_in_the_air() && self.is_outside(e)),
             (

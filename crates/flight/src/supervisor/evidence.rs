@@ -178,7 +178,7 @@ pub struct Evidence {
     /// Whether there is an obstacle that moves and was not seen for half a second or ever.
     pub is_obstacle_unseen: bool,
     /// Whether the vehicle stands inside of an obstacle or below one that it would climb into, or one that moves comes
-    /// near; false in flight.
+    /// near; false after the take-off.
     pub is_start_barred: bool,
     /// Whether the obstacle that moves comes near to the newest accepted pose within the time of a landing.
     pub is_approached: bool,

@@ -59,6 +59,8 @@ pub enum Fault {
     ObstacleEntered,
     /// The obstacle that moves is not seen: plans cannot keep away from it.
     ObstacleUnseen,
+    /// In the take-off, in which the drone cannot evade, the obstacle that moves comes near.
+    ObstacleApproaches,
     /// Where plans know no walls, or by hand: the vehicle would come to rest outside of the room.
     FenceNear,
     /// The vehicle is outside of the room.
@@ -185,6 +187,7 @@ impl Fault {
             Self::BlockedLong => "blocked too long",
             Self::ObstacleEntered => "inside of an obstacle",
             Self::ObstacleUnseen => "obstacle unseen",
+            Self::ObstacleApproaches => "obstacle approaches",
             Self::FenceNear => "fence near",
             Self::FenceLeft => "outside of the room",
             Self::TrackingLost => "off the reference",
@@ -257,6 +260,7 @@ impl Fault {
             | Self::HeadingWrong
             | Self::FenceLeft
             | Self::ObstacleEntered
+            | Self::ObstacleApproaches
             | Self::TrackingLost
             | Self::Immobile
             | Self::TooFast

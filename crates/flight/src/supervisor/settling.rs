@@ -1,8 +1,9 @@
 //! The hover after a take-off, before control starts.
 //!
-//! Owns when it ends: the firmware holds the vehicle meanwhile, unless a draught or a floor without texture carries it
-//! away. Before the end of its own climb a drone does not obey.
+//! Owns where the vehicle stood, and when the hover ends: the firmware holds the vehicle meanwhile, unless a draught or a
+//! floor without texture carries it away. Before the end of its own climb a drone does not obey.
 
+use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, pose};
 
 use super::evidence::Evidence;
@@ -10,6 +11,10 @@ use super::since::elapsed_s;
 
 /// Horizontal distance from the place of the take-off at which control starts once the climb has ended. m
 const DRIFT_MAX_M: f64 = 0.3;
+
+/// A vehicle that is so far from where it stood was touched, or rises. m, rad
+const MOVED_M: f64 = 0.05;
+const MOVED_RAD: f64 = 0.2;
 
 /// A vehicle that does not rise by so much in this time, longer than between poses of 4 Hz, has ended its climb. m, s
 const CLIMB_RISE_M: f64 = 0.03;
@@ -22,7 +27,10 @@ pub(super) struct Settling {
     stood: Option<Pose>,
     /// When the take-off was confirmed; `None` if the flight began in the air. ns
     risen_ns: Option<i64>,
-    has_drifted: bool,
+    was_moved: bool,
+    /// Whether control has to start as soon as the climb has ended: the vehicle drifts away, or somebody comes near.
+    is_urgent: bool,
+    is_over: bool,
     /// A height in the climb, and when the vehicle came there. m, ns
     climbed: Option<(f64, i64)>,
 }
@@ -38,17 +46,26 @@ impl Settling {
         self.risen_ns = Some(t_ns);
     }
 
-    /// Notes the pose. Returns whether `settle_s` have passed since the take-off was confirmed, or the vehicle has ended its climb and has drifted away.
+    /// Whether the vehicle has moved since the take-off was ordered.
+    pub(super) fn was_moved(&self) -> bool {
+        self.was_moved
+    }
+
+    /// Notes the pose. Returns whether `settle_s` have passed since the take-off was confirmed, or the vehicle has ended
+    /// its climb and has drifted away or is approached.
     ///
     /// Real time: no allocation, constant cost.
     pub(super) fn update(&mut self, e: &Evidence, settle_s: f64) -> bool {
-        let drift_m = self.stood.zip(e.pose).map_or(0.0, |(stood, now)| {
-            (now[pose::X] - stood[pose::X]).hypot(now[pose::Y] - stood[pose::Y])
-        });
-        self.has_drifted |= drift_m > DRIFT_MAX_M;
+        if let Some((stood, now)) = self.stood.zip(e.pose) {
+            let moved_w = (now - stood).fixed_rows::<3>(pose::X).into_owned();
+            let turned_rad = wrap(now[pose::THETA] - stood[pose::THETA]);
+            self.was_moved |= moved_w.norm() > MOVED_M || turned_rad.abs() > MOVED_RAD;
+            self.is_urgent |= moved_w.xy().norm() > DRIFT_MAX_M || e.is_approached;
+        }
         let is_level = self.note_height(e);
-        self.has_drifted && is_level
-            || self.risen_ns.is_none_or(|risen_ns| elapsed_s(risen_ns, e.t_ns) >= settle_s)
+        let Some(risen_ns) = self.risen_ns else { return true };
+        self.is_over |= self.is_urgent && is_level || elapsed_s(risen_ns, e.t_ns) >= settle_s;
+        self.is_over
     }
 
     /// Notes the height. Returns whether the vehicle has ended its climb.
@@ -83,6 +100,17 @@ mod tests {
         let sooner_s = 0.1 * f64::from(u32::try_from(at_rest - carried).unwrap());
         assert!((sooner_s - (TABLE.settle_s - LEVEL_S)).abs() < 1e-9, "{at_rest}, {carried}");
         assert_eq!(steered_after(f64::NAN), None, "no place");
+    }
+
+    #[test]
+    fn a_vehicle_that_is_approached_is_steered_when_its_climb_has_ended_and_stays_so() {
+        let mut bench = Bench::taking_off();
+        bench.pass(2, &ALOFT);
+        let near = Evidence { is_approached: true, ..ALOFT };
+        let after = (0..60).find(|_| bench.tick(&near).may_steer());
+        assert_eq!(after, Some(1), "0.3 s after its height was first seen");
+        let rises = Evidence { pose: Some(Pose::new(0.0, 0.0, 1.3, 0.0)), ..ALOFT };
+        assert!(bench.tick(&rises).may_steer(), "it evades upwards");
     }
 
     #[test]

@@ -43,7 +43,8 @@ impl Note {
                  then push it again"
             }
             Self::TakeOffLapsed => {
-                "the order to take off could not be obeyed in time and counts no more: order it again"
+                "the take-off could not begin in time, or the drone was moved: the order counts no more; \
+                 order it again"
             }
         }
     }

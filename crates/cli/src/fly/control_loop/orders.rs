@@ -1,8 +1,12 @@
 //! What is asked of the vehicle: the strongest of all orders, and how long an order to take off counts.
 
-use tello_flight::{Operator, Phase};
+use tello_flight::{Fault, FaultSet, Operator, Phase};
 use tello_io::clock::{SpanNs, TimeNs};
 use tello_io::manual::{Ask, Hand};
+
+/// Poses on the ground that have disagreed for so long are those of a drone that is moved: 4 poses a second have settled
+/// by then.
+const MOVED: SpanNs = SpanNs::from_ms(3000);
 
 /// The orders of the person at the controls and of signals.
 #[derive(Debug, Clone, Copy)]
@@ -10,12 +14,20 @@ pub(in crate::fly) struct Orders {
     pub(super) strongest: Operator,
     /// When the newest order to take off was given.
     take_off_at: TimeNs,
+    /// Since then: when poses began to disagree, if they do, and whether they have ever agreed.
+    unsettled_at: Option<TimeNs>,
+    has_settled: bool,
 }
 
 impl Orders {
     /// A flight is ordered at time 0.
     pub(in crate::fly) fn to_fly() -> Self {
-        Self { strongest: Operator::Fly, take_off_at: TimeNs(0) }
+        Self {
+            strongest: Operator::Fly,
+            take_off_at: TimeNs(0),
+            unsettled_at: None,
+            has_settled: false,
+        }
     }
 
     /// No flight is ordered.
@@ -26,20 +38,37 @@ impl Orders {
     /// Takes `order`, unless there is a stronger one.
     pub(super) fn give(&mut self, order: Operator, now: TimeNs) {
         if is_take_off(order) {
-            self.take_off_at = now;
+            (self.take_off_at, self.unsettled_at, self.has_settled) = (now, None, false);
         }
         self.strongest = self.strongest.max(order);
     }
 
-    /// Drops an order to take off that was not obeyed for `patience`; whether there was one. No other order is taken
-    /// back. A fault that is mended later must not start a drone beside which the person stands.
-    pub(super) fn lapse(&mut self, now: TimeNs, phase: Phase, patience: SpanNs) -> bool {
+    /// Drops an order to take off that was not obeyed for `patience`, or whose drone is moved, by the `faults` of the
+    /// newest tick. Returns whether there was one. No other order is taken back. A fault that is mended later must not
+    /// start a drone beside which the person stands.
+    pub(super) fn lapse(
+        &mut self,
+        now: TimeNs,
+        (phase, faults): (Phase, FaultSet),
+        patience: SpanNs,
+    ) -> bool {
         let is_late = now.since(self.take_off_at) > patience;
-        let lapses = phase == Phase::Idle && is_take_off(self.strongest) && is_late;
+        let is_pending = phase == Phase::Idle && is_take_off(self.strongest);
+        let lapses = is_pending && (is_late || self.is_moved(now, faults));
         if lapses {
             self.strongest = Operator::Wait;
         }
         lapses
+    }
+
+    /// Whether fresh poses disagree that have agreed since the order, or do so for long.
+    fn is_moved(&mut self, now: TimeNs, faults: FaultSet) -> bool {
+        let is_unsettled = faults.contains(Fault::MocapUnsettled);
+        let disagree = is_unsettled && !faults.contains(Fault::MocapStale);
+        let began = self.unsettled_at.filter(|_| disagree).or(disagree.then_some(now));
+        self.unsettled_at = began;
+        self.has_settled |= !is_unsettled;
+        began.is_some_and(|began| self.has_settled || now.since(began) > MOVED)
     }
 }
 
@@ -88,7 +117,8 @@ mod tests {
     #[test]
     fn an_order_to_take_off_lapses_on_the_ground_and_no_other_does() {
         let at = |s: i64| TimeNs(0).after(SpanNs::from_ms(1000 * s));
-        let lapses = |orders: &mut Orders, now, phase| orders.lapse(now, phase, PATIENCE);
+        let calm = FaultSet::default();
+        let lapses = |orders: &mut Orders, now, phase| orders.lapse(now, (phase, calm), PATIENCE);
         let mut orders = Orders::to_fly();
         assert!(!lapses(&mut orders, at(10), Phase::Idle) && orders.strongest == Operator::Fly);
         assert!(lapses(&mut orders, at(11), Phase::Idle) && orders.strongest == Operator::Wait);
@@ -103,5 +133,32 @@ mod tests {
             orders.give(Operator::Fly, at(42));
             assert!(!lapses(&mut orders, at(90), Phase::Idle) && orders.strongest == order);
         }
+    }
+
+    #[test]
+    fn an_order_to_take_off_lapses_when_the_drone_is_moved() {
+        let at = |ms: i64| TimeNs(0).after(SpanNs::from_ms(ms));
+        let of = |faults: &[Fault]| {
+            let mut set = FaultSet::default();
+            for fault in faults {
+                set.set(*fault, true);
+            }
+            set
+        };
+        let unsettled = of(&[Fault::MocapUnsettled]);
+        let stale = of(&[Fault::MocapUnsettled, Fault::MocapStale]);
+        let lapses =
+            |orders: &mut Orders, ms, faults| orders.lapse(at(ms), (Phase::Idle, faults), PATIENCE);
+        // Poses come after 5 s, and settle within three.
+        let mut orders = Orders::to_fly();
+        assert!(!lapses(&mut orders, 20, stale) && !lapses(&mut orders, 5000, stale));
+        assert!(!lapses(&mut orders, 5020, unsettled) && !lapses(&mut orders, 8020, unsettled));
+        assert!(lapses(&mut orders, 8021, unsettled), "carried");
+        // A new order counts anew.
+        orders.give(Operator::Fly, at(9000));
+        assert!(!lapses(&mut orders, 9020, unsettled));
+        assert!(!lapses(&mut orders, 10_000, of(&[Fault::BatteryLow])), "it stands");
+        assert!(lapses(&mut orders, 10_020, unsettled), "lifted");
+        assert_eq!(orders.strongest, Operator::Wait);
     }
 }

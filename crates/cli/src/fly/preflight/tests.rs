@@ -262,7 +262,7 @@ fn the_question_tells_what_failed() {
     let checks = list(&Found { at: None, drone: None, ..all_there() }, |_| ());
     let text = question("drone", &checks);
     assert!(
-        text.starts_with("4 of 8 failed. The drone at drone will take off as soon as"),
+        text.starts_with("4 of 8 failed. The drone at drone will take off once all checks"),
         "{text}"
     );
     assert!(text.contains("within 10 s"), "{text}");

@@ -69,3 +69,48 @@ fn a_plan_that_does_not_fit_is_refused_and_one_beyond_the_bounds_moved() {
     case.mpc.set_plan(&[Sticks::new(2.0, -2.0, 0.3, 0.0); 3]).unwrap();
     assert_eq!(case.mpc.plan(), [Sticks::new(0.8, -0.8, 0.3, 0.0); 3]);
 }
+
+/// A lag of 2 s.
+#[derive(Debug, Clone, Copy)]
+struct Lag;
+
+impl Model<1, 1, 1, 0> for Lag {
+    fn step(
+        &self,
+        s: &Vector1<f64>,
+        u: &Vector1<f64>,
+        _p: &SVector<f64, 0>,
+        dt_s: f64,
+    ) -> Vector1<f64> {
+        s + dt_s * 0.5 * (u - s)
+    }
+
+    fn observe(&self, s: &Vector1<f64>) -> Vector1<f64> {
+        *s
+    }
+}
+
+#[test]
+fn a_plan_at_its_reference_is_optimal_up_to_rounding() {
+    fn without_a_new_plan<const STAGES: usize>(c_u: f64, goal: f64) -> usize {
+        let settings = MpcSettings::builder(STAGES).c_u([c_u]).bounds([-1e3], [1e3]);
+        let settings = settings.input_cost(InputCost::Difference);
+        let mut mpc =
+            Mpc::<_, 1, 1, 1, 0, 1>::new(Lag, settings.build(&Lag).unwrap(), 0.1).unwrap();
+        let (mut s, mut u) = (Vector1::zeros(), Vector1::zeros());
+        let (p, s_ref) = (SVector::zeros(), [Vector1::new(goal); STAGES]);
+        let mut count = 0;
+        for _ in 0..1000 {
+            let report = mpc.solve(&Ask::new(&s, &p, &u, &s_ref), &mut || false).unwrap();
+            count += usize::from(!report.has_new_plan());
+            u = mpc.plan()[0];
+            s = Lag.step(&s, &u, &p, 0.1);
+            mpc.shift();
+        }
+        assert!((s[0] - goal).abs() < 1e-6, "{s}");
+        count
+    }
+    assert_eq!(without_a_new_plan::<10>(0.1, 0.3), 0);
+    assert_eq!(without_a_new_plan::<10>(0.3, 20.0), 0);
+    assert_eq!(without_a_new_plan::<30>(1.0, 0.7), 0);
+}

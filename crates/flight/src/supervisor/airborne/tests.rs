@@ -1,5 +1,7 @@
 //! Landings that one witness alone confirms, and witnesses that do not count.
 
+use horizon_model::rows::Pose;
+
 use super::super::tests::*;
 use super::super::*;
 use super::*;
@@ -236,4 +238,26 @@ fn a_take_off_is_over_four_seconds_after_its_newest_order_or_eight_if_it_was_not
             assert_eq!(found, is_past, "{seen:?}, {t_ns} ns");
         }
     }
+}
+
+#[test]
+fn a_take_off_is_repeated_only_while_the_drone_stands_where_it_stood_and_nobody_is_near() {
+    let repeated = |early: Evidence, later: Evidence| {
+        let mut bench = Bench::taking_off();
+        bench.pass(5, &early);
+        (0..110).filter(|_| bench.tick(&later).order == Some(DroneOrder::TakeOff)).count()
+    };
+    let moved = |by: Pose| Evidence { pose: CALM.pose.map(|at| at + by), ..CALM };
+    assert_eq!(repeated(CALM, CALM), 2, "every 3 s until the take-off takes too long");
+    for touched in [
+        moved(Pose::new(0.051, 0.0, 0.0, 0.0)),
+        moved(Pose::new(0.0, 0.0, 0.06, 0.0)),
+        moved(Pose::new(0.0, 0.0, 0.0, -0.21)),
+    ] {
+        assert_eq!(repeated(touched, CALM), 0, "{:?}", touched.pose);
+    }
+    let noisy = moved(Pose::new(0.03, 0.03, 0.02, 0.19));
+    assert_eq!(repeated(noisy, CALM), 2);
+    let near = Evidence { is_start_barred: true, ..CALM };
+    assert_eq!((repeated(near, near), repeated(near, CALM)), (0, 2));
 }

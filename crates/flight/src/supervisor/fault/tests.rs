@@ -32,6 +32,7 @@ fn every_fault_has_the_reaction_that_was_decided() {
         (Fault::BlockedLong, [Reaction::BrakeAndLand, Reaction::Note]),
         (Fault::ObstacleEntered, [Reaction::Land, Reaction::Note]),
         (Fault::ObstacleUnseen, [Reaction::Brake, Reaction::Note]),
+        (Fault::ObstacleApproaches, [Reaction::Land, Reaction::Note]),
         (Fault::FenceNear, [Reaction::Hold, Reaction::Note]),
         (Fault::FenceLeft, [Reaction::Land, Reaction::Note]),
         (Fault::TrackingLost, [Reaction::Land, Reaction::Note]),

@@ -3,6 +3,17 @@
 use super::*;
 
 #[test]
+fn who_comes_near_in_a_take_off_ends_it() {
+    let near = Evidence { is_approached: true, ..CALM };
+    let ruling = Bench::taking_off().tick(&near);
+    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
+    assert_eq!(faults(ruling), [Fault::ObstacleApproaches]);
+    let by_hand = Evidence { is_by_hand: true, ..near };
+    assert_eq!(Bench::taking_off().tick(&by_hand).phase, Phase::TakingOff, "the person sees it");
+    assert_eq!(faults(Bench::flying().tick(&Evidence { is_approached: true, ..ALOFT })), []);
+}
+
+#[test]
 fn a_vehicle_that_would_leave_the_room_brakes_and_control_goes_on_when_it_can_stop() {
     // 0.8 s at 1 m/s: from 2.2 m on it would come to rest behind the wall at 3 m.
     let mut bench = Bench::flying();
