@@ -9,7 +9,7 @@ fuzz_target!(|bytes: &[u8]| {
         let RelayPose { frame, rate_hz, object, .. } = line;
         let body = line.pose().map(|pose| {
             let [x, y, z, theta] = pose.into();
-            Body { name: object.as_bytes(), pos_w: [x, y, z], angles: [0.0, 0.0, theta] }
+            Body { name: object.as_bytes(), pos_v: [x, y, z], angles: [0.0, 0.0, theta] }
         });
         let mut written = Vec::new();
         format_line(frame, rate_hz, object, body.as_ref(), &mut written);

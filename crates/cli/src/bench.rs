@@ -186,7 +186,7 @@ fn run_check(
     link.begin();
     let is_whole = Armed::new(link, check.place, console).run(check.steps).is_ok();
     if link.has_lost_guardian() {
-        stdio::note("the guardian landed the drone or is lost: the check was ended");
+        stdio::note("the guardian has ordered a landing or is lost: the check was ended");
     }
     let seen = evidence::seen(check, is_whole, link.events(), link.ending);
     for line in evidence::lines(&seen) {

@@ -267,6 +267,8 @@ async fn fly(
         period: SpanNs::from_seconds(flight.cycle.dt_s),
         solver_time: SpanNs::from_seconds(flight.cycle.deadline_s),
         patience: PATIENCE,
+        // Poses may have to agree twice.
+        settling_max: SpanNs::from_seconds((2.0 * flight.cycle.standing.for_s + 1.0).max(3.0)),
         is_carried: arguments.dry_run,
         feed,
         moving_feed,

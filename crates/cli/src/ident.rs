@@ -86,8 +86,8 @@ pub(crate) struct Arguments {
     /// Bootstrap files of earlier runs and of other shards: what is in them is not done again.
     #[arg(long, value_name = "FILE", num_args = 1.., requires = "bootstrap")]
     resume: Vec<PathBuf>,
-    /// Folder for the results; of those of an earlier run there the ones that are written again are replaced, the
-    /// others are named [default: ident; with --json none, unless there is a bootstrap to keep].
+    /// Folder for the results. Files of an earlier run are replaced if this one writes them, too; a note counts the
+    /// others [default: ident; with --json none, unless there is a bootstrap to keep].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Settings of the flight that shall take the parameters: what it would refuse is not written [default: the
@@ -209,7 +209,7 @@ fn identify<'a>(
             comparison = Some(ranked);
         }
     }
-    note_left(out, &before);
+    note_left(out.filter(|_| arguments.shard.is_none()), &before);
     let main = fits.remove(0);
     // A part is whole when it is done.
     let is_whole =

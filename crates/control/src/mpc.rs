@@ -212,15 +212,13 @@ where
             let is_optimal = decrease <= solver.cost_tolerance * cost;
             let is_last = iterations + 1 == solver.iterations_max;
             let trial = if is_last { Trial::Costed } else { Trial::Linearized };
-            if let Some(lower) = self.search_line(ask, against, (cost, decrease), trial) {
-                cost = lower;
-                iterations += 1;
-            } else if !is_optimal && decrease > self.cost.rounding(cost, &self.plan, against.s_ref)
-            {
-                break Stop::Stalled;
-            } else {
-                break Stop::CostTolerance;
-            }
+            let Some(lower) = self.search_line(ask, against, (cost, decrease), trial) else {
+                let rounding = self.cost.rounding(cost, &self.plan, against.s_ref);
+                let is_lost = is_optimal || decrease <= rounding;
+                break if is_lost { Stop::CostTolerance } else { Stop::Stalled };
+            };
+            cost = lower;
+            iterations += 1;
             if is_optimal {
                 break Stop::CostTolerance;
             }

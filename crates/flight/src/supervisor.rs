@@ -112,7 +112,7 @@ struct Timers {
     dead_time_long: Since,
     /// The sticks in a person's hand are neutral.
     hand_neutral: Since,
-    /// They are so while the vehicle is outside of the room or too fast.
+    /// The sticks are neutral while the vehicle is outside of the room or too fast.
     hand_idle_astray: Since,
     /// The vehicle brakes before a landing.
     braking: Since,
@@ -120,6 +120,8 @@ struct Timers {
     aloft: Reported,
     /// Nothing confirms the command outage.
     alone: Since,
+    /// Somebody comes near, or is not seen, while the vehicle cannot evade.
+    endangered: Since,
 }
 
 /// The state machine of a flight; see the top of this file.
@@ -229,13 +231,12 @@ impl Supervisor {
                 Phase::Idle => {}
             }
         }
-        let is_settled = self.settling.update(e, self.table.settle_s);
         let is_steerable = self.phase == Phase::Flying && self.takes_sticks(e);
         let is_braking =
             is_steerable && (self.since.braking.holds() || reaction == Reaction::Brake);
         let may_steer = is_steerable
             && (is_braking || reaction < Reaction::Hold)
-            && (is_settled || pilot == Pilot::Person);
+            && (self.settling.is_over() || pilot == Pilot::Person);
         self.steered = Steered::of(may_steer && pilot == Pilot::Controller, is_braking);
         Ruling {
             phase: self.phase,
@@ -320,6 +321,7 @@ impl Supervisor {
         self.remember_stuck(e);
         let is_alone = is_flown && e.outage.is_some() && !conditions::is_confirmed(&e.findings);
         self.since.alone.keep(is_alone, e.t_ns);
+        self.remember_settling(e);
     }
 
     fn next_phase(&self, e: &Evidence, reaction: Reaction, has_braked: bool) -> Phase {

@@ -150,6 +150,8 @@ fn assert_may_take_off(before: Phase, sees: bool, e: &Evidence) {
     let is_able =
         |drone: DroneReport| drone.battery_pct >= 30 && (is_by_sight || drone.age_s <= 2.0);
     assert!(e.drone.is_some_and(is_able), "takes off without a drone that can: {before:?}, {e:?}");
+    let is_seen_by_person = before == Phase::Idle && is_by_sight;
+    assert!(!e.is_start_barred || is_seen_by_person, "takes off into something: {before:?}, {e:?}");
 }
 
 /// What a ruling must never break, seen from the phase before it.

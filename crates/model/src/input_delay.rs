@@ -301,7 +301,7 @@ mod tests {
         assert!(InputFifo::new(&[0.1, 0.1], &ROWS, 0.0).is_err());
         let error = InputFifo::new(&[0.1, 0.1], &ROWS, 1e-300).unwrap_err();
         assert!(
-            error.to_string().ends_with("violates a dead time of at most 200000 steps"),
+            error.to_string().ends_with(": expected a dead time of at most 200000 steps"),
             "{error}"
         );
         for min_ratio in [f64::NAN, -1.0, 3.0] {

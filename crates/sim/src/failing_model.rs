@@ -33,11 +33,11 @@ thread_local! {
     pub static FAILING_PART: Cell<FailingPart> = const { Cell::new(FailingPart::Nothing) };
 }
 
-/// [`Lagged`], whose steps are NaN while it is broken.
+/// [`Lagged`], whose steps are NaN while it fails.
 #[derive(Debug, Clone, Copy)]
 struct FailingModel {
     model: Lagged,
-    breaks_with: FailingPart,
+    fails_with: FailingPart,
 }
 
 impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }> for FailingModel {
@@ -48,8 +48,8 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     const CONTROLLABLE: usize = Lagged::CONTROLLABLE;
 
     fn step(&self, s: &State, u: &Sticks, p: &Parameter, dt_s: f64) -> State {
-        let is_broken = FAILING_PART.get() == self.breaks_with;
-        if is_broken { State::repeat(f64::NAN) } else { self.model.step(s, u, p, dt_s) }
+        let fails = FAILING_PART.get() == self.fails_with;
+        if fails { State::repeat(f64::NAN) } else { self.model.step(s, u, p, dt_s) }
     }
 
     // Derivatives are those of the whole one: differences take ten times as long.
@@ -86,7 +86,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     }
 
     fn core(&self) -> Self {
-        Self { model: self.model.core(), breaks_with: FailingPart::Controller }
+        Self { model: self.model.core(), fails_with: FailingPart::Controller }
     }
 
     fn effect(&self, u: &Sticks, p: &Parameter) -> Sticks {
@@ -104,6 +104,6 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
 ///
 /// As [`cycle::build`].
 pub fn cycle(flight: &FlightTable) -> Result<Box<dyn Tick>, SettingError> {
-    let model = FailingModel { model: Lagged::default(), breaks_with: FailingPart::Estimator };
+    let model = FailingModel { model: Lagged::default(), fails_with: FailingPart::Estimator };
     cycle::build_with::<_, _, _, { motion::CONTROLLABLE }>(model, flight)
 }

@@ -49,6 +49,8 @@ pub(super) struct ControlLoop {
     pub(super) solver_time: SpanNs,
     /// How long to wait on the ground for mocap and drone.
     pub(super) patience: SpanNs,
+    /// How long the poses of a drone that stands may take to agree.
+    pub(super) settling_max: SpanNs,
     /// Whether the vehicle is carried by hand: no take-off is waited for.
     pub(super) is_carried: bool,
     /// Poses; it gets whether the vehicle may be in the air.
@@ -235,7 +237,9 @@ impl ControlLoop {
         let by_hand = hand.ask.map(|ask| meaning(ask, &hand));
         // Before the first tick nothing is known of the poses.
         let judged = (before.phase, before.faults_last);
-        if inbox.step > 0 && self.orders.lapse(inbox.now, judged, self.patience) {
+        if inbox.step > 0
+            && self.orders.lapse(inbox.now, judged, [self.patience, self.settling_max])
+        {
             self.person.note_lapsed_take_off();
         }
         for order in [by_signal, by_hand].into_iter().flatten() {

@@ -112,7 +112,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         )),
         WatchEnd::Abandoned => {
             stdio::note(format_args!(
-                "tello-ctl: the flight ended unexpectedly; its guardian orders the drone at {address} to land for 15 s"
+                "tello-ctl: the flight ended unexpectedly; for 15 s its guardian orders the drone at {address} to land"
             ));
             guardian.land_alone();
         }

@@ -27,7 +27,10 @@ pub(super) fn not_ready(
     // The others are waited for.
     let is_ended = is_any(&[Fault::GuardianLost, Fault::ProgramStalled, Fault::OperatorStop]);
     let mut text = if faults_last.is_empty() {
-        format!("did not take off: no such order in the last {} s", patience.seconds())
+        format!(
+            "did not take off: an order lapses after {} s, or when the drone is moved",
+            patience.seconds()
+        )
     } else if is_ended {
         format!("did not take off: {faults}")
     } else {

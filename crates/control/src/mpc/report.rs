@@ -95,7 +95,8 @@ fn index(at: Option<usize>) -> String {
 #[must_use]
 #[non_exhaustive]
 pub enum Stop {
-    /// The predicted relative drop of the cost fell below the tolerance: the plan is optimal.
+    /// The predicted relative drop of the cost fell below the tolerance, or it is lost in the rounding of the cost: the
+    /// plan is optimal.
     CostTolerance,
     /// The iteration limit was reached.
     IterationLimit,

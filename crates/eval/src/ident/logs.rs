@@ -26,8 +26,8 @@ pub fn load_logs(
     let (mut logs, mut files_skipped) = recordings::load(paths)?;
     turn(&mut logs, table.turn_rad);
     check_period(&logs, table.dt_s)?;
-    let (mut logs, opposed) = without_opposed(logs, table)?;
-    files_skipped.extend(opposed);
+    let (mut logs, inverted) = without_inverted(logs, table)?;
+    files_skipped.extend(inverted);
     let beyond = logs.split_off(table.logs_max.min(logs.len()));
     files_skipped.extend(beyond.into_iter().map(|log| FileSkipped {
         path: log.path,
@@ -38,7 +38,7 @@ pub fn load_logs(
 }
 
 /// The logs that do not contradict their sticks, and the others with the reason.
-fn without_opposed(
+fn without_inverted(
     logs: Vec<Loaded>,
     table: &IdentFileTable,
 ) -> Result<(Vec<Loaded>, Vec<FileSkipped>)> {

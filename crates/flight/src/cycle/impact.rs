@@ -33,7 +33,7 @@ const LATER: usize = 2;
 
 /// Least speed before; slower vehicles hit nothing hard. m/s
 const SPEED_MIN_MPS: f64 = 0.9;
-/// Most of it that is left.
+/// Largest speed after the stop over the speed before. 1
 const REMAINING_SPEED_RATIO: f64 = 0.25;
 /// Least input along the motion. 1
 const INPUT_MIN: f64 = 0.05;

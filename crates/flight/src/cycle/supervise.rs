@@ -47,7 +47,7 @@ where
         out.pressed_s = self.immobility.pressed_s();
         let pose = out.filtered.and_then(|filtered| filtered.o);
         let may_stand = matches!(self.supervisor.phase(), Phase::Idle | Phase::TakingOff);
-        let is_place = |is_so: fn(&Walls, &Vector3<f64>) -> bool| {
+        let holds_here = |is_so: fn(&Walls, &Vector3<f64>) -> bool| {
             self.planner.walls().zip(pose).is_some_and(|(walls, at)| is_so(walls, &pos_w(&at)))
         };
         let ruling = self.supervisor.rule(&Evidence {
@@ -58,10 +58,10 @@ where
             motion,
             is_plan_clear: self.planner.is_clear(),
             is_obstacle_unseen: self.planner.walls().is_some_and(Walls::is_moving_unseen),
-            is_start_barred: may_stand && is_place(Walls::bars_start),
-            is_approached: is_place(Walls::is_approached),
+            is_start_barred: may_stand && holds_here(Walls::bars_start),
+            is_approached: holds_here(Walls::is_approached),
             reference_behind_w: self.reference_behind_w(motion.as_ref()),
-            is_in_obstacle: is_place(Walls::is_in_obstacle),
+            is_in_obstacle: holds_here(Walls::is_in_obstacle),
             is_pose_repeated: self.is_frozen(),
             jump_m: self.plausibility.jump_m(),
             shift_m: self.plausibility.shift_m(),

@@ -7,7 +7,7 @@
 
 use super::Supervisor;
 use super::evidence::{Evidence, Phase};
-use super::fault::{FaultSet, Pilot, Reaction};
+use super::fault::{Fault, FaultSet, Pilot, Reaction};
 
 /// A vehicle that is slower lands at once. m/s
 const SLOW_MPS: f64 = 0.2;
@@ -65,6 +65,8 @@ impl Supervisor {
         let may_brake = self.steered != Steered::Not
             && pilot == Pilot::Controller
             && self.takes_sticks(e)
+            // A drone that keeps an old command does not brake.
+            && !faults.contains(Fault::OutageHeld)
             && !faults.iter().any(|fault| forbids(fault.reaction(pilot)));
         let is_over = !(is_fast && may_brake) || self.since.braking.has_lasted(e.t_ns, BRAKE_MAX_S);
         self.since.braking.holds() && is_over

@@ -14,6 +14,9 @@ const ASTRAY_S: f64 = 0.3;
 /// How long the vehicle must be turned away from its reference: an outage is found within this time. s
 const TURNED_S: f64 = 1.5;
 
+/// How long somebody must come near a vehicle that takes off: two places that are wrong look like a step. s
+const ENDANGERED_S: f64 = 0.3;
+
 /// How long the sticks must act too late: an outage that begins looks like it for a moment. s
 const DEAD_TIME_LONG_S: f64 = 3.0;
 
@@ -97,7 +100,7 @@ impl Supervisor {
             (Fault::BlockedLong, self.is_blocked_long(e)),
             (Fault::ObstacleEntered, self.has_entered_obstacle(e)),
             (Fault::ObstacleUnseen, e.is_obstacle_unseen && !self.is_carried),
-            (Fault::ObstacleApproaches, self.phase == Phase::TakingOff && e.is_approached),
+            (Fault::ObstacleApproaches, self.since.endangered.has_lasted(e.t_ns, ENDANGERED_S)),
             (Fault::FenceNear, self.is_in_the_air() && self.would_leave(e)),
             (Fault::FenceLeft, self.is_in_the_air() && self.is_outside(e)),
             (

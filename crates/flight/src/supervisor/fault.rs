@@ -59,7 +59,7 @@ pub enum Fault {
     ObstacleEntered,
     /// The obstacle that moves is not seen: plans cannot keep away from it.
     ObstacleUnseen,
-    /// In the take-off, in which the drone cannot evade, the obstacle that moves comes near.
+    /// In the take-off, until the drone obeys sticks, the obstacle that moves comes near or is not seen.
     ObstacleApproaches,
     /// Where plans know no walls, or by hand: the vehicle would come to rest outside of the room.
     FenceNear,
@@ -241,11 +241,13 @@ impl Fault {
             Self::StartMisplaced | Self::MocapUnsettled | Self::MocapUndated => {
                 (Reaction::StayDown, Reaction::Note)
             }
-            Self::PlanBlocked | Self::ObstacleUnseen => (Reaction::Brake, Reaction::Note),
+            // A drone that keeps an old command ignores the brake; one that is carried by a draught does not.
+            Self::PlanBlocked | Self::ObstacleUnseen | Self::OutageHeld => {
+                (Reaction::Brake, Reaction::Note)
+            }
             Self::MocapStale
             | Self::MocapFrozen
             | Self::WitnessDoubtful
-            | Self::OutageHeld
             | Self::EstimatorFailed
             | Self::FenceNear => (Reaction::Hold, Reaction::Note),
             // A silent drone may still obey, and a person who sees it can judge that. A mission does not bind a person.

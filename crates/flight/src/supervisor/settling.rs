@@ -6,15 +6,17 @@
 use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, pose};
 
-use super::evidence::Evidence;
+use super::Supervisor;
+use super::evidence::{Evidence, Phase};
 use super::since::elapsed_s;
 
 /// Horizontal distance from the place of the take-off at which control starts once the climb has ended. m
 const DRIFT_MAX_M: f64 = 0.3;
 
-/// A vehicle that is so far from where it stood was touched, or rises. m, rad
-const MOVED_M: f64 = 0.05;
-const MOVED_RAD: f64 = 0.2;
+/// A vehicle that was so far from where it stood in so many ticks was touched, or rises. m, rad
+const MOVED_M: f64 = 0.03;
+const MOVED_RAD: f64 = 0.15;
+const MOVED_TICKS: u32 = 5;
 
 /// A vehicle that does not rise by so much in this time, longer than between poses of 4 Hz, has ended its climb. m, s
 const CLIMB_RISE_M: f64 = 0.03;
@@ -27,10 +29,11 @@ pub(super) struct Settling {
     stood: Option<Pose>,
     /// When the take-off was confirmed; `None` if the flight began in the air. ns
     risen_ns: Option<i64>,
-    was_moved: bool,
+    /// Ticks in which it was elsewhere since.
+    moved_ticks: u32,
     /// Whether control has to start as soon as the climb has ended: the vehicle drifts away, or somebody comes near.
     is_urgent: bool,
-    is_over: bool,
+    has_ended: bool,
     /// A height in the climb, and when the vehicle came there. m, ns
     climbed: Option<(f64, i64)>,
 }
@@ -48,24 +51,31 @@ impl Settling {
 
     /// Whether the vehicle has moved since the take-off was ordered.
     pub(super) fn was_moved(&self) -> bool {
-        self.was_moved
+        self.moved_ticks >= MOVED_TICKS
     }
 
-    /// Notes the pose. Returns whether `settle_s` have passed since the take-off was confirmed, or the vehicle has ended
-    /// its climb and has drifted away or is approached.
+    /// Whether control may start. After a take-off `settle_s` have to pass, or the climb to end of a vehicle that has
+    /// drifted away or is approached.
+    pub(super) fn is_over(&self) -> bool {
+        self.risen_ns.is_none() || self.has_ended
+    }
+
+    /// Notes the pose of a tick.
     ///
     /// Real time: no allocation, constant cost.
-    pub(super) fn update(&mut self, e: &Evidence, settle_s: f64) -> bool {
+    fn note(&mut self, e: &Evidence, settle_s: f64) {
         if let Some((stood, now)) = self.stood.zip(e.pose) {
             let moved_w = (now - stood).fixed_rows::<3>(pose::X).into_owned();
             let turned_rad = wrap(now[pose::THETA] - stood[pose::THETA]);
-            self.was_moved |= moved_w.norm() > MOVED_M || turned_rad.abs() > MOVED_RAD;
-            self.is_urgent |= moved_w.xy().norm() > DRIFT_MAX_M || e.is_approached;
+            let is_moved = moved_w.norm() > MOVED_M || turned_rad.abs() > MOVED_RAD;
+            self.moved_ticks = self.moved_ticks.saturating_add(u32::from(is_moved));
+            let is_endangered = e.is_approached || e.is_obstacle_unseen;
+            self.is_urgent |= moved_w.xy().norm() > DRIFT_MAX_M || is_endangered;
         }
         let is_level = self.note_height(e);
-        let Some(risen_ns) = self.risen_ns else { return true };
-        self.is_over |= self.is_urgent && is_level || elapsed_s(risen_ns, e.t_ns) >= settle_s;
-        self.is_over
+        self.has_ended |= self.risen_ns.is_some_and(|risen_ns| {
+            self.is_urgent && is_level || elapsed_s(risen_ns, e.t_ns) >= settle_s
+        });
     }
 
     /// Notes the height. Returns whether the vehicle has ended its climb.
@@ -76,6 +86,18 @@ impl Settling {
         self.climbed = Some(climbed);
         let (_, since_ns) = climbed;
         elapsed_s(since_ns, e.t_ns) >= LEVEL_S
+    }
+}
+
+impl Supervisor {
+    /// Updates what is known of a take-off, and since when somebody comes near while the vehicle cannot evade.
+    pub(super) fn remember_settling(&mut self, e: &Evidence) {
+        let pose = e.pose.filter(|_| !self.is_pose_stale(e));
+        self.settling.note(&Evidence { pose, ..*e }, self.table.settle_s);
+        let obeys = self.settling.is_over() && self.takes_sticks(e);
+        let is_helpless = self.phase == Phase::TakingOff || self.phase == Phase::Flying && !obeys;
+        let is_endangered = (e.is_approached || e.is_obstacle_unseen) && !self.is_carried;
+        self.since.endangered.keep(is_helpless && is_endangered, e.t_ns);
     }
 }
 
@@ -103,6 +125,23 @@ mod tests {
     }
 
     #[test]
+    fn a_vehicle_was_moved_if_it_was_elsewhere_in_five_ticks() {
+        let was_moved = |at: Pose, ticks: u32| {
+            let mut settling = Settling::default();
+            settling.stand(Some(Pose::new(0.0, 0.0, 0.0, 3.1)));
+            for _ in 0..ticks {
+                settling.note(&Evidence { pose: Some(at), ..CALM }, 1.0);
+            }
+            settling.was_moved()
+        };
+        let beside = |x_m: f64| Pose::new(x_m, 0.0, 0.0, 3.1);
+        let turned = |theta_rad: f64| Pose::new(0.0, 0.0, 0.0, theta_rad);
+        assert!(was_moved(beside(MOVED_M.next_up()), 5) && !was_moved(beside(MOVED_M), 99));
+        assert!(!was_moved(beside(0.2), 4), "an outlier");
+        assert!(was_moved(turned(2.94), 5) && !was_moved(turned(-3.1), 99), "across the wrap");
+    }
+
+    #[test]
     fn a_vehicle_that_is_approached_is_steered_when_its_climb_has_ended_and_stays_so() {
         let mut bench = Bench::taking_off();
         bench.pass(2, &ALOFT);
@@ -111,6 +150,18 @@ mod tests {
         assert_eq!(after, Some(1), "0.3 s after its height was first seen");
         let rises = Evidence { pose: Some(Pose::new(0.0, 0.0, 1.3, 0.0)), ..ALOFT };
         assert!(bench.tick(&rises).may_steer(), "it evades upwards");
+    }
+
+    #[test]
+    fn a_pose_that_is_stale_shows_no_end_of_a_climb() {
+        let mut bench = Bench::taking_off();
+        let blind = Evidence { pose: CALM.pose, pose_age_s: Some(0.6), ..ALOFT };
+        assert_eq!(bench.tick(&blind).phase, Phase::Flying, "by the drone's word");
+        bench.pass(8, &Evidence { is_approached: true, ..blind });
+        for k in 0..3 {
+            let rising = Some(Pose::new(0.0, 0.0, 0.5 + 0.04 * f64::from(k), 0.0));
+            assert!(!bench.tick(&Evidence { pose: rising, ..ALOFT }).may_steer(), "tick {k}");
+        }
     }
 
     #[test]
@@ -124,7 +175,8 @@ mod tests {
                 let t_s = 1e-3 * f64::from(*ms);
                 let at = Pose::new(0.5, 0.0, 0.5 + 0.33 * t_s.min(climb_s), 0.0);
                 let e = Evidence { pose: Some(at), t_ns: i64::from(*ms) * 1_000_000, ..ALOFT };
-                settling.update(&e, settle_s)
+                settling.note(&e, settle_s);
+                settling.is_over()
             })
         };
         let level_ms = steered_ms(1.5, 4.0).unwrap();
@@ -140,7 +192,8 @@ mod tests {
             settling.rise(0);
             let mut over_at = |z_m: f64, t_ns: i64| {
                 let pose = Some(Pose::new(0.0, 0.0, z_m, 0.0));
-                settling.update(&Evidence { t_ns, pose, ..ALOFT }, 9.0)
+                settling.note(&Evidence { t_ns, pose, ..ALOFT }, 9.0);
+                settling.is_over()
             };
             assert!(!over_at(0.0, 0));
             assert_eq!(over_at(risen_m, 300_000_000), is_over, "{risen_m} m");
@@ -155,8 +208,10 @@ mod tests {
             settling.rise(0);
             let at = Some(Pose::new(x_m, y_m, 1.0, 0.0));
             let [early, later] = [0, 300_000_000].map(|t_ns| Evidence { pose: at, t_ns, ..ALOFT });
-            assert!(!settling.update(&early, 1.0), "nothing tells that it does not climb");
-            assert_eq!(settling.update(&later, 1.0), is_over, "{x_m}, {y_m} m");
+            settling.note(&early, 1.0);
+            assert!(!settling.is_over(), "nothing tells that it does not climb");
+            settling.note(&later, 1.0);
+            assert_eq!(settling.is_over(), is_over, "{x_m}, {y_m} m");
         }
     }
 }

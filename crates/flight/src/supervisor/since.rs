@@ -120,6 +120,7 @@ mod tests {
         assert_eq!(keep(false, 14), [true, false]);
         assert_eq!(keep(false, 30), [false, false]);
         assert_eq!(keep(true, 33), [true, false], "not below zero");
+        assert!(!leaky.exceeds(3.0), "the limit itself");
     }
 
     #[test]

@@ -278,7 +278,7 @@ impl Wire {
         self.counters.note_pause(heartbeat.pause(now));
         match heartbeat.report(now) {
             GuardianReport::Continue => {}
-            GuardianReport::Landed { is_steered } => {
+            GuardianReport::LandingOrdered { is_steered } => {
                 if is_steered {
                     self.counters.guardian_landings.count();
                 }

@@ -96,7 +96,7 @@ async fn host(
             let mut guardian = Guardian::start(post).unwrap();
             match guardian.watch() {
                 WatchEnd::Abandoned => guardian.land_alone(),
-                WatchEnd::Over | WatchEnd::Landed => 0,
+                WatchEnd::Over | WatchEnd::OrderedLanding => 0,
             }
         }))
     });

@@ -250,7 +250,7 @@ impl Display for Batch {
         } else {
             writeln!(
                 f,
-                "no flight is judged: none reached its first target, or hovered until the end"
+                "no flight is judged: none reached its first target, or none hovered until its end"
             )?;
         }
         write!(f, "{}", self.laps)?;

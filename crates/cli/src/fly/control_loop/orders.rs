@@ -4,10 +4,6 @@ use tello_flight::{Fault, FaultSet, Operator, Phase};
 use tello_io::clock::{SpanNs, TimeNs};
 use tello_io::manual::{Ask, Hand};
 
-/// Poses on the ground that have disagreed for so long are those of a drone that is moved: 4 poses a second have settled
-/// by then.
-const MOVED: SpanNs = SpanNs::from_ms(3000);
-
 /// The orders of the person at the controls and of signals.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::fly) struct Orders {
@@ -44,17 +40,17 @@ impl Orders {
     }
 
     /// Drops an order to take off that was not obeyed for `patience`, or whose drone is moved, by the `faults` of the
-    /// newest tick. Returns whether there was one. No other order is taken back. A fault that is mended later must not
+    /// newest tick: its poses disagree after they have agreed, or for longer than `settling_max`. Returns whether there was one. No other order is taken back. A fault that is mended later must not
     /// start a drone beside which the person stands.
     pub(super) fn lapse(
         &mut self,
         now: TimeNs,
         (phase, faults): (Phase, FaultSet),
-        patience: SpanNs,
+        [patience, settling_max]: [SpanNs; 2],
     ) -> bool {
         let is_late = now.since(self.take_off_at) > patience;
         let is_pending = phase == Phase::Idle && is_take_off(self.strongest);
-        let lapses = is_pending && (is_late || self.is_moved(now, faults));
+        let lapses = is_pending && (is_late || self.is_moved(now, faults, settling_max));
         if lapses {
             self.strongest = Operator::Wait;
         }
@@ -62,13 +58,13 @@ impl Orders {
     }
 
     /// Whether fresh poses disagree that have agreed since the order, or do so for long.
-    fn is_moved(&mut self, now: TimeNs, faults: FaultSet) -> bool {
+    fn is_moved(&mut self, now: TimeNs, faults: FaultSet, settling_max: SpanNs) -> bool {
         let is_unsettled = faults.contains(Fault::MocapUnsettled);
         let disagree = is_unsettled && !faults.contains(Fault::MocapStale);
         let began = self.unsettled_at.filter(|_| disagree).or(disagree.then_some(now));
         self.unsettled_at = began;
         self.has_settled |= !is_unsettled;
-        began.is_some_and(|began| self.has_settled || now.since(began) > MOVED)
+        began.is_some_and(|began| self.has_settled || now.since(began) > settling_max)
     }
 }
 
@@ -92,7 +88,7 @@ mod tests {
 
     use super::*;
 
-    const PATIENCE: SpanNs = SpanNs::from_ms(10_000);
+    const LIMITS: [SpanNs; 2] = [SpanNs::from_ms(10_000), SpanNs::from_ms(3000)];
 
     #[test]
     fn a_take_off_with_the_sticks_held_is_one_by_hand() {
@@ -118,7 +114,7 @@ mod tests {
     fn an_order_to_take_off_lapses_on_the_ground_and_no_other_does() {
         let at = |s: i64| TimeNs(0).after(SpanNs::from_ms(1000 * s));
         let calm = FaultSet::default();
-        let lapses = |orders: &mut Orders, now, phase| orders.lapse(now, (phase, calm), PATIENCE);
+        let lapses = |orders: &mut Orders, now, phase| orders.lapse(now, (phase, calm), LIMITS);
         let mut orders = Orders::to_fly();
         assert!(!lapses(&mut orders, at(10), Phase::Idle) && orders.strongest == Operator::Fly);
         assert!(lapses(&mut orders, at(11), Phase::Idle) && orders.strongest == Operator::Wait);
@@ -148,7 +144,7 @@ mod tests {
         let unsettled = of(&[Fault::MocapUnsettled]);
         let stale = of(&[Fault::MocapUnsettled, Fault::MocapStale]);
         let lapses =
-            |orders: &mut Orders, ms, faults| orders.lapse(at(ms), (Phase::Idle, faults), PATIENCE);
+            |orders: &mut Orders, ms, faults| orders.lapse(at(ms), (Phase::Idle, faults), LIMITS);
         // Poses come after 5 s, and settle within three.
         let mut orders = Orders::to_fly();
         assert!(!lapses(&mut orders, 20, stale) && !lapses(&mut orders, 5000, stale));

@@ -250,13 +250,13 @@ fn a_take_off_is_repeated_only_while_the_drone_stands_where_it_stood_and_nobody_
     let moved = |by: Pose| Evidence { pose: CALM.pose.map(|at| at + by), ..CALM };
     assert_eq!(repeated(CALM, CALM), 2, "every 3 s until the take-off takes too long");
     for touched in [
-        moved(Pose::new(0.051, 0.0, 0.0, 0.0)),
-        moved(Pose::new(0.0, 0.0, 0.06, 0.0)),
-        moved(Pose::new(0.0, 0.0, 0.0, -0.21)),
+        moved(Pose::new(0.031, 0.0, 0.0, 0.0)),
+        moved(Pose::new(0.0, 0.0, 0.04, 0.0)),
+        moved(Pose::new(0.0, 0.0, 0.0, -0.16)),
     ] {
         assert_eq!(repeated(touched, CALM), 0, "{:?}", touched.pose);
     }
-    let noisy = moved(Pose::new(0.03, 0.03, 0.02, 0.19));
+    let noisy = moved(Pose::new(0.015, 0.02, 0.015, 0.14));
     assert_eq!(repeated(noisy, CALM), 2);
     let near = Evidence { is_start_barred: true, ..CALM };
     assert_eq!((repeated(near, near), repeated(near, CALM)), (0, 2));

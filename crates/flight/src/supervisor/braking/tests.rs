@@ -1,5 +1,7 @@
 //! A vehicle that brakes before it lands.
 
+use horizon_model::rows::Pose;
+
 use super::super::tests::*;
 use super::super::*;
 use super::SLOW_MPS;
@@ -127,4 +129,11 @@ fn an_obstacle_that_comes_near_is_let_past_before_the_landing_for_ten_seconds_at
         let found_s = ends_after(is_near);
         assert!((found_s - expected_s.max(0.0)).abs() < 0.15, "{name}: {found_s} s");
     }
+}
+
+#[test]
+fn a_drone_that_keeps_an_old_command_is_landed_at_once() {
+    let unseen = [EstimatedMotion { pose: at(0.0, 1.1), rate: Pose::zeros() }; 2];
+    let held = Outage { for_s: 0.5, is_held: true, unseen };
+    assert_eq!(braking().tick(&Evidence { outage: Some(held), ..fast() }).phase, Phase::Landing);
 }

@@ -191,9 +191,9 @@ fn a_vehicle_that_may_have_left_unseen_is_landed_unless_the_drone_denies_it() {
 }
 
 #[test]
-fn a_held_command_takes_the_commands_while_it_lasts() {
+fn a_held_command_brakes_while_it_lasts() {
     let held = Evidence { outage: Some(outage(0.5, true, 0.0)), ..ALOFT };
-    assert_eq!(after(&held), (Phase::Flying, false, vec![Fault::OutageHeld]));
+    assert_eq!(after(&held), (Phase::Flying, true, vec![Fault::OutageHeld]));
 }
 
 #[test]

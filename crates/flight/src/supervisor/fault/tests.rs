@@ -40,7 +40,7 @@ fn every_fault_has_the_reaction_that_was_decided() {
         (Fault::TooFast, [Reaction::Land, Reaction::Note]),
         (Fault::DeadTimeLong, [Reaction::Land, Reaction::Note]),
         (Fault::MissionOverdue, [Reaction::BrakeAndLand, Reaction::Note]),
-        (Fault::OutageHeld, [Reaction::Hold, Reaction::Note]),
+        (Fault::OutageHeld, [Reaction::Brake, Reaction::Note]),
         (Fault::OutageLong, [Reaction::Land, Reaction::Note]),
         (Fault::OutageUnsafe, [Reaction::Land, Reaction::Note]),
         (Fault::DroneUnheard, [Reaction::StayDown, Reaction::StayDown]),

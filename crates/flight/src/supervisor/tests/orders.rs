@@ -105,8 +105,8 @@ fn a_drone_that_rose_and_never_reported_it_is_landed_when_its_report_cannot_be_l
 }
 
 #[test]
-fn a_drone_that_has_risen_by_more_than_five_centimetres_gets_no_second_order() {
-    for (height_m, order) in [(0.05, Some(DroneOrder::TakeOff)), (0.06, None)] {
+fn a_drone_that_has_risen_by_more_than_three_centimetres_gets_no_second_order() {
+    for (height_m, order) in [(0.03, Some(DroneOrder::TakeOff)), (0.04, None)] {
         let mut bench = Bench::new(Start::Grounded);
         let at = |height_m| Evidence { pose: Some(at_height(height_m)), ..CALM };
         bench.pass(1, &at(0.0));

@@ -35,7 +35,7 @@ pub enum GuardianReport {
     /// Nothing to report.
     Continue,
     /// The guardian has ordered a landing, or must be taken to have.
-    Landed {
+    LandingOrdered {
         /// Whether the sender steered until then.
         is_steered: bool,
     },
@@ -132,7 +132,7 @@ impl Heartbeat {
             self.last.is_some_and(|(duty, at)| duty.is_guarded() && now.since(at) >= PAUSE_MAX);
         if has_ordered_landing || (has_paused && !has_ended) {
             let is_steered = matches!(self.last, Some((Duty::Steering, _)));
-            return GuardianReport::Landed { is_steered };
+            return GuardianReport::LandingOrdered { is_steered };
         }
         GuardianReport::Continue
     }

@@ -4,13 +4,28 @@ use super::*;
 
 #[test]
 fn who_comes_near_in_a_take_off_ends_it() {
-    let near = Evidence { is_approached: true, ..CALM };
-    let ruling = Bench::taking_off().tick(&near);
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
-    assert_eq!(faults(ruling), [Fault::ObstacleApproaches]);
-    let by_hand = Evidence { is_by_hand: true, ..near };
-    assert_eq!(Bench::taking_off().tick(&by_hand).phase, Phase::TakingOff, "the person sees it");
-    assert_eq!(faults(Bench::flying().tick(&Evidence { is_approached: true, ..ALOFT })), []);
+    let near = |e| Evidence { is_approached: true, ..e };
+    let deaf = with_drone(ALOFT, |drone| drone.takes_sticks = false);
+    // On the ground, in the climb, and before the drone obeys.
+    for (before, e) in [(0, CALM), (1, ALOFT), (40, deaf)] {
+        let mut bench = Bench::taking_off();
+        let rising = |k: u32| Evidence { pose: Some(at(0.0, 1.1 + 0.04 * f64::from(k))), ..e };
+        let e = |k: u32| if before == 1 { rising(k) } else { e };
+        for k in 0..before {
+            assert!(!bench.tick(&e(k)).phase.is_over());
+        }
+        for k in 0..3 {
+            assert!(!bench.tick(&near(e(before + k))).phase.is_over(), "0.{k} s");
+        }
+        let ruling = bench.tick(&near(e(before + 3)));
+        assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
+        assert_eq!(faults(ruling), [Fault::ObstacleApproaches]);
+    }
+    let unseen = Evidence { is_obstacle_unseen: true, ..CALM };
+    assert_eq!(Bench::taking_off().run(4, &unseen).phase, Phase::Landing);
+    let by_hand = Evidence { is_by_hand: true, ..near(CALM) };
+    assert_eq!(Bench::taking_off().run(9, &by_hand).phase, Phase::TakingOff, "a person sees it");
+    assert_eq!(faults(Bench::flying().run(9, &near(ALOFT))), [], "it evades");
 }
 
 #[test]

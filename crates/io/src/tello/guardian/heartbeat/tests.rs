@@ -36,7 +36,7 @@ fn a_landing_of_the_guardian_is_heard_once() {
     heartbeat.beat(Duty::Steering, ms(0));
     assert_eq!(heartbeat.report(ms(1)), GuardianReport::Continue);
     channel.write_all(&[LANDING_ORDERED]).unwrap();
-    assert_eq!(heartbeat.report(ms(2)), GuardianReport::Landed { is_steered: true });
+    assert_eq!(heartbeat.report(ms(2)), GuardianReport::LandingOrdered { is_steered: true });
     assert_eq!(heartbeat.report(ms(3)), GuardianReport::Continue);
 }
 
@@ -49,7 +49,7 @@ fn a_pause_in_flight_is_a_landing_even_before_the_guardian_says_so() {
         heartbeat.beat(duty, ms(10_000));
         assert_eq!(heartbeat.report(ms(10_249)), GuardianReport::Continue);
         let is_steered = duty == Duty::Steering;
-        assert_eq!(heartbeat.report(ms(10_250)), GuardianReport::Landed { is_steered });
+        assert_eq!(heartbeat.report(ms(10_250)), GuardianReport::LandingOrdered { is_steered });
     }
     assert!(PAUSE_MAX < super::super::PATIENCE, "a stick could follow the landing");
 }
