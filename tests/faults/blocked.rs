@@ -55,7 +55,7 @@ fn a_vehicle_that_a_push_carries_into_an_obstacle_is_landed() {
 
 #[test]
 fn a_vehicle_much_quicker_than_its_model_is_landed_in_the_obstacle_that_it_cannot_avoid() {
-    for (body, gain) in [(None, 4.0), (Some(RIGID_BODY), 7.0)] {
+    for (body, gain) in [(None, 6.0), (Some(RIGID_BODY), 7.0)] {
         let mut settings = closed_square();
         settings.1.plant.rigid_body = body;
         settings.1.plant.accel_max_mps2 *= 3.0;

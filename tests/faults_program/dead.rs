@@ -21,7 +21,7 @@ fn a_killed_program_is_replaced_by_its_guardian() {
     Bench::wait_until_gone(guardian, 17.0);
     bench.tap.assert_only_landings(killed_at, 55);
     bench.tap.assert_neutral_before_landings(killed_at);
-    assert!(bench.errors().contains("its guardian lands the drone"), "{}", bench.errors());
+    assert!(bench.errors().contains("its guardian orders the drone"), "{}", bench.errors());
 }
 
 #[test]

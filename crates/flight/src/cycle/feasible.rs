@@ -1,5 +1,5 @@
-//! Refuses missions that no vehicle within the settings can fly between walls and obstacles, and notes what the expected
-//! vehicle cannot. Also the clearance of a take-off.
+//! Refuses missions that no vehicle within the settings can fly between walls and obstacles, and notes what the
+//! expected vehicle cannot. Also the clearance of a take-off.
 
 use horizon_model::rows::{Pose, lag, pos_w, pose, stick};
 use horizon_model::setting::SettingError;

@@ -114,7 +114,8 @@ impl Frames {
         Ok(Some(Frame { opcode, data }))
     }
 
-    /// Counts what a chunk unpacks to. Returns whether the fields of `frame` fit into it, and its chunk may be unpacked.
+    /// Counts what a chunk unpacks to. Returns whether the fields of `frame` fit into it, and its chunk may be
+    /// unpacked.
     fn check(&mut self, frame: &Frame) -> bool {
         if frame.opcode == op::ATTACHMENT && !is_attachment(&frame.data) {
             return false;
