@@ -60,32 +60,31 @@ impl Settling {
         self.risen_ns.is_none() || self.has_ended
     }
 
-    /// Notes the pose of a tick.
+    /// Notes the pose of the tick at `t_ns`, if it is fresh, and whether somebody comes near or is not seen.
     ///
     /// Real time: no allocation, constant cost.
-    fn note(&mut self, e: &Evidence, settle_s: f64) {
-        if let Some((stood, now)) = self.stood.zip(e.pose) {
+    fn note(&mut self, t_ns: i64, pose: Option<Pose>, is_endangered: bool, settle_s: f64) {
+        if let Some((stood, now)) = self.stood.zip(pose) {
             let moved_w = (now - stood).fixed_rows::<3>(pose::X).into_owned();
             let turned_rad = wrap(now[pose::THETA] - stood[pose::THETA]);
             let is_moved = moved_w.norm() > MOVED_M || turned_rad.abs() > MOVED_RAD;
             self.moved_ticks = self.moved_ticks.saturating_add(u32::from(is_moved));
-            let is_endangered = e.is_approached || e.is_obstacle_unseen;
             self.is_urgent |= moved_w.xy().norm() > DRIFT_MAX_M || is_endangered;
         }
-        let is_level = self.note_height(e);
+        let is_level = self.note_height(t_ns, pose);
         self.has_ended |= self.risen_ns.is_some_and(|risen_ns| {
-            self.is_urgent && is_level || elapsed_s(risen_ns, e.t_ns) >= settle_s
+            self.is_urgent && is_level || elapsed_s(risen_ns, t_ns) >= settle_s
         });
     }
 
     /// Notes the height. Returns whether the vehicle has ended its climb.
-    fn note_height(&mut self, e: &Evidence) -> bool {
-        let Some(z_m) = e.pose.map(|at| at[pose::Z]) else { return false };
+    fn note_height(&mut self, t_ns: i64, pose: Option<Pose>) -> bool {
+        let Some(z_m) = pose.map(|at| at[pose::Z]) else { return false };
         let stays = |(before_m, _): &(f64, i64)| z_m - before_m < CLIMB_RISE_M;
-        let climbed = self.climbed.filter(stays).unwrap_or((z_m, e.t_ns));
+        let climbed = self.climbed.filter(stays).unwrap_or((z_m, t_ns));
         self.climbed = Some(climbed);
         let (_, since_ns) = climbed;
-        elapsed_s(since_ns, e.t_ns) >= LEVEL_S
+        elapsed_s(since_ns, t_ns) >= LEVEL_S
     }
 }
 
@@ -93,11 +92,12 @@ impl Supervisor {
     /// Updates what is known of a take-off, and since when somebody comes near while the vehicle cannot evade.
     pub(super) fn remember_settling(&mut self, e: &Evidence) {
         let pose = e.pose.filter(|_| !self.is_pose_stale(e));
-        self.settling.note(&Evidence { pose, ..*e }, self.table.settle_s);
+        let is_endangered = e.is_approached || e.is_obstacle_unseen;
+        self.settling.note(e.t_ns, pose, is_endangered, self.table.settle_s);
         let obeys = self.settling.is_over() && self.takes_sticks(e);
         let is_helpless = self.phase == Phase::TakingOff || self.phase == Phase::Flying && !obeys;
-        let is_endangered = (e.is_approached || e.is_obstacle_unseen) && !self.is_carried;
-        self.since.endangered.keep(is_helpless && is_endangered, e.t_ns);
+        let counts = is_helpless && is_endangered && !self.is_carried;
+        self.since.endangered.keep(counts, e.t_ns);
     }
 }
 
@@ -130,7 +130,7 @@ mod tests {
             let mut settling = Settling::default();
             settling.stand(Some(Pose::new(0.0, 0.0, 0.0, 3.1)));
             for _ in 0..ticks {
-                settling.note(&Evidence { pose: Some(at), ..CALM }, 1.0);
+                settling.note(CALM.t_ns, Some(at), false, 1.0);
             }
             settling.was_moved()
         };
@@ -176,7 +176,7 @@ mod tests {
                 let t_s = 1e-3 * f64::from(*ms);
                 let at = Pose::new(0.5, 0.0, 0.5 + 0.33 * t_s.min(climb_s), 0.0);
                 let e = Evidence { pose: Some(at), t_ns: i64::from(*ms) * 1_000_000, ..ALOFT };
-                settling.note(&e, settle_s);
+                settling.note(e.t_ns, e.pose, false, settle_s);
                 settling.is_over()
             })
         };
@@ -193,7 +193,7 @@ mod tests {
             settling.rise(0);
             let mut over_at = |z_m: f64, t_ns: i64| {
                 let pose = Some(Pose::new(0.0, 0.0, z_m, 0.0));
-                settling.note(&Evidence { t_ns, pose, ..ALOFT }, 9.0);
+                settling.note(t_ns, pose, false, 9.0);
                 settling.is_over()
             };
             assert!(!over_at(0.0, 0));
@@ -209,9 +209,9 @@ mod tests {
             settling.rise(0);
             let at = Some(Pose::new(x_m, y_m, 1.0, 0.0));
             let [early, later] = [0, 300_000_000].map(|t_ns| Evidence { pose: at, t_ns, ..ALOFT });
-            settling.note(&early, 1.0);
+            settling.note(early.t_ns, early.pose, false, 1.0);
             assert!(!settling.is_over(), "nothing tells that it does not climb");
-            settling.note(&later, 1.0);
+            settling.note(later.t_ns, later.pose, false, 1.0);
             assert_eq!(settling.is_over(), is_over, "{x_m}, {y_m} m");
         }
     }

@@ -41,8 +41,8 @@ impl Orders {
 
     /// Drops an order to take off that was not obeyed for `patience`, or whose drone is moved, by the `faults` of the
     /// newest tick: its poses disagree after they have agreed, or for longer than `settling_max`. Returns whether there
-    /// was one. No other order is taken back. A fault that is mended later must not
-    /// start a drone beside which the person stands.
+    /// was one. No other order is taken back. A fault that is mended later must not start a drone beside which the
+    /// person stands.
     pub(super) fn lapse(
         &mut self,
         now: TimeNs,
