@@ -94,6 +94,8 @@ struct Timers {
     battery_critical: Reported,
     /// The pose is still in a climb that the drone reports.
     climbs_still: Since,
+    /// The drone says that it flies and no measurement shows that it rises.
+    unrisen: Since,
     /// The mission is done.
     done: Since,
     /// The controller's vehicle is far from its reference.
@@ -300,6 +302,7 @@ impl Supervisor {
             && e.findings.still_s.is_some()
             && self.drone_has_risen(e);
         self.since.climbs_still.keep(climbs_still, e.t_ns);
+        self.since.unrisen.keep(self.is_unrisen(e), e.t_ns);
         let is_done = e.is_mission_done && !e.is_by_hand;
         self.since.done.keep(is_done, e.t_ns);
         let (failsafe, is_flown) = (&self.table.failsafe, self.is_steered());

@@ -92,6 +92,14 @@ impl Supervisor {
         self.drone_has_risen(e) || self.rise_m(e).is_some_and(|rise_m| rise_m > ORDER_OBEYED_RISE_M)
     }
 
+    /// Whether a drone that takes off flies by its own report, and fresh poses and its height show no rise.
+    pub(super) fn is_unrisen(&self, e: &Evidence) -> bool {
+        self.phase == Phase::TakingOff
+            && self.drone_says_flying(e) == Some(true)
+            && self.rise_m(e).is_some()
+            && !self.has_risen(e)
+    }
+
     /// Whether the drone shows no sign of an order to take off, stands where it stood, and nobody has come near.
     pub(super) fn may_repeat_take_off(&self, e: &Evidence) -> bool {
         self.drone_says_flying(e) == Some(false)

@@ -44,6 +44,10 @@ const STANDS_IN_OUTAGE_S: f64 = 2.4;
 /// How far below its reference. m
 const STANDS_BELOW_M: f64 = 0.2;
 
+/// A drone that flies by its own report and has not risen after so long is held: rotors take about a second to spin up,
+/// and the climb shows half a second later. s
+const UNRISEN_S: f64 = 3.0;
+
 /// A charge that is critical for less time may be a sag of the voltage or a report that is wrong. s
 const BATTERY_CRITICAL_S: f64 = 1.0;
 
@@ -190,7 +194,8 @@ impl Supervisor {
         let table = &self.table;
         let phase_s = elapsed_s(self.phase_since_ns, e.t_ns);
         let is_take_off_overdue = self.phase == Phase::TakingOff
-            && phase_s >= table.take_off_timeout_s
+            && (phase_s >= table.take_off_timeout_s
+                || self.since.unrisen.has_lasted(e.t_ns, UNRISEN_S))
             && !self.is_airborne(e);
         [
             (

@@ -111,7 +111,8 @@ pub enum Fault {
     SolverFailing,
     /// The loop missed more than `late_periods_max` periods in a short time.
     TicksLate,
-    /// The take-off was not confirmed within `take_off_timeout_s`.
+    /// The take-off was not confirmed within `take_off_timeout_s`, or the drone has said for 3 s that it flies and has not
+    /// risen: it is held.
     TakeOffTimeout,
     /// The landing was not confirmed within `landing_timeout_s`.
     LandingTimeout,

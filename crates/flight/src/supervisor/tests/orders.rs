@@ -124,19 +124,34 @@ fn a_drone_that_has_risen_by_more_than_three_centimetres_gets_no_second_order() 
 
 #[test]
 fn a_take_off_that_is_not_confirmed_in_time_ends_in_landing() {
-    let mut bench = Bench::taking_off();
-    assert_eq!(bench.run(79, &spinning()).phase, Phase::TakingOff, "7.9 s");
-    let ruling = bench.tick(&spinning());
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)), "8.0 s");
-    assert_eq!(faults(ruling), [Fault::TakeOffTimeout]);
-    let ruling = bench.run(20, &CALM);
-    assert_eq!((ruling.phase, faults(ruling)), (Phase::Landed, vec![Fault::TakeOffTimeout]));
+    let low = Evidence { pose: Some(at_height(0.4)), ..spinning() };
+    // By the poses it has not risen either, or it has to some extent.
+    for (e, ticks) in [(spinning(), 31), (low, 80)] {
+        let mut bench = Bench::taking_off();
+        assert_eq!(bench.run(ticks - 1, &e).phase, Phase::TakingOff, "{ticks}");
+        let ruling = bench.tick(&e);
+        assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
+        assert_eq!(faults(ruling), [Fault::TakeOffTimeout]);
+        let ruling = bench.run(20, &CALM);
+        assert_eq!((ruling.phase, faults(ruling)), (Phase::Landed, vec![Fault::TakeOffTimeout]));
+    }
+}
+
+#[test]
+fn a_drone_that_flies_and_is_not_seen_to_stay_down_is_given_its_time() {
+    let high = with_drone(spinning(), |drone| drone.height_m = Some(0.5));
+    for e in [high, Evidence { pose: None, ..CALM }, CALM] {
+        let mut bench = Bench::taking_off();
+        bench.pass(1, &spinning());
+        assert_eq!(bench.run(9, &e).phase, Phase::TakingOff, "{e:?}");
+        assert_eq!(bench.run(21, &spinning()).phase, Phase::TakingOff, "{e:?}");
+    }
 }
 
 #[test]
 fn a_take_off_confirmed_at_the_last_moment_is_good() {
     let mut bench = Bench::taking_off();
-    bench.pass(79, &spinning());
+    bench.pass(79, &Evidence { pose: Some(at_height(0.4)), ..spinning() });
     let ruling = bench.tick(&ALOFT);
     assert_eq!((ruling.phase, ruling.faults.is_empty()), (Phase::Flying, true));
 }
@@ -188,7 +203,7 @@ fn the_ground_is_where_the_newest_fresh_position_was_before_the_take_off() {
 #[test]
 fn settling_begins_when_the_take_off_is_confirmed_and_not_in_a_flight_that_began_aloft() {
     let mut bench = Bench::taking_off();
-    bench.pass(50, &spinning());
+    bench.pass(25, &spinning());
     assert!(!bench.run(15, &ALOFT).may_steer());
     assert!(bench.tick(&ALOFT).may_steer());
     assert!(Bench::new(Start::Airborne).tick(&ALOFT).may_steer());
