@@ -4,6 +4,7 @@
 //! lines before it. It appears whole or not at all. A row depends on settings and seed alone, so rows from any
 //! machines with equal heads are, side by side, the rows of one process, bit for bit.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -193,7 +194,7 @@ pub fn read<T: Seeded>(path: &Path) -> Result<(Head, Vec<T>)> {
 ///
 /// # Errors
 /// As [`read`], but for rows that are whole and not those of the head.
-pub fn head(path: &Path) -> Result<Head> {
+fn head(path: &Path) -> Result<Head> {
     let text = text_of(path)?;
     parse_head(&text)
         .and_then(|head| checked_lines(&text).map(|_| head))
@@ -239,36 +240,80 @@ pub fn kind(path: &Path) -> Result<Kind> {
     Ok(head.kind)
 }
 
+/// Parts of one whole, by their number.
+#[derive(Debug, Clone, Default)]
+pub struct PartSet(BTreeMap<u64, (PathBuf, Head)>);
+
+impl PartSet {
+    /// Adds the part at `path`.
+    ///
+    /// # Errors
+    /// A file that cannot be read, is no part, or a torn one; a part of another whole, or one whose number is there.
+    pub fn add(&mut self, path: &Path) -> Result<()> {
+        let head = head(path)?;
+        if let Some((first, known)) = self.0.values().next()
+            && let Some(why) = known.difference(&head)
+        {
+            bail!("{} does not belong to {}: {why}", path.display(), first.display());
+        }
+        let part = head.part;
+        if let Some((known, _)) = self.0.get(&part) {
+            bail!("part {part} occurs twice: {}, {}", known.display(), path.display());
+        }
+        self.0.insert(part, (path.to_owned(), head));
+        Ok(())
+    }
+
+    /// Whether the part at `path` was added.
+    pub fn contains(&self, path: &Path) -> bool {
+        self.0.values().any(|(known, _)| known == path)
+    }
+
+    /// Number of the parts.
+    pub fn count(&self) -> u64 {
+        self.0.len() as u64
+    }
+
+    /// Number of their seeds.
+    pub fn seed_count(&self) -> u64 {
+        self.0.values().map(|(_, head)| head.seeds()).map(|seeds| seeds.end - seeds.start).sum()
+    }
+
+    /// The head of the first part; `None` before there is one.
+    pub fn first(&self) -> Option<&Head> {
+        self.0.values().map(|(_, head)| head).next()
+    }
+
+    /// The files, in the order of their numbers.
+    pub fn paths(&self) -> impl Iterator<Item = &Path> {
+        self.0.values().map(|(path, _)| &**path)
+    }
+
+    fn check_whole(&self) -> Result<()> {
+        let all = self.first().map_or(0, |head| head.parts);
+        let missing = (1..=all).find(|part| !self.0.contains_key(part));
+        if let Some(part) = missing {
+            bail!("part {part} of {all} is missing; {} are there", self.count());
+        }
+        Ok(())
+    }
+}
+
 /// The head of the first part, and all rows in the order of their seeds.
 ///
 /// # Errors
 /// As [`read`]; a part that is missing, there twice, or of other settings, seeds or revision.
 pub fn merge<T: Seeded>(paths: &[PathBuf]) -> Result<(Head, Vec<T>)> {
-    let mut parts = Vec::new();
-    for path in paths {
-        let (head, rows) = read::<T>(path)?;
-        parts.push((head, rows, path));
+    let mut parts = PartSet::default();
+    paths.iter().try_for_each(|path| parts.add(path))?;
+    parts.check_whole()?;
+    let mut all = Vec::new();
+    for path in parts.paths() {
+        let (_, rows) = read::<T>(path)?;
+        all.extend(rows);
     }
-    parts.sort_by_key(|(head, _, _)| head.part);
-    let Some((first, _, first_path)) = parts.first() else { bail!("no part to merge") };
-    let first = first.clone();
-    for (head, _, path) in &parts {
-        if let Some(why) = first.difference(head) {
-            bail!("{} does not belong to {}: {why}", path.display(), first_path.display());
-        }
-    }
-    for pair in parts.windows(2) {
-        if let [(a, _, path_a), (b, _, path_b)] = pair
-            && a.part == b.part
-        {
-            bail!("part {} occurs twice: {}, {}", a.part, path_a.display(), path_b.display());
-        }
-    }
-    let missing = (1..=first.parts).find(|part| parts.iter().all(|(head, ..)| head.part != *part));
-    if let Some(part) = missing {
-        bail!("part {part} of {} is missing; {} are there", first.parts, parts.len());
-    }
-    Ok((first, parts.into_iter().flat_map(|(_, rows, _)| rows).collect()))
+    let first = parts.first().context("no part to merge")?;
+    Ok((first.clone(), all))
 }
 
 fn text_of(path: &Path) -> Result<String> {

@@ -1,6 +1,5 @@
 //! Waits for the parts of a folder, and says how far they are.
 
-use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter};
 use std::fs;
 use std::io::{self, IsTerminal};
@@ -8,9 +7,9 @@ use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
-use tello_eval::shard_file::{self, Head, Kind};
+use tello_eval::shard_file::{Kind, PartSet};
 use tello_io::clock::Clock;
 
 use crate::interrupt::Interrupt;
@@ -29,12 +28,12 @@ pub(super) fn wait(folder: &Path) -> Result<Option<Vec<PathBuf>>> {
     let bar = if is_terminal { ProgressBar::no_length() } else { ProgressBar::hidden() };
     bar.set_style(ProgressStyle::with_template("{bar:40} {msg}")?);
     let clock = Clock::start();
-    let mut parts = Parts::default();
+    let mut parts = PartSet::default();
     let mut seeds_before = None;
     loop {
-        let arrived = parts.look(folder)?;
-        let seeds_before = *seeds_before.get_or_insert(parts.seeds());
-        if let Some(progress) = parts.progress(seeds_before, clock.now().seconds()) {
+        let arrived = look(folder, &mut parts)?;
+        let seeds_before = *seeds_before.get_or_insert(parts.seed_count());
+        if let Some(progress) = Progress::of(&parts, seeds_before, clock.now().seconds()) {
             bar.set_length(progress.seeds_all);
             bar.set_position(progress.seeds);
             bar.set_message(progress.to_string());
@@ -43,7 +42,7 @@ pub(super) fn wait(folder: &Path) -> Result<Option<Vec<PathBuf>>> {
             }
             if progress.parts == progress.parts_all {
                 bar.finish_and_clear();
-                return Ok(Some(parts.into_paths()));
+                return Ok(Some(parts.paths().map(Path::to_owned).collect()));
             }
         }
         if interrupt.is_asked() {
@@ -54,60 +53,19 @@ pub(super) fn wait(folder: &Path) -> Result<Option<Vec<PathBuf>>> {
     }
 }
 
-/// The parts that are there, by their number.
-#[derive(Default)]
-struct Parts(BTreeMap<u64, (PathBuf, Head)>);
-
-impl Parts {
-    /// Adds the parts that came since the last look; whether there are any.
-    fn look(&mut self, folder: &Path) -> Result<bool> {
-        let before = self.0.len();
-        for entry in fs::read_dir(folder).with_context(|| format!("{}", folder.display()))? {
-            let path = entry?.path();
-            // A name that begins with a dot is a part that is being written.
-            let is_part = path.extension().is_some_and(|end| end == "part")
-                && !path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
-            if is_part && self.0.values().all(|(known, _)| *known != path) {
-                let head = shard_file::head(&path)?;
-                self.add(path, head)?;
-            }
+/// Adds the parts in `folder` that came since the last look; whether there are any.
+fn look(folder: &Path, parts: &mut PartSet) -> Result<bool> {
+    let before = parts.count();
+    for entry in fs::read_dir(folder).with_context(|| format!("{}", folder.display()))? {
+        let path = entry?.path();
+        // A name that begins with a dot is a part that is being written.
+        let is_part = path.extension().is_some_and(|end| end == "part")
+            && !path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+        if is_part && !parts.contains(&path) {
+            parts.add(&path)?;
         }
-        Ok(self.0.len() > before)
     }
-
-    fn add(&mut self, path: PathBuf, head: Head) -> Result<()> {
-        if let Some((first, known)) = self.0.values().next()
-            && let Some(why) = known.difference(&head)
-        {
-            bail!("{} does not belong to {}: {why}", path.display(), first.display());
-        }
-        let [part, _] = head.numbers();
-        if let Some((known, _)) = self.0.get(&part) {
-            bail!("part {part} occurs twice: {}, {}", known.display(), path.display());
-        }
-        self.0.insert(part, (path, head));
-        Ok(())
-    }
-
-    /// Seeds of the parts that are there.
-    fn seeds(&self) -> u64 {
-        self.0.values().map(|(_, head)| head.seeds()).map(|seeds| seeds.end - seeds.start).sum()
-    }
-
-    /// `None` before the first part.
-    fn progress(&self, seeds_before: u64, elapsed_s: f64) -> Option<Progress> {
-        let (_, head) = self.0.values().next()?;
-        let [_, parts_all] = head.numbers();
-        let noun = if head.kind == Kind::Bootstrap { "resamples" } else { "flights" };
-        let (parts, seeds, seeds_all) = (self.0.len() as u64, self.seeds(), head.count);
-        let while_watching = (seeds - seeds_before) as f64;
-        let rate = (while_watching > 0.0).then(|| while_watching / elapsed_s);
-        Some(Progress { noun, parts, parts_all, seeds, seeds_all, rate })
-    }
-
-    fn into_paths(self) -> Vec<PathBuf> {
-        self.0.into_values().map(|(path, _)| path).collect()
-    }
+    Ok(parts.count() > before)
 }
 
 /// How far all parts are together.
@@ -119,6 +77,19 @@ struct Progress {
     seeds_all: u64,
     /// Mean since the watch began; `None` before a part arrived in it. 1/s
     rate: Option<f64>,
+}
+
+impl Progress {
+    /// `None` before the first part.
+    fn of(there: &PartSet, seeds_before: u64, elapsed_s: f64) -> Option<Self> {
+        let head = there.first()?;
+        let [_, parts_all] = head.numbers();
+        let noun = if head.kind == Kind::Bootstrap { "resamples" } else { "flights" };
+        let (parts, seeds, seeds_all) = (there.count(), there.seed_count(), head.count);
+        let while_watching = (seeds - seeds_before) as f64;
+        let rate = (while_watching > 0.0).then(|| while_watching / elapsed_s);
+        Some(Self { noun, parts, parts_all, seeds, seeds_all, rate })
+    }
 }
 
 impl Display for Progress {

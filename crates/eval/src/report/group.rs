@@ -179,9 +179,12 @@ impl Group {
             return format!("None of the {all} flights was judged: {reasons}.");
         }
         let mut sentences = vec![if good == judged {
+            let subject = match judged {
+                1 => "The one flight that was judged was".to_owned(),
+                _ => format!("All {judged} flights were"),
+            };
             format!(
-                "All {judged} flights were good: every target reached, never more than \
-                 {VALID_DISTANCE_M} m from the line."
+                "{subject} good: every target reached, never more than {VALID_DISTANCE_M} m from the line."
             )
         } else {
             format!("{good} of {judged} flights were good.")

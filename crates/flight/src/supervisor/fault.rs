@@ -111,7 +111,7 @@ pub enum Fault {
     SolverFailing,
     /// The loop missed more than `late_periods_max` periods in a short time.
     TicksLate,
-    /// The take-off was not confirmed within `take_off_timeout_s`, or the drone has said for 3 s that it flies and has not
+    /// The take-off was not confirmed within `take_off_timeout_s`, or the drone has reported to fly for 3 s and has not
     /// risen: it is held.
     TakeOffTimeout,
     /// The landing was not confirmed within `landing_timeout_s`.
