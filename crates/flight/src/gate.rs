@@ -38,7 +38,7 @@ pub struct Gate {
 }
 
 /// Sticks that passed the gate; in a flight nothing else reaches the socket.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Approved(Sticks);
 
 impl Gate {
@@ -91,6 +91,13 @@ impl Approved {
     /// The sticks, each row a whole number of steps of the wire: 1/660, in the text SDK 1/100.
     pub fn sticks(&self) -> Sticks {
         self.0
+    }
+}
+
+/// Neutral sticks.
+impl Default for Approved {
+    fn default() -> Self {
+        Self::neutral()
     }
 }
 

@@ -126,20 +126,21 @@ mod tests {
 
     #[test]
     fn a_vehicle_was_moved_if_it_was_elsewhere_in_five_ticks() {
-        let was_moved = |at: Pose, ticks: u32| {
+        let was_moved = |stood_rad: f64, at: Pose, ticks: u32| {
             let mut settling = Settling::default();
-            settling.stand(Some(Pose::new(0.0, 0.0, 0.0, 3.1)));
+            settling.stand(Some(Pose::new(0.0, 0.0, 0.0, stood_rad)));
             for _ in 0..ticks {
                 settling.note(CALM.t_ns, Some(at), false, 1.0);
             }
             settling.was_moved()
         };
-        let beside = |x_m: f64| Pose::new(x_m, 0.0, 0.0, 3.1);
+        let beside = |x_m: f64| Pose::new(x_m, 0.0, 0.0, 3.0);
         let turned = |theta_rad: f64| Pose::new(0.0, 0.0, 0.0, theta_rad);
-        assert!(was_moved(beside(MOVED_M.next_up()), 5) && !was_moved(beside(MOVED_M), 99));
-        assert!(!was_moved(beside(0.2), 4), "an outlier");
-        assert!(was_moved(turned(2.94), 5) && was_moved(turned(-3.0), 5));
-        assert!(!was_moved(turned(-3.1), 99), "across the wrap");
+        assert!(was_moved(3.0, beside(MOVED_M.next_up()), 5));
+        assert!(!was_moved(3.0, beside(MOVED_M), 99) && !was_moved(3.0, beside(0.2), 4));
+        assert!(!was_moved(0.0, turned(0.149), 99));
+        assert!(was_moved(0.0, turned(-0.151), 5));
+        assert!(was_moved(3.0, turned(-3.1), 5) && !was_moved(3.0, turned(-3.2), 99));
     }
 
     #[test]

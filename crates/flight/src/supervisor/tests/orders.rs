@@ -28,6 +28,9 @@ fn take_off_is_not_ordered_again_ten_seconds_after_it_was_asked_for() {
         let found = ticks_until(&mut bench, Some(DroneOrder::TakeOff), &asks_to_fly(CALM));
         assert_eq!(found, expected);
     }
+    let until_ns = bench.supervisor.phase_since_ns + 10_000_000_000;
+    let may_repeat = |t_ns| bench.supervisor.may_repeat_take_off(&Evidence { t_ns, ..CALM });
+    assert_eq!([until_ns - 1, until_ns].map(may_repeat), [true, false]);
 }
 
 #[test]
@@ -139,8 +142,8 @@ fn a_take_off_that_is_not_confirmed_in_time_ends_in_landing() {
 
 #[test]
 fn a_drone_that_flies_and_is_not_seen_to_stay_down_is_given_its_time() {
-    let high = with_drone(spinning(), |drone| drone.height_m = Some(0.5));
-    for e in [high, Evidence { pose: None, ..CALM }, CALM] {
+    let low = Evidence { pose: Some(at_height(0.4)), ..spinning() };
+    for e in [low, Evidence { pose: None, ..CALM }, CALM] {
         let mut bench = Bench::taking_off();
         bench.pass(1, &spinning());
         assert_eq!(bench.run(9, &e).phase, Phase::TakingOff, "{e:?}");
