@@ -12,8 +12,8 @@ mod settings;
 mod settle;
 mod sparse;
 
-use horizon_model::Model;
 use horizon_model::setting::{SettingError, positive};
+use horizon_model::{Bounds, Model};
 use nalgebra::{SMatrix, SVector};
 use thiserror::Error;
 
@@ -25,6 +25,9 @@ pub use builder::IdentBuilder;
 use segment::{Segment, Terms};
 pub use settings::{IdentSettings, IdentTable, LinearSolver};
 use sparse::Sparse;
+
+/// See [`Ident::is_extreme`].
+const EXTREME: f64 = 1e4;
 
 /// A stretch of a recording that is explained by itself.
 #[derive(Debug, Clone, PartialEq)]
@@ -221,6 +224,9 @@ where
     pub fn solve(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<SolveReport, SolveError> {
         let solver = self.solver;
         self.known = None;
+        if !self.is_near {
+            self.settle();
+        }
         levenberg::solve(self, &solver, is_late)
     }
 
@@ -244,6 +250,18 @@ where
     /// The parameter: NP rows in the units of [`Model::PARAMETER`], the prior before the first solve.
     pub fn parameter(&self) -> &SVector<f64, NP> {
         &self.p
+    }
+
+    /// Whether a row of the parameter lies at an end of its box that is no point, or [`EXTREME`] times as far from its
+    /// prior as that is large.
+    pub(crate) fn is_extreme(&self) -> bool {
+        let Prior { p_prior, bounds: Bounds { lo, hi }, .. } = &self.prior;
+        (0..NP).any(|row| {
+            let is_inside = lo[row] < self.p[row] && self.p[row] < hi[row];
+            let is_near =
+                (self.p[row] - p_prior[row]).abs() < EXTREME * p_prior[row].abs().max(1.0);
+            lo[row] < hi[row] && !(is_inside && is_near)
+        })
     }
 
     /// How many pieces there are, left out ones included.

@@ -13,7 +13,7 @@ where
     M: Model<NS, NU, NO, NP> + Sync,
 {
     /// Cyclic coordinate descent from the present dead times, which are left at the best that was found.
-    /// The cost never increases: the present dead time of a group is one of its candidates.
+    /// The present dead time of a group is one of its candidates.
     ///
     /// Cost: a warm solve per group, candidate and pass.
     pub(super) fn one_by_one(&mut self, candidates_s: &[f64]) -> Result<Vec<Found>, Halt> {

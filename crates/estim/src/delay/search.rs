@@ -4,6 +4,7 @@ use horizon_model::Model;
 use horizon_model::check::maximum;
 use nalgebra::SVector;
 
+use super::descent::Descent;
 use super::{
     DelayError, DelayInfluence, DelayProfile, DelaySettings, DelaySpread, DelayVerdict, Flights,
 };
@@ -16,13 +17,13 @@ use crate::levenberg::Stop;
 const CHANCE: f64 = 1.92;
 
 /// A scan ends where the cost is this many times [`CHANCE`] above its least.
-const FAR: f64 = 100.0;
+pub(super) const FAR: f64 = 100.0;
 
 /// Cost tolerance while the range is scanned: enough to see where the minimum is.
-const ROUGH: f64 = 1e-3;
+pub(super) const ROUGH: f64 = 1e-3;
 
 /// Cost tolerance elsewhere: what a wrong dead time adds is a small part of the cost.
-const EXACT: f64 = 1e-7;
+pub(super) const EXACT: f64 = 1e-7;
 
 /// Fewer pieces cannot tell how they vary.
 const PIECES_MIN: f64 = 10.0;
@@ -87,31 +88,15 @@ where
             self.dead_time_s[*row] = self.dead_time_s[*row].min(self.settings.dead_time_max_s);
         }
         let start_s = *self.dead_time_s;
-        let start_cost = self.solve()?;
+        self.solve()?;
         let start = self.ident.clone();
-        let scanned = self.scan(&start, FAR * self.chance(start_cost))?;
-        let (curves, mut minima): (Vec<_>, Vec<_>) = scanned
-            .into_iter()
-            .map(|points| {
-                let (at_s, gradients): (Vec<f64>, Vec<f64>) = points.into_iter().unzip();
-                integrate(&at_s, &gradients)
-            })
-            .unzip();
-        self.ident.restart_at(&start);
-        let mut cost = self.refine(&mut minima)?;
-        let mut found: Vec<_> = curves
-            .into_iter()
-            .zip(&minima)
-            .map(|(curve, minimum)| Found { curve, at_s: minimum.at_s })
-            .collect();
-        if cost > start_cost * (1.0 + EXACT) {
-            // The groups depend on each other: one after the other, from the start on.
-            *self.dead_time_s = start_s;
-            found = self.one_by_one(&self.settings.grid().collect::<Vec<_>>())?;
-            cost = self.solve()?;
+        let mut descent = self.descend()?;
+        if (descent.is_vain() || self.ident.is_extreme()) && self.start_from_prior(descent.cost)? {
+            descent = self.descend()?;
         }
-        let mut middle = start;
-        middle.restart_at(self.ident);
+        let is_vain = descent.is_vain();
+        let Descent { found, mut cost, .. } = descent;
+        let mut middle = self.ident.clone();
         let mut profiles = Vec::with_capacity(found.len());
         for (group, Found { curve, at_s }) in found.into_iter().enumerate() {
             let rows = self.groups[group].to_vec();
@@ -124,10 +109,13 @@ where
                 DelayVerdict::EndOfRange => left || right,
                 DelayVerdict::Undecided => false,
             };
-            if !is_decided {
+            if !is_decided || is_vain {
                 (spread, verdict) = (None, DelayVerdict::Undecided);
             }
             if verdict == DelayVerdict::Undecided {
+                if is_vain {
+                    self.ident.restart_at(&start);
+                }
                 dead_time_s = rows.first().map_or(at_s, |row| start_s[*row]);
                 self.put(group, dead_time_s);
                 cost = self.solve()?;
@@ -142,7 +130,7 @@ where
 
     /// Gradients of the profile of each group by ascending dead time, from its start, where `start` is solved, down and
     /// up to the ends of the range or until it costs more than `far` above its least. All groups move at once.
-    fn scan(
+    pub(super) fn scan(
         &mut self,
         start: &Ident<M, NS, NU, NO, NP>,
         far: f64,
@@ -193,7 +181,7 @@ where
 
     /// Newton's steps of every group with a curvature of its own, updated along the secant. A gradient that
     /// changes its sign halves the longest step: at a kink there is no curvature to rely on. Returns the cost.
-    fn refine(&mut self, minima: &mut [LocalMinimum]) -> Result<f64, Halt> {
+    pub(super) fn refine(&mut self, minima: &mut [LocalMinimum]) -> Result<f64, Halt> {
         let DelaySettings { dead_time_max_s, grid_s, tolerance_s, rounds } = *self.settings;
         let enough_s = 0.1 * tolerance_s;
         let mut before =
@@ -283,7 +271,7 @@ where
     }
 
     /// What chance adds to the profile of a dead time where the least cost is `cost`.
-    fn chance(&self, cost: f64) -> f64 {
+    pub(super) fn chance(&self, cost: f64) -> f64 {
         CHANCE * (2.0 * cost / self.ident.degrees_of_freedom()).max(1.0)
     }
 
@@ -300,7 +288,7 @@ where
     }
 
     /// As [`Search::solve`], with a cost tolerance that depends on that of the settings.
-    fn solve_to(&mut self, cost_tolerance: fn(f64) -> f64) -> Result<f64, Halt> {
+    pub(super) fn solve_to(&mut self, cost_tolerance: fn(f64) -> f64) -> Result<f64, Halt> {
         for (piece, u) in self.flights.inputs(self.dead_time_s).iter().enumerate() {
             self.ident.set_inputs(piece, u)?;
         }
@@ -337,15 +325,18 @@ fn rises(curve: &[(f64, f64)], at_s: f64) -> [f64; 2] {
 
 /// Lowest point of a curve of gradients, from candidate to candidate.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct LocalMinimum {
-    at_s: f64,
+pub(super) struct LocalMinimum {
+    pub(super) at_s: f64,
     /// Second derivative there; `None` at an end of the range, which is not left any more.
     curvature: Option<f64>,
 }
 
 /// Profile from the `gradients` at ascending candidates: the costs above the least, at the candidates and at the
 /// minimum between them, and where it is.
-fn integrate(candidates_s: &[f64], gradients: &[f64]) -> (Vec<(f64, f64)>, LocalMinimum) {
+pub(super) fn integrate(
+    candidates_s: &[f64],
+    gradients: &[f64],
+) -> (Vec<(f64, f64)>, LocalMinimum) {
     let mut cost = 0.0;
     let mut curve = vec![(candidates_s.first().copied().unwrap_or(0.0), 0.0)];
     for (at_s, gradient) in candidates_s.windows(2).zip(gradients.windows(2)) {

@@ -100,6 +100,28 @@ where
         self.eliminate(Curvature::GaussNewton, damping)?.solve(damping, &p, &bounds)
     }
 
+    /// Leads the states of each piece that counts to their minimum with the present parameter: the first step of the
+    /// parameter from states that are as noisy as their observations may end far away.
+    pub(super) fn settle(&mut self) {
+        let (damping, tolerance) = (0.0, self.solver.cost_tolerance().max(TOLERANCE_MIN));
+        let len_max = self.segments.iter().map(|segment| segment.s.len()).max().unwrap_or(0);
+        let Self { terms, curvature, segments, multiplicities, p, .. } = self;
+        let settle = |scratch: &mut Scratch<NS>,
+                      (segment, count): (&mut Segment<NS, NU, NO, NP>, &u32)| {
+            if *count == 0 {
+                return;
+            }
+            segment.s_candidate.clone_from(&segment.s);
+            let cost = segment.contribution(terms, p).cost;
+            let start = Start { cost, expected: f64::NAN, damping, tolerance };
+            if segment.settle(terms, p, *curvature, start, scratch) < cost {
+                segment.accept();
+            }
+        };
+        let scratch = || Scratch::of::<M, NU, NO, NP>(len_max);
+        segments.par_iter_mut().zip(&*multiplicities).for_each_init(scratch, settle);
+    }
+
     /// Sets the candidate of each piece that counts and returns their contributions: the steps as the damped
     /// model has them, the costs with the states led back to their minimum.
     fn follow(&mut self, p_candidate: &SVector<f64, NP>, damping: f64) -> Vec<Contribution> {
