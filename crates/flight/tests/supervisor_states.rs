@@ -88,6 +88,7 @@ fn evidence(
         is_obstacle_unseen: flag(0) && flag(1) && flag(3),
         is_start_barred: flag(1) && flag(2) && flag(3),
         is_approached: flag(1) && flag(3),
+        may_be_approached: flag(2) && flag(3),
         reference_behind_w: (flag(0) && flag(3)).then(Vector3::zeros),
         is_in_obstacle: flag(0) && flag(1) && flag(2),
         is_pose_repeated: flag(2),

@@ -60,6 +60,7 @@ where
             is_obstacle_unseen: self.planner.walls().is_some_and(Walls::is_moving_unseen),
             is_start_barred: may_stand && holds_here(Walls::bars_start),
             is_approached: holds_here(Walls::is_approached),
+            may_be_approached: holds_here(Walls::may_be_approached),
             reference_behind_w: self.reference_behind_w(motion.as_ref()),
             is_in_obstacle: holds_here(Walls::is_in_obstacle),
             is_pose_repeated: self.is_frozen(),

@@ -34,6 +34,9 @@ const CLIMB_M: f64 = CLIMB_MAX_M + 0.1;
 /// 3.5 s. s
 const APPROACH_S: f64 = 4.0;
 
+/// A person who stands sways by less. m/s
+const STANDS_MPS: f64 = 0.3;
+
 /// How the plan keeps away from walls and obstacles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -45,7 +48,7 @@ pub struct WallTable {
     /// By how much the margin grows over the horizon: the error of the prediction. m/s, 0..=0.5
     pub growth_mps: f64,
     /// Acceleration that an obstacle may have which moves: its margin grows by `1/2 a t^2` besides, t from its newest
-    /// place on. m/s^2, 0..=5; 0 in older settings and logs
+    /// place on. More, up to 1.5, if it has shown more. m/s^2, 0..=5; 0 in older settings and logs: none
     #[serde(default)]
     pub obstacle_accel_mps2: f64,
     /// Standard deviations of the predicted position, by the estimate's covariance over the committed time, that the
@@ -195,6 +198,19 @@ impl Walls {
         self.obstacles.iter().filter(|obstacle| obstacle.is_moving()).any(comes_near)
     }
 
+    /// Whether the obstacle that moves could come that near within a landing if it turned towards `at_w`.
+    pub(super) fn may_be_approached(&self, at_w: &Vector3<f64>) -> bool {
+        let (moving_w, speed_mps) = (self.moving.place(0.0), self.moving.speed_mps());
+        let Some(speed_mps) = speed_mps.filter(|speed_mps| *speed_mps > STANDS_MPS) else {
+            return false;
+        };
+        let is_within = |obstacle: &Obstacle| {
+            let distance_m = obstacle.distance_from(at_w, moving_w.as_ref()).distance_m;
+            distance_m < self.table.margin_m + speed_mps * APPROACH_S
+        };
+        self.obstacles.iter().filter(|obstacle| obstacle.is_moving()).any(is_within)
+    }
+
     /// Whether a vehicle that stands at `at_w` is inside of an obstacle now, or climbs into one in its take-off.
     pub(super) fn bars_start(&self, at_w: &Vector3<f64>) -> bool {
         let moving_w = self.moving.place(0.0);
@@ -308,7 +324,13 @@ impl Walls {
         if !self.is_moving(i) {
             return margin_m;
         }
-        margin_m + 0.5 * self.table.obstacle_accel_mps2 * (self.lead_s + ahead_s).powi(2)
+        margin_m + 0.5 * self.obstacle_accel_mps2() * (self.lead_s + ahead_s).powi(2)
+    }
+
+    /// Acceleration that the obstacle that moves may have: that of the settings, or more if it has shown more. m/s^2
+    fn obstacle_accel_mps2(&self) -> f64 {
+        let least_mps2 = self.table.obstacle_accel_mps2;
+        if least_mps2 > 0.0 { least_mps2.max(self.moving.acceleration_mps2()) } else { 0.0 }
     }
 
     fn still_margin_m(&self, variance: f64, ahead_s: f64) -> f64 {

@@ -15,8 +15,8 @@ const SLOW_MPS: f64 = 0.2;
 /// Longest braking: a dead time of 0.34 s, and 1.2 m/s at 1.1 m/s^2. s
 const BRAKE_MAX_S: f64 = 1.5;
 
-/// Longest wait for an obstacle that comes near at the end of a mission. s
-const LET_PAST_S: f64 = 10.0;
+/// Longest wait at the end of a mission for an obstacle that comes near, or could. s
+const LET_PAST_S: f64 = 20.0;
 
 /// What the controller does in a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,10 +50,11 @@ impl Supervisor {
         }
     }
 
-    /// Whether the mission has been done for long enough. A landing evades nothing: an obstacle that comes near is
-    /// let past first.
+    /// Whether the mission has been done for long enough. A landing evades nothing: an obstacle that comes near, or
+    /// walks so near that it could, is let past first.
     fn is_held_out(&self, e: &Evidence) -> bool {
-        let let_past_s = if e.is_approached { LET_PAST_S } else { 0.0 };
+        let is_near = e.is_approached || e.may_be_approached;
+        let let_past_s = if is_near { LET_PAST_S } else { 0.0 };
         self.since.done.has_lasted(e.t_ns, self.table.finish_hold_s + let_past_s)
     }
 

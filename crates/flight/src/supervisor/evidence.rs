@@ -182,6 +182,8 @@ pub struct Evidence {
     pub is_start_barred: bool,
     /// Whether the obstacle that moves comes near to the newest accepted pose within the time of a landing.
     pub is_approached: bool,
+    /// Whether it moves and could if it turned.
+    pub may_be_approached: bool,
     /// Where the reference is, if the straight way there leads through an obstacle that does not move and none that
     /// moves is in it, world frame. m
     pub reference_behind_w: Option<Vector3<f64>>,

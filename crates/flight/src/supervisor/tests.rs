@@ -66,6 +66,7 @@ pub(super) const CALM: Evidence = Evidence {
     is_obstacle_unseen: false,
     is_start_barred: false,
     is_approached: false,
+    may_be_approached: false,
     reference_behind_w: None,
     is_in_obstacle: false,
     t_ns: 0,

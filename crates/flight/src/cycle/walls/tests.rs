@@ -157,6 +157,28 @@ fn what_moves_is_where_it_is_when_the_plan_comes_there() {
 }
 
 #[test]
+fn one_who_walks_past_may_turn_and_one_who_stands_does_not() {
+    let moving = ObstacleTable::Moving { radius_m: 0.2 };
+    let may_come = |speed_mps: f64, apart_m: f64| {
+        let mut walls =
+            Walls::new(Some(&TABLE), None, std::slice::from_ref(&moving)).unwrap().unwrap();
+        for k in 0..100 {
+            walls.follow(
+                Some([0.02 * speed_mps * f64::from(k), 1e-4 * f64::from(k % 2), 1.0]),
+                0.02,
+            );
+        }
+        // Beside the newest place: nobody comes nearer as he walks now.
+        let at_w = Vector3::new(0.02 * speed_mps * 99.0, apart_m, 1.0);
+        assert!(!walls.is_approached(&at_w), "{speed_mps} m/s, {apart_m} m");
+        walls.may_be_approached(&at_w)
+    };
+    let reach_m = 0.2 + TABLE.margin_m + 4.0;
+    assert_eq!([0.9, 1.1].map(|part| may_come(1.0, part * reach_m)), [true, false]);
+    assert!(!may_come(0.2, 1.0), "sways");
+}
+
+#[test]
 fn a_vehicle_in_flight_is_inside_of_obstacles_that_do_not_move_alone() {
     let still = ObstacleTable::Box { x_m: [0.0, 1.0], y_m: [0.0, 1.0], z_m: [0.0, 2.0] };
     let walls = Walls::new(Some(&TABLE), None, &[still, ObstacleTable::Moving { radius_m: 0.2 }])
