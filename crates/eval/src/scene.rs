@@ -298,6 +298,7 @@ pub(crate) mod tests {
             is_braking: false,
             order: None,
             faults: FaultSet::default(),
+            ended_by: FaultSet::default(),
             pose_is_airborne: None,
         });
         out

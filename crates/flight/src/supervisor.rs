@@ -246,6 +246,7 @@ impl Supervisor {
             is_braking,
             order: self.order(e, reaction),
             faults: faults.union(self.ended_by),
+            ended_by: self.ended_by,
             pose_is_airborne: self.pose_is_airborne(e),
         }
     }

@@ -9,7 +9,7 @@ use serde::Serialize;
 use tello_eval::flight_log::{self, TickRecord};
 use tello_eval::scene::Scene;
 use tello_flight::cycle::{FlightTable, Timing};
-use tello_flight::{Mission, Phase};
+use tello_flight::{Fault, Mission, Phase};
 use tello_io::log::LogError;
 use tello_io::whole_file;
 
@@ -28,6 +28,8 @@ pub struct Logged {
     pub seed: u64,
     /// Phase at the end.
     pub phase: Phase,
+    /// The faults that ended it; empty after a mission that was done.
+    pub ended_by: Vec<Fault>,
     /// Targets reached, by the estimate.
     pub targets_reached: usize,
     /// Targets to reach.
@@ -37,18 +39,19 @@ pub struct Logged {
 }
 
 impl Logged {
-    /// Whether all targets were reached and the vehicle landed.
+    /// Whether all targets were reached and the vehicle landed, and no fault landed it.
     pub fn is_success(&self) -> bool {
-        self.phase.is_success(self.targets_reached, self.targets_count)
+        self.phase.is_success(self.targets_reached, self.targets_count, &self.ended_by)
     }
 }
 
 impl Display for Logged {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Self { log, seed, phase, targets_reached, targets_count, lasted_s } = self;
+        let Self { log, seed, phase, ended_by, targets_reached, targets_count, lasted_s } = self;
+        let reason = Fault::ending_names(ended_by);
         writeln!(
             f,
-            "seed {seed}: {}, {targets_reached} of {targets_count} targets, {lasted_s:.2} s; log {}",
+            "seed {seed}: {}{reason}, {targets_reached} of {targets_count} targets, {lasted_s:.2} s; log {}",
             phase.name(),
             log.display()
         )
@@ -123,6 +126,11 @@ fn fly_into(
         log: path.to_owned(),
         seed,
         phase: tick.out.phase(),
+        ended_by: tick
+            .out
+            .ruling
+            .map(|ruling| ruling.ended_by.iter().collect())
+            .unwrap_or_default(),
         targets_reached: tick.out.targets_reached,
         targets_count,
         lasted_s: tick.inbox.now.seconds(),

@@ -139,6 +139,8 @@ pub(super) struct LoopEnd {
     pub(super) faults_last: FaultSet,
     /// Every fault that was present at some time after the take-off was ordered.
     pub(super) faults: FaultSet,
+    /// What ended the flight.
+    pub(super) ended_by: FaultSet,
     /// Whether nothing but a carried vehicle was waited for, and no frame of the mocap ever came.
     pub(super) is_unseen: bool,
     /// Orders that the link did not take; the supervisor repeats them.
@@ -156,6 +158,7 @@ impl LoopEnd {
         let Some(ruling) = ruling else { return };
         self.phase = ruling.phase;
         self.faults_last = ruling.faults;
+        self.ended_by = ruling.ended_by;
         if ruling.phase != Phase::Idle {
             self.faults = self.faults.union(ruling.faults);
         }

@@ -55,6 +55,8 @@ pub(super) struct Summary {
     pub(super) laps: Vec<Lap>,
     /// Every fault that was present at some time after the take-off was ordered.
     pub(super) faults: Vec<Fault>,
+    /// Those that ended the flight; empty after a mission that was done.
+    pub(super) ended_by: Vec<Fault>,
     /// Ticks of the loop.
     pub(super) ticks: u64,
     /// Ticks that began more than 5 ms late.
@@ -240,6 +242,7 @@ impl Summary {
             links: Links::of(drone, end),
             phase: end.phase,
             faults: end.faults.iter().collect(),
+            ended_by: end.ended_by.iter().collect(),
             records_dropped: end.records_dropped,
             ..self
         }
@@ -258,7 +261,7 @@ impl Summary {
 
     /// Whether the flight did what it was for, whatever became of the log.
     pub(super) fn is_success(&self) -> bool {
-        self.phase.is_success(self.targets_reached, self.targets_count)
+        self.phase.is_success(self.targets_reached, self.targets_count, &self.ended_by)
     }
 
     /// Whether it also left a log that commands behind it can use.
@@ -271,7 +274,8 @@ impl Display for Summary {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let (reached, count) = (self.targets_reached, self.targets_count);
         let missing = self.missing_witness();
-        writeln!(f, "result        {}{missing}, {reached} of {count} targets", self.phase.name())?;
+        let (phase, reason) = (self.phase.name(), Fault::ending_names(&self.ended_by));
+        writeln!(f, "result        {phase}{missing}{reason}, {reached} of {count} targets")?;
         self.write_accuracy(f)?;
         self.write_timing(f)?;
         self.write_events(f)?;

@@ -245,6 +245,7 @@ mod tests {
             is_braking: false,
             order,
             faults: FaultSet::default(),
+            ended_by: FaultSet::default(),
             pose_is_airborne: Some(true),
         }
     }

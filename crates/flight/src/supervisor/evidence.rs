@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::fault::{FaultSet, Pilot};
+use super::fault::{Fault, FaultSet, Pilot};
 use crate::drone::DroneOrder;
 use crate::monitor::Findings;
 
@@ -53,9 +53,15 @@ impl Phase {
         }
     }
 
-    /// Whether a flight that ended in this phase did what it was for.
-    pub fn is_success(self, targets_reached: usize, targets_count: usize) -> bool {
-        self == Self::Landed && targets_reached == targets_count
+    /// Whether a flight that ended in this phase, by `ended_by`, did what it was for.
+    pub fn is_success(
+        self,
+        targets_reached: usize,
+        targets_count: usize,
+        ended_by: &[Fault],
+    ) -> bool {
+        let is_complete = targets_reached == targets_count;
+        self == Self::Landed && is_complete && !ended_by.iter().any(|fault| fault.ends_early())
     }
 
     /// Name on terminals.
@@ -261,6 +267,8 @@ pub struct Ruling {
     pub order: Option<DroneOrder>,
     /// What is wrong, and what ended the flight.
     pub faults: FaultSet,
+    /// What ended the flight alone; empty before.
+    pub ended_by: FaultSet,
     /// Whether a fresh pose shows the vehicle above the ground; `None` without such a pose.
     pub pose_is_airborne: Option<bool>,
 }
@@ -292,8 +300,16 @@ mod tests {
         use Phase::{Flying, Idle, Landed, Landing, LandingUnconfirmed, MotorsStopped, TakingOff};
         assert!([Landed, LandingUnconfirmed, MotorsStopped].into_iter().all(Phase::is_over));
         assert!(![Idle, TakingOff, Flying, Landing].into_iter().any(Phase::is_over));
-        assert!(Landed.is_success(5, 5) && Landed.is_success(0, 0));
-        assert!(!Landed.is_success(4, 5) && !MotorsStopped.is_success(5, 5));
+        assert!(Landed.is_success(5, 5, &[]) && Landed.is_success(0, 0, &[]));
+        assert!(!Landed.is_success(4, 5, &[]) && !MotorsStopped.is_success(5, 5, &[]));
+        for (fault, is_success) in [
+            (Fault::OperatorStop, true),
+            (Fault::LandedByPose, true),
+            (Fault::TrackingLost, false),
+            (Fault::FenceLeft, false),
+        ] {
+            assert_eq!(Landed.is_success(5, 5, &[fault]), is_success, "{fault:?}");
+        }
     }
 
     #[test]

@@ -167,6 +167,18 @@ pub enum Reaction {
 }
 
 impl Fault {
+    /// Whether a flight that this ended was cut short: not if the operator landed it, nor by how a landing was confirmed.
+    pub(crate) fn ends_early(self) -> bool {
+        !matches!(self, Self::OperatorStop | Self::LandedByPose | Self::LandedByDrone)
+    }
+
+    /// Behind "landed": in brackets the names of what cut the flight short; empty if nothing did.
+    pub fn ending_names(ended_by: &[Self]) -> String {
+        let early = ended_by.iter().filter(|fault| fault.ends_early());
+        let names: Vec<&str> = early.map(|fault| fault.name()).collect();
+        if names.is_empty() { String::new() } else { format!(" ({})", names.join(", ")) }
+    }
+
     /// All faults, in the order of their declaration.
     pub const ALL: &[Self] = Self::VARIANTS;
 

@@ -136,7 +136,7 @@ impl Decoder {
     /// the drone.
     pub fn feed(&mut self, byte: u8) -> Option<Typed> {
         let plain = || act(u32::from(byte), false, KeyMotion::Pulse).map(Typed::Act);
-        let is_stop = matches!(u32::from(byte), BACKSPACE | INTERRUPT);
+        let is_stop = matches!(u32::from(byte), BACKSPACE | BACKSPACE_OLD | INTERRUPT);
         let state = std::mem::take(&mut self.state);
         match state {
             _ if is_stop => plain(),

@@ -26,6 +26,7 @@ fn logged(phase: Phase, targets_reached: usize) -> Logged {
         log: "a.mcap".into(),
         seed: 7,
         phase,
+        ended_by: Vec::new(),
         targets_reached,
         targets_count: 2,
         lasted_s: 9.5,
@@ -43,6 +44,9 @@ fn a_flight_is_a_success_only_if_it_reached_all_and_landed() {
     ] {
         assert_eq!(logged(phase, reached).is_success(), is_success, "{phase:?}, {reached}");
     }
+    let by_fault = Logged { ended_by: vec![Fault::TrackingLost], ..logged(Phase::Landed, 2) };
+    assert!(!by_fault.is_success());
+    assert!(by_fault.to_string().starts_with("seed 7: landed (off the reference), 2 of 2"));
     let text = logged(Phase::Landed, 1).to_string();
     assert_eq!(text, "seed 7: landed, 1 of 2 targets, 9.50 s; log a.mcap\n");
 }

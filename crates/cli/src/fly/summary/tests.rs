@@ -87,6 +87,10 @@ fn a_flight_is_a_success_if_it_landed_after_its_last_target() {
     let without_log = Summary { log_error: Some("disk full".to_owned()), ..landed.clone() };
     assert!(without_log.is_success() && !without_log.is_complete());
     assert!(!summary(Phase::LandingUnconfirmed, &[]).is_success());
+    let by_fault = Summary { ended_by: vec![Fault::FenceLeft], ..landed.clone() };
+    assert!(!by_fault.is_success());
+    let first = by_fault.to_string().lines().next().unwrap_or_default().to_owned();
+    assert!(first.contains("landed (outside of the room), "), "{first}");
     let targets_reached = landed.targets_count - 1;
     assert!(!Summary { targets_reached, ..landed }.is_success());
 }

@@ -52,6 +52,7 @@ fn left(path: &Path, phase: Phase, missed: usize, has_flown: bool) -> Option<Par
         phase,
         faults_last: FaultSet::default(),
         faults: FaultSet::default(),
+        ended_by: FaultSet::default(),
         is_unseen: false,
         orders_lost: 0,
         sightings_dropped: 0,

@@ -140,7 +140,10 @@ proptest! {
         for byte in noise {
             decoder.feed(byte);
         }
-        prop_assert_eq!(decoder.feed(0x7f), Some(Typed::Act(Act::Ask(Ask::EmergencyStop))));
+        for stop in [0x7f, 0x08] {
+            let stopped = Some(Typed::Act(Act::Ask(Ask::EmergencyStop)));
+            prop_assert_eq!(decoder.clone().feed(stop), stopped);
+        }
         prop_assert_eq!(decoder.feed(b't'), Some(Typed::Act(Act::Ask(Ask::TakeOff))));
     }
 }

@@ -34,6 +34,7 @@ fn the_ruling_of_the_tick_is_shown_as_it_is() {
         is_braking: false,
         order: None,
         faults: set,
+        ended_by: FaultSet::default(),
         pose_is_airborne: None,
     });
     let inbox = Inbox { manual: Some([0.0; 4]), operator: Operator::Land, ..Inbox::new() };
