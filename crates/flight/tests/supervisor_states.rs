@@ -69,6 +69,17 @@ fn every_evidence() -> Vec<Evidence> {
     all
 }
 
+fn findings(flag: impl Fn(u8) -> bool) -> Findings {
+    Findings {
+        still_s: (flag(1) && flag(2) && flag(3)).then_some(0.9),
+        frozen_s: (flag(1) && flag(2) && flag(3)).then_some(0.9),
+        velocity: if flag(0) && flag(1) { Agreement::Doubtful } else { Agreement::Unknown },
+        height: if flag(0) && flag(2) { Agreement::Disagrees } else { Agreement::Agrees },
+        is_direction_wrong: flag(0) && flag(3),
+        ..Findings::default()
+    }
+}
+
 fn evidence(
     pose_age_s: Option<f64>,
     place: Option<[f64; 2]>,
@@ -97,14 +108,7 @@ fn evidence(
         is_pose_rough: flag(1) && flag(2) && flag(0),
         drop_m: None,
         is_pose_settled: !(flag(1) && flag(3)),
-        findings: Findings {
-            still_s: (flag(1) && flag(2) && flag(3)).then_some(0.9),
-            frozen_s: (flag(1) && flag(2) && flag(3)).then_some(0.9),
-            velocity: if flag(0) && flag(1) { Agreement::Doubtful } else { Agreement::Unknown },
-            height: if flag(0) && flag(2) { Agreement::Disagrees } else { Agreement::Agrees },
-            is_direction_wrong: flag(0) && flag(3),
-            ..Findings::default()
-        },
+        findings: findings(flag),
         outage: pose.filter(|_| flag(0) && flag(1) && flag(3)).map(|pose| Outage {
             for_s: 7.0,
             is_held: flag(2),

@@ -1,14 +1,14 @@
 //! Walls and obstacles in the plan.
 //!
-//! Owns the soft constraints of the controller: the distance of the planned pose from the walls of the room and from
+//! Owns the distances that the controller's soft constraints (`plan_walls.rs`) need: of the planned pose from walls and
 //! obstacles, and from the walls that of the place to which the vehicle would coast with neutral sticks, so that a
-//! flight that ends in them tends to come to rest inside. The controller knows the constraints as `c(s) <= 0` alone.
+//! flight that ends in them tends to come to rest inside. Of an obstacle that moves, each of two predictions counts.
 
-use horizon_control::{Excess, SoftConstraints};
-use horizon_model::Model;
-use horizon_model::rows::{Pose, pos_w, pose, stick};
+mod plan_walls;
+
+use horizon_model::rows::{Pose, pos_w};
 use horizon_model::setting::{SettingError, in_range};
-use nalgebra::{Matrix3, SVector, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +16,7 @@ use super::moving_obstacle::MovingObstacle;
 use crate::obstacle::{self, SignedDistance};
 use crate::supervisor::CLIMB_MAX_M;
 use crate::{Obstacle, ObstacleTable, Room};
+pub(super) use plan_walls::PlanWalls;
 
 /// What is further away than this is not looked at. m
 const NEAR_M: f64 = 1.0;
@@ -230,9 +231,10 @@ impl Walls {
         self.table.margin_sd > 0.0
     }
 
-    /// Number of walls and obstacles.
+    /// Number of walls and obstacles; one that moves counts twice, the second time where its mean velocity leads.
     pub(super) fn count(&self) -> usize {
-        self.wall_count() + self.obstacles.len()
+        let moving = self.obstacles.iter().filter(|it| it.is_moving() && self.may_accelerate());
+        self.wall_count() + self.obstacles.len() + moving.count()
     }
 
     fn wall_count(&self) -> usize {
@@ -241,14 +243,24 @@ impl Walls {
 
     /// The obstacle among walls and obstacles; `None` for a wall.
     fn obstacle(&self, i: usize) -> Option<&Obstacle> {
-        i.checked_sub(self.wall_count()).map(|k| &self.obstacles[k])
+        let k = i.checked_sub(self.wall_count())?;
+        self.obstacles
+            .get(k)
+            .or_else(|| self.obstacles.iter().find(|obstacle| obstacle.is_moving()))
+    }
+
+    /// Whether `i` is the obstacle that moves where its mean velocity leads.
+    fn is_by_mean(&self, i: usize) -> bool {
+        i >= self.wall_count() + self.obstacles.len()
     }
 
     /// Distance from wall or obstacle `i`, `ahead_s` after the beginning of the plan.
     fn distance(&self, i: usize, at_w: &Vector3<f64>, ahead_s: f64) -> SignedDistance {
         match (self.obstacle(i), &self.room) {
             (Some(obstacle), _) if obstacle.is_moving() => {
-                let moving_w = self.moving.place(self.lead_s + ahead_s);
+                let (it, ahead_s) = (&self.moving, self.lead_s + ahead_s);
+                let moving_w =
+                    if self.is_by_mean(i) { it.place_by_mean(ahead_s) } else { it.place(ahead_s) };
                 obstacle.distance_from(at_w, moving_w.as_ref())
             }
             (Some(obstacle), _) => obstacle.distance(at_w),
@@ -324,57 +336,23 @@ impl Walls {
         if !self.is_moving(i) {
             return margin_m;
         }
-        margin_m + 0.5 * self.obstacle_accel_mps2() * (self.lead_s + ahead_s).powi(2)
+        let least_mps2 = self.table.obstacle_accel_mps2;
+        let shown_mps2 = if self.is_by_mean(i) || !self.may_accelerate() {
+            0.0
+        } else {
+            self.moving.acceleration_mps2()
+        };
+        margin_m + 0.5 * least_mps2.max(shown_mps2) * (self.lead_s + ahead_s).powi(2)
     }
 
-    /// Acceleration that the obstacle that moves may have: that of the settings, or more if it has shown more. m/s^2
-    fn obstacle_accel_mps2(&self) -> f64 {
-        let least_mps2 = self.table.obstacle_accel_mps2;
-        if least_mps2 > 0.0 { least_mps2.max(self.moving.acceleration_mps2()) } else { 0.0 }
+    /// Whether an obstacle that moves may change its velocity: not in older settings and logs.
+    fn may_accelerate(&self) -> bool {
+        self.table.obstacle_accel_mps2 > 0.0
     }
 
     fn still_margin_m(&self, variance: f64, ahead_s: f64) -> f64 {
         let sd_m = variance.max(0.0).sqrt();
         self.table.margin_m + self.table.growth_mps * ahead_s + self.table.margin_sd * sd_m
-    }
-}
-
-/// The soft constraints `c_i(s) <= 0` of `docs/control.md`, section 3, on the states of a model with this parameter.
-#[derive(Debug)]
-pub(super) struct PlanWalls<'a, M, const NP: usize> {
-    pub(super) model: &'a M,
-    pub(super) p: &'a SVector<f64, NP>,
-    pub(super) walls: &'a Walls,
-}
-
-impl<M, const NS: usize, const NP: usize> SoftConstraints<NS> for PlanWalls<'_, M, NP>
-where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-{
-    fn count(&self) -> usize {
-        self.walls.count()
-    }
-
-    fn excess(&self, i: usize, s: &SVector<f64, NS>, ahead_s: f64) -> Option<Excess<NS>> {
-        let Self { model, p, walls } = self;
-        let (at_w, coasting) = (pos_w(&model.observe(s)), walls.table.coasting);
-        let way_w = pos_w(&model.coasting(s, p)) * coasting;
-        if [at_w, at_w + way_w].iter().all(|end_w| walls.is_far_wall(i, end_w, ahead_s)) {
-            return None;
-        }
-        let (SignedDistance { distance_m, gradient_w }, is_at_rest) =
-            walls.least_distance(i, &at_w, &way_w, ahead_s);
-        let value = walls.margin_m(i, &gradient_w, ahead_s) - distance_m;
-        if value < -NEAR_M {
-            return None;
-        }
-        let mut by_pose = Pose::zeros();
-        by_pose.fixed_rows_mut::<3>(pose::X).copy_from(&-gradient_w);
-        let mut gradient = model.observe_by_state(s).tr_mul(&by_pose);
-        if is_at_rest {
-            gradient += model.coasting_by_state(s, p).tr_mul(&by_pose) * coasting;
-        }
-        Some(Excess { value, gradient, weight: walls.table.weight })
     }
 }
 
