@@ -214,16 +214,18 @@ pub enum SolveError {
     },
     /// A soft constraint along the present plan is not finite, or its weight is negative.
     #[error(
-        "{what} of constraint {constraint} after stage {stage}: {value} is not finite, or negative"
+        "{what} of constraint {constraint} after stage {stage}: {value} is {}",
+        if value.is_finite() { "negative" } else { "not finite" }
     )]
     Constraint {
         /// Index of the constraint.
         constraint: usize,
         /// Stage after which it is evaluated.
         stage: usize,
-        /// Field of [`Excess`](crate::Excess).
+        /// Field of [`Excess`](crate::Excess), or `squared weight`: the square of the weight times the steps of the
+        /// stage, which may overflow.
         what: &'static str,
-        /// Its value, or its first entry that is not finite.
+        /// Its value, or the first entry of a gradient that is not finite.
         value: f64,
     },
     /// A Jacobian of the model along the present plan is not finite.

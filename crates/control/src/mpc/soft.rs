@@ -46,7 +46,7 @@ where
         penalties.clear();
         let mut is_valid = true;
         self.visit_excesses(&self.plan, against, |(stage, _), squared_weight, excess| {
-            is_valid &= fault(squared_weight, excess).is_none();
+            is_valid &= invalid_field(squared_weight, excess).is_none();
             let gradient = resized(&excess.gradient);
             penalties.push(Penalty { stage, squared_weight, excess: excess.value, gradient });
         });
@@ -65,7 +65,8 @@ where
     ) -> Result<(), SolveError> {
         let mut checked = Ok(());
         self.visit_excesses(plan, against, |(stage, constraint), squared_weight, excess| {
-            if let (Ok(()), Some((what, value))) = (&checked, fault(squared_weight, excess)) {
+            if let (Ok(()), Some((what, value))) = (&checked, invalid_field(squared_weight, excess))
+            {
                 checked = Err(SolveError::Constraint { constraint, stage, what, value });
             }
         });
@@ -93,16 +94,22 @@ where
     }
 }
 
-/// Field of an [`Excess`] that makes it no constraint, and its value. `squared_weight` may be infinite although the
-/// weight is not.
+/// Field of an [`Excess`] that makes it no constraint, and its value; `None` if it is valid. The weight may be finite
+/// and its square not: then the field is `squared weight`.
 #[inline]
-fn fault<const NS: usize>(squared_weight: f64, excess: &Excess<NS>) -> Option<(&'static str, f64)> {
+fn invalid_field<const NS: usize>(
+    squared_weight: f64,
+    excess: &Excess<NS>,
+) -> Option<(&'static str, f64)> {
     let Excess { value, gradient, weight } = excess;
     if !value.is_finite() {
         return Some(("value", *value));
     }
-    if *weight < 0.0 || !squared_weight.is_finite() {
+    if *weight < 0.0 || !weight.is_finite() {
         return Some(("weight", *weight));
+    }
+    if !squared_weight.is_finite() {
+        return Some(("squared weight", squared_weight));
     }
     gradient.iter().find(|entry| !entry.is_finite()).map(|entry| ("gradient", *entry))
 }
