@@ -289,17 +289,20 @@ where
     /// Real time: no allocation of ours; at most two calls of `u_applied` per step of the window.
     ///
     /// # Errors
-    /// [`SolveError::NonFinite`] for an input; nothing is amended.
+    /// [`MheError::NotStarted`], or [`MheError::Solve`] for an input; nothing is amended.
     pub fn amend(
         &mut self,
         steps: usize,
         u_applied: impl Fn(usize) -> SVector<f64, NU>,
-    ) -> Result<(), SolveError> {
+    ) -> Result<(), MheError> {
+        if !self.is_started {
+            return Err(MheError::NotStarted);
+        }
         let in_window = self.window().len() - 1;
         let steps = steps.min(in_window);
         let is_finite = |age: &usize| u_applied(*age).iter().all(|row| row.is_finite());
         if let Some(age) = (0..steps).find(|age| !is_finite(age)) {
-            return Err(SolveError::NonFinite { block: "input", k: in_window - 1 - age });
+            return Err(SolveError::NonFinite { block: "input", k: in_window - 1 - age }.into());
         }
         for age in 0..steps {
             self.trajectory.amend(in_window - 1 - age, &u_applied(age));

@@ -172,6 +172,7 @@ fn what_cannot_be_added_is_refused() {
     let mut mhe = estimator(&table());
     let zero = Observed::full(Pose::zeros());
     assert_eq!(mhe.observe_earlier(0, &zero), Err(MheError::NotStarted));
+    assert_eq!(mhe.amend(1, |_| Sticks::zeros()), Err(MheError::NotStarted));
     fly(&mut mhe, 3, |_, s| Observed::full(*s));
     let broken = Observed::full(Pose::repeat(f64::NAN));
     assert_eq!(
