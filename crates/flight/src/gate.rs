@@ -32,8 +32,11 @@ pub struct GateTable {
 pub struct Gate {
     /// Steps of the wire from neutral to full deflection.
     steps_full: f64,
-    /// Largest deflection in steps of the wire.
+    /// Largest deflection that goes out, in whole steps of the wire.
     steps_max: f64,
+    /// Largest deflection that is not refused, rounded to a step of the wire: `steps_max`, or one more.
+    steps_accepted: f64,
+    /// Age beyond which a pose is too old to steer by. s
     stale_s: f64,
 }
 
@@ -50,16 +53,20 @@ impl Gate {
         let stick_max = in_range("stick_max", table.stick_max, 0.0..=1.0)?;
         let stale_s = in_range("stale_s", table.stale_s, 0.01..=2.0)?;
         let steps_full = f64::from(protocol.stick_steps());
-        Ok(Self { steps_full, steps_max: (steps_full * stick_max).round(), stale_s })
+        let limit = steps_full * stick_max;
+        // 0.29 of 100 steps is below 29 by a rounding error.
+        let steps_max = (limit + 1e-9).floor();
+        Ok(Self { steps_full, steps_max, steps_accepted: limit.round(), stale_s })
     }
 
     /// `u_proposed` as the wire carries it, or neutral sticks if a row is not finite or over its limit,
     /// or if the pose is absent or stale.
     ///
     /// A value over the limit means that control is wrong, so it is refused and not cut off. The limit is checked
-    /// after rounding to a step of the wire: a solver may leave its bound by a rounding error. Of sticks that are
-    /// each within it and together the gesture that stops the motors, yaw is cut to 0.5. The age may be negative by
-    /// as much as it may be positive: a pose can arrive between the due time of a tick and the tick.
+    /// after rounding to a step of the wire: a solver may leave its bound by a rounding error. A limit between two
+    /// steps is sent as the lower one. Of sticks that are each within it and together the gesture that stops the
+    /// motors, yaw is cut to 0.5. The age may be negative by as much as it may be positive: a pose can arrive between
+    /// the due time of a tick and the tick.
     ///
     /// Real time: no allocation, constant cost.
     pub fn pass(&self, u_proposed: &Sticks, pose_age_s: Option<f64>) -> Approved {
@@ -75,9 +82,11 @@ impl Gate {
     pub fn pass_manual(&self, u_hand: &Sticks) -> Approved {
         let steps = u_hand.map(|u| (u * self.steps_full).round());
         // Comparisons are false for NaN.
-        let is_within = steps.iter().all(|steps| steps.abs() <= self.steps_max);
-        // Adding zero turns -0 into 0.
-        let on_wire = steps.map(|steps| steps / self.steps_full + 0.0);
+        let is_within = steps.iter().all(|steps| steps.abs() <= self.steps_accepted);
+        let on_wire = steps.map(|steps| {
+            // Adding zero turns -0 into 0.
+            steps.clamp(-self.steps_max, self.steps_max) / self.steps_full + 0.0
+        });
         if is_within { Approved(without_gesture(on_wire)) } else { Approved::neutral() }
     }
 }

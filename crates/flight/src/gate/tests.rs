@@ -63,6 +63,31 @@ fn every_age_and_value_on_every_axis_passes_or_is_neutral() {
 }
 
 #[test]
+fn a_limit_between_two_steps_is_never_exceeded_nor_refused() {
+    for (stick_max, protocol, steps) in [
+        (0.333, Protocol::Binary, 219.0),
+        (0.334, Protocol::Binary, 220.0),
+        (0.999, Protocol::Binary, 659.0),
+        (0.0007, Protocol::Binary, 0.0),
+        (0.29, Protocol::Text, 29.0),
+        (0.299, Protocol::Text, 29.0),
+        (1.0, Protocol::Text, 100.0),
+    ] {
+        let gate = Gate::new(&GateTable { stick_max, stale_s: STALE_S }, protocol).unwrap();
+        for sign in [1.0, -1.0] {
+            let u_hand = Sticks::new(sign * stick_max, 0.0, -sign * stick_max, 0.0);
+            let u = gate.pass_manual(&u_hand).sticks();
+            let expected = sign * steps / f64::from(protocol.stick_steps()) + 0.0;
+            assert_eq!(u, Sticks::new(expected, 0.0, -expected, 0.0), "{stick_max}");
+            assert!(amax(&u) <= stick_max, "{u} beyond {stick_max}");
+        }
+        let step = 1.0 / f64::from(protocol.stick_steps());
+        let u = gate.pass_manual(&Sticks::from_element(stick_max + 1.01 * step)).sticks();
+        assert_eq!(u, Sticks::zeros(), "{stick_max}");
+    }
+}
+
+#[test]
 fn what_passes_is_a_whole_number_of_wire_steps() {
     for value in values().into_iter().filter(|value| value.abs() <= 1.0) {
         let u = gate(1.0).pass(&Sticks::from_element(value), Some(0.0)).sticks();
