@@ -224,7 +224,7 @@ where
 
     check_hessians(&mut check, model, at);
     equalities::check(&mut check, model, at);
-    let entry = structure::reach(&driven, M::CONTROLLABLE, *dt_s);
+    let entry = structure::uncontrollable_gap(&driven, M::CONTROLLABLE, *dt_s);
     check.observe("CONTROLLABLE", entry, (states, &[]));
     let mut groups = Vec::new();
     M::groups(&mut groups);

@@ -1,4 +1,4 @@
-//! Check of the structure that a model declares: rows that inputs do not reach, decoupled subsystems.
+//! Check of the structure that a model declares: controllable rows, decoupled subsystems.
 
 use nalgebra::SMatrix;
 
@@ -8,7 +8,7 @@ use crate::model::{Driven, Linearized};
 
 /// The largest derivative by which inputs and the first `controllable` rows of the state move the rows behind these.
 /// The column counts states, then inputs.
-pub(super) fn reach<const NS: usize, const NU: usize>(
+pub(super) fn uncontrollable_gap<const NS: usize, const NU: usize>(
     driven: &Driven<NS, NU>,
     controllable: usize,
     dt_s: f64,
@@ -104,19 +104,19 @@ mod tests {
         };
         // The row behind may move the controllable ones, and itself.
         right.by_state[(0, 2)] = 0.3;
-        assert_eq!(reach(&right, 2, 1.0).gap.to_bits(), 0.0_f64.to_bits());
+        assert_eq!(uncontrollable_gap(&right, 2, 1.0).gap.to_bits(), 0.0_f64.to_bits());
         let (mut by_state, mut by_input) = (right, right);
         by_state.by_state[(2, 1)] = -0.2;
         by_input.by_input[(2, 1)] = 0.2;
         // The columns of the inputs follow those of the state.
         for (wrong, column) in [(by_state, 1), (by_input, 4)] {
-            let worst = reach(&wrong, 2, 1.0);
+            let worst = uncontrollable_gap(&wrong, 2, 1.0);
             assert!((worst.gap - 0.2).abs() < 1e-15, "{wrong:?}");
             assert_eq!((worst.row, worst.column), (2, column));
-            assert_eq!(reach(&wrong, 3, 1.0).gap.to_bits(), 0.0_f64.to_bits());
+            assert_eq!(uncontrollable_gap(&wrong, 3, 1.0).gap.to_bits(), 0.0_f64.to_bits());
         }
         by_input.by_input[(2, 1)] = f64::NAN;
-        assert!(reach(&by_input, 2, 1.0).gap.is_nan());
+        assert!(uncontrollable_gap(&by_input, 2, 1.0).gap.is_nan());
     }
 
     #[test]

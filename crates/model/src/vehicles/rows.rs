@@ -84,7 +84,7 @@ pub mod motion {
     pub const V_Z: usize = 6;
     /// Yaw rate that the sticks drive. rad/s
     pub const OMEGA: usize = 7;
-    /// Number of rows that sticks reach; what follows is disturbance.
+    /// Number of controllable rows; what follows is disturbance.
     pub const CONTROLLABLE: usize = 8;
     /// Disturbance velocity along x. m/s
     pub const D_X: usize = 8;

@@ -1,4 +1,4 @@
-//! Rows of the state that no input reaches: they are no part of the subproblems, but of the truth.
+//! Uncontrollable rows of the state: they are no part of the subproblems, but of the truth.
 
 use horizon_model::Lagged;
 use horizon_model::rows::{Motion, motion};

@@ -28,7 +28,7 @@ fn the_numbers_of_rows_are_those_of_the_models_names() {
     ] {
         assert_eq!(input[row], name);
     }
-    assert_eq!(state[motion::CONTROLLABLE], "d_x", "the first that no stick reaches");
+    assert_eq!(state[motion::CONTROLLABLE], "d_x", "the first that is not controllable");
     assert_eq!(names(&Kinematic::STATE), state[..pose::COUNT]);
 }
 
