@@ -58,12 +58,12 @@ pub enum Loss {
     None,
     /// Huber's loss.
     Huber {
-        /// Where it becomes linear.
+        /// Norm of a weighted block above which the loss is linear. 1, > 0
         scale: f64,
     },
     /// Tukey's biweight.
     Tukey {
-        /// Where it becomes constant.
+        /// Norm of a weighted block above which the loss is constant. 1, > 0
         scale: f64,
     },
 }
@@ -125,9 +125,9 @@ impl Loss {
 /// along `r`; it then needs dozens of iterations where this weight needs a few.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Weight {
-    /// >= 0
+    /// `rho'`. 1, >= 0
     pub(crate) derivative: f64,
-    /// <= 0
+    /// `2 rho''`, cut at `-rho' / z`. 1, <= 0
     pub(crate) along: f64,
 }
 

@@ -1,7 +1,8 @@
 //! The drone as the tick sees it, whatever protocol it speaks.
 //!
 //! Owns the status of the drone, in SI units as logs have it; how it is read from them is `older_log.rs`. No bytes
-//! here: the protocols and the drone's own units are in `tello-io`.
+//! here: the protocols are in `tello-io`. The factors of the drone's own units stand here because older logs have them,
+//! too.
 
 mod older_log;
 
@@ -10,10 +11,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::time::{SpanNs, TimeNs};
 
-/// Volts of the millivolts that the drone reports.
+/// Volts of a millivolt, in which the binary protocol and older logs have the battery. V/mV
 pub const V_PER_MV: f64 = 1e-3;
 
-/// Metres, or m/s, of the tenths that the drone reports.
+/// Metres, or m/s, of a tenth, in which the protocols and older logs have height and velocity. m/dm
 pub const M_PER_DM: f64 = 0.1;
 
 /// Silence of the control thread after which the sender sends neutral sticks in place of the approved

@@ -55,8 +55,11 @@ pub struct FilterTable {
 /// Checked [`FilterTable`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FilterSettings {
+    /// Of the horizontal distance. m
     horizontal: Limit,
+    /// Of the difference of heights. m
     vertical: Limit,
+    /// Of the difference of headings. rad
     angle: Limit,
     /// Growth of the limit of the angle per period with a refused heading, if that differs. rad
     angle_growth_refused: Option<f64>,
@@ -67,7 +70,9 @@ pub struct FilterSettings {
 /// Largest accepted jump, in the unit of its group.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Limit {
+    /// Without a hold. Unit of the group
     base: f64,
+    /// For each period of a hold. Unit of the group
     growth: f64,
 }
 
@@ -81,6 +86,7 @@ impl Limit {
 /// it.
 #[derive(Debug, Clone, Copy, Default)]
 struct Hold {
+    /// Length. periods
     periods: u32,
     /// Whether the present period counts already.
     has_grown: bool,

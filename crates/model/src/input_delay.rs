@@ -17,6 +17,9 @@ const STEPS_MAX: f64 = 200_000.0;
 /// How far [`InputFifo::applied`] may look behind the coming step.
 const LOOK_BACK_STEPS: usize = 2;
 
+/// Inputs kept beyond the dead time and the look back: the neighbour of a fractional dead time, and one to spare.
+const EXTRA_INPUTS: usize = 2;
+
 /// Inputs sent so far, readable as inputs applied at a time.
 ///
 /// With a dead time of `whole + fraction` steps, `0 <= fraction < 1`, the input applied on an axis during
@@ -55,7 +58,7 @@ impl<const NU: usize> InputFifo<NU> {
             let rule = format!("a dead time of at most {STEPS_MAX} steps");
             return Err(SettingError::new("dt_s", dt_s, rule));
         }
-        let depth = crate::whole(dead_time_steps.max()) + LOOK_BACK_STEPS + 2;
+        let depth = crate::whole(dead_time_steps.max()) + LOOK_BACK_STEPS + EXTRA_INPUTS;
         let sent = vec![SVector::zeros(); depth];
         Ok(Self {
             dead_time_steps,

@@ -162,8 +162,8 @@ impl Live {
             offset: offset.map(|offset| [offset.distance_m, offset.height_m].map(to_thousandths)),
             drone: self.drone.map(|status| DroneFact::of(&status, inbox.now)),
             mocap: self.mocap(inbox.now, stream),
-            now_ms: timing.into(),
-            worst_ms: self.recent.iter().fold(Times::default(), |worst, r| worst.sup(&r.times)),
+            times: timing.into(),
+            worst: self.recent.iter().fold(Times::default(), |worst, r| worst.sup(&r.times)),
             has_log_failed: self.has_log_failed,
             missed_periods: self.missed_periods,
             trail: self.trail.iter().copied().collect(),
@@ -246,7 +246,7 @@ mod tests {
         let mut late = tick(0);
         late.timing.late_ns = 7_000_000;
         live.observe(&late, StreamReport::default);
-        let worst = |watched: &Watched| watched.borrow().worst_ms.late;
+        let worst = |watched: &Watched| watched.borrow().worst.late_ms;
         assert!((worst(&watched) - 7.0).abs() < 1e-9, "{} ms", worst(&watched));
         for (until, expected) in [(49, 7.0), (53, 0.0)] {
             for step in 1..until {

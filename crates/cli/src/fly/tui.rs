@@ -167,9 +167,10 @@ impl View {
 
     fn look(&mut self, facts: Arc<Facts>) {
         self.repeated = if facts.step == self.facts.step { self.repeated + 1 } else { 0 };
-        let worst = &facts.worst_ms;
+        let worst = &facts.worst;
+        let solve_ms = worst.estimate_ms + worst.plan_ms;
         for (history, ms) in
-            [(&mut self.late_us, worst.late), (&mut self.solve_us, worst.estimate + worst.plan)]
+            [(&mut self.late_us, worst.late_ms), (&mut self.solve_us, solve_ms)]
         {
             if history.len() == HISTORY {
                 history.pop_front();

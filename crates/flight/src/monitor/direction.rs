@@ -81,9 +81,11 @@ pub(super) struct DirectionMonitor {
 /// Sums over the periods since the newest pose.
 #[derive(Debug, Clone, Copy, Default)]
 struct SincePose {
+    /// Number of periods.
     count: usize,
-    /// As of [`DirectionMonitor`].
+    /// Sum of [`DirectionMonitor::v_u_w`]. 1
     v_u_w: Complex<f64>,
+    /// Sum of [`DirectionMonitor::decay`]. 1
     decay: f64,
 }
 
@@ -96,17 +98,28 @@ struct Velocities {
     v_o_w: Complex<f64>,
 }
 
+/// Exponentially forgotten integrals over time; divided by `time_s` they are means.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
+    /// Of 1. s
     time_s: f64,
+    /// Of `v_u`. s
     v_u_w: Complex<f64>,
+    /// Of `v_o`. m
     v_o_w: Complex<f64>,
+    /// Of the decay `y`. s
     y: f64,
+    /// Of `v_u^* v_o`. m
     u_o: Complex<f64>,
+    /// Of `v_u^* y`. s
     u_y: Complex<f64>,
+    /// Of `y v_o`. m
     y_o: Complex<f64>,
+    /// Of `|v_u|^2`. s
     u_u: f64,
+    /// Of `|v_o|^2`. m^2/s
     o_o: f64,
+    /// Of `y^2`. s
     y_y: f64,
 }
 

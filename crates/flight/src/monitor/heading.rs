@@ -51,11 +51,14 @@ enum Sense {
     Clockwise,
 }
 
-/// Leaky sums of turns. rad
+/// Exponentially forgotten sums of turns.
 #[derive(Debug, Clone, Copy, Default)]
 struct Turns {
+    /// `q_o`, by the poses. rad
     poses: f64,
+    /// `q_d`, by the drone, whose sense is not known. rad
     drone: f64,
+    /// `q_u`, by the inputs of a typical vehicle. rad
     inputs: f64,
 }
 

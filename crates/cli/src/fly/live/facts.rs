@@ -53,10 +53,10 @@ pub(in crate::fly) struct Facts {
     pub(in crate::fly) drone: Option<DroneFact>,
     /// How the poses come.
     pub(in crate::fly) mocap: MocapFact,
-    /// Times of this tick. ms
-    pub(in crate::fly) now_ms: Times,
-    /// The longest times lately. ms
-    pub(in crate::fly) worst_ms: Times,
+    /// Of this tick.
+    pub(in crate::fly) times: Times,
+    /// The longest of each lately.
+    pub(in crate::fly) worst: Times,
     /// Whether the log has failed: nothing is recorded any more.
     pub(in crate::fly) has_log_failed: bool,
     /// Periods without a tick so far.
@@ -133,17 +133,18 @@ pub(in crate::fly) struct MocapFact {
     pub(in crate::fly) gaps: u64,
 }
 
-/// Times of a tick. ms
+/// Times of a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[expect(clippy::struct_field_names, reason = "the unit of each")]
 pub(in crate::fly) struct Times {
-    /// From when it was due to when it began.
-    pub(in crate::fly) late: f64,
-    /// Of the estimator.
-    pub(in crate::fly) estimate: f64,
-    /// Of the controller.
-    pub(in crate::fly) plan: f64,
-    /// From its begin to its end.
-    pub(in crate::fly) tick: f64,
+    /// From when it was due to when it began. ms
+    pub(in crate::fly) late_ms: f64,
+    /// Of the estimator. ms
+    pub(in crate::fly) estimate_ms: f64,
+    /// Of the controller. ms
+    pub(in crate::fly) plan_ms: f64,
+    /// From its begin to its end. ms
+    pub(in crate::fly) tick_ms: f64,
 }
 
 impl Facts {
@@ -221,10 +222,10 @@ impl From<&Timing> for Times {
     fn from(timing: &Timing) -> Self {
         let ms = |ns: i64| to_thousandths(ns as f64 * 1e-6);
         Self {
-            late: ms(timing.late_ns),
-            estimate: ms(timing.estimate_ns),
-            plan: ms(timing.plan_ns),
-            tick: ms(timing.tick_ns),
+            late_ms: ms(timing.late_ns),
+            estimate_ms: ms(timing.estimate_ns),
+            plan_ms: ms(timing.plan_ns),
+            tick_ms: ms(timing.tick_ns),
         }
     }
 }
@@ -233,10 +234,10 @@ impl Times {
     /// The longer of each.
     pub(super) fn sup(self, other: &Self) -> Self {
         Self {
-            late: self.late.max(other.late),
-            estimate: self.estimate.max(other.estimate),
-            plan: self.plan.max(other.plan),
-            tick: self.tick.max(other.tick),
+            late_ms: self.late_ms.max(other.late_ms),
+            estimate_ms: self.estimate_ms.max(other.estimate_ms),
+            plan_ms: self.plan_ms.max(other.plan_ms),
+            tick_ms: self.tick_ms.max(other.tick_ms),
         }
     }
 }

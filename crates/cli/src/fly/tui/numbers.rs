@@ -122,12 +122,12 @@ fn of_mocap(mocap: &MocapFact) -> String {
 
 /// How the ticks do: now, and at worst lately.
 fn times(view: &View) -> Vec<Line<'static>> {
-    let (now, worst) = (&view.facts.now_ms, &view.facts.worst_ms);
+    let (now, worst) = (&view.facts.times, &view.facts.worst);
     let row = |name, now: f64, worst: f64| named(name, format!("{now:6.2} ms, worst {worst:6.2}"));
     vec![
-        row("late", now.late, worst.late),
-        row("MHE", now.estimate, worst.estimate),
-        row("MPC", now.plan, worst.plan),
+        row("late", now.late_ms, worst.late_ms),
+        row("MHE", now.estimate_ms, worst.estimate_ms),
+        row("MPC", now.plan_ms, worst.plan_ms),
     ]
 }
 

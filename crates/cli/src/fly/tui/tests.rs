@@ -39,7 +39,7 @@ pub(super) fn view(has_colours: bool) -> View {
         plan: vec![[1.0, 0.5, 1.2], [1.5, 0.2, 1.0]],
         ..Facts::default()
     };
-    facts.worst_ms.late = 4.0;
+    facts.worst.late_ms = 4.0;
     facts.sticks.pitch = 0.5;
     facts.sticks.yaw = -1.0;
     view.look(Arc::new(facts));

@@ -75,7 +75,7 @@ function take(facts) {
     }
     known.trail.splice(0, known.trail.length - TRAIL_POINTS);
   }
-  const { late, estimate, plan } = facts.now_ms;
+  const { late_ms: late, estimate_ms: estimate, plan_ms: plan } = facts.times;
   const error = facts.offset === null ? null : Math.hypot(...facts.offset);
   const age = facts.mocap.age_s === null ? null : 1000 * facts.mocap.age_s;
   known.history.push({ t: facts.t_s, late, solve: estimate + plan, error, age, ...facts.sticks });
@@ -243,7 +243,7 @@ function showNumbers(facts, briefing) {
   set("disturbance", facts.disturbance_w === null ? "-" : three(facts.disturbance_w));
   set("offset", facts.offset === null ? "-" : `${facts.offset[0].toFixed(2)}\u2002${signed(facts.offset[1], 2)}`);
   Object.entries(facts.sticks).forEach(([name, value]) => set(name, signed(value, 2)));
-  const { drone, link, mocap, now_ms: now, worst_ms: worst } = facts;
+  const { drone, link, mocap, times: now, worst } = facts;
   set("battery", drone === null ? "-" : String(drone.battery_pct));
   warn("battery-row", facts.faults.some((fault) => fault.startsWith("battery")));
   set("drone", drone === null ? "never" : drone.age_s.toFixed(1));
@@ -254,11 +254,11 @@ function showNumbers(facts, briefing) {
   warn("mocap-row", mocap.age_s === null || mocap.age_s > briefing.stale_s);
   set("rate", mocap.rate_hz.toFixed(0));
   const times = (name) => `${now[name].toFixed(2)}\u2002${worst[name].toFixed(2)}`;
-  set("estimate-ms", times("estimate"));
-  set("plan-ms", times("plan"));
-  set("late-ms", times("late"));
-  warn("late-row", worst.late > briefing.late_ms);
-  set("tick-ms", times("tick"));
+  set("estimate-ms", times("estimate_ms"));
+  set("plan-ms", times("plan_ms"));
+  set("late-ms", times("late_ms"));
+  warn("late-row", worst.late_ms > briefing.late_ms);
+  set("tick-ms", times("tick_ms"));
   set("missed", String(facts.missed_periods));
   warn("missed-row", facts.missed_periods > 0);
 }

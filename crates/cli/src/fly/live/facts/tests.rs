@@ -121,8 +121,8 @@ fn times_are_milliseconds_and_the_worst_is_taken_of_each() {
         tick_ns: 3_500_000,
     };
     let one = Times::from(&timing);
-    assert_eq!(one, Times { late: 1.0, estimate: 2.0, plan: 0.5, tick: 3.5 });
-    let other = Times { late: 0.5, estimate: 4.0, plan: 0.25, tick: 5.0 };
-    let worst = Times { late: 1.0, estimate: 4.0, plan: 0.5, tick: 5.0 };
+    assert_eq!(one, Times { late_ms: 1.0, estimate_ms: 2.0, plan_ms: 0.5, tick_ms: 3.5 });
+    let other = Times { late_ms: 0.5, estimate_ms: 4.0, plan_ms: 0.25, tick_ms: 5.0 };
+    let worst = Times { late_ms: 1.0, estimate_ms: 4.0, plan_ms: 0.5, tick_ms: 5.0 };
     assert_eq!((one.sup(&other), other.sup(&one)), (worst, worst));
 }
