@@ -109,7 +109,7 @@ impl Stop {
 pub struct SolveReport {
     /// Why it stopped.
     pub stop: Stop,
-    /// Steps tried.
+    /// Steps tried, rejected ones included; at most [`LmTable::iterations_max`].
     pub iterations: u32,
     /// Steps tried that did not lower the cost, part of `iterations`.
     pub rejected: u32,
@@ -283,8 +283,8 @@ pub fn solve<P: Problem>(
         cost: start.cost,
     };
     let mut is_linearized = true;
-    // Damping may hold back a row alone, whose unit is far from those of the others: no end counts before a step
-    // without damping confirms it. Once: where that step fails, the end that a damped one found stands.
+    // Damping may hold back a single row whose unit is far from those of the others. So an end that a damped step found
+    // counts only after one step without damping. That step is tried once: if it fails, the end stands.
     let mut may_release = settings.confirms;
     while report.iterations < settings.iterations_max {
         if is_late() {
@@ -339,8 +339,8 @@ pub fn solve<P: Problem>(
 /// true one `H + E` and the step `d`, the model misjudges the gain by `eta = d' E d / 2`, and the gradient
 /// that the step leaves is `E d`: the next step gains about `d' E H^-1 E d / 2 <= |eta|` if `E` has one sign and the
 /// iteration contracts. Where `E` has both, `eta` may vanish by chance: [`Problem::LEFT_MIN`] counts at least. Along a
-/// direction of curvature `l`, damping holds back `damping^2 |d|^2 / (2 l)`, less than half of `damping |d|^2` where
-/// `l` exceeds the damping.
+/// direction of curvature `l`, the damping `mu` holds back `mu^2 |d|^2 / (2 l)`, less than half of `mu |d|^2` where `l`
+/// exceeds `mu`.
 fn attempt<P: Problem>(problem: &mut P, settings: &LmSettings, damping: f64, cost: f64) -> Attempt {
     let Ok(step) = problem.try_step(damping) else { return Attempt::Rejected };
     let damped = damping * step.norm * step.norm;

@@ -118,10 +118,10 @@ impl Loss {
     }
 }
 
-/// Second derivative of `rho(|r|^2) / 2` by `r`, made positive semidefinite:
-/// `W = derivative I + along r r'`. The first derivative is `derivative r`.
+/// Second derivative of `rho(|r|^2) / 2` by `r`, made positive semidefinite: `W = rho' I + 2 rho'' r r'`, with
+/// `2 rho''` at least `-rho' / z`. The first derivative is `rho' r`.
 ///
-/// Plain reweighting (`W = derivative I`) ignores that a Huber block in its linear part has no curvature
+/// Plain reweighting (`W = rho' I`) ignores that a Huber block in its linear part has no curvature
 /// along `r`; it then needs dozens of iterations where this weight needs a few.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Weight {

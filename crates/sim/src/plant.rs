@@ -157,7 +157,7 @@ impl Plant {
     }
 
     /// Flies one step of [`DT_S`] with the sticks `u_sent`, which count as neutral while the link is
-    /// down.
+    /// down (`docs/model.md`, section 1).
     ///
     /// | symbol  | equation |
     /// |---------|----------|

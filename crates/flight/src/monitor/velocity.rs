@@ -44,8 +44,11 @@ pub(super) const TURNING: usize = 2;
 /// Poses and velocity reports so far.
 #[derive(Debug, Clone, Default)]
 pub(super) struct VelocityMonitor {
+    /// Largest displacement error that is plausible. m
     limit_m: f64,
+    /// Period. s
     dt_s: f64,
+    /// The newest pose.
     before: Option<Pose>,
     /// Since the newest pose. s
     since_pose_s: f64,
@@ -70,9 +73,9 @@ pub(super) struct VelocityMonitor {
 /// Displacement by the poses in one tick.
 #[derive(Debug, Clone, Copy, Default)]
 struct PoseStep {
-    /// Since the newest pose before; zero without a pose. m
+    /// `m`: displacement since the newest pose before; zero without a pose. m
     moved_w_m: Complex<f64>,
-    /// Time that it took. s
+    /// `T`: time that it took. s
     in_s: f64,
     /// Heading of the newest pose. rad
     theta_rad: f64,
@@ -82,11 +85,11 @@ struct PoseStep {
 /// One period of the motion.
 #[derive(Debug, Clone, Copy)]
 struct MotionSample {
-    /// Displacement by the poses. m
+    /// `m`: displacement by the poses. m
     moved_w_m: Complex<f64>,
-    /// Time that it took. s
+    /// `T`: time that it took. s
     moved_in_s: f64,
-    /// Velocity by the drone in each frame. m/s
+    /// `w`: velocity by the drone in each frame. m/s
     seen_d_mps: [Complex<f64>; FRAMES],
     /// Whether it ends with a pose.
     is_pose: bool,

@@ -174,16 +174,16 @@ impl RigidBody {
         [cos * forward_mps + sin * right_mps, sin * forward_mps - cos * right_mps]
     }
 
-    /// Flies one step of [`DT_S`] from pose `at` and velocity `v`, which it moves on.
+    /// Flies one step of [`DT_S`] from pose `at` and velocity `v`, which it moves on (`docs/model.md`, section 1).
     ///
     /// | symbol | equation, steps of 2 ms |
     /// |--------|-------------------------|
     /// | `R`    | columns forward `(cos psi, sin psi)` and right `(sin psi, -cos psi)`, `psi = theta + theta_0` |
     /// | `m`    | `m' = (R^T v + b - m) / tau_flow`, `b` the drift |
-    /// | `a_sp` | `(c - m) / tau + i`, norm at most `accel_max`; `i' = ki (c - m)` unless limited |
+    /// | `a_sp` | `(c - m) / tau_h + i`, norm at most `a_max`; `i' = k_i (c - m)` unless limited |
     /// | tilt   | `phi'' = w^2 (atan(a_sp / g) - phi) - 2 z w phi'` |
-    /// | thrust | `T' = (e (g + l(kp (c_z - v_z) + i_z)) - T) / tau_motor`, exactly over a step; `e = max(1 - sag t / 600 s, 1/2)` |
-    /// | `i_z`  | `i_z = l(i_z)`, `i_z' = ki_z (c_z - v_z)`; `l` limits to `g / 2` |
+    /// | thrust | `T' = (e (g + l(3 (c_z - v_z) + i_z)) - T) / tau_motor`, exactly over a step; `e = max(1 - sag t / 600 s, 1/2)` |
+    /// | `i_z`  | `i_z = l(i_z)`, `i_z' = 2 (c_z - v_z)`; `l` limits to `g / 2` |
     /// | `v'`   | `T R (sin phi_f cos phi_r, sin phi_r) - drag (v - wind)`; `z`: `T cos phi_f cos phi_r - g - drag v_z` |
     /// | yaw    | `omega'' = w^2 (c_a - omega) - 2 z w omega'`, `w = 1.6 / tau_a`, `z = 0.7` |
     /// | `wind` | constant, plus `gust`: `gust' = k gust + sd sqrt(1 - k^2) n`, `n ~ N(0, 1)`, `k = exp(-20 ms / tau_gust)` |

@@ -21,9 +21,9 @@ const DETERMINATION_MIN: f64 = 0.7;
 /// Axes of the drone that fit the motion.
 #[derive(Debug, Clone, Copy)]
 struct Fit {
-    /// Their rotation from those of the world, times the speed by the poses over that by the drone.
+    /// `R`: their rotation from those of the world, times the speed by the poses over that by the drone. 1
     axes: Complex<f64>,
-    /// R^2.
+    /// `rho^2`, the coefficient of determination. 1, 0..=1
     determination: f64,
 }
 
@@ -33,7 +33,7 @@ pub(super) struct ReportAge {
     pub(super) sums: Sums,
     /// Of each frame, as motion showed them last.
     axes: [Option<Fit>; FRAMES],
-    /// Of each frame: displacement by the poses less that by the drone. m
+    /// `x` of each frame: displacement by the poses less that by the drone. m
     error_m: [Complex<f64>; FRAMES],
     /// Of each frame: displacement by the drone since the newest pose of that age, and the time. m, s
     flown_d_m: [Complex<f64>; FRAMES],

@@ -17,8 +17,8 @@ pub(super) struct Excess {
 /// `n(u) = u + (sqrt((u - dead)^2 + width^2) - sqrt((u + dead)^2 + width^2)) / 2`, the smooth form of
 /// `sign(u) max(|u| - dead, 0)`.
 ///
-/// `dead` >= 0 is the largest stick without effect, `width` > 0 that of the rounded corner, both as sticks. 1. The
-/// gap is largest at the corner and below `width / 2`.
+/// `dead` >= 0 is the largest stick without effect, `width` > 0 that of the rounded corner (`w` in `docs/model.md`,
+/// section 1), both as sticks. 1. The gap is largest at the corner and below `width / 2`.
 #[inline]
 pub(super) fn excess(u: f64, dead: f64, width: f64) -> Excess {
     let (above, below) = (u - dead, u + dead);
@@ -46,7 +46,8 @@ const SETTLED: f64 = 1e-9;
 
 /// The stick of which [`excess`] leaves `value`. 1
 ///
-/// With `g` its absolute value and `t` what the dead zone takes of the stick (`docs/model.md`, section 1),
+/// With `g` the absolute value of `value` and `t` what the dead zone takes of the stick (`docs/model.md`, section 1,
+/// where `d` is `dead` and `w` is `width`),
 ///
 /// `2 g t^3 + (g^2 + width^2) t^2 - 2 g dead^2 t - g^2 dead^2 = 0`,
 ///
