@@ -193,14 +193,18 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         }
     }
 
-    /// Makes it `len` blocks of zero. Allocates only beyond the room.
+    /// Makes the chain `len` blocks of zero.
+    ///
+    /// Real time: no allocation up to `len_max` blocks; linear in their number.
     pub fn clear(&mut self, len: usize) {
         self.blocks.clear();
         self.blocks.resize(len, Block::zeros());
         self.parameter_block = ReducedSystem::zeros();
     }
 
-    /// The row blocks, to accumulate into. Constant cost.
+    /// The row blocks, to accumulate into.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn blocks_mut(&mut self) -> &mut [Block<NS, NP>] {
         &mut self.blocks
     }
@@ -210,7 +214,9 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         (&mut self.blocks, &mut self.parameter_block)
     }
 
-    /// Keeps state `k` where it is: its step will be zero, whatever was accumulated for it. Constant cost.
+    /// Keeps state `k` where it is: its step will be zero, whatever was accumulated for it.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn pin(&mut self, k: usize) {
         self.blocks[k] = Block { diagonal: SMatrix::identity(), ..Block::zeros() };
         if let Some(next) = self.blocks.get_mut(k + 1) {
@@ -219,6 +225,8 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     }
 
     /// Largest diagonal entry of `H`, whatever its unit; NaN if any is.
+    ///
+    /// Real time: no allocation; linear in the number of blocks.
     pub fn diagonal_max(&self) -> f64 {
         // f64::max would drop a NaN.
         let larger = |max: f64, entry| if max.is_nan() || max >= entry { max } else { entry };
@@ -270,6 +278,8 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     /// linearization: NS x NS, in the units of its rows.
     ///
     /// Valid after [`Chain::eliminate`] without damping, whose result `reduced` is.
+    ///
+    /// Real time: no allocation, constant cost: one factorization and two triangular solves per decoupled subsystem.
     ///
     /// # Errors
     /// The system that is left for the parameter is not positive definite, or the chain is empty.

@@ -93,6 +93,8 @@ where
     M: Model<NS, NU, NO, NP>,
 {
     /// `C_o (o - g(s))`, thesis equation 3.44; zero in absent rows. Its Jacobian by `s` is equation 3.76.
+    ///
+    /// Real time: no allocation of ours, one call of [`Model::observe`].
     #[inline]
     pub fn observation(&self, s: &SVector<f64, NS>, observed: &Observed<NO>) -> SVector<f64, NO> {
         let o_pred = self.model.observe(s);
@@ -103,6 +105,8 @@ where
 
     /// `C_s (f(s, u, p) - s_next) / dt`, thesis equation 3.45 divided by the period (section 4.3.7).
     /// Its Jacobians by `s` and `p` are equations 3.78 and 3.79.
+    ///
+    /// Real time: no allocation of ours, one call of [`Model::step`].
     #[inline]
     pub fn transition(
         &self,
@@ -123,7 +127,9 @@ where
         self.c_s / self.dt_s
     }
 
-    /// Half the sum of `rho` over the blocks of `iterate`. 1. Linear in its length.
+    /// Half the sum of `rho` over the blocks of `iterate`. 1
+    ///
+    /// Real time: no allocation of ours; one call of [`Model::observe`] and [`Model::step`] for each step.
     pub fn cost(&self, iterate: &Iterate<'_, NS, NU, NO, NP>) -> f64 {
         let prepared = Self { model: self.model.prepared(iterate.p, self.dt_s), ..*self };
         let observations = iterate.s.iter().zip(iterate.o).map(|(s, observed)| {
@@ -137,7 +143,9 @@ where
     }
 
     /// Adds gradient and curvature of every block of `iterate` to `chain`, whose block `k` is `s[k]`,
-    /// and returns the cost. Linear in the length.
+    /// and returns the cost.
+    ///
+    /// Real time: no allocation of ours; linear in the length, one linearization of the model for each step.
     ///
     /// # Errors
     /// A residual is not finite.

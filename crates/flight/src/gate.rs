@@ -93,11 +93,15 @@ impl Gate {
 
 impl Approved {
     /// All sticks at rest: always allowed.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn neutral() -> Self {
         Self(Sticks::zeros())
     }
 
     /// The sticks, each row a whole number of steps of the wire: 1/660, in the text SDK 1/100.
+    ///
+    /// Real time: no allocation, constant cost.
     pub fn sticks(&self) -> Sticks {
         self.0
     }
