@@ -34,9 +34,9 @@ use crate::{REVISION, recordings};
 /// The page, its figures and its numbers.
 #[derive(Debug)]
 pub struct Page {
-    /// The numbers.
+    /// Numbers of all flights, as the page and `--json` show them.
     pub report: FlightsReport,
-    /// The page.
+    /// HTML with every figure and script inside.
     pub html: String,
     /// Every figure of the page.
     pictures: Vec<Picture>,

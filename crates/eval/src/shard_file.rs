@@ -43,10 +43,10 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// All of it.
+    /// The only part of one.
     pub const WHOLE: Self = Self { part: 1, parts: 1 };
 
-    /// Which part, counted from 1, and of how many.
+    /// Number of the part, counted from 1, and number of parts.
     pub fn numbers(self) -> [u64; 2] {
         [self.part, self.parts]
     }

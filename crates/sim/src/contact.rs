@@ -76,18 +76,18 @@ pub struct Contact {
     pub touched: Touched,
     /// Whether braking would have helped.
     pub verdict: Avoidability,
-    /// The newest moment from which braking helps, before the contact. s
+    /// Time from the newest moment from which braking helps to the contact; `None` if there is none. s, > 0
     pub ahead_s: Option<f64>,
 }
 
 /// One flight beside walls and obstacles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Beside {
-    /// What it drew.
+    /// Families of the faults in the flight; empty without faults.
     pub families: Vec<Family>,
-    /// Whether all targets were reached.
+    /// Whether all targets of the mission were reached.
     pub is_finished: bool,
-    /// Its first contact in the air.
+    /// First contact in the air; `None` without one.
     pub contact: Option<Contact>,
 }
 

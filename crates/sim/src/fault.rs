@@ -176,15 +176,15 @@ pub enum Fault {
     ControlStalled,
 }
 
-/// A fault with its time.
+/// A fault with its onset and duration.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ScriptedFault {
-    /// What breaks.
+    /// Kind and size of the fault.
     pub fault: Fault,
-    /// When, since the start of the simulation. s, >= 0
+    /// Onset, since the start of the simulation. s, >= 0
     pub from_s: f64,
-    /// For how long. s, > 0
+    /// Duration. s, > 0
     pub for_s: f64,
 }
 

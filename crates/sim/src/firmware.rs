@@ -129,7 +129,7 @@ pub struct HeadingReport {
 }
 
 impl HeadingReport {
-    /// The truth.
+    /// A report that is present and follows the true heading at once.
     pub const RIGHT: Self =
         Self { is_present: true, is_mirrored: false, drift_radps: 0.0, late_s: 0.0 };
 }

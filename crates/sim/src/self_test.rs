@@ -61,7 +61,7 @@ const COVERAGE_MIN: f64 = 0.9;
 pub struct SelfTest {
     /// Simulated identifications that were finished.
     pub runs: usize,
-    /// What was flown.
+    /// Kind of the simulated flights: by hand, or automatic.
     pub source: Source,
     /// Fraction of all 95 % intervals that hold the truth, of the runs that are not refused. 1
     pub coverage: f64,

@@ -23,7 +23,7 @@ const TIME: &str = "time [s]";
 /// A line over time; the same name has the same look in each panel.
 #[derive(Debug, Clone)]
 pub struct TimeLine<'a> {
-    /// What it is.
+    /// Quantity and source, as in the legend: `x estimated`.
     pub name: &'a str,
     /// A value for each time, NaN where there is none. In the unit of its panel
     pub values: Vec<f64>,
@@ -34,20 +34,20 @@ pub struct TimeLine<'a> {
 /// Lines of one quantity.
 #[derive(Debug, Clone)]
 pub struct TimePanel<'a> {
-    /// Quantity.
+    /// Quantity of the vertical axis.
     pub name: &'a str,
-    /// Its unit, 1 for a ratio.
+    /// Unit of all values of the panel, 1 for a ratio.
     pub unit: &'a str,
-    /// What is drawn.
+    /// Lines of the panel, in the order of the legend.
     pub lines: Vec<TimeLine<'a>>,
 }
 
 /// What was true for some of the time.
 #[derive(Debug, Clone)]
 pub struct TimeBars {
-    /// What it is.
+    /// Condition that held, as in the label of the bar.
     pub name: String,
-    /// From when to when. s
+    /// Begin and end of each time in which it held, on the time axis of the figure. s
     pub spans_s: Vec<(f64, f64)>,
 }
 

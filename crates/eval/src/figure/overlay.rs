@@ -50,24 +50,24 @@ pub(super) struct OverTime {
 /// What was true from when to when, and its look.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Band {
-    /// What is true.
+    /// Condition that held, as in the legend.
     pub name: String,
-    /// As CSS.
+    /// Colour as CSS writes it.
     pub color: String,
-    /// 0..=1
+    /// Opacity. 1, 0..=1
     pub opacity: f32,
-    /// From when to when. s
+    /// Begin and end of each time in which it held. s
     pub spans: Vec<(f64, f64)>,
 }
 
 /// A line and its look.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Line {
-    /// What is drawn.
+    /// Quantity and source, as in the legend.
     pub name: String,
-    /// As CSS.
+    /// Colour as CSS writes it.
     pub color: String,
-    /// Dashed or solid.
+    /// Whether the line is dashed: a reference.
     pub is_dashed: bool,
     /// One for each time, as differences in 1e-4 of the unit; `None` without a value.
     pub values: Vec<Option<i64>>,

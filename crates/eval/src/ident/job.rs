@@ -16,15 +16,15 @@ use crate::recordings::Loaded;
 
 /// What is to be fitted to what.
 pub struct Job<'a> {
-    /// Name of the settings.
+    /// Name of the settings in messages and results: that of their file.
     pub name: &'a str,
-    /// The settings.
+    /// Model, weights, bounds and start of the fit.
     pub table: &'a IdentFileTable,
-    /// The recordings.
+    /// Recordings whose pieces are fitted.
     pub logs: &'a [Loaded],
-    /// The bootstrap, if there shall be one.
+    /// Resamples of the bootstrap; `None` for the sandwich alone.
     pub bootstrap: Option<&'a BootstrapPlan>,
-    /// The settings of the flight that shall take the parameters, if there is one.
+    /// Settings of the flight that takes the parameters and may refuse them; `None`: none takes them.
     pub flight: Option<&'a FlightTable>,
     /// Shown the progress; may ask to stop.
     pub observer: &'a dyn Observer,

@@ -34,7 +34,7 @@ const THESIS_DELAY_STEPS: usize = 30;
 /// One recorded flight.
 #[derive(Debug, Clone)]
 pub(super) struct Flight {
-    /// The file.
+    /// Path of the recording.
     pub path: PathBuf,
     /// Its name without folder and ending.
     pub name: String,

@@ -342,7 +342,7 @@ struct MonitorRecord {
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub struct PhaseRecord {
     step: u64,
-    /// The phase.
+    /// Phase of the flight from this step on.
     pub phase: Phase,
 }
 

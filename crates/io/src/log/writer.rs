@@ -65,10 +65,10 @@ pub trait Tap: Send {
     fn receive(&mut self, topic: &str, log_time_ns: u64, bytes: &[u8]);
 }
 
-/// What was written.
+/// Size and place of a finished log.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Summary {
-    /// The log.
+    /// Path of the file.
     pub path: PathBuf,
     /// Size of the file. bytes
     pub bytes: u64,

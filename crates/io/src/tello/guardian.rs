@@ -67,16 +67,16 @@ impl Duty {
     }
 }
 
-/// What a guardian is started with.
+/// Sockets and address with which a guardian is started.
 #[derive(Debug)]
 pub struct Post {
     /// A copy of the socket that the drone listens to.
     pub socket: UdpSocket,
     /// The guardian's end of the channel to the sender.
     pub channel: UnixStream,
-    /// The drone.
+    /// IP address and port of the drone.
     pub address: SocketAddr,
-    /// How to talk to it.
+    /// Protocol that the drone speaks in this flight.
     pub protocol: Protocol,
 }
 

@@ -19,9 +19,9 @@ use super::table::{Batch, LINES, is_valid};
 pub struct Comparison {
     /// What the two are called, for people: the names of their settings files.
     pub names: [String; 2],
-    /// The configuration.
+    /// Figures of the batch with the settings of `--config`.
     pub config: Batch,
-    /// The one that it is compared with.
+    /// Figures of the batch with the settings of `--against`.
     pub against: Batch,
     /// Differences, `config` minus `against`.
     pub paired: Vec<Paired>,
@@ -30,9 +30,9 @@ pub struct Comparison {
 /// The difference of one figure over the seeds in which both flights have it; times they always have.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Paired {
-    /// Name of the figure.
+    /// Name of the compared figure, as in the table of a batch.
     pub figure: &'static str,
-    /// Its unit.
+    /// Unit of the figure and of the difference, 1 for a ratio.
     pub unit: &'static str,
     /// Seeds in which both have it.
     pub pairs: usize,

@@ -17,7 +17,7 @@ const LINE_FORMAT: &str = "a line is TAG,STEP and four values (docs/configuratio
 pub struct Skipped {
     /// Number of the line, from 1.
     pub line: usize,
-    /// Its beginning.
+    /// First characters of the line.
     pub text: String,
     /// What is wrong with it.
     pub why: SkipReason,

@@ -25,16 +25,16 @@ pub(super) const ALIGN: usize = 8;
 /// Longest message that is read: VRPN's own buffer.
 const MESSAGE_BYTES_MAX: usize = 64_000;
 
-/// A message.
+/// A message of the VRPN protocol, its body not yet parsed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Message<'a> {
-    /// When what it tells was measured, by the clock of the sender. s
+    /// Measurement time, by the clock of the sender. s
     pub time_s: f64,
     /// Number of the sender, or what is described.
     pub sender: i32,
-    /// Number of its type.
+    /// Number of the message type; negative for the protocol's own.
     pub kind: i32,
-    /// What it tells.
+    /// Bytes behind the header, without padding.
     pub body: &'a [u8],
 }
 

@@ -22,7 +22,7 @@ pub enum Query {
     TiltLimit,
 }
 
-/// An answer.
+/// The drone's answer to a query.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Answer {
     /// Version of the firmware.
