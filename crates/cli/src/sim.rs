@@ -229,7 +229,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
     let fly = |seeds, watch: &Watch<'_>| {
         let mut rows = batch::fly(&contenders, sim, seeds, watch.0, watch.1)?;
         if place.is_none() {
-            // Long, and not in part files.
+            // Tracks are long, only the figure draws them, and part files do not have them.
             rows.iter_mut().flatten().for_each(|flown| flown.track_w.clear());
         }
         Ok(rows)

@@ -57,7 +57,7 @@ pub struct Mpc<
     /// Linear dynamics along it, as those of the expansion are along the plan.
     trial_stages: Vec<Stage<NR, NU>>,
     expansion: Expansion<NR, NU>,
-    /// Of the inputs of the latest ask, by stage.
+    /// Bounds of the inputs in the latest ask, by stage. Unit of the row
     bounds: Vec<Bounds<NU>>,
 }
 

@@ -26,7 +26,7 @@ pub enum ArrivalTable {
     /// Nothing of it remains but the estimate of the state after it, which is kept as it is, as in
     /// the thesis.
     Fixed,
-    /// Its information on the next state and the parameter is kept. `C_p` must be positive.
+    /// The step's information on the next state and the parameter is kept. `C_p` must be positive.
     Carried {
         /// Weights of the first state against rest at its first observation, one per state row.
         /// 1 / unit of the row, 1e-6..=1e6
@@ -242,7 +242,7 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
 /// How information on the parameter fades towards its prior.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Fading<const NP: usize> {
-    /// What a step leaves of it, in (0, 1].
+    /// Part of the information that a step leaves, in (0, 1].
     pub(crate) keep: f64,
     /// Gradient and curvature of the prior.
     pub(crate) prior: ReducedSystem<NP>,

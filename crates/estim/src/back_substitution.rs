@@ -168,7 +168,7 @@ impl<const NS: usize, const NP: usize> LongChain<NS, NP> {
         Partition::of::<M, NU, NO>(0).map_or_else(whole, Self::Partition)
     }
 
-    /// As [`LongElimination::eliminate`].
+    /// Eliminates `block`, the next of the chain, as [`LongElimination::eliminate`] does.
     ///
     /// # Errors
     /// The damped matrix is not positive definite.

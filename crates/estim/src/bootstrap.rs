@@ -45,9 +45,9 @@ pub fn multiplicities(seed: u64, resample: u64, pieces: usize) -> Vec<u32> {
 pub struct Resample<const NP: usize> {
     /// Number of the resample.
     pub index: u64,
-    /// Its parameter. Unit of each row
+    /// Parameter estimated from the resample. Unit of each row
     pub p: SVector<f64, NP>,
-    /// Its cost. 1
+    /// Cost of the resample at `p`. 1
     pub cost: f64,
     /// Why its solve stopped.
     pub stop: Stop,

@@ -74,9 +74,9 @@ pub enum DelayError {
         "the recordings have a period of {recordings_s} s, the identification one of {ident_s} s"
     )]
     Period {
-        /// Of the recordings. s
+        /// Period of the recordings. s
         recordings_s: f64,
-        /// Of the identification. s
+        /// Period of the identification. s
         ident_s: f64,
     },
     /// A dead time to start from is not finite, or negative.
@@ -107,11 +107,11 @@ pub struct DelayProfile<const NP: usize> {
 /// What the likelihood says about a dead time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DelayVerdict {
-    /// It has a minimum inside of the range, from which the profile rises to both sides by more than chance.
+    /// The profile has a minimum inside of the range and rises from there to both sides by more than chance.
     Minimum,
-    /// It is least within a period of an end of the searched range.
+    /// The profile is least within a period of an end of the searched range.
     EndOfRange,
-    /// It does not decide: the profile is flatter than chance on one side at least.
+    /// The profile is flatter than chance on one side at least: the likelihood does not decide.
     Undecided,
 }
 

@@ -98,9 +98,9 @@ pub struct Ident<M, const NS: usize, const NU: usize, const NO: usize, const NP:
     p: SVector<f64, NP>,
     p_candidate: SVector<f64, NP>,
     cost_candidate: f64,
-    /// Of the last elimination by [`LinearSolver::Sparse`].
+    /// Solutions of the last elimination by [`LinearSolver::Sparse`].
     sparse: Sparse,
-    /// What the running solve needs to know of the iterate. Its derivatives are formed where
+    /// Cost and largest diagonal entry at the iterate of the running solve. The derivatives are formed where
     /// they are eliminated.
     known: Option<Linearization>,
     /// Whether the exact curvature is to be trusted here.
@@ -230,7 +230,7 @@ where
         levenberg::solve(self, &solver, is_late)
     }
 
-    /// As [`Ident::solve`] from an iterate near the minimum: with less damping, and with a cost tolerance
+    /// Solves as [`Ident::solve`] does from an iterate near the minimum: with less damping, and with a cost tolerance
     /// that depends on that of the settings.
     ///
     /// # Errors

@@ -58,13 +58,13 @@ impl LmSettings {
         Self { damping_start: 1e-3 * self.damping_start, cost_tolerance, ..self }
     }
 
-    /// When a step lowers the cost by less than this part of it, it was the last one. 1
+    /// Part of the cost: a step that lowers the cost by less is the last one. 1
     pub(crate) fn cost_tolerance(self) -> f64 {
         self.cost_tolerance
     }
 
-    /// For a part of a larger problem, in which the damping is not in units of its own diagonal. That of the whole
-    /// keeps the part near its start: no end of the part is confirmed without it.
+    /// Settings for a part of a larger problem, whose damping is not in units of the part's diagonal. The damping of
+    /// the whole keeps the part near its start, so no end of the part is confirmed without damping.
     pub(crate) fn of_part(damping_start: f64, cost_tolerance: f64, iterations_max: u32) -> Self {
         let (step_tolerance, confirms) = (0.0, false);
         Self { damping_start, cost_tolerance, step_tolerance, iterations_max, confirms }
@@ -103,7 +103,7 @@ impl Stop {
     }
 }
 
-/// What a solve did.
+/// Outcome of a solve: why it stopped, its steps and its costs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[must_use]
 pub struct SolveReport {

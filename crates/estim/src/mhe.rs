@@ -180,7 +180,7 @@ where
         Ok(o - self.trajectory.model().observe(&s))
     }
 
-    /// As [`Mhe::start`], at the state `s`: NS rows in the units of [`Model::STATE`].
+    /// Starts at the state `s`, NS rows in the units of [`Model::STATE`]; [`Mhe::start`] finds one from an observation.
     ///
     /// Real time: no allocation, constant cost.
     ///

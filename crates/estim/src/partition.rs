@@ -45,7 +45,7 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
         (is_whole && !subsystems.is_empty()).then_some(Self { subsystems })
     }
 
-    /// As [`eliminate`].
+    /// Eliminates the states of `blocks` in every subsystem; `reduced` loses their contributions.
     ///
     /// # Errors
     /// The damped matrix is not positive definite.
@@ -58,7 +58,7 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
         self.subsystems.iter_mut().try_for_each(|one| one.eliminate(blocks, damping, reduced))
     }
 
-    /// As [`back_substitute`], of the states that were eliminated at once.
+    /// Steps of the states that [`Partition::eliminate`] eliminated, all subsystems together.
     pub(crate) fn back_substitute(
         &self,
         p_step: &SVector<f64, NP>,
@@ -67,7 +67,7 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
         self.subsystems.iter().for_each(|one| one.back_substitute(p_step, steps));
     }
 
-    /// As [`Eliminated::covariance`], of state `last`; zero between subsystems.
+    /// Covariance of state `last`; zero between subsystems.
     ///
     /// # Errors
     /// The system that is left for the parameter is not positive definite.
@@ -81,7 +81,7 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
         Ok(whole)
     }
 
-    /// As [`LongElimination::eliminate`].
+    /// Eliminates state `k`, the next of a long chain, in every subsystem.
     ///
     /// # Errors
     /// The damped matrix is not positive definite.
@@ -102,7 +102,7 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
         reduced
     }
 
-    /// As [`back_substitute`], of the states that were eliminated one by one.
+    /// Steps of the states that [`Partition::eliminate_one`] eliminated, all subsystems together.
     pub(crate) fn back_substitute_long(
         &self,
         p_step: &SVector<f64, NP>,

@@ -30,7 +30,7 @@ impl<const NU: usize, const NO: usize> Recording<NU, NO> {
         self.applied_during(0..self.u.len(), dead_time_s, dt_s)
     }
 
-    /// What [`Recording::applied`] says of `steps`.
+    /// The inputs of [`Recording::applied`] during `steps` alone.
     ///
     /// # Panics
     /// `steps` lead beyond the end of `u`, and dead times do not.

@@ -62,7 +62,7 @@ pub struct Iterate<'a, const NS: usize, const NU: usize, const NO: usize, const 
 pub enum Curvature {
     /// Products of first derivatives. Never negative; slow where residuals are large.
     GaussNewton,
-    /// Those of the step too, if the model has them: a few iterations where the start is good.
+    /// Second derivatives of the step too, if the model has them: a few iterations where the start is good.
     Exact,
     /// Products of first derivatives, in which a robust loss only scales its block. Never below the
     /// curvature of such a block, so that a block whose state little else holds is not overshot; slow

@@ -290,7 +290,7 @@ where
     fn linearize(&mut self) -> Result<Linearization, SolveError> {
         self.chain.clear(self.s.len());
         let iterate = Iterate { s: &self.s, u: &self.u, o: &self.o, p: &self.p };
-        // A free state that has just been added is held by little but its observation.
+        // Little but its observation determines a free state that has just been added.
         let curvature =
             if self.arrival.is_some() { Curvature::Reweighted } else { Curvature::GaussNewton };
         let cost = self.residuals.accumulate(&iterate, curvature, &mut self.chain)?
@@ -363,7 +363,7 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
         Iterate { s: &self.s, u: &self.u, o: &self.o, p: &self.p }
     }
 
-    /// The same without a look at the groups of the model.
+    /// The trajectory whose elimination ignores the groups of the model.
     pub(crate) fn undivided(self) -> Self {
         let chain = Chain::new(self.s.len());
         Self { arrival: self.arrival.map(Arrival::undivided), chain, ..self }

@@ -140,7 +140,7 @@ const HEAD_BYTES: u64 = 1024;
 /// The flights in `paths`; those that cannot be used go to `unusable`.
 fn read(paths: &[PathBuf], unusable: &mut Vec<Unusable>) -> Result<Group> {
     let files = recordings::find(paths)?;
-    // The flight first: the checksum of a file without end would not end.
+    // Reading the flight refuses a file without end, of which the checksum would never be done.
     let read = |file: &PathBuf| {
         let looked = Looked::at(Flight::read(file)?);
         Ok((checksum(file)?, looked))

@@ -78,7 +78,7 @@ pub use walls::{Clearance, WallTable};
 const COMING: isize = 0;
 /// The period that ended with this tick, before the push of the tick.
 const JUST_ENDED: isize = -1;
-/// The same period after the push, which moves the coming step on by one.
+/// The period that ended with this tick, after the push, which moves the coming step on by one.
 const JUST_ENDED_AFTER_PUSH: isize = -2;
 
 /// A cycle of any model: what flight, simulation and replay hold.

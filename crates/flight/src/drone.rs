@@ -99,7 +99,7 @@ pub struct DroneStatus {
     pub battery_pct: u8,
     /// Battery voltage, in steps of 1 mV. V. Binary only.
     pub battery_v: Option<f64>,
-    /// Its own height over a level that differs from flight to flight, in steps of 0.1 m. m
+    /// Height by its own sensors over a level that differs from flight to flight, in steps of 0.1 m. m
     pub height_m: Option<f64>,
     /// Velocity by its own sensors: two horizontal axes, whose names and signs differ between reports,
     /// and down, in steps of 0.1 m/s. m/s

@@ -55,11 +55,11 @@ pub struct FilterTable {
 /// Checked [`FilterTable`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FilterSettings {
-    /// Of the horizontal distance. m
+    /// Limit of the horizontal distance. m
     horizontal: Limit,
-    /// Of the difference of heights. m
+    /// Limit of the difference of heights. m
     vertical: Limit,
-    /// Of the difference of headings. rad
+    /// Limit of the difference of headings. rad
     angle: Limit,
     /// Growth of the limit of the angle per period with a refused heading, if that differs. rad
     angle_growth_refused: Option<f64>,
@@ -157,7 +157,7 @@ pub struct PoseFilter {
     o_ref: Option<Pose>,
     position_hold: Hold,
     heading_hold: Hold,
-    /// Those of `heading_hold` in which a heading was seen and refused.
+    /// Periods of `heading_hold` in which a heading was seen and refused.
     headings_refused: Hold,
 }
 
@@ -195,7 +195,7 @@ impl PoseFilter {
         self.update_again(raw)
     }
 
-    /// As [`PoseFilter::update`], for another sample of the same period, which lengthens no hold once more.
+    /// Judges another sample of the period of [`PoseFilter::update`]; no hold is lengthened once more.
     ///
     /// Real time: no allocation, constant cost.
     pub fn update_again(&mut self, raw: Option<&Pose>) -> Filtered {

@@ -28,11 +28,11 @@ const DOUBT: f64 = 0.3;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LinkState {
-    /// Those that were sent.
+    /// The vehicle follows the commands that were sent.
     Up,
-    /// None: it levels out.
+    /// The vehicle follows no command and levels out.
     Released,
-    /// The last one before the outage, again and again.
+    /// The vehicle follows the last command before the outage, again and again.
     Held,
 }
 
@@ -71,7 +71,7 @@ pub struct LinkVerdict {
     pub onset_steps: u32,
 }
 
-/// What the motion up to now says about the error of a dead time.
+/// Error of a dead time by the motion up to now.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeadTimeError {
     /// Real dead time minus the assumed one. s
@@ -81,20 +81,20 @@ pub struct DeadTimeError {
 }
 
 impl DeadTimeError {
-    /// Of its mean and variance. s, s^2
+    /// The error with this mean (s) and variance (s^2).
     fn of(mean_s: f64, variance_s2: f64) -> Self {
         Self { mean_s, sd_s: variance_s2.max(0.0).sqrt() }
     }
 }
 
-/// The same of each axis.
+/// Errors of the dead times by the motion up to now, for each axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeadTimeErrors {
-    /// Of roll and pitch.
+    /// Error of roll and pitch.
     pub horizontal: DeadTimeError,
-    /// Of the throttle; `None`: it is corrected as the horizontal ones.
+    /// Error of the throttle; `None`: it is corrected as roll and pitch are.
     pub throttle: Option<DeadTimeError>,
-    /// The same of yaw.
+    /// Error of yaw; `None`: it is corrected as roll and pitch are.
     pub yaw: Option<DeadTimeError>,
 }
 
@@ -111,7 +111,7 @@ pub struct LinkMonitor {
 #[derive(Debug, Clone)]
 struct Tables {
     link: LinkTable,
-    /// The same with the noise of the dead time's own filter. `None`: it has none.
+    /// Settings of the dead time's own filter, with its noise. `None`: it has none.
     dead_time: Option<LinkTable>,
 }
 

@@ -53,7 +53,7 @@ const TARGET_S: f64 = 15.0;
 pub struct Reference {
     /// Pose. theta is continuous over a mission: one turn fits all references of a horizon. m, rad
     pub pose: Pose,
-    /// Its derivative by time. m/s, rad/s
+    /// Derivative of `pose` by time. m/s, rad/s
     pub rate: Pose,
 }
 

@@ -44,11 +44,11 @@ pub enum Agreement {
     /// One source is absent, or has not followed the other yet.
     #[default]
     Unknown,
-    /// They differ by no more than their errors.
+    /// Both differ by no more than their errors.
     Agrees,
-    /// They differ by more.
+    /// Both differ by more than their errors.
     Doubtful,
-    /// They differ by so much, or for so long, that one is wrong.
+    /// Both differ by so much, or for so long, that one is wrong.
     Disagrees,
 }
 
@@ -81,8 +81,8 @@ pub struct Sample {
 pub struct Findings {
     /// For how long the pose has been stiller than a flying vehicle is; `None`: it moves. s
     pub still_s: Option<f64>,
-    /// The same, or that of one axis alone, while it contradicts the inputs; of all axes also, without a
-    /// velocity of the drone that agrees, once it has lasted long. s
+    /// For how long the pose, or one axis alone, has been still against the inputs; all axes also without a velocity of
+    /// the drone that agrees, once that has lasted long. s
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frozen_s: Option<f64>,
     /// Displacement by the poses against the drone's velocity.
@@ -231,7 +231,7 @@ struct Doubt {
 
 /// Doubt that lasts longer is disagreement. s
 const DOUBT_MAX_S: f64 = 1.5;
-/// The same if the difference is beyond twice the limit, and for longer than one report of the drone counts. s
+/// [`DOUBT_MAX_S`] if the difference is beyond twice the limit, and for longer than one report of the drone counts. s
 const DOUBT_LARGE_MAX_S: f64 = 0.3;
 const REPORT_S: f64 = 0.11;
 /// Doubt that a time of agreement takes back, over that time: doubt that comes again and again, since the

@@ -63,7 +63,7 @@ enum Shape {
 pub struct SignedDistance {
     /// Distance. m
     pub distance_m: f64,
-    /// Its gradient. 1
+    /// Gradient of the distance by the position. 1
     pub gradient_w: Vector3<f64>,
 }
 
@@ -123,7 +123,7 @@ fn middle(key: &str, [low_m, high_m]: [f64; 2]) -> Result<(f64, f64), SettingErr
 }
 
 impl ObstacleTable {
-    /// Its lower and upper end along x, y and z; `None` for one that moves. World frame. m
+    /// Lower and upper end of the obstacle along x, y and z; `None` for one that moves. World frame. m
     pub(crate) fn extent_m(&self) -> Option<[[f64; 2]; 3]> {
         match self {
             Self::Cylinder { centre_m, radius_m, z_m } => {
@@ -200,7 +200,7 @@ impl Obstacle {
         self.distance_from(&Vector3::new(from_w.x, from_w.y, nearest_z), moving_w)
     }
 
-    /// Its outline from above, closed, for drawings. m
+    /// Outline of the obstacle from above, closed, for drawings. m
     pub fn outline(&self) -> Vec<(f64, f64)> {
         const CORNERS: u32 = 48;
         let (x, y) = (self.centre_w.x, self.centre_w.y);

@@ -75,9 +75,9 @@ const DOWN_HOLD_S: f64 = 1.0;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum TakeOffSeen {
     No,
-    /// Its height or its poses rose.
+    /// The height of the drone or its poses rose.
     Measured,
-    /// It reported that it flies.
+    /// The drone reported that it flies.
     Reported,
 }
 

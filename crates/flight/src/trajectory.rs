@@ -23,7 +23,7 @@ pub(crate) struct Node {
     pub arc_m: f64,
     /// Pose, theta continuous over the trajectory. m, rad
     pub pose: Pose,
-    /// Its derivative by time. m/s, rad/s
+    /// Derivative of `pose` by time. m/s, rad/s
     pub rate: Pose,
 }
 
@@ -32,9 +32,9 @@ pub(crate) struct Node {
 pub(crate) struct Moment {
     /// Pose, theta continuous over the trajectory. m, rad
     pub pose: Pose,
-    /// Its first derivative by time. m/s, rad/s
+    /// First derivative of `pose` by time. m/s, rad/s
     pub rate: Pose,
-    /// Its second derivative by time. m/s^2, rad/s^2
+    /// Second derivative of `pose` by time. m/s^2, rad/s^2
     pub accel: Pose,
 }
 
@@ -83,7 +83,7 @@ impl Trajectory {
         Self::new((0..poses.len()).map(node).collect()).refined()
     }
 
-    /// The same trajectory with a node at least every [`SPACING_S`], and ways.
+    /// The trajectory with a node at least every [`SPACING_S`], and ways.
     fn refined(&self) -> Self {
         let mut nodes = vec![self.nodes[0]];
         let mut arc_m = 0.0;

@@ -141,7 +141,7 @@ pub fn probe(path: &Path) -> Result<()> {
 /// # Errors
 /// It is something else that is no file.
 fn takes_bytes(path: &Path) -> Result<bool> {
-    // What cannot be looked at is refused where it is written.
+    // A path without metadata is refused when it is written.
     let Ok(there) = fs::metadata(path) else { return Ok(false) };
     let kind = there.file_type();
     if kind.is_dir() {

@@ -20,7 +20,7 @@ pub use tape::{CompileError, REGISTERS_MAX};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Program {
     dimensions: Dimensions,
-    /// Those of the vectors that it is evaluated with.
+    /// Numbers of rows of the vectors with which the program is evaluated.
     size: Dimensions,
     step: Tape<1>,
     /// Step, then its Jacobians by state and by parameter.
@@ -34,13 +34,13 @@ pub struct Program {
 /// Numbers of rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Dimensions {
-    /// Of the state.
+    /// Rows of the state.
     pub states: usize,
-    /// Of the input.
+    /// Rows of the input.
     pub inputs: usize,
-    /// Of the observation.
+    /// Rows of the observation.
     pub observations: usize,
-    /// Of the parameter.
+    /// Rows of the parameter.
     pub parameters: usize,
 }
 
@@ -60,7 +60,8 @@ impl Program {
         Self::compile_padded(graph, step, observe, [size, size])
     }
 
-    /// The same with its `dimensions`, for a [`Compiled`] of a `size` that may have more rows.
+    /// The system of [`Program::compile`] with its `dimensions`, for a [`Compiled`] of a `size` that may have more
+    /// rows.
     ///
     /// # Errors
     /// [`CompileError`].

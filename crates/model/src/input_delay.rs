@@ -29,9 +29,9 @@ const EXTRA_INPUTS: usize = 2;
 pub struct InputFifo<const NU: usize> {
     /// Dead time per axis. steps, >= 0
     dead_time_steps: SVector<f64, NU>,
-    /// The same before a correction.
+    /// Dead time per axis before a correction. steps, >= 0
     nominal_steps: SVector<f64, NU>,
-    /// Part of it that a correction leaves of each. 1, 0..=1
+    /// Part of each nominal dead time that a correction leaves. 1, 0..=1
     min_ratio: f64,
     /// Ring of sent inputs; `newest` is the latest.
     sent: Vec<SVector<f64, NU>>,
@@ -69,7 +69,7 @@ impl<const NU: usize> InputFifo<NU> {
         })
     }
 
-    /// The same with room for `steps` more: for a longer dead time ([`InputFifo::correct`]) or a look further
+    /// The FIFO with room for `steps` more inputs: for a longer dead time ([`InputFifo::correct`]) or a look further
     /// back ([`InputFifo::applied`]). Allocates; nothing must have been pushed.
     #[must_use]
     pub fn with_room(mut self, steps: usize) -> Self {
@@ -77,7 +77,7 @@ impl<const NU: usize> InputFifo<NU> {
         self
     }
 
-    /// The same, but a correction leaves at least `min_ratio` of each dead time, 0..=1; without it, 0.
+    /// The FIFO whose corrections leave at least `min_ratio` of each dead time, 0..=1; without it, 0.
     ///
     /// # Errors
     /// `min_ratio` is not in its range.

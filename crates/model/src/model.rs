@@ -274,7 +274,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         *self
     }
 
-    /// The same model with the terms that depend on this parameter and period alone computed once. Any other
+    /// The model with the terms that depend on this parameter and period alone computed once. Any other
     /// parameter or period gives the same result at the cost of the unprepared model.
     #[must_use]
     #[inline]

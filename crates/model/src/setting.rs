@@ -29,7 +29,7 @@ impl SettingError {
         Self { key: key.into(), value: value.to_string(), rule: rule.into() }
     }
 
-    /// The same refusal seen from one level further out: `window_steps` under `mhe` is
+    /// The refusal with the key of the section in front: `window_steps` under `mhe` becomes
     /// `mhe.window_steps`.
     #[must_use]
     pub fn under(self, section: &str) -> Self {

@@ -50,7 +50,7 @@ impl Radio {
         Self { times_s, random, is_up: true, outage, outage_random, is_held: false, remaining_s }
     }
 
-    /// The same link with other outages.
+    /// The link with `outage` in place of its outages.
     #[must_use]
     pub fn with_outages(self, outage: Outage) -> Self {
         Self { outage, ..self }

@@ -94,7 +94,7 @@ impl<const NS: usize, const NU: usize> MpcBuilder<NS, NU> {
         self
     }
 
-    /// The same for the last step. 1/unit, 0 or 1e-6..=1e6
+    /// Weight of each state's distance to the reference after the last step. 1/unit, 0 or 1e-6..=1e6
     #[must_use]
     pub fn c_s_end(mut self, c_s_end: [f64; NS]) -> Self {
         self.c_s_end = Some(c_s_end);

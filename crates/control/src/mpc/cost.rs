@@ -23,15 +23,16 @@ pub(super) struct Against<'a, const NS: usize, const NU: usize> {
 ///
 /// `Delta u_k` is `u_k` or `u_k - u_{k-1}`, by [`InputCost`]. A quadratic function of inputs and states,
 /// so its second derivative is the same everywhere.
-/// A stage of several steps weighs as much as they do: its state counts once for each, its input too. A change of
-/// the input counts as if it were spread evenly over the steps from the middle of one stage to that of the next.
+///
+/// In a stage of several steps state and input count once for each step. A change of the input counts as if it were
+/// spread evenly over the steps from the middle of one stage to the middle of the next.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Cost<const NS: usize, const NU: usize> {
     kind: InputCost,
-    /// By stage.
+    /// Squared weights of the input or its change, by stage. 1 / unit^2 of the row
     input: Vec<SVector<f64, NU>>,
     input_reciprocal: Vec<SVector<f64, NU>>,
-    /// Of `s_1 .. s_N`.
+    /// Squared weights of `s_1 .. s_N`. 1 / unit^2 of the row
     state: Vec<SVector<f64, NS>>,
 }
 
@@ -43,8 +44,8 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
         Self::of_squares(settings.input_cost, settings.stage_steps(), input, states)
     }
 
-    /// With the steps of each stage, and the squared weights of the inputs of a step, of the state after a step and
-    /// of the last one.
+    /// The cost with the steps of each stage, and the squared weights of the inputs of a step, of the state after a
+    /// step and of the last one.
     fn of_squares(
         kind: InputCost,
         stage_steps: &[u32],

@@ -189,7 +189,7 @@ pub enum SolveError {
     Given {
         /// Row of the input.
         row: usize,
-        /// Its number of given steps.
+        /// Number of given steps of that row.
         given_steps: usize,
         /// Number of given inputs in the ask.
         given: usize,
@@ -201,7 +201,7 @@ pub enum SolveError {
     Inside {
         /// Row of the input.
         row: usize,
-        /// Its number of given steps.
+        /// Number of given steps of that row.
         given_steps: usize,
     },
     /// More soft constraints than the settings have places for.
@@ -225,7 +225,7 @@ pub enum SolveError {
         /// Field of [`Excess`](crate::Excess), or `squared weight`: the square of the weight times the steps of the
         /// stage, which may overflow.
         what: &'static str,
-        /// Its value, or the first entry of a gradient that is not finite.
+        /// Value of that field, or the first entry of a gradient that is not finite.
         value: f64,
     },
     /// A Jacobian of the model along the present plan is not finite.
@@ -239,7 +239,7 @@ pub enum SolveError {
         "the present plan costs {cost}: state, reference or weights are too large, or the model is not finite"
     )]
     Cost {
-        /// Its cost.
+        /// Cost of the present plan, not finite. 1
         cost: f64,
     },
 }

@@ -45,7 +45,7 @@ pub struct MpcTable {
     /// Weight of each state's distance to the reference, all steps but the last. 1/unit, 0 or 1e-6..=1e6
     #[serde(rename = "C_s")]
     pub c_s: Vec<f64>,
-    /// The same for the last step. 1/unit, 0 or 1e-6..=1e6
+    /// Weight of each state's distance to the reference after the last step. 1/unit, 0 or 1e-6..=1e6
     #[serde(rename = "C_s_end")]
     pub c_s_end: Vec<f64>,
     /// Lower bound of each input. Unit of the row
@@ -84,7 +84,7 @@ pub struct MpcSettings<const NS: usize, const NU: usize> {
     pub(super) c_u: SVector<f64, NU>,
     /// Weight of each state's distance to the reference, all steps but the last. 1/unit
     pub(super) c_s: SVector<f64, NS>,
-    /// The same, last step. 1/unit
+    /// Weight of each state's distance to the reference after the last step. 1/unit
     pub(super) c_s_end: SVector<f64, NS>,
     u_lb: SVector<f64, NU>,
     u_ub: SVector<f64, NU>,
@@ -220,8 +220,7 @@ impl<const NS: usize, const NU: usize> MpcSettings<NS, NU> {
         Bounds { lo: self.u_lb, hi: self.u_ub }
     }
 
-    /// The same settings for a controller whose plans may have up to `count` soft constraints after each stage,
-    /// 0..=1000;
+    /// Settings for a controller whose plans may have up to `count` soft constraints after each stage, 0..=1000;
     /// [`Mpc::new`](crate::Mpc::new) refuses more.
     #[must_use]
     pub fn with_constraints(self, count: usize) -> Self {

@@ -57,8 +57,8 @@ impl<const NP: usize> Laplace<NP> {
         Self::with_dead_times(ident, &[])
     }
 
-    /// As [`Laplace::of`], with dead times that were estimated from the same pieces. Correlations of dead times with
-    /// one another are left out.
+    /// The approximation of [`Laplace::of`] with dead times that were estimated from the same pieces. Correlations of
+    /// dead times with one another are left out.
     ///
     /// With `p_D` the derivative of the parameter by a dead time `D`, `D_i` the influence of piece `i` on that dead
     /// time and `J''` its information, piece `i` moves the parameter by `p_D D_i - H^-1 g_i` to first order, and

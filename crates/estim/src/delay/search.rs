@@ -30,7 +30,7 @@ const PIECES_MIN: f64 = 10.0;
 
 /// Profile of one group and where it is least.
 pub(super) struct Found {
-    /// As [`DelayProfile::curve`].
+    /// Candidates and their cost above the least, as in [`DelayProfile::curve`]. (s, 1)
     pub(super) curve: Vec<(f64, f64)>,
     /// s
     pub(super) at_s: f64,
@@ -287,7 +287,7 @@ where
         self.solve_to(|of_settings| of_settings.min(EXACT))
     }
 
-    /// As [`Search::solve`], with a cost tolerance that depends on that of the settings.
+    /// Solves as [`Search::solve`] does, with a cost tolerance that depends on that of the settings.
     pub(super) fn solve_to(&mut self, cost_tolerance: fn(f64) -> f64) -> Result<f64, Halt> {
         for (piece, u) in self.flights.inputs(self.dead_time_s).iter().enumerate() {
             self.ident.set_inputs(piece, u)?;

@@ -55,7 +55,8 @@ pub fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<PathBuf>>
     Ok(written)
 }
 
-/// Files of results in `dir`, each with the time of its last change. What a run leaves as it was is of an earlier one.
+/// Files of results in `dir`, each with the time of its last change. Files that a run does not change are of an earlier
+/// run.
 pub fn results(dir: &Path) -> BTreeMap<PathBuf, SystemTime> {
     let files = |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten();
     let folders = ["estimates", "figures"].map(|name| dir.join(name));

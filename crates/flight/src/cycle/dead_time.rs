@@ -29,24 +29,24 @@ const SHORT_STEPS: i32 = 2;
 /// Error that is left at the largest correction from which on the dead time is too long to fly with. s
 const LEFT_MAX_S: f64 = 0.08;
 
-/// The same of throttle and yaw, whose axes answer sooner and oscillate later. s
+/// [`LEFT_MAX_S`] of throttle and yaw, whose axes answer sooner and oscillate later. s
 const LEFT_OWN_MAX_S: f64 = 0.15;
 
 /// Periods from one correction to the next.
 const PERIODS_BETWEEN: u32 = 5;
 
-/// What the dead times of a flight were corrected by.
+/// Corrections of the dead times of a flight, and the errors that remain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeadTimeChange {
-    /// Asked for in addition to that of each stick as it is configured. steps
+    /// Correction that is asked for beyond the configured dead time of each stick. steps
     pub steps: [i32; stick::COUNT],
-    /// What is applied of it: `dead_time_min_ratio` of each dead time stays. s
+    /// Correction that is applied: `dead_time_min_ratio` of each configured dead time stays. s
     pub change_s: Sticks,
-    /// What is still missing of roll and pitch by the latest motion that shows it; `None` before. s
+    /// Remaining error of roll and pitch by the latest motion that shows it; `None` before. s
     pub error: Option<DeadTimeError>,
-    /// The same of the throttle by its own motion.
+    /// Remaining error of the throttle by its own motion; `None` before that shows it. s
     pub throttle_error: Option<DeadTimeError>,
-    /// The same of yaw by its own motion.
+    /// Remaining error of yaw by its own motion; `None` before that shows it. s
     pub yaw_error: Option<DeadTimeError>,
 }
 
@@ -70,9 +70,9 @@ pub(super) struct DeadTime {
     sd_prior_s: f64,
     /// Largest correction. steps
     steps_max: i32,
-    /// Of roll and pitch.
+    /// Correction of roll and pitch.
     horizontal: Correction,
-    /// Beyond that of roll and pitch.
+    /// Correction of the throttle beyond that of roll and pitch.
     throttle: Correction,
     /// Beyond that of roll and pitch.
     yaw: Correction,
@@ -206,10 +206,10 @@ impl DeadTime {
         for (axis, error) in own {
             let error = excited(error);
             if error.is_some() || (takes_back && axis.steps != 0) {
-                // It is known by itself.
+                // The axis has an error of its own: the step of roll and pitch is not added to it.
                 axis.steps -= step;
             } else if step != 0 {
-                // It follows: what was known of it is of another dead time.
+                // The axis takes the step, too: its error so far is that of another dead time.
                 axis.error = None;
             }
             is_changed |= axis.follow(error, horizontal.steps, *steps_max, *dt_s) != 0;

@@ -103,7 +103,7 @@ impl Unwatched {
         Self::default().late_at(inbox.late_at_poll)
     }
 
-    /// This watch, late from this poll of a tick on; `None`: never.
+    /// A watch that is late from this poll of a tick on; `None`: never.
     #[must_use]
     pub fn late_at(self, poll: Option<u32>) -> Self {
         Self { late_at_poll: poll, ..self }

@@ -17,9 +17,9 @@ use crate::{Filtered, Findings, LinkVerdict, Mission, Phase, Ruling, Sighting};
 /// How a solve ended.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Solve {
-    /// It left an iterate.
+    /// The solve left an iterate.
     Done(SolveFigures),
-    /// It left none.
+    /// The solve left no iterate.
     Failed(SolveFailure),
 }
 

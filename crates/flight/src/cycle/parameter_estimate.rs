@@ -11,8 +11,8 @@ use super::DeadTimeChange;
 pub struct ParameterEstimate {
     /// Estimate, in the rows of the parameter. Unit of each row
     pub p: Vec<f64>,
-    /// Its covariance by the prior and the steps before the window, in the units of the estimator's weights, row by
-    /// row.
+    /// Covariance of `p` by the prior and the steps before the window, in the units of the estimator's weights, row
+    /// by row.
     pub covariance: Vec<Vec<f64>>,
     /// Correction of the dead time of each stick, with what is still missing of it; `None` if no motion showed it. s
     pub dead_time_change_s: Option<Sticks>,

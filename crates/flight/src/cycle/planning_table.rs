@@ -29,7 +29,7 @@ pub struct PlanningTable {
     /// Weight of each state's distance to the reference, all steps but the last. 1/unit, 0 or 1e-6..=1e6
     #[serde(rename = "C_s")]
     pub c_s: Vec<f64>,
-    /// The same for the last step. 1/unit, 0 or 1e-6..=1e6
+    /// Weight of each state's distance to the reference after the last step. 1/unit, 0 or 1e-6..=1e6
     #[serde(rename = "C_s_end")]
     pub c_s_end: Vec<f64>,
     /// Lower bound of each input. 1, <= 0

@@ -262,9 +262,9 @@ pub struct FilteredRecord {
     /// What the filter lets through.
     #[serde(flatten)]
     pub pose: PoseRecord,
-    /// Of x, y and z.
+    /// Judgement of x, y and z.
     pub position: Acceptance,
-    /// Of theta.
+    /// Judgement of theta.
     pub heading: Acceptance,
 }
 

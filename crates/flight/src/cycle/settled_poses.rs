@@ -26,7 +26,7 @@ pub struct StandingTable {
 }
 
 impl Default for StandingTable {
-    /// As in logs of flights that had no such settings.
+    /// The values of flights whose logs have no such settings.
     fn default() -> Self {
         Self { for_s: 0.5, distance_m: 0.1, turn_rad: 0.3 }
     }

@@ -22,7 +22,7 @@ pub enum ModelKind {
 
 /// A computation for any vehicle model.
 pub trait WithModel {
-    /// Its result.
+    /// Result of the computation.
     type Output;
 
     /// The result for `model`, of whose states the first `NR` are controllable ([`Model::CONTROLLABLE`]).

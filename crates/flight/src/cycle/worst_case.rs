@@ -47,7 +47,7 @@ impl<const NS: usize, const NP: usize> WorstCase<NS, NP> {
         self.for_s += dt_s;
     }
 
-    /// Both states, and how long the outage has lasted. s
+    /// States by the estimated parameter and by the prior, and the time since the onset; `None` without an outage. s
     pub(super) fn states(&self) -> Option<([SVector<f64, NS>; 2], f64)> {
         Some((self.s?, self.for_s))
     }

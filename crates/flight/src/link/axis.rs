@@ -129,7 +129,7 @@ pub(super) struct Noise {
 pub(super) struct AxisCommand {
     /// Rate. unit/s
     pub(super) asked: f64,
-    /// Its rate. unit/s^2
+    /// Derivative of `asked` by time. unit/s^2
     pub(super) rate: f64,
 }
 

@@ -33,7 +33,7 @@ pub(super) struct Commands {
 pub(super) struct Branch {
     pub(super) state: LinkState,
     pub(super) hypothesis: Hypothesis,
-    /// The same motion, filtered for the dead time. `None`: `hypothesis` finds it.
+    /// Filter of the motion for the dead time. `None`: `hypothesis` finds it.
     pub(super) dead_time: Option<Hypothesis>,
     /// `None`: the heading says nothing.
     pub(super) turn: Option<Axis>,

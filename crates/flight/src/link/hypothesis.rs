@@ -46,7 +46,7 @@ const SD_START_MPS: f64 = 0.5;
 pub(super) struct HorizontalCommand {
     /// Velocity. m/s
     pub(super) asked_w_mps: Vector2<f64>,
-    /// Its rate. m/s^2
+    /// Derivative of the velocity by time. m/s^2
     pub(super) rate_w_mps2: Vector2<f64>,
 }
 

@@ -11,7 +11,8 @@ pub(super) fn huber(error: f64, variance: f64) -> (f64, f64) {
     (log_likelihood(deviations, variance), (HUBER / deviations).min(1.0))
 }
 
-/// As [`huber`], for samples of which some are outliers of any size: those have no weight, and all the same likelihood.
+/// Log likelihood and weight as by [`huber`], for samples with outliers of any size, which have no weight and all the
+/// same likelihood.
 pub(super) fn capped(error: f64, variance: f64) -> (f64, f64) {
     let deviations = error.abs() / variance.sqrt();
     let weight = if deviations > CAP { 0.0 } else { (HUBER / deviations).min(1.0) };

@@ -29,7 +29,7 @@ pub struct LinkTable {
     pub sd_rate: f64,
     /// Time in which the errors of the model may change. s, > 0
     pub adapt_s: f64,
-    /// The same for the error of the dead time. Missing: `adapt_s`. s, > 0
+    /// Time in which the error of the dead time may change. Missing: `adapt_s`. s, > 0
     #[serde(default)]
     pub dead_time_adapt_s: Option<f64>,
     /// Evidence from which on a command outage counts. Log likelihood ratio. 1, > 0

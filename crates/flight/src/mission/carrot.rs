@@ -100,7 +100,7 @@ impl Carrot {
         behind_w.fixed_rows::<3>(pose::X).dot(&way_w) / way_w.norm().max(f64::MIN_POSITIVE)
     }
 
-    /// Where it is now.
+    /// Pose and rate of the reference now.
     pub(super) fn reference(&self) -> Reference {
         Reference { pose: self.goal_w - self.left * self.way_w, rate: self.pace * self.way_w }
     }

@@ -65,7 +65,7 @@ const START: PathTime = PathTime { at_s: 0.0, pace: 1.0 };
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Follower {
     path: TimedPath,
-    /// The same waypoints with tighter corners, for a vehicle that has missed one; then the path until there.
+    /// Path with tighter corners, for a vehicle that has missed a waypoint; then the path until there.
     other: Option<TimedPath>,
     has_missed: bool,
     follow: FollowTable,

@@ -41,7 +41,7 @@ struct Fastest {
 }
 
 impl FlightTable {
-    /// The same flight with its mission at `speed`: at 0.5 as it is written; below, speeds in proportion and
+    /// The flight with its mission at `speed`: at 0.5 as it is written; below, speeds in proportion and
     /// accelerations by the square of it, the same curves in a longer time; above, limits, corners and the lag at which
     /// the reference waits on the straight line to those of the vehicle, which 1 has.
     ///

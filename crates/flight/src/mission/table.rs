@@ -290,7 +290,7 @@ impl MissionTable {
 }
 
 impl FollowTable {
-    /// The same table if it is valid.
+    /// The table, if it is valid.
     pub(super) fn check(&self) -> Result<&Self, SettingError> {
         near("reach", self.reach)?;
         near("start.within", self.start.within)?;

@@ -29,8 +29,8 @@ const FORGET_S: f64 = 4.0;
 const VARIANCE_MIN: f64 = 0.012;
 /// Velocity per input below which the motion does not follow the inputs. m/s; 1.9 nominal
 const GAIN_MIN_MPS: f64 = 0.4;
-/// The same where an outage has been among what is compared: a vehicle that flies against its inputs follows them as
-/// strongly as one that flies along. m/s
+/// [`GAIN_MIN_MPS`] where the compared motion has an outage in it: a vehicle that flies against its inputs follows them
+/// as strongly as one that flies along. m/s
 const GAIN_SURE_MIN_MPS: f64 = 0.6;
 /// Variance of the decay below which it explains nothing. 1
 const DECAY_VARIANCE_MIN: f64 = 1e-9;

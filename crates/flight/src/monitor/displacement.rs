@@ -54,7 +54,7 @@ struct DroneSpeed {
     velocity_d_mps: Complex<f64>,
     /// Difference between the speeds by poses and by drone, less a tolerance. m/s
     excess_mps: f64,
-    /// Its leaky integral. m
+    /// Exponentially forgotten integral of `excess_mps`. m
     difference_m: f64,
 }
 

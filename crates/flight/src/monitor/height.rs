@@ -38,7 +38,7 @@ pub(super) struct HeightMonitor {
     dt_s: f64,
     /// Height by the poses less the drone's, on the ground, then slowly followed. m
     level_m: Option<f64>,
-    /// The same, as it was on the ground. m
+    /// Height by the poses less the drone's, as it was on the ground. m
     ground_level_m: f64,
     /// Height by the drone on the ground. m
     ground_m: Option<f64>,

@@ -17,11 +17,11 @@ pub struct MonitorTable {
     /// drone's velocity is not looked at. m, 0.2..=5
     #[serde(deserialize_with = "crate::present")]
     pub displacement_m: Option<f64>,
-    /// The same for the height by the poses and by the drone. m, 0.2..=5
+    /// Difference between the heights by the poses and by the drone, judged as `displacement_m`. m, 0.2..=5
     #[serde(deserialize_with = "crate::present")]
     pub height_m: Option<f64>,
-    /// The same for the turns by the poses and by the drone, forgotten within 15 s; missing: 0.6; `null`: not
-    /// compared. rad, 0.2..=1.5
+    /// Difference between the turns by the poses and by the drone, forgotten within 15 s, judged likewise; missing:
+    /// 0.6; `null`: not compared. rad, 0.2..=1.5
     #[serde(default = "usual_heading_rad")]
     pub heading_rad: Option<f64>,
     /// Angle between the motion and the inputs from which on the heading is wrong. rad, 0.5..=1.5
@@ -41,7 +41,7 @@ impl Default for MonitorTable {
     }
 }
 
-/// Of settings that were written before there was this key.
+/// Limit of settings that were written before there was this key. rad
 #[expect(clippy::unnecessary_wraps, reason = "the signature that serde calls")]
 fn usual_heading_rad() -> Option<f64> {
     Some(0.6)

@@ -30,7 +30,7 @@ const INPUT_MIN: f64 = 0.2;
 const ASKED_MIN_S: f64 = 0.4;
 /// Time for which a pose may be still while nothing is asked for. s
 const QUIET_S: f64 = 5.0;
-/// The same in what looks like an outage: a pose that is not the vehicle's stops at once, as if commands were lost.
+/// [`QUIET_S`] in what looks like an outage: a pose of another object stops at once, as if commands were lost. s
 const QUIET_IN_OUTAGE_S: f64 = 2.4;
 /// Speed by the drone that the poses do not show, with which commands act whatever the link monitor reports: a vehicle
 /// that coasts without commands shows its speed. m/s

@@ -33,7 +33,7 @@ const VELOCITY_DRIFT_MPS: f64 = 0.08;
 /// Displacement of poses beyond that of a vehicle which is faster by so much than the drone reports: another body's, or
 /// an outlier. One of 0.2 m in a period outweighs the motion of a flight. m/s
 const STEP_MPS: f64 = 1.0;
-/// The same of the noise of two poses. m
+/// Displacement of poses that their noise explains. m
 const STEP_M: f64 = 0.03;
 
 /// Kinds of axes that the drone's may be: fixed, or turning with the body; each of either hand.
@@ -55,9 +55,9 @@ pub(super) struct VelocityMonitor {
     /// Ring of the newest displacements, as long as the largest age.
     moved: Vec<PoseStep>,
     newest: usize,
-    /// With the drone's reports of each of [`AGES_S`].
+    /// Comparison with the drone's reports of each of [`AGES_S`].
     ages: [ReportAge; AGES_S.len()],
-    /// That of them which explains the motion best, and whether the motion has shown it well.
+    /// Index of the age that explains the motion best, and whether the motion has shown it well.
     age: usize,
     is_age_known: bool,
     /// The inputs of a typical vehicle, in place of the poses, beside the drone.
@@ -269,7 +269,7 @@ impl VelocityMonitor {
 }
 
 impl PoseStep {
-    /// With the velocity that the drone reports of it.
+    /// The motion with the velocity that the drone reports of it.
     fn beside(&self, [first_mps, second_mps]: [f64; 2]) -> MotionSample {
         let seen_d_mps = frames(Complex::new(first_mps, second_mps), self.theta_rad);
         MotionSample {

@@ -17,7 +17,7 @@ pub(crate) struct Limits {
     pub speed_mps: f64,
     /// Acceleration, along the path and across together. m/s^2
     pub accel_mps2: f64,
-    /// The same where the speed rises. m/s^2
+    /// Acceleration where the speed rises. m/s^2
     pub speed_up_mps2: f64,
     /// Speed upwards or downwards. m/s
     pub climb_mps: f64,

@@ -27,16 +27,16 @@ const TAKE_OFF_PATIENCE_S: f64 = 10.0;
 /// Above this rise by the poses an order to take off was received. m
 const ORDER_OBEYED_RISE_M: f64 = 0.15;
 
-/// What the witnesses say of a vehicle that lands.
+/// Whether a vehicle that lands is down, by poses and drone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Ground {
-    /// One says that it is in the air, or neither can tell.
+    /// One witness reports the vehicle in the air, or neither can tell.
     Unconfirmed,
-    /// The poses say that it is down, and the drone says nothing.
+    /// The poses show it down, and the drone reports nothing.
     ByPose,
-    /// The drone says that it is down, and there is no pose that counts.
+    /// The drone reports that it is down, and there is no pose that counts.
     ByDrone,
-    /// Both say that it is down.
+    /// Poses and drone show it down.
     ByBoth,
 }
 

@@ -21,16 +21,16 @@ const LET_PAST_S: f64 = 20.0;
 /// What the controller does in a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Steered {
-    /// Nothing: others steer, or nobody.
+    /// The controller does not steer: others do, or nobody.
     Not,
-    /// It follows the mission.
+    /// The controller follows the mission.
     Mission,
-    /// It brings the vehicle to rest.
+    /// The controller brings the vehicle to rest.
     Brake,
 }
 
 impl Steered {
-    /// Of a controller that steers or not, while the vehicle brakes or not.
+    /// The activity of a controller that steers or not, while the vehicle brakes or not.
     pub(super) fn of(steers: bool, is_braking: bool) -> Self {
         match (steers, is_braking) {
             (false, _) => Self::Not,

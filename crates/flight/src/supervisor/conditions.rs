@@ -39,7 +39,7 @@ const SWINGS_S: f64 = 4.0;
 /// A steered vehicle whose pose is still for so long below its reference stands on something: a throttle that acts
 /// shows within half of it. s
 const STANDS_S: f64 = 1.2;
-/// The same in what looks like an outage, in which a calm vehicle may hover. s
+/// [`STANDS_S`] in what looks like an outage, in which a calm vehicle may hover. s
 const STANDS_IN_OUTAGE_S: f64 = 2.4;
 /// How far below its reference. m
 const STANDS_BELOW_M: f64 = 0.2;

@@ -104,7 +104,7 @@ pub enum Operator {
 pub struct EstimatedMotion {
     /// Pose, world frame. m, rad
     pub pose: Pose,
-    /// Its derivative by time. m/s, rad/s
+    /// Derivative of `pose` by time. m/s, rad/s
     pub rate: Pose,
 }
 

@@ -41,7 +41,7 @@ pub enum Fault {
     MocapUndated,
     /// The poses differ from the drone's own velocity, height or turn by more than their errors.
     WitnessDoubtful,
-    /// They differ by so much, or for so long, that the poses cannot be flown by.
+    /// The poses differ from the drone's own measurements by so much, or for so long, that they cannot be flown by.
     WitnessDisagrees,
     /// The vehicle moves in another direction than commanded, or turns otherwise by the poses than by the drone's own
     /// heading: the heading is wrong.
@@ -91,7 +91,7 @@ pub enum Fault {
     DroneUnheard,
     /// Before the take-off the drone says that it flies.
     DroneAloft,
-    /// It has reported so for a second: it took off without our order.
+    /// Before the take-off the drone has reported for a second that it flies: it took off without our order.
     TookOffUnasked,
     /// The drone has not reported for longer than `drone_silent_s`.
     DroneSilent,
@@ -235,7 +235,7 @@ impl Fault {
         }
     }
 
-    /// What it leads to under `pilot`. No wildcard: a new fault does not compile without a reaction.
+    /// Reaction to the fault under `pilot`. No wildcard: a new fault does not compile without a reaction.
     ///
     /// A person flies by sight: what makes the controller blind, or warns it of a wall, takes no
     /// sticks from the person. It counts again when the person hands back.

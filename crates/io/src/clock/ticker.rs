@@ -55,7 +55,7 @@ impl Ticker {
         Self { clock, schedule: Schedule::new(clock.now(), period), frames: None }
     }
 
-    /// The same ticker, whose ticks begin with the frames of `arrival` where these keep pace with it. A tick
+    /// A ticker whose ticks begin with the frames of `arrival` where these keep pace with it. A tick
     /// waits `wait` for its frame at most; its grid moves by at most 0.5 ms a period.
     #[must_use]
     pub fn with_frames(self, arrival: Arc<Arrival>, wait: SpanNs) -> Self {

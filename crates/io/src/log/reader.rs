@@ -133,7 +133,7 @@ impl LogReader {
         &self.head
     }
 
-    /// The same log, handing out the messages of `topics` only.
+    /// A reader that hands out the messages of `topics` only.
     #[must_use]
     pub fn select(mut self, topics: &[&str]) -> Self {
         self.selection = Some(topics.iter().map(|topic| (*topic).to_owned()).collect());

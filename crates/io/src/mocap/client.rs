@@ -31,7 +31,8 @@ const SILENCE_TIMEOUT: Duration = Duration::from_secs(5);
 /// 1 MB takes less on any network that carries 50 frames per second.
 const INCOMPLETE_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// After such a pause a network goes on: what is incomplete then has not been waited for.
+/// A pause in the bytes from which on the network itself was interrupted: the time for an incomplete message then
+/// starts anew.
 const PAUSE_MIN: Duration = Duration::from_millis(200);
 
 const BACK_OFF_MIN: Duration = Duration::from_millis(100);
@@ -93,7 +94,7 @@ impl MocapClient {
         let mut stream = MocapStream::new(&self.settings);
         let mut back_off = BACK_OFF_MIN;
         loop {
-            // Nobody answers in time where nobody is, too.
+            // A server that does not answer in time counts as one that refuses.
             let refused = |_| Err(io::ErrorKind::ConnectionRefused.into());
             let opened = timeout(CONNECT_TIMEOUT, Wire::open(&self.settings)).await;
             let opened = opened.unwrap_or_else(refused);

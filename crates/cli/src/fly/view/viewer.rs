@@ -121,7 +121,7 @@ impl<'a> ViewerConnection<'a> {
                     let Some(answer) = self.receive(&text, &mut right) else {
                         break Some("not a message of the page");
                     };
-                    // A viewer that does not read its answers has none; the order is given.
+                    // An answer to a viewer that does not read is dropped; its order counts all the same.
                     answer.message().and_then(|answer| answer_to.try_send(answer).ok());
                 }
                 Message::Binary(_) => break Some("not a message of the page"),

@@ -24,7 +24,7 @@ pub struct LinkRecord {
     /// Correction of the dead time of the throttle. s
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub throttle_change_s: Option<f64>,
-    /// The same of yaw. s
+    /// Correction of the dead time of yaw. s
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub yaw_change_s: Option<f64>,
 }
