@@ -4,7 +4,7 @@
 //! socket, file, environment, thread or randomness. Equal arguments give equal bits. Time limits come in
 //! as a question that is asked once per iteration and before a fall-back, so that a replay can repeat the answers.
 //!
-//! Cost: what belongs into a tick says *Real time* and what it costs. What does not say so may allocate.
+//! Cost: functions for a tick have a line *Real time* with their cost. A function without that line may allocate.
 //!
 //! | file            | owns                                                                |
 //! |-----------------|---------------------------------------------------------------------|

@@ -368,7 +368,7 @@ where
     }
 }
 
-/// What the quadratic solver says against a horizon.
+/// Why the quadratic solver refuses a horizon.
 fn refusal<const NS: usize, const NU: usize>(
     settings: &MpcSettings<NS, NU>,
     error: &impl Display,

@@ -173,7 +173,7 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     /// the step is taken up as if the parameter were known, and the arrival cost keeps its marginal.
     ///
     /// Where nothing determines the state after the step (its transition refused by a redescending
-    /// loss, say) the arrival cost begins again there.
+    /// loss, for example) the arrival cost begins again there.
     pub(crate) fn carry<M, const NU: usize, const NO: usize>(
         &mut self,
         residuals: &Residuals<M, NS, NU, NO, NP>,

@@ -104,7 +104,7 @@ pub struct DelayProfile<const NP: usize> {
     pub verdict: DelayVerdict,
 }
 
-/// What the likelihood says about a dead time.
+/// Judgement of a dead time by its likelihood.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DelayVerdict {
     /// The profile has a minimum inside of the range and rises from there to both sides by more than chance.

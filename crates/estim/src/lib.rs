@@ -4,7 +4,7 @@
 //! horizon estimator and identification. It refuses clocks, files and sockets; whether it is late is asked
 //! of the caller. It knows no vehicle.
 //!
-//! Cost: what belongs into a tick says *Real time* and what it costs. What does not say so may allocate.
+//! Cost: functions for a tick have a line *Real time* with their cost. A function without that line may allocate.
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -216,7 +216,7 @@ where
     /// `u_applied` was applied during the period that just ended, `observed` was seen at its end; any row of
     /// it may be absent. Angle rows are continuous over time. The window grows until it is full; then
     /// its oldest step drops out: the estimate that follows it becomes the fixed state, or the arrival
-    /// cost takes up what the step says.
+    /// cost takes up the information of the step.
     ///
     /// Real time: no allocation; `is_late` is polled once per iteration. A late solve leaves the best
     /// iterate, at worst the model's prediction of one step.
@@ -332,7 +332,7 @@ where
     }
 
     /// Covariance of the parameter by the carried arrival cost, in the units of its weights: what the steps before
-    /// the window and the prior say. `None` with a fixed arrival, or where a factorization fails.
+    /// the window and the prior know. `None` with a fixed arrival, or where a factorization fails.
     ///
     /// Real time: no allocation, two factorizations.
     pub fn parameter_covariance(&self) -> Option<SMatrix<f64, NP, NP>> {

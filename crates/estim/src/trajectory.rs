@@ -226,8 +226,10 @@ where
         self.parameter_is_held = is_held;
     }
 
-    /// What the steps before the window and the prior say of the parameter, the inverse of its covariance in the units
-    /// of the weights; `None` without a carried arrival, or if that leaves a state open. Real time: one factorization.
+    /// Information of the steps before the window and of the prior on the parameter, the inverse of its covariance in
+    /// the units of the weights; `None` without a carried arrival, or if that leaves a state open.
+    ///
+    /// Real time: no allocation, one factorization.
     pub fn information(&self) -> Option<SMatrix<f64, NP, NP>> {
         self.arrival.as_ref()?.information().ok()
     }
@@ -237,7 +239,7 @@ where
     /// Hessian and products, no allocation.
     ///
     /// # Errors
-    /// Nothing has been solved, or the window says nothing of a row of the parameter.
+    /// Nothing has been solved, or the window shows nothing of a row of the parameter.
     pub fn newest_covariance(&self) -> Result<SMatrix<f64, NS, NS>, NotPositive> {
         self.chain.last_covariance(&self.reduced)
     }

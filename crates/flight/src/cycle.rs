@@ -84,7 +84,7 @@ const JUST_ENDED_AFTER_PUSH: isize = -2;
 /// A cycle of any model: what flight, simulation and replay hold.
 pub trait Tick: Send {
     /// One tick: fills `out` from `inbox` and the state of the ticks before. `watch` gets the sticks as soon as they
-    /// are decided, and says whether the solvers are late.
+    /// are decided, and answers whether the solvers are late.
     ///
     /// Real time: no allocation of ours; the solvers poll `watch` once per iteration and before a fall-back.
     fn tick(&mut self, inbox: &Inbox, watch: &mut dyn Watch, out: &mut Outcome);
@@ -288,7 +288,10 @@ where
             // The newest of these steps is not in the window yet. Before the start there is no window.
             let earlier = steps.saturating_sub(1);
             let amended = self.mhe.amend(earlier, |age| link.applied(age + 1));
-            debug_assert!(!matches!(amended, Err(MheError::Solve(_))), "sent sticks are finite: {amended:?}");
+            debug_assert!(
+                !matches!(amended, Err(MheError::Solve(_))),
+                "sent sticks are finite: {amended:?}"
+            );
             if link.is_up() {
                 self.resume();
             }
@@ -306,7 +309,10 @@ where
         let steps = (self.mhe.window().len() - 1).min(link.state_steps());
         link.recall(steps, |back| fifo.applied(ahead - back.cast_signed()));
         let amended = self.mhe.amend(steps, |age| link.applied(age));
-        debug_assert!(!matches!(amended, Err(MheError::Solve(_))), "sent sticks are finite: {amended:?}");
+        debug_assert!(
+            !matches!(amended, Err(MheError::Solve(_))),
+            "sent sticks are finite: {amended:?}"
+        );
     }
 
     /// What the gate lets through of the sticks that `pilot` proposes.

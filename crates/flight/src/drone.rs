@@ -25,8 +25,8 @@ pub const CONTROL_SILENCE_NEUTRAL: SpanNs = SpanNs::from_ms(100);
 /// drone that takes off ignores the first ones.
 pub const LAND_PERIOD: SpanNs = SpanNs::from_ms(500);
 
-/// Time for which one witness, motion capture or the drone, has to say without a break that the drone is
-/// down where the other says nothing: LAND is repeated meanwhile, since a drone may
+/// Time for which one witness, motion capture or the drone, has to report without a break that the drone is
+/// down where the other reports nothing: LAND is repeated meanwhile, since a drone may
 /// refuse it for seconds. Longer than 15 s is of no use: a drone that hears nothing lands by itself then.
 pub const ALONE_HOLD: SpanNs = SpanNs::from_ms(10_000);
 
@@ -45,7 +45,7 @@ pub const STATUS_FRESH: SpanNs = SpanNs::from_ms(2000);
 /// The text SDK's count of seconds with motors on stands still for so long if they are off.
 pub const MOTORS_REST: SpanNs = SpanNs::from_ms(3000);
 
-/// Height above that on the ground beyond which a drone does not stand, whatever it says. Heights come in
+/// Height above that on the ground beyond which a drone does not stand, whatever it reports. Heights come in
 /// steps of 0.1 m and drift by less in a flight. m
 const STANDING_RISE_MAX_M: f64 = 0.4;
 
@@ -61,9 +61,9 @@ pub fn denies_standing(height_m: Option<f64>, ground_m: Option<f64>) -> bool {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Protocol {
-    /// What the vendor's app speaks: sticks of 660 steps, and a status that says whether it flies.
+    /// What the vendor's app speaks: sticks of 660 steps, and a status that reports whether it flies.
     Binary,
-    /// The documented SDK: sticks of 100 steps, and a state line that does not say it.
+    /// The documented SDK: sticks of 100 steps, and a state line that does not report it.
     Text,
 }
 

@@ -4,7 +4,7 @@
 //! of its arguments: no clock, socket, file, environment, thread or randomness, and no crate below it has
 //! sockets, files or a runtime. `tello-io` speaks its types, not the reverse.
 //!
-//! Cost: what belongs into a tick says *Real time* and what it costs. What does not say so may allocate.
+//! Cost: functions for a tick have a line *Real time* with their cost. A function without that line may allocate.
 //!
 //! | file            | owns                                                                |
 //! |-----------------|---------------------------------------------------------------------|
@@ -20,8 +20,8 @@
 //! | `trajectory.rs` | poses over time                                                     |
 //! | `supervisor.rs` | phases of a flight, faults and their reactions                      |
 //! | `gate.rs`       | limits of the sticks, the last code before the wire                 |
-//! | `sighting.rs`   | what motion capture says                                            |
-//! | `drone.rs`      | what the drone says, and what it is ordered                         |
+//! | `sighting.rs`   | what motion capture reports                                         |
+//! | `drone.rs`      | what the drone reports, and what it is ordered                      |
 //! | `time.rs`       | moments and lengths of time                                         |
 //! | `jitter.rs`     | how punctual the ticks are                                          |
 //!

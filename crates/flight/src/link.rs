@@ -55,7 +55,7 @@ impl LinkState {
     }
 }
 
-/// What the motion up to now says about the link.
+/// Judgement of the link by the motion up to now.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LinkVerdict {
     /// Which commands the vehicle follows.

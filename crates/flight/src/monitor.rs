@@ -76,7 +76,7 @@ pub struct Sample {
     pub link_is_up: bool,
 }
 
-/// What the monitors say after a tick.
+/// Findings of the monitors after a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Findings {
     /// For how long the pose has been stiller than a flying vehicle is; `None`: it moves. s

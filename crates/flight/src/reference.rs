@@ -108,7 +108,7 @@ impl Targets {
         Ok(Self { reach: near("reach", table.reach)?, poses: table.poses()?, reached: 0 })
     }
 
-    /// Moves on to the next target if the current one is reached, and says whether it was: step 9
+    /// Moves on to the next target if the current one is reached, and returns whether it was: step 9
     /// of the thesis' section 4.3.11.
     ///
     /// Reached means `|target - pose_hat| <= reach` over x, y, z and theta, theta on the circle.

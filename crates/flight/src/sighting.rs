@@ -1,4 +1,4 @@
-//! What motion capture says of the vehicle, whatever system it comes from.
+//! What motion capture reports of the vehicle, whatever system it comes from.
 
 use horizon_model::rows::Pose;
 use schemars::JsonSchema;

@@ -65,7 +65,7 @@ const TURNED_RAD: f64 = 1.0;
 /// Yaw rate above which a vehicle turns by itself in an outage. rad/s
 const TURNING_RADPS: f64 = 0.3;
 
-/// A drone that says for so long that it flies took off without our order. s
+/// A drone that reports for so long that it flies took off without our order. s
 const ALOFT_S: f64 = 1.0;
 
 /// How long a vehicle must look grounded to count as down. s
@@ -88,13 +88,13 @@ struct Timers {
     down: Since,
     /// The vehicle looks grounded to both witnesses.
     agreed: Since,
-    /// The drone says that it stands while control flies it.
+    /// The drone reports that it stands while control flies it.
     grounded: Reported,
     /// The drone calls its charge critical.
     battery_critical: Reported,
     /// The pose is still in a climb that the drone reports.
     climbs_still: Since,
-    /// The drone says that it flies and no measurement shows that it rises.
+    /// The drone reports that it flies and no measurement shows that it rises.
     unrisen: Since,
     /// The mission is done.
     done: Since,
@@ -118,7 +118,7 @@ struct Timers {
     hand_idle_astray: Since,
     /// The vehicle brakes before a landing.
     braking: Since,
-    /// The drone says that it flies, without an order to take off.
+    /// The drone reports that it flies, without an order to take off.
     aloft: Reported,
     /// Nothing confirms the command outage.
     alone: Since,
@@ -252,7 +252,7 @@ impl Supervisor {
     }
 
     /// Whose reactions count. On the ground a hand on the sticks may be an accident: there the person
-    /// has to say so.
+    /// has to report so.
     fn judged_by(&self, e: &Evidence) -> Pilot {
         let is_meant = self.phase != Phase::Idle || e.operator == Operator::FlyByHand;
         if e.is_by_hand && is_meant { Pilot::Person } else { Pilot::Controller }
@@ -357,7 +357,7 @@ impl Supervisor {
         }
     }
 
-    /// Whether the emergency stop was not ordered yet: it is, whatever says that the drone is down.
+    /// Whether the emergency stop was not ordered yet: it is, whatever shows the drone down.
     fn is_first_stop(&self) -> bool {
         self.phase == Phase::MotorsStopped && self.end_ordered_ns.is_none()
     }

@@ -1,4 +1,4 @@
-//! What the program says on its standard error while a picture has the terminal.
+//! What the program writes on its standard error while a picture has the terminal.
 //!
 //! Owns the standard error from [`Messages::hold`] on: it goes into a queue of the last lines, from there to
 //! the code that draws them, and at the end to where it belonged. It refuses to draw.
@@ -36,7 +36,7 @@ struct Kept {
 }
 
 impl Messages {
-    /// Holds back what the whole program says from now on.
+    /// Holds back what the whole program writes from now on.
     ///
     /// # Errors
     /// The system has no pipe, handle or thread left.

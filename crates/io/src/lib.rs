@@ -4,7 +4,7 @@
 //! become bytes. It refuses to estimate or to decide: what a pose means and what to fly is not
 //! known here.
 //!
-//! Cost: what belongs into a tick says *Real time* and what it costs. What does not say so may allocate.
+//! Cost: functions for a tick have a line *Real time* with their cost. A function without that line may allocate.
 
 pub mod clock;
 pub mod config;

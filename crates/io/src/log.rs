@@ -9,7 +9,7 @@
 //! 2. chunks of messages, each chunk compressed with zstd and closed at 64 KiB or by a flush.
 //!
 //! The head comes first and the file only ever grows at its end, so a log whose writer was killed
-//! has everything up to its last flush; [`Ending`] says where it stops.
+//! has everything up to its last flush; [`Ending`] states where it stops.
 //!
 //! Every bit of a finite `f64` survives. JSON has no NaN and no infinity: such a number is written as
 //! `null`, which a reader that expects a plain `f64` refuses by name ([`LogError::Decode`]). Values
@@ -46,7 +46,7 @@ pub const CONFIG: &str = "config.json";
 /// Encoding of records that are read again.
 const JSON: &str = "json";
 
-/// What a log says about itself before its first message.
+/// What a log states about itself before its first message.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Head {
     /// Wall-clock time of `TimeNs(0)`. ns since 1970-01-01 UTC

@@ -33,7 +33,7 @@ pub use tello_flight::gate::Approved;
 use crate::Counter;
 use crate::clock::{SpanNs, TimeNs};
 
-/// What a status packet of the binary protocol says; the heading is in other packets.
+/// Content of a status packet of the binary protocol; the heading is in other packets.
 fn status_from_binary(status: &FlightStatus, received_at: TimeNs) -> DroneStatus {
     DroneStatus {
         received_at,
@@ -195,7 +195,7 @@ const REFUSAL_CHARS: usize = 80;
 impl LinkCounters {
     /// Whether the drone has answered or reported, and was heard in the last 2 s.
     ///
-    /// It says nothing about the direction to the drone: packets may be lost there while status packets arrive.
+    /// It shows nothing about the direction to the drone: packets may be lost there while status packets arrive.
     pub fn is_connected(&self) -> bool {
         self.is_connected.load(Ordering::Relaxed)
     }

@@ -7,7 +7,7 @@
 //!
 //! Letters and units: `docs/notation.md`. Derivations: `docs/model.md`.
 //!
-//! Cost: what belongs into a tick says *Real time* and what it costs. What does not say so may allocate.
+//! Cost: functions for a tick have a line *Real time* with their cost. A function without that line may allocate.
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -36,7 +36,7 @@ pub enum Phase {
     TakingOff,
     /// Following the sticks.
     Flying,
-    /// Descending; sticks are ignored unless [`crate::LandingTable`] says otherwise.
+    /// Descending; sticks are ignored unless [`crate::LandingTable`] has them applied.
     Landing(Cause),
     /// Motors stopped in the air.
     Falling,

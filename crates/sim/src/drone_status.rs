@@ -1,6 +1,6 @@
 //! What the drone reports of its motion, right or not.
 //!
-//! Owns the switches of [`StatusTable`]: what a real drone says is not verified. The fields that carry
+//! Owns the switches of [`StatusTable`]: what a real drone reports is not verified. The fields that carry
 //! it are `wire`'s and `sdk`'s.
 
 use std::collections::VecDeque;
@@ -70,7 +70,7 @@ impl Reporter {
         self.claimed_s += if self.is_flying() { DT_S } else { 0.0 };
     }
 
-    /// Whether it says that it flies.
+    /// Whether it reports that it flies.
     pub(crate) fn is_flying(&self) -> bool {
         let is_so = self.sample(self.table.flying_late_s).is_some_and(|sample| sample.is_flying);
         match self.table.flying {

@@ -48,7 +48,7 @@ pub enum EmulatorError {
         what: &'static str,
         /// The address as asked for.
         address: SocketAddr,
-        /// What the system says.
+        /// What the system sends.
         source: io::Error,
     },
     /// The system gives no clock to tick by.
@@ -70,7 +70,7 @@ pub struct Emulator {
 }
 
 impl Emulator {
-    /// Starts `world` with its drone on UDP and its motion capture as `mocap` says; port 0 takes a free
+    /// Starts `world` with its drone on UDP and its motion capture as in `mocap`; port 0 takes a free
     /// port.
     ///
     /// # Errors

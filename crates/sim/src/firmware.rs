@@ -39,7 +39,7 @@ pub struct DroneTable {
     pub outage: Outage,
     /// Whether all sticks at full deflection, pitch back and throttle down, stop its motors.
     pub stops_at_gesture: bool,
-    /// Charge below which it says that its battery is low, below half of it critical. %, 0..=100
+    /// Charge below which it reports that its battery is low, below half of it critical. %, 0..=100
     pub warns_below_pct: u8,
     /// What it reports of itself.
     pub status: StatusTable,
@@ -100,9 +100,9 @@ pub enum Outage {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StatusTable {
-    /// Whether it says that it flies.
+    /// Whether it reports that it flies.
     pub flying: FlyingFlag,
-    /// Age of what it says of flying, in addition to the period of the status. s, 0..=60
+    /// Age of what it reports of flying, in addition to the period of the status. s, 0..=60
     pub flying_late_s: f64,
     /// Velocity.
     pub velocity: VelocityReport,
@@ -134,7 +134,7 @@ impl HeadingReport {
         Self { is_present: true, is_mirrored: false, drift_radps: 0.0, late_s: 0.0 };
 }
 
-/// What the drone says of flying.
+/// What the drone reports of flying.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FlyingFlag {

@@ -67,7 +67,7 @@ pub fn fly(flight: &FlightTable, sim: &SimTable, seed: u64, path: &Path) -> Resu
     fly_until(flight, sim, seed, path, &|| false)
 }
 
-/// The same, given up without a log once `is_stopped` says so.
+/// The same, given up without a log once `is_stopped` returns true.
 ///
 /// # Errors
 /// As [`fly`]; the flight was stopped.

@@ -13,7 +13,7 @@ use tello_io::mocap::Body;
 use crate::profile::Profile;
 use crate::random::{Purpose, Random};
 
-/// What the stream says about one step.
+/// What the stream reports about one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum MocapReport {
     /// A pose, true or not; heading in `(-pi, pi]`.

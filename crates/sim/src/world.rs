@@ -152,7 +152,7 @@ impl World {
         self.step
     }
 
-    /// What the motion capture says about the present step.
+    /// What the motion capture reports about the present step.
     pub fn report(&self) -> MocapReport {
         self.report
     }

@@ -169,9 +169,7 @@ impl View {
         self.repeated = if facts.step == self.facts.step { self.repeated + 1 } else { 0 };
         let worst = &facts.worst;
         let solve_ms = worst.estimate_ms + worst.plan_ms;
-        for (history, ms) in
-            [(&mut self.late_us, worst.late_ms), (&mut self.solve_us, solve_ms)]
-        {
+        for (history, ms) in [(&mut self.late_us, worst.late_ms), (&mut self.solve_us, solve_ms)] {
             if history.len() == HISTORY {
                 history.pop_front();
             }

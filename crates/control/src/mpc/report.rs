@@ -1,4 +1,4 @@
-//! What the controller is asked, and what it says beside the plan.
+//! What the controller is asked, and what it reports beside the plan.
 
 use nalgebra::SVector;
 use thiserror::Error;

@@ -1,6 +1,6 @@
 //! The quadratic subproblem, solved stage by stage.
 //!
-//! Owns the active-set method: the working set says which input is at which bound. With a fixed working set the
+//! Owns the active-set method: the working set has the inputs at a bound, and at which. With a fixed working set the
 //! problem is a linear-quadratic regulator, solved by one backward Riccati recursion (`recursion.rs`) and one forward
 //! roll-out. Each roll-out gives for every input the minimizer if its bound alone were removed. A minimizer outside
 //! of the box adds the bound to the working set; a minimizer of an active input inside of the box removes the bound.

@@ -57,7 +57,7 @@ fn sticks(k: u32) -> Sticks {
     u
 }
 
-/// Flies `steps` steps and hands each true state to `see`, which says what is observed. Returns the
+/// Flies `steps` steps and hands each true state to `see`, which returns what is observed. Returns the
 /// last true state and the last cost.
 fn fly(
     mhe: &mut Vehicle,

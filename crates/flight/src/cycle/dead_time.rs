@@ -1,6 +1,6 @@
 //! The dead times of this flight.
 //!
-//! Owns when what the motion says suffices to correct them, and by how much. Roll and pitch show them best: radio,
+//! Owns when the motion suffices to correct them, and by how much. Roll and pitch show them best: radio,
 //! motion capture and firmware delay all axes together. Throttle and yaw follow them until their own motion shows
 //! their own dead time.
 

@@ -153,7 +153,7 @@ fn low(table: &MissionTable, mission: &Mission, floor_m: f64) -> Vec<SettingErro
 }
 
 /// The poses of `table` that miss a rule by more than zero, `missing_m`; if there is none, the place of its path that
-/// misses it most. `rule` says by how much.
+/// misses it most. `rule` states by how much.
 fn misplaced(
     table: &MissionTable,
     mission: &Mission,

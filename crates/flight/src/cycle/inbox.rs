@@ -89,7 +89,7 @@ pub trait Watch {
     }
 }
 
-/// Virtual time: the solvers run to their iteration limits, or to where a recording says.
+/// Virtual time: the solvers run to their iteration limits, or to the poll that a recording has.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Unwatched {
     polls: u32,

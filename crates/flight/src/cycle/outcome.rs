@@ -1,4 +1,4 @@
-//! Everything that a tick says, in buffers that are filled again and again.
+//! Everything that a tick reports, in buffers that are filled again and again.
 
 use std::fmt::{self, Display, Formatter};
 

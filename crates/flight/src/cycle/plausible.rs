@@ -1,7 +1,7 @@
-//! What the motion capture says about itself: repeated poses, and places that no vehicle gets to.
+//! What the motion capture shows about itself: repeated poses, and places that no vehicle gets to.
 //!
 //! Owns the signs that a stream goes on and is wrong: it repeats one place to the last digit, or it is
-//! further away than a vehicle flies. What follows from them is the supervisor's to say.
+//! further away than a vehicle flies. The supervisor decides what follows from them.
 
 use horizon_estim::Observed;
 use horizon_model::rows::{Pose, pos_w, pose};

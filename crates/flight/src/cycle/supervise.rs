@@ -17,7 +17,7 @@ use crate::{
     Sample,
 };
 
-/// Age beyond which a report of the drone says nothing of the present motion. s
+/// Age beyond which a report of the drone shows nothing of the present motion. s
 const REPORT_AGE_MAX_S: f64 = 0.5;
 
 /// Largest stick that moves nothing: a released key decays towards zero and never reaches it. 1
@@ -170,7 +170,7 @@ where
     }
 
     /// Notes the inputs by which the controller should move the vehicle: those of the mission while the link is up. A
-    /// person's motion says nothing of them.
+    /// person's motion shows nothing of them.
     pub(super) fn note_pressed(&mut self, pilot: Option<Pilot>, u_sent: &Sticks) {
         if pilot == Some(Pilot::Person) {
             self.immobility.restart();

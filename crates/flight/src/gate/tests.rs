@@ -142,7 +142,7 @@ fn the_gesture_that_stops_the_motors_never_passes() {
 
 #[test]
 fn a_stick_at_rest_has_no_sign() {
-    // A log that says -0 where a replay says 0 would not be equal to it, bit by bit.
+    // A log that has -0 where a replay has 0 would not be equal to it, bit by bit.
     for value in [0.0, -0.0, 1e-4, -1e-4] {
         let u = gate(1.0).pass(&Sticks::from_element(value), Some(0.0)).sticks();
         let bits = u.map(f64::to_bits);

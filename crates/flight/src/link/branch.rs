@@ -35,7 +35,7 @@ pub(super) struct Branch {
     pub(super) hypothesis: Hypothesis,
     /// Filter of the motion for the dead time. `None`: `hypothesis` finds it.
     pub(super) dead_time: Option<Hypothesis>,
-    /// `None`: the heading says nothing.
+    /// `None`: the heading is not used.
     pub(super) turn: Option<Axis>,
     /// The height, for the dead time of the throttle. `None`: it is that of the others.
     pub(super) height: Option<Axis>,

@@ -25,11 +25,11 @@ const SPEED_UP_RATIO: f64 = 3.0;
 const CORNER_FRACTION: f64 = 0.6;
 
 /// Where a reference slows down and stands for a vehicle that is late: early, since it may be late because it
-/// is weaker than its parameters say, and has yet to brake for the corner. m
+/// is weaker than its parameters, and has yet to brake for the corner. m
 const WAIT_BEGIN_M: f64 = 0.03;
 const WAIT_STOP_M: f64 = 0.3;
 
-/// On a curve: how far beside it the reference slows down and stands. A vehicle that is weaker than its parameters say
+/// On a curve: how far beside it the reference slows down and stands. A vehicle that is weaker than its parameters
 /// is carried out of a curve; the slower reference asks for less.
 const ASIDE_M: [f64; 2] = [0.05, 0.25];
 

@@ -43,7 +43,7 @@ const WRONG_LARGE_S: f64 = 0.3;
 const RIGHT_S: f64 = 0.2;
 /// Time in flight after which outages count whatever was shown: a hover shows nothing, and wind moves it. s
 const UNSHOWN_MAX_S: f64 = 15.0;
-/// By how much the motion may be later than the inputs say, and earlier. s
+/// By how much the motion may be later than the inputs ask for, and earlier. s
 const SHIFT_S: f64 = 0.25;
 /// Longest time between two poses that show a motion: a source of 4 Hz. s
 const MOTION_MAX_S: f64 = 0.25;
@@ -66,7 +66,7 @@ pub(super) struct DirectionMonitor {
     ring: Vec<Velocities>,
     newest: usize,
     count: usize,
-    /// As the inputs say, later, and earlier.
+    /// Without a shift, with a later and with an earlier motion.
     sums: [Sums; 3],
     wrong_s: f64,
     right_s: f64,

@@ -179,7 +179,7 @@ impl FrozenMonitor {
         }
         let by_all_s = still.all_s.and_then(|still_s| match velocity {
             _ if self.all.is_found => Some(still_s),
-            // The drone itself says that it hovers.
+            // The drone itself reports that it hovers.
             Agreement::Agrees => None,
             _ if sample.link_is_up => (still_s > QUIET_S).then_some(still_s),
             _ => (still_s > QUIET_IN_OUTAGE_S).then_some(still_s),

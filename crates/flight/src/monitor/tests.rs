@@ -21,7 +21,7 @@ pub(super) fn noise_m(k: u32, sd_m: f64) -> f64 {
     sd_m / 0.29 * (f64::from((k * 37 + 11) % 97) / 97.0 - 0.5)
 }
 
-/// A flight along a square: one second each way, as poses and as the drone says.
+/// A flight along a square: one second each way, as poses and as the drone reports.
 struct Flight {
     monitors: Monitors,
     k: u32,

@@ -58,7 +58,7 @@ impl Supervisor {
     }
 
     /// Whether a fresh pose shows the vehicle above the ground. A pose that came to the ground by a jump is
-    /// that of another object and says nothing.
+    /// that of another object and shows nothing.
     pub(super) fn pose_is_airborne(&self, e: &Evidence) -> Option<bool> {
         let limit_m = DOWN_HEIGHT_FRACTION * self.table.airborne_height_m;
         let is_airborne = self.rise_m(e)? >= limit_m;
@@ -116,7 +116,7 @@ impl Supervisor {
         self.take_off_ordered_ns.is_none_or(|ordered_ns| elapsed_s(ordered_ns, e.t_ns) >= tail_s)
     }
 
-    /// Who says that the vehicle is down, if neither witness denies it. A vehicle that is carried never flew.
+    /// Which witness shows the vehicle down, if neither witness denies it. A vehicle that is carried never flew.
     fn ground(&self, e: &Evidence) -> Ground {
         if self.is_carried {
             return Ground::ByBoth;
@@ -161,7 +161,7 @@ impl Supervisor {
         self.ended_by.set(Fault::LandedByDrone, !by_both && ground == Ground::ByDrone);
     }
 
-    /// A landing that one witness says is over is waited for.
+    /// A landing that is over by one witness is waited for.
     pub(super) fn is_landing_overdue(&self, e: &Evidence) -> bool {
         let phase_s = elapsed_s(self.phase_since_ns, e.t_ns);
         self.phase == Phase::Landing

@@ -174,12 +174,12 @@ impl Supervisor {
         ]
     }
 
-    /// Whether the drone is sent sticks. A report that is old says nothing of it.
+    /// Whether the drone is sent sticks. A report that is old does not show it.
     pub(super) fn takes_sticks(&self, e: &Evidence) -> bool {
         self.fresh_report(e).is_none_or(|drone| drone.takes_sticks)
     }
 
-    /// Whether the drone says that it flies and no take-off was ordered.
+    /// Whether the drone reports that it flies and no take-off was ordered.
     pub(super) fn is_aloft_unasked(&self, e: &Evidence) -> bool {
         self.phase == Phase::Idle && !self.is_carried && self.drone_says_flying(e) == Some(true)
     }

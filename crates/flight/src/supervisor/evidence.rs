@@ -120,7 +120,7 @@ pub struct Outage {
     pub unseen: [EstimatedMotion; 2],
 }
 
-/// What the drone says of itself.
+/// What the drone reports of itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(clippy::struct_excessive_bools, reason = "reports of separate things, not a state")]
 pub struct DroneReport {
@@ -151,7 +151,7 @@ pub struct Incidents {
     pub has_landed_unasked: bool,
     /// Since the tick before, a timer let go of a key or a stick in the person's place.
     pub has_input_expired: bool,
-    /// The numbers of the mocap frames were not yet found to keep pace with time: nothing says how old a pose is.
+    /// The numbers of the mocap frames were not yet found to keep pace with time: nothing shows how old a pose is.
     #[serde(default)]
     pub is_mocap_undated: bool,
 }

@@ -1,4 +1,4 @@
-//! What can go wrong in a flight, and the only place that says what happens then.
+//! What can go wrong in a flight, and the only place that decides what happens then.
 
 use std::fmt::{self, Debug, Formatter};
 
@@ -52,7 +52,7 @@ pub enum Fault {
     /// The plan leads outside of the room or into an obstacle that does not move, or did so just now.
     PlanBlocked,
     /// Plans were blocked for more than 3 s, a fifth of the time without a blocked one subtracted: the controller does
-    /// not keep the vehicle where plans say. Or for 3 s an obstacle that does not move was in the way to a reference
+    /// not keep the vehicle on its plans. Or for 3 s an obstacle that does not move was in the way to a reference
     /// that stood, and the vehicle stayed within 0.4 m.
     BlockedLong,
     /// The vehicle is inside of an obstacle that does not move.
@@ -89,13 +89,13 @@ pub enum Fault {
     OutageUnsafe,
     /// The drone has not reported yet, or before the take-off not for `drone_silent_s`.
     DroneUnheard,
-    /// Before the take-off the drone says that it flies.
+    /// Before the take-off the drone reports that it flies.
     DroneAloft,
     /// Before the take-off the drone has reported for a second that it flies: it took off without our order.
     TookOffUnasked,
     /// The drone has not reported for longer than `drone_silent_s`.
     DroneSilent,
-    /// The drone says for a second that it stands, in flight or after it flew in the take-off: it landed by itself,
+    /// The drone reports for a second that it stands, in flight or after it flew in the take-off: it landed by itself,
     /// fell or was caught.
     NotFlying,
     /// The battery is below `battery_low_pct` or above 100 %, or the drone calls it low.

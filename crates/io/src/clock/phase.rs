@@ -79,7 +79,7 @@ impl FramePhase {
     pub(super) fn correction(&mut self, due: TimeNs, sightings: &[Sighting]) -> SpanNs {
         for sighting in sightings {
             let received_at = Some(sighting.received_at);
-            // A stall ends in a burst: its first frame alone says when frames arrive.
+            // A stall ends in a burst: its first frame alone shows when frames arrive.
             if received_at > std::mem::replace(&mut self.received_at, received_at) {
                 self.observe(sighting, sighting.received_at.since(due).0 as f64);
             }
@@ -111,7 +111,7 @@ impl FramePhase {
                 self.pending_ns = wrapped(phase_ns, frame_ns);
                 self.enter(LockState::Locked { late: 0, frame_ns });
             }
-            // Frames that arrive on the way to another phase say nothing about the one that it leads to.
+            // Frames that arrive on the way to another phase show nothing about the one that it leads to.
             LockState::Locked { .. } if self.pending_ns.abs() > STEP_MAX_NS => {}
             LockState::Locked { late, frame_ns } => {
                 let is_late = wrapped(late_ns, *frame_ns) > self.wait_ns / 2.0;

@@ -1,7 +1,7 @@
 //! A JSON value whose tables are objects.
 //!
 //! Owns one refusal: serde takes an array for a struct, by the order of its fields. A file that gives one has numbers
-//! in other places than their names say.
+//! in other places than their names suggest.
 
 use serde::de::value::{MapAccessDeserializer, MapDeserializer};
 use serde::de::{

@@ -1,6 +1,6 @@
 //! The thesis' flight logs (section 4.3.4): lines of `tag,step,v1,v2,v3,v4`.
 //!
-//! Owns the text format, in and out. Real files have torn lines; [`parse`] survives any bytes and says
+//! Owns the text format, in and out. Real files have torn lines; [`parse`] survives any bytes and states
 //! which lines it left out and why. What is missing stays missing: nothing is filled in here.
 //!
 //! | tag      | values                                                             |
@@ -200,10 +200,10 @@ impl Reading {
     }
 }
 
-/// What a line says: tag, step, values, and most digits behind a point of a value.
+/// Content of a line: tag, step, values, and most digits behind a point of a value.
 type ParsedLine = (Tag, u64, SVector<f64, VALUES>, usize);
 
-/// What a line says.
+/// Content of a line of any kind.
 fn any_line(line: &[u8]) -> Result<ParsedLine, SkipReason> {
     let mut fields = line.split(|byte| *byte == b',').map(<[u8]>::trim_ascii);
     let tag = Tag::named(fields.next().unwrap_or_default())?;

@@ -128,7 +128,7 @@ impl LogReader {
         if log.has_metadata { Ok(log) } else { Err(log.not_a_log()) }
     }
 
-    /// What the log says about itself.
+    /// Head of the log: version, revision and settings.
     pub fn head(&self) -> &Head {
         &self.head
     }

@@ -1,6 +1,6 @@
 //! The one place where axes, unit and nose of a source become our frame.
 //!
-//! Our frame: metres, z up, right-handed; a body's x axis is its nose, z its top. A source says where its
+//! Our frame: metres, z up, right-handed; a body's x axis is its nose, z its top. A source defines where its
 //! objects are along axes of its own, in a unit of its own. Owns that mapping and its check: a mapping that
 //! mirrors is refused, since a mirrored room cannot be flown in.
 

@@ -1,6 +1,6 @@
 //! Vicon's DataStream, as far as the poses of subjects need it; both sides of the conversation.
 //!
-//! The server speaks first and says what it can send; the client answers with what it wants and asks
+//! The server speaks first and lists what it can send; the client answers with what it wants and asks
 //! for a packet per frame. A packet is a sequence of objects, each with identity and length, so that
 //! unknown ones are skipped. A subject that is not seen is left out of a frame's segments. Pure: bytes
 //! to values and back. Packets are [`packet`]'s, the bodies of objects [`decode`]'s and [`encode`]'s;
@@ -65,7 +65,7 @@ pub(super) struct DatastreamProtocol {
     reader: Reader,
 }
 
-/// What the packets so far say.
+/// Content of the packets so far.
 #[derive(Debug, Default)]
 struct Reader {
     rate_hz: f64,
@@ -81,7 +81,7 @@ struct Subject {
     at: Option<Placement>,
 }
 
-/// What one packet says beside its subjects and segments.
+/// Content of one packet beside its subjects and segments.
 #[derive(Default)]
 struct Contents {
     /// What the server offers, if this is its greeting.
@@ -138,7 +138,7 @@ impl BodyProtocol for DatastreamProtocol {
 }
 
 impl Reader {
-    /// Takes in a packet; `None` if an object in it is not what its identity says.
+    /// Takes in a packet; `None` if an object in it does not match its identity.
     fn read(&mut self, packet: &[u8]) -> Option<Contents> {
         let mut contents = Contents::default();
         let mut has_subjects = false;
@@ -179,7 +179,7 @@ impl Reader {
         }
     }
 
-    /// Takes in where the subjects are; `None` if an object is not what its identity says.
+    /// Takes in where the subjects are; `None` if an object does not match its identity.
     fn place(&mut self, packet: &[u8]) -> Option<()> {
         self.subjects.iter_mut().for_each(|subject| subject.at = None);
         for (id, body) in objects(packet).flatten() {

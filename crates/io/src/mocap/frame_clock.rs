@@ -64,7 +64,7 @@ struct Line {
     offset_ns: f64,
     /// Up to when the drift is followed.
     as_of: TimeNs,
-    /// When a frame last came no later than the line says.
+    /// When a frame last came no later than the line predicts.
     touched_at: TimeNs,
 }
 
@@ -98,7 +98,7 @@ impl FrameClock {
     /// it was sent. `rate_hz` is what the source announces.
     ///
     /// `None`: unknown. So on the ground without a rate, or while the numbers do not keep pace with
-    /// time as announced; in flight without a line from before, more than 5 s later than the line says,
+    /// time as announced; in flight without a line from before, more than 5 s later than the line predicts,
     /// or so much earlier that neither jitter and drift nor a shorter way ([`earlier`]) explain it.
     pub(super) fn measured_at(
         &mut self,

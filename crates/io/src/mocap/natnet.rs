@@ -29,7 +29,7 @@ use crate::clock::SpanNs;
 /// forgotten its clients, and a flight lands 2 s (`lost_s`) after the last pose. The first question is sent within two
 /// beats.
 const BEAT_PERIOD: Duration = Duration::from_millis(250);
-/// Beats until the client says again that it is there, and asks for what changed: 1 s.
+/// Beats until the client announces itself again, and asks for what changed: 1 s.
 const BEATS_PER_SLOW: u32 = 4;
 
 /// The datagrams of a server.

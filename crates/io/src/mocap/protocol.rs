@@ -35,15 +35,15 @@ pub struct Head {
     pub number: i64,
     /// Frames per second; 0 while it is not known. Hz
     pub rate_hz: f64,
-    /// When it was measured by the source's own clock, if it says so. ns
+    /// When it was measured by the source's own clock, if it reports that. ns
     pub stamp: Option<SpanNs>,
     /// Age of the frame when it was sent, as far as the source reports it. ns, >= 0
     pub latency: SpanNs,
-    /// What it says of an object that is not among its bodies.
+    /// Report on an object that is not among its bodies.
     pub absence: Absence,
 }
 
-/// What a frame says of an object that is not among its bodies.
+/// Report of a frame on an object that is not among its bodies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Absence {
     /// Nothing: the object may be in another message, or have no name yet.

@@ -1,6 +1,6 @@
 //! Qualisys' real-time protocol of QTM, as far as the poses of 6DOF bodies need it.
 //!
-//! The server greets; the client says which version it speaks, asks for the parameters (names of the bodies,
+//! The server greets; the client names its version, asks for the parameters (names of the bodies,
 //! frame rate, axis that points up) and then for every frame. Bodies come in the order of the parameters, without
 //! names. Pure: bytes to values and back. Packets are [`packet`]'s and [`encode`]'s; this file owns the client's
 //! part of the conversation.
@@ -20,7 +20,7 @@ use super::protocol::{
 use super::source::SourceError;
 use crate::clock::SpanNs;
 
-/// What a server says first.
+/// Greeting of a server.
 pub const GREETING: &str = "QTM RT Interface connected";
 
 /// The version that is spoken. Later ones add nothing to 6DOF bodies.
@@ -35,7 +35,7 @@ pub(super) struct QtmProtocol {
     reader: Reader,
 }
 
-/// What the packets so far say.
+/// Content of the packets so far.
 #[derive(Debug, Default)]
 struct Reader {
     /// Which axis the settings take for up.
@@ -101,7 +101,7 @@ impl Parameters {
 }
 
 impl QtmProtocol {
-    /// A client before its first packet. `up`: which axis the settings take for up, z if they do not say.
+    /// A client before its first packet. `up`: which axis the settings take for up, z if they name none.
     pub(super) fn new(up: Option<Axis>) -> Self {
         let reader = Reader { up, is_outdated: true, ..Reader::default() };
         Self { packets: Packets::default(), reader }
@@ -145,7 +145,7 @@ impl BodyProtocol for QtmProtocol {
 }
 
 impl Reader {
-    /// Takes in a packet; `None` if it is not what its kind says.
+    /// Takes in a packet; `None` if it does not match its kind.
     fn read(
         &mut self,
         packet: u32,

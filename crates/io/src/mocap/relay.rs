@@ -40,7 +40,7 @@ impl RelayPose<'_> {
     }
 }
 
-/// What one line says, which comes without its line feed; `None` if a field is missing or not a finite number, or if
+/// Content of one line, which comes without its line feed; `None` if a field is missing or not a finite number, or if
 /// there are others than 3, 4 or 9 rotation numbers or a quaternion without length 1. The stream goes on.
 ///
 /// Occlusion other than 0 and a pose of nothing but zeros mean that the object was not seen.

@@ -28,7 +28,7 @@ pub enum MocapTable {
     Udp(UdpTable),
     /// Vicon's DataStream server (TCP), which Tracker, Nexus and Shogun are.
     Datastream(ServerTable),
-    /// OptiTrack's NatNet, multicast or unicast as the server says.
+    /// OptiTrack's NatNet, multicast or unicast as the server announces.
     Natnet(NatnetTable),
     /// Qualisys' real-time protocol (TCP).
     Qtm(QtmTable),
@@ -77,7 +77,7 @@ pub(super) enum Transport {
     Natnet(String),
 }
 
-/// What a table says, whatever its source.
+/// Content of a table, whatever its source.
 struct Parts<'a> {
     kind: &'static str,
     /// Key of the address.

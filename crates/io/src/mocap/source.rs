@@ -5,14 +5,14 @@ use thiserror::Error;
 
 use crate::clock::SpanNs;
 
-/// What the source says about the vehicle in one frame.
+/// Report of the source on the vehicle in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frame {
     /// Number of the frame.
     pub number: i64,
     /// Frames per second, finite; 0 or less while it is not known. Hz
     pub rate_hz: f64,
-    /// When it was measured by the source's own clock, if it says so. ns
+    /// When it was measured by the source's own clock, if it reports that. ns
     pub stamp: Option<SpanNs>,
     /// Age of the frame when it was sent, as far as the source reports it. ns, >= 0
     pub latency: SpanNs,
@@ -63,7 +63,7 @@ pub enum SourceError {
         /// Its words.
         text: String,
     },
-    /// Another axis points up than the settings say.
+    /// Another axis points up than in the settings.
     #[error("the mocap system's {up} axis points up: set frame.axes so that its third is {up:?}")]
     Up {
         /// Axis that points up.

@@ -114,7 +114,7 @@ pub struct SincePose {
 }
 
 impl MocapCounters {
-    /// What the counts say now.
+    /// The counts now.
     pub fn report(&self) -> StreamReport {
         let frames = self.sightings.get();
         let dated = frames.saturating_sub(self.undated.get());

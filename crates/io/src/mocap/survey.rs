@@ -96,7 +96,7 @@ impl Taker for Collect<'_> {
 
 /// Reads a source for `duration`, and calls `on_look` about ten times a second with what there is so far.
 ///
-/// A source that cannot be read is no error: [`Survey::trouble`] says why.
+/// A source that cannot be read is no error: [`Survey::trouble`] states why.
 pub async fn survey(
     settings: &MocapSettings,
     clock: Clock,

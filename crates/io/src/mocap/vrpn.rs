@@ -33,7 +33,7 @@ pub(super) struct VrpnProtocol {
     reader: Reader,
 }
 
-/// What the messages so far say.
+/// Content of the messages so far.
 #[derive(Debug, Default)]
 struct Reader {
     rate_hz: f64,
@@ -88,7 +88,7 @@ impl BodyProtocol for VrpnProtocol {
 }
 
 impl Reader {
-    /// Takes in a message; `None` if its body is not what its type says.
+    /// Takes in a message; `None` if its body does not match its type.
     fn read(&mut self, message: &Message<'_>, taker: &mut dyn Taker) -> Option<()> {
         match message.kind {
             kind::SENDER => {

@@ -68,7 +68,7 @@ impl DroneLink {
     /// one for 1 s the drone is landed. Once a landing is ordered, no sticks are sent any more but the
     /// neutral ones before each LAND.
     ///
-    /// `pose_is_airborne`: what a fresh pose of the motion capture says, in the air or on the floor;
+    /// `pose_is_airborne`: what a fresh pose of the motion capture shows, in the air or on the floor;
     /// `None` if there is no fresh pose. It is the second witness, beside the drone's status, of whether
     /// a landing has ended.
     pub fn send(&self, approved: Approved, pose_is_airborne: Option<bool>) {
@@ -186,7 +186,7 @@ impl DroneClient {
     }
 
     /// Talks to the drone until it is stopped. A drone that may fly is landed before the end: that lasts until its
-    /// status and the poses say that it is down, and 15 s at most.
+    /// status and the poses show it down, and 15 s at most.
     ///
     /// # Errors
     /// The runtime does not accept the socket. A drone that is silent, and a network that comes and

@@ -5,7 +5,7 @@
 //! no answer lands, too. The sender's side is `guardian::heartbeat`. When heartbeats
 //! stay away while a drone may be in the air, or the channel closes without a last word, the guardian sends
 //! neutral sticks and the order to land until the sender takes the landing over, for 15 s at most. It
-//! refuses to steer, and reads nothing that the drone says.
+//! refuses to steer, and reads nothing that the drone sends.
 
 mod heartbeat;
 

@@ -1,7 +1,7 @@
 //! The Tello's binary protocol: frames, checks and sticks.
 //!
 //! Pure bytes to values and back, and the only place that knows wire units and wire order. What the
-//! host says is `host`, what the drone says is `drone`; both are read and written, since the emulator
+//! host sends is `host`, what the drone sends is `drone`; both are read and written, since the emulator
 //! speaks the drone's side. Layouts: `docs/protocol.md`.
 
 #![deny(clippy::indexing_slicing)]
@@ -111,10 +111,10 @@ pub enum PacketError {
         /// Length of the datagram.
         length: usize,
     },
-    /// The frame says another length than it has.
+    /// The header has another length than the frame.
     #[error("a frame of {length} bytes states {stated}")]
     Length {
-        /// What the header says.
+        /// Length by the header. bytes
         stated: usize,
         /// Length of the datagram.
         length: usize,

@@ -9,8 +9,8 @@
 //! - From the first landing on there is no take-off and no stick packet but those neutral ones: any
 //!   command may cancel a landing. Nothing stands between two landings; the request for a connection goes
 //!   out directly before the neutral sticks.
-//! - A landing ends when both witnesses, status and pose, say that the drone is down, or one of them for
-//!   10 s while the other says nothing.
+//! - A landing ends when both witnesses, status and pose, report that the drone is down, or one of them for
+//!   10 s while the other reports nothing.
 //! - An emergency stop is allowed in any state. Nothing but another emergency stop follows it, and a landing if
 //!   the drone still flies 0.6 s later: that the binary protocol obeys an emergency stop was never verified.
 
@@ -60,7 +60,7 @@ const LAND_REST: SpanNs = SpanNs::from_ms(300);
 const REFUSED_PERIOD: SpanNs = SpanNs::from_ms(50);
 /// As [`TAKE_OFF_TAIL`], of an order whose repetitions may reach the drone a second late.
 const TAKE_OFF_TIME: SpanNs = SpanNs(TAKE_OFF_TAIL.0 + 1_000_000_000);
-/// How long the last landing is repeated to a drone that does not say that it stands. After as long a
+/// How long the last landing is repeated to a drone that does not report that it stands. After as long a
 /// silence it lands by itself.
 const LAST_LANDING_TIME: SpanNs = SpanNs::from_ms(15_000);
 
@@ -88,7 +88,7 @@ pub struct Session {
     /// Whether a take-off was ordered, a deflected stick sent, or the drone ever reported that it flies.
     may_have_flown: bool,
     witnesses: Witnesses,
-    /// When the session is over whatever the drone says; `None` until it is stopped.
+    /// When the session is over whatever the drone reports; `None` until it is stopped.
     over_at: Option<TimeNs>,
     counters: Arc<LinkCounters>,
     outbox: Vec<Message>,
@@ -124,12 +124,12 @@ enum Flight {
     /// The landing is repeated until the drone has been down for a while.
     Landing { again_at: TimeNs, at_rest: Option<Rest> },
     /// The landing ended, and with it the flight: only another landing or an emergency stop may be
-    /// ordered. The landing is resumed, at `again_at` or later, if a witness says that the drone is airborne.
+    /// ordered. The landing is resumed, at `again_at` or later, if a witness reports that the drone is airborne.
     Landed { again_at: TimeNs },
     /// The emergency stop is repeated until the drone has been down for a while.
     EmergencyStop(EmergencyStop),
     /// The motors are stopped: only another emergency stop may be ordered. The emergency stop begins anew if a witness
-    /// says that the drone is airborne.
+    /// reports that the drone is airborne.
     MotorsStopped,
 }
 
@@ -302,7 +302,7 @@ impl Session {
 
     /// Sends an order. A landing is repeated until it is over, each time directly after neutral sticks. A
     /// take-off is sent once, and only to a drone that reported in the last 2 s that it stands; another one is
-    /// sent only if it says so when the first must show. There is none once a landing was ordered, be it
+    /// sent only if it reports the same when the first must show. There is none once a landing was ordered, be it
     /// by the watchdog. An emergency stop is sent three times at once after neutral sticks, then every 0.2 s until the
     /// drone has been down for 1 s to both witnesses, or for 10 s to one; from 0.6 s on every other emergency stop is a
     /// landing while it is not. An emergency stop ends whatever went on before it, and no other order follows it.

@@ -296,12 +296,12 @@ fn plain(datagram: &[u8]) -> Option<&str> {
     (is_plain && !text.is_empty()).then_some(text)
 }
 
-/// What the drone says to a command.
+/// Reply of the drone to a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reply {
     /// `ok`: done.
     Done,
-    /// Anything that says no: not done, or not to its end.
+    /// Any refusal: not done, or not to its end.
     Refused,
     /// A value, or words that mean neither.
     Value,

@@ -172,7 +172,7 @@ async fn a_queue_that_nobody_drains_overflows_and_counts() {
 
 #[tokio::test]
 async fn the_client_stops_on_request_whatever_the_server_does() {
-    // Connected to a server that never says anything.
+    // Connected to a server that never sends anything.
     let bench = Bench::start().await;
     let _server = bench.accept().await;
     bench.stopper.stop();

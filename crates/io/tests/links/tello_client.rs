@@ -43,7 +43,7 @@ impl Bench {
         Self { drone, link, stopper, task: tokio::spawn(client.run(stop)) }
     }
 
-    /// A bench whose drone is connected and says that it flies.
+    /// A bench whose drone is connected and reports that it flies.
     async fn flying() -> Self {
         let mut bench = Self::start(false).await;
         bench.connect().await;

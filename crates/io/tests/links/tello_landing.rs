@@ -35,7 +35,7 @@ fn forward() -> Approved {
     gate.pass(&Sticks::new(0.0, 0.5, 0.0, 0.0), Some(0.0))
 }
 
-/// A drone that says of everything it hears that it stands.
+/// A drone that answers everything with a report that it stands.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 async fn deny(drone: &UdpSocket) -> HostPacket {
     let mut bytes = [0; 100];

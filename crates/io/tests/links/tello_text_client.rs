@@ -74,7 +74,7 @@ impl Bench {
         String::from_utf8(buffer[..count].to_vec()).unwrap()
     }
 
-    /// What the host says next, each answered twice and wrongly, until it says `wanted`.
+    /// What the host sends next, each answered twice and wrongly, until it sends `wanted`.
     async fn receive_until(&mut self, wanted: &str) -> Vec<String> {
         let mut heard = Vec::new();
         loop {
@@ -89,7 +89,7 @@ impl Bench {
         }
     }
 
-    /// Ends the host, which would land a drone that never says that it stands for 15 s.
+    /// Ends the host, which would land a drone that never reports that it stands for 15 s.
     fn end(self) {
         self.stopper.stop();
         self.task.abort();

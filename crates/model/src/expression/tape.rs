@@ -40,7 +40,7 @@ pub(super) struct Layout {
     pub(super) parameters: usize,
 }
 
-/// What a tape is evaluated at: state, input, parameter (unit of each row) and period (s), as its [`Layout`] says.
+/// What a tape is evaluated at: state, input, parameter (unit of each row) and period (s), as in its [`Layout`].
 pub(super) type Arguments<'a, const NS: usize, const NU: usize, const NP: usize> =
     (&'a SVector<f64, NS>, &'a SVector<f64, NU>, &'a SVector<f64, NP>, f64);
 

@@ -1,7 +1,7 @@
 //! Two controllers on the same seeds: what differs, and how sure that is.
 //!
 //! Owns the paired differences. Both flew the same vehicles, starts, gusts and faults, so that the
-//! difference within a seed says more than two tables side by side. A flight without finish counts
+//! difference within a seed shows more than two tables side by side. A flight without finish counts
 //! the time limit, as in the table: a controller that fails must not gain by it.
 
 use std::fmt::{self, Display, Formatter};

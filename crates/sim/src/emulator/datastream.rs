@@ -75,7 +75,7 @@ impl Port for DatastreamPort {
 }
 
 impl Session {
-    /// Takes in what the client says.
+    /// Takes in what the client sends.
     ///
     /// # Errors
     /// Something that is no DataStream.

@@ -23,7 +23,7 @@ const PACKETS_MAX: usize = 64;
 const STATUS_STEPS: u64 = 5;
 /// Steps between two reports of the radio link.
 const WIFI_STEPS: u64 = 50;
-/// What the drone says about its radio link. %
+/// What the drone reports about its radio link. %
 const WIFI_STRENGTH_PCT: u8 = 90;
 /// Number of the only log that the drone offers.
 const LOG_HEADER_ID: u16 = 1;

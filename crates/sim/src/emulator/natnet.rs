@@ -39,7 +39,7 @@ const TICKS_PER_S: u64 = 10_000_000;
 
 /// Clients beyond this are not served.
 const CLIENTS_MAX: usize = 16;
-/// A client that says nothing more for so long is forgotten. s
+/// A client that sends nothing more for so long is forgotten. s
 const SILENT_MAX_S: f64 = 10.0;
 /// Most datagrams that are heard at a time.
 const HEARD_MAX: usize = 64;
@@ -62,7 +62,7 @@ struct Client {
 }
 
 impl NatnetPort {
-    /// Listens where `server` says.
+    /// Listens at the address of `server`.
     pub(super) fn bind(server: NatnetServer) -> io::Result<Self> {
         let socket = UdpSocket::bind(server.address)?;
         socket.set_nonblocking(true)?;

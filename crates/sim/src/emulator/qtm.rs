@@ -83,7 +83,7 @@ impl Port for QtmPort {
 }
 
 impl Session {
-    /// Takes in what the client says.
+    /// Takes in what the client sends.
     ///
     /// # Errors
     /// Something that is no packet.
@@ -99,7 +99,7 @@ impl Session {
         result.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
     }
 
-    /// Does what a command says, given in lower case.
+    /// Executes a command, given in lower case.
     fn obey(&mut self, command: &str) {
         let (verb, rest) = command.split_once(' ').unwrap_or((command, ""));
         let answer = match verb {

@@ -93,7 +93,7 @@ impl Port for VrpnPort {
 }
 
 impl Session {
-    /// Takes in what the client says.
+    /// Takes in what the client sends.
     ///
     /// # Errors
     /// Something that is no VRPN.

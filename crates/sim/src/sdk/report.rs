@@ -1,4 +1,4 @@
-//! What the drone says of itself in the text SDK, in the units of the SDK.
+//! What the drone reports of itself in the text SDK, in the units of the SDK.
 
 use horizon_model::rows::pose;
 use tello_io::tello::text::{Field, Query, StateLine};
@@ -48,7 +48,7 @@ fn yaw_deg(truth: &Truth, theta_start: f64) -> f64 {
     (yaw_deg - 360.0 * (yaw_deg / 360.0).round()).trunc() + 0.0
 }
 
-/// What drones with mission pads say while they look for none.
+/// What drones with mission pads report while they look for none.
 fn no_pad() -> StateLine {
     let away = -200.0;
     let mut line = StateLine::default()

@@ -93,7 +93,7 @@ fn influence(by_piece_s: Vec<f64>) -> DelayInfluence<4> {
 fn a_dead_time_that_was_estimated_adds_its_variance_through_the_parameter() {
     let ident = solved(pieces());
     let given = Laplace::of(&ident).unwrap();
-    // No piece says more of it than another: the sandwich stays.
+    // No piece shows more of it than another: the sandwich stays.
     let found = Laplace::with_dead_times(&ident, &[influence(vec![0.0; 12])]).unwrap();
     let mut expected = given.plain;
     expected[(0, 0)] += 2.0 * 2.0 / 100.0;

@@ -1,8 +1,8 @@
-//! Where the estimator starts, and what it says of an observation that no state at rest explains.
+//! Where the estimator starts, and what it returns for an observation that no state at rest explains.
 
 use super::*;
 
-/// A boat whose distance and direction are seen: `s' = s + dt p u`. It rests where `rest` says, or by default.
+/// A boat whose distance and direction are seen: `s' = s + dt p u`. It rests at `rest`, or by default.
 #[derive(Debug, Clone, Copy)]
 struct Boat {
     rest: Option<[f64; 2]>,

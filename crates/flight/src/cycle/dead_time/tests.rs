@@ -156,7 +156,7 @@ fn what_is_left_is_reported_with_the_correction() {
     // Throttle by its own motion, yaw as roll and pitch.
     let expected_s = Sticks::new(0.05, 0.05, 0.05, 0.01);
     assert!((change.found_s().unwrap() - expected_s).amax() < 1e-12, "{change:?}");
-    // Motion that says nothing leaves it.
+    // Motion that shows nothing leaves it.
     assert!(!dead_time.follow(None));
     assert_eq!(dead_time.change(), Some(change));
     assert_eq!(self::dead_time(0.0).change(), None);

@@ -78,7 +78,7 @@ fn the_dead_times_are_those_that_the_flight_found() {
     };
     let longer_s = |change| ParameterEstimate::of(&mhe, change).unwrap().dead_time_change_s;
     assert_eq!(longer_s(Some(change)), change.found_s());
-    // Without motion that shows it, the correction alone says nothing.
+    // Without motion that shows it, the correction alone shows nothing.
     assert_eq!(longer_s(Some(DeadTimeChange { error: None, ..change })), None);
     assert_eq!(longer_s(None), None);
 }

@@ -1,4 +1,4 @@
-//! What a log says of link and dead times.
+//! Records of link and dead times in a log.
 
 use horizon_model::rows::stick;
 use schemars::JsonSchema;

@@ -1,4 +1,4 @@
-//! Poses that stand still, and whether that says anything.
+//! Poses that stand still, and whether that shows anything.
 
 use std::f64::consts::PI;
 

@@ -38,7 +38,7 @@ fn a_landing_is_ordered_until_one_witness_alone_has_lasted_and_the_other_is_name
         let is_named = |ruling: Ruling| witnesses.map(|fault| ruling.faults.contains(fault));
         assert_eq!(is_named(ruling), witnesses.map(|one| one == fault));
         assert_eq!(is_named(bench.run(50, &CALM)), is_named(ruling), "to the end");
-        // Both say so for a second: nothing is missing.
+        // Both report so for a second: nothing is missing.
         let mut bench = Bench::landing();
         bench.pass(50, &e);
         let ruling = bench.run(11, &CALM);

@@ -161,7 +161,7 @@ fn a_take_off_confirmed_at_the_last_moment_is_good() {
 
 #[test]
 fn the_rise_above_the_ground_decides_what_is_airborne() {
-    // The ground is at 0.25 m and the vehicle must rise by 0.5 m, whatever the drone says.
+    // The ground is at 0.25 m and the vehicle must rise by 0.5 m, whatever the drone reports.
     for (height_m, is_flying, phase) in [
         (Some(0.75), false, Phase::Flying),
         (Some(0.75), true, Phase::Flying),

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::Place;
 
-/// What a library says of a value, in the terms of JSON.
+/// Message of a library about a value, in the terms of JSON.
 pub(super) fn plain(message: &str) -> String {
     let (reported, expected) = message.split_once(", expected ").unwrap_or((message, ""));
     let words = match expected {
@@ -20,10 +20,10 @@ pub(super) fn plain(message: &str) -> String {
     format!("{reported}, expected {words}")
 }
 
-/// What serde says of a table that stands for one of several kinds, and names none or more than one.
+/// Message of serde about a table that stands for one of several kinds, and names none or more than one.
 const SINGLE_KEY: &str = "invalid value: map, expected map with a single key";
 
-/// `text` with the keys of `value` where it says that there must be one.
+/// `text` with the keys of `value` where it states that there must be one.
 pub(super) fn single_key(text: &str, value: Option<&Value>) -> String {
     let keys = value.and_then(Value::as_object).into_iter().flat_map(|it| it.keys());
     let keys = keys.map(|key| format!("`{key}`")).collect::<Vec<_>>().join(", ");

@@ -147,7 +147,7 @@ fn any_news_of_a_gamepad_keeps_its_sticks() {
         );
         desk.key(news);
     }
-    // What this computer repeats by itself says nothing of the device.
+    // What this computer repeats by itself shows nothing of the device.
     desk.after(1_000);
     desk.key(Act::Repeat(Direction::Up));
     held_is_level(&mut desk, 1_000 + SETTLE);

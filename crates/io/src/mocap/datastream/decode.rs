@@ -1,8 +1,8 @@
 //! Bodies of objects, to values in SI units.
 //!
-//! Each function reads one kind of body whole, or returns `None`: it is shorter or longer than it says; what follows
-//! a single number is not read. Counts on the wire are never trusted: each element has to be there before the next is
-//! read, and nothing is allocated.
+//! Each function reads one kind of body whole, or returns `None`: it is shorter or longer than its counts require; what
+//! follows a single number is not read. Counts on the wire are never trusted: each element has to be there before the
+//! next is read, and nothing is allocated.
 
 #![deny(clippy::indexing_slicing)]
 

@@ -1,4 +1,4 @@
-//! A source that changes its rate in flight, and says so.
+//! A source that changes its rate in flight, and announces it.
 //!
 //! A frame that announces another rate than the one before it may begin a count at another pace, or nothing. By
 //! the old line its predecessor has a time; from there, or from the frame if that comes within a period of either

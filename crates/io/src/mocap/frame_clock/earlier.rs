@@ -1,6 +1,6 @@
 //! A way to us that becomes shorter in flight, as where a busy network becomes free.
 //!
-//! Frames are then earlier than the line says, by a constant time, and their numbers go on without a gap: no other
+//! Frames are then earlier than the line predicts, by a constant time, and their numbers go on without a gap: no other
 //! count does that. After half a second in which they keep to a parallel line, that one takes the old one's place.
 //! Frames at another pace, or behind a gap that could hide a delay, are not followed, nor is more than 0.25 s below the
 //! line of the take-off: numbers that run ahead of time would hide a delay that grows.

@@ -37,7 +37,7 @@ pub(super) struct Ground {
     pace: Pace,
 }
 
-/// What the arrivals say about the announced rate.
+/// Judgement of the announced rate by the arrivals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Pace {
     /// Nothing yet: it is believed.

@@ -13,7 +13,7 @@ pub struct NatnetTable {
     pub address: String,
     /// Name of the rigid body, or `#` and its streaming identity.
     pub object: String,
-    /// Frame rate, in place of what the server says. Hz, 1..=2000
+    /// Frame rate, in place of the announced one. Hz, 1..=2000
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rate_hz: Option<f64>,
     /// Axes and nose. Motive has y up unless it is set to z.
@@ -44,7 +44,7 @@ pub struct VrpnTable {
     pub object: String,
     /// Frame rate of the mocap system, which the messages do not tell. Hz, 1..=2000
     pub rate_hz: f64,
-    /// Axes, nose and unit. VRPN says metres; not every server does.
+    /// Axes, nose and unit. VRPN specifies metres; not every server does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame: Option<FrameTable>,
 }

@@ -14,7 +14,7 @@ use super::super::statistics::GAP_PERIODS;
 use super::intervals::Intervals;
 use crate::clock::{SpanNs, TimeNs};
 
-/// Silence of so long is a gap, whatever the numbers say: older poses are not flown by.
+/// Silence of so long is a gap, whatever the numbers show: older poses are not flown by.
 const SILENCE: SpanNs = SIGHTING_AGE_MAX;
 
 /// Largest factor between the rate by stamps and that of the arrivals, of stamps in seconds. 1

@@ -97,8 +97,8 @@ fn split(mut bytes: Bytes<'_>) -> Result<Option<(Message<'_>, Bytes<'_>)>, Sourc
     Ok(read().map(|message| (message, bytes)))
 }
 
-/// The name in the body of a description of a sender or kind; `None` if the body is shorter than its length field
-/// says.
+/// The name in the body of a description of a sender or kind; `None` if the body is shorter than its length
+/// field states.
 pub fn description(body: &[u8]) -> Option<&[u8]> {
     let mut bytes = Bytes::new(body);
     let length = usize::try_from(bytes.u32_be()?).ok()?;

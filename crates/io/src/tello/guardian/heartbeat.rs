@@ -60,7 +60,7 @@ impl Heartbeat {
     /// process, with the ends that it is given. Returns when it watches. To be called before anything moves.
     ///
     /// # Errors
-    /// The system gives no second handle to `socket`; `start` fails; the guardian does not say within 10 s
+    /// The system gives no second handle to `socket`; `start` fails; the guardian does not report within 10 s
     /// that it watches.
     pub fn start_guardian<T>(
         socket: &UdpSocket,

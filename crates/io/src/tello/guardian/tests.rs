@@ -29,7 +29,7 @@ impl Bench {
         self.sender.write_all(&[duty as u8]).unwrap();
     }
 
-    /// What the guardian says within `within_s`, but for its answers to heartbeats.
+    /// What the guardian sends within `within_s`, but for its answers to heartbeats.
     fn word(&mut self, within_s: f64) -> Option<u8> {
         let until_s = self.clock.now().seconds() + within_s;
         loop {

@@ -1,4 +1,4 @@
-//! What the drone says to the host.
+//! What the drone sends to the host.
 
 #![deny(clippy::indexing_slicing)]
 
@@ -202,7 +202,7 @@ pub struct FlightStatus {
 impl FlightStatus {
     const BYTES: usize = 24;
 
-    /// A status whose flags say that the drone flies, or that it stands on the ground.
+    /// A status whose flags report that the drone flies, or that it stands on the ground.
     pub fn new(is_flying: bool) -> Self {
         let (flags, flight_mode) =
             if is_flying { (FLYING | MOTORS_ON | HOVERING, 6) } else { (ON_GROUND, 1) };

@@ -1,4 +1,4 @@
-//! What the host says to the drone.
+//! What the host sends to the drone.
 
 #![deny(clippy::indexing_slicing)]
 

@@ -10,11 +10,11 @@ use super::{
 use crate::clock::TimeNs;
 
 impl Session {
-    /// What a fresh pose of the motion capture says: in the air, on the floor, or `None` if there is no
+    /// What a fresh pose of the motion capture shows: in the air, on the floor, or `None` if there is no
     /// fresh pose. To be called in every period of the control loop.
     ///
-    /// A landing ends only when both witnesses, status and pose, say that the drone is down, or one of them
-    /// for 10 s while the other says nothing. "On the floor" counts for 0.5 s. "In the air" counts until the
+    /// A landing ends only when both witnesses, status and pose, report that the drone is down, or one of them
+    /// for 10 s while the other reports nothing. "On the floor" counts for 0.5 s. "In the air" counts until the
     /// opposite is seen, or until there was no fresh pose for 2 s.
     pub fn observe_pose(&mut self, is_airborne: Option<bool>, now: TimeNs) {
         self.witnesses.observe_pose(is_airborne, now);
@@ -26,7 +26,7 @@ impl Session {
     pub(super) fn may_be_airborne(&self, now: TimeNs) -> bool {
         let seen = if self.may_have_flown || !self.may_steer() {
             let has_ended = matches!(self.flight, Flight::Landed { .. } | Flight::MotorsStopped);
-            // One witness that says "down" has to last before it ends a landing.
+            // One witness that reports "down" has to last before it ends a landing.
             let is_certain = has_ended || !self.witnesses.is_alone(now);
             self.witnesses.is_airborne(now).map(|is_airborne| is_airborne || !is_certain)
         } else {
@@ -50,7 +50,7 @@ impl Session {
         }
     }
 
-    /// Whether a take-off may be ordered: only to a drone that says now that it stands, and not while an
+    /// Whether a take-off may be ordered: only to a drone that reports now that it stands, and not while an
     /// earlier take-off may be running.
     pub(super) fn may_take_off(&self, now: TimeNs) -> bool {
         let may_be_lost = |TakeOff { at, .. }| {
@@ -68,7 +68,7 @@ impl Session {
     }
 
     /// Ends a landing or an emergency stop when the drone has been down for long enough, and resumes it when a
-    /// witness says that the drone is airborne again: the witness may have been missing before.
+    /// witness reports that the drone is airborne again: the witness may have been missing before.
     pub(super) fn note_rest(&mut self, now: TimeNs) {
         let is_airborne = self.witnesses.is_airborne(now) == Some(true);
         if let Some(take_off) = &mut self.take_off {

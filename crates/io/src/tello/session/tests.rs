@@ -58,7 +58,7 @@ impl Bench {
         Self { session: Session::binary(0, None, is_dry_run, counters), sent: Vec::new() }
     }
 
-    /// A bench whose drone says at 0 ms that it stands.
+    /// A bench whose drone reports at 0 ms that it stands.
     fn standing() -> Self {
         let mut bench = Self::connected();
         bench.receive(0, &status(false));
@@ -119,7 +119,7 @@ impl Bench {
         status
     }
 
-    /// Both witnesses say that the drone is down.
+    /// Both witnesses report that the drone is down.
     fn stand(&mut self, now_ms: i64) {
         self.observe_pose(now_ms, Some(false));
         self.receive(now_ms, &status(false));

@@ -1,6 +1,6 @@
 //! The session in the text SDK: replies without numbers, a state line without "flying".
 //!
-//! A reply does not say what it answers, so nothing is waited for and none is taken for more than it
+//! A reply does not state what it answers, so nothing is waited for and none is taken for more than it
 //! can prove: one that is late, doubled or missing shifts nothing. Charge comes from the state line,
 //! never from a reply.
 
@@ -15,7 +15,7 @@ use crate::tello::text::{Command, Field, Query, Reply, StateLine, VIDEO_PORT};
 /// Where the drone sends its state line unless it is configured otherwise.
 pub const STATE_PORT: u16 = 8890;
 
-/// An `ok` that comes sooner after a take-off order answers something older: the drone says it when it
+/// An `ok` that comes sooner after a take-off order answers something older: the drone sends it when it
 /// hovers, after about 6 s, and a reply takes 0.3 s at most: assumptions (docs/bench-test.md).
 const TAKE_OFF_MIN: SpanNs = SpanNs::from_ms(2500);
 /// A drone that flies so long after the order hovers: its reply was lost.
@@ -190,7 +190,7 @@ impl TextTalk {
         }))
     }
 
-    /// Whether a drone of unknown motors that measures `tof_m` to the floor flies. Without an echo the distance says
+    /// Whether a drone of unknown motors that measures `tof_m` to the floor flies. Without an echo the distance shows
     /// nothing: the motors will, where the line counts their seconds, else what the newest echo showed stays.
     fn flies_at(&self, tof_m: f64) -> Option<bool> {
         if tof_m <= *TOF_FLYING_M.end() {
@@ -213,7 +213,7 @@ impl TextTalk {
 }
 
 impl Motors {
-    /// The count after a line that says `count_s`. One that goes back is of a drone that was switched
+    /// The count after a line with `count_s`. One that goes back is of a drone that was switched
     /// off meanwhile.
     fn seen(before: Option<Self>, count_s: f64, now: TimeNs) -> Self {
         match before {

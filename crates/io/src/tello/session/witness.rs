@@ -1,4 +1,4 @@
-//! Who says whether the drone flies: its own status, and motion capture.
+//! Which witnesses report whether the drone flies: its own status, and motion capture.
 //!
 //! Owns how long each counts. Either can be wrong: a status may deny a flight, a pose may be missing.
 //! So "down" needs both witnesses, or one of them for longer; "airborne" needs one.
@@ -13,7 +13,7 @@ const FLOOR_FRESH: SpanNs = SpanNs::from_ms(500);
 /// doubt the drone flies.
 const AIRBORNE_HELD: SpanNs = SpanNs::from_ms(2000);
 
-/// One witness: what it says, and since when.
+/// One witness: what it reports, and since when.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Word {
     is_airborne: bool,
@@ -27,16 +27,16 @@ pub(super) struct Witnesses {
     pose: Option<Word>,
     /// The drone's own height before the take-off. m
     ground_m: Option<f64>,
-    /// Whether the newest status says that the drone stands, and its height denies that.
+    /// Whether the newest status reports that the drone stands, and its height denies that.
     is_status_denied: bool,
 }
 
 /// Since when the drone is down.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Rest {
-    /// Since when one witness at least says so and none denies it.
+    /// Since when one witness at least reports so and none denies it.
     since: TimeNs,
-    /// Since when both say so.
+    /// Since when both report so.
     agreed_since: Option<TimeNs>,
 }
 
@@ -48,7 +48,7 @@ impl Rest {
         self.agreed_since.map_or(alone, |since| since.after(hold).min(alone))
     }
 
-    /// Whether both witnesses say so.
+    /// Whether both witnesses report so.
     pub(super) fn is_agreed(self) -> bool {
         self.agreed_since.is_some()
     }
@@ -65,7 +65,7 @@ impl Witnesses {
         self.status = Some(Word { is_airborne: status.is_flying, at: now });
     }
 
-    /// The time of rest, given that up to now. None before the first moment at which a witness says that
+    /// The time of rest, given that up to now. None before the first moment at which a witness reports that
     /// the drone is down and none denies it.
     pub(super) fn rest(&self, before: Option<Rest>, now: TimeNs) -> Option<Rest> {
         (self.is_airborne(now) == Some(false)).then(|| {
@@ -76,7 +76,7 @@ impl Witnesses {
         })
     }
 
-    /// What a fresh pose says; `None` if there is no fresh pose.
+    /// What a fresh pose reports; `None` if there is no fresh pose.
     ///
     /// Without a call a pose in the air does not expire: the control thread may be gone, and the drone that it left in
     /// the air is still there.
@@ -87,7 +87,7 @@ impl Witnesses {
         }
     }
 
-    /// Whether a status of the last 2 s says that the drone flies; `None` if it contradicts itself.
+    /// Whether a status of the last 2 s reports that the drone flies; `None` if it contradicts itself.
     pub(super) fn status(&self, now: TimeNs) -> Option<bool> {
         let fresh = self.status.filter(|word| now.since(word.at) <= STATUS_FRESH);
         let fresh = fresh.filter(|_| !self.is_status_denied);
@@ -104,7 +104,7 @@ impl Witnesses {
         self.pose.filter(counts).map(|word| word.is_airborne)
     }
 
-    /// Whether one of the available witnesses says that the drone is airborne; `None` without any.
+    /// Whether one of the available witnesses reports that the drone is airborne; `None` without any.
     pub(super) fn is_airborne(&self, now: TimeNs) -> Option<bool> {
         match (self.status(now), self.pose(now)) {
             (None, None) => None,

@@ -121,7 +121,7 @@ fn an_emergency_stop_is_repeated_until_the_drone_has_been_still_for_1_s() {
     let mut bench = Bench::standing();
     bench.order(0, DroneOrder::TakeOff);
     bench.order(1_000, DroneOrder::EmergencyStop);
-    // The flag "flying" comes late in a take-off: until 5 s after the order it says nothing.
+    // The flag "flying" comes late in a take-off: until 5 s after the order it reports nothing.
     for now_ms in (1_100..6_100).step_by(100) {
         // One status of a drone that bounces.
         bench.observe_pose(now_ms, Some(false));

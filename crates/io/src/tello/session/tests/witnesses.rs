@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// How the landings of 20 s go on when status and pose say these of every moment: `Some(true)` in the air,
+/// How the landings of 20 s go on when status and pose report these of every moment: `Some(true)` in the air,
 /// `None` nothing. The drone is ordered to land at 0 ms.
 fn landings(
     is_text: bool,
@@ -134,7 +134,7 @@ fn a_status_that_stands_in_the_air_by_its_own_height_is_no_witness() {
     }
 }
 
-/// The last landing of a drone that took off at 0 s, was ordered to land at 10 s and says that it stands from
+/// The last landing of a drone that took off at 0 s, was ordered to land at 10 s and reports that it stands from
 /// then on, with these heights on the ground and then. dm
 fn last_landing(is_text: bool, [ground_dm, last_dm]: [i16; 2], sees_floor: bool) -> i64 {
     let counters = Arc::new(LinkCounters::default());
@@ -258,7 +258,7 @@ fn a_drone_that_is_carried_before_the_flight_is_not_landed_by_the_stop() {
     bench.receive(20, &status(false));
     bench.session.stop(ms(30));
     assert!(bench.session.is_over(ms(30)));
-    // Sticks that deflect may have flown it, whatever it says.
+    // Sticks that deflect may have flown it, whatever it reports.
     let mut bench = Bench::standing();
     bench.approve(10, 0.1);
     bench.observe_pose(20, Some(true));

@@ -1,4 +1,4 @@
-//! Take-offs that the drone says little of.
+//! Take-offs of which the drone reports little.
 
 use super::*;
 
