@@ -58,8 +58,8 @@ where
         Ok(Descent { found, start_cost, cost: self.solve()? })
     }
 
-    /// Moves to the dead time, the same for all groups, that costs least when solved from the prior, if that is less than
-    /// `cost`; else all stays. Returns whether it moved.
+    /// Moves to the dead time, the same for all groups, that costs least when solved from the prior, if that is less
+    /// than `cost`; else all stays. Returns whether it moved.
     ///
     /// Cost: a solve from the prior per dead time of the grid.
     pub(super) fn start_from_prior(&mut self, cost: f64) -> Result<bool, Halt> {

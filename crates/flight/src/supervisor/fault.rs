@@ -167,7 +167,8 @@ pub enum Reaction {
 }
 
 impl Fault {
-    /// Whether a flight that this ended was cut short: not if the operator landed it, nor by how a landing was confirmed.
+    /// Whether a flight that this fault ended was cut short: not if the operator landed it, nor by how a landing was
+    /// confirmed.
     pub(crate) fn ends_early(self) -> bool {
         !matches!(self, Self::OperatorStop | Self::LandedByPose | Self::LandedByDrone)
     }
