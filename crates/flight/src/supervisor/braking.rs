@@ -16,7 +16,7 @@ const SLOW_MPS: f64 = 0.2;
 const BRAKE_MAX_S: f64 = 1.5;
 
 /// Longest wait at the end of a mission for an obstacle that comes near, or could. s
-const LET_PAST_S: f64 = 20.0;
+const LET_PAST_S: f64 = 60.0;
 
 /// What the controller does in a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,7 +1,8 @@
+use horizon_control::SoftConstraints;
 use horizon_model::check::jacobian_gap;
 use horizon_model::rows::{Motion, motion, pose};
 use horizon_model::{Lagged, LaggedShape};
-use nalgebra::Vector1;
+use nalgebra::{SVector, Vector1};
 
 use super::*;
 use crate::RoomTable;
