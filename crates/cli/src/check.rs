@@ -204,8 +204,8 @@ fn resolve(room_of: Option<&Path>, file: Option<&Path>) -> Result<Value> {
     if has("parameters") {
         let file = ParameterFile::read(path)?;
         let (mut table, mission) = config::fly(room_of, None)?;
-        if table.cycle.model == file.model {
-            // A file of another model is for other settings of `fly`, or for the simulator.
+        // Without settings a file of another model is for others than the built-in ones, or for the simulator.
+        if room_of.is_some() || table.cycle.model == file.model {
             parameter_file::apply(Some(path), &mut table.cycle)?;
             cycle::build(&config::flight(&table, mission, Start::Grounded))
                 .with_context(|| parameter_file::of(path))?;

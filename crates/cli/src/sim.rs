@@ -49,7 +49,8 @@ const FIGURE_FLIGHTS_MAX: usize = 30;
   tello-ctl sim --campaign --seed 2597 --log seed-2597.mcap          one flight of a campaign
   tello-ctl sim --batch 30 --figure tracks                           tracks.svg and tracks.png
 
-Exit codes: 0 done, 1 Ctrl-C came first or a campaign found something, 2 could not run.")]
+Exit codes: 0 done, 1 Ctrl-C came first, a campaign found something, or the one flight of --log missed a target or
+was cut short, 2 could not run.")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     world: WorldArguments,
@@ -296,7 +297,7 @@ fn in_parts<T: Seeded + Send>(
 pub(crate) fn seeds_from(first: u64, count: u64) -> Result<Range<u64>> {
     let end = first.checked_add(count);
     let end =
-        end.with_context(|| format!("--seed {first} and {count} more seeds exceed 64 bits"))?;
+        end.with_context(|| format!("--seed {first}: {count} seeds from it on exceed 64 bits"))?;
     Ok(first..end)
 }
 

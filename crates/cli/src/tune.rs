@@ -7,6 +7,7 @@ mod objective;
 mod search;
 mod variable;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -188,6 +189,10 @@ fn variables(arguments: &Arguments) -> Result<Vec<Variable>> {
     let variables: Vec<Variable> = linear.chain(log).collect::<Result<_>>()?;
     if variables.is_empty() {
         bail!("nothing to search: name numbers with --over or --over-log");
+    }
+    let mut known = BTreeSet::new();
+    if let Some(twice) = variables.iter().flat_map(Variable::keys).find(|key| !known.insert(*key)) {
+        bail!("{twice} is searched twice: give it one range");
     }
     Ok(variables)
 }

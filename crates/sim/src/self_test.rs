@@ -319,14 +319,14 @@ impl Row {
         let count = column.len() as f64;
         let mean =
             |of: &dyn Fn(&Found) -> f64| column.iter().map(|found| of(found)).sum::<f64>() / count;
-        let std_mean = mean(&|found| found.std.unwrap_or(f64::NAN));
+        let stds: Vec<f64> = column.iter().filter_map(|found| found.std).collect();
         Some(Self {
             name: first.name.clone(),
             truth: first.truth,
             estimate: first.estimate,
             error_mean: mean(&|found| found.estimate - found.truth),
             error_rms: mean(&|found| (found.estimate - found.truth).powi(2)).sqrt(),
-            std_mean: std_mean.is_finite().then_some(std_mean),
+            std_mean: (!stds.is_empty()).then(|| stds.iter().sum::<f64>() / stds.len() as f64),
             coverage: fraction(column.iter().filter_map(|found| found.holds())),
         })
     }
@@ -353,14 +353,14 @@ impl Display for SelfTest {
         for row in &self.rows {
             writeln!(
                 f,
-                "{:<22} {:>9.4} {:>9.4} {:>10.4} {:>9.4} {:>9.4} {:>6.0} %",
+                "{:<22} {:>9.4} {:>9.4} {:>10.4} {:>9.4} {:>9} {:>6} %",
                 row.name,
                 row.truth,
                 row.estimate,
                 row.error_mean,
                 row.error_rms,
-                row.std_mean.unwrap_or(f64::NAN),
-                100.0 * row.coverage.unwrap_or(f64::NAN)
+                or_dash(row.std_mean, 4),
+                or_dash(row.coverage.map(|part| 100.0 * part), 0)
             )?;
         }
         writeln!(f, "in 95 % intervals: {:.1} % of all", 100.0 * self.coverage)?;
@@ -369,6 +369,13 @@ impl Display for SelfTest {
         }
         writeln!(f, "{}", if self.is_passed { "passed" } else { "FAILED" })
     }
+}
+
+/// A number with so many decimals; a dash if there is none.
+fn or_dash(number: Option<f64>, decimals: usize) -> String {
+    number
+        .filter(|number| number.is_finite())
+        .map_or_else(|| "-".to_owned(), |number| format!("{number:.decimals$}"))
 }
 
 #[cfg(test)]

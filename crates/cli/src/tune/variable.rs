@@ -67,6 +67,11 @@ impl Variable {
         &self.range.name
     }
 
+    /// The keys of the numbers.
+    pub(super) fn keys(&self) -> impl Iterator<Item = &str> {
+        self.range.name.split('+')
+    }
+
     /// The number at the fraction of its range, 0..=1, where the search is.
     pub(super) fn at(&self, fraction: f64) -> f64 {
         let Range { lo, hi, .. } = self.range;

@@ -115,7 +115,7 @@ pub(super) fn run(
         _ if !is_tick_whole => Some("cut within its last tick".to_owned()),
         _ => None,
     };
-    replay.finish(torn)
+    replay.finish(path, torn)
 }
 
 /// A flight being repeated.
@@ -206,10 +206,10 @@ impl Replay {
         channel.first.get_or_insert_with(|| Difference { step, then: text(then), now: text(now) });
     }
 
-    fn finish(mut self, torn: Option<String>) -> Result<ReplayReport> {
+    fn finish(mut self, path: &Path, torn: Option<String>) -> Result<ReplayReport> {
         if self.report.ticks == 0 {
             let torn = torn.map_or_else(String::new, |torn| format!(" (it is {torn})"));
-            bail!("the log has no tick in it: nothing to repeat{torn}");
+            bail!("{}: no tick in it: nothing to repeat{torn}", path.display());
         }
         if torn.is_none() {
             self.close_tick();

@@ -55,7 +55,7 @@ fn a_record_that_the_log_does_not_have_is_a_difference() {
     replay.now.records =
         [(Topic::State, b"1".to_vec()), (Topic::Plan, b"2".to_vec())].into_iter().collect();
     replay.compare(Topic::State, b"1");
-    let finished = replay.finish(None).unwrap();
+    let finished = replay.finish(Path::new("a"), None).unwrap();
     assert_eq!(finished.channels[Topic::State.name()].different, 0);
     let plan = &finished.channels[Topic::Plan.name()];
     let first = plan.first.clone().unwrap();
@@ -67,7 +67,7 @@ fn a_record_that_the_log_does_not_have_is_a_difference() {
 fn the_rest_of_a_torn_tick_is_not_held_against_the_log() {
     let mut replay = replay();
     replay.now.records = [(Topic::Plan, b"2".to_vec())].into_iter().collect();
-    let finished = replay.finish(Some("torn".into())).unwrap();
+    let finished = replay.finish(Path::new("a"), Some("torn".into())).unwrap();
     assert_eq!((finished.finding, finished.is_equal), (Finding::Torn, false));
 }
 
@@ -75,7 +75,8 @@ fn the_rest_of_a_torn_tick_is_not_held_against_the_log() {
 fn a_log_without_ticks_is_refused() {
     let mut replay = replay();
     replay.report.ticks = 0;
-    let error = replay.finish(Some("torn at byte 7".into())).unwrap_err().to_string();
+    let error =
+        replay.finish(Path::new("a"), Some("torn at byte 7".into())).unwrap_err().to_string();
     assert!(error.contains("no tick") && error.contains("torn at byte 7"), "{error}");
 }
 
@@ -124,6 +125,6 @@ fn a_tick_that_is_cut_before_missing_ones_is_no_difference() {
     // A record of a tick whose inbox is missing.
     replay.note_gap();
     replay.repeat(&Inbox { step: 5, ..Inbox::default() }).unwrap();
-    let finished = replay.finish(None).unwrap();
+    let finished = replay.finish(Path::new("a"), None).unwrap();
     assert_eq!((finished.finding, finished.first_gap), (Finding::TickMissing, Some(1)));
 }
