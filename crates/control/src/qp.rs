@@ -8,20 +8,20 @@
 //! second derivatives of the dynamics that add to `P`, as long as the reduced Hessian is positive definite. Both take
 //! one-sided quadratic penalties on the states (`penalty.rs`).
 
+mod active_set;
 mod clarabel;
 pub(crate) mod penalty;
 pub(crate) mod product;
-mod riccati;
 
 use ::clarabel::solver::{SolverError, SolverStatus};
 use horizon_model::{Bounds, DriveHessian};
 use nalgebra::{SMatrix, SVector};
 use thiserror::Error;
 
+use self::active_set::ActiveSet;
 use self::clarabel::Clarabel;
 pub use self::penalty::Penalty;
 use self::product::mul_sparse;
-use self::riccati::Riccati;
 pub use crate::horizon::Horizon;
 
 /// Linear dynamics of one step: `ds_{k+1} = A_k ds_k + B_k du_k`.
@@ -170,7 +170,7 @@ impl Solved {
 /// The solvers of one curvature: maybe a fast one, and one that takes what that leaves.
 #[derive(Debug)]
 pub struct Qp<const NS: usize, const NU: usize> {
-    riccati: Option<Riccati<NS, NU>>,
+    active_set: Option<ActiveSet<NS, NU>>,
     clarabel: Clarabel<NS, NU>,
 }
 
@@ -185,7 +185,7 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
         is_stage_wise: bool,
     ) -> Result<Self, SolverError> {
         Ok(Self {
-            riccati: is_stage_wise.then(|| Riccati::new(curvature, limits)),
+            active_set: is_stage_wise.then(|| ActiveSet::new(curvature, limits)),
             clarabel: Clarabel::new(curvature, limits)?,
         })
     }
@@ -206,9 +206,9 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<Solved, Unsolved> {
         let mut spent = 0;
-        if let Some(riccati) = &mut self.riccati {
+        if let Some(active_set) = &mut self.active_set {
             let has_second_derivatives = !problem.second_derivatives.is_empty();
-            match riccati.solve(problem, du) {
+            match active_set.solve(problem, du) {
                 Ok(iterations) => {
                     return Ok(Solved {
                         iterations,
@@ -227,10 +227,12 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
                 return Err(Unsolved { reason: Reason::Late, iterations: spent });
             }
         }
-        let has_fallen_back = self.riccati.is_some();
+        let has_fallen_back = self.active_set.is_some();
         match self.clarabel.solve(problem, du) {
             Ok(iterations) => {
-                self.riccati.iter_mut().for_each(|riccati| riccati.warm_start(problem, du));
+                self.active_set
+                    .iter_mut()
+                    .for_each(|active_set| active_set.warm_start(problem, du));
                 Ok(Solved { iterations, has_fallen_back, has_second_derivatives: false }
                     .after(spent))
             }
@@ -243,14 +245,14 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
     ///
     /// Real time: no allocation of ours; at most one call of `is_moved` per stage.
     pub fn shift(&mut self, is_moved: impl Fn(usize) -> bool) {
-        self.riccati.iter_mut().for_each(|riccati| riccati.shift(&is_moved));
+        self.active_set.iter_mut().for_each(|active_set| active_set.shift(&is_moved));
     }
 
     /// The next problem has nothing to do with the last one.
     ///
     /// Real time: no allocation, cost linear in the number of stages.
     pub fn reset(&mut self) {
-        self.riccati.iter_mut().for_each(Riccati::reset);
+        self.active_set.iter_mut().for_each(ActiveSet::reset);
     }
 }
 

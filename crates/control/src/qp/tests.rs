@@ -29,7 +29,7 @@ impl Found {
         let mut du = vec![SVector::zeros(); case.steps()];
         let mut oracle_du = du.clone();
         let iterations =
-            Riccati::new(&case.curvature, LIMITS).solve(&case.problem(), &mut du).unwrap();
+            ActiveSet::new(&case.curvature, LIMITS).solve(&case.problem(), &mut du).unwrap();
         let mut oracle = Clarabel::new(&case.curvature, LIMITS).unwrap();
         oracle.solve(&case.problem(), &mut oracle_du).unwrap();
         for (k, bounds) in case.bounds.iter().enumerate() {
@@ -109,7 +109,8 @@ fn a_problem_with_too_many_iterations_goes_to_clarabel() {
     let case = random(1211, Kind { steps: 60, couples: true, gives: false });
     let limits = Limits { iterations_max: 40, ..LIMITS };
     let mut du = vec![SVector::zeros(); case.steps()];
-    let alone = Riccati::new(&case.curvature, limits).solve(&case.problem(), &mut du).unwrap_err();
+    let alone =
+        ActiveSet::new(&case.curvature, limits).solve(&case.problem(), &mut du).unwrap_err();
     assert_eq!(alone, Unsolved { reason: Reason::IterationLimit, iterations: 40 });
     let mut qp = Qp::new(&case.curvature, limits, true).unwrap();
     let before = du.clone();

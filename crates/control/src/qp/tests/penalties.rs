@@ -36,7 +36,7 @@ fn compare_all<const NS: usize, const NU: usize>(
         let mut oracle_du = du.clone();
         let mut oracle = Clarabel::new(&case.curvature, PENALIZED).unwrap();
         oracle.solve(&case.problem(), &mut oracle_du).unwrap();
-        let solved = Riccati::new(&case.curvature, PENALIZED).solve(&case.problem(), &mut du);
+        let solved = ActiveSet::new(&case.curvature, PENALIZED).solve(&case.problem(), &mut du);
         let Ok(iterations) = solved else {
             seen.given_up += 1;
             continue;
@@ -91,10 +91,10 @@ fn constraints_that_are_met_leave_the_bits_of_a_problem_without_them() {
     for seed in 0..50 {
         let mut case = lagged(seed, Kind { steps: 30, couples: true, gives: true });
         let (mut without, mut with) = (vec![SVector::zeros(); 30], vec![SVector::zeros(); 30]);
-        Riccati::new(&case.curvature, LIMITS).solve(&case.problem(), &mut without).unwrap();
+        ActiveSet::new(&case.curvature, LIMITS).solve(&case.problem(), &mut without).unwrap();
         case.penalize(seed, MAX, 3);
         case.penalties.iter_mut().for_each(|one| one.excess = -100.0);
-        Riccati::new(&case.curvature, PENALIZED).solve(&case.problem(), &mut with).unwrap();
+        ActiveSet::new(&case.curvature, PENALIZED).solve(&case.problem(), &mut with).unwrap();
         assert_eq!(with, without, "seed {seed}");
     }
 }

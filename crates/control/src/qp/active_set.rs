@@ -1,7 +1,7 @@
 //! The quadratic subproblem, solved stage by stage.
 //!
 //! Owns the active-set method: the working set has the inputs at a bound, and at which. With a fixed working set the
-//! problem is a linear-quadratic regulator, solved by one backward Riccati recursion (`recursion.rs`) and one forward
+//! problem is a linear-quadratic regulator, solved by one backward Riccati recursion (`riccati.rs`) and one forward
 //! roll-out. Each roll-out gives for every input the minimizer if its bound alone were removed. A minimizer outside
 //! of the box adds the bound to the working set; a minimizer of an active input inside of the box removes the bound.
 //! A penalty on a state is in the working set where its linearized constraint is violated at the roll-out.
@@ -15,14 +15,14 @@
 //! only the worst one is changed, as in block principal pivoting (Judice and Pires, 1994). Cold-started problems
 //! can still exceed the iteration limit.
 
-mod recursion;
+mod riccati;
 
 use std::array;
 
 use horizon_model::Bounds;
 use nalgebra::SVector;
 
-use self::recursion::{Policy, Value, Working, eliminate};
+use self::riccati::{Policy, Value, Working, eliminate};
 use super::penalty::of_stage;
 use super::{CostHessian, Limits, Problem, Reason, SolveQp, Unsolved};
 
@@ -47,7 +47,7 @@ enum Bound {
 
 /// The working set and the buffers of an iteration.
 #[derive(Debug)]
-pub(super) struct Riccati<const NS: usize, const NU: usize> {
+pub(super) struct ActiveSet<const NS: usize, const NU: usize> {
     curvature: CostHessian<NS, NU>,
     iterations_max: u32,
     /// By step.
@@ -66,7 +66,7 @@ pub(super) struct Riccati<const NS: usize, const NU: usize> {
     excess: Vec<f64>,
 }
 
-impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
+impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
     /// A solver for every problem with this `curvature`. All allocation happens here.
     pub(super) fn new(curvature: &CostHessian<NS, NU>, limits: Limits) -> Self {
         let steps = curvature.diagonal.steps();
@@ -281,7 +281,7 @@ impl<const NS: usize, const NU: usize> Riccati<NS, NU> {
     }
 }
 
-impl<const NS: usize, const NU: usize> SolveQp<NS, NU> for Riccati<NS, NU> {
+impl<const NS: usize, const NU: usize> SolveQp<NS, NU> for ActiveSet<NS, NU> {
     fn solve(
         &mut self,
         problem: &Problem<'_, NS, NU>,

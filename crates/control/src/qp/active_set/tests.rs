@@ -2,23 +2,23 @@ use super::*;
 use crate::qp::tests::LIMITS;
 use crate::qp::tests::case::{Case, Kind, lagged};
 
-/// Iterations for a problem and the inputs, from what `riccati` remembers.
-fn search(riccati: &mut Riccati<11, 4>, case: &Case<11, 4>) -> (u32, Vec<SVector<f64, 4>>) {
+/// Iterations for a problem and the inputs, from what `solver` remembers.
+fn search(solver: &mut ActiveSet<11, 4>, case: &Case<11, 4>) -> (u32, Vec<SVector<f64, 4>>) {
     let mut du = vec![SVector::zeros(); case.steps()];
-    (riccati.solve(&case.problem(), &mut du).unwrap(), du)
+    (solver.solve(&case.problem(), &mut du).unwrap(), du)
 }
 
 #[test]
 fn a_warm_start_at_the_solution_takes_one_iteration_and_gives_equal_bits() {
     for couples in [false, true] {
         let case = lagged(5, Kind { steps: 40, couples, gives: true });
-        let mut riccati = Riccati::new(&case.curvature, LIMITS);
-        let (iterations, du) = search(&mut riccati, &case);
+        let mut solver = ActiveSet::new(&case.curvature, LIMITS);
+        let (iterations, du) = search(&mut solver, &case);
         assert!(iterations > 1, "{iterations} iterations");
         // Its last iteration began in the middle; this one does not.
-        assert_eq!(search(&mut riccati, &case), (1, du.clone()));
-        riccati.reset();
-        assert_eq!(search(&mut riccati, &case), (iterations, du));
+        assert_eq!(search(&mut solver, &case), (1, du.clone()));
+        solver.reset();
+        assert_eq!(search(&mut solver, &case), (iterations, du));
     }
 }
 
@@ -26,8 +26,8 @@ fn a_warm_start_at_the_solution_takes_one_iteration_and_gives_equal_bits() {
 fn what_is_not_finite_is_not_solved_and_leaves_no_trace() {
     type Spoil = fn(&mut Case<11, 4>);
     let good = lagged(5, Kind { steps: 20, couples: true, gives: false });
-    let mut riccati = Riccati::new(&good.curvature, LIMITS);
-    let solution = search(&mut riccati, &good);
+    let mut solver = ActiveSet::new(&good.curvature, LIMITS);
+    let solution = search(&mut solver, &good);
     // A gradient spoils the step, a derivative a pivot.
     let spoils: [(Spoil, Reason); 5] = [
         (|case| case.gradient.u[7][1] = f64::NAN, Reason::NotFinite),
@@ -41,9 +41,9 @@ fn what_is_not_finite_is_not_solved_and_leaves_no_trace() {
         spoil(&mut bad);
         let mut du = vec![SVector::from_element(0.25); 20];
         let before = du.clone();
-        let unsolved = riccati.solve(&bad.problem(), &mut du).unwrap_err();
+        let unsolved = solver.solve(&bad.problem(), &mut du).unwrap_err();
         assert_eq!(unsolved.reason, reason, "spoil {number}: {unsolved}");
         assert_eq!(du, before, "spoil {number}");
-        assert_eq!(search(&mut riccati, &good), solution, "spoil {number}");
+        assert_eq!(search(&mut solver, &good), solution, "spoil {number}");
     }
 }

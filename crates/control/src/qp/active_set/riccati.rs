@@ -7,7 +7,7 @@
 //!
 //! `V_N = 0`, and `V_k = min over the inactive du of 1/2 du' D du + dv' C du + g' du + (cost of ds_{k+1}) + V_{k+1}`
 //! with `ds_{k+1} = A ds + B du`. `C`, `W`, `Q` and `q` are there only if neighbouring inputs are coupled.
-//! The working set is chosen in `riccati.rs`.
+//! The working set is chosen in `active_set.rs`.
 
 use horizon_model::transpose;
 use nalgebra::{SMatrix, SVector};
