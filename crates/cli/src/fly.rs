@@ -13,7 +13,6 @@ mod guardian;
 mod live;
 mod lock;
 mod log_thread;
-mod not_ready;
 mod preflight;
 #[cfg(feature = "ros2")]
 mod ros2_publisher;
@@ -22,6 +21,7 @@ mod simulator;
 mod sources;
 mod status;
 mod summary;
+mod take_off_refusal;
 mod threads;
 mod tui;
 mod vehicle;
@@ -56,11 +56,11 @@ use self::control_loop::{ControlLoop, Orders};
 use self::drill::Drill;
 use self::live::Live;
 use self::log_thread::Notes;
-use self::not_ready::{not_ready, note_unseen};
 use self::simulator::start_simulator;
 use self::sources::Sources;
 use self::status::{Status, show_statuses};
 use self::summary::{Summary, Tally};
+use self::take_off_refusal::{note_unseen, take_off_refusal};
 use self::threads::Threads;
 use self::tui::{Picture, Screen};
 pub(crate) use self::view::Playback;
@@ -296,7 +296,7 @@ async fn fly(
     if has_waited_in_vain && !asks_to_land.load(Ordering::Relaxed) {
         links.and(left)?;
         let packets = drone_counters.packets.get();
-        bail!(not_ready(table, PATIENCE, end.faults_last, &mocap_counters, packets));
+        bail!(take_off_refusal(table, PATIENCE, end.faults_last, &mocap_counters, packets));
     }
     let summary = summary.with_end(&end, (&mocap_counters, table.mocap.object()), &drone_counters);
     vehicle::remember(arguments, flight, (&summary, &end), clock);

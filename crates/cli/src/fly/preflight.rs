@@ -26,7 +26,7 @@ use self::battery::battery_check;
 use self::question::confirm;
 use super::Arguments;
 use super::control_loop::Orders;
-use super::not_ready::{drone_trouble, misnumbered, mocap_trouble, too_old};
+use super::take_off_refusal::{drone_trouble, misnumbered, mocap_trouble, too_old};
 use crate::stdio;
 
 /// What a log must find free: a flight of a quarter of an hour takes less. bytes

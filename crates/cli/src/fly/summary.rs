@@ -18,7 +18,7 @@ use tello_io::mocap::{MocapCounters, Sighting, StreamReport};
 use tello_io::tello::LinkCounters;
 
 use super::control_loop::LoopEnd;
-use super::not_ready::hidden;
+use super::take_off_refusal::hidden;
 
 /// Gathers the figures of a flight record by record, on the logger's thread.
 #[derive(Debug)]

@@ -14,7 +14,7 @@ use super::Arguments;
 use crate::stdio;
 
 /// Why the drone never took off, by the faults of the last tick, and what to look at.
-pub(super) fn not_ready(
+pub(super) fn take_off_refusal(
     table: &FlyTable,
     patience: SpanNs,
     faults_last: FaultSet,
@@ -203,7 +203,7 @@ mod tests {
         for fault in faults {
             set.set(*fault, true);
         }
-        not_ready(&table, SpanNs::from_seconds(10.0), set, &MocapCounters::default(), 0)
+        take_off_refusal(&table, SpanNs::from_seconds(10.0), set, &MocapCounters::default(), 0)
     }
 
     #[test]
@@ -306,7 +306,7 @@ mod tests {
         let mut silent = FaultSet::default();
         silent.set(Fault::DroneSilent, true);
         let patience = SpanNs::from_seconds(10.0);
-        let text = not_ready(&table, patience, silent, &MocapCounters::default(), 9);
+        let text = take_off_refusal(&table, patience, silent, &MocapCounters::default(), 9);
         assert!(text.contains("has fallen silent"), "{text}");
     }
 
