@@ -12,8 +12,8 @@
 //! At a minimum over states and parameter the gradient of the profile is that of the cost itself, so one
 //! solve yields the gradients for all groups. They hardly depend on each other; all groups move at once.
 
+mod coordinate_descent;
 mod descent;
-mod one_by_one;
 mod search;
 mod settings;
 

@@ -9,8 +9,8 @@ mod contributions;
 mod problem;
 mod segment;
 mod settings;
-mod settle;
 mod sparse;
+mod variable_projection;
 
 use horizon_model::setting::{SettingError, positive};
 use horizon_model::{Bounds, Model};

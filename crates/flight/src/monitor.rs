@@ -4,20 +4,20 @@
 //! velocity, height and heading beside the pose, the direction of the motion beside that of the commands. What
 //! follows from a finding is the supervisor's decision. No clock, link or file is known here.
 //!
-//! | file                   | compares                                                     |
-//! |------------------------|--------------------------------------------------------------|
-//! | `monitor/stillness.rs` | the pose with itself, over 0.8 and 2.4 s, and with the inputs |
-//! | `monitor/hidden.rs`    | the speed by the poses with the drone's, along an axis that is still |
-//! | `monitor/velocity.rs`  | the pose's displacement with the drone's velocity             |
-//! | `monitor/height.rs`    | the pose's height with the drone's                            |
-//! | `monitor/heading.rs`   | the turn by the poses with the drone's, and both with the inputs |
-//! | `monitor/direction.rs` | the direction of the motion with that of the applied inputs   |
+//! | file                      | compares                                                     |
+//! |---------------------------|--------------------------------------------------------------|
+//! | `monitor/stillness.rs`    | the pose with itself, over 0.8 and 2.4 s, and with the inputs |
+//! | `monitor/hidden_speed.rs` | the speed by the poses with the drone's, along an axis that is still |
+//! | `monitor/velocity.rs`     | the pose's displacement with the drone's velocity             |
+//! | `monitor/height.rs`       | the pose's height with the drone's                            |
+//! | `monitor/heading.rs`      | the turn by the poses with the drone's, and both with the inputs |
+//! | `monitor/direction.rs`    | the direction of the motion with that of the applied inputs   |
 
 mod direction;
 mod displacement;
 mod heading;
 mod height;
-mod hidden;
+mod hidden_speed;
 mod settings;
 mod stillness;
 mod typical_vehicle;

@@ -20,14 +20,14 @@
 mod airborne;
 mod blocked;
 mod braking;
+mod condition_timer;
 mod conditions;
 mod evidence;
 mod fault;
 mod geofence;
-mod idle_hand;
+mod person_gone;
 mod settings;
 mod settling;
-mod since;
 mod staleness;
 
 pub use self::evidence::{
@@ -41,8 +41,8 @@ pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 use horizon_model::rows::pose;
 
 use self::braking::Steered;
+use self::condition_timer::{Leaky, Reported, Since, elapsed_s, exceeds};
 use self::settling::Settling;
-use self::since::{Leaky, Reported, Since, elapsed_s, exceeds};
 use crate::drone::{DroneOrder, LAND_PERIOD};
 use crate::time::SpanNs;
 

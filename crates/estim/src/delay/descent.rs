@@ -54,7 +54,7 @@ where
         // The groups depend on each other: one after the other, from the start on.
         *self.dead_time_s = start_s;
         self.ident.restart_at(&start);
-        let found = self.one_by_one(&self.settings.grid().collect::<Vec<_>>())?;
+        let found = self.coordinate_descent(&self.settings.grid().collect::<Vec<_>>())?;
         Ok(Descent { found, start_cost, cost: self.solve()? })
     }
 

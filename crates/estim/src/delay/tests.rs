@@ -212,7 +212,7 @@ fn groups_one_after_the_other_find_the_same() {
         settings: &settings,
         is_late: &mut || false,
     };
-    let Ok(found) = search.one_by_one(&candidates_s) else { panic!("not solved") };
+    let Ok(found) = search.coordinate_descent(&candidates_s) else { panic!("not solved") };
     for (found, truth) in found.iter().zip(truth) {
         assert!((found.at_s - truth).abs() < 0.01, "{} s instead of {truth}", found.at_s);
         assert!(found.curve.iter().all(|(_, cost)| *cost >= 0.0), "{:?}", found.curve);

@@ -2,14 +2,14 @@
 //!
 //! Owns the sums over pieces, always in the order of the pieces, and the choice between the exact
 //! curvature and Gauss-Newton's. One piece is `segment.rs`, its back substitution and roll-out after a step
-//! `settle.rs`.
+//! `variable_projection.rs`.
 
 use horizon_model::Model;
 use nalgebra::SVector;
 use rayon::prelude::*;
 
 use super::segment::{Contribution, Segment, Terms};
-use super::settle::{Scratch, Start, TOLERANCE_MIN};
+use super::variable_projection::{Scratch, Start, TOLERANCE_MIN};
 use super::{Ident, LinearSolver};
 use crate::cholesky::NotPositive;
 use crate::levenberg::{Linearization, Problem, SolveError, Step};

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
 
-use super::settle::{Scratch, Start, TOLERANCE_MIN};
+use super::variable_projection::{Scratch, Start, TOLERANCE_MIN};
 use super::*;
 use crate::levenberg::{LmTable, Problem, Stop};
 use crate::loss::LossTable;

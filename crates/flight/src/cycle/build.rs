@@ -9,13 +9,13 @@ use nalgebra::SVector;
 
 use super::committed::given_steps;
 use super::dead_time::DeadTime;
-use super::feasible;
 use super::hand_over::HandOver;
 use super::immobility::Immobility;
 use super::impact::Impact;
 use super::link::Link;
+use super::mission_checks;
 use super::planning::Planner;
-use super::plausible::Plausibility;
+use super::pose_plausibility::Plausibility;
 use super::progress::Progress;
 use super::settled_poses::StandingStart;
 use super::walls::Walls;
@@ -125,7 +125,7 @@ where
 /// The mission, if it fits room, obstacles and vehicle.
 fn mission(table: &FlightTable, dt_s: f64) -> Result<Mission, SettingError> {
     let mission = Mission::new(&table.mission, dt_s).map_err(|error| error.under("mission"))?;
-    let misfits = feasible::misfits(&table.mission, &mission, &table.cycle)?;
+    let misfits = mission_checks::misfits(&table.mission, &mission, &table.cycle)?;
     misfits.into_iter().next().map_or(Ok(mission), Err)
 }
 

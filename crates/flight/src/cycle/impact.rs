@@ -19,7 +19,7 @@
 use horizon_model::rows::{Pose, Sticks, pos_w};
 use nalgebra::Vector2;
 
-use super::plausible::SPEED_MAX_MPS;
+use super::pose_plausibility::SPEED_MAX_MPS;
 use crate::commanded::inputs_w;
 
 /// Ages of the places that are compared, and of the inputs. periods

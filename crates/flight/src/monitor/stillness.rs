@@ -6,7 +6,7 @@
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use nalgebra::Vector3;
 
-use super::hidden::HiddenMotion;
+use super::hidden_speed::HiddenSpeed;
 use super::typical_vehicle::{DEAD_THROTTLE, decay};
 use super::{Agreement, Sample};
 use crate::commanded::{excess, inputs_w};
@@ -99,7 +99,7 @@ fn all(rows_s: &[Option<f64>; ROWS.len()]) -> Option<f64> {
 #[derive(Debug, Clone, Default)]
 pub(super) struct FrozenMonitor {
     dt_s: f64,
-    hidden: HiddenMotion,
+    hidden: HiddenSpeed,
     /// Newest heading. rad
     theta_rad: f64,
     /// Inputs after the lag, world frame: along x, y and z. 1
@@ -141,7 +141,7 @@ impl Contradiction {
 
 impl FrozenMonitor {
     pub(super) fn new(dt_s: f64) -> Self {
-        Self { dt_s, hidden: HiddenMotion::new(dt_s), ..Self::default() }
+        Self { dt_s, hidden: HiddenSpeed::new(dt_s), ..Self::default() }
     }
 
     /// Takes a tick in which the pose had been still for so long; for how long that has been no flying vehicle's.

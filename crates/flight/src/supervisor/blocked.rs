@@ -5,8 +5,8 @@ use horizon_model::rows::pos_w;
 use nalgebra::Vector3;
 
 use super::braking::Steered;
+use super::condition_timer::elapsed_s;
 use super::evidence::Evidence;
-use super::since::elapsed_s;
 use super::{BRAKE_S, Supervisor};
 
 /// How long plans may be blocked in sum, a fifth of the time without a blocked one subtracted. s

@@ -32,7 +32,7 @@ pub enum Fault {
     /// or new axes.
     MocapJumped,
     /// Too many accepted poses of the newest 12 s were further from the one before than a vehicle flies
-    /// (`plausible.rs`): an object that is found in two places, or noise.
+    /// (`pose_plausibility.rs`): an object that is found in two places, or noise.
     MocapRough,
     /// Before the take-off the poses of the last `standing.for_s` do not agree.
     MocapUnsettled,

@@ -7,8 +7,8 @@ use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, pose};
 
 use super::Supervisor;
+use super::condition_timer::elapsed_s;
 use super::evidence::{Evidence, Phase};
-use super::since::elapsed_s;
 
 /// Horizontal distance from the place of the take-off at which control starts once the climb has ended. m
 const DRIFT_MAX_M: f64 = 0.3;

@@ -15,8 +15,8 @@ mod change;
 mod earlier;
 mod flight;
 mod ground;
+mod line_confirmation;
 mod pace_meter;
-mod proof;
 
 use flight::Flight;
 use ground::Ground;

@@ -18,8 +18,8 @@ mod airborne;
 mod binary;
 mod guard;
 mod inbound;
+mod messages;
 mod sending;
-mod talk;
 mod text;
 mod witness;
 
@@ -32,12 +32,12 @@ use tello_flight::gate::Approved;
 use super::LinkCounters;
 use crate::clock::{SpanNs, TimeNs};
 use binary::BinaryTalk;
-use talk::Talk;
+use messages::Talk;
 use text::TextTalk;
 use witness::{Rest, Witnesses};
 
 pub(super) use guard::last_words;
-pub use talk::Message;
+pub use messages::Message;
 pub use text::{STATE_PORT, TOF_FLYING_M};
 
 /// A connection is asked for this often: a drone that boots hears one of the next requests.

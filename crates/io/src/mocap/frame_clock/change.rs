@@ -7,7 +7,7 @@
 //! delay that grows makes no such line: the source would have to announce, in the same frame, the rate at which its
 //! frames arrive from then on. A change without an announcement is not followed.
 
-use super::proof::Proof;
+use super::line_confirmation::LineConfirmation;
 use super::{Arrival, Line};
 
 /// Distance from the new line within which they are. ns
@@ -24,7 +24,7 @@ pub(super) struct RateChange {
 struct Next {
     announced_hz: f64,
     /// Of its line; `None`: a frame was not where it should have been.
-    proof: Option<Proof>,
+    confirmation: Option<LineConfirmation>,
 }
 
 impl RateChange {
@@ -34,7 +34,7 @@ impl RateChange {
     }
 
     /// Takes in a frame that comes after the number `before` on `line`; the line of a new rate, once that is
-    /// proven and this frame is not on time by the old one.
+    /// confirmed and this frame is not on time by the old one.
     pub(super) fn observe(
         &mut self,
         arrival: Arrival,
@@ -58,14 +58,19 @@ impl RateChange {
             let is_within = (-period_ns..=late_max_ns + NEAR_NS).contains(&late_ns);
             let shift_ns = if is_within { late_ns.min(late_max_ns) } else { 0.0 };
             let line = Line { offset_ns: line.offset_ns + shift_ns, ..line };
-            Next { announced_hz: rate_hz, proof: Some(Proof::begin(line, arrival.at)) }
+            Next {
+                announced_hz: rate_hz,
+                confirmation: Some(LineConfirmation::begin(line, arrival.at)),
+            }
         });
-        let is_near = |proof: &Proof| proof.late_ns(arrival).abs() <= NEAR_NS;
-        next.proof = next.proof.filter(is_near).map(|proof| proof.with(arrival));
+        let is_near =
+            |confirmation: &LineConfirmation| confirmation.late_ns(arrival).abs() <= NEAR_NS;
+        next.confirmation =
+            next.confirmation.filter(is_near).map(|confirmation| confirmation.with(arrival));
         self.next = Some(next);
-        let proven = next.proof?.proven(arrival).filter(|_| !is_on_time)?;
+        let confirmed = next.confirmation?.confirmed(arrival).filter(|_| !is_on_time)?;
         *self = Self::new(rate_hz);
-        Some(proven)
+        Some(confirmed)
     }
 }
 
@@ -93,20 +98,20 @@ mod tests {
     }
 
     #[test]
-    fn a_new_line_is_proven_after_half_a_second_and_five_frames() {
+    fn a_new_line_is_confirmed_after_half_a_second_and_five_frames() {
         assert!(after(1..=25, AFTER_HZ, 0).is_none(), "480 ms after the first");
-        let proven = after(1..=26, AFTER_HZ, 0).unwrap();
-        assert!((proven.period_ns - 20e6).abs() < 1e-6, "{proven:?}");
-        assert!(proven.late_ns(Arrival { number: 26, at: TimeNs(520_000_000) }).abs() < 1e-6);
+        let confirmed = after(1..=26, AFTER_HZ, 0).unwrap();
+        assert!((confirmed.period_ns - 20e6).abs() < 1e-6, "{confirmed:?}");
+        assert!(confirmed.late_ns(Arrival { number: 26, at: TimeNs(520_000_000) }).abs() < 1e-6);
         assert!(after([1, 2, 3, 26].into_iter(), AFTER_HZ, 0).is_none(), "four frames");
         assert!(after([1, 2, 3, 4, 26].into_iter(), AFTER_HZ, 0).is_some());
     }
 
     #[test]
     fn frames_lie_within_20_ms_of_the_new_line_and_its_lowest_frame_is_on_it() {
-        for (late_ms, is_proven) in [(20, true), (21, false), (-20, true), (-21, false)] {
-            let proven = after(1..=26, AFTER_HZ, late_ms);
-            assert_eq!(proven.is_some(), is_proven, "{late_ms} ms");
+        for (late_ms, is_confirmed) in [(20, true), (21, false), (-20, true), (-21, false)] {
+            let confirmed = after(1..=26, AFTER_HZ, late_ms);
+            assert_eq!(confirmed.is_some(), is_confirmed, "{late_ms} ms");
         }
         let early = after(1..=26, AFTER_HZ, -15).unwrap();
         assert!((early.offset_ns + 15e6).abs() < 1e-6, "{early:?}");

@@ -5,7 +5,7 @@
 //! Frames at another pace, or behind a gap that could hide a delay, are not followed, nor is more than 0.25 s below the
 //! line of the take-off: numbers that run ahead of time would hide a delay that grows.
 
-use super::proof::Proof;
+use super::line_confirmation::LineConfirmation;
 use super::{Arrival, Line};
 
 /// How late they may be by the parallel line, and how early: more would be another pace. ns
@@ -29,7 +29,7 @@ pub(super) struct ShorterWay {
 
 #[derive(Debug, Clone, Copy)]
 struct Parallel {
-    proof: Proof,
+    confirmation: LineConfirmation,
     /// Number of the newest frame.
     newest: i64,
 }
@@ -41,7 +41,7 @@ impl ShorterWay {
     }
 
     /// Takes in a frame that comes too early for the line that counts since `begin`, beside the present `line`, on
-    /// which the newest frame has the number `before`; the line of the shorter way, once that is proven.
+    /// which the newest frame has the number `before`; the line of the shorter way, once that is confirmed.
     pub(super) fn observe(
         &mut self,
         arrival: Arrival,
@@ -52,22 +52,23 @@ impl ShorterWay {
             let gap_ns = arrival.number.saturating_sub(number) as f64 * line.period_ns;
             arrival.number > number && gap_ns <= GAP_MAX_NS.max(2.0 * line.period_ns)
         };
-        let is_near =
-            |proof: &Proof| (-EARLY_MAX_NS..=LATE_MAX_NS).contains(&proof.late_ns(arrival));
+        let is_near = |confirmation: &LineConfirmation| {
+            (-EARLY_MAX_NS..=LATE_MAX_NS).contains(&confirmation.late_ns(arrival))
+        };
         let newest = self.next.map_or(before, |known| known.newest);
         let early_ns = -begin.late_ns(arrival);
         if !follows(newest) || early_ns < 0.0 || self.shorter_ns + early_ns > SHORTER_MAX_NS {
             self.next = None;
             return None;
         }
-        let known = self.next.map(|known| known.proof).filter(is_near);
-        let begin_proof = || Proof::begin(line.lowered_to(arrival), arrival.at);
-        let proof = known.unwrap_or_else(begin_proof).with(arrival);
-        self.next = Some(Parallel { proof, newest: arrival.number });
-        let proven = proof.proven(arrival)?;
+        let known = self.next.map(|known| known.confirmation).filter(is_near);
+        let begin_confirmation = || LineConfirmation::begin(line.lowered_to(arrival), arrival.at);
+        let confirmation = known.unwrap_or_else(begin_confirmation).with(arrival);
+        self.next = Some(Parallel { confirmation, newest: arrival.number });
+        let confirmed = confirmation.confirmed(arrival)?;
         self.next = None;
-        self.shorter_ns += proven.late_ns(arrival) - begin.late_ns(arrival);
-        Some(proven)
+        self.shorter_ns += confirmed.late_ns(arrival) - begin.late_ns(arrival);
+        Some(confirmed)
     }
 }
 
@@ -92,14 +93,14 @@ mod tests {
     }
 
     #[test]
-    fn a_way_that_becomes_shorter_is_proven_after_half_a_second() {
+    fn a_way_that_becomes_shorter_is_confirmed_after_half_a_second() {
         assert!(after((1..=50).map(|number| (number, 80))).is_none(), "490 ms");
-        let proven = after((1..=51).map(|number| (number, 80))).unwrap();
+        let confirmed = after((1..=51).map(|number| (number, 80))).unwrap();
         let on_it = Arrival { number: 51, at: TimeNs(1_430_000_000) };
-        assert!(proven.late_ns(on_it).abs() < 1e-6, "{proven:?}");
+        assert!(confirmed.late_ns(on_it).abs() < 1e-6, "{confirmed:?}");
         // Jitter: the lowest frame counts. By 8 ms per second, as where a load goes down.
-        let proven = after((1..=51).map(|k| (k, if k == 7 { 90 } else { 80 }))).unwrap();
-        assert!((proven.late_ns(on_it) - 10e6).abs() < 1e-3, "{proven:?}");
+        let confirmed = after((1..=51).map(|k| (k, if k == 7 { 90 } else { 80 }))).unwrap();
+        assert!((confirmed.late_ns(on_it) - 10e6).abs() < 1e-3, "{confirmed:?}");
         assert!(after((1..=52).map(|number| (number, 60 + number * 8 / 100))).is_some());
     }
 

@@ -1,6 +1,6 @@
 //! The session in the binary protocol: sequence numbers, the drone's questions, its settings.
 
-use super::talk::{Message, Received};
+use super::messages::{Message, Received};
 use super::{Approved, DroneOrder};
 use crate::clock::{CivilTime, SpanNs, TimeNs};
 use crate::tello::protocol::{

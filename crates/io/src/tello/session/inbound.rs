@@ -2,7 +2,7 @@
 
 use std::sync::atomic::Ordering;
 
-use super::talk::Received;
+use super::messages::Received;
 use super::{Flight, Link, PING_PERIOD, Session};
 use crate::clock::TimeNs;
 use crate::tello::DroneStatus;

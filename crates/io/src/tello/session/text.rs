@@ -7,7 +7,7 @@
 use tello_flight::drone::MOTORS_REST;
 
 use super::DroneOrder;
-use super::talk::{Message, Received};
+use super::messages::{Message, Received};
 use crate::clock::{SpanNs, TimeNs};
 use crate::tello::DroneStatus;
 use crate::tello::text::{Command, Field, Query, Reply, StateLine, VIDEO_PORT};

@@ -30,10 +30,14 @@ fn a_rate_that_changes_as_announced_is_flown_on_after_half_a_second() {
         let late_ms = late_after_change((before_hz, after_hz), after_hz, |frame| {
             1e3 * frame as f64 / after_hz
         });
-        let proven = usize::try_from(whole(0.55 * after_hz)).unwrap();
+        let confirmed = usize::try_from(whole(0.55 * after_hz)).unwrap();
         let is_known = |late_ms: &Option<f64>| late_ms.is_some_and(|late_ms| late_ms < 10.0);
         let trouble = format!("{before_hz} to {after_hz} Hz");
-        assert!(late_ms[proven..].iter().all(is_known), "{trouble}: {:?}", &late_ms[proven..][..9]);
+        assert!(
+            late_ms[confirmed..].iter().all(is_known),
+            "{trouble}: {:?}",
+            &late_ms[confirmed..][..9]
+        );
     }
 }
 
@@ -64,9 +68,12 @@ fn the_first_frame_of_another_rate_may_come_at_any_time_of_either_period() {
         let late_ms = late_after_change((before_hz, after_hz), after_hz, |frame| {
             begin_ms + 1e3 * (frame - 1) as f64 / after_hz
         });
-        let proven = usize::try_from(whole(0.6 * after_hz)).unwrap();
+        let confirmed = usize::try_from(whole(0.6 * after_hz)).unwrap();
         let is_known = |late_ms: &Option<f64>| late_ms.is_some_and(|late_ms| late_ms < 10.0);
-        assert!(late_ms[proven..].iter().all(is_known), "{before_hz}, {after_hz}, {begin_ms} ms");
+        assert!(
+            late_ms[confirmed..].iter().all(is_known),
+            "{before_hz}, {after_hz}, {begin_ms} ms"
+        );
     }
 }
 

@@ -4,14 +4,14 @@ use super::{Arrival, Line};
 use crate::clock::{SpanNs, TimeNs};
 
 /// How long frames have to keep to the line.
-const PROOF: SpanNs = SpanNs::from_ms(500);
+const CONFIRMATION: SpanNs = SpanNs::from_ms(500);
 
 /// How many of them there have to be.
 const FRAMES_MIN: u32 = 5;
 
 /// A line and the frames near it. How near is for its owner to say.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Proof {
+pub(super) struct LineConfirmation {
     line: Line,
     since: TimeNs,
     frames: u32,
@@ -19,7 +19,7 @@ pub(super) struct Proof {
     lowest_ns: f64,
 }
 
-impl Proof {
+impl LineConfirmation {
     /// No frame yet on `line`, from `since` on.
     pub(super) fn begin(line: Line, since: TimeNs) -> Self {
         Self { line, since, frames: 0, lowest_ns: 0.0 }
@@ -36,11 +36,11 @@ impl Proof {
         Self { frames: self.frames.saturating_add(1), lowest_ns, ..self }
     }
 
-    /// The line through the lowest frame, once it is proven by `newest`.
-    pub(super) fn proven(&self, newest: Arrival) -> Option<Line> {
-        let is_proven = newest.at.since(self.since) >= PROOF && self.frames >= FRAMES_MIN;
+    /// The line through the lowest frame, once it is confirmed by `newest`.
+    pub(super) fn confirmed(&self, newest: Arrival) -> Option<Line> {
+        let is_confirmed = newest.at.since(self.since) >= CONFIRMATION && self.frames >= FRAMES_MIN;
         let offset_ns = self.line.offset_ns + self.lowest_ns;
         let (as_of, touched_at) = (newest.at, newest.at);
-        is_proven.then_some(Line { offset_ns, as_of, touched_at, ..self.line })
+        is_confirmed.then_some(Line { offset_ns, as_of, touched_at, ..self.line })
     }
 }

@@ -33,7 +33,7 @@ const WAY_FORGET_S: f64 = 15.0;
 
 /// Speed by the drone that exceeds the speed by the poses.
 #[derive(Debug, Clone, Default)]
-pub(super) struct HiddenMotion {
+pub(super) struct HiddenSpeed {
     dt_s: f64,
     before: Option<Pose>,
     /// Since the newest pose. s
@@ -53,7 +53,7 @@ pub(super) struct HiddenMotion {
     since_hidden_s: f64,
 }
 
-impl HiddenMotion {
+impl HiddenSpeed {
     pub(super) fn new(dt_s: f64) -> Self {
         Self { dt_s, since_hidden_s: f64::INFINITY, ..Self::default() }
     }
@@ -126,8 +126,8 @@ mod tests {
     }
 
     /// After one tick with a pose that stands still.
-    fn beside_a_still_pose(horizontal_d_mps: Option<[f64; 2]>) -> HiddenMotion {
-        let mut hidden = HiddenMotion::new(DT_S);
+    fn beside_a_still_pose(horizontal_d_mps: Option<[f64; 2]>) -> HiddenSpeed {
+        let mut hidden = HiddenSpeed::new(DT_S);
         hidden.update(&sample(Some(0.0), horizontal_d_mps));
         hidden
     }
@@ -176,7 +176,7 @@ mod tests {
 
     #[test]
     fn poses_that_come_now_and_then_show_their_speed() {
-        let mut hidden = HiddenMotion::new(0.02);
+        let mut hidden = HiddenSpeed::new(0.02);
         for k in 0..=100_u32 {
             let x_m = k.is_multiple_of(5).then_some(0.02 * f64::from(k));
             hidden.update(&sample(x_m, Some([1.5, 0.0])));
@@ -188,7 +188,7 @@ mod tests {
     #[test]
     fn a_drone_that_reports_less_than_half_of_the_speed_is_no_witness() {
         for (reported_mps, is_denied) in [(0.24, false), (0.26, true)] {
-            let mut hidden = HiddenMotion::new(0.02);
+            let mut hidden = HiddenSpeed::new(0.02);
             for k in 0..100_u32 {
                 let x_m = 0.5 * 0.02 * f64::from(k);
                 hidden.update(&sample(Some(x_m), Some([0.0, reported_mps])));
@@ -212,7 +212,7 @@ mod tests {
     #[test]
     fn a_short_way_does_not_show_that_the_drone_reports_too_little() {
         for (ticks, is_denied) in [(12, true), (20, false)] {
-            let mut hidden = HiddenMotion::new(0.02);
+            let mut hidden = HiddenSpeed::new(0.02);
             for k in 0..ticks {
                 hidden.update(&sample(Some(0.01 * f64::from(k)), Some([0.05, 0.0])));
             }
@@ -225,7 +225,7 @@ mod tests {
         // 10 s at 0.5 m/s with a tenth of it reported, then all of it: ways that are kept fit again after 8 s, ways
         // that are forgotten in 15 s after 4.9 s.
         for (again_ticks, is_denied) in [(225, false), (275, true)] {
-            let mut hidden = HiddenMotion::new(0.02);
+            let mut hidden = HiddenSpeed::new(0.02);
             for k in 0..500 + again_ticks {
                 let reported_mps = if k < 500 { 0.05 } else { 0.5 };
                 hidden.update(&sample(Some(0.01 * f64::from(k)), Some([reported_mps, 0.0])));

@@ -16,7 +16,7 @@ where
     /// The present dead time of a group is one of its candidates.
     ///
     /// Cost: a warm solve per group, candidate and pass.
-    pub(super) fn one_by_one(&mut self, candidates_s: &[f64]) -> Result<Vec<Found>, Halt> {
+    pub(super) fn coordinate_descent(&mut self, candidates_s: &[f64]) -> Result<Vec<Found>, Halt> {
         let mut found = Vec::new();
         for _ in 0..PASSES {
             found.clear();
