@@ -40,7 +40,7 @@ pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 
 use horizon_model::rows::pose;
 
-use self::braking::Steered;
+use self::braking::ControlMode;
 use self::condition_timer::{Leaky, Reported, Since, elapsed_s, exceeds};
 use self::settling::Settling;
 use crate::drone::{DroneOrder, LAND_PERIOD};
@@ -162,7 +162,7 @@ pub struct Supervisor {
     /// Periods missed and not yet forgiven.
     late_periods: f64,
     /// What the controller did in the tick before.
-    steered: Steered,
+    control: ControlMode,
     /// What ended the flight.
     ended_by: FaultSet,
 }
@@ -192,7 +192,7 @@ impl Supervisor {
             drone_ground_m: None,
             failures: 0.0,
             late_periods: 0.0,
-            steered: Steered::Not,
+            control: ControlMode::Off,
             ended_by: FaultSet::default(),
         }
     }
@@ -239,7 +239,7 @@ impl Supervisor {
         let may_steer = is_steerable
             && (is_braking || reaction < Reaction::Hold)
             && (self.settling.is_over() || pilot == Pilot::Person);
-        self.steered = Steered::of(may_steer && pilot == Pilot::Controller, is_braking);
+        self.control = ControlMode::of(may_steer && pilot == Pilot::Controller, is_braking);
         Ruling {
             phase: self.phase,
             pilot: may_steer.then_some(pilot),
@@ -306,24 +306,24 @@ impl Supervisor {
         self.since.unrisen.keep(self.is_unrisen(e), e.t_ns);
         let is_done = e.is_mission_done && !e.is_by_hand;
         self.since.done.keep(is_done, e.t_ns);
-        let (failsafe, is_flown) = (&self.table.failsafe, self.is_steered());
-        let is_astray = is_flown && !e.is_by_hand && self.is_off_reference(e);
-        let is_fast = is_flown && exceeds(e.speed_mps, failsafe.speed_mps);
+        let (failsafe, is_flying) = (&self.table.failsafe, self.is_flying());
+        let is_astray = is_flying && !e.is_by_hand && self.is_off_reference(e);
+        let is_fast = is_flying && exceeds(e.speed_mps, failsafe.speed_mps);
         self.since.astray.keep(is_astray, e.t_ns);
         self.remember_swings(e);
         self.since.stands.keep(self.seems_to_stand(e), e.t_ns);
         // In an outage the reference may turn on without the vehicle.
         let turns = e.motion.is_some_and(|motion| motion.rate[pose::THETA].abs() > TURNING_RADPS);
-        let is_steered = is_flown && !e.is_by_hand && (e.outage.is_none() || turns);
-        let is_turned = is_steered && e.turned_rad.is_some_and(|rad| exceeds(rad, TURNED_RAD));
+        let should_turn = is_flying && !e.is_by_hand && (e.outage.is_none() || turns);
+        let is_turned = should_turn && e.turned_rad.is_some_and(|rad| exceeds(rad, TURNED_RAD));
         self.since.turned.keep(is_turned, e.t_ns);
         self.since.fast.keep(is_fast, e.t_ns);
-        let is_long = is_flown && !e.is_by_hand && e.is_dead_time_long;
+        let is_long = is_flying && !e.is_by_hand && e.is_dead_time_long;
         self.since.dead_time_long.keep(is_long, e.t_ns);
         self.remember_idle_hand(e, is_fast);
         self.remember_blocked(e);
         self.remember_stuck(e);
-        let is_alone = is_flown && e.outage.is_some() && !conditions::is_confirmed(&e.findings);
+        let is_alone = is_flying && e.outage.is_some() && !conditions::is_confirmed(&e.findings);
         self.since.alone.keep(is_alone, e.t_ns);
         self.remember_settling(e);
     }

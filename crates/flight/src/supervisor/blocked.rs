@@ -4,7 +4,7 @@
 use horizon_model::rows::pos_w;
 use nalgebra::Vector3;
 
-use super::braking::Steered;
+use super::braking::ControlMode;
 use super::condition_timer::elapsed_s;
 use super::evidence::Evidence;
 use super::{BRAKE_S, Supervisor};
@@ -36,7 +36,8 @@ impl Supervisor {
     /// Updates since when the vehicle has stayed before an obstacle. What keeps it there for another reason does not
     /// count: a person, an outage, an obstacle that moves or is not seen.
     pub(super) fn remember_stuck(&mut self, e: &Evidence) {
-        let is_meant = self.steered != Steered::Not && !e.is_by_hand && !self.since.braking.holds();
+        let is_meant =
+            self.control != ControlMode::Off && !e.is_by_hand && !self.since.braking.holds();
         let is_free = e.outage.is_none() && !e.is_obstacle_unseen;
         let Some(motion) = e.motion.filter(|_| is_meant && is_free) else {
             self.stuck = None;
@@ -56,7 +57,7 @@ impl Supervisor {
 
     /// Updates when and for how long plans were blocked.
     pub(super) fn remember_blocked(&mut self, e: &Evidence) {
-        if self.steered != Steered::Not && e.is_plan_clear == Some(false) {
+        if self.control != ControlMode::Off && e.is_plan_clear == Some(false) {
             self.blocked_ns = Some(e.t_ns);
         }
         self.since.blocked.keep(self.is_blocked(e), e.t_ns);
@@ -64,7 +65,7 @@ impl Supervisor {
 
     /// Whether a plan that was flown just now leads out of the room or into an obstacle.
     pub(super) fn is_blocked(&self, e: &Evidence) -> bool {
-        self.is_steered() && self.blocked_ns.is_some_and(|at_ns| elapsed_s(at_ns, e.t_ns) < BRAKE_S)
+        self.is_flying() && self.blocked_ns.is_some_and(|at_ns| elapsed_s(at_ns, e.t_ns) < BRAKE_S)
     }
 
     /// Whether plans were blocked for too long in sum, or the vehicle does not get past an obstacle.

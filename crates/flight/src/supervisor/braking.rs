@@ -18,22 +18,22 @@ const BRAKE_MAX_S: f64 = 1.5;
 /// Longest wait at the end of a mission for an obstacle that comes near, or could. s
 const LET_PAST_S: f64 = 60.0;
 
-/// What the controller does in a tick.
+/// What the controller does with the vehicle in a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Steered {
+pub(super) enum ControlMode {
     /// The controller does not steer: others do, or nobody.
-    Not,
+    Off,
     /// The controller follows the mission.
     Mission,
     /// The controller brings the vehicle to rest.
     Brake,
 }
 
-impl Steered {
+impl ControlMode {
     /// The activity of a controller that steers or not, while the vehicle brakes or not.
     pub(super) fn of(steers: bool, is_braking: bool) -> Self {
         match (steers, is_braking) {
-            (false, _) => Self::Not,
+            (false, _) => Self::Off,
             (true, false) => Self::Mission,
             (true, true) => Self::Brake,
         }
@@ -63,7 +63,7 @@ impl Supervisor {
     pub(super) fn has_braked(&self, e: &Evidence, faults: FaultSet, pilot: Pilot) -> bool {
         let is_fast = e.speed_mps > SLOW_MPS;
         let forbids = |one: Reaction| one >= Reaction::Hold && one != Reaction::BrakeAndLand;
-        let may_brake = self.steered != Steered::Not
+        let may_brake = self.control != ControlMode::Off
             && pilot == Pilot::Controller
             && self.takes_sticks(e)
             // A drone that keeps an old command does not brake.

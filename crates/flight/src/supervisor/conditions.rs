@@ -2,7 +2,7 @@
 //!
 //! Owns the condition of every fault. What follows from a fault stands in `fault.rs`.
 
-use super::braking::Steered;
+use super::braking::ControlMode;
 use super::evidence::{Evidence, Operator, Phase};
 use super::fault::{Fault, FaultSet};
 use super::{ALOFT_S, DOWN_HOLD_S, Leaky, Supervisor, elapsed_s, exceeds};
@@ -77,14 +77,14 @@ impl Supervisor {
     /// What is wrong with the motion.
     fn motion_faults(&self, e: &Evidence) -> [(Fault, bool); 17] {
         let (failsafe, findings) = (&self.table.failsafe, &e.findings);
-        let is_flown = self.is_steered();
+        let is_flying = self.is_flying();
         // The drone's velocity is judged by what it showed in level flight, its height from the ground on.
-        let velocity = if is_flown { findings.velocity } else { Agreement::Unknown };
+        let velocity = if is_flying { findings.velocity } else { Agreement::Unknown };
         let height = if self.is_in_the_air() { findings.height } else { Agreement::Unknown };
-        let heading = if is_flown { findings.heading } else { Agreement::Unknown };
+        let heading = if is_flying { findings.heading } else { Agreement::Unknown };
         let worst = velocity.max(height);
         let is_heading_wrong = findings.is_direction_wrong || heading >= Agreement::Disagrees;
-        let outage = e.outage.filter(|_| is_flown);
+        let outage = e.outage.filter(|_| is_flying);
         let is_alone_for = |limit_s| self.since.alone.has_lasted(e.t_ns, limit_s);
         let is_long = outage.is_some_and(|outage| exceeds(outage.for_s, failsafe.outage_s));
         // In an outage the inputs drive nothing.
@@ -99,7 +99,7 @@ impl Supervisor {
         [
             (Fault::WitnessDoubtful, worst.max(heading) >= Agreement::Doubtful),
             (Fault::WitnessDisagrees, worst >= Agreement::Disagrees),
-            (Fault::HeadingWrong, is_flown && is_heading_wrong),
+            (Fault::HeadingWrong, is_flying && is_heading_wrong),
             (Fault::PlanBlocked, self.is_blocked(e)),
             (Fault::BlockedLong, self.is_blocked_long(e)),
             (Fault::ObstacleEntered, self.has_entered_obstacle(e)),
@@ -113,7 +113,7 @@ impl Supervisor {
                     || self.since.astray.has_lasted(e.t_ns, ASTRAY_S)
                     || self.since.turned.has_lasted(e.t_ns, TURNED_S),
             ),
-            (Fault::Immobile, is_flown && !e.is_by_hand && is_immobile),
+            (Fault::Immobile, is_flying && !e.is_by_hand && is_immobile),
             (Fault::TooFast, self.since.fast.has_lasted(e.t_ns, ASTRAY_S)),
             (Fault::DeadTimeLong, self.since.dead_time_long.has_lasted(e.t_ns, DEAD_TIME_LONG_S)),
             (Fault::OutageHeld, outage.is_some_and(|outage| outage.is_held)),
@@ -136,19 +136,20 @@ impl Supervisor {
         if e.is_by_hand {
             self.since.swinging = Leaky::default();
         }
-        let is_meant = self.is_steered() && self.steered == Steered::Mission && e.outage.is_none();
+        let follows_mission =
+            self.is_flying() && self.control == ControlMode::Mission && e.outage.is_none();
         let swings = e.velocity_error_mps.is_some_and(|error_mps| exceeds(error_mps, SWINGS_MPS));
-        self.since.swinging.keep(is_meant && swings, e.t_ns);
+        self.since.swinging.keep(follows_mission && swings, e.t_ns);
     }
 
     /// Whether a vehicle that should climb to its reference is stiller than one that flies, by poses that are new.
     pub(super) fn seems_to_stand(&self, e: &Evidence) -> bool {
-        let is_steered = self.steered == Steered::Mission;
-        let is_asked = !e.is_by_hand && (is_steered || e.outage.is_some());
+        let follows_mission = self.control == ControlMode::Mission;
+        let is_asked = !e.is_by_hand && (follows_mission || e.outage.is_some());
         let is_new = !self.is_pose_stale(e) && !e.is_pose_repeated;
         let is_still = is_new && e.findings.still_s.is_some();
         let is_below = e.below_m.is_some_and(|below_m| exceeds(below_m, STANDS_BELOW_M));
-        self.is_steered() && is_asked && is_still && is_below
+        self.is_flying() && is_asked && is_still && is_below
     }
 
     /// What is wrong with the drone.
@@ -200,7 +201,7 @@ impl Supervisor {
         [
             (
                 Fault::MissionOverdue,
-                self.is_steered() && exceeds(e.overtime_s, table.failsafe.overtime_s),
+                self.is_flying() && exceeds(e.overtime_s, table.failsafe.overtime_s),
             ),
             (Fault::EstimatorFailed, e.estimator_failed),
             (Fault::ControllerFailed, self.has_controller_failed(e)),
@@ -217,8 +218,9 @@ impl Supervisor {
         ]
     }
 
-    /// Whether the vehicle flies: it is past its take-off and not carried by hand.
-    pub(super) fn is_steered(&self) -> bool {
+    /// Whether the vehicle flies: it is past its take-off, does not land yet and is not carried by hand. Who steers it is
+    /// left open.
+    pub(super) fn is_flying(&self) -> bool {
         self.phase == Phase::Flying && !self.is_carried
     }
 
@@ -248,7 +250,7 @@ impl Supervisor {
 
     /// The flag belongs to the plan of the previous tick, which was made only if it could be used.
     pub(super) fn has_controller_failed(&self, e: &Evidence) -> bool {
-        e.controller_failed && self.steered != Steered::Not
+        e.controller_failed && self.control != ControlMode::Off
     }
 }
 

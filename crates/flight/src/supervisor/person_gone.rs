@@ -9,7 +9,7 @@ const GONE_ASTRAY_S: f64 = 5.0;
 impl Supervisor {
     /// Updates for how long a person leaves the sticks neutral: in all, and where somebody should act.
     pub(super) fn remember_idle_hand(&mut self, e: &Evidence, is_fast: bool) {
-        let is_idle = self.is_steered() && e.is_hand_neutral;
+        let is_idle = self.is_flying() && e.is_hand_neutral;
         self.since.hand_neutral.keep(is_idle, e.t_ns);
         // Outside of the room poses are rare: without one the vehicle counts as where it was.
         let was_astray = self.since.hand_idle_astray.holds();

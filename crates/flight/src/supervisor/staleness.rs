@@ -15,7 +15,7 @@ impl Supervisor {
         // A person who carries the vehicle may take time to show it to the cameras.
         let pose_age_s = e.pose_age_s.or((!self.is_carried).then_some(running_s));
         let climbs_still_s = self.since.climbs_still.elapsed_s(e.t_ns);
-        let still_s = e.findings.frozen_s.filter(|_| self.is_steered()).or(climbs_still_s);
+        let still_s = e.findings.frozen_s.filter(|_| self.is_flying()).or(climbs_still_s);
         let is_still = |limit_s| still_s.is_some_and(|still_s| exceeds(still_s, limit_s));
         let is_lost = pose_age_s.is_some_and(|age_s| exceeds(age_s, table.lost_s));
         let has_jumped = e.jump_m.is_some_and(|jump_m| exceeds(jump_m, table.jump_m));
