@@ -68,7 +68,7 @@ pub use parameter_estimate::ParameterEstimate;
 pub use planning_table::PlanningTable;
 pub use record::{FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, RowsRecord, SticksRecord};
 pub use record::{Sink, Topic};
-pub use sense::{SIGHTING_AGE_MAX, is_airborne};
+pub use sense::{SIGHTING_AGE_MAX, is_flight_phase};
 pub use table::{CycleTable, DT_S, FlightTable, StandingTable};
 pub use timing::Timing;
 pub use vehicle::{ModelKind, WithModel};

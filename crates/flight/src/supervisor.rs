@@ -344,7 +344,7 @@ impl Supervisor {
             Phase::TakingOff | Phase::Flying if reaction == Reaction::Land => Phase::Landing,
             Phase::TakingOff if reaction == Reaction::BrakeAndLand => Phase::Landing,
             Phase::Flying if has_braked => Phase::Landing,
-            Phase::TakingOff if self.is_airborne(e) => Phase::Flying,
+            Phase::TakingOff if self.is_take_off_complete(e) => Phase::Flying,
             Phase::Landing if self.is_down(e) => Phase::Landed,
             Phase::Landing if self.is_landing_overdue(e) => Phase::LandingUnconfirmed,
             Phase::Idle

@@ -139,7 +139,7 @@ impl VirtualFlight {
         self.world.relay_line(&mut self.bytes);
         // A flight that begins in the air learns the clock from its first frame.
         let is_timed = self.relay_counters.sightings.get() > 0;
-        self.relay.set_airborne(cycle::is_airborne(self.out.phase()) && is_timed);
+        self.relay.set_airborne(cycle::is_flight_phase(self.out.phase()) && is_timed);
         let sightings = &mut self.arrived.sightings;
         let push = |sighting| sightings.push(sighting);
         self.relay.push(&self.bytes, now, &self.relay_counters, push)?;

@@ -15,7 +15,7 @@ use rtrb::Producer;
 use tello_eval::flight_log::TickRecord;
 use tello_flight::cycle::{
     Inbox, Operator, Outcome, ParameterEstimate, SIGHTING_AGE_MAX, SIGHTINGS_MAX, Tick, TickStage,
-    Timing, Watch, is_airborne,
+    Timing, Watch, is_flight_phase,
 };
 use tello_flight::{FaultSet, Incidents, Phase, Ruling};
 use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs, request_real_time};
@@ -198,9 +198,9 @@ impl ControlLoop {
                 end.found = self.cycle.parameter_estimate();
             }
             // A carried vehicle is not steered, and may be carried for hours.
-            let is_airborne = is_airborne(end.phase) && !self.is_carried;
+            let is_in_flight = is_flight_phase(end.phase) && !self.is_carried;
             for feed in iter::once(&self.feed).chain(&self.moving_feed) {
-                feed.airborne.store(is_airborne, Ordering::Relaxed);
+                feed.airborne.store(is_in_flight, Ordering::Relaxed);
             }
             if step % STATUS_EVERY_TICKS == 0 {
                 // If the ring is full this line is dropped: the display needs a recent one only.

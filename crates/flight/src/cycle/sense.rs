@@ -23,10 +23,11 @@ pub const SIGHTING_AGE_MAX: SpanNs = SpanNs::from_ms(100);
 /// begin with a wrong one.
 const HEADINGS_MIN: u32 = 25;
 
-/// Whether the vehicle may be in the air in `phase`: the clock of the mocap system is held then.
+/// Whether `phase` belongs to a flight, from the order to take off to the confirmed landing: the clock of the mocap
+/// system is held then.
 ///
 /// After an unconfirmed landing or an emergency stop the vehicle may still be in the air.
-pub fn is_airborne(phase: Phase) -> bool {
+pub fn is_flight_phase(phase: Phase) -> bool {
     match phase {
         Phase::Idle | Phase::Landed => false,
         Phase::TakingOff

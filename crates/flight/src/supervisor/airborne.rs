@@ -72,8 +72,9 @@ impl Supervisor {
         self.drone_says_flying(e).filter(|is_flying| *is_flying || !is_denied)
     }
 
-    /// The position decides; without one the report of the drone.
-    pub(super) fn is_airborne(&self, e: &Evidence) -> bool {
+    /// Whether the vehicle is so high that a take-off is complete: by a fresh pose; without one, whether the drone
+    /// reports that it flies.
+    pub(super) fn is_take_off_complete(&self, e: &Evidence) -> bool {
         match self.rise_m(e) {
             Some(rise_m) => rise_m >= self.table.airborne_height_m,
             None => self.drone_says_flying(e) == Some(true),

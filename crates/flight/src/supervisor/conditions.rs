@@ -80,7 +80,8 @@ impl Supervisor {
         let is_flying = self.is_flying();
         // The drone's velocity is judged by what it showed in level flight, its height from the ground on.
         let velocity = if is_flying { findings.velocity } else { Agreement::Unknown };
-        let height = if self.is_in_the_air() { findings.height } else { Agreement::Unknown };
+        let height =
+            if self.is_taking_off_or_flying() { findings.height } else { Agreement::Unknown };
         let heading = if is_flying { findings.heading } else { Agreement::Unknown };
         let worst = velocity.max(height);
         let is_heading_wrong = findings.is_direction_wrong || heading >= Agreement::Disagrees;
@@ -105,8 +106,8 @@ impl Supervisor {
             (Fault::ObstacleEntered, self.has_entered_obstacle(e)),
             (Fault::ObstacleUnseen, e.is_obstacle_unseen && !self.is_carried),
             (Fault::ObstacleApproaches, self.since.endangered.has_lasted(e.t_ns, ENDANGERED_S)),
-            (Fault::FenceNear, self.is_in_the_air() && self.would_leave(e)),
-            (Fault::FenceLeft, self.is_in_the_air() && self.is_outside(e)),
+            (Fault::FenceNear, self.is_taking_off_or_flying() && self.would_leave(e)),
+            (Fault::FenceLeft, self.is_taking_off_or_flying() && self.is_outside(e)),
             (
                 Fault::TrackingLost,
                 self.since.swinging.exceeds(SWINGS_S)
@@ -197,7 +198,7 @@ impl Supervisor {
         let is_take_off_overdue = self.phase == Phase::TakingOff
             && (phase_s >= table.take_off_timeout_s
                 || self.since.unrisen.has_lasted(e.t_ns, UNRISEN_S))
-            && !self.is_airborne(e);
+            && !self.is_take_off_complete(e);
         [
             (
                 Fault::MissionOverdue,
@@ -218,13 +219,14 @@ impl Supervisor {
         ]
     }
 
-    /// Whether the vehicle flies: it is past its take-off, does not land yet and is not carried by hand. Who steers it is
-    /// left open.
+    /// Whether the vehicle flies: it is past its take-off, does not land yet and is not carried by hand. Who steers it
+    /// is left open.
     pub(super) fn is_flying(&self) -> bool {
         self.phase == Phase::Flying && !self.is_carried
     }
 
-    pub(super) fn is_in_the_air(&self) -> bool {
+    /// Whether the vehicle takes off or flies, and is not carried by hand: it is in the air, or about to be.
+    pub(super) fn is_taking_off_or_flying(&self) -> bool {
         matches!(self.phase, Phase::TakingOff | Phase::Flying) && !self.is_carried
     }
 
@@ -245,7 +247,7 @@ impl Supervisor {
 
     /// Whether it is inside of an obstacle by such a position.
     fn has_entered_obstacle(&self, e: &Evidence) -> bool {
-        self.is_in_the_air() && e.is_in_obstacle && !self.is_pose_stale(e)
+        self.is_taking_off_or_flying() && e.is_in_obstacle && !self.is_pose_stale(e)
     }
 
     /// The flag belongs to the plan of the previous tick, which was made only if it could be used.

@@ -26,9 +26,9 @@ impl Supervisor {
             (Fault::MocapFrozen, is_repeated || is_still(table.stale_s)),
             (
                 Fault::MocapJumped,
-                self.is_in_the_air() && (has_jumped || exceeds(e.shift_m, table.jump_m)),
+                self.is_taking_off_or_flying() && (has_jumped || exceeds(e.shift_m, table.jump_m)),
             ),
-            (Fault::MocapRough, self.is_in_the_air() && e.is_pose_rough),
+            (Fault::MocapRough, self.is_taking_off_or_flying() && e.is_pose_rough),
             (Fault::MocapUnsettled, self.phase == Phase::Idle && !e.is_pose_settled),
             (Fault::MocapUndated, self.phase == Phase::Idle && e.incidents.is_mocap_undated),
             (Fault::StartMisplaced, self.phase == Phase::Idle && !self.may_start(e)),

@@ -128,7 +128,7 @@ fn late_sightings_alone_are_silence_and_a_timely_one_ends_it() {
 
 #[test]
 fn the_vehicle_may_be_in_the_air_unless_it_was_never_or_is_down() {
-    assert!(!is_airborne(Phase::Idle) && !is_airborne(Phase::Landed));
+    assert!(!is_flight_phase(Phase::Idle) && !is_flight_phase(Phase::Landed));
     for phase in [
         Phase::TakingOff,
         Phase::Flying,
@@ -136,7 +136,7 @@ fn the_vehicle_may_be_in_the_air_unless_it_was_never_or_is_down() {
         Phase::LandingUnconfirmed,
         Phase::MotorsStopped,
     ] {
-        assert!(is_airborne(phase), "{phase:?}");
+        assert!(is_flight_phase(phase), "{phase:?}");
     }
 }
 

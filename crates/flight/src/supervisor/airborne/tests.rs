@@ -217,7 +217,7 @@ fn a_height_that_is_no_number_is_none_and_the_drone_decides() {
             let e = Evidence { pose: Some(at_height(z_m)), ..ALOFT };
             let e = with_drone(e, |drone| drone.is_flying = is_flying);
             assert_eq!(supervisor.pose_is_airborne(&e), None, "{z_m} m");
-            assert_eq!(supervisor.is_airborne(&e), is_flying, "{z_m} m");
+            assert_eq!(supervisor.is_take_off_complete(&e), is_flying, "{z_m} m");
         }
     }
 }

@@ -21,8 +21,8 @@ impl Session {
         self.note_rest(now);
     }
 
-    /// Whether the drone may be in the air: if in doubt, yes. Our sticks and landings are a reason to
-    /// doubt only if it ever acknowledged the connection.
+    /// Whether the drone may be in the air by its witnesses and by what was sent to it: if in doubt, yes. Our sticks
+    /// and landings are a reason to doubt only if it ever acknowledged the connection.
     pub(super) fn may_be_airborne(&self, now: TimeNs) -> bool {
         let seen = if self.may_have_flown || !self.may_steer() {
             let has_ended = matches!(self.flight, Flight::Landed { .. } | Flight::MotorsStopped);
