@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 use tello_io::tello::protocol::{Action, HostPacket};
-use tello_sim::{Emulator, MocapAddresses, Phase, Profile, SdkVersion, Start, World};
+use tello_sim::{DronePhase, Emulator, MocapAddresses, Profile, SdkVersion, SimStart, World};
 
 use program::{tello_ctl, text};
 
@@ -31,7 +31,7 @@ impl Drone {
         let mut sim = tello_sim::settings(None).unwrap();
         sim.profile = Profile::Clean;
         sim.has_spread = false;
-        sim.start = Start::Ground { x: 0.0, y: 0.0, theta: 0.0 };
+        sim.start = SimStart::Ground { x: 0.0, y: 0.0, theta: 0.0 };
         sim.drone.sdk = SdkVersion::V3_0;
         let any = ([127, 0, 0, 1], 0).into();
         let world = World::new(&sim, 1).unwrap();
@@ -80,7 +80,7 @@ impl Drone {
     }
 
     fn is_down(&self) -> bool {
-        self.emulator.truth().phase == Phase::Grounded
+        self.emulator.truth().phase == DronePhase::Grounded
     }
 }
 
@@ -198,7 +198,7 @@ fn a_signal_in_the_middle_lands_and_keeps_the_record() {
         .stderr(std::process::Stdio::piped())
         .spawn()
         .unwrap();
-    while drone.emulator.truth().phase != Phase::TakingOff {
+    while drone.emulator.truth().phase != DronePhase::TakingOff {
         thread::sleep(Duration::from_millis(20));
     }
     let pid = child.id().to_string();
@@ -227,7 +227,7 @@ fn in_flight(drone: &Drone, folder: &Path) -> std::process::Child {
         .stderr(std::process::Stdio::null())
         .spawn()
         .unwrap();
-    while drone.emulator.truth().phase != Phase::Flying {
+    while drone.emulator.truth().phase != DronePhase::Flying {
         thread::sleep(Duration::from_millis(20));
     }
     child

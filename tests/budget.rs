@@ -17,7 +17,7 @@ use tello_flight::{Fault, ObstacleTable, Phase, Pilot, Start};
 use tello_io::config;
 use tello_sim::failing_model::{self, FAILING_PART, FailingPart};
 use tello_sim::virtual_time::VirtualFlight;
-use tello_sim::{Fault as SimFault, PasserTable, Profile, ScriptedFault, SimTable};
+use tello_sim::{InjectedFault, PasserTable, Profile, ScriptedFault, SimTable};
 
 #[global_allocator]
 static GLOBAL: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
@@ -93,7 +93,7 @@ impl Case {
     /// The control thread stands still: the last time for so long that the flight ends.
     fn that_stalls(mut self) -> Self {
         let stall = |(from_s, periods): (f64, u64)| ScriptedFault {
-            fault: SimFault::ControlStalled,
+            fault: InjectedFault::ControlStalled,
             from_s: from_s - 0.01,
             for_s: 0.02 * periods as f64,
         };

@@ -12,7 +12,7 @@ use horizon_model::check::maximum;
 use serde_json::Value;
 use tello_io::clock::Clock;
 use tello_io::log::LogReader;
-use tello_sim::{Fault, ScriptedFault};
+use tello_sim::{InjectedFault, ScriptedFault};
 
 use person::Person;
 
@@ -226,7 +226,7 @@ fn keys_that_follow_the_enter_of_the_question_at_once_count_and_earlier_ones_do_
 
 #[test]
 fn a_person_who_takes_off_with_the_sticks_in_hand_needs_no_cameras() {
-    let dark = ScriptedFault { fault: Fault::MocapSilent, from_s: 0.0, for_s: 1e3 };
+    let dark = ScriptedFault { fault: InjectedFault::MocapSilent, from_s: 0.0, for_s: 1e3 };
     let mut person = Person::start_in("dark", &[], |sim| sim.faults.push(dark));
     person.sees("waiting for a pose");
     person.types(b"e");

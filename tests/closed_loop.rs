@@ -4,13 +4,13 @@ use std::path::Path;
 
 use horizon_model::check::maximum;
 use horizon_model::rows::pose;
-use tello_eval::metrics::{Metrics, ReferencePath, Track};
+use tello_eval::metrics::{FlownTrack, Metrics, ReferencePath};
 use tello_flight::cycle::{FlightTable, Pipeline};
 use tello_flight::{Fault, Phase, Start};
 use tello_io::config;
 use tello_sim::plant::RIGID_BODY;
 use tello_sim::virtual_time::VirtualFlight;
-use tello_sim::{Fault as SimFault, Measured, Profile, ScriptedFault, SimTable};
+use tello_sim::{InjectedFault, Measured, Profile, ScriptedFault, SimTable};
 
 /// Longest virtual flight. s
 const TIME_LIMIT_S: f64 = 90.0;
@@ -27,7 +27,7 @@ fn tables(start: Start, profile: Profile) -> (FlightTable, SimTable) {
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn fly(flight: &FlightTable, sim: &SimTable, seed: u64) -> (Vec<Phase>, Option<Metrics>, f64) {
     let mut virtual_flight = VirtualFlight::new(flight, sim, seed).unwrap();
-    let mut track = Track::new(ReferencePath::of(flight).unwrap(), flight.cycle.dt_s);
+    let mut track = FlownTrack::new(ReferencePath::of(flight).unwrap(), flight.cycle.dt_s);
     let mut phases = vec![];
     let mut height_max_m = 0.0_f64;
     loop {
@@ -85,7 +85,8 @@ fn stages_make_room_for_any_dead_times() {
 fn poses_of_any_age_that_still_counts_fly_the_square() {
     let (flight, mut sim) = tables(Start::Airborne, Profile::GoodDay);
     for delay_s in [0.02, 0.04, 0.06, 0.08, 0.095] {
-        let lag = ScriptedFault { fault: SimFault::MocapLag { delay_s }, from_s: 1.0, for_s: 90.0 };
+        let lag =
+            ScriptedFault { fault: InjectedFault::MocapLag { delay_s }, from_s: 1.0, for_s: 90.0 };
         sim.faults = vec![lag];
         for seed in [500_001, 500_002, 500_003] {
             let (_, metrics, _) = fly(&flight, &sim, seed);

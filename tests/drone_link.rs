@@ -11,8 +11,8 @@ use tello_io::tello::{
 };
 use tello_io::{StopSignal, Stopper};
 use tello_sim::{
-    AirTable, Emulator, MocapAddresses, Phase, Profile, ReceivedOrders, SdkVersion, Start, Truth,
-    World,
+    AirTable, DronePhase, Emulator, MocapAddresses, Profile, ReceivedOrders, SdkVersion, SimStart,
+    Truth, World,
 };
 use tokio::time::{interval, sleep};
 
@@ -48,7 +48,7 @@ impl Bench {
         let mut sim = tello_sim::settings(None).unwrap();
         sim.profile = Profile::Clean;
         sim.has_spread = false;
-        sim.start = Start::Ground { x: 0.0, y: 0.0, theta: 0.0 };
+        sim.start = SimStart::Ground { x: 0.0, y: 0.0, theta: 0.0 };
         sim.drone.air = air;
         sim.drone.sdk = SdkVersion::V3_0;
         let any = ([127, 0, 0, 1], 0).into();
@@ -104,7 +104,7 @@ impl Bench {
             if step % 150 == 0 && bench.is_flying == Some(false) {
                 bench.link.order(DroneOrder::TakeOff).unwrap();
             }
-            truth.phase == Phase::Flying && bench.is_flying == Some(true) && bench.takes_sticks
+            truth.phase == DronePhase::Flying && bench.is_flying == Some(true) && bench.takes_sticks
         })
         .await;
     }
@@ -127,7 +127,7 @@ async fn fly(protocol: Protocol, air: AirTable, seed: u64) -> (ReceivedOrders, A
     assert!((75..=230).contains(&arrived), "{protocol:?} seed {seed}: {arrived} sticks");
 
     bench.link.order(DroneOrder::Land).unwrap();
-    bench.tick(0.4, |_, truth, _| truth.phase == Phase::Grounded).await;
+    bench.tick(0.4, |_, truth, _| truth.phase == DronePhase::Grounded).await;
     bench.tick(0.4, |bench, _, _| bench.is_flying == Some(false)).await;
     stopper.stop();
     task.await.unwrap().unwrap();
@@ -135,7 +135,7 @@ async fn fly(protocol: Protocol, air: AirTable, seed: u64) -> (ReceivedOrders, A
     // What was in transit may still arrive.
     sleep(Duration::from_millis(300)).await;
     let truth = bench.emulator.truth();
-    assert_eq!(truth.phase, Phase::Grounded);
+    assert_eq!(truth.phase, DronePhase::Grounded);
     (truth.received, counters)
 }
 
@@ -184,13 +184,14 @@ async fn an_emergency_stop_gets_through_a_bad_link_at_once() {
         let task = tokio::spawn(client.run(stop));
         bench.take_off().await;
         bench.link.order(DroneOrder::EmergencyStop).unwrap();
-        let is_stopped = |truth: &Truth| matches!(truth.phase, Phase::Falling | Phase::Grounded);
+        let is_stopped =
+            |truth: &Truth| matches!(truth.phase, DronePhase::Falling | DronePhase::Grounded);
         let truth = bench.tick(0.4, |_, truth, step| is_stopped(truth) || step == 25).await;
         assert!(is_stopped(&truth), "{protocol:?}: not stopped after 0.5 s: {truth:?}");
         assert_eq!(truth.received.landings, 0, "{protocol:?}");
-        bench.tick(0.4, |_, truth, step| truth.phase == Phase::Grounded && step > 100).await;
+        bench.tick(0.4, |_, truth, step| truth.phase == DronePhase::Grounded && step > 100).await;
         stopper.stop();
         task.await.unwrap().unwrap();
-        assert_eq!(bench.emulator.truth().phase, Phase::Grounded);
+        assert_eq!(bench.emulator.truth().phase, DronePhase::Grounded);
     }
 }

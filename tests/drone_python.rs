@@ -6,7 +6,7 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use tello_sim::{Profile, Start};
+use tello_sim::{Profile, SimStart};
 
 const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/drone_python.py");
 
@@ -48,7 +48,7 @@ fn fly_if(has_client: bool, client: &str) {
     let mut sim = tello_sim::settings(None).unwrap();
     sim.profile = Profile::Clean;
     sim.has_spread = false;
-    sim.start = Start::Ground { x: 0.0, y: 0.0, theta: 0.0 };
+    sim.start = SimStart::Ground { x: 0.0, y: 0.0, theta: 0.0 };
     sim.plant.disturbance_h_mps = 0.0;
     sim.plant.disturbance_v_mps = 0.0;
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("drone_python-{client}.json"));

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 use tello_io::clock::{Clock, TimeNs};
-use tello_sim::Phase;
+use tello_sim::DronePhase;
 
 use proxies::{Lag, Poses, Radio};
 
@@ -48,19 +48,19 @@ fn fly(name: &str, lag: Lag) -> (f64, f64) {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    let wait_for = |phase: Phase| {
+    let wait_for = |phase: DronePhase| {
         let begin = clock.now();
         while emulator.truth().phase != phase {
             assert!(clock.now().since(begin).seconds() < 40.0, "{lag:?}: {:?}", emulator.truth());
             sleep(Duration::from_millis(20));
         }
     };
-    wait_for(Phase::Flying);
+    wait_for(DronePhase::Flying);
     sleep(Duration::from_secs_f64(FLYING_AFTER_S));
     let steered_s = clock.now().since(radio.heard().last_stick_at.unwrap()).seconds();
     assert!(steered_s < 0.2, "{lag:?}: not steered for {steered_s} s");
     let begin = poses.fall_behind(lag);
-    wait_for(Phase::Grounded);
+    wait_for(DronePhase::Grounded);
     assert!(!child.wait().unwrap().success());
     let after_s = |at: Option<TimeNs>| at.unwrap().since(begin).seconds();
     (after_s(radio.heard().last_stick_at), after_s(radio.heard().first_landing_at))

@@ -23,7 +23,7 @@ use nix::unistd::Pid;
 use serde_json::Value;
 use tello_io::clock::{Clock, TimeNs};
 use tello_io::log::LogReader;
-use tello_sim::{Cause, Emulator, Phase};
+use tello_sim::{Cause, DronePhase, Emulator};
 
 use hose::{Flow, Hose};
 use tap::Tap;
@@ -158,7 +158,7 @@ impl Bench {
     }
 
     /// Waits until the drone is in `phase`; the time that it took. s
-    fn wait_for(&self, phase: Phase, at_most_s: f64) -> f64 {
+    fn wait_for(&self, phase: DronePhase, at_most_s: f64) -> f64 {
         let clock = Clock::start();
         while clock.now().seconds() < at_most_s {
             if self.emulator.truth().phase == phase {
@@ -171,7 +171,7 @@ impl Bench {
 
     /// Waits until the drone flies its mission, fast.
     fn wait_until_it_flies(&self) {
-        self.wait_for(Phase::Flying, 30.0);
+        self.wait_for(DronePhase::Flying, 30.0);
         sleep(Duration::from_secs(FLYING_AFTER_S));
         let speed_mps = self.speed_mps();
         assert!(speed_mps > 0.2, "does not fly: {speed_mps} m/s");
@@ -185,25 +185,25 @@ impl Bench {
 
     /// The drone takes off, is landed by order and stands; the program ends, and its log is closed.
     fn assert_landed(self) {
-        self.wait_for(Phase::Flying, 30.0);
+        self.wait_for(DronePhase::Flying, 30.0);
         self.assert_comes_down(30.0);
     }
 
     /// The drone is landed by order within `at_most_s` and stands; the program ends, and its log is
     /// closed. What comes back is the time to the landing. s
     fn assert_comes_down(self, at_most_s: f64) -> f64 {
-        let after_s = self.wait_for(Phase::Landing(Cause::Order), at_most_s);
+        let after_s = self.wait_for(DronePhase::Landing(Cause::Order), at_most_s);
         self.assert_ends_on_the_ground();
         after_s
     }
 
     /// The drone stands in the end, nothing moved it after its first landing, and the log is closed.
     fn assert_ends_on_the_ground(mut self) -> (Tap, PathBuf) {
-        self.wait_for(Phase::Grounded, 30.0);
+        self.wait_for(DronePhase::Grounded, 30.0);
         let status = self.child.wait().unwrap();
         assert!(status.code().is_some_and(|code| code != 0), "{status:?}");
         let truth = self.emulator.truth();
-        assert_eq!(truth.phase, Phase::Grounded, "{truth:?}");
+        assert_eq!(truth.phase, DronePhase::Grounded, "{truth:?}");
         self.tap.assert_only_landings(TimeNs(0), 1);
         assert_is_complete(&self.folder);
         (self.tap, self.folder)
@@ -259,7 +259,7 @@ fn assert_silence(name: &str, flow: Flow) {
     let bench = Bench::start(name, &[]);
     bench.wait_until_it_flies();
     bench.hose.set(flow);
-    let after_s = bench.wait_for(Phase::Landing(Cause::Order), 10.0);
+    let after_s = bench.wait_for(DronePhase::Landing(Cause::Order), 10.0);
     let speed_mps = bench.speed_mps();
     assert!((1.8..2.6).contains(&after_s), "{flow:?}: landing after {after_s} s");
     assert!(speed_mps < 0.15, "{flow:?}: still at {speed_mps} m/s, so it was steered blindly");

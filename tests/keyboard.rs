@@ -4,7 +4,7 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use serde_json::{Value, json};
-use tello_sim::{Cause, Phase};
+use tello_sim::{Cause, DronePhase};
 
 use crate::live_view::browser::Browser;
 use crate::live_view::flight::Flight;
@@ -54,12 +54,12 @@ fn orders_of_the_live_page_are_given_and_acknowledged_by_keys() {
     browser.tabs_to("e.id === 'emergency_stop'");
     browser.presses("Enter");
     sleep(Duration::from_millis(700));
-    flight.wait_for(Phase::Flying);
+    flight.wait_for(DronePhase::Flying);
     browser.key("Enter", true);
-    flight.wait_for(Phase::Falling);
+    flight.wait_for(DronePhase::Falling);
     browser.key("Enter", false);
     browser.until("seen.includes('emergency_stop:done')");
-    flight.wait_for(Phase::Grounded);
+    flight.wait_for(DronePhase::Grounded);
     flight.ends();
     assert_eq!(browser.complaints(), Vec::<String>::new());
 }
@@ -69,8 +69,8 @@ fn a_key_lands_and_a_lost_connection_is_reported() {
     let Some((mut browser, flight)) = live_page("keyboard-land") else { return };
     browser.presses("r");
     browser.until("document.getElementById('answer').textContent === 'land: ordered'");
-    flight.wait_for(Phase::Landing(Cause::Order));
-    flight.wait_for(Phase::Grounded);
+    flight.wait_for(DronePhase::Landing(Cause::Order));
+    flight.wait_for(DronePhase::Grounded);
     browser.until("document.getElementById('line').textContent === 'FLIGHT OVER'");
     flight.ends();
     browser.until("wire.socket.readyState !== WebSocket.OPEN");

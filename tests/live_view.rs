@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 use tello_io::clock::Clock;
-use tello_sim::{Cause, Phase};
+use tello_sim::{Cause, DronePhase};
 
 use browser::Browser;
 use flight::{Flight, Watcher};
@@ -65,7 +65,7 @@ fn any_client_may_watch_and_only_the_token_lands() {
     assert!(answer["refusal"].as_str().is_some_and(|why| why.contains("only look")), "{answer}");
     looker.says(&json!({ "token": "0".repeat(32) }));
     assert_eq!(looker.hears("access")["may_order"], false);
-    assert_eq!(flight.emulator.truth().phase, Phase::Flying);
+    assert_eq!(flight.emulator.truth().phase, DronePhase::Flying);
 
     // Too much, and nonsense, ends the connection and not the flight.
     for flood in [vec![r#"{"order":"land"}"#; 200], vec!["what?"], vec![&*"x".repeat(5_000)]] {
@@ -88,11 +88,11 @@ fn any_client_may_watch_and_only_the_token_lands() {
     looker.until("automatic", |facts| facts["is_by_hand"] == false);
     pilot.says(&json!({ "order": "hold" }));
     looker.until("by hand", |facts| facts["is_by_hand"] == true);
-    assert_eq!(flight.emulator.truth().phase, Phase::Flying);
+    assert_eq!(flight.emulator.truth().phase, DronePhase::Flying);
     drop(pilot);
-    flight.wait_for(Phase::Landing(Cause::Order));
+    flight.wait_for(DronePhase::Landing(Cause::Order));
     looker.until("landed", |facts| facts["phase"] == "landed");
-    assert_eq!(flight.emulator.truth().phase, Phase::Grounded);
+    assert_eq!(flight.emulator.truth().phase, DronePhase::Grounded);
     looker.hears_the_end();
     flight.ends();
 }
@@ -126,7 +126,7 @@ fn idle_and_half_sent_connections_keep_nobody_from_the_page_and_its_orders() {
     assert_eq!(pilot.hears("access")["may_order"], true);
     pilot.says(&json!({ "order": "land" }));
     assert_eq!(pilot.hears("answer")["refusal"], Value::Null);
-    flight.wait_for(Phase::Landing(Cause::Order));
+    flight.wait_for(DronePhase::Landing(Cause::Order));
     let land_s = clock.now().seconds();
     println!("page after {page_s:.2} s, landing after {land_s:.2} s");
     assert!(land_s < 4.0, "{land_s:.2} s to a landing");
@@ -156,11 +156,11 @@ fn a_page_that_holds_the_drone_and_falls_silent_is_replaced_by_a_landing() {
     looker.until("by hand", |facts| facts["is_by_hand"] == true);
     // Its connection stays open, as behind a radio that is out of range, and nothing answers.
     let clock = Clock::start();
-    flight.wait_for(Phase::Landing(Cause::Order));
+    flight.wait_for(DronePhase::Landing(Cause::Order));
     let land_s = clock.now().seconds();
     println!("landing {land_s:.2} s after the last word of the page");
     assert!((0.9..3.5).contains(&land_s), "{land_s:.2} s");
-    flight.wait_for(Phase::Grounded);
+    flight.wait_for(DronePhase::Grounded);
     drop(pilot);
     flight.ends();
 }
@@ -173,9 +173,9 @@ fn an_emergency_stop_from_the_page_reaches_the_drone_at_once() {
     assert_eq!(pilot.hears("access")["may_order"], true);
     pilot.until("flying", |facts| facts["phase"] == "flying");
     pilot.says(&json!({ "order": "emergency_stop" }));
-    flight.wait_for(Phase::Falling);
+    flight.wait_for(DronePhase::Falling);
     pilot.until("emergency stop", |facts| facts["phase"] == "motors_stopped");
-    flight.wait_for(Phase::Grounded);
+    flight.wait_for(DronePhase::Grounded);
     flight.ends();
 }
 
@@ -202,10 +202,10 @@ fn a_browser_draws_the_flight_and_its_land_button_lands_the_drone() {
     // A stray click stops no motor.
     browser.clicks("emergency_stop");
     sleep(Duration::from_millis(300));
-    assert_eq!(flight.emulator.truth().phase, Phase::Flying);
+    assert_eq!(flight.emulator.truth().phase, DronePhase::Flying);
     browser.clicks("land");
-    flight.wait_for(Phase::Landing(Cause::Order));
-    flight.wait_for(Phase::Grounded);
+    flight.wait_for(DronePhase::Landing(Cause::Order));
+    flight.wait_for(DronePhase::Grounded);
     browser.until("document.getElementById('line').textContent === 'FLIGHT OVER'");
     flight.ends();
     assert_eq!(browser.complaints(), Vec::<String>::new());

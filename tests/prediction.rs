@@ -15,7 +15,7 @@ use tello_eval::forecast::{
     ConstantVelocity, Driven, Forecast, ForecastErrors, Hold, HorizonErrors, judge,
 };
 use tello_eval::outage::{OutageSettings, OutageTable, lost_commands};
-use tello_eval::smooth::{Track, smooth, track};
+use tello_eval::smooth::{MotionTrack, smooth, track};
 use tello_sim::plant::{NOMINAL, PlantParams};
 use tello_sim::{ManualFlight, MocapReport, Profile};
 
@@ -32,8 +32,8 @@ struct Flight {
     applied: Vec<Sticks>,
     applied_thesis: Vec<Sticks>,
     /// What the forecasts are judged by, and what was known at each step.
-    smoothed: Track,
-    causal: Track,
+    smoothed: MotionTrack,
+    causal: MotionTrack,
     is_lost: Vec<bool>,
 }
 
@@ -90,7 +90,7 @@ fn fit(flights: &[Flight]) -> SVector<f64, { lag::COUNT }> {
 fn errors(
     flights: &[Flight],
     case: Case,
-    rule: impl for<'a> Fn(&'a Flight, &'a Track) -> Box<dyn Forecast + 'a>,
+    rule: impl for<'a> Fn(&'a Flight, &'a MotionTrack) -> Box<dyn Forecast + 'a>,
 ) -> [HorizonErrors; 3] {
     let mut errors = ForecastErrors::new(HORIZONS[2]);
     for flight in flights {

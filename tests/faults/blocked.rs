@@ -5,7 +5,7 @@ use tello_flight::cycle::{FlightTable, Outcome};
 use tello_flight::{Fault, ObstacleTable, Phase, Pilot, Start};
 use tello_sim::plant::RIGID_BODY;
 use tello_sim::virtual_time::VirtualFlight;
-use tello_sim::{Fault as SimFault, Profile, SimTable};
+use tello_sim::{InjectedFault, Profile, SimTable};
 
 use super::story::{Moment, Story, fly_alone, mission, scripted, settings};
 
@@ -40,7 +40,7 @@ fn assert_landed_inside(story: &Story, is_inside: impl Fn(&Moment) -> bool) {
 #[test]
 fn a_vehicle_that_a_push_carries_into_an_obstacle_is_landed() {
     let near_m = 2.8;
-    let push = scripted(SimFault::DronePushed { velocity_w_mps: [0.9, 0.0, 0.0] }, 3.0);
+    let push = scripted(InjectedFault::DronePushed { velocity_w_mps: [0.9, 0.0, 0.0] }, 3.0);
     let mut settings = settings(&push);
     settings.0.cycle.obstacles =
         vec![ObstacleTable::Box { x_m: [near_m, 3.6], y_m: [-1.0, 1.0], z_m: [-0.2, 3.0] }];
@@ -113,7 +113,7 @@ fn a_drone_that_a_swaying_hand_holds_is_landed_as_immobile() {
     for sway_m in [0.03, 0.05] {
         // Then the hand lets go.
         let story = fly_alone(
-            &settings(&scripted(SimFault::DroneHeld { sway_m, lowered_m: 0.0 }, 14.0)),
+            &settings(&scripted(InjectedFault::DroneHeld { sway_m, lowered_m: 0.0 }, 14.0)),
             60.0,
         );
         story.assert_landed_by(Fault::Immobile, [7.0, 10.5]);

@@ -2,7 +2,7 @@
 
 use tello_flight::cycle::Operator;
 use tello_flight::{Fault, Phase};
-use tello_sim::{Cause, Fault as SimFault, SimTable};
+use tello_sim::{Cause, InjectedFault, SimTable};
 
 use super::story::{FAULT_AT_S, asks, fly, fly_alone, scripted, settings};
 
@@ -26,7 +26,7 @@ fn the_operator_lands_the_drone() {
 
 #[test]
 fn a_cut_downlink_lands_the_drone() {
-    let story = fly_alone(&settings(&scripted(SimFault::DroneMute, 1e3)), 60.0);
+    let story = fly_alone(&settings(&scripted(InjectedFault::DroneMute, 1e3)), 60.0);
     // Silent for 2 s, then brought to rest in at most 1.5 s.
     story.assert_landed_by(Fault::DroneSilent, [1.9, 3.55]);
 }
@@ -35,12 +35,12 @@ fn a_cut_downlink_lands_the_drone() {
 fn behind_a_cut_uplink_the_drone_lands_by_itself_and_is_not_steered_on() {
     // It drifts with its last sticks, whatever is ordered, until its own watchdog brings it down after
     // 15 s: without walls, so that the lost reference is what ends the flight for control.
-    let mut settings = settings(&scripted(SimFault::DroneDeaf, 1e3));
+    let mut settings = settings(&scripted(InjectedFault::DroneDeaf, 1e3));
     settings.0.cycle.supervisor.room = None;
     let story = fly_alone(&settings, 60.0);
     story.assert_sound();
     assert!(story.has(Fault::TrackingLost), "{:?}", story.last());
-    let by_itself = tello_sim::Phase::Landing(Cause::Silence);
+    let by_itself = tello_sim::DronePhase::Landing(Cause::Silence);
     let fell_s = story.first(0.0, |moment| moment.drone == by_itself).map(|s| s - FAULT_AT_S);
     assert!(
         fell_s.is_some_and(|s| (14.9..15.1).contains(&s)),
@@ -104,7 +104,8 @@ fn a_take_off_that_the_drone_refuses_ends_on_the_ground_without_a_stick() {
 
 #[test]
 fn a_drone_whose_motors_stop_in_the_air_is_not_steered_on() {
-    let story = fly_alone(&settings(&scripted(SimFault::DroneReboot { falls: true }, 1.0)), 60.0);
+    let story =
+        fly_alone(&settings(&scripted(InjectedFault::DroneReboot { falls: true }, 1.0)), 60.0);
     story.assert_landed_by(Fault::TrackingLost, [0.3, 1.0]);
 }
 
@@ -121,7 +122,7 @@ fn a_drone_that_lands_by_itself_and_says_that_it_stands_is_not_steered_on() {
     settings.1.drone.warns_below_pct = 0;
     let story = fly_alone(&settings, 60.0);
     story.assert_sound();
-    let is_down = |moment: &super::story::Moment| moment.drone == tello_sim::Phase::Grounded;
+    let is_down = |moment: &super::story::Moment| moment.drone == tello_sim::DronePhase::Grounded;
     let down_s = story.first(FAULT_AT_S, is_down).unwrap();
     let landing_s = story.first(0.0, |moment| moment.landings > 0).unwrap();
     assert!((0.9..1.6).contains(&(landing_s - down_s)), "down {down_s} s, LAND {landing_s} s");

@@ -7,7 +7,7 @@ use horizon_model::rows::pose;
 use serde_json::json;
 use tello_flight::{Agreement, Fault, MissionTable};
 use tello_sim::virtual_time::VirtualFlight;
-use tello_sim::{Fault as SimFault, HeadingReport, Outage, Profile, ScriptedFault, Start};
+use tello_sim::{HeadingReport, InjectedFault, OutageBehaviour, Profile, ScriptedFault, SimStart};
 
 use super::story::{FAULT_AT_S, Moment, Story, fly_alone, mission, settings};
 
@@ -15,7 +15,7 @@ const MISSIONS: [&str; 6] =
     ["big_square.json", "square.json", "figure_eight.json", "cross.json", "arc.json", "hover.json"];
 
 /// A flight of `name` with `fault` from `from_s` on.
-fn fly(name: &str, fault: SimFault, from_s: f64) -> Story {
+fn fly(name: &str, fault: InjectedFault, from_s: f64) -> Story {
     let mut settings = settings(&[ScriptedFault { fault, from_s, for_s: 1e3 }]);
     settings.0.mission = mission(name);
     fly_alone(&settings, 60.0)
@@ -46,7 +46,7 @@ fn assert_landed_soon(story: &Story, within_s: f64, case: &str) {
 #[test]
 fn a_mirrored_frame_lands_within_two_seconds_of_the_first_stick() {
     for name in MISSIONS {
-        let mirrored = SimFault::MocapFrame { turn_rad: 0.0, is_mirrored: true, scale: 1.0 };
+        let mirrored = InjectedFault::MocapFrame { turn_rad: 0.0, is_mirrored: true, scale: 1.0 };
         let story = fly(name, mirrored, 0.0);
         assert_landed_soon(&story, 2.0, name);
         assert!(story.has(Fault::HeadingWrong), "{name}: {:?}", story.last());
@@ -59,7 +59,7 @@ fn a_mirrored_frame_lands_within_two_seconds_of_the_first_stick() {
 fn a_rigid_body_that_is_turned_lands_within_three_seconds_of_the_first_stick() {
     for name in MISSIONS {
         for turn_rad in [0.9, -1.57, 3.1] {
-            let story = fly(name, SimFault::MocapHeading { turn_rad }, 0.0);
+            let story = fly(name, InjectedFault::MocapHeading { turn_rad }, 0.0);
             let case = format!("{name}, {turn_rad} rad");
             assert_landed_soon(&story, 3.0, &case);
             let has_seen = story.has(Fault::HeadingWrong) || story.has(Fault::FenceLeft);
@@ -71,7 +71,7 @@ fn a_rigid_body_that_is_turned_lands_within_three_seconds_of_the_first_stick() {
 /// When a flight of `mission` is landed whose heading drifts by `yaw_radps`, with a drone that reports its own heading
 /// as `report`. s after the begin of the drift
 fn landing_s(mission: MissionTable, yaw_radps: f64, report: HeadingReport) -> f64 {
-    let fault = SimFault::MocapDrift { velocity_w_mps: [0.0; 3], yaw_radps };
+    let fault = InjectedFault::MocapDrift { velocity_w_mps: [0.0; 3], yaw_radps };
     let mut settings = settings(&[ScriptedFault { fault, from_s: FAULT_AT_S, for_s: 1e3 }]);
     settings.0.mission = mission;
     settings.1.drone.status.heading = report;
@@ -166,15 +166,18 @@ fn turning() -> MissionTable {
 
 #[test]
 fn commands_that_get_lost_in_turns_are_no_wrong_heading() {
-    for (outage, turn_rad) in
-        [(Outage::Level, 0.0), (Outage::Held, 0.0), (Outage::Level, 0.5), (Outage::Held, 0.5)]
-    {
+    for (outage, turn_rad) in [
+        (OutageBehaviour::Level, 0.0),
+        (OutageBehaviour::Held, 0.0),
+        (OutageBehaviour::Level, 0.5),
+        (OutageBehaviour::Held, 0.5),
+    ] {
         for seed in 1..=2 {
             let mut settings = settings(&[]);
             settings.0.mission = turning();
             settings.1.profile = Profile::MildOutages;
             settings.1.drone.outage = outage;
-            settings.1.start = Start::Ground { x: 0.0, y: 0.0, theta: turn_rad };
+            settings.1.start = SimStart::Ground { x: 0.0, y: 0.0, theta: turn_rad };
             let mut flight = VirtualFlight::new(&settings.0, &settings.1, seed).unwrap();
             for tick in 0..2500 {
                 let out = flight.tick().unwrap();
@@ -190,7 +193,8 @@ fn commands_that_get_lost_in_turns_are_no_wrong_heading() {
 fn a_position_that_drifts_away_from_a_hover_faster_than_a_drone_may_drift_lands() {
     // A drone's own velocity may be wrong by 0.08 m/s, and is reported in steps of 0.1 m/s.
     for (speed_mps, most_m) in [(0.2, 2.3), (0.3, 3.1)] {
-        let drift = SimFault::MocapDrift { velocity_w_mps: [speed_mps, 0.0, 0.0], yaw_radps: 0.0 };
+        let drift =
+            InjectedFault::MocapDrift { velocity_w_mps: [speed_mps, 0.0, 0.0], yaw_radps: 0.0 };
         let story = fly("hover.json", drift, FAULT_AT_S);
         assert!(story.has(Fault::WitnessDisagrees), "{speed_mps} m/s: {:?}", story.last());
         let far_m = distance_m(&story, FAULT_AT_S);

@@ -4,7 +4,7 @@ use horizon_model::rows::{Sticks, pose, stick};
 use tello_flight::cycle::Operator;
 use tello_flight::{Fault, Phase, Pilot, Start};
 use tello_sim::plant::RIGID_BODY;
-use tello_sim::{Fault as SimFault, ScriptedFault};
+use tello_sim::{InjectedFault, ScriptedFault};
 
 use super::story::{FAULT_AT_S, Moment, Story, asks, fly, fly_alone, scripted, settings};
 
@@ -39,7 +39,7 @@ fn a_person_takes_over_and_hands_back_without_a_jump_of_the_sticks() {
 
 #[test]
 fn a_person_flies_on_without_mocap() {
-    let settings = settings(&scripted(SimFault::MocapSilent, 4.0));
+    let settings = settings(&scripted(InjectedFault::MocapSilent, 4.0));
     let story = fly(&settings, FAULT_AT_S + 7.0, |at_s, flight| {
         let is_by_hand = (FAULT_AT_S + 0.3..FAULT_AT_S + 5.0).contains(&at_s);
         flight.set_manual(is_by_hand.then(|| Sticks::new(0.0, 0.0, 0.3, 0.0)));
@@ -67,7 +67,7 @@ fn a_person_who_is_gone_is_landed() {
 
 #[test]
 fn a_person_takes_off_and_lands_without_mocap() {
-    let blind = [ScriptedFault { fault: SimFault::MocapSilent, from_s: 0.0, for_s: 1e3 }];
+    let blind = [ScriptedFault { fault: InjectedFault::MocapSilent, from_s: 0.0, for_s: 1e3 }];
     let story = fly(&settings(&blind), 40.0, |at_s, flight| {
         flight.set_manual(Some(Sticks::new(0.0, 0.4, 0.0, 0.0)));
         let land = at_s >= FAULT_AT_S;
@@ -103,7 +103,7 @@ fn the_emergency_stop_is_sent_at_once_and_nothing_else_follows() {
 #[test]
 fn a_drone_that_a_person_puts_down_is_landed_before_it_is_let_go() {
     for lowered_m in [0.6, 1.2] {
-        let held = SimFault::DroneHeld { sway_m: 0.005, lowered_m };
+        let held = InjectedFault::DroneHeld { sway_m: 0.005, lowered_m };
         let story = fly_alone(&settings(&scripted(held, 6.0)), 40.0);
         story.assert_landed_by(Fault::TrackingLost, [0.9, 1.6]);
         let let_go_s = FAULT_AT_S + 6.0;
@@ -117,7 +117,7 @@ fn a_drone_that_a_person_puts_down_is_landed_before_it_is_let_go() {
 fn a_drone_that_is_caught_at_full_speed_is_landed_at_once() {
     for is_rigid_body in [false, true] {
         for sway_m in [0.003, 0.02] {
-            let held = SimFault::DroneHeld { sway_m, lowered_m: 0.0 };
+            let held = InjectedFault::DroneHeld { sway_m, lowered_m: 0.0 };
             let mut settings = settings(&scripted(held, 60.0));
             settings.0.start = Start::Airborne;
             settings.0 = settings.0.at_speed(1.0).unwrap();

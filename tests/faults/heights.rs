@@ -2,7 +2,7 @@
 
 use tello_flight::cycle::{FlightTable, Operator};
 use tello_flight::{Fault, MissionTable, Phase};
-use tello_sim::{Fault as SimFault, Outage, Profile, ScriptedFault, SimTable};
+use tello_sim::{InjectedFault, OutageBehaviour, Profile, ScriptedFault, SimTable};
 
 use super::story::{Story, fly, fly_alone, settings};
 
@@ -33,10 +33,10 @@ fn assert_calm(story: &Story, what: &str) {
 fn a_mission_may_climb_and_descend_by_more_than_a_vehicle_may_sink() {
     let heights_m = [2.2, 0.7, 2.2, 1.3, 0.6, 2.0];
     for (profile, outage) in [
-        (Profile::Clean, Outage::Level),
-        (Profile::GoodDay, Outage::Level),
-        (Profile::MildOutages, Outage::Level),
-        (Profile::MildOutages, Outage::Mixed),
+        (Profile::Clean, OutageBehaviour::Level),
+        (Profile::GoodDay, OutageBehaviour::Level),
+        (Profile::MildOutages, OutageBehaviour::Level),
+        (Profile::MildOutages, OutageBehaviour::Mixed),
     ] {
         let mut settings = targets(&heights_m, &[]);
         settings.1.profile = profile;
@@ -47,7 +47,7 @@ fn a_mission_may_climb_and_descend_by_more_than_a_vehicle_may_sink() {
 
 #[test]
 fn a_vehicle_that_was_carried_higher_before_its_take_off_has_not_sunk() {
-    let carried = SimFault::MocapShifted { offset_w_m: [0.0, 0.0, 1.1] };
+    let carried = InjectedFault::MocapShifted { offset_w_m: [0.0, 0.0, 1.1] };
     let script = [ScriptedFault { fault: carried, from_s: 1.0, for_s: 4.0 }];
     let story = fly(&targets(&[1.3, 1.3], &script), 60.0, |at_s, flight| {
         flight.set_operator(if at_s < 8.0 { Operator::Wait } else { Operator::Fly });

@@ -4,7 +4,7 @@ use horizon_model::rows::pose;
 use tello_flight::cycle::Operator;
 use tello_flight::{Fault, Phase};
 use tello_sim::virtual_time::VirtualFlight;
-use tello_sim::{Fault as SimFault, FlyingFlag, Profile, ScriptedFault};
+use tello_sim::{FlyingFlag, InjectedFault, Profile, ScriptedFault};
 
 use super::story::{FAULT_AT_S, Moment, Story, asks, fly, fly_alone, settings};
 
@@ -12,18 +12,19 @@ use super::story::{FAULT_AT_S, Moment, Story, asks, fly, fly_alone, settings};
 const REFUSAL_S: f64 = 9.0;
 
 /// Another object at rest, so far from where the drone is.
-fn still(offset_w_m: [f64; 3]) -> SimFault {
-    SimFault::MocapStill { offset_w_m, turn_rad: 0.0, noise_m: 0.0005, noise_rad: 0.001 }
+fn still(offset_w_m: [f64; 3]) -> InjectedFault {
+    InjectedFault::MocapStill { offset_w_m, turn_rad: 0.0, noise_m: 0.0005, noise_rad: 0.001 }
 }
 
-fn from(fault: SimFault, from_s: f64, for_s: f64) -> ScriptedFault {
+fn from(fault: InjectedFault, from_s: f64, for_s: f64) -> ScriptedFault {
     ScriptedFault { fault, from_s, for_s }
 }
 
 /// LAND goes on, twice a second, for as long as the drone flies; nobody says "landed" before that.
 fn assert_lands_what_flies(story: &Story, ordered_at_s: f64) {
-    let flies =
-        |moment: &&Moment| moment.at_s > ordered_at_s && moment.drone != tello_sim::Phase::Grounded;
+    let flies = |moment: &&Moment| {
+        moment.at_s > ordered_at_s && moment.drone != tello_sim::DronePhase::Grounded
+    };
     let (mut landings, mut until_s) = (0, ordered_at_s);
     for moment in story.moments.iter().filter(flies) {
         assert_ne!(moment.phase, Phase::Landed, "{moment:?}");
@@ -41,8 +42,8 @@ fn a_silent_drone_that_refuses_to_land_is_landed_on_whatever_object_lies_on_the_
     for offset_w_m in [[0.0, 0.0, -1.1], [2.0, 0.0, -1.1]] {
         let script = [
             from(still(offset_w_m), FAULT_AT_S, 1e3),
-            from(SimFault::DroneMute, FAULT_AT_S, 1e3),
-            from(SimFault::DroneRefusesLand, FAULT_AT_S, REFUSAL_S),
+            from(InjectedFault::DroneMute, FAULT_AT_S, 1e3),
+            from(InjectedFault::DroneRefusesLand, FAULT_AT_S, REFUSAL_S),
         ];
         let story = fly(&settings(&script), 60.0, asks(Operator::Land, FAULT_AT_S));
         story.assert_sound();
@@ -55,8 +56,8 @@ fn a_silent_drone_that_refuses_to_land_is_landed_on_whatever_object_lies_on_the_
 fn a_drone_that_denies_its_flight_is_no_witness_against_its_own_height() {
     const BLIND_AT_S: f64 = 6.0;
     let script = [
-        from(SimFault::MocapSilent, BLIND_AT_S, 1e3),
-        from(SimFault::DroneRefusesLand, 0.1, BLIND_AT_S + REFUSAL_S + 3.0),
+        from(InjectedFault::MocapSilent, BLIND_AT_S, 1e3),
+        from(InjectedFault::DroneRefusesLand, 0.1, BLIND_AT_S + REFUSAL_S + 3.0),
     ];
     let mut settings = settings(&script);
     settings.1.drone.status.flying = FlyingFlag::Standing;
@@ -67,19 +68,21 @@ fn a_drone_that_denies_its_flight_is_no_witness_against_its_own_height() {
 
 #[test]
 fn one_witness_alone_confirms_a_landing_later_and_the_other_is_named() {
-    for (fault, missing) in
-        [(SimFault::DroneMute, Fault::LandedByPose), (SimFault::MocapSilent, Fault::LandedByDrone)]
-    {
+    for (fault, missing) in [
+        (InjectedFault::DroneMute, Fault::LandedByPose),
+        (InjectedFault::MocapSilent, Fault::LandedByDrone),
+    ] {
         let script = [from(fault, FAULT_AT_S, 1e3)];
         let story = fly(&settings(&script), 60.0, asks(Operator::Land, FAULT_AT_S));
-        let down_s = story.first(FAULT_AT_S, |moment| moment.drone == tello_sim::Phase::Grounded);
+        let down_s =
+            story.first(FAULT_AT_S, |moment| moment.drone == tello_sim::DronePhase::Grounded);
         let after_s = story.last().at_s - down_s.unwrap();
         assert!((8.0..12.5).contains(&after_s), "{fault:?}: {after_s} s on the ground");
         assert_eq!(story.last().phase, Phase::Landed);
         assert!(story.last().faults.contains(&missing), "{:?}", story.last());
     }
     let story = fly(&settings(&[]), 60.0, asks(Operator::Land, FAULT_AT_S));
-    let down_s = story.first(FAULT_AT_S, |moment| moment.drone == tello_sim::Phase::Grounded);
+    let down_s = story.first(FAULT_AT_S, |moment| moment.drone == tello_sim::DronePhase::Grounded);
     let after_s = story.last().at_s - down_s.unwrap();
     assert!(after_s < 1.3, "both: {after_s} s on the ground");
     assert_eq!(story.last().faults, [Fault::OperatorStop]);
@@ -87,7 +90,7 @@ fn one_witness_alone_confirms_a_landing_later_and_the_other_is_named() {
 
 #[test]
 fn a_height_that_is_wrong_in_the_climb_lands() {
-    let scaled = SimFault::MocapFrame { turn_rad: 0.0, is_mirrored: false, scale: 0.1 };
+    let scaled = InjectedFault::MocapFrame { turn_rad: 0.0, is_mirrored: false, scale: 0.1 };
     // Where the drone is at 0.3 m.
     let probe = fly_alone(&settings(&[]), 8.0);
     let ground_m = probe.moments[0].pose[pose::Z];

@@ -6,7 +6,7 @@ use tello_flight::cycle::{
     self, FlightTable, Inbox, Operator, Outcome, ParameterEstimate, Tick, Watch,
 };
 use tello_flight::{Fault, Mission, MissionTable, ObstacleTable, Phase, RoomTable, Start};
-use tello_sim::{Fault as SimFault, PasserTable, ScriptedFault, SimTable};
+use tello_sim::{InjectedFault, PasserTable, ScriptedFault, SimTable};
 
 use super::story::{Moment, Story, asks, fly, fly_alone, fly_with, mission, settings};
 
@@ -14,7 +14,7 @@ use super::story::{Moment, Story, asks, fly, fly_alone, fly_with, mission, setti
 const FROM_S: f64 = 5.0;
 
 /// A flight that starts in the air, with `fault` from [`FROM_S`] on.
-fn from_the_air(fault: SimFault, for_s: f64) -> (FlightTable, SimTable) {
+fn from_the_air(fault: InjectedFault, for_s: f64) -> (FlightTable, SimTable) {
     let mut settings = settings(&[ScriptedFault { fault, from_s: FROM_S, for_s }]);
     settings.0.start = Start::Airborne;
     settings
@@ -32,7 +32,7 @@ fn raised_s(story: &Story, fault: Fault) -> Option<f64> {
 #[test]
 fn a_drone_that_keeps_its_last_sticks_is_braked_by_small_ones_until_it_takes_new_ones() {
     let for_s = 2.5;
-    let settings = from_the_air(SimFault::DroneSticksStuck, for_s);
+    let settings = from_the_air(InjectedFault::DroneSticksStuck, for_s);
     let stick_max = settings.0.cycle.link.as_ref().and_then(|link| link.outage_stick_max).unwrap();
     let story = fly_alone(&settings, 12.0);
     story.assert_sound();
@@ -51,7 +51,7 @@ fn a_drone_that_keeps_its_last_sticks_is_braked_by_small_ones_until_it_takes_new
 /// A flight in which a hand holds a drone that reports no velocity: nothing confirms what looks like an outage.
 fn unconfirmed(for_s: f64, room: Option<RoomTable>) -> Story {
     let (mut flight, mut sim) =
-        from_the_air(SimFault::DroneHeld { sway_m: 0.01, lowered_m: 0.0 }, for_s);
+        from_the_air(InjectedFault::DroneHeld { sway_m: 0.01, lowered_m: 0.0 }, for_s);
     sim.drone.status.velocity.is_present = false;
     flight.cycle.supervisor.room = room.or(flight.cycle.supervisor.room);
     fly_alone(&(flight, sim), 40.0)
@@ -74,7 +74,7 @@ fn an_outage_that_nothing_confirms_lands_when_the_commands_would_leave_the_room(
 
 #[test]
 fn a_vehicle_that_is_too_fast_lands_after_three_tenths_of_a_second() {
-    let push = SimFault::DronePushed { velocity_w_mps: [3.5, 0.0, 0.0] };
+    let push = InjectedFault::DronePushed { velocity_w_mps: [3.5, 0.0, 0.0] };
     let mut settings = from_the_air(push, 0.8);
     settings.0.mission = mission("hover.json");
     let story = fly_alone(&settings, 40.0);
@@ -151,7 +151,7 @@ fn poses_of_unknown_time_keep_the_drone_on_the_ground_until_they_are_dated() {
 fn a_drone_that_flies_without_an_order_lands_after_a_second() {
     for operator in [Operator::Wait, Operator::Fly] {
         let mut settings = settings(&[]);
-        settings.1.start = tello_sim::Start::Air { x: -2.0, y: -3.0, z: 1.0, theta: 0.0 };
+        settings.1.start = tello_sim::SimStart::Air { x: -2.0, y: -3.0, z: 1.0, theta: 0.0 };
         let story = fly(&settings, 20.0, asks(operator, 0.0));
         assert!(raised_s(&story, Fault::DroneAloft).is_some_and(|at_s| at_s < 0.2));
         let landing_s = story.first(0.0, |moment| moment.landings > 0).unwrap();
@@ -168,7 +168,7 @@ fn ticks_that_are_missed_are_forgiven_up_to_the_limit_and_one_more_lands() {
     let (FlightTable { cycle, .. }, _) = settings(&[]);
     let limit_s = f64::from(cycle.supervisor.late_periods_max) * cycle.dt_s;
     let stalled =
-        |for_s, seconds| fly_alone(&from_the_air(SimFault::ControlStalled, for_s), seconds);
+        |for_s, seconds| fly_alone(&from_the_air(InjectedFault::ControlStalled, for_s), seconds);
     let story = stalled(limit_s, 9.0);
     story.assert_sound();
     assert!(!story.has(Fault::TicksLate) && steers(story.last()), "{:?}", story.last());
@@ -183,11 +183,11 @@ fn ticks_that_are_missed_are_forgiven_up_to_the_limit_and_one_more_lands() {
 #[test]
 fn what_a_fast_vehicle_flies_while_the_loop_stalls_is_no_motion_that_its_drone_denies() {
     for from_s in [3.0, 3.5, 4.0, 4.5, 5.0] {
-        let mut settings = from_the_air(SimFault::ControlStalled, 0.36);
+        let mut settings = from_the_air(InjectedFault::ControlStalled, 0.36);
         settings.0 = settings.0.at_speed(1.0).unwrap();
         settings.1.faults = [0.0, 3.0]
             .map(|later_s| ScriptedFault {
-                fault: SimFault::ControlStalled,
+                fault: InjectedFault::ControlStalled,
                 from_s: from_s + later_s,
                 for_s: 0.36,
             })
@@ -205,7 +205,7 @@ fn what_a_fast_vehicle_flies_while_the_loop_stalls_is_no_motion_that_its_drone_d
 fn a_landing_that_takes_too_long_is_unconfirmed_and_goes_on() {
     const TIMEOUT_S: f64 = 4.0;
     let refused_s = 6.0;
-    let mut settings = from_the_air(SimFault::DroneRefusesLand, refused_s);
+    let mut settings = from_the_air(InjectedFault::DroneRefusesLand, refused_s);
     settings.0.cycle.supervisor.landing_timeout_s = TIMEOUT_S;
     let story = fly(&settings, 30.0, asks(Operator::Land, FROM_S));
     story.assert_landed_after(FROM_S, Fault::LandingTimeout, [0.0, 0.03]);

@@ -3,7 +3,7 @@
 use horizon_model::rows::pose;
 use tello_flight::cycle::FlightTable;
 use tello_flight::{Fault, Phase};
-use tello_sim::{Fault as SimFault, ScriptedFault, SimTable, Start};
+use tello_sim::{InjectedFault, ScriptedFault, SimStart, SimTable};
 
 use super::story::{FAULT_AT_S, Moment, fly_alone, mission, scripted, settings};
 
@@ -16,7 +16,7 @@ fn mocap_silence_of_a_tenth_of_a_second_to_one_second_is_lived_through() {
         [(0.1, false), (0.2, false), (0.4, false), (0.5, false), (0.6, true), (1.0, true)]
     {
         let until_s = FAULT_AT_S + silence_s + 1.5;
-        let story = fly_alone(&settings(&scripted(SimFault::MocapSilent, silence_s)), until_s);
+        let story = fly_alone(&settings(&scripted(InjectedFault::MocapSilent, silence_s)), until_s);
         assert_eq!(story.has(Fault::MocapStale), is_held, "{silence_s} s");
         assert_eq!(story.last().phase, Phase::Flying, "{silence_s} s: {:?}", story.last());
         assert!(story.last_stick_s() >= Some(until_s - 0.1), "{silence_s} s: does not go on");
@@ -34,7 +34,7 @@ fn a_pose_that_is_repeated_while_the_object_is_hidden_is_lived_through() {
     for (from_s, for_s) in
         [(11.0, 0.3), (11.6, 0.5), (12.0, 0.7), (12.7, 0.6), (13.3, 0.9), (14.0, 0.8)]
     {
-        let hidden = ScriptedFault { fault: SimFault::MocapFrozen, from_s, for_s };
+        let hidden = ScriptedFault { fault: InjectedFault::MocapFrozen, from_s, for_s };
         let until_s = from_s + for_s + 1.5;
         let story = fly_alone(&settings(&[hidden]), until_s);
         assert_eq!(
@@ -49,7 +49,7 @@ fn a_pose_that_is_repeated_while_the_object_is_hidden_is_lived_through() {
 }
 
 /// A flight whose mocap is wrong for good: neutral sticks in time, a landing within these limits.
-fn assert_ends(fault: SimFault, expected: Fault, landing_s: [f64; 2]) {
+fn assert_ends(fault: InjectedFault, expected: Fault, landing_s: [f64; 2]) {
     let story = fly_alone(&settings(&scripted(fault, 1e3)), 60.0);
     story.assert_landed_by(expected, landing_s);
     let last_stick_s = story.last_stick_s().map(|at_s| at_s - FAULT_AT_S);
@@ -62,25 +62,29 @@ fn assert_ends(fault: SimFault, expected: Fault, landing_s: [f64; 2]) {
 
 #[test]
 fn mocap_silence_of_three_seconds_lands() {
-    let story = fly_alone(&settings(&scripted(SimFault::MocapSilent, 3.0)), 60.0);
+    let story = fly_alone(&settings(&scripted(InjectedFault::MocapSilent, 3.0)), 60.0);
     story.assert_landed_by(Fault::MocapLost, [1.9, 2.1]);
 }
 
 #[test]
 fn an_object_that_is_lost_lands() {
-    assert_ends(SimFault::MocapLost, Fault::MocapLost, [1.9, 2.1]);
+    assert_ends(InjectedFault::MocapLost, Fault::MocapLost, [1.9, 2.1]);
 }
 
 #[test]
 fn a_frozen_pose_is_no_pose() {
-    assert_ends(SimFault::MocapFrozen, Fault::MocapFrozen, [1.9, 2.2]);
+    assert_ends(InjectedFault::MocapFrozen, Fault::MocapFrozen, [1.9, 2.2]);
 }
 
 #[test]
 fn a_frozen_pose_that_changes_its_last_digit_now_and_then_is_no_pose() {
     for noise_m in [1e-5, 2e-5, 3e-5, 5e-5, 1e-4] {
-        let fault =
-            SimFault::MocapStill { offset_w_m: [0.0; 3], turn_rad: 0.0, noise_m, noise_rad: 1e-4 };
+        let fault = InjectedFault::MocapStill {
+            offset_w_m: [0.0; 3],
+            turn_rad: 0.0,
+            noise_m,
+            noise_rad: 1e-4,
+        };
         let story = fly_alone(&settings(&scripted(fault, 1e3)), 60.0);
         // The drone's velocity may land it sooner.
         story.assert_landed_by(Fault::MocapFrozen, [0.5, 2.2]);
@@ -95,29 +99,29 @@ fn a_frozen_pose_that_changes_its_last_digit_now_and_then_is_no_pose() {
 
 #[test]
 fn a_pose_that_is_not_a_number_is_no_pose() {
-    assert_ends(SimFault::MocapNan, Fault::MocapLost, [1.9, 2.1]);
+    assert_ends(InjectedFault::MocapNan, Fault::MocapLost, [1.9, 2.1]);
 }
 
 #[test]
 fn a_jump_of_ten_metres_is_refused_and_lands_when_it_is_insisted_on() {
-    assert_ends(SimFault::MocapFar, Fault::MocapJumped, [1.5, 2.1]);
+    assert_ends(InjectedFault::MocapFar, Fault::MocapJumped, [1.5, 2.1]);
 }
 
 #[test]
 fn a_jump_of_three_metres_lands_as_soon_as_it_is_accepted() {
-    assert_ends(SimFault::MocapAside, Fault::MocapJumped, [0.4, 0.7]);
+    assert_ends(InjectedFault::MocapAside, Fault::MocapJumped, [0.4, 0.7]);
 }
 
 #[test]
 fn another_object_that_stands_still_lands() {
-    assert_ends(SimFault::MocapGhost, Fault::MocapJumped, [0.4, 2.1]);
+    assert_ends(InjectedFault::MocapGhost, Fault::MocapJumped, [0.4, 2.1]);
 }
 
 /// Each jump alone is too small for `jump_m`, and the vehicle would be steered between the two.
 #[test]
 fn an_object_in_two_places_lands_before_it_is_flown_by() {
     for (offset_m, fraction) in [(0.15, 0.5), (0.2, 0.5), (0.25, 0.5)] {
-        let fault = SimFault::MocapSplit { offset_w_m: [offset_m, 0.0, 0.0], fraction };
+        let fault = InjectedFault::MocapSplit { offset_w_m: [offset_m, 0.0, 0.0], fraction };
         let story = fly_alone(&settings(&scripted(fault, 1e3)), 60.0);
         story.assert_landed_by(Fault::MocapRough, [0.08, 0.6]);
     }
@@ -125,17 +129,17 @@ fn an_object_in_two_places_lands_before_it_is_flown_by() {
 
 /// The settings of a hover above the place of the take-off, with `fault` in it: too little motion shows the drone's
 /// axes.
-fn hover(fault: SimFault) -> (FlightTable, SimTable) {
+fn hover(fault: InjectedFault) -> (FlightTable, SimTable) {
     let (mut flight, mut sim) = settings(&scripted(fault, 1e3));
     flight.mission = mission("hover.json");
-    sim.start = Start::Ground { x: 0.0, y: 0.0, theta: 0.0 };
+    sim.start = SimStart::Ground { x: 0.0, y: 0.0, theta: 0.0 };
     (flight, sim)
 }
 
 #[test]
 fn an_object_that_changes_slowly_between_two_places_lands_and_is_followed_until_then() {
     let offset_m = 0.3;
-    let fault = SimFault::MocapShifted { offset_w_m: [offset_m, 0.0, 0.0] };
+    let fault = InjectedFault::MocapShifted { offset_w_m: [offset_m, 0.0, 0.0] };
     let (flight, mut sim) = hover(fault);
     // A second in each of the two places.
     let windows = (0..10).map(|k| ScriptedFault {
@@ -158,7 +162,7 @@ fn an_object_that_leaves_a_hover_lands() {
     // The sooner the drone's way differs from that of the object, the sooner that is seen. Before, the motion looks
     // like an old command, and small sticks brake it.
     for (speed_mps, neutral_s, landing_s) in [(0.15, 2.0, 9.0), (0.3, 1.5, 3.3), (1.0, 1.0, 1.7)] {
-        let leaves = SimFault::MocapWalker {
+        let leaves = InjectedFault::MocapWalker {
             offset_w_m: [0.0; 3],
             radius_m: 20.0,
             speed_mps,
@@ -183,26 +187,26 @@ fn an_object_that_leaves_a_hover_lands() {
 
 #[test]
 fn a_heading_flip_that_stays_lands_before_it_is_steered_by() {
-    assert_ends(SimFault::MocapFlipped, Fault::MocapLost, [1.9, 2.1]);
+    assert_ends(InjectedFault::MocapFlipped, Fault::MocapLost, [1.9, 2.1]);
 }
 
 #[test]
 fn millimetres_in_place_of_metres_land() {
-    assert_ends(SimFault::MocapMillimetres, Fault::MocapLost, [1.9, 2.1]);
+    assert_ends(InjectedFault::MocapMillimetres, Fault::MocapLost, [1.9, 2.1]);
 }
 
 #[test]
 fn lines_of_another_subject_alone_land() {
-    assert_ends(SimFault::MocapOther, Fault::MocapLost, [1.9, 2.1]);
+    assert_ends(InjectedFault::MocapOther, Fault::MocapLost, [1.9, 2.1]);
 }
 
 #[test]
 fn a_start_in_millimetres_or_outside_of_the_room_stays_on_the_ground() {
     let from_the_start =
-        [ScriptedFault { fault: SimFault::MocapMillimetres, from_s: 0.0, for_s: 1e3 }];
+        [ScriptedFault { fault: InjectedFault::MocapMillimetres, from_s: 0.0, for_s: 1e3 }];
     let in_millimetres = settings(&from_the_start);
     let mut outside = settings(&[]);
-    outside.1.start = Start::Ground { x: 5.5, y: 0.0, theta: 0.0 };
+    outside.1.start = SimStart::Ground { x: 5.5, y: 0.0, theta: 0.0 };
     for settings in [in_millimetres, outside] {
         let story = fly_alone(&settings, 8.0);
         assert!(story.has(Fault::StartMisplaced), "{:?}", story.last());

@@ -10,7 +10,7 @@ use tello_io::config;
 use tello_io::tello::protocol::{Action, HostPacket};
 use tello_sim::plant::STANDING_M;
 use tello_sim::virtual_time::VirtualFlight;
-use tello_sim::{Fault as SimFault, Profile, ScriptedFault, SimTable};
+use tello_sim::{InjectedFault, Profile, ScriptedFault, SimTable};
 
 /// When the faults begin: the controller flies the mission. s
 pub(crate) const FAULT_AT_S: f64 = 12.0;
@@ -33,7 +33,7 @@ pub(crate) struct Moment {
     pub(crate) emergency_stops: usize,
     /// Where the drone really was.
     pub(crate) pose: Pose,
-    pub(crate) drone: tello_sim::Phase,
+    pub(crate) drone: tello_sim::DronePhase,
 }
 
 /// A flight that was flown, and how.
@@ -59,7 +59,7 @@ pub(crate) fn mission(name: &str) -> MissionTable {
 }
 
 /// `fault` from [`FAULT_AT_S`] on.
-pub(crate) fn scripted(fault: SimFault, for_s: f64) -> [ScriptedFault; 1] {
+pub(crate) fn scripted(fault: InjectedFault, for_s: f64) -> [ScriptedFault; 1] {
     [ScriptedFault { fault, from_s: FAULT_AT_S, for_s }]
 }
 
@@ -117,8 +117,8 @@ pub(crate) fn fly_with(
             pose: truth.pose,
             drone: truth.phase,
         });
-        has_flown |= truth.phase == tello_sim::Phase::Flying;
-        let is_down = has_flown && truth.phase == tello_sim::Phase::Grounded;
+        has_flown |= truth.phase == tello_sim::DronePhase::Flying;
+        let is_down = has_flown && truth.phase == tello_sim::DronePhase::Grounded;
         let is_over = ruling.phase.is_over() && is_down;
         if is_over || at_s >= seconds {
             break;
@@ -209,6 +209,6 @@ impl Story {
     pub(crate) fn assert_down(&self) {
         let height_m = self.last().pose[horizon_model::rows::pose::Z];
         assert!(height_m < STANDING_M + 0.01, "still {height_m} m high: {:?}", self.last());
-        assert_eq!(self.last().drone, tello_sim::Phase::Grounded, "{:?}", self.last());
+        assert_eq!(self.last().drone, tello_sim::DronePhase::Grounded, "{:?}", self.last());
     }
 }

@@ -1,18 +1,18 @@
 //! What keeps a drone on the ground, and what happens to one that does not rise straight.
 
 use tello_flight::{Fault, Phase, Pilot};
-use tello_sim::{Fault as SimFault, ScriptedFault};
+use tello_sim::{InjectedFault, ScriptedFault};
 
 use super::story::{Moment, Story, fly_alone, settings};
 
 /// A flight from the ground with `fault` in this time.
-fn with(fault: SimFault, from_s: f64, for_s: f64, seconds: f64) -> Story {
+fn with(fault: InjectedFault, from_s: f64, for_s: f64, seconds: f64) -> Story {
     fly_alone(&settings(&[ScriptedFault { fault, from_s, for_s }]), seconds)
 }
 
 /// A drone that is kept on the ground by `fault` while `sim_fault` lasts, from the beginning on, and takes off within
 /// `after_s` of its end.
-fn assert_waits(sim_fault: SimFault, for_s: f64, fault: Fault, after_s: f64) {
+fn assert_waits(sim_fault: InjectedFault, for_s: f64, fault: Fault, after_s: f64) {
     let story = with(sim_fault, 0.0, for_s, for_s + after_s);
     for moment in &story.moments {
         let is_idle = moment.phase == Phase::Idle && moment.take_offs == 0;
@@ -27,12 +27,12 @@ fn assert_waits(sim_fault: SimFault, for_s: f64, fault: Fault, after_s: f64) {
 
 #[test]
 fn a_drone_that_has_not_reported_does_not_take_off() {
-    assert_waits(SimFault::DroneMute, 4.0, Fault::DroneUnheard, 1.0);
+    assert_waits(InjectedFault::DroneMute, 4.0, Fault::DroneUnheard, 1.0);
 }
 
 #[test]
 fn noisy_poses_on_the_ground_keep_the_drone_there() {
-    let noise = SimFault::MocapNoise { growth_mps: 0.05, growth_radps: 0.0 };
+    let noise = InjectedFault::MocapNoise { growth_mps: 0.05, growth_radps: 0.0 };
     assert_waits(noise, 6.0, Fault::MocapUnsettled, 2.0);
 }
 
@@ -47,7 +47,7 @@ fn a_take_off_that_drifts_is_steered_once_its_climb_has_ended() {
         |story: &Story| story.first(0.0, |moment| moment.pilot == Some(Pilot::Controller)).unwrap();
     let straight_s = steered_s(&fly(&[]));
     // A draught in the climb.
-    let push = SimFault::DronePushed { velocity_w_mps: [0.4, 0.0, 0.0] };
+    let push = InjectedFault::DronePushed { velocity_w_mps: [0.4, 0.0, 0.0] };
     let from_s = straight_s - 3.9;
     let carried = fly(&[ScriptedFault { fault: push, from_s, for_s: 1.5 }]);
     let early_s = straight_s - steered_s(&carried);

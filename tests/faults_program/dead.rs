@@ -13,11 +13,11 @@ fn a_killed_program_is_replaced_by_its_guardian() {
     bench.wait_until_it_flies();
     let guardian = bench.guardian();
     let killed_at = bench.send(Signal::SIGKILL);
-    bench.wait_for(Phase::Landing(Cause::Order), 2.0);
+    bench.wait_for(DronePhase::Landing(Cause::Order), 2.0);
     let after_s = bench.tap.landing_s(killed_at).unwrap();
     assert!(after_s < GUARDED_S, "landing after {after_s} s");
     bench.child.wait().unwrap();
-    bench.wait_for(Phase::Grounded, 20.0);
+    bench.wait_for(DronePhase::Grounded, 20.0);
     Bench::wait_until_gone(guardian, 17.0);
     bench.tap.assert_only_landings(killed_at, 55);
     bench.tap.assert_neutral_before_landings(killed_at);
@@ -29,7 +29,7 @@ fn a_stopped_program_is_landed_and_goes_on_with_the_landing_when_it_goes_on() {
     let bench = Bench::start("stopped", &[]);
     bench.wait_until_it_flies();
     let stopped_at = bench.send(Signal::SIGSTOP);
-    bench.wait_for(Phase::Landing(Cause::Order), 2.0);
+    bench.wait_for(DronePhase::Landing(Cause::Order), 2.0);
     let after_s = bench.tap.landing_s(stopped_at).unwrap();
     assert!(after_s < GUARDED_S, "landing after {after_s} s");
     sleep(Duration::from_secs(1));
@@ -67,7 +67,7 @@ fn a_program_that_loses_its_guardian_lands() {
     bench.wait_until_it_flies();
     let killed_at = bench.tap.clock.now();
     kill(bench.guardian(), Signal::SIGKILL).unwrap();
-    bench.wait_for(Phase::Landing(Cause::Order), 2.0);
+    bench.wait_for(DronePhase::Landing(Cause::Order), 2.0);
     assert!(bench.tap.landing_s(killed_at).unwrap() < GUARDED_S);
     let (_, folder) = bench.assert_ends_on_the_ground();
     let (_, link) = last_link(&folder);
@@ -83,7 +83,7 @@ fn a_program_whose_guardian_is_stopped_lands() {
     let guardian = bench.guardian();
     let stopped_at = bench.tap.clock.now();
     kill(guardian, Signal::SIGSTOP).unwrap();
-    bench.wait_for(Phase::Landing(Cause::Order), 2.0);
+    bench.wait_for(DronePhase::Landing(Cause::Order), 2.0);
     let after_s = bench.tap.landing_s(stopped_at).unwrap();
     assert!(after_s < 1.5 * GUARDED_S, "landing after {after_s} s");
     let (_, folder) = bench.assert_ends_on_the_ground();
@@ -117,7 +117,7 @@ fn a_program_whose_guardian_is_stopped_on_the_ground_does_not_take_off() {
     assert_eq!(status.code(), Some(2), "{errors}");
     assert!(errors.contains("did not take off: ") && errors.contains("guardian lost"), "{errors}");
     assert!(!errors.contains("operator stop") && !errors.contains("not ready"), "{errors}");
-    assert_eq!(bench.emulator.truth().phase, Phase::Grounded);
+    assert_eq!(bench.emulator.truth().phase, DronePhase::Grounded);
     assert!(!bench.tap.is_taken_off(), "took off without a guardian");
 }
 
@@ -133,7 +133,7 @@ fn what_ends_a_terminal_and_its_programs_does_not_end_the_guardian() {
     assert_eq!(nix::unistd::getsid(Some(guardian)), Ok(guardian));
     let killed_at = bench.send(Signal::SIGKILL);
     bench.child.wait().unwrap();
-    bench.wait_for(Phase::Landing(Cause::Order), 2.0);
+    bench.wait_for(DronePhase::Landing(Cause::Order), 2.0);
     assert!(bench.tap.landing_s(killed_at).unwrap() < GUARDED_S);
 }
 
@@ -151,7 +151,7 @@ fn a_flight_that_ends_well_leaves_no_guardian() {
 #[test]
 fn sender_and_guardian_are_scheduled_above_control() {
     let bench = Bench::start("priorities", &[]);
-    bench.wait_for(Phase::Flying, 30.0);
+    bench.wait_for(DronePhase::Flying, 30.0);
     let program = Pid::from_raw(bench.child.id().cast_signed());
     let sender = priority(program, "tello-ctl");
     let control = priority(program, "tello-control");
@@ -176,7 +176,7 @@ fn twenty_kills_and_twenty_stops_are_landed_in_time() {
         let mut after: Vec<f64> = (0..20)
             .map(|i| {
                 let mut bench = Bench::start(&format!("twenty-{i}"), &[]);
-                bench.wait_for(Phase::Flying, 30.0);
+                bench.wait_for(DronePhase::Flying, 30.0);
                 // Each at another moment of the sender's period.
                 sleep(Duration::from_millis(2000 + 7 * i));
                 let at = bench.send(signal);

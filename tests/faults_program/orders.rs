@@ -54,12 +54,12 @@ fn signals_in_flight_land_the_drone() {
     let benches =
         ["-TSTP", "-QUIT", "-35"].map(|name| (name, Bench::start(&format!("orders{name}"), &[])));
     for (name, bench) in &benches {
-        bench.wait_for(Phase::Flying, 30.0);
+        bench.wait_for(DronePhase::Flying, 30.0);
         sleep(Duration::from_secs(1));
         let pid = bench.child.id().to_string();
         let ordered_at = bench.tap.clock.now();
         assert!(Command::new("kill").args([name, &*pid]).status().unwrap().success());
-        bench.wait_for(Phase::Landing(Cause::Order), 2.0);
+        bench.wait_for(DronePhase::Landing(Cause::Order), 2.0);
         assert!(bench.tap.landing_s(ordered_at).unwrap() < 0.5, "{name}");
     }
     for (_, bench) in benches {
@@ -78,7 +78,7 @@ fn a_log_that_reaches_the_limit_of_a_file_ends_alone() {
     assert!(fs::metadata(bench.folder.join("flight.mcap")).unwrap().len() == 150_000);
     assert!(bench.tap.is_steered());
     // To the end of its mission: the summary is that of a flight with a log, the exit code says that there is none.
-    bench.wait_for(Phase::Grounded, 90.0);
+    bench.wait_for(DronePhase::Grounded, 90.0);
     assert_eq!(bench.child.wait().unwrap().code(), Some(1), "{}", bench.errors());
     assert!(bench.errors().contains("the log is incomplete: cannot write to flight.mcap"));
     let summary: Value = serde_json::from_str(&fs::read_to_string(summary).unwrap()).unwrap();
@@ -108,7 +108,7 @@ fn a_pipe_that_nobody_reads_keeps_neither_the_log_nor_the_program() {
     sleep(Duration::from_secs(3));
     assert!(bench.tap.is_steered());
     bench.send(Signal::SIGINT);
-    bench.wait_for(Phase::Grounded, 20.0);
+    bench.wait_for(DronePhase::Grounded, 20.0);
     let clock = Clock::start();
     assert_eq!(bench.child.wait().unwrap().code(), Some(1));
     let after_s = clock.now().seconds();

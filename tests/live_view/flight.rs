@@ -10,7 +10,7 @@ use std::time::Duration;
 use serde_json::Value;
 use tello_io::clock::Clock;
 use tello_io::log::LogReader;
-use tello_sim::{Emulator, Phase};
+use tello_sim::{DronePhase, Emulator};
 use tokio_tungstenite::tungstenite::{Message, WebSocket, client};
 
 use crate::rig;
@@ -61,7 +61,7 @@ impl Flight {
     }
 
     /// Waits until the drone is in `phase`.
-    pub(crate) fn wait_for(&self, phase: Phase) {
+    pub(crate) fn wait_for(&self, phase: DronePhase) {
         let clock = Clock::start();
         while clock.now().seconds() < PATIENCE_S {
             if self.emulator.truth().phase == phase {

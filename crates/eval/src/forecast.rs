@@ -10,7 +10,7 @@ use horizon_model::Model;
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use nalgebra::SVector;
 
-use crate::smooth::Track;
+use crate::smooth::MotionTrack;
 pub use errors::{ErrorSummary, ForecastErrors, HorizonErrors};
 
 /// Steps between two starts of a forecast.
@@ -19,7 +19,7 @@ const START_EVERY_STEPS: usize = 10;
 /// A forecast: poses after a start, from the track up to it and the sticks.
 pub trait Forecast {
     /// Fills `ahead[h]` with the pose `h + 1` steps after step `start` of `track`.
-    fn predict(&self, track: &Track, start: usize, ahead: &mut [Pose]);
+    fn predict(&self, track: &MotionTrack, start: usize, ahead: &mut [Pose]);
 }
 
 /// The vehicle stays where it is.
@@ -27,7 +27,7 @@ pub trait Forecast {
 pub struct Hold;
 
 impl Forecast for Hold {
-    fn predict(&self, track: &Track, start: usize, ahead: &mut [Pose]) {
+    fn predict(&self, track: &MotionTrack, start: usize, ahead: &mut [Pose]) {
         ahead.fill(track.pose[start]);
     }
 }
@@ -40,7 +40,7 @@ pub struct ConstantVelocity {
 }
 
 impl Forecast for ConstantVelocity {
-    fn predict(&self, track: &Track, start: usize, ahead: &mut [Pose]) {
+    fn predict(&self, track: &MotionTrack, start: usize, ahead: &mut [Pose]) {
         let mut s = track.pose[start];
         for ahead in ahead {
             s += self.dt_s * track.velocity[start];
@@ -83,7 +83,7 @@ where
         p: &SVector<f64, NP>,
         residual_decay_s: &Pose,
         u_applied: &'a [Sticks],
-        track: &Track,
+        track: &MotionTrack,
         dt_s: f64,
     ) -> Self {
         let mut state = track.pose.first().map_or_else(SVector::zeros, |pose| model.at_rest(pose));
@@ -107,7 +107,7 @@ impl<M, const NS: usize, const NP: usize> Forecast for Driven<'_, M, NS, NP>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    fn predict(&self, track: &Track, start: usize, ahead: &mut [Pose]) {
+    fn predict(&self, track: &MotionTrack, start: usize, ahead: &mut [Pose]) {
         let mut s = self.s[start];
         let mut offset = Pose::zeros();
         let mut residual = None;
@@ -151,8 +151,8 @@ where
 /// excludes nothing).
 pub fn judge(
     forecast: &(impl Forecast + ?Sized),
-    known: &Track,
-    truth: &Track,
+    known: &MotionTrack,
+    truth: &MotionTrack,
     is_excluded: &[bool],
     horizon_steps: usize,
 ) -> ForecastErrors {

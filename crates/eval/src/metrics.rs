@@ -4,7 +4,7 @@
 //! target; for a path that is when it has settled there (`start.settle_s`), so waiting at the start is
 //! free. `since_entry_s` starts earlier: when the pose first comes within reach of the first target.
 //! Both stop at the last target. Distances are horizontal, to the outline of the reference path. Whose word
-//! counts for reaching the last is the difference between a [`Track`], which takes the count of the controller,
+//! counts for reaching the last is the difference between a [`FlownTrack`], which takes the count of the controller,
 //! and a [`Judge`], which does not.
 
 mod clearance;
@@ -131,7 +131,7 @@ impl Samples {
 
 /// Poses and sticks of a flight, tick by tick, from its first target to its last.
 #[derive(Debug, Clone)]
-pub struct Track {
+pub struct FlownTrack {
     reference: ReferencePath,
     dt_s: f64,
     samples: Samples,
@@ -140,7 +140,7 @@ pub struct Track {
     is_finished: bool,
 }
 
-impl Track {
+impl FlownTrack {
     /// A track along `reference`, nothing flown yet.
     pub fn new(reference: ReferencePath, dt_s: f64) -> Self {
         Self {
@@ -208,7 +208,7 @@ mod tests {
 
     #[test]
     fn only_the_ticks_between_first_and_last_target_count() {
-        let mut track = Track::new(reference(), 0.02);
+        let mut track = FlownTrack::new(reference(), 0.02);
         let (far, near) = (Pose::new(9.0, 9.0, 1.0, 0.0), Pose::new(0.75, 0.1, 1.0, 0.0));
         let u = Sticks::new(0.3, 0.4, 0.0, 0.0);
         track.add(0.0, &far, &u, 0);
@@ -227,7 +227,7 @@ mod tests {
     fn a_curve_has_no_laps_that_the_controller_counts() {
         for (targets_count, laps_count) in [(5, 3), (2, 0)] {
             let reference = ReferencePath { targets_count, laps: 3, rounds: 3.0, ..reference() };
-            let mut track = Track::new(reference, 0.02);
+            let mut track = FlownTrack::new(reference, 0.02);
             for k in 1..=10_u32 {
                 // The targets of a curve are its ends.
                 let reached = match k {

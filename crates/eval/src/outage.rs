@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use tello_flight::commanded_mps;
 
-use crate::smooth::Track;
+use crate::smooth::MotionTrack;
 
 /// How lost commands are recognized, as written in a file.
 ///
@@ -76,7 +76,7 @@ const ERROR_MAX: f64 = 100.0;
 pub fn lost_commands(
     settings: &OutageSettings,
     u_applied: &[Sticks],
-    track: &Track,
+    track: &MotionTrack,
     dt_s: f64,
 ) -> Vec<bool> {
     let OutageSettings(table) = settings;
@@ -110,7 +110,7 @@ pub fn lost_commands(
 }
 
 /// `v + tau dv/dt`, world frame. m/s
-fn implied_command(table: &OutageTable, track: &Track, k: usize) -> Vector2<f64> {
+fn implied_command(table: &OutageTable, track: &MotionTrack, k: usize) -> Vector2<f64> {
     let implied_w_mps = track.velocity[k] + table.tau_h_s * track.acceleration[k];
     Vector2::new(implied_w_mps[pose::X], implied_w_mps[pose::Y])
 }

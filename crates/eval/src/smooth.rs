@@ -31,7 +31,7 @@ pub(crate) const ORIGIN_M: f64 = 1e-3;
 
 /// Pose, velocity and acceleration of a flight at every step; the heading is continuous.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Track {
+pub struct MotionTrack {
     /// Pose. m, rad
     pub pose: Vec<Pose>,
     /// Its rate. m/s, rad/s
@@ -56,7 +56,7 @@ pub struct Track {
 /// its position is complete, is not "object lost" and differs from the one before.
 ///
 /// Time and memory grow linearly with the steps.
-pub fn smooth(o: &[Observed<{ pose::COUNT }>], dt_s: f64) -> Track {
+pub fn smooth(o: &[Observed<{ pose::COUNT }>], dt_s: f64) -> MotionTrack {
     estimate(o, circle::best_path, |samples, noise| jerk::smooth(samples, noise, dt_s))
 }
 
@@ -64,7 +64,7 @@ pub fn smooth(o: &[Observed<{ pose::COUNT }>], dt_s: f64) -> Track {
 ///
 /// As [`smooth`], with a Kalman filter in place of the smoother and the end of the best path so far.
 /// `is_trusted` and `is_current` are those of [`smooth`], so that the same steps are judged.
-pub fn track(o: &[Observed<{ pose::COUNT }>], dt_s: f64) -> Track {
+pub fn track(o: &[Observed<{ pose::COUNT }>], dt_s: f64) -> MotionTrack {
     estimate(o, circle::best_so_far, |samples, noise| jerk::track(samples, noise, dt_s))
 }
 
@@ -72,7 +72,7 @@ fn estimate(
     o: &[Observed<{ pose::COUNT }>],
     path: impl Fn(&[Option<f64>]) -> Vec<f64>,
     follow: impl Fn(&[Option<f64>], Noise) -> Vec<jerk::Estimate>,
-) -> Track {
+) -> MotionTrack {
     let valid = valid_samples(o);
     let heading = trusted_headings(&valid, path);
     let estimates: [Vec<jerk::Estimate>; pose::COUNT] = std::array::from_fn(|row| {
@@ -89,7 +89,7 @@ fn estimate(
     let near = (is_near(&valid, SAMPLE_GAP_MAX, true), is_near(&heading, HEADING_GAP_MAX, true));
     let current =
         (is_near(&valid, SAMPLE_GAP_MAX, false), is_near(&heading, HEADING_GAP_MAX, false));
-    Track {
+    MotionTrack {
         pose: collect(|estimate| estimate.value),
         velocity: collect(|estimate| estimate.rate),
         acceleration: collect(|estimate| estimate.acceleration),

@@ -40,7 +40,7 @@ pub use source::{Frame, SourceError};
 pub use stamp_numbers::StampNumbers;
 pub use statistics::{MocapCounters, SincePose, StreamReport};
 pub use stream::MocapStream;
-pub use survey::{Survey, Track, TrackReport, survey};
+pub use survey::{Survey, SurveyTrack, TrackReport, survey};
 pub use tello_flight::Sighting;
 
 /// Metres per millimetre.

@@ -18,7 +18,7 @@ use tello_io::tello::protocol::HostPacket;
 
 use crate::campaign::{Draw, Family, draw};
 use crate::virtual_time::VirtualFlight;
-use crate::{DT_S, Fault, PasserTable, Phase as DronePhase, SimTable, World};
+use crate::{DT_S, DronePhase, InjectedFault, PasserTable, SimTable, World};
 
 /// Flights end here. s
 const TIME_LIMIT_S: f64 = 60.0;
@@ -259,7 +259,7 @@ impl Watch {
 
     fn knowledge(&self, world: &World) -> Knowledge {
         match self.newest {
-            _ if world.has_fault(Fault::ControlStalled) => Knowledge::False,
+            _ if world.has_fault(InjectedFault::ControlStalled) => Knowledge::False,
             Some((_, false)) => Knowledge::False,
             Some((taken, true)) if !is_longer(taken, world.step(), NO_POSE_S) => Knowledge::True,
             _ => Knowledge::None,

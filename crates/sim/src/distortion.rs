@@ -9,7 +9,7 @@ use horizon_model::angle;
 use horizon_model::rows::{Pose, pose};
 
 use crate::DT_S;
-use crate::fault::{Fault, Faults, Present};
+use crate::fault::{Faults, InjectedFault, Present};
 use crate::mocap::{Mocap, MocapReport, reported};
 use crate::random::{Purpose, Random};
 
@@ -17,7 +17,7 @@ use crate::random::{Purpose, Random};
 #[derive(Debug, Clone)]
 pub(crate) struct Distortion {
     noise: Random,
-    /// Whether the newest report shows the other object of [`Fault::MocapSplit`].
+    /// Whether the newest report shows the other object of [`InjectedFault::MocapSplit`].
     is_elsewhere: bool,
 }
 
@@ -36,13 +36,13 @@ impl Distortion {
     ) -> MocapReport {
         self.is_elsewhere = false;
         let is_on = |fault| faults.is_on(fault, step);
-        if is_on(Fault::MocapSilent) {
+        if is_on(InjectedFault::MocapSilent) {
             MocapReport::Silent
-        } else if is_on(Fault::MocapLost) || faults.present(step).any(is_occluded) {
+        } else if is_on(InjectedFault::MocapLost) || faults.present(step).any(is_occluded) {
             MocapReport::Lost
-        } else if is_on(Fault::MocapGhost) {
+        } else if is_on(InjectedFault::MocapGhost) {
             Mocap::ghost()
-        } else if is_on(Fault::MocapFrozen) {
+        } else if is_on(InjectedFault::MocapFrozen) {
             last
         } else if let MocapReport::Pose(mut o) = by_chance {
             for present in faults.present(step) {
@@ -61,22 +61,29 @@ impl Distortion {
     fn replace(&mut self, o: &mut Pose, present: &Present) {
         let at = present.pose_onset;
         match present.fault {
-            Fault::MocapStill { offset_w_m: [x_m, y_m, z_m], turn_rad, noise_m, noise_rad } => {
+            InjectedFault::MocapStill {
+                offset_w_m: [x_m, y_m, z_m],
+                turn_rad,
+                noise_m,
+                noise_rad,
+            } => {
                 *o = at + Pose::new(x_m, y_m, z_m, turn_rad);
                 self.add_noise(o, noise_m, noise_rad);
             }
-            Fault::MocapSplit { offset_w_m: [x_m, y_m, z_m], fraction }
+            InjectedFault::MocapSplit { offset_w_m: [x_m, y_m, z_m], fraction }
                 if self.noise.chance(fraction) =>
             {
                 self.is_elsewhere = true;
                 *o = at + Pose::new(x_m, y_m, z_m, 0.0);
             }
-            Fault::MocapAxesStuck { axes, noise_m } => {
+            InjectedFault::MocapAxesStuck { axes, noise_m } => {
                 for row in (pose::X..=pose::Z).filter(|&row| axes[row]) {
                     o[row] = at[row] + noise_m * self.noise.normal();
                 }
             }
-            Fault::MocapWalker { offset_w_m: [x_m, y_m, z_m], noise_m, noise_rad, .. } => {
+            InjectedFault::MocapWalker {
+                offset_w_m: [x_m, y_m, z_m], noise_m, noise_rad, ..
+            } => {
                 *o = at + Pose::new(x_m, y_m, z_m, 0.0) + walked(present, present.elapsed_s);
                 self.add_noise(o, noise_m, noise_rad);
             }
@@ -88,23 +95,23 @@ impl Distortion {
     fn shift(&mut self, o: &mut Pose, present: &Present) {
         let elapsed_s = present.elapsed_s;
         match present.fault {
-            Fault::MocapShifted { offset_w_m: [x_m, y_m, z_m] } => {
+            InjectedFault::MocapShifted { offset_w_m: [x_m, y_m, z_m] } => {
                 *o += Pose::new(x_m, y_m, z_m, 0.0);
             }
-            Fault::MocapDrift { velocity_w_mps: [x, y, z], yaw_radps } => {
+            InjectedFault::MocapDrift { velocity_w_mps: [x, y, z], yaw_radps } => {
                 *o += Pose::new(x, y, z, yaw_radps) * elapsed_s;
                 *o = reported(*o);
             }
-            Fault::MocapFrame { turn_rad, is_mirrored, scale } => {
+            InjectedFault::MocapFrame { turn_rad, is_mirrored, scale } => {
                 in_frame(o, turn_rad, is_mirrored, scale);
                 o[pose::THETA] += turn_rad;
                 *o = reported(*o);
             }
-            Fault::MocapHeading { turn_rad } => {
+            InjectedFault::MocapHeading { turn_rad } => {
                 o[pose::THETA] += turn_rad;
                 *o = reported(*o);
             }
-            Fault::MocapNoise { growth_mps, growth_radps } => {
+            InjectedFault::MocapNoise { growth_mps, growth_radps } => {
                 self.add_noise(o, growth_mps * elapsed_s, growth_radps * elapsed_s);
             }
             _ => {}
@@ -123,19 +130,22 @@ impl Distortion {
     /// apart.
     pub(crate) fn change(&self, change: Pose, faults: &Faults, step: u64) -> Pose {
         let is_on = |fault| faults.is_on(fault, step);
-        if is_on(Fault::MocapGhost) || is_on(Fault::MocapFrozen) || is_on(Fault::MocapNan) {
+        if is_on(InjectedFault::MocapGhost)
+            || is_on(InjectedFault::MocapFrozen)
+            || is_on(InjectedFault::MocapNan)
+        {
             return Pose::zeros();
         }
         let mut change = change;
         for present in faults.present(step) {
             match present.fault {
-                Fault::MocapStill { .. } => change = Pose::zeros(),
-                Fault::MocapSplit { .. } if self.is_elsewhere => change = Pose::zeros(),
-                Fault::MocapWalker { .. } => {
+                InjectedFault::MocapStill { .. } => change = Pose::zeros(),
+                InjectedFault::MocapSplit { .. } if self.is_elsewhere => change = Pose::zeros(),
+                InjectedFault::MocapWalker { .. } => {
                     let elapsed_s = present.elapsed_s;
                     change = walked(&present, elapsed_s) - walked(&present, elapsed_s - DT_S);
                 }
-                Fault::MocapAxesStuck { axes, .. } => {
+                InjectedFault::MocapAxesStuck { axes, .. } => {
                     (pose::X..=pose::Z).filter(|&row| axes[row]).for_each(|row| change[row] = 0.0);
                 }
                 _ => {}
@@ -143,16 +153,16 @@ impl Distortion {
         }
         for present in faults.present(step) {
             match present.fault {
-                Fault::MocapDrift { velocity_w_mps: [x, y, z], yaw_radps } => {
+                InjectedFault::MocapDrift { velocity_w_mps: [x, y, z], yaw_radps } => {
                     change += Pose::new(x, y, z, yaw_radps) * DT_S;
                 }
-                Fault::MocapFrame { turn_rad, is_mirrored, scale } => {
+                InjectedFault::MocapFrame { turn_rad, is_mirrored, scale } => {
                     in_frame(&mut change, turn_rad, is_mirrored, scale);
                 }
                 _ => {}
             }
         }
-        if is_on(Fault::MocapMillimetres) {
+        if is_on(InjectedFault::MocapMillimetres) {
             in_millimetres(&mut change);
         }
         change
@@ -161,7 +171,7 @@ impl Distortion {
 
 /// What a walker has moved since the onset, after `elapsed_s`; zero of another fault.
 fn walked(present: &Present, elapsed_s: f64) -> Pose {
-    let Fault::MocapWalker { radius_m, speed_mps, .. } = present.fault else {
+    let InjectedFault::MocapWalker { radius_m, speed_mps, .. } = present.fault else {
         return Pose::zeros();
     };
     let turn_rad = speed_mps / radius_m * elapsed_s;
@@ -195,25 +205,25 @@ fn in_millimetres(o: &mut Pose) {
 fn is_occluded(present: Present) -> bool {
     // Half a step: the times of a period are whole numbers of steps up to rounding.
     let elapsed_s = present.elapsed_s + DT_S / 2.0;
-    matches!(present.fault, Fault::MocapOccluded { period_s, lost_s }
+    matches!(present.fault, InjectedFault::MocapOccluded { period_s, lost_s }
         if elapsed_s.rem_euclid(period_s) < lost_s)
 }
 
 /// The pose `o` as the faults without values report it.
-fn misread(mut o: Pose, is_on: impl Fn(Fault) -> bool) -> Pose {
-    if is_on(Fault::MocapNan) {
+fn misread(mut o: Pose, is_on: impl Fn(InjectedFault) -> bool) -> Pose {
+    if is_on(InjectedFault::MocapNan) {
         o[pose::Y] = f64::NAN;
     }
-    if is_on(Fault::MocapFar) {
+    if is_on(InjectedFault::MocapFar) {
         o[pose::X] += 10.0;
     }
-    if is_on(Fault::MocapAside) {
+    if is_on(InjectedFault::MocapAside) {
         o[pose::X] += 3.0;
     }
-    if is_on(Fault::MocapFlipped) {
+    if is_on(InjectedFault::MocapFlipped) {
         o[pose::THETA] = angle::wrap(o[pose::THETA] + PI);
     }
-    if is_on(Fault::MocapMillimetres) {
+    if is_on(InjectedFault::MocapMillimetres) {
         in_millimetres(&mut o);
     }
     o

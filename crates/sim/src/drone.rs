@@ -29,7 +29,7 @@ const FLIGHT_MIN_PCT: f64 = 5.0;
 
 /// Phase of a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Phase {
+pub enum DronePhase {
     /// On the ground, the motors stand.
     Grounded,
     /// Motors on, climbing; sticks are ignored.
@@ -89,7 +89,7 @@ pub struct Truth {
     /// Velocity in the world frame.
     pub velocity: Velocity,
     /// Phase of the flight.
-    pub phase: Phase,
+    pub phase: DronePhase,
     /// Whether the sticks of the last step arrived.
     pub link_is_up: bool,
     /// Charge. %
@@ -106,7 +106,7 @@ pub struct Drone {
     plant: Plant,
     radio: Radio,
     link_is_up: bool,
-    phase: Phase,
+    phase: DronePhase,
     /// Since the last change of phase. s
     phase_s: f64,
     /// Sticks as last received; they act until replaced.
@@ -134,7 +134,7 @@ impl Drone {
     pub fn new(
         plant: Plant,
         radio: Radio,
-        phase: Phase,
+        phase: DronePhase,
         battery_pct: f64,
         firmware: DroneTable,
     ) -> Self {
@@ -167,21 +167,21 @@ impl Drone {
         }
         let (u, is_obeyed) = (self.u_through, self.link_is_up || is_held);
         match self.phase {
-            Phase::Grounded => self.plant.step_grounded(),
-            Phase::TakingOff if self.phase_s < SPIN_UP_S => self.plant.step_grounded(),
-            Phase::TakingOff => self.plant.step_automatic(CLIMB_MPS),
-            Phase::Flying => self.plant.step(&u, is_obeyed),
-            Phase::Landing(_) if self.firmware.landing.keeps_sticks => {
+            DronePhase::Grounded => self.plant.step_grounded(),
+            DronePhase::TakingOff if self.phase_s < SPIN_UP_S => self.plant.step_grounded(),
+            DronePhase::TakingOff => self.plant.step_automatic(CLIMB_MPS),
+            DronePhase::Flying => self.plant.step(&u, is_obeyed),
+            DronePhase::Landing(_) if self.firmware.landing.keeps_sticks => {
                 let u = if is_obeyed { u } else { Sticks::zeros() };
                 self.plant.step_sinking(&u, -DESCENT_MPS);
             }
-            Phase::Landing(_) => self.plant.step_automatic(-DESCENT_MPS),
-            Phase::Falling => self.plant.step_falling(),
+            DronePhase::Landing(_) => self.plant.step_automatic(-DESCENT_MPS),
+            DronePhase::Falling => self.plant.step_falling(),
         }
         self.phase_s += DT_S;
         self.silent_s += DT_S;
         self.first_land_s = self.first_land_s.map(|since_s| since_s + DT_S);
-        if !matches!(self.phase, Phase::Grounded | Phase::Falling) {
+        if !matches!(self.phase, DronePhase::Grounded | DronePhase::Falling) {
             self.motor_s += DT_S;
             let drain_pct = self.firmware.drain_pct_per_s * DT_S;
             self.battery_pct = (self.battery_pct - drain_pct).max(0.0);
@@ -206,9 +206,9 @@ impl Drone {
     /// Starts anew: sticks are level, and the motors stop on the ground or, if it `falls`, in the air.
     pub(crate) fn reboot(&mut self, falls: bool) {
         self.steer(Sticks::zeros());
-        let is_on_ground = self.phase == Phase::TakingOff && self.phase_s < SPIN_UP_S;
+        let is_on_ground = self.phase == DronePhase::TakingOff && self.phase_s < SPIN_UP_S;
         if is_on_ground {
-            self.enter(Phase::Grounded);
+            self.enter(DronePhase::Grounded);
         } else if falls {
             self.stop_motors();
         }
@@ -217,17 +217,17 @@ impl Drone {
     /// Notes that something was heard: the watchdog starts again, its landing is called off.
     pub fn receive(&mut self) {
         self.silent_s = 0.0;
-        if self.phase == Phase::Landing(Cause::Silence) {
-            self.enter(Phase::Flying);
+        if self.phase == DronePhase::Landing(Cause::Silence) {
+            self.enter(DronePhase::Flying);
         }
     }
 
     /// Notes what was heard, before it is obeyed or not.
     pub(crate) fn note(&mut self, order: DroneOrder) {
         let is_aloft = match self.phase {
-            Phase::Grounded => false,
-            Phase::TakingOff => self.phase_s > SPIN_UP_S,
-            Phase::Flying | Phase::Landing(_) | Phase::Falling => true,
+            DronePhase::Grounded => false,
+            DronePhase::TakingOff => self.phase_s > SPIN_UP_S,
+            DronePhase::Flying | DronePhase::Landing(_) | DronePhase::Falling => true,
         };
         match order {
             DroneOrder::TakeOff => {
@@ -242,7 +242,7 @@ impl Drone {
     /// Notes that sticks were heard.
     pub(crate) fn note_sticks(&mut self) {
         self.received.sticks += 1;
-        let is_landing = self.phase == Phase::Landing(Cause::Order);
+        let is_landing = self.phase == DronePhase::Landing(Cause::Order);
         self.received.sticks_in_landing += u32::from(is_landing);
     }
 
@@ -278,31 +278,31 @@ impl Drone {
     /// taking off or flying changes nothing.
     pub fn take_off(&mut self) -> bool {
         match self.phase {
-            Phase::Grounded if self.battery_pct >= TAKE_OFF_MIN_PCT => {
-                self.enter(Phase::TakingOff);
+            DronePhase::Grounded if self.battery_pct >= TAKE_OFF_MIN_PCT => {
+                self.enter(DronePhase::TakingOff);
                 true
             }
-            Phase::Grounded | Phase::Landing(_) | Phase::Falling => false,
-            Phase::TakingOff | Phase::Flying => true,
+            DronePhase::Grounded | DronePhase::Landing(_) | DronePhase::Falling => false,
+            DronePhase::TakingOff | DronePhase::Flying => true,
         }
     }
 
     /// Lands. Whether the order was accepted: not in the first seconds of a take-off, nor in a fall.
     pub fn land(&mut self) -> bool {
         match self.phase {
-            Phase::TakingOff if self.phase_s < LAND_DEAF_S => false,
-            Phase::TakingOff | Phase::Flying | Phase::Landing(Cause::Silence) => {
-                self.enter(Phase::Landing(Cause::Order));
+            DronePhase::TakingOff if self.phase_s < LAND_DEAF_S => false,
+            DronePhase::TakingOff | DronePhase::Flying | DronePhase::Landing(Cause::Silence) => {
+                self.enter(DronePhase::Landing(Cause::Order));
                 true
             }
-            Phase::Grounded | Phase::Landing(Cause::Order | Cause::Battery) => true,
-            Phase::Falling => false,
+            DronePhase::Grounded | DronePhase::Landing(Cause::Order | Cause::Battery) => true,
+            DronePhase::Falling => false,
         }
     }
 
     /// Lands, unless the switches of [`crate::LandingTable`] or a fault keep it from that.
     pub(crate) fn receive_land(&mut self) -> LandAnswer {
-        if self.phase != Phase::Grounded {
+        if self.phase != DronePhase::Grounded {
             self.lands = self.lands.saturating_add(1);
             self.first_land_s.get_or_insert(0.0);
             if self.is_deaf_to(self.lands) {
@@ -329,8 +329,8 @@ impl Drone {
 
     /// Stops the motors, at once and in any phase.
     pub fn stop_motors(&mut self) {
-        if self.phase != Phase::Grounded {
-            self.enter(Phase::Falling);
+        if self.phase != DronePhase::Grounded {
+            self.enter(DronePhase::Falling);
         }
     }
 
@@ -341,9 +341,9 @@ impl Drone {
 
     /// Calls an ordered landing off. Whether there was one.
     pub fn cancel_landing(&mut self) -> bool {
-        let is_landing = self.phase == Phase::Landing(Cause::Order);
+        let is_landing = self.phase == DronePhase::Landing(Cause::Order);
         if is_landing {
-            self.enter(Phase::Flying);
+            self.enter(DronePhase::Flying);
         }
         is_landing
     }
@@ -367,26 +367,25 @@ impl Drone {
     }
 
     /// The phase that follows, when its time has come.
-    fn next_phase(&self) -> Option<Phase> {
+    fn next_phase(&self) -> Option<DronePhase> {
+        let is_left_alone = self.silent_s >= SILENCE_MAX_S && self.firmware.lands_on_silence;
         match self.phase {
-            Phase::TakingOff if self.height_m() >= HOVER_M => Some(Phase::Flying),
-            Phase::Landing(_) | Phase::Falling if self.height_m() <= STANDING_M => {
-                Some(Phase::Grounded)
+            DronePhase::TakingOff if self.height_m() >= HOVER_M => Some(DronePhase::Flying),
+            DronePhase::Landing(_) | DronePhase::Falling if self.height_m() <= STANDING_M => {
+                Some(DronePhase::Grounded)
             }
-            Phase::Flying if self.battery_pct < FLIGHT_MIN_PCT => {
-                Some(Phase::Landing(Cause::Battery))
+            DronePhase::Flying if self.battery_pct < FLIGHT_MIN_PCT => {
+                Some(DronePhase::Landing(Cause::Battery))
             }
-            Phase::Flying if self.silent_s >= SILENCE_MAX_S && self.firmware.lands_on_silence => {
-                Some(Phase::Landing(Cause::Silence))
-            }
+            DronePhase::Flying if is_left_alone => Some(DronePhase::Landing(Cause::Silence)),
             _ => None,
         }
     }
 
-    fn enter(&mut self, phase: Phase) {
+    fn enter(&mut self, phase: DronePhase) {
         self.phase = phase;
         self.phase_s = 0.0;
-        if phase == Phase::Grounded {
+        if phase == DronePhase::Grounded {
             (self.first_land_s, self.lands) = (None, 0);
         }
     }

@@ -9,7 +9,7 @@ use horizon_model::rows::pose;
 use horizon_model::steps;
 
 use crate::DT_S;
-use crate::drone::{Phase, Truth};
+use crate::drone::{DronePhase, Truth};
 use crate::firmware::{Axes, FlyingFlag, HeadingReport, Measured, StatusTable, VelocityReport};
 use crate::plant::{STANDING_M, Velocity};
 
@@ -120,7 +120,7 @@ impl Reporter {
 
 impl Sample {
     fn of(truth: &Truth, own_error_w_mps: [f64; 2]) -> Self {
-        let is_flying = truth.phase != Phase::Grounded && truth.pose[pose::Z] > STANDING_M;
+        let is_flying = truth.phase != DronePhase::Grounded && truth.pose[pose::Z] > STANDING_M;
         let (velocity, theta) = (truth.velocity, truth.pose[pose::THETA]);
         Self { velocity, own_error_w_mps, theta, is_flying, motor_s: truth.motor_s }
     }

@@ -24,7 +24,7 @@ use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs};
 use thiserror::Error;
 
 use crate::drone::Truth;
-use crate::fault::Fault;
+use crate::fault::InjectedFault;
 use crate::frames;
 use crate::mocap::Shot;
 use crate::world::World;
@@ -120,7 +120,7 @@ impl Emulator {
     }
 
     /// Switches a fault on or off, from the next step on.
-    pub fn set_fault(&self, fault: Fault, is_on: bool) {
+    pub fn set_fault(&self, fault: InjectedFault, is_on: bool) {
         self.world.lock().set_fault(fault, is_on);
     }
 

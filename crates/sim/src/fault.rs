@@ -16,7 +16,7 @@ use crate::DT_S;
 /// Something that breaks. Those with values act by their size; "at the onset" is when the fault begins.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Fault {
+pub enum InjectedFault {
     /// The cameras do not see the drone: its pose is reported as lost.
     MocapLost,
     /// The pose stream is silent.
@@ -181,7 +181,7 @@ pub enum Fault {
 #[serde(deny_unknown_fields)]
 pub struct ScriptedFault {
     /// Kind and size of the fault.
-    pub fault: Fault,
+    pub fault: InjectedFault,
     /// Onset, since the start of the simulation. s, >= 0
     pub from_s: f64,
     /// Duration. s, > 0
@@ -191,7 +191,7 @@ pub struct ScriptedFault {
 /// A fault that is present, as it began.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Present {
-    pub(crate) fault: Fault,
+    pub(crate) fault: InjectedFault,
     /// Since the onset. s
     pub(crate) elapsed_s: f64,
     /// True pose at the onset, world frame. m and rad
@@ -206,7 +206,7 @@ pub struct Faults {
 
 #[derive(Debug, Clone, PartialEq)]
 struct Entry {
-    fault: Fault,
+    fault: InjectedFault,
     /// From first to last, without the last; all times for one that is switched on by hand. s
     from_s: f64,
     until_s: f64,
@@ -235,7 +235,7 @@ impl Faults {
     }
 
     /// Switches a fault on or off, beside the script.
-    pub fn set(&mut self, fault: Fault, is_on: bool) {
+    pub fn set(&mut self, fault: InjectedFault, is_on: bool) {
         self.entries.retain(|entry| !(entry.is_by_hand() && entry.fault == fault));
         if is_on {
             let (from_s, until_s) = (f64::NEG_INFINITY, f64::INFINITY);
@@ -244,7 +244,7 @@ impl Faults {
     }
 
     /// Whether `fault`, with these values, is present in `step`.
-    pub fn is_on(&self, fault: Fault, step: u64) -> bool {
+    pub fn is_on(&self, fault: InjectedFault, step: u64) -> bool {
         self.entries.iter().any(|entry| entry.fault == fault && entry.is_on(step))
     }
 

@@ -36,7 +36,7 @@ pub struct DroneTable {
     /// Whether it lands after 15 s in which it heard nothing; if not, the last sticks act for ever.
     pub lands_on_silence: bool,
     /// What acts while commands get lost by chance.
-    pub outage: Outage,
+    pub outage: OutageBehaviour,
     /// Whether all sticks at full deflection, pitch back and throttle down, stop its motors.
     pub stops_at_gesture: bool,
     /// Charge below which it reports that its battery is low, below half of it critical. %, 0..=100
@@ -87,7 +87,7 @@ pub enum CancelledBy {
 /// What acts on a vehicle whose commands get lost by chance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Outage {
+pub enum OutageBehaviour {
     /// Neutral sticks.
     Level,
     /// The last sticks that arrived.
@@ -231,7 +231,7 @@ pub(crate) const PLAIN: DroneTable = DroneTable {
         cancelled_by: CancelledBy::Nothing,
     },
     lands_on_silence: true,
-    outage: Outage::Level,
+    outage: OutageBehaviour::Level,
     stops_at_gesture: true,
     warns_below_pct: 10,
     status: StatusTable {

@@ -9,7 +9,7 @@ use horizon_model::rows::{Pose, pose};
 use tello_io::mocap::{Body, format_line};
 
 use crate::DT_S;
-use crate::fault::{Fault, Faults};
+use crate::fault::{Faults, InjectedFault};
 use crate::mocap::Shot;
 
 /// A frame that was taken.
@@ -49,11 +49,13 @@ impl Lag {
         let (mut age_min_s, mut bytes_per_s) = (0.0_f64, f64::INFINITY);
         for present in faults.present(step) {
             match present.fault {
-                Fault::MocapLag { delay_s } => age_min_s = age_min_s.max(delay_s),
-                Fault::MocapLagRamp { growth } => {
+                InjectedFault::MocapLag { delay_s } => age_min_s = age_min_s.max(delay_s),
+                InjectedFault::MocapLagRamp { growth } => {
                     age_min_s = age_min_s.max(growth * present.elapsed_s);
                 }
-                Fault::MocapSlowLink { bytes_per_s: limit } => bytes_per_s = bytes_per_s.min(limit),
+                InjectedFault::MocapSlowLink { bytes_per_s: limit } => {
+                    bytes_per_s = bytes_per_s.min(limit);
+                }
                 _ => {}
             }
         }

@@ -47,19 +47,19 @@ use tello_io::config;
 use plant::RIGID_BODY;
 
 pub use datagram_channel::AirTable;
-pub use drone::{Cause, Phase, ReceivedOrders, Truth};
+pub use drone::{Cause, DronePhase, ReceivedOrders, Truth};
 pub use emulator::{Emulator, EmulatorError, MocapAddresses, MocapServers, NatnetServer};
 pub use excitation::ManualFlight;
-pub use fault::{Fault, ScriptedFault};
+pub use fault::{InjectedFault, ScriptedFault};
 pub use firmware::{
     Axes, CancelledBy, DroneTable, EmergencyTable, FlyingFlag, HeadingReport, LandingTable,
-    Measured, Outage, ReplyTo, SdkVersion, StatusTable, VelocityReport,
+    Measured, OutageBehaviour, ReplyTo, SdkVersion, StatusTable, VelocityReport,
 };
 pub use mocap::MocapReport;
 pub use nominal::NominalFlight;
 pub use profile::Profile;
 pub use second_object::PasserTable;
-pub use world::{SimTable, Start, World};
+pub use world::{SimStart, SimTable, World};
 
 /// Period of the simulated world, of its pose stream and of its plant. s
 pub const DT_S: f64 = tello_flight::cycle::DT_S;

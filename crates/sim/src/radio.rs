@@ -4,7 +4,7 @@
 //! about three times a minute). What a lost command does to the vehicle is [`crate::plant`]'s.
 
 use crate::DT_S;
-use crate::firmware::Outage;
+use crate::firmware::OutageBehaviour;
 use crate::profile::Profile;
 use crate::random::{Purpose, Random};
 
@@ -31,7 +31,7 @@ pub struct Radio {
     times_s: Option<(f64, f64)>,
     random: Random,
     is_up: bool,
-    outage: Outage,
+    outage: OutageBehaviour,
     /// Draws what acts during an outage.
     outage_random: Random,
     is_held: bool,
@@ -46,13 +46,13 @@ impl Radio {
         let mut random = Random::new(seed, Purpose::Radio);
         let remaining_s = times_s.map_or(0.0, |(up_s, _)| random.exponential(up_s));
         let outage_random = Random::new(seed, Purpose::Outage);
-        let outage = Outage::Level;
+        let outage = OutageBehaviour::Level;
         Self { times_s, random, is_up: true, outage, outage_random, is_held: false, remaining_s }
     }
 
     /// The link with `outage` in place of its outages.
     #[must_use]
-    pub fn with_outages(self, outage: Outage) -> Self {
+    pub fn with_outages(self, outage: OutageBehaviour) -> Self {
         Self { outage, ..self }
     }
 
@@ -70,9 +70,9 @@ impl Radio {
             if !self.is_up {
                 let is_drawn = self.outage_random.chance(0.5);
                 self.is_held = match self.outage {
-                    Outage::Level => false,
-                    Outage::Held => true,
-                    Outage::Mixed => is_drawn,
+                    OutageBehaviour::Level => false,
+                    OutageBehaviour::Held => true,
+                    OutageBehaviour::Mixed => is_drawn,
                 };
             }
             self.remaining_s += if self.is_up {
@@ -145,7 +145,8 @@ mod tests {
             let mut radio = Radio::new(Profile::Outages, 7).with_outages(outage);
             (0..200_000).map(|_| (radio.step(), radio.is_held())).collect()
         };
-        let [level, held, mixed] = [Outage::Level, Outage::Held, Outage::Mixed].map(states);
+        let [level, held, mixed] =
+            [OutageBehaviour::Level, OutageBehaviour::Held, OutageBehaviour::Mixed].map(states);
         let times = |states: &[(bool, bool)]| -> Vec<bool> {
             states.iter().map(|(is_up, _)| *is_up).collect()
         };

@@ -13,7 +13,7 @@ use tello_io::tello::text::{Command, CommandError, StateLine};
 use tello_io::tello::{DroneOrder, STATE_PORT};
 
 use crate::DT_S;
-use crate::drone::{Drone, LandAnswer, Phase, Truth};
+use crate::drone::{Drone, DronePhase, LandAnswer, Truth};
 use crate::firmware::SdkVersion;
 
 /// A movement or a take-off that comes so soon after sticks is refused. s
@@ -122,8 +122,8 @@ impl Sdk {
             Command::Enter | Command::Setting => reply("ok"),
             Command::StreamOn => reply("error No video"),
             Command::TakeOff => match drone.truth().phase {
-                Phase::Grounded if drone.take_off() => self.running = Some(Running::TakeOff),
-                Phase::Grounded => reply("error Motor stop"),
+                DronePhase::Grounded if drone.take_off() => self.running = Some(Running::TakeOff),
+                DronePhase::Grounded => reply("error Motor stop"),
                 _ => reply("error"),
             },
             Command::Go { cm } => {
@@ -169,9 +169,11 @@ impl Sdk {
 
     fn move_by(&mut self, motion: SdkMotion, drone: &Drone, mut reply: impl FnMut(&str)) {
         match drone.truth().phase {
-            Phase::Flying => self.running = Some(Running::Motion(motion)),
-            Phase::Landing(_) => reply("error Auto land"),
-            Phase::Grounded | Phase::TakingOff | Phase::Falling => reply("error Motor stop"),
+            DronePhase::Flying => self.running = Some(Running::Motion(motion)),
+            DronePhase::Landing(_) => reply("error Auto land"),
+            DronePhase::Grounded | DronePhase::TakingOff | DronePhase::Falling => {
+                reply("error Motor stop");
+            }
         }
     }
 
@@ -182,18 +184,18 @@ impl Sdk {
         let reply = match &mut self.running {
             None => None,
             Some(Running::TakeOff) => match phase {
-                Phase::TakingOff => None,
-                Phase::Flying => Some("ok"),
-                Phase::Landing(_) => Some("error Auto land"),
-                Phase::Grounded | Phase::Falling => Some("error"),
+                DronePhase::TakingOff => None,
+                DronePhase::Flying => Some("ok"),
+                DronePhase::Landing(_) => Some("error Auto land"),
+                DronePhase::Grounded | DronePhase::Falling => Some("error"),
             },
             Some(Running::Land) => match phase {
-                Phase::Landing(_) => None,
-                Phase::Grounded => Some("ok"),
-                Phase::TakingOff | Phase::Flying | Phase::Falling => Some("error"),
+                DronePhase::Landing(_) => None,
+                DronePhase::Grounded => Some("ok"),
+                DronePhase::TakingOff | DronePhase::Flying | DronePhase::Falling => Some("error"),
             },
             Some(Running::Motion(motion)) => match phase {
-                Phase::Flying => {
+                DronePhase::Flying => {
                     let (u, reply) = motion.steer(&drone.truth());
                     drone.steer(u);
                     reply

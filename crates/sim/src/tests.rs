@@ -32,7 +32,7 @@ fn a_file_may_have_faults_a_rigid_body_and_a_start_in_the_air() {
     let changed = changed.unwrap();
     assert_eq!(changed.faults.len(), 2);
     assert!(changed.plant.rigid_body.is_some());
-    assert!(matches!(changed.start, Start::Air { .. }), "{:?}", changed.start);
+    assert!(matches!(changed.start, SimStart::Air { .. }), "{:?}", changed.start);
 }
 
 #[test]

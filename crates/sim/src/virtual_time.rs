@@ -13,7 +13,7 @@ use tello_io::mocap::{MocapCounters, MocapSettings, MocapStream, Sighting};
 use tello_io::tello::protocol::{DronePacket, HostPacket};
 use tello_io::tello::{DroneStatus, LinkCounters, Session};
 
-use crate::{Fault, PasserTable, SimTable, Start, Truth, World};
+use crate::{InjectedFault, PasserTable, SimStart, SimTable, Truth, World};
 
 use tello_flight::cycle::{
     self, FlightTable, Inbox, Operator, Outcome, ParameterEstimate, SIGHTINGS_MAX, Tick, Unwatched,
@@ -81,7 +81,7 @@ impl VirtualFlight {
         if flight.start == tello_flight::Start::Airborne {
             let [x, y, z, theta] =
                 Mission::new(&flight.mission, flight.cycle.dt_s)?.first_pose().into();
-            sim.start = Start::Air { x, y, z, theta };
+            sim.start = SimStart::Air { x, y, z, theta };
         }
         let out = cycle.new_outcome();
         let world = World::new(&sim, seed)?;
@@ -152,7 +152,7 @@ impl VirtualFlight {
             self.answer(&DronePacket::Status { sequence: 0, status }, now);
         }
 
-        if self.world.has_fault(Fault::ControlStalled) {
+        if self.world.has_fault(InjectedFault::ControlStalled) {
             self.arrived.skipped += 1;
         } else {
             self.control(step, now);

@@ -12,7 +12,7 @@ use tello_io::tello::protocol::{
 
 use crate::DT_S;
 use crate::drone::{LandAnswer, Truth};
-use crate::fault::Fault;
+use crate::fault::InjectedFault;
 use crate::world::World;
 
 /// Firmware with which a Tello was often sold.
@@ -120,11 +120,11 @@ impl World {
     }
 
     pub(crate) fn is_deaf(&self) -> bool {
-        self.faults.is_on(Fault::DroneDeaf, self.step()) || self.is_rebooting()
+        self.faults.is_on(InjectedFault::DroneDeaf, self.step()) || self.is_rebooting()
     }
 
     pub(crate) fn is_mute(&self) -> bool {
-        self.faults.is_on(Fault::DroneMute, self.step()) || !self.is_connected
+        self.faults.is_on(InjectedFault::DroneMute, self.step()) || !self.is_connected
     }
 
     /// What a drone from the shop tells of itself, and from which charge on this one warns.

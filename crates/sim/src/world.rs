@@ -16,7 +16,7 @@ use tello_io::mocap::{Body, format_line};
 use crate::distortion::Distortion;
 use crate::drone::{Drone, Truth};
 use crate::drone_status::Reporter;
-use crate::fault::{Fault, Faults, Present, ScriptedFault};
+use crate::fault::{Faults, InjectedFault, Present, ScriptedFault};
 use crate::firmware::DroneTable;
 use crate::frame_lag::{Frame, Lag};
 use crate::mocap::{Mocap, MocapReport, Shot};
@@ -26,7 +26,7 @@ use crate::radio::Radio;
 use crate::random::{Purpose, Random};
 use crate::second_object::PasserTable;
 use crate::{DT_S, frames, held_by_hand};
-pub use start::Start;
+pub use start::SimStart;
 
 /// Settings of the simulator.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -38,7 +38,7 @@ pub struct SimTable {
     /// vehicle is the nominal one and starts at rest exactly at the given pose.
     pub has_spread: bool,
     /// Where the flight starts.
-    pub start: Start,
+    pub start: SimStart,
     /// Name of the drone in the motion capture system, without spaces.
     pub object: String,
     /// Charge at the start. %, 0..=100
@@ -163,23 +163,24 @@ impl World {
     }
 
     /// Switches a fault on or off, beside the script.
-    pub fn set_fault(&mut self, fault: Fault, is_on: bool) {
+    pub fn set_fault(&mut self, fault: InjectedFault, is_on: bool) {
         self.faults.set(fault, is_on);
     }
 
     /// Whether `fault`, with these values, is present.
-    pub fn has_fault(&self, fault: Fault) -> bool {
+    pub fn has_fault(&self, fault: InjectedFault) -> bool {
         self.faults.is_on(fault, self.step)
     }
 
     /// Whether sticks of ours do not act, or not alone: the drone is deaf, starts anew or knows no host,
     /// its sticks are stuck, commands get lost, or another controller sends.
     pub fn ignores_sticks(&self) -> bool {
-        let is_shared = |present: Present| matches!(present.fault, Fault::SecondController { .. });
+        let is_shared =
+            |present: Present| matches!(present.fault, InjectedFault::SecondController { .. });
         self.is_deaf()
             || !self.is_connected
             || !self.truth().link_is_up
-            || self.has_fault(Fault::DroneSticksStuck)
+            || self.has_fault(InjectedFault::DroneSticksStuck)
             || self.faults.present(self.step).any(is_shared)
     }
 
@@ -248,7 +249,7 @@ impl World {
             MocapReport::Lost => Some(None),
             MocapReport::Silent => None,
         };
-        let is_other = faults.is_on(Fault::MocapOther, *step);
+        let is_other = faults.is_on(InjectedFault::MocapOther, *step);
         let taken = pose.map(|pose| Frame { step: *step, is_other, pose, change });
         let taken = taken.filter(|_| frames::is_in_step(*step, self.mocap_rate_hz));
         self.lag.advance(taken, *step, faults, &self.object);
@@ -267,19 +268,22 @@ impl World {
     /// Passes the faults of the drone on to it.
     fn trouble_the_drone(&mut self) {
         let is_on = |fault| self.faults.is_on(fault, self.step);
-        let (are_stuck, refuses) = (is_on(Fault::DroneSticksStuck), is_on(Fault::DroneRefusesLand));
+        let (are_stuck, refuses) =
+            (is_on(InjectedFault::DroneSticksStuck), is_on(InjectedFault::DroneRefusesLand));
         let external = self.faults.present(self.step).find_map(|present| match present.fault {
-            Fault::DroneHeld { sway_m, lowered_m } => {
+            InjectedFault::DroneHeld { sway_m, lowered_m } => {
                 let velocity_w_mps =
                     held_by_hand::velocity_w_mps(sway_m, lowered_m, present.elapsed_s);
                 Some(External::Held { velocity_w_mps })
             }
-            Fault::DronePushed { velocity_w_mps } => Some(External::Pushed { velocity_w_mps }),
+            InjectedFault::DronePushed { velocity_w_mps } => {
+                Some(External::Pushed { velocity_w_mps })
+            }
             _ => None,
         });
         self.drone.trouble(are_stuck, refuses, external.unwrap_or_default());
         let reboot = self.faults.present(self.step).find_map(|present| match present.fault {
-            Fault::DroneReboot { falls } => Some(falls),
+            InjectedFault::DroneReboot { falls } => Some(falls),
             _ => None,
         });
         if let Some(falls) = reboot.filter(|_| !self.is_rebooting) {
@@ -295,7 +299,9 @@ impl World {
             return;
         }
         for present in self.faults.present(self.step) {
-            let Fault::SecondController { sticks, rate_hz } = present.fault else { continue };
+            let InjectedFault::SecondController { sticks, rate_hz } = present.fault else {
+                continue;
+            };
             let packets = |time_s: f64| (time_s * rate_hz + 1e-9).floor();
             if packets(present.elapsed_s + DT_S) > packets(present.elapsed_s) {
                 self.drone.receive();

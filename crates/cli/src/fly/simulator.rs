@@ -7,7 +7,7 @@ use anyhow::Result;
 use tello_flight::RoomTable;
 use tello_io::config::FlyTable;
 use tello_io::mocap::MocapTable;
-use tello_sim::{Emulator, MocapAddresses, NatnetServer, SdkVersion, Start, World};
+use tello_sim::{Emulator, MocapAddresses, NatnetServer, SdkVersion, SimStart, World};
 
 use super::Arguments;
 use crate::{sim, stdio};
@@ -47,8 +47,8 @@ pub(super) fn start_simulator(arguments: &Arguments, table: &mut FlyTable) -> Re
 const START_MARGIN_M: f64 = 0.3;
 
 /// A note of a simulated vehicle that stands where the supervisor lets none fly: `--sim` has no pre-flight list.
-fn start_note(start: Start, room: Option<&RoomTable>) -> Option<String> {
-    let (Start::Ground { x, y, .. } | Start::Air { x, y, .. }) = start;
+fn start_note(start: SimStart, room: Option<&RoomTable>) -> Option<String> {
+    let (SimStart::Ground { x, y, .. } | SimStart::Air { x, y, .. }) = start;
     let RoomTable { x_m, y_m, .. } = room?;
     let distances = [(x, x_m), (y, y_m)].map(|(at, [low, high])| (at - low).min(high - at));
     let margin_m = distances.into_iter().fold(f64::INFINITY, f64::min);
@@ -134,11 +134,11 @@ mod tests {
     fn a_start_at_a_wall_or_outside_has_a_note() {
         let (x_m, y_m, z_m) = ([-2.0, 2.0], [-3.0, 1.0], [0.0, 2.5]);
         let room = RoomTable { x_m, y_m, z_m, stop_s: 1.0 };
-        let at = |x, y| start_note(Start::Ground { x, y, theta: 0.0 }, Some(&room));
+        let at = |x, y| start_note(SimStart::Ground { x, y, theta: 0.0 }, Some(&room));
         assert!(at(-2.0, -3.0).unwrap().contains("-2.00, -3.00 m, at a wall of cycle"));
         assert!(at(0.0, 1.5).unwrap().contains("outside of"));
         assert_eq!(at(0.0, -1.0), None);
-        assert_eq!(start_note(Start::Ground { x: 9.0, y: 9.0, theta: 0.0 }, None), None);
+        assert_eq!(start_note(SimStart::Ground { x: 9.0, y: 9.0, theta: 0.0 }, None), None);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use tello_eval::flight_log::TickRecord;
 use tello_eval::metrics::{
-    LATE_TICK_MS, Lap, Metrics, OutageCounter, Outages, ReferencePath, Track,
+    FlownTrack, LATE_TICK_MS, Lap, Metrics, OutageCounter, Outages, ReferencePath,
 };
 use tello_eval::quantile;
 use tello_flight::cycle::{FlightTable, Pipeline, Timing};
@@ -23,7 +23,7 @@ use super::take_off_refusal::hidden;
 /// Gathers the figures of a flight record by record, on the logger's thread.
 #[derive(Debug)]
 pub(super) struct Tally {
-    track: Track,
+    track: FlownTrack,
     dt_s: f64,
     outages: OutageCounter,
     targets_count: usize,
@@ -154,7 +154,7 @@ impl Tally {
             targets_count: reference.targets_count,
             dt_s: flight.cycle.dt_s,
             outages: OutageCounter::default(),
-            track: Track::new(reference, flight.cycle.dt_s),
+            track: FlownTrack::new(reference, flight.cycle.dt_s),
             targets_reached: 0,
             ticks: 0,
             late_ticks: 0,

@@ -10,7 +10,7 @@ use serde::Serialize;
 use serde_json::json;
 use tello_io::clock::{Clock, TimeNs};
 use tello_io::mocap::{
-    Axes, Axis, FrameTable, MocapSettings, MocapTable, Survey, Track, TrackReport, survey,
+    Axes, Axis, FrameTable, MocapSettings, MocapTable, Survey, SurveyTrack, TrackReport, survey,
 };
 
 use super::rate;
@@ -139,11 +139,11 @@ pub(super) fn duration(seconds: f64) -> Result<Duration> {
 }
 
 /// The object of the settings among those of a source.
-fn track<'a>(survey: &'a Survey, object: &str) -> Option<&'a Track> {
+fn track<'a>(survey: &'a Survey, object: &str) -> Option<&'a SurveyTrack> {
     survey.objects.get(object)
 }
 
-fn seen(track: &Track, axes: &Axes, now: TimeNs) -> Option<Seen> {
+fn seen(track: &SurveyTrack, axes: &Axes, now: TimeNs) -> Option<Seen> {
     let [_, newest] = track.places?;
     let ([x_m, y_m, z_m], [r00, _, _, r10, _, _, _, _, r22]) = axes.place(&newest);
     let age_s = track.seen_at.map_or(0.0, |at| now.since(at).seconds());
@@ -162,18 +162,18 @@ pub(super) fn unit_doubt(place_w_m: [f64; 3]) -> Option<String> {
 }
 
 /// From the first place to the furthest one, in our frame. m
-fn longest(track: &Track, axes: &Axes) -> Option<Vector3<f64>> {
+fn longest(track: &SurveyTrack, axes: &Axes) -> Option<Vector3<f64>> {
     let ([first, _], furthest) = (track.places?, track.furthest?);
     let [first_w, furthest_w] = [first, furthest].map(|at| Vector3::from(axes.place(&at).0));
     Some(furthest_w - first_w)
 }
 
 /// How far an object got from its first place; 0 if it was not seen. m
-pub(super) fn moved_m(track: &Track, axes: &Axes) -> f64 {
+pub(super) fn moved_m(track: &SurveyTrack, axes: &Axes) -> f64 {
     longest(track, axes).map_or(0.0, |way| way.norm())
 }
 
-fn way(track: &Track, axes: &Axes) -> Option<Way> {
+fn way(track: &SurveyTrack, axes: &Axes) -> Option<Way> {
     let ([first, _], furthest) = (track.places?, track.furthest?);
     let way = longest(track, axes)?;
     let length_m = way.norm();
@@ -197,7 +197,7 @@ fn way(track: &Track, axes: &Axes) -> Option<Way> {
 fn watched(table: &MocapTable, settings: &MocapSettings, survey: &Survey, now: TimeNs) -> Watched {
     let (object, axes) = (settings.object(), settings.axes());
     let track = track(survey, object);
-    let report = track.map(Track::report).unwrap_or_default();
+    let report = track.map(SurveyTrack::report).unwrap_or_default();
     Watched {
         object: object.to_owned(),
         report,
@@ -345,10 +345,10 @@ mod tests {
     }
 
     /// A track that began at the origin, level, and got to a place.
-    fn track_to(pos_v: [f64; 3]) -> Track {
+    fn track_to(pos_v: [f64; 3]) -> SurveyTrack {
         let matrix = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         let [first, last] = [[0.0; 3], pos_v].map(|pos_v| Placement { pos_v, matrix });
-        let mut track = Track::default();
+        let mut track = SurveyTrack::default();
         (track.places, track.furthest) = (Some([first, last]), Some(last));
         track
     }

@@ -22,12 +22,12 @@ fn flown<M, const NS: usize, const NP: usize>(
     p: &SVector<f64, NP>,
     u: &[Sticks],
     wind: &Pose,
-) -> Track
+) -> MotionTrack
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
     let mut s = model.at_rest(&Pose::new(0.3, -0.2, 1.0, 2.0));
-    let mut track = Track {
+    let mut track = MotionTrack {
         pose: vec![],
         velocity: vec![],
         acceleration: vec![],
@@ -97,7 +97,7 @@ fn constant_velocity_predicts_a_straight_flight_through_half_a_turn() {
         pose[pose::THETA] = wrap(pose[pose::THETA]);
         pose
     };
-    let track = Track {
+    let track = MotionTrack {
         pose: (0..STEPS).map(pose).collect(),
         velocity: vec![velocity; STEPS],
         acceleration: vec![Pose::zeros(); STEPS],
@@ -117,7 +117,7 @@ fn constant_velocity_predicts_a_straight_flight_through_half_a_turn() {
 fn only_trusted_ends_without_exclusion_between_are_judged() {
     let u = vec![Sticks::zeros(); STEPS];
     let mut track = flown(&Lagged::default(), &lagged_p(), &u, &Pose::zeros());
-    let count = |track: &Track, is_excluded: &[bool], steps: usize| {
+    let count = |track: &MotionTrack, is_excluded: &[bool], steps: usize| {
         judge(&Hold, track, track, is_excluded, HORIZON).at(steps).unwrap().horizontal.count
     };
     // Starts 0, 10, .. 390; the last horizon must lie within the flight.

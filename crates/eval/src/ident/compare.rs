@@ -11,7 +11,7 @@ use super::table::IdentFileTable;
 use crate::forecast::{ConstantVelocity, Forecast, ForecastErrors, Hold, HorizonErrors, judge};
 use crate::outage::{OutageSettings, lost_commands};
 use crate::recordings::Loaded;
-use crate::smooth::{Track, smooth, track};
+use crate::smooth::{MotionTrack, smooth, track};
 use anyhow::{Context, Result, bail};
 use horizon_estim::Recording;
 use horizon_model::rows::{Sticks, pose, stick};
@@ -78,9 +78,9 @@ pub(super) struct Judged {
     /// What was recorded.
     pub(super) recording: Recording<{ stick::COUNT }, { pose::COUNT }>,
     /// Smoothed motion.
-    pub(super) smoothed: Track,
+    pub(super) smoothed: MotionTrack,
     /// Motion from past observations alone.
-    pub(super) causal: Track,
+    pub(super) causal: MotionTrack,
     /// Whether the applied commands were lost.
     pub(super) is_lost: Vec<bool>,
 }
@@ -99,7 +99,7 @@ impl Tally {
         &mut self,
         flight: &Judged,
         horizon_steps: usize,
-        rule: impl Fn(&Track) -> F,
+        rule: impl Fn(&MotionTrack) -> F,
     ) {
         let none: &[bool] = &[];
         let cases = [

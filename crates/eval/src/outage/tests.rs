@@ -21,7 +21,7 @@ fn table() -> OutageTable {
 
 /// A flight of `steps` with first-order lag and 20 % more gain than expected, whose commands do not
 /// act where `is_lost`.
-fn flight(steps: usize, is_lost: impl Fn(usize) -> bool) -> (Vec<Sticks>, Track) {
+fn flight(steps: usize, is_lost: impl Fn(usize) -> bool) -> (Vec<Sticks>, MotionTrack) {
     let mut velocity = Vector2::zeros();
     let mut pose = Pose::new(0.0, 0.0, 1.0, 1.0);
     let (mut u, mut o) = (Vec::new(), Vec::new());

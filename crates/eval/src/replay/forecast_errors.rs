@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::forecast::{ErrorSummary, ForecastErrors, HorizonErrors};
 use crate::recordings::PERIOD_S;
-use crate::smooth::Track;
+use crate::smooth::MotionTrack;
 
 /// Prediction horizons. steps of [`PERIOD_S`]
 pub(super) const AHEAD_STEPS: [usize; 3] = [10, 30, 50];
@@ -79,7 +79,7 @@ pub(super) fn judge(
 }
 
 /// Where each step leads with the velocity of `track`.
-pub(super) fn constant_velocity(track: &Track) -> Vec<Forecast> {
+pub(super) fn constant_velocity(track: &MotionTrack) -> Vec<Forecast> {
     let states = track.pose.iter().zip(&track.velocity);
     states
         .map(|(pose, velocity)| ahead_s().map(|ahead_s| Some(pose + ahead_s * velocity)))

@@ -19,7 +19,7 @@ use super::protocol::{Absence, BodyProtocol, Head, Name, OBJECTS_MAX, Taker};
 use super::wire::{CHUNK_BYTES, Wire};
 use super::{MocapCounters, MocapSettings, SourceError};
 use crate::clock::{Clock, TimeNs};
-pub use track::{Track, TrackReport};
+pub use track::{SurveyTrack, TrackReport};
 
 /// Time between two calls of `on_look`, and longest wait for bytes.
 const LOOK: Duration = Duration::from_millis(100);
@@ -30,7 +30,7 @@ const BACK_OFF: Duration = Duration::from_millis(200);
 #[derive(Debug, Clone, Default)]
 pub struct Survey {
     /// Objects by name; `#` and the identity for one without a name.
-    pub objects: BTreeMap<String, Track>,
+    pub objects: BTreeMap<String, SurveyTrack>,
     /// Connections that were made.
     pub connects: u64,
     /// Complete messages received.
@@ -74,7 +74,7 @@ impl Taker for Collect<'_> {
         if head.absence != Absence::Unknown {
             // What is known and not in the frame is not seen.
             let may_be_before = head.absence == Absence::LostUnlessBefore;
-            let is_there = |name: &String, track: &Track| {
+            let is_there = |name: &String, track: &SurveyTrack| {
                 self.bodies.iter().any(|(body, _)| body == name)
                     || (may_be_before && track.had(head.number))
             };

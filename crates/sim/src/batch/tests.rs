@@ -35,7 +35,7 @@ fn what_counts_over_sockets_alone_is_named() {
     let mut sim = crate::settings(None).unwrap();
     assert_eq!(ignored(&sim).unwrap(), [""; 0]);
     sim.drone.air.loss = 0.5;
-    sim.start = crate::Start::Ground { x: 9.0, y: 0.0, theta: 0.0 };
+    sim.start = crate::SimStart::Ground { x: 9.0, y: 0.0, theta: 0.0 };
     assert_eq!(ignored(&sim).unwrap(), ["start", "drone.air"]);
 }
 

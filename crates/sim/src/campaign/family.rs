@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::random::{Purpose, Random};
 use crate::{
-    Axes, CancelledBy, Fault, FlyingFlag, Measured, Outage, Profile, ScriptedFault, SimTable, Start,
+    Axes, CancelledBy, FlyingFlag, InjectedFault, Measured, OutageBehaviour, Profile,
+    ScriptedFault, SimStart, SimTable,
 };
 
 /// Most faults of a flight that have a time.
@@ -169,7 +170,7 @@ impl Draw {
             let mut for_s = for_s[usize::from(is_staying)];
             if family.is_lasting() {
                 (from_s, for_s) = (0.0, FOR_EVER_S);
-            } else if fault == Fault::ControlStalled && !is_staying {
+            } else if fault == InjectedFault::ControlStalled && !is_staying {
                 for_s = length_s.min(0.4);
             }
             self.onset_s = self.onset_s.min(from_s);
@@ -191,31 +192,31 @@ impl Family {
     }
 
     /// The fault, or `None` for a switch.
-    fn fault(self, random: &mut Random) -> Option<Fault> {
+    fn fault(self, random: &mut Random) -> Option<InjectedFault> {
         Some(match self {
-            Self::Lost => Fault::MocapLost,
-            Self::Silent => Fault::MocapSilent,
-            Self::Frozen => Fault::MocapFrozen,
-            Self::Nan => Fault::MocapNan,
-            Self::Fixed => Fault::MocapGhost,
-            Self::Far => pick(&[Fault::MocapAside, Fault::MocapFar], random),
-            Self::Millimetres => Fault::MocapMillimetres,
-            Self::OtherSubject => Fault::MocapOther,
-            Self::Deaf => Fault::DroneDeaf,
-            Self::Mute => Fault::DroneMute,
-            Self::StuckSticks => Fault::DroneSticksStuck,
-            Self::LandRefused => Fault::DroneRefusesLand,
-            Self::Reboot => Fault::DroneReboot { falls: false },
-            Self::SecondController => Fault::SecondController {
+            Self::Lost => InjectedFault::MocapLost,
+            Self::Silent => InjectedFault::MocapSilent,
+            Self::Frozen => InjectedFault::MocapFrozen,
+            Self::Nan => InjectedFault::MocapNan,
+            Self::Fixed => InjectedFault::MocapGhost,
+            Self::Far => pick(&[InjectedFault::MocapAside, InjectedFault::MocapFar], random),
+            Self::Millimetres => InjectedFault::MocapMillimetres,
+            Self::OtherSubject => InjectedFault::MocapOther,
+            Self::Deaf => InjectedFault::DroneDeaf,
+            Self::Mute => InjectedFault::DroneMute,
+            Self::StuckSticks => InjectedFault::DroneSticksStuck,
+            Self::LandRefused => InjectedFault::DroneRefusesLand,
+            Self::Reboot => InjectedFault::DroneReboot { falls: false },
+            Self::SecondController => InjectedFault::SecondController {
                 sticks: [(); 4].map(|()| random.between(-0.6, 0.6)),
                 rate_hz: random.between(2.0, 50.0),
             },
-            Self::Stall => Fault::ControlStalled,
+            Self::Stall => InjectedFault::ControlStalled,
             Self::FrameTurned => frame(sign(random) * random.between(0.2, PI), false, 1.0),
             Self::FrameMirrored => frame(0.0, true, 1.0),
             Self::FrameScaled => frame(0.0, false, log_between(random, 0.8, 1.25)),
             Self::HeadingTurned => {
-                Fault::MocapHeading { turn_rad: sign(random) * random.between(0.5, PI) }
+                InjectedFault::MocapHeading { turn_rad: sign(random) * random.between(0.5, PI) }
             }
             Self::NoEmergency
             | Self::LandingKeepsSticks
@@ -233,29 +234,29 @@ impl Family {
     }
 
     /// The fault of the mocap with values that begins in flight.
-    fn false_pose(self, random: &mut Random) -> Fault {
+    fn false_pose(self, random: &mut Random) -> InjectedFault {
         match self {
-            Self::Ghost => Fault::MocapStill {
+            Self::Ghost => InjectedFault::MocapStill {
                 offset_w_m: vector(random, 0.0, 3.0),
                 turn_rad: if random.chance(0.5) { random.between(-PI, PI) } else { 0.0 },
                 noise_m: random.between(0.0, 5e-3),
                 noise_rad: random.between(0.0, 0.02),
             },
-            Self::Stuck => Fault::MocapStill {
+            Self::Stuck => InjectedFault::MocapStill {
                 offset_w_m: [0.0; 3],
                 turn_rad: 0.0,
                 noise_m: log_between(random, 1e-5, 5e-3),
                 noise_rad: log_between(random, 1e-5, 0.02),
             },
             Self::AxesStuck => axes_stuck(random),
-            Self::Walker => Fault::MocapWalker {
+            Self::Walker => InjectedFault::MocapWalker {
                 offset_w_m: vector(random, 0.0, 2.0),
                 radius_m: random.between(0.3, 2.0),
                 speed_mps: random.between(0.05, 1.5),
                 noise_m: random.between(0.0, 5e-3),
                 noise_rad: random.between(0.0, 0.02),
             },
-            Self::Leaving => Fault::MocapWalker {
+            Self::Leaving => InjectedFault::MocapWalker {
                 offset_w_m: [0.0; 3],
                 radius_m: random.between(5.0, 20.0),
                 speed_mps: log_between(random, 0.05, 1.5),
@@ -264,27 +265,28 @@ impl Family {
             },
             Self::Drift | Self::HeightDrift | Self::HeadingDrift => self.drift(random),
             Self::HeadingStep => {
-                Fault::MocapHeading { turn_rad: sign(random) * random.between(0.3, PI) }
+                InjectedFault::MocapHeading { turn_rad: sign(random) * random.between(0.3, PI) }
             }
-            Self::Noise => Fault::MocapNoise {
+            Self::Noise => InjectedFault::MocapNoise {
                 growth_mps: random.between(0.0, 0.2),
                 growth_radps: random.between(0.0, 0.4),
             },
             Self::Occluded => {
                 let period_s = random.between(0.1, 4.0);
-                Fault::MocapOccluded { period_s, lost_s: period_s * random.between(0.2, 0.95) }
+                let lost_s = period_s * random.between(0.2, 0.95);
+                InjectedFault::MocapOccluded { period_s, lost_s }
             }
-            Self::Lag => Fault::MocapLag { delay_s: log_between(random, 0.05, 3.0) },
-            Self::LagRamp => Fault::MocapLagRamp { growth: log_between(random, 0.02, 0.9) },
-            Self::SlowLink => {
-                Fault::MocapSlowLink { bytes_per_s: RELAY_BYTES_PER_S * random.between(0.1, 0.98) }
-            }
-            _ => Fault::MocapSilent,
+            Self::Lag => InjectedFault::MocapLag { delay_s: log_between(random, 0.05, 3.0) },
+            Self::LagRamp => InjectedFault::MocapLagRamp { growth: log_between(random, 0.02, 0.9) },
+            Self::SlowLink => InjectedFault::MocapSlowLink {
+                bytes_per_s: RELAY_BYTES_PER_S * random.between(0.1, 0.98),
+            },
+            _ => InjectedFault::MocapSilent,
         }
     }
 
     /// The drift with values: along the floor, in height or in heading.
-    fn drift(self, random: &mut Random) -> Fault {
+    fn drift(self, random: &mut Random) -> InjectedFault {
         let (mut velocity_w_mps, mut yaw_radps) = ([0.0; 3], 0.0);
         match self {
             Self::HeightDrift => {
@@ -297,7 +299,7 @@ impl Family {
                 velocity_w_mps = [speed_mps * cos, speed_mps * sin, 0.0];
             }
         }
-        Fault::MocapDrift { velocity_w_mps, yaw_radps }
+        InjectedFault::MocapDrift { velocity_w_mps, yaw_radps }
     }
 
     /// Sets the switch in `sim`; nothing for a fault.
@@ -344,12 +346,10 @@ impl Family {
             Self::NoAutoLand => drone.lands_on_silence = false,
             Self::HeldOutages => {
                 *profile = Profile::Outages;
-                drone.outage = pick(&[Outage::Held, Outage::Mixed], random);
+                drone.outage = pick(&[OutageBehaviour::Held, OutageBehaviour::Mixed], random);
             }
-            Self::AlreadyFlying => {
-                if let Start::Ground { x, y, theta } = *start {
-                    *start = Start::Air { x, y, z: ALOFT_M, theta };
-                }
+            Self::AlreadyFlying if let SimStart::Ground { x, y, theta } = *start => {
+                *start = SimStart::Air { x, y, z: ALOFT_M, theta };
             }
             _ => {}
         }
@@ -359,8 +359,8 @@ impl Family {
 /// Bytes that the relay sends, in the mean. 1/s
 const RELAY_BYTES_PER_S: f64 = 4e3;
 
-fn frame(turn_rad: f64, is_mirrored: bool, scale: f64) -> Fault {
-    Fault::MocapFrame { turn_rad, is_mirrored, scale }
+fn frame(turn_rad: f64, is_mirrored: bool, scale: f64) -> InjectedFault {
+    InjectedFault::MocapFrame { turn_rad, is_mirrored, scale }
 }
 
 /// One of `all`, which are not none.
@@ -379,11 +379,11 @@ fn log_between(random: &mut Random, low: f64, high: f64) -> f64 {
 }
 
 /// One axis of the position stands still, or both of the floor.
-fn axes_stuck(random: &mut Random) -> Fault {
+fn axes_stuck(random: &mut Random) -> InjectedFault {
     let all =
         [[true, false, false], [false, true, false], [false, false, true], [true, true, false]];
     let axes = pick(&all, random);
-    Fault::MocapAxesStuck { axes, noise_m: log_between(random, 1e-5, 5e-3) }
+    InjectedFault::MocapAxesStuck { axes, noise_m: log_between(random, 1e-5, 5e-3) }
 }
 
 /// A vector in any direction with a length that is uniform.

@@ -12,7 +12,7 @@ use tello_flight::drone::LAND_PERIOD;
 use tello_flight::{FaultSet, Phase, Pilot, Room};
 use tello_io::tello::protocol::{Action, HostPacket};
 
-use crate::{Phase as DronePhase, Truth};
+use crate::{DronePhase, Truth};
 
 /// Time after which a flight without an end is one of those sought: a mission may take 30 s more than twice
 /// its planned time, and begin 40 s after the start. s

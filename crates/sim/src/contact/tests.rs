@@ -2,7 +2,7 @@ use tello_flight::{ObstacleTable, RoomTable, Start};
 use tello_io::config;
 
 use super::*;
-use crate::{Profile, Start as SimStart};
+use crate::{Profile, SimStart};
 
 const DEAD_STEPS: u64 = 16;
 

@@ -9,7 +9,7 @@ fn truth(step: u64) -> Pose {
 }
 
 /// Reports of 4 s with `fault` from 1 s on for 2 s.
-fn reports(fault: Fault) -> Vec<MocapReport> {
+fn reports(fault: InjectedFault) -> Vec<MocapReport> {
     let script = vec![ScriptedFault { fault, from_s: 1.0, for_s: 2.0 }];
     let mut faults = Faults::new(script).unwrap();
     let mut distortion = Distortion::new(4);
@@ -23,7 +23,7 @@ fn reports(fault: Fault) -> Vec<MocapReport> {
 }
 
 /// Poses in the 100 steps of the fault; in the others the truth is reported.
-fn poses(fault: Fault) -> Vec<Pose> {
+fn poses(fault: InjectedFault) -> Vec<Pose> {
     let reports = reports(fault);
     for (step, report) in (0..).zip(&reports) {
         if !(50..150).contains(&step) {
@@ -51,7 +51,7 @@ fn standard_deviation(values: impl Iterator<Item = f64> + Clone) -> f64 {
 fn a_still_object_stands_where_the_drone_was_plus_its_offset() {
     let offset_w_m = [0.3, -0.4, 0.1];
     let still = |noise_m, noise_rad| {
-        poses(Fault::MocapStill { offset_w_m, turn_rad: 0.5, noise_m, noise_rad })
+        poses(InjectedFault::MocapStill { offset_w_m, turn_rad: 0.5, noise_m, noise_rad })
     };
     let at = truth(50) + Pose::new(0.3, -0.4, 0.1, 0.5);
     for o in still(0.0, 0.0) {
@@ -70,7 +70,7 @@ fn a_still_object_stands_where_the_drone_was_plus_its_offset() {
 fn a_split_object_is_the_drone_or_the_other_one_as_often_as_set() {
     let offset_w_m = [0.25, 0.0, 0.0];
     let other = truth(50) + Pose::new(0.25, 0.0, 0.0, 0.0);
-    let split = poses(Fault::MocapSplit { offset_w_m, fraction: 0.5 });
+    let split = poses(InjectedFault::MocapSplit { offset_w_m, fraction: 0.5 });
     let is_other = |o: &&Pose| amax(&(*o - other)) < 1e-12;
     let elsewhere = split.iter().filter(is_other).count();
     // Four standard deviations of 100 draws.
@@ -83,7 +83,7 @@ fn a_split_object_is_the_drone_or_the_other_one_as_often_as_set() {
 #[test]
 fn a_shifted_position_is_off_by_the_same_way_while_the_drone_moves() {
     let off = Pose::new(0.2, -0.1, 0.3, 0.0);
-    let shifted = poses(Fault::MocapShifted { offset_w_m: [0.2, -0.1, 0.3] });
+    let shifted = poses(InjectedFault::MocapShifted { offset_w_m: [0.2, -0.1, 0.3] });
     for (k, o) in (0_u64..).zip(&shifted) {
         assert_close(o, &(truth(50 + k) + off), 1e-12);
     }
@@ -91,7 +91,8 @@ fn a_shifted_position_is_off_by_the_same_way_while_the_drone_moves() {
 
 #[test]
 fn stuck_axes_stay_under_their_noise_and_the_others_are_right() {
-    let stuck = |noise_m| poses(Fault::MocapAxesStuck { axes: [true, false, true], noise_m });
+    let stuck =
+        |noise_m| poses(InjectedFault::MocapAxesStuck { axes: [true, false, true], noise_m });
     for (k, o) in (0_u64..).zip(stuck(0.0)) {
         let (onset, now) = (truth(50), truth(50 + k));
         let expected = Pose::new(onset[pose::X], now[pose::Y], onset[pose::Z], now[pose::THETA]);
@@ -107,7 +108,7 @@ fn stuck_axes_stay_under_their_noise_and_the_others_are_right() {
 
 #[test]
 fn a_walker_moves_on_a_circle_at_its_speed() {
-    let walker = Fault::MocapWalker {
+    let walker = InjectedFault::MocapWalker {
         offset_w_m: [0.6, 0.0, 0.0],
         radius_m: 0.5,
         speed_mps: 0.4,
@@ -133,7 +134,7 @@ fn a_walker_moves_on_a_circle_at_its_speed() {
 
 #[test]
 fn a_drift_grows_with_time() {
-    let drift = Fault::MocapDrift { velocity_w_mps: [0.1, 0.0, -0.2], yaw_radps: 0.05 };
+    let drift = InjectedFault::MocapDrift { velocity_w_mps: [0.1, 0.0, -0.2], yaw_radps: 0.05 };
     for (k, o) in (0_u32..).zip(poses(drift)) {
         let t_s = f64::from(k) * DT_S;
         let expected = truth(50 + u64::from(k)) + Pose::new(0.1, 0.0, -0.2, 0.05) * t_s;
@@ -143,8 +144,9 @@ fn a_drift_grows_with_time() {
 
 #[test]
 fn a_frame_is_mirrored_scaled_and_turned() {
-    let frame =
-        |turn_rad, is_mirrored, scale| poses(Fault::MocapFrame { turn_rad, is_mirrored, scale })[0];
+    let frame = |turn_rad, is_mirrored, scale| {
+        poses(InjectedFault::MocapFrame { turn_rad, is_mirrored, scale })[0]
+    };
     let [x, y, z, theta] = truth(50).into();
     assert_close(&frame(0.0, true, 1.0), &Pose::new(x, -y, z, -theta), 1e-12);
     assert_close(&frame(0.0, false, 1.1), &Pose::new(1.1 * x, 1.1 * y, 1.1 * z, theta), 1e-12);
@@ -158,13 +160,13 @@ fn a_turned_heading_leaves_the_position_and_stays_in_its_interval() {
     for (turn_rad, expected) in [(PI / 2.0, 0.4 + PI / 2.0), (PI, 0.4 - PI), (-3.0, -2.6)] {
         let mut at = truth(50);
         at[pose::THETA] = expected;
-        assert_close(&poses(Fault::MocapHeading { turn_rad })[0], &at, 1e-12);
+        assert_close(&poses(InjectedFault::MocapHeading { turn_rad })[0], &at, 1e-12);
     }
 }
 
 #[test]
 fn noise_grows_from_nothing() {
-    let poses = poses(Fault::MocapNoise { growth_mps: 0.05, growth_radps: 0.1 });
+    let poses = poses(InjectedFault::MocapNoise { growth_mps: 0.05, growth_radps: 0.1 });
     assert_close(&poses[0], &truth(50), 1e-12);
     let errors = (0_u32..).zip(poses).map(|(k, o)| (o - truth(50 + u64::from(k)))[pose::X]);
     let errors: Vec<f64> = errors.collect();
@@ -176,7 +178,7 @@ fn noise_grows_from_nothing() {
 
 #[test]
 fn an_occlusion_comes_again() {
-    let reports = reports(Fault::MocapOccluded { period_s: 0.4, lost_s: 0.1 });
+    let reports = reports(InjectedFault::MocapOccluded { period_s: 0.4, lost_s: 0.1 });
     let lost: Vec<usize> = (0..200).filter(|step| reports[*step] == MocapReport::Lost).collect();
     let expected: Vec<usize> = (50..150).filter(|step| (step - 50) % 20 < 5).collect();
     assert_eq!(lost, expected);
@@ -184,7 +186,7 @@ fn an_occlusion_comes_again() {
 
 #[test]
 fn what_is_not_seen_is_not_distorted() {
-    let still = Fault::MocapStill {
+    let still = InjectedFault::MocapStill {
         offset_w_m: [1.0, 0.0, 0.0],
         turn_rad: 0.0,
         noise_m: 0.0,
@@ -201,17 +203,17 @@ fn what_is_not_seen_is_not_distorted() {
 
 #[test]
 fn a_report_changes_as_its_fault_lets_it() {
-    let frozen = [Fault::MocapGhost, Fault::MocapFrozen];
+    let frozen = [InjectedFault::MocapGhost, InjectedFault::MocapFrozen];
     let moving = [
-        Fault::MocapFar,
-        Fault::MocapFlipped,
-        Fault::MocapMillimetres,
-        Fault::MocapShifted { offset_w_m: [0.3, 0.0, 0.0] },
-        Fault::MocapHeading { turn_rad: 0.4 },
-        Fault::MocapDrift { velocity_w_mps: [0.1, -0.2, 0.05], yaw_radps: 0.1 },
-        Fault::MocapFrame { turn_rad: 0.4, is_mirrored: true, scale: 1.5 },
-        Fault::MocapAxesStuck { axes: [true, false, true], noise_m: 0.0 },
-        Fault::MocapWalker {
+        InjectedFault::MocapFar,
+        InjectedFault::MocapFlipped,
+        InjectedFault::MocapMillimetres,
+        InjectedFault::MocapShifted { offset_w_m: [0.3, 0.0, 0.0] },
+        InjectedFault::MocapHeading { turn_rad: 0.4 },
+        InjectedFault::MocapDrift { velocity_w_mps: [0.1, -0.2, 0.05], yaw_radps: 0.1 },
+        InjectedFault::MocapFrame { turn_rad: 0.4, is_mirrored: true, scale: 1.5 },
+        InjectedFault::MocapAxesStuck { axes: [true, false, true], noise_m: 0.0 },
+        InjectedFault::MocapWalker {
             offset_w_m: [1.0, 0.0, 0.0],
             radius_m: 0.5,
             speed_mps: 0.8,
@@ -237,7 +239,7 @@ fn a_report_changes_as_its_fault_lets_it() {
 
 #[test]
 fn between_the_steps_a_split_object_rests_where_it_is_the_other_one() {
-    let split = Fault::MocapSplit { offset_w_m: [0.25, 0.0, 0.0], fraction: 0.5 };
+    let split = InjectedFault::MocapSplit { offset_w_m: [0.25, 0.0, 0.0], fraction: 0.5 };
     let script = vec![ScriptedFault { fault: split, from_s: 1.0, for_s: 2.0 }];
     let (mut faults, mut distortion) = (Faults::new(script).unwrap(), Distortion::new(4));
     let mut resting = 0;

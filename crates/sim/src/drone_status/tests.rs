@@ -8,7 +8,7 @@ use crate::{Profile, SimTable};
 fn truth(is_flying: bool, x_mps: f64, y_mps: f64, z_mps: f64) -> Truth {
     let clean = SimTable { profile: Profile::Clean, has_spread: false, ..table() };
     let truth = World::new(&clean, 1).unwrap().truth();
-    let phase = if is_flying { Phase::Flying } else { Phase::Grounded };
+    let phase = if is_flying { DronePhase::Flying } else { DronePhase::Grounded };
     let velocity = Velocity { x_mps, y_mps, z_mps, yaw_radps: 0.0 };
     Truth { phase, velocity, motor_s: 7.0, ..truth }
 }

@@ -9,14 +9,14 @@ use tello_io::mocap::parse_line;
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
 
 use super::*;
-use crate::drone::Phase;
+use crate::drone::DronePhase;
 use crate::world::tests::table;
-use crate::{Profile, SimTable, Start};
+use crate::{Profile, SimStart, SimTable};
 
 const ANY: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 0);
 
 /// The nominal drone on a clean day without a breath of wind.
-fn emulator(start: Start) -> Emulator {
+fn emulator(start: SimStart) -> Emulator {
     let mut table = SimTable { profile: Profile::Clean, has_spread: false, start, ..table() };
     table.plant.disturbance_h_mps = 0.0;
     table.plant.disturbance_v_mps = 0.0;
@@ -108,12 +108,12 @@ fn wait_for(emulator: &Emulator, is_reached: impl Fn(&Truth) -> bool) -> Truth {
     panic!("not within 10 s: {:?}", emulator.truth());
 }
 
-const IN_THE_AIR: Start = Start::Air { x: 0.5, y: -0.5, z: 1.3, theta: 0.0 };
+const IN_THE_AIR: SimStart = SimStart::Air { x: 0.5, y: -0.5, z: 1.3, theta: 0.0 };
 
 #[test]
 #[ignore = "seconds of real time: in .ci/run all"]
 fn a_host_connects_steers_and_lands() {
-    let emulator = emulator(Start::Air { x: 0.5, y: -0.5, z: 0.5, theta: 0.0 });
+    let emulator = emulator(SimStart::Air { x: 0.5, y: -0.5, z: 0.5, theta: 0.0 });
     let host = Host::connected(&emulator);
     let status = host.status();
     assert!(status.is_flying() && (4..=6).contains(&status.height_dm), "{status:?}");
@@ -126,7 +126,7 @@ fn a_host_connects_steers_and_lands() {
 
     host.send(&HostPacket::Action { action: Action::Land, sequence: 513 });
     assert_eq!(host.ack(), (Action::Land, 513));
-    wait_for(&emulator, |truth| truth.phase == Phase::Grounded);
+    wait_for(&emulator, |truth| truth.phase == DronePhase::Grounded);
     assert!((0..100).any(|_| host.status().is_on_ground()));
     emulator.stop().unwrap();
 }
@@ -145,17 +145,17 @@ fn a_new_host_is_asked_for_the_time_and_the_log() {
 
 #[test]
 fn strangers_and_garbage_are_not_heard() {
-    let emulator = emulator(Start::Ground { x: 0.0, y: 0.0, theta: 0.0 });
+    let emulator = emulator(SimStart::Ground { x: 0.0, y: 0.0, theta: 0.0 });
     let host = Host::new(&emulator);
     host.send(&HostPacket::Action { action: Action::TakeOff, sequence: 1 });
     for garbage in [&b"takeoff"[..], b"", b"conn_req:", &[0xCC; 900]] {
         host.0.send(garbage).unwrap();
     }
     let host = Host::connected(&emulator);
-    assert_eq!(emulator.truth().phase, Phase::Grounded);
+    assert_eq!(emulator.truth().phase, DronePhase::Grounded);
     host.send(&HostPacket::Action { action: Action::TakeOff, sequence: 2 });
     assert_eq!(host.ack(), (Action::TakeOff, 2));
-    assert_eq!(emulator.truth().phase, Phase::TakingOff);
+    assert_eq!(emulator.truth().phase, DronePhase::TakingOff);
 }
 
 #[test]
@@ -193,12 +193,12 @@ fn faults_are_switched_live() {
         relay_lines(&emulator).map(|line| parse_line(line.as_bytes()).unwrap().at.is_some());
     assert_eq!(is_seen.next(), Some(true));
     // Lines on their way are older than the switch.
-    emulator.set_fault(Fault::MocapLost, true);
+    emulator.set_fault(InjectedFault::MocapLost, true);
     assert!(is_seen.by_ref().take(200).any(|is_seen| !is_seen));
-    emulator.set_fault(Fault::MocapLost, false);
+    emulator.set_fault(InjectedFault::MocapLost, false);
     assert!(is_seen.by_ref().take(200).any(|is_seen| is_seen));
 
-    emulator.set_fault(Fault::DroneDeaf, true);
+    emulator.set_fault(InjectedFault::DroneDeaf, true);
     let host = Host::new(&emulator);
     host.0.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
     host.send(&HostPacket::ConnReq { video_port: 6038 });
@@ -298,7 +298,7 @@ fn the_flight_log_comes_when_its_header_is_acknowledged_and_tells_the_heading() 
 fn a_host_in_the_text_sdk_gets_a_status_an_ok_and_state_lines() {
     let mut table = SimTable {
         profile: Profile::Clean,
-        start: Start::Ground { x: 0.0, y: 0.0, theta: 0.0 },
+        start: SimStart::Ground { x: 0.0, y: 0.0, theta: 0.0 },
         ..table()
     };
     table.drone.sdk = crate::SdkVersion::V3_0;
@@ -325,7 +325,7 @@ fn frames_that_are_late_come_late_over_the_socket() {
     let emulator = emulator(IN_THE_AIR);
     let mut lines = relay_lines(&emulator);
     lines.next().unwrap();
-    emulator.set_fault(Fault::MocapLag { delay_s: 0.6 }, true);
+    emulator.set_fault(InjectedFault::MocapLag { delay_s: 0.6 }, true);
     let clock = Clock::start();
     let arrivals: Vec<_> =
         lines.by_ref().take(30).map(|line| (clock.now(), frame_of(&line))).collect();
@@ -341,7 +341,7 @@ fn a_drone_that_starts_anew_waits_for_a_host_to_ask() {
     let emulator = emulator(IN_THE_AIR);
     let host = Host::connected(&emulator);
     assert!(host.status().is_flying());
-    let reboot = Fault::DroneReboot { falls: false };
+    let reboot = InjectedFault::DroneReboot { falls: false };
     emulator.set_fault(reboot, true);
     std::thread::sleep(Duration::from_millis(100));
     emulator.set_fault(reboot, false);

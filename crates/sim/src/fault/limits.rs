@@ -2,7 +2,7 @@
 
 use horizon_model::setting::{SettingError, in_range};
 
-use super::Fault;
+use super::InjectedFault;
 
 /// Largest offset, radius or noise. m
 const SIZE_MAX_M: f64 = 100.0;
@@ -19,7 +19,7 @@ const BYTES_PER_S_MAX: f64 = 1e9;
 /// What counts as above zero.
 const SMALL: f64 = 1e-6;
 
-impl Fault {
+impl InjectedFault {
     /// Accepts the values of the fault.
     ///
     /// # Errors
@@ -113,18 +113,22 @@ mod tests {
     use super::*;
 
     /// Each fault with a value at `at`, its key, the least and the largest of what it may be.
-    type Rule = (&'static str, fn(f64) -> Fault, [f64; 2]);
+    type Rule = (&'static str, fn(f64) -> InjectedFault, [f64; 2]);
 
     const RULES: [Rule; 31] = [
-        ("drone_held.sway_m", |sway_m| Fault::DroneHeld { sway_m, lowered_m: 0.0 }, [0.0, 100.0]),
+        (
+            "drone_held.sway_m",
+            |sway_m| InjectedFault::DroneHeld { sway_m, lowered_m: 0.0 },
+            [0.0, 100.0],
+        ),
         (
             "drone_held.lowered_m",
-            |lowered_m| Fault::DroneHeld { sway_m: 0.0, lowered_m },
+            |lowered_m| InjectedFault::DroneHeld { sway_m: 0.0, lowered_m },
             [0.0, 100.0],
         ),
         (
             "drone_pushed.velocity_mps",
-            |at| Fault::DronePushed { velocity_w_mps: [0.0, at, 0.0] },
+            |at| InjectedFault::DronePushed { velocity_w_mps: [0.0, at, 0.0] },
             [-10.0, 10.0],
         ),
         ("mocap_still.offset_m", |at| still([0.0, at, 0.0], [0.0; 3]), [-100.0, 100.0]),
@@ -133,7 +137,7 @@ mod tests {
         ("mocap_still.noise_rad", |at| still([0.0; 3], [0.0, 0.0, at]), [0.0, 100.0]),
         (
             "mocap_axes_stuck.noise_m",
-            |noise_m| Fault::MocapAxesStuck { axes: [true; 3], noise_m },
+            |noise_m| InjectedFault::MocapAxesStuck { axes: [true; 3], noise_m },
             [0.0, 100.0],
         ),
         (
@@ -147,41 +151,45 @@ mod tests {
         ("mocap_walker.noise_rad", |at| walker([0.0; 3], [1.0, 0.0, 0.0, at]), [0.0, 100.0]),
         (
             "mocap_drift.velocity_mps",
-            |at| Fault::MocapDrift { velocity_w_mps: [0.0, at, 0.0], yaw_radps: 0.0 },
+            |at| InjectedFault::MocapDrift { velocity_w_mps: [0.0, at, 0.0], yaw_radps: 0.0 },
             [-10.0, 10.0],
         ),
         (
             "mocap_drift.yaw_radps",
-            |yaw_radps| Fault::MocapDrift { velocity_w_mps: [0.0; 3], yaw_radps },
+            |yaw_radps| InjectedFault::MocapDrift { velocity_w_mps: [0.0; 3], yaw_radps },
             [-10.0, 10.0],
         ),
         ("mocap_frame.turn_rad", |at| frame(at, 1.0), [-10.0, 10.0]),
         ("mocap_frame.scale", |at| frame(0.0, at), [1e-6, 1e6]),
-        ("mocap_heading.turn_rad", |turn_rad| Fault::MocapHeading { turn_rad }, [-10.0, 10.0]),
+        (
+            "mocap_heading.turn_rad",
+            |turn_rad| InjectedFault::MocapHeading { turn_rad },
+            [-10.0, 10.0],
+        ),
         ("mocap_noise.growth_mps", |at| noise(at, 0.0), [0.0, 100.0]),
         ("mocap_noise.growth_radps", |at| noise(0.0, at), [0.0, 100.0]),
         ("mocap_occluded.period_s", |at| occluded(at, 1.0), [0.02, 1000.0]),
         ("mocap_occluded.lost_s", |at| occluded(1.0, at), [0.02, 1000.0]),
         (
             "mocap_split.offset_m",
-            |at| Fault::MocapSplit { offset_w_m: [0.0, at, 0.0], fraction: 0.5 },
+            |at| InjectedFault::MocapSplit { offset_w_m: [0.0, at, 0.0], fraction: 0.5 },
             [-100.0, 100.0],
         ),
         (
             "mocap_split.fraction",
-            |fraction| Fault::MocapSplit { offset_w_m: [0.0; 3], fraction },
+            |fraction| InjectedFault::MocapSplit { offset_w_m: [0.0; 3], fraction },
             [0.0, 1.0],
         ),
         (
             "mocap_shifted.offset_m",
-            |at| Fault::MocapShifted { offset_w_m: [0.0, at, 0.0] },
+            |at| InjectedFault::MocapShifted { offset_w_m: [0.0, at, 0.0] },
             [-100.0, 100.0],
         ),
-        ("mocap_lag.delay_s", |delay_s| Fault::MocapLag { delay_s }, [0.0, 1000.0]),
-        ("mocap_lag_ramp.growth", |growth| Fault::MocapLagRamp { growth }, [0.0, 10.0]),
+        ("mocap_lag.delay_s", |delay_s| InjectedFault::MocapLag { delay_s }, [0.0, 1000.0]),
+        ("mocap_lag_ramp.growth", |growth| InjectedFault::MocapLagRamp { growth }, [0.0, 10.0]),
         (
             "mocap_slow_link.bytes_per_s",
-            |bytes_per_s| Fault::MocapSlowLink { bytes_per_s },
+            |bytes_per_s| InjectedFault::MocapSlowLink { bytes_per_s },
             [1e-6, 1e9],
         ),
         ("second_controller.sticks", |at| second([0.0, 0.0, at, 0.0], 20.0), [-1.0, 1.0]),
@@ -189,31 +197,34 @@ mod tests {
         ("second_controller.sticks", |at| second([at, 0.0, 0.0, 0.0], 20.0), [-1.0, 1.0]),
     ];
 
-    const fn still(offset_w_m: [f64; 3], [turn_rad, noise_m, noise_rad]: [f64; 3]) -> Fault {
-        Fault::MocapStill { offset_w_m, turn_rad, noise_m, noise_rad }
+    const fn still(
+        offset_w_m: [f64; 3],
+        [turn_rad, noise_m, noise_rad]: [f64; 3],
+    ) -> InjectedFault {
+        InjectedFault::MocapStill { offset_w_m, turn_rad, noise_m, noise_rad }
     }
 
     const fn walker(
         offset_w_m: [f64; 3],
         [radius_m, speed_mps, noise_m, noise_rad]: [f64; 4],
-    ) -> Fault {
-        Fault::MocapWalker { offset_w_m, radius_m, speed_mps, noise_m, noise_rad }
+    ) -> InjectedFault {
+        InjectedFault::MocapWalker { offset_w_m, radius_m, speed_mps, noise_m, noise_rad }
     }
 
-    const fn frame(turn_rad: f64, scale: f64) -> Fault {
-        Fault::MocapFrame { turn_rad, scale, is_mirrored: false }
+    const fn frame(turn_rad: f64, scale: f64) -> InjectedFault {
+        InjectedFault::MocapFrame { turn_rad, scale, is_mirrored: false }
     }
 
-    const fn noise(growth_mps: f64, growth_radps: f64) -> Fault {
-        Fault::MocapNoise { growth_mps, growth_radps }
+    const fn noise(growth_mps: f64, growth_radps: f64) -> InjectedFault {
+        InjectedFault::MocapNoise { growth_mps, growth_radps }
     }
 
-    const fn occluded(period_s: f64, lost_s: f64) -> Fault {
-        Fault::MocapOccluded { period_s, lost_s }
+    const fn occluded(period_s: f64, lost_s: f64) -> InjectedFault {
+        InjectedFault::MocapOccluded { period_s, lost_s }
     }
 
-    const fn second(sticks: [f64; 4], rate_hz: f64) -> Fault {
-        Fault::SecondController { sticks, rate_hz }
+    const fn second(sticks: [f64; 4], rate_hz: f64) -> InjectedFault {
+        InjectedFault::SecondController { sticks, rate_hz }
     }
 
     #[test]
@@ -232,7 +243,11 @@ mod tests {
 
     #[test]
     fn faults_without_values_are_always_accepted() {
-        for fault in [Fault::MocapLost, Fault::DroneReboot { falls: true }, Fault::ControlStalled] {
+        for fault in [
+            InjectedFault::MocapLost,
+            InjectedFault::DroneReboot { falls: true },
+            InjectedFault::ControlStalled,
+        ] {
             assert!(fault.check().is_ok(), "{fault:?}");
         }
     }

@@ -1,26 +1,26 @@
 use super::*;
 
 /// Faults without values.
-const PLAIN: [Fault; 6] = [
-    Fault::MocapLost,
-    Fault::MocapGhost,
-    Fault::DroneDeaf,
-    Fault::DroneMute,
-    Fault::DroneRefusesLand,
-    Fault::ControlStalled,
+const PLAIN: [InjectedFault; 6] = [
+    InjectedFault::MocapLost,
+    InjectedFault::MocapGhost,
+    InjectedFault::DroneDeaf,
+    InjectedFault::DroneMute,
+    InjectedFault::DroneRefusesLand,
+    InjectedFault::ControlStalled,
 ];
 
 #[test]
 fn a_scripted_fault_lasts_as_long_as_it_says() {
     let script = vec![
-        ScriptedFault { fault: Fault::MocapLost, from_s: 0.6, for_s: 0.1 },
-        ScriptedFault { fault: Fault::DroneDeaf, from_s: 0.0, for_s: 0.02 },
+        ScriptedFault { fault: InjectedFault::MocapLost, from_s: 0.6, for_s: 0.1 },
+        ScriptedFault { fault: InjectedFault::DroneDeaf, from_s: 0.0, for_s: 0.02 },
     ];
     let faults = Faults::new(script).unwrap();
     let steps = |fault| (0..100).filter(|k| faults.is_on(fault, *k)).collect::<Vec<_>>();
-    assert_eq!(steps(Fault::MocapLost), [30, 31, 32, 33, 34]);
-    assert_eq!(steps(Fault::DroneDeaf), [0]);
-    assert!(steps(Fault::MocapGhost).is_empty());
+    assert_eq!(steps(InjectedFault::MocapLost), [30, 31, 32, 33, 34]);
+    assert_eq!(steps(InjectedFault::DroneDeaf), [0]);
+    assert!(steps(InjectedFault::MocapGhost).is_empty());
 }
 
 #[test]
@@ -37,7 +37,7 @@ fn a_fault_set_by_hand_lasts_until_it_is_cleared() {
 
 #[test]
 fn a_present_fault_knows_its_onset_and_forgets_it_when_it_is_over() {
-    let drift = Fault::MocapDrift { velocity_w_mps: [0.1, 0.0, 0.0], yaw_radps: 0.0 };
+    let drift = InjectedFault::MocapDrift { velocity_w_mps: [0.1, 0.0, 0.0], yaw_radps: 0.0 };
     let script = vec![ScriptedFault { fault: drift, from_s: 0.2, for_s: 0.2 }];
     let mut faults = Faults::new(script).unwrap();
     let at = |step: u64| Pose::new(step as f64, 0.0, 1.0, 0.0);
@@ -66,16 +66,16 @@ fn nonsense_is_refused() {
         let entry = ScriptedFault { fault, from_s, for_s: 1.0 };
         Faults::new(vec![entry]).unwrap_err().to_string()
     };
-    let text = refusal(Fault::MocapLost, -1.0);
+    let text = refusal(InjectedFault::MocapLost, -1.0);
     assert_eq!(text, "faults[0].from_s = -1: expected finite and >= 0");
     for (fault, key) in [
         (still(f64::NAN, 0.0), "mocap_still.offset_m"),
         (still(0.0, -1.0), "mocap_still.noise_m"),
-        (Fault::MocapSlowLink { bytes_per_s: 0.0 }, "mocap_slow_link.bytes_per_s"),
-        (Fault::MocapLag { delay_s: -0.1 }, "mocap_lag.delay_s"),
-        (Fault::MocapHeading { turn_rad: f64::INFINITY }, "mocap_heading.turn_rad"),
+        (InjectedFault::MocapSlowLink { bytes_per_s: 0.0 }, "mocap_slow_link.bytes_per_s"),
+        (InjectedFault::MocapLag { delay_s: -0.1 }, "mocap_lag.delay_s"),
+        (InjectedFault::MocapHeading { turn_rad: f64::INFINITY }, "mocap_heading.turn_rad"),
         (
-            Fault::SecondController { sticks: [0.0, 1.5, 0.0, 0.0], rate_hz: 20.0 },
+            InjectedFault::SecondController { sticks: [0.0, 1.5, 0.0, 0.0], rate_hz: 20.0 },
             "second_controller.sticks",
         ),
     ] {
@@ -84,6 +84,11 @@ fn nonsense_is_refused() {
     }
 }
 
-fn still(x_m: f64, noise_m: f64) -> Fault {
-    Fault::MocapStill { offset_w_m: [x_m, 0.0, 0.0], turn_rad: 0.0, noise_m, noise_rad: 0.0 }
+fn still(x_m: f64, noise_m: f64) -> InjectedFault {
+    InjectedFault::MocapStill {
+        offset_w_m: [x_m, 0.0, 0.0],
+        turn_rad: 0.0,
+        noise_m,
+        noise_rad: 0.0,
+    }
 }

@@ -2,7 +2,7 @@ use super::*;
 use crate::fault::ScriptedFault;
 
 /// Steps with what arrives in each of 10 s, under `fault` from 2 s on for 4 s.
-fn arrivals(fault: Option<Fault>) -> Vec<Vec<u64>> {
+fn arrivals(fault: Option<InjectedFault>) -> Vec<Vec<u64>> {
     let script = fault.map(|fault| ScriptedFault { fault, from_s: 2.0, for_s: 4.0 });
     let mut faults = Faults::new(script.into_iter().collect()).unwrap();
     let mut lag = Lag::default();
@@ -31,7 +31,7 @@ fn without_a_fault_every_frame_arrives_in_its_step() {
 
 #[test]
 fn a_lag_makes_the_stream_silent_then_old_and_ends_in_a_burst() {
-    let arrivals = arrivals(Some(Fault::MocapLag { delay_s: 1.2 }));
+    let arrivals = arrivals(Some(InjectedFault::MocapLag { delay_s: 1.2 }));
     assert_complete(&arrivals);
     for (step, frames) in (0..).zip(&arrivals) {
         match step {
@@ -45,7 +45,7 @@ fn a_lag_makes_the_stream_silent_then_old_and_ends_in_a_burst() {
 
 #[test]
 fn a_ramp_makes_the_frames_older_and_older() {
-    let arrivals = arrivals(Some(Fault::MocapLagRamp { growth: 0.15 }));
+    let arrivals = arrivals(Some(InjectedFault::MocapLagRamp { growth: 0.15 }));
     assert_complete(&arrivals);
     for (step, frames) in (0_u64..).zip(&arrivals) {
         let Some(newest) = frames.last().filter(|_| (110..300).contains(&step)) else { continue };
@@ -63,7 +63,7 @@ fn a_slow_link_carries_its_bytes_and_no_more() {
     let pose = Some(Pose::new(1.0, -2.0, 1.2, 0.3));
     let frame = Frame { step: 200, is_other: false, pose, change: Pose::zeros() };
     let bytes_per_s = 0.8 * 50.0 * line(&frame);
-    let arrivals = arrivals(Some(Fault::MocapSlowLink { bytes_per_s }));
+    let arrivals = arrivals(Some(InjectedFault::MocapSlowLink { bytes_per_s }));
     assert_complete(&arrivals);
     let count = arrivals[100..300].iter().flatten().count();
     assert!((159..=161).contains(&count), "{count} of 200 arrive: 0.8 of them");
@@ -73,7 +73,9 @@ fn a_slow_link_carries_its_bytes_and_no_more() {
 
 #[test]
 fn a_fast_link_is_as_good_as_none() {
-    for (step, frames) in (0..).zip(arrivals(Some(Fault::MocapSlowLink { bytes_per_s: 1e6 }))) {
+    for (step, frames) in
+        (0..).zip(arrivals(Some(InjectedFault::MocapSlowLink { bytes_per_s: 1e6 })))
+    {
         assert_eq!(frames, [step]);
     }
 }

@@ -101,14 +101,14 @@ mod tests {
 
     use super::*;
     use crate::ReceivedOrders;
-    use crate::drone::Phase;
+    use crate::drone::DronePhase;
     use crate::plant::Velocity;
 
     fn truth(pose: Pose, velocity: Velocity) -> Truth {
         Truth {
             pose,
             velocity,
-            phase: Phase::Flying,
+            phase: DronePhase::Flying,
             link_is_up: true,
             battery_pct: 90.0,
             motor_s: 1.0,

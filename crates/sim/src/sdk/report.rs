@@ -3,7 +3,7 @@
 use horizon_model::rows::pose;
 use tello_io::tello::text::{Field, Query, StateLine};
 
-use crate::drone::{Phase, Truth};
+use crate::drone::{DronePhase, Truth};
 use crate::firmware::SdkVersion;
 use crate::wire::whole_percent;
 
@@ -90,7 +90,11 @@ pub(super) fn answer(
 
 /// Steps of 10, and nothing on the floor.
 fn height_cm(truth: &Truth) -> f64 {
-    if truth.phase == Phase::Grounded { 0.0 } else { 10.0 * (10.0 * truth.pose[pose::Z]).trunc() }
+    if truth.phase == DronePhase::Grounded {
+        0.0
+    } else {
+        10.0 * (10.0 * truth.pose[pose::Z]).trunc()
+    }
 }
 
 /// In tenths of the unit, without -0.
@@ -110,7 +114,7 @@ mod tests {
         Truth {
             pose: Pose::new(0.0, 0.0, height_m, theta),
             velocity: Velocity { x_mps: 0.57, y_mps: -0.04, z_mps: 0.31, yaw_radps: 0.0 },
-            phase: Phase::Flying,
+            phase: DronePhase::Flying,
             link_is_up: true,
             battery_pct: 41.2,
             motor_s: 12.9,
@@ -161,7 +165,7 @@ mod tests {
         };
         near(read(&truth(1.287, 0.0)), [120.0, 128.0, 138.82 + 1.287]);
         near(read(&truth(0.05, 0.0)), [0.0, 10.0, 138.87]);
-        let grounded = Truth { phase: Phase::Grounded, ..truth(1.287, 0.0) };
+        let grounded = Truth { phase: DronePhase::Grounded, ..truth(1.287, 0.0) };
         near(read(&grounded), [0.0, 128.0, 138.82 + 1.287]);
     }
 

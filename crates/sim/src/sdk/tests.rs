@@ -5,7 +5,7 @@ use super::*;
 use crate::firmware::{CancelledBy, DroneTable, FlyingFlag, PLAIN};
 use crate::world::World;
 use crate::world::tests::table;
-use crate::{Profile, SimTable, Start};
+use crate::{Profile, SimStart, SimTable};
 
 /// A drone without chance on the floor, and SDK mode.
 struct Bench {
@@ -20,7 +20,7 @@ impl Bench {
     }
 
     fn of(drone: DroneTable, version: SdkVersion, battery_pct: f64) -> Self {
-        let start = Start::Ground { x: 0.0, y: 0.0, theta: 0.3 };
+        let start = SimStart::Ground { x: 0.0, y: 0.0, theta: 0.3 };
         let mut table =
             SimTable { profile: Profile::Clean, has_spread: false, start, battery_pct, ..table() };
         table.drone = drone;
@@ -94,7 +94,7 @@ fn a_take_off_is_answered_at_the_hover_and_a_landing_on_the_floor() {
     assert_eq!(bench.send("land"), [""; 0]);
     assert_eq!(bench.send("land"), [""; 0]);
     assert_eq!(bench.wait(300), ["ok"]);
-    assert_eq!(bench.world.truth().phase, Phase::Grounded);
+    assert_eq!(bench.world.truth().phase, DronePhase::Grounded);
     assert_eq!(bench.state(Field::Tof), Some(10.0));
 }
 
@@ -156,18 +156,22 @@ fn a_landing_ends_a_movement_and_an_emergency_stop_ends_everything() {
     assert_eq!(bench.send("land"), ["error Auto land"]);
     bench.wait(10);
     assert_eq!(bench.send("emergency"), [""; 0]);
-    assert_eq!(bench.world.truth().phase, Phase::Falling);
+    assert_eq!(bench.world.truth().phase, DronePhase::Falling);
     assert_eq!(bench.wait(60), [""; 0]);
-    assert_eq!(bench.world.truth().phase, Phase::Grounded);
+    assert_eq!(bench.world.truth().phase, DronePhase::Grounded);
 }
 
 #[test]
 fn silence_lands_and_any_command_calls_it_off() {
     let mut bench = Bench::hovering();
     bench.wait(575);
-    assert!(matches!(bench.world.truth().phase, Phase::Landing(_)), "{:?}", bench.world.truth());
+    assert!(
+        matches!(bench.world.truth().phase, DronePhase::Landing(_)),
+        "{:?}",
+        bench.world.truth()
+    );
     assert_eq!(bench.send("battery?"), ["89"]);
-    assert_eq!(bench.world.truth().phase, Phase::Flying);
+    assert_eq!(bench.world.truth().phase, DronePhase::Flying);
 }
 
 #[test]
@@ -186,15 +190,15 @@ fn yaw_counts_clockwise_from_the_start_and_stays_within_half_a_turn() {
 fn an_emergency_or_a_landing_is_not_obeyed_or_refused() {
     let mut bench = Bench::hovering_as(|drone| drone.emergency.text = false);
     assert_eq!(bench.send("emergency"), [""; 0]);
-    assert_eq!(bench.world.truth().phase, Phase::Flying);
+    assert_eq!(bench.world.truth().phase, DronePhase::Flying);
 
     let mut bench = Bench::hovering_as(|drone| drone.landing.is_refused = true);
     assert_eq!(bench.send("land"), ["error"]);
-    assert_eq!(bench.world.truth().phase, Phase::Flying);
+    assert_eq!(bench.world.truth().phase, DronePhase::Flying);
 
     let mut bench = Bench::hovering_as(|drone| drone.landing.deaf_count = 1);
     assert_eq!(bench.send("land"), [""; 0]);
-    assert_eq!(bench.world.truth().phase, Phase::Flying);
+    assert_eq!(bench.world.truth().phase, DronePhase::Flying);
     assert_eq!(bench.run("land"), "ok");
 }
 
@@ -210,7 +214,7 @@ fn sticks_call_a_landing_off_or_do_not() {
         assert_eq!(bench.send("land"), [""; 0]);
         bench.wait(10);
         bench.send(sticks);
-        let is_flying = bench.world.truth().phase == Phase::Flying;
+        let is_flying = bench.world.truth().phase == DronePhase::Flying;
         assert_eq!(is_flying, is_cancelled, "{cancelled_by:?} {sticks}");
         let replies = bench.wait(1);
         assert_eq!(replies, if is_cancelled { vec!["error"] } else { vec![] });

@@ -10,7 +10,7 @@ use crate::{Profile, ScriptedFault};
 fn a_control_loop_that_stands_still_misses_periods_and_the_sockets_send_neutral_sticks() {
     let (fly, mission) = config::fly(None, None).unwrap();
     let flight = config::flight(&fly, mission, tello_flight::Start::Grounded);
-    let stall = ScriptedFault { fault: Fault::ControlStalled, from_s: 11.0, for_s: 0.4 };
+    let stall = ScriptedFault { fault: InjectedFault::ControlStalled, from_s: 11.0, for_s: 0.4 };
     let sim = crate::settings(None).unwrap();
     let sim = SimTable { profile: Profile::Clean, faults: vec![stall], ..sim };
     let mut flight = VirtualFlight::new(&flight, &sim, 1).unwrap();

@@ -4,10 +4,10 @@ use horizon_model::rows::Sticks;
 use tello_io::clock::TimeOfDay;
 
 use super::*;
-use crate::drone::Phase;
+use crate::drone::DronePhase;
 use crate::fault::ScriptedFault;
 use crate::world::tests::table;
-use crate::{Profile, SimTable, Start};
+use crate::{Profile, SimStart, SimTable};
 
 const TAKE_OFF: HostPacket = HostPacket::Action { action: Action::TakeOff, sequence: 7 };
 const LAND: HostPacket = HostPacket::Action { action: Action::Land, sequence: 8 };
@@ -18,7 +18,7 @@ fn sticks(u: Sticks) -> HostPacket {
 
 /// A world without chance, on the ground, with scripted faults.
 fn world(faults: Vec<ScriptedFault>) -> World {
-    let start = Start::Ground { x: 0.0, y: 0.0, theta: 0.0 };
+    let start = SimStart::Ground { x: 0.0, y: 0.0, theta: 0.0 };
     let table = SimTable { profile: Profile::Clean, has_spread: false, start, faults, ..table() };
     World::new(&table, 1).unwrap()
 }
@@ -76,22 +76,23 @@ fn a_landing_can_be_taken_back() {
     world.receive(&TAKE_OFF);
     wait(&mut world, 300);
     assert!(world.receive(&LAND).is_some());
-    assert_eq!(world.truth().phase, Phase::Landing(crate::drone::Cause::Order));
+    assert_eq!(world.truth().phase, DronePhase::Landing(crate::drone::Cause::Order));
     assert!(world.receive(&HostPacket::CancelLanding { sequence: 9 }).is_some());
-    assert_eq!(world.truth().phase, Phase::Flying);
+    assert_eq!(world.truth().phase, DronePhase::Flying);
     assert_eq!(world.receive(&HostPacket::CancelLanding { sequence: 10 }), None);
 }
 
 #[test]
 fn a_deaf_drone_hears_nothing_and_a_mute_one_says_nothing() {
     let fault = |fault, from_s| ScriptedFault { fault, from_s, for_s: 1.0 };
-    let mut world = world(vec![fault(Fault::DroneDeaf, 0.0), fault(Fault::DroneMute, 1.0)]);
+    let mut world =
+        world(vec![fault(InjectedFault::DroneDeaf, 0.0), fault(InjectedFault::DroneMute, 1.0)]);
     assert_eq!(world.receive(&TAKE_OFF), None);
-    assert_eq!(world.truth().phase, Phase::Grounded);
+    assert_eq!(world.truth().phase, DronePhase::Grounded);
     assert!(world.flight_status().is_some());
     wait(&mut world, 50);
     assert_eq!(world.receive(&TAKE_OFF), None);
-    assert_eq!(world.truth().phase, Phase::TakingOff);
+    assert_eq!(world.truth().phase, DronePhase::TakingOff);
     assert_eq!(world.flight_status(), None);
     wait(&mut world, 50);
     assert!(world.flight_status().is_some());

@@ -5,14 +5,14 @@ use horizon_model::setting::{SettingError, finite, positive};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::drone::Phase;
+use crate::drone::DronePhase;
 use crate::plant::{STANDING_M, Velocity};
 use crate::random::Random;
 
 /// Where a flight starts.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Start {
+pub enum SimStart {
     /// Standing on the floor.
     Ground {
         /// World x. m
@@ -48,7 +48,7 @@ mod scatter {
     pub(super) const VELOCITY_MPS: (f64, f64) = (0.0, 0.16);
 }
 
-impl Start {
+impl SimStart {
     /// # Errors
     /// A place that is not finite, a target on the floor or below it.
     pub(super) fn check(self) -> Result<(), SettingError> {
@@ -63,21 +63,21 @@ impl Start {
     }
 
     /// Phase, pose and velocity, exactly as given and at rest.
-    pub(super) fn exact(self) -> (Phase, Pose, Velocity) {
+    pub(super) fn exact(self) -> (DronePhase, Pose, Velocity) {
         let rest = Velocity::default();
         match self {
             Self::Ground { x, y, theta } => {
-                (Phase::Grounded, Pose::new(x, y, STANDING_M, theta), rest)
+                (DronePhase::Grounded, Pose::new(x, y, STANDING_M, theta), rest)
             }
-            Self::Air { x, y, z, theta } => (Phase::Flying, Pose::new(x, y, z, theta), rest),
+            Self::Air { x, y, z, theta } => (DronePhase::Flying, Pose::new(x, y, z, theta), rest),
         }
     }
 
     /// Phase, pose and velocity as they vary between flights. A drone on the floor stands where it
     /// was put.
-    pub(super) fn draw(self, random: &mut Random) -> (Phase, Pose, Velocity) {
+    pub(super) fn draw(self, random: &mut Random) -> (DronePhase, Pose, Velocity) {
         let (phase, mut at, mut velocity) = self.exact();
-        if phase == Phase::Flying {
+        if phase == DronePhase::Flying {
             let mut draw = |(mean, sd): (f64, f64)| mean + sd * random.normal();
             at[pose::X] += draw(scatter::XY_M);
             at[pose::Y] += draw(scatter::XY_M);
@@ -99,20 +99,20 @@ mod tests {
     fn a_drone_stands_where_it_was_put_and_one_in_the_air_begins_around_its_target() {
         const FLIGHTS: u32 = 2000;
         let mut random = Random::new(1, Purpose::Start);
-        let ground = Start::Ground { x: 1.0, y: -2.0, theta: 0.5 };
+        let ground = SimStart::Ground { x: 1.0, y: -2.0, theta: 0.5 };
         assert_eq!(ground.draw(&mut random), ground.exact());
-        let air = Start::Air { x: 1.0, y: -2.0, z: 1.3, theta: 0.5 };
+        let air = SimStart::Air { x: 1.0, y: -2.0, z: 1.3, theta: 0.5 };
         let (mut mean, mut speed_mps) = (Pose::zeros(), 0.0);
         for _ in 0..FLIGHTS {
             let (phase, at, velocity) = air.draw(&mut random);
-            assert_eq!(phase, Phase::Flying);
+            assert_eq!(phase, DronePhase::Flying);
             mean += at / f64::from(FLIGHTS);
             speed_mps += velocity.x_mps.abs() / f64::from(FLIGHTS);
         }
         assert!((mean - Pose::new(1.0, -2.0, 1.22, 0.53)).amax() < 0.01, "{mean}");
         // The mean of |v| is sqrt(2 / pi) of its deviation.
         assert!((speed_mps - 0.8 * 0.16).abs() < 0.01, "{speed_mps}");
-        let low = Start::Air { x: 0.0, y: 0.0, z: 0.05, theta: 0.0 };
+        let low = SimStart::Air { x: 0.0, y: 0.0, z: 0.05, theta: 0.0 };
         assert!((0..20).all(|_| low.draw(&mut random).1[pose::Z] >= STANDING_M));
     }
 }

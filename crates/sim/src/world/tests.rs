@@ -3,7 +3,7 @@ use horizon_model::rows::Sticks;
 use tello_io::mocap::parse_line;
 
 use super::*;
-use crate::drone::Phase;
+use crate::drone::DronePhase;
 use crate::firmware::PLAIN;
 use crate::plant::{NOMINAL, STANDING_M, UNVARIED, Velocity};
 
@@ -12,7 +12,7 @@ pub(crate) fn table() -> SimTable {
     SimTable {
         profile: Profile::GoodDay,
         has_spread: true,
-        start: Start::Air { x: 0.5, y: -0.5, z: 1.3, theta: 0.2 },
+        start: SimStart::Air { x: 0.5, y: -0.5, z: 1.3, theta: 0.2 },
         object: "tello".into(),
         battery_pct: 90.0,
         drone: PLAIN,
@@ -75,16 +75,23 @@ fn without_spread_every_seed_starts_exactly_at_the_given_pose() {
     for seed in 0..5 {
         let truth = World::new(&table, seed).unwrap().truth();
         assert_eq!(truth.pose, Pose::new(0.5, -0.5, 1.3, 0.2));
-        assert_eq!((truth.velocity, truth.phase), (Velocity::default(), Phase::Flying));
+        assert_eq!((truth.velocity, truth.phase), (Velocity::default(), DronePhase::Flying));
     }
-    let table = SimTable { start: Start::Ground { x: 1.0, y: 2.0, theta: -0.5 }, ..table };
+    let table = SimTable { start: SimStart::Ground { x: 1.0, y: 2.0, theta: -0.5 }, ..table };
     let truth = World::new(&table, 1).unwrap().truth();
-    assert_eq!((truth.pose, truth.phase), (Pose::new(1.0, 2.0, STANDING_M, -0.5), Phase::Grounded));
+    assert_eq!(
+        (truth.pose, truth.phase),
+        (Pose::new(1.0, 2.0, STANDING_M, -0.5), DronePhase::Grounded)
+    );
 }
 
 #[test]
 fn scripted_faults_change_the_report_and_nothing_else() {
-    let script = [(Fault::MocapLost, 2.0), (Fault::MocapSilent, 4.0), (Fault::MocapGhost, 6.0)];
+    let script = [
+        (InjectedFault::MocapLost, 2.0),
+        (InjectedFault::MocapSilent, 4.0),
+        (InjectedFault::MocapGhost, 6.0),
+    ];
     let faults: Vec<_> = script
         .into_iter()
         .map(|(fault, from_s)| ScriptedFault { fault, from_s, for_s: 1.0 })
@@ -136,9 +143,9 @@ fn nonsense_is_refused_with_key_value_and_rule() {
         refusal(SimTable { object: "my tello".into(), ..table() }),
         "object = my tello: expected a name without spaces"
     );
-    let start = Start::Air { x: f64::NAN, y: 0.0, z: 1.0, theta: 0.0 };
+    let start = SimStart::Air { x: f64::NAN, y: 0.0, z: 1.0, theta: 0.0 };
     assert_eq!(refusal(SimTable { start, ..table() }), "start.x = NaN: expected finite");
-    let start = Start::Air { x: 0.0, y: 0.0, z: -5.0, theta: 0.0 };
+    let start = SimStart::Air { x: 0.0, y: 0.0, z: -5.0, theta: 0.0 };
     assert_eq!(refusal(SimTable { start, ..table() }), "start.z = -5: expected finite and > 0");
     let mut bad = table();
     bad.variation.gain = -1.0;
@@ -151,7 +158,7 @@ fn nonsense_is_refused_with_key_value_and_rule() {
 #[test]
 fn the_relay_line_is_what_the_parser_reads() {
     let clean = SimTable { profile: Profile::Clean, has_spread: false, ..table() };
-    let faults = [(Fault::MocapSilent, 0.02), (Fault::MocapLost, 0.04)]
+    let faults = [(InjectedFault::MocapSilent, 0.02), (InjectedFault::MocapLost, 0.04)]
         .map(|(fault, from_s)| ScriptedFault { fault, from_s, for_s: 0.02 });
     let mut world = World::new(&SimTable { faults: faults.into(), ..clean }, 1).unwrap();
     let mut bytes = Vec::new();

@@ -7,10 +7,10 @@ const DT_S: f64 = 0.1;
 const HORIZON_STEPS: usize = 10;
 
 /// A track along x at 1 m/s, `offset_m` beside it.
-fn track_at(offset_m: f64) -> Track {
+fn track_at(offset_m: f64) -> MotionTrack {
     const STEPS: usize = 21;
     let at = |k: usize| Pose::new(DT_S * k as f64, offset_m, 1.0, 0.0);
-    Track {
+    MotionTrack {
         pose: (0..STEPS).map(at).collect(),
         velocity: vec![Pose::new(1.0, 0.0, 0.0, 0.0); STEPS],
         acceleration: vec![Pose::zeros(); STEPS],

@@ -25,7 +25,7 @@ const ONE_PLACE: f64 = 0.1;
 
 /// How the frames of one object came.
 #[derive(Debug, Clone, Default)]
-pub struct Track {
+pub struct SurveyTrack {
     /// Frames of the source since it was there first.
     pub frames: u64,
     /// Frames in which it was seen.
@@ -51,7 +51,7 @@ pub struct Track {
     pub seen_at: Option<TimeNs>,
 }
 
-/// Numbers of a [`Track`].
+/// Numbers of a [`SurveyTrack`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct TrackReport {
     /// Frames since the object was there first.
@@ -78,7 +78,7 @@ pub struct TrackReport {
     pub latency_max_s: f64,
 }
 
-impl Track {
+impl SurveyTrack {
     /// What the frames so far add up to.
     pub fn report(&self) -> TrackReport {
         let frames = self.frames;
@@ -191,7 +191,7 @@ mod tests {
 
     #[test]
     fn rate_jitter_and_gaps_are_those_of_the_frames() {
-        let mut track = Track::default();
+        let mut track = SurveyTrack::default();
         assert_eq!(track.report(), TrackReport::default());
         // 100 Hz with one gap of 40 ms, without numbers.
         for at_ms in [0, 10, 20, 60, 70, 80] {
@@ -212,7 +212,7 @@ mod tests {
         is_sent: impl Fn(i64) -> bool,
         head: impl Fn(i64) -> Head,
     ) -> TrackReport {
-        let mut track = Track::default();
+        let mut track = SurveyTrack::default();
         for number in (0..).take_while(|number| *number as f64 <= seconds * rate_hz) {
             if is_sent(number) {
                 let arrived_s = (number / 5 * 5 + 4) as f64 / rate_hz;
@@ -258,7 +258,7 @@ mod tests {
     fn a_second_place_in_a_frame_is_counted_and_changes_no_rate() {
         const MATRIX: [f64; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         let place = |x_m: f64| Some(Placement { pos_v: [x_m, 0.0, 1.0], matrix: MATRIX });
-        let mut track = Track::default();
+        let mut track = SurveyTrack::default();
         for number in 0..200_i64 {
             let now = at_s(number as f64 / 100.0);
             track.take(now, place(1e-3 * number as f64), head(number, None));
@@ -270,7 +270,7 @@ mod tests {
         assert!((report.usual_hz - 100.0).abs() < 1.0, "{report:?}");
         assert_eq!(bursts(50.0, 3.0, |_| true, |_| head(0, None)).doubled, 0);
         // A frame that is sent twice, a little later.
-        let mut track = Track::default();
+        let mut track = SurveyTrack::default();
         for number in 0..20_i64 {
             for x_m in [0.0, 0.02] {
                 track.take(at_s(number as f64 / 100.0), place(x_m), head(number, None));
@@ -285,7 +285,7 @@ mod tests {
         let report = bursts(500.0, 400.0, is_sent, |number| head(number, None));
         assert_eq!((report.gaps, report.missing), (199, 796), "{report:?}");
         // Nothing for 0.5 s, without a number left out.
-        let mut track = Track::default();
+        let mut track = SurveyTrack::default();
         for number in 0..1000 {
             let late_s = if number < 500 { 0.0 } else { 0.5 };
             track.take(at_s(number as f64 / 100.0 + late_s), None, head(number, None));

@@ -11,7 +11,8 @@ fn every_family_draws_valid_values_and_the_same_ones_for_a_seed() {
             assert_eq!(drawn, draw(seed, &sim, Some(family)));
             assert_eq!(drawn.families, [family]);
             assert!(drawn.sim != sim, "{family:?} changes nothing");
-            let is_silent = drawn.sim.faults.iter().any(|entry| entry.fault == Fault::MocapSilent);
+            let is_silent =
+                drawn.sim.faults.iter().any(|entry| entry.fault == InjectedFault::MocapSilent);
             assert_eq!(is_silent, family == Family::Silent, "{family:?} has no fault of its own");
             crate::World::new(&drawn.sim, seed).unwrap();
         }

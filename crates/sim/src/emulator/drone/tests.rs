@@ -3,10 +3,10 @@ use std::net::Ipv4Addr;
 use tello_io::tello::protocol::{Action, FlightStatus};
 
 use super::*;
-use crate::drone::Phase;
-use crate::fault::{Fault, ScriptedFault};
+use crate::drone::DronePhase;
+use crate::fault::{InjectedFault, ScriptedFault};
 use crate::world::tests::table;
-use crate::{Profile, SimTable, Start};
+use crate::{Profile, SimStart, SimTable};
 
 const ANY: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 0);
 const CONNECT: HostPacket = HostPacket::ConnReq { video_port: 6038 };
@@ -21,7 +21,7 @@ struct Bench {
 
 impl Bench {
     fn new(faults: Vec<ScriptedFault>) -> Self {
-        let start = Start::Ground { x: 0.0, y: 0.0, theta: 0.4 };
+        let start = SimStart::Ground { x: 0.0, y: 0.0, theta: 0.4 };
         let table = SimTable { profile: Profile::Clean, start, faults, ..table() };
         let world = World::new(&table, 1).unwrap();
         let port = DronePort::bind(ANY, &world).unwrap();
@@ -72,7 +72,7 @@ fn nothing_is_heard_or_sent_before_a_request_for_a_connection() {
     bench.send(&TAKE_OFF);
     bench.host.send(b"takeoff").unwrap();
     assert!(bench.step(60).is_empty() && bench.port.host.is_none());
-    assert_eq!(bench.world.truth().phase, Phase::Grounded);
+    assert_eq!(bench.world.truth().phase, DronePhase::Grounded);
     bench.send(&CONNECT);
     let packets = bench.packets(1);
     assert_eq!(packets[0], DronePacket::ConnAck { video_port: 6038 });
@@ -100,17 +100,20 @@ fn a_status_goes_out_ten_times_per_second_and_the_link_once() {
 #[test]
 fn a_deaf_drone_obeys_nothing_and_a_mute_one_says_nothing() {
     let fault = |fault, from_s| ScriptedFault { fault, from_s, for_s: 1.0 };
-    let mut bench = Bench::new(vec![fault(Fault::DroneDeaf, 0.2), fault(Fault::DroneMute, 1.2)]);
+    let mut bench = Bench::new(vec![
+        fault(InjectedFault::DroneDeaf, 0.2),
+        fault(InjectedFault::DroneMute, 1.2),
+    ]);
     bench.send(&CONNECT);
     bench.packets(12);
     bench.send(&TAKE_OFF);
     assert!(!statuses(&bench.packets(30)).is_empty());
-    assert_eq!(bench.world.truth().phase, Phase::Grounded);
+    assert_eq!(bench.world.truth().phase, DronePhase::Grounded);
     bench.packets(20);
     bench.send(&TAKE_OFF);
     assert!(bench.packets(20).is_empty());
-    assert_eq!(bench.world.truth().phase, Phase::TakingOff);
-    let mut bench = Bench::new(vec![fault(Fault::DroneDeaf, 0.0)]);
+    assert_eq!(bench.world.truth().phase, DronePhase::TakingOff);
+    let mut bench = Bench::new(vec![fault(InjectedFault::DroneDeaf, 0.0)]);
     bench.send(&CONNECT);
     assert!(bench.packets(100).is_empty(), "a request for a connection is not heard either");
 }

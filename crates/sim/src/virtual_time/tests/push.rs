@@ -2,12 +2,12 @@
 
 use horizon_model::check::amax;
 use horizon_model::rows::{Sticks, pose};
-use tello_flight::{Fault as Found, Phase, Start};
+use tello_flight::{Fault, Phase, Start};
 use tello_io::config;
 
 use super::super::VirtualFlight;
 use crate::plant::RIGID_BODY;
-use crate::{Fault, ScriptedFault};
+use crate::{InjectedFault, ScriptedFault};
 
 /// Height of the square. m
 const HEIGHT_M: f64 = 1.3;
@@ -27,7 +27,7 @@ const HELD_FROM_S: f64 = 4.0;
 
 /// The ticks of the square from the air, with `fault` from its fifth second on, until the program ends the flight, and
 /// the faults by which it does.
-fn flown(fault: Fault, seed: u64, is_rigid_body: bool) -> (Vec<Flown>, Vec<Found>) {
+fn flown(fault: InjectedFault, seed: u64, is_rigid_body: bool) -> (Vec<Flown>, Vec<Fault>) {
     let (fly, mission) = config::fly(None, None).unwrap();
     let flight = config::flight(&fly, mission, Start::Airborne);
     let mut sim = crate::settings(None).unwrap();
@@ -49,7 +49,7 @@ fn flown(fault: Fault, seed: u64, is_rigid_body: bool) -> (Vec<Flown>, Vec<Found
 
 #[test]
 fn a_push_leaves_the_height_as_it_is() {
-    let push = Fault::DronePushed { velocity_w_mps: [0.56, 0.56, 0.0] };
+    let push = InjectedFault::DronePushed { velocity_w_mps: [0.56, 0.56, 0.0] };
     for (seed, is_rigid_body) in [(1, false), (2, false), (3, false), (3, true)] {
         let (ticks, _) = flown(push, seed, is_rigid_body);
         let off_m = |tick: &Flown| (tick.height_m - HEIGHT_M).abs();
@@ -62,8 +62,9 @@ fn a_push_leaves_the_height_as_it_is() {
 #[test]
 fn a_drone_that_is_held_is_pressed_by_small_sticks_only() {
     for seed in 1..=3 {
-        let (ticks, faults) = flown(Fault::DroneHeld { sway_m: 0.0, lowered_m: 0.0 }, seed, false);
-        assert_eq!(faults, [Found::MocapLost, Found::MocapFrozen], "seed {seed}");
+        let (ticks, faults) =
+            flown(InjectedFault::DroneHeld { sway_m: 0.0, lowered_m: 0.0 }, seed, false);
+        assert_eq!(faults, [Fault::MocapLost, Fault::MocapFrozen], "seed {seed}");
         let in_outage: Vec<f64> =
             ticks.iter().filter(|tick| tick.is_outage).map(|tick| amax(&tick.u_sent)).collect();
         assert!(in_outage.len() > 100, "seed {seed}: {} ticks", in_outage.len());
@@ -77,14 +78,14 @@ fn a_drone_in_a_hand_that_sways_is_landed() {
     // A hand that hardly sways looks like a pose that is not the vehicle's, then like an outage (20 s, small sticks),
     // another one like outages that end: immobile.
     for (sway_m, expected, latest_s) in [
-        (0.003, &[Found::MocapLost, Found::MocapFrozen][..], 22.0),
-        (0.01, &[Found::OutageLong], 22.0),
-        (0.03, &[Found::Immobile], 16.0),
-        (0.05, &[Found::Immobile], 16.0),
+        (0.003, &[Fault::MocapLost, Fault::MocapFrozen][..], 22.0),
+        (0.01, &[Fault::OutageLong], 22.0),
+        (0.03, &[Fault::Immobile], 16.0),
+        (0.05, &[Fault::Immobile], 16.0),
     ] {
         for (seed, is_rigid_body) in [(1, false), (2, true), (3, false)] {
             let (ticks, faults) =
-                flown(Fault::DroneHeld { sway_m, lowered_m: 0.0 }, seed, is_rigid_body);
+                flown(InjectedFault::DroneHeld { sway_m, lowered_m: 0.0 }, seed, is_rigid_body);
             let held_s = ticks.len() as f64 * DT_S - HELD_FROM_S;
             let large = ticks.iter().filter(|tick| amax(&tick.u_sent) > 0.41);
             let large_s = large.count() as f64 * DT_S;

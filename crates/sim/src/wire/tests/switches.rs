@@ -7,12 +7,12 @@ use tello_flight::gate::{Gate, GateTable};
 use tello_io::clock::TimeOfDay;
 
 use super::super::*;
-use crate::drone::{Cause, Phase, Truth};
+use crate::drone::{Cause, DronePhase, Truth};
 use crate::fault::ScriptedFault;
-use crate::firmware::{CancelledBy, DroneTable, Outage, PLAIN};
+use crate::firmware::{CancelledBy, DroneTable, OutageBehaviour, PLAIN};
 use crate::plant::RIGID_BODY;
 use crate::world::tests::table;
-use crate::{DT_S, Profile, SimTable, Start};
+use crate::{DT_S, Profile, SimStart, SimTable};
 
 const LAND: HostPacket = HostPacket::Action { action: Action::Land, sequence: 8 };
 const FORWARD: Sticks = Sticks::new(0.0, 0.5, 0.0, 0.0);
@@ -29,7 +29,7 @@ fn world(change: impl FnOnce(&mut DroneTable), faults: Vec<ScriptedFault>) -> Wo
 }
 
 fn air(drone: DroneTable) -> SimTable {
-    let start = Start::Air { x: 0.0, y: 0.0, z: 1.3, theta: 0.06 };
+    let start = SimStart::Air { x: 0.0, y: 0.0, z: 1.3, theta: 0.06 };
     let mut table = SimTable { start, drone, ..table() };
     (table.profile, table.has_spread) = (Profile::Clean, false);
     (table.plant.disturbance_h_mps, table.plant.disturbance_v_mps) = (0.0, 0.0);
@@ -60,7 +60,7 @@ fn speed_mps(world: &World) -> f64 {
     velocity.x_mps.hypot(velocity.y_mps)
 }
 
-fn fault(fault: Fault, from_s: f64, for_s: f64) -> Vec<ScriptedFault> {
+fn fault(fault: InjectedFault, from_s: f64, for_s: f64) -> Vec<ScriptedFault> {
     vec![ScriptedFault { fault, from_s, for_s }]
 }
 
@@ -69,7 +69,7 @@ fn an_emergency_is_obeyed_or_not() {
     for is_obeyed in [true, false] {
         let mut world = world(|drone| drone.emergency.binary = is_obeyed, Vec::new());
         world.receive(&HostPacket::EmergencyStop);
-        let phase = if is_obeyed { Phase::Falling } else { Phase::Flying };
+        let phase = if is_obeyed { DronePhase::Falling } else { DronePhase::Flying };
         assert_eq!((world.truth().phase, world.truth().received.emergency_stops), (phase, 1));
     }
 }
@@ -80,10 +80,10 @@ fn a_gesture_of_the_sticks_stops_the_motors_or_not_and_never_through_the_gate() 
     let gate = Gate::new(&GateTable { stick_max: 1.0, stale_s: 0.3 }, Protocol::Binary).unwrap();
     let passed = gate.pass(&corner, Some(0.0)).sticks();
     for (stops, u, phase) in [
-        (true, corner, Phase::Falling),
-        (false, corner, Phase::Flying),
-        (true, passed, Phase::Flying),
-        (true, -corner, Phase::Flying),
+        (true, corner, DronePhase::Falling),
+        (false, corner, DronePhase::Flying),
+        (true, passed, DronePhase::Flying),
+        (true, -corner, DronePhase::Flying),
     ] {
         let mut world = world(|drone| drone.stops_at_gesture = stops, Vec::new());
         steer(&mut world, u, 0.1);
@@ -101,14 +101,14 @@ fn a_landing_levels_or_goes_on_with_the_last_sticks() {
         let from_m = world.truth().pose[pose::X];
         wait(&mut world, 2.5);
         let way_m = world.truth().pose[pose::X] - from_m;
-        assert_eq!(world.truth().phase, Phase::Landing(Cause::Order));
+        assert_eq!(world.truth().phase, DronePhase::Landing(Cause::Order));
         if keeps_sticks {
             assert!((speed_mps(&world) - before_mps).abs() < 0.05 && way_m > 1.5, "{way_m} m");
         } else {
             assert!(speed_mps(&world) < 0.1 && way_m < 1.0, "{way_m} m");
         }
         wait(&mut world, 3.0);
-        assert_eq!(world.truth().phase, Phase::Grounded);
+        assert_eq!(world.truth().phase, DronePhase::Grounded);
     }
     let mut world = world(|drone| drone.landing.keeps_sticks = true, Vec::new());
     steer(&mut world, FORWARD, 3.0);
@@ -147,7 +147,8 @@ fn sticks_call_a_landing_off_or_do_not() {
         let mut world = world(|drone| drone.landing.cancelled_by = cancelled_by, Vec::new());
         world.receive(&LAND);
         world.receive(&sticks(u));
-        let phase = if is_cancelled { Phase::Flying } else { Phase::Landing(Cause::Order) };
+        let phase =
+            if is_cancelled { DronePhase::Flying } else { DronePhase::Landing(Cause::Order) };
         assert_eq!(world.truth().phase, phase, "{cancelled_by:?} {u}");
     }
 }
@@ -158,15 +159,15 @@ fn a_drone_that_hears_nothing_lands_or_keeps_on() {
         let mut world = world(|drone| drone.lands_on_silence = lands, Vec::new());
         world.receive(&sticks(FORWARD));
         wait(&mut world, 40.0);
-        let phase = if lands { Phase::Grounded } else { Phase::Flying };
+        let phase = if lands { DronePhase::Grounded } else { DronePhase::Flying };
         assert_eq!(world.truth().phase, phase);
     }
 }
 
 #[test]
 fn an_outage_levels_or_holds() {
-    for (outage, is_held) in [(Outage::Level, false), (Outage::Held, true)] {
-        let start = Start::Air { x: 0.0, y: 0.0, z: 1.3, theta: 0.0 };
+    for (outage, is_held) in [(OutageBehaviour::Level, false), (OutageBehaviour::Held, true)] {
+        let start = SimStart::Air { x: 0.0, y: 0.0, z: 1.3, theta: 0.0 };
         let drone = DroneTable { outage, ..PLAIN };
         let mut table = SimTable { profile: Profile::Outages, start, drone, ..table() };
         (table.has_spread, table.plant.disturbance_h_mps) = (false, 0.0);
@@ -191,26 +192,26 @@ fn an_outage_levels_or_holds() {
 
 #[test]
 fn stuck_sticks_leave_orders_alone_and_a_refused_landing_leaves_sticks_alone() {
-    let mut world = world(|_| (), fault(Fault::DroneSticksStuck, 2.0, 10.0));
+    let mut world = world(|_| (), fault(InjectedFault::DroneSticksStuck, 2.0, 10.0));
     steer(&mut world, FORWARD, 2.0);
     steer(&mut world, Sticks::zeros(), 3.0);
     assert!(speed_mps(&world) > 0.7, "{} m/s", speed_mps(&world));
     assert!(world.receive(&LAND).is_some());
 
-    let mut world = self::world(|_| (), fault(Fault::DroneRefusesLand, 0.0, 5.0));
+    let mut world = self::world(|_| (), fault(InjectedFault::DroneRefusesLand, 0.0, 5.0));
     steer(&mut world, FORWARD, 2.0);
     steer(&mut world, Sticks::zeros(), 3.02);
     assert!(speed_mps(&world) < 0.1, "{} m/s", speed_mps(&world));
     assert!(world.receive(&LAND).is_some(), "it obeys when the fault is over");
-    let mut world = self::world(|_| (), fault(Fault::DroneRefusesLand, 0.0, 5.0));
+    let mut world = self::world(|_| (), fault(InjectedFault::DroneRefusesLand, 0.0, 5.0));
     assert_eq!(world.receive(&LAND), None);
-    assert_eq!(world.truth().phase, Phase::Flying);
+    assert_eq!(world.truth().phase, DronePhase::Flying);
 }
 
 #[test]
 fn a_drone_that_is_held_stays_where_it_is_and_starts_from_rest() {
     let mut world =
-        world(|_| (), fault(Fault::DroneHeld { sway_m: 0.0, lowered_m: 0.0 }, 2.0, 3.0));
+        world(|_| (), fault(InjectedFault::DroneHeld { sway_m: 0.0, lowered_m: 0.0 }, 2.0, 3.0));
     steer(&mut world, FORWARD, 2.02);
     let held = world.truth().pose;
     steer(&mut world, FORWARD, 2.98);
@@ -224,8 +225,9 @@ fn a_drone_that_is_held_stays_where_it_is_and_starts_from_rest() {
 fn a_push_adds_its_velocity_to_that_of_the_sticks_and_ends_at_the_floor() {
     for is_rigid_body in [false, true] {
         let flown = |push: Option<[f64; 3]>| {
-            let push =
-                push.map(|velocity_w_mps| fault(Fault::DronePushed { velocity_w_mps }, 0.0, 9.0));
+            let push = push.map(|velocity_w_mps| {
+                fault(InjectedFault::DronePushed { velocity_w_mps }, 0.0, 9.0)
+            });
             let mut table = SimTable { faults: push.unwrap_or_default(), ..air(PLAIN) };
             table.plant.rigid_body = is_rigid_body.then_some(RIGID_BODY);
             let mut world = World::new(&table, 1).unwrap();
@@ -247,7 +249,7 @@ fn a_push_adds_its_velocity_to_that_of_the_sticks_and_ends_at_the_floor() {
 fn a_second_controller_acts_as_often_as_it_sends_last() {
     let speed = |rate_hz| {
         let sticks = FORWARD.into();
-        let second = Fault::SecondController { sticks, rate_hz };
+        let second = InjectedFault::SecondController { sticks, rate_hz };
         let mut world = world(|_| (), fault(second, 1.0, 4.0));
         steer(&mut world, Sticks::zeros(), 1.0);
         assert!(speed_mps(&world) < 1e-9);
@@ -269,7 +271,7 @@ fn a_second_controller_acts_as_often_as_it_sends_last() {
 #[test]
 fn a_drone_that_starts_anew_forgets_its_host_and_levels_or_falls() {
     for falls in [false, true] {
-        let reboot = Fault::DroneReboot { falls };
+        let reboot = InjectedFault::DroneReboot { falls };
         let mut world = world(|_| (), fault(reboot, 2.02, 5.0));
         steer(&mut world, FORWARD, 2.0);
         assert!(world.flight_status().is_some());
@@ -277,10 +279,10 @@ fn a_drone_that_starts_anew_forgets_its_host_and_levels_or_falls() {
         assert_eq!(world.flight_status(), None);
         assert_eq!(world.truth().received.sticks, 101, "those before it");
         if falls {
-            assert_eq!(world.truth().phase, Phase::Grounded);
+            assert_eq!(world.truth().phase, DronePhase::Grounded);
         } else {
             steer(&mut world, FORWARD, 3.9);
-            assert!(world.truth().phase == Phase::Flying && speed_mps(&world) < 0.1);
+            assert!(world.truth().phase == DronePhase::Flying && speed_mps(&world) < 0.1);
             let request = HostPacket::ConnReq { video_port: 6038 };
             assert_eq!(world.receive(&request), None, "not before it is up");
             steer(&mut world, FORWARD, 2.0);
