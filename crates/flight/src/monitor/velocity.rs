@@ -10,8 +10,6 @@
 
 mod report_age;
 
-use std::array;
-
 use horizon_model::rows::{Pose, pose};
 use horizon_model::steps;
 use nalgebra::Complex;
@@ -32,9 +30,9 @@ const VELOCITY_DRIFT_MPS: f64 = 0.08;
 
 /// Displacement of poses beyond that of a vehicle which is faster by so much than the drone reports: another body's, or
 /// an outlier. One of 0.2 m in a period outweighs the motion of a flight. m/s
-const STEP_MPS: f64 = 1.0;
+const JUMP_MPS: f64 = 1.0;
 /// Displacement of poses that their noise explains. m
-const STEP_M: f64 = 0.03;
+const JUMP_M: f64 = 0.03;
 
 /// Kinds of axes that the drone's may be: fixed, or turning with the body; each of either hand.
 pub(super) const FRAMES: usize = 4;
@@ -53,12 +51,12 @@ pub(super) struct VelocityMonitor {
     /// Since the newest pose. s
     since_pose_s: f64,
     /// Ring of the newest displacements, as long as the largest age.
-    moved: Vec<PoseStep>,
+    moved: Vec<PoseDisplacement>,
     newest: usize,
     /// Comparison with the drone's reports of each of [`AGES_S`].
     ages: [ReportAge; AGES_S.len()],
     /// Index of the age that explains the motion best, and whether the motion has shown it well.
-    age: usize,
+    best_age: usize,
     is_age_known: bool,
     /// The inputs of a typical vehicle, in place of the poses, beside the drone.
     sums_by_inputs: Sums,
@@ -72,7 +70,7 @@ pub(super) struct VelocityMonitor {
 
 /// Displacement by the poses in one tick.
 #[derive(Debug, Clone, Copy, Default)]
-struct PoseStep {
+struct PoseDisplacement {
     /// `m`: displacement since the newest pose before; zero without a pose. m
     moved_w_m: Complex<f64>,
     /// `T`: time that it took. s
@@ -97,9 +95,9 @@ struct MotionSample {
 
 impl MotionSample {
     /// Whether the poses have moved further than any vehicle.
-    fn is_step(&self) -> bool {
-        let most_mps = self.seen_d_mps[FIXED].norm() + STEP_MPS;
-        self.moved_w_m.norm() > most_mps * self.moved_in_s + STEP_M
+    fn is_jump(&self) -> bool {
+        let most_mps = self.seen_d_mps[FIXED].norm() + JUMP_MPS;
+        self.moved_w_m.norm() > most_mps * self.moved_in_s + JUMP_M
     }
 }
 
@@ -111,7 +109,7 @@ pub(super) fn shortened(displacement_m: Complex<f64>, by_m: f64) -> Complex<f64>
 
 impl VelocityMonitor {
     pub(super) fn new(limit_m: f64, dt_s: f64) -> Self {
-        let at_rest = PoseStep { in_s: dt_s, ..PoseStep::default() };
+        let at_rest = PoseDisplacement { in_s: dt_s, ..PoseDisplacement::default() };
         Self {
             limit_m,
             dt_s,
@@ -123,8 +121,8 @@ impl VelocityMonitor {
     /// On the ground nothing differs.
     pub(super) fn rest(&mut self, sample: &Sample) {
         self.displace(sample);
-        for age in &mut self.ages {
-            age.rest();
+        for hypothesis in &mut self.ages {
+            hypothesis.rest();
         }
         self.displacements = Displacements::default();
         self.doubt = Doubt::default();
@@ -134,23 +132,23 @@ impl VelocityMonitor {
     pub(super) fn update(&mut self, sample: &Sample) -> (Agreement, f64) {
         self.displace(sample);
         let reported_mps = sample.drone.and_then(|drone| drone.horizontal_d_mps);
-        let moved: [PoseStep; AGES_S.len()] = array::from_fn(|age| self.moved_ago(AGES_S[age]));
+        let moved: [PoseDisplacement; AGES_S.len()] = AGES_S.map(|age_s| self.moved_ago(age_s));
         let keep = (-self.dt_s / FORGET_S).exp();
         let mut motions = [None; AGES_S.len()];
-        for ((age, moved), motion) in self.ages.iter_mut().zip(&moved).zip(&mut motions) {
-            age.forget(keep);
-            let is_known = age.note_report(reported_mps.is_some(), moved.is_pose);
+        for ((hypothesis, moved), motion) in self.ages.iter_mut().zip(&moved).zip(&mut motions) {
+            hypothesis.forget(keep);
+            let is_known = hypothesis.note_report(reported_mps.is_some(), moved.is_pose);
             *motion =
                 reported_mps.filter(|_| is_known).map(|by_drone_mps| moved.beside(by_drone_mps));
             if let Some(motion) = motion {
-                age.compare(motion, self.dt_s);
+                hypothesis.compare(motion, self.dt_s);
             }
         }
         let speed_mps = reported_mps.map(|[first_mps, second_mps]| first_mps.hypot(second_mps));
         self.has_shown_speed |= speed_mps.is_some_and(|speed_mps| speed_mps > 0.0);
         self.speed_mps = speed_mps.filter(|_| self.has_shown_speed);
-        if let Some(MotionSample { moved_w_m, seen_d_mps, .. }) = motions[self.age] {
-            let scale = self.ages[self.age].scale();
+        if let Some(MotionSample { moved_w_m, seen_d_mps, .. }) = motions[self.best_age] {
+            let scale = self.ages[self.best_age].scale();
             let asked_w_mps = asked_w_mps(sample, moved[NEWEST].theta_rad);
             self.displacements.add(
                 moved_w_m,
@@ -170,19 +168,19 @@ impl VelocityMonitor {
             self.sums_by_inputs.add(&by_inputs, self.dt_s);
         }
         self.learn(&motions);
-        for (age, motion) in self.ages.iter_mut().zip(&motions) {
+        for (hypothesis, motion) in self.ages.iter_mut().zip(&motions) {
             if motion.as_ref().is_some_and(|motion| motion.is_pose) {
-                age.begin_motion();
+                hypothesis.begin_motion();
             }
         }
-        let error_m = self.ages[self.age].error_m();
-        if !moved[self.age].is_pose {
+        let error_m = self.ages[self.best_age].error_m();
+        if !moved[self.best_age].is_pose {
             self.doubt.wait(self.dt_s);
         }
-        if motions[self.age].is_none() {
+        if motions[self.best_age].is_none() {
             return (Agreement::Unknown, 0.0);
         }
-        if !moved[self.age].is_pose {
+        if !moved[self.best_age].is_pose {
             // What the drone flew since is in the next pose.
             return (Agreement::Unknown, error_m.unwrap_or_default());
         }
@@ -207,10 +205,10 @@ impl VelocityMonitor {
         let theta_rad = self.before.map_or(0.0, |at| at[pose::THETA]);
         self.newest = (self.newest + 1) % self.moved.len();
         self.moved[self.newest] =
-            PoseStep { moved_w_m, in_s, theta_rad, is_pose: sample.pose.is_some() };
+            PoseDisplacement { moved_w_m, in_s, theta_rad, is_pose: sample.pose.is_some() };
     }
 
-    fn moved_ago(&self, age_s: f64) -> PoseStep {
+    fn moved_ago(&self, age_s: f64) -> PoseDisplacement {
         let count = self.moved.len();
         self.moved[(self.newest + count - steps(age_s, self.dt_s)) % count]
     }
@@ -218,7 +216,7 @@ impl VelocityMonitor {
     /// Learns axes, and the age of the reports, from a motion that does not contradict them, also not by its speed once
     /// they are well known: a drone that fitted a short motion by accident must be found out.
     fn learn(&mut self, motions: &[Option<MotionSample>; AGES_S.len()]) {
-        let known = &self.ages[self.age];
+        let known = &self.ages[self.best_age];
         let error_m = if self.is_age_known {
             known.error_m()
         } else {
@@ -231,20 +229,20 @@ impl VelocityMonitor {
         if !error_m.is_none_or(agrees) {
             return;
         }
-        for (age, motion) in self.ages.iter_mut().zip(motions) {
+        for (hypothesis, motion) in self.ages.iter_mut().zip(motions) {
             if let Some(motion) =
-                motion.as_ref().filter(|motion| motion.is_pose && !motion.is_step())
+                motion.as_ref().filter(|motion| motion.is_pose && !motion.is_jump())
             {
-                age.learn(motion);
+                hypothesis.learn(motion);
             }
         }
         if !self.is_age_known {
-            for (age, it) in self.ages.iter().enumerate() {
-                if it.determination() > self.ages[self.age].determination() {
-                    self.age = age;
+            for (index, hypothesis) in self.ages.iter().enumerate() {
+                if hypothesis.determination() > self.ages[self.best_age].determination() {
+                    self.best_age = index;
                 }
             }
-            self.is_age_known = self.ages[self.age].is_well_known();
+            self.is_age_known = self.ages[self.best_age].is_well_known();
         }
     }
 
@@ -268,7 +266,7 @@ impl VelocityMonitor {
     }
 }
 
-impl PoseStep {
+impl PoseDisplacement {
     /// The motion with the velocity that the drone reports of it.
     fn beside(&self, [first_mps, second_mps]: [f64; 2]) -> MotionSample {
         let seen_d_mps = frames(Complex::new(first_mps, second_mps), self.theta_rad);

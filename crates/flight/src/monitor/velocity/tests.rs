@@ -114,13 +114,13 @@ fn a_step_of_the_poses_does_not_hide_the_drift_that_begins_with_it() {
 #[test]
 fn what_a_vehicle_can_move_in_a_period_is_no_step() {
     // 0.5 m/s by the drone: (0.5 + 1) m/s for 0.02 s and 0.03 m.
-    for (moved_m, is_step) in [(0.059, false), (0.061, true)] {
+    for (moved_m, is_jump) in [(0.059, false), (0.061, true)] {
         let (mut monitor, mut at_w) = after_a_circle();
         let before = monitor.ages[0].sums.moved_squares;
         let moved_w_m = Complex::new(moved_m, 0.0);
         see(&mut monitor, &mut at_w, moved_w_m, Complex::new(0.5, 0.0));
         let is_learnt = monitor.ages[0].sums.moved_squares > before;
-        assert_eq!(is_learnt, !is_step, "{moved_m} m");
+        assert_eq!(is_learnt, !is_jump, "{moved_m} m");
     }
 }
 
