@@ -84,6 +84,15 @@ pub enum DelayError {
     Start(f64),
 }
 
+/// A point of a profile.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ProfilePoint {
+    /// Dead time of the group. s
+    pub dead_time_s: f64,
+    /// What it costs, or costs more than the minimum. 1
+    pub cost: f64,
+}
+
 /// Profile of the cost over the dead time of one group of inputs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DelayProfile<const NP: usize> {
@@ -91,8 +100,8 @@ pub struct DelayProfile<const NP: usize> {
     pub rows: Vec<usize>,
     /// Candidates and the minimum between them, by ascending dead time, with what they cost more than it: integrated
     /// from the gradients while all groups moved from their start by the same time; it ends where it is far above its
-    /// least. (s, 1)
-    pub curve: Vec<(f64, f64)>,
+    /// least.
+    pub curve: Vec<ProfilePoint>,
     /// Where the cost is least, the other groups at their best; where the search started if the likelihood
     /// does not decide. s
     pub dead_time_s: f64,

@@ -36,7 +36,7 @@ pub use chain::{Block, Chain};
 pub use cholesky::NotPositive;
 pub use delay::{
     DelayError, DelayInfluence, DelayProfile, DelaySettings, DelaySpread, DelayTable, DelayVerdict,
-    Flights, Span,
+    Flights, ProfilePoint, Span,
 };
 pub use ident::{Ident, IdentBuilder, IdentSettings, IdentTable, LinearSolver, Piece, PieceError};
 pub use levenberg::{

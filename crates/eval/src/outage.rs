@@ -89,11 +89,11 @@ pub fn lost_commands(
     let mut was_down = Vec::with_capacity(u_applied.len());
     for (k, u) in u_applied.iter().enumerate() {
         let implied_w_mps = implied_command(table, track, k);
-        let before = (up + table.outage_cost, down + table.return_cost);
-        was_down.push([before.1 < up, down <= before.0]);
-        up = up.min(before.1)
+        let (lost, returned) = (up + table.outage_cost, down + table.return_cost);
+        was_down.push([returned < up, down <= lost]);
+        up = up.min(returned)
             + cost_of(implied_w_mps - command(table, u, track.pose[k][pose::THETA]));
-        down = down.min(before.0) + cost_of(implied_w_mps);
+        down = down.min(lost) + cost_of(implied_w_mps);
     }
     let mut is_down = down < up;
     let mut is_lost: Vec<bool> = was_down

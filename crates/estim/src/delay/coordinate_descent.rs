@@ -2,6 +2,7 @@
 
 use horizon_model::Model;
 
+use super::ProfilePoint;
 use super::search::{Found, Halt, Search};
 
 /// Passes over the groups.
@@ -35,43 +36,45 @@ where
         at.sort_by(f64::total_cmp);
         at.dedup_by(|a, b| (*a - *b).abs() < 1e-9);
         let mut curve = Vec::with_capacity(at.len());
-        for at_s in at {
-            self.put(group, at_s);
-            curve.push((at_s, self.solve()?));
+        for dead_time_s in at {
+            self.put(group, dead_time_s);
+            curve.push(ProfilePoint { dead_time_s, cost: self.solve()? });
         }
         let mut best = 0;
-        for (i, (_, cost)) in curve.iter().enumerate() {
-            if *cost < curve[best].1 {
+        for (i, point) in curve.iter().enumerate() {
+            if point.cost < curve[best].cost {
                 best = i;
             }
         }
-        let (mut at_s, mut least) = curve[best];
+        let mut minimum = curve[best];
         let around = best.checked_sub(1).and_then(|left| curve.get(left..left + 3));
         if let Some([left, middle, right]) = around
-            && let Some(vertex_s) = vertex(*left, *middle, *right)
+            && let Some(dead_time_s) = vertex(*left, *middle, *right)
         {
-            self.put(group, vertex_s);
-            let cost = self.solve()?;
-            if cost < least {
-                (at_s, least) = (vertex_s, cost);
-                curve.insert(if vertex_s < curve[best].0 { best } else { best + 1 }, (at_s, least));
+            self.put(group, dead_time_s);
+            let vertex = ProfilePoint { dead_time_s, cost: self.solve()? };
+            if vertex.cost < minimum.cost {
+                let is_left = dead_time_s < minimum.dead_time_s;
+                curve.insert(if is_left { best } else { best + 1 }, vertex);
+                minimum = vertex;
             }
         }
-        self.put(group, at_s);
+        self.put(group, minimum.dead_time_s);
         self.solve()?;
-        for (_, cost) in &mut curve {
-            *cost -= least;
+        for point in &mut curve {
+            point.cost -= minimum.cost;
         }
-        Ok(Found { curve, at_s })
+        Ok(Found { curve, at_s: minimum.dead_time_s })
     }
 }
 
 /// Where the parabola through three points is least; `None` if it is not convex.
-fn vertex(left: (f64, f64), middle: (f64, f64), right: (f64, f64)) -> Option<f64> {
-    let gradient = |a: (f64, f64), b: (f64, f64)| (b.1 - a.1) / (b.0 - a.0);
+fn vertex(left: ProfilePoint, middle: ProfilePoint, right: ProfilePoint) -> Option<f64> {
+    let gradient =
+        |a: ProfilePoint, b: ProfilePoint| (b.cost - a.cost) / (b.dead_time_s - a.dead_time_s);
     let (before, after) = (gradient(left, middle), gradient(middle, right));
-    let curvature = 2.0 * (after - before) / (right.0 - left.0);
-    (curvature > 0.0).then(|| 0.5 * (left.0 + middle.0) - before / curvature)
+    let curvature = 2.0 * (after - before) / (right.dead_time_s - left.dead_time_s);
+    (curvature > 0.0).then(|| 0.5 * (left.dead_time_s + middle.dead_time_s) - before / curvature)
 }
 
 #[cfg(test)]
@@ -80,10 +83,11 @@ mod tests {
 
     #[test]
     fn the_vertex_is_that_of_the_parabola() {
-        let parabola = |s: f64| (s, 3.0 * (s - 0.31).powi(2) + 7.0);
+        let cost = |s: f64| 3.0 * (s - 0.31).powi(2) + 7.0;
+        let parabola = |s: f64| ProfilePoint { dead_time_s: s, cost: cost(s) };
         let found = vertex(parabola(0.2), parabola(0.3), parabola(0.36)).unwrap();
         assert!((found - 0.31).abs() < 1e-12, "{found}");
-        let flipped = |s: f64| (s, -parabola(s).1);
+        let flipped = |s: f64| ProfilePoint { dead_time_s: s, cost: -cost(s) };
         assert!(vertex(flipped(0.2), flipped(0.3), flipped(0.36)).is_none());
     }
 }

@@ -7,6 +7,7 @@ use nalgebra::SVector;
 use super::descent::Descent;
 use super::{
     DelayError, DelayInfluence, DelayProfile, DelaySettings, DelaySpread, DelayVerdict, Flights,
+    ProfilePoint,
 };
 use crate::bootstrap::NORMAL_HALF_WIDTH;
 use crate::ident::Ident;
@@ -30,8 +31,8 @@ const PIECES_MIN: f64 = 10.0;
 
 /// Profile of one group and where it is least.
 pub(super) struct Found {
-    /// Candidates and their cost above the least, as in [`DelayProfile::curve`]. (s, 1)
-    pub(super) curve: Vec<(f64, f64)>,
+    /// Candidates and their cost above the least, as in [`DelayProfile::curve`].
+    pub(super) curve: Vec<ProfilePoint>,
     /// s
     pub(super) at_s: f64,
 }
@@ -315,10 +316,10 @@ where
 
 /// How far `curve` rises to the left and to the right of `at_s`. Its costs are finite: a solve whose cost is not,
 /// fails.
-fn rises(curve: &[(f64, f64)], at_s: f64) -> [f64; 2] {
+fn rises(curve: &[ProfilePoint], at_s: f64) -> [f64; 2] {
     let highest = |is_there: fn(f64, f64) -> bool| {
-        let there = curve.iter().filter(|(s, _)| is_there(*s, at_s));
-        there.map(|(_, cost)| *cost).fold(0.0, maximum)
+        let there = curve.iter().filter(|point| is_there(point.dead_time_s, at_s));
+        there.map(|point| point.cost).fold(0.0, maximum)
     };
     [highest(|s, at_s| s < at_s), highest(|s, at_s| s > at_s)]
 }
@@ -336,22 +337,23 @@ pub(super) struct LocalMinimum {
 pub(super) fn integrate(
     candidates_s: &[f64],
     gradients: &[f64],
-) -> (Vec<(f64, f64)>, LocalMinimum) {
+) -> (Vec<ProfilePoint>, LocalMinimum) {
     let mut cost = 0.0;
-    let mut curve = vec![(candidates_s.first().copied().unwrap_or(0.0), 0.0)];
+    let first_s = candidates_s.first().copied().unwrap_or(0.0);
+    let mut curve = vec![ProfilePoint { dead_time_s: first_s, cost }];
     for (at_s, gradient) in candidates_s.windows(2).zip(gradients.windows(2)) {
         let [left_s, right_s] = *at_s else { continue };
         let [left, right] = *gradient else { continue };
         cost += 0.5 * (left + right) * (right_s - left_s);
-        curve.push((right_s, cost));
+        curve.push(ProfilePoint { dead_time_s: right_s, cost });
     }
     let mut best = 0;
-    for (i, (_, cost)) in curve.iter().enumerate() {
-        if *cost < curve[best].1 {
+    for (i, point) in curve.iter().enumerate() {
+        if point.cost < curve[best].cost {
             best = i;
         }
     }
-    let (best_s, least) = curve[best];
+    let ProfilePoint { dead_time_s: best_s, cost: least } = curve[best];
     // The gradient vanishes between the best candidate and the neighbour it points down to.
     let neighbour = if gradients[best] < 0.0 { Some(best + 1) } else { best.checked_sub(1) };
     let next = neighbour.and_then(|at| candidates_s.get(at).zip(gradients.get(at)));
@@ -363,13 +365,14 @@ pub(super) fn integrate(
     let least = match minimum {
         Some(LocalMinimum { at_s, .. }) if at_s.total_cmp(&best_s).is_ne() => {
             let least = least + 0.5 * gradients[best] * (at_s - best_s);
-            curve.insert(if at_s > best_s { best + 1 } else { best }, (at_s, least));
+            let point = ProfilePoint { dead_time_s: at_s, cost: least };
+            curve.insert(if at_s > best_s { best + 1 } else { best }, point);
             least
         }
         _ => least,
     };
-    for (_, cost) in &mut curve {
-        *cost -= least;
+    for point in &mut curve {
+        point.cost -= least;
     }
     (curve, minimum.unwrap_or(LocalMinimum { at_s: best_s, curvature: None }))
 }

@@ -95,7 +95,10 @@ fn search(
         for row in &profile.rows {
             assert_eq!(dead_time_s[*row].to_bits(), profile.dead_time_s.to_bits());
         }
-        assert!(profile.curve.is_sorted_by(|left, right| left.0 < right.0), "{profile:?}");
+        assert!(
+            profile.curve.is_sorted_by(|left, right| left.dead_time_s < right.dead_time_s),
+            "{profile:?}"
+        );
     }
     found
 }
@@ -215,7 +218,7 @@ fn groups_one_after_the_other_find_the_same() {
     let Ok(found) = search.coordinate_descent(&candidates_s) else { panic!("not solved") };
     for (found, truth) in found.iter().zip(truth) {
         assert!((found.at_s - truth).abs() < 0.01, "{} s instead of {truth}", found.at_s);
-        assert!(found.curve.iter().all(|(_, cost)| *cost >= 0.0), "{:?}", found.curve);
+        assert!(found.curve.iter().all(|point| point.cost >= 0.0), "{:?}", found.curve);
     }
 }
 

@@ -238,8 +238,8 @@ where
         self.influences = profiles.iter().filter_map(|profile| profile.influence.clone()).collect();
         let curve = |profile: DelayProfile<NP>| {
             let sticks: Vec<&str> = profile.rows.iter().map(|row| M::INPUT[*row].name).collect();
-            let (dead_time_s, cost) = profile.curve.into_iter().unzip();
-            let spread = profile.spread;
+            let DelayProfile { curve, spread, .. } = profile;
+            let (dead_time_s, cost) = curve.iter().map(|at| (at.dead_time_s, at.cost)).unzip();
             let row = DelayRow {
                 sticks: sticks.join(", "),
                 dead_time_s: profile.dead_time_s,

@@ -136,11 +136,16 @@ impl ReferencePath {
 ///
 /// Cost linear in the corners, no allocation.
 pub fn offset(outline: &[Pose], at: &Pose) -> Offset {
-    let (at_w, mut nearest) = (horizontal(at), (f64::INFINITY, f64::NAN));
+    struct Nearest {
+        squared_m2: f64,
+        z_m: f64,
+    }
+    let at_w = horizontal(at);
+    let mut nearest = Nearest { squared_m2: f64::INFINITY, z_m: f64::NAN };
     let mut meet = |point_w: Vector2<f64>, z_m: f64| {
-        let squared = (at_w - point_w).norm_squared();
-        if squared < nearest.0 {
-            nearest = (squared, z_m);
+        let squared_m2 = (at_w - point_w).norm_squared();
+        if squared_m2 < nearest.squared_m2 {
+            nearest = Nearest { squared_m2, z_m };
         }
     };
     if let Some(first) = outline.first() {
@@ -155,7 +160,7 @@ pub fn offset(outline: &[Pose], at: &Pose) -> Offset {
         let z_m = from[pose::Z] + fraction * (to[pose::Z] - from[pose::Z]);
         meet(horizontal(from) + fraction * way_w, z_m);
     }
-    Offset { distance_m: nearest.0.sqrt(), height_m: at[pose::Z] - nearest.1 }
+    Offset { distance_m: nearest.squared_m2.sqrt(), height_m: at[pose::Z] - nearest.z_m }
 }
 
 /// The horizontal part of a pose. m

@@ -30,6 +30,13 @@ const CAREFUL_CORNERS: f64 = 0.5;
 /// A limit that does not limit. m/s, m/s^2, rad/s
 const LIFTED: f64 = 1e3;
 
+/// A limit by its key, with its value, and how long the path takes without it. s
+struct LiftedLimit {
+    key: &'static str,
+    value: f64,
+    duration_s: f64,
+}
+
 pub(super) fn waypoints(table: &WaypointTable, dt_s: f64) -> Result<Follower, SettingError> {
     let mut poses = check_waypoints(&table.waypoints, 2)?;
     repeat(&mut poses, table.laps)?;
@@ -202,18 +209,23 @@ fn timed_path(
     if duration_s <= DURATION_MAX_S {
         return Ok(path.timed(&headings, limits));
     }
-    let lifted = |limits: Limits| path.duration_s(&headings, &limits);
+    let without = |key, value, lifted: Limits| LiftedLimit {
+        key,
+        value,
+        duration_s: path.duration_s(&headings, &lifted),
+    };
     let Limits { speed_mps, accel_mps2, climb_mps, turn_radps, .. } = *limits;
     let any_accel = Limits { accel_mps2: LIFTED, speed_up_mps2: LIFTED, ..*limits };
-    let costs = [
-        ("speed_max_mps", speed_mps, lifted(Limits { speed_mps: LIFTED, ..*limits })),
-        ("accel_max_mps2", accel_mps2, lifted(any_accel)),
-        ("climb_max_mps", climb_mps, lifted(Limits { climb_mps: LIFTED, ..*limits })),
-        ("turn_max_radps", turn_radps, lifted(Limits { turn_radps: LIFTED, ..*limits })),
+    let [first, others @ ..] = [
+        without("speed_max_mps", speed_mps, Limits { speed_mps: LIFTED, ..*limits }),
+        without("accel_max_mps2", accel_mps2, any_accel),
+        without("climb_max_mps", climb_mps, Limits { climb_mps: LIFTED, ..*limits }),
+        without("turn_max_radps", turn_radps, Limits { turn_radps: LIFTED, ..*limits }),
     ];
-    let [first, others @ ..] = costs;
-    let (key, value, _) =
-        others.into_iter().fold(first, |least, cost| if cost.2 < least.2 { cost } else { least });
+    let shorter = |least: LiftedLimit, other: LiftedLimit| {
+        if other.duration_s < least.duration_s { other } else { least }
+    };
+    let LiftedLimit { key, value, .. } = others.into_iter().fold(first, shorter);
     let rule =
         format!("at most {DURATION_MAX_S} s for the path instead of {duration_s:.0} s: raise it");
     Err(SettingError::new(format!("limits.{key}"), value, rule))

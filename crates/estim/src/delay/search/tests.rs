@@ -15,9 +15,15 @@ fn the_gradients_of_a_parabola_are_integrated_to_the_parabola() {
         let (curve, minimum) = integrate(&candidates_s, &gradients);
         assert!((minimum.at_s - least_s).abs() < 1e-12, "{minimum:?} instead of {least_s}");
         assert!((minimum.curvature.unwrap() - 6.0).abs() < 1e-12, "{minimum:?}");
-        assert!(curve.is_sorted_by(|left, right| left.0 < right.0), "{curve:?}");
-        assert!(curve.contains(&(minimum.at_s, 0.0)), "{curve:?}");
-        for (at_s, cost) in curve {
+        assert!(
+            curve.is_sorted_by(|left, right| left.dead_time_s < right.dead_time_s),
+            "{curve:?}"
+        );
+        assert!(
+            curve.contains(&ProfilePoint { dead_time_s: minimum.at_s, cost: 0.0 }),
+            "{curve:?}"
+        );
+        for ProfilePoint { dead_time_s: at_s, cost } in curve {
             // The trapezoidal rule is exact for a gradient that is linear.
             let expected = 3.0 * (at_s - least_s).powi(2);
             assert!((cost - expected).abs() < 1e-14, "{cost} at {at_s} s");
@@ -50,10 +56,11 @@ fn a_minimum_lies_between_its_candidate_and_the_neighbour_that_it_falls_to() {
 
 #[test]
 fn a_rise_is_the_highest_cost_on_its_side() {
-    let curve = [(0.0, 0.5), (0.1, 2.0), (0.2, 0.0), (0.3, 0.25), (0.4, 1.0)];
+    let point = |(dead_time_s, cost)| ProfilePoint { dead_time_s, cost };
+    let curve = [(0.0, 0.5), (0.1, 2.0), (0.2, 0.0), (0.3, 0.25), (0.4, 1.0)].map(point);
     assert_eq!(rises(&curve, 0.2).map(f64::to_bits), [2.0, 1.0].map(f64::to_bits));
     assert_eq!(rises(&curve, 0.0).map(f64::to_bits), [0.0, 2.0].map(f64::to_bits));
     assert_eq!(rises(&curve, 0.35).map(f64::to_bits), [2.0, 1.0].map(f64::to_bits));
-    let [left, right] = rises(&[(0.0, f64::NAN), (0.1, 1.0), (0.2, 3.0)], 0.15);
+    let [left, right] = rises(&[(0.0, f64::NAN), (0.1, 1.0), (0.2, 3.0)].map(point), 0.15);
     assert!(left.is_nan() && (right - 3.0).abs() <= 0.0, "{left}, {right}");
 }
