@@ -9,7 +9,7 @@ use horizon_model::{InputFifo, Kinematic, Model};
 
 use tello_flight::cycle::{CycleTable, ModelKind, Outcome, WithModel};
 
-use crate::view_numbers::{Place, every, to_thousandths};
+use crate::view_numbers::{PosW, every, to_thousandths};
 
 /// Most points of a line that is drawn again and again.
 const POINTS_MAX: usize = 60;
@@ -21,9 +21,9 @@ const CHANGE_MAX: usize = 100;
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Ahead {
     /// From the estimate on, by committed sticks.
-    pub committed: Vec<Place>,
+    pub committed: Vec<PosW>,
     /// After the committed sticks, by the planned sticks.
-    pub plan: Vec<Place>,
+    pub plan: Vec<PosW>,
 }
 
 /// Predicts the trajectory from the sticks in transit and the plan.
@@ -105,11 +105,11 @@ impl WithModel for Led<'_> {
 }
 
 /// At most [`POINTS_MAX`] of `points`, and the last.
-fn thinned(points: &[Place]) -> Vec<Place> {
+fn thinned(points: &[PosW]) -> Vec<PosW> {
     every(points, POINTS_MAX)
 }
 
-fn place(o: &Pose) -> Place {
+fn place(o: &Pose) -> PosW {
     [o[pose::X], o[pose::Y], o[pose::Z]].map(to_thousandths)
 }
 
@@ -146,7 +146,7 @@ mod tests {
             predictor.note(&out);
         }
         out.plan = vec![[0.0, 0.0, 0.0, -1.0]; 2];
-        let heights = |path: &[Place]| path.iter().map(|[_, _, z]| *z).collect::<Vec<_>>();
+        let heights = |path: &[PosW]| path.iter().map(|[_, _, z]| *z).collect::<Vec<_>>();
         let after = |steps: f64| to_thousandths(3.0 + steps * dt_s);
         let Ahead { committed, plan } = predictor.ahead(&out);
         assert_eq!(heights(&committed), [0.0, 0.5, 1.5, 1.0].map(after));

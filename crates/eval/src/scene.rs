@@ -22,7 +22,7 @@ use crate::flight_log::TickRecord;
 use crate::metrics::ReferencePath;
 use crate::predicted_trajectory::{Ahead, TrajectoryPredictor};
 use crate::ros2::{Kind, VEHICLE, WORLD, numbers};
-use crate::view_numbers::{every, place_of, ticks};
+use crate::view_numbers::{every, pos_w_of, ticks};
 use shapes::{
     BLUE, GREEN, GREY, ORANGE, Shapes as _, VERMILION, at_place, entity, moment, point, pose_of,
     transform,
@@ -128,7 +128,7 @@ impl Scene {
             predictor: TrajectoryPredictor::new(&flight.cycle)?,
             flight_every: ticks(FLIGHT_EVERY_S, dt_s),
             reference_every: ticks(REFERENCE_EVERY_S, dt_s),
-            reference: reference.iter().map(|at| point(place_of(at))).collect(),
+            reference: reference.iter().map(|at| point(pos_w_of(at))).collect(),
             trail: VecDeque::with_capacity(TRAIL_POINTS),
             last_logged: LastLogged::default(),
             plots: Plots { names: Vec::new(), values: Vec::with_capacity(NUMBERS_MAX) },
@@ -197,7 +197,7 @@ impl Scene {
         if self.trail.len() == TRAIL_POINTS {
             self.trail.pop_front();
         }
-        self.trail.push_back(point(place_of(at)));
+        self.trail.push_back(point(pos_w_of(at)));
         let world = |id| entity(now, WORLD, id);
         let mut entities = vec![
             world("trail").line(self.trail.iter().copied().collect(), BLUE),

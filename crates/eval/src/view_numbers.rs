@@ -2,8 +2,8 @@
 
 use horizon_model::rows::{Pose, pose};
 
-/// A place in the world frame: x, y, z, rounded to a millimetre. m
-pub type Place = [f64; 3];
+/// A position in the world frame: x, y, z. m
+pub type PosW = [f64; 3];
 
 /// At most `most` of `points`, evenly, and the last one.
 pub fn every<T: Copy>(points: &[T], most: usize) -> Vec<T> {
@@ -19,7 +19,7 @@ pub fn ticks(span_s: f64, dt_s: f64) -> u64 {
 }
 
 /// Position of the pose `at` in the world frame, rounded to a millimetre. m
-pub fn place_of(at: &Pose) -> Place {
+pub fn pos_w_of(at: &Pose) -> PosW {
     [at[pose::X], at[pose::Y], at[pose::Z]].map(to_thousandths)
 }
 

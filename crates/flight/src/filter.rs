@@ -272,8 +272,8 @@ impl PoseFilter {
     }
 
     fn begin(&mut self, raw: &Pose) -> (Acceptance, Acceptance) {
-        let position = [raw[pose::X], raw[pose::Y], raw[pose::Z]];
-        let is_lost = position.iter().all(|row| row.abs() < self.settings.origin_m);
+        let pos_w = [raw[pose::X], raw[pose::Y], raw[pose::Z]];
+        let is_lost = pos_w.iter().all(|row| row.abs() < self.settings.origin_m);
         if is_lost || raw[pose::Z] < self.settings.floor_m {
             return (Acceptance::Missing, Acceptance::Missing);
         }

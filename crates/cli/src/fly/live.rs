@@ -21,7 +21,7 @@ use tello_eval::REVISION;
 use tello_eval::flight_log::TickRecord;
 use tello_eval::metrics::{LATE_TICK_MS, ReferencePath};
 use tello_eval::predicted_trajectory::TrajectoryPredictor;
-use tello_eval::view_numbers::{Place, every, place_of, ticks, to_thousandths};
+use tello_eval::view_numbers::{PosW, every, pos_w_of, ticks, to_thousandths};
 use tello_flight::cycle::{FlightTable, Inbox, Outcome, Timing};
 
 /// How often there are new facts. s
@@ -43,13 +43,13 @@ pub(super) struct Briefing {
     /// Version and revision of the program.
     pub(super) program: String,
     /// The line to follow.
-    pub(super) path: Vec<Place>,
+    pub(super) path: Vec<PosW>,
     /// Places to reach.
-    pub(super) targets: Vec<Place>,
+    pub(super) targets: Vec<PosW>,
     /// Number of targets that the mission counts.
     pub(super) targets_count: usize,
     /// Lower and upper corner of the room, if the settings have one. m
-    pub(super) room: Option<[Place; 2]>,
+    pub(super) room: Option<[PosW; 2]>,
     /// Period of the loop, and the time of it that the solvers have. s
     pub(super) dt_s: f64,
     pub(super) deadline_s: f64,
@@ -70,7 +70,7 @@ pub(super) struct Live {
     trail_every: u64,
     lately: usize,
     recent: VecDeque<Recent>,
-    trail: VecDeque<Place>,
+    trail: VecDeque<PosW>,
     drone: Option<DroneStatus>,
     seen: Option<Sighting>,
     measured: Option<Pose>,
@@ -150,7 +150,7 @@ impl Live {
             if self.trail.len() == TRAIL_POINTS {
                 self.trail.pop_front();
             }
-            self.trail.push_back(place_of(&at));
+            self.trail.push_back(pos_w_of(&at));
         }
     }
 
@@ -184,7 +184,7 @@ impl Live {
 
 impl Briefing {
     fn of(flight: &FlightTable, reference: &ReferencePath) -> Self {
-        let places = |at: &[Pose]| at.iter().map(place_of).collect();
+        let places = |at: &[Pose]| at.iter().map(pos_w_of).collect();
         let supervisor = &flight.cycle.supervisor;
         Self {
             program: format!("tello-ctl {} ({REVISION})", env!("CARGO_PKG_VERSION")),

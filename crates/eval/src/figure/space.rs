@@ -11,6 +11,7 @@ use super::legend::Mark;
 use super::overlay::Overlay;
 use super::panel::{Below, Panel, Strip};
 use super::tracks::to_scale;
+use crate::view_numbers::PosW;
 
 const REFERENCE: Stroke = Stroke::dashed(BLACK, 1.6, 6.0);
 const TRACK: Stroke = Stroke::solid(BLUE, 1.6);
@@ -24,16 +25,13 @@ const MARGIN_M: f64 = 0.25;
 /// Lines of the grid along an axis.
 const GRID_LINES: f64 = 6.0;
 
-/// A point in space, world x, y, z. m
-type Place = [f64; 3];
-
 /// A flight with what it was to follow, in world x, y, z. m
 #[derive(Debug, Clone, Copy)]
 pub struct SeenInSpace<'a> {
     /// Corners of the polyline to follow.
-    pub outline: &'a [Place],
+    pub outline: &'a [PosW],
     /// Where the flight was, tick by tick.
-    pub track: &'a [Place],
+    pub track: &'a [PosW],
     /// When, a time for each place. s
     pub time_s: &'a [f64],
 }
@@ -68,7 +66,7 @@ pub fn space(title: &str, seen: &SeenInSpace<'_>) -> Figure {
     let Some(area) = strip.place(&mut figure).next() else { return figure.end() };
     let panel = Panel::bare(area, u, v);
     room.draw(&mut figure, &panel);
-    let line = |places: &[Place]| -> Vec<_> { places.iter().map(|at| view(*at)).collect() };
+    let line = |places: &[PosW]| -> Vec<_> { places.iter().map(|at| view(*at)).collect() };
     let floor: Vec<_> = seen.track.iter().map(|&[x, y, _]| [x, y, room.z.low]).collect();
     panel.line(&mut figure, &line(&floor), SHADOW);
     panel.line(&mut figure, &line(seen.outline), REFERENCE);
@@ -84,7 +82,7 @@ pub fn space(title: &str, seen: &SeenInSpace<'_>) -> Figure {
 }
 
 /// Where a place appears: to the right and up. m
-fn view([x, y, z]: Place) -> (f64, f64) {
+fn view([x, y, z]: PosW) -> (f64, f64) {
     let right = (x + y) * std::f64::consts::FRAC_1_SQRT_2;
     let up = (2.0 * z + y - x) / 6.0_f64.sqrt();
     (right, up)
@@ -103,7 +101,7 @@ impl Room {
         Self { x: wider(x), y: wider(y), z: z.with_zero() }
     }
 
-    fn corners(&self) -> [Place; 6] {
+    fn corners(&self) -> [PosW; 6] {
         let Self { x, y, z } = self;
         [
             [x.low, y.low, z.low],
@@ -118,7 +116,7 @@ impl Room {
     /// The floor with its grid, numbers at its front edges, and a ruler for z.
     fn draw(&self, figure: &mut Figure, panel: &Panel) {
         let Self { x, y, z } = self;
-        let mut line = |from: Place, to: Place, stroke| {
+        let mut line = |from: PosW, to: PosW, stroke| {
             panel.segment(figure, view(from), view(to), stroke);
         };
         for tick in x.ticks(GRID_LINES) {
@@ -131,7 +129,7 @@ impl Room {
         line([x.low, y.low, z.low], [x.high, y.low, z.low], edge);
         line([x.high, y.low, z.low], [x.high, y.high, z.low], edge);
         line([x.low, y.low, z.low], [x.low, y.low, z.high], edge);
-        let number = |figure: &mut Figure, at: Place, text: &str, anchor, (right, down)| {
+        let number = |figure: &mut Figure, at: PosW, text: &str, anchor, (right, down)| {
             let (x_px, y_px) = panel.at(view(at));
             figure.text(text, (x_px + right, y_px + down), TICK_PX, anchor);
         };
@@ -148,7 +146,7 @@ impl Room {
             number(figure, at, &tick.label, Anchor::End, (-6.0, 4.0));
         }
         let middle = |axis: &Axis| f64::midpoint(axis.low, axis.high);
-        let mut name = |at: Place, text: &str, anchor, (right, down)| {
+        let mut name = |at: PosW, text: &str, anchor, (right, down)| {
             let (x_px, y_px) = panel.at(view(at));
             figure.text(text, (x_px + right, y_px + down), NAME_PX, anchor);
         };

@@ -9,7 +9,7 @@ use foxglove::messages::{
 use horizon_model::rows::{Pose as Row, pose};
 
 use crate::ros2::place;
-use crate::view_numbers::{Place, place_of};
+use crate::view_numbers::{PosW, pos_w_of};
 
 /// The colours of the figures.
 pub(super) const BLUE: Color = Color { r: 0.0, g: 0.45, b: 0.70, a: 1.0 };
@@ -27,7 +27,7 @@ pub(super) fn moment(ns: u64) -> Option<Timestamp> {
     Timestamp::new_checked(sec, u32::try_from(ns % 1_000_000_000).ok()?)
 }
 
-pub(super) fn point([x, y, z]: Place) -> Point3 {
+pub(super) fn point([x, y, z]: PosW) -> Point3 {
     Point3 { x, y, z }
 }
 
@@ -42,7 +42,7 @@ pub(super) fn pose_of(at: &Row) -> Pose {
 }
 
 /// A place without a heading, as those of a plan are.
-pub(super) fn at_place(at: Place) -> Pose {
+pub(super) fn at_place(at: PosW) -> Pose {
     Pose { position: Some(vector(at)), orientation: Some(quaternion([0.0, 0.0, 0.0, 1.0])) }
 }
 
@@ -115,7 +115,7 @@ impl Shapes for SceneEntity {
 
     fn sphere(mut self, at: &Row, diameter_m: f64, color: Color) -> Self {
         self.spheres.push(SpherePrimitive {
-            pose: Some(at_place(place_of(at))),
+            pose: Some(at_place(pos_w_of(at))),
             size: Some(vector([diameter_m; 3])),
             color: Some(color),
         });

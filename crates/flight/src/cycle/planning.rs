@@ -358,9 +358,9 @@ where
 {
     let Some(covariance) = known.covariance else { return Matrix3::zeros() };
     let step = model.step_by_state(known.s_hat, &Sticks::zeros(), known.p_hat, after_s);
-    let by_state = model.observe_by_state(known.s_hat) * step;
-    let position = by_state.fixed_rows::<3>(pose::X);
-    position * covariance * position.transpose()
+    let pose_by_state = model.observe_by_state(known.s_hat) * step;
+    let pos_by_state = pose_by_state.fixed_rows::<3>(pose::X);
+    pos_by_state * covariance * pos_by_state.transpose()
 }
 
 #[cfg(test)]

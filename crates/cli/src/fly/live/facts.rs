@@ -8,7 +8,7 @@ use tello_io::clock::TimeNs;
 use tello_io::tello::DroneStatus;
 
 use tello_eval::predicted_trajectory::Ahead;
-use tello_eval::view_numbers::{Place, to_thousandths};
+use tello_eval::view_numbers::{PosW, to_thousandths};
 
 /// What there is to see of a tick.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
@@ -62,12 +62,12 @@ pub(in crate::fly) struct Facts {
     /// Periods without a tick so far.
     pub(in crate::fly) missed_periods: u64,
     /// Where sticks that are sent already lead, from the estimate on.
-    pub(in crate::fly) committed: Vec<Place>,
+    pub(in crate::fly) committed: Vec<PosW>,
     /// The plan from there on.
-    pub(in crate::fly) plan: Vec<Place>,
+    pub(in crate::fly) plan: Vec<PosW>,
     /// Where the vehicle was. Not in what is sent every time: it can be gathered.
     #[serde(skip)]
-    pub(in crate::fly) trail: Vec<Place>,
+    pub(in crate::fly) trail: Vec<PosW>,
 }
 
 /// A pose with its rows by name.

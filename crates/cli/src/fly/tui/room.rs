@@ -7,7 +7,7 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Block;
 use ratatui::widgets::canvas::{self, Canvas, Context, Rectangle};
-use tello_eval::view_numbers::Place;
+use tello_eval::view_numbers::PosW;
 
 use super::View;
 use crate::fly::live::facts::Spot;
@@ -32,7 +32,7 @@ enum Seen {
 }
 
 impl Seen {
-    fn project(self, [x, y, z]: Place) -> [f64; 2] {
+    fn project(self, [x, y, z]: PosW) -> [f64; 2] {
         match self {
             Self::Above => [x, y],
             Self::Side => [x, z],
@@ -98,7 +98,7 @@ fn paint(context: &mut Context<'_>, view: &View, seen: Seen) {
     context.layer();
     line(context, &facts.committed, seen, palette.orange);
     line(context, &facts.plan, seen, palette.green);
-    let mut print = |place: Place, text: &'static str, color| {
+    let mut print = |place: PosW, text: &'static str, color| {
         let [x, y] = seen.project(place);
         let style = Style::new().fg(color).add_modifier(Modifier::BOLD);
         context.print(x, y, Line::styled(text, style));
@@ -112,14 +112,14 @@ fn paint(context: &mut Context<'_>, view: &View, seen: Seen) {
 }
 
 /// A line through `places`.
-fn line(context: &mut Context<'_>, places: &[Place], seen: Seen, color: Color) {
+fn line(context: &mut Context<'_>, places: &[PosW], seen: Seen, color: Color) {
     for (begin, end) in places.iter().zip(places.iter().skip(1)) {
         let ([x1, y1], [x2, y2]) = (seen.project(*begin), seen.project(*end));
         context.draw(&canvas::Line { x1, y1, x2, y2, color });
     }
 }
 
-fn place(at: &Spot) -> Place {
+fn place(at: &Spot) -> PosW {
     [at.x, at.y, at.z]
 }
 

@@ -12,7 +12,7 @@ use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use serde::{Deserialize, Serialize};
-use tello_eval::view_numbers::Place;
+use tello_eval::view_numbers::PosW;
 use tello_io::clock::{SpanNs, TimeNs};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{sleep, timeout};
@@ -66,7 +66,7 @@ enum FromViewer {
 #[serde(rename_all = "snake_case")]
 enum ToViewer<'a> {
     /// At first: what stays the same, where the vehicle has been, and how old the facts are that come next.
-    Briefing { briefing: &'a Briefing, trail: &'a [Place], age_s: f64 },
+    Briefing { briefing: &'a Briefing, trail: &'a [PosW], age_s: f64 },
     /// Again and again.
     Facts(&'a Facts),
     /// After a token: whether orders are taken.

@@ -21,7 +21,7 @@ fn the_arrow_is_the_nearest_of_eight_directions() {
 }
 
 /// Bounds of a view of these places in an area.
-fn bounds_of(places: &[Place], (columns, rows): (u16, u16), seen: Seen) -> [[f64; 2]; 2] {
+fn bounds_of(places: &[PosW], (columns, rows): (u16, u16), seen: Seen) -> [[f64; 2]; 2] {
     let mut view = view(true);
     view.briefing.path = places.to_vec();
     view.facts = Arc::new(Facts::default());
