@@ -18,7 +18,7 @@ use nalgebra::{SMatrix, SVector};
 use thiserror::Error;
 
 use crate::cholesky::NotPositive;
-use crate::levenberg::{self, Linearization, LmSettings, SolveError, SolveReport};
+use crate::levenberg::{self, IterateScale, LmSettings, SolveError, SolveReport};
 use crate::residual::{Curvature, Observed, Residuals};
 use crate::trajectory::Prior;
 pub use builder::IdentBuilder;
@@ -102,7 +102,7 @@ pub struct Ident<M, const NS: usize, const NU: usize, const NO: usize, const NP:
     sparse: Sparse,
     /// Cost and largest diagonal entry at the iterate of the running solve. The derivatives are formed where
     /// they are eliminated.
-    known: Option<Linearization>,
+    known: Option<IterateScale>,
     /// Whether the exact curvature is to be trusted here.
     is_near: bool,
     /// Whether the candidate is neither accepted nor rejected yet.

@@ -140,9 +140,9 @@ pub enum SolveError {
     },
 }
 
-/// A problem at its current iterate.
+/// Cost of a problem at its current iterate, and the scale of its normal matrix there.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Linearization {
+pub struct IterateScale {
     /// True cost. 1
     pub cost: f64,
     /// Largest diagonal entry of the normal matrix. Mixed, by its row
@@ -170,7 +170,7 @@ pub trait Problem {
     ///
     /// # Errors
     /// Something is not finite there.
-    fn linearize(&mut self) -> Result<Linearization, SolveError>;
+    fn linearize(&mut self) -> Result<IterateScale, SolveError>;
 
     /// Sets the candidate to the minimum of the damped quadratic model of the last linearization.
     ///

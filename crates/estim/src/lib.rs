@@ -40,7 +40,7 @@ pub use delay::{
 };
 pub use ident::{Ident, IdentBuilder, IdentSettings, IdentTable, LinearSolver, Piece, PieceError};
 pub use levenberg::{
-    Linearization, LmSettings, LmTable, Problem, SolveError, SolveReport, Step, Stop, solve,
+    IterateScale, LmSettings, LmTable, Problem, SolveError, SolveReport, Step, Stop, solve,
 };
 pub use loss::{Loss, LossTable, Rho};
 pub use mhe::{Mhe, MheBuilder, MheError, MheSettings, MheTable};

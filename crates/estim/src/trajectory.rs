@@ -12,7 +12,7 @@ use nalgebra::{SMatrix, SVector};
 use crate::arrival::{Arrival, ArrivalSettings};
 use crate::chain::{Block, Chain};
 use crate::cholesky::NotPositive;
-use crate::levenberg::{Linearization, Problem, SolveError, Step};
+use crate::levenberg::{IterateScale, Problem, SolveError, Step};
 use crate::partition::Partition;
 use crate::reduced_system::ReducedSystem;
 use crate::residual::{Curvature, Iterate, Observed, Residuals};
@@ -289,7 +289,7 @@ where
 {
     const LEFT_MIN: f64 = 0.0;
 
-    fn linearize(&mut self) -> Result<Linearization, SolveError> {
+    fn linearize(&mut self) -> Result<IterateScale, SolveError> {
         self.chain.clear(self.s.len());
         let iterate = Iterate { s: &self.s, u: &self.u, o: &self.o, p: &self.p };
         // Little but its observation determines a free state that has just been added.
@@ -306,7 +306,7 @@ where
         }
         let diagonal_max = self.chain.diagonal_max();
         if diagonal_max.is_finite() {
-            Ok(Linearization { cost, diagonal_max })
+            Ok(IterateScale { cost, diagonal_max })
         } else {
             let is_broken = |block: &Block<NS, NP>| !block.diagonal.trace().is_finite();
             let k = self.chain.blocks_mut().iter().position(is_broken).unwrap_or(0);

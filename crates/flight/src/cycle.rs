@@ -153,8 +153,8 @@ struct Memory {
     o_seen: Option<Pose>,
     /// Accepted pose that the stream only repeated in this tick. m, rad
     o_repeated: Option<Pose>,
-    estimator_failed: bool,
-    controller_failed: bool,
+    has_estimator_failed: bool,
+    has_controller_failed: bool,
     /// Whether the controller followed the mission in the tick before.
     is_on_mission: bool,
 }
@@ -248,7 +248,7 @@ where
             }
             // After the update, which still solves the corrected window with a free parameter.
             self.mhe.hold_parameter(has_jumped || !self.link_is_up());
-            self.memory.estimator_failed = solved.is_err();
+            self.memory.has_estimator_failed = solved.is_err();
             if solved.is_err() {
                 self.start_estimate(&at_tick.o);
             }
@@ -264,7 +264,7 @@ where
 
     /// Starts the estimator at rest where `o` was observed.
     fn start_estimate(&mut self, o: &Pose) {
-        self.memory.estimator_failed |= self.mhe.start(o).is_err();
+        self.memory.has_estimator_failed |= self.mhe.start(o).is_err();
     }
 
     /// Judges the link by the period `ahead` of the coming one; on a change corrects what the estimator received before
@@ -382,7 +382,7 @@ where
         let is_late = matches!(&solved, Ok(report) if report.stop == Stop::Late);
         let has_new_plan = solved.as_ref().is_ok_and(MpcReport::has_new_plan);
         let goes_on = is_late && self.planner.has_usable_plan();
-        self.memory.controller_failed = !(has_new_plan || goes_on);
+        self.memory.has_controller_failed = !(has_new_plan || goes_on);
         out.controller = Some(solved.into());
         if watch.reads_plan() {
             out.plan.extend(self.planner.planned_sticks().map(<[f64; stick::COUNT]>::from));

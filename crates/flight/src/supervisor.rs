@@ -261,7 +261,7 @@ impl Supervisor {
     /// Updates what lasts longer than a tick.
     fn remember(&mut self, e: &Evidence) {
         self.began_ns.get_or_insert(e.t_ns);
-        let has_failed = e.estimator_failed || self.has_controller_failed(e);
+        let has_failed = e.has_estimator_failed || self.is_without_plan(e);
         self.failures = match self.phase {
             _ if has_failed => self.failures + 1.0,
             Phase::Idle => 0.0,

@@ -143,8 +143,8 @@ fn evidence(
         is_by_hand: flag(0),
         is_hand_neutral: flag(0) && flag(2),
         is_mission_done: flag(1),
-        estimator_failed: flag(2),
-        controller_failed: flag(3),
+        has_estimator_failed: flag(2),
+        has_controller_failed: flag(3),
     }
 }
 
@@ -173,7 +173,7 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
     }
     match ruling.pilot {
         Some(Pilot::Controller) => {
-            assert!(is_fresh && !e.estimator_failed, "steers on stale data: {}", case());
+            assert!(is_fresh && !e.has_estimator_failed, "steers on stale data: {}", case());
             assert!(is_inside, "steers behind the wall: {}", case());
             assert!(!e.is_by_hand, "takes the sticks from a person: {}", case());
         }

@@ -12,7 +12,7 @@ use super::segment::{Contribution, Segment, Terms};
 use super::variable_projection::{Scratch, Start, TOLERANCE_MIN};
 use super::{Ident, LinearSolver};
 use crate::cholesky::NotPositive;
-use crate::levenberg::{Linearization, Problem, SolveError, Step};
+use crate::levenberg::{IterateScale, Problem, SolveError, Step};
 use crate::reduced_system::ReducedSystem;
 use crate::residual::Curvature;
 
@@ -158,11 +158,11 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Prob
 where
     M: Model<NS, NU, NO, NP> + Sync,
 {
-    fn linearize(&mut self) -> Result<Linearization, SolveError> {
+    fn linearize(&mut self) -> Result<IterateScale, SolveError> {
         if let Some(known) = self.known {
             return Ok(known);
         }
-        let mut sum = Linearization { cost: self.prior.cost(&self.p), diagonal_max: 0.0 };
+        let mut sum = IterateScale { cost: self.prior.cost(&self.p), diagonal_max: 0.0 };
         let measure = |(segment, count): (&Segment<NS, NU, NO, NP>, &u32)| match count {
             0 => Ok((0.0, 0.0)),
             _ => segment.measure(&self.terms, &self.p),
@@ -285,7 +285,7 @@ mod tests {
     fn a_step_that_gains_little_is_near_the_minimum_and_a_rejected_one_is_not() {
         for (gained, is_near) in [(0.04, true), (0.06, false)] {
             let mut ident = linear();
-            ident.known = Some(Linearization { cost: 1.0 + gained, diagonal_max: 1.0 });
+            ident.known = Some(IterateScale { cost: 1.0 + gained, diagonal_max: 1.0 });
             ident.cost_candidate = 1.0;
             ident.accept();
             assert_eq!(ident.is_near, is_near, "{gained} of 1");

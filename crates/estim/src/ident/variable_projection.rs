@@ -11,7 +11,7 @@ use nalgebra::{SMatrix, SVector};
 use super::segment::{Segment, Terms};
 use crate::back_substitution::LongChain;
 use crate::cholesky::NotPositive;
-use crate::levenberg::{self, Linearization, LmSettings, Problem, SolveError, Step};
+use crate::levenberg::{self, IterateScale, LmSettings, Problem, SolveError, Step};
 use crate::reduced_system::ReducedSystem;
 use crate::residual::{Curvature, Iterate, Residuals};
 
@@ -130,9 +130,9 @@ where
 {
     const LEFT_MIN: f64 = 0.0;
 
-    fn linearize(&mut self) -> Result<Linearization, SolveError> {
+    fn linearize(&mut self) -> Result<IterateScale, SolveError> {
         // Derivatives are formed where they are eliminated, and the damping is absolute.
-        Ok(Linearization { cost: self.cost, diagonal_max: 1.0 })
+        Ok(IterateScale { cost: self.cost, diagonal_max: 1.0 })
     }
 
     fn try_step(&mut self, damping: f64) -> Result<Step, NotPositive> {

@@ -58,7 +58,7 @@ impl<const N: usize> Curve<N> {
 }
 
 impl<const N: usize> Problem for Curve<N> {
-    fn linearize(&mut self) -> Result<Linearization, SolveError> {
+    fn linearize(&mut self) -> Result<IterateScale, SolveError> {
         let mut parameter_block = ReducedSystem::zeros();
         for (k, point) in self.data.iter().enumerate() {
             let (r, j) = (self.residual(&self.b, *point), self.gradient(*point));
@@ -69,7 +69,7 @@ impl<const N: usize> Problem for Curve<N> {
             parameter_block.hessian += j * j.transpose();
         }
         self.parameter_block = parameter_block;
-        Ok(Linearization {
+        Ok(IterateScale {
             cost: self.cost(&self.b),
             diagonal_max: self.parameter_block.hessian.diagonal().max(),
         })

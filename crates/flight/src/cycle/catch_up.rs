@@ -31,7 +31,7 @@ where
                 let missing = Observed::missing();
                 let u_applied = self.follow_link(JUST_ENDED_AFTER_PUSH, &missing, None);
                 let solved = self.mhe.update(&u_applied, &missing, &mut || watch.is_late());
-                self.memory.estimator_failed = solved.is_err();
+                self.memory.has_estimator_failed = solved.is_err();
                 if self.memory.is_on_mission {
                     self.progress.fly(self.dt_s);
                     self.aim();

@@ -89,9 +89,9 @@ struct Correction {
     steps_min: i32,
     steps: i32,
     /// Periods since the newest correction.
-    since: u32,
+    periods_since: u32,
     /// Periods in which errors have asked for a dead time shorter than configured.
-    short: u32,
+    short_periods: u32,
     /// The newest error that was excited enough.
     error: Option<DeadTimeError>,
 }
@@ -116,7 +116,14 @@ impl DeadTime {
         let correction = |axis: usize| {
             let given_up_s = (1.0 - dead_time_min_ratio) * dead_time_s[axis];
             let steps_min = -steps_max.min(whole(given_up_s / dt_s + 1e-9));
-            Correction { given_up_s, steps_min, steps: 0, since: 0, short: 0, error: None }
+            Correction {
+                given_up_s,
+                steps_min,
+                steps: 0,
+                periods_since: 0,
+                short_periods: 0,
+                error: None,
+            }
         };
         Self {
             dt_s,
@@ -227,21 +234,22 @@ impl Correction {
         steps_max: i32,
         dt_s: f64,
     ) -> i32 {
-        self.since = self.since.saturating_add(1);
+        self.periods_since = self.periods_since.saturating_add(1);
         let Some(error) = error else {
-            self.short = self.short.saturating_sub(1);
+            self.short_periods = self.short_periods.saturating_sub(1);
             return 0;
         };
         let DeadTimeError { mean_s, sd_s } = error;
         let step = if mean_s > 0.0 { 1 } else { -1 };
         let is_short = common + self.steps == -SHORT_STEPS && step < 0;
         let is_clear = mean_s.abs() >= (ERROR_MIN * dt_s).max(CERTAINTY_MIN * sd_s);
-        self.short = if is_short && is_clear { self.short.saturating_add(1) } else { 0 };
-        let is_shown = !is_short || self.short >= SHORT_PERIODS;
+        self.short_periods =
+            if is_short && is_clear { self.short_periods.saturating_add(1) } else { 0 };
+        let is_shown = !is_short || self.short_periods >= SHORT_PERIODS;
         let range = self.steps_min..=steps_max;
         let after = (common + self.steps).clamp(self.steps_min, steps_max) + step;
-        if is_clear && is_shown && range.contains(&after) && self.since >= PERIODS_BETWEEN {
-            self.since = 0;
+        if is_clear && is_shown && range.contains(&after) && self.periods_since >= PERIODS_BETWEEN {
+            self.periods_since = 0;
             self.steps = after - common;
             let mean_s = mean_s - f64::from(step) * dt_s;
             self.error = Some(DeadTimeError { mean_s, sd_s });
@@ -253,11 +261,11 @@ impl Correction {
 
     /// The step back to the configured dead time; what is known of its error is of another one.
     fn take_back(&mut self) -> i32 {
-        self.since = self.since.saturating_add(1);
-        if self.since < PERIODS_BETWEEN || self.steps >= 0 {
+        self.periods_since = self.periods_since.saturating_add(1);
+        if self.periods_since < PERIODS_BETWEEN || self.steps >= 0 {
             return 0;
         }
-        (self.since, self.error) = (0, None);
+        (self.periods_since, self.error) = (0, None);
         self.steps += 1;
         1
     }

@@ -89,8 +89,8 @@ where
                 .manual
                 .is_some_and(|hand| hand.iter().all(|u| u.abs() <= HAND_NEUTRAL)),
             is_mission_done: self.mission.is_finished(),
-            estimator_failed: self.memory.estimator_failed,
-            controller_failed: self.memory.controller_failed,
+            has_estimator_failed: self.memory.has_estimator_failed,
+            has_controller_failed: self.memory.has_controller_failed,
         });
         out.ruling = Some(ruling);
         self.planner.brake(ruling.is_braking);

@@ -204,8 +204,8 @@ impl Supervisor {
                 Fault::MissionOverdue,
                 self.is_flying() && exceeds(e.overtime_s, table.failsafe.overtime_s),
             ),
-            (Fault::EstimatorFailed, e.estimator_failed),
-            (Fault::ControllerFailed, self.has_controller_failed(e)),
+            (Fault::EstimatorFailed, e.has_estimator_failed),
+            (Fault::ControllerFailed, self.is_without_plan(e)),
             (Fault::SolverFailing, self.failures > f64::from(table.solver_failures_max)),
             (Fault::TicksLate, self.late_periods > f64::from(table.late_periods_max)),
             (Fault::TakeOffTimeout, is_take_off_overdue),
@@ -250,9 +250,10 @@ impl Supervisor {
         self.is_taking_off_or_flying() && e.is_in_obstacle && !self.is_pose_stale(e)
     }
 
-    /// The flag belongs to the plan of the previous tick, which was made only if it could be used.
-    pub(super) fn has_controller_failed(&self, e: &Evidence) -> bool {
-        e.controller_failed && self.control != ControlMode::Off
+    /// Whether a controller that steers has no new plan. The flag belongs to the plan of the previous tick, which was
+    /// made only if it could be used.
+    pub(super) fn is_without_plan(&self, e: &Evidence) -> bool {
+        e.has_controller_failed && self.control != ControlMode::Off
     }
 }
 

@@ -248,9 +248,9 @@ pub struct Evidence {
     /// Whether the last target is reached.
     pub is_mission_done: bool,
     /// Whether the newest estimate failed.
-    pub estimator_failed: bool,
+    pub has_estimator_failed: bool,
     /// Whether the newest plan failed.
-    pub controller_failed: bool,
+    pub has_controller_failed: bool,
 }
 
 /// What the supervisor decides for one tick.

@@ -98,8 +98,8 @@ pub(super) const CALM: Evidence = Evidence {
     is_by_hand: false,
     is_hand_neutral: false,
     is_mission_done: false,
-    estimator_failed: false,
-    controller_failed: false,
+    has_estimator_failed: false,
+    has_controller_failed: false,
 };
 
 /// A drone that stands, well charged.
@@ -266,7 +266,7 @@ fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
         (with_drone(CALM, |drone| drone.battery_pct = 29), Fault::BatteryLow),
         (with_drone(CALM, |drone| drone.is_battery_low = true), Fault::BatteryLow),
         (with_drone(CALM, |drone| drone.battery_pct = 101), Fault::BatteryLow),
-        (Evidence { estimator_failed: true, ..CALM }, Fault::EstimatorFailed),
+        (Evidence { has_estimator_failed: true, ..CALM }, Fault::EstimatorFailed),
         (Evidence { pose: Some(at(3.1, 0.1)), ..CALM }, Fault::StartMisplaced),
         (Evidence { pose: Some(at(0.0, 1.3)), ..CALM }, Fault::StartMisplaced),
         (Evidence { is_start_barred: true, ..CALM }, Fault::StartMisplaced),
@@ -340,12 +340,12 @@ fn mild_faults_are_noted_and_the_flight_goes_on() {
     let mut bench = Bench::flying();
     let ruling = bench.run(50, &with_drone(ALOFT, |drone| drone.battery_pct = 29));
     assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::BatteryLow]));
-    let ruling = bench.tick(&Evidence { controller_failed: true, ..ALOFT });
+    let ruling = bench.tick(&Evidence { has_controller_failed: true, ..ALOFT });
     assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::ControllerFailed]));
     let expired = Incidents { has_input_expired: true, ..NO_INCIDENTS };
     let ruling = bench.tick(&Evidence { incidents: expired, ..ALOFT });
     assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::InputExpired]));
-    let ruling = bench.tick(&Evidence { estimator_failed: true, ..ALOFT });
+    let ruling = bench.tick(&Evidence { has_estimator_failed: true, ..ALOFT });
     assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
     assert_eq!(faults(ruling), [Fault::EstimatorFailed]);
 }
@@ -368,8 +368,8 @@ fn what_never_came_is_missed_from_the_first_tick() {
 
 #[test]
 fn solvers_may_fail_a_few_ticks_in_a_row_but_no_more() {
-    for (estimator_failed, controller_failed) in [(true, false), (false, true)] {
-        let failed = Evidence { estimator_failed, controller_failed, ..ALOFT };
+    for (has_estimator_failed, has_controller_failed) in [(true, false), (false, true)] {
+        let failed = Evidence { has_estimator_failed, has_controller_failed, ..ALOFT };
         let mut bench = Bench::flying();
         assert_eq!(bench.run(3, &failed).phase, Phase::Flying);
         assert_eq!(bench.run(6, &ALOFT).phase, Phase::Flying);
@@ -384,7 +384,7 @@ fn solvers_may_fail_a_few_ticks_in_a_row_but_no_more() {
 fn a_failed_plan_of_long_ago_does_not_count() {
     // While sticks are neutral nothing is planned and the flag stays as it was.
     let mut bench = Bench::flying();
-    let failed = Evidence { controller_failed: true, ..ALOFT };
+    let failed = Evidence { has_controller_failed: true, ..ALOFT };
     let stale = Evidence { pose_age_s: Some(0.5), ..failed };
     assert_eq!(faults(bench.tick(&stale)), [Fault::MocapStale, Fault::ControllerFailed]);
     let ruling = bench.run(20, &stale);

@@ -100,7 +100,7 @@ fn a_mission_that_is_done_lands_a_vehicle_at_rest_and_brakes_one_that_a_person_h
 
 #[test]
 fn a_fault_that_holds_the_sticks_ends_the_braking_by_a_landing() {
-    let failed = Evidence { estimator_failed: true, ..fast() };
+    let failed = Evidence { has_estimator_failed: true, ..fast() };
     assert_eq!(braking().tick(&failed).phase, Phase::Landing);
 }
 

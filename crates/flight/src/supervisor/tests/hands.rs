@@ -35,7 +35,7 @@ fn a_person_flies_on_without_a_pose_and_who_hands_back_blind_is_landed() {
 
 #[test]
 fn no_fault_that_blinds_or_warns_the_controller_takes_the_sticks_from_a_person() {
-    let failed = Evidence { estimator_failed: true, controller_failed: true, ..ALOFT };
+    let failed = Evidence { has_estimator_failed: true, has_controller_failed: true, ..ALOFT };
     for e in [
         blind(ALOFT),
         Evidence { pose: Some(at(3.5, 1.1)), ..ALOFT },

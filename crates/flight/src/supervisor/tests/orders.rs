@@ -347,7 +347,7 @@ fn one_solve_in_three_may_fail_for_ever_and_one_in_two_may_not() {
     for (every, ends) in [(3, false), (2, true)] {
         let mut bench = Bench::flying();
         for tick in 0..1000 {
-            bench.pass(1, &Evidence { estimator_failed: tick % every == 0, ..ALOFT });
+            bench.pass(1, &Evidence { has_estimator_failed: tick % every == 0, ..ALOFT });
         }
         assert_eq!(bench.supervisor.phase() != Phase::Flying, ends, "one in {every}");
     }
