@@ -25,6 +25,7 @@ mod conditions;
 mod evidence;
 mod fault;
 mod geofence;
+mod memory;
 mod person_gone;
 mod settings;
 mod settling;
@@ -38,32 +39,17 @@ pub(crate) use self::geofence::CLIMB_MAX_M;
 pub use self::geofence::{Room, RoomTable};
 pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 
-use horizon_model::rows::pose;
-
 use self::braking::ControlMode;
 use self::condition_timer::{Leaky, Reported, Since, elapsed_s, exceeds};
 use self::settling::Settling;
 use crate::drone::{DroneOrder, LAND_PERIOD};
-use crate::time::SpanNs;
 
 /// Take-off is ordered again when the drone still reports to be grounded after this time: the order
 /// may be lost, but a drone spinning up must not receive the order twice. s
 const TAKE_OFF_RETRY_S: f64 = 3.0;
 
-/// Fraction of a missed period that is forgiven at each tick: one may be missed after each ten ticks for ever.
-const LATE_FORGIVEN: f64 = 0.1;
-
-/// Failures of a solver that a tick without one makes up for, off the ground: one in three may fail for ever.
-const FAILURE_FORGIVEN: f64 = 0.5;
-
 /// The controller brakes for so long after a plan led out of the room or into an obstacle. s
 const BRAKE_S: f64 = 0.4;
-
-/// Turn away from the heading of the reference that no controlled vehicle makes. rad
-const TURNED_RAD: f64 = 1.0;
-
-/// Yaw rate above which a vehicle turns by itself in an outage. rad/s
-const TURNING_RADPS: f64 = 0.3;
 
 /// A drone that reports for so long that it flies took off without our order. s
 const ALOFT_S: f64 = 1.0;
@@ -256,76 +242,6 @@ impl Supervisor {
     fn judged_by(&self, e: &Evidence) -> Pilot {
         let is_meant = self.phase != Phase::Idle || e.operator == Operator::FlyByHand;
         if e.is_by_hand && is_meant { Pilot::Person } else { Pilot::Controller }
-    }
-
-    /// Updates what lasts longer than a tick.
-    fn remember(&mut self, e: &Evidence) {
-        self.began_ns.get_or_insert(e.t_ns);
-        let has_failed = e.has_estimator_failed || self.is_without_plan(e);
-        self.failures = match self.phase {
-            _ if has_failed => self.failures + 1.0,
-            Phase::Idle => 0.0,
-            _ => (self.failures - FAILURE_FORGIVEN).max(0.0),
-        };
-        self.late_periods = (self.late_periods - LATE_FORGIVEN).max(0.0) + e.skipped as f64;
-        let reported_ns = e.drone.map(|drone| e.t_ns - SpanNs::from_seconds(drone.age_s).0);
-        self.since.aloft.keep(self.is_aloft_unasked(e), reported_ns);
-        let is_standing = self.phase == Phase::Idle && self.drone_says_flying(e) != Some(true);
-        if is_standing && !self.is_pose_stale(e) {
-            self.ground_height_m = e.pose.map(|at| at[pose::Z]);
-        }
-        if is_standing && let Some(drone) = e.drone {
-            self.drone_ground_m = drone.height_m;
-        }
-        let says_flying = self.drone_says_flying(e);
-        if self.take_off_ordered_ns.is_some() {
-            self.take_off_seen = self.take_off_seen.max(match says_flying {
-                Some(true) => TakeOffSeen::Reported,
-                _ if self.has_risen(e) => TakeOffSeen::Measured,
-                _ => TakeOffSeen::No,
-            });
-        }
-        self.remember_landing(e);
-        // A report may be late, but does not take itself back.
-        let counts = match (self.phase, self.take_off_seen) {
-            (Phase::TakingOff | Phase::Flying, TakeOffSeen::Reported) => true,
-            (Phase::TakingOff, TakeOffSeen::Measured) | (Phase::Flying, _) => {
-                self.is_past_take_off(e)
-            }
-            _ => false,
-        };
-        self.since.grounded.keep(counts && says_flying == Some(false), reported_ns);
-        let is_critical = e.drone.is_some_and(|drone| {
-            drone.is_battery_critical || drone.battery_pct < self.table.battery_critical_pct
-        });
-        self.since.battery_critical.keep(is_critical, reported_ns);
-        let climbs_still = self.phase == Phase::TakingOff
-            && e.findings.still_s.is_some()
-            && self.drone_has_risen(e);
-        self.since.climbs_still.keep(climbs_still, e.t_ns);
-        self.since.unrisen.keep(self.is_unrisen(e), e.t_ns);
-        let is_done = e.is_mission_done && !e.is_by_hand;
-        self.since.done.keep(is_done, e.t_ns);
-        let (failsafe, is_flying) = (&self.table.failsafe, self.is_flying());
-        let is_astray = is_flying && !e.is_by_hand && self.is_off_reference(e);
-        let is_fast = is_flying && exceeds(e.speed_mps, failsafe.speed_mps);
-        self.since.astray.keep(is_astray, e.t_ns);
-        self.remember_swings(e);
-        self.since.stands.keep(self.seems_to_stand(e), e.t_ns);
-        // In an outage the reference may turn on without the vehicle.
-        let turns = e.motion.is_some_and(|motion| motion.rate[pose::THETA].abs() > TURNING_RADPS);
-        let should_turn = is_flying && !e.is_by_hand && (e.outage.is_none() || turns);
-        let is_turned = should_turn && e.turned_rad.is_some_and(|rad| exceeds(rad, TURNED_RAD));
-        self.since.turned.keep(is_turned, e.t_ns);
-        self.since.fast.keep(is_fast, e.t_ns);
-        let is_long = is_flying && !e.is_by_hand && e.is_dead_time_long;
-        self.since.dead_time_long.keep(is_long, e.t_ns);
-        self.remember_idle_hand(e, is_fast);
-        self.remember_blocked(e);
-        self.remember_stuck(e);
-        let is_alone = is_flying && e.outage.is_some() && !conditions::is_confirmed(&e.findings);
-        self.since.alone.keep(is_alone, e.t_ns);
-        self.remember_settling(e);
     }
 
     fn next_phase(&self, e: &Evidence, reaction: Reaction, has_braked: bool) -> Phase {

@@ -36,15 +36,7 @@ where
         self.note_place(self.memory.o_seen, &self.fifo.applied(JUST_ENDED));
         out.findings = Some(findings);
         let outage = self.outage();
-        let motion = self.motion();
-        let tracking = motion.map(|motion| self.track(&motion.pose));
-        let tracking_m = tracking.map(|tracking| tracking.away_m);
-        let speed_mps = motion.map_or(0.0, |motion| motion.rate.fixed_rows::<3>(pose::X).norm());
-        (out.tracking_m, out.speed_mps) = (tracking_m, speed_mps);
-        if let Some(motion) = &motion {
-            self.immobility.see(&motion.pose);
-        }
-        out.pressed_s = self.immobility.pressed_s();
+        let (motion, tracking) = self.follow_motion(out).unzip();
         let pose = out.filtered.and_then(|filtered| filtered.o);
         let may_stand = matches!(self.supervisor.phase(), Phase::Idle | Phase::TakingOff);
         let holds_here = |is_so: fn(&Walls, &Vector3<f64>) -> bool| {
@@ -72,14 +64,14 @@ where
             findings,
             outage,
             is_dead_time_long: self.link.as_ref().is_some_and(Link::is_dead_time_long),
-            tracking_m,
+            tracking_m: out.tracking_m,
             velocity_error_mps: motion.and_then(|motion| self.velocity_error_mps(&motion)),
             turned_rad: tracking.map(|tracking| tracking.turned_rad),
             below_m: tracking.map(|tracking| tracking.below_m),
             sunk_m: tracking.map(|tracking| tracking.sunk_m),
             pressed_s: out.pressed_s,
             has_hit: self.impact.has_hit(),
-            speed_mps,
+            speed_mps: out.speed_mps,
             overtime_s: self.progress.overtime_s(&self.mission),
             drone: self.memory.drone.as_ref().map(|status| drone_report(status, inbox.now)),
             operator: inbox.operator,
@@ -95,6 +87,20 @@ where
         out.ruling = Some(ruling);
         self.planner.brake(ruling.is_braking);
         ruling.pilot
+    }
+
+    /// Estimated motion, and how far it has gone away from its reference, for the monitors of progress and for `out`;
+    /// `None` without an estimate.
+    fn follow_motion(&mut self, out: &mut Outcome) -> Option<(EstimatedMotion, Tracking)> {
+        let known = self.motion().map(|motion| (motion, self.track(&motion.pose)));
+        out.tracking_m = known.map(|(_, tracking)| tracking.away_m);
+        out.speed_mps =
+            known.map_or(0.0, |(motion, _)| motion.rate.fixed_rows::<3>(pose::X).norm());
+        if let Some((motion, _)) = &known {
+            self.immobility.see(&motion.pose);
+        }
+        out.pressed_s = self.immobility.pressed_s();
+        known
     }
 
     /// Where the reference, or a constant target, is behind an obstacle that does not move. m

@@ -12,9 +12,9 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use tokio::time::{sleep, timeout};
 
 use super::wire::{CHUNK_BYTES, Wire};
-use super::{MocapCounters, MocapSettings, MocapStream, Sighting};
+use super::{MocapCounters, MocapSettings, MocapStream, Sighting, SourceError};
 use crate::StopSignal;
-use crate::clock::{Arrival, Clock};
+use crate::clock::{Arrival, Clock, TimeNs};
 
 /// Room for 1.28 s at 500 Hz; the control thread drains it every 20 ms.
 const QUEUE_SIGHTINGS: usize = 640;
@@ -124,12 +124,9 @@ impl MocapClient {
         let mut chunk = vec![0; CHUNK_BYTES];
         let mut requests = Vec::new();
         let beat_period = stream.beat_period();
-        let mut heard_at = self.clock.now();
         let mut beat_at = None;
+        let mut progress = Progress::begin(self.clock.now());
         let sightings_before = self.counters.sightings.get();
-        // When the first bytes came of the message that is not complete, without a pause since.
-        let mut begun_at = None;
-        let mut read_at = heard_at;
         loop {
             let now = self.clock.now();
             if beat_at.is_none_or(|beat_at| now.since(beat_at).duration() >= beat_period) {
@@ -139,7 +136,7 @@ impl MocapClient {
             requests.clear();
             stream.take_requests(&mut requests);
             let Ok(Ok(())) = timeout(SILENCE_TIMEOUT, wire.write(&requests)).await else { return };
-            let silent = now.since(heard_at).duration();
+            let silent = now.since(progress.heard_at).duration();
             if silent >= SILENCE_TIMEOUT {
                 return;
             }
@@ -151,33 +148,18 @@ impl MocapClient {
                 Err(_) => continue,
             };
             let received_at = self.clock.now();
-            let paused = received_at.since(std::mem::replace(&mut read_at, received_at)).duration();
-            begun_at = begun_at.filter(|_| paused < PAUSE_MIN);
+            progress.note_bytes(received_at);
             let messages = self.counters.messages.get();
-            let sightings = self.counters.sightings.get();
             let bytes = chunk.get(..count).unwrap_or_default();
-            stream.set_airborne(self.is_airborne());
-            let result = stream.push(bytes, received_at, &self.counters, |sighting| {
-                if self.sightings.push(sighting).is_err() {
-                    self.counters.overflow.count();
-                }
-            });
-            if self.counters.sightings.get() > sightings {
-                self.arrival.note(received_at);
-            }
-            if let Err(error) = result {
+            if let Err(error) = self.take(bytes, received_at, stream) {
                 self.counters.malformed.count();
                 self.counters.give_up(error);
                 return;
             }
             let has_frames = self.counters.sightings.get() > sightings_before;
             if self.counters.messages.get() > messages {
-                heard_at = received_at;
-                begun_at = None;
-            } else if has_frames
-                && received_at.since(*begun_at.get_or_insert(received_at)).duration()
-                    >= INCOMPLETE_TIMEOUT
-            {
+                progress.note_message(received_at);
+            } else if has_frames && progress.is_overdue(received_at) {
                 return;
             }
             // A source that floods has always more to read: the other source and the end come between two chunks.
@@ -186,6 +168,64 @@ impl MocapClient {
                 return;
             }
         }
+    }
+
+    /// Hands `bytes` to the stream, and its sightings to the control thread.
+    ///
+    /// # Errors
+    /// Those of [`MocapStream::push`].
+    fn take(
+        &mut self,
+        bytes: &[u8],
+        received_at: TimeNs,
+        stream: &mut MocapStream,
+    ) -> Result<(), SourceError> {
+        let sightings = self.counters.sightings.get();
+        stream.set_airborne(self.is_airborne());
+        let result = stream.push(bytes, received_at, &self.counters, |sighting| {
+            if self.sightings.push(sighting).is_err() {
+                self.counters.overflow.count();
+            }
+        });
+        if self.counters.sightings.get() > sightings {
+            self.arrival.note(received_at);
+        }
+        result
+    }
+}
+
+/// When a connection brought bytes and messages.
+#[derive(Debug)]
+struct Progress {
+    /// When the newest message was complete; before the first one, when the connection began.
+    heard_at: TimeNs,
+    /// When the newest bytes came; before the first ones, when the connection began.
+    read_at: TimeNs,
+    /// When the first bytes came of the message that is not complete, without a pause since.
+    incomplete_since: Option<TimeNs>,
+}
+
+impl Progress {
+    fn begin(now: TimeNs) -> Self {
+        Self { heard_at: now, read_at: now, incomplete_since: None }
+    }
+
+    /// Bytes came. What was incomplete before a pause has not been waited for.
+    fn note_bytes(&mut self, at: TimeNs) {
+        let paused = at.since(self.read_at).duration();
+        self.read_at = at;
+        self.incomplete_since = self.incomplete_since.filter(|_| paused < PAUSE_MIN);
+    }
+
+    /// The bytes completed a message.
+    fn note_message(&mut self, at: TimeNs) {
+        self.heard_at = at;
+        self.incomplete_since = None;
+    }
+
+    /// The bytes completed no message. Whether it is overdue.
+    fn is_overdue(&mut self, at: TimeNs) -> bool {
+        at.since(*self.incomplete_since.get_or_insert(at)).duration() >= INCOMPLETE_TIMEOUT
     }
 }
 

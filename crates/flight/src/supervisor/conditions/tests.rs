@@ -2,7 +2,7 @@
 
 mod walls;
 
-use horizon_model::rows::Pose;
+use horizon_model::rows::{Pose, pose};
 
 use super::super::tests::*;
 use super::super::*;
