@@ -191,7 +191,7 @@ fn variables(arguments: &Arguments) -> Result<Vec<Variable>> {
         bail!("nothing to search: name numbers with --over or --over-log");
     }
     let mut known = BTreeSet::new();
-    if let Some(twice) = variables.iter().flat_map(Variable::keys).find(|key| !known.insert(*key)) {
+    if let Some(twice) = variables.iter().flat_map(Variable::places).find(|at| !known.insert(*at)) {
         bail!("{twice} is searched twice: give it one range");
     }
     Ok(variables)

@@ -120,7 +120,8 @@ pub enum DelayVerdict {
     Minimum,
     /// The profile is least within a period of an end of the searched range.
     EndOfRange,
-    /// The profile is flatter than chance on one side at least: the likelihood does not decide.
+    /// The profile is flatter than chance on one side at least: the likelihood does not decide. Or the solves at other
+    /// dead times ended higher than that of the start.
     Undecided,
 }
 

@@ -308,8 +308,9 @@ pub fn merge<T: Seeded>(paths: &[PathBuf]) -> Result<(Head, Vec<T>)> {
     paths.iter().try_for_each(|path| parts.add(path))?;
     parts.check_whole()?;
     let mut all = Vec::new();
-    for path in parts.paths() {
-        let (_, rows) = read::<T>(path)?;
+    for (path, known) in parts.0.values() {
+        let (head, rows) = read::<T>(path)?;
+        ensure!(head == *known, "{} changed while it was merged", path.display());
         all.extend(rows);
     }
     let first = parts.first().context("no part to merge")?;

@@ -28,7 +28,7 @@ pub struct Logged {
     pub seed: u64,
     /// Phase at the end.
     pub phase: Phase,
-    /// The faults that ended it; empty after a mission that was done.
+    /// The faults that ended it; after a mission that was done none but a landing confirmed by one witness.
     pub ended_by: Vec<Fault>,
     /// Targets reached, by the estimate.
     pub targets_reached: usize,

@@ -89,7 +89,7 @@ pub struct Row {
     pub error_mean: f64,
     /// Root mean square over runs of estimate minus truth. In the unit of the parameter
     pub error_rms: f64,
-    /// Mean over runs of the standard deviation that was claimed; null if none was. In the unit of the parameter
+    /// Mean over runs of the standard deviation that was claimed; null if one claims none. In the unit of the parameter
     pub std_mean: Option<f64>,
     /// Fraction of the runs with a 95 % interval in which it holds the truth; null without any. 1
     pub coverage: Option<f64>,
@@ -319,14 +319,14 @@ impl Row {
         let count = column.len() as f64;
         let mean =
             |of: &dyn Fn(&Found) -> f64| column.iter().map(|found| of(found)).sum::<f64>() / count;
-        let stds: Vec<f64> = column.iter().filter_map(|found| found.std).collect();
+        let std_mean = mean(&|found| found.std.unwrap_or(f64::NAN));
         Some(Self {
             name: first.name.clone(),
             truth: first.truth,
             estimate: first.estimate,
             error_mean: mean(&|found| found.estimate - found.truth),
             error_rms: mean(&|found| (found.estimate - found.truth).powi(2)).sqrt(),
-            std_mean: (!stds.is_empty()).then(|| stds.iter().sum::<f64>() / stds.len() as f64),
+            std_mean: std_mean.is_finite().then_some(std_mean),
             coverage: fraction(column.iter().filter_map(|found| found.holds())),
         })
     }

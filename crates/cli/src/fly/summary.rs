@@ -55,7 +55,7 @@ pub(super) struct Summary {
     pub(super) laps: Vec<Lap>,
     /// Every fault that was present at some time after the take-off was ordered.
     pub(super) faults: Vec<Fault>,
-    /// Those that ended the flight; empty after a mission that was done.
+    /// Those that ended the flight; after a mission that was done none but a landing confirmed by one witness.
     pub(super) ended_by: Vec<Fault>,
     /// Ticks of the loop.
     pub(super) ticks: u64,

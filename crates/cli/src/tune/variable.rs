@@ -67,9 +67,9 @@ impl Variable {
         &self.range.name
     }
 
-    /// The keys of the numbers.
-    pub(super) fn keys(&self) -> impl Iterator<Item = &str> {
-        self.range.name.split('+')
+    /// JSON pointers to the places of the number.
+    pub(super) fn places(&self) -> &[String] {
+        &self.pointers
     }
 
     /// The number at the fraction of its range, 0..=1, where the search is.

@@ -17,12 +17,12 @@ const CHANGE_S: f64 = 0.2;
 const ACCEL_MEAN_S: f64 = 1.5;
 
 /// Time of the mean velocity: one who sways comes back within it. s
-const MEAN_S: f64 = 1.0;
+const MEAN_S: f64 = 2.0;
 /// Below this difference both velocities are one. m/s
 const EQUAL_MPS: f64 = 0.15;
 
 /// Largest acceleration that is expected again: with more no way past is left. m/s^2
-const ACCEL_MAX_MPS2: f64 = 1.5;
+const ACCEL_MAX_MPS2: f64 = 1.0;
 
 /// How long an obstacle that is not seen goes on as before. s
 const FORGET_S: f64 = 0.5;
@@ -58,7 +58,7 @@ struct ObstacleMotion {
     late_vel_w: Vector3<f64>,
     /// Its mean of late. m/s
     mean_vel_w: Vector3<f64>,
-    /// Mean square of the acceleration. m^2/s^4
+    /// Mean square of the acceleration, from rest when it was found: nobody knows what it did before. m^2/s^4
     accel_squared: f64,
     unseen_s: f64,
 }
@@ -98,7 +98,7 @@ impl MovingObstacle {
         self.motion.map(|motion| motion.vel_w.xy().norm())
     }
 
-    /// The acceleration to expect of it, at most 1.5: the amplitude of a sine with the root mean square that it has
+    /// The acceleration to expect of it, at most 1: the amplitude of a sine with the root mean square that it has
     /// shown. m/s^2
     pub(super) fn acceleration_mps2(&self) -> f64 {
         let squared = self.motion.map_or(0.0, |motion| motion.accel_squared);

@@ -49,7 +49,7 @@ pub struct WallTable {
     /// By how much the margin grows over the horizon: the error of the prediction. m/s, 0..=0.5
     pub growth_mps: f64,
     /// Acceleration that an obstacle may have which moves: its margin grows by `1/2 a t^2` besides, t from its newest
-    /// place on. More, up to 1.5, if it has shown more. m/s^2, 0..=5; 0 in older settings and logs: none
+    /// place on. More, up to 1, if it has shown more. m/s^2, 0..=5; 0 in older settings and logs: none
     #[serde(default)]
     pub obstacle_accel_mps2: f64,
     /// Standard deviations of the predicted position, by the estimate's covariance over the committed time, that the
@@ -147,13 +147,16 @@ impl Walls {
     }
 
     /// Whether the obstacle that moves is between `at_w` and `to_w`, world frame, and nearer than 0.6 m to the straight
-    /// way, or so near to one of its ends that a vehicle is driven away: it does not get there. m
+    /// way, or so near to one of its ends that a vehicle is driven away: it does not get there. One that accelerates is
+    /// evaded from further away, by what that adds to its margin within a second. m
     pub(super) fn is_way_blocked(&self, at_w: &Vector3<f64>, to_w: &Vector3<f64>) -> bool {
         let Some(moving_w) = self.moving.place(0.0) else { return false };
         let along = nearest_along(at_w, to_w, &moving_w);
         let nearest_w = at_w + along.clamp(0.0, 1.0) * (to_w - at_w);
         let is_between = (0.0..=1.0).contains(&along);
+        let more_mps2 = self.shown_accel_mps2() - self.table.obstacle_accel_mps2;
         let limit_m = if is_between { BESIDE_M } else { self.table.margin_m };
+        let limit_m = limit_m + 0.5 * more_mps2.max(0.0);
         let mut moving = self.obstacles.iter().filter(|obstacle| obstacle.is_moving());
         moving.any(|it| it.distance_from(&nearest_w, Some(&moving_w)).distance_m < limit_m)
     }
@@ -202,9 +205,8 @@ impl Walls {
     /// Whether the obstacle that moves could come that near within a landing if it turned towards `at_w`.
     pub(super) fn may_be_approached(&self, at_w: &Vector3<f64>) -> bool {
         let (moving_w, speed_mps) = (self.moving.place(0.0), self.moving.speed_mps());
-        let Some(speed_mps) = speed_mps.filter(|speed_mps| *speed_mps > STANDS_MPS) else {
-            return false;
-        };
+        let may_turn = |speed_mps: &f64| self.may_accelerate() && *speed_mps > STANDS_MPS;
+        let Some(speed_mps) = speed_mps.filter(may_turn) else { return false };
         let is_within = |obstacle: &Obstacle| {
             let distance_m = obstacle.distance_from(at_w, moving_w.as_ref()).distance_m;
             distance_m < self.table.margin_m + speed_mps * APPROACH_S
@@ -244,9 +246,8 @@ impl Walls {
     /// The obstacle among walls and obstacles; `None` for a wall.
     fn obstacle(&self, i: usize) -> Option<&Obstacle> {
         let k = i.checked_sub(self.wall_count())?;
-        self.obstacles
-            .get(k)
-            .or_else(|| self.obstacles.iter().find(|obstacle| obstacle.is_moving()))
+        let moving = || self.obstacles.iter().filter(|obstacle| obstacle.is_moving());
+        self.obstacles.get(k).or_else(|| moving().nth(k - self.obstacles.len()))
     }
 
     /// Whether `i` is the obstacle that moves where its mean velocity leads.
@@ -337,12 +338,13 @@ impl Walls {
             return margin_m;
         }
         let least_mps2 = self.table.obstacle_accel_mps2;
-        let shown_mps2 = if self.is_by_mean(i) || !self.may_accelerate() {
-            0.0
-        } else {
-            self.moving.acceleration_mps2()
-        };
+        let shown_mps2 = if self.is_by_mean(i) { 0.0 } else { self.shown_accel_mps2() };
         margin_m + 0.5 * least_mps2.max(shown_mps2) * (self.lead_s + ahead_s).powi(2)
+    }
+
+    /// Acceleration that the obstacle that moves has shown. m/s^2
+    fn shown_accel_mps2(&self) -> f64 {
+        if self.may_accelerate() { self.moving.acceleration_mps2() } else { 0.0 }
     }
 
     /// Whether an obstacle that moves may change its velocity: not in older settings and logs.
