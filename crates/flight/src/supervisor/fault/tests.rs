@@ -100,3 +100,11 @@ fn only_faults_that_land_or_stop_the_motors_end_a_flight() {
         assert_eq!(FaultSet::default().union(ending), ending);
     }
 }
+
+#[test]
+fn what_ended_a_flight_early_is_named_behind_its_landing() {
+    let names = |ended_by: &[Fault]| Fault::ending_names(ended_by);
+    assert_eq!(names(&[Fault::OperatorStop, Fault::LandedByPose, Fault::LandedByDrone]), "");
+    let two = names(&[Fault::TrackingLost, Fault::OperatorStop, Fault::FenceLeft]);
+    assert_eq!(two, " (off the reference, outside of the room)");
+}
