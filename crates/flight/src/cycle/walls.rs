@@ -157,8 +157,8 @@ impl Walls {
         let more_mps2 = self.shown_accel_mps2() - self.table.obstacle_accel_mps2;
         let limit_m = if is_between { BESIDE_M } else { self.table.margin_m };
         let limit_m = limit_m + 0.5 * more_mps2.max(0.0);
-        let mut moving = self.obstacles.iter().filter(|obstacle| obstacle.is_moving());
-        moving.any(|it| it.distance_from(&nearest_w, Some(&moving_w)).distance_m < limit_m)
+        self.moving_obstacles()
+            .any(|it| it.distance_from(&nearest_w, Some(&moving_w)).distance_m < limit_m)
     }
 
     /// Whether the straight way from `at_w` to `to_w`, world frame, leads through an obstacle that does not move. m
@@ -199,7 +199,7 @@ impl Walls {
         let comes_near = |obstacle: &Obstacle| {
             obstacle.distance_from(at_w, Some(&nearest_w)).distance_m < self.table.margin_m
         };
-        self.obstacles.iter().filter(|obstacle| obstacle.is_moving()).any(comes_near)
+        self.moving_obstacles().any(comes_near)
     }
 
     /// Whether the obstacle that moves could come that near within a landing if it turned towards `at_w`.
@@ -211,7 +211,7 @@ impl Walls {
             let distance_m = obstacle.distance_from(at_w, moving_w.as_ref()).distance_m;
             distance_m < self.table.margin_m + speed_mps * APPROACH_S
         };
-        self.obstacles.iter().filter(|obstacle| obstacle.is_moving()).any(is_within)
+        self.moving_obstacles().any(is_within)
     }
 
     /// Whether a vehicle that stands at `at_w` is inside of an obstacle now, or climbs into one in its take-off.
@@ -233,10 +233,14 @@ impl Walls {
         self.table.margin_sd > 0.0
     }
 
+    fn moving_obstacles(&self) -> impl Iterator<Item = &Obstacle> {
+        self.obstacles.iter().filter(|obstacle| obstacle.is_moving())
+    }
+
     /// Number of walls and obstacles; one that moves counts twice, the second time where its mean velocity leads.
     pub(super) fn count(&self) -> usize {
-        let moving = self.obstacles.iter().filter(|it| it.is_moving() && self.may_accelerate());
-        self.wall_count() + self.obstacles.len() + moving.count()
+        let again = if self.may_accelerate() { self.moving_obstacles().count() } else { 0 };
+        self.wall_count() + self.obstacles.len() + again
     }
 
     fn wall_count(&self) -> usize {
@@ -246,8 +250,7 @@ impl Walls {
     /// The obstacle among walls and obstacles; `None` for a wall.
     fn obstacle(&self, i: usize) -> Option<&Obstacle> {
         let k = i.checked_sub(self.wall_count())?;
-        let moving = || self.obstacles.iter().filter(|obstacle| obstacle.is_moving());
-        self.obstacles.get(k).or_else(|| moving().nth(k - self.obstacles.len()))
+        self.obstacles.get(k).or_else(|| self.moving_obstacles().nth(k - self.obstacles.len()))
     }
 
     /// Whether `i` is the obstacle that moves where its mean velocity leads.
