@@ -47,11 +47,7 @@ fn assert_merges(folder: &Path, arguments: &[&str]) {
 
 #[test]
 fn parts_of_a_batch_merge_to_the_bytes_of_one_process() {
-    let folder = folder("batch");
-    assert_merges(
-        &folder,
-        &["--batch", "4", "--seed", "11", "--config", &config_file("thesis/fly.json")],
-    );
+    assert_merges(&folder("batch"), &["--batch", "3", "--seed", "11"]);
 }
 
 #[test]

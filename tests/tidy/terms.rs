@@ -3,6 +3,7 @@
 //! A text is read as a sequence of lower-case words, names in snake case and camel case taken apart, so that
 //! `WayBack`, `way_back` and "way back" are the same. Phrases may span lines.
 
+use std::collections::BTreeMap;
 use std::io;
 
 use super::repository::{File, files};
@@ -125,6 +126,10 @@ fn complaints(file: &File) -> Vec<String> {
     }
     let text = if file.path == "CHANGELOG.md" { unreleased(&file.text) } else { &file.text };
     let words = words(text);
+    let mut places_of: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for (i, (_, word)) in words.iter().enumerate() {
+        places_of.entry(word).or_default().push(i);
+    }
     let mut complaints = Vec::new();
     for Term { not, but, places } in &TERMS {
         let is_kept = EXCEPTIONS.iter().any(|(path, word, _)| file.path == *path && word == not);
@@ -132,10 +137,13 @@ fn complaints(file: &File) -> Vec<String> {
             continue;
         }
         let phrase: Vec<&str> = not.split(' ').collect();
-        let found = words.windows(phrase.len());
-        for place in found.filter(|place| place.iter().map(|(_, word)| word).eq(&phrase)) {
-            let at = place.first().map_or(0, |(line, _)| *line);
-            complaints.push(format!("{}:{at}: `{not}` is a word of ours: {but}", file.path));
+        for i in phrase.first().and_then(|first| places_of.get(first)).into_iter().flatten() {
+            let found = words.iter().skip(*i).take(phrase.len()).map(|(_, word)| word);
+            if found.eq(&phrase) {
+                let at = words[*i].0;
+                complaints
+                    .push(format!("{}:{at}: `{not}`: use the field's term: {but}", file.path));
+            }
         }
     }
     complaints

@@ -88,8 +88,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             let Some(trajectory) = highest(&design, &heights_m, room)? else {
                 let (most_m, _) = largest(&design, &heights_m, room)?;
                 bail!(
-                    "--half-width {half_width_m} comes within the stopping distance of a wall of the room: \
-                     at most {most_m} around this centre"
+                    "--half-width {half_width_m} with --half-height {} comes within the stopping distance of a wall, \
+                     the floor or the ceiling: at most {most_m} to each side around this centre",
+                    arguments.half_height
                 );
             };
             (half_width_m, trajectory)

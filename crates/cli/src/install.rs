@@ -80,7 +80,10 @@ impl FromStr for Walls {
     fn from_str(text: &str) -> Result<Self> {
         let numbers: Vec<f64> = text
             .split(',')
-            .map(|number| number.trim().parse().with_context(|| format!("{number:?} is no number")))
+            .map(|text| {
+                let number = text.trim().parse().ok().filter(|number: &f64| number.is_finite());
+                number.with_context(|| format!("{text:?} is no finite number"))
+            })
             .collect::<Result<_>>()?;
         let count = numbers.len();
         let Ok(walls) = numbers.try_into() else { bail!("{count} numbers in place of five") };

@@ -27,7 +27,7 @@ fn walls_are_five_numbers() {
     let refusal = |text: &str| text.parse::<Walls>().unwrap_err().to_string();
     assert_eq!(refusal("-2,2,-3,1"), "4 numbers in place of five");
     assert_eq!(refusal("-2,2,-3,1,2.5,0"), "6 numbers in place of five");
-    assert_eq!(refusal("-2,2,wall,1,2.5"), "\"wall\" is no number");
+    assert_eq!(refusal("-2,2,wall,1,2.5"), "\"wall\" is no finite number");
 }
 
 #[test]

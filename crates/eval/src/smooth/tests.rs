@@ -122,6 +122,7 @@ fn a_flight_without_samples_is_still_a_track() {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
     fn any_samples_give_finite_tracks(
         values in prop::collection::vec(prop::array::uniform4(-1e3..1e3), 1..60),

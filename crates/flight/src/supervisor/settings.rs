@@ -10,6 +10,8 @@ use super::geofence::{Room, RoomTable};
 const STALE_MAX_S: f64 = 1.0;
 /// Longest wait for a pose before the landing, with neutral sticks. s
 const LOST_MAX_S: f64 = 5.0;
+/// Highest rise to wait for: a Tello that takes off climbs to 0.8 to 1 m by itself. m
+const AIRBORNE_MAX_M: f64 = 0.7;
 
 /// When the supervisor reacts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -147,7 +149,7 @@ impl TryFrom<&SupervisorTable> for SupervisorSettings {
             ));
         }
         in_range("take_off_timeout_s", table.take_off_timeout_s, 1.0..=60.0)?;
-        in_range("airborne_height_m", table.airborne_height_m, 0.1..=1.5)?;
+        in_range("airborne_height_m", table.airborne_height_m, 0.1..=AIRBORNE_MAX_M)?;
         in_range("settle_s", table.settle_s, 0.0..=30.0)?;
         in_range("landing_timeout_s", table.landing_timeout_s, 1.0..=120.0)?;
         in_range("solver_failures_max", table.solver_failures_max, 0..=1000)?;
@@ -208,8 +210,8 @@ mod tests {
             ("battery_critical_pct", "10", "31", "at most battery_low_pct = 30"),
             ("take_off_timeout_s", "8.0", "0", "1.0..=60.0"),
             ("take_off_timeout_s", "8.0", "1000000000", "1.0..=60.0"),
-            ("airborne_height_m", "0.5", "0", "0.1..=1.5"),
-            ("airborne_height_m", "0.5", "1.6", "0.1..=1.5"),
+            ("airborne_height_m", "0.5", "0", "0.1..=0.7"),
+            ("airborne_height_m", "0.5", "0.8", "0.1..=0.7"),
             ("settle_s", "1.5", "-0.5", "0.0..=30.0"),
             ("settle_s", "1.5", "31", "0.0..=30.0"),
             ("landing_timeout_s", "10.0", "0", "1.0..=120.0"),
