@@ -8,6 +8,9 @@ mod bad_texts;
 #[cfg(test)]
 #[path = "tidy/book.rs"]
 mod book;
+#[cfg(test)]
+#[path = "tidy/limits.rs"]
+mod limits;
 #[path = "tidy/repository.rs"]
 mod repository;
 #[path = "tidy/rows.rs"]

@@ -40,7 +40,7 @@ pub use self::geofence::{Room, RoomTable};
 pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 
 use self::braking::ControlMode;
-use self::condition_timer::{Leaky, Reported, Since, elapsed_s, exceeds};
+use self::condition_timer::{HoldTimer, LeakyTimer, ReportTimer, elapsed_s, exceeds};
 use self::settling::Settling;
 use crate::drone::{DroneOrder, LAND_PERIOD};
 
@@ -52,7 +52,7 @@ const TAKE_OFF_RETRY_S: f64 = 3.0;
 const BRAKE_S: f64 = 0.4;
 
 /// A drone that reports for so long that it flies took off without our order. s
-const ALOFT_S: f64 = 1.0;
+const FLYING_UNORDERED_S: f64 = 1.0;
 
 /// How long a vehicle must look grounded to count as down. s
 const DOWN_HOLD_S: f64 = 1.0;
@@ -67,49 +67,49 @@ enum TakeOffSeen {
     Reported,
 }
 
-/// Since when these conditions hold.
+/// For how long each of these conditions has held.
 #[derive(Debug, Clone, Default)]
 struct Timers {
-    /// The vehicle looks grounded while landing, to one witness at least.
-    down: Since,
-    /// The vehicle looks grounded to both witnesses.
-    agreed: Since,
-    /// The drone reports that it stands while control flies it.
-    grounded: Reported,
+    /// While landing, poses or drone show the vehicle on the ground, and neither denies it.
+    down_by_any: HoldTimer,
+    /// While landing, poses and drone show the vehicle on the ground.
+    down_by_both: HoldTimer,
+    /// In flight the drone reports that it stands.
+    reports_standing: ReportTimer,
     /// The drone calls its charge critical.
-    battery_critical: Reported,
-    /// The pose is still in a climb that the drone reports.
-    climbs_still: Since,
+    battery_critical: ReportTimer,
+    /// In the take-off the pose is still while the drone reports that it climbs.
+    still_in_climb: HoldTimer,
     /// The drone reports that it flies and no measurement shows that it rises.
-    unrisen: Since,
+    not_rising: HoldTimer,
     /// The mission is done.
-    done: Since,
-    /// The controller's vehicle is far from its reference.
-    astray: Since,
+    mission_done: HoldTimer,
+    /// The vehicle that the controller flies is too far from its reference.
+    off_reference: HoldTimer,
     /// The vehicle's velocity is far from that of its reference.
-    swinging: Leaky,
+    velocity_off_reference: LeakyTimer,
     /// Plans are blocked.
-    blocked: Leaky,
-    /// The vehicle seems to stand on something.
-    stands: Since,
+    blocked: LeakyTimer,
+    /// The pose is still below the reference: the vehicle seems to stand on something.
+    standing_below_reference: HoldTimer,
     /// The heading is far from that of the reference.
-    turned: Since,
+    heading_off_reference: HoldTimer,
     /// The vehicle is too fast.
-    fast: Since,
+    too_fast: HoldTimer,
     /// The dead time is too long.
-    dead_time_long: Since,
+    dead_time_long: HoldTimer,
     /// The sticks in a person's hand are neutral.
-    hand_neutral: Since,
+    hand_neutral: HoldTimer,
     /// The sticks are neutral while the vehicle is outside of the room or too fast.
-    hand_idle_astray: Since,
+    hand_neutral_in_danger: HoldTimer,
     /// The vehicle brakes before a landing.
-    braking: Since,
+    braking: HoldTimer,
     /// The drone reports that it flies, without an order to take off.
-    aloft: Reported,
-    /// Nothing confirms the command outage.
-    alone: Since,
-    /// Somebody comes near, or is not seen, while the vehicle cannot evade.
-    endangered: Since,
+    flying_unordered: ReportTimer,
+    /// There is a command outage that the drone does not confirm.
+    outage_unconfirmed: HoldTimer,
+    /// The moving obstacle comes near, or its position is unknown, while the vehicle cannot evade it yet.
+    obstacle_near: HoldTimer,
 }
 
 /// The state machine of a flight; see the top of this file.
@@ -126,10 +126,10 @@ pub struct Supervisor {
     /// The first tick. ns
     began_ns: Option<i64>,
     settling: Settling,
-    since: Timers,
-    /// Whether the pose came to the floor by a jump: it is no witness of a landing.
+    timers: Timers,
+    /// Whether the pose came to the ground by a jump: then it does not confirm a landing.
     is_pose_displaced: bool,
-    /// Where an obstacle has been in the way.
+    /// Where an obstacle at rest has been between the vehicle and its reference.
     stuck: Option<blocked::Stuck>,
     /// When a plan that was flown led out of the room or into an obstacle. ns
     blocked_ns: Option<i64>,
@@ -167,7 +167,7 @@ impl Supervisor {
             phase_since_ns: 0,
             began_ns: None,
             settling: Settling::default(),
-            since: Timers::default(),
+            timers: Timers::default(),
             is_pose_displaced: false,
             stuck: None,
             blocked_ns: None,
@@ -221,7 +221,7 @@ impl Supervisor {
         }
         let is_steerable = self.phase == Phase::Flying && self.takes_sticks(e);
         let is_braking =
-            is_steerable && (self.since.braking.holds() || reaction == Reaction::Brake);
+            is_steerable && (self.timers.braking.holds() || reaction == Reaction::Brake);
         let may_steer = is_steerable
             && (is_braking || reaction < Reaction::Hold)
             && (self.settling.is_over() || pilot == Pilot::Person);

@@ -1,7 +1,7 @@
-//! Whether the vehicle is in the air or down, by all who can tell.
+//! Whether the vehicle is in the air or on the ground, by its poses and by the drone's reports.
 //!
-//! Owns how pose and drone are weighed: the pose confirms a take-off, both confirm a landing. One of them alone
-//! decides where the other is missing, after a longer time.
+//! Owns how both are weighed: the poses confirm a take-off, poses and drone together confirm a landing. Where one of
+//! them is missing, the other decides alone; a landing then takes longer to be confirmed.
 
 use horizon_model::rows::pose;
 
@@ -13,18 +13,18 @@ use crate::drone::{ALONE_HOLD, TAKE_OFF_TAIL, TAKE_OFF_UNSEEN, denies_standing};
 /// Fraction of `airborne_height_m` below which a vehicle looks grounded.
 const DOWN_HEIGHT_FRACTION: f64 = 0.5;
 
-/// By how much an accepted pose may be deeper than a descent at 2 m/s: real flights reach 0.11 m
+/// Largest drop of an accepted pose beyond that of a descent at 2 m/s. Real flights reach 0.11 m
 /// (docs/benchmarks/2026-11-27-poses). m
 const DROP_MAX_M: f64 = 0.3;
 
-/// Above this rise by the drone's own height its pose has to move, too: between two steps of that height. m
+/// Rise by the drone's own height above which the vehicle has left the ground: between two steps of that height. m
 const CLIMB_MIN_M: f64 = 0.35;
 
-/// An order to take off is not repeated later than this: a link that returns must not start a drone beside which the
-/// person stands. s
+/// Longest time after which an order to take off is repeated: a link that returns later must not start a drone beside
+/// which a person stands by then. s
 const TAKE_OFF_PATIENCE_S: f64 = 10.0;
 
-/// Above this rise by the poses an order to take off was received. m
+/// Rise by the poses above which the drone has received the order to take off. m
 const ORDER_OBEYED_RISE_M: f64 = 0.15;
 
 /// Whether a vehicle that lands is down, by poses and drone.
@@ -65,7 +65,8 @@ impl Supervisor {
         (is_airborne || !self.is_pose_displaced).then_some(is_airborne)
     }
 
-    /// Whether the drone flies by its own fresh report; `None` if that contradicts itself.
+    /// Whether the drone flies by its own fresh report; `None` without one, or if it reports to stand at a height at
+    /// which it cannot.
     fn drone_is_airborne(&self, e: &Evidence) -> Option<bool> {
         let height_m = e.drone.and_then(|drone| drone.height_m);
         let is_denied = denies_standing(height_m, self.drone_ground_m);
@@ -94,14 +95,15 @@ impl Supervisor {
     }
 
     /// Whether a drone that takes off flies by its own report, and fresh poses and its height show no rise.
-    pub(super) fn is_unrisen(&self, e: &Evidence) -> bool {
+    pub(super) fn is_not_rising(&self, e: &Evidence) -> bool {
         self.phase == Phase::TakingOff
             && self.drone_says_flying(e) == Some(true)
             && self.rise_m(e).is_some()
             && !self.has_risen(e)
     }
 
-    /// Whether the drone shows no sign of an order to take off, stands where it stood, and nobody has come near.
+    /// Whether the order to take off may be sent again: the drone shows no sign of the first one, stands where it
+    /// stood, and nobody has come near.
     pub(super) fn may_repeat_take_off(&self, e: &Evidence) -> bool {
         self.drone_says_flying(e) == Some(false)
             && self.take_off_seen == TakeOffSeen::No
@@ -110,7 +112,7 @@ impl Supervisor {
             && self.may_start(e)
     }
 
-    /// Whether no take-off may still be in progress.
+    /// Whether the time in which an ordered take-off may still be in progress is over.
     pub(super) fn is_past_take_off(&self, e: &Evidence) -> bool {
         let is_seen = self.take_off_seen != TakeOffSeen::No;
         let tail_s = if is_seen { TAKE_OFF_TAIL } else { TAKE_OFF_UNSEEN }.seconds();
@@ -144,30 +146,31 @@ impl Supervisor {
         let is_landing =
             matches!(self.phase, Phase::Landing | Phase::LandingUnconfirmed | Phase::MotorsStopped);
         let ground = if is_landing { self.ground(e) } else { Ground::Unconfirmed };
-        self.since.down.keep(ground != Ground::Unconfirmed, e.t_ns);
-        self.since.agreed.keep(ground == Ground::ByBoth, e.t_ns);
+        self.timers.down_by_any.update(ground != Ground::Unconfirmed, e.t_ns);
+        self.timers.down_by_both.update(ground == Ground::ByBoth, e.t_ns);
     }
 
-    /// A landing is confirmed by both witnesses, or for longer by one of them alone.
+    /// Whether the landing is confirmed: by both witnesses for 1 s, or by one of them alone for longer.
     pub(super) fn is_down(&self, e: &Evidence) -> bool {
-        self.since.agreed.has_lasted(e.t_ns, DOWN_HOLD_S)
-            || self.since.down.has_lasted(e.t_ns, ALONE_HOLD.seconds())
+        self.timers.down_by_both.has_lasted(e.t_ns, DOWN_HOLD_S)
+            || self.timers.down_by_any.has_lasted(e.t_ns, ALONE_HOLD.seconds())
     }
 
     /// Names the witness that confirmed the landing alone, if one did.
     pub(super) fn note_missing_witness(&mut self, e: &Evidence) {
-        let by_both = self.since.agreed.has_lasted(e.t_ns, DOWN_HOLD_S);
+        let by_both = self.timers.down_by_both.has_lasted(e.t_ns, DOWN_HOLD_S);
         let ground = self.ground(e);
         self.ended_by.set(Fault::LandedByPose, !by_both && ground == Ground::ByPose);
         self.ended_by.set(Fault::LandedByDrone, !by_both && ground == Ground::ByDrone);
     }
 
-    /// A landing that is over by one witness is waited for.
+    /// Whether the landing was not confirmed in time. While one witness shows the vehicle down, its longer time is
+    /// awaited.
     pub(super) fn is_landing_overdue(&self, e: &Evidence) -> bool {
         let phase_s = elapsed_s(self.phase_since_ns, e.t_ns);
         self.phase == Phase::Landing
             && phase_s >= self.table.landing_timeout_s
-            && !self.since.down.holds()
+            && !self.timers.down_by_any.holds()
     }
 }
 

@@ -12,18 +12,19 @@ use super::{BRAKE_S, Supervisor};
 /// How long plans may be blocked in sum, a fifth of the time without a blocked one subtracted. s
 const BLOCKED_MAX_S: f64 = 3.0;
 
-/// A vehicle that has stayed within this of a place for so long, an obstacle between it and a reference that stands,
-/// does not get past it: one that evades it at 0.2 m/s does. m, s
+/// A vehicle that has stayed within this distance of a position for so long, with an obstacle between the vehicle and a
+/// reference that stands, does not get past the obstacle. One that evades it at 0.2 m/s moves further. m, s
 const STUCK_M: f64 = 0.4;
 const STUCK_S: f64 = 3.0;
 
-/// A reference that stands moves by no more. m
+/// Largest motion of a reference that stands. m
 const STANDS_M: f64 = 0.1;
 
-/// The straight way may be free for so long: a vehicle that swings before an edge. s
+/// How long the straight path may be free in between: a vehicle may oscillate before an edge. s
 const FREE_S: f64 = 0.3;
 
-/// Where and since when an obstacle at rest has been in the way to a reference that stands, world frame. m, ns
+/// Since when, and for which positions of vehicle and reference, an obstacle at rest has been between both while the
+/// reference stood. World frame. m, ns
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stuck {
     at_w: Vector3<f64>,
@@ -37,7 +38,7 @@ impl Supervisor {
     /// count: a person, an outage, an obstacle that moves or is not seen.
     pub(super) fn remember_stuck(&mut self, e: &Evidence) {
         let is_meant =
-            self.control != ControlMode::Off && !e.is_by_hand && !self.since.braking.holds();
+            self.control != ControlMode::Off && !e.is_by_hand && !self.timers.braking.holds();
         let is_free = e.outage.is_none() && !e.is_obstacle_unseen;
         let Some(motion) = e.motion.filter(|_| is_meant && is_free) else {
             self.stuck = None;
@@ -60,7 +61,7 @@ impl Supervisor {
         if self.control != ControlMode::Off && e.is_plan_clear == Some(false) {
             self.blocked_ns = Some(e.t_ns);
         }
-        self.since.blocked.keep(self.is_blocked(e), e.t_ns);
+        self.timers.blocked.update(self.is_blocked(e), e.t_ns);
     }
 
     /// Whether a plan that was flown just now leads out of the room or into an obstacle.
@@ -71,7 +72,7 @@ impl Supervisor {
     /// Whether plans were blocked for too long in sum, or the vehicle does not get past an obstacle.
     pub(super) fn is_blocked_long(&self, e: &Evidence) -> bool {
         let is_stuck = |stuck: Stuck| elapsed_s(stuck.since_ns, e.t_ns) >= STUCK_S;
-        self.since.blocked.exceeds(BLOCKED_MAX_S) || self.stuck.is_some_and(is_stuck)
+        self.timers.blocked.exceeds(BLOCKED_MAX_S) || self.stuck.is_some_and(is_stuck)
     }
 }
 
@@ -134,7 +135,7 @@ mod tests {
             let reference_behind_w = stuck(k).reference_behind_w.filter(|_| !is_free);
             Evidence { reference_behind_w, ..stuck(k) }
         };
-        assert_eq!(ends_at(often_free), None, "the way is free again");
+        assert_eq!(ends_at(often_free), None, "the path is free again");
     }
 
     #[test]

@@ -45,7 +45,7 @@ impl Supervisor {
     pub(super) fn remember_braking(&mut self, e: &Evidence, faults: FaultSet, pilot: Pilot) {
         let has_to_land = faults.reaction(pilot) == Reaction::BrakeAndLand || self.is_held_out(e);
         if self.phase == Phase::Flying && has_to_land {
-            self.since.braking.keep(true, e.t_ns);
+            self.timers.braking.update(true, e.t_ns);
             self.ended_by = self.ended_by.union(faults.ending_flight(pilot));
         }
     }
@@ -55,7 +55,7 @@ impl Supervisor {
     fn is_held_out(&self, e: &Evidence) -> bool {
         let is_near = e.is_approached || e.may_be_approached;
         let let_past_s = if is_near { LET_PAST_S } else { 0.0 };
-        self.since.done.has_lasted(e.t_ns, self.table.finish_hold_s + let_past_s)
+        self.timers.mission_done.has_lasted(e.t_ns, self.table.finish_hold_s + let_past_s)
     }
 
     /// Whether a vehicle that has to land brakes no longer: it is slow, or braked long enough, or the controller may
@@ -69,8 +69,9 @@ impl Supervisor {
             // A drone that keeps an old command does not brake.
             && !faults.contains(Fault::OutageHeld)
             && !faults.iter().any(|fault| forbids(fault.reaction(pilot)));
-        let is_over = !(is_fast && may_brake) || self.since.braking.has_lasted(e.t_ns, BRAKE_MAX_S);
-        self.since.braking.holds() && is_over
+        let is_over =
+            !(is_fast && may_brake) || self.timers.braking.has_lasted(e.t_ns, BRAKE_MAX_S);
+        self.timers.braking.holds() && is_over
     }
 }
 

@@ -10,27 +10,27 @@ pub(super) fn elapsed_s(since_ns: i64, t_ns: i64) -> f64 {
     t_ns.saturating_sub(since_ns) as f64 / 1e9
 }
 
-/// Since when a condition holds without a break.
+/// Times for how long a condition holds without a break.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Since {
-    /// `None` while it does not hold. ns
-    t_ns: Option<i64>,
+pub(super) struct HoldTimer {
+    /// When the condition began to hold; `None` while it does not. ns
+    since_ns: Option<i64>,
 }
 
-impl Since {
+impl HoldTimer {
     /// Notes at `t_ns` whether the condition holds.
-    pub(super) fn keep(&mut self, holds: bool, t_ns: i64) {
-        self.t_ns = holds.then(|| self.t_ns.unwrap_or(t_ns));
+    pub(super) fn update(&mut self, holds: bool, t_ns: i64) {
+        self.since_ns = holds.then(|| self.since_ns.unwrap_or(t_ns));
     }
 
     /// Whether it holds.
     pub(super) fn holds(self) -> bool {
-        self.t_ns.is_some()
+        self.since_ns.is_some()
     }
 
     /// For how long it has held at `t_ns`; `None` if it does not. s
     pub(super) fn elapsed_s(self, t_ns: i64) -> Option<f64> {
-        self.t_ns.map(|since_ns| elapsed_s(since_ns, t_ns))
+        self.since_ns.map(|since_ns| elapsed_s(since_ns, t_ns))
     }
 
     /// Whether it has held for `for_s` at `t_ns`.
@@ -42,17 +42,17 @@ impl Since {
 /// Part of the time in which a condition did not hold that is taken off the time in which it did.
 const FORGIVEN: f64 = 0.2;
 
-/// For how long a condition has held in sum, [`FORGIVEN`] of the time subtracted in which it did not.
+/// Times for how long a condition has held in sum, [`FORGIVEN`] of the time subtracted in which it did not.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Leaky {
+pub(super) struct LeakyTimer {
     sum_s: f64,
-    /// The tick before. ns
+    /// Time of the update before. ns
     at_ns: Option<i64>,
 }
 
-impl Leaky {
+impl LeakyTimer {
     /// Notes at `t_ns` whether the condition holds.
-    pub(super) fn keep(&mut self, holds: bool, t_ns: i64) {
+    pub(super) fn update(&mut self, holds: bool, t_ns: i64) {
         let period_s = self.at_ns.replace(t_ns).map_or(0.0, |at_ns| elapsed_s(at_ns, t_ns));
         self.sum_s =
             if holds { self.sum_s + period_s } else { (self.sum_s - FORGIVEN * period_s).max(0.0) };
@@ -64,23 +64,23 @@ impl Leaky {
     }
 }
 
-/// Reports of a condition: from the first to the newest of those without one that denies it. Between two reports, and
-/// in a silence, nothing more is known: one wrong report lasts no time.
+/// Times for how long a condition has been reported: from the first to the newest of consecutive reports that confirm
+/// it. The time after the newest report does not count: one wrong report alone lasts 0 s.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Reported {
-    since: Since,
+pub(super) struct ReportTimer {
+    since: HoldTimer,
     newest_ns: i64,
 }
 
-impl Reported {
-    /// Notes whether the condition holds by the report of `reported_ns`, which may be the same as before; `None`: there
-    /// is no report.
-    pub(super) fn keep(&mut self, holds: bool, reported_ns: Option<i64>) {
+impl ReportTimer {
+    /// Notes whether the condition holds by the report of the time `reported_ns`, which may be the report of the call
+    /// before; `None`: there is no report, and the time begins anew.
+    pub(super) fn update(&mut self, holds: bool, reported_ns: Option<i64>) {
         self.newest_ns = reported_ns.unwrap_or(self.newest_ns);
-        self.since.keep(holds && reported_ns.is_some(), self.newest_ns);
+        self.since.update(holds && reported_ns.is_some(), self.newest_ns);
     }
 
-    /// Whether it was reported over `for_s`, to a millisecond: reports are dated by their age.
+    /// Whether it was reported for `for_s`, to a millisecond: the time of a report follows from its age.
     pub(super) fn has_lasted(self, for_s: f64) -> bool {
         self.since.has_lasted(self.newest_ns, for_s - 1e-3)
     }
@@ -93,9 +93,9 @@ mod tests {
     #[test]
     fn a_condition_is_reported_from_its_first_to_its_newest_report() {
         const MS: i64 = 1_000_000;
-        let mut reported = Reported::default();
+        let mut reported = ReportTimer::default();
         let mut lasts = |holds, reported_ms: Option<i64>| {
-            reported.keep(holds, reported_ms.map(|t_ms| t_ms * MS));
+            reported.update(holds, reported_ms.map(|t_ms| t_ms * MS));
             reported.has_lasted(1.0)
         };
         // Twice a second, and once more for the first: nothing is known between them.
@@ -110,9 +110,9 @@ mod tests {
 
     #[test]
     fn a_sum_forgets_five_times_as_slowly_as_it_grows() {
-        let mut leaky = Leaky::default();
+        let mut leaky = LeakyTimer::default();
         let mut keep = |holds, t_s: i64| {
-            leaky.keep(holds, t_s * 1_000_000_000);
+            leaky.update(holds, t_s * 1_000_000_000);
             [2.9, 3.1].map(|for_s| leaky.exceeds(for_s))
         };
         assert_eq!(keep(true, 5), [false, false], "the first tick has no time");
@@ -132,11 +132,11 @@ mod tests {
 
     #[test]
     fn a_condition_lasts_from_its_first_tick_on_and_a_break_begins_it_anew() {
-        let mut since = Since::default();
+        let mut since = HoldTimer::default();
         let lasted = [(true, 0), (true, 400), (false, 500), (true, 600), (true, 1000)].map(
             |(holds, t_ms)| {
                 let t_ns = t_ms * 1_000_000;
-                since.keep(holds, t_ns);
+                since.update(holds, t_ns);
                 since.has_lasted(t_ns, 0.4)
             },
         );

@@ -1,58 +1,61 @@
-//! From the evidence of a tick to what is wrong at it.
+//! From the evidence of a tick to the faults that are present.
 //!
 //! Owns the condition of every fault. What follows from a fault stands in `fault.rs`.
 
 use super::braking::ControlMode;
-use super::evidence::{Evidence, Operator, Phase};
+use super::evidence::{Evidence, Operator, Outage, Phase};
 use super::fault::{Fault, FaultSet};
-use super::{ALOFT_S, DOWN_HOLD_S, Leaky, Supervisor, elapsed_s, exceeds};
+use super::{DOWN_HOLD_S, FLYING_UNORDERED_S, LeakyTimer, Supervisor, elapsed_s, exceeds};
 use crate::monitor::{Agreement, Findings};
 
-/// How long the vehicle must be off its reference, or too fast. s
-const ASTRAY_S: f64 = 0.3;
+/// How long the vehicle must be off its reference. s
+const OFF_REFERENCE_S: f64 = 0.3;
 
-/// How long the vehicle must be turned away from its reference: an outage is found within this time. s
-const TURNED_S: f64 = 1.5;
+/// How long the vehicle must be faster than `failsafe.speed_mps`. s
+const TOO_FAST_S: f64 = 0.3;
 
-/// How long somebody must come near a vehicle that takes off: two places that are wrong look like a step. s
-const ENDANGERED_S: f64 = 0.3;
+/// How long the heading must be off that of the reference: the link monitor finds an outage within this time. s
+const HEADING_OFF_REFERENCE_S: f64 = 1.5;
 
-/// How long the sticks must act too late: an outage that begins looks like it for a moment. s
+/// How long an obstacle must be near a vehicle that takes off: two wrong positions of the obstacle look like a
+/// step towards the vehicle. s
+const OBSTACLE_NEAR_S: f64 = 0.3;
+
+/// How long the sticks must act too late: for a moment the beginning of an outage looks the same. s
 const DEAD_TIME_LONG_S: f64 = 3.0;
 
-/// Speed of a vehicle without commands, wind included. m/s
+/// Largest speed, by the drone, of a vehicle that receives no commands and drifts with the wind. m/s
 const LEVEL_MPS: f64 = 0.35;
 
-/// How long an outage must be unconfirmed before the vehicle may be where the commands lead: after
-/// a return of the link the drone moves before the link monitor has decided. s
-const ALONE_S: f64 = 0.5;
+/// How long an outage must be unconfirmed before the vehicle may be where its commands lead: after the link returns,
+/// the drone moves before the link monitor has decided. s
+const OUTAGE_UNCONFIRMED_S: f64 = 0.5;
 
-/// A vehicle that has come down so far below its reference sinks or is pulled down: real flights by up to 0.37 m
-/// (docs/benchmarks/2026-11-27-poses). m
+/// A vehicle that has come down so far below its reference sinks or is pulled down. In real flights it comes down by
+/// up to 0.37 m (docs/benchmarks/2026-11-27-poses). m
 const SUNK_M: f64 = 0.45;
 
-/// A vehicle whose velocity is further from that of its reference for so long in sum swings around it: the velocity
-/// loop of the vehicle is weakly damped, or its dead time much longer than that of the model. m/s, s
-const SWINGS_MPS: f64 = 0.6;
-const SWINGS_S: f64 = 4.0;
+/// Difference between the velocities of vehicle and reference, and how long it lasts in sum, if the vehicle oscillates
+/// around its reference: its velocity loop is weakly damped, or its dead time is much longer than the model's. m/s, s
+const VELOCITY_OFF_REFERENCE_MPS: f64 = 0.6;
+const VELOCITY_OFF_REFERENCE_S: f64 = 4.0;
 
-/// A steered vehicle whose pose is still for so long below its reference stands on something: a throttle that acts
-/// shows within half of it. s
+/// A steered vehicle whose pose is still for so long below its reference stands on something: the effect of a throttle
+/// that acts shows within half of this time. s
 const STANDS_S: f64 = 1.2;
-/// [`STANDS_S`] in what looks like an outage, in which a calm vehicle may hover. s
+/// [`STANDS_S`] in what looks like an outage, in which a vehicle in calm air may hover. s
 const STANDS_IN_OUTAGE_S: f64 = 2.4;
-/// How far below its reference. m
+/// Least height of the reference over a vehicle that stands on something. m
 const STANDS_BELOW_M: f64 = 0.2;
 
-/// A drone that flies by its own report and has not risen after so long is held: rotors take about a second to spin up,
-/// and the climb shows half a second later. s
-const UNRISEN_S: f64 = 3.0;
+/// A drone that reports to fly and has not risen after so long is held: rotors take about a second to spin up, and the
+/// climb shows half a second later. s
+const NOT_RISING_S: f64 = 3.0;
 
-/// A charge that is critical for less time may be a sag of the voltage or a report that is wrong. s
+/// How long the charge must be critical: for less time it may be a sag of the voltage or a wrong report. s
 const BATTERY_CRITICAL_S: f64 = 1.0;
 
-/// Whether the drone confirms that its commands are lost: its velocity agrees with the poses, or it
-/// does not move.
+/// Whether the drone confirms that its commands are lost: its velocity agrees with the poses, or it hardly moves.
 pub(super) fn is_confirmed(findings: &Findings) -> bool {
     let is_slow = findings.drone_speed_mps.is_some_and(|v_mps| v_mps <= LEVEL_MPS);
     findings.velocity == Agreement::Agrees || is_slow
@@ -62,69 +65,133 @@ impl Supervisor {
     /// What is wrong at this tick.
     pub(super) fn faults(&self, e: &Evidence) -> FaultSet {
         let mut faults = FaultSet::default();
-        for (fault, is_present) in self
-            .pose_faults(e)
-            .into_iter()
-            .chain(self.motion_faults(e))
-            .chain(self.drone_faults(e))
-            .chain(self.flight_faults(e))
-        {
-            faults.set(fault, is_present);
+        for fault in Fault::ALL {
+            faults.set(*fault, self.is_present(*fault, e));
         }
         faults
     }
 
-    /// What is wrong with the motion.
-    fn motion_faults(&self, e: &Evidence) -> [(Fault, bool); 17] {
-        let (failsafe, findings) = (&self.table.failsafe, &e.findings);
-        let is_flying = self.is_flying();
-        // The drone's velocity is judged by what it showed in level flight, its height from the ground on.
-        let velocity = if is_flying { findings.velocity } else { Agreement::Unknown };
-        let height =
-            if self.is_taking_off_or_flying() { findings.height } else { Agreement::Unknown };
-        let heading = if is_flying { findings.heading } else { Agreement::Unknown };
-        let worst = velocity.max(height);
-        let is_heading_wrong = findings.is_direction_wrong || heading >= Agreement::Disagrees;
-        let outage = e.outage.filter(|_| is_flying);
-        let is_alone_for = |limit_s| self.since.alone.has_lasted(e.t_ns, limit_s);
-        let is_long = outage.is_some_and(|outage| exceeds(outage.for_s, failsafe.outage_s));
-        // In an outage the inputs drive nothing.
-        let has_hit = e.has_hit && outage.is_none();
-        let is_pressed =
-            has_hit || failsafe.pressed_s.is_some_and(|limit_s| exceeds(e.pressed_s, limit_s));
-        let stands_s = if outage.is_some() { STANDS_IN_OUTAGE_S } else { STANDS_S };
-        let is_immobile = is_pressed || self.since.stands.has_lasted(e.t_ns, stands_s);
-        let may_have_left = self.room.zip(outage).is_some_and(|(room, outage)| {
-            outage.unseen.iter().any(|motion| room.is_left_by(motion))
-        });
-        [
-            (Fault::WitnessDoubtful, worst.max(heading) >= Agreement::Doubtful),
-            (Fault::WitnessDisagrees, worst >= Agreement::Disagrees),
-            (Fault::HeadingWrong, is_flying && is_heading_wrong),
-            (Fault::PlanBlocked, self.is_blocked(e)),
-            (Fault::BlockedLong, self.is_blocked_long(e)),
-            (Fault::ObstacleEntered, self.has_entered_obstacle(e)),
-            (Fault::ObstacleUnseen, e.is_obstacle_unseen && !self.is_carried),
-            (Fault::ObstacleApproaches, self.since.endangered.has_lasted(e.t_ns, ENDANGERED_S)),
-            (Fault::FenceNear, self.is_taking_off_or_flying() && self.would_leave(e)),
-            (Fault::FenceLeft, self.is_taking_off_or_flying() && self.is_outside(e)),
-            (
-                Fault::TrackingLost,
-                self.since.swinging.exceeds(SWINGS_S)
-                    || self.since.astray.has_lasted(e.t_ns, ASTRAY_S)
-                    || self.since.turned.has_lasted(e.t_ns, TURNED_S),
-            ),
-            (Fault::Immobile, is_flying && !e.is_by_hand && is_immobile),
-            (Fault::TooFast, self.since.fast.has_lasted(e.t_ns, ASTRAY_S)),
-            (Fault::DeadTimeLong, self.since.dead_time_long.has_lasted(e.t_ns, DEAD_TIME_LONG_S)),
-            (Fault::OutageHeld, outage.is_some_and(|outage| outage.is_held)),
-            (Fault::OutageLong, is_long || is_alone_for(failsafe.outage_alone_s)),
-            (Fault::OutageUnsafe, may_have_left && is_alone_for(ALONE_S)),
-        ]
+    /// Whether `fault` is present at this tick. No wildcard: a new fault does not compile without a condition.
+    fn is_present(&self, fault: Fault, e: &Evidence) -> bool {
+        let Self { table, timers, is_carried, .. } = self;
+        let is_idle = self.phase == Phase::Idle;
+        let is_up = self.is_taking_off_or_flying();
+        match fault {
+            Fault::MocapStale => self.is_pose_stale(e),
+            Fault::MocapLost => self.is_pose_lost(e),
+            Fault::MocapFrozen => self.is_pose_frozen(e),
+            Fault::MocapJumped => is_up && self.has_pose_jumped(e),
+            Fault::MocapRough => is_up && e.is_pose_rough,
+            Fault::MocapUnsettled => is_idle && !e.is_pose_settled,
+            Fault::MocapUndated => is_idle && e.incidents.is_mocap_undated,
+            Fault::WitnessDoubtful => self.worst_agreement(e) >= Agreement::Doubtful,
+            Fault::WitnessDisagrees => self.agreement(e) >= Agreement::Disagrees,
+            Fault::HeadingWrong => self.is_heading_wrong(e),
+            Fault::StartMisplaced => is_idle && !self.may_start(e),
+            Fault::PlanBlocked => self.is_blocked(e),
+            Fault::BlockedLong => self.is_blocked_long(e),
+            Fault::ObstacleEntered => is_up && e.is_in_obstacle && !self.is_pose_stale(e),
+            Fault::ObstacleUnseen => e.is_obstacle_unseen && !is_carried,
+            Fault::ObstacleApproaches => timers.obstacle_near.has_lasted(e.t_ns, OBSTACLE_NEAR_S),
+            Fault::FenceNear => is_up && self.would_leave(e),
+            Fault::FenceLeft => is_up && self.is_outside(e),
+            Fault::TrackingLost => self.has_lost_reference(e),
+            Fault::Immobile => self.is_immobile(e),
+            Fault::TooFast => timers.too_fast.has_lasted(e.t_ns, TOO_FAST_S),
+            Fault::DeadTimeLong => timers.dead_time_long.has_lasted(e.t_ns, DEAD_TIME_LONG_S),
+            Fault::MissionOverdue => self.is_mission_overdue(e),
+            Fault::OutageHeld => self.outage(e).is_some_and(|outage| outage.is_held),
+            Fault::OutageLong => self.is_outage_long(e),
+            Fault::OutageUnsafe => self.is_outage_unsafe(e),
+            Fault::DroneUnheard => self.is_drone_unheard(e) && !is_carried,
+            Fault::DroneAloft => self.is_aloft_unasked(e),
+            Fault::TookOffUnasked => self.has_taken_off_unasked(),
+            Fault::DroneSilent => self.is_drone_silent(e) && !is_carried,
+            Fault::NotFlying => timers.reports_standing.has_lasted(DOWN_HOLD_S) && !is_carried,
+            Fault::BatteryLow => self.is_battery_low(e),
+            Fault::BatteryCritical => timers.battery_critical.has_lasted(BATTERY_CRITICAL_S),
+            Fault::EstimatorFailed => e.has_estimator_failed,
+            Fault::ControllerFailed => self.is_without_plan(e),
+            Fault::SolverFailing => self.failures > f64::from(table.solver_failures_max),
+            Fault::TicksLate => self.late_periods > f64::from(table.late_periods_max),
+            Fault::TakeOffTimeout => self.is_take_off_overdue(e),
+            Fault::LandingTimeout => self.is_landing_overdue(e),
+            Fault::GuardianLost => e.incidents.is_guardian_lost,
+            Fault::ProgramStalled => e.incidents.has_landed_unasked,
+            Fault::PersonGone => self.is_person_gone(e),
+            Fault::InputExpired => e.incidents.has_input_expired,
+            // `note_missing_witness` sets them when the landing is confirmed.
+            Fault::LandedByPose | Fault::LandedByDrone => false,
+            Fault::OperatorStop => e.operator == Operator::Land,
+            Fault::OperatorEmergencyStop => e.operator == Operator::EmergencyStop,
+        }
     }
 
-    /// Whether the vehicle is further from its reference than it may be: away from it, or below it by what it has come
-    /// down.
+    /// The worse of both agreements of poses and drone, velocity and height: the drone's velocity counts in flight,
+    /// since it is judged by what it showed in level flight, its height from the take-off on.
+    fn agreement(&self, e: &Evidence) -> Agreement {
+        let is_up = self.is_taking_off_or_flying();
+        let height = if is_up { e.findings.height } else { Agreement::Unknown };
+        if self.is_flying() { height.max(e.findings.velocity) } else { height }
+    }
+
+    /// The worse of [`Supervisor::agreement`] and that of the headings, which counts in flight.
+    fn worst_agreement(&self, e: &Evidence) -> Agreement {
+        let by_heading = if self.is_flying() { e.findings.heading } else { Agreement::Unknown };
+        self.agreement(e).max(by_heading)
+    }
+
+    /// Whether the heading is wrong by the direction of the motion or by the drone's heading.
+    fn is_heading_wrong(&self, e: &Evidence) -> bool {
+        let is_wrong = e.findings.is_direction_wrong || e.findings.heading >= Agreement::Disagrees;
+        self.is_flying() && is_wrong
+    }
+
+    /// Whether position, velocity or heading of the vehicle have been off those of the reference for too long.
+    fn has_lost_reference(&self, e: &Evidence) -> bool {
+        let timers = &self.timers;
+        timers.velocity_off_reference.exceeds(VELOCITY_OFF_REFERENCE_S)
+            || timers.off_reference.has_lasted(e.t_ns, OFF_REFERENCE_S)
+            || timers.heading_off_reference.has_lasted(e.t_ns, HEADING_OFF_REFERENCE_S)
+    }
+
+    /// Whether a vehicle that the controller flies is held or blocked, has hit something or stands on something.
+    fn is_immobile(&self, e: &Evidence) -> bool {
+        let is_outage = self.outage(e).is_some();
+        // In an outage the inputs drive nothing.
+        let has_hit = e.has_hit && !is_outage;
+        let pressed_max_s = self.table.failsafe.pressed_s;
+        let is_pressed = pressed_max_s.is_some_and(|limit_s| exceeds(e.pressed_s, limit_s));
+        let stands_s = if is_outage { STANDS_IN_OUTAGE_S } else { STANDS_S };
+        let stands = self.timers.standing_below_reference.has_lasted(e.t_ns, stands_s);
+        self.is_flying() && !e.is_by_hand && (has_hit || is_pressed || stands)
+    }
+
+    /// The command outage of a flying vehicle.
+    fn outage<'a>(&self, e: &'a Evidence) -> Option<&'a Outage> {
+        e.outage.as_ref().filter(|_| self.is_flying())
+    }
+
+    fn is_outage_long(&self, e: &Evidence) -> bool {
+        let failsafe = &self.table.failsafe;
+        self.outage(e).is_some_and(|outage| exceeds(outage.for_s, failsafe.outage_s))
+            || self.timers.outage_unconfirmed.has_lasted(e.t_ns, failsafe.outage_alone_s)
+    }
+
+    /// Whether the drone does not confirm the outage, and the vehicle would leave the room if its commands act
+    /// nevertheless.
+    fn is_outage_unsafe(&self, e: &Evidence) -> bool {
+        self.timers.outage_unconfirmed.has_lasted(e.t_ns, OUTAGE_UNCONFIRMED_S)
+            && self.room.zip(self.outage(e)).is_some_and(|(room, outage)| {
+                outage.unseen.iter().any(|motion| room.is_left_by(motion))
+            })
+    }
+
+    fn is_mission_overdue(&self, e: &Evidence) -> bool {
+        self.is_flying() && exceeds(e.overtime_s, self.table.failsafe.overtime_s)
+    }
+
+    /// Whether the vehicle has gone too far away from its reference, or has come down too far below it.
     pub(super) fn is_off_reference(&self, e: &Evidence) -> bool {
         let limit_m = self.table.failsafe.tracking_m;
         e.tracking_m.is_some_and(|error_m| exceeds(error_m, limit_m))
@@ -132,15 +199,17 @@ impl Supervisor {
     }
 
     /// Updates for how long the velocity of a vehicle that follows its reference was far from that of the reference.
-    /// What was before a person steered does not count.
-    pub(super) fn remember_swings(&mut self, e: &Evidence) {
+    /// A person who steers resets the time.
+    pub(super) fn remember_velocity_off_reference(&mut self, e: &Evidence) {
         if e.is_by_hand {
-            self.since.swinging = Leaky::default();
+            self.timers.velocity_off_reference = LeakyTimer::default();
         }
         let follows_mission =
             self.is_flying() && self.control == ControlMode::Mission && e.outage.is_none();
-        let swings = e.velocity_error_mps.is_some_and(|error_mps| exceeds(error_mps, SWINGS_MPS));
-        self.since.swinging.keep(follows_mission && swings, e.t_ns);
+        let is_off = e
+            .velocity_error_mps
+            .is_some_and(|error_mps| exceeds(error_mps, VELOCITY_OFF_REFERENCE_MPS));
+        self.timers.velocity_off_reference.update(follows_mission && is_off, e.t_ns);
     }
 
     /// Whether a vehicle that should climb to its reference is stiller than one that flies, by poses that are new.
@@ -153,30 +222,30 @@ impl Supervisor {
         self.is_flying() && is_asked && is_still && is_below
     }
 
-    /// What is wrong with the drone.
-    fn drone_faults(&self, e: &Evidence) -> [(Fault, bool); 7] {
-        let table = &self.table;
-        let running_s = self.began_ns.map_or(0.0, |began_ns| elapsed_s(began_ns, e.t_ns));
-        let silent_s = e.drone.map_or(running_s, |drone| drone.age_s);
-        let is_silent = exceeds(silent_s, table.drone_silent_s);
-        let is_unheard = e.drone.is_none() || (self.phase == Phase::Idle && is_silent);
-        let has_little_charge = e.drone.is_some_and(|drone| {
-            drone.is_battery_low || !(table.battery_low_pct..=100).contains(&drone.battery_pct)
-        });
-        let has_no_charge = self.since.battery_critical.has_lasted(BATTERY_CRITICAL_S);
-        let is_grounded = self.since.grounded.has_lasted(DOWN_HOLD_S);
-        [
-            (Fault::DroneUnheard, is_unheard && !self.is_carried),
-            (Fault::DroneAloft, self.is_aloft_unasked(e)),
-            (Fault::TookOffUnasked, self.has_taken_off_unasked()),
-            (Fault::DroneSilent, is_silent && !self.is_carried),
-            (Fault::NotFlying, is_grounded && !self.is_carried),
-            (Fault::BatteryLow, has_little_charge),
-            (Fault::BatteryCritical, has_no_charge),
-        ]
+    /// Whether the drone has not reported yet, or is silent on the ground.
+    fn is_drone_unheard(&self, e: &Evidence) -> bool {
+        e.drone.is_none() || (self.phase == Phase::Idle && self.is_drone_silent(e))
     }
 
-    /// Whether the drone is sent sticks. A report that is old does not show it.
+    /// Whether the newest report of the drone, or without one the first tick, is too long ago.
+    fn is_drone_silent(&self, e: &Evidence) -> bool {
+        let silent_s = e.drone.map_or_else(|| self.running_s(e), |drone| drone.age_s);
+        exceeds(silent_s, self.table.drone_silent_s)
+    }
+
+    /// Time since the first tick. s
+    pub(super) fn running_s(&self, e: &Evidence) -> f64 {
+        self.began_ns.map_or(0.0, |began_ns| elapsed_s(began_ns, e.t_ns))
+    }
+
+    fn is_battery_low(&self, e: &Evidence) -> bool {
+        e.drone.is_some_and(|drone| {
+            let is_charged = (self.table.battery_low_pct..=100).contains(&drone.battery_pct);
+            drone.is_battery_low || !is_charged
+        })
+    }
+
+    /// Whether the drone takes sticks. An old report does not show that it takes none.
     pub(super) fn takes_sticks(&self, e: &Evidence) -> bool {
         self.fresh_report(e).is_none_or(|drone| drone.takes_sticks)
     }
@@ -186,37 +255,17 @@ impl Supervisor {
         self.phase == Phase::Idle && !self.is_carried && self.drone_says_flying(e) == Some(true)
     }
 
-    /// Whether it has reported so for too long to be a mistake.
+    /// Whether the drone has reported so, before any order, for too long to be a mistake.
     pub(super) fn has_taken_off_unasked(&self) -> bool {
-        self.since.aloft.has_lasted(ALOFT_S)
+        self.timers.flying_unordered.has_lasted(FLYING_UNORDERED_S)
     }
 
-    /// What is wrong with the program, or has taken too long, and what the operator asks for.
-    fn flight_faults(&self, e: &Evidence) -> [(Fault, bool); 13] {
-        let table = &self.table;
+    /// Whether the take-off was not confirmed in time, or the drone reports to fly and does not rise.
+    fn is_take_off_overdue(&self, e: &Evidence) -> bool {
         let phase_s = elapsed_s(self.phase_since_ns, e.t_ns);
-        let is_take_off_overdue = self.phase == Phase::TakingOff
-            && (phase_s >= table.take_off_timeout_s
-                || self.since.unrisen.has_lasted(e.t_ns, UNRISEN_S))
-            && !self.is_take_off_complete(e);
-        [
-            (
-                Fault::MissionOverdue,
-                self.is_flying() && exceeds(e.overtime_s, table.failsafe.overtime_s),
-            ),
-            (Fault::EstimatorFailed, e.has_estimator_failed),
-            (Fault::ControllerFailed, self.is_without_plan(e)),
-            (Fault::SolverFailing, self.failures > f64::from(table.solver_failures_max)),
-            (Fault::TicksLate, self.late_periods > f64::from(table.late_periods_max)),
-            (Fault::TakeOffTimeout, is_take_off_overdue),
-            (Fault::LandingTimeout, self.is_landing_overdue(e)),
-            (Fault::GuardianLost, e.incidents.is_guardian_lost),
-            (Fault::ProgramStalled, e.incidents.has_landed_unasked),
-            (Fault::PersonGone, self.is_person_gone(e)),
-            (Fault::InputExpired, e.incidents.has_input_expired),
-            (Fault::OperatorStop, e.operator == Operator::Land),
-            (Fault::OperatorEmergencyStop, e.operator == Operator::EmergencyStop),
-        ]
+        let is_late = phase_s >= self.table.take_off_timeout_s
+            || self.timers.not_rising.has_lasted(e.t_ns, NOT_RISING_S);
+        self.phase == Phase::TakingOff && is_late && !self.is_take_off_complete(e)
     }
 
     /// Whether the vehicle flies: it is past its take-off, does not land yet and is not carried by hand. Who steers it
@@ -230,8 +279,9 @@ impl Supervisor {
         matches!(self.phase, Phase::TakingOff | Phase::Flying) && !self.is_carried
     }
 
-    /// Whether neutral sticks would bring the vehicle to rest outside of the room, where no plan knows better. After a
-    /// hold the controller plans anew: with neutral sticks wind carries the vehicle on.
+    /// Whether the vehicle would come to rest outside of the room with neutral sticks. Where a controller with plans
+    /// that know the walls steers, this does not count: during a hold wind carries the vehicle on, and after the hold
+    /// the controller plans anew.
     fn would_leave(&self, e: &Evidence) -> bool {
         if !e.is_by_hand && e.is_plan_clear.is_some() {
             return false;
@@ -239,15 +289,10 @@ impl Supervisor {
         self.room.zip(e.motion).is_some_and(|(room, motion)| room.is_left_by(&motion))
     }
 
-    /// Whether the vehicle is outside of the room by a position that is no guess.
+    /// Whether the newest position is fresh and outside of the room.
     pub(super) fn is_outside(&self, e: &Evidence) -> bool {
         let fresh = e.pose.filter(|_| !self.is_pose_stale(e));
         self.room.zip(fresh).is_some_and(|(room, at)| !room.contains(&at))
-    }
-
-    /// Whether it is inside of an obstacle by such a position.
-    fn has_entered_obstacle(&self, e: &Evidence) -> bool {
-        self.is_taking_off_or_flying() && e.is_in_obstacle && !self.is_pose_stale(e)
     }
 
     /// Whether a controller that steers has no new plan. The flag belongs to the plan of the previous tick, which was

@@ -99,7 +99,7 @@ pub enum Operator {
     EmergencyStop,
 }
 
-/// Where the vehicle is and where to, by the estimate.
+/// Pose and velocity of the vehicle by the estimate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EstimatedMotion {
     /// Pose, world frame. m, rad
@@ -108,15 +108,15 @@ pub struct EstimatedMotion {
     pub rate: Pose,
 }
 
-/// A command outage as far as the motion tells.
+/// A command outage as judged by the motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outage {
     /// How long it has been judged to last. s
     pub for_s: f64,
     /// Whether the drone goes on with the command of its beginning, in place of none.
     pub is_held: bool,
-    /// Where the vehicle is and where to if the judgement is wrong and all commands act, unseen: with the newest
-    /// estimate of the parameter, and with the parameter before the flight.
+    /// Motion of the vehicle if the judgement is wrong and all commands were applied unseen: with the newest estimate
+    /// of the parameter, and with the parameter before the flight.
     pub unseen: [EstimatedMotion; 2],
 }
 
@@ -149,7 +149,7 @@ pub struct Incidents {
     pub is_guardian_lost: bool,
     /// Guardian or sender landed the drone, or must be taken to have, because this program stood still.
     pub has_landed_unasked: bool,
-    /// Since the tick before, a timer let go of a key or a stick in the person's place.
+    /// Since the tick before, a timer released a key or a stick in the person's place.
     pub has_input_expired: bool,
     /// The numbers of the mocap frames were not yet found to keep pace with time: nothing shows how old a pose is.
     #[serde(default)]
@@ -181,34 +181,35 @@ pub struct Evidence {
     /// Whether the newest plan stays inside of the room and out of obstacles that do not move, true before the first
     /// plan; `None` where plans know no walls or the newest one is too old.
     pub is_plan_clear: Option<bool>,
-    /// Whether there is an obstacle that moves and was not seen for half a second or ever.
+    /// Whether there is a moving obstacle whose position has been unknown for half a second, or always.
     pub is_obstacle_unseen: bool,
-    /// Whether the vehicle stands inside of an obstacle or below one that it would climb into, or one that moves comes
-    /// near; false after the take-off.
+    /// Whether the vehicle stands inside of an obstacle, or would climb into one in its take-off, or the moving
+    /// obstacle comes near; false after the take-off.
     pub is_start_barred: bool,
-    /// Whether the obstacle that moves comes near to the newest accepted pose within the time of a landing.
+    /// Whether the moving obstacle, by its present velocity, comes within the margin of the newest accepted pose during
+    /// a landing.
     pub is_approached: bool,
-    /// Whether it moves and could if it turned.
+    /// Whether the moving obstacle could come within the margin during a landing if it turned towards the vehicle.
     pub may_be_approached: bool,
-    /// Where the reference is, if the straight way there leads through an obstacle that does not move and none that
-    /// moves is in it, world frame. m
+    /// Position of the reference if the straight path there leads through an obstacle that does not move and the moving
+    /// obstacle is not in it; else `None`. World frame. m
     pub reference_behind_w: Option<Vector3<f64>>,
     /// Whether the newest accepted pose is inside of an obstacle that does not move.
     pub is_in_obstacle: bool,
-    /// Whether the newest poses, three at least, repeat one place in flight; false on the ground.
+    /// Whether the newest poses, three at least, repeat one position in flight; false on the ground.
     pub is_pose_repeated: bool,
     /// How much further the pose of this tick is from the one before than a vehicle flies in the time
     /// between; `None` if no pose was accepted. m
     pub jump_m: Option<f64>,
-    /// By how much steps further than a vehicle flies have shifted the poses since the take-off, those there and back
-    /// cancelled. m
+    /// Length of the sum of all steps since the take-off that were further than a vehicle flies: a step and its return
+    /// cancel. m
     pub shift_m: f64,
     /// Whether poses have jumped again and again lately, in whatever direction.
     pub is_pose_rough: bool,
     /// How much deeper the pose of this tick is below the one before than a vehicle descends in the time
     /// between; `None` if no pose was accepted. m
     pub drop_m: Option<f64>,
-    /// Whether the poses on the ground have agreed for long enough to begin with.
+    /// Whether the poses on the ground have agreed for long enough for a take-off.
     pub is_pose_settled: bool,
     /// What the monitors found.
     pub findings: Findings,
@@ -221,13 +222,14 @@ pub struct Evidence {
     pub tracking_m: Option<f64>,
     /// Difference between its horizontal velocity and that of its reference; `None` for constant targets. m/s
     pub velocity_error_mps: Option<f64>,
-    /// By how much it has turned away from the heading of its reference, likewise. rad
+    /// By how much its heading has turned away from that of its reference: the difference less the least one since the
+    /// mission began or was resumed. rad
     pub turned_rad: Option<f64>,
     /// Height of its reference over it. m
     pub below_m: Option<f64>,
-    /// By how much it has come down below its reference. m
+    /// By how much it has come down below its reference; 0 beside an obstacle. m
     pub sunk_m: Option<f64>,
-    /// Inputs in one direction that have moved nothing. s of full deflection
+    /// Integral of the inputs in one direction that have not moved the vehicle. s of full deflection
     pub pressed_s: f64,
     /// Whether the vehicle came to rest at once while its inputs drove it on.
     pub has_hit: bool,

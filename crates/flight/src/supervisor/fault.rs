@@ -51,23 +51,26 @@ pub enum Fault {
     StartMisplaced,
     /// The plan leads outside of the room or into an obstacle that does not move, or did so just now.
     PlanBlocked,
-    /// Plans were blocked for more than 3 s, a fifth of the time without a blocked one subtracted: the controller does
-    /// not keep the vehicle on its plans. Or for 3 s an obstacle that does not move was in the way to a reference
-    /// that stood, and the vehicle stayed within 0.4 m.
+    /// Plans were blocked for more than 3 s in sum, a fifth of the time without a blocked plan subtracted: the
+    /// controller does not keep the vehicle on its plans. Or for 3 s an obstacle that does not move was between the
+    /// vehicle and a reference that stood, and the vehicle stayed within 0.4 m.
     BlockedLong,
     /// The vehicle is inside of an obstacle that does not move.
     ObstacleEntered,
-    /// The obstacle that moves is not seen: plans cannot keep away from it.
+    /// The position of the moving obstacle is unknown: plans cannot keep away from it.
     ObstacleUnseen,
-    /// In the take-off, until the drone obeys sticks, the obstacle that moves comes near or is not seen.
+    /// For 0.3 s in the take-off, until the drone obeys sticks, the moving obstacle comes near or its position is
+    /// unknown.
     ObstacleApproaches,
     /// Where plans know no walls, or by hand: the vehicle would come to rest outside of the room.
     FenceNear,
     /// The vehicle is outside of the room.
     FenceLeft,
-    /// For 0.3 s the vehicle was further from its reference than at least so far by more than `failsafe.tracking_m`,
-    /// or had come down below it by more than 0.45 m, not within 0.6 m of an obstacle: it sinks or is pulled down. Or
-    /// for 1.5 s it was turned away from it by more than 1 rad; in an outage only while it turns.
+    /// The vehicle does not follow its reference. For 0.3 s its distance exceeded the least one so far by more than
+    /// `failsafe.tracking_m`, or it had come down below the reference by more than 0.45 m, not within 0.6 m of an
+    /// obstacle: it sinks or is pulled down. Or for 4 s in sum, a fifth of the other time subtracted, its velocity
+    /// differed by more than 0.6 m/s: it oscillates. Or for 1.5 s its heading differed by more than 1 rad; in an
+    /// outage this counts only while the vehicle turns.
     TrackingLost,
     /// Inputs of `failsafe.pressed_s` in one direction have moved nothing: the vehicle is held, caught or blocked. Or
     /// it came to rest at once while its inputs drove it on: it has hit something. Or it stands still below its
@@ -123,7 +126,7 @@ pub enum Fault {
     /// The sticks that a person holds have been neutral for `failsafe.person_gone_s`, or for 5 s during which the
     /// vehicle was outside of the room or too fast: nobody steers.
     PersonGone,
-    /// A timer let go of a key or a stick in the person's place.
+    /// A timer released a key or a stick in the person's place.
     InputExpired,
     /// The landing is confirmed by the poses alone: the drone did not report, or its height denied it.
     LandedByPose,
@@ -244,7 +247,7 @@ impl Fault {
     /// Real time: no allocation, constant cost.
     pub fn reaction(self, pilot: Pilot) -> Reaction {
         let (controller, person) = match self {
-            // The shifted plan goes on, SolverFailing is the limit; what was let go is level already.
+            // The shifted plan goes on, SolverFailing is the limit; sticks that were released are neutral already.
             Self::ControllerFailed
             | Self::InputExpired
             | Self::LandedByPose

@@ -20,14 +20,13 @@ const GROUND_MAX_M: f64 = 1.0;
 /// A take-off climbs 0.8 to 1.2 m by itself. m
 pub(crate) const CLIMB_MAX_M: f64 = 1.2;
 
-/// No room of a motion capture reaches further from its origin: walls in millimetres do, and a geofence that far away
-/// is none. m
+/// Largest distance of a wall from the origin: more are millimetres, or a geofence that no flight reaches. m
 const WALL_MAX_M: f64 = 500.0;
 
-/// Nor is it wider: walls in centimetres are. m
+/// Largest width of a room: more are centimetres. m
 const WIDTH_MAX_M: f64 = 100.0;
 
-/// No vehicle of this kind takes longer to come to rest: a time in milliseconds does. s
+/// Longest time in which a vehicle of this kind comes to rest: more are milliseconds. s
 const STOP_MAX_S: f64 = 10.0;
 
 /// The rows that have walls.
@@ -43,7 +42,7 @@ pub struct RoomTable {
     pub y_m: [f64; 2],
     /// World z, floor and ceiling. m, each -500..=500, the first below the second by at most 100
     pub z_m: [f64; 2],
-    /// Way from neutral sticks to rest over the speed: dead time and time constant of the vehicle.
+    /// Distance from neutral sticks to rest over the speed: dead time and time constant of the vehicle.
     /// s, 0..=10
     pub stop_s: f64,
 }
@@ -90,7 +89,7 @@ impl TryFrom<&RoomTable> for Room {
 }
 
 impl Room {
-    /// Whether x, y and z of `at` are inside; a place that is not finite is not. World frame. m
+    /// Whether x, y and z of `at` are inside; a position that is not finite is not. World frame. m
     ///
     /// Real time: no allocation, constant cost.
     pub fn contains(&self, at: &Pose) -> bool {
@@ -152,7 +151,7 @@ impl Room {
         (axis, if i.is_multiple_of(2) { at_w[axis] - low_m } else { high_m - at_w[axis] })
     }
 
-    /// Way from neutral sticks to rest at this speed. m
+    /// Distance from neutral sticks to rest at this speed. m
     pub fn stop_m(&self, speed_mps: f64) -> f64 {
         speed_mps * self.stop_s
     }
@@ -248,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn the_way_to_rest_grows_with_the_speed() {
+    fn the_distance_to_rest_grows_with_the_speed() {
         for (speed_mps, stop_m) in [(0.0, 0.0), (0.5, 0.4), (2.0, 1.6)] {
             let found_m = room().stop_m(speed_mps);
             assert!((found_m - stop_m).abs() < 1e-12, "{speed_mps} m/s: {found_m} m");

@@ -1,5 +1,5 @@
-//! What lasts longer than a tick: since when conditions hold, failures and missed periods, what has been seen of the
-//! take-off and where the ground is.
+//! What the supervisor remembers from tick to tick: the timers of the conditions, failed solves and missed periods,
+//! the signs that the take-off order was received, and the height of the ground.
 //!
 //! Owns the order in which this memory is updated. What follows from a condition stands in `conditions.rs`.
 
@@ -10,23 +10,24 @@ use super::evidence::{Evidence, Phase};
 use super::{Supervisor, TakeOffSeen, exceeds};
 use crate::time::SpanNs;
 
-/// Fraction of a missed period that is forgiven at each tick: one may be missed after each ten ticks for ever.
+/// Missed periods subtracted from their sum at each tick: one missed period in eleven never ends a flight.
 const LATE_FORGIVEN: f64 = 0.1;
 
-/// Failures of a solver that a tick without one makes up for, off the ground: one in three may fail for ever.
+/// Failures subtracted from their sum at each tick without a failure, off the ground: one failed solve in three never
+/// ends a flight.
 const FAILURE_FORGIVEN: f64 = 0.5;
 
-/// Turn away from the heading of the reference that no controlled vehicle makes. rad
-const TURNED_RAD: f64 = 1.0;
+/// Difference between the headings of vehicle and reference above which the controller has lost the heading. rad
+const HEADING_OFF_REFERENCE_RAD: f64 = 1.0;
 
-/// Yaw rate above which a vehicle turns by itself in an outage. rad/s
+/// Yaw rate above which a vehicle in an outage is turning: then its heading counts in an outage, too. rad/s
 const TURNING_RADPS: f64 = 0.3;
 
 impl Supervisor {
-    /// Updates what lasts longer than a tick.
+    /// Updates the whole memory.
     pub(super) fn remember(&mut self, e: &Evidence) {
         self.began_ns.get_or_insert(e.t_ns);
-        self.remember_troubles(e);
+        self.remember_failures(e);
         self.remember_ground_and_take_off(e);
         self.remember_landing(e);
         self.remember_reports(e);
@@ -36,7 +37,7 @@ impl Supervisor {
     }
 
     /// Updates the failures of solvers and the missed periods.
-    fn remember_troubles(&mut self, e: &Evidence) {
+    fn remember_failures(&mut self, e: &Evidence) {
         let has_failed = e.has_estimator_failed || self.is_without_plan(e);
         self.failures = match self.phase {
             _ if has_failed => self.failures + 1.0,
@@ -68,8 +69,8 @@ impl Supervisor {
     /// Updates for how long the drone has reported something.
     fn remember_reports(&mut self, e: &Evidence) {
         let reported_ns = e.drone.map(|drone| e.t_ns - SpanNs::from_seconds(drone.age_s).0);
-        self.since.aloft.keep(self.is_aloft_unasked(e), reported_ns);
-        // A report may be late, but does not take itself back.
+        self.timers.flying_unordered.update(self.is_aloft_unasked(e), reported_ns);
+        // After a report that the drone flies, a report that it stands is newer. Before, it may be an old one.
         let counts = match (self.phase, self.take_off_seen) {
             (Phase::TakingOff | Phase::Flying, TakeOffSeen::Reported) => true,
             (Phase::TakingOff, TakeOffSeen::Measured) | (Phase::Flying, _) => {
@@ -78,45 +79,47 @@ impl Supervisor {
             _ => false,
         };
         let is_grounded = counts && self.drone_says_flying(e) == Some(false);
-        self.since.grounded.keep(is_grounded, reported_ns);
+        self.timers.reports_standing.update(is_grounded, reported_ns);
         let is_critical = e.drone.is_some_and(|drone| {
             drone.is_battery_critical || drone.battery_pct < self.table.battery_critical_pct
         });
-        self.since.battery_critical.keep(is_critical, reported_ns);
+        self.timers.battery_critical.update(is_critical, reported_ns);
     }
 
-    /// Updates for how long a vehicle that takes off has not been seen to rise.
+    /// Updates for how long a vehicle that takes off has risen by one source and not by another.
     fn remember_climb(&mut self, e: &Evidence) {
         let climbs_still = self.phase == Phase::TakingOff
             && e.findings.still_s.is_some()
             && self.drone_has_risen(e);
-        self.since.climbs_still.keep(climbs_still, e.t_ns);
-        self.since.unrisen.keep(self.is_unrisen(e), e.t_ns);
+        self.timers.still_in_climb.update(climbs_still, e.t_ns);
+        self.timers.not_rising.update(self.is_not_rising(e), e.t_ns);
     }
 
-    /// Updates for how long a vehicle that flies has done what it should not, and since when the mission is done.
+    /// Updates the timers of the faults of a flight and of the end of the mission.
     fn remember_flight(&mut self, e: &Evidence) {
         let is_done = e.is_mission_done && !e.is_by_hand;
-        self.since.done.keep(is_done, e.t_ns);
+        self.timers.mission_done.update(is_done, e.t_ns);
         let is_flying = self.is_flying();
         let is_left_to_controller = is_flying && !e.is_by_hand;
-        let is_astray = is_left_to_controller && self.is_off_reference(e);
-        self.since.astray.keep(is_astray, e.t_ns);
-        self.remember_swings(e);
-        self.since.stands.keep(self.seems_to_stand(e), e.t_ns);
-        // In an outage the reference may turn on without the vehicle.
-        let turns = e.motion.is_some_and(|motion| motion.rate[pose::THETA].abs() > TURNING_RADPS);
-        let should_turn = is_left_to_controller && (e.outage.is_none() || turns);
-        let is_turned = should_turn && e.turned_rad.is_some_and(|rad| exceeds(rad, TURNED_RAD));
-        self.since.turned.keep(is_turned, e.t_ns);
+        let is_off = is_left_to_controller && self.is_off_reference(e);
+        self.timers.off_reference.update(is_off, e.t_ns);
+        self.remember_velocity_off_reference(e);
+        self.timers.standing_below_reference.update(self.seems_to_stand(e), e.t_ns);
+        // In an outage the reference may turn while the vehicle does not.
+        let is_turning =
+            e.motion.is_some_and(|motion| motion.rate[pose::THETA].abs() > TURNING_RADPS);
+        let heading_counts = is_left_to_controller && (e.outage.is_none() || is_turning);
+        let is_heading_off = heading_counts
+            && e.turned_rad.is_some_and(|rad| exceeds(rad, HEADING_OFF_REFERENCE_RAD));
+        self.timers.heading_off_reference.update(is_heading_off, e.t_ns);
         let is_fast = is_flying && exceeds(e.speed_mps, self.table.failsafe.speed_mps);
-        self.since.fast.keep(is_fast, e.t_ns);
+        self.timers.too_fast.update(is_fast, e.t_ns);
         let is_long = is_left_to_controller && e.is_dead_time_long;
-        self.since.dead_time_long.keep(is_long, e.t_ns);
+        self.timers.dead_time_long.update(is_long, e.t_ns);
         self.remember_idle_hand(e, is_fast);
         self.remember_blocked(e);
         self.remember_stuck(e);
-        let is_alone = is_flying && e.outage.is_some() && !is_confirmed(&e.findings);
-        self.since.alone.keep(is_alone, e.t_ns);
+        let is_unconfirmed = is_flying && e.outage.is_some() && !is_confirmed(&e.findings);
+        self.timers.outage_unconfirmed.update(is_unconfirmed, e.t_ns);
     }
 }

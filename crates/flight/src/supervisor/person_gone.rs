@@ -4,24 +4,26 @@ use super::Supervisor;
 use super::evidence::Evidence;
 
 /// How long the sticks in a person's hand may be neutral while the vehicle is outside of the room or too fast. s
-const GONE_ASTRAY_S: f64 = 5.0;
+const GONE_IN_DANGER_S: f64 = 5.0;
 
 impl Supervisor {
-    /// Updates for how long a person leaves the sticks neutral: in all, and where somebody should act.
+    /// Updates for how long a person leaves the sticks neutral: in all, and while the vehicle is outside of the room or
+    /// too fast.
     pub(super) fn remember_idle_hand(&mut self, e: &Evidence, is_fast: bool) {
         let is_idle = self.is_flying() && e.is_hand_neutral;
-        self.since.hand_neutral.keep(is_idle, e.t_ns);
-        // Outside of the room poses are rare: without one the vehicle counts as where it was.
-        let was_astray = self.since.hand_idle_astray.holds();
-        let is_astray = self.is_outside(e) || is_fast || (was_astray && self.is_pose_stale(e));
-        self.since.hand_idle_astray.keep(is_idle && is_astray, e.t_ns);
+        self.timers.hand_neutral.update(is_idle, e.t_ns);
+        // Outside of the room poses are rare: without a fresh pose the danger lasts.
+        let was_in_danger = self.timers.hand_neutral_in_danger.holds();
+        let is_in_danger =
+            self.is_outside(e) || is_fast || (was_in_danger && self.is_pose_stale(e));
+        self.timers.hand_neutral_in_danger.update(is_idle && is_in_danger, e.t_ns);
     }
 
-    /// Whether a person holds the sticks and does nothing, for too long or where somebody should.
+    /// Whether a person has left the sticks neutral for too long, which is less time in danger.
     pub(super) fn is_person_gone(&self, e: &Evidence) -> bool {
         self.table.failsafe.person_gone_s.is_some_and(|gone_s| {
-            self.since.hand_neutral.has_lasted(e.t_ns, gone_s)
-                || self.since.hand_idle_astray.has_lasted(e.t_ns, GONE_ASTRAY_S)
+            self.timers.hand_neutral.has_lasted(e.t_ns, gone_s)
+                || self.timers.hand_neutral_in_danger.has_lasted(e.t_ns, GONE_IN_DANGER_S)
         })
     }
 }

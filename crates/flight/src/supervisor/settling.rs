@@ -10,7 +10,7 @@ use super::Supervisor;
 use super::condition_timer::elapsed_s;
 use super::evidence::{Evidence, Phase};
 
-/// Horizontal distance from the place of the take-off at which control starts once the climb has ended. m
+/// Horizontal distance from the position of the take-off at which control starts once the climb has ended. m
 const DRIFT_MAX_M: f64 = 0.3;
 
 /// A vehicle that was so far from where it stood in so many ticks was touched, or rises. m, rad
@@ -89,7 +89,8 @@ impl Settling {
 }
 
 impl Supervisor {
-    /// Updates what is known of a take-off, and since when somebody comes near while the vehicle cannot evade.
+    /// Updates the memory of a take-off, and for how long the moving obstacle has been near while the vehicle cannot
+    /// evade.
     pub(super) fn remember_settling(&mut self, e: &Evidence) {
         let pose = e.pose.filter(|_| !self.is_pose_stale(e));
         let is_endangered = e.is_approached || e.is_obstacle_unseen;
@@ -97,7 +98,7 @@ impl Supervisor {
         let obeys = self.settling.is_over() && self.takes_sticks(e);
         let is_helpless = self.phase == Phase::TakingOff || self.phase == Phase::Flying && !obeys;
         let counts = is_helpless && is_endangered && !self.is_carried;
-        self.since.endangered.keep(counts, e.t_ns);
+        self.timers.obstacle_near.update(counts, e.t_ns);
     }
 }
 
@@ -121,7 +122,7 @@ mod tests {
         let carried = steered_after(DRIFT_MAX_M.next_up()).unwrap();
         let sooner_s = 0.1 * f64::from(u32::try_from(at_rest - carried).unwrap());
         assert!((sooner_s - (TABLE.settle_s - LEVEL_S)).abs() < 1e-9, "{at_rest}, {carried}");
-        assert_eq!(steered_after(f64::NAN), None, "no place");
+        assert_eq!(steered_after(f64::NAN), None, "no position");
     }
 
     #[test]

@@ -1,38 +1,37 @@
 //! Whether the motion capture still tells where the vehicle is.
 //!
-//! Owns the limits of staleness (`stale_s`: hold, `lost_s`: land) and the other conditions of the poses' faults. The
+//! Owns the limits of staleness (`stale_s`: hold, `lost_s`: land) and the conditions of stillness and jumps. The
 //! gate checks the age of a pose once more, by its own limit.
 
-use super::evidence::{Evidence, Phase};
-use super::fault::Fault;
-use super::{Supervisor, elapsed_s, exceeds};
+use super::evidence::Evidence;
+use super::{Supervisor, exceeds};
 
 impl Supervisor {
-    /// What is wrong with the poses.
-    pub(super) fn pose_faults(&self, e: &Evidence) -> [(Fault, bool); 8] {
-        let table = &self.table;
-        let running_s = self.began_ns.map_or(0.0, |began_ns| elapsed_s(began_ns, e.t_ns));
+    /// Whether there has been no pose, or only poses that stand still, for longer than `lost_s`.
+    pub(super) fn is_pose_lost(&self, e: &Evidence) -> bool {
         // A person who carries the vehicle may take time to show it to the cameras.
-        let pose_age_s = e.pose_age_s.or((!self.is_carried).then_some(running_s));
-        let climbs_still_s = self.since.climbs_still.elapsed_s(e.t_ns);
-        let still_s = e.findings.frozen_s.filter(|_| self.is_flying()).or(climbs_still_s);
-        let is_still = |limit_s| still_s.is_some_and(|still_s| exceeds(still_s, limit_s));
-        let is_lost = pose_age_s.is_some_and(|age_s| exceeds(age_s, table.lost_s));
-        let has_jumped = e.jump_m.is_some_and(|jump_m| exceeds(jump_m, table.jump_m));
-        let is_repeated = self.is_pose_stale(e) && e.is_pose_repeated;
-        [
-            (Fault::MocapStale, self.is_pose_stale(e)),
-            (Fault::MocapLost, is_lost || is_still(table.lost_s)),
-            (Fault::MocapFrozen, is_repeated || is_still(table.stale_s)),
-            (
-                Fault::MocapJumped,
-                self.is_taking_off_or_flying() && (has_jumped || exceeds(e.shift_m, table.jump_m)),
-            ),
-            (Fault::MocapRough, self.is_taking_off_or_flying() && e.is_pose_rough),
-            (Fault::MocapUnsettled, self.phase == Phase::Idle && !e.is_pose_settled),
-            (Fault::MocapUndated, self.phase == Phase::Idle && e.incidents.is_mocap_undated),
-            (Fault::StartMisplaced, self.phase == Phase::Idle && !self.may_start(e)),
-        ]
+        let age_s = e.pose_age_s.or_else(|| (!self.is_carried).then(|| self.running_s(e)));
+        let is_lost = |time_s| exceeds(time_s, self.table.lost_s);
+        age_s.is_some_and(is_lost) || self.still_s(e).is_some_and(is_lost)
+    }
+
+    /// Whether the stream repeats an old pose, or its poses have stood still for longer than `stale_s`.
+    pub(super) fn is_pose_frozen(&self, e: &Evidence) -> bool {
+        let is_still = self.still_s(e).is_some_and(|still_s| exceeds(still_s, self.table.stale_s));
+        is_still || (self.is_pose_stale(e) && e.is_pose_repeated)
+    }
+
+    /// For how long the poses have stood still while the vehicle moved: in flight, or in a climb that the drone
+    /// reports. s
+    fn still_s(&self, e: &Evidence) -> Option<f64> {
+        let in_climb_s = || self.timers.still_in_climb.elapsed_s(e.t_ns);
+        e.findings.frozen_s.filter(|_| self.is_flying()).or_else(in_climb_s)
+    }
+
+    /// Whether the poses have jumped further than `jump_m`, at once or in several steps.
+    pub(super) fn has_pose_jumped(&self, e: &Evidence) -> bool {
+        let limit_m = self.table.jump_m;
+        e.jump_m.is_some_and(|jump_m| exceeds(jump_m, limit_m)) || exceeds(e.shift_m, limit_m)
     }
 
     /// Whether the vehicle stands where one may take off, as far as that is known.
