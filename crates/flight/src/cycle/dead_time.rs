@@ -14,33 +14,34 @@ const ERROR_MIN: f64 = 0.75;
 /// Estimated error over its standard deviation from which on the dead times are corrected. 1
 const CERTAINTY_MIN: f64 = 1.0;
 
-/// A dead time that was shortened is taken back when the link goes down so often: one that is too short makes the
-/// vehicle swing, and the monitor takes the swing for outages, in which no dead time is corrected.
+/// Number of outages after which a shortened dead time returns to the configured one: a dead time that is too short
+/// makes the vehicle oscillate, and the link monitor takes the oscillation for outages, in which no dead time is
+/// corrected.
 const OUTAGES_MAX: u32 = 4;
 
-/// Standard deviation over that of the prior below which enough commands have changed to tell a delay. 1
+/// Standard deviation of the error over that of the prior below which the commands have changed enough to show it. 1
 const EXCITED_MAX: f64 = 0.6;
 
-/// For so long an error has to ask before the dead time becomes shorter than configured by more than so much: a gust
-/// that comes before a stick acts looks like that. periods, steps
+/// How long the error must be negative before a dead time that is shorter than configured by [`SHORT_STEPS`] becomes
+/// shorter still: a gust just before a stick acts looks like a short dead time. periods, steps
 const SHORT_PERIODS: u32 = 150;
 const SHORT_STEPS: i32 = 2;
 
-/// Error that is left at the largest correction from which on the dead time is too long to fly with. s
+/// Error that remains at the largest correction above which the dead time is too long to fly with. s
 const LEFT_MAX_S: f64 = 0.08;
 
 /// [`LEFT_MAX_S`] of throttle and yaw, whose axes answer sooner and oscillate later. s
 const LEFT_OWN_MAX_S: f64 = 0.15;
 
-/// Periods from one correction to the next.
+/// Least number of periods from one correction of an axis to the next.
 const PERIODS_BETWEEN: u32 = 5;
 
 /// Corrections of the dead times of a flight, and the errors that remain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeadTimeChange {
-    /// Correction that is asked for beyond the configured dead time of each stick. steps
+    /// Correction of the configured dead time of each stick before `dead_time_min_ratio` limits it. steps
     pub steps: [i32; stick::COUNT],
-    /// Correction that is applied: `dead_time_min_ratio` of each configured dead time stays. s
+    /// Correction that is applied: `dead_time_min_ratio` of each configured dead time remains. s
     pub change_s: Sticks,
     /// Remaining error of roll and pitch by the latest motion that shows it; `None` before. s
     pub error: Option<DeadTimeError>,
@@ -51,7 +52,8 @@ pub struct DeadTimeChange {
 }
 
 impl DeadTimeChange {
-    /// Corrections with what is still missing of them; `None` if no motion has shown the horizontal ones. s
+    /// Corrections plus remaining errors: by how much the dead times differ from the configured ones. Axes without an
+    /// error of their own take that of roll and pitch; `None` if no motion has shown the latter. s
     pub(super) fn found_s(&self) -> Option<Sticks> {
         let common_s = self.error?.mean_s;
         let mut found_s = self.change_s.add_scalar(common_s);
@@ -70,29 +72,28 @@ pub(super) struct DeadTime {
     sd_prior_s: f64,
     /// Largest correction. steps
     steps_max: i32,
-    /// Correction of roll and pitch.
+    /// Of roll and pitch.
     horizontal: Correction,
-    /// Correction of the throttle beyond that of roll and pitch.
     throttle: Correction,
-    /// Beyond that of roll and pitch.
     yaw: Correction,
-    /// Outages with a dead time that is shorter than configured.
+    /// Number of outages that began while the dead time of roll and pitch was shorter than configured.
     outages: u32,
 }
 
 /// Correction of one axis.
 #[derive(Debug)]
 struct Correction {
-    /// What `dead_time_min_ratio` gives up of the dead time. s
-    given_up_s: f64,
-    /// Least correction in all: the whole steps of it. steps
+    /// Largest reduction that `dead_time_min_ratio` allows. s
+    reduction_max_s: f64,
+    /// Least correction: the whole steps of that reduction, negative. steps
     steps_min: i32,
+    /// Present correction of the configured dead time. steps
     steps: i32,
     /// Periods since the newest correction.
     periods_since: u32,
-    /// Periods in which errors have asked for a dead time shorter than configured.
+    /// Periods in which the error has asked for a dead time shorter by more than [`SHORT_STEPS`].
     short_periods: u32,
-    /// The newest error that was excited enough.
+    /// The newest error known well enough; `None` before, and after a step that followed from another axis.
     error: Option<DeadTimeError>,
 }
 
@@ -114,10 +115,10 @@ impl DeadTime {
         let whole = |steps: f64| steps as i32;
         let steps_max = Self::steps_of(table, dt_s).cast_signed();
         let correction = |axis: usize| {
-            let given_up_s = (1.0 - dead_time_min_ratio) * dead_time_s[axis];
-            let steps_min = -steps_max.min(whole(given_up_s / dt_s + 1e-9));
+            let reduction_max_s = (1.0 - dead_time_min_ratio) * dead_time_s[axis];
+            let steps_min = -steps_max.min(whole(reduction_max_s / dt_s + 1e-9));
             Correction {
-                given_up_s,
+                reduction_max_s,
                 steps_min,
                 steps: 0,
                 periods_since: 0,
@@ -140,15 +141,15 @@ impl DeadTime {
     pub(super) fn change(&self) -> Option<DeadTimeChange> {
         let Self { dt_s, steps_max, horizontal, throttle, yaw, .. } = self;
         let mut steps = [horizontal.steps; stick::COUNT];
-        let mut given_up_s = Sticks::repeat(horizontal.given_up_s);
+        let mut reduction_max_s = Sticks::repeat(horizontal.reduction_max_s);
         for (axis, own) in [(stick::THROTTLE, throttle), (stick::YAW, yaw)] {
-            steps[axis] = (horizontal.steps + own.steps).min(*steps_max);
-            given_up_s[axis] = own.given_up_s;
+            steps[axis] = own.steps.min(*steps_max);
+            reduction_max_s[axis] = own.reduction_max_s;
         }
         let asked_s = Sticks::from(steps.map(f64::from)) * *dt_s;
         (*steps_max > 0).then(|| DeadTimeChange {
             steps,
-            change_s: asked_s.sup(&-given_up_s),
+            change_s: asked_s.sup(&-reduction_max_s),
             error: horizontal.error,
             throttle_error: throttle.error,
             yaw_error: yaw.error,
@@ -158,14 +159,13 @@ impl DeadTime {
     /// Whether a stick acts later than the largest correction allows for.
     pub(super) fn is_too_long(&self) -> bool {
         let Self { steps_max, horizontal, throttle, yaw, .. } = self;
-        let is_late = |axis: &Correction, common: i32, left_max_s: f64| {
-            let is_largest = common + axis.steps >= *steps_max;
-            is_largest && axis.error.is_some_and(|error| error.mean_s > left_max_s)
+        let is_late = |axis: &Correction, left_max_s: f64| {
+            axis.steps >= *steps_max && axis.error.is_some_and(|error| error.mean_s > left_max_s)
         };
         *steps_max > 0
-            && (is_late(horizontal, 0, LEFT_MAX_S)
-                || is_late(throttle, horizontal.steps, LEFT_OWN_MAX_S)
-                || is_late(yaw, horizontal.steps, LEFT_OWN_MAX_S))
+            && (is_late(horizontal, LEFT_MAX_S)
+                || is_late(throttle, LEFT_OWN_MAX_S)
+                || is_late(yaw, LEFT_OWN_MAX_S))
     }
 
     /// Largest correction. steps
@@ -180,8 +180,8 @@ impl DeadTime {
         }
     }
 
-    /// Ends the return of a dead time that was shortened, once it is there: corrections begin anew. Whether it does.
-    pub(super) fn finish_taking_back(&mut self) -> bool {
+    /// Once a shortened dead time has returned to the configured one, allows corrections again; whether it does now.
+    pub(super) fn finish_return(&mut self) -> bool {
         let is_back = self.outages >= OUTAGES_MAX && self.horizontal.steps >= 0;
         if is_back {
             self.outages = 0;
@@ -189,7 +189,10 @@ impl DeadTime {
         is_back
     }
 
-    /// Whether a dead time changes after a period that left `errors`: each by one step or none, either way.
+    /// Corrects the dead times after a period that left `errors`, each by one step at most; whether any has changed.
+    ///
+    /// Throttle and yaw take the step of roll and pitch as long as they have no error of their own. During a return
+    /// they take it if they had the same correction.
     pub(super) fn follow(&mut self, errors: Option<DeadTimeErrors>) -> bool {
         let Self { dt_s, sd_prior_s, steps_max, horizontal, throttle, yaw, outages } = self;
         if horizontal.steps >= 0 && *outages < OUTAGES_MAX {
@@ -198,12 +201,12 @@ impl DeadTime {
         let excited = |error: Option<DeadTimeError>| {
             error.filter(|error| error.sd_s <= EXCITED_MAX * *sd_prior_s)
         };
-        let takes_back = *outages >= OUTAGES_MAX;
-        let step = if takes_back {
-            horizontal.take_back()
+        let is_returning = *outages >= OUTAGES_MAX;
+        let before = horizontal.steps;
+        let step = if is_returning {
+            horizontal.step_back()
         } else {
-            let error = excited(errors.map(|all| all.horizontal));
-            horizontal.follow(error, 0, *steps_max, *dt_s)
+            horizontal.follow(excited(errors.map(|all| all.horizontal)), *steps_max, *dt_s)
         };
         let mut is_changed = step != 0;
         let own = [
@@ -212,28 +215,21 @@ impl DeadTime {
         ];
         for (axis, error) in own {
             let error = excited(error);
-            if error.is_some() || (takes_back && axis.steps != 0) {
-                // The axis has an error of its own: the step of roll and pitch is not added to it.
-                axis.steps -= step;
-            } else if step != 0 {
-                // The axis takes the step, too: its error so far is that of another dead time.
+            let is_separate = error.is_some() || (is_returning && axis.steps != before);
+            if !is_separate && step != 0 {
+                // The error so far is that of another dead time.
                 axis.error = None;
+                axis.steps += step;
             }
-            is_changed |= axis.follow(error, horizontal.steps, *steps_max, *dt_s) != 0;
+            is_changed |= axis.follow(error, *steps_max, *dt_s) != 0;
         }
         is_changed
     }
 }
 
 impl Correction {
-    /// The step that `error` asks for beyond `common` steps.
-    fn follow(
-        &mut self,
-        error: Option<DeadTimeError>,
-        common: i32,
-        steps_max: i32,
-        dt_s: f64,
-    ) -> i32 {
+    /// Makes the step that `error` asks for if it may be made: -1, 0 or 1. steps
+    fn follow(&mut self, error: Option<DeadTimeError>, steps_max: i32, dt_s: f64) -> i32 {
         self.periods_since = self.periods_since.saturating_add(1);
         let Some(error) = error else {
             self.short_periods = self.short_periods.saturating_sub(1);
@@ -241,16 +237,16 @@ impl Correction {
         };
         let DeadTimeError { mean_s, sd_s } = error;
         let step = if mean_s > 0.0 { 1 } else { -1 };
-        let is_short = common + self.steps == -SHORT_STEPS && step < 0;
+        let is_short = self.steps == -SHORT_STEPS && step < 0;
         let is_clear = mean_s.abs() >= (ERROR_MIN * dt_s).max(CERTAINTY_MIN * sd_s);
         self.short_periods =
             if is_short && is_clear { self.short_periods.saturating_add(1) } else { 0 };
         let is_shown = !is_short || self.short_periods >= SHORT_PERIODS;
         let range = self.steps_min..=steps_max;
-        let after = (common + self.steps).clamp(self.steps_min, steps_max) + step;
+        let after = self.steps.clamp(self.steps_min, steps_max) + step;
         if is_clear && is_shown && range.contains(&after) && self.periods_since >= PERIODS_BETWEEN {
             self.periods_since = 0;
-            self.steps = after - common;
+            self.steps = after;
             let mean_s = mean_s - f64::from(step) * dt_s;
             self.error = Some(DeadTimeError { mean_s, sd_s });
             return step;
@@ -259,8 +255,8 @@ impl Correction {
         0
     }
 
-    /// The step back to the configured dead time; what is known of its error is of another one.
-    fn take_back(&mut self) -> i32 {
+    /// Makes a step back to the configured dead time, 0 or 1. The error so far is that of another dead time.
+    fn step_back(&mut self) -> i32 {
         self.periods_since = self.periods_since.saturating_add(1);
         if self.periods_since < PERIODS_BETWEEN || self.steps >= 0 {
             return 0;

@@ -1,7 +1,7 @@
 //! Whether the sent sticks act, and which ones did.
 //!
-//! Owns what the loop does with the link monitor's verdict: the sticks of the past that the estimator is
-//! informed of are corrected back to the moment when the link changed.
+//! Owns what the loop does with the link monitor's verdict: the applied sticks in the estimator's window are corrected
+//! back to the moment when the link changed.
 
 use horizon_estim::Observed;
 use horizon_model::InputFifo;
@@ -11,7 +11,8 @@ use nalgebra::SVector;
 use super::dead_time::{DeadTime, DeadTimeChange};
 use crate::{LinkMonitor, LinkState, LinkVerdict};
 
-/// Sticks remembered to know which one is held: longer than the monitor takes to notice. steps
+/// Least length of the ring of sticks, in which the held command is found: longer than the monitor takes to notice an
+/// outage. steps
 const HELD_STEPS: usize = 64;
 
 /// Link monitor and the sticks that would have been applied.
@@ -24,11 +25,11 @@ pub(super) struct Link {
     stick_max: f64,
     /// Steps that the estimator can amend.
     window_steps: usize,
-    /// Ring of the applied sticks if the link was up.
+    /// Ring of the sticks that would have been applied with the link up.
     meant: Vec<Sticks>,
     newest: usize,
     state: LinkState,
-    /// For how long it has been so; the largest number before the first change. steps
+    /// For how long the link has been in that state; the largest number before the first change. steps
     state_steps: usize,
     /// The sticks that act while an old command is held.
     held: Sticks,
@@ -58,10 +59,10 @@ impl Link {
         }
     }
 
-    /// Decides a correction of the dead times by what [`Link::judge`] saw, makes it in `fifo` and takes what each axis
-    /// changed by off the monitor's errors; whether there is one.
+    /// Corrects the dead times of `fifo` by the motion that [`Link::judge`] has received, and subtracts each correction
+    /// from the monitor's errors; whether there is a correction.
     pub(super) fn correct_dead_time(&mut self, fifo: &mut InputFifo<{ stick::COUNT }>) -> bool {
-        if self.is_up() && self.dead_time.finish_taking_back() {
+        if self.is_up() && self.dead_time.finish_return() {
             self.monitor.restart();
         }
         if !self.dead_time.follow(self.monitor.dead_time_errors()) {
@@ -83,7 +84,7 @@ impl Link {
         self.dead_time.is_too_long()
     }
 
-    /// Replaces what is remembered of the newest `steps` steps: `u_meant(back)` would have been applied.
+    /// Replaces the remembered sticks of the newest `steps` steps: `u_meant(back)` would have been applied.
     pub(super) fn recall(&mut self, steps: usize, u_meant: impl Fn(usize) -> Sticks) {
         let len = self.meant.len();
         for back in 0..steps.min(len) {
@@ -104,8 +105,8 @@ impl Link {
         !self.state.is_down()
     }
 
-    /// The verdict after a period in which `u_meant` was applied if the link was up, and if it is another one,
-    /// since how many steps it has been so.
+    /// The verdict after a period in which `u_meant` was applied if the link was up; and on a change of the verdict,
+    /// the number of steps since the change.
     pub(super) fn judge(
         &mut self,
         u_meant: &Sticks,
@@ -128,7 +129,7 @@ impl Link {
         (verdict, verdict.changed.then_some(since_steps.min(self.window_steps)))
     }
 
-    /// For how many steps the newest verdict holds: what was applied before followed another one.
+    /// For how many steps the newest verdict holds; sticks before were applied by another verdict.
     pub(super) fn state_steps(&self) -> usize {
         self.state_steps
     }
@@ -147,8 +148,8 @@ impl Link {
         }
     }
 
-    /// `u_plan` as it may be sent. While the link is down little of it acts, or what looks like an outage is a hand or
-    /// a push, against which full sticks press.
+    /// `u_plan` as it may be sent: limited while the link is down. Little of it acts then, or the outage is really a
+    /// hand or a push, against which full sticks would press.
     pub(super) fn limited(&self, u_plan: &Sticks) -> Sticks {
         if self.is_up() {
             *u_plan

@@ -163,12 +163,12 @@ fn what_is_left_is_reported_with_the_correction() {
 }
 
 #[test]
-fn a_dead_time_that_was_shortened_finish_taking_back_when_the_link_goes_down_again_and_again() {
+fn a_dead_time_that_was_shortened_finish_return_when_the_link_goes_down_again_and_again() {
     let mut dead_time = dead_time(0.3);
     for _ in 0..10 {
         dead_time.note_outage();
     }
-    assert!(!dead_time.finish_taking_back(), "nothing was shortened");
+    assert!(!dead_time.finish_return(), "nothing was shortened");
     for _ in 0..SHORT_PERIODS + 15 {
         dead_time.follow(Some(common(-0.1, 0.02)));
     }
@@ -181,7 +181,7 @@ fn a_dead_time_that_was_shortened_finish_taking_back_when_the_link_goes_down_aga
     let changes = (0..100).filter(|_| dead_time.follow(None)).count();
     assert_eq!((steps(&dead_time)[stick::ROLL], changes), (0, 4));
     assert!(!dead_time.follow(Some(common(-0.1, 0.02))), "it waits for the new filter");
-    assert!(dead_time.finish_taking_back() && !dead_time.finish_taking_back());
+    assert!(dead_time.finish_return() && !dead_time.finish_return());
     // A longer one stays.
     for _ in 0..20 {
         dead_time.follow(Some(common(0.1, 0.02)));
