@@ -35,6 +35,8 @@ mod vehicle;
 mod walls;
 mod worst_case;
 
+use std::fmt::Debug;
+
 use horizon_control::{MpcReport, Stop, predict};
 use horizon_estim::{Mhe, MheError, Observed};
 use horizon_model::rows::{Pose, Sticks, pose, stick};
@@ -44,7 +46,7 @@ use nalgebra::SVector;
 use crate::drone::DroneStatus;
 use crate::gate::{Approved, Gate};
 use crate::time::TimeNs;
-use crate::{Mission, Monitors, Pilot, PoseFilter, Supervisor};
+use crate::{LinkVerdict, Mission, Monitors, Pilot, PoseFilter, Supervisor};
 
 pub use baseline::{HeldObservations, Pipeline};
 pub use build::{build, build_with};
@@ -236,7 +238,8 @@ where
     ) {
         let Some(Seen { newest, at_tick }) = seen else { return };
         if self.mhe.is_started() {
-            let u_applied = self.follow_link(applied_ahead, at_tick, Some(out));
+            let (u_applied, verdict) = self.follow_link(applied_ahead, at_tick);
+            (out.link, out.applied_instead) = (verdict, self.link_instead());
             // A jump of the poses is no motion of the vehicle.
             let has_jumped = self.plausibility.has_jumped();
             if has_jumped {
@@ -268,35 +271,26 @@ where
     }
 
     /// Judges the link by the period `ahead` of the coming one; on a change corrects what the estimator received before
-    /// and lets the mission go on from where the vehicle is. Returns the applied sticks of that period.
+    /// and lets the mission go on from where the vehicle is. Returns the applied sticks of that period and the verdict;
+    /// `None` without a link monitor.
     fn follow_link(
         &mut self,
         ahead: isize,
         observed: &Observed<{ pose::COUNT }>,
-        out: Option<&mut Outcome>,
-    ) -> Sticks {
+    ) -> (Sticks, Option<LinkVerdict>) {
         let u_meant = self.fifo.applied(ahead);
-        let Some(link) = &mut self.link else { return u_meant };
+        let Some(link) = &mut self.link else { return (u_meant, None) };
         let p = SVector::from_column_slice(self.mhe.p_hat().as_slice());
         let (verdict, changed) = link.judge(&u_meant, &self.plausibility.steady(observed), &p);
         let u_applied = link.applied(0);
-        if let Some(out) = out {
-            out.link = Some(verdict);
-            out.applied_instead = link.instead();
-        }
         if let Some(steps) = changed {
             // The newest of these steps is not in the window yet. Before the start there is no window.
-            let earlier = steps.saturating_sub(1);
-            let amended = self.mhe.amend(earlier, |age| link.applied(age + 1));
-            debug_assert!(
-                !matches!(amended, Err(MheError::Solve(_))),
-                "sent sticks are finite: {amended:?}"
-            );
+            assert_amended(&self.mhe.amend(steps.saturating_sub(1), |age| link.applied(age + 1)));
             if link.is_up() {
                 self.resume();
             }
         }
-        u_applied
+        (u_applied, Some(verdict))
     }
 
     /// Corrects the dead times by the motion of this flight; `ahead` of the coming step is the period that ended last.
@@ -308,11 +302,7 @@ where
         }
         let steps = (self.mhe.window().len() - 1).min(link.state_steps());
         link.recall(steps, |back| fifo.applied(ahead - back.cast_signed()));
-        let amended = self.mhe.amend(steps, |age| link.applied(age));
-        debug_assert!(
-            !matches!(amended, Err(MheError::Solve(_))),
-            "sent sticks are finite: {amended:?}"
-        );
+        assert_amended(&self.mhe.amend(steps, |age| link.applied(age)));
     }
 
     /// What the gate lets through of the sticks that `pilot` proposes.
@@ -391,6 +381,11 @@ where
         out.reference = self.planner.reference();
         out.clearance = self.planner.clearance();
     }
+}
+
+/// Sent sticks are finite: a window that is amended by them can be solved. It may not have started.
+fn assert_amended<T: Debug>(amended: &Result<T, MheError>) {
+    debug_assert!(!matches!(amended, Err(MheError::Solve(_))), "{amended:?}");
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Periods in which the loop did not run.
 //!
-//! Owns what is known of them: which sticks the sender sent in the meantime. Whether they end the flight is decided by
-//! the supervisor.
+//! Owns which sticks the sender sent in the meantime. Whether missed periods end the flight is decided by the
+//! supervisor.
 
 use horizon_estim::Observed;
 use horizon_model::Model;
@@ -29,7 +29,7 @@ where
             self.planner.follow(None);
             if self.mhe.is_started() {
                 let missing = Observed::missing();
-                let u_applied = self.follow_link(JUST_ENDED_AFTER_PUSH, &missing, None);
+                let (u_applied, _) = self.follow_link(JUST_ENDED_AFTER_PUSH, &missing);
                 let solved = self.mhe.update(&u_applied, &missing, &mut || watch.is_late());
                 self.memory.has_estimator_failed = solved.is_err();
                 if self.memory.is_on_mission {

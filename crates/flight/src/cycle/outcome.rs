@@ -87,36 +87,37 @@ impl From<Result<horizon_control::MpcReport, horizon_control::SolveError>> for S
     }
 }
 
-/// Result of one tick. An empty vector or a `None` means that the tick did not come so far.
+/// Result of one tick.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Outcome {
     /// Ticks since the start of the log.
     pub step: u64,
-    /// Newest raw pose of the tick, world frame, heading as received. m, rad
+    /// Newest raw pose of the tick, world frame, heading as received; `None`: no pose arrived. m, rad
     pub raw: Option<Pose>,
-    /// What the filter made of it.
+    /// Verdict of the outlier filter on the newest poses; `None` before the tick came to the filter.
     pub filtered: Option<Filtered>,
-    /// Newest state estimate, rows and units [`Outcome::state_rows`].
+    /// Newest state estimate, rows and units [`Outcome::state_rows`]; empty if the tick estimated nothing.
     pub s_hat: Vec<f64>,
-    /// Parameter estimate, rows and units [`Outcome::parameter_rows`].
+    /// Parameter estimate, rows and units [`Outcome::parameter_rows`]; empty if the tick estimated nothing.
     pub p_hat: Vec<f64>,
-    /// Whether the sent sticks act; `None` without a link monitor.
+    /// Whether the sent sticks act; `None` without a link monitor, or if the estimator was not started.
     pub link: Option<LinkVerdict>,
-    /// What acts in place of all sent sticks; `None` while the link is up. 1
+    /// Sticks that act in place of all sent ones; `None` while the link is up, or as for `link`. 1
     pub applied_instead: Option<Sticks>,
-    /// The correction of the dead times; `None` where they stay.
+    /// Correction of the dead times; `None` if the settings allow none, or the tick estimated nothing.
     pub dead_time: Option<DeadTimeChange>,
-    /// How the estimator ended.
+    /// How the estimator ended; `None` if it did not solve.
     pub estimator: Option<Solve>,
-    /// State predicted over the dead time, rows and units [`Outcome::state_rows`].
+    /// State predicted over the dead time, rows and units [`Outcome::state_rows`]; empty if the tick planned nothing.
     pub s_pred: Vec<f64>,
-    /// Where the mission wants the vehicle to be when the sticks of this tick begin to act, world frame. m, rad
+    /// Where the mission wants the vehicle to be when the sticks of this tick begin to act, world frame; `None` if the
+    /// tick planned nothing. m, rad
     pub reference: Option<Pose>,
-    /// Planned sticks over the horizon, a period each. 1
+    /// Planned sticks over the horizon, a period each; empty if the tick planned nothing, or nobody reads the plan. 1
     pub plan: Vec<[f64; stick::COUNT]>,
-    /// How the controller ended.
+    /// How the controller ended; `None` if it did not solve.
     pub controller: Option<Solve>,
-    /// How near the plan comes to walls and obstacles; `None` far away, or if it knows none.
+    /// How near the plan comes to walls and obstacles; `None` if it stays 1 m away, knows none, or there is no plan.
     pub clearance: Option<Clearance>,
     /// Ticks since the plan in use was solved; `None` without a plan.
     pub plan_lag: Option<u32>,
@@ -126,22 +127,22 @@ pub struct Outcome {
     pub approved: Approved,
     /// Sticks that entered the FIFO. 1
     pub u_sent: Sticks,
-    /// Present target. m, rad
+    /// Present target, world frame. m, rad
     pub target: Pose,
     /// Number of the present target, from 1.
     pub target_number: usize,
     /// Number of targets reached.
     pub targets_reached: usize,
-    /// What the monitors found.
+    /// What the monitors found; `None` in the recording of another controller.
     pub findings: Option<Findings>,
-    /// By how much the estimate has gone away from the reference: its distance less the least one before; `None` before
-    /// the first estimate. m
+    /// Distance of the estimate from the reference less the least one since the mission began or was resumed; `None`
+    /// before the first estimate. m
     pub tracking_m: Option<f64>,
-    /// Inputs in one direction that have moved nothing. s of full deflection
+    /// Integral of the inputs in one direction that have not moved the vehicle. s of full deflection
     pub pressed_s: f64,
-    /// Speed by the estimate. m/s
+    /// Speed by the estimate; 0 without one. m/s
     pub speed_mps: f64,
-    /// The supervisor's decision.
+    /// The supervisor's decision; `None` in the recording of another controller.
     pub ruling: Option<Ruling>,
     /// Rows of the model's state.
     pub state_rows: &'static [Row],
@@ -189,26 +190,21 @@ impl Outcome {
         self.s_hat.get(..pose::COUNT).map(SVector::from_column_slice)
     }
 
+    /// Begins the outcome of `step`. The buffers stay, so that nothing is allocated.
     pub(super) fn clear(&mut self, step: u64) {
-        self.step = step;
-        self.raw = None;
-        self.filtered = None;
-        self.s_hat.clear();
-        self.p_hat.clear();
-        self.link = None;
-        self.applied_instead = None;
-        self.dead_time = None;
-        self.estimator = None;
-        self.reference = None;
-        self.s_pred.clear();
-        self.plan.clear();
-        self.controller = None;
-        self.clearance = None;
-        self.findings = None;
-        self.tracking_m = None;
-        self.pressed_s = 0.0;
-        self.speed_mps = 0.0;
-        self.ruling = None;
+        let [s_hat, p_hat, s_pred] =
+            [&mut self.s_hat, &mut self.p_hat, &mut self.s_pred].map(emptied);
+        *self = Self {
+            step,
+            s_hat,
+            p_hat,
+            s_pred,
+            plan: emptied(&mut self.plan),
+            target_number: 1,
+            state_rows: self.state_rows,
+            parameter_rows: self.parameter_rows,
+            ..Self::default()
+        };
     }
 
     pub(super) fn observe(&mut self, sighting: Option<&Sighting>, filtered: &Filtered) {
@@ -221,6 +217,12 @@ impl Outcome {
         self.targets_reached = mission.targets_reached();
         self.target_number = mission.targets_reached() + usize::from(!mission.is_finished());
     }
+}
+
+/// The memory of `buffer`, without its values.
+fn emptied<T>(buffer: &mut Vec<T>) -> Vec<T> {
+    buffer.clear();
+    std::mem::take(buffer)
 }
 
 #[cfg(test)]

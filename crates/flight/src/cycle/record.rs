@@ -68,27 +68,7 @@ impl Topic {
 
     /// Name of the channel in the log.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Inbox => "/cycle/inbox",
-            Self::Raw => "/vicon/raw",
-            Self::Filtered => "/estim/filtered",
-            Self::State => "/estim/state",
-            Self::Parameter => "/estim/parameter",
-            Self::Link => "/estim/link",
-            Self::Estimator => "/estim/solve",
-            Self::Prediction => "/control/prediction",
-            Self::Reference => "/control/reference",
-            Self::Target => "/control/target",
-            Self::Plan => "/control/plan",
-            Self::Controller => "/control/solve",
-            Self::Proposed => "/control/input",
-            Self::Command => "/tello/command",
-            Self::Monitor => "/supervisor/monitor",
-            Self::Phase => "/supervisor/phase",
-            Self::Fault => "/supervisor/fault",
-            Self::Timing => "/cycle/timing",
-            Self::Jitter => "/cycle/jitter",
-        }
+        self.row().0
     }
 
     /// The channel whose [`Topic::name`] is `name`; `None` for a name that no tick writes.
@@ -98,45 +78,47 @@ impl Topic {
 
     /// Name of the kind of record on the channel.
     pub fn schema_name(self) -> &'static str {
-        match self {
-            Self::Inbox => "Inbox",
-            Self::Raw | Self::Reference => "Pose",
-            Self::Filtered => "FilteredPose",
-            Self::State | Self::Prediction => "State",
-            Self::Parameter => "Parameter",
-            Self::Link => "Link",
-            Self::Estimator | Self::Controller => "Solve",
-            Self::Target => "Target",
-            Self::Plan => "Plan",
-            Self::Proposed | Self::Command => "Sticks",
-            Self::Monitor => "Monitor",
-            Self::Phase => "Phase",
-            Self::Fault => "Fault",
-            Self::Timing => "Timing",
-            Self::Jitter => "Jitter",
-        }
+        self.row().1
     }
 
     /// JSON schema of the channel's records for a vehicle model with these rows.
     pub fn schema(self, state_rows: &[Row], parameter_rows: &[Row]) -> Schema {
+        self.row().2(state_rows, parameter_rows)
+    }
+
+    /// Name of the channel, name of its kind of record, and [`Topic::schema`].
+    fn row(self) -> (&'static str, &'static str, SchemaOf) {
+        let state: SchemaOf = |state_rows, _| rows_schema(state_rows);
         match self {
-            Self::Inbox => schema_for!(Inbox),
-            Self::Raw | Self::Reference => schema_for!(PoseRecord),
-            Self::Filtered => schema_for!(FilteredRecord),
-            Self::State | Self::Prediction => rows_schema(state_rows),
-            Self::Parameter => rows_schema(parameter_rows),
-            Self::Link => schema_for!(LinkRecord),
-            Self::Estimator | Self::Controller => schema_for!(SolveRecord),
-            Self::Target => schema_for!(TargetRecord),
-            Self::Plan => schema_for!(PlanRecord<'_>),
-            Self::Proposed | Self::Command => schema_for!(SticksRecord),
-            Self::Monitor => schema_for!(MonitorRecord),
-            Self::Phase => schema_for!(PhaseRecord),
-            Self::Fault => schema_for!(FaultRecord),
-            Self::Timing => schema_for!(Timing),
-            Self::Jitter => schema_for!(Jitter),
+            Self::Inbox => ("/cycle/inbox", "Inbox", of::<Inbox>),
+            Self::Raw => ("/vicon/raw", "Pose", of::<PoseRecord>),
+            Self::Filtered => ("/estim/filtered", "FilteredPose", of::<FilteredRecord>),
+            Self::State => ("/estim/state", "State", state),
+            Self::Parameter => ("/estim/parameter", "Parameter", |_, rows| rows_schema(rows)),
+            Self::Link => ("/estim/link", "Link", of::<LinkRecord>),
+            Self::Estimator => ("/estim/solve", "Solve", of::<SolveRecord>),
+            Self::Prediction => ("/control/prediction", "State", state),
+            Self::Reference => ("/control/reference", "Pose", of::<PoseRecord>),
+            Self::Target => ("/control/target", "Target", of::<TargetRecord>),
+            Self::Plan => ("/control/plan", "Plan", of::<PlanRecord<'_>>),
+            Self::Controller => ("/control/solve", "Solve", of::<SolveRecord>),
+            Self::Proposed => ("/control/input", "Sticks", of::<SticksRecord>),
+            Self::Command => ("/tello/command", "Sticks", of::<SticksRecord>),
+            Self::Monitor => ("/supervisor/monitor", "Monitor", of::<MonitorRecord>),
+            Self::Phase => ("/supervisor/phase", "Phase", of::<PhaseRecord>),
+            Self::Fault => ("/supervisor/fault", "Fault", of::<FaultRecord>),
+            Self::Timing => ("/cycle/timing", "Timing", of::<Timing>),
+            Self::Jitter => ("/cycle/jitter", "Jitter", of::<Jitter>),
         }
     }
+}
+
+/// Schema of a record for a vehicle model with these rows of state and parameter.
+type SchemaOf = fn(&[Row], &[Row]) -> Schema;
+
+/// [`SchemaOf`] a record that has the same fields for every vehicle model.
+fn of<R: JsonSchema>(_state_rows: &[Row], _parameter_rows: &[Row]) -> Schema {
+    schema_for!(R)
 }
 
 /// Takes the records of a tick one by one: a log, or a comparison with one.

@@ -4,13 +4,15 @@ use horizon_model::rows::{Pose, pose};
 use horizon_model::setting::{SettingError, finite, in_range, positive};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use strum::VariantNames;
 
 use crate::path::{Heading, Limits};
 use crate::reference::{TargetTable, at_least, near};
 
 /// What to fly.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema, VariantNames)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
+#[strum(serialize_all = "snake_case")]
 pub enum MissionTable {
     /// Each target is a constant reference until it is reached, as in the thesis.
     Targets(TargetTable),
@@ -26,7 +28,7 @@ pub enum MissionTable {
 
 impl MissionTable {
     /// First key of each kind.
-    pub const NAMES: [&'static str; 5] = ["targets", "waypoints", "spline", "circle", "trajectory"];
+    pub const NAMES: &[&str] = <Self as VariantNames>::VARIANTS;
 
     /// Poses of the mission's list of targets or waypoints, world frame, with their keys; none of a circle and of a
     /// trajectory, which may have thousands. m, rad. Allocates.
@@ -202,11 +204,11 @@ pub struct StartTable {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct WaitTable {
-    /// Way by which the vehicle may be late before the reference slows down. m, > 0
+    /// Distance by which the vehicle may be late before the reference slows down. m, > 0
     pub begin_m: f64,
-    /// Way at which the reference stands still. m, > `begin_m`
+    /// Such a distance at which the reference stands still. m, > `begin_m`
     pub stop_m: f64,
-    /// Distance beside the trajectory that counts like these ways; null or missing: none does. m, > 0, the first below
+    /// Distance beside the trajectory that counts like these; null or missing: none does. m, > 0, the first below
     /// the second
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aside_m: Option<[f64; 2]>,
@@ -279,7 +281,7 @@ impl LimitTable {
 }
 
 impl MissionTable {
-    /// How often the way is flown.
+    /// How often the path is flown.
     pub const fn laps(&self) -> u32 {
         match self {
             Self::Waypoints(table) => table.laps,
@@ -313,7 +315,7 @@ impl FollowTable {
     }
 }
 
-/// Waypoints, checked: at least `count_min`, finite, and no two in a row at the same place.
+/// Waypoints, checked: at least `count_min`, finite, and no two in a row at the same position.
 pub(super) fn check_waypoints(
     waypoints: &[[f64; pose::COUNT]],
     count_min: usize,
@@ -361,7 +363,7 @@ pub(super) fn check_apart(k: usize, at: &Pose, before: &Pose) -> Result<(), Sett
     Ok(())
 }
 
-/// Smallest limit with which a way comes to an end. m/s, m/s^2, rad/s
+/// Smallest limit with which a path comes to an end. m/s, m/s^2, rad/s
 pub(super) const LIMIT_MIN: f64 = 0.01;
 
 /// Largest number of laps.

@@ -12,7 +12,7 @@ fn with_laps(mut table: Value, kind: &str, laps: u32) -> Value {
 }
 
 #[test]
-fn laps_repeat_the_way_without_a_stop() {
+fn laps_repeat_the_path_without_a_stop() {
     let lap_s = mission(&square(0.1)).survey().duration_s;
     for (table, kind) in [(square(0.1), "waypoints"), (eight(), "spline")] {
         let (one, three) = (mission(&table), mission(&with_laps(table, kind, 3)));
@@ -27,7 +27,7 @@ fn laps_repeat_the_way_without_a_stop() {
 }
 
 #[test]
-fn a_way_that_does_not_end_where_it_begins_has_no_laps() {
+fn a_path_that_does_not_end_where_it_begins_has_no_laps() {
     let mut open = with_laps(square(0.1), "waypoints", 2);
     open["waypoints"]["waypoints"].as_array_mut().unwrap().pop();
     let mut line = with_laps(eight(), "spline", 2);
@@ -102,6 +102,7 @@ fn speed_may_rise_as_fast_as_it_falls_and_places_to_stand_lie_behind_those_to_sl
 #[test]
 fn the_names_are_those_that_settings_may_have() {
     let error = serde_json::from_str::<MissionTable>(r#"{ "": {} }"#).unwrap_err().to_string();
-    let names = MissionTable::NAMES.map(|name| format!("`{name}`")).join(", ");
+    let names = MissionTable::NAMES.iter().map(|name| format!("`{name}`"));
+    let names = names.collect::<Vec<_>>().join(", ");
     assert!(error.contains(&format!("expected one of {names} at")), "{error}");
 }

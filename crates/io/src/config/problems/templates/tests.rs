@@ -6,7 +6,7 @@ use crate::mocap::MocapTable;
 
 #[test]
 fn there_is_a_valid_mission_of_every_kind() {
-    for kind in MissionTable::NAMES {
+    for &kind in MissionTable::NAMES {
         let mut template = mission_template(&json!({ "$schema": "x", kind: null })).unwrap();
         assert!(template.get(kind).is_some(), "{kind}: {template}");
         template.as_object_mut().unwrap().remove(SCHEMA);
