@@ -1,8 +1,8 @@
-//! Whether motion capture, drone and commands tell of one and the same motion.
+//! Whether motion capture, drone and commands show the same motion.
 //!
-//! Owns the checks that need more than one source: a pose that no flying vehicle has, the drone's own
-//! velocity, height and heading beside the pose, the direction of the motion beside that of the commands. What
-//! follows from a finding is the supervisor's decision. No clock, link or file is known here.
+//! Owns the comparison of these sources: poses that stand still with the inputs, the poses with the drone's own
+//! velocity, height and heading, the direction of the motion with that of the inputs. What follows from a finding is
+//! the supervisor's decision. No clock, link or file is known here.
 //!
 //! | file                      | compares                                                     |
 //! |---------------------------|--------------------------------------------------------------|
@@ -41,7 +41,7 @@ use velocity::VelocityMonitor;
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Agreement {
-    /// One source is absent, or has not followed the other yet.
+    /// One source is absent, or nothing has shown yet that it measures this quantity.
     #[default]
     Unknown,
     /// Both differ by no more than their errors.
@@ -63,7 +63,7 @@ pub struct DroneMotion {
     pub heading_rad: Option<f64>,
 }
 
-/// What one tick knows of the motion.
+/// Measurements and inputs of one tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
     /// Pose accepted in this tick, world frame; `None` if there was none. m, rad
@@ -79,33 +79,33 @@ pub struct Sample {
 /// Findings of the monitors after a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Findings {
-    /// For how long the pose has been stiller than a flying vehicle is; `None`: it moves. s
+    /// For how long the pose has been stiller than that of a flying vehicle; `None`: it moves. s
     pub still_s: Option<f64>,
-    /// For how long the pose, or one axis alone, has been still against the inputs; all axes also without a velocity of
-    /// the drone that agrees, once that has lasted long. s
+    /// For how long the pose, or one axis of it, has been still although the inputs should move it; `None`: it is not,
+    /// or moves. A still pose also counts without inputs after a longer time, unless the drone's velocity agrees. s
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frozen_s: Option<f64>,
     /// Displacement by the poses against the drone's velocity.
     pub velocity: Agreement,
     /// Speed by the drone, if it has shown that it reports one. m/s
     pub drone_speed_mps: Option<f64>,
-    /// By how much these two differ: the length of the vector; before the drone's axes are known what exceeds their
-    /// tolerances (docs/model.md, section 6). m
+    /// Difference of the displacements by the poses and by the drone: length of the vector; before the drone's axes are
+    /// known, excess over the tolerances (docs/model.md, section 6). m
     pub displacement_error_m: f64,
     /// Height by the poses against the drone's.
     pub height: Agreement,
-    /// By how much these two differ. m
+    /// Difference of both heights. m
     pub height_error_m: f64,
     /// Turn by the poses against the drone's.
     #[serde(default)]
     pub heading: Agreement,
-    /// By how much these two differ. rad
+    /// Difference of both turns. rad
     #[serde(default)]
     pub heading_error_rad: f64,
     /// Angle from the direction of the inputs to that of the motion, counter-clockwise from above;
     /// `None` while the inputs excite too little. rad
     pub direction_error_rad: Option<f64>,
-    /// Whether that angle has been too large for so long that the heading is wrong.
+    /// Whether `direction_error_rad` has been too large for so long that the heading is wrong.
     pub is_direction_wrong: bool,
 }
 
@@ -134,17 +134,17 @@ impl Monitors {
         }
     }
 
-    /// Takes a pose (world frame, m and rad) that the stream repeated in the coming tick of a flight: no measurement,
-    /// but a sign of a pose that stands still. A stream that repeats a pose and changes its last digit now and then
-    /// shows too few new ones.
+    /// Takes a pose (world frame, m and rad) that the stream repeated in the coming tick of a flight. It is no new
+    /// measurement, but counts for the stillness: a stream that repeats its poses and changes the last digit now and
+    /// then has too few new ones.
     ///
     /// Real time: no allocation, constant cost.
     pub fn observe_repeated(&mut self, pose: &Pose) {
         self.stillness.observe(pose);
     }
 
-    /// Takes whether the pose of the coming tick has a heading of its own: otherwise it was lost or refused, and that
-    /// of an earlier one stands in its place. Without a call it has.
+    /// Takes whether the heading of the coming tick's pose was measured with it; otherwise the heading was lost or
+    /// refused, and is that of an earlier pose. Without a call the heading counts as measured.
     ///
     /// Real time: no allocation, constant cost.
     pub fn observe_heading(&mut self, is_its_own: bool) {
@@ -153,7 +153,7 @@ impl Monitors {
         }
     }
 
-    /// Forgets the direction of the motion: the poses have jumped, or do so in the coming tick.
+    /// Forgets the direction of the motion, since the poses have jumped or jump in the coming tick.
     ///
     /// Real time: no allocation, constant cost.
     pub fn skip_jump(&mut self) {
@@ -187,7 +187,7 @@ impl Monitors {
         }
     }
 
-    /// Forgets turns and direction of the motion: the heading was wrong so far.
+    /// Forgets turns and direction of the motion, since the heading was wrong so far.
     ///
     /// Real time: no allocation, constant cost.
     pub fn restart_direction(&mut self) {
@@ -197,7 +197,7 @@ impl Monitors {
         }
     }
 
-    /// Takes a tick on the ground: errors are zero there, what is known of the drone's axes stays.
+    /// Takes a tick on the ground, where all differences are zero. Axes of the drone that are known stay known.
     ///
     /// Real time: no allocation, constant cost.
     pub fn rest(&mut self, sample: &Sample) {
@@ -215,45 +215,49 @@ impl Monitors {
     }
 }
 
-/// Time within which a displacement or turn is forgotten. s
+/// Time constant with which a displacement or turn is forgotten. s
 const FORGET_S: f64 = 15.0;
 
-/// From doubt to disagreement: a difference beyond the limit for a while, or beyond twice the limit for some reports.
+/// Judges a difference over time: doubt while it is beyond the limit, disagreement once it has been so for
+/// [`DOUBT_MAX_S`], or beyond twice the limit for [`DOUBT_LARGE_MAX_S`].
 #[derive(Debug, Clone, Default)]
 #[expect(clippy::struct_field_names, reason = "the postfix is the unit")]
 struct Doubt {
+    /// For how long the difference has been beyond the limit in sum, [`FORGIVEN`] of the other time subtracted.
     doubtful_s: f64,
-    /// How long the difference has been beyond twice the limit without a break.
+    /// For how long the difference has been beyond twice the limit without a break.
     large_s: f64,
-    /// Time without a pose since the latest judgement, and between the two before.
+    /// Time without a pose since the latest judgement, and between the two judgements before.
     waited_s: [f64; 2],
 }
 
-/// Doubt that lasts longer is disagreement. s
+/// Sum of the doubt from which on it is disagreement. s
 const DOUBT_MAX_S: f64 = 1.5;
-/// [`DOUBT_MAX_S`] if the difference is beyond twice the limit, and for longer than one report of the drone counts. s
+/// [`DOUBT_MAX_S`] while the difference has been beyond twice the limit for more than [`REPORT_S`]. s
 const DOUBT_LARGE_MAX_S: f64 = 0.3;
+/// Time between two reports of the drone: one wrong report alone is no large difference. s
 const REPORT_S: f64 = 0.11;
-/// Doubt that a time of agreement takes back, over that time: doubt that comes again and again, since the
-/// vehicle stops in it, adds up.
+/// Fraction of the time of agreement that is subtracted from the doubt. The vehicle stops while in doubt, and the
+/// difference may fade: doubt that returns must add up. 1
 const FORGIVEN: f64 = 0.2;
 
-/// Longest time without a pose that a judgement stands for: with a source of 4 Hz. s
+/// Longest time without a pose that one judgement may count for, that of a source of 4 Hz. s
 const WAITED_MAX_S: f64 = 0.24;
 
 impl Doubt {
-    /// A period of `dt_s` passes without a pose: the next judgement is that of a longer time, if it is usual that
-    /// poses come so rarely.
+    /// Takes a period of `dt_s` without a pose. The next judgement counts for this time, too, as far as the judgement
+    /// before came after as long a time: then poses usually come so rarely.
     fn wait(&mut self, dt_s: f64) {
         let [now_s, _] = &mut self.waited_s;
         *now_s = (*now_s + dt_s).min(WAITED_MAX_S);
     }
 
+    /// Takes the difference `error` of a period of `dt_s`, in the unit of `limit`; a difference of NaN is in doubt.
     fn judge(&mut self, error: f64, limit: f64, dt_s: f64) -> Agreement {
         let [now_s, before_s] = self.waited_s;
         self.waited_s = [0.0, now_s];
         let judged_s = dt_s + before_s.min(now_s);
-        // NaN is in doubt.
+        // False for NaN.
         if error <= limit {
             self.doubtful_s = (self.doubtful_s - FORGIVEN * judged_s).max(0.0);
             self.large_s = 0.0;

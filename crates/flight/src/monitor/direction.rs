@@ -1,20 +1,19 @@
 //! The direction of the motion beside that of the inputs.
 //!
-//! Owns the angle between both: a rigid body that was defined turned, a mirrored frame, a heading that
-//! is wrong. Changes of the velocity are compared, not velocities: so constant wind does not matter.
-//! The angle is that of the covariance of the velocity `v_u`, which the inputs ask for after the lag
-//! of a typical vehicle, and `v_o`, which the poses show, both as complex numbers:
-//! `arg m((v_u - m(v_u))^* (v_o - m(v_o)))`, with the exponentially weighted mean `m`. The dead time may be wrong,
-//! which must not look like a turn: both are compared shifted against each other, too. A shift that correlates better
-//! counts if it turns less.
+//! Owns the angle between both, which is large if the rigid body was defined turned, the frame is mirrored or the
+//! heading is wrong. Deviations of the velocities from their means are compared, so that constant wind does not matter.
+//! The angle is that of the covariance of the velocity `v_u` that the inputs ask of a typical vehicle, after its lag,
+//! and the velocity `v_o` that the poses show, both as complex numbers: `arg m((v_u - m(v_u))^* (v_o - m(v_o)))`, with
+//! the exponentially weighted mean `m`. An error of the dead time must not look like a turn: both velocities are also
+//! compared with a shift in time. A shift of better correlation counts if its angle is smaller.
 //!
-//! After an outage the vehicle has a velocity that no known input made. It decays with the lag, as `y = exp(-t / lag)`,
-//! so the part of both velocities that `y` explains is left out: the covariances are those given `y`.
+//! After an outage the vehicle has a velocity that no known input caused. It decays with the lag, as
+//! `y = exp(-t / lag)`. The part of both velocities that `y` explains is left out: the covariances are those given `y`.
 //!
-//! A vehicle that flies against its inputs looks like one that they do not reach. So outages do not count before the
-//! motion has shown once that the inputs lead where they should: a vehicle that stood before and is not reached has no
-//! motion, and so no direction. What is compared has an outage in it then, so only a motion that is as strong as the
-//! inputs ask for, and leads back, is against them.
+//! To the link monitor, a vehicle that flies against its inputs looks like one that does not receive them. So the
+//! motion in an outage is compared, too, until the motion of this flight has followed its inputs once. A vehicle that
+//! stood and receives no inputs does not move, and has no direction. As long as the compared motion includes an outage,
+//! the inputs count as wrong only by a motion backwards that is as strong as they ask for.
 
 use horizon_model::rows::{Pose, pose};
 use nalgebra::Complex;
@@ -23,32 +22,33 @@ use super::Sample;
 use super::typical_vehicle::decay;
 use crate::commanded::inputs_w;
 
-/// Time within which motion is forgotten. s
+/// Time constant with which motion is forgotten. s
 const FORGET_S: f64 = 4.0;
-/// Variance of the inputs, after the lag, that shows a direction. 1
+/// Least variance of the inputs, after the lag, that shows a direction. 1
 const VARIANCE_MIN: f64 = 0.012;
-/// Velocity per input below which the motion does not follow the inputs. m/s; 1.9 nominal
+/// Least velocity per input of a motion that follows the inputs. m/s; 1.9 nominal
 const GAIN_MIN_MPS: f64 = 0.4;
-/// [`GAIN_MIN_MPS`] where the compared motion has an outage in it: a vehicle that flies against its inputs follows them
-/// as strongly as one that flies along. m/s
+/// [`GAIN_MIN_MPS`] if the compared motion includes an outage: a vehicle that flies against its inputs follows them as
+/// strongly as one that flies along them. m/s
 const GAIN_SURE_MIN_MPS: f64 = 0.6;
-/// Variance of the decay below which it explains nothing. 1
+/// Least variance of the decay `y` by which is divided: with less it explains nothing. 1
 const DECAY_VARIANCE_MIN: f64 = 1e-9;
-/// Time that the means need. s
+/// Least time of motion that the means need. s
 const BEGIN_S: f64 = 0.5;
-/// How long the angle must be too large, and beyond twice the limit. s
+/// How long the angle must be beyond the limit for a wrong heading, and if it is beyond twice the limit. s
 const WRONG_S: f64 = 0.6;
 const WRONG_LARGE_S: f64 = 0.3;
-/// How long the angle must be within the limit to show that the inputs lead where they should. s
+/// How long the angle must be within the limit for a motion that has followed its inputs. s
 const RIGHT_S: f64 = 0.2;
-/// Time in flight after which outages count whatever was shown: a hover shows nothing, and wind moves it. s
+/// Time in flight after which the motion in an outage is left out in any case: a hovering vehicle follows no inputs,
+/// and wind moves it. s
 const UNSHOWN_MAX_S: f64 = 15.0;
-/// By how much the motion may be later than the inputs ask for, and earlier. s
+/// Shift in time by which the motion is compared later and earlier than the inputs ask for. s
 const SHIFT_S: f64 = 0.25;
 /// Longest time between two poses that show a motion: a source of 4 Hz. s
 const MOTION_MAX_S: f64 = 0.25;
 
-/// Exponentially weighted sums over the motion.
+/// Comparison of the direction of the motion with that of the inputs.
 #[derive(Debug, Clone, Default)]
 pub(super) struct DirectionMonitor {
     limit_rad: f64,
@@ -58,9 +58,9 @@ pub(super) struct DirectionMonitor {
     /// Heading of the newest pose with one. rad
     theta_rad: f64,
     since: SincePose,
-    /// The newest of [`Velocities::v_u_w`] before the ring takes it. 1
+    /// `v_u` over the gain, in the newest period. 1
     v_u_w: Complex<f64>,
-    /// What is left of a velocity from before the comparison, over that velocity. 1
+    /// `y`: what is left of the velocity at the beginning of the comparison, over that velocity; 0 from rest. 1
     decay: f64,
     /// Ring of the newest velocities, as long as the shift.
     ring: Vec<Velocities>,
@@ -68,13 +68,16 @@ pub(super) struct DirectionMonitor {
     count: usize,
     /// Without a shift, with a later and with an earlier motion.
     sums: [Sums; 3],
+    /// For how long the angle has been beyond, and within the limit. s
     wrong_s: f64,
     right_s: f64,
+    /// Time since the take-off. s
     flown_s: f64,
-    /// Whether the motion has shown in this flight that the inputs lead where they should.
+    /// Whether the motion has followed its inputs in this flight.
     is_shown: bool,
-    /// Whether what is compared has an outage in it, and how long ago it ended.
+    /// Whether the compared motion includes an outage.
     has_outage: bool,
+    /// For how long the link has been up. s
     up_s: f64,
 }
 
@@ -123,9 +126,10 @@ struct Sums {
     y_y: f64,
 }
 
-/// What sums show of a direction.
+/// Direction of the motion relative to that of the inputs.
 #[derive(Debug, Clone, Copy)]
 struct Turn {
+    /// Counter-clockwise from above. rad
     angle_rad: f64,
     /// Square of the coefficient of correlation.
     correlation2: f64,
@@ -148,7 +152,7 @@ impl Sums {
         };
     }
 
-    /// The turn, if the inputs excite enough and the motion follows them; `is_sure`: strongly.
+    /// The turn; `None` if the inputs excite too little, or the motion does not follow them, with `is_sure` strongly.
     fn turn(&self, is_sure: bool) -> Option<Turn> {
         let Self { time_s, u_o, u_y, y_o, u_u, o_o, y_y, .. } = *self;
         if time_s < BEGIN_S {
@@ -173,7 +177,7 @@ impl DirectionMonitor {
         Self { limit_rad, dt_s, ring: vec![Velocities::default(); length], ..Self::default() }
     }
 
-    /// Takes a tick on the ground: nothing has been shown.
+    /// Takes a tick on the ground: the motion has not followed its inputs yet.
     pub(super) fn rest(&mut self) {
         self.restart();
         self.flown_s = 0.0;
@@ -193,16 +197,17 @@ impl DirectionMonitor {
         self.has_outage = false;
     }
 
-    /// Forgets the motion and begins at a velocity that no known input made.
+    /// Forgets the motion and begins at a velocity that no known input caused.
     fn restart_in_motion(&mut self) {
         self.restart();
         self.decay = 1.0;
     }
 
-    /// Takes a tick in flight: the angle, if there is one, and whether it has been wrong for long enough.
+    /// Takes a tick in flight: the angle, rad, if there is one, and whether it has been beyond the limit for so long
+    /// that the heading is wrong.
     ///
-    /// A motion is that from one pose to the next, of a source of 4 Hz or more. In an outage it is forgotten, once the
-    /// direction has been shown: inputs had ceased to act before that was noticed.
+    /// A motion is that from one pose to the next, of a source of 4 Hz or more. In an outage the motion so far is
+    /// forgotten once one has followed its inputs: the inputs had ceased to act before the outage was noticed.
     pub(super) fn update(&mut self, sample: &Sample) -> (Option<f64>, bool) {
         self.flown_s += self.dt_s;
         if !sample.link_is_up && (self.is_shown || self.flown_s > UNSHOWN_MAX_S) {

@@ -1,8 +1,8 @@
-//! Displacements of the last seconds by the poses, the drone and the inputs, for motion that shows no axes of the
-//! drone.
+//! Displacements of the last seconds by the poses, by the drone and by the inputs, compared while the drone's axes are
+//! not known.
 //!
-//! Owns which of the three is a witness: the drone is one only if it agrees with the inputs of a typical vehicle better
-//! than the poses do.
+//! Owns when the drone contradicts the poses: only if it agrees better with the motion of a typical vehicle under the
+//! inputs than the poses do.
 
 use nalgebra::Complex;
 
@@ -10,27 +10,27 @@ use super::FORGET_S;
 use super::typical_vehicle::decay;
 use super::velocity::{FIXED, FRAMES, TURNING, shortened};
 
-/// Time within which a difference between speeds is forgotten. s
+/// Time constant with which a difference between speeds is forgotten. s
 const SPEED_FORGET_S: f64 = 4.0;
-/// Displacement by the drone that counts. m
+/// Least displacement by the drone with which the poses are compared. m
 const FLOWN_MIN_M: f64 = 0.6;
-/// Displacement by the drone over that by the inputs if the drone is a witness.
+/// Displacement by the drone over that by the inputs with which the drone's unit is ours. 1
 const WITNESS_RATIO: std::ops::RangeInclusive<f64> = 0.4..=2.5;
-/// Turn of the inputs' axes that does not count: that of the vehicle's own axes in the body of the mocap. rad
+/// Turn between poses and drone that does not count: the rigid body of the mocap may be turned to the vehicle. rad
 const TURN_RAD: f64 = 0.785;
-/// Difference between displacements or speeds by poses and by drone that does not count: a fraction of the drone's
-/// displacement, or of the larger speed and at least so much. 1, m/s
+/// Difference between poses and drone that does not count: of displacements a fraction of the drone's, of speeds the
+/// same fraction of the larger one and at least [`TOLERANCE_MPS`]. 1, m/s
 const TOLERANCE: f64 = 0.25;
 const TOLERANCE_MPS: f64 = 0.1;
-/// Error of the drone's velocity that shows nothing, beside that tolerance: with it less than the 0.08 m/s of
-/// `velocity.rs` is needed. m/s
+/// Error of the drone's velocity that is not counted, in addition to that tolerance; therefore less than the 0.08 m/s
+/// of `velocity.rs`. m/s
 const DISPLACEMENT_DRIFT_MPS: f64 = 0.05;
-/// Time constant of the low-pass filter of both velocities before their speeds are compared: what their ages, which are
-/// found to 0.1 s, still differ by makes a small difference. s
+/// Time constant of the low-pass filter of both velocities before their speeds are compared: the age of the reports is
+/// found to 0.1 s only, and what remains must make a small difference. s
 const SPEED_TAU_S: f64 = 0.4;
 
-/// Motion of the last seconds by three witnesses, while the drone's axes are not known: lengths of displacements
-/// and speeds do not depend on the axes. Displacements show a drift that is flown against, speeds one that is not.
+/// Motion of the last seconds by poses, drone and inputs. Lengths of displacements and speeds do not depend on the
+/// drone's axes. Displacements show a drift of the poses that the controller flies against, speeds any other drift.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Displacements {
     /// By the poses. m
@@ -91,18 +91,18 @@ impl Displacements {
         }
     }
 
-    /// Whether the speeds by poses and by drone agree.
+    /// Whether the speeds by poses and by drone agree, in one kind of axes at least.
     pub(super) fn speeds_agree(&self) -> bool {
         self.drone.iter().any(|drone| drone.excess_mps <= 0.0)
     }
 
-    /// By how much the poses differ from the two others, less a tolerance; `None` if those do not agree,
-    /// as with a drone whose unit is not ours, or did not move. m
+    /// Difference of poses and drone by lengths and speeds, less a tolerance; `None` if the drone does not agree with
+    /// the inputs better than the poses do, hardly moved, or has another unit. m
     pub(super) fn difference_m(&self) -> Option<f64> {
         let (inputs_m, poses_m) = (self.inputs_w_m.norm(), self.poses_w_m.norm());
         let difference_m = |frame: usize, drone: &DroneSpeed| {
             let flown_m = self.flown_d_m[frame].norm();
-            // A drone whose unit is another differs from the inputs more than the poses do.
+            // A drone with another unit differs from the inputs more than the poses do.
             let is_nearer = (flown_m - inputs_m).abs() <= (poses_m - inputs_m).abs();
             let is_witness = flown_m >= FLOWN_MIN_M
                 && WITNESS_RATIO.contains(&(flown_m / inputs_m))
@@ -114,8 +114,8 @@ impl Displacements {
         Some(difference_m(FIXED, fixed)?.min(difference_m(TURNING, turning)?))
     }
 
-    /// By how much the displacement by the poses differs from `flown_w_m` by the drone, less a tolerance; `None` unless
-    /// the drone is closer than half as far from the inputs as the poses are. m
+    /// Difference of the displacement by the poses and `flown_w_m` by the drone, world frame, less a tolerance; `None`
+    /// unless the drone's difference from the inputs is half of that of the poses at most. m
     pub(super) fn vector_difference_m(&self, flown_w_m: Complex<f64>) -> Option<f64> {
         let turn_rad = (self.poses_w_m * flown_w_m.conj()).arg().clamp(-TURN_RAD, TURN_RAD);
         let turned_w_m = self.poses_w_m * Complex::from_polar(1.0, -turn_rad);

@@ -1,10 +1,10 @@
 //! The drone's own heading beside that of the poses.
 //!
-//! Owns leaky sums of three turns: by the poses, by the drone, and that the inputs ask of a typical vehicle. The
-//! drone's zero and its sense of rotation are not known, and a drone may report no heading or one that stands still: it
-//! is a witness from the first turn on in which it followed the inputs or the poses, in the sense in which it did.
-//! Inputs get lost and gains differ, so they alone never change a sense that is known. The drone contradicts the poses
-//! only while it is twice as near to the inputs as they are: its own drift is no fault of the poses.
+//! Owns leaky sums of three turns: by the poses, by the drone, and of a typical vehicle under the inputs. The zero and
+//! the sense of rotation of the drone's heading are not known, and a drone may report no heading or a constant one. Its
+//! heading counts from the first turn on in which it followed the inputs or the poses, with the sense of that turn.
+//! Inputs get lost and gains differ, so the inputs alone never change a known sense. The drone contradicts the poses
+//! only while it is twice as near to the inputs as the poses are: the drone's own drift is no fault of the poses.
 
 use horizon_model::angle::wrap;
 use horizon_model::rows::pose;
@@ -12,18 +12,21 @@ use horizon_model::rows::pose;
 use super::typical_vehicle::{YAW_LAG_S, yaw_rate_radps};
 use super::{Agreement, Doubt, FORGET_S, Sample};
 
-/// Turn by the drone that shows what it follows. rad
+/// Least turn by the drone that shows its sense of rotation. rad
 const TURN_MIN_RAD: f64 = 0.3;
-/// Difference between two turns of which one follows the other, over the larger: gains differ between vehicles.
+/// Largest difference between two turns of which one follows the other, over the larger: gains differ between vehicles.
+/// 1
 const TOLERANCE: f64 = 0.5;
-/// Distance of the drone from the inputs over that of the poses if the drone contradicts the poses.
+/// Largest difference between drone and inputs, over that between poses and inputs, if the drone contradicts the poses.
+/// 1
 const NEARER: f64 = 0.5;
-/// Largest turn between two reports: one that is larger is a new zero. rad
+/// Largest turn between two reports: with a larger one the drone has set a new zero. rad
 const TURN_MAX_RAD: f64 = 1.0;
-/// Time after which a turn that was not seen meanwhile is not known: more than half a turn looks like less. s
+/// Longest time without a heading over which a turn is known: in a longer time a vehicle may make more than half a
+/// turn, which looks like less. s
 const GAP_MAX_S: f64 = 1.0;
 
-/// Turns so far.
+/// Comparison of the turn by the poses with the drone's.
 #[derive(Debug, Clone, Default)]
 pub(super) struct HeadingMonitor {
     limit_rad: f64,
@@ -32,9 +35,9 @@ pub(super) struct HeadingMonitor {
     before_pose: Option<f64>,
     /// Newest heading by the drone. rad
     before_drone: Option<f64>,
-    /// Since the newest headings by the poses and by the drone. s
+    /// Times since the newest headings by the poses and by the drone. s
     since_s: [f64; 2],
-    /// Whether the next pose has the heading of an earlier one.
+    /// Whether the heading of the next pose is that of an earlier one.
     is_held: bool,
     /// Yaw rate that the inputs ask for, after the lag. rad/s
     asked_radps: f64,
@@ -76,7 +79,7 @@ impl HeadingMonitor {
         self.doubt = Doubt::default();
     }
 
-    /// Takes whether the pose of the next tick has a heading of its own.
+    /// Takes whether the heading of the next tick's pose was measured with it.
     pub(super) fn observe(&mut self, is_its_own: bool) {
         self.is_held = !is_its_own;
     }
@@ -121,7 +124,7 @@ impl HeadingMonitor {
         if by_pose.is_none() {
             self.doubt.wait(self.dt_s);
         }
-        // What the vehicle turned without a heading is in the next one.
+        // The next heading includes the turn since the one before.
         if by_pose.is_none()
             || by_drone.is_none()
             || error_rad > self.limit_rad && !turns.is_drone_nearer(sense)
@@ -149,7 +152,7 @@ impl Turns {
         [Sense::CounterClockwise, Sense::Clockwise].into_iter().find(follows).filter(|_| has_turned)
     }
 
-    /// Whether the drone is so much nearer to the inputs that it contradicts the poses.
+    /// Whether the drone is so much nearer to the inputs than the poses are that it contradicts them.
     fn is_drone_nearer(&self, sense: Sense) -> bool {
         let by_poses_rad = (self.poses - self.inputs).abs();
         (self.by_drone_rad(sense) - self.inputs).abs() <= NEARER * by_poses_rad

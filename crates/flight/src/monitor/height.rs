@@ -1,9 +1,9 @@
 //! The drone's own height beside that of the poses.
 //!
-//! Owns the difference of both since the take-off. The drone measures from a level of its own, by air pressure
-//! and by the distance to what is below it: slow drift is forgotten. A drone whose height did not
-//! rise is no witness. A height that changes from one report to the next further than a vehicle climbs, while the poses
-//! stay, is that of a table or an edge below, or a wrong report.
+//! Owns the difference of both since the take-off. The drone measures its height from a level of its own, by air
+//! pressure and by the distance to the surface below it: slow drift is forgotten. The height counts once it has risen
+//! in this flight. If it changes from one report to the next by more than a vehicle climbs, while the poses stay, the
+//! surface below has changed (a table, an edge), or the report is wrong.
 
 use horizon_model::check::maximum;
 use horizon_model::rows::pose;
@@ -12,43 +12,46 @@ use super::{Agreement, Doubt, Sample};
 
 /// Time within which a difference is forgotten. s
 const FORGET_S: f64 = 30.0;
-/// Limit of the difference since the take-off over that of what is not forgotten.
-const WHOLE_FLIGHT: f64 = 1.5;
-/// Rise that shows that the drone reports its height. m
+/// Limit of the difference without forgetting, since the take-off, over `limit_m`. 1
+const WHOLE_FLIGHT_RATIO: f64 = 1.5;
+/// Rise by the drone that shows that it reports its height. m
 const WITNESS_RISE_M: f64 = 0.3;
 
-/// Change of the drone's height from one report to the next, 0.1 s later, that is none of the vehicle: 3.5 m/s. The
-/// poses move by less. m
+/// Least change of the drone's height from one report to the next, 0.1 s later, that is a step of the surface below: no
+/// vehicle climbs at 3.5 m/s. m
 const FLOOR_STEP_MIN_M: f64 = 0.35;
+/// Largest change of the poses' height during such a step. m
 const POSE_STAYS_M: f64 = 0.2;
-/// After a longer time without a pose a change of the height is one of the vehicle. s
+/// After a longer time without a pose a change of the drone's height counts as one of the vehicle. s
 const UNSEEN_MAX_S: f64 = 0.3;
 
-/// A smaller difference is none of a table: the steps of the drone's height have forgotten it. m
+/// Difference below which the vehicle is above the floor again, whatever the sum of the steps is. m
 const ABOVE_FLOOR_M: f64 = 0.2;
 
 /// By how much the drone's height may differ from the rise when it first shows one: a Tello's reads low from the
 /// take-off on, by an offset that differs from flight to flight. m
 const OFFSET_MAX_M: f64 = 0.75;
 
-/// Heights on the ground and in flight.
+/// Comparison of the height by the poses with the drone's. An offset is the height by the poses less the drone's.
 #[derive(Debug, Clone, Default)]
 pub(super) struct HeightMonitor {
     limit_m: f64,
     dt_s: f64,
-    /// Height by the poses less the drone's, on the ground, then slowly followed. m
-    level_m: Option<f64>,
-    /// Height by the poses less the drone's, as it was on the ground. m
-    ground_level_m: f64,
+    /// Offset on the ground, in flight low-pass filtered. m
+    offset_m: Option<f64>,
+    /// Offset on the ground, in flight only corrected for a drone whose height reads low from the take-off on. m
+    offset_on_ground_m: f64,
     /// Height by the drone on the ground. m
-    ground_m: Option<f64>,
-    /// By poses and drone when the drone's was new last. m
+    drone_height_on_ground_m: Option<f64>,
+    /// Heights by poses and drone when the drone's changed last. m
     before: Option<(f64, f64)>,
-    /// Since the newest pose. s
+    /// Time since the newest pose. s
     unseen_s: f64,
-    /// Height of what is below, as its steps have shown it. m
+    /// Height of the surface below the vehicle over the floor: the sum of its steps. m
     floor_m: f64,
+    /// Whether the drone's height has risen in this flight.
     is_witness: bool,
+    /// Newest difference of both heights. m
     error_m: f64,
     doubt: Doubt,
 }
@@ -58,12 +61,12 @@ impl HeightMonitor {
         Self { limit_m, dt_s, ..Self::default() }
     }
 
-    /// Learns the level on the ground.
+    /// Takes a tick on the ground, which shows the offset.
     pub(super) fn rest(&mut self, sample: &Sample) {
         if let Some((z_m, height_m)) = heights(sample) {
-            self.level_m = Some(z_m - height_m);
-            self.ground_level_m = z_m - height_m;
-            self.ground_m = Some(height_m);
+            self.offset_m = Some(z_m - height_m);
+            self.offset_on_ground_m = z_m - height_m;
+            self.drone_height_on_ground_m = Some(height_m);
         }
         (self.before, self.floor_m) = (None, 0.0);
         self.is_witness = false;
@@ -71,56 +74,61 @@ impl HeightMonitor {
         self.doubt = Doubt::default();
     }
 
-    /// Takes a tick in flight; how both compare, and by how much they differ. m
+    /// Takes a tick in flight; how both heights compare, and by how much they differ. m
     pub(super) fn update(&mut self, sample: &Sample) -> (Agreement, f64) {
-        let (Some((z_m, height_m)), Some(level_m), Some(ground_m)) =
-            (heights(sample), self.level_m, self.ground_m)
+        let (Some((z_m, height_m)), Some(offset_m), Some(height_on_ground_m)) =
+            (heights(sample), self.offset_m, self.drone_height_on_ground_m)
         else {
-            if sample.pose.is_none() {
-                self.doubt.wait(self.dt_s);
-                self.unseen_s += self.dt_s;
-            }
-            if sample.drone.is_none() || self.unseen_s > UNSEEN_MAX_S {
-                // A fall fits into the time without a report, or without a pose.
-                self.before = None;
-            }
+            self.wait(sample);
             return (Agreement::Unknown, self.error_m);
         };
         self.unseen_s = 0.0;
         self.floor_m += self.floor_step_m(z_m, height_m);
-        let rise_m = z_m - self.ground_level_m - ground_m;
-        let is_first = !self.is_witness && height_m - ground_m >= WITNESS_RISE_M;
+        let rise_m = z_m - self.offset_on_ground_m - height_on_ground_m;
+        let is_first = !self.is_witness && height_m - height_on_ground_m >= WITNESS_RISE_M;
         self.is_witness |= is_first;
         if !self.is_witness {
             return (Agreement::Unknown, 0.0);
         }
-        let offset_m = z_m - height_m - level_m;
-        let is_offset = is_first && rise_m >= WITNESS_RISE_M && offset_m.abs() <= OFFSET_MAX_M;
-        let shift_m = if is_offset { offset_m } else { 0.0 };
-        let level_m = level_m + shift_m;
-        self.ground_level_m += shift_m;
-        let difference_m = z_m - height_m - level_m;
+        let excess_m = z_m - height_m - offset_m;
+        let reads_low = is_first && rise_m >= WITNESS_RISE_M && excess_m.abs() <= OFFSET_MAX_M;
+        let shift_m = if reads_low { excess_m } else { 0.0 };
+        let offset_m = offset_m + shift_m;
+        self.offset_on_ground_m += shift_m;
+        let difference_m = z_m - height_m - offset_m;
         if difference_m.abs() < ABOVE_FLOOR_M {
             self.floor_m = 0.0;
         }
-        // It may be above the floor again before its report shows that.
+        // The vehicle may be above the floor again before the drone's report shows it.
         let least_m = |a_m: f64, b_m: f64| if a_m.abs() <= b_m.abs() { a_m } else { b_m };
         let error_m = least_m(difference_m, difference_m - self.floor_m);
         self.error_m = error_m.abs();
-        // A report of any height, once, must not shift the level for the rest of the flight.
+        // One wrong report must not shift the offset for the rest of the flight.
         let followed_m = error_m.clamp(-2.0 * self.limit_m, 2.0 * self.limit_m);
-        self.level_m = Some(level_m + followed_m * (1.0 - (-self.dt_s / FORGET_S).exp()));
-        let of_flight_m = z_m - height_m - self.ground_level_m;
-        let of_flight_m = least_m(of_flight_m, of_flight_m - self.floor_m).abs() / WHOLE_FLIGHT;
-        let judged_m = maximum(of_flight_m, self.error_m);
+        self.offset_m = Some(offset_m + followed_m * (1.0 - (-self.dt_s / FORGET_S).exp()));
+        let of_flight_m = z_m - height_m - self.offset_on_ground_m;
+        let error_of_flight_m = least_m(of_flight_m, of_flight_m - self.floor_m).abs();
+        let judged_m = maximum(error_of_flight_m / WHOLE_FLIGHT_RATIO, self.error_m);
         (self.doubt.judge(judged_m, self.limit_m, self.dt_s), self.error_m)
     }
 
-    /// By how much the floor below the vehicle came up or went down with this report of the drone; else 0. m
+    /// Takes a tick in flight in which one of both heights is missing.
+    fn wait(&mut self, sample: &Sample) {
+        if sample.pose.is_none() {
+            self.doubt.wait(self.dt_s);
+            self.unseen_s += self.dt_s;
+        }
+        if sample.drone.is_none() || self.unseen_s > UNSEEN_MAX_S {
+            // The vehicle may fall by more than a step in the time without a report, or without a pose.
+            self.before = None;
+        }
+    }
+
+    /// Step of the surface below the vehicle with this report of the drone, positive upwards; 0 without a step. m
     fn floor_step_m(&mut self, z_m: f64, height_m: f64) -> f64 {
         let Some((z_before_m, before_m)) = self.before.replace((z_m, height_m)) else { return 0.0 };
         if height_m.total_cmp(&before_m).is_eq() {
-            // The report has not changed: the pair before stays.
+            // The report has not changed: the heights before stay.
             self.before = Some((z_before_m, before_m));
             return 0.0;
         }
@@ -130,6 +138,7 @@ impl HeightMonitor {
     }
 }
 
+/// Heights by the pose and by the drone; `None` if one is missing. m
 fn heights(sample: &Sample) -> Option<(f64, f64)> {
     Some((sample.pose?[pose::Z], sample.drone?.height_m?))
 }
@@ -284,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn one_report_of_any_height_shifts_the_level_by_little() {
+    fn one_report_of_any_height_shifts_the_offset_by_little() {
         let mut monitor = risen();
         monitor.update(&sample(Some(0.5), Some(300.0)));
         let (found, error_m) = monitor.update(&sample(Some(0.5), Some(0.75)));

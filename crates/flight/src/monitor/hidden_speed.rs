@@ -1,8 +1,8 @@
 //! Motion that the drone reports and the poses do not show.
 //!
-//! Owns the comparison of both speeds, which needs none of the drone's axes. A vehicle that follows its inputs along an
-//! axis of which the pose stands still gains speed there, and the drone reports it. A vehicle that does not
-//! hear its inputs gains none: that axis of the pose is right.
+//! Owns the comparison of both speeds, for which the drone's axes need not be known. If one axis of the pose stands
+//! still and the vehicle follows inputs along it, it gains speed there, and the drone reports more speed than the poses
+//! show: the axis is wrong. If the vehicle does not receive the inputs, it gains none: the axis is right.
 
 use horizon_model::rows::{Pose, pose};
 use nalgebra::Vector2;
@@ -11,45 +11,46 @@ use super::Sample;
 
 /// Time constant of the low-pass filter of the velocity by the poses. s
 const FILTER_S: f64 = 0.1;
-/// Time constant with which a speed by the poses is forgotten: that of a vehicle that levels, since reports are old. s
+/// Time constant with which the largest speed by the poses is forgotten: that of a vehicle without inputs, since the
+/// drone's reports may be late. s
 const FORGET_S: f64 = 0.6;
-/// What the drone's speed may exceed the speed by the poses by: both are late, and optical flow has an error of scale.
-/// m/s, 1
+/// Excess of the drone's speed over the speed by the poses that does not count, a constant and a fraction of the
+/// latter: both are late, and optical flow has an error of scale. m/s, 1
 const TOLERANCE_MPS: f64 = 0.1;
 const TOLERANCE: f64 = 0.1;
-/// Hidden speed of a vehicle that follows its inputs: more than the resolution of the reports. m/s
+/// Least hidden speed of a vehicle that follows its inputs: more than the resolution of the reports. m/s
 const HIDDEN_MPS: f64 = 0.15;
-/// Time for which such a speed counts. s
+/// Time for which a hidden speed counts after it was found. s
 const RECENT_S: f64 = 1.0;
 
-/// Speed by the poses with which the drone's is compared. m/s
+/// Least speed by the poses at which the drone's is compared with it. m/s
 const COMPARED_MPS: f64 = 0.2;
-/// Way by the poses, at such speeds, that shows whether the drone reports its velocity in m/s. m
+/// Distance by the poses, at such speeds, that shows whether the drone reports its velocity in m/s. m
 const COMPARED_M: f64 = 0.1;
-/// Way by the drone over that way if it does. 1
+/// Least distance by the drone over that by the poses if it does. 1
 const FIT_MIN: f64 = 0.5;
-/// Time within which both ways are forgotten. s
-const WAY_FORGET_S: f64 = 15.0;
+/// Time constant with which both distances are forgotten. s
+const DISTANCE_FORGET_S: f64 = 15.0;
 
 /// Speed by the drone that exceeds the speed by the poses.
 #[derive(Debug, Clone, Default)]
 pub(super) struct HiddenSpeed {
     dt_s: f64,
     before: Option<Pose>,
-    /// Since the newest pose. s
+    /// Time since the newest pose. s
     since_pose_s: f64,
     /// Horizontal velocity by the poses, world frame, low-pass filtered. m/s
     velocity_w_mps: Vector2<f64>,
-    /// Largest speed by the poses of late. m/s
+    /// Largest speed by the poses, forgotten with [`FORGET_S`]. m/s
     poses_mps: f64,
-    /// Way by the poses, and by the drone, while the poses moved. m
-    way_m: f64,
+    /// Distances by the poses and by the drone while the poses moved. m
+    poses_m: f64,
     flown_m: f64,
     /// Whether the drone has reported any motion.
     has_reported: bool,
     /// Newest hidden speed; `None` without a fresh report. m/s
     hidden_mps: Option<f64>,
-    /// Since the newest one that counts. s
+    /// Time since the newest hidden speed above [`HIDDEN_MPS`]. s
     since_hidden_s: f64,
 }
 
@@ -72,8 +73,8 @@ impl HiddenSpeed {
         }
         let speed_mps = self.velocity_w_mps.norm();
         if let Some(drone_mps) = drone_mps.filter(|_| speed_mps >= COMPARED_MPS) {
-            let keep = (-self.dt_s / WAY_FORGET_S).exp();
-            self.way_m = self.way_m * keep + speed_mps * self.dt_s;
+            let keep = (-self.dt_s / DISTANCE_FORGET_S).exp();
+            self.poses_m = self.poses_m * keep + speed_mps * self.dt_s;
             self.flown_m = self.flown_m * keep + drone_mps * self.dt_s;
         }
     }
@@ -84,9 +85,9 @@ impl HiddenSpeed {
     }
 
     /// Whether the drone denies that it moved along an axis that is still: it reports its velocity in m/s, as far as
-    /// known, and no hidden speed of late.
+    /// known, and no hidden speed within [`RECENT_S`].
     pub(super) fn is_denied(&self) -> bool {
-        let fits = self.way_m < COMPARED_M || self.flown_m >= FIT_MIN * self.way_m;
+        let fits = self.poses_m < COMPARED_M || self.flown_m >= FIT_MIN * self.poses_m;
         let is_witness = self.hidden_mps.is_some() && self.has_reported && fits;
         is_witness && self.since_hidden_s > RECENT_S
     }
@@ -210,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_way_does_not_show_that_the_drone_reports_too_little() {
+    fn a_short_distance_does_not_show_that_the_drone_reports_too_little() {
         for (ticks, is_denied) in [(12, true), (20, false)] {
             let mut hidden = HiddenSpeed::new(0.02);
             for k in 0..ticks {
@@ -221,9 +222,9 @@ mod tests {
     }
 
     #[test]
-    fn ways_are_forgotten_within_a_quarter_of_a_minute() {
-        // 10 s at 0.5 m/s with a tenth of it reported, then all of it: ways that are kept fit again after 8 s, ways
-        // that are forgotten in 15 s after 4.9 s.
+    fn distances_are_forgotten_within_a_quarter_of_a_minute() {
+        // 10 s at 0.5 m/s with a tenth of it reported, then all of it: distances that are kept fit again after 8 s,
+        // those that are forgotten in 15 s after 4.9 s.
         for (again_ticks, is_denied) in [(225, false), (275, true)] {
             let mut hidden = HiddenSpeed::new(0.02);
             for k in 0..500 + again_ticks {

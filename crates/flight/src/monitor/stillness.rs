@@ -1,7 +1,7 @@
-//! Poses that stand still to a millimetre: a hovering vehicle is seldom so still, a steered one never.
+//! Poses that stand still to a millimetre: a hovering vehicle is seldom so still, a steered vehicle never.
 //!
-//! Owns the recognition of poses that arrive without information on the vehicle: another object at rest, one pose
-//! repeated with noise, or one of its axes. Means of short blocks are compared, so that noise does not hide it.
+//! Owns the recognition of poses that do not show the vehicle: those of another object at rest, or a pose, or one axis
+//! of it, that is repeated with noise. Means of short blocks are compared, so that noise does not hide the stillness.
 
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use nalgebra::Vector3;
@@ -13,35 +13,37 @@ use crate::commanded::{excess, inputs_w};
 
 /// Blocks whose means are compared.
 const BLOCKS: usize = 4;
-/// Length of all blocks of the short and of the long window. s
+/// Length of the short and of the long window, all blocks together. s
 const WINDOWS_S: [f64; 2] = [0.8, 2.4];
-/// Limit of the long window over that of the short one: noise is less in longer means, and a vehicle goes
-/// further. Real flights range over 11.7 mm at least in 2.4 s and 2.1 mm in 0.8 s
-/// (docs/benchmarks/2026-11-27-poses); the means of an object at rest under 5 mm of noise over 2.5 mm.
+/// Limit of the long window over that of the short one: longer means have less noise, and a vehicle moves further.
+/// Means of real flights range over 11.7 mm at least in 2.4 s and 2.1 mm in 0.8 s (docs/benchmarks/2026-11-27-poses),
+/// those of an object at rest under 5 mm of noise over 2.5 mm in 2.4 s. 1
 const LONG_LIMIT: f64 = 2.5;
 
 /// The rows that a flying vehicle cannot keep still.
 const ROWS: [usize; 3] = [pose::X, pose::Y, pose::Z];
 
-/// Inputs, after the lag, that no dead zone swallows, of the throttle its excess over it: a vehicle with half the
-/// nominal gain moves 5 cm in 0.4 s. 1
+/// Least input, after the lag, that surely moves a vehicle: beyond every dead zone, of the throttle the excess over its
+/// dead zone. With it a vehicle of half the nominal gain moves 5 cm in 0.4 s. 1
 const INPUT_MIN: f64 = 0.2;
-/// How long they must have been so large: longer than the dead time may be wrong. s
+/// How long the inputs must have been so large: longer than the error of the dead time. s
 const ASKED_MIN_S: f64 = 0.4;
-/// Time for which a pose may be still while nothing is asked for. s
+/// Time for which a pose may be still without inputs. s
 const QUIET_S: f64 = 5.0;
-/// [`QUIET_S`] in what looks like an outage: a pose of another object stops at once, as if commands were lost. s
+/// [`QUIET_S`] in an outage: if the poses become those of another object at rest, this looks like an outage. s
 const QUIET_IN_OUTAGE_S: f64 = 2.4;
-/// Speed by the drone that the poses do not show, with which commands act whatever the link monitor reports: a vehicle
-/// that coasts without commands shows its speed. m/s
+/// Hidden speed of the drone from which on inputs count as applied even in an outage: the poses of a vehicle that
+/// coasts without commands show its speed. m/s
 const FLOWN_MPS: f64 = 0.3;
-/// Time of the mean that the inputs along one axis are compared with: against a wind they lean for long.
+/// Time constant of the low-pass filtered inputs that the inputs along one axis are compared with: constant inputs
+/// along an axis that stands still may hold the vehicle against wind. s
 const LEAN_S: f64 = 4.0;
-/// Least part of the inputs' change along an axis that is still: the heading, and the direction of flight, may be wrong
-/// by 0.3 rad each.
+/// Least component of the inputs' change along an axis, over its length, with which that axis must move: heading and
+/// direction of flight may be wrong by 0.3 rad each. 1
 const ALONG_MIN: f64 = 0.6;
 
-/// A short window that finds a pose at rest at once, and a long one that finds it through noise.
+/// For how long the poses have been still, by a short window, which finds it soon, and a long one, which finds it under
+/// noise.
 #[derive(Debug, Clone)]
 pub(super) struct StillnessMonitor([Window; 2]);
 
@@ -62,8 +64,8 @@ impl StillnessMonitor {
         self.0.iter_mut().for_each(|window| window.observe(pose));
     }
 
-    /// Takes the pose of a tick; how long the poses have been still. A tick without a pose changes nothing
-    /// but that time.
+    /// Takes the pose of a tick; for how long the poses have been still. A tick without a pose lengthens that time
+    /// only.
     pub(super) fn update(&mut self, pose: Option<&Pose>) -> Still {
         if let Some(pose) = pose {
             self.observe(pose);
@@ -76,26 +78,26 @@ impl StillnessMonitor {
     }
 }
 
-/// How long x, y and z have been still; `None`: they move. s
+/// For how long x, y and z have been still; `None`: they move. s
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Still {
-    /// All three.
+    /// All three together.
     pub(super) all_s: Option<f64>,
-    /// Each of them.
+    /// Each alone, in the order of [`ROWS`].
     pub(super) rows_s: [Option<f64>; ROWS.len()],
 }
 
-/// The longer of two times.
+/// The longer of two times; `None` if there is neither. s
 fn longest(a_s: Option<f64>, b_s: Option<f64>) -> Option<f64> {
     [a_s, b_s].into_iter().flatten().max_by(f64::total_cmp)
 }
 
-/// How long all rows have been still.
+/// The shortest of the times for which the rows have been still; `None` if one moves. s
 fn all(rows_s: &[Option<f64>; ROWS.len()]) -> Option<f64> {
     rows_s.iter().copied().reduce(|a, b| Some(a?.min(b?))).flatten()
 }
 
-/// Whether a still pose contradicts anything: a calm vehicle that nothing is asked of may stand still.
+/// Whether a still pose contradicts the inputs or the drone: a vehicle in calm air without inputs may stand still.
 #[derive(Debug, Clone, Default)]
 pub(super) struct FrozenMonitor {
     dt_s: f64,
@@ -104,37 +106,39 @@ pub(super) struct FrozenMonitor {
     theta_rad: f64,
     /// Inputs after the lag, world frame: along x, y and z. 1
     u_lagged_w: Vector3<f64>,
-    /// Their mean of late. 1
+    /// `u_lagged_w`, low-pass filtered with [`LEAN_S`]. 1
     u_mean_w: Vector3<f64>,
     all: Contradiction,
     rows: [Contradiction; ROWS.len()],
 }
 
-/// Whether large inputs contradict something that is still.
+/// Whether large inputs contradict a pose, or one axis of it, that is still.
 #[derive(Debug, Clone, Copy, Default)]
 struct Contradiction {
     /// For how long the inputs have been large. s
     asked_s: f64,
-    /// Whether they were while it has been still.
+    /// Whether the inputs were large for [`ASKED_MIN_S`] since the pose or axis has been still.
     is_found: bool,
 }
 
-/// What a tick shows of a contradiction.
+/// Signs of a contradiction in a tick.
 #[derive(Debug, Clone, Copy)]
 struct Signs {
     /// The inputs are large.
     is_asked: bool,
+    /// The pose, or the axis, is still.
     is_still: bool,
     /// The drone denies that it followed the inputs.
     is_denied: bool,
 }
 
 impl Contradiction {
-    /// A contradiction that the drone denies begins no finding, and ends none.
+    /// Takes a period of `dt_s`. While the drone denies that it followed the inputs, no contradiction begins, and one
+    /// that was found stays.
     fn update(&mut self, Signs { is_asked, is_still, is_denied }: Signs, dt_s: f64) {
         self.asked_s = if is_asked { self.asked_s + dt_s } else { 0.0 };
         let is_new = !is_denied && self.asked_s >= ASKED_MIN_S;
-        // The finding stays during the hold that follows, whose neutral sticks ask for no motion.
+        // The contradiction stays found during the hold that follows, in which the sticks are neutral.
         self.is_found = is_still && (self.is_found || is_new);
     }
 }
@@ -144,10 +148,11 @@ impl FrozenMonitor {
         Self { dt_s, hidden: HiddenSpeed::new(dt_s), ..Self::default() }
     }
 
-    /// Takes a tick in which the pose had been still for so long; for how long that has been no flying vehicle's.
+    /// Takes a tick in which the pose has been still as long as `still` tells; for how long this contradicts inputs or
+    /// drone, as of [`Findings::frozen_s`](super::Findings::frozen_s). s
     ///
-    /// One axis alone counts against inputs along it that have changed, unless they were lost: the drone denies
-    /// that it followed those along x and y. If it does in an outage, the throttle was lost, too.
+    /// One axis alone counts if the inputs along it have changed, unless the drone denies that it followed inputs along
+    /// x and y: then these were lost. If it denies that in an outage, the throttle was lost, too.
     pub(super) fn update(
         &mut self,
         still: &Still,
@@ -179,7 +184,7 @@ impl FrozenMonitor {
         }
         let by_all_s = still.all_s.and_then(|still_s| match velocity {
             _ if self.all.is_found => Some(still_s),
-            // The drone itself reports that it hovers.
+            // The drone reports that it hovers.
             Agreement::Agrees => None,
             _ if sample.link_is_up => (still_s > QUIET_S).then_some(still_s),
             _ => (still_s > QUIET_IN_OUTAGE_S).then_some(still_s),
@@ -187,7 +192,7 @@ impl FrozenMonitor {
         longest(by_all_s, longest_s)
     }
 
-    /// The inputs after the lag of a typical vehicle.
+    /// Follows the inputs after the lag of a typical vehicle.
     fn ask(&mut self, sample: &Sample) {
         self.theta_rad = sample.pose.map_or(self.theta_rad, |pose| pose[pose::THETA]);
         let is_heard = sample.link_is_up || self.hidden.mps() >= FLOWN_MPS;
@@ -235,13 +240,13 @@ impl Window {
         });
     }
 
-    /// A period has passed; how long each row has been still.
+    /// Takes the end of a period; for how long each row has been still. s
     fn advance(&mut self) -> [Option<f64>; ROWS.len()] {
         self.still_s = self.still_s.map(|still_s| Some(still_s? + self.dt_s));
         self.still_s
     }
 
-    /// Range of the means of the blocks of a row. m
+    /// Range of the means of the blocks of `row`. m
     fn spread_m(&self, row: usize) -> f64 {
         let block = self.poses.len() / BLOCKS;
         let mean = |at: usize| {

@@ -1,7 +1,7 @@
-//! A typical vehicle: what the monitors expect of any Tello.
+//! A typical vehicle: the motion that the monitors expect of any Tello under its inputs.
 //!
-//! Owns one first-order model per direction. Learnt parameters do not enter it: the monitors must judge as well when
-//! these are wrong.
+//! Owns one first-order model per direction. Estimated parameters do not enter it: the monitors must judge as well if
+//! the estimate is wrong.
 
 use horizon_model::rows::{Sticks, stick};
 use nalgebra::Complex;
@@ -32,7 +32,7 @@ pub(super) fn yaw_rate_radps(u: &Sticks) -> f64 {
     YAW_GAIN_RADPS * excess(u[stick::YAW], DEAD_ZONE)
 }
 
-/// What is left of a deviation of the velocity in x and y after `dt_s`. 1
+/// Fraction of a deviation of the velocity in x and y that remains after `dt_s`. 1
 pub(super) fn decay(dt_s: f64) -> f64 {
     (-dt_s / LAG_S).exp()
 }

@@ -1,12 +1,12 @@
 //! The drone's own velocity beside the displacement of the poses.
 //!
-//! Owns a leaky integral of the difference between both, less what the drone's own velocity may be wrong by: it holds
-//! its place by that velocity, and real flights drift. The drone's horizontal axes are not known: firmware,
-//! protocol and libraries differ in names and signs, and whether they turn with the body. All kinds of axes that
-//! fit the motion so far are followed, since a heading that stays or a motion along a line leaves several; the
-//! least difference counts. None is known before one fits: a drone that reports no velocity is no witness. Reports may
-//! be late (a Tello's by 0.2 to 0.9 s beside its accelerometer, by others' reports) and their scale may be another: the
-//! age that explains the motion best is used, and kept once the motion has shown it well.
+//! Owns a leaky integral of the difference between both, less the usual error of the drone's velocity: the drone holds
+//! its position by that velocity, and real flights drift. The drone's horizontal axes are not known: firmware, protocol
+//! and libraries differ in names, in signs and in whether the axes turn with the body. All kinds of axes that fit the
+//! motion so far are followed, since a constant heading or a motion along a line fits several; the least difference
+//! counts. Before one kind fits, the drone's velocity is not compared along axes: the drone may report none. Reports
+//! may be late (a Tello's by 0.2 to 0.9 s beside its accelerometer, by others' reports) and of another scale: the age
+//! that explains the motion best is used, and kept once the motion has shown it well.
 
 mod report_age;
 
@@ -19,27 +19,28 @@ use super::displacement::Displacements;
 use super::typical_vehicle::velocity_w_mps;
 use super::{Agreement, Doubt, FORGET_S, Sample};
 
-/// Ages that reports may have, ascending, and the first of them. s
+/// Ages that reports may have, ascending, and the index of the least one. s
 const AGES_S: [f64; 9] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8];
 const NEWEST: usize = 0;
 
-/// Error of the drone's velocity that shows nothing. Real flights drift by 0.07 to 0.08 m/s (standard deviation per
+/// Error of the drone's velocity that is not counted. Real flights drift by 0.07 to 0.08 m/s (standard deviation per
 /// axis, for 1.2 s): an error of that size, or of 0.05 m/s for 8 s, lands one simulated flight of 60 s in a hundred at
 /// most. m/s
 const VELOCITY_DRIFT_MPS: f64 = 0.08;
 
-/// Displacement of poses beyond that of a vehicle which is faster by so much than the drone reports: another body's, or
-/// an outlier. One of 0.2 m in a period outweighs the motion of a flight. m/s
+/// Speed by which the poses may exceed the drone's: a faster displacement is that of another object or an outlier, and
+/// does not show the axes. One of 0.2 m in a period would outweigh the motion of a flight. m/s
 const JUMP_MPS: f64 = 1.0;
-/// Displacement of poses that their noise explains. m
+/// Displacement of the poses that noise explains. m
 const JUMP_M: f64 = 0.03;
 
-/// Kinds of axes that the drone's may be: fixed, or turning with the body; each of either hand.
+/// Number of kinds of axes that the drone's may be: fixed or turning with the body, each right- or left-handed. Of both
+/// kinds the right-handed one comes first, at these indices.
 pub(super) const FRAMES: usize = 4;
 pub(super) const FIXED: usize = 0;
 pub(super) const TURNING: usize = 2;
 
-/// Poses and velocity reports so far.
+/// Comparison of the displacement by the poses with the drone's velocity.
 #[derive(Debug, Clone, Default)]
 pub(super) struct VelocityMonitor {
     /// Largest displacement error that is plausible. m
@@ -48,7 +49,7 @@ pub(super) struct VelocityMonitor {
     dt_s: f64,
     /// The newest pose.
     before: Option<Pose>,
-    /// Since the newest pose. s
+    /// Time since the newest pose. s
     since_pose_s: f64,
     /// Ring of the newest displacements, as long as the largest age.
     moved: Vec<PoseDisplacement>,
@@ -58,7 +59,7 @@ pub(super) struct VelocityMonitor {
     /// Index of the age that explains the motion best, and whether the motion has shown it well.
     best_age: usize,
     is_age_known: bool,
-    /// The inputs of a typical vehicle, in place of the poses, beside the drone.
+    /// As the sums of a [`ReportAge`], with the motion of a typical vehicle under the inputs in place of the poses.
     sums_by_inputs: Sums,
     displacements: Displacements,
     /// Newest speed by the drone; `None` without a report, and before the first speed that was not zero. m/s
@@ -68,7 +69,7 @@ pub(super) struct VelocityMonitor {
     doubt: Doubt,
 }
 
-/// Displacement by the poses in one tick.
+/// Displacement by the poses in one period.
 #[derive(Debug, Clone, Copy, Default)]
 struct PoseDisplacement {
     /// `m`: displacement since the newest pose before; zero without a pose. m
@@ -80,7 +81,7 @@ struct PoseDisplacement {
     is_pose: bool,
 }
 
-/// One period of the motion.
+/// Motion of one period by poses and drone.
 #[derive(Debug, Clone, Copy)]
 struct MotionSample {
     /// `m`: displacement by the poses. m
@@ -89,7 +90,7 @@ struct MotionSample {
     moved_in_s: f64,
     /// `w`: velocity by the drone in each frame. m/s
     seen_d_mps: [Complex<f64>; FRAMES],
-    /// Whether it ends with a pose.
+    /// Whether there is a pose at the end of the period.
     is_pose: bool,
 }
 
@@ -101,7 +102,8 @@ impl MotionSample {
     }
 }
 
-/// `displacement_m`, shorter by `by_m`: by what the drone's own velocity may have been wrong by. m
+/// `displacement_m`, shortened by `by_m`, an error of the drone's velocity that is not counted; not below zero length.
+/// m
 pub(super) fn shortened(displacement_m: Complex<f64>, by_m: f64) -> Complex<f64> {
     let length_m = displacement_m.norm();
     displacement_m * ((length_m - by_m).max(0.0) / length_m.max(f64::MIN_POSITIVE))
@@ -118,7 +120,7 @@ impl VelocityMonitor {
         }
     }
 
-    /// On the ground nothing differs.
+    /// Takes a tick on the ground: the differences are zero.
     pub(super) fn rest(&mut self, sample: &Sample) {
         self.displace(sample);
         for hypothesis in &mut self.ages {
@@ -132,10 +134,31 @@ impl VelocityMonitor {
     pub(super) fn update(&mut self, sample: &Sample) -> (Agreement, f64) {
         self.displace(sample);
         let reported_mps = sample.drone.and_then(|drone| drone.horizontal_d_mps);
-        let moved: [PoseDisplacement; AGES_S.len()] = AGES_S.map(|age_s| self.moved_ago(age_s));
+        let speed_mps = reported_mps.map(|[first_mps, second_mps]| first_mps.hypot(second_mps));
+        self.has_shown_speed |= speed_mps.is_some_and(|speed_mps| speed_mps > 0.0);
+        self.speed_mps = speed_mps.filter(|_| self.has_shown_speed);
+        let moved = AGES_S.map(|age_s| self.moved_ago(age_s));
+        let motions = self.compare(&moved, reported_mps);
+        self.add_displacements(sample, &motions, moved[NEWEST].theta_rad);
+        self.learn(&motions);
+        for (hypothesis, motion) in self.ages.iter_mut().zip(&motions) {
+            if motion.is_some_and(|motion| motion.is_pose) {
+                hypothesis.begin_motion();
+            }
+        }
+        self.judge(moved[self.best_age].is_pose, motions[self.best_age].is_some())
+    }
+
+    /// Compares the displacement by the poses with the drone's velocity for each age of the reports; the motions, of
+    /// which each is `None` if the drone's displacement is not known.
+    fn compare(
+        &mut self,
+        moved: &[PoseDisplacement; AGES_S.len()],
+        reported_mps: Option<[f64; 2]>,
+    ) -> [Option<MotionSample>; AGES_S.len()] {
         let keep = (-self.dt_s / FORGET_S).exp();
         let mut motions = [None; AGES_S.len()];
-        for ((hypothesis, moved), motion) in self.ages.iter_mut().zip(&moved).zip(&mut motions) {
+        for ((hypothesis, moved), motion) in self.ages.iter_mut().zip(moved).zip(&mut motions) {
             hypothesis.forget(keep);
             let is_known = hypothesis.note_report(reported_mps.is_some(), moved.is_pose);
             *motion =
@@ -144,53 +167,53 @@ impl VelocityMonitor {
                 hypothesis.compare(motion, self.dt_s);
             }
         }
-        let speed_mps = reported_mps.map(|[first_mps, second_mps]| first_mps.hypot(second_mps));
-        self.has_shown_speed |= speed_mps.is_some_and(|speed_mps| speed_mps > 0.0);
-        self.speed_mps = speed_mps.filter(|_| self.has_shown_speed);
+        motions
+    }
+
+    /// Adds a period to the displacements by poses, drone and inputs, the latter at the heading `theta_rad`.
+    fn add_displacements(
+        &mut self,
+        sample: &Sample,
+        motions: &[Option<MotionSample>; AGES_S.len()],
+        theta_rad: f64,
+    ) {
         if let Some(MotionSample { moved_w_m, seen_d_mps, .. }) = motions[self.best_age] {
             let scale = self.ages[self.best_age].scale();
-            let asked_w_mps = asked_w_mps(sample, moved[NEWEST].theta_rad);
-            self.displacements.add(
-                moved_w_m,
-                &seen_d_mps.map(|v| v * scale),
-                asked_w_mps,
-                self.dt_s,
-            );
+            let asked_w_mps = velocity_w_mps(&sample.u_applied, theta_rad);
+            let flown_d_mps = seen_d_mps.map(|v| v * scale);
+            self.displacements.add(moved_w_m, &flown_d_mps, asked_w_mps, self.dt_s);
         }
-        if let Some(MotionSample { seen_d_mps, .. }) = motions[NEWEST] {
-            let followed_w_m = self.displacements.followed_w_mps * self.dt_s;
+        if let Some(motion) = motions[NEWEST] {
             let by_inputs = MotionSample {
-                moved_w_m: followed_w_m,
+                moved_w_m: self.displacements.followed_w_mps * self.dt_s,
                 moved_in_s: self.dt_s,
-                seen_d_mps,
                 is_pose: true,
+                ..motion
             };
             self.sums_by_inputs.add(&by_inputs, self.dt_s);
         }
-        self.learn(&motions);
-        for (hypothesis, motion) in self.ages.iter_mut().zip(&motions) {
-            if motion.as_ref().is_some_and(|motion| motion.is_pose) {
-                hypothesis.begin_motion();
-            }
-        }
-        let error_m = self.ages[self.best_age].error_m();
-        if !moved[self.best_age].is_pose {
+    }
+
+    /// The agreement, and the difference at the best age of the reports, at which this period `is_pose` and the drone's
+    /// displacement `is_known`. m
+    fn judge(&mut self, is_pose: bool, is_known: bool) -> (Agreement, f64) {
+        if !is_pose {
             self.doubt.wait(self.dt_s);
         }
-        if motions[self.best_age].is_none() {
-            return (Agreement::Unknown, 0.0);
-        }
-        if !moved[self.best_age].is_pose {
-            // What the drone flew since is in the next pose.
-            return (Agreement::Unknown, error_m.unwrap_or_default());
-        }
-        match error_m.or_else(|| self.difference_m()) {
-            Some(error_m) => (self.doubt.judge(error_m, self.limit_m, self.dt_s), error_m),
-            None => (Agreement::Unknown, 0.0),
+        let error_m = self.ages[self.best_age].error_m();
+        match (is_known, is_pose) {
+            (false, _) => (Agreement::Unknown, 0.0),
+            // The next pose includes the displacement since the one before.
+            (true, false) => (Agreement::Unknown, error_m.unwrap_or_default()),
+            (true, true) => match error_m.or_else(|| self.difference_m()) {
+                Some(error_m) => (self.doubt.judge(error_m, self.limit_m, self.dt_s), error_m),
+                None => (Agreement::Unknown, 0.0),
+            },
         }
     }
 
-    /// Enters the displacement since the newest pose before; without a pose it is part of a later tick's.
+    /// Enters the displacement since the newest pose before into the ring. Without a pose it is zero, and part of that
+    /// of a later tick.
     fn displace(&mut self, sample: &Sample) {
         let in_s = self.since_pose_s + self.dt_s;
         let before = self.before;
@@ -208,13 +231,14 @@ impl VelocityMonitor {
             PoseDisplacement { moved_w_m, in_s, theta_rad, is_pose: sample.pose.is_some() };
     }
 
+    /// The displacement of the period `age_s` ago.
     fn moved_ago(&self, age_s: f64) -> PoseDisplacement {
         let count = self.moved.len();
         self.moved[(self.newest + count - steps(age_s, self.dt_s)) % count]
     }
 
-    /// Learns axes, and the age of the reports, from a motion that does not contradict them, also not by its speed once
-    /// they are well known: a drone that fitted a short motion by accident must be found out.
+    /// Learns the axes, and the age of the reports, from a motion that does not contradict those found so far. Once
+    /// they are well known, the speeds must agree, too: axes may have fitted a short motion by accident.
     fn learn(&mut self, motions: &[Option<MotionSample>; AGES_S.len()]) {
         let known = &self.ages[self.best_age];
         let error_m = if self.is_age_known {
@@ -246,8 +270,8 @@ impl VelocityMonitor {
         }
     }
 
-    /// By how much the poses differ from drone and inputs while their motion shows no axes: by lengths, and by
-    /// directions if drone and inputs show axes. m
+    /// By how much the poses differ from drone and inputs while poses and drone show no axes: by lengths, and by
+    /// vectors along the axes that drone and inputs show; `None` if neither can be compared. m
     fn difference_m(&self) -> Option<f64> {
         let by_length_m = self.displacements.difference_m();
         let by_vector_m = (0..FRAMES)
@@ -267,7 +291,7 @@ impl VelocityMonitor {
 }
 
 impl PoseDisplacement {
-    /// The motion with the velocity that the drone reports of it.
+    /// The motion of the period, with the velocity that the drone reports. m/s
     fn beside(&self, [first_mps, second_mps]: [f64; 2]) -> MotionSample {
         let seen_d_mps = frames(Complex::new(first_mps, second_mps), self.theta_rad);
         MotionSample {
@@ -277,11 +301,6 @@ impl PoseDisplacement {
             is_pose: self.is_pose,
         }
     }
-}
-
-/// Velocity that the inputs ask of a typical vehicle.
-fn asked_w_mps(sample: &Sample, theta_rad: f64) -> Complex<f64> {
-    velocity_w_mps(&sample.u_applied, theta_rad)
 }
 
 /// A velocity of the drone in each of the frames: fixed or turning with the body, right- or left-handed.

@@ -1,18 +1,19 @@
-//! Poses beside a drone that reports its velocity late, by one of several times.
+//! Comparison of the poses with the drone's velocity if its reports have one assumed age.
 //!
-//! Owns the axes of the drone for this age of its reports, and the difference between both displacements.
+//! Owns the axes of the drone for this age, and the difference between both displacements.
 
 use nalgebra::Complex;
 
 use super::{FIXED, FRAMES, MotionSample, VELOCITY_DRIFT_MPS, shortened};
 
-/// Time within which motion that showed the axes is forgotten. s
+/// Time constant with which motion that showed the axes is forgotten. s
 const AXES_FORGET_S: f64 = 30.0;
-/// Motion that shows the axes: integral of the squared deviation of the drone's velocity from its mean. m^2/s
+/// Least motion that shows the axes: integral of the squared deviation of the drone's velocity from its mean. m^2/s
 pub(super) const MOTION_MIN: f64 = 0.15;
 /// Multiple of [`MOTION_MIN`] from which on the age and the scale of the reports are known. 1
 const WELL_KNOWN: f64 = 4.0;
-/// Speed by the poses over speed by the drone if the axes fit, and as it is used while motion has shown little of it.
+/// Speed by the poses over speed by the drone: range of axes that fit, and to which it is clipped until it is well
+/// known. 1
 const SCALE: [f64; 2] = [0.6, 1.6];
 const SCALE_EARLY: [f64; 2] = [0.75, 1.33];
 /// Least fraction of the variance of the poses' velocity that the drone's explains if the axes fit (R^2).
@@ -27,47 +28,47 @@ struct Fit {
     determination: f64,
 }
 
-/// Poses and velocity reports so far, as if reports had one age.
+/// Poses and velocity reports so far, with the assumed age.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ReportAge {
     pub(super) sums: Sums,
-    /// Of each frame, as motion showed them last.
+    /// Axes by frame, as motion showed them last; `None`: no axes of this kind fit.
     axes: [Option<Fit>; FRAMES],
-    /// `x` of each frame: displacement by the poses less that by the drone. m
+    /// `x` by frame: displacement by the poses less that by the drone. m
     error_m: [Complex<f64>; FRAMES],
-    /// Of each frame: displacement by the drone since the newest pose of that age, and the time. m, s
+    /// Displacement by the drone since the newest pose, by frame, and its time. m, s
     flown_d_m: [Complex<f64>; FRAMES],
     flown_s: f64,
-    /// Whether the drone was silent since the newest pose of that age: what it flew meanwhile is not known.
+    /// Whether the drone was silent since the newest pose: its displacement since then is not known.
     was_silent: bool,
 }
 
 impl ReportAge {
-    /// On the ground nothing differs.
+    /// Takes a tick on the ground: the differences are zero.
     pub(super) fn rest(&mut self) {
         self.error_m = [Complex::default(); FRAMES];
     }
 
-    /// A period passes, which leaves `keep` of the differences.
+    /// Forgets all but the fraction `keep` of the differences.
     pub(super) fn forget(&mut self, keep: f64) {
         for error_m in &mut self.error_m {
             *error_m *= keep;
         }
     }
 
-    /// Notes whether the drone reported in this period and whether there is a pose of this age. Returns whether its
-    /// displacement since the pose before is complete.
+    /// Notes whether the drone reported in this period and whether there is a pose of this age. Returns whether the
+    /// drone's displacement since the pose before is known.
     pub(super) fn note_report(&mut self, is_heard: bool, is_pose: bool) -> bool {
         let is_known = is_heard && !self.was_silent;
         if !is_known {
             self.begin_motion();
         }
-        // From a pose on both are known again.
+        // From a pose on, the displacement is known again.
         self.was_silent = !is_known && !is_pose;
         is_known
     }
 
-    /// Integrates the difference in each frame that fits.
+    /// Integrates the difference over a period in each frame that fits.
     pub(super) fn compare(&mut self, motion: &MotionSample, dt_s: f64) {
         self.flown_s += dt_s;
         for (flown_d_m, seen_d_mps) in self.flown_d_m.iter_mut().zip(&motion.seen_d_mps) {
@@ -83,7 +84,7 @@ impl ReportAge {
         }
     }
 
-    /// A pose was compared: the next motion begins.
+    /// Begins the next motion after a pose.
     pub(super) fn begin_motion(&mut self) {
         self.flown_d_m = [Complex::default(); FRAMES];
         self.flown_s = 0.0;
@@ -95,7 +96,7 @@ impl ReportAge {
         known.map(|(error_m, _)| error_m.norm()).min_by(f64::total_cmp)
     }
 
-    /// Learns the axes from a motion between two poses. Axes that were found stay while too little motion shows any.
+    /// Learns the axes from a motion between two poses. Known axes stay while there is too little motion to show any.
     pub(super) fn learn(&mut self, motion: &MotionSample) {
         let seen_d_mps = self.flown_d_m.map(|flown_d_m| flown_d_m / self.flown_s);
         self.sums.add(&MotionSample { seen_d_mps, ..*motion }, self.flown_s);
@@ -112,7 +113,7 @@ impl ReportAge {
         }
     }
 
-    /// Whether the motion has shown the age of the reports and their scale, too.
+    /// Whether there was enough motion to show the age of the reports and their scale, too.
     pub(super) fn is_well_known(&self) -> bool {
         self.sums.variance(FIXED) >= WELL_KNOWN * MOTION_MIN
     }

@@ -28,7 +28,7 @@ fn swaying(turn_rad: f64, poses_mps: f64, count: u32) -> VelocityMonitor {
         };
         let sample = Sample { pose, drone: Some(drone), u_applied, link_is_up: true };
         monitor.update(&sample);
-        let asked_mps = asked_w_mps(&sample, 0.0).re;
+        let asked_mps = velocity_w_mps(&sample.u_applied, 0.0).re;
         v_mps += (asked_mps - v_mps) * (1.0 - decay(DT_S));
     }
     monitor
@@ -59,8 +59,11 @@ fn inputs_and_reports_are_turned_by_the_heading() {
     let sample = Sample { pose: None, drone: None, u_applied, link_is_up: true };
     let close = |a: Complex<f64>, b: Complex<f64>| (a - b).norm() < 1e-12;
     // Forward is x and right is -y, at a heading of zero.
-    assert!(close(asked_w_mps(&sample, 0.0), Complex::new(1.9 * 0.43, -1.9 * 0.13)));
-    assert!(close(asked_w_mps(&sample, FRAC_PI_2), Complex::new(1.9 * 0.13, 1.9 * 0.43)));
+    assert!(close(velocity_w_mps(&sample.u_applied, 0.0), Complex::new(1.9 * 0.43, -1.9 * 0.13)));
+    assert!(close(
+        velocity_w_mps(&sample.u_applied, FRAC_PI_2),
+        Complex::new(1.9 * 0.13, 1.9 * 0.43)
+    ));
     let seen_d_mps = frames(Complex::new(0.3, 0.1), FRAC_PI_2);
     let expected = [(0.3, 0.1), (0.3, -0.1), (-0.1, 0.3), (0.1, 0.3)];
     for (seen_d_mps, (x, y)) in seen_d_mps.into_iter().zip(expected) {
