@@ -10,11 +10,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::drone::Protocol;
 
-/// A drone takes all sticks that far out, back and down, for the gesture that stops its motors. Less than what is known
-/// of it: full deflection. 1
+/// Deflection from which on all sticks together, pitch back, throttle down, roll and yaw to either side, count as the
+/// gesture that stops the motors. The known gesture is full deflection; 0.75 leaves a margin. 1
 const GESTURE: f64 = 0.75;
 
-/// What is left of the yaw stick then. 1
+/// Deflection of yaw that is sent in place of the gesture's. 1
 const YAW_BESIDE_GESTURE: f64 = 0.5;
 
 /// Limits of the gate, as written in JSON.
@@ -114,7 +114,7 @@ impl Default for Approved {
     }
 }
 
-/// `u` with less yaw if it is the gesture that stops the motors: back and down, roll and yaw to either side.
+/// `u`, with less yaw if it is the gesture that stops the motors.
 fn without_gesture(mut u: Sticks) -> Sticks {
     let is_gesture = u[stick::PITCH] <= -GESTURE
         && u[stick::THROTTLE] <= -GESTURE

@@ -119,7 +119,7 @@ impl Mission {
     /// Goes on from where the vehicle is: it was held up, `pose_hat` and its rate `velocity_hat` are
     /// where it is now.
     ///
-    /// The reference goes to the place on the path that is nearest to the vehicle, between the last
+    /// The reference goes to the point of the path that is nearest to the vehicle, between the last
     /// waypoint that was reached and the next one, and takes over the vehicle's speed along the path.
     /// A reference that leads to a waypoint starts anew at the vehicle, from rest. Nothing happens while
     /// it stands at a target.

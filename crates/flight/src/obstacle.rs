@@ -30,7 +30,7 @@ pub enum ObstacleTable {
         /// Along z. m
         z_m: [f64; 2],
     },
-    /// An upright cylinder without ends around a second object that moves, of which each tick gets the place.
+    /// An upright cylinder without ends around a second object that moves, whose position comes with each tick.
     Moving {
         /// Radius. m, > 0, <= 1000
         radius_m: f64,
@@ -54,7 +54,7 @@ enum Shape {
     Cylinder { radius_m: f64, half_m: f64 },
     /// Half of each edge. m
     Box { half_w: Vector3<f64> },
-    /// Around a place that is not part of the settings.
+    /// Around a position that comes with each tick.
     Moving { radius_m: f64 },
 }
 
@@ -73,7 +73,7 @@ impl TryFrom<&ObstacleTable> for Obstacle {
     fn try_from(table: &ObstacleTable) -> Result<Self, SettingError> {
         match table {
             ObstacleTable::Cylinder { centre_m: [x, y], radius_m, z_m } => {
-                let (x, y) = (place("centre_m[0]", *x)?, place("centre_m[1]", *y)?);
+                let (x, y) = (position("centre_m[0]", *x)?, position("centre_m[1]", *y)?);
                 let radius_m = radius(*radius_m)?;
                 let (z, half_m) = middle("z_m", *z_m)?;
                 let shape = Shape::Cylinder { radius_m, half_m };
@@ -103,8 +103,8 @@ pub fn obstacles(tables: &[ObstacleTable]) -> Result<Vec<Obstacle>, SettingError
     tables.iter().enumerate().map(|(k, table)| table.try_into().map_err(number(k))).collect()
 }
 
-fn place(key: &str, place_m: f64) -> Result<f64, SettingError> {
-    in_range(key, place_m, -FAR_M..=FAR_M)
+fn position(key: &str, position_m: f64) -> Result<f64, SettingError> {
+    in_range(key, position_m, -FAR_M..=FAR_M)
 }
 
 fn radius(radius_m: f64) -> Result<f64, SettingError> {
@@ -113,8 +113,8 @@ fn radius(radius_m: f64) -> Result<f64, SettingError> {
 
 /// Middle and half of the length between two ends.
 fn middle(key: &str, [low_m, high_m]: [f64; 2]) -> Result<(f64, f64), SettingError> {
-    place(key, low_m)?;
-    place(key, high_m)?;
+    position(key, low_m)?;
+    position(key, high_m)?;
     if low_m >= high_m {
         let given = format!("[{low_m}, {high_m}]");
         return Err(SettingError::new(key, given, "the first number below the second"));
@@ -142,7 +142,7 @@ impl Obstacle {
         matches!(self.shape, Shape::Moving { .. })
     }
 
-    /// The signed distance at the place `at_w`, m, and its gradient, a unit vector, 1; both in the world frame. The
+    /// The signed distance at `at_w`, m, and its gradient, a unit vector, 1; both in the world frame. The
     /// obstacle that moves is at `moving_w`, m; its distance is infinite if that is unknown.
     ///
     /// The gradient is exact where the distance is smooth. On the axis of a cylinder, and inside where two surfaces
@@ -177,16 +177,15 @@ impl Obstacle {
         }
     }
 
-    /// [`Obstacle::distance_from`] what does not move.
+    /// Signed distance, m, and gradient at `at_w`, as of [`Obstacle::distance_from`], of an obstacle at rest.
     pub fn distance(&self, at_w: &Vector3<f64>) -> SignedDistance {
         self.distance_from(at_w, None)
     }
 
-    /// The least of [`Obstacle::distance_from`] all places between `from_w` and `climb_m` straight above it, in the
-    /// world frame. m
+    /// Smallest [`Obstacle::distance_from`] along a vertical climb of `climb_m` from `from_w`, world frame. m
     ///
-    /// Obstacles are upright prisms, symmetric about the height of their centre: straight up and down the distance
-    /// grows with the height from there, so that the least one is at the nearest height of the climb.
+    /// Obstacles are upright prisms, symmetric about the height of their centre: along a vertical line the distance
+    /// grows with the difference from that height, so the smallest one is at the nearest height of the climb.
     ///
     /// Real time: no allocation, constant cost.
     pub fn distance_in_climb(
@@ -313,11 +312,12 @@ mod tests {
         let obstacle = of(r#"{"kind": "moving", "radius_m": 0.3}"#).unwrap();
         let at = Vector3::new(1.0, 2.0, 1.5);
         assert!(obstacle.is_moving() && obstacle.distance(&at).distance_m > 1e9);
-        let place = Vector3::new(0.4, 1.2, 0.1);
-        let found = obstacle.distance_from(&at, Some(&place));
+        let position = Vector3::new(0.4, 1.2, 0.1);
+        let found = obstacle.distance_from(&at, Some(&position));
         assert!((found.distance_m - 0.7).abs() < 1e-12, "{found:?}");
-        let value =
-            |at: &Vector3<f64>| Vector1::new(obstacle.distance_from(at, Some(&place)).distance_m);
+        let value = |at: &Vector3<f64>| {
+            Vector1::new(obstacle.distance_from(at, Some(&position)).distance_m)
+        };
         let gap = jacobian_gap(value, &at, &found.gradient_w.transpose());
         assert!(gap < 1e-8, "gap {gap:e}");
     }

@@ -46,7 +46,7 @@ pub(crate) struct Point {
 pub(crate) struct Path {
     /// At least three.
     points: Vec<Point>,
-    /// Way from the beginning to each point. m
+    /// Arc length from the beginning to each point. m
     arcs_m: Vec<f64>,
     /// For each waypoint the point where the curve passes it; the first and the last point are among
     /// them.

@@ -21,16 +21,16 @@ pub fn clip_target<const NO: usize>(
     o_0: &SVector<f64, NO>,
     distance_max: f64,
 ) -> SVector<f64, NO> {
-    let way = o_ref - o_0;
-    let distance = way.norm();
-    if distance > distance_max { o_0 + way * (distance_max / distance) } else { *o_ref }
+    let displacement = o_ref - o_0;
+    let distance = displacement.norm();
+    if distance > distance_max { o_0 + displacement * (distance_max / distance) } else { *o_ref }
 }
 
 /// `|target - at|` over x, y, z and theta, metres and radians alike, theta on the circle.
 pub(crate) fn pose_distance(target: &Pose, at: &Pose) -> f64 {
-    let mut way = target - at;
-    way[pose::THETA] = unwrap_near(way[pose::THETA], 0.0);
-    way.norm()
+    let mut displacement = target - at;
+    displacement[pose::THETA] = unwrap_near(displacement[pose::THETA], 0.0);
+    displacement.norm()
 }
 
 /// Smallest distance that counts as being there: an estimate trembles. m and rad
@@ -159,9 +159,9 @@ mod tests {
     #[test]
     fn a_far_target_is_clipped_along_the_straight_line() {
         let s_0 = Pose::new(1.0, 2.0, 3.0, 4.0);
-        let way = Pose::new(0.1, -0.7, 0.5, 0.5);
-        let clipped = clip_target(&(s_0 + way), &s_0, 0.25);
-        assert!((clipped - s_0 - way * 0.25).norm() < 1e-15, "{clipped}");
+        let displacement = Pose::new(0.1, -0.7, 0.5, 0.5);
+        let clipped = clip_target(&(s_0 + displacement), &s_0, 0.25);
+        assert!((clipped - s_0 - displacement * 0.25).norm() < 1e-15, "{clipped}");
     }
 
     #[test]

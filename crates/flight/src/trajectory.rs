@@ -19,7 +19,7 @@ const OVERSHOOT_MAX: f64 = 0.02;
 pub(crate) struct Node {
     /// Time since the beginning. s
     pub at_s: f64,
-    /// Way since the beginning. m
+    /// Arc length since the beginning. m
     pub arc_m: f64,
     /// Pose, theta continuous over the trajectory. m, rad
     pub pose: Pose,
@@ -53,7 +53,7 @@ impl Trajectory {
 
     /// The trajectory through `poses` at `times_s`, at rest at both ends.
     ///
-    /// The rate at an inner point is that of the parabola through it and its neighbours, limited in each row: a place
+    /// The rate at an inner point is that of the parabola through it and its neighbours, limited in each row: a pose
     /// that is held stays held, to 2 cm (see `limited`). Both slices have one length of at least two; times rise.
     pub(crate) fn through(times_s: &[f64], poses: &[Pose]) -> Self {
         let mut theta = poses[0][pose::THETA];
@@ -83,7 +83,7 @@ impl Trajectory {
         Self::new((0..poses.len()).map(node).collect()).refined()
     }
 
-    /// The trajectory with a node at least every [`SPACING_S`], and ways.
+    /// The trajectory with a node at least every [`SPACING_S`], and arc lengths.
     fn refined(&self) -> Self {
         let mut nodes = vec![self.nodes[0]];
         let mut arc_m = 0.0;
@@ -106,7 +106,7 @@ impl Trajectory {
         &self.nodes
     }
 
-    /// What is in the middle between two nodes: where a step between places that stand is fastest.
+    /// What is in the middle between two nodes: where a step between standing poses is fastest.
     pub(crate) fn middles(&self) -> impl Iterator<Item = Node> {
         self.nodes.windows(2).map(|pair| {
             let Moment { pose, rate, .. } = between(pair, 0.5);
@@ -136,20 +136,20 @@ impl Trajectory {
         self.nodes.partition_point(|node| node.at_s <= at_s).saturating_sub(1)
     }
 
-    /// Way up to `at_s`, which lies within the trajectory. m
+    /// Arc length up to `at_s`, which lies within the trajectory. m
     pub(crate) fn arc_at_m(&self, at_s: f64) -> f64 {
         let first = self.node_before(at_s).min(self.nodes.len() - 2);
         let (a, b) = (&self.nodes[first], &self.nodes[first + 1]);
         a.arc_m + (b.arc_m - a.arc_m) * ((at_s - a.at_s) / (b.at_s - a.at_s))
     }
 
-    /// Way up to the place beside `at`, which is nearest to `node`. m
+    /// Arc length up to the point beside `at`, which is nearest to `node`. m
     pub(crate) fn arc_beside_m(&self, node: usize, at: &Pose) -> f64 {
         let Node { arc_m, pose: node_at, .. } = self.nodes[node];
         let vel_w = self.nodes[node].vel_w();
-        let way_w = (at - node_at).fixed_rows::<3>(pose::X).dot(&vel_w);
+        let along = (at - node_at).fixed_rows::<3>(pose::X).dot(&vel_w);
         let arc_of = |i: usize| self.nodes[i].arc_m;
-        let ahead_m = way_w / vel_w.norm().max(f64::MIN_POSITIVE);
+        let ahead_m = along / vel_w.norm().max(f64::MIN_POSITIVE);
         (arc_m + ahead_m)
             .clamp(arc_of(node.saturating_sub(1)), arc_of((node + 1).min(self.nodes.len() - 1)))
     }
@@ -157,12 +157,12 @@ impl Trajectory {
     /// Horizontal distance of `at` from the tangent at `node`. m
     pub(crate) fn aside_m(&self, node: usize, at: &Pose) -> f64 {
         let Node { pose: node_at, .. } = self.nodes[node];
-        let (vel_w, way) = (self.nodes[node].vel_w(), at - node_at);
-        let across = way[pose::X] * vel_w.y - way[pose::Y] * vel_w.x;
+        let (vel_w, displacement) = (self.nodes[node].vel_w(), at - node_at);
+        let across = displacement[pose::X] * vel_w.y - displacement[pose::Y] * vel_w.x;
         across.abs() / vel_w.xy().norm().max(f64::MIN_POSITIVE)
     }
 
-    /// The node of `among` that is nearest to the place of `at`, the first of equals.
+    /// The node of `among` that is nearest to the position of `at`, the first of equals.
     pub(crate) fn nearest(&self, among: impl Iterator<Item = usize>, at: &Pose) -> Option<usize> {
         let distance2 =
             |i: usize| (self.nodes[i].pose - at).fixed_rows::<3>(pose::X).norm_squared();
@@ -281,20 +281,20 @@ mod tests {
     #[test]
     fn a_place_that_is_held_stays_held_and_a_way_there_is_not_left_by_much() {
         let at = |x_m: f64| Pose::new(x_m, 0.0, 0.0, 0.0);
-        let range_m = |times_s: &[f64], places_m: &[f64]| {
-            let poses: Vec<Pose> = places_m.iter().map(|x_m| at(*x_m)).collect();
+        let range_m = |times_s: &[f64], positions_m: &[f64]| {
+            let poses: Vec<Pose> = positions_m.iter().map(|x_m| at(*x_m)).collect();
             let nodes = Trajectory::through(times_s, &poses).nodes;
             let x_m = nodes.iter().map(|node| node.pose[pose::X]);
             x_m.fold((0.0_f64, 0.0_f64), |(low, high), x_m| (low.min(x_m), high.max(x_m)))
         };
-        for (times_s, places_m) in [
+        for (times_s, positions_m) in [
             ([0.0, 30.0, 32.0, 62.0], [0.0, 0.0, 1.0, 1.0]),
             // A slow way before a quick one, on, and back.
             ([0.0, 10.0, 10.5, 20.0], [0.0, 0.5, 1.5, 2.0]),
             ([0.0, 10.0, 10.5, 20.0], [0.5, 1.0, 0.0, 0.5]),
         ] {
-            let (low_m, high_m) = range_m(&times_s, &places_m);
-            let most_m = maximum_of(&places_m) + OVERSHOOT_MAX;
+            let (low_m, high_m) = range_m(&times_s, &positions_m);
+            let most_m = maximum_of(&positions_m) + OVERSHOOT_MAX;
             assert!(low_m >= -OVERSHOOT_MAX && high_m <= most_m, "{low_m}..{high_m} m");
         }
     }
@@ -302,11 +302,11 @@ mod tests {
     #[test]
     fn a_smooth_trajectory_keeps_its_acceleration_between_its_points() {
         // A phase at which no point is an extremum.
-        let place = |t_s: f64| 0.65 * (1.1 * t_s + 0.3).sin();
+        let position = |t_s: f64| 0.65 * (1.1 * t_s + 0.3).sin();
         for spacing_s in [0.1, 0.2, 0.5] {
             let times_s: Vec<f64> = (0..=40).map(|i| f64::from(i) * spacing_s).collect();
             let poses: Vec<Pose> =
-                times_s.iter().map(|t_s| Pose::new(place(*t_s), 0.0, 0.0, 0.0)).collect();
+                times_s.iter().map(|t_s| Pose::new(position(*t_s), 0.0, 0.0, 0.0)).collect();
             let trajectory = Trajectory::through(&times_s, &poses);
             // At rest at both ends: not in the first and the last interval.
             let inside = trajectory

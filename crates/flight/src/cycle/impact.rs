@@ -1,9 +1,9 @@
 //! Whether a vehicle that its inputs drive on has come to rest at once: it has hit something, or was caught.
 //!
 //! A vehicle whose commands are lost levels and slows down within a time constant of 0.6 s; a brake is asked for by
-//! its inputs. What is faster is a deceleration of 2.8 m/s^2 at least. With the place x (x and y of an accepted pose,
-//! world frame) and the applied inputs `u_w`, in the direction e of the motion before, it has hit something if for two
-//! poses
+//! its inputs. What is faster is a deceleration of 2.8 m/s^2 at least. With the position x (x and y of an accepted
+//! pose, world frame) and the applied inputs `u_w`, in the direction e of the motion before, it has hit something if
+//! for two poses
 //!
 //! ```text
 //! v = (x(t - 0.2 s) - x(t - 0.4 s)) / 0.2 s,    |v| >= 0.9 m/s,    e = v / |v|
@@ -11,7 +11,7 @@
 //! e' u_w >= 0.05    from t - 0.8 s to t: a brake may act 0.25 s earlier or 0.4 s later than it is taken to
 //! ```
 //!
-//! A step further than a vehicle flies, or back by more than it bounces, is one of the poses: until both places are
+//! A step further than a vehicle flies, or back by more than it bounces, is one of the poses: until both positions are
 //! later, there is no stop. Where poses are missing, the poses behind them have to show it alone.
 //!
 //! The inputs are turned by the heading alone: `theta_0` turns them by less than a corner does.
@@ -22,13 +22,13 @@ use nalgebra::Vector2;
 use super::pose_plausibility::SPEED_MAX_MPS;
 use crate::commanded::inputs_w;
 
-/// Ages of the places that are compared, and of the inputs. periods
+/// Ages of the positions that are compared, and of the inputs. periods
 const AGE_STOPPED: usize = 6;
 const AGE_BEFORE_STOP: usize = 10;
 const AGE_APPROACH: usize = 20;
 const AGE_INPUTS: usize = 40;
 
-/// How much older than that a place may be: a source of 20 Hz has one in 2.5 periods. periods
+/// How much older than that a position may be: a source of 20 Hz has one in 2.5 periods. periods
 const LATER: usize = 2;
 
 /// Least speed before; slower vehicles hit nothing hard. m/s
@@ -48,17 +48,17 @@ const BOUNCE_AGE_MAX: usize = 2;
 /// Any step that exceeds [`SPEED_MAX_MPS`] by more. m
 const STEP_M: f64 = 0.05;
 
-/// The newest places and inputs.
+/// The newest positions and inputs.
 #[derive(Debug, Clone)]
 pub(super) struct Impact {
     dt_s: f64,
-    /// Place and applied input of a period, by its number modulo the length. m, 1
+    /// Position and applied input of a period, by its number modulo the length. m, 1
     ring: [(Option<Vector2<f64>>, Vector2<f64>); AGE_INPUTS + 1],
     newest: usize,
     ticks: u32,
     /// Periods since a step that no vehicle makes.
     since_jump: usize,
-    /// Periods between the two newest places, and since places were missing.
+    /// Periods between the two newest positions, and since positions were missing.
     spacing: usize,
     since_gap: usize,
 }
@@ -76,13 +76,13 @@ impl Impact {
     /// Real time: no allocation, constant cost.
     pub(super) fn see(&mut self, seen: Option<&Pose>, u_applied: &Sticks, theta_rad: f64) {
         self.newest = (self.newest + 1) % self.ring.len();
-        let place_w = seen.map(|seen| pos_w(seen).xy());
-        self.ring[self.newest] = (place_w, inputs_w(u_applied, theta_rad));
-        let has_jumped = place_w.is_some() && self.has_jumped();
+        let position_w = seen.map(|seen| pos_w(seen).xy());
+        self.ring[self.newest] = (position_w, inputs_w(u_applied, theta_rad));
+        let has_jumped = position_w.is_some() && self.has_jumped();
         self.since_jump = if has_jumped { 0 } else { self.since_jump.saturating_add(1) };
         self.since_gap = self.since_gap.saturating_add(1);
-        // A tick without a place decides nothing.
-        if place_w.is_some() {
+        // A tick without a position decides nothing.
+        if position_w.is_some() {
             let before = self.spacing;
             self.spacing = self.spacing();
             if self.spacing > before + LATER {
@@ -113,15 +113,15 @@ impl Impact {
             && is_driven()
     }
 
-    /// Periods between the newest place and the one before.
+    /// Periods between the newest position and the one before.
     fn spacing(&self) -> usize {
         let count = self.ring.len();
-        (1..count).find(|age| self.place_at(*age).is_some()).unwrap_or(count)
+        (1..count).find(|age| self.position_at(*age).is_some()).unwrap_or(count)
     }
 
     /// Whether the newest step leads further than a vehicle flies, or back further than it bounces.
     fn has_jumped(&self) -> bool {
-        let Some(((to_w, _), (from_w, age))) = self.place(0).zip(self.place(1)) else {
+        let Some(((to_w, _), (from_w, age))) = self.position(0).zip(self.position(1)) else {
             return false;
         };
         let (step_w, time_s) = (to_w - from_w, self.dt_s * age as f64);
@@ -134,17 +134,17 @@ impl Impact {
 
     /// Mean velocity between two ages. m/s
     fn velocity(&self, newer: usize, older: usize) -> Option<Vector2<f64>> {
-        let ((to_w, newer), (from_w, older)) = (self.place(newer)?, self.place(older)?);
+        let ((to_w, newer), (from_w, older)) = (self.position(newer)?, self.position(older)?);
         Some((to_w - from_w) / (self.dt_s * (older - newer) as f64))
     }
 
-    /// The first place that is at least so old, and its age.
-    fn place(&self, age: usize) -> Option<(Vector2<f64>, usize)> {
-        (age..=age + LATER).find_map(|age| Some((self.place_at(age)?, age)))
+    /// The first position that is at least so old, and its age.
+    fn position(&self, age: usize) -> Option<(Vector2<f64>, usize)> {
+        (age..=age + LATER).find_map(|age| Some((self.position_at(age)?, age)))
     }
 
-    /// The place that is exactly so old, less than the length of the ring.
-    fn place_at(&self, age: usize) -> Option<Vector2<f64>> {
+    /// The position that is exactly so old, less than the length of the ring.
+    fn position_at(&self, age: usize) -> Option<Vector2<f64>> {
         let count = self.ring.len();
         self.ring[(self.newest + count - age) % count].0
     }

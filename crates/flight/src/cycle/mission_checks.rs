@@ -21,7 +21,7 @@ const ANGLE_MAX_RAD: f64 = 2.0 * std::f64::consts::TAU;
 /// Why `mission` cannot be flown, which is that of `table`: it leaves the room, is too low, stops inside of an
 /// obstacle, ends above one, or is faster than the failsafe or the upper bounds of the gains allow. Allocates.
 ///
-/// Each pose of `table` outside of the room is named, the farthest place of the path if none of them is.
+/// Each pose of `table` outside of the room is named, the farthest position of the path if none of them is.
 ///
 /// # Errors
 /// A room or obstacles that break their rule.
@@ -73,13 +73,13 @@ fn blocked(mission: &Mission, cycle: &CycleTable) -> Result<Vec<SettingError>, S
         let deepest = stops.iter().map(inside).max_by(|a, b| a.0.total_cmp(&b.0));
         if let Some((inside_m, at)) = deepest.filter(|(inside_m, _)| *inside_m > 0.0) {
             let rule = format!("outside of cycle.obstacles[{k}]: it is {inside_m:.2} m inside");
-            return Some(SettingError::new("mission", place(at.into()), rule));
+            return Some(SettingError::new("mission", position(at.into()), rule));
         }
         let end = stops.last().filter(|_| !obstacle.is_moving())?;
         let is_above = distance_above(obstacle, end, cycle.filter.floor_m) < 0.0;
         is_above.then(|| {
             let rule = format!("not above cycle.obstacles[{k}]: the drone lands there");
-            SettingError::new("mission", place(pos_w(end).into()), rule)
+            SettingError::new("mission", position(pos_w(end).into()), rule)
         })
     };
     Ok(obstacles.iter().enumerate().filter_map(misfit).collect())
@@ -138,13 +138,13 @@ fn room(cycle: &CycleTable) -> Result<Option<Room>, SettingError> {
     room.map_err(|error| error.under("cycle.supervisor.room"))
 }
 
-/// The places of the mission outside of `room`, as [`misplaced`] names them.
+/// The positions of the mission outside of `room`, as [`misplaced`] names them.
 fn outside(table: &MissionTable, mission: &Mission, room: &Room) -> Vec<SettingError> {
     let rule = |excess_m| format!("inside of cycle.supervisor.room: it is {excess_m:.2} m outside");
     misplaced(table, mission, |at| room.excess_m(at), rule)
 }
 
-/// The places of the mission that are lower than a drone hovers, as [`misplaced`] names them.
+/// The positions of the mission that are lower than a drone hovers, as [`misplaced`] names them.
 fn low(table: &MissionTable, mission: &Mission, floor_m: f64) -> Vec<SettingError> {
     let least_m = floor_m + HOVER_MIN_M;
     let rule =
@@ -152,8 +152,8 @@ fn low(table: &MissionTable, mission: &Mission, floor_m: f64) -> Vec<SettingErro
     misplaced(table, mission, |at| least_m - at[pose::Z], rule)
 }
 
-/// The poses of `table` that miss a rule by more than zero, `missing_m`; if there is none, the place of its path that
-/// misses it most. `rule` states by how much.
+/// The poses of `table` that miss a rule by more than zero, `missing_m`; if there is none, the position of its path
+/// that misses it most. `rule` states by how much.
 fn misplaced(
     table: &MissionTable,
     mission: &Mission,
@@ -163,7 +163,7 @@ fn misplaced(
     // What is no number does not fit.
     let fits = |at: &Pose| missing_m(at) <= 0.0;
     let refusal = |key: String, at: &Pose| {
-        SettingError::new(key, place(pos_w(at).into()), rule(missing_m(at)))
+        SettingError::new(key, position(pos_w(at).into()), rule(missing_m(at)))
     };
     let named = table.poses().filter(|(_, at)| !fits(at));
     let named: Vec<_> = named.map(|(key, at)| refusal(format!("mission.{key}"), &at)).collect();
@@ -178,7 +178,7 @@ fn misplaced(
 
 /// What is allowed but should be looked at, a sentence each: where `mission` asks for more than the vehicle of the
 /// prior parameters does, so that it is flown late there or beside the path; walls that it is too near to; obstacles
-/// that no place of the room touches. Allocates.
+/// that no position of the room touches. Allocates.
 pub fn notes(mission: &Mission, cycle: &CycleTable) -> Vec<String> {
     let prior = &cycle.mhe.p_prior;
     let late = |(demand, row, best, unit): (Demand, usize, f64, &str)| {
@@ -248,10 +248,10 @@ fn axes(
 
 fn described(demand: &Demand, unit: &str) -> String {
     let Demand { value, at_w, at_s } = demand;
-    format!("{value:.2} {unit} at {} after {at_s:.1} s", place(*at_w))
+    format!("{value:.2} {unit} at {} after {at_s:.1} s", position(*at_w))
 }
 
-fn place([x, y, z]: [f64; 3]) -> String {
+fn position([x, y, z]: [f64; 3]) -> String {
     format!("({x:.2}, {y:.2}, {z:.2}) m")
 }
 

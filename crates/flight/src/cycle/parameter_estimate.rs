@@ -14,7 +14,7 @@ pub struct ParameterEstimate {
     /// Covariance of `p` by the prior and the steps before the window, in the units of the estimator's weights, row
     /// by row.
     pub covariance: Vec<Vec<f64>>,
-    /// Correction of the dead time of each stick, with what is still missing of it; `None` if no motion showed it. s
+    /// Correction of the dead time of each stick, plus its remaining error; `None` if no motion showed it. s
     pub dead_time_change_s: Option<Sticks>,
 }
 

@@ -1,56 +1,36 @@
 //! From an estimate to the sticks: prediction, reference over the horizon, plan.
 //!
-//! Owns in which moment each stick is planned. Dead times differ between axes: the plan begins when the
-//! fastest stick sent now would act, and the first inputs of the slower ones are already in transit.
-//! The controller plans effective inputs; `Model::input_for` gives the sticks.
+//! Owns for which time each stick is planned. Dead times differ between axes: the plan begins when a stick of the
+//! fastest axis that is sent now acts, and the first inputs of the slower axes are committed: they are in transit
+//! already. The controller plans effective inputs; `Model::input_for` gives the sticks.
+
+mod known;
 
 use std::iter::repeat_n;
 
 use horizon_control::{Ask, Mpc, MpcReport, SoftConstraints, SolveError, predict};
 use horizon_model::rows::{Pose, Sticks, pos_w, pose, stick};
 use horizon_model::{InputFifo, Model, angle};
-use nalgebra::{Matrix3, SMatrix, SVector};
+use nalgebra::{SMatrix, SVector};
 
 use super::baseline::Baseline;
 use super::committed::Committed;
 use super::walls::{Clearance, PlanWalls, Walls};
 use crate::{Mission, Reference, clip_target};
+pub(super) use known::Known;
 
-/// Ticks after which an unused plan has lost `1 - 1/e` of its authority, thesis section 4.3.9.
+/// Age of a plan at which its sticks are reduced to `1/e`, thesis section 4.3.9. ticks
 const PLAN_DECAY_TICKS: f64 = 10.0;
 
-/// Ticks after which an unused plan is too old to be judged against walls.
+/// Largest age of a plan at which its clearance from walls still counts. ticks
 const CLEAR_LAG_MAX: u32 = 5;
 
-/// A vehicle that brakes is held where it is once it is slower, until it is so far away. m/s, m
+/// A braking vehicle is held at its position once its speed is below the first value, until its distance from there
+/// exceeds the second. m/s, m
 const REST_MPS: f64 = 0.1;
 const REST_M: f64 = 0.5;
 
-/// What the plan follows from.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Known<'a, const NS: usize, const NP: usize> {
-    /// Newest estimate. In the units of the model's rows
-    pub(super) s_hat: &'a SVector<f64, NS>,
-    /// Parameter estimate. In the units of its rows
-    pub(super) p_hat: &'a SVector<f64, NP>,
-    /// Covariance of `s_hat`; `None`: unknown. Units of its rows, squared
-    pub(super) covariance: Option<SMatrix<f64, NS, NS>>,
-    /// Sticks that were sent.
-    pub(super) fifo: &'a InputFifo<{ stick::COUNT }>,
-    /// What acts in place of all of them in an outage.
-    pub(super) instead: Option<Sticks>,
-    /// First period after the estimate, seen from the coming step.
-    pub(super) from_ahead: isize,
-}
-
-impl<const NS: usize, const NP: usize> Known<'_, NS, NP> {
-    /// The sticks that act in the step `ahead` of the coming one.
-    fn applied(&self, ahead: isize) -> Sticks {
-        self.instead.unwrap_or_else(|| self.fifo.applied(ahead))
-    }
-}
-
-/// Controller with all that it is asked.
+/// Controller with its references, constraints and newest plan.
 #[derive(Debug)]
 pub(super) struct Planner<M, const NS: usize, const NP: usize, const NR: usize>
 where
@@ -63,20 +43,26 @@ where
     u_lb: Sticks,
     u_ub: Sticks,
     committed: Committed,
+    /// Committed effective inputs of the newest plan, by step; as long as the horizon.
     u_given: Vec<Sticks>,
+    /// References of the newest plan by stage, of the mission and as states.
     references: Vec<Reference>,
     s_ref: Vec<SVector<f64, NS>>,
-    /// Where the newest plan begins, and its parameter.
+    /// State at the beginning of the newest plan.
     s_0: SVector<f64, NS>,
+    /// Parameter of the newest plan.
     p: SVector<f64, NP>,
     /// Ticks since the plan in use was solved; `None` without a plan.
     lag: Option<u32>,
-    /// What the plan keeps away from; `None`: nothing.
+    /// Walls and obstacles that the plan keeps away from; `None`: it knows none.
     walls: Option<Walls>,
+    /// Clearance of the newest plan.
     clearance: Option<Clearance>,
+    /// Whether the newest plan stays inside of the room and out of obstacles that do not move.
     is_clear: bool,
-    /// Whether the plan brings the vehicle to rest, whatever the mission, and where it is held then.
+    /// Whether the plan brings the vehicle to rest, whatever the mission.
     is_braking: bool,
+    /// Where the vehicle is held after braking; `None` before it is slow. World frame. m, rad
     rest: Option<Pose>,
 }
 
@@ -84,8 +70,8 @@ impl<M, const NS: usize, const NP: usize, const NR: usize> Planner<M, NS, NP, NR
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    /// A planner without a plan. `u_lb` and `u_ub` are bounds of the sticks; those of `mpc` are of their
-    /// effect, as is its model. A stage begins where the nominal
+    /// A planner without a plan. `u_lb` and `u_ub` are bounds of the sticks; model and bounds of `mpc` are those of
+    /// effective inputs. A stage of `mpc` begins where the nominal
     /// [`given_steps`](super::committed::given_steps) end.
     pub(super) fn new(
         model: M,
@@ -132,7 +118,7 @@ where
         Self { walls, ..self }
     }
 
-    /// From now on plans follow the mission, or bring the vehicle to rest as near as they can.
+    /// Chooses whether plans bring the vehicle to rest, as near as they can, or follow the mission.
     pub(super) fn brake(&mut self, is_braking: bool) {
         self.is_braking = is_braking;
         self.rest = self.rest.filter(|_| is_braking);
@@ -143,7 +129,7 @@ where
         self.is_braking
     }
 
-    /// Whether plans hold a vehicle that has braked at one place.
+    /// Whether plans hold a vehicle that has braked at one position.
     pub(super) fn is_at_rest(&self) -> bool {
         self.rest.is_some()
     }
@@ -171,62 +157,85 @@ where
         if self.committed.dead_time_steps != *known.fifo.dead_time_steps() {
             self.committed = Committed::new(known.fifo.dead_time_steps(), self.mpc.settings());
         }
-        let first = known.fifo.known_steps();
-        let first_ahead = first.cast_signed();
-        let inputs = (known.from_ahead..first_ahead).map(|ahead| known.applied(ahead));
-        let s_0 = predict(&self.model, known.s_hat, known.p_hat, inputs, self.dt_s);
-        self.s_0 = s_0;
-        self.p = known.p_hat + self.baseline.p_correction;
-        let given = self.committed.given_steps_max();
-        for (k, u) in self.u_given.iter_mut().take(given).enumerate() {
-            *u = self.model.effect(&known.applied(first_ahead + k.cast_signed()), &self.p);
-        }
-        // The mission is where the estimate is: in the past, if this is used a tick later.
-        let since_estimate = usize::try_from(-known.from_ahead).unwrap_or(0);
-        if let Some(walls) = &mut self.walls {
-            let committed = first + self.committed.steps_max;
-            let covariance_w = covariance_after(&self.model, known, committed as f64 * self.dt_s);
-            walls.begin_after(first as f64 * self.dt_s, covariance_w);
-        }
-        self.refer(mission, &s_0, since_estimate + first);
+        self.predict_start(known);
+        self.fill_given(known);
+        self.begin_walls(known);
+        self.refer(mission, known);
         match self.lag {
             Some(_) => self.mpc.shift(),
             None => self.mpc.reset(),
         }
-        let ask = Ask {
-            s_0: &s_0,
-            p: &self.p,
-            u_before: &self.model.effect(&known.applied(first_ahead - 1), &self.p),
-            u_given: &self.u_given[..given],
-            given_steps: self.committed.given_steps,
-            s_ref: &self.s_ref,
-        };
-        let walls =
-            self.walls.as_ref().map(|walls| PlanWalls { model: &self.model, p: &self.p, walls });
-        let walls = walls.as_ref().map(|walls| walls as &dyn SoftConstraints<NS>);
-        let solved = self.mpc.solve_with(&ask, walls, is_late);
+        let solved = self.solve(known, is_late);
         self.lag = match self.lag {
             _ if solved.as_ref().is_ok_and(MpcReport::has_new_plan) => Some(0),
-            // A late or failed solve is not waited for: the shifted plan goes on.
+            // After a late or failed solve the shifted plan goes on.
             lag => lag.map(|lag| lag.saturating_add(1)),
         };
         (self.clearance, self.is_clear) = self.find_clearance();
         solved
     }
 
-    /// Fills the references of the plan that begins at `s_0`, `first` steps after the estimate.
-    fn refer(&mut self, mission: &Mission, s_0: &SVector<f64, NS>, first: usize) {
-        let from = self.model.observe(s_0);
+    /// Predicts the state at the beginning of the plan, by the sticks that act until then.
+    fn predict_start(&mut self, known: &Known<'_, NS, NP>) {
+        let inputs = (known.from_ahead..known.begin_ahead()).map(|ahead| known.applied(ahead));
+        self.s_0 = predict(&self.model, known.s_hat, known.p_hat, inputs, self.dt_s);
+        self.p = known.p_hat + self.baseline.p_correction;
+    }
+
+    /// Fills the committed inputs of the first steps of the plan.
+    fn fill_given(&mut self, known: &Known<'_, NS, NP>) {
+        let given = self.committed.given_steps_max();
+        for (k, u) in self.u_given.iter_mut().take(given).enumerate() {
+            *u = self.model.effect(&known.applied(known.begin_ahead() + k.cast_signed()), &self.p);
+        }
+    }
+
+    /// Sets time and covariance of the beginning of the plan for walls and obstacles.
+    fn begin_walls(&mut self, known: &Known<'_, NS, NP>) {
+        let Some(walls) = &mut self.walls else { return };
+        let first = known.fifo.known_steps();
+        let committed = first + self.committed.steps_max;
+        let covariance_w = known.covariance_after(&self.model, committed as f64 * self.dt_s);
+        walls.begin_after(first as f64 * self.dt_s, covariance_w);
+    }
+
+    /// Solves for a plan from the start, committed inputs, walls and references that are filled in.
+    fn solve(
+        &mut self,
+        known: &Known<'_, NS, NP>,
+        is_late: &mut dyn FnMut() -> bool,
+    ) -> Result<MpcReport, SolveError> {
+        let ask = Ask {
+            s_0: &self.s_0,
+            p: &self.p,
+            u_before: &self.model.effect(&known.applied(known.begin_ahead() - 1), &self.p),
+            u_given: &self.u_given[..self.committed.given_steps_max()],
+            given_steps: self.committed.given_steps,
+            s_ref: &self.s_ref,
+        };
+        let (model, p) = (&self.model, &self.p);
+        let walls = self.walls.as_ref().map(|walls| PlanWalls { model, p, walls });
+        let walls = walls.as_ref().map(|walls| walls as &dyn SoftConstraints<NS>);
+        self.mpc.solve_with(&ask, walls, is_late)
+    }
+
+    /// Fills the references of the plan.
+    fn refer(&mut self, mission: &Mission, known: &Known<'_, NS, NP>) {
+        // A plan for the next tick begins one step more after the estimate, at which the mission is.
+        let since_estimate = usize::try_from(-known.from_ahead).unwrap_or(0);
+        let first = since_estimate + known.fifo.known_steps();
+        let s_0 = self.s_0;
+        let from = self.model.observe(&s_0);
         let near = |at: &Pose| angle::nearest_turn(at, &from, &M::OBSERVATION);
         if self.is_braking {
-            let rest = near(&self.rest(&from, s_0));
-            self.s_ref.fill(self.model.moving(&rest, &Pose::zeros(), s_0));
+            let rest = near(&self.rest(&from, &s_0));
+            self.s_ref.fill(self.model.moving(&rest, &Pose::zeros(), &s_0));
             return;
         }
         if mission.is_pointwise() {
             let distance_max = self.baseline.max_target_distance;
             let target = clip_target(&near(mission.target()), &from, distance_max);
-            self.s_ref.fill(self.model.moving(&target, &Pose::zeros(), s_0));
+            self.s_ref.fill(self.model.moving(&target, &Pose::zeros(), &s_0));
             return;
         }
         mission.fill(first, self.mpc.settings().stage_steps(), &mut self.references);
@@ -238,11 +247,12 @@ where
         for (s_ref, reference) in self.s_ref.iter_mut().zip(&self.references) {
             let mut at = reference.pose;
             at[pose::THETA] += turn;
-            *s_ref = self.model.moving(&at, &reference.rate, s_0);
+            *s_ref = self.model.moving(&at, &reference.rate, &s_0);
         }
     }
 
-    /// Where a vehicle that brakes and is at `from` comes to rest: held at one place, it does not creep on.
+    /// Reference of a braking vehicle at `from`: its own pose, or once it is slow the pose at which it is held, so that
+    /// it does not drift on.
     fn rest(&mut self, from: &Pose, s_0: &SVector<f64, NS>) -> Pose {
         let next = self.model.observe(&self.model.step(s_0, &Sticks::zeros(), &self.p, self.dt_s));
         let is_slow = (pos_w(&next) - pos_w(from)).norm() < REST_MPS * self.dt_s;
@@ -264,7 +274,7 @@ where
         self.clearance
     }
 
-    /// What the plan keeps away from; `None`: nothing.
+    /// Walls and obstacles that the plan keeps away from; `None`: it knows none.
     pub(super) fn walls(&self) -> Option<&Walls> {
         self.walls.as_ref()
     }
@@ -279,6 +289,7 @@ where
         }
     }
 
+    /// Clearance of the newest plan, and whether the plan is clear, as of [`Walls::clearance`].
     fn find_clearance(&self) -> (Option<Clearance>, bool) {
         let Some(walls) = &self.walls else { return (None, true) };
         let mut ahead_s = 0.0;
@@ -290,14 +301,13 @@ where
         walls.clearance(poses)
     }
 
-    /// Reference for [`Planner::s_pred`]; for the step after it if no stick is in transit longer than
-    /// another.
+    /// Reference for [`Planner::s_pred`]; for the step after it if all axes have the same dead time.
     pub(super) fn reference(&self) -> Option<Pose> {
         let at = self.committed.given_stages.saturating_sub(1);
         self.s_ref.get(at).map(|s_ref| self.model.observe(s_ref))
     }
 
-    /// Step 4: the sticks that the plan holds for now, weaker the older the plan, thesis section 4.3.9.
+    /// Step 4: the planned sticks for now, reduced with the age of the plan, thesis section 4.3.9; neutral without one.
     pub(super) fn sticks(&self) -> Sticks {
         let (true, Some(lag)) = (self.has_usable_plan(), self.lag) else { return Sticks::zeros() };
         let plan = self.mpc.plan();
@@ -315,13 +325,14 @@ where
         stages.flat_map(|(effect, steps)| repeat_n(self.stick_for(effect), *steps as usize))
     }
 
+    /// Sticks that have the effective input `effect`, within their bounds.
     fn stick_for(&self, effect: &Sticks) -> Sticks {
         let stick = self.model.input_for(effect, &self.p);
         // `clamp` keeps NaN: the gate refuses it.
         Sticks::from_fn(|axis, _| stick[axis].clamp(self.u_lb[axis], self.u_ub[axis]))
     }
 
-    /// Whether there is a plan that reaches to now.
+    /// Whether there is a plan whose horizon has not passed yet.
     pub(super) fn has_usable_plan(&self) -> bool {
         let usable = self.horizon_steps().saturating_sub(self.committed.steps_max);
         self.lag.is_some_and(|lag| (lag as usize) < usable)
@@ -335,7 +346,8 @@ where
         }
     }
 
-    /// Follows the obstacle that moves by a period.
+    /// Follows the moving obstacle by a period, in which its position was measured at `obstacle_w` or not at all, world
+    /// frame. m
     pub(super) fn follow(&mut self, obstacle_w: Option<[f64; 3]>) {
         self.walls.iter_mut().for_each(|walls| walls.follow(obstacle_w, self.dt_s));
     }
@@ -344,23 +356,6 @@ where
     pub(super) fn drop_plan(&mut self) {
         self.lag = None;
     }
-}
-
-/// Covariance of the position `after_s` after the estimate, whatever the sticks are until then; zero if it is unknown.
-/// m^2
-fn covariance_after<M, const NS: usize, const NP: usize>(
-    model: &M,
-    known: &Known<'_, NS, NP>,
-    after_s: f64,
-) -> Matrix3<f64>
-where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-{
-    let Some(covariance) = known.covariance else { return Matrix3::zeros() };
-    let step = model.step_by_state(known.s_hat, &Sticks::zeros(), known.p_hat, after_s);
-    let pose_by_state = model.observe_by_state(known.s_hat) * step;
-    let pos_by_state = pose_by_state.fixed_rows::<3>(pose::X);
-    pos_by_state * covariance * pos_by_state.transpose()
 }
 
 #[cfg(test)]

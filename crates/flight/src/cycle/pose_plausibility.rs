@@ -1,6 +1,6 @@
-//! What the motion capture shows about itself: repeated poses, and places that no vehicle gets to.
+//! What the motion capture shows about itself: repeated poses, and positions that no vehicle gets to.
 //!
-//! Owns the signs that a stream goes on and is wrong: it repeats one place to the last digit, or it is
+//! Owns the signs that a stream goes on and is wrong: it repeats one position to the last digit, or it is
 //! further away than a vehicle flies. The supervisor decides what follows from them.
 
 use horizon_estim::Observed;
@@ -18,13 +18,13 @@ const REPEATS_MIN: u32 = 3;
 /// Speed of a step between poses that is no jump: full sticks along one axis reach 1.8 m/s. m/s
 pub(super) const SPEED_MAX_MPS: f64 = 2.0;
 
-/// For so long a place may have been repeated while the vehicle flew on: what lasts longer ends a flight. s
+/// Longest time for which a position may have been repeated while the vehicle flew on: a longer one ends a flight. s
 const REPEATED_MAX_S: f64 = 1.0;
 
-/// Excess from which on poses are rough, as those of an object that is found in two places in turn. m
+/// Excess from which on poses are rough, as those of an object that is found in two positions in turn. m
 const ROUGH_M: f64 = 0.1;
 
-/// The same of two places that are nearer to each other, which takes many such steps. m
+/// The same of two positions that are nearer to each other, which takes many such steps. m
 const UNSTEADY_M: f64 = 0.05;
 
 /// For so many ticks, a second at 50 Hz, the poses after a rough one tell neither whether commands act nor how late
@@ -133,7 +133,7 @@ impl Plausibility {
         Observed { o: observed.o, is_present: observed.is_present.map(|it| it && !has_jumped) }
     }
 
-    /// Forgets the place of the vehicle.
+    /// Forgets the position of the vehicle.
     pub(super) fn restart(&mut self) {
         self.accepted = None;
     }
@@ -160,7 +160,7 @@ impl Plausibility {
         }
     }
 
-    /// Takes the step from the accepted pose `before` to `now`, measured at `at`. Its time is that since the place
+    /// Takes the step from the accepted pose `before` to `now`, measured at `at`. Its time is that since the position
     /// before was measured first, up to a second: some systems repeat the last pose of an object that they do not see.
     /// A descent has the time since the pose alone.
     fn take_step(&mut self, before: Accepted, now: &Pose, at: TimeNs) {
@@ -192,7 +192,7 @@ impl Plausibility {
         self.repeats >= REPEATS_MIN
     }
 
-    /// Whether poses jump again and again, in whatever direction: an object that is found in two places, or noise.
+    /// Whether poses jump again and again, in whatever direction: an object that is found in two positions, or noise.
     pub(super) fn is_rough(&self) -> bool {
         [QUICK, SLOW, SLOWEST].iter().any(|burst| self.rough.has(burst))
             || self.unsteady.has(&UNSTEADY)

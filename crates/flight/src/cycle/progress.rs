@@ -26,7 +26,7 @@ pub(super) struct Progress {
     targets_reached: usize,
     /// Least distance and turn since the reference was chosen. m, rad
     least: Option<(f64, f64)>,
-    /// Whether an obstacle that moves was in the way to the reference.
+    /// Whether the moving obstacle was in the path to the reference.
     was_blocked: bool,
     /// Whether the reference led back to a missed waypoint, and until when that counts, in `flown_s`. s
     was_returning: bool,
@@ -73,17 +73,17 @@ impl Progress {
         self.top_m = None;
     }
 
-    /// How the vehicle at `pose_hat` tracks its reference. While an obstacle that moves is in the way there, by
-    /// `is_way_blocked`, of the distance half counts; once it has gone, the distance of then is the least one.
+    /// How the vehicle at `pose_hat` tracks its reference. While the moving obstacle is in the path there, by
+    /// `is_path_blocked`, of the distance half counts; once it has gone, the distance of then is the least one.
     pub(super) fn tracking(
         &mut self,
         mission: &Mission,
         pose_hat: &Pose,
-        is_way_blocked: impl FnOnce(&Pose) -> bool,
+        is_path_blocked: impl FnOnce(&Pose) -> bool,
     ) -> Tracking {
         let target = mission.is_pointwise().then(|| *mission.target());
         let Some(reference) = mission.reference().or(target) else { return Tracking::default() };
-        let is_blocked = is_way_blocked(&reference);
+        let is_blocked = is_path_blocked(&reference);
         let was_blocked = std::mem::replace(&mut self.was_blocked, is_blocked);
         if target.is_some() && self.targets_reached != mission.targets_reached() {
             self.targets_reached = mission.targets_reached();
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn an_obstacle_in_the_way_lets_half_of_the_distance_count_and_what_it_left_is_the_least() {
+    fn an_obstacle_in_the_path_lets_half_of_the_distance_count_and_what_it_left_is_the_least() {
         let mission = mission(include_str!("../../../../configs/targets/square.json"));
         let mut progress = Progress::default();
         let mut away_m = |x_m: f64, is_blocked: bool| {

@@ -1,6 +1,6 @@
 //! Which raw observations are used, and how old they are.
 //!
-//! Owns the way from the sightings of a tick to the rows that the estimator may use.
+//! Owns how the sightings of a tick become the rows that the estimator may use.
 
 use horizon_estim::Observed;
 use horizon_model::Model;
@@ -56,7 +56,7 @@ where
         if self.supervisor.phase() == Phase::Idle {
             self.plausibility.stand();
         }
-        // A late sighting is left out: it would lead the filter back to an earlier place.
+        // A late sighting is left out: it would lead the filter back to an earlier position.
         let timely = || inbox.sightings.iter().filter(|sighting| !is_late(sighting, inbox.now));
         // The filter is updated in a tick without a sighting, too: its limits grow.
         let nothing = timely().next().is_none().then_some(None);

@@ -1,7 +1,7 @@
 //! Whether the poses on the ground agree before anything moves, and whether a flight that began in the air began with
 //! a false heading.
 //!
-//! Owns the place where the vehicle stands: a first pose may be an outlier, and a filter that began with it
+//! Owns the position where the vehicle stands: a first pose may be an outlier, and a filter that began with it
 //! refuses all that are right. Nothing is accepted before the poses agree for a while.
 
 use horizon_model::angle::wrap;

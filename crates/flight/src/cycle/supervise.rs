@@ -1,6 +1,6 @@
 //! From estimate, poses and reports to the ruling of the supervisor.
 //!
-//! Owns the evidence: the inputs of each monitor and the findings for the supervisor.
+//! Owns how the [`Evidence`] of a tick is collected, and the inputs of each monitor.
 
 use horizon_model::Model;
 use horizon_model::rows::{Pose, Sticks, pos_w, pose, stick};
@@ -17,23 +17,23 @@ use crate::{
     Sample,
 };
 
-/// Age beyond which a report of the drone shows nothing of the present motion. s
+/// Age beyond which a report of the drone is too old for the monitors. s
 const REPORT_AGE_MAX_S: f64 = 0.5;
 
-/// Largest stick that moves nothing: a released key decays towards zero and never reaches it. 1
+/// Largest stick that counts as neutral: that of a released key decays towards zero and never reaches it. 1
 const HAND_NEUTRAL: f64 = 0.02;
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    /// Who may steer; `None`: nobody, as in the recording of another controller.
+    /// Rules on this tick; who may steer. `None`: nobody, as in the recording of another controller.
     pub(super) fn supervise(&mut self, inbox: &Inbox, out: &mut Outcome) -> Option<Pilot> {
         if inbox.flown.is_some() {
             return None;
         }
         let findings = self.monitor(inbox);
-        self.note_place(self.memory.o_seen, &self.fifo.applied(JUST_ENDED));
+        self.note_pose(self.memory.o_seen, &self.fifo.applied(JUST_ENDED));
         out.findings = Some(findings);
         let outage = self.outage();
         let (motion, tracking) = self.follow_motion(out).unzip();
@@ -103,42 +103,43 @@ where
         known
     }
 
-    /// Where the reference, or a constant target, is behind an obstacle that does not move. m
+    /// Position of the reference, or of a constant target, if it is behind an obstacle that does not move and the
+    /// moving obstacle is not in the path; else `None`. World frame. m
     fn reference_behind_w(&self, motion: Option<&EstimatedMotion>) -> Option<Vector3<f64>> {
         let (walls, at_w) = (self.planner.walls()?, pos_w(&motion?.pose));
         let to_w = pos_w(&self.mission.reference().unwrap_or(*self.mission.target()));
-        let is_behind = walls.is_way_through_obstacle(&at_w, &to_w);
-        (is_behind && !walls.is_way_blocked(&at_w, &to_w)).then_some(to_w)
+        let is_behind = walls.is_path_through_obstacle(&at_w, &to_w);
+        (is_behind && !walls.is_path_blocked(&at_w, &to_w)).then_some(to_w)
     }
 
-    /// How fast the vehicle moves beside its reference, horizontally; `None` if it is a constant target, or an obstacle
-    /// is near or in the way there, which may have to be evaded. m/s
+    /// Difference between the horizontal velocities of vehicle and reference; `None` if the reference is a constant
+    /// target, or if an obstacle is near or in the path, which may have to be evaded. m/s
     fn velocity_error_mps(&self, motion: &EstimatedMotion) -> Option<f64> {
         let (at_w, to_w) = (pos_w(&motion.pose), pos_w(&self.mission.reference()?));
         let error = motion.rate - self.mission.reference_rate()?;
         let is_evading = self.planner.walls().is_some_and(|walls| {
-            walls.is_beside_obstacle(&at_w) || walls.is_way_blocked(&at_w, &to_w)
+            walls.is_beside_obstacle(&at_w) || walls.is_path_blocked(&at_w, &to_w)
         });
         (!is_evading).then(|| error[pose::X].hypot(error[pose::Y]))
     }
 
-    /// How the vehicle at `at` tracks its reference. Where it was carried before its flight is no part of that, and a
-    /// plan that evades an obstacle may lead down.
+    /// How the vehicle at `at` tracks its reference. What was before the flight does not count, nor how far the vehicle
+    /// has come down beside an obstacle: a plan that evades the obstacle may lead down.
     fn track(&mut self, at: &Pose) -> Tracking {
         if self.supervisor.phase() != Phase::Flying {
             self.progress.resume();
             self.progress.restart_height();
         }
         let (walls, at_w) = (self.planner.walls(), pos_w(at));
-        let is_way_blocked =
-            |to: &Pose| walls.is_some_and(|walls| walls.is_way_blocked(&at_w, &pos_w(to)));
-        let tracking = self.progress.tracking(&self.mission, at, is_way_blocked);
+        let is_path_blocked =
+            |to: &Pose| walls.is_some_and(|walls| walls.is_path_blocked(&at_w, &pos_w(to)));
+        let tracking = self.progress.tracking(&self.mission, at, is_path_blocked);
         let is_beside = walls.is_some_and(|walls| walls.is_beside_obstacle(&at_w));
         let sunk_m = if is_beside { 0.0 } else { tracking.sunk_m };
         Tracking { sunk_m, ..tracking }
     }
 
-    /// Shows this tick to the monitors.
+    /// Takes this tick to the monitors of the motion; their findings.
     fn monitor(&mut self, inbox: &Inbox) -> Findings {
         let sample = self.sample(self.memory.o_seen, self.fifo.applied(JUST_ENDED), inbox);
         if !self.is_monitored() {
@@ -156,8 +157,8 @@ where
         Findings { direction_error_rad: None, is_direction_wrong: false, ..findings }
     }
 
-    /// Shows a period without a tick, in which `u_meant` would have been applied, to the monitors and to the worst
-    /// case: nothing is known of its motion.
+    /// Takes a period without a tick, in which `u_meant` would have been applied and no motion was measured, to the
+    /// monitors and to the worst case.
     pub(super) fn monitor_missed(&mut self, u_meant: Sticks) {
         if self.is_monitored() {
             let link_is_up = self.link_is_up();
@@ -167,16 +168,16 @@ where
         if self.mhe.is_started() {
             self.follow_worst_case(&u_meant);
         }
-        self.note_place(None, &u_meant);
+        self.note_pose(None, &u_meant);
     }
 
-    /// Notes where the vehicle was seen after a period in which `u_applied` was applied.
-    fn note_place(&mut self, seen: Option<Pose>, u_applied: &Sticks) {
+    /// Notes the pose `seen` after a period in which `u_applied` was applied, for the detection of an impact.
+    fn note_pose(&mut self, seen: Option<Pose>, u_applied: &Sticks) {
         self.impact.see(seen.as_ref(), u_applied, self.theta_hat_rad());
     }
 
-    /// Notes the inputs by which the controller should move the vehicle: those of the mission while the link is up. A
-    /// person's motion shows nothing of them.
+    /// Notes the inputs by which the controller should move the vehicle: those of the mission while the link is up.
+    /// Under a person's hand the monitors of progress begin anew.
     pub(super) fn note_pressed(&mut self, pilot: Option<Pilot>, u_sent: &Sticks) {
         if pilot == Some(Pilot::Person) {
             self.immobility.restart();
@@ -202,7 +203,7 @@ where
         Sample { pose, drone, u_applied, link_is_up: self.link_is_up() }
     }
 
-    /// The present command outage.
+    /// The present command outage; `None` without one.
     fn outage(&mut self) -> Option<Outage> {
         if !self.mhe.is_started() {
             return None;
@@ -213,14 +214,14 @@ where
         Some(Outage { for_s, is_held, unseen: states.map(|s| self.motion_of(&s)) })
     }
 
-    /// One period in which `u_meant` would have been applied.
+    /// Follows the worst case of an outage by a period in which `u_meant` would have been applied.
     fn follow_worst_case(&mut self, u_meant: &Sticks) {
         let link_is_up = self.link_is_up();
         let estimate = (self.mhe.s_hat(), self.mhe.p_hat());
         self.worst_case.follow(&self.model, link_is_up, estimate, u_meant, self.dt_s);
     }
 
-    /// Where the vehicle is and where to, by the newest estimate; `None` before the first.
+    /// Pose and velocity by the newest estimate; `None` before the first.
     pub(super) fn motion(&self) -> Option<EstimatedMotion> {
         self.mhe.is_started().then(|| self.motion_of(self.mhe.s_hat()))
     }
@@ -237,7 +238,7 @@ where
     }
 }
 
-/// What a report tells of the motion.
+/// The motion that `status` reports.
 fn drone_motion(status: &DroneStatus) -> DroneMotion {
     DroneMotion {
         horizontal_d_mps: status.velocity_d_mps.map(|[first, second, _]| [first, second]),
@@ -246,7 +247,7 @@ fn drone_motion(status: &DroneStatus) -> DroneMotion {
     }
 }
 
-/// What of a status is evidence at `now`.
+/// The evidence of `status` at `now`.
 fn drone_report(status: &DroneStatus, now: TimeNs) -> DroneReport {
     DroneReport {
         age_s: now.since(status.received_at).seconds(),

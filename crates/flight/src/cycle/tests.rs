@@ -94,7 +94,7 @@ fn the_sticks_of_the_controller_pass_on_a_fresh_pose_only() {
     let mut cycle = cycle();
     cycle.hand_over.blend(Pilot::Person, &Sticks::zeros(), &Sticks::repeat(0.5), 1.0);
     cycle.fifo.push(&Sticks::repeat(0.5));
-    // Half of the way from the sticks of a person to those of a plan that is missing.
+    // Half of the path from the sticks of a person to those of a plan that is missing.
     for (pose_age_ns, passes) in
         [(None, false), (Some(20_000_000), true), (Some(i64::MAX / 4), false)]
     {

@@ -1,8 +1,8 @@
 //! Walls and obstacles in the plan.
 //!
 //! Owns the distances that the controller's soft constraints (`plan_walls.rs`) need: of the planned pose from walls and
-//! obstacles, and from the walls that of the place to which the vehicle would coast with neutral sticks, so that a
-//! flight that ends in them tends to come to rest inside. Of an obstacle that moves, each of two predictions counts.
+//! obstacles, and of the position to which the vehicle would coast with neutral sticks from the walls, so that a
+//! flight that ends in neutral sticks tends to come to rest inside. Two predictions of the moving obstacle count.
 
 mod plan_walls;
 
@@ -18,24 +18,26 @@ use crate::supervisor::CLIMB_MAX_M;
 use crate::{Obstacle, ObstacleTable, Room};
 pub(super) use plan_walls::PlanWalls;
 
-/// What is further away than this is not looked at. m
-const NEAR_M: f64 = 1.0;
+/// Distance beyond the margin of a surface from which on the surface is left out of the constraints of a pose. m
+const BEYOND_MARGIN_M: f64 = 1.0;
 
-/// Least distance between the places of a way that are looked at, and the most of them. m, 1
-const WAY_SPACING_M: f64 = 0.01;
-const WAY_PLACES_MAX: u32 = 200;
+/// Least distance of a plan from all surfaces from which on no [`Clearance`] is reported. m
+const CLEARANCE_MAX_M: f64 = 1.0;
 
-/// A plan that evades an obstacle may change the height of a vehicle that is nearer to it. m
+/// Least distance between the points of a path that are checked for obstacles, and the largest number of points. m, 1
+const PATH_SPACING_M: f64 = 0.01;
+const PATH_POINTS_MAX: u32 = 200;
+
+/// Distance from an obstacle within which a plan that evades it may change the height of the vehicle. m
 const BESIDE_M: f64 = 0.6;
 
-/// How far above a start obstacles are looked for: a take-off, and 0.1 m to spare. m
+/// Height above a start that must be free of obstacles: a take-off and 0.1 m. m
 const CLIMB_M: f64 = CLIMB_MAX_M + 0.1;
 
-/// An obstacle that moves is in the way of a climb or landing that it meets within so long: a landing from 1.3 m takes
-/// 3.5 s. s
+/// Time within which the moving obstacle must not meet a climb or landing: a landing from 1.3 m takes 3.5 s. s
 const APPROACH_S: f64 = 4.0;
 
-/// A person who stands sways by less. m/s
+/// Largest speed of a person who stands and shifts weight. m/s
 const STANDS_MPS: f64 = 0.3;
 
 /// How the plan keeps away from walls and obstacles.
@@ -48,16 +50,16 @@ pub struct WallTable {
     pub margin_m: f64,
     /// By how much the margin grows over the horizon: the error of the prediction. m/s, 0..=0.5
     pub growth_mps: f64,
-    /// Acceleration that an obstacle may have which moves: its margin grows by `1/2 a t^2` besides, t from its newest
-    /// place on. More, up to 1, if it has shown more. m/s^2, 0..=5; 0 in older settings and logs: none
+    /// Acceleration that the moving obstacle may have: its margin also grows by `1/2 a t^2`, t from its newest position
+    /// on. More, up to 1, if it has shown more. m/s^2, 0..=5; 0 in older settings and logs: none
     #[serde(default)]
     pub obstacle_accel_mps2: f64,
     /// Standard deviations of the predicted position, by the estimate's covariance over the committed time, that the
     /// margin grows by. 1, 0..=5; 0 in older settings and logs
     #[serde(default)]
     pub margin_sd: f64,
-    /// Part of the way to rest with neutral sticks that walls keep clear as well, by the identified lags. 1, 0..=1; 0
-    /// in older settings and logs
+    /// Part of the displacement to rest with neutral sticks, by the identified lags, at whose end the plan keeps away
+    /// from walls, too. 1, 0..=1; 0 in older settings and logs
     #[serde(default)]
     pub coasting: f64,
 }
@@ -65,15 +67,35 @@ pub struct WallTable {
 /// The room and what stands in it, as the plan sees them.
 #[derive(Debug, Clone)]
 pub(super) struct Walls {
-    room: Option<Room>,
-    obstacles: Vec<Obstacle>,
+    surfaces: Vec<Surface>,
     table: WallTable,
-    /// What moves, by the newest tick.
+    /// The moving obstacle by the newest tick.
     moving: MovingObstacle,
-    /// From now to the beginning of the plan. s
+    /// Time from now to the beginning of the plan. s
     lead_s: f64,
-    /// Covariance of the predicted position. m^2
+    /// Covariance of the predicted position, world frame. m^2
     covariance_w: Matrix3<f64>,
+}
+
+/// A wall or obstacle that the plan keeps away from: one soft constraint.
+#[derive(Debug, Clone, Copy)]
+enum Surface {
+    /// A wall of the room, by its number below [`Room::WALLS`].
+    Wall(Room, usize),
+    /// An obstacle; the moving one is predicted by its present velocity.
+    Obstacle(Obstacle),
+    /// The moving obstacle once more, predicted by its low-pass filtered velocity.
+    MovingByMean(Obstacle),
+}
+
+impl Surface {
+    fn is_moving(&self) -> bool {
+        match self {
+            Self::Wall(..) => false,
+            Self::Obstacle(obstacle) => obstacle.is_moving(),
+            Self::MovingByMean(_) => true,
+        }
+    }
 }
 
 /// How near a plan comes to walls and obstacles.
@@ -114,26 +136,32 @@ impl Walls {
             in_range("coasting", table.coasting, 0.0..=1.0)
         };
         check().map_err(|error| error.under("mpc.walls"))?;
-        let covariance_w = Matrix3::zeros();
-        let table = table.clone();
+        let walls =
+            room.into_iter().flat_map(|room| (0..Room::WALLS).map(move |i| Surface::Wall(room, i)));
+        let may_accelerate = table.obstacle_accel_mps2 > 0.0;
+        let by_mean = obstacles.iter().filter(|obstacle| may_accelerate && obstacle.is_moving());
+        let surfaces = walls
+            .chain(obstacles.iter().copied().map(Surface::Obstacle))
+            .chain(by_mean.copied().map(Surface::MovingByMean))
+            .collect();
         Ok(Some(Self {
-            room,
-            obstacles,
-            table,
+            surfaces,
+            table: table.clone(),
             moving: MovingObstacle::default(),
             lead_s: 0.0,
-            covariance_w,
+            covariance_w: Matrix3::zeros(),
         }))
     }
 
-    /// Follows the obstacle that moves by a period of `dt_s`, in which it was seen at `seen_w`, world frame. m
+    /// Follows the moving obstacle by a period of `dt_s`, in which its position `seen_w` was measured or not at all,
+    /// world frame. m
     pub(super) fn follow(&mut self, seen_w: Option<[f64; 3]>, dt_s: f64) {
         self.moving.follow(seen_w, dt_s);
     }
 
-    /// Whether there is an obstacle that moves and nobody knows where.
+    /// Whether there is a moving obstacle whose position is unknown.
     pub(super) fn is_moving_unseen(&self) -> bool {
-        self.moving.place(0.0).is_none() && self.obstacles.iter().any(Obstacle::is_moving)
+        self.moving.position(0.0).is_none() && self.moving_obstacles().next().is_some()
     }
 
     /// Whether `at_w` is inside of an obstacle that does not move.
@@ -141,16 +169,16 @@ impl Walls {
         self.rest_distance_m(at_w) < 0.0
     }
 
-    /// Whether `at_w` is nearer than 0.6 m to one.
+    /// Whether `at_w` is nearer than 0.6 m to an obstacle that does not move.
     pub(super) fn is_beside_obstacle(&self, at_w: &Vector3<f64>) -> bool {
         self.rest_distance_m(at_w) < BESIDE_M
     }
 
-    /// Whether the obstacle that moves is between `at_w` and `to_w`, world frame, and nearer than 0.6 m to the straight
-    /// way, or so near to one of its ends that a vehicle is driven away: it does not get there. One that accelerates is
-    /// evaded from further away, by what that adds to its margin within a second. m
-    pub(super) fn is_way_blocked(&self, at_w: &Vector3<f64>, to_w: &Vector3<f64>) -> bool {
-        let Some(moving_w) = self.moving.place(0.0) else { return false };
+    /// Whether the moving obstacle keeps the vehicle from getting from `at_w` to `to_w`, world frame, m: it is between
+    /// both and nearer than 0.6 m to the straight path, or within the margin of an end. For an obstacle that
+    /// accelerates both limits are larger, by what the acceleration adds to the margin within a second.
+    pub(super) fn is_path_blocked(&self, at_w: &Vector3<f64>, to_w: &Vector3<f64>) -> bool {
+        let Some(moving_w) = self.moving.position(0.0) else { return false };
         let along = nearest_along(at_w, to_w, &moving_w);
         let nearest_w = at_w + along.clamp(0.0, 1.0) * (to_w - at_w);
         let is_between = (0.0..=1.0).contains(&along);
@@ -161,37 +189,43 @@ impl Walls {
             .any(|it| it.distance_from(&nearest_w, Some(&moving_w)).distance_m < limit_m)
     }
 
-    /// Whether the straight way from `at_w` to `to_w`, world frame, leads through an obstacle that does not move. m
+    /// Whether the straight path from `at_w` to `to_w`, world frame, m, leads through an obstacle that does not move.
     ///
-    /// A way so long and so near to one that [`WAY_PLACES_MAX`] places do not reach its end counts as one through it:
-    /// no place has shown that its rest is free.
+    /// A path that is not checked up to its end by [`PATH_POINTS_MAX`] points, since it is too long and too near to an
+    /// obstacle, counts as one through it.
     ///
-    /// Real time: no allocation; the distances of at most so many places from all obstacles.
-    pub(super) fn is_way_through_obstacle(&self, at_w: &Vector3<f64>, to_w: &Vector3<f64>) -> bool {
-        let way_w = to_w - at_w;
-        let length_m = way_w.norm();
+    /// Real time: no allocation; the distances of at most so many points from all obstacles.
+    pub(super) fn is_path_through_obstacle(
+        &self,
+        at_w: &Vector3<f64>,
+        to_w: &Vector3<f64>,
+    ) -> bool {
+        let path_w = to_w - at_w;
+        let length_m = path_w.norm();
         let mut gone_m = 0.0;
-        // No obstacle is nearer than its distance: so far the way is free.
-        for _ in 0..WAY_PLACES_MAX {
-            let place_w = at_w + way_w * (gone_m / length_m.max(f64::MIN_POSITIVE));
-            let free_m = self.rest_distance_m(&place_w);
+        // The path is free as far as the distance from the nearest obstacle.
+        for _ in 0..PATH_POINTS_MAX {
+            let point_w = at_w + path_w * (gone_m / length_m.max(f64::MIN_POSITIVE));
+            let free_m = self.rest_distance_m(&point_w);
             if free_m < 0.0 || gone_m >= length_m {
                 return free_m < 0.0;
             }
-            gone_m = (gone_m + free_m.max(WAY_SPACING_M)).min(length_m);
+            gone_m = (gone_m + free_m.max(PATH_SPACING_M)).min(length_m);
         }
         true
     }
 
     /// Least distance from the obstacles that do not move; infinite without one. m
     fn rest_distance_m(&self, at_w: &Vector3<f64>) -> f64 {
-        let at_rest = self.obstacles.iter().filter(|obstacle| !obstacle.is_moving());
+        let at_rest = self.obstacles().filter(|obstacle| !obstacle.is_moving());
         at_rest.map(|obstacle| obstacle.distance(at_w).distance_m).fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether the obstacle that moves comes within the margin of one who stays at `at_w`, as it moves now.
+    /// Whether the moving obstacle, by its present velocity, comes within the margin of a vehicle that stays at `at_w`
+    /// during a landing.
     pub(super) fn is_approached(&self, at_w: &Vector3<f64>) -> bool {
-        let Some((from_w, to_w)) = self.moving.place(0.0).zip(self.moving.place(APPROACH_S)) else {
+        let Some((from_w, to_w)) = self.moving.position(0.0).zip(self.moving.position(APPROACH_S))
+        else {
             return false;
         };
         let along = nearest_along(&from_w, &to_w, at_w);
@@ -202,9 +236,9 @@ impl Walls {
         self.moving_obstacles().any(comes_near)
     }
 
-    /// Whether the obstacle that moves could come that near within a landing if it turned towards `at_w`.
+    /// Whether the moving obstacle could come within the margin of `at_w` during a landing if it turned towards it.
     pub(super) fn may_be_approached(&self, at_w: &Vector3<f64>) -> bool {
-        let (moving_w, speed_mps) = (self.moving.place(0.0), self.moving.speed_mps());
+        let (moving_w, speed_mps) = (self.moving.position(0.0), self.moving.speed_mps());
         let may_turn = |speed_mps: &f64| self.may_accelerate() && *speed_mps > STANDS_MPS;
         let Some(speed_mps) = speed_mps.filter(may_turn) else { return false };
         let is_within = |obstacle: &Obstacle| {
@@ -214,13 +248,14 @@ impl Walls {
         self.moving_obstacles().any(is_within)
     }
 
-    /// Whether a vehicle that stands at `at_w` is inside of an obstacle now, or climbs into one in its take-off.
+    /// Whether no vehicle may take off from `at_w`: it is inside of an obstacle, would climb into one, or the moving
+    /// obstacle approaches.
     pub(super) fn bars_start(&self, at_w: &Vector3<f64>) -> bool {
-        let moving_w = self.moving.place(0.0);
+        let moving_w = self.moving.position(0.0);
         let least_m = |obstacle: &Obstacle| {
             obstacle.distance_in_climb(at_w, CLIMB_M, moving_w.as_ref()).distance_m
         };
-        self.is_approached(at_w) || self.obstacles.iter().any(|obstacle| least_m(obstacle) < 0.0)
+        self.is_approached(at_w) || self.obstacles().any(|obstacle| least_m(obstacle) < 0.0)
     }
 
     /// The plan begins `lead_s` after now, at a position of this covariance. m^2
@@ -233,89 +268,75 @@ impl Walls {
         self.table.margin_sd > 0.0
     }
 
-    fn moving_obstacles(&self) -> impl Iterator<Item = &Obstacle> {
-        self.obstacles.iter().filter(|obstacle| obstacle.is_moving())
-    }
-
-    /// Number of walls and obstacles; one that moves counts twice, the second time where its mean velocity leads.
+    /// Number of soft constraints of a planned pose.
     pub(super) fn count(&self) -> usize {
-        let again = if self.may_accelerate() { self.moving_obstacles().count() } else { 0 };
-        self.wall_count() + self.obstacles.len() + again
+        self.surfaces.len()
     }
 
-    fn wall_count(&self) -> usize {
-        self.room.map_or(0, |_| Room::WALLS)
+    fn obstacles(&self) -> impl Iterator<Item = &Obstacle> {
+        self.surfaces.iter().filter_map(|surface| match surface {
+            Surface::Obstacle(obstacle) => Some(obstacle),
+            Surface::Wall(..) | Surface::MovingByMean(_) => None,
+        })
     }
 
-    /// The obstacle among walls and obstacles; `None` for a wall.
-    fn obstacle(&self, i: usize) -> Option<&Obstacle> {
-        let k = i.checked_sub(self.wall_count())?;
-        self.obstacles.get(k).or_else(|| self.moving_obstacles().nth(k - self.obstacles.len()))
+    fn moving_obstacles(&self) -> impl Iterator<Item = &Obstacle> {
+        self.obstacles().filter(|obstacle| obstacle.is_moving())
     }
 
-    /// Whether `i` is the obstacle that moves where its mean velocity leads.
-    fn is_by_mean(&self, i: usize) -> bool {
-        i >= self.wall_count() + self.obstacles.len()
-    }
-
-    /// Distance from wall or obstacle `i`, `ahead_s` after the beginning of the plan.
-    fn distance(&self, i: usize, at_w: &Vector3<f64>, ahead_s: f64) -> SignedDistance {
-        match (self.obstacle(i), &self.room) {
-            (Some(obstacle), _) if obstacle.is_moving() => {
-                let (it, ahead_s) = (&self.moving, self.lead_s + ahead_s);
-                let moving_w =
-                    if self.is_by_mean(i) { it.place_by_mean(ahead_s) } else { it.place(ahead_s) };
-                obstacle.distance_from(at_w, moving_w.as_ref())
+    /// Distance from `surface`, `ahead_s` after the beginning of the plan.
+    fn distance(&self, surface: &Surface, at_w: &Vector3<f64>, ahead_s: f64) -> SignedDistance {
+        let ahead_s = self.lead_s + ahead_s;
+        match surface {
+            Surface::Wall(room, i) => room.wall_distance(*i, at_w),
+            Surface::Obstacle(obstacle) => {
+                obstacle.distance_from(at_w, self.moving.position(ahead_s).as_ref())
             }
-            (Some(obstacle), _) => obstacle.distance(at_w),
-            (None, Some(room)) => room.wall_distance(i, at_w),
-            (None, None) => {
-                SignedDistance { distance_m: f64::INFINITY, gradient_w: Vector3::zeros() }
+            Surface::MovingByMean(obstacle) => {
+                obstacle.distance_from(at_w, self.moving.position_by_mean(ahead_s).as_ref())
             }
         }
     }
 
-    /// Distance at `at_w` or where the vehicle would rest, `way_w` further, whichever is nearer to wall `i`, and
-    /// whether it is the latter. An obstacle is evaded, not waited for: only `at_w` counts.
+    /// The lesser distance from `surface` of two positions, and whether it is that of the second one: `at_w`, and the
+    /// position `coasting_w` further where the vehicle would rest, which counts for walls only. The plan may coast
+    /// towards an obstacle that it is going to evade.
     fn least_distance(
         &self,
-        i: usize,
+        surface: &Surface,
         at_w: &Vector3<f64>,
-        way_w: &Vector3<f64>,
+        coasting_w: &Vector3<f64>,
         ahead_s: f64,
     ) -> (SignedDistance, bool) {
-        let here = self.distance(i, at_w, ahead_s);
-        if self.obstacle(i).is_some() {
-            return (here, false);
-        }
-        let at_rest = self.distance(i, &(at_w + way_w), ahead_s);
+        let here = self.distance(surface, at_w, ahead_s);
+        let Surface::Wall(..) = surface else { return (here, false) };
+        let at_rest = self.distance(surface, &(at_w + coasting_w), ahead_s);
         if at_rest.distance_m < here.distance_m { (at_rest, true) } else { (here, false) }
     }
 
-    /// Whether `i` is a wall far beyond its margin, as nearly all are in nearly all plans; needs no gradient.
-    fn is_far_wall(&self, i: usize, at_w: &Vector3<f64>, ahead_s: f64) -> bool {
-        let Some(room) = self.room.as_ref().filter(|_| i < Room::WALLS) else { return false };
-        let (row, distance_m) = room.wall_distance_m(i, at_w);
-        self.still_margin_m(self.covariance_w[(row, row)], ahead_s) - distance_m < -NEAR_M
+    /// Whether `surface` is a wall far beyond its margin, as nearly all walls are in nearly all plans; needs no
+    /// gradient.
+    fn is_far_wall(&self, surface: &Surface, at_w: &Vector3<f64>, ahead_s: f64) -> bool {
+        let Surface::Wall(room, i) = surface else { return false };
+        let (row, distance_m) = room.wall_distance_m(*i, at_w);
+        self.still_margin_m(self.covariance_w[(row, row)], ahead_s) - distance_m < -BEYOND_MARGIN_M
     }
 
-    fn is_moving(&self, i: usize) -> bool {
-        self.obstacle(i).is_some_and(Obstacle::is_moving)
-    }
-
-    /// Least distance from all, and from those that do not move; beside it, whether one is nearer than its margin. m
+    /// Least distances from all surfaces and from those that do not move, m, and whether a surface is nearer than its
+    /// margin.
     fn least_m(&self, at_w: &Vector3<f64>, ahead_s: f64) -> ([f64; 2], bool) {
-        (0..self.count()).fold(([f64::INFINITY; 2], false), |([least_m, still_m], is_near), i| {
-            let distance = self.distance(i, at_w, ahead_s);
-            let distance_m = distance.distance_m;
-            let still_m = if self.is_moving(i) { still_m } else { still_m.min(distance_m) };
-            let is_near = is_near || distance_m < self.margin_m(i, &distance.gradient_w, ahead_s);
+        let nothing = ([f64::INFINITY; 2], false);
+        self.surfaces.iter().fold(nothing, |([least_m, still_m], is_near), surface| {
+            let SignedDistance { distance_m, gradient_w } = self.distance(surface, at_w, ahead_s);
+            let still_m = if surface.is_moving() { still_m } else { still_m.min(distance_m) };
+            let is_near = is_near || distance_m < self.margin_m(surface, &gradient_w, ahead_s);
             ([least_m.min(distance_m), still_m], is_near)
         })
     }
 
-    /// How near the poses of a plan come, each with its time in s from the beginning; `None` if all are far away. And
-    /// whether they stay inside of the room and out of the obstacles at rest: a moving one is evaded, not waited for.
+    /// Clearance of the poses of a plan, each with its time from the beginning in s, `None` if all are far away; and
+    /// whether the poses stay inside of the room and out of the obstacles at rest. The moving obstacle does not count
+    /// for the latter: the plan evades it, and the vehicle does not brake for it.
     pub(super) fn clearance(
         &self,
         poses: impl Iterator<Item = (Pose, f64)>,
@@ -330,42 +351,44 @@ impl Walls {
                 (found.distance_m, found.ahead_s) = (distance_m, ahead_s);
             }
         }
-        ((found.distance_m < NEAR_M).then_some(found), is_clear)
+        ((found.distance_m < CLEARANCE_MAX_M).then_some(found), is_clear)
     }
 
-    /// Margin to wall or obstacle `i`, which lies against `gradient_w`, `ahead_s` after the beginning of the plan. m
-    fn margin_m(&self, i: usize, gradient_w: &Vector3<f64>, ahead_s: f64) -> f64 {
+    /// Margin to `surface`, from which `gradient_w` leads away, `ahead_s` after the beginning of the plan. m
+    fn margin_m(&self, surface: &Surface, gradient_w: &Vector3<f64>, ahead_s: f64) -> f64 {
         let variance = gradient_w.dot(&(self.covariance_w * gradient_w));
         let margin_m = self.still_margin_m(variance, ahead_s);
-        if !self.is_moving(i) {
-            return margin_m;
-        }
+        let shown_mps2 = match surface {
+            Surface::Obstacle(obstacle) if obstacle.is_moving() => self.shown_accel_mps2(),
+            Surface::MovingByMean(_) => 0.0,
+            Surface::Wall(..) | Surface::Obstacle(_) => return margin_m,
+        };
         let least_mps2 = self.table.obstacle_accel_mps2;
-        let shown_mps2 = if self.is_by_mean(i) { 0.0 } else { self.shown_accel_mps2() };
         margin_m + 0.5 * least_mps2.max(shown_mps2) * (self.lead_s + ahead_s).powi(2)
     }
 
-    /// Acceleration that the obstacle that moves has shown. m/s^2
+    /// Acceleration that the moving obstacle has shown; 0 in older settings and logs. m/s^2
     fn shown_accel_mps2(&self) -> f64 {
         if self.may_accelerate() { self.moving.acceleration_mps2() } else { 0.0 }
     }
 
-    /// Whether an obstacle that moves may change its velocity: not in older settings and logs.
+    /// Whether the moving obstacle may change its velocity: not in older settings and logs.
     fn may_accelerate(&self) -> bool {
         self.table.obstacle_accel_mps2 > 0.0
     }
 
+    /// Margin to a surface that does not move, with this variance of the position towards it, m^2. m
     fn still_margin_m(&self, variance: f64, ahead_s: f64) -> f64 {
         let sd_m = variance.max(0.0).sqrt();
         self.table.margin_m + self.table.growth_mps * ahead_s + self.table.margin_sd * sd_m
     }
 }
 
-/// Where the line from `from_w` to `to_w` is nearest to `place_w`, all in m: 0 at `from_w`, 1 at `to_w`. Seen from
-/// above: an obstacle that moves has any height.
-fn nearest_along(from_w: &Vector3<f64>, to_w: &Vector3<f64>, place_w: &Vector3<f64>) -> f64 {
-    let (way_w, apart_w) = ((to_w - from_w).xy(), (place_w - from_w).xy());
-    apart_w.dot(&way_w) / way_w.norm_squared().max(f64::MIN_POSITIVE)
+/// Where the line from `from_w` to `to_w` is nearest to `point_w`, all in m: 0 at `from_w`, 1 at `to_w`. Horizontally:
+/// the moving obstacle has no ends.
+fn nearest_along(from_w: &Vector3<f64>, to_w: &Vector3<f64>, point_w: &Vector3<f64>) -> f64 {
+    let (path_w, apart_w) = ((to_w - from_w).xy(), (point_w - from_w).xy());
+    apart_w.dot(&path_w) / path_w.norm_squared().max(f64::MIN_POSITIVE)
 }
 
 #[cfg(test)]

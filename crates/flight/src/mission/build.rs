@@ -60,7 +60,7 @@ pub(super) fn waypoints(table: &WaypointTable, dt_s: f64) -> Result<Follower, Se
         let waypoints = stops.collect();
         Ok(TimedPath { trajectory, waypoints })
     };
-    // One that would take too long is none.
+    // Without careful corners if the path would take too long with them.
     let careful = if corner_m > 0.0 { timed(CAREFUL_CORNERS * corner_m).ok() } else { None };
     Follower::new(timed(corner_m)?, careful, &table.follow, limits, dt_s)
 }
@@ -167,7 +167,7 @@ pub fn falling_times(rows: &[[f64; TIMED_COUNT]]) -> impl Iterator<Item = Settin
     })
 }
 
-/// Limits for the way to a timed trajectory: its own fastest speed and yaw rate, but not so slow that
+/// Limits for the path to a timed trajectory: its own fastest speed and yaw rate, but not so slow that
 /// the vehicle never arrives.
 fn own_limits(trajectory: &Trajectory, accel_mps2: f64) -> Limits {
     let nodes = trajectory.nodes().iter();

@@ -12,13 +12,13 @@ use crate::path::Limits;
 /// Distance that counts as zero. m and rad
 const ARRIVED: f64 = 1e-6;
 
-/// A reference on its way to a goal.
+/// A reference on its path to a goal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Carrot {
     goal_w: Pose,
     /// From where it began to the goal, theta the short way.
-    way_w: Pose,
-    /// Fraction of the way that is left. 1, 0..=1
+    displacement_w: Pose,
+    /// Fraction of the path that is left. 1, 0..=1
     left: f64,
     /// How fast that fraction falls. 1/s
     pace: f64,
@@ -31,21 +31,21 @@ pub(super) struct Carrot {
 }
 
 impl Carrot {
-    /// A reference at rest at `from`, on its way to `goal_w`.
+    /// A reference at rest at `from`, on its path to `goal_w`.
     ///
     /// Speed, climb and yaw rate are within `limits`; the acceleration limit holds for the norm over x, y,
     /// z and theta. Both poses are finite.
     pub(super) fn new(from: &Pose, goal_w: &Pose, limits: &Limits) -> Self {
-        let mut way_w = goal_w - from;
-        way_w[pose::THETA] = unwrap_near(way_w[pose::THETA], 0.0);
-        let length = way_w.norm();
-        let length_m = way_w.fixed_rows::<3>(pose::X).norm();
+        let mut displacement_w = goal_w - from;
+        displacement_w[pose::THETA] = unwrap_near(displacement_w[pose::THETA], 0.0);
+        let length = displacement_w.norm();
+        let length_m = displacement_w.fixed_rows::<3>(pose::X).norm();
         let pace_limit = (limits.speed_mps / length_m)
-            .min(limits.climb_mps / way_w[pose::Z].abs())
-            .min(limits.turn_radps / way_w[pose::THETA].abs());
+            .min(limits.climb_mps / displacement_w[pose::Z].abs())
+            .min(limits.turn_radps / displacement_w[pose::THETA].abs());
         Self {
             goal_w: *goal_w,
-            way_w,
+            displacement_w,
             left: if length > ARRIVED { 1.0 } else { 0.0 },
             pace: 0.0,
             pace_limit,
@@ -66,7 +66,7 @@ impl Carrot {
         let braking = (step * step + 2.0 * self.growth * self.left).sqrt() - step;
         let pace = (self.pace + step).min(self.pace_limit * self.allowed).min(braking);
         let left = self.left - dt_s * pace;
-        if left * self.way_w.norm() > ARRIVED {
+        if left * self.displacement_w.norm() > ARRIVED {
             Self { left, pace, ..self }
         } else {
             Self { left: 0.0, pace: 0.0, ..self }
@@ -93,16 +93,20 @@ impl Carrot {
         }
     }
 
-    /// Way by which a vehicle at `pose_hat` is behind, along the line. m
+    /// Distance by which a vehicle at `pose_hat` is behind, along the line. m
     pub(super) fn lag_m(&self, pose_hat: &Pose) -> f64 {
-        let way_w = self.way_w.fixed_rows::<3>(pose::X);
+        let displacement_w = self.displacement_w.fixed_rows::<3>(pose::X);
         let behind_w = self.reference().pose - pose_hat;
-        behind_w.fixed_rows::<3>(pose::X).dot(&way_w) / way_w.norm().max(f64::MIN_POSITIVE)
+        behind_w.fixed_rows::<3>(pose::X).dot(&displacement_w)
+            / displacement_w.norm().max(f64::MIN_POSITIVE)
     }
 
     /// Pose and rate of the reference now.
     pub(super) fn reference(&self) -> Reference {
-        Reference { pose: self.goal_w - self.left * self.way_w, rate: self.pace * self.way_w }
+        Reference {
+            pose: self.goal_w - self.left * self.displacement_w,
+            rate: self.pace * self.displacement_w,
+        }
     }
 
     /// Whether it stands at its goal.

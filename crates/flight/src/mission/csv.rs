@@ -65,8 +65,8 @@ pub fn parse_csv(text: &str) -> Result<Vec<[f64; TIMED_COUNT]>, CsvErrors> {
     if errors.is_empty() { Ok(rows) } else { Err(CsvErrors(errors)) }
 }
 
-/// The numbers of a line with their columns; what is none is NaN and goes to `errors`, so does another count than
-/// [`TIMED_COUNT`].
+/// The numbers of a line with their columns. A field that is not a number is NaN and an error in `errors`; a count
+/// other than [`TIMED_COUNT`] is an error, too.
 fn numbers(text: &str, line: usize, errors: &mut Vec<CsvError>) -> Vec<(usize, f64)> {
     let (mut numbers, mut next) = (Vec::new(), 1);
     for field in text.split(',') {

@@ -1,7 +1,8 @@
 //! A reference that moves along a trajectory and keeps together with the vehicle.
 //!
 //! Owns when the reference sets off, waits, goes back to a missed waypoint and arrives, and which waypoints are
-//! reached. A way off the trajectory is `carrot.rs`. Trajectories are never changed: only the time on them runs slower.
+//! reached. A path off the trajectory is `carrot.rs`. Trajectories are never changed: only the time on them runs
+//! slower.
 
 use std::mem::swap;
 
@@ -16,7 +17,7 @@ use crate::path::Limits;
 use crate::reference::pose_distance;
 use crate::trajectory::{Moment, Trajectory};
 
-/// Way along the trajectory within which a vehicle that was held up is looked for. m
+/// Arc length along the trajectory within which a vehicle that was held up is looked for. m
 const RESUME_WINDOW_M: f64 = 1.0;
 
 /// Least growth of the pace while nothing holds the reference up: where the trajectory itself takes up the whole
@@ -225,7 +226,7 @@ impl Follower {
             self.has_missed = true;
         }
         let node = self.next().node;
-        self.place_at(node, self.path.trajectory.nodes()[node].at_s, 0.0);
+        self.go_to(node, self.path.trajectory.nodes()[node].at_s, 0.0);
         self.reached += 1;
         self.stage = FollowStage::Run;
     }
@@ -244,15 +245,15 @@ impl Follower {
         }
     }
 
-    /// Goes to the place on the trajectory that is nearest to the vehicle.
+    /// Goes to the point of the trajectory that is nearest to the vehicle.
     fn resume_run(&mut self, pose_hat: &Pose, velocity_hat: &Pose) {
         let now = self.path.trajectory.node_before(self.time.at_s);
         let mut first = self.path.waypoints[self.reached - 1].node.min(self.passed);
-        while self.path.way_m(first, self.passed) > RESUME_WINDOW_M {
+        while self.path.length_m(first, self.passed) > RESUME_WINDOW_M {
             first += 1;
         }
         let mut last = self.next().node.max(first);
-        while last > now && self.path.way_m(now, last) > RESUME_WINDOW_M {
+        while last > now && self.path.length_m(now, last) > RESUME_WINDOW_M {
             last -= 1;
         }
         // From the reference outwards: a trajectory that stands still is not begun again.
@@ -264,11 +265,11 @@ impl Follower {
         let along = vel_w.dot(&velocity_hat.fixed_rows::<3>(pose::X));
         let pace = if speed2 < STANDSTILL_MPS.powi(2) { 1.0 } else { along / speed2 };
         let at_s = if node == now { self.time.at_s } else { found.at_s };
-        self.place_at(node, at_s, pace.clamp(0.0, 1.0));
+        self.go_to(node, at_s, pace.clamp(0.0, 1.0));
     }
 
     /// Puts the reference to `at_s`, the vehicle beside `node`.
-    fn place_at(&mut self, node: usize, at_s: f64, pace: f64) {
+    fn go_to(&mut self, node: usize, at_s: f64, pace: f64) {
         self.time = PathTime { at_s, pace };
         self.passed = node;
         self.pace_max = 1.0;
@@ -377,8 +378,8 @@ impl Follower {
 }
 
 /// 1 up to `begin_m`, 0 from `stop_m` on, straight between.
-fn falling(way_m: f64, [begin_m, stop_m]: [f64; 2]) -> f64 {
-    1.0 - ((way_m - begin_m) / (stop_m - begin_m)).clamp(0.0, 1.0)
+fn falling(distance_m: f64, [begin_m, stop_m]: [f64; 2]) -> f64 {
+    1.0 - ((distance_m - begin_m) / (stop_m - begin_m)).clamp(0.0, 1.0)
 }
 
 fn is_finite(v: &Pose) -> bool {

@@ -13,7 +13,7 @@ use crate::trajectory::{Node, Trajectory};
 pub struct Survey {
     /// Length of the path, or of the straight lines between targets. m
     pub length_m: f64,
-    /// Time as planned, from the first pose on; of targets a guess, the way to the first included. s
+    /// Time as planned, from the first pose on; of targets a guess, the path to the first included. s
     pub duration_s: f64,
     /// Least x, y, z, in the world frame. m
     #[serde(rename = "low_m")]
@@ -27,7 +27,7 @@ pub struct Survey {
     pub slowest: Option<Part>,
 }
 
-/// A place of a path, and the speed there.
+/// A point of a path, and the speed there.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Part {
     /// World x, y, z. m
@@ -39,7 +39,7 @@ pub struct Part {
     pub speed_mps: f64,
 }
 
-/// The most that a path asks of a vehicle, each with its place. Speeds, a yaw rate and an acceleration.
+/// The most that a path asks of a vehicle, each with its point. Speeds, a yaw rate and an acceleration.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Demands {
     /// Speed. m/s

@@ -95,7 +95,7 @@ pub(super) fn exactly(reference: &Reference, _: &Pose) -> Pose {
     reference.pose
 }
 
-pub(super) fn place_gap(a: &Pose, b: &Pose) -> f64 {
+pub(super) fn position_gap(a: &Pose, b: &Pose) -> f64 {
     (a - b).fixed_rows::<3>(pose::X).norm()
 }
 
@@ -121,7 +121,7 @@ fn the_reference_stands_until_the_vehicle_has_settled() {
     for _ in 0..50 {
         mission.advance(&near);
     }
-    assert!(place_gap(&now(&mission).pose, &first) < 1e-3, "{:?}", now(&mission));
+    assert!(position_gap(&now(&mission).pose, &first) < 1e-3, "{:?}", now(&mission));
     for k in 0..100 {
         // Settling takes 20 periods without a break.
         mission.advance(match k % 20 {
@@ -133,7 +133,7 @@ fn the_reference_stands_until_the_vehicle_has_settled() {
         assert!(k > 18 || now(&mission) == Reference::at_rest(first), "{:?}", now(&mission));
     }
     // A vehicle that has left is led back.
-    assert!(place_gap(&now(&mission).pose, &outside) < 1e-3, "{:?}", now(&mission));
+    assert!(position_gap(&now(&mission).pose, &outside) < 1e-3, "{:?}", now(&mission));
     for _ in 0..20 {
         mission.advance(&first);
         assert_eq!(now(&mission), Reference::at_rest(first));
@@ -181,7 +181,7 @@ fn references_are_smooth_and_keep_the_limits() {
                     // The mean rate of a period is that of its ends within the change of a corner.
                     let moved = (at - at_before) / DT_S - 0.5 * (rate + rate_before);
                     assert!(moved.fixed_rows::<3>(pose::X).norm() < 0.01, "{moved}");
-                    let accel_mps2 = place_gap(&rate, &rate_before) / DT_S;
+                    let accel_mps2 = position_gap(&rate, &rate_before) / DT_S;
                     assert!(accel_mps2 < 1.02 * accel, "{accel_mps2} at {at}");
                     assert!(rate.fixed_rows::<3>(pose::X).norm() < speed + 1e-3, "{rate}");
                     let turn = (at - at_before)[pose::THETA] / DT_S;
@@ -203,7 +203,7 @@ pub(super) fn missions_tell_what_they_are() {
     assert_eq!(path.outline().len(), 5);
     assert_eq!(path.outline()[2], Pose::new(-0.5, -1.5, 1.3, 0.0));
     let outline = curve.outline();
-    let length_m: f64 = outline.windows(2).map(|pair| place_gap(&pair[0], &pair[1])).sum();
+    let length_m: f64 = outline.windows(2).map(|pair| position_gap(&pair[0], &pair[1])).sum();
     assert!((length_m - 3.0 * PI).abs() < 1e-3, "{length_m} m");
     assert_eq!(outline[0], curve.first_pose());
 }

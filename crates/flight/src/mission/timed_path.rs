@@ -5,7 +5,7 @@ use horizon_model::rows::Pose;
 use crate::reference::pose_distance;
 use crate::trajectory::Trajectory;
 
-/// A place that has to be reached.
+/// A pose that has to be reached.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Waypoint {
     /// Pose, theta continuous over the trajectory. m, rad
@@ -28,8 +28,8 @@ pub(super) struct TimedPath {
 }
 
 impl TimedPath {
-    /// Way from node `from` to node `to`; negative if that lies before. m
-    pub(super) fn way_m(&self, from: usize, to: usize) -> f64 {
+    /// Arc length from node `from` to node `to`; negative if that lies before. m
+    pub(super) fn length_m(&self, from: usize, to: usize) -> f64 {
         let nodes = self.trajectory.nodes();
         nodes[to].arc_m - nodes[from].arc_m
     }

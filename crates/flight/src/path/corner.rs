@@ -8,7 +8,7 @@ use super::{Path, Point, parts};
 /// Turns beyond this are flown to the waypoint and back instead of around it. Cosine of 168 degrees.
 const REVERSAL_COS: f64 = -0.98;
 
-/// Sine of half a turn that is none.
+/// Sine of half the turn below which a corner is straight.
 const STRAIGHT_SIN: f64 = 1e-6;
 
 /// Shortest blend that is worth flying. m
@@ -30,8 +30,8 @@ pub(crate) fn rounded(waypoints: &[Pose], corner_m: f64) -> Path {
     let mut points = Vec::new();
     let mut marks = vec![0];
     for (k, side) in corners_w.windows(2).enumerate() {
-        let way_w = side[1] - side[0];
-        let d_in_w = way_w.normalize();
+        let displacement_w = side[1] - side[0];
+        let d_in_w = displacement_w.normalize();
         if k == 0 {
             points.push(Point {
                 pos_w: side[0],
@@ -47,8 +47,9 @@ pub(crate) fn rounded(waypoints: &[Pose], corner_m: f64) -> Path {
         };
         let out_w = after_w - side[1];
         let d_out_w = out_w.normalize();
-        let blend_m =
-            blend(d_in_w, d_out_w, corner_m).min(0.5 * way_w.norm()).min(0.5 * out_w.norm());
+        let blend_m = blend(d_in_w, d_out_w, corner_m)
+            .min(0.5 * displacement_w.norm())
+            .min(0.5 * out_w.norm());
         line_to(&mut points, side[1] - blend_m * d_in_w, d_in_w);
         if blend_m > 0.0 {
             marks.push(
@@ -76,14 +77,14 @@ fn blend(d_in_w: Vector3<f64>, d_out_w: Vector3<f64>, corner_m: f64) -> f64 {
 /// Appends the straight line from the last point to `to_w`.
 fn line_to(points: &mut Vec<Point>, to_w: Vector3<f64>, tangent_w: Vector3<f64>) {
     let Some(from_w) = points.last().map(|point| point.pos_w) else { return };
-    let way_w = to_w - from_w;
+    let displacement_w = to_w - from_w;
     // Two blends on one side leave nothing between them but rounding.
-    if way_w.norm() < BLEND_MIN_M {
+    if displacement_w.norm() < BLEND_MIN_M {
         return;
     }
-    let count = parts(way_w.norm());
+    let count = parts(displacement_w.norm());
     points.extend((1..=count).map(|i| {
-        let pos_w = from_w + way_w * (f64::from(i) / f64::from(count));
+        let pos_w = from_w + displacement_w * (f64::from(i) / f64::from(count));
         Point { pos_w, tangent_w, curvature: 0.0, is_sharp: false }
     }));
 }

@@ -43,7 +43,7 @@ impl Path {
         let mut at_s = 0.0;
         let nodes = (0..self.points.len()).map(|i| {
             if i > 0 {
-                at_s += 2.0 * self.way_m(i - 1) / (speeds_mps[i - 1] + speeds_mps[i]);
+                at_s += 2.0 * self.length_m(i - 1) / (speeds_mps[i - 1] + speeds_mps[i]);
             }
             let point = &self.points[i];
             let rate_w = speeds_mps[i] * point.tangent_w;
@@ -61,11 +61,11 @@ impl Path {
     pub(crate) fn duration_s(&self, headings: &[f64], limits: &Limits) -> f64 {
         let speeds_mps = self.speeds(headings, limits);
         let times = speeds_mps.windows(2).enumerate();
-        times.map(|(i, ends)| 2.0 * self.way_m(i) / (ends[0] + ends[1])).sum()
+        times.map(|(i, ends)| 2.0 * self.length_m(i) / (ends[0] + ends[1])).sum()
     }
 
     /// Length of the interval after point `i`. m
-    fn way_m(&self, i: usize) -> f64 {
+    fn length_m(&self, i: usize) -> f64 {
         self.arcs_m[i + 1] - self.arcs_m[i]
     }
 
@@ -95,8 +95,8 @@ impl Path {
             })
             .collect();
         for i in 0..last {
-            let climb = (self.points[i + 1].pos_w.z - self.points[i].pos_w.z) / self.way_m(i);
-            let turn = (headings[i + 1] - headings[i]) / self.way_m(i);
+            let climb = (self.points[i + 1].pos_w.z - self.points[i].pos_w.z) / self.length_m(i);
+            let turn = (headings[i + 1] - headings[i]) / self.length_m(i);
             let speed_mps = (limits.climb_mps / climb.abs()).min(limits.turn_radps / turn.abs());
             w[i] = w[i].min(speed_mps.powi(2));
             w[i + 1] = w[i + 1].min(speed_mps.powi(2));
@@ -111,19 +111,19 @@ impl Path {
     fn square_after(&self, i: usize, w: f64, accel_mps2: f64) -> f64 {
         let curvature = 0.5 * (self.points[i].curvature + self.points[i + 1].curvature);
         if curvature < CURVATURE_MIN {
-            return w + 2.0 * self.way_m(i) * accel_mps2;
+            return w + 2.0 * self.length_m(i) * accel_mps2;
         }
         let square_max = accel_mps2 / curvature;
         let begin = (w / square_max).min(1.0).asin();
-        let end = (begin + 2.0 * curvature * self.way_m(i)).min(FRAC_PI_2);
+        let end = (begin + 2.0 * curvature * self.length_m(i)).min(FRAC_PI_2);
         w.max(square_max * end.sin())
     }
 
-    /// Derivative of the heading by the way at each point: the harmonic mean of both sides, 0 where
+    /// Derivative of the heading by the arc length at each point: the harmonic mean of both sides, 0 where
     /// one of them is, so that the heading between points never leaves theirs. rad/m
     fn heading_derivatives(&self, headings: &[f64]) -> Vec<f64> {
         let last = self.points.len() - 1;
-        let derivative = |i: usize| (headings[i + 1] - headings[i]) / self.way_m(i);
+        let derivative = |i: usize| (headings[i + 1] - headings[i]) / self.length_m(i);
         (0..=last)
             .map(|i| match i {
                 0 => derivative(0),

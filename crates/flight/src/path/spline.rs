@@ -49,9 +49,10 @@ fn second_derivatives(knots_w: &[Vector3<f64>], is_closed: bool) -> Vec<Vector3<
     for _ in 0..PASSES {
         for i in usize::from(!is_closed)..last {
             let before = if i == 0 { last - 1 } else { i - 1 };
-            let (way_a_w, way_b_w) = (knots_w[i] - knots_w[before], knots_w[i + 1] - knots_w[i]);
-            let (h_a, h_b) = (way_a_w.norm(), way_b_w.norm());
-            let known_w = 6.0 * (way_b_w / h_b - way_a_w / h_a);
+            let (chord_a_w, chord_b_w) =
+                (knots_w[i] - knots_w[before], knots_w[i + 1] - knots_w[i]);
+            let (h_a, h_b) = (chord_a_w.norm(), chord_b_w.norm());
+            let known_w = 6.0 * (chord_b_w / h_b - chord_a_w / h_a);
             second_derivatives_w[i] =
                 (known_w - h_a * second_derivatives_w[before] - h_b * second_derivatives_w[i + 1])
                     / (2.0 * (h_a + h_b));

@@ -48,11 +48,14 @@ fn points_lie_as_dense_as_documented_and_the_arc_is_their_distance() {
     for (name, path) in curves() {
         for (pair, arcs_m) in path.points.windows(2).zip(path.arcs_m.windows(2)) {
             let chord_m = (pair[1].pos_w - pair[0].pos_w).norm();
-            let way_m = arcs_m[1] - arcs_m[0];
+            let length_m = arcs_m[1] - arcs_m[0];
             // A spline's points are as dense only on average.
             assert!(chord_m > 0.0 && chord_m < 2.0 * SPACING_M, "{name}: {chord_m} m");
             // 1e-12: ways are differences of sums.
-            assert!((-1e-12..1e-3 * chord_m).contains(&(way_m - chord_m)), "{name}: {way_m} m");
+            assert!(
+                (-1e-12..1e-3 * chord_m).contains(&(length_m - chord_m)),
+                "{name}: {length_m} m"
+            );
         }
     }
 }

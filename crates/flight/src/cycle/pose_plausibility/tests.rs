@@ -30,7 +30,7 @@ fn a_pose_is_as_much_too_far_as_a_vehicle_does_not_fly() {
 }
 
 #[test]
-fn a_place_that_was_repeated_is_as_old_as_when_it_was_measured() {
+fn a_position_that_was_repeated_is_as_old_as_when_it_was_measured() {
     let mut plausibility = Plausibility::default();
     let mut see = |x_m: f64, ms| {
         let o = HERE + Pose::new(x_m, 0.0, 0.0, 0.0);
@@ -77,7 +77,7 @@ fn a_drop_is_what_the_largest_descent_of_a_tick_exceeds_a_vehicles() {
 }
 
 #[test]
-fn what_jumps_between_two_places_tells_nothing_of_the_commands_for_a_second() {
+fn what_jumps_between_two_positions_tells_nothing_of_the_commands_for_a_second() {
     let mut plausibility = Plausibility::default();
     let observed = Observed { o: HERE, is_present: [true, true, true, false] };
     let mut see = |x_m: f64, ms| {
@@ -99,11 +99,11 @@ fn what_jumps_between_two_places_tells_nothing_of_the_commands_for_a_second() {
 }
 
 #[test]
-fn an_object_in_two_places_is_rough_and_one_that_is_moved_at_times_is_not() {
+fn an_object_in_two_positions_is_rough_and_one_that_is_moved_at_times_is_not() {
     let rough_after = |period_ticks: i64| {
         let mut plausibility = Plausibility::default();
         (0..2000).find(|k| {
-            // What a stream repeats to the last digit would be one place.
+            // What a stream repeats to the last digit would be one position.
             let o =
                 HERE + Pose::new(0.2 * (k / period_ticks % 2) as f64, 1e-9 * *k as f64, 0.0, 0.0);
             plausibility.open();
@@ -224,7 +224,7 @@ fn only_equal_poses_in_a_row_are_repetitions() {
     assert!(!plausibility.is_repeated());
     plausibility.judge(Some(&HERE), &seen, at(0));
     assert!(plausibility.is_repeated());
-    // Height and heading that go on do not make a place a new one.
+    // Height and heading that go on do not make a position a new one.
     let turned = HERE + Pose::new(0.0, 0.0, 0.1, 0.1);
     plausibility.judge(Some(&turned), &seen, at(0));
     assert!(plausibility.is_repeated());

@@ -90,7 +90,7 @@ fn a_pose_counts_from_its_measurement() {
 }
 
 #[test]
-fn a_place_that_is_repeated_is_no_news_whatever_the_height_does() {
+fn a_position_that_is_repeated_is_no_news_whatever_the_height_does() {
     let mut cycle = cycle();
     let mut inbox = Inbox::new();
     let found = (0..60).map(|step: i64| {
@@ -246,15 +246,15 @@ fn a_refused_heading_that_the_estimate_confirms_is_accepted() {
 #[test]
 fn poses_on_the_ground_that_contradict_those_before_begin_anew_and_in_flight_they_are_refused() {
     let far = Pose::new(-1.0, -2.0, 1.0, 0.0);
-    let place = |start: Start| {
+    let position = |start: Start| {
         let mut shown = Shown::of(&FlightTable { start, ..table() });
         shown.rest(40, at(0.0));
         let out = shown.show(Some(far), None);
         let filtered = out.filtered.unwrap();
         (filtered.position, filtered.o.map(|o| o[pose::X].round()))
     };
-    assert_eq!(place(Start::Grounded), (Acceptance::Accepted, Some(-1.0)));
-    assert_eq!(place(Start::Airborne), (Acceptance::Held, Some(-2.0)));
+    assert_eq!(position(Start::Grounded), (Acceptance::Accepted, Some(-1.0)));
+    assert_eq!(position(Start::Airborne), (Acceptance::Held, Some(-2.0)));
 }
 
 #[test]

@@ -5,7 +5,7 @@ use horizon_model::Model;
 use horizon_model::rows::{Pose, pos_w, pose, stick};
 use nalgebra::SVector;
 
-use super::{NEAR_M, Walls};
+use super::{BEYOND_MARGIN_M, Walls};
 use crate::obstacle::SignedDistance;
 
 /// The soft constraints `c_i(s) <= 0` of `docs/control.md`, section 3, on the states of a model with this parameter.
@@ -26,15 +26,17 @@ where
 
     fn excess(&self, i: usize, s: &SVector<f64, NS>, ahead_s: f64) -> Option<Excess<NS>> {
         let Self { model, p, walls } = self;
+        let surface = walls.surfaces.get(i)?;
         let (at_w, coasting) = (pos_w(&model.observe(s)), walls.table.coasting);
-        let way_w = pos_w(&model.coasting(s, p)) * coasting;
-        if [at_w, at_w + way_w].iter().all(|end_w| walls.is_far_wall(i, end_w, ahead_s)) {
+        let coasting_w = pos_w(&model.coasting(s, p)) * coasting;
+        let ends_w = [at_w, at_w + coasting_w];
+        if ends_w.iter().all(|end_w| walls.is_far_wall(surface, end_w, ahead_s)) {
             return None;
         }
         let (SignedDistance { distance_m, gradient_w }, is_at_rest) =
-            walls.least_distance(i, &at_w, &way_w, ahead_s);
-        let value = walls.margin_m(i, &gradient_w, ahead_s) - distance_m;
-        if value < -NEAR_M {
+            walls.least_distance(surface, &at_w, &coasting_w, ahead_s);
+        let value = walls.margin_m(surface, &gradient_w, ahead_s) - distance_m;
+        if value < -BEYOND_MARGIN_M {
             return None;
         }
         let mut by_pose = Pose::zeros();

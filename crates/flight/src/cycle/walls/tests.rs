@@ -40,7 +40,7 @@ fn constraints_on_the_state_of_a_vehicle_meet_their_numeric_twins() {
     for at in [[0.5, 0.4, 0.9], [1.1, 0.3, 1.1], [-1.7, -0.6, 1.6], [-1.2, 0.1, 0.7]] {
         let mut s = Motion::zeros();
         (s[motion::X], s[motion::Y], s[motion::Z]) = (at[pose::X], at[pose::Y], at[pose::Z]);
-        // Without a velocity both ends of the way are equally near: the constraint has a kink there.
+        // Without a velocity both ends of the coasting are equally near: the constraint has a kink there.
         (s[motion::V_X], s[motion::V_Y], s[motion::V_Z], s[motion::D_Y]) = (0.7, -0.2, 0.1, 0.05);
         for (i, seen) in seen.iter_mut().enumerate() {
             let Some(found) = constraints.excess(i, &s, 0.4) else { continue };
@@ -53,12 +53,12 @@ fn constraints_on_the_state_of_a_vehicle_meet_their_numeric_twins() {
             assert!(gap < 1e-8, "gap {gap:e} of constraint {i} at {at:?}");
         }
     }
-    // The wall at x = 3 is further away than 1 m from all of these places.
+    // The wall at x = 3 is further away than 1 m from all of these positions.
     assert!(seen.iter().enumerate().all(|(i, seen)| (*seen > 0) == (i != 1)), "{seen:?}");
 }
 
 #[test]
-fn the_place_at_which_the_vehicle_comes_to_rest_keeps_clear_of_walls_but_not_of_obstacles() {
+fn the_position_at_which_the_vehicle_comes_to_rest_keeps_clear_of_walls_but_not_of_obstacles() {
     let model = Lagged::new(LaggedShape::default()).unwrap();
     let (p, mut s) = (SVector::from(P), Motion::zeros());
     // 0.5 m before the pole and 2.7 m before the wall at x = 3; 0.64 s of its velocity bring it 1.2 m further.
@@ -99,7 +99,7 @@ fn the_margin_of_what_moves_grows_with_its_acceleration_from_now_on() {
     let moving = ObstacleTable::Moving { radius_m: 0.2 };
     let mut walls = Walls::new(Some(&TABLE), None, &[BLOCK, moving]).unwrap().unwrap();
     walls.begin_after(0.4, Matrix3::zeros());
-    let margins_m = [0, 1].map(|i| walls.margin_m(i, &Vector3::x(), 1.0));
+    let margins_m = [0, 1].map(|i| walls.margin_m(&walls.surfaces[i], &Vector3::x(), 1.0));
     let expected_m = [0.15, 0.15 + 0.25 * 1.4_f64.powi(2)];
     let gap_m = margins_m.into_iter().zip(expected_m).map(|(found, right)| found - right);
     assert!(gap_m.into_iter().all(|gap_m| gap_m.abs() < 1e-12), "{margins_m:?}");
@@ -116,7 +116,7 @@ fn the_margin_grows_with_the_standard_deviation_towards_the_wall() {
     let mut walls = Walls::new(Some(&table), None, &[BLOCK]).unwrap().unwrap();
     walls.begin_after(0.04, Matrix3::new(9e-4, 0.0, 0.0, 0.0, 16e-4, 0.0, 0.0, 0.0, 1e-4));
     for (gradient_w, expected_m) in [(Vector3::x(), 0.16), (-Vector3::y(), 0.18)] {
-        let margin_m = walls.margin_m(0, &gradient_w, 0.0);
+        let margin_m = walls.margin_m(&walls.surfaces[0], &gradient_w, 0.0);
         assert!((margin_m - expected_m).abs() < 1e-12, "{margin_m} along {gradient_w}");
     }
 }
@@ -149,11 +149,11 @@ fn what_moves_is_where_it_is_when_the_plan_comes_there() {
     }
     let mut distance_m = |lead_s, ahead_s| {
         walls.begin_after(lead_s, Matrix3::zeros());
-        walls.distance(0, &Vector3::new(10.0, 0.0, 1.0), ahead_s).distance_m
+        walls.distance(&walls.surfaces[0], &Vector3::new(10.0, 0.0, 1.0), ahead_s).distance_m
     };
     let (later_m, sooner_m) = (distance_m(0.4, 0.1), distance_m(0.4, 0.0));
     assert!((later_m - distance_m(0.5, 0.0)).abs() < 1e-12, "{later_m}");
-    // About 1 m/s towards the place.
+    // About 1 m/s towards the position.
     assert!((0.05..0.12).contains(&(sooner_m - later_m)), "{sooner_m} {later_m}");
 }
 
@@ -169,14 +169,14 @@ fn one_who_walks_past_may_turn_and_one_who_stands_does_not() {
                 0.02,
             );
         }
-        // Beside the newest place: nobody comes nearer as he walks now.
+        // Beside the newest position: by its velocity the obstacle comes no nearer.
         let at_w = Vector3::new(0.02 * speed_mps * 99.0, apart_m, 1.0);
         assert!(!walls.is_approached(&at_w), "{speed_mps} m/s, {apart_m} m");
         walls.may_be_approached(&at_w)
     };
     let reach_m = 0.2 + TABLE.margin_m + 4.0;
     assert_eq!([0.9, 1.1].map(|part| may_come(1.0, part * reach_m)), [true, false]);
-    assert!(!may_come(0.2, 1.0), "sways");
+    assert!(!may_come(0.2, 1.0), "stands");
 }
 
 #[test]
@@ -193,12 +193,12 @@ fn a_vehicle_in_flight_is_inside_of_obstacles_that_do_not_move_alone() {
 }
 
 #[test]
-fn the_way_is_blocked_by_what_moves_between_its_ends_or_over_one_of_them() {
+fn a_path_is_blocked_by_an_obstacle_that_moves_between_its_ends_or_over_one_of_them() {
     let moving = ObstacleTable::Moving { radius_m: 0.5 };
     let mut walls = Walls::new(Some(&TABLE), None, &[moving, POLE]).unwrap().unwrap();
     let to_w = Vector3::new(0.0, 0.0, 1.0);
     let is_blocked =
-        |walls: &Walls, x_m: f64| walls.is_way_blocked(&Vector3::new(x_m, 0.0, 1.3), &to_w);
+        |walls: &Walls, x_m: f64| walls.is_path_blocked(&Vector3::new(x_m, 0.0, 1.3), &to_w);
     assert!(!is_blocked(&walls, 2.0), "nobody knows where it is");
     for _ in 0..100 {
         walls.follow(Some([1.0, 0.3, 0.0]), 0.02);
@@ -268,15 +268,15 @@ fn an_obstacle_of_any_thickness_in_the_climb_keeps_the_vehicle_down() {
 }
 
 #[test]
-fn a_way_that_grazes_an_obstacle_for_too_long_to_be_looked_at_is_one_through_it() {
+fn a_path_along_an_obstacle_that_is_too_long_to_be_checked_is_one_through_it() {
     let bench = ObstacleTable::Box { x_m: [-2.0, 8.0], y_m: [-0.5, 0.5], z_m: [0.0, 1.0] };
     let walls = Walls::new(Some(&TABLE), None, &[bench]).unwrap().unwrap();
     let is_through = |y_m: f64, length_m: f64| {
         let [at_w, to_w] = [0.0, length_m].map(|x_m| Vector3::new(x_m, y_m, 0.5));
-        walls.is_way_through_obstacle(&at_w, &to_w)
+        walls.is_path_through_obstacle(&at_w, &to_w)
     };
     assert!(is_through(0.4, 1.0), "inside of it");
-    // 5 mm beside it each place is 0.01 m from the one before: 200 of them are 1.99 m.
+    // 5 mm beside it each point is 0.01 m from the one before: 200 of them are 1.99 m.
     assert!(!is_through(0.505, 1.98), "it is free");
     assert!(is_through(0.505, 2.0), "nobody has looked at its end");
     assert!(!is_through(0.6, 5.0), "with 0.1 m beside it");

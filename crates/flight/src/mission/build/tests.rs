@@ -194,7 +194,7 @@ fn a_waypoint_is_left_at_the_first_node_out_of_its_reach_or_at_the_end() {
 }
 
 #[test]
-fn the_way_to_a_trajectory_has_the_speed_of_its_fastest_place_and_a_least_one() {
+fn the_path_to_a_trajectory_has_the_speed_of_its_fastest_point_and_a_least_one() {
     let led = |x_m, theta_rad| {
         let poses = [
             Pose::zeros(),

@@ -24,7 +24,7 @@ fn keeps_limits(refs: &[Reference], [speed, accel, climb, turn]: Most) {
     }
     for pair in refs.windows(2) {
         let moved = (pair[1].pose - pair[0].pose) / DT_S - pair[1].rate;
-        // A way ends when a micrometre is left, from where 1.4 mm/s come to rest with 1 m/s^2.
+        // A path ends when a micrometre is left, from where 1.4 mm/s come to rest with 1 m/s^2.
         assert!(moved.norm() < 2e-3, "{moved}");
         let change_mps2 = (speed_of(&pair[1]) - speed_of(&pair[0])) / DT_S;
         assert!(change_mps2.abs() <= 1.001 * accel, "{change_mps2} m/s^2");
@@ -40,8 +40,8 @@ fn lag_behind(at: &mut Pose, to: &Pose) {
 /// reference come back. s, m/s
 fn lead(mission: &mut Mission, at: &mut Pose, most: Most) -> (f64, f64) {
     let (goal, begin, count) = (*mission.target(), *at, mission.targets_reached());
-    let way_w = (goal - begin).fixed_rows::<3>(pose::X).normalize();
-    let overshoot_m = |place: &Pose| (place - goal).fixed_rows::<3>(pose::X).dot(&way_w);
+    let direction_w = (goal - begin).fixed_rows::<3>(pose::X).normalize();
+    let overshoot_m = |at: &Pose| (at - goal).fixed_rows::<3>(pose::X).dot(&direction_w);
     let mut refs = [Reference::default(); 60];
     let mut speed_mps = 0.0_f64;
     for step in 1..1000 {
@@ -78,7 +78,7 @@ fn a_vehicle_far_away_is_led_to_the_beginning_within_the_limits() {
         mission.advance(&at);
         let next = now(&mission).pose;
         let step = (next - at)[pose::THETA] + 2.0 * TAU;
-        assert!(place_gap(&next, &at) < 1e-3 && step.abs() < 1e-3, "{next} beside {at}");
+        assert!(position_gap(&next, &at) < 1e-3 && step.abs() < 1e-3, "{next} beside {at}");
         let (time_s, speed_mps) = lead(&mut mission, &mut at, most);
         // 4 m with a blend of half a second at both ends, and 0.4 s to settle.
         assert!((4.0..12.0).contains(&time_s), "{time_s} s");
@@ -97,13 +97,13 @@ fn a_vehicle_that_missed_a_waypoint_is_led_back_within_the_limits() {
         at = before + beside;
         mission.advance(&at);
         let next = now(&mission).pose;
-        if place_gap(&next, &before) > 0.3 {
+        if position_gap(&next, &before) > 0.3 {
             break;
         }
         before = next;
     }
     assert_eq!(mission.targets_reached(), 1);
-    assert!(place_gap(&now(&mission).pose, &at) < 1e-3, "{} at {at}", now(&mission).pose);
+    assert!(position_gap(&now(&mission).pose, &at) < 1e-3, "{} at {at}", now(&mission).pose);
     let (time_s, _) = lead(&mut mission, &mut at, [1.2, 1.0, 0.5, 1.0]);
     assert!((1.0..5.0).contains(&time_s), "{time_s} s");
     fly(&mut mission, exactly, 2000);
@@ -111,7 +111,7 @@ fn a_vehicle_that_missed_a_waypoint_is_led_back_within_the_limits() {
 }
 
 #[test]
-fn the_way_waits_for_the_vehicle_and_begins_again_where_it_is_released() {
+fn the_path_waits_for_the_vehicle_and_begins_again_where_it_is_released() {
     let mut mission = mission(&square(0.1));
     let first = mission.first_pose();
     let held = first + Pose::new(4.0, 0.0, 0.0, 0.0);
@@ -119,19 +119,19 @@ fn the_way_waits_for_the_vehicle_and_begins_again_where_it_is_released() {
         mission.advance(&held);
     }
     let standing = now(&mission);
-    let lag_m = place_gap(&standing.pose, &held);
+    let lag_m = position_gap(&standing.pose, &held);
     // wait.begin_m is 0.15 and wait.stop_m 0.4.
     assert!((0.38..0.401).contains(&lag_m), "{lag_m} m");
     assert!(standing.rate.norm() < 0.05, "{}", standing.rate);
     let released = first + Pose::new(3.0, 1.0, 0.0, 0.0);
     mission.resume(&released, &Pose::zeros());
     let mut at = released;
-    assert!(place_gap(&now(&mission).pose, &at) < 1e-3, "{}", now(&mission).pose);
+    assert!(position_gap(&now(&mission).pose, &at) < 1e-3, "{}", now(&mission).pose);
     lead(&mut mission, &mut at, [1.2, 1.0, 0.5, 1.0]);
 }
 
 #[test]
-fn the_way_is_looked_ahead_as_it_comes() {
+fn the_path_is_looked_ahead_as_it_comes() {
     let mut mission = mission(&square(0.1));
     let first = mission.first_pose();
     let far = first + Pose::new(1.0, -0.5, 0.2, -2.0);
@@ -156,10 +156,14 @@ const LIMITS: Limits = Limits {
 };
 
 #[test]
-fn the_way_begins_from_rest_and_turns_the_short_way() {
+fn the_path_begins_from_rest_and_turns_the_short_way() {
     let (from, goal) = (Pose::new(0.0, 0.0, 1.0, 3.0), Pose::new(2.0, 0.0, 1.0, -3.0));
     let carrot = Carrot::new(&from, &goal, &LIMITS);
-    assert!((carrot.way_w[pose::THETA] - (TAU - 6.0)).abs() < 1e-12, "{}", carrot.way_w);
+    assert!(
+        (carrot.displacement_w[pose::THETA] - (TAU - 6.0)).abs() < 1e-12,
+        "{}",
+        carrot.displacement_w
+    );
     let start = carrot.reference();
     // The same angle as 3 rad, one turn away.
     assert!((start.pose - from + Pose::new(0.0, 0.0, 0.0, TAU)).norm() < 1e-12, "{}", start.pose);
@@ -170,18 +174,22 @@ fn the_way_begins_from_rest_and_turns_the_short_way() {
 
 #[test]
 fn each_axis_has_its_own_limit_of_the_pace() {
-    for (way, pace_limit) in [
+    for (displacement, pace_limit) in [
         (Pose::new(4.0, 0.0, 0.0, 0.0), 1.0 / 4.0),
         (Pose::new(0.0, 0.0, -2.0, 0.0), 0.25 / 2.0),
         (Pose::new(0.1, 0.0, 0.0, -2.0), 0.5 / 2.0),
     ] {
-        let carrot = Carrot::new(&Pose::zeros(), &way, &LIMITS);
-        assert!((carrot.pace_limit - pace_limit).abs() < 1e-12, "{way}: {}", carrot.pace_limit);
+        let carrot = Carrot::new(&Pose::zeros(), &displacement, &LIMITS);
+        assert!(
+            (carrot.pace_limit - pace_limit).abs() < 1e-12,
+            "{displacement}: {}",
+            carrot.pace_limit
+        );
     }
 }
 
 #[test]
-fn a_way_of_no_length_has_arrived_and_stays_finite() {
+fn a_path_of_no_length_has_arrived_and_stays_finite() {
     for (x_m, is_arrived) in [(0.0, true), (ARRIVED, true), (2.0 * ARRIVED, false)] {
         let goal = Pose::new(x_m, 0.0, 0.0, 0.0);
         let carrot = Carrot::new(&Pose::zeros(), &goal, &LIMITS);
@@ -193,7 +201,7 @@ fn a_way_of_no_length_has_arrived_and_stays_finite() {
 }
 
 #[test]
-fn a_vehicle_behind_the_reference_is_late_along_the_way_only() {
+fn a_vehicle_behind_the_reference_is_late_along_the_path_only() {
     let mut carrot = Carrot::new(&Pose::zeros(), &Pose::new(4.0, 0.0, 0.0, 1.0), &LIMITS);
     carrot.left = 0.5;
     for (vehicle, lag_m) in [

@@ -20,7 +20,7 @@ fn the_reference_slows_down_and_stands_for_a_late_vehicle_and_takes_up_speed_aga
         mission.advance(&held);
     }
     let standing = now(&mission);
-    let lag_m = place_gap(&standing.pose, &held);
+    let lag_m = position_gap(&standing.pose, &held);
     assert!(standing.rate.norm() < 1e-3, "{}", standing.rate);
     assert!((0.38..0.401).contains(&lag_m), "{lag_m} m");
     // The vehicle comes back.
@@ -84,11 +84,11 @@ fn a_missed_corner_is_flown_to_before_the_path_goes_on() {
     let corner = mission.outline()[1];
     let (mut returns, mut before) = (0, mission.first_pose());
     let push = |reference: &Reference, at: &Pose| {
-        // The reference begins its way to the corner at the vehicle.
-        returns += u32::from(place_gap(&reference.pose, &before) > 0.2);
+        // The reference begins its path to the corner at the vehicle.
+        returns += u32::from(position_gap(&reference.pose, &before) > 0.2);
         before = reference.pose;
         // Pushed outwards around the corner until the first return.
-        let is_pushed = returns == 0 && place_gap(at, &corner) < 0.5;
+        let is_pushed = returns == 0 && position_gap(at, &corner) < 0.5;
         let push_m = if is_pushed { 0.3 } else { 0.0 };
         reference.pose + Pose::new(-push_m, push_m, 0.0, 0.0)
     };
@@ -106,10 +106,10 @@ fn a_vehicle_that_cuts_its_corners_misses_one_and_no_other() {
     // At most 0.15 m from a corner by the reference; 0.07 m more inside, where it turns.
     let middle = corners.iter().take(4).fold(Pose::zeros(), |sum, at| sum + at / 4.0);
     let cut = |reference: &Reference, _: &Pose| {
-        steps += u32::from(place_gap(&reference.pose, &before) > 0.05);
+        steps += u32::from(position_gap(&reference.pose, &before) > 0.05);
         before = reference.pose;
         let inward = (middle - reference.pose).fixed_rows::<2>(pose::X).normalize();
-        let is_near = corners.iter().any(|corner| place_gap(&reference.pose, corner) < 0.4);
+        let is_near = corners.iter().any(|corner| position_gap(&reference.pose, corner) < 0.4);
         let by_m = if is_near { 0.07 } else { 0.0 };
         reference.pose + Pose::new(by_m * inward.x, by_m * inward.y, 0.0, 0.0)
     };
@@ -178,9 +178,14 @@ fn an_estimate_that_is_no_number_moves_nothing() {
 
 #[test]
 fn the_pace_falls_from_one_at_the_first_limit_to_nothing_at_the_second() {
-    for (way_m, pace) in [(-9.0, 1.0), (0.0, 1.0), (0.25, 1.0), (0.5, 0.5), (0.75, 0.0), (9.0, 0.0)]
+    for (distance_m, pace) in
+        [(-9.0, 1.0), (0.0, 1.0), (0.25, 1.0), (0.5, 0.5), (0.75, 0.0), (9.0, 0.0)]
     {
-        assert_eq!(falling(way_m, [0.25, 0.75]).to_bits(), f64::to_bits(pace), "{way_m} m");
+        assert_eq!(
+            falling(distance_m, [0.25, 0.75]).to_bits(),
+            f64::to_bits(pace),
+            "{distance_m} m"
+        );
     }
 }
 

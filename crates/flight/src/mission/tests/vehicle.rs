@@ -45,8 +45,8 @@ impl Disturbed {
             self.at += 0.7 * push;
         }
         if !is_disturbed || self.frozen == 0 {
-            let way = to - self.at;
-            self.at += way * (1.5 * DT_S / way.norm().max(1.5 * DT_S));
+            let displacement = to - self.at;
+            self.at += displacement * (1.5 * DT_S / displacement.norm().max(1.5 * DT_S));
         }
         let noise = Pose::from_fn(|_, _| 0.02 * (self.random() - 0.5));
         self.at + noise

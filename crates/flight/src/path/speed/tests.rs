@@ -100,12 +100,12 @@ const LIMITS: Limits =
 #[test]
 fn the_square_of_the_speed_grows_with_the_way_and_no_further_than_the_curve_allows() {
     let line = rounded(&[Pose::zeros(), at(1.0, 0.0, 0.0, 0.0)], 0.0);
-    let way_m = line.way_m(0);
-    assert!((line.square_after(0, 0.25, 0.5) - 0.25 - way_m).abs() < 1e-12);
+    let length_m = line.length_m(0);
+    assert!((line.square_after(0, 0.25, 0.5) - 0.25 - length_m).abs() < 1e-12);
     // At a curvature of 2/m: at most v^2 = a / 2.
     let curve = circle(Vector3::zeros(), 0.5, 0.0, 1.0);
     let from_rest = curve.square_after(0, 0.0, 0.5);
-    assert!((from_rest - 0.25 * (4.0 * curve.way_m(0)).sin()).abs() < 1e-12, "{from_rest}");
+    assert!((from_rest - 0.25 * (4.0 * curve.length_m(0)).sin()).abs() < 1e-12, "{from_rest}");
     for nearly in [0.24999, 0.25] {
         assert!((curve.square_after(0, nearly, 0.5) - 0.25).abs() < 1e-12);
     }
@@ -125,8 +125,8 @@ fn a_path_begins_and_ends_and_turns_back_at_rest() {
 fn the_heading_between_points_never_leaves_theirs() {
     let path = rounded(&[Pose::zeros(), at(0.02, 0.0, 0.0, 0.0)], 0.0);
     let derivatives = path.heading_derivatives(&[0.0, 0.01, 0.02, 0.01, 0.01]);
-    let way_m = path.way_m(0);
-    let expected = [0.01, 0.01, 0.0, 0.0, 0.0].map(|change| change / way_m);
+    let length_m = path.length_m(0);
+    let expected = [0.01, 0.01, 0.0, 0.0, 0.0].map(|change| change / length_m);
     for (found, expected) in derivatives.iter().zip(expected) {
         assert!((found - expected).abs() < 1e-9, "{derivatives:?}");
     }
