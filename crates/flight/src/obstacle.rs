@@ -97,8 +97,13 @@ impl TryFrom<&ObstacleTable> for Obstacle {
 /// The checked obstacles, in the order of `tables`.
 ///
 /// # Errors
-/// The first value that breaks its rule, under the number of its obstacle.
+/// The first value that breaks its rule, under the number of its obstacle; a second obstacle that moves.
 pub fn obstacles(tables: &[ObstacleTable]) -> Result<Vec<Obstacle>, SettingError> {
+    let is_moving = |(_, table): &(usize, &ObstacleTable)| table.extent_m().is_none();
+    if let Some((k, _)) = tables.iter().enumerate().filter(is_moving).nth(1) {
+        let rule = "one obstacle that moves at most: its position is that of `moving_object`";
+        return Err(SettingError::new(format!("obstacles[{k}]"), "moving", rule));
+    }
     let number = |k: usize| move |error: SettingError| error.under(&format!("obstacles[{k}]"));
     tables.iter().enumerate().map(|(k, table)| table.try_into().map_err(number(k))).collect()
 }
@@ -368,6 +373,9 @@ mod tests {
             let refused = of(&changed).unwrap_err();
             assert!(refused.starts_with(refusal), "{changed}: {refused}");
         }
+        let moving = || ObstacleTable::Moving { radius_m: 0.3 };
+        let refused = obstacles(&[moving(), moving()]).unwrap_err().to_string();
+        assert!(refused.starts_with("obstacles[1] = moving: expected one"), "{refused}");
         let nan = ObstacleTable::Box { x_m: [f64::NAN, 1.0], y_m: [0.0, 1.0], z_m: [0.0, 1.0] };
         let refused = obstacles(&[nan]).unwrap_err().to_string();
         assert!(

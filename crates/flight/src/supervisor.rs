@@ -131,6 +131,8 @@ pub struct Supervisor {
     is_pose_displaced: bool,
     /// Where an obstacle at rest has been between the vehicle and its reference.
     stuck: Option<blocked::Stuck>,
+    /// When the moving obstacle last came near, or walked so near that it could. ns
+    obstacle_near_ns: Option<i64>,
     /// When a plan that was flown led out of the room or into an obstacle. ns
     blocked_ns: Option<i64>,
     /// What has shown so far that the order to take off was received.
@@ -170,6 +172,7 @@ impl Supervisor {
             timers: Timers::default(),
             is_pose_displaced: false,
             stuck: None,
+            obstacle_near_ns: None,
             blocked_ns: None,
             take_off_seen: TakeOffSeen::No,
             take_off_ordered_ns: None,

@@ -75,7 +75,8 @@ pub(super) struct ControlLoop {
 /// Where the obstacle that moves was seen last, if it was since the last tick: what was seen longer ago than
 /// [`SIGHTING_AGE_MAX`] is elsewhere by now. m
 fn newest_place(feed: &mut MocapFeed, now: TimeNs) -> Option<[f64; 3]> {
-    let newest = iter::from_fn(|| feed.sightings.pop().ok()).last()?;
+    let newest =
+        iter::from_fn(|| feed.sightings.pop().ok()).filter(|it| it.pose.is_some()).last()?;
     let is_new = now.since(newest.measured_at) <= SIGHTING_AGE_MAX;
     newest.pose.filter(|_| is_new).map(|at| [at[pose::X], at[pose::Y], at[pose::Z]])
 }

@@ -26,7 +26,7 @@ where
             self.fifo.push(&if is_repeated { *self.fifo.newest() } else { Sticks::zeros() });
             self.monitor_missed(self.fifo.applied(JUST_ENDED_AFTER_PUSH));
             self.planner.skip();
-            self.planner.follow(None);
+            self.planner.follow(None, None);
             if self.mhe.is_started() {
                 let missing = Observed::missing();
                 let (u_applied, _) = self.follow_link(JUST_ENDED_AFTER_PUSH, &missing);

@@ -346,10 +346,11 @@ where
         }
     }
 
-    /// Follows the moving obstacle by a period, in which its position was measured at `obstacle_w` or not at all, world
-    /// frame. m
-    pub(super) fn follow(&mut self, obstacle_w: Option<[f64; 3]>) {
-        self.walls.iter_mut().for_each(|walls| walls.follow(obstacle_w, self.dt_s));
+    /// Follows the moving obstacle by a period, in which its position was measured at `obstacle_w` or not at all,
+    /// beside the vehicle at `vehicle`, world frame. m
+    pub(super) fn follow(&mut self, obstacle_w: Option<[f64; 3]>, vehicle: Option<Pose>) {
+        let vehicle_w = vehicle.as_ref().map(pos_w);
+        self.walls.iter_mut().for_each(|walls| walls.follow(obstacle_w, vehicle_w, self.dt_s));
     }
 
     /// Forgets the plan.

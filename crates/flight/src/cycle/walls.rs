@@ -34,6 +34,9 @@ const BESIDE_M: f64 = 0.6;
 /// Height above a start that must be free of obstacles: a take-off and 0.1 m. m
 const CLIMB_M: f64 = CLIMB_MAX_M + 0.1;
 
+/// Two rigid bodies are not nearer to each other: motion capture has taken one for the other. m
+const VEHICLE_M: f64 = 0.25;
+
 /// Time within which the moving obstacle must not meet a climb or landing: a landing from 1.3 m takes 3.5 s. s
 const APPROACH_S: f64 = 4.0;
 
@@ -154,14 +157,22 @@ impl Walls {
     }
 
     /// Follows the moving obstacle by a period of `dt_s`, in which its position `seen_w` was measured or not at all,
-    /// world frame. m
-    pub(super) fn follow(&mut self, seen_w: Option<[f64; 3]>, dt_s: f64) {
-        self.moving.follow(seen_w, dt_s);
+    /// beside the vehicle at `vehicle_w`, world frame, m: a position so near to the vehicle is that of its own markers.
+    pub(super) fn follow(
+        &mut self,
+        seen_w: Option<[f64; 3]>,
+        vehicle_w: Option<Vector3<f64>>,
+        dt_s: f64,
+    ) {
+        let is_vehicle = |at_w: &[f64; 3]| {
+            vehicle_w.is_some_and(|vehicle_w| (vehicle_w - Vector3::from(*at_w)).norm() < VEHICLE_M)
+        };
+        self.moving.follow(seen_w.filter(|at_w| !is_vehicle(at_w)), dt_s);
     }
 
-    /// Whether there is a moving obstacle whose position is unknown.
+    /// Whether there is a moving obstacle that is not seen; see [`MovingObstacle::is_unseen`].
     pub(super) fn is_moving_unseen(&self) -> bool {
-        self.moving.position(0.0).is_none() && self.moving_obstacles().next().is_some()
+        self.moving.is_unseen() && self.moving_obstacles().next().is_some()
     }
 
     /// Whether `at_w` is inside of an obstacle that does not move.

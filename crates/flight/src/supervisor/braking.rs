@@ -6,6 +6,7 @@
 //! vehicle back far from the last target.
 
 use super::Supervisor;
+use super::condition_timer::elapsed_s;
 use super::evidence::{Evidence, Phase};
 use super::fault::{Fault, FaultSet, Pilot, Reaction};
 
@@ -15,8 +16,12 @@ const SLOW_MPS: f64 = 0.2;
 /// Longest braking: a dead time of 0.34 s, and 1.2 m/s at 1.1 m/s^2. s
 const BRAKE_MAX_S: f64 = 1.5;
 
-/// Longest wait at the end of a mission for an obstacle that comes near, or could. s
+/// Longest wait at the end of a mission for an obstacle that was near, and how much longer while it comes near. s, s
 const LET_PAST_S: f64 = 60.0;
+const LET_PAST_AGAIN_S: f64 = 10.0;
+
+/// The obstacle was near until it has kept away for so long: a person who pauses or turns walks on. s
+const KEEPS_AWAY_S: f64 = 4.0;
 
 /// What the controller does with the vehicle in a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,11 +55,28 @@ impl Supervisor {
         }
     }
 
-    /// Whether the mission has been done for long enough. A landing evades nothing: an obstacle that comes near, or
-    /// walks so near that it could, is let past first.
+    /// Notes whether the moving obstacle comes near, or walks so near that it could.
+    pub(super) fn remember_obstacle(&mut self, e: &Evidence) {
+        if e.is_approached || e.may_be_approached {
+            self.obstacle_near_ns = Some(e.t_ns);
+        }
+    }
+
+    /// Whether the moving obstacle was near within the last [`KEEPS_AWAY_S`].
+    pub(super) fn was_obstacle_near(&self, e: &Evidence) -> bool {
+        self.obstacle_near_ns.is_some_and(|near_ns| elapsed_s(near_ns, e.t_ns) < KEEPS_AWAY_S)
+    }
+
+    /// Whether the mission has been done for long enough. A landing evades nothing: an obstacle that was near, or is not
+    /// seen, is let past first.
     fn is_held_out(&self, e: &Evidence) -> bool {
-        let is_near = e.is_approached || e.may_be_approached;
-        let let_past_s = if is_near { LET_PAST_S } else { 0.0 };
+        let let_past_s = if e.is_approached {
+            LET_PAST_S + LET_PAST_AGAIN_S
+        } else if self.was_obstacle_near(e) || e.is_obstacle_unseen {
+            LET_PAST_S
+        } else {
+            0.0
+        };
         self.timers.mission_done.has_lasted(e.t_ns, self.table.finish_hold_s + let_past_s)
     }
 

@@ -34,6 +34,7 @@ impl Supervisor {
         self.remember_climb(e);
         self.remember_flight(e);
         self.remember_settling(e);
+        self.remember_obstacle(e);
     }
 
     /// Updates the failures of solvers and the missed periods.

@@ -114,23 +114,41 @@ fn a_vehicle_that_has_nothing_to_land_for_never_has_braked() {
 #[test]
 fn an_obstacle_that_comes_near_is_let_past_before_the_landing_for_a_minute_at_most() {
     let done = Evidence { is_mission_done: true, ..ALOFT };
-    let near =
-        [Evidence { is_approached: true, ..done }, Evidence { may_be_approached: true, ..done }];
-    let ends_after = |is_near: &dyn Fn(usize) -> bool| {
+    let comes = Evidence { is_approached: true, ..done };
+    let walks = Evidence { may_be_approached: true, ..done };
+    let hidden = Evidence { is_obstacle_unseen: true, ..done };
+    let ends_after = |evidence: &dyn Fn(usize) -> Evidence| {
         let mut bench = Bench::flying();
-        let flies = |k: &usize| {
-            bench.tick(if is_near(*k) { &near[k % 2] } else { &done }).phase == Phase::Flying
-        };
+        let flies = |k: &usize| bench.tick(&evidence(*k)).phase == Phase::Flying;
         (0..1000).take_while(flies).count() as f64 / 10.0 - TABLE.finish_hold_s
     };
-    for (name, is_near, expected_s) in [
-        ("none", &(|_| false) as &dyn Fn(usize) -> bool, 0.0),
-        ("gone after 7 s", &|k| k < 70, 7.0 - TABLE.finish_hold_s),
-        ("stays", &|_| true, 60.0),
+    let until = |end: usize, e: Evidence| move |k: usize| if k < end { e } else { done };
+    for (name, evidence, expected_s) in [
+        ("none", &(|_| done) as &dyn Fn(usize) -> Evidence, 0.0),
+        ("gone after 7 s", &until(70, walks), 11.0 - TABLE.finish_hold_s),
+        ("hidden for 7 s", &until(70, hidden), 7.0 - TABLE.finish_hold_s),
+        ("walks on", &|_| walks, 60.0),
+        ("pauses", &|k| if k % 40 == 0 { walks } else { done }, 60.0),
+        ("stays hidden", &|_| hidden, 60.0),
+        ("comes again and again", &|k| if k % 100 < 60 { walks } else { comes }, 60.0),
+        ("comes after a minute", &until(670, comes), 67.0 - TABLE.finish_hold_s),
+        ("never stops coming", &|_| comes, 70.0),
     ] {
-        let found_s = ends_after(is_near);
+        let found_s = ends_after(evidence);
         assert!((found_s - expected_s.max(0.0)).abs() < 0.15, "{name}: {found_s} s");
     }
+}
+
+#[test]
+fn nobody_takes_off_where_the_moving_obstacle_was_near_within_four_seconds() {
+    let mut bench = Bench::new(Start::Grounded);
+    let stays_down =
+        |bench: &mut Bench, e: &Evidence| faults(bench.tick(e)).contains(&Fault::StartMisplaced);
+    assert!(!stays_down(&mut bench, &CALM));
+    assert!(stays_down(&mut bench, &Evidence { may_be_approached: true, ..CALM }));
+    // 0.1 s a tick.
+    let free_after = (0..50).find(|_| !stays_down(&mut bench, &CALM));
+    assert_eq!(free_after, Some(39), "4 s");
 }
 
 #[test]
