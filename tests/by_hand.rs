@@ -258,7 +258,6 @@ fn a_picture_of_the_flight_is_drawn_and_the_terminal_is_as_it_was() {
     // Room, path and plan are drawn in dots: without them the words above would be there all the same.
     let dots = picture.chars().filter(|c| ('\u{2801}'..='\u{28ff}').contains(c)).count();
     assert!(dots > 20, "{dots} characters of dots:\n{picture}");
-    println!("{picture}");
 
     person.types(b"e");
     person.sees_drawn("BY HAND");

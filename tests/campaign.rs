@@ -63,5 +63,5 @@ fn a_family_that_does_not_exist_is_refused_with_the_list() {
     let output = tello_ctl(&folder("campaign_without_family"), &arguments);
     assert_eq!(output.status.code(), Some(2));
     let error = text(&output);
-    assert!(error.contains("ghost") && error.contains("second_controller"), "{error}");
+    assert!(error.contains("still") && error.contains("second_controller"), "{error}");
 }

@@ -63,7 +63,6 @@ fn fly_if(has_client: bool, client: &str) {
     let stdout = String::from_utf8_lossy(&stdout);
     let story = stdout.lines().last().unwrap_or_default();
     assert!(status.success(), "{story}\n{}", String::from_utf8_lossy(&stderr));
-    println!("{story}");
 }
 
 #[test]

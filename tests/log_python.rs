@@ -57,7 +57,6 @@ fn python_reads_a_log_whole_and_cut() {
         .unwrap();
     let text = String::from_utf8_lossy(&output.stdout) + String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{text}");
-    println!("{text}");
 }
 
 #[test]

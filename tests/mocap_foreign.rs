@@ -100,8 +100,8 @@ fn ours<const N: usize>(mocap: &Value, objects: [&str; N]) -> [Read; N] {
     let table: MocapTable = serde_json::from_value(mocap.clone()).unwrap();
     let settings = MocapSettings::try_from(&table).unwrap();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-    let patience = Duration::from_secs(3);
-    let survey = runtime.block_on(survey(&settings, Clock::start(), patience, |_, _| ()));
+    let duration = Duration::from_secs(3);
+    let survey = runtime.block_on(survey(&settings, Clock::start(), duration, |_, _| ()));
     objects.map(|object| {
         let [_, newest] = survey.objects.get(object).and_then(|track| track.places).unwrap();
         let (pos_w, matrix) = settings.axes().place(&newest);

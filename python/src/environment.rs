@@ -13,20 +13,29 @@ use tello_sim::{DT_S, SimTable, Truth};
 use crate::simulator::{CHUNK, Drone, Seen, Shown, seen};
 use crate::{TelloError, array, raised};
 
-/// Actions in an observation, as `tello_ctl.envs.HISTORY`: more than the nominal dead time.
-const HISTORY: usize = 20;
+/// Actions in an observation: 0.4 s, more than the nominal dead time.
+pub(crate) const HISTORY: usize = 20;
 /// Numbers of an observation before the actions.
 const MEASURED: usize = 12;
-const OBSERVATIONS: usize = MEASURED + HISTORY * stick::COUNT;
+/// Numbers of an observation.
+pub(crate) const OBSERVATIONS: usize = MEASURED + HISTORY * stick::COUNT;
 /// Box that ends an episode. m
 const LOW_W_M: [f64; 3] = [-3.5, -3.5, 0.2];
 const HIGH_W_M: [f64; 3] = [3.5, 3.5, 3.0];
 /// Part of each new difference in the filtered velocity.
 const SMOOTHING: f64 = 0.3;
-/// No entry of an observation is larger.
-const LARGEST: f32 = 100.0;
+/// Limit of each number of an observation, positive and negative.
+pub(crate) const LARGEST: f32 = 100.0;
 /// Distance (m) and heading error (rad) in which a corner counts as reached.
 const REACH: f64 = 0.2;
+/// Weight of the heading error beside the distance. m/rad
+const HEADING_WEIGHT: f64 = 0.3;
+/// Weight of the squared norm of the sticks beside the distance. m
+const EFFORT_WEIGHT: f64 = 0.002;
+/// Reward that leaving the box costs. m s, as the distance over time
+const BOX_PENALTY: f64 = 5.0;
+/// Reward for a corner that is reached. m s
+const CORNER_REWARD: f64 = 1.0;
 
 /// See `tello_ctl.envs.TelloVectorEnv`.
 #[pyclass(module = "tello_ctl", subclass)]
@@ -150,17 +159,18 @@ impl Environment {
         let distance_m = self.distance_m(&truth.pose, rules);
         let turned_rad = wrap(truth.pose[pose::THETA]).abs();
         let effort: f64 = u.iter().map(|u| u * u).sum();
-        let mut reward = -DT_S * (distance_m + 0.3 * turned_rad + 0.002 * effort);
+        let mut reward =
+            -DT_S * (distance_m + HEADING_WEIGHT * turned_rad + EFFORT_WEIGHT * effort);
         let is_out = |row: usize| truth.pose[row] < LOW_W_M[row] || truth.pose[row] > HIGH_W_M[row];
         let has_left = (pose::X..=pose::Z).any(is_out);
         if has_left {
-            reward -= 5.0;
+            reward -= BOX_PENALTY;
         }
         let corners = rules.targets.len();
         let is_tour = rules.period.is_none() && corners > 1;
         if is_tour && distance_m.hypot(turned_rad) < REACH && self.reached < corners {
             self.reached += 1;
-            reward += 1.0;
+            reward += CORNER_REWARD;
         }
         Outcome {
             reward,

@@ -11,8 +11,8 @@ use pyo3::prelude::*;
 use serde_json::Value;
 use tello_eval::flight_log::TickRecord;
 use tello_eval::ident::{self, BootstrapPlan, FileUsed, IdentFileTable, IdentReport, Job};
+use tello_eval::part_file::PartNumber;
 use tello_eval::replay::{self as replays, Watch};
-use tello_eval::shard_file::Shard;
 use tello_eval::{REVISION, recordings, report as reports};
 use tello_flight::Start;
 use tello_flight::cycle::FlightTable;
@@ -135,7 +135,7 @@ fn identified(
     let plan = bootstrap.map(|resamples| BootstrapPlan {
         resamples,
         seed,
-        shard: Shard::WHOLE,
+        shard: PartNumber::ONLY,
         part: None,
         earlier: Vec::new(),
     });
@@ -214,7 +214,7 @@ pub(crate) fn report(
         reports::replaces_a_page(&out)?;
         let page = reports::of(&logs, &against, &out)?;
         stop.check()?;
-        whole_file::write(&out, true, |part| Ok(fs::write(part, &page.html)?))?;
+        whole_file::write_contents(&out, true, &page.html)?;
         Ok(serde_json::to_string(&page.report)?)
     })
 }

@@ -70,6 +70,15 @@ mod _native {
     #[pymodule_export]
     use super::simulator::{Controllers, Simulators};
 
+    /// Actions in an observation of an environment.
+    #[pymodule_export]
+    const HISTORY: usize = super::environment::HISTORY;
+    /// Numbers of an observation of an environment.
+    #[pymodule_export]
+    const OBSERVATIONS: usize = super::environment::OBSERVATIONS;
+    /// Limit of each number of an observation of an environment.
+    #[pymodule_export]
+    const LARGEST: f32 = super::environment::LARGEST;
     /// Version and revision of the crates inside.
     #[pymodule_export]
     const VERSION: &str = tello_eval::VERSION;

@@ -9,6 +9,9 @@ _Floats = npt.NDArray[np.float64]
 _Number = Union["Expression", float]
 _State = tuple[_Floats, _Floats, _Floats, _Floats, npt.NDArray[np.bool_]]
 
+HISTORY: int
+OBSERVATIONS: int
+LARGEST: float
 VERSION: str
 
 class TelloError(ValueError):

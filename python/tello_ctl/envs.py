@@ -37,11 +37,10 @@ from ._arguments import Floats, numbers, text
 from ._native import TelloError
 from .simulators import DT, Controllers, State
 
-HISTORY = 20
+HISTORY = _native.HISTORY
 """Actions in an observation: 0.4 s, more than the nominal dead time."""
-OBSERVATIONS = 12 + 4 * HISTORY
+OBSERVATIONS = _native.OBSERVATIONS
 
-_LARGEST = 100.0
 _HEIGHT = 1.3
 _TRACK_HOLD_S = 2.0
 _TRACK_PERIOD_S = 14.0
@@ -153,7 +152,8 @@ class TelloVectorEnv(VectorEnv):  # type: ignore[type-arg]
         start = {"air": {"x": x, "y": y, "z": z, "theta": 0.0}}
         self._settings = {"profile": profile, "start": start, **(sim or {})}
         self.single_action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
-        self.single_observation_space = spaces.Box(-_LARGEST, _LARGEST, (OBSERVATIONS,), np.float32)
+        largest = _native.LARGEST
+        self.single_observation_space = spaces.Box(-largest, largest, (OBSERVATIONS,), np.float32)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._environments: Optional[_native.Environments] = None

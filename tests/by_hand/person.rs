@@ -16,7 +16,7 @@ use nix::sys::termios::{FlowArg, LocalFlags, tcflow, tcgetattr};
 use tello_sim::{Profile, SimTable};
 
 /// How long a flight may take to show something. The simulated drone is up after 6 s.
-const PATIENCE: Duration = Duration::from_secs(40);
+const TEST_TIMEOUT: Duration = Duration::from_secs(40);
 
 /// A key is repeated this often by a terminal.
 const REPEAT: Duration = Duration::from_millis(30);
@@ -121,7 +121,7 @@ impl Person {
     /// Waits until the picture shows `text`.
     #[expect(clippy::panic, reason = "a test may panic")]
     pub(crate) fn sees_drawn(&self, text: &str) -> vt100::Screen {
-        for _ in 0..PATIENCE.as_millis() / 100 {
+        for _ in 0..TEST_TIMEOUT.as_millis() / 100 {
             let glass = self.glass();
             if glass.contents().contains(text) {
                 return glass;
@@ -134,7 +134,7 @@ impl Person {
     /// Waits until the screen shows `text`.
     #[expect(clippy::panic, reason = "a test may panic")]
     pub(crate) fn sees(&self, text: &str) {
-        for _ in 0..PATIENCE.as_millis() / 50 {
+        for _ in 0..TEST_TIMEOUT.as_millis() / 50 {
             if self.screen().contains(text) {
                 return;
             }
@@ -200,7 +200,7 @@ impl Person {
     /// Waits for the program's end.
     #[expect(clippy::unwrap_used, clippy::panic, reason = "a test may panic")]
     pub(crate) fn ends(&mut self) -> ExitStatus {
-        for _ in 0..PATIENCE.as_millis() / 50 {
+        for _ in 0..TEST_TIMEOUT.as_millis() / 50 {
             if let Some(status) = self.program.try_wait().unwrap() {
                 return status;
             }

@@ -114,7 +114,7 @@ fn a_jump_of_three_metres_lands_as_soon_as_it_is_accepted() {
 
 #[test]
 fn another_object_that_stands_still_lands() {
-    assert_ends(InjectedFault::MocapGhost, Fault::MocapJumped, [0.4, 2.1]);
+    assert_ends(InjectedFault::MocapFixed, Fault::MocapJumped, [0.4, 2.1]);
 }
 
 /// Each jump alone is too small for `jump_m`, and the vehicle would be steered between the two.

@@ -16,7 +16,7 @@ use tokio_tungstenite::tungstenite::{Message, WebSocket, client};
 use crate::rig;
 
 /// How long anything may take: other tests run beside.
-const PATIENCE_S: f64 = 60.0;
+const TEST_TIMEOUT_S: f64 = 60.0;
 
 /// The program, and the drone that it flies.
 pub(crate) struct Flight {
@@ -63,13 +63,13 @@ impl Flight {
     /// Waits until the drone is in `phase`.
     pub(crate) fn wait_for(&self, phase: DronePhase) {
         let clock = Clock::start();
-        while clock.now().seconds() < PATIENCE_S {
+        while clock.now().seconds() < TEST_TIMEOUT_S {
             if self.emulator.truth().phase == phase {
                 return;
             }
             sleep(Duration::from_millis(5));
         }
-        panic!("not {phase:?} within {PATIENCE_S} s: {:?}", self.emulator.truth());
+        panic!("not {phase:?} within {TEST_TIMEOUT_S} s: {:?}", self.emulator.truth());
     }
 
     /// The program ends, and its log is whole.
@@ -105,7 +105,7 @@ impl Watcher {
     /// `None` where nobody answers, or nobody more is let in.
     pub(crate) fn try_open(address: &str) -> Option<Self> {
         let stream = TcpStream::connect(address).ok()?;
-        stream.set_read_timeout(Some(Duration::from_secs_f64(PATIENCE_S))).ok()?;
+        stream.set_read_timeout(Some(Duration::from_secs_f64(TEST_TIMEOUT_S))).ok()?;
         let (socket, _) = client(format!("ws://{address}/live"), stream).ok()?;
         Some(Self { socket })
     }
@@ -139,7 +139,7 @@ impl Watcher {
             if is_so(&facts) {
                 return facts;
             }
-            assert!(clock.now().seconds() < PATIENCE_S, "never {what}: {facts}");
+            assert!(clock.now().seconds() < TEST_TIMEOUT_S, "never {what}: {facts}");
         }
     }
 

@@ -24,7 +24,7 @@ use tello_sim::{Emulator, MocapAddresses, Profile, SdkVersion, World};
 
 use self::checks::{CHECKS, Check};
 use self::console::Console;
-use self::link::{Armed, Link};
+use self::link::{Armed, BenchConnection};
 use crate::fly::Lock;
 use crate::{Verdict, sim, stdio};
 
@@ -108,7 +108,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         let emulator = arguments.sim.then(|| simulate(arguments, &mut table)).transpose()?;
         let settings = TelloSettings::try_from(&table).map_err(|error| error.under("tello"))?;
         let _lock = Lock::take(&table)?;
-        let mut link = Link::bind(&settings, check.place)?;
+        let mut link = BenchConnection::bind(&settings, check.place)?;
         let verdict = run_check(check, &mut link, &console, (&table, &arguments.report))?;
         drop(emulator);
         if verdict == Verdict::Bad {
@@ -139,7 +139,12 @@ fn described(number: usize, check: &Check) -> String {
 }
 
 /// Asks the person, and refuses to start if the drone or the guardian is not as it must be.
-fn is_confirmed(check: &Check, link: &mut Link, console: &Console, address: &str) -> Result<bool> {
+fn is_confirmed(
+    check: &Check,
+    link: &mut BenchConnection,
+    console: &Console,
+    address: &str,
+) -> Result<bool> {
     // Enter typed too early would end the connection.
     console.forget_lines();
     if link.connect(console).is_none() {
@@ -171,7 +176,7 @@ fn is_confirmed(check: &Check, link: &mut Link, console: &Console, address: &str
 /// Does one check. Good if it was done to its end, and the drone reports that it is down.
 fn run_check(
     check: &Check,
-    link: &mut Link,
+    link: &mut BenchConnection,
     console: &Console,
     (table, report): (&TelloTable, &Path),
 ) -> Result<Verdict> {
@@ -218,7 +223,7 @@ fn run_check(
 }
 
 /// Repeats the end of the check until the person says that the drone is down.
-fn make_sure(check: &Check, link: &mut Link, console: &Console) {
+fn make_sure(check: &Check, link: &mut BenchConnection, console: &Console) {
     if !check.place.spins() {
         return;
     }
@@ -239,7 +244,7 @@ fn make_sure(check: &Check, link: &mut Link, console: &Console) {
 }
 
 /// What the person saw, as a line of its own behind the record: yes, no, or null for "not sure".
-fn answers(check: &Check, link: &mut Link, console: &Console) -> Value {
+fn answers(check: &Check, link: &mut BenchConnection, console: &Console) -> Value {
     let asked = check.question.and_then(|question| {
         console.ask(&format!("{question} y, n, or Enter if you are not sure."), link)
     });

@@ -85,8 +85,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     let place = arguments.figure.as_deref().map(|name| Place::of(name, arguments.force));
     let place = place.transpose()?;
-    let mut verdict = Verdict::Good;
-    let mut reports = Vec::new();
     let files: Vec<Option<&Path>> = if arguments.files.is_empty() {
         vec![arguments.config.as_deref()]
     } else {
@@ -96,6 +94,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         let mut settings = files.iter().flatten().copied();
         settings.find(|file| config::load::<Value>(file).is_ok_and(|it| it.get("cycle").is_some()))
     });
+    let mut verdict = Verdict::Good;
+    let mut reports = Vec::new();
     for file in files {
         if let Some(schema) = file.filter(|file| is_schema(file)) {
             // As `init` writes them beside the settings, for editors.
@@ -103,34 +103,53 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             continue;
         }
         let name = file.map_or_else(|| "built-in".into(), |file| file.display().to_string());
-        let looked = resolve(room_of, file).and_then(|values| {
-            let look = Look::of((room_of, arguments.speed), &values)?;
-            Ok((values, look))
-        });
-        if let (Some(place), Ok((_, Some((_, mission, around))))) = (&place, &looked) {
-            draw(place, mission, around)?;
+        let checked = check_file(file, room_of, arguments.speed);
+        if let (Some(place), Ok(Checked { mission: Some(mission), .. })) = (&place, &checked) {
+            mission.draw(place)?;
         }
-        let looked = looked.map(|(values, look)| (values, look.map(|(look, ..)| look)));
-        reports.push(match &looked {
-            Ok((values, look)) => {
-                if look.as_ref().is_some_and(|look| !look.nominal.is_finished()) {
-                    verdict = Verdict::Bad;
-                }
-                json!({ "file": name, "is_valid": true, "values": values, "mission": look })
-            }
-            Err(error) => {
-                verdict = Verdict::Bad;
-                json!({ "file": name, "is_valid": false, "error": stdio::chain(error) })
-            }
-        });
+        if !checked.as_ref().is_ok_and(Checked::is_good) {
+            verdict = Verdict::Bad;
+        }
         if !arguments.json {
-            print(&name, &looked)?;
+            print(&name, &checked)?;
         }
+        reports.push(report(&name, &checked));
     }
     if arguments.json {
         stdio::line(json!({ "files": reports }))?;
     }
     Ok(verdict)
+}
+
+/// A valid file.
+struct Checked {
+    values: Value,
+    /// `None` for a file without a mission.
+    mission: Option<CheckedMission>,
+}
+
+impl Checked {
+    fn is_good(&self) -> bool {
+        self.mission.as_ref().is_none_or(|mission| mission.look.nominal.is_finished())
+    }
+}
+
+/// Checks `file`, with `room_of` as settings of the flight of a mission or of parameters, at `speed`.
+fn check_file(file: Option<&Path>, room_of: Option<&Path>, speed: f64) -> Result<Checked> {
+    let values = resolve(room_of, file)?;
+    let mission = CheckedMission::of(&values, room_of, speed)?;
+    Ok(Checked { values, mission })
+}
+
+/// The verdict on the file `name`, for the JSON object.
+fn report(name: &str, checked: &Result<Checked>) -> Value {
+    match checked {
+        Ok(Checked { values, mission }) => {
+            let look = mission.as_ref().map(|mission| &mission.look);
+            json!({ "file": name, "is_valid": true, "values": values, "mission": look })
+        }
+        Err(error) => json!({ "file": name, "is_valid": false, "error": stdio::chain(error) }),
+    }
 }
 
 /// Whether `file` is a JSON Schema in place of settings.
@@ -154,18 +173,18 @@ fn schema(kind: Kind) -> Schema {
     }
 }
 
-/// What was found in the file `name`, as text.
-fn print(name: &str, looked: &Result<(Value, Option<Look>)>) -> Result<()> {
-    let (values, look) = match looked {
-        Ok(found) => found,
+/// Prints the verdict on the file `name` as text.
+fn print(name: &str, checked: &Result<Checked>) -> Result<()> {
+    let Checked { values, mission } = match checked {
+        Ok(checked) => checked,
         Err(error) => {
             return stdio::line(format_args!("{name}: refused: {}", stdio::chain(error)));
         }
     };
     let values = serde_json::to_string_pretty(values)?;
     stdio::line(format_args!("{name}: valid\n{values}"))?;
-    match look {
-        Some(look) => stdio::line(format_args!("mission\n{look}")),
+    match mission {
+        Some(mission) => stdio::line(format_args!("mission\n{}", mission.look)),
         None => Ok(()),
     }
 }
@@ -246,13 +265,17 @@ pub(crate) struct Look {
     nominal: NominalFlight,
 }
 
-impl Look {
-    /// Of a mission, or of the mission of settings; `None` for another kind of file.
-    /// `room_of` are the settings of its flight, at `speed`.
-    fn of(
-        (room_of, speed): (Option<&Path>, f64),
-        values: &Value,
-    ) -> Result<Option<(Self, Mission, Surroundings)>> {
+/// A mission with its surroundings and what was found about it.
+pub(crate) struct CheckedMission {
+    pub(crate) look: Look,
+    mission: Mission,
+    around: Surroundings,
+}
+
+impl CheckedMission {
+    /// The mission in `values`, of a mission file or of settings; `None` for another kind of file. A mission file is
+    /// flown with the settings `room_of`, at `speed`.
+    fn of(values: &Value, room_of: Option<&Path>, speed: f64) -> Result<Option<Self>> {
         let table = values.pointer("/flight/mission").unwrap_or(values);
         let Ok(mission) = config::from_value::<MissionTable>(table) else {
             return Ok(None);
@@ -264,8 +287,8 @@ impl Look {
         Self::at(&flight.at_speed(speed)?).map(Some)
     }
 
-    /// Of the mission of a flight, in its room.
-    pub(crate) fn at(flight: &FlightTable) -> Result<(Self, Mission, Surroundings)> {
+    /// The mission of a flight, in its room.
+    pub(crate) fn at(flight: &FlightTable) -> Result<Self> {
         let around = Surroundings::of(&flight.cycle)?;
         let mission = Mission::new(&flight.mission, flight.cycle.dt_s)?;
         let survey = mission.survey();
@@ -274,8 +297,20 @@ impl Look {
         let obstacle_margin_m = mission.clearance_m(around.obstacles());
         let notes = cycle::notes(&mission, &flight.cycle);
         let nominal = NominalFlight::fly(flight)?;
-        let look = Self { survey, room_margin_m, obstacle_margin_m, notes, nominal };
-        Ok((look, mission, around))
+        let look = Look { survey, room_margin_m, obstacle_margin_m, notes, nominal };
+        Ok(Self { look, mission, around })
+    }
+
+    /// Draws the mission from above, with the obstacles.
+    fn draw(&self, place: &Place) -> Result<()> {
+        let outline = self.mission.outline();
+        let outline: Vec<(f64, f64)> =
+            outline.iter().map(|at| (at[pose::X], at[pose::Y])).collect();
+        let tracks = vec![outline.clone()];
+        let seen = [SeenFlights { name: "mission", outline, tracks }];
+        let title = format!("{}: the mission from above", place.stem());
+        place.save(&figure::tracks_among(&title, &seen, &self.around.outlines()))?;
+        Ok(())
     }
 }
 
@@ -316,17 +351,6 @@ impl Display for Look {
         writeln!(f, "  flown    in the simulator: {nominal}")?;
         notes.iter().try_for_each(|note| writeln!(f, "  note     {note}"))
     }
-}
-
-/// Draws a mission from above, with the obstacles.
-fn draw(place: &Place, mission: &Mission, around: &Surroundings) -> Result<()> {
-    let outline: Vec<(f64, f64)> =
-        mission.outline().iter().map(|at| (at[pose::X], at[pose::Y])).collect();
-    let tracks = vec![outline.clone()];
-    let seen = [SeenFlights { name: "mission", outline, tracks }];
-    let title = format!("{}: the mission from above", place.stem());
-    place.save(&figure::tracks_among(&title, &seen, &around.outlines()))?;
-    Ok(())
 }
 
 #[cfg(test)]

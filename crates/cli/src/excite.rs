@@ -1,6 +1,5 @@
 //! `tello-ctl excite`: a mission for identification, made for a room.
 
-use std::fs;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
@@ -12,7 +11,7 @@ use tello_eval::Excitation;
 use tello_flight::{MissionTable, PointsTable, RoomTable, Start, TrajectoryTable};
 use tello_io::{config, whole_file};
 
-use crate::check::Look;
+use crate::check::CheckedMission;
 use crate::{Verdict, stdio};
 
 /// Design a flight for identification.
@@ -97,12 +96,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         }
     };
     flight.mission = MissionTable::Trajectory(trajectory);
-    let (look, _, _) = Look::at(&flight)?;
+    let CheckedMission { look, .. } = CheckedMission::at(&flight)?;
     if look.obstacle_margin_m.is_some_and(|margin_m| margin_m < 2.0 * BESIDE_M) {
         bail!("the pattern comes within {} m of an obstacle: choose --centre", 2.0 * BESIDE_M);
     }
     let text = serde_json::to_string(&flight.mission)? + "\n";
-    whole_file::write(&arguments.mission, arguments.force, |part| Ok(fs::write(part, text)?))?;
+    whole_file::write_contents(&arguments.mission, arguments.force, text)?;
     let name = arguments.mission.display();
     let config = arguments.config.as_ref();
     let config = config.map_or_else(String::new, |file| format!("--config {} ", file.display()));

@@ -70,21 +70,17 @@ use crate::{Verdict, stdio};
 pub(crate) use self::guardian::{Arguments as GuardianArguments, Guardian, run as guard};
 pub(crate) use self::lock::Lock;
 
-/// How long to wait on the ground for poses and for the drone.
-const PATIENCE: SpanNs = SpanNs::from_ms(10_000);
+/// Longest wait on the ground for poses and for the drone.
+const GROUND_WAIT: SpanNs = SpanNs::from_ms(10_000);
 
-/// How long a terminal that hangs may hold up the end.
-const SCREEN_PATIENCE: Duration = Duration::from_millis(500);
+/// Longest wait at the end for the threads that use the terminal.
+const TERMINAL_JOIN_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// How long the rest may hold it up then: the summary may go elsewhere.
-const HUNG_PATIENCE: Duration = Duration::from_secs(1);
+/// Time from the end of a flight whose terminal hangs to the end of the process: the summary may go elsewhere.
+const EXIT_TIMEOUT_HUNG_TERMINAL: Duration = Duration::from_secs(1);
 
-/// How long whatever is left after the flight may hold up the end: a terminal that hangs, a summary that is not
-/// read.
-const END_PATIENCE: Duration = Duration::from_secs(5);
-
-/// How often the status line is renewed.
-const STATUS_PERIOD: Duration = Duration::from_millis(200);
+/// Longest time from the end of the flight to the end of the process, for a summary that is not read.
+const EXIT_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Take off, fly the targets, land; every tick is logged.
 ///
@@ -266,7 +262,7 @@ async fn fly(
         cycle,
         period: SpanNs::from_seconds(flight.cycle.dt_s),
         solver_time: SpanNs::from_seconds(flight.cycle.deadline_s),
-        patience: PATIENCE,
+        ground_wait: GROUND_WAIT,
         // Poses may have to agree twice.
         settling_max: SpanNs::from_seconds((2.0 * flight.cycle.standing.for_s + 1.0).max(3.0)),
         is_carried: arguments.dry_run,
@@ -292,11 +288,11 @@ async fn fly(
     // Every record is seen: viewers receive the last one.
     drop(view);
     let left = leave_screen(status_line, (inputs, screen));
-    let has_waited_in_vain = end.phase == Phase::Idle || end.is_unseen;
+    let has_waited_in_vain = end.phase == Phase::Idle || end.is_dry_run_without_frames;
     if has_waited_in_vain && !asks_to_land.load(Ordering::Relaxed) {
         links.and(left)?;
         let packets = drone_counters.packets.get();
-        bail!(take_off_refusal(table, PATIENCE, end.faults_last, &mocap_counters, packets));
+        bail!(take_off_refusal(table, GROUND_WAIT, end.faults_last, &mocap_counters, packets));
     }
     let summary = summary.with_end(&end, (&mocap_counters, table.mocap.object()), &drone_counters);
     vehicle::remember(arguments, flight, (&summary, &end), clock);
@@ -305,20 +301,20 @@ async fn fly(
 
 /// Ends the program in time, and shows the summary of a flight whose links or screen broke.
 fn conclude(summary: Summary, links: Result<()>, left: Result<Duration>) -> Result<Summary> {
-    let patience = *left.as_ref().unwrap_or(&END_PATIENCE);
-    let is_whole = links.and(left.map(drop));
-    end_within(patience, is_whole.as_ref().map_or(2, |()| i32::from(!summary.is_complete())))?;
-    if is_whole.is_err() {
+    let exit_timeout = *left.as_ref().unwrap_or(&EXIT_TIMEOUT);
+    let outcome = links.and(left.map(drop));
+    end_within(exit_timeout, outcome.as_ref().map_or(2, |()| i32::from(!summary.is_complete())))?;
+    if outcome.is_err() {
         stdio::note(&summary);
     }
-    is_whole.map(|()| summary)
+    outcome.map(|()| summary)
 }
 
 /// Starts the thread that shows the flight.
 fn show(picture: Option<Picture>, statuses: Consumer<Status>) -> io::Result<JoinHandle<()>> {
     thread::Builder::new().name("tello-status".into()).spawn(move || match picture {
         Some(picture) => picture.show(statuses),
-        None => show_statuses(statuses, STATUS_PERIOD),
+        None => show_statuses(statuses),
     })
 }
 
@@ -338,8 +334,8 @@ fn close_log(recorder: Recorder<TickRecord>, tally: &Mutex<Tally>) -> Summary {
     summary
 }
 
-/// Waits for the thread that shows the flight, then gives the terminal back. How long the rest may hold up the
-/// end: a terminal that hangs takes no summary.
+/// Waits for the thread that shows the flight, then gives the terminal back. Returns the time that the rest of the
+/// program may take: a terminal that hangs takes no summary.
 fn leave_screen(
     picture: JoinHandle<()>,
     (inputs, screen): (Inputs, Option<Screen>),
@@ -351,22 +347,22 @@ fn leave_screen(
         picture
     };
     let left = thread::Builder::new().name("tello-terminal".into()).spawn(leave)?;
-    for _ in 0..SCREEN_PATIENCE.as_millis() / 10 {
+    for _ in 0..TERMINAL_JOIN_TIMEOUT.as_millis() / 10 {
         if left.is_finished() {
-            let is_shown = left.join().and_then(|picture| picture);
-            is_shown.map_err(|_panic| anyhow!("the status line panicked"))?;
-            return Ok(END_PATIENCE);
+            let joined = left.join().and_then(|picture| picture);
+            joined.map_err(|_panic| anyhow!("the status line panicked"))?;
+            return Ok(EXIT_TIMEOUT);
         }
         thread::sleep(Duration::from_millis(10));
     }
-    Ok(HUNG_PATIENCE)
+    Ok(EXIT_TIMEOUT_HUNG_TERMINAL)
 }
 
-/// Ends the program after `patience` if it has not ended by then: the drone is down and the log closed.
+/// Ends the program after `timeout` if it has not ended by then: the drone is down and the log closed.
 #[expect(clippy::exit, reason = "a terminal that hangs must not keep the program")]
-fn end_within(patience: Duration, code: i32) -> Result<()> {
+fn end_within(timeout: Duration, code: i32) -> Result<()> {
     thread::Builder::new().name("tello-end".into()).spawn(move || {
-        thread::sleep(patience);
+        thread::sleep(timeout);
         std::process::exit(code)
     })?;
     Ok(())

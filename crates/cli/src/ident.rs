@@ -10,9 +10,11 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use tello_eval::REVISION;
 use tello_eval::ident::{
-    self, Bootstrap, BootstrapPlan, FileUsed, Fitted, IdentFileTable, IdentReport, Job, Observer,
+    self, Bootstrap, BootstrapPlan, Comparison, FileUsed, Fitted, IdentFileTable, IdentReport, Job,
+    Observer,
 };
-use tello_eval::shard_file::Shard;
+use tello_eval::part_file::PartNumber;
+use tello_eval::recordings::{FileSkipped, Loaded};
 use tello_io::clock::Clock;
 use tello_io::config;
 use tello_sim::self_test;
@@ -77,7 +79,7 @@ pub(crate) struct Arguments {
     seed: u64,
     /// Do part I of N of the bootstrap only, into the file of --part. `tello-ctl merge` joins the parts.
     #[arg(long, value_name = "I/N", requires = "bootstrap", conflicts_with_all = ["against", "compare"])]
-    shard: Option<Shard>,
+    shard: Option<PartNumber>,
     /// The file of --shard [default: bootstrap-I-of-N.part in the folder --out]. It appears when all of its resamples
     /// are done; if it exists already, of the same logs, settings and revision, no resample is done. What Ctrl-C
     /// leaves is kept beside it, and continued by the same command.
@@ -164,11 +166,7 @@ fn identify<'a>(
     clock: &Clock,
 ) -> Result<Verdict> {
     let table = &tables[0].1;
-    let paths = if arguments.logs.is_empty() { &table.logs } else { &arguments.logs };
-    let (logs, mut files_skipped) = ident::load_logs(paths, table)?;
-    let (others, unusable) =
-        ident::load_judged(&arguments.judge, table.dt_s, arguments.judge_turn, &logs)?;
-    files_skipped.extend(unusable);
+    let recordings = Recordings::load(arguments, table)?;
     let observer = Shown::new(io::stderr().is_terminal() && !arguments.json, interrupt);
     let out = folder(arguments);
     let plan = bootstrap_plan(arguments, out);
@@ -176,7 +174,7 @@ fn identify<'a>(
     let job = |(position, (name, table)): (usize, &'a (String, IdentFileTable))| Job {
         name,
         table,
-        logs: &logs,
+        logs: &recordings.logs,
         bootstrap: plan.as_ref(),
         // The parameters of the first settings are written; those of the others are only compared.
         flight: flight.as_ref().filter(|_| position == 0),
@@ -188,47 +186,96 @@ fn identify<'a>(
         fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
     }
     let before = out.map(ident::results).unwrap_or_default();
-    let main = ident::fit(&jobs[0])?;
-    let mut written = match out {
-        Some(dir) => ident::write(dir, &jobs[0], &main)?,
-        None => Vec::new(),
-    };
-    note_kept(&main, &written);
-    note_cut_short(&main, plan.as_ref().filter(|_| interrupt.is_asked()), &written);
-    let mut fits = vec![main];
-    let mut comparison = None;
-    if !interrupt.is_asked() {
-        for job in &jobs[1..] {
-            fits.push(ident::fit(job)?);
-        }
-        if arguments.compare {
-            let ranked = ident::compare(&jobs, &fits, arguments.folds.into(), &others)?;
-            if let Some(dir) = out {
-                written.extend(ident::save_prediction(dir, &ranked, table.dt_s)?);
+    let fits = Fits::all(arguments, &jobs, &recordings.judged, interrupt)?;
+    note_left(out.filter(|_| arguments.shard.is_none()), &before);
+    let are_good = fits.are_good(arguments);
+    stdio::report(&fits.report(recordings, clock), arguments.json)?;
+    Ok(if are_good && !interrupt.is_asked() { Verdict::Good } else { Verdict::Bad })
+}
+
+/// The flights of the command line or the settings.
+struct Recordings {
+    logs: Vec<Loaded>,
+    /// Flights of `--judge`, which are not fitted to.
+    judged: Vec<Loaded>,
+    skipped: Vec<FileSkipped>,
+}
+
+impl Recordings {
+    fn load(arguments: &Arguments, table: &IdentFileTable) -> Result<Self> {
+        let paths = if arguments.logs.is_empty() { &table.logs } else { &arguments.logs };
+        let (logs, mut skipped) = ident::load_logs(paths, table)?;
+        let (judged, unusable) =
+            ident::load_judged(&arguments.judge, table.dt_s, arguments.judge_turn, &logs)?;
+        skipped.extend(unusable);
+        Ok(Self { logs, judged, skipped })
+    }
+}
+
+/// The fits of all settings.
+struct Fits {
+    /// Of the first settings.
+    main: Fitted,
+    against: Vec<Fitted>,
+    comparison: Option<Comparison>,
+    written: Vec<PathBuf>,
+}
+
+impl Fits {
+    /// Fits the first of `jobs`, writes its files, then fits and compares the others unless Ctrl-C came.
+    fn all(
+        arguments: &Arguments,
+        jobs: &[Job<'_>],
+        judged: &[Loaded],
+        interrupt: &Interrupt,
+    ) -> Result<Self> {
+        let (out, first) = (folder(arguments), &jobs[0]);
+        let main = ident::fit(first)?;
+        let mut written = match out {
+            Some(dir) => ident::write(dir, first, &main)?,
+            None => Vec::new(),
+        };
+        note_kept(&main, &written);
+        note_cut_short(&main, first.bootstrap.filter(|_| interrupt.is_asked()), &written);
+        let mut fits = vec![main];
+        let mut comparison = None;
+        if !interrupt.is_asked() {
+            for job in &jobs[1..] {
+                fits.push(ident::fit(job)?);
             }
-            comparison = Some(ranked);
+            if arguments.compare {
+                let ranked = ident::compare(jobs, &fits, arguments.folds.into(), judged)?;
+                if let Some(dir) = out {
+                    written.extend(ident::save_prediction(dir, &ranked, first.table.dt_s)?);
+                }
+                comparison = Some(ranked);
+            }
+        }
+        let main = fits.remove(0);
+        Ok(Self { main, against: fits, comparison, written })
+    }
+
+    /// Whether the main fit converged, with all its resamples, and a flight would take its parameters.
+    fn are_good(&self, arguments: &Arguments) -> bool {
+        let Fitted { fit, has_converged, .. } = &self.main;
+        // A part is complete when it is done.
+        let is_complete =
+            arguments.shard.is_some() || fit.bootstrap.as_ref().is_none_or(Bootstrap::is_whole);
+        *has_converged && fit.refused.is_none() && is_complete
+    }
+
+    fn report(self, recordings: Recordings, clock: &Clock) -> IdentReport {
+        IdentReport {
+            fit: self.main.fit,
+            against: self.against.into_iter().map(|fitted| fitted.fit).collect(),
+            comparison: self.comparison,
+            files_used: recordings.logs.into_iter().map(FileUsed::from).collect(),
+            files_skipped: recordings.skipped,
+            seconds: clock.now().seconds(),
+            written: self.written,
+            revision: REVISION,
         }
     }
-    note_left(out.filter(|_| arguments.shard.is_none()), &before);
-    let main = fits.remove(0);
-    // A part is whole when it is done.
-    let is_whole =
-        arguments.shard.is_some() || main.fit.bootstrap.as_ref().is_none_or(Bootstrap::is_whole);
-    let has_converged = main.has_converged;
-    let is_taken = main.fit.refused.is_none();
-    let report = IdentReport {
-        fit: main.fit,
-        against: fits.into_iter().map(|fitted| fitted.fit).collect(),
-        comparison,
-        files_used: logs.into_iter().map(FileUsed::from).collect(),
-        files_skipped,
-        seconds: clock.now().seconds(),
-        written,
-        revision: REVISION,
-    };
-    stdio::report(&report, arguments.json)?;
-    let is_good = has_converged && is_taken && is_whole && !interrupt.is_asked();
-    Ok(if is_good { Verdict::Good } else { Verdict::Bad })
 }
 
 /// A note of a vehicle file that flights have taught and that is not replaced.
@@ -263,7 +310,7 @@ fn note_cut_short(main: &Fitted, asked: Option<&BootstrapPlan>, written: &[PathB
     }
     let (count, resamples) = (done.file.count(), plan.resamples);
     let rest = match written.first() {
-        Some(_) if plan.shard != Shard::WHOLE => "; the same command continues".to_owned(),
+        Some(_) if plan.shard != PartNumber::ONLY => "; the same command continues".to_owned(),
         Some(file) => format!("; --resume {} continues", file.display()),
         None => String::new(),
     };
@@ -285,7 +332,7 @@ fn bootstrap_plan(arguments: &Arguments, out: Option<&Path>) -> Option<Bootstrap
     arguments.bootstrap.map(|resamples| BootstrapPlan {
         resamples,
         seed: arguments.seed,
-        shard: arguments.shard.unwrap_or(Shard::WHOLE),
+        shard: arguments.shard.unwrap_or(PartNumber::ONLY),
         part: part_file(arguments, out.unwrap_or(Path::new(""))),
         earlier: arguments.resume.clone(),
     })

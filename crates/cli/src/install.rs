@@ -10,7 +10,7 @@ use clap_complete::Shell;
 use schemars::schema_for;
 use serde_json::{Value, json};
 use tello_flight::MissionTable;
-use tello_io::mocap::MocapTable;
+use tello_io::mocap::MocapKind;
 use tello_io::{config, whole_file};
 
 use crate::mocap::usual_address;
@@ -54,7 +54,7 @@ pub(crate) struct InitArguments {
     #[arg(value_name = "DIR")]
     dir: PathBuf,
     /// Motion capture.
-    #[arg(long, value_name = "KIND", default_value = "relay", value_parser = MocapTable::KINDS.map(|(kind, _)| kind))]
+    #[arg(long, value_name = "KIND", default_value = "relay", value_parser = MocapKind::ALL.map(MocapKind::name))]
     mocap: String,
     /// Host and port of it; of `udp`, the port here that it sends to [default: the usual port of KIND on this machine].
     #[arg(long, value_name = "ADDRESS")]
@@ -115,14 +115,11 @@ pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
     let (table, square) = config::fly(None, None)?;
     let mut fly = with_schema("fly.schema.json", serde_json::to_value(table)?);
     fly["mission"] = json!("square.json");
-    let side = if mocap == "udp" { "listen" } else { "address" };
-    let usual = MocapTable::KINDS.into_iter().find(|(kind, _)| kind == mocap);
-    let (kind, port) = usual.with_context(|| format!("`{mocap}` is no kind of motion capture"))?;
-    let address = address.clone().unwrap_or_else(|| usual_address(kind, port, "127.0.0.1"));
-    fly["mocap"] = json!({ mocap: { side: address, "object": object } });
-    if matches!(mocap.as_str(), "udp" | "vrpn") {
-        fly["mocap"][mocap]["rate_hz"] = json!(rate.unwrap_or(50.0));
-    } else if rate.is_some() {
+    let kind = MocapKind::named(mocap)
+        .with_context(|| format!("`{mocap}` is no kind of motion capture"))?;
+    let address = address.clone().unwrap_or_else(|| usual_address(kind, "127.0.0.1"));
+    fly["mocap"] = json!(kind.table(address, object.clone(), rate.unwrap_or(50.0)));
+    if rate.is_some() && !kind.has_set_rate() {
         bail!("--rate is for udp and vrpn: {mocap} announces its own");
     }
     if let Some(Walls([x_0, x_1, y_0, y_1, z])) = room {
@@ -203,7 +200,7 @@ fn with_schema(schema: &str, value: Value) -> Value {
 
 fn write(path: &Path, value: &Value) -> Result<()> {
     let json = serde_json::to_string_pretty(value)? + "\n";
-    whole_file::write(path, false, |part| Ok(fs::write(part, json)?))
+    whole_file::write_contents(path, false, json)
 }
 
 #[cfg(test)]

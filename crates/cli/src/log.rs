@@ -94,22 +94,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         }
         Command::Recover { file, out } => {
             ensure!(!out.exists(), "{} exists already: choose another name", out.display());
-            let mut recovered = None;
-            whole_file::write(out, false, |part| {
-                recovered = Some(recover(file, part)?);
-                Ok(())
-            })?;
-            let Some(recovered) = recovered else { return Ok(Verdict::Bad) };
+            let recovered = whole_file::write(out, false, |part| Ok(recover(file, part)?))?;
             report_recovered(file, out, recovered)
         }
         Command::Ros2 { file, out, force } => {
             whole_file::keep_apart(file, out)?;
-            let mut exported = None;
-            whole_file::write(out, *force, |part| {
-                exported = Some(ros2::export(file, part)?);
-                Ok(())
-            })?;
-            let Some(Exported { messages, ending }) = exported else { return Ok(Verdict::Bad) };
+            let Exported { messages, ending } =
+                whole_file::write(out, *force, |part| ros2::export(file, part))?;
             for (topic, count) in messages {
                 stdio::line(format_args!("{topic:<24} {count:>8}"))?;
             }

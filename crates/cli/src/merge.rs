@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use clap::Args;
 use tello_eval::ident::ResampleFile;
-use tello_eval::shard_file::{self, Kind};
+use tello_eval::part_file::{self, Kind};
 use tello_sim::batch;
 use tello_sim::campaign::Campaign;
 
@@ -51,15 +51,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
 
 fn merge(parts: &[PathBuf], is_json: bool) -> Result<Verdict> {
     let first = parts.first().context("no part to merge")?;
-    match shard_file::kind(first)? {
+    match part_file::kind(first)? {
         Kind::Batch => {
-            let (head, rows) = shard_file::merge(parts)?;
+            let (header, rows) = part_file::merge(parts)?;
             let flown = batch::by_contender(rows);
-            sim::print_batches(&flown, head.names, head.seed, is_json)?;
+            sim::print_batches(&flown, header.names, header.seed, is_json)?;
             Ok(Verdict::Good)
         }
         Kind::Campaign => {
-            let (_, rows) = shard_file::merge(parts)?;
+            let (_, rows) = part_file::merge(parts)?;
             sim::print_campaign(&Campaign::of(rows), is_json)
         }
         Kind::Bootstrap => {

@@ -1,6 +1,5 @@
 //! `tello-ctl replay`: a recorded flight through the same tick again.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
@@ -93,6 +92,6 @@ fn played(logs: &[PathBuf], options: &Options<'_>, page: &Path) -> Result<Replay
     let note = replayed.verdict().filter(|_| !replayed.is_good());
     let note = note.map(|verdict| format!("This is the repeated flight; the log is {verdict}"));
     let html = playback.page(note.as_deref())?;
-    whole_file::write(page, true, |part| Ok(fs::write(part, html)?))?;
+    whole_file::write_contents(page, true, html)?;
     Ok(replayed)
 }

@@ -1,6 +1,5 @@
 //! `tello-ctl report`: recorded flights as one page, figures and numbers.
 
-use std::fs;
 use std::path::PathBuf;
 
 use anyhow::Result;
@@ -46,7 +45,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     report::replaces_a_page(&arguments.out)?;
     let page = report::of(&arguments.logs, &arguments.against, &arguments.out)?;
-    whole_file::write(&arguments.out, true, |part| Ok(fs::write(part, &page.html)?))?;
+    whole_file::write_contents(&arguments.out, true, &page.html)?;
     if let Some(dir) = &arguments.figures {
         page.save_figures(dir)?;
     }

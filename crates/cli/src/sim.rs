@@ -1,7 +1,7 @@
 //! `tello-ctl sim`: the simulator alone, or batches of flights in virtual time.
 
+mod part;
 mod serve;
-mod shard;
 mod world;
 
 use std::net::{SocketAddr, SocketAddrV4};
@@ -12,7 +12,7 @@ use anyhow::{Context, Result, bail};
 use clap::{ArgGroup, Args};
 use serde_json::{Value, json};
 use tello_eval::figure::{self, Place, SeenFlights};
-use tello_eval::shard_file::{Kind, Seeded, Shard};
+use tello_eval::part_file::{Kind, PartNumber, Seeded};
 use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{SPEED_AS_WRITTEN, Start};
 use tello_io::config;
@@ -20,7 +20,7 @@ use tello_sim::batch::{self, Batch, Comparison, Contender, Flown};
 use tello_sim::campaign::{self, Campaign, Family};
 use tello_sim::{SimTable, logged_flight};
 
-use self::shard::Target;
+use self::part::Target;
 pub(crate) use self::world::{WorldArguments, resolve};
 use crate::interrupt::Interrupt;
 use crate::progress::Seeds;
@@ -44,7 +44,7 @@ const FIGURE_FLIGHTS_MAX: usize = 30;
   tello-ctl sim --batch 200 --vary gain=0.7 --vary dead_time=+0.1    is it robust?
   tello-ctl sim --batch 200 --hover 30                               does it stand still?
   tello-ctl sim --batch 200 --campaign                               does it come down, whatever breaks?
-  tello-ctl sim --batch 200 --campaign --family ghost                one kind of fault alone
+  tello-ctl sim --batch 200 --campaign --family still                one kind of fault alone
   tello-ctl sim --seed 1007 --log seed-1007.mcap                     one flight of a batch, to be looked at
   tello-ctl sim --campaign --seed 2597 --log seed-2597.mcap          one flight of a campaign
   tello-ctl sim --batch 30 --figure tracks                           tracks.svg and tracks.png
@@ -110,7 +110,7 @@ pub(crate) struct Arguments {
     /// Fly only part I of N of the batch's seeds, into the file of --part: `2/8`. `tello-ctl merge` prints what one
     /// process prints.
     #[arg(long, value_name = "I/N", requires_all = ["batch", "part"], conflicts_with = "figure")]
-    shard: Option<Shard>,
+    shard: Option<PartNumber>,
     /// The file of --shard. It appears when all of its flights are done; if it exists already, with the same settings
     /// and revision, nothing is flown.
     #[arg(long, value_name = "FILE", requires = "shard")]
@@ -273,7 +273,7 @@ fn in_parts<T: Seeded + Send>(
         if target.check_existing::<T>()? {
             return Ok(Verdict::Good);
         }
-        seeds = target.head.seeds();
+        seeds = target.header.seeds();
     }
     let count = seeds.end - seeds.start;
     let interrupt = Interrupt::listen()?;

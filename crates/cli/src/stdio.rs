@@ -18,8 +18,8 @@ use serde::Serialize;
 /// What a pipe that has room takes without a wait: `PIPE_BUF` of Linux. bytes
 const PIECE: usize = 4096;
 
-/// How long a flight waits for each piece of its summary to be read.
-const SUMMARY_PATIENCE: Duration = Duration::from_secs(1);
+/// Longest wait of a flight until a piece of its summary is read.
+const SUMMARY_PIECE_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Whether this program has more important things to do than to wait for a reader.
 static NEVER_WAITS: AtomicBool = AtomicBool::new(false);
@@ -84,8 +84,8 @@ fn write(text: impl Display) -> Result<()> {
     let text = printable(&text.to_string());
     let mut out = io::stdout().lock();
     let written = if NEVER_WAITS.load(Ordering::Relaxed) {
-        let patience = PollTimeout::try_from(SUMMARY_PATIENCE).unwrap_or(PollTimeout::ZERO);
-        put(out.as_fd(), text.as_bytes(), patience)
+        let timeout = PollTimeout::try_from(SUMMARY_PIECE_TIMEOUT).unwrap_or(PollTimeout::ZERO);
+        put(out.as_fd(), text.as_bytes(), timeout)
     } else {
         write!(out, "{text}").and_then(|()| out.flush())
     };
@@ -95,14 +95,14 @@ fn write(text: impl Display) -> Result<()> {
     }
 }
 
-/// Writes piece by piece what is taken, each within `patience`.
+/// Writes piece by piece what is taken, each within `timeout`.
 ///
 /// # Errors
 /// A piece was not taken in time; as `write`.
-fn put(file: BorrowedFd<'_>, text: &[u8], patience: PollTimeout) -> io::Result<()> {
+fn put(file: BorrowedFd<'_>, text: &[u8], timeout: PollTimeout) -> io::Result<()> {
     let mut left = text;
     while !left.is_empty() {
-        if !is_taken(file, patience) {
+        if !is_taken(file, timeout) {
             return Err(io::Error::new(ErrorKind::TimedOut, "nobody reads it"));
         }
         let piece = left.get(..PIECE).unwrap_or(left);
@@ -115,10 +115,10 @@ fn put(file: BorrowedFd<'_>, text: &[u8], patience: PollTimeout) -> io::Result<(
     Ok(())
 }
 
-/// Whether a piece is taken without waiting, or refused with an error, before `patience` is over.
-fn is_taken(file: BorrowedFd<'_>, patience: PollTimeout) -> bool {
+/// Whether a piece is taken without waiting, or refused with an error, before `timeout` is over.
+fn is_taken(file: BorrowedFd<'_>, timeout: PollTimeout) -> bool {
     let mut files = [PollFd::new(file, PollFlags::POLLOUT)];
-    poll(&mut files, patience).is_ok_and(|ready| ready > 0)
+    poll(&mut files, timeout).is_ok_and(|ready| ready > 0)
 }
 
 #[cfg(test)]

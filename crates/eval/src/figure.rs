@@ -94,7 +94,7 @@ impl Place {
         let paths = self.paths();
         let png = figure.png().with_context(|| paths[1].display().to_string())?;
         for (path, content) in paths.iter().zip([figure.svg().into_bytes(), png]) {
-            whole_file::write(path, true, |part| Ok(fs::write(part, content)?))?;
+            whole_file::write_contents(path, true, content)?;
         }
         Ok(paths)
     }

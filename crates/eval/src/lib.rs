@@ -18,7 +18,7 @@
 //! | `replay.rs`               | recorded flights through the tick again                               |
 //! | `ident.rs`                | identification from recordings, its files and figures                 |
 //! | `parameter_file.rs`       | identified parameters on their way to settings                        |
-//! | `shard_file.rs`           | part files: rows of one process of many                               |
+//! | `part_file.rs`            | part files: rows of one process of many                               |
 //! | `vehicle.rs`              | a parameter file that flights change                                  |
 //! | `report.rs`               | flights as one page                                                   |
 //!
@@ -32,13 +32,13 @@ pub mod ident;
 pub mod metrics;
 pub mod outage;
 pub mod parameter_file;
+pub mod part_file;
 pub mod predicted_trajectory;
 pub mod recordings;
 pub mod replay;
 pub mod report;
 pub mod ros2;
 pub mod scene;
-pub mod shard_file;
 pub mod smooth;
 mod statistics;
 pub mod vehicle;

@@ -303,8 +303,8 @@ fn assemble(
     let follows = |a: &Sample, b: &Sample| b.step - a.step <= GAP_STEPS_MAX + 1 && !b.has_jumped;
     let parts = samples.chunk_by(follows);
     let Some(part) = parts.max_by_key(|part| part.len()) else { bail!("no step in it") };
-    let beyond = "steps beyond a gap of more than a second or a jump of the pose";
-    note(skipped, samples.len() - part.len(), beyond);
+    let beyond = "beyond a gap of more than a second or a jump of the pose";
+    note(skipped, samples.len() - part.len(), "step", beyond);
     let (mut u, mut o) = (Vec::with_capacity(part.len()), Vec::with_capacity(part.len()));
     let mut u_sent = Sticks::zeros();
     let (mut missing, mut too_wide, mut too_far) = (0, 0, 0);
@@ -326,9 +326,9 @@ fn assemble(
         too_far += usize::from(is_far);
         o.push(if is_far { Observed::missing() } else { sample.o });
     }
-    note(skipped, missing, "steps missing");
-    note(skipped, too_wide, "inputs beyond full sticks");
-    note(skipped, too_far, "poses out of any room");
+    note(skipped, missing, "step", "missing");
+    note(skipped, too_wide, "input", "beyond full sticks");
+    note(skipped, too_far, "pose", "out of any room");
     if !o.iter().any(|o| o.is_present.contains(&true)) {
         bail!("no pose that can be used");
     }
@@ -338,10 +338,11 @@ fn assemble(
     Ok(Recording { u, o })
 }
 
-/// Notes that `count` of something was left out, if any was.
-fn note(skipped: &mut Vec<String>, count: usize, of: &str) {
+/// Notes that `count` of `noun`, which is singular, were left out, if any were.
+fn note(skipped: &mut Vec<String>, count: usize, noun: &str, which: &str) {
     if count > 0 {
-        skipped.push(format!("{count} {of}"));
+        let plural = if count == 1 { "" } else { "s" };
+        skipped.push(format!("{count} {noun}{plural} {which}"));
     }
 }
 

@@ -224,7 +224,7 @@ impl Page {
             .with_context(|| format!("cannot make the folder {}", dir.display()))?;
         for picture in &self.pictures {
             let path = dir.join(format!("{}.svg", picture.name));
-            whole_file::write(&path, true, |part| Ok(fs::write(part, picture.figure.svg())?))?;
+            whole_file::write_contents(&path, true, picture.figure.svg())?;
         }
         Ok(())
     }

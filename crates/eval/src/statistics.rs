@@ -16,22 +16,25 @@ pub enum Centre {
 
 /// The `fraction` quantile of `values`, in their unit, linear between order statistics; `None` without values.
 pub fn quantile(values: &[f64], fraction: f64) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let place = fraction.clamp(0.0, 1.0) * sorted.len().checked_sub(1)? as f64;
-    let below = horizon_model::whole(place);
-    let above = (below + 1).min(sorted.len() - 1);
-    Some(sorted[below] + (place - below as f64) * (sorted[above] - sorted[below]))
+    quantiles(values, [fraction]).map(|[quantile]| quantile)
 }
 
-/// Several quantiles of the same values, in their unit, at `fractions` in 0..=1; `None` without values. Sorts a copy
-/// for each.
+/// Several quantiles of the same values, in their unit, at `fractions` in 0..=1; `None` without values.
 pub fn quantiles<const N: usize>(values: &[f64], fractions: [f64; N]) -> Option<[f64; N]> {
-    let mut found = [0.0; N];
-    for (found, fraction) in found.iter_mut().zip(fractions) {
-        *found = quantile(values, fraction)?;
+    if values.is_empty() {
+        return None;
     }
-    Some(found)
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    Some(fractions.map(|fraction| quantile_of_sorted(&sorted, fraction)))
+}
+
+/// Linear between order statistics.
+fn quantile_of_sorted(sorted: &[f64], fraction: f64) -> f64 {
+    let place = fraction.clamp(0.0, 1.0) * (sorted.len() - 1) as f64;
+    let below = horizon_model::whole(place);
+    let above = (below + 1).min(sorted.len() - 1);
+    sorted[below] + (place - below as f64) * (sorted[above] - sorted[below])
 }
 
 impl Centre {

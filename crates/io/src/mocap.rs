@@ -34,7 +34,7 @@ pub use lines::{LINE_BYTES_MAX, Lines};
 pub use protocol::{Absence, Head, Name, Taker};
 pub use relay::{RelayPose, format_line, parse_line};
 pub use settings::{
-    MocapSettings, MocapTable, NatnetTable, QtmTable, ServerTable, UdpTable, VrpnTable,
+    MocapKind, MocapSettings, MocapTable, NatnetTable, QtmTable, ServerTable, UdpTable, VrpnTable,
 };
 pub use source::{Frame, SourceError};
 pub use stamp_numbers::StampNumbers;

@@ -11,13 +11,17 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use serde::Serialize;
 
-/// Lets `fill` create and fill a file beside `path`, which then takes the name `path`. A link is followed. Into a
-/// device or pipe the bytes of the file are copied.
+/// Lets `fill` create and fill a file beside `path`, which then takes the name `path`; returns the result of `fill`. A
+/// link is followed. Into a device or pipe the bytes of the file are copied.
 ///
 /// # Errors
 /// `path` exists and `is_replaced` is false, or its folder cannot be written; the error of `fill`.
 /// `path` is as it was then, and nothing is left beside it.
-pub fn write(path: &Path, is_replaced: bool, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+pub fn write<T>(
+    path: &Path,
+    is_replaced: bool,
+    fill: impl FnOnce(&Path) -> Result<T>,
+) -> Result<T> {
     if !is_replaced {
         refuse_existing(path)?;
     }
@@ -25,8 +29,21 @@ pub fn write(path: &Path, is_replaced: bool, fill: impl FnOnce(&Path) -> Result<
         return pass_on(path, fill).with_context(|| format!("cannot write {}", path.display()));
     }
     let part = Part::of(path)?;
-    fill(part.path()).with_context(|| format!("cannot write {}", path.display()))?;
-    if is_replaced { part.finish() } else { part.finish_new() }
+    let filled = fill(part.path()).with_context(|| format!("cannot write {}", path.display()))?;
+    if is_replaced {
+        part.finish()?;
+    } else {
+        part.finish_new()?;
+    }
+    Ok(filled)
+}
+
+/// Writes `contents`, whole or not at all.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_contents(path: &Path, is_replaced: bool, contents: impl AsRef<[u8]>) -> Result<()> {
+    write(path, is_replaced, |part| Ok(fs::write(part, contents)?))
 }
 
 /// The file beside another one that takes its name when it is finished, and is removed if it is not.
@@ -155,17 +172,17 @@ fn takes_bytes(path: &Path) -> Result<bool> {
 }
 
 /// Lets `fill` fill a file in a folder that nobody else can write, and copies its bytes into `path`.
-fn pass_on(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+fn pass_on<T>(path: &Path, fill: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
     let folder = std::env::temp_dir().join(format!("tello-ctl-{}.part", std::process::id()));
     fs::DirBuilder::new()
         .mode(0o700)
         .create(&folder)
         .with_context(|| format!("cannot make {}", folder.display()))?;
     let part = folder.join("part");
-    let written = fill(&part).and_then(|()| {
+    let written = fill(&part).and_then(|filled| {
         let mut into = fs::OpenOptions::new().write(true).open(path)?;
         io::copy(&mut fs::File::open(&part)?, &mut into)?;
-        Ok(())
+        Ok(filled)
     });
     fs::remove_dir_all(&folder).ok();
     written
@@ -200,7 +217,7 @@ pub fn read(path: &Path, bytes_max: u64) -> io::Result<Vec<u8>> {
 /// As [`write()`]; a value that has no JSON form.
 pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
     let json = serde_json::to_string_pretty(value)? + "\n";
-    write(path, true, |part| Ok(fs::write(part, json)?))
+    write_contents(path, true, json)
 }
 
 #[cfg(test)]
@@ -303,7 +320,7 @@ mod tests {
         let folder = folder("failure");
         let path = folder.join("a.txt");
         fs::write(&path, "before").unwrap();
-        let half = |part: &Path| {
+        let half = |part: &Path| -> Result<()> {
             fs::write(part, "half")?;
             bail!("the disk is full")
         };

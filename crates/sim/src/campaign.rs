@@ -15,8 +15,8 @@ use anyhow::Result;
 use horizon_model::check::maximum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use tello_eval::part_file::Seeded;
 use tello_eval::rate_interval;
-use tello_eval::shard_file::Seeded;
 use tello_flight::{FaultSet, Room};
 
 use crate::seeds::fly_each;

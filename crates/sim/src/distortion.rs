@@ -40,8 +40,8 @@ impl Distortion {
             MocapReport::Silent
         } else if is_on(InjectedFault::MocapLost) || faults.present(step).any(is_occluded) {
             MocapReport::Lost
-        } else if is_on(InjectedFault::MocapGhost) {
-            Mocap::ghost()
+        } else if is_on(InjectedFault::MocapFixed) {
+            Mocap::fixed()
         } else if is_on(InjectedFault::MocapFrozen) {
             last
         } else if let MocapReport::Pose(mut o) = by_chance {
@@ -130,7 +130,7 @@ impl Distortion {
     /// apart.
     pub(crate) fn change(&self, change: Pose, faults: &Faults, step: u64) -> Pose {
         let is_on = |fault| faults.is_on(fault, step);
-        if is_on(InjectedFault::MocapGhost)
+        if is_on(InjectedFault::MocapFixed)
             || is_on(InjectedFault::MocapFrozen)
             || is_on(InjectedFault::MocapNan)
         {

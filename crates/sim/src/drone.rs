@@ -191,8 +191,8 @@ impl Drone {
         }
     }
 
-    /// Takes on the faults of the present step.
-    pub(crate) fn trouble(
+    /// Applies the faults of the present step.
+    pub(crate) fn apply_faults(
         &mut self,
         are_sticks_stuck: bool,
         refuses_land: bool,
@@ -214,16 +214,16 @@ impl Drone {
         }
     }
 
-    /// Notes that something was heard: the watchdog starts again, its landing is called off.
-    pub fn receive(&mut self) {
+    /// Starts the watchdog again, since a datagram arrived, and calls the landing of the watchdog off.
+    pub fn reset_watchdog(&mut self) {
         self.silent_s = 0.0;
         if self.phase == DronePhase::Landing(Cause::Silence) {
             self.enter(DronePhase::Flying);
         }
     }
 
-    /// Notes what was heard, before it is obeyed or not.
-    pub(crate) fn note(&mut self, order: DroneOrder) {
+    /// Counts a received order, whether it is obeyed or not.
+    pub(crate) fn count_order(&mut self, order: DroneOrder) {
         let is_aloft = match self.phase {
             DronePhase::Grounded => false,
             DronePhase::TakingOff => self.phase_s > SPIN_UP_S,
@@ -239,8 +239,8 @@ impl Drone {
         }
     }
 
-    /// Notes that sticks were heard.
-    pub(crate) fn note_sticks(&mut self) {
+    /// Counts received sticks.
+    pub(crate) fn count_sticks(&mut self) {
         self.received.sticks += 1;
         let is_landing = self.phase == DronePhase::Landing(Cause::Order);
         self.received.sticks_in_landing += u32::from(is_landing);

@@ -89,7 +89,7 @@ impl Emulator {
         let world = Arc::new(Mutex::new(world));
         let is_stopping = Arc::new(AtomicBool::new(false));
         let clock = Clock::start();
-        let room = Room {
+        let world_thread = WorldThread {
             clock,
             ticker: Ticker::new(clock, PERIOD),
             world: Arc::clone(&world),
@@ -99,7 +99,7 @@ impl Emulator {
         };
         let thread = std::thread::Builder::new()
             .name("sim-world".into())
-            .spawn(move || room.live())
+            .spawn(move || world_thread.live())
             .map_err(EmulatorError::Thread)?;
         Ok(Self { drone_address, mocap, world, is_stopping, thread: Some(thread) })
     }
@@ -147,7 +147,7 @@ impl Drop for Emulator {
 }
 
 /// What the thread owns.
-struct Room {
+struct WorldThread {
     clock: Clock,
     ticker: Ticker,
     world: Arc<Mutex<World>>,
@@ -156,7 +156,7 @@ struct Room {
     servers: MocapServers,
 }
 
-impl Room {
+impl WorldThread {
     /// Runs until it is stopped, or until the clock fails.
     fn live(mut self) -> Result<(), TickerError> {
         while !self.is_stopping.load(Ordering::Relaxed) {

@@ -21,8 +21,9 @@ pub enum InjectedFault {
     MocapLost,
     /// The pose stream is silent.
     MocapSilent,
-    /// Another object is taken for the drone: a constant wrong pose.
-    MocapGhost,
+    /// A fixed wrong pose: another object is taken for the drone.
+    #[serde(alias = "mocap_ghost")]
+    MocapFixed,
     /// The pose stream repeats its last pose.
     MocapFrozen,
     /// The pose is not a number.

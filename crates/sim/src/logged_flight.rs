@@ -3,7 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use horizon_model::setting::SettingError;
 use serde::Serialize;
 use tello_eval::flight_log::{self, TickRecord};
@@ -81,13 +81,9 @@ pub fn fly_until(
     if path.exists() {
         return Err(LogError::Exists { path: path.to_owned() }.into());
     }
-    let mut logged = None;
     // A torn log would be in the way of the next try.
-    whole_file::write(path, false, |part| {
-        logged = Some(fly_into(part, flight, sim, seed, is_stopped)?);
-        Ok(())
-    })?;
-    let logged = logged.context("no flight")?;
+    let logged =
+        whole_file::write(path, false, |part| fly_into(part, flight, sim, seed, is_stopped))?;
     Ok(Logged { log: path.to_owned(), ..logged })
 }
 

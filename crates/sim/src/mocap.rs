@@ -87,7 +87,7 @@ const FLIP_LENGTH: (f64, f64) = (0.45, 6.0);
 /// Smallest heading flip; the largest is half a turn. rad
 const FLIP_MIN_RAD: f64 = 0.3;
 /// The constant pose that another object was once reported at for thousands of samples.
-const GHOST: [f64; pose::COUNT] = [3.46, 2.86, 0.37, 0.0];
+const FIXED_POSE: [f64; pose::COUNT] = [3.46, 2.86, 0.37, 0.0];
 
 /// State of the measurement faults, advanced once per step.
 #[derive(Debug, Clone)]
@@ -162,8 +162,8 @@ impl Mocap {
     }
 
     /// The report while another object is taken for the drone.
-    pub fn ghost() -> MocapReport {
-        MocapReport::Pose(Pose::from(GHOST))
+    pub fn fixed() -> MocapReport {
+        MocapReport::Pose(Pose::from(FIXED_POSE))
     }
 }
 

@@ -68,7 +68,7 @@ impl Sdk {
         drone: &mut Drone,
         replies: &mut Vec<String>,
     ) {
-        drone.receive();
+        drone.reset_watchdog();
         let text = String::from_utf8_lossy(datagram);
         let unknown = || format!("unknown command: {}", text.trim());
         match Command::decode(datagram) {
@@ -90,10 +90,10 @@ impl Sdk {
         replies: &mut Vec<String>,
     ) -> Option<()> {
         match command {
-            Command::TakeOff => drone.note(DroneOrder::TakeOff),
-            Command::Land => drone.note(DroneOrder::Land),
-            Command::EmergencyStop => drone.note(DroneOrder::EmergencyStop),
-            Command::Sticks(_) => drone.note_sticks(),
+            Command::TakeOff => drone.count_order(DroneOrder::TakeOff),
+            Command::Land => drone.count_order(DroneOrder::Land),
+            Command::EmergencyStop => drone.count_order(DroneOrder::EmergencyStop),
+            Command::Sticks(_) => drone.count_sticks(),
             _ => {}
         }
         let mut reply = |text: &str| replies.push(text.into());

@@ -33,29 +33,29 @@ impl World {
         if self.is_deaf() || !self.is_connected {
             return None;
         }
-        self.drone.receive();
+        self.drone.reset_watchdog();
         let answer = match *packet {
             HostPacket::ConnReq { video_port } => Some(DronePacket::ConnAck { video_port }),
             HostPacket::Sticks { u, .. } => {
-                self.drone.note_sticks();
+                self.drone.count_sticks();
                 self.drone.obey_sticks(u);
                 None
             }
             HostPacket::Action { action, sequence } => {
                 let is_accepted = match action {
                     Action::TakeOff => {
-                        self.drone.note(DroneOrder::TakeOff);
+                        self.drone.count_order(DroneOrder::TakeOff);
                         self.drone.take_off()
                     }
                     Action::Land => {
-                        self.drone.note(DroneOrder::Land);
+                        self.drone.count_order(DroneOrder::Land);
                         self.drone.receive_land() == LandAnswer::Accepted
                     }
                 };
                 is_accepted.then_some(DronePacket::Ack { action, sequence })
             }
             HostPacket::EmergencyStop => {
-                self.drone.note(DroneOrder::EmergencyStop);
+                self.drone.count_order(DroneOrder::EmergencyStop);
                 if self.firmware.emergency.binary {
                     self.drone.stop_motors();
                 }

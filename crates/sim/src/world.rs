@@ -133,7 +133,7 @@ impl World {
             earlier: pose,
             mocap_rate_hz,
         };
-        world.look();
+        world.observe();
         Ok(world)
     }
 
@@ -144,7 +144,7 @@ impl World {
         self.drone.advance();
         self.reporter.advance(&self.drone.truth(), self.drone.plant().own_error_w_mps());
         self.step += 1;
-        self.look();
+        self.observe();
     }
 
     /// Steps since the start.
@@ -234,11 +234,11 @@ impl World {
         }
     }
 
-    /// What the faults and the motion capture make of the present step.
-    fn look(&mut self) {
+    /// Applies the faults of the present step, and observes the drone with the motion capture.
+    fn observe(&mut self) {
         let truth = self.drone.truth().pose;
         self.faults.begin(self.step, &truth);
-        self.trouble_the_drone();
+        self.apply_faults_to_drone();
         let by_chance = self.mocap.observe(&self.measured(truth));
         let change = self.change();
         let Self { faults, step, .. } = self;
@@ -265,8 +265,8 @@ impl World {
         now + self.age_steps * change
     }
 
-    /// Passes the faults of the drone on to it.
-    fn trouble_the_drone(&mut self) {
+    /// Applies the faults of the present step to the drone.
+    fn apply_faults_to_drone(&mut self) {
         let is_on = |fault| self.faults.is_on(fault, self.step);
         let (are_stuck, refuses) =
             (is_on(InjectedFault::DroneSticksStuck), is_on(InjectedFault::DroneRefusesLand));
@@ -281,7 +281,7 @@ impl World {
             }
             _ => None,
         });
-        self.drone.trouble(are_stuck, refuses, external.unwrap_or_default());
+        self.drone.apply_faults(are_stuck, refuses, external.unwrap_or_default());
         let reboot = self.faults.present(self.step).find_map(|present| match present.fault {
             InjectedFault::DroneReboot { falls } => Some(falls),
             _ => None,
@@ -304,7 +304,7 @@ impl World {
             };
             let packets = |time_s: f64| (time_s * rate_hz + 1e-9).floor();
             if packets(present.elapsed_s + DT_S) > packets(present.elapsed_s) {
-                self.drone.receive();
+                self.drone.reset_watchdog();
                 self.drone.obey_sticks(Sticks::from(sticks));
             }
         }

@@ -11,7 +11,7 @@ use std::thread;
 use anyhow::{Context, Result, bail};
 use tokio::signal::unix::{SignalKind, signal};
 
-use super::link::Link;
+use super::link::BenchConnection;
 use crate::stdio;
 
 /// Ctrl-Z, which would leave the motors running.
@@ -49,7 +49,7 @@ impl Console {
 
     /// The answer to `question`, trimmed; `None` without a person to ask, or after a request to stop. The link is
     /// read meanwhile.
-    pub(super) fn ask(&self, question: &str, link: &mut Link) -> Option<String> {
+    pub(super) fn ask(&self, question: &str, link: &mut BenchConnection) -> Option<String> {
         let lines = self.lines.as_ref()?;
         stdio::note(question);
         loop {

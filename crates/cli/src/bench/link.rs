@@ -4,6 +4,8 @@
 //! is landed and its motors are stopped on every way out ([`Armed`]). Nothing is printed meanwhile: a
 //! terminal that hangs would hold it up.
 
+mod ending;
+
 use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 use std::thread;
@@ -16,6 +18,7 @@ use tello_io::clock::{CivilTime, Clock, TimeNs};
 use tello_io::tello::protocol::DATAGRAM_BYTES_MAX;
 use tello_io::tello::{Duty, Protocol, STATE_PORT, TelloSettings};
 
+use self::ending::{Ending, EndingOrder};
 use super::checks::{Place, Step, sticks};
 use super::console::Console;
 use super::evidence::ENDING;
@@ -25,9 +28,6 @@ use super::wire::{self, Event, Motor, Packet, Status, What, hex};
 /// How often the sockets are looked at.
 const LOOK: Duration = Duration::from_millis(5);
 const STICKS_PERIOD_S: f64 = 0.05;
-/// An ending tries to land for so long before it stops the motors, too, and gives up after the second time. s
-const EMERGENCY_AFTER_S: f64 = 8.0;
-const ENDING_MAX_S: f64 = 25.0;
 
 /// The person has stopped a step, or the guardian is lost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,7 +35,7 @@ pub(super) struct Stopped;
 
 /// The drone and the record of what passes between it and us.
 #[derive(Debug)]
-pub(super) struct Link {
+pub(super) struct BenchConnection {
     socket: UdpSocket,
     state_socket: Option<UdpSocket>,
     second: UdpSocket,
@@ -54,7 +54,7 @@ pub(super) struct Link {
     guard: Guard,
 }
 
-impl Link {
+impl BenchConnection {
     /// Binds the sockets; motors that may run get a guardian.
     pub(super) fn bind(settings: &TelloSettings, place: Place) -> Result<Self> {
         let (socket, state_socket) = settings.bind()?;
@@ -231,35 +231,24 @@ impl Link {
     /// Neutral sticks and LAND until the drone is down. Without propellers, after 8 s in vain, or after one more
     /// request to stop, `emergency` in turn with them.
     pub(super) fn end(&mut self, place: Place, console: &Console) {
-        let (began_s, asked) = (self.t_s(), console.count());
+        let mut ending = Ending::new(self.t_s(), place, console.count());
         self.note(What::Step(ENDING.into()));
         self.guard.set(Duty::Landing, self.clock.now());
-        let mut is_down = false;
-        let (mut next_s, mut down_since_s, mut is_stop_next) =
-            (began_s, None, place == Place::PropsOff);
-        while self.t_s() - began_s < ENDING_MAX_S {
+        while !(ending.is_down || ending.is_given_up(self.t_s())) {
             let t_s = self.t_s();
-            if t_s >= next_s {
-                let is_late = t_s - began_s > EMERGENCY_AFTER_S;
-                let stops = place == Place::PropsOff || is_late || console.count() > asked;
-                if stops && is_stop_next {
-                    self.send(Packet::Emergency);
-                } else {
+            match ending.advance(t_s, console.count()) {
+                Some(EndingOrder::EmergencyStop) => self.send(Packet::Emergency),
+                Some(EndingOrder::Land) => {
                     self.send(Packet::Sticks(Sticks::zeros()));
                     self.send_land();
                 }
-                is_stop_next = !is_stop_next;
-                let period_s = LAND_PERIOD.seconds();
-                next_s = t_s + if stops { period_s / 2.0 } else { period_s };
+                None => {}
             }
             self.receive();
-            down_since_s = self.is_over().then(|| down_since_s.unwrap_or(t_s));
-            is_down = down_since_s.is_some_and(|since_s| t_s - since_s > 1.0);
-            if is_down {
-                break;
-            }
+            ending.observe(t_s, self.is_over());
             thread::sleep(LOOK);
         }
+        let Ending { began_s, is_down, .. } = ending;
         if is_down {
             self.guard.set(Duty::Idle, self.clock.now());
         }
@@ -350,13 +339,13 @@ impl Link {
 /// A drone whose motors may run: landed when this goes out of scope, by whatever way.
 #[derive(Debug)]
 pub(super) struct Armed<'a> {
-    link: &'a mut Link,
+    link: &'a mut BenchConnection,
     place: Place,
     console: &'a Console,
 }
 
 impl<'a> Armed<'a> {
-    pub(super) fn new(link: &'a mut Link, place: Place, console: &'a Console) -> Self {
+    pub(super) fn new(link: &'a mut BenchConnection, place: Place, console: &'a Console) -> Self {
         if place.spins() {
             link.guard.set(Duty::Steering, link.clock.now());
         }

@@ -73,7 +73,7 @@ fn parameters_that_the_estimator_does_not_take_are_refused() {
 fn only_missions_and_settings_of_a_flight_have_a_look() {
     let look = |name: &str| {
         let values = resolve(None, Some(&config(name))).unwrap();
-        Look::of((None, SPEED_AS_WRITTEN), &values).unwrap().map(|(look, ..)| look)
+        CheckedMission::of(&values, None, SPEED_AS_WRITTEN).unwrap().map(|found| found.look)
     };
     let of_settings = look("fly.json").unwrap();
     assert!(look("sim.json").is_none() && look("ident.json").is_none());
@@ -97,7 +97,7 @@ fn a_look_says_where_the_walls_and_the_obstacles_are() {
     let nominal = NominalFlight {
         finish_s: Some(7.25),
         distance_p95_m: Some(0.061),
-        ..Look::at(&flight).unwrap().0.nominal
+        ..CheckedMission::at(&flight).unwrap().look.nominal
     };
     let look = |room_margin_m, obstacle_margin_m| {
         let (survey, nominal) = (survey.clone(), nominal.clone());

@@ -18,7 +18,7 @@ use tello_flight::cycle::{
     Timing, Watch, is_flight_phase,
 };
 use tello_flight::{FaultSet, Incidents, Phase, Ruling};
-use tello_io::clock::{Clock, SpanNs, Ticker, TickerError, TimeNs, request_real_time};
+use tello_io::clock::{Beat, Clock, SpanNs, Ticker, TickerError, TimeNs, request_real_time};
 use tello_io::log::Recorder;
 use tello_io::manual::Person;
 use tello_io::mocap::MocapFeed;
@@ -28,11 +28,8 @@ use tokio::sync::oneshot;
 pub(super) use self::orders::Orders;
 use self::orders::meaning;
 use super::drill::Drill;
-use super::status::Status;
+use super::status::{STATUS_PERIOD, Status};
 use crate::stdio;
-
-/// Ticks between two status lines.
-const STATUS_EVERY_TICKS: u64 = 10;
 
 /// How long the loop goes on after the flight, so that the log shows the drone on the ground.
 const SETTLE: SpanNs = SpanNs::from_ms(500);
@@ -48,7 +45,7 @@ pub(super) struct ControlLoop {
     /// Time for the solvers inside a period.
     pub(super) solver_time: SpanNs,
     /// How long to wait on the ground for mocap and drone.
-    pub(super) patience: SpanNs,
+    pub(super) ground_wait: SpanNs,
     /// How long the poses of a drone that stands may take to agree.
     pub(super) settling_max: SpanNs,
     /// Whether the vehicle is carried by hand: no take-off is waited for.
@@ -81,7 +78,7 @@ fn newest_place(feed: &mut MocapFeed, now: TimeNs) -> Option<[f64; 3]> {
     newest.pose.filter(|_| is_new).map(|at| [at[pose::X], at[pose::Y], at[pose::Z]])
 }
 
-/// How the loop ended, and the log to close.
+/// The end of the loop and the log to close, or why the loop could not go on.
 pub(super) type LoopResult = Result<(LoopEnd, Recorder<TickRecord>), TickerError>;
 
 /// The thread of the loop. Dropping it, as a panic beside it does, asks to land and waits for the end: the
@@ -131,7 +128,7 @@ impl Drop for ControlThread {
     }
 }
 
-/// How the loop ended.
+/// Result of the flight, as the control thread knows it.
 #[derive(Debug, Clone, Default)]
 pub(super) struct LoopEnd {
     /// Phase after the last tick.
@@ -142,8 +139,8 @@ pub(super) struct LoopEnd {
     pub(super) faults: FaultSet,
     /// What ended the flight.
     pub(super) ended_by: FaultSet,
-    /// Whether nothing but a carried vehicle was waited for, and no frame of the mocap ever came.
-    pub(super) is_unseen: bool,
+    /// Whether this was a dry run to which the mocap never gave a frame.
+    pub(super) is_dry_run_without_frames: bool,
     /// Orders that the link did not take; the supervisor repeats them.
     pub(super) orders_lost: u64,
     /// Sightings that a tick had no room for.
@@ -175,9 +172,11 @@ impl ControlLoop {
         let arrival = Arc::clone(&self.feed.arrival);
         let mut ticker = Ticker::new(self.clock, self.period).with_frames(arrival, self.frame_wait);
         let mut record = TickRecord::with_buffers(&self.cycle.new_outcome());
-        let mut end = LoopEnd { is_unseen: self.is_carried, ..LoopEnd::default() };
-        let mut end_condition = EndCondition::new(self.patience);
+        let mut end = LoopEnd { is_dry_run_without_frames: self.is_carried, ..LoopEnd::default() };
+        let mut end_condition = EndCondition::new(self.ground_wait);
         let mut is_drilled = false;
+        let period_ns = self.period.duration().as_nanos().max(1);
+        let status_ticks = (STATUS_PERIOD.as_nanos() / period_ns).max(1);
         for step in 0.. {
             if let Some(drill) = self.drill {
                 drill.strike(self.clock.now(), &mut is_drilled);
@@ -187,10 +186,9 @@ impl ControlLoop {
             record.inbox.skipped = beat.skipped;
             end.sightings_dropped += self.fill(&mut record.inbox, &end);
             end_condition.receive(record.inbox.drone);
-            end.is_unseen &= record.inbox.sightings.is_empty();
-            let has_lost_order = self.tick(&mut record, beat.due.after(self.solver_time));
+            end.is_dry_run_without_frames &= record.inbox.sightings.is_empty();
+            let has_lost_order = self.tick(&mut record, beat);
             end.orders_lost += u64::from(has_lost_order);
-            record.timing.late_ns = beat.lateness.0;
             ticker.follow(&record.inbox.sightings);
 
             let was_flying = end.phase == Phase::Flying;
@@ -203,11 +201,12 @@ impl ControlLoop {
             for feed in iter::once(&self.feed).chain(&self.moving_feed) {
                 feed.airborne.store(is_in_flight, Ordering::Relaxed);
             }
-            if step % STATUS_EVERY_TICKS == 0 {
+            if u128::from(step).is_multiple_of(status_ticks) {
                 // If the ring is full this line is dropped: the display needs a recent one only.
                 self.status.push(Status::of(&record)).ok();
             }
-            let is_in_vain = end.is_unseen && record.inbox.now.since(TimeNs(0)) > self.patience;
+            let is_in_vain = end.is_dry_run_without_frames
+                && record.inbox.now.since(TimeNs(0)) > self.ground_wait;
             let pose_is_airborne = record.out.pose_is_airborne();
             let is_over =
                 end_condition.update(&record.inbox, end.phase, pose_is_airborne) || is_in_vain;
@@ -242,7 +241,7 @@ impl ControlLoop {
         // Before the first tick nothing is known of the poses.
         let judged = (before.phase, before.faults_last);
         if inbox.step > 0
-            && self.orders.lapse(inbox.now, judged, [self.patience, self.settling_max])
+            && self.orders.lapse(inbox.now, judged, [self.ground_wait, self.settling_max])
         {
             self.person.note_lapsed_take_off();
         }
@@ -262,26 +261,27 @@ impl ControlLoop {
     }
 
     /// One tick with its times; whether the link did not take its order.
-    fn tick(&mut self, record: &mut TickRecord, late_at: TimeNs) -> bool {
+    fn tick(&mut self, record: &mut TickRecord, beat: Beat) -> bool {
+        let late_at = beat.due.after(self.solver_time);
         let mut watch = LiveWatch::new(self.clock, late_at, &self.drone);
         self.cycle.tick(&record.inbox, &mut watch, &mut record.out);
         record.inbox.late_at_poll = watch.late_at_poll;
-        record.timing = watch.timing(record.inbox.step);
+        record.timing = watch.timing(record.inbox.step, beat.lateness);
         watch.has_lost_order
     }
 }
 
 /// When the loop ends.
 struct EndCondition {
-    patience: SpanNs,
+    ground_wait: SpanNs,
     is_flying: bool,
     /// When the phase was last one that goes on.
     went_on_at: TimeNs,
 }
 
 impl EndCondition {
-    fn new(patience: SpanNs) -> Self {
-        Self { patience, is_flying: false, went_on_at: TimeNs(0) }
+    fn new(ground_wait: SpanNs) -> Self {
+        Self { ground_wait, is_flying: false, went_on_at: TimeNs(0) }
     }
 
     fn receive(&mut self, status: Option<DroneStatus>) {
@@ -299,7 +299,7 @@ impl EndCondition {
             Phase::TakingOff | Phase::Flying | Phase::Landing => false,
             Phase::Idle => {
                 let is_ended = inbox.operator == Operator::Land || inbox.incidents.ends_flight();
-                is_ended || has_waited > self.patience
+                is_ended || has_waited > self.ground_wait
             }
             // The drone has time to receive the order again, and the log to show it on the ground.
             Phase::LandingUnconfirmed | Phase::MotorsStopped
@@ -349,10 +349,10 @@ impl<'a> LiveWatch<'a> {
         }
     }
 
-    fn timing(&self, step: u64) -> Timing {
+    fn timing(&self, step: u64, lateness: SpanNs) -> Timing {
         Timing {
             step,
-            late_ns: 0,
+            late_ns: lateness.0,
             estimate_ns: self.estimate.0,
             plan_ns: self.plan.0,
             sent_ns: self.sent.0,

@@ -65,9 +65,11 @@ pub(super) struct Live {
     facts: watch::Sender<Arc<Facts>>,
     reference: ReferencePath,
     predictor: TrajectoryPredictor,
-    /// Ticks between two facts, two places of the trail, and in what "lately" means.
+    /// Ticks from one [`Facts`] to the next.
     every: u64,
+    /// Ticks from one position of the trail to the next.
     trail_every: u64,
+    /// Ticks of the recent past, of which the facts give extremes.
     lately: usize,
     recent: VecDeque<Recent>,
     trail: VecDeque<PosW>,

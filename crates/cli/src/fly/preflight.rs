@@ -118,7 +118,7 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
         Some(folder) => folder,
     };
     let has_keys = !arguments.no_keys && io::stdin().is_terminal();
-    // Before the look, whose findings shall be new when they are read.
+    // Before the inspection, whose findings must be new when the person reads them.
     let nominal = NominalFlight::fly(flight);
     let mut found = inspection::inspect(table, log_dir, has_keys)?;
     if found.drone.is_some_and(|status| status.is_flying) {
@@ -139,8 +139,8 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
     }
     let failed = checks.iter().filter(|check| check.readiness == Readiness::Bad).count();
     if failed > 0 {
-        let patience_s = super::PATIENCE.seconds();
-        stdio::note(format_args!("takes off once all checks pass, within {patience_s} s at most"));
+        let wait_s = super::GROUND_WAIT.seconds();
+        stdio::note(format_args!("takes off once all checks pass, within {wait_s} s at most"));
     }
     Ok(Orders::to_fly())
 }

@@ -99,10 +99,10 @@ fn write_all(queue: &Receiver<Record>, writers: &[(RosTopic, DataWriter<Vec<u8>,
             refused += u64::from(!matches!(written, Some(Ok(()))));
         }
     }
-    let patience = FAREWELL / 2 / u32::try_from(writers.len()).unwrap_or(1).max(1);
+    let timeout = FAREWELL / 2 / u32::try_from(writers.len()).unwrap_or(1).max(1);
     for (_, writer) in writers {
         // A reader that has not answered by then is gone.
-        writer.wait_for_acknowledgments(patience).ok();
+        writer.wait_for_acknowledgments(timeout).ok();
     }
     if refused > 0 {
         stdio::note(format_args!("{refused} messages could not be published in ROS 2"));

@@ -12,6 +12,9 @@ use tello_flight::{Fault, Phase, Pilot, Reaction};
 
 use crate::stdio;
 
+/// Period of the statuses, and of the status line.
+pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(200);
+
 /// Lines of which one is shown where nothing can be renewed in place.
 const LINES_SKIPPED: u32 = 10;
 
@@ -102,9 +105,9 @@ fn width() -> usize {
     usize::from(columns.saturating_sub(1)).clamp(20, 200)
 }
 
-/// Shows the newest status once per `period` until the control thread is gone. On a thread of its
+/// Shows the newest status once per [`STATUS_PERIOD`] until the control thread is gone. On a thread of its
 /// own: a terminal that blocks must not hold up a link.
-pub(super) fn show_statuses(mut statuses: Consumer<Status>, period: Duration) {
+pub(super) fn show_statuses(mut statuses: Consumer<Status>) {
     let is_terminal = io::stderr().is_terminal();
     let (mut shown, mut stopped_by) = (0_u32, None);
     while !statuses.is_abandoned() {
@@ -121,7 +124,7 @@ pub(super) fn show_statuses(mut statuses: Consumer<Status>, period: Duration) {
             stopped_by = status.stopped_by;
             shown += 1;
         }
-        thread::sleep(period);
+        thread::sleep(STATUS_PERIOD);
     }
     if is_terminal && shown > 0 {
         stdio::note("");

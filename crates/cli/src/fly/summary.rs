@@ -10,7 +10,7 @@ use tello_eval::flight_log::TickRecord;
 use tello_eval::metrics::{
     FlownTrack, LATE_TICK_MS, Lap, Metrics, OutageCounter, Outages, ReferencePath,
 };
-use tello_eval::quantile;
+use tello_eval::quantiles;
 use tello_flight::cycle::{FlightTable, Pipeline, Timing};
 use tello_flight::jitter::{Jitter, RECORD_EVERY_TICKS};
 use tello_flight::{Fault, Phase};
@@ -19,6 +19,9 @@ use tello_io::tello::LinkCounters;
 
 use super::control_loop::LoopEnd;
 use super::take_off_refusal::hidden;
+
+/// Fractions of the quantiles of a summary.
+const SPREAD: [f64; 4] = [0.5, 0.95, 0.999, 1.0];
 
 /// Gathers the figures of a flight record by record, on the logger's thread.
 #[derive(Debug)]
@@ -210,17 +213,11 @@ impl Tally {
             late_ticks: self.late_ticks,
             missed_periods: self.missed_periods,
             jitter: self.jitter,
-            solve_ms: spread(&self.solve_ms),
-            answer_ms: spread(&self.answer_ms),
+            solve_ms: quantiles(&self.solve_ms, SPREAD),
+            answer_ms: quantiles(&self.answer_ms, SPREAD),
             ..Summary::default()
         }
     }
-}
-
-/// Quantiles 50, 95, 99.9 and 100 %; `None` of nothing.
-fn spread(values: &[f64]) -> Option<[f64; 4]> {
-    let fraction = |fraction| quantile(values, fraction);
-    Some([fraction(0.5)?, fraction(0.95)?, fraction(0.999)?, fraction(1.0)?])
 }
 
 impl Summary {

@@ -16,7 +16,7 @@ use crate::stdio;
 /// Why the drone never took off, by the faults of the last tick, and what to look at.
 pub(super) fn take_off_refusal(
     table: &FlyTable,
-    patience: SpanNs,
+    ground_wait: SpanNs,
     faults_last: FaultSet,
     counters: &MocapCounters,
     drone_packets: u64,
@@ -29,12 +29,12 @@ pub(super) fn take_off_refusal(
     let mut text = if faults_last.is_empty() {
         format!(
             "did not take off: an order lapses after {} s, or when the drone is moved",
-            patience.seconds()
+            ground_wait.seconds()
         )
     } else if is_ended {
         format!("did not take off: {faults}")
     } else {
-        format!("not ready to fly within {} s: {faults}", patience.seconds())
+        format!("not ready to fly within {} s: {faults}", ground_wait.seconds())
     };
     if is_any(&[Fault::GuardianLost]) {
         text += "\n  guardian: the process tello-guardian was ended or stopped; nothing flies without it";
@@ -305,8 +305,8 @@ mod tests {
         assert!(text.contains("answers, but") && text.contains("`time` or `tof`"), "{text}");
         let mut silent = FaultSet::default();
         silent.set(Fault::DroneSilent, true);
-        let patience = SpanNs::from_seconds(10.0);
-        let text = take_off_refusal(&table, patience, silent, &MocapCounters::default(), 9);
+        let ground_wait = SpanNs::from_seconds(10.0);
+        let text = take_off_refusal(&table, ground_wait, silent, &MocapCounters::default(), 9);
         assert!(text.contains("has fallen silent"), "{text}");
     }
 

@@ -66,7 +66,7 @@ fn the_motion_capture_of_the_command_line_is_that_of_the_settings() {
 
 #[test]
 fn every_source_of_poses_can_be_set_up() {
-    for (kind, _) in MocapTable::KINDS {
+    for kind in MocapKind::ALL.map(MocapKind::name) {
         let dir = empty_folder(kind);
         init_with(&[dir.to_str().unwrap(), "--mocap", kind]).unwrap();
         fs::remove_dir_all(dir).unwrap();

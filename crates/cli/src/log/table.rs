@@ -47,11 +47,8 @@ pub(super) fn write(
     let mut lines = Vec::with_capacity(columns.len());
     for (topic, columns) in &columns {
         let path = dir.join(format!("{}.csv", topic.trim_start_matches('/').replace('/', "_")));
-        let mut rows = 0;
-        whole_file::write(&path, is_replaced, |part| {
-            rows = write_table(file, part, topic, columns)?;
-            Ok(())
-        })?;
+        let rows =
+            whole_file::write(&path, is_replaced, |part| write_table(file, part, topic, columns))?;
         lines.push(format!("{}: {rows} rows of {topic}", path.display()));
     }
     Ok(Tables { lines, ending, unreadable })

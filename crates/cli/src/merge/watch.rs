@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
-use tello_eval::shard_file::{Kind, PartSet};
+use tello_eval::part_file::{Kind, PartSet};
 use tello_io::clock::Clock;
 
 use crate::interrupt::Interrupt;
@@ -82,10 +82,10 @@ struct Progress {
 impl Progress {
     /// `None` before the first part.
     fn of(there: &PartSet, seeds_before: u64, elapsed_s: f64) -> Option<Self> {
-        let head = there.first()?;
-        let [_, parts_all] = head.numbers();
-        let noun = if head.kind == Kind::Bootstrap { "resamples" } else { "flights" };
-        let (parts, seeds, seeds_all) = (there.count(), there.seed_count(), head.count);
+        let header = there.first()?;
+        let [_, parts_all] = header.numbers();
+        let noun = if header.kind == Kind::Bootstrap { "resamples" } else { "flights" };
+        let (parts, seeds, seeds_all) = (there.count(), there.seed_count(), header.count);
         let while_watching = (seeds - seeds_before) as f64;
         let rate = (while_watching > 0.0).then(|| while_watching / elapsed_s);
         Some(Self { noun, parts, parts_all, seeds, seeds_all, rate })

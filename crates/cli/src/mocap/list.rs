@@ -10,7 +10,7 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::json;
 use tello_io::clock::Clock;
-use tello_io::mocap::{MocapSettings, MocapTable, Survey, TrackReport, survey};
+use tello_io::mocap::{MocapKind, MocapSettings, MocapTable, Survey, TrackReport, survey};
 use tokio::task::JoinSet;
 
 use super::source::{self, SourceArgument};
@@ -95,7 +95,7 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
         vec![source.table("any")]
     } else if let Some(host) = &arguments.host {
         let usual = |kind| SourceArgument::usual(kind, host).table("any");
-        MocapTable::KINDS.map(usual).into()
+        MocapKind::ALL.map(usual).into()
     } else if arguments.source.is_empty() {
         vec![source::of_settings(arguments.config.as_ref())?]
     } else {
@@ -142,10 +142,10 @@ fn found(table: &MocapTable, settings: &MocapSettings, survey: Survey) -> FoundS
         }
     });
     FoundSource {
-        kind: table.kind(),
+        kind: table.kind().name(),
         address: table.address().1.to_owned(),
         is_there: survey.messages > 0,
-        announced_hz: (survey.announced_hz > 0.0 && !super::rate::has_set(table))
+        announced_hz: (survey.announced_hz > 0.0 && !table.kind().has_set_rate())
             .then_some(survey.announced_hz),
         messages: survey.messages,
         malformed: survey.malformed,
@@ -277,7 +277,7 @@ mod tests {
 
     /// The advice on objects that were seen and moved so far, by name. m
     fn advice(objects: &[(&str, f64)]) -> String {
-        let table = SourceArgument::usual(("relay", 51602), "a").table("any");
+        let table = SourceArgument::usual(MocapKind::Relay, "a").table("any");
         let object = |(name, moved_m): &(&str, f64)| FoundObject {
             name: (*name).to_owned(),
             report: TrackReport { frames: 1, seen: 1, ..TrackReport::default() },

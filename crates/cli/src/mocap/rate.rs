@@ -10,13 +10,11 @@ fn set_hz(table: &MocapTable) -> Option<f64> {
     match table {
         MocapTable::Udp(table) => Some(table.rate_hz),
         MocapTable::Vrpn(table) => Some(table.rate_hz),
-        _ => None,
+        MocapTable::Relay(_)
+        | MocapTable::Datastream(_)
+        | MocapTable::Natnet(_)
+        | MocapTable::Qtm(_) => None,
     }
-}
-
-/// Whether the rate of a source stands in its settings alone.
-pub(super) fn has_set(table: &MocapTable) -> bool {
-    set_hz(table).is_some()
 }
 
 /// Settings for an object, with the measured rate, without gaps, where the source does not announce its own.

@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use anyhow::{Result, bail};
 use tello_io::config::{self, FlyTable};
-use tello_io::mocap::{MocapTable, NatnetTable, QtmTable, ServerTable, UdpTable, VrpnTable};
+use tello_io::mocap::{MocapKind, MocapTable};
 
 /// Numbers of frames of a source that does not announce its rate are counted in this. Hz
 const ANY_RATE_HZ: f64 = 1000.0;
@@ -14,35 +14,26 @@ const ANY_RATE_HZ: f64 = 1000.0;
 /// A source as given on the command line: `natnet=192.168.1.5:1510`.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct SourceArgument {
-    kind: &'static str,
+    kind: MocapKind,
     address: String,
 }
 
 impl SourceArgument {
     /// The source of a kind at its usual port of `host`.
-    pub(super) fn usual((kind, port): (&'static str, u16), host: &str) -> Self {
-        Self { kind, address: usual_address(kind, port, host) }
+    pub(super) fn usual(kind: MocapKind, host: &str) -> Self {
+        Self { kind, address: usual_address(kind, host) }
     }
 
     /// Settings of the source for one of its objects.
     pub(super) fn table(&self, object: &str) -> MocapTable {
-        let (address, object) = (self.address.clone(), object.to_owned());
-        let frame = None;
-        match self.kind {
-            "natnet" => MocapTable::Natnet(NatnetTable { address, object, rate_hz: None, frame }),
-            "qtm" => MocapTable::Qtm(QtmTable { address, object, frame }),
-            "vrpn" => MocapTable::Vrpn(VrpnTable { address, object, rate_hz: ANY_RATE_HZ, frame }),
-            "datastream" => MocapTable::Datastream(ServerTable { address, object }),
-            "relay" => MocapTable::Relay(ServerTable { address, object }),
-            _ => MocapTable::Udp(UdpTable { listen: address, object, rate_hz: ANY_RATE_HZ }),
-        }
+        self.kind.table(self.address.clone(), object.to_owned(), ANY_RATE_HZ)
     }
 }
 
 /// Where a source of a kind is on `host`. An object stream is sent to us.
-pub(crate) fn usual_address(kind: &str, port: u16, host: &str) -> String {
-    let host = if kind == "udp" { "0.0.0.0" } else { host };
-    with_port(host, port)
+pub(crate) fn usual_address(kind: MocapKind, host: &str) -> String {
+    let host = if kind == MocapKind::Udp { "0.0.0.0" } else { host };
+    with_port(host, kind.usual_port())
 }
 
 /// `host` and `port`, with brackets about an address whose colons are its own.
@@ -57,17 +48,17 @@ impl FromStr for SourceArgument {
     type Err = anyhow::Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        let names = MocapTable::KINDS.map(|(name, _)| name).join(", ");
-        let Some((kind, address)) = text.split_once('=') else {
+        let names = MocapKind::ALL.map(MocapKind::name).join(", ");
+        let Some((name, address)) = text.split_once('=') else {
             bail!("`{text}` is not KIND=HOST:PORT; kinds are {names}");
         };
-        let Some((kind, port)) = MocapTable::KINDS.into_iter().find(|(name, _)| *name == kind)
-        else {
-            bail!("`{kind}` is no kind of source; kinds are {names}");
+        let Some(kind) = MocapKind::named(name) else {
+            bail!("`{name}` is no kind of source; kinds are {names}");
         };
         let has_port = address.parse::<Ipv6Addr>().is_err()
             && address.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok());
-        let address = if has_port { address.to_owned() } else { with_port(address, port) };
+        let address =
+            if has_port { address.to_owned() } else { with_port(address, kind.usual_port()) };
         Ok(Self { kind, address })
     }
 }
@@ -92,8 +83,8 @@ mod tests {
         assert_eq!(parsed("qtm=10.0.0.1:9").address, "10.0.0.1:9");
         assert_eq!(parsed("natnet=::1").address, "[::1]:1510");
         assert_eq!(parsed("natnet=[::1]:9").address, "[::1]:9");
-        for (kind, _) in MocapTable::KINDS {
-            let table = parsed(&format!("{kind}=a:1")).table("tello");
+        for kind in MocapKind::ALL {
+            let table = parsed(&format!("{}=a:1", kind.name())).table("tello");
             assert_eq!((table.kind(), table.address().1), (kind, "a:1"));
         }
         for (text, reason) in [("motive", "is not KIND=HOST:PORT"), ("optitrack=a", "is no kind")] {

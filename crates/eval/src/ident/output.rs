@@ -108,7 +108,7 @@ fn write_estimates(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
         let name = log.path.file_stem().unwrap_or_default().to_string_lossy();
         let path = |kind: &str| dir.join(format!("{:03}-{name}.{kind}", position + 1));
         let csv = estimates_csv(job, fitted, log, &traces);
-        whole_file::write(&path("csv"), true, |part| Ok(fs::write(part, csv)?))?;
+        whole_file::write_contents(&path("csv"), true, csv)?;
         whole_file::write(&path("mcap"), true, |part| write_mcap(part, job, fitted, &traces))?;
     }
     Ok(())

@@ -18,7 +18,7 @@ use tello_io::config;
 use tello_io::whole_file::write_json;
 
 use crate::REVISION;
-use crate::shard_file::{self, Head, Kind, Seeded, Shard};
+use crate::part_file::{self, Kind, PartHeader, PartNumber, Seeded};
 
 /// What is asked of the bootstrap.
 #[derive(Debug, Clone)]
@@ -28,7 +28,7 @@ pub struct BootstrapPlan {
     /// Seed of the resampling.
     pub seed: u64,
     /// Part of the resamples that is computed.
-    pub shard: Shard,
+    pub shard: PartNumber,
     /// The file of that part; `None` for all resamples.
     pub part: Option<PathBuf>,
     /// Files of earlier runs and of other shards.
@@ -121,7 +121,7 @@ impl ResampleFile {
         let mut gathered = Self { problem, seed, parameters, resamples: Vec::new() };
         let mut paths = plan.earlier.clone();
         match &plan.part {
-            Some(part) if shard_file::is_done::<ResampleRow>(part, &gathered.head(plan))? => {
+            Some(part) if part_file::is_done::<ResampleRow>(part, &gathered.head(plan))? => {
                 paths.push(part.clone());
             }
             _ => paths.extend(plan.unfinished().filter(|path| path.exists())),
@@ -154,10 +154,10 @@ impl ResampleFile {
 
     /// A part file, or what [`Self::save`] wrote.
     fn read(path: &Path) -> Result<Self> {
-        if !shard_file::is_part(path)? {
+        if !part_file::is_part(path)? {
             return config::load(path);
         }
-        let (head, rows) = shard_file::read::<ResampleRow>(path)?;
+        let (head, rows) = part_file::read::<ResampleRow>(path)?;
         if head.revision() != REVISION {
             let (path, theirs) = (path.display(), head.revision());
             bail!(
@@ -167,7 +167,7 @@ impl ResampleFile {
         Self::of(&head, rows).with_context(|| path.display().to_string())
     }
 
-    fn of(head: &Head, resamples: Vec<ResampleRow>) -> Result<Self> {
+    fn of(head: &PartHeader, resamples: Vec<ResampleRow>) -> Result<Self> {
         let PartSettings { problem, seed, parameters } =
             config::from_value(&head.settings).context("it is no part of a bootstrap")?;
         Ok(Self { problem, seed, parameters, resamples })
@@ -185,19 +185,19 @@ impl ResampleFile {
     }
 
     /// The head of the part of `plan`.
-    fn head(&self, plan: &BootstrapPlan) -> Head {
+    fn head(&self, plan: &BootstrapPlan) -> PartHeader {
         let Self { problem, seed, parameters, .. } = self;
         let settings = json!({ "problem": problem, "seed": seed, "parameters": parameters });
         let names = [String::new(), String::new()];
-        Head::new(Kind::Bootstrap, (settings, names), (0, plan.resamples), plan.shard)
+        PartHeader::new(Kind::Bootstrap, (settings, names), (0, plan.resamples), plan.shard)
     }
 
     /// The estimates of all parts of a bootstrap: the file that one process writes for all resamples.
     ///
     /// # Errors
-    /// As [`shard_file::merge`].
+    /// As [`part_file::merge`].
     pub fn merge(paths: &[PathBuf]) -> Result<Self> {
-        let (head, rows) = shard_file::merge::<ResampleRow>(paths)?;
+        let (head, rows) = part_file::merge::<ResampleRow>(paths)?;
         let merged = Self::of(&head, rows)?;
         merged.check(merged.parameters.len())?;
         Ok(merged)
@@ -238,7 +238,7 @@ impl ResampleFile {
             let head = self.head(plan);
             let mine = |row: &&ResampleRow| head.seeds().contains(&row.index);
             let rows: Vec<ResampleRow> = self.resamples.iter().filter(mine).cloned().collect();
-            shard_file::write(part, &head, &rows)?;
+            part_file::write(part, &head, &rows)?;
         }
         // All of it is in the part.
         fs::remove_file(&path).ok();

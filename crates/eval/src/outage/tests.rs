@@ -49,7 +49,6 @@ fn an_outage_is_found_with_its_ends_and_nothing_else() {
     let is_lost = lost_commands(&(&table()).try_into().unwrap(), &u, &track, DT_S);
     let found = (0..2000).filter(|k| is_lost[*k] && truth(*k)).count();
     let wrong = (0..2000).filter(|k| is_lost[*k] && !truth(*k)).count();
-    println!("{found} of 450 steps found, {wrong} wrong");
     // An end is blurred by the correlation time and by sticks that cross zero: a quarter second each.
     assert!(found > 400, "{found}");
     assert!(wrong < 25, "{wrong}");

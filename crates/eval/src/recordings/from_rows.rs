@@ -88,10 +88,10 @@ pub(super) fn samples(
     if headings_held > headings && flight.rows.iter().filter_map(|row| row.pos).any(is_in_degrees) {
         bail!("{headings_held} headings jump, {headings} do not: theta is in rad");
     }
-    note(skipped, stalled, "poses repeated while the stream stalled");
-    note(skipped, lost, "poses of a lost object");
-    note(skipped, positions_held, "poses not accepted by the filter");
-    note(skipped, headings_held, "headings not accepted by the filter");
+    note(skipped, stalled, "pose", "repeated while the stream stalled");
+    note(skipped, lost, "pose", "of a lost object");
+    note(skipped, positions_held, "pose", "not accepted by the filter");
+    note(skipped, headings_held, "heading", "not accepted by the filter");
     Ok(samples)
 }
 

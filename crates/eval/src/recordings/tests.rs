@@ -167,7 +167,7 @@ fn a_repeated_pose_is_a_stall_unless_the_file_is_rounded() {
     let fine = line(0, "0.5001") + &line(1, "0.5001") + &line(2, "0.5002");
     let loaded = read(&fine).unwrap();
     assert_eq!(present(&loaded), [true, false, true]);
-    assert_eq!(loaded.skipped, ["1 poses repeated while the stream stalled"]);
+    assert_eq!(loaded.skipped, ["1 pose repeated while the stream stalled"]);
     let coarse = line(0, "0.50") + &line(1, "0.50") + &line(2, "0.51");
     let loaded = read(&coarse).unwrap();
     assert_eq!(present(&loaded), [true; 3]);
@@ -193,7 +193,7 @@ fn a_raw_recording_runs_through_the_filter_of_the_flight() {
         // Half a digit of the file.
         assert!(!is_present[pose::THETA] || gap.abs() < 1e-4, "step {k}: {gap}");
     }
-    let expected = ["1 poses of a lost object", "1 headings not accepted by the filter"];
+    let expected = ["1 pose of a lost object", "1 heading not accepted by the filter"];
     assert_eq!(loaded.skipped, expected);
 }
 
@@ -228,14 +228,14 @@ fn sticks_and_poses_beyond_what_can_be_flown_are_left_out() {
     let mut skipped = Vec::new();
     let recording = assemble(&samples, &mut skipped).unwrap();
     assert_eq!((recording.u[2], recording.o[2].is_present), (Sticks::repeat(0.2), [false; 4]));
-    assert_eq!(skipped, ["1 inputs beyond full sticks", "1 poses out of any room"]);
+    assert_eq!(skipped, ["1 input beyond full sticks", "1 pose out of any room"]);
     let wide = steps(0..10) + "pos,10,1e200,0,1,0\ninput,10,1.5,0,0,0\n" + &steps(11..20);
     let loaded = read(&wide).unwrap();
     assert!(!present(&loaded)[10] && loaded.recording.u[10] == loaded.recording.u[9]);
     let [pose, input, missing] = &loaded.skipped[..] else { panic!("{:?}", loaded.skipped) };
     assert!(pose.contains("line 21, value 1 is beyond 100"), "{pose}");
     assert!(input.contains("line 22, value 1 is beyond 1"), "{input}");
-    assert_eq!(missing, "1 steps missing");
+    assert_eq!(missing, "1 step missing");
 }
 
 #[test]

@@ -119,9 +119,9 @@ pub fn read(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<TickRo
             _ => misplaced += 1,
         }
     }
-    note(skipped, usize::try_from(missing).unwrap_or(usize::MAX), "ticks missing");
-    note(skipped, unreadable, "records that cannot be read");
-    note(skipped, misplaced, "records of missing ticks");
+    note(skipped, usize::try_from(missing).unwrap_or(usize::MAX), "tick", "missing");
+    note(skipped, unreadable, "record", "that cannot be read");
+    note(skipped, misplaced, "record", "of missing ticks");
     skipped.extend(tear(log));
     Ok(ticks)
 }
@@ -219,15 +219,20 @@ pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<
         let is_in = |tick: &&TickRow| tick.phase.is_some_and(|phase| phases.contains(&phase));
         ticks.iter().filter(is_in).count()
     };
-    note(skipped, count(&[Phase::Idle]), "ticks before the take-off");
-    note(skipped, count(&[Phase::TakingOff]), "ticks of the take-off");
-    note(skipped, count(&[Phase::Landing, Phase::Landed]), "ticks of the landing");
-    note(skipped, count(&[Phase::LandingUnconfirmed]), "ticks of a landing that was not confirmed");
-    note(skipped, count(&[Phase::MotorsStopped]), "ticks after an emergency stop");
+    note(skipped, count(&[Phase::Idle]), "tick", "before the take-off");
+    note(skipped, count(&[Phase::TakingOff]), "tick", "of the take-off");
+    note(skipped, count(&[Phase::Landing, Phase::Landed]), "tick", "of the landing");
+    note(
+        skipped,
+        count(&[Phase::LandingUnconfirmed]),
+        "tick",
+        "of a landing that was not confirmed",
+    );
+    note(skipped, count(&[Phase::MotorsStopped]), "tick", "after an emergency stop");
     let Some(alone) = commands_act(&ticks[first..=last]) else {
         bail!("no command was sent while it flew");
     };
-    note(skipped, alone, "ticks in which the firmware flew by itself");
+    note(skipped, alone, "tick", "in which the firmware flew by itself");
     let first = first + alone;
     let sample = |tick: &TickRow| Sample {
         step: tick.period,

@@ -69,7 +69,6 @@ fn the_smoother_recovers_a_flight_from_outliers_flips_losses_and_repetitions() {
     let place = worst(&track.pose, truth, &PLACE);
     let velocity = worst(&track.velocity, true_velocity, &PLACE);
     let heading = worst(&track.pose, truth, &[pose::THETA]);
-    println!("place {place:.4} m, velocity {velocity:.3} m/s, heading {heading:.4} rad");
     // An outlier of 75 scales keeps 4 / (3 + 75^2) of its weight: a pull of 0.2 mm over the noise.
     assert!(place < 0.004, "{place} m");
     assert!(velocity < 0.05, "{velocity} m/s");
@@ -85,7 +84,6 @@ fn the_tracker_knows_nothing_of_the_future() {
     assert_eq!(whole.pose[..500], half.pose[..]);
     assert_eq!(whole.velocity[..500], half.velocity[..]);
     let place = worst(&whole.pose, truth, &PLACE);
-    println!("place {place:.4} m");
     // Four lost samples at 1 m/s^2 of unknown acceleration, and the outliers from one side.
     assert!(place < 0.05, "{place} m");
 }

@@ -140,8 +140,8 @@ impl MocapClient {
             if silent >= SILENCE_TIMEOUT {
                 return;
             }
-            let patience = beat_period.min(SILENCE_TIMEOUT.saturating_sub(silent));
-            let count = match timeout(patience, wire.read(&mut chunk)).await {
+            let wait_max = beat_period.min(SILENCE_TIMEOUT.saturating_sub(silent));
+            let count = match timeout(wait_max, wire.read(&mut chunk)).await {
                 Ok(Ok(count)) => count,
                 // The end of a stream is as final as an error or silence.
                 Ok(Err(_)) => return,

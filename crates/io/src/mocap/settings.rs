@@ -1,5 +1,6 @@
 //! Which source poses come from, and what the vehicle is called there.
 
+mod kind;
 mod protocols;
 
 use std::net::SocketAddr;
@@ -16,6 +17,7 @@ use super::protocol::{BodyProtocol, OBJECT_NAME_BYTES_MAX, Picked};
 use super::qtm::QtmProtocol;
 use super::relay::RelayProtocol;
 use super::vrpn::VrpnProtocol;
+pub use kind::MocapKind;
 pub use protocols::{NatnetTable, QtmTable, VrpnTable};
 
 /// Where poses come from, as written in JSON: the source by its key.
@@ -79,7 +81,7 @@ pub(super) enum Transport {
 
 /// Content of a table, whatever its source.
 struct Parts<'a> {
-    kind: &'static str,
+    kind: MocapKind,
     /// Key of the address.
     key: &'static str,
     address: &'a str,
@@ -90,42 +92,40 @@ struct Parts<'a> {
 }
 
 impl MocapTable {
-    /// Key of each source with its usual port.
-    pub const KINDS: [(&'static str, u16); 6] = [
-        ("relay", 51602),
-        ("udp", 51001),
-        ("datastream", 801),
-        ("natnet", 1510),
-        ("qtm", 22223),
-        ("vrpn", 3883),
-    ];
-
     fn parts(&self) -> Parts<'_> {
         let (kind, key, [address, object], rate_hz, frame) = match self {
             Self::Relay(ServerTable { address, object }) => {
-                ("relay", "mocap.relay.address", [address, object], None, None)
+                (MocapKind::Relay, "mocap.relay.address", [address, object], None, None)
             }
             Self::Udp(UdpTable { listen, object, rate_hz }) => {
-                ("udp", "mocap.udp.listen", [listen, object], Some(*rate_hz), None)
+                (MocapKind::Udp, "mocap.udp.listen", [listen, object], Some(*rate_hz), None)
             }
             Self::Datastream(ServerTable { address, object }) => {
-                ("datastream", "mocap.datastream.address", [address, object], None, None)
+                (MocapKind::Datastream, "mocap.datastream.address", [address, object], None, None)
             }
-            Self::Natnet(NatnetTable { address, object, rate_hz, frame }) => {
-                ("natnet", "mocap.natnet.address", [address, object], *rate_hz, frame.as_ref())
-            }
+            Self::Natnet(NatnetTable { address, object, rate_hz, frame }) => (
+                MocapKind::Natnet,
+                "mocap.natnet.address",
+                [address, object],
+                *rate_hz,
+                frame.as_ref(),
+            ),
             Self::Qtm(QtmTable { address, object, frame }) => {
-                ("qtm", "mocap.qtm.address", [address, object], None, frame.as_ref())
+                (MocapKind::Qtm, "mocap.qtm.address", [address, object], None, frame.as_ref())
             }
-            Self::Vrpn(VrpnTable { address, object, rate_hz, frame }) => {
-                ("vrpn", "mocap.vrpn.address", [address, object], Some(*rate_hz), frame.as_ref())
-            }
+            Self::Vrpn(VrpnTable { address, object, rate_hz, frame }) => (
+                MocapKind::Vrpn,
+                "mocap.vrpn.address",
+                [address, object],
+                Some(*rate_hz),
+                frame.as_ref(),
+            ),
         };
         Parts { kind, key, address, object, rate_hz, frame }
     }
 
-    /// Key of the source.
-    pub fn kind(&self) -> &'static str {
+    /// Kind of the source.
+    pub fn kind(&self) -> MocapKind {
         self.parts().kind
     }
 
@@ -174,7 +174,7 @@ impl TryFrom<&MocapTable> for MocapSettings {
     type Error = SettingError;
 
     fn try_from(table: &MocapTable) -> Result<Self, SettingError> {
-        Self::of(table).map_err(|error| error.under(table.kind()))
+        Self::of(table).map_err(|error| error.under(table.kind().name()))
     }
 }
 
@@ -305,7 +305,7 @@ mod tests {
     #[test]
     fn the_names_are_those_that_settings_may_have() {
         let error = serde_json::from_str::<MocapTable>(r#"{ "": {} }"#).unwrap_err().to_string();
-        let names = MocapTable::KINDS.map(|(name, _)| format!("`{name}`")).join(", ");
+        let names = MocapKind::ALL.map(|kind| format!("`{}`", kind.name())).join(", ");
         assert!(error.contains(&format!("expected one of {names} at")), "{error}");
     }
 

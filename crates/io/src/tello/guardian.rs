@@ -22,8 +22,8 @@ use crate::clock::{Clock, SpanNs, TimeNs};
 pub(super) use heartbeat::BEAT_PERIOD;
 pub use heartbeat::{GuardianReport, Heartbeat};
 
-/// Silence of a sender that is taken to be dead or stopped.
-const PATIENCE: SpanNs = SpanNs::from_ms(280);
+/// Silence after which a sender counts as dead or stopped.
+const HEARTBEAT_TIMEOUT: SpanNs = SpanNs::from_ms(280);
 /// A Tello ignores `land` for a while after a take-off, and any packet may be lost. Half of the sender's period: the
 /// drone has been alone for a while.
 const GUARDIAN_LAND_PERIOD: SpanNs = SpanNs::from_ms(250);
@@ -37,8 +37,8 @@ const LANDING_ORDERED: u8 = b'L';
 /// The guardian has read heartbeats.
 const HEARD: u8 = b'h';
 
-/// How long a sender that reads nothing may hold up the guardian.
-const CHANNEL_PATIENCE: Duration = Duration::from_millis(10);
+/// Longest wait of the guardian for a sender that reads nothing.
+const CHANNEL_WRITE_TIMEOUT: Duration = Duration::from_millis(10);
 
 /// What the sender does: the byte of its heartbeat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -120,7 +120,7 @@ impl Guardian {
     /// # Errors
     /// The channel is no channel, or closed.
     pub fn start(mut post: Post) -> io::Result<Self> {
-        post.channel.set_write_timeout(Some(CHANNEL_PATIENCE))?;
+        post.channel.set_write_timeout(Some(CHANNEL_WRITE_TIMEOUT))?;
         post.channel.write_all(&[READY])?;
         Ok(Self {
             post,
@@ -135,8 +135,9 @@ impl Guardian {
     /// Watches, and lands the drone of a sender that falls silent, until the channel closes.
     pub fn watch(&mut self) -> WatchEnd {
         loop {
-            let patience = self.duty.is_guarded().then(|| self.clock.now().after(PATIENCE));
-            let heard = match self.listen(patience) {
+            let listen_until =
+                self.duty.is_guarded().then(|| self.clock.now().after(HEARTBEAT_TIMEOUT));
+            let heard = match self.listen(listen_until) {
                 Received::Silence => self.land(),
                 heard => heard,
             };

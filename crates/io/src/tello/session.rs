@@ -40,38 +40,39 @@ pub(super) use guard::last_words;
 pub use messages::Message;
 pub use text::{STATE_PORT, TOF_FLYING_M};
 
-/// A connection is asked for this often: a drone that boots hears one of the next requests.
-const ASK_PERIOD: SpanNs = SpanNs::from_ms(2000);
-/// Silence of the drone after which the connection counts as lost and is asked for again.
+/// Period of connection requests: a drone that boots receives one of the next requests.
+const CONNECT_PERIOD: SpanNs = SpanNs::from_ms(2000);
+/// Silence of the drone after which the connection counts as lost and is requested again.
 const LINK_SILENCE: SpanNs = SpanNs::from_ms(2000);
-/// Settings and values that the drone has not confirmed are asked for again this often; by text the battery, whose
-/// answer shows that requests arrive.
+/// Period of requests for settings and values that the drone has not confirmed. With the text protocol, period of
+/// requests for the battery: the answer shows that requests arrive.
 const PING_PERIOD: SpanNs = SpanNs::from_ms(2000);
 
-/// Sticks leave at 50 Hz, whether or not there are new ones.
+/// Period of stick commands (50 Hz), whether or not there are new sticks.
 const STICKS_PERIOD: SpanNs = SpanNs::from_ms(20);
 /// Silence of the control thread after which the drone is landed.
 const CONTROL_SILENCE_LAND: SpanNs = SpanNs::from_ms(1000);
 
-/// How long the drone has to be down, to both witnesses, before a landing ends: a bounce, or one pose that
+/// Time on the ground, by status and pose, after which a landing ends: longer than a bounce, or than one pose that
 /// is an outlier.
 const LAND_REST: SpanNs = SpanNs::from_ms(300);
-/// A landing or an emergency stop that the socket did not take goes out again after this time.
+/// Delay until a landing or an emergency stop that the socket did not take is sent again.
 const REFUSED_PERIOD: SpanNs = SpanNs::from_ms(50);
-/// As [`TAKE_OFF_TAIL`], of an order whose repetitions may reach the drone a second late.
+/// [`TAKE_OFF_TAIL`] of an order whose repetitions may reach the drone one second late.
 const TAKE_OFF_TIME: SpanNs = SpanNs(TAKE_OFF_TAIL.0 + 1_000_000_000);
-/// How long the last landing is repeated to a drone that does not report that it stands. After as long a
-/// silence it lands by itself.
+/// Longest repetition of the last landing, to a drone that does not report that it stands. A drone that receives
+/// nothing for as long lands by itself.
 const LAST_LANDING_TIME: SpanNs = SpanNs::from_ms(15_000);
 
-/// An emergency stop is sent so often at once: if one of fifty datagrams is lost, all of them are once in a hundred
-/// thousand times.
+/// Datagrams of one emergency stop: if one of fifty datagrams is lost, all three are lost once in a hundred thousand
+/// times.
 const EMERGENCY_COPIES: usize = 3;
+/// Period of repeated emergency stops.
 const EMERGENCY_PERIOD: SpanNs = SpanNs::from_ms(200);
-/// A drone that is not down so long after the first emergency stop does not obey it: every other emergency stop
-/// becomes a landing. A fall from 1.5 m takes 0.55 s.
-const EMERGENCY_PATIENCE: SpanNs = SpanNs::from_ms(600);
-/// How long the drone has to be down, to both witnesses, before its motors count as stopped.
+/// Time from the first emergency stop after which a drone that is not down has ignored it: every other emergency
+/// stop becomes a landing. A fall from 1.5 m takes 0.55 s.
+const EMERGENCY_LAND_AFTER: SpanNs = SpanNs::from_ms(600);
+/// Time on the ground, by status and pose, after which the motors count as stopped.
 const EMERGENCY_REST: SpanNs = SpanNs::from_ms(1000);
 
 /// One drone, from the first request for a connection to the last landing.
@@ -83,7 +84,7 @@ pub struct Session {
     link: Link,
     /// Whether the drone ever answered or reported: before, sticks have no receiver.
     was_connected: bool,
-    flight: Flight,
+    phase: SessionPhase,
     take_off: Option<TakeOff>,
     /// Whether a take-off was ordered, a deflected stick sent, or the drone ever reported that it flies.
     may_have_flown: bool,
@@ -116,7 +117,7 @@ enum Link {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Flight {
+enum SessionPhase {
     /// Nothing approved yet.
     Quiet,
     /// The control thread steers.
@@ -170,7 +171,7 @@ impl Session {
             is_dry_run,
             link: Link::Asking { again_at: TimeNs(0), is_overdue: false },
             was_connected: false,
-            flight: Flight::Quiet,
+            phase: SessionPhase::Quiet,
             take_off: None,
             may_have_flown: false,
             witnesses: Witnesses::default(),
@@ -190,35 +191,37 @@ impl Session {
     pub fn advance(&mut self, now: TimeNs) {
         self.keep_link(now);
         self.note_rest(now);
-        match self.flight {
-            Flight::Steered { approved_at, .. }
+        match self.phase {
+            SessionPhase::Steered { approved_at, .. }
                 if now.since(approved_at) >= CONTROL_SILENCE_LAND =>
             {
                 self.counters.watchdog_landings.count();
                 self.land(now);
             }
-            Flight::Steered { approved, approved_at, again_at } if now >= again_at => {
+            SessionPhase::Steered { approved, approved_at, again_at } if now >= again_at => {
                 let is_silent = now.since(approved_at) >= CONTROL_SILENCE_NEUTRAL;
                 if is_silent {
                     self.counters.neutralised.count();
                 }
                 let approved = if is_silent { Approved::neutral() } else { approved };
                 let again_at = now.after(STICKS_PERIOD);
-                self.flight = Flight::Steered { approved, approved_at, again_at };
+                self.phase = SessionPhase::Steered { approved, approved_at, again_at };
                 self.send_sticks(approved, now);
             }
-            Flight::Landing { again_at, at_rest } if now >= again_at => {
+            SessionPhase::Landing { again_at, at_rest } if now >= again_at => {
                 let again_at = now.after(LAND_PERIOD);
-                self.flight = Flight::Landing { again_at, at_rest };
+                self.phase = SessionPhase::Landing { again_at, at_rest };
                 self.send_landing(now);
             }
-            Flight::EmergencyStop(stop) if now >= stop.again_at => self.go_on_stopping(stop, now),
-            Flight::Quiet
-            | Flight::Steered { .. }
-            | Flight::Landing { .. }
-            | Flight::Landed { .. }
-            | Flight::EmergencyStop(_)
-            | Flight::MotorsStopped => {}
+            SessionPhase::EmergencyStop(stop) if now >= stop.again_at => {
+                self.go_on_stopping(stop, now);
+            }
+            SessionPhase::Quiet
+            | SessionPhase::Steered { .. }
+            | SessionPhase::Landing { .. }
+            | SessionPhase::Landed { .. }
+            | SessionPhase::EmergencyStop(_)
+            | SessionPhase::MotorsStopped => {}
         }
     }
 
@@ -233,7 +236,7 @@ impl Session {
         let may_ask = self.may_ask(now);
         match &mut self.link {
             Link::Asking { again_at, is_overdue } if now >= *again_at => {
-                *again_at = now.after(ASK_PERIOD);
+                *again_at = now.after(CONNECT_PERIOD);
                 *is_overdue = !may_ask;
                 if may_ask {
                     self.talk.ask(&mut self.outbox);
@@ -252,8 +255,8 @@ impl Session {
     /// Whether a question may stand between what the flight needs: never between two emergency stops or two
     /// landings; in the text SDK nor during a take-off, which it would end.
     fn may_ask(&self, now: TimeNs) -> bool {
-        match self.flight {
-            Flight::EmergencyStop(_) | Flight::Landing { .. } => false,
+        match self.phase {
+            SessionPhase::EmergencyStop(_) | SessionPhase::Landing { .. } => false,
             _ => self.talk.may_ask(now),
         }
     }
@@ -264,14 +267,14 @@ impl Session {
             Link::Asking { again_at, .. } => again_at,
             Link::Connected { heard_at, ping_at } => heard_at.after(LINK_SILENCE).min(ping_at),
         };
-        match self.flight {
-            Flight::Quiet | Flight::Landed { .. } | Flight::MotorsStopped => link,
-            Flight::Landing { again_at, at_rest: Some(rest) } => {
+        match self.phase {
+            SessionPhase::Quiet | SessionPhase::Landed { .. } | SessionPhase::MotorsStopped => link,
+            SessionPhase::Landing { again_at, at_rest: Some(rest) } => {
                 link.min(again_at).min(rest.is_over_at(LAND_REST))
             }
-            Flight::Steered { again_at, .. }
-            | Flight::Landing { again_at, .. }
-            | Flight::EmergencyStop(EmergencyStop { again_at, .. }) => link.min(again_at),
+            SessionPhase::Steered { again_at, .. }
+            | SessionPhase::Landing { again_at, .. }
+            | SessionPhase::EmergencyStop(EmergencyStop { again_at, .. }) => link.min(again_at),
         }
     }
 
@@ -280,20 +283,20 @@ impl Session {
     /// have spent a part of their 100 ms.
     pub fn approve(&mut self, approved: Approved, handed_over_at: TimeNs, now: TimeNs) {
         let is_too_late = now.since(handed_over_at) >= CONTROL_SILENCE_LAND;
-        match self.flight {
+        match self.phase {
             // Nothing has been steered that would have to be landed.
-            Flight::Quiet if is_too_late => {}
+            SessionPhase::Quiet if is_too_late => {}
             // The session was not advanced for so long: the drone is landed now, not steered.
-            Flight::Steered { approved_at, .. }
+            SessionPhase::Steered { approved_at, .. }
                 if now.since(approved_at) >= CONTROL_SILENCE_LAND => {}
-            Flight::Quiet | Flight::Steered { .. } => {
+            SessionPhase::Quiet | SessionPhase::Steered { .. } => {
                 let approved_at = handed_over_at;
-                self.flight = Flight::Steered { approved, approved_at, again_at: now };
+                self.phase = SessionPhase::Steered { approved, approved_at, again_at: now };
             }
-            Flight::Landing { .. }
-            | Flight::Landed { .. }
-            | Flight::EmergencyStop(_)
-            | Flight::MotorsStopped => {
+            SessionPhase::Landing { .. }
+            | SessionPhase::Landed { .. }
+            | SessionPhase::EmergencyStop(_)
+            | SessionPhase::MotorsStopped => {
                 return;
             }
         }
@@ -317,7 +320,7 @@ impl Session {
             DroneOrder::Land
                 if self.is_landing()
                     || self.is_stopping()
-                    || self.flight == Flight::MotorsStopped => {}
+                    || self.phase == SessionPhase::MotorsStopped => {}
             DroneOrder::Land => self.land(now),
             DroneOrder::TakeOff if !self.may_take_off(now) => {}
             DroneOrder::TakeOff => {
@@ -328,7 +331,7 @@ impl Session {
                 // From here the control thread has to report, or the watchdog lands.
                 let approved = Approved::neutral();
                 let again_at = now.after(STICKS_PERIOD);
-                self.flight = Flight::Steered { approved, approved_at: now, again_at };
+                self.phase = SessionPhase::Steered { approved, approved_at: now, again_at };
             }
         }
     }
@@ -339,36 +342,37 @@ impl Session {
     /// Real time: no allocation, constant cost.
     pub fn note_refused(&mut self, now: TimeNs) {
         let soon = now.after(REFUSED_PERIOD);
-        match &mut self.flight {
-            Flight::Landing { again_at, .. }
-            | Flight::EmergencyStop(EmergencyStop { again_at, .. }) => {
+        match &mut self.phase {
+            SessionPhase::Landing { again_at, .. }
+            | SessionPhase::EmergencyStop(EmergencyStop { again_at, .. }) => {
                 *again_at = soon.min(*again_at);
             }
             // Sticks are repeated sooner than that.
-            Flight::Quiet
-            | Flight::Steered { .. }
-            | Flight::Landed { .. }
-            | Flight::MotorsStopped => {}
+            SessionPhase::Quiet
+            | SessionPhase::Steered { .. }
+            | SessionPhase::Landed { .. }
+            | SessionPhase::MotorsStopped => {}
         }
     }
 
     /// Whether neither a landing nor an emergency stop was ever ordered.
     fn may_steer(&self) -> bool {
-        matches!(self.flight, Flight::Quiet | Flight::Steered { .. })
+        matches!(self.phase, SessionPhase::Quiet | SessionPhase::Steered { .. })
     }
 
     fn is_landing(&self) -> bool {
-        matches!(self.flight, Flight::Landing { .. })
+        matches!(self.phase, SessionPhase::Landing { .. })
     }
 
     fn is_stopping(&self) -> bool {
-        matches!(self.flight, Flight::EmergencyStop(_))
+        matches!(self.phase, SessionPhase::EmergencyStop(_))
     }
 
     fn land(&mut self, now: TimeNs) {
         // A caller that orders it in every period must not shorten the time between two of them.
-        let again_at = if let Flight::Landed { again_at } = self.flight { again_at } else { now };
-        self.flight = Flight::Landing { again_at, at_rest: None };
+        let again_at =
+            if let SessionPhase::Landed { again_at } = self.phase { again_at } else { now };
+        self.phase = SessionPhase::Landing { again_at, at_rest: None };
         self.advance(now);
     }
 }

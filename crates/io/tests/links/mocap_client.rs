@@ -14,7 +14,7 @@ use tokio::task::JoinHandle;
 use tokio::time::{sleep, timeout};
 
 /// Far beyond what any step takes on a loaded machine.
-const PATIENCE: Duration = Duration::from_secs(10);
+const TEST_TIMEOUT: Duration = Duration::from_secs(10);
 
 struct Bench {
     listener: TcpListener,
@@ -32,7 +32,7 @@ impl Bench {
     }
 
     async fn accept(&self) -> TcpStream {
-        timeout(PATIENCE, self.listener.accept()).await.expect("no connection").unwrap().0
+        timeout(TEST_TIMEOUT, self.listener.accept()).await.expect("no connection").unwrap().0
     }
 
     /// The next sightings, received without losing the wish to see more.
@@ -53,11 +53,12 @@ impl Bench {
                 sleep(Duration::from_millis(1)).await;
             }
         };
-        timeout(PATIENCE, wait).await.expect("lines are missing");
+        timeout(TEST_TIMEOUT, wait).await.expect("lines are missing");
     }
 
     async fn frames(&mut self, count: usize) -> Vec<i64> {
-        let sightings = timeout(PATIENCE, self.take(count)).await.expect("sightings are missing");
+        let sightings =
+            timeout(TEST_TIMEOUT, self.take(count)).await.expect("sightings are missing");
         sightings.iter().map(|sighting| sighting.frame).collect()
     }
 }
@@ -83,7 +84,7 @@ async fn several_lines_in_one_segment_arrive_in_order() {
     server.write_all(text.as_bytes()).await.unwrap();
     assert_eq!(bench.frames(20).await, (1..=20).collect::<Vec<_>>());
     server.write_all(line(21).as_bytes()).await.unwrap();
-    let last = timeout(PATIENCE, bench.take(1)).await.unwrap()[0];
+    let last = timeout(TEST_TIMEOUT, bench.take(1)).await.unwrap()[0];
     assert_eq!(last.pose, Some(Pose::new(1.0, -2.0, 1.3, 0.3)));
 }
 
@@ -176,7 +177,7 @@ async fn the_client_stops_on_request_whatever_the_server_does() {
     let bench = Bench::start().await;
     let _server = bench.accept().await;
     bench.stopper.stop();
-    timeout(PATIENCE, bench.task).await.expect("still running").unwrap();
+    timeout(TEST_TIMEOUT, bench.task).await.expect("still running").unwrap();
     // Connected to a port at which nothing listens: the port was free a moment ago.
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap().to_string();
@@ -186,5 +187,5 @@ async fn the_client_stops_on_request_whatever_the_server_does() {
     assert_eq!(feed.counters.connects.get(), 0);
     assert!(feed.sightings.pop().is_err());
     drop(stopper);
-    timeout(PATIENCE, task).await.expect("still running").unwrap();
+    timeout(TEST_TIMEOUT, task).await.expect("still running").unwrap();
 }

@@ -18,7 +18,7 @@ use tokio::net::{TcpListener, TcpStream, UdpSocket};
 use tokio::time::{sleep, timeout};
 
 /// Far beyond what any step takes on a loaded machine.
-const PATIENCE: Duration = Duration::from_secs(15);
+const TEST_TIMEOUT: Duration = Duration::from_secs(15);
 
 /// After so long without a message a server is connected anew, by docs/protocol.md.
 const SILENCE: Duration = Duration::from_secs(5);
@@ -53,13 +53,13 @@ async fn take(feed: &mut MocapFeed, count: usize) -> Vec<Sighting> {
             }
         }
     };
-    timeout(PATIENCE, fill).await.expect("sightings are missing");
+    timeout(TEST_TIMEOUT, fill).await.expect("sightings are missing");
     sightings
 }
 
 #[expect(clippy::unwrap_used, clippy::expect_used, reason = "a test may panic")]
 async fn accept(listener: &TcpListener) -> TcpStream {
-    timeout(PATIENCE, listener.accept()).await.expect("no connection").unwrap().0
+    timeout(TEST_TIMEOUT, listener.accept()).await.expect("no connection").unwrap().0
 }
 
 fn packet(fill: impl FnOnce(&mut encode::Packet<'_>)) -> Vec<u8> {
@@ -88,7 +88,7 @@ async fn greet(listener: &TcpListener) -> TcpStream {
     let mut expected = greeting;
     expected.extend(packet(|packet| packet.request_frame(true)));
     let mut answer = vec![0; expected.len()];
-    timeout(PATIENCE, client.read_exact(&mut answer)).await.expect("no answer").unwrap();
+    timeout(TEST_TIMEOUT, client.read_exact(&mut answer)).await.expect("no answer").unwrap();
     assert_eq!(answer, expected);
     client
 }

@@ -15,7 +15,7 @@ use tokio::time::{sleep, timeout};
 use tokio::{net::UdpSocket, task::JoinHandle};
 
 /// Far beyond what any step takes on a loaded machine.
-const PATIENCE: Duration = Duration::from_secs(10);
+const TEST_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// A drone, which knows its host once it has heard it.
 struct Drone {
@@ -71,12 +71,12 @@ impl Bench {
                 sleep(Duration::from_millis(1)).await;
             }
         };
-        timeout(PATIENCE, poll).await.expect("no status")
+        timeout(TEST_TIMEOUT, poll).await.expect("no status")
     }
 
     async fn stop(self) -> UdpSocket {
         self.stopper.stop();
-        timeout(PATIENCE, self.task).await.expect("still running").unwrap().unwrap();
+        timeout(TEST_TIMEOUT, self.task).await.expect("still running").unwrap().unwrap();
         self.drone.socket
     }
 }
@@ -95,7 +95,7 @@ impl Drone {
 
     /// The next packet of the host that is no question about the drone.
     async fn receive(&mut self) -> HostPacket {
-        self.receive_within(PATIENCE).await.expect("the host is silent")
+        self.receive_within(TEST_TIMEOUT).await.expect("the host is silent")
     }
 
     async fn receive_within(&mut self, limit: Duration) -> Option<HostPacket> {
@@ -230,7 +230,7 @@ async fn orders_carry_numbers_and_their_acknowledgement_is_counted() {
             sleep(Duration::from_millis(1)).await;
         }
     };
-    timeout(PATIENCE, acknowledged).await.expect("no acknowledgement");
+    timeout(TEST_TIMEOUT, acknowledged).await.expect("no acknowledgement");
 }
 
 #[tokio::test]
@@ -341,7 +341,7 @@ async fn the_end_of_the_program_lands_a_drone_and_waits_until_it_stands() {
     assert!(!task.is_finished(), "it flies");
     link.send(approved(0.5), Some(false));
     drone.send_flying(false).await;
-    timeout(PATIENCE, task).await.expect("still running").unwrap().unwrap();
+    timeout(TEST_TIMEOUT, task).await.expect("still running").unwrap().unwrap();
 }
 
 #[tokio::test]

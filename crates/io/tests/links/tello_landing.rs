@@ -14,7 +14,7 @@ use tokio::net::UdpSocket;
 use tokio::time::{sleep, timeout};
 
 /// Far beyond what any step takes on a loaded machine.
-const PATIENCE: Duration = Duration::from_secs(10);
+const TEST_TIMEOUT: Duration = Duration::from_secs(10);
 
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn bind(address: String) -> (DroneClient, DroneLink) {
@@ -66,7 +66,7 @@ async fn a_drone_that_denies_its_flight_is_landed_until_the_pose_is_on_the_floor
             sleep(Duration::from_millis(1)).await;
         }
     };
-    timeout(PATIENCE, connect).await.expect("no request for a connection");
+    timeout(TEST_TIMEOUT, connect).await.expect("no request for a connection");
     link.send(forward(), Some(true));
     link.order(DroneOrder::Land).unwrap();
     let mut before = None;
@@ -84,7 +84,7 @@ async fn a_drone_that_denies_its_flight_is_landed_until_the_pose_is_on_the_floor
             before = Some(packet);
         }
     };
-    timeout(PATIENCE, listen).await.expect("the landing is not repeated");
+    timeout(TEST_TIMEOUT, listen).await.expect("the landing is not repeated");
     // The program ends; its control thread still sees the drone in the air, and then on the floor.
     stopper.stop();
     for _ in 0..50 {
@@ -98,7 +98,7 @@ async fn a_drone_that_denies_its_flight_is_landed_until_the_pose_is_on_the_floor
             sleep(Duration::from_millis(10)).await;
         }
     };
-    timeout(PATIENCE, settle).await.expect("status and pose agree, and it lands on");
+    timeout(TEST_TIMEOUT, settle).await.expect("status and pose agree, and it lands on");
     task.await.unwrap().unwrap();
 }
 
@@ -114,7 +114,7 @@ async fn a_socket_that_refuses_a_landing_is_asked_again_soon() {
     let errors = link.counters.socket_errors.get();
     assert!((8..=24).contains(&errors), "{errors} packets refused");
     stopper.stop();
-    timeout(PATIENCE, task).await.expect("no answer ever came").unwrap().unwrap();
+    timeout(TEST_TIMEOUT, task).await.expect("no answer ever came").unwrap().unwrap();
 }
 
 #[tokio::test]
@@ -136,6 +136,6 @@ async fn an_emergency_stop_reaches_the_drone_though_the_control_thread_is_gone()
         emergency.ask();
         while deny(&drone).await != HostPacket::EmergencyStop {}
     };
-    timeout(PATIENCE, listen).await.expect("no emergency stop");
+    timeout(TEST_TIMEOUT, listen).await.expect("no emergency stop");
     task.abort();
 }

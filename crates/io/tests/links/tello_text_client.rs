@@ -15,7 +15,7 @@ use tokio::task::JoinHandle;
 use tokio::time::{sleep, timeout};
 
 /// Far beyond what any step takes on a loaded machine.
-const PATIENCE: Duration = Duration::from_secs(10);
+const TEST_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// A drone made of two sockets, and the host that talks to it.
 struct Bench {
@@ -68,7 +68,7 @@ impl Bench {
 
     async fn receive(&mut self) -> String {
         let mut buffer = [0; 200];
-        let received = timeout(PATIENCE, self.drone.recv_from(&mut buffer)).await;
+        let received = timeout(TEST_TIMEOUT, self.drone.recv_from(&mut buffer)).await;
         let (count, host) = received.expect("the host is silent").unwrap();
         self.host = Some(host);
         String::from_utf8(buffer[..count].to_vec()).unwrap()
@@ -104,7 +104,7 @@ impl Bench {
                 sleep(Duration::from_millis(1)).await;
             }
         };
-        timeout(PATIENCE, poll).await.expect("no status");
+        timeout(TEST_TIMEOUT, poll).await.expect("no status");
     }
 }
 

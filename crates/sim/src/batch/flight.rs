@@ -11,7 +11,7 @@ use tello_eval::metrics::{
     Fence, Hover, HoverScore, Judge, LeastClearance, OutageCounter, Outages, ReferencePath, Score,
     Surroundings,
 };
-use tello_eval::shard_file::Seeded;
+use tello_eval::part_file::Seeded;
 use tello_flight::cycle::{FlightTable, Outcome, Solve};
 use tello_flight::{Fault, Mission, Phase, Pilot};
 
@@ -22,8 +22,8 @@ use crate::virtual_time::VirtualFlight;
 /// Virtual time after which a flight of a short mission counts as unfinished, beside the time of a hover. s
 pub(super) const TIME_LIMIT_S: f64 = 120.0;
 
-/// A flight of a long mission may take twice its planned time and so much more. s
-const PATIENCE_S: f64 = 30.0;
+/// Margin of the time limit of a long mission, beside twice the planned time. s
+const TIME_MARGIN_S: f64 = 30.0;
 
 /// A controller with what it is to fly.
 #[derive(Debug, Clone)]
@@ -167,7 +167,7 @@ impl Contender {
         Ok(Self {
             reference: ReferencePath::of(&flight)?,
             flight,
-            time_limit_s: TIME_LIMIT_S.max(2.0 * planned_s + PATIENCE_S),
+            time_limit_s: TIME_LIMIT_S.max(2.0 * planned_s + TIME_MARGIN_S),
             hover_s,
             earlier: 0,
         })

@@ -19,8 +19,8 @@ use crate::{DronePhase, Truth};
 const TIME_LIMIT_S: f64 = 240.0;
 /// Drift of a vehicle that levels or lands: two standard deviations of the simulated disturbance. m/s
 const DRIFT_MPS: f64 = 0.1;
-/// How long a drone that never took off is waited for. s
-const PATIENCE_S: f64 = 40.0;
+/// Time after which a drone that is still on the ground counts as one that stays there. s
+const TAKE_OFF_WAIT_S: f64 = 40.0;
 /// Ticks with neutral sticks that count as a reaction without a landing.
 const NEUTRAL_TICKS: u32 = 5;
 
@@ -222,9 +222,11 @@ impl Judge {
         match (self.has_flown, is_down) {
             (true, true) if is_over && self.has_received_land => Some(End::Landed),
             (true, true) if is_over => Some(End::OwnLanding),
-            (false, true) if is_over || now_s > PATIENCE_S => Some(End::StayedDown),
+            (false, true) if is_over || now_s > TAKE_OFF_WAIT_S => Some(End::StayedDown),
             // In the air before the program began: the program gives up, and the drone lands in silence.
-            (true, false) if phase == Phase::Idle && now_s > PATIENCE_S => Some(End::StayedDown),
+            (true, false) if phase == Phase::Idle && now_s > TAKE_OFF_WAIT_S => {
+                Some(End::StayedDown)
+            }
             _ if now_s <= TIME_LIMIT_S => None,
             (true, true) => Some(End::Unnoticed),
             _ if self.is_ignored => Some(End::Ignored),

@@ -203,7 +203,7 @@ fn what_is_not_seen_is_not_distorted() {
 
 #[test]
 fn a_report_changes_as_its_fault_lets_it() {
-    let frozen = [InjectedFault::MocapGhost, InjectedFault::MocapFrozen];
+    let frozen = [InjectedFault::MocapFixed, InjectedFault::MocapFrozen];
     let moving = [
         InjectedFault::MocapFar,
         InjectedFault::MocapFlipped,

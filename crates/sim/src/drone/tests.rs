@@ -33,7 +33,7 @@ fn take_off_ignores_the_sticks_and_ends_at_a_metre() {
     }
     assert_eq!(drone.truth().pose, Pose::new(0.0, 0.0, STANDING_M, 0.0));
     assert!(drone.take_off());
-    let took_s = wait(&mut drone, Drone::receive);
+    let took_s = wait(&mut drone, Drone::reset_watchdog);
     assert_eq!(drone.phase, DronePhase::Flying);
     assert!((3.5..4.5).contains(&took_s), "{took_s} s");
     let truth = drone.truth();
@@ -65,7 +65,7 @@ fn landing_takes_the_drone_down_and_stops_the_motors() {
     let mut drone = drone(DronePhase::Flying, 1.4, 90.0);
     drone.steer(Sticks::new(0.0, 1.0, 0.0, 1.0));
     assert!(drone.land());
-    let took_s = wait(&mut drone, Drone::receive);
+    let took_s = wait(&mut drone, Drone::reset_watchdog);
     assert!((3.5..5.0).contains(&took_s), "{took_s} s");
     assert_eq!(drone.phase, DronePhase::Grounded);
     let (motor_s, battery_pct) = (drone.motor_s, drone.battery_pct);
@@ -90,7 +90,7 @@ fn silence_lands_and_the_next_packet_calls_it_off() {
     let took_s = wait(&mut drone, |_| {});
     assert!((took_s - 15.0).abs() < 0.03, "{took_s} s");
     assert_eq!(drone.phase, DronePhase::Landing(Cause::Silence));
-    drone.receive();
+    drone.reset_watchdog();
     assert_eq!(drone.phase, DronePhase::Flying);
     wait(&mut drone, |_| {});
     wait(&mut drone, |_| {});
@@ -100,12 +100,12 @@ fn silence_lands_and_the_next_packet_calls_it_off() {
 #[test]
 fn an_empty_battery_lands_and_refuses_to_take_off() {
     let mut drone = drone(DronePhase::Flying, 1.4, 6.0);
-    let took_s = wait(&mut drone, Drone::receive);
+    let took_s = wait(&mut drone, Drone::reset_watchdog);
     // 1 % at 0.125 %/s.
     assert!((took_s - 8.0).abs() < 0.05, "{took_s} s");
     assert_eq!(drone.phase, DronePhase::Landing(Cause::Battery));
     assert!(!drone.cancel_landing());
-    wait(&mut drone, Drone::receive);
+    wait(&mut drone, Drone::reset_watchdog);
     assert!(!drone.take_off());
 }
 
@@ -113,7 +113,7 @@ fn an_empty_battery_lands_and_refuses_to_take_off() {
 fn a_full_battery_has_a_tenth_left_after_12_minutes() {
     let mut drone = drone(DronePhase::Flying, 1.4, 100.0);
     for _ in 0..12 * 60 * 50 {
-        drone.receive();
+        drone.reset_watchdog();
         drone.advance();
     }
     assert!((drone.battery_pct - 10.0).abs() < 1e-6, "{} %", drone.battery_pct);
@@ -124,7 +124,7 @@ fn sticks_stay_until_replaced_and_never_reach_the_floor() {
     let mut drone = drone(DronePhase::Flying, 1.4, 90.0);
     drone.steer(Sticks::new(0.0, 0.5, 0.0, -1.0));
     for _ in 0..500 {
-        drone.receive();
+        drone.reset_watchdog();
         drone.advance();
     }
     let truth = drone.truth();
@@ -142,7 +142,7 @@ fn a_stopped_drone_falls_like_a_stone_and_may_take_off_again() {
     drone.stop_motors();
     assert_eq!(drone.phase, DronePhase::Falling);
     assert!(!drone.land() && !drone.take_off() && !drone.cancel_landing());
-    let took_s = wait(&mut drone, Drone::receive);
+    let took_s = wait(&mut drone, Drone::reset_watchdog);
     // sqrt(2 * 1.25 m / g) = 0.505 s; it enters the fall from a hover.
     assert!((0.48..=0.54).contains(&took_s), "{took_s} s");
     assert_eq!(drone.phase, DronePhase::Grounded);

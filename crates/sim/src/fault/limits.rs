@@ -76,7 +76,7 @@ impl InjectedFault {
             Self::SecondController { sticks, rate_hz } => check_second(&sticks, rate_hz),
             Self::MocapLost
             | Self::MocapSilent
-            | Self::MocapGhost
+            | Self::MocapFixed
             | Self::MocapFrozen
             | Self::MocapNan
             | Self::MocapFar

@@ -3,7 +3,7 @@ use super::*;
 /// Faults without values.
 const PLAIN: [InjectedFault; 6] = [
     InjectedFault::MocapLost,
-    InjectedFault::MocapGhost,
+    InjectedFault::MocapFixed,
     InjectedFault::DroneDeaf,
     InjectedFault::DroneMute,
     InjectedFault::DroneRefusesLand,
@@ -20,7 +20,7 @@ fn a_scripted_fault_lasts_as_long_as_it_says() {
     let steps = |fault| (0..100).filter(|k| faults.is_on(fault, *k)).collect::<Vec<_>>();
     assert_eq!(steps(InjectedFault::MocapLost), [30, 31, 32, 33, 34]);
     assert_eq!(steps(InjectedFault::DroneDeaf), [0]);
-    assert!(steps(InjectedFault::MocapGhost).is_empty());
+    assert!(steps(InjectedFault::MocapFixed).is_empty());
 }
 
 #[test]

@@ -19,8 +19,8 @@ const NEAR_M: f64 = 0.08;
 const NEAR_RAD: f64 = 0.05;
 /// Speed below which the drone counts as standing. m/s, rad/s
 const SLOW: f64 = 0.12;
-/// Longest movement. s
-const PATIENCE_S: f64 = 20.0;
+/// Longest duration of a movement. s
+const DURATION_MAX_S: f64 = 20.0;
 /// Duration of a flip. s
 const FLIP_S: f64 = 1.5;
 
@@ -68,7 +68,7 @@ impl SdkMotion {
             && to_go[pose::THETA].abs() < NEAR_RAD;
         let speeds = [speed.x_mps, speed.y_mps, speed.z_mps, speed.yaw_radps];
         let is_slow = speeds.iter().all(|speed| speed.abs() < SLOW);
-        let is_late = self.lasts_s > PATIENCE_S;
+        let is_late = self.lasts_s > DURATION_MAX_S;
         if is_late || (is_near && is_slow && self.lasts_s >= self.least_s) {
             let reply = if is_late { "error Run timeout" } else { "ok" };
             return (Sticks::zeros(), Some(reply));
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flip_takes_its_time_and_patience_ends() {
+    fn a_flip_takes_its_time_and_a_movement_times_out() {
         let steps = |mut motion: SdkMotion, truth: &Truth| {
             (1..2000).find_map(|step: u32| Some((step, motion.steer(truth).1?))).unwrap()
         };

@@ -31,7 +31,7 @@ fn reports(table: &SimTable, seed: u64) -> Vec<MocapReport> {
     world.drone.steer(Sticks::new(0.1, 0.2, 0.0, 0.0));
     (0..1000)
         .map(|_| {
-            world.drone.receive();
+            world.drone.reset_watchdog();
             world.advance();
             world.report()
         })
@@ -90,7 +90,7 @@ fn scripted_faults_change_the_report_and_nothing_else() {
     let script = [
         (InjectedFault::MocapLost, 2.0),
         (InjectedFault::MocapSilent, 4.0),
-        (InjectedFault::MocapGhost, 6.0),
+        (InjectedFault::MocapFixed, 6.0),
     ];
     let faults: Vec<_> = script
         .into_iter()
@@ -105,7 +105,7 @@ fn scripted_faults_change_the_report_and_nothing_else() {
         match k + 1 {
             100..150 => assert_eq!(report, MocapReport::Lost, "step {}", k + 1),
             200..250 => assert_eq!(report, MocapReport::Silent, "step {}", k + 1),
-            300..350 => assert_eq!(report, Mocap::ghost(), "step {}", k + 1),
+            300..350 => assert_eq!(report, Mocap::fixed(), "step {}", k + 1),
             _ => assert_eq!(report, expected, "step {}", k + 1),
         }
     }
@@ -118,7 +118,7 @@ fn outages_let_the_drone_drift_to_a_stop() {
     world.drone.steer(Sticks::new(0.0, 0.5, 0.0, 0.0));
     let (mut down, mut slowest_mps, mut down_s) = (0, f64::INFINITY, 0.0);
     for _ in 0..3000 {
-        world.drone.receive();
+        world.drone.reset_watchdog();
         world.advance();
         let truth = world.truth();
         down_s = if truth.link_is_up { 0.0 } else { down_s + DT_S };
@@ -186,7 +186,7 @@ fn a_pose_of_an_age_is_that_of_where_the_vehicle_was() {
     world.drone.steer(Sticks::new(0.4, 0.8, 0.5, 0.0));
     let mut earlier = world.truth().pose;
     for _ in 0..200 {
-        world.drone.receive();
+        world.drone.reset_watchdog();
         world.advance();
         let now = world.truth().pose;
         let MocapReport::Pose(o) = world.report() else { panic!("a clean stream is complete") };

@@ -7,7 +7,7 @@ use super::*;
 const LOOPBACK: (&str, u16) = ("127.0.0.1", 0);
 
 /// A link without a guardian, and the drone's socket at its other end.
-pub(in crate::bench) fn link(protocol: Protocol) -> (Link, UdpSocket) {
+pub(in crate::bench) fn link(protocol: Protocol) -> (BenchConnection, UdpSocket) {
     let drone = UdpSocket::bind(LOOPBACK).unwrap();
     drone.set_nonblocking(true).unwrap();
     let table = TelloTable {
@@ -19,7 +19,7 @@ pub(in crate::bench) fn link(protocol: Protocol) -> (Link, UdpSocket) {
         interface: None,
     };
     let settings = TelloSettings::try_from(&table).unwrap();
-    (Link::bind(&settings, Place::Still).unwrap(), drone)
+    (BenchConnection::bind(&settings, Place::Still).unwrap(), drone)
 }
 
 /// A person who asks for nothing, or to stop.
@@ -28,7 +28,7 @@ fn person(asks_to_stop: bool) -> Console {
 }
 
 /// Names and numbers of what was sent, in its order.
-fn sent(link: &Link) -> Vec<(&'static str, Option<u16>)> {
+fn sent(link: &BenchConnection) -> Vec<(&'static str, Option<u16>)> {
     let of = |event: &Event| match event.what {
         What::Sent { packet, sequence, .. } => Some((packet, sequence)),
         _ => None,
@@ -47,7 +47,7 @@ fn arrived(socket: &UdpSocket) -> Vec<String> {
 }
 
 /// Lets `from` send `packet` to the link, which reads it.
-fn report(link: &mut Link, from: &UdpSocket, packet: DronePacket) {
+fn report(link: &mut BenchConnection, from: &UdpSocket, packet: DronePacket) {
     let mut bytes = Vec::new();
     packet.encode(&mut bytes);
     let port = link.socket.local_addr().unwrap().port();
@@ -59,7 +59,7 @@ fn status(is_flying: bool) -> DronePacket {
     DronePacket::Status { sequence: 0, status: FlightStatus::new(is_flying) }
 }
 
-fn ago(link: &Link, seconds: f64) -> TimeNs {
+fn ago(link: &BenchConnection, seconds: f64) -> TimeNs {
     link.clock.now().after(SpanNs::from_seconds(-seconds))
 }
 

@@ -39,7 +39,7 @@ impl Orders {
         self.strongest = self.strongest.max(order);
     }
 
-    /// Drops an order to take off that was not obeyed for `patience`, or whose drone is moved, by the `faults` of the
+    /// Drops an order to take off that was not obeyed for `ground_wait`, or whose drone is moved, by `faults` of the
     /// newest tick: its poses disagree after they have agreed, or for longer than `settling_max`. Returns whether there
     /// was one. No other order is taken back. A fault that is mended later must not start a drone beside which the
     /// person stands.
@@ -47,9 +47,9 @@ impl Orders {
         &mut self,
         now: TimeNs,
         (phase, faults): (Phase, FaultSet),
-        [patience, settling_max]: [SpanNs; 2],
+        [ground_wait, settling_max]: [SpanNs; 2],
     ) -> bool {
-        let is_late = now.since(self.take_off_at) > patience;
+        let is_late = now.since(self.take_off_at) > ground_wait;
         let is_pending = phase == Phase::Idle && is_take_off(self.strongest);
         let lapses = is_pending && (is_late || self.is_moved(now, faults, settling_max));
         if lapses {

@@ -2,7 +2,7 @@
 
 use super::*;
 
-const PATIENCE: SpanNs = SpanNs::from_ms(10_000);
+const GROUND_WAIT: SpanNs = SpanNs::from_ms(10_000);
 
 /// The first time, in ms, at which a loop ends that is in `phase` from 1000 ms on; `None` within 30 s.
 fn end_ms(
@@ -11,7 +11,7 @@ fn end_ms(
     pose_is_airborne: Option<bool>,
     change: fn(&mut Inbox),
 ) -> Option<i64> {
-    let mut end_condition = EndCondition::new(PATIENCE);
+    let mut end_condition = EndCondition::new(GROUND_WAIT);
     end_condition.is_flying = is_flying;
     let mut inbox = Inbox::new();
     change(&mut inbox);
@@ -55,7 +55,7 @@ fn on_the_ground_the_loop_waits_as_long_as_it_is_patient_and_for_a_person_longer
 
 #[test]
 fn a_report_that_is_missing_leaves_the_one_before() {
-    let mut end_condition = EndCondition::new(PATIENCE);
+    let mut end_condition = EndCondition::new(GROUND_WAIT);
     end_condition.is_flying = true;
     end_condition.receive(None);
     assert!(end_condition.is_flying);

@@ -6,7 +6,7 @@ use anyhow::{Result, bail};
 use tello_io::manual;
 
 use super::{Check, Readiness};
-use crate::fly::PATIENCE;
+use crate::fly::GROUND_WAIT;
 
 /// Asks whether to fly.
 ///
@@ -32,7 +32,7 @@ pub(super) fn question(address: &str, checks: &[Check]) -> String {
             "{failed} of {} failed. The drone at {address} will take off once all checks pass, if that is \
              within {} s. {is_clear}",
             checks.len(),
-            PATIENCE.seconds()
+            GROUND_WAIT.seconds()
         ),
     }
 }

@@ -69,9 +69,9 @@ fn an_answer_is_as_old_as_its_frame_when_the_sticks_are_at_the_socket() {
 
 #[test]
 fn a_spread_of_nothing_is_none_and_ends_with_the_largest() {
-    assert_eq!(spread(&[]), None);
+    assert_eq!(quantiles(&[], SPREAD), None);
     let values: Vec<f64> = (0..=1000).rev().map(f64::from).collect();
-    assert_eq!(spread(&values), Some([500.0, 950.0, 999.0, 1000.0]));
+    assert_eq!(quantiles(&values, SPREAD), Some([500.0, 950.0, 999.0, 1000.0]));
 }
 
 /// The summary of a flight that ended so.

@@ -53,7 +53,7 @@ fn left(path: &Path, phase: Phase, missed: usize, has_flown: bool) -> Option<Par
         faults_last: FaultSet::default(),
         faults: FaultSet::default(),
         ended_by: FaultSet::default(),
-        is_unseen: false,
+        is_dry_run_without_frames: false,
         orders_lost: 0,
         sightings_dropped: 0,
         records_dropped: 0,

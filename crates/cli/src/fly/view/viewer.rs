@@ -36,11 +36,11 @@ const ANSWERS: usize = 32;
 /// Facts in transit to one viewer: more would be old when they arrive.
 const FACTS_IN_TRANSIT_MAX: u32 = 4;
 
-/// How long a viewer may take for anything.
-const PATIENCE: SpanNs = SpanNs::from_ms(5_000);
+/// Longest time that a viewer may take to receive a message, or be silent.
+const VIEWER_TIMEOUT: SpanNs = SpanNs::from_ms(5_000);
 
 /// The same for a viewer that may give orders: it may hold the drone, and be gone without a word.
-const PATIENCE_OPERATOR: SpanNs = SpanNs::from_ms(1_500);
+const OPERATOR_TIMEOUT: SpanNs = SpanNs::from_ms(1_500);
 
 /// Longest time between two pings.
 const PING_EVERY: Duration = Duration::from_millis(500);
@@ -189,7 +189,7 @@ impl<'a> ViewerConnection<'a> {
             if count != heard || in_transit == 0 {
                 (heard, heard_at) = (count, now());
             }
-            let left = SpanNs(self.patience().0 - now().since(heard_at).0);
+            let left = SpanNs(self.time_limit().0 - now().since(heard_at).0);
             is_there = tokio::select! {
                 biased;
                 // An error: the flight is gone altogether.
@@ -227,8 +227,8 @@ impl<'a> ViewerConnection<'a> {
         }
     }
 
-    fn patience(&self) -> SpanNs {
-        if self.slot.is_operator() { PATIENCE_OPERATOR } else { PATIENCE }
+    fn time_limit(&self) -> SpanNs {
+        if self.slot.is_operator() { OPERATOR_TIMEOUT } else { VIEWER_TIMEOUT }
     }
 
     async fn report(
@@ -244,7 +244,7 @@ impl<'a> ViewerConnection<'a> {
 
     /// Whether the viewer takes it.
     async fn send(&self, out: &mut SplitSink<WebSocket, Message>, message: Message) -> bool {
-        let sent = timeout(self.patience().duration(), out.send(message)).await;
+        let sent = timeout(self.time_limit().duration(), out.send(message)).await;
         sent.is_ok_and(|sent| sent.is_ok())
     }
 }

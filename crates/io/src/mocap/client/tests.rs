@@ -9,7 +9,7 @@ use crate::mocap::natnet::packet::{FrameEnd, ServerInfo, Version, id, message};
 use crate::mocap::{MocapTable, NatnetTable, ServerTable, UdpTable};
 
 /// Far beyond what any step takes on a loaded machine.
-const PATIENCE: Duration = Duration::from_secs(10);
+const TEST_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// A client with its connection, and the other ends of both.
 struct Bench {
@@ -38,7 +38,7 @@ impl Bench {
         self.server.write_all(bytes).await.unwrap();
         let server = (!hangs_up).then_some(self.server);
         let read = self.client.read_connection(self.wire, &mut self.stream);
-        timeout(PATIENCE, read).await.expect("the connection was not given up");
+        timeout(TEST_TIMEOUT, read).await.expect("the connection was not given up");
         drop(server);
         self.feed
     }
@@ -138,7 +138,8 @@ async fn a_natnet_server_that_fell_silent_is_asked_again_within_a_second() {
     let version = Version { major: 4, minor: 1 };
     let (mut bytes, mut client) = (Vec::new(), None);
     while client.is_none() {
-        let (count, from) = timeout(PATIENCE, server.recv_from(&mut chunk)).await.unwrap().unwrap();
+        let (count, from) =
+            timeout(TEST_TIMEOUT, server.recv_from(&mut chunk)).await.unwrap().unwrap();
         client = message(&chunk[..count]).filter(|(kind, _)| *kind == id::CONNECT).map(|_| from);
     }
     let info = ServerInfo { version, ticks_per_s: 1, group: None };
@@ -149,7 +150,7 @@ async fn a_natnet_server_that_fell_silent_is_asked_again_within_a_second() {
     server.send_to(&bytes, client.unwrap()).await.unwrap();
     let silent = Clock::start();
     let asked_s = loop {
-        let count = timeout(PATIENCE, server.recv(&mut chunk)).await.unwrap().unwrap();
+        let count = timeout(TEST_TIMEOUT, server.recv(&mut chunk)).await.unwrap().unwrap();
         if matches!(message(&chunk[..count]), Some((id::CONNECT, _))) {
             break silent.now().since(TimeNs(0)).seconds();
         }
@@ -165,7 +166,7 @@ async fn an_order_to_stop_ends_the_task_before_it_connects() {
     let Bench { client, feed, .. } = relay().await;
     let (stopper, stop) = Stopper::new();
     stopper.stop();
-    timeout(PATIENCE, client.run(stop)).await.expect("it did not stop");
+    timeout(TEST_TIMEOUT, client.run(stop)).await.expect("it did not stop");
     assert_eq!(feed.counters.connects.get(), 0);
     assert!(feed.sightings.is_abandoned(), "the queue ends with the task");
 }

@@ -16,7 +16,7 @@ const READY: u8 = b'r';
 const LANDING_ORDERED: u8 = b'L';
 
 /// Far beyond what any step takes on a loaded machine.
-const PATIENCE: Duration = Duration::from_secs(10);
+const TEST_TIMEOUT: Duration = Duration::from_secs(10);
 
 fn bind(address: SocketAddr, protocol: Protocol) -> (DroneClient, DroneLink) {
     let settings = TelloSettings::try_from(&TelloTable { protocol, state_port: 0, ..table() });
@@ -221,6 +221,6 @@ async fn a_client_that_is_stopped_on_the_ground_ends_and_its_link_with_it() {
     let (client, link) = link();
     let (stopper, stop) = Stopper::new();
     stopper.stop();
-    timeout(PATIENCE, client.run(stop)).await.expect("it did not stop").unwrap();
+    timeout(TEST_TIMEOUT, client.run(stop)).await.expect("it did not stop").unwrap();
     assert_eq!(link.order(DroneOrder::Land), Err(OrderError::Ended));
 }

@@ -2,7 +2,7 @@
 //!
 //! The sender asks [`Heartbeat::report`] before it sends anything: a program that was stopped and goes on must not
 //! steer a drone that the guardian has landed. It does not rely on the guardian's byte alone: whichever
-//! process the system lets run first, a pause of nearly the guardian's patience counts as a landing. A guardian that
+//! process the system lets run first, a pause of nearly the guardian's timeout counts as a landing. A guardian that
 //! does not answer cannot land: it counts as gone.
 
 use std::io::{self, ErrorKind, Read, Write};
@@ -16,7 +16,7 @@ use crate::clock::{SpanNs, TimeNs};
 
 /// Longest time between two heartbeats of a sender without other work.
 pub(in crate::tello) const BEAT_PERIOD: SpanNs = SpanNs::from_ms(40);
-/// Own silence after which the guardian may have landed the drone: less than its patience, which begins when
+/// Own silence after which the guardian may have landed the drone: less than its timeout, which begins when
 /// the heartbeat arrives.
 const PAUSE_MAX: SpanNs = SpanNs::from_ms(250);
 /// Shortest time between two heartbeats with the same duty.

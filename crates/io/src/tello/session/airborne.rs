@@ -4,7 +4,7 @@ use tello_flight::drone::TAKE_OFF_UNSEEN;
 
 use super::witness::Rest;
 use super::{
-    DroneOrder, EMERGENCY_REST, Flight, LAND_REST, LAST_LANDING_TIME, Session, TAKE_OFF_TIME,
+    DroneOrder, EMERGENCY_REST, LAND_REST, LAST_LANDING_TIME, Session, SessionPhase, TAKE_OFF_TIME,
     TakeOff,
 };
 use crate::clock::TimeNs;
@@ -25,7 +25,8 @@ impl Session {
     /// and landings are a reason to doubt only if it ever acknowledged the connection.
     pub(super) fn may_be_airborne(&self, now: TimeNs) -> bool {
         let seen = if self.may_have_flown || !self.may_steer() {
-            let has_ended = matches!(self.flight, Flight::Landed { .. } | Flight::MotorsStopped);
+            let has_ended =
+                matches!(self.phase, SessionPhase::Landed { .. } | SessionPhase::MotorsStopped);
             // One witness that reports "down" has to last before it ends a landing.
             let is_certain = has_ended || !self.witnesses.is_alone(now);
             self.witnesses.is_airborne(now).map(|is_airborne| is_airborne || !is_certain)
@@ -39,14 +40,16 @@ impl Session {
     /// The same where neither status nor pose is available.
     fn is_airborne_in_doubt(&self) -> bool {
         let last_status = self.witnesses.last_status();
-        match self.flight {
-            Flight::Landed { .. } | Flight::MotorsStopped => false,
-            Flight::Quiet => last_status == Some(true),
+        match self.phase {
+            SessionPhase::Landed { .. } | SessionPhase::MotorsStopped => false,
+            SessionPhase::Quiet => last_status == Some(true),
             // It stood when it was last heard, and nothing has made it fly since.
-            Flight::Steered { .. } if !self.may_have_flown && last_status == Some(false) => false,
-            Flight::Steered { .. } | Flight::Landing { .. } | Flight::EmergencyStop(_) => {
-                self.was_connected || self.may_have_flown
+            SessionPhase::Steered { .. } if !self.may_have_flown && last_status == Some(false) => {
+                false
             }
+            SessionPhase::Steered { .. }
+            | SessionPhase::Landing { .. }
+            | SessionPhase::EmergencyStop(_) => self.was_connected || self.may_have_flown,
         }
     }
 
@@ -54,7 +57,7 @@ impl Session {
     /// earlier take-off may be running.
     pub(super) fn may_take_off(&self, now: TimeNs) -> bool {
         let may_be_lost = |TakeOff { at, .. }| {
-            self.talk.take_off_patience().is_some_and(|patience| now.since(at) >= patience)
+            self.talk.take_off_repeat_after().is_some_and(|after| now.since(at) >= after)
         };
         let is_first_or_lost = self.take_off.is_none_or(may_be_lost);
         self.may_steer() && self.witnesses.status(now) == Some(false) && is_first_or_lost
@@ -79,27 +82,27 @@ impl Session {
         let rest = |before| witnesses.rest(before, now).filter(|_| !is_taking_off);
         let is_over =
             |rest: Option<Rest>, hold| rest.is_some_and(|rest| now >= rest.is_over_at(hold));
-        match &mut self.flight {
-            Flight::Landing { again_at, at_rest } => {
+        match &mut self.phase {
+            SessionPhase::Landing { again_at, at_rest } => {
                 *at_rest = rest(*at_rest);
                 if is_over(*at_rest, LAND_REST) {
-                    self.flight = Flight::Landed { again_at: *again_at };
+                    self.phase = SessionPhase::Landed { again_at: *again_at };
                 }
             }
-            Flight::Landed { again_at } if is_airborne => {
-                self.flight = Flight::Landing { again_at: *again_at, at_rest: None };
+            SessionPhase::Landed { again_at } if is_airborne => {
+                self.phase = SessionPhase::Landing { again_at: *again_at, at_rest: None };
             }
-            Flight::EmergencyStop(stop) => {
+            SessionPhase::EmergencyStop(stop) => {
                 stop.at_rest = rest(stop.at_rest);
                 if is_over(stop.at_rest, EMERGENCY_REST) {
-                    self.flight = Flight::MotorsStopped;
+                    self.phase = SessionPhase::MotorsStopped;
                 }
             }
-            Flight::MotorsStopped if is_airborne => self.emergency_stop(now),
-            Flight::Quiet
-            | Flight::Steered { .. }
-            | Flight::Landed { .. }
-            | Flight::MotorsStopped => {}
+            SessionPhase::MotorsStopped if is_airborne => self.emergency_stop(now),
+            SessionPhase::Quiet
+            | SessionPhase::Steered { .. }
+            | SessionPhase::Landed { .. }
+            | SessionPhase::MotorsStopped => {}
         }
     }
 
@@ -122,9 +125,9 @@ impl Session {
 
     /// Whether the drone may be in the air, or has not been down for long enough.
     fn has_work(&self, now: TimeNs) -> bool {
-        let is_settling = match self.flight {
-            Flight::Landing { at_rest, .. } => at_rest.is_some(),
-            Flight::EmergencyStop(_) => true,
+        let is_settling = match self.phase {
+            SessionPhase::Landing { at_rest, .. } => at_rest.is_some(),
+            SessionPhase::EmergencyStop(_) => true,
             _ => false,
         };
         is_settling || self.may_be_airborne(now)
@@ -148,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_take_off_is_repeated_after_its_patience_unless_it_was_acknowledged() {
+    fn a_take_off_is_repeated_after_its_time_unless_it_was_acknowledged() {
         assert!(reported(false).may_take_off(ms(0)) && !reported(true).may_take_off(ms(0)));
         assert!(!reported(false).may_take_off(ms(2_001)), "an old status");
         for is_acknowledged in [false, true] {
@@ -187,13 +190,13 @@ mod tests {
     #[test]
     fn without_any_witness_what_was_sent_decides() {
         let steered =
-            Flight::Steered { approved: approved(0.5), approved_at: ms(0), again_at: ms(0) };
-        let landing = Flight::Landing { again_at: ms(0), at_rest: None };
-        let landed = Flight::Landed { again_at: ms(0) };
-        for (flight, reported, may_have_flown, was_connected, expected) in [
-            (Flight::Quiet, None, false, true, false),
-            (Flight::Quiet, Some(true), false, true, true),
-            (Flight::Quiet, Some(false), false, true, false),
+            SessionPhase::Steered { approved: approved(0.5), approved_at: ms(0), again_at: ms(0) };
+        let landing = SessionPhase::Landing { again_at: ms(0), at_rest: None };
+        let landed = SessionPhase::Landed { again_at: ms(0) };
+        for (phase, reported, may_have_flown, was_connected, expected) in [
+            (SessionPhase::Quiet, None, false, true, false),
+            (SessionPhase::Quiet, Some(true), false, true, true),
+            (SessionPhase::Quiet, Some(false), false, true, false),
             (steered, Some(false), false, true, false),
             (steered, Some(false), true, true, true),
             (steered, None, false, true, true),
@@ -202,15 +205,15 @@ mod tests {
             (landing, Some(false), false, true, true),
             (landing, None, false, false, false),
             (landed, Some(true), true, true, false),
-            (Flight::MotorsStopped, Some(true), true, true, false),
+            (SessionPhase::MotorsStopped, Some(true), true, true, false),
         ] {
             let mut session = Session::binary(0, None, false, Arc::new(LinkCounters::default()));
             if let Some(is_flying) = reported {
                 session.receive(&status(is_flying), ms(0));
             }
-            (session.flight, session.may_have_flown) = (flight, may_have_flown);
+            (session.phase, session.may_have_flown) = (phase, may_have_flown);
             session.was_connected = was_connected;
-            assert_eq!(session.is_airborne_in_doubt(), expected, "{flight:?}, {reported:?}");
+            assert_eq!(session.is_airborne_in_doubt(), expected, "{phase:?}, {reported:?}");
         }
     }
 }

@@ -8,8 +8,9 @@ use crate::tello::protocol::{
 };
 use crate::tello::{DroneStatus, status_from_binary};
 
-/// A take-off that arrived shows in the flag "flying" within about 1 s.
-const TAKE_OFF_PATIENCE: SpanNs = SpanNs::from_ms(2500);
+/// Time after which a take-off without an answer is repeated. The flag "flying" shows one that arrived within about
+/// 1 s.
+const TAKE_OFF_REPEAT_AFTER: SpanNs = SpanNs::from_ms(2500);
 
 /// How often the drone is asked for what it does not answer: two of a hundred answers never come.
 const ASKED_MAX: u8 = 3;
@@ -99,9 +100,9 @@ impl BinaryTalk {
 
     /// An order to take off that was not acknowledged may be lost. One that was is never repeated: somebody may have
     /// the drone in the hand since.
-    pub(super) fn take_off_patience(&self) -> Option<SpanNs> {
+    pub(super) fn take_off_repeat_after(&self) -> Option<SpanNs> {
         let is_lost = matches!(self.unacknowledged, Some((Action::TakeOff, _)));
-        is_lost.then_some(TAKE_OFF_PATIENCE)
+        is_lost.then_some(TAKE_OFF_REPEAT_AFTER)
     }
 
     pub(super) fn receive(
@@ -204,13 +205,13 @@ mod tests {
     #[test]
     fn only_a_take_off_that_was_not_acknowledged_may_be_lost() {
         let mut talk = BinaryTalk::new(0, None);
-        assert_eq!(talk.take_off_patience(), None);
+        assert_eq!(talk.take_off_repeat_after(), None);
         talk.order(DroneOrder::TakeOff, &mut Vec::new());
-        assert_eq!(talk.take_off_patience(), Some(TAKE_OFF_PATIENCE));
+        assert_eq!(talk.take_off_repeat_after(), Some(TAKE_OFF_REPEAT_AFTER));
         receive(&mut talk, DronePacket::Ack { action: Action::TakeOff, sequence: 0 });
-        assert_eq!(talk.take_off_patience(), None);
+        assert_eq!(talk.take_off_repeat_after(), None);
         talk.order(DroneOrder::Land, &mut Vec::new());
-        assert_eq!(talk.take_off_patience(), None);
+        assert_eq!(talk.take_off_repeat_after(), None);
     }
 
     #[test]

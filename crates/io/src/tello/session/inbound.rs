@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 
 use super::messages::Received;
-use super::{Flight, Link, PING_PERIOD, Session};
+use super::{Link, PING_PERIOD, Session, SessionPhase};
 use crate::clock::TimeNs;
 use crate::tello::DroneStatus;
 
@@ -18,7 +18,8 @@ impl Session {
         if heard == Some(Received::Refused) {
             self.counters.note_refusal(datagram);
         }
-        let is_ending = matches!(self.flight, Flight::Landing { .. } | Flight::EmergencyStop(_));
+        let is_ending =
+            matches!(self.phase, SessionPhase::Landing { .. } | SessionPhase::EmergencyStop(_));
         if is_ending && !self.is_dry_run {
             // The drone asks again; an answer between two landings might cancel the first.
             self.outbox.truncate(answered_from);

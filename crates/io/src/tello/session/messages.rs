@@ -123,10 +123,10 @@ impl Talk {
     }
 
     /// After which time an order to take off may be repeated to a drone that says that it stands; `None`: never.
-    pub(super) fn take_off_patience(&self) -> Option<SpanNs> {
+    pub(super) fn take_off_repeat_after(&self) -> Option<SpanNs> {
         match self {
-            Self::Binary(talk) => talk.take_off_patience(),
-            Self::Text(talk) => talk.take_off_patience(),
+            Self::Binary(talk) => talk.take_off_repeat_after(),
+            Self::Text(talk) => talk.take_off_repeat_after(),
         }
     }
 

@@ -2,8 +2,8 @@
 
 use super::witness::Rest;
 use super::{
-    ASK_PERIOD, Approved, DroneOrder, EMERGENCY_COPIES, EMERGENCY_PATIENCE, EMERGENCY_PERIOD,
-    EmergencyStop, Flight, Link, Session,
+    Approved, CONNECT_PERIOD, DroneOrder, EMERGENCY_COPIES, EMERGENCY_LAND_AFTER, EMERGENCY_PERIOD,
+    EmergencyStop, Link, Session, SessionPhase,
 };
 use crate::clock::TimeNs;
 
@@ -29,7 +29,7 @@ impl Session {
     /// both, so that nothing stands between them: a drone that has restarted ignores LAND without one.
     pub(super) fn send_landing(&mut self, now: TimeNs) {
         if let Link::Asking { again_at, is_overdue: is_overdue @ true } = &mut self.link {
-            (*again_at, *is_overdue) = (now.after(ASK_PERIOD), false);
+            (*again_at, *is_overdue) = (now.after(CONNECT_PERIOD), false);
             self.talk.ask(&mut self.outbox);
         }
         self.send_neutral(now);
@@ -50,7 +50,7 @@ impl Session {
     pub(super) fn emergency_stop(&mut self, now: TimeNs) {
         let again_at = now.after(EMERGENCY_PERIOD);
         let stop = EmergencyStop { since: now, again_at, at_rest: None, is_landing_next: true };
-        self.flight = Flight::EmergencyStop(stop);
+        self.phase = SessionPhase::EmergencyStop(stop);
         self.send_neutral(now);
         self.talk.begin(DroneOrder::EmergencyStop, now);
         for _ in 0..EMERGENCY_COPIES {
@@ -62,9 +62,9 @@ impl Session {
     /// seems to have no effect.
     pub(super) fn go_on_stopping(&mut self, stop: EmergencyStop, now: TimeNs) {
         let is_obeyed = stop.at_rest.is_some_and(Rest::is_agreed);
-        let is_landing_due = stop.is_landing_next && now.since(stop.since) >= EMERGENCY_PATIENCE;
+        let is_landing_due = stop.is_landing_next && now.since(stop.since) >= EMERGENCY_LAND_AFTER;
         let is_landing = is_landing_due && !is_obeyed;
-        self.flight = Flight::EmergencyStop(EmergencyStop {
+        self.phase = SessionPhase::EmergencyStop(EmergencyStop {
             again_at: now.after(EMERGENCY_PERIOD),
             is_landing_next: !is_landing,
             ..stop
@@ -118,7 +118,7 @@ mod tests {
             session.link = asking(true);
             session.send_landing(ms(10));
             assert_eq!(waiting(&mut session), ["ask", "sticks", "land"]);
-            let again_at = ms(10).after(ASK_PERIOD);
+            let again_at = ms(10).after(CONNECT_PERIOD);
             assert_eq!(session.link, Link::Asking { again_at, is_overdue: false });
             session.send_landing(ms(20));
             assert_eq!(waiting(&mut session), ["sticks", "land"], "no longer overdue");
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn every_other_step_lands_once_the_patience_is_over_and_none_is_at_rest() {
+    fn every_other_step_lands_once_its_time_is_over_and_none_is_at_rest() {
         let mut down = Witnesses::default();
         down.observe_pose(Some(false), ms(0));
         let alone = down.rest(None, ms(0));
@@ -154,18 +154,18 @@ mod tests {
             at_rest,
             is_landing_next,
         };
-        let patience = TimeNs(0).after(EMERGENCY_PATIENCE);
-        let before = TimeNs(patience.0 - 1);
+        let land_at = TimeNs(0).after(EMERGENCY_LAND_AFTER);
+        let before = TimeNs(land_at.0 - 1);
         for (stop, now, sent, is_landing_next) in [
             (stop(None, true), before, vec!["stop"], true),
-            (stop(None, true), patience, vec!["sticks", "land"], false),
-            (stop(alone, true), patience, vec!["sticks", "land"], false),
-            (stop(None, false), patience, vec!["stop"], true),
+            (stop(None, true), land_at, vec!["sticks", "land"], false),
+            (stop(alone, true), land_at, vec!["sticks", "land"], false),
+            (stop(None, false), land_at, vec!["stop"], true),
         ] {
             let mut session = session(false);
             session.go_on_stopping(stop, now);
             assert_eq!(waiting(&mut session), sent, "{stop:?}");
-            let Flight::EmergencyStop(next) = session.flight else { panic!("{session:?}") };
+            let SessionPhase::EmergencyStop(next) = session.phase else { panic!("{session:?}") };
             assert_eq!(next.is_landing_next, is_landing_next, "{stop:?}");
             assert_eq!(next.again_at, now.after(EMERGENCY_PERIOD));
         }

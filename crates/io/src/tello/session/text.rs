@@ -106,7 +106,7 @@ impl TextTalk {
     }
 
     /// An order to take off that was not answered may be lost. One that was is never repeated.
-    pub(super) fn take_off_patience(&self) -> Option<SpanNs> {
+    pub(super) fn take_off_repeat_after(&self) -> Option<SpanNs> {
         let is_answered =
             matches!(self.take_off, TakeOff::Over | TakeOff::Ordered { is_refused: true, .. });
         (!is_answered).then_some(super::TAKE_OFF_TIME)
@@ -286,10 +286,10 @@ mod tests {
     fn an_order_to_take_off_that_was_answered_is_never_repeated() {
         for (reply, is_answered) in [("87", false), ("error Motor stop", true), ("ok", true)] {
             let mut talk = TextTalk::new(8890);
-            assert_eq!(talk.take_off_patience(), Some(super::super::TAKE_OFF_TIME));
+            assert_eq!(talk.take_off_repeat_after(), Some(super::super::TAKE_OFF_TIME));
             talk.begin(DroneOrder::TakeOff, ms(0));
             talk.receive_reply(reply.as_bytes(), ms(5_000));
-            assert_eq!(talk.take_off_patience().is_none(), is_answered, "{reply}");
+            assert_eq!(talk.take_off_repeat_after().is_none(), is_answered, "{reply}");
         }
     }
 
@@ -339,7 +339,7 @@ mod tests {
         for at_ms in [9_100, 12_100, 60_000] {
             assert!(talk.takes_sticks(ms(at_ms)) && !talk.is_taking_off(ms(at_ms)), "{at_ms} ms");
         }
-        assert_eq!(talk.take_off_patience(), None, "it is not repeated");
+        assert_eq!(talk.take_off_repeat_after(), None, "it is not repeated");
     }
 
     #[test]

@@ -81,7 +81,7 @@ fn resamples_of_one_piece_have_no_spread() {
         log.recording.u.truncate(10 * pieces);
         log.recording.o.truncate(10 * pieces);
         fitter(&table(), &[log], |fitter| {
-            let shard = crate::shard_file::Shard::WHOLE;
+            let shard = crate::part_file::PartNumber::ONLY;
             let plan =
                 BootstrapPlan { resamples: 3, seed: 1, shard, part: None, earlier: Vec::new() };
             fitter.bootstrap(&plan).unwrap().1
@@ -118,7 +118,7 @@ fn resamples_that_were_cut_short_have_no_spread() {
         keeps_estimates: false,
     };
     let fitter: LaggedFitter<'_> = Fitter::new(Lagged::default(), &job).unwrap();
-    let shard = crate::shard_file::Shard::WHOLE;
+    let shard = crate::part_file::PartNumber::ONLY;
     let plan = BootstrapPlan { resamples: 1000, seed: 1, shard, part: None, earlier: Vec::new() };
     let (found, report) = fitter.bootstrap(&plan).unwrap();
     assert!((2..1000).contains(&found.file.count()), "{}", found.file.count());

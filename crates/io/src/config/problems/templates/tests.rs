@@ -2,7 +2,7 @@ use tello_flight::MissionTable;
 
 use super::*;
 use crate::config::FlyTable;
-use crate::mocap::MocapTable;
+use crate::mocap::MocapKind;
 
 #[test]
 fn there_is_a_valid_mission_of_every_kind() {
@@ -26,7 +26,7 @@ fn table(template: &Value) -> FlyTable {
 
 #[test]
 fn settings_are_replaced_from_ones_with_the_same_source_of_poses() {
-    for (kind, _) in MocapTable::KINDS {
+    for kind in MocapKind::ALL.map(MocapKind::name) {
         for frame in [None, Some(json!({ "axes": 1 }))] {
             let given = frame.map_or_else(|| json!({}), |frame| json!({ "frame": frame }));
             let has_frame =

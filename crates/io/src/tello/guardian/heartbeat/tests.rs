@@ -51,7 +51,7 @@ fn a_pause_in_flight_is_a_landing_even_before_the_guardian_says_so() {
         let is_steered = duty == Duty::Steering;
         assert_eq!(heartbeat.report(ms(10_250)), GuardianReport::LandingOrdered { is_steered });
     }
-    assert!(PAUSE_MAX < super::super::PATIENCE, "a stick could follow the landing");
+    assert!(PAUSE_MAX < super::super::HEARTBEAT_TIMEOUT, "a stick could follow the landing");
 }
 
 #[test]

@@ -47,7 +47,7 @@ fn a_drone_that_does_not_obey_is_ordered_to_land_after_every_emergency_stop() {
         let alone = [10, 10, 10, 210, 410].into_iter();
         let stops_expected: Vec<_> = alone.chain((810..20_000).step_by(400)).collect();
         assert_eq!(stops(&bench), stops_expected, "{case}");
-        assert!(matches!(bench.session.flight, Flight::EmergencyStop(_)), "{case}");
+        assert!(matches!(bench.session.phase, SessionPhase::EmergencyStop(_)), "{case}");
     }
 }
 
@@ -69,7 +69,7 @@ fn the_sequence_ends_when_status_and_pose_agree_that_the_drone_is_down() {
     assert_eq!(bench.times(is_landing), [610, 1_010, 1_410, 1_810]);
     let last = *stops(&bench).last().unwrap();
     assert_eq!(last, 2_810, "1 s after both agree");
-    assert!(matches!(bench.session.flight, Flight::MotorsStopped));
+    assert!(matches!(bench.session.phase, SessionPhase::MotorsStopped));
     // A pose in the air, again: the agreement was wrong.
     bench.observe_pose(6_000, Some(true));
     bench.run(6_000, 7_000);
@@ -211,6 +211,6 @@ fn a_drone_that_is_down_by_one_witness_alone_is_landed_beside_the_emergency_stop
         let landings: Vec<_> = (610..10_100).step_by(400).collect();
         assert_eq!(bench.times(is_landing), landings, "status {says:?}, pose {sees:?}");
         assert!(stops(&bench).iter().all(|at| *at < 10_100), "status {says:?}, pose {sees:?}");
-        assert!(matches!(bench.session.flight, Flight::MotorsStopped));
+        assert!(matches!(bench.session.phase, SessionPhase::MotorsStopped));
     }
 }

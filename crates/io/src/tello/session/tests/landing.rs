@@ -83,7 +83,7 @@ fn a_silent_control_thread_means_neutral_sticks_and_then_a_landing() {
             other => panic!("{other:?} at {at} ms"),
         }
     }
-    assert!(matches!(bench.session.flight, Flight::Landing { .. }));
+    assert!(matches!(bench.session.phase, SessionPhase::Landing { .. }));
     assert_eq!(bench.times(is_roll), (0..1_000).step_by(20).collect::<Vec<_>>());
     assert_eq!(bench.times(is_landing), [1_000, 1_500]);
     assert_eq!(bench.session.counters.neutralised.get(), 45);

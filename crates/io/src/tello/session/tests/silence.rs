@@ -35,7 +35,7 @@ fn sticks_that_are_too_old_at_the_start_begin_nothing() {
     bench.session.approve(approved(0.5), ms(0), ms(1_000));
     bench.run(1_000, 1_900);
     assert_eq!(bench.sent, []);
-    assert!(matches!(bench.session.flight, Flight::Quiet));
+    assert!(matches!(bench.session.phase, SessionPhase::Quiet));
     bench.approve(1_901, 0.5);
     assert_eq!(bench.times(is_roll), [1_901]);
 }

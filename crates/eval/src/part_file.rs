@@ -1,11 +1,10 @@
 //! Part files: some rows of a batch, a campaign or a bootstrap, from one process of many.
 //!
-//! A part is text, one JSON value a line: what was asked for ([`Head`]), one row per seed, and a checksum of the
+//! A part is text, one JSON value a line: what was asked for ([`PartHeader`]), one row per seed, and a checksum of the
 //! lines before it. It appears whole or not at all. A row depends on settings and seed alone, so rows from any
 //! machines with equal heads are, side by side, the rows of one process, bit for bit.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -35,16 +34,16 @@ pub enum Kind {
     Bootstrap,
 }
 
-/// Part `part` of `parts` of a batch or a bootstrap, counted from 1.
+/// Part `part` of `parts` of a batch, a campaign or a bootstrap, counted from 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Shard {
+pub struct PartNumber {
     part: u64,
     parts: u64,
 }
 
-impl Shard {
-    /// The only part of one.
-    pub const WHOLE: Self = Self { part: 1, parts: 1 };
+impl PartNumber {
+    /// The only part, if a batch is not divided.
+    pub const ONLY: Self = Self { part: 1, parts: 1 };
 
     /// Number of the part, counted from 1, and number of parts.
     pub fn numbers(self) -> [u64; 2] {
@@ -55,31 +54,31 @@ impl Shard {
 /// A text that names no part.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{0:?} is not i/n with 1 <= i <= n, e.g. 2/8")]
-pub struct NoShard(String);
+pub struct ParsePartError(String);
 
-impl FromStr for Shard {
-    type Err = NoShard;
+impl FromStr for PartNumber {
+    type Err = ParsePartError;
 
-    fn from_str(text: &str) -> Result<Self, NoShard> {
+    fn from_str(text: &str) -> Result<Self, ParsePartError> {
         let numbers = |text: &str| {
             let (part, parts) = text.split_once('/')?;
             Some((part.parse().ok()?, parts.parse().ok()?))
         };
         match numbers(text) {
             Some((part, parts)) if (1..=parts).contains(&part) => Ok(Self { part, parts }),
-            _ => Err(NoShard(text.to_owned())),
+            _ => Err(ParsePartError(text.to_owned())),
         }
     }
 }
 
-/// What was asked for: the same in all parts but for the number of the part.
+/// First line of a part file: what was asked for, equal in all parts but for the number of the part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Head {
+pub struct PartHeader {
     format: String,
-    /// Of the program.
+    /// Git revision of the program.
     revision: String,
-    /// Of the rows.
+    /// Kind of the rows.
     pub kind: Kind,
     /// SHA-256 of `settings`, hexadecimal.
     settings_sha256: String,
@@ -87,12 +86,13 @@ pub struct Head {
     pub settings: Value,
     /// Names of the settings of both contenders, for the table.
     pub names: [String; 2],
-    /// First seed of the whole.
+    /// First seed of all parts.
     pub seed: u64,
-    /// Seeds of the whole.
+    /// Number of seeds of all parts.
     pub count: u64,
     /// Number of this part, from 1.
     part: u64,
+    /// Number of all parts.
     parts: u64,
 }
 
@@ -109,15 +109,14 @@ impl<T: Seeded> Seeded for Vec<T> {
     }
 }
 
-impl Head {
-    /// The head of `shard` of `count` seeds from `seed` on.
+impl PartHeader {
+    /// The header of the part `number` of `count` seeds from `seed` on.
     pub fn new(
         kind: Kind,
         (settings, names): (Value, [String; 2]),
         (seed, count): (u64, u64),
-        shard: Shard,
+        PartNumber { part, parts }: PartNumber,
     ) -> Self {
-        let [part, parts] = shard.numbers();
         let settings_sha256 = checksum(settings.to_string().as_bytes());
         let (format, revision) = (FORMAT.into(), REVISION.into());
         Self { format, revision, kind, settings_sha256, settings, names, seed, count, part, parts }
@@ -142,7 +141,7 @@ impl Head {
         &self.revision
     }
 
-    /// Why a part with the head `other` does not belong to this one.
+    /// Why a part with the header `other` does not belong to this one.
     pub fn difference(&self, other: &Self) -> Option<String> {
         let differs = |what: &str, ours: &dyn std::fmt::Debug, theirs: &dyn std::fmt::Debug| {
             Some(format!("another {what}: {theirs:?} in place of {ours:?}"))
@@ -169,8 +168,8 @@ impl Head {
 /// # Errors
 /// Rows that are not those of the seeds, or do not survive their JSON form (numbers that are not finite); a
 /// folder that cannot be written.
-pub fn write<T: Seeded>(path: &Path, head: &Head, rows: &[T]) -> Result<()> {
-    let mut text = serde_json::to_string(head)? + "\n";
+pub fn write<T: Seeded>(path: &Path, header: &PartHeader, rows: &[T]) -> Result<()> {
+    let mut text = serde_json::to_string(header)? + "\n";
     for row in rows {
         let line = serde_json::to_string(row)?;
         text.push_str(&line);
@@ -179,42 +178,31 @@ pub fn write<T: Seeded>(path: &Path, head: &Head, rows: &[T]) -> Result<()> {
     text += &tail_of(&text);
     let (_, again) = parse::<T>(&text)?;
     ensure!(again == rows, "{}: a row does not survive its JSON form", path.display());
-    whole_file::write(path, true, |part| Ok(fs::write(part, &text)?))
+    whole_file::write_contents(path, true, text)
 }
 
-/// Head and rows of the part at `path`.
+/// Header and rows of the part at `path`.
 ///
 /// # Errors
 /// A file that cannot be read, is none, torn or altered, or lacks a seed.
-pub fn read<T: Seeded>(path: &Path) -> Result<(Head, Vec<T>)> {
+pub fn read<T: Seeded>(path: &Path) -> Result<(PartHeader, Vec<T>)> {
     parse(&text_of(path)?).with_context(|| format!("{}", path.display()))
 }
 
-/// What the part at `path` was asked for.
-///
-/// # Errors
-/// As [`read`], but for rows that are whole and not those of the head.
-fn head(path: &Path) -> Result<Head> {
-    let text = text_of(path)?;
-    parse_head(&text)
-        .and_then(|head| checked_lines(&text).map(|_| head))
-        .with_context(|| format!("{}", path.display()))
-}
-
-/// Whether `path` is the finished part `head`; false if there is no such file.
+/// Whether `path` is the finished part `header`; false if there is no such file.
 ///
 /// # Errors
 /// Another part, or no whole one, is there.
-pub fn is_done<T: Seeded>(path: &Path, head: &Head) -> Result<bool> {
+pub fn is_done<T: Seeded>(path: &Path, header: &PartHeader) -> Result<bool> {
     if !path.exists() {
         return Ok(false);
     }
     let (there, _) = read::<T>(path)?;
-    if let Some(why) = head.difference(&there) {
+    if let Some(why) = header.difference(&there) {
         bail!("{} exists already, with {why}; choose another name", path.display());
     }
     ensure!(
-        there.part == head.part,
+        there.part == header.part,
         "{} exists already, and is part {}",
         path.display(),
         there.part
@@ -227,7 +215,7 @@ pub fn is_done<T: Seeded>(path: &Path, head: &Head) -> Result<bool> {
 /// # Errors
 /// A file that cannot be read.
 pub fn is_part(path: &Path) -> Result<bool> {
-    Ok(parse_head(&text_of(path)?).is_ok())
+    Ok(parse_header(&text_of(path)?).is_ok())
 }
 
 /// What the rows of the part at `path` are.
@@ -236,31 +224,39 @@ pub fn is_part(path: &Path) -> Result<bool> {
 /// A file that cannot be read or is no part.
 pub fn kind(path: &Path) -> Result<Kind> {
     let text = text_of(path)?;
-    let head = parse_head(&text).with_context(|| format!("{}", path.display()))?;
-    Ok(head.kind)
+    let header = parse_header(&text).with_context(|| format!("{}", path.display()))?;
+    Ok(header.kind)
 }
 
-/// Parts of one whole, by their number.
+/// Parts of one batch, campaign or bootstrap, by their number.
 #[derive(Debug, Clone, Default)]
-pub struct PartSet(BTreeMap<u64, (PathBuf, Head)>);
+pub struct PartSet(BTreeMap<u64, (PathBuf, PartHeader)>);
 
 impl PartSet {
     /// Adds the part at `path`.
     ///
     /// # Errors
-    /// A file that cannot be read, is no part, or a torn one; a part of another whole, or one whose number is there.
+    /// A file that cannot be read, is no part, or a torn one; a part that does not belong to the others, or whose
+    /// number is there.
     pub fn add(&mut self, path: &Path) -> Result<()> {
-        let head = head(path)?;
+        self.insert(path, &text_of(path)?)
+    }
+
+    /// Adds the part `text` of the file `path`, without a look at its rows.
+    fn insert(&mut self, path: &Path, text: &str) -> Result<()> {
+        let header = parse_header(text)
+            .and_then(|header| checked_lines(text).map(|_| header))
+            .with_context(|| format!("{}", path.display()))?;
         if let Some((first, known)) = self.0.values().next()
-            && let Some(why) = known.difference(&head)
+            && let Some(why) = known.difference(&header)
         {
             bail!("{} does not belong to {}: {why}", path.display(), first.display());
         }
-        let part = head.part;
+        let part = header.part;
         if let Some((known, _)) = self.0.get(&part) {
             bail!("part {part} occurs twice: {}, {}", known.display(), path.display());
         }
-        self.0.insert(part, (path.to_owned(), head));
+        self.0.insert(part, (path.to_owned(), header));
         Ok(())
     }
 
@@ -276,12 +272,12 @@ impl PartSet {
 
     /// Number of their seeds.
     pub fn seed_count(&self) -> u64 {
-        self.0.values().map(|(_, head)| head.seeds()).map(|seeds| seeds.end - seeds.start).sum()
+        self.0.values().map(|(_, header)| header.seeds()).map(|seeds| seeds.end - seeds.start).sum()
     }
 
-    /// The head of the first part; `None` before there is one.
-    pub fn first(&self) -> Option<&Head> {
-        self.0.values().map(|(_, head)| head).next()
+    /// The header of the first part; `None` before there is one.
+    pub fn first(&self) -> Option<&PartHeader> {
+        self.0.values().map(|(_, header)| header).next()
     }
 
     /// The files, in the order of their numbers.
@@ -289,8 +285,8 @@ impl PartSet {
         self.0.values().map(|(path, _)| &**path)
     }
 
-    fn check_whole(&self) -> Result<()> {
-        let all = self.first().map_or(0, |head| head.parts);
+    fn check_complete(&self) -> Result<()> {
+        let all = self.first().map_or(0, |header| header.parts);
         let missing = (1..=all).find(|part| !self.0.contains_key(part));
         if let Some(part) = missing {
             bail!("part {part} of {all} is missing; {} are there", self.count());
@@ -299,22 +295,22 @@ impl PartSet {
     }
 }
 
-/// The head of the first part, and all rows in the order of their seeds.
+/// The header of the first part, and all rows in the order of their seeds.
 ///
 /// # Errors
 /// As [`read`]; a part that is missing, there twice, or of other settings, seeds or revision.
-pub fn merge<T: Seeded>(paths: &[PathBuf]) -> Result<(Head, Vec<T>)> {
+pub fn merge<T: Seeded>(paths: &[PathBuf]) -> Result<(PartHeader, Vec<T>)> {
     let mut parts = PartSet::default();
-    paths.iter().try_for_each(|path| parts.add(path))?;
-    parts.check_whole()?;
-    let mut all = Vec::new();
-    for (path, known) in parts.0.values() {
-        let (head, rows) = read::<T>(path)?;
-        ensure!(head == *known, "{} changed while it was merged", path.display());
-        all.extend(rows);
+    let mut rows_by_part = BTreeMap::new();
+    for path in paths {
+        let text = text_of(path)?;
+        parts.insert(path, &text)?;
+        let (header, rows) = parse::<T>(&text).with_context(|| format!("{}", path.display()))?;
+        rows_by_part.insert(header.part, rows);
     }
+    parts.check_complete()?;
     let first = parts.first().context("no part to merge")?;
-    Ok((first.clone(), all))
+    Ok((first.clone(), rows_by_part.into_values().flatten().collect()))
 }
 
 fn text_of(path: &Path) -> Result<String> {
@@ -324,29 +320,30 @@ fn text_of(path: &Path) -> Result<String> {
     text.with_context(|| format!("{}: not a part file", path.display()))
 }
 
-fn parse_head(text: &str) -> Result<Head> {
+fn parse_header(text: &str) -> Result<PartHeader> {
     let line = text.lines().next().unwrap_or_default();
-    let head: Head = serde_json::from_str(line).context("not a part file, or a torn one")?;
-    ensure!(head.format == FORMAT, "its format is {:?} in place of {FORMAT:?}", head.format);
-    Ok(head)
+    let header: PartHeader =
+        serde_json::from_str(line).context("not a part file, or a torn one")?;
+    ensure!(header.format == FORMAT, "its format is {:?} in place of {FORMAT:?}", header.format);
+    Ok(header)
 }
 
-fn parse<T: Seeded>(text: &str) -> Result<(Head, Vec<T>)> {
-    let head = parse_head(text)?;
+fn parse<T: Seeded>(text: &str) -> Result<(PartHeader, Vec<T>)> {
+    let header = parse_header(text)?;
     let body = checked_lines(text)?;
-    let settings_sum = checksum(head.settings.to_string().as_bytes());
-    ensure!(settings_sum == head.settings_sha256, "the hash of its settings is wrong");
+    let settings_sum = checksum(header.settings.to_string().as_bytes());
+    ensure!(settings_sum == header.settings_sha256, "the hash of its settings is wrong");
     ensure!(
-        (1..=head.parts).contains(&head.part),
+        (1..=header.parts).contains(&header.part),
         "part = {}: expected 1..={}",
-        head.part,
-        head.parts
+        header.part,
+        header.parts
     );
     let rows: Result<Vec<T>, _> = body.lines().skip(1).map(serde_json::from_str).collect();
     let rows = rows.context("a row cannot be read")?;
-    let is_whole = rows.iter().map(Seeded::seed).eq(head.seeds().map(Some));
-    ensure!(is_whole, "its rows are not those of its seeds {:?}", head.seeds());
-    Ok((head, rows))
+    let is_complete = rows.iter().map(Seeded::seed).eq(header.seeds().map(Some));
+    ensure!(is_complete, "its rows are not those of its seeds {:?}", header.seeds());
+    Ok((header, rows))
 }
 
 /// All lines of a part but the last, which is their checksum.
@@ -372,12 +369,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shards_hold_every_seed_once() {
+    fn parts_hold_every_seed_once() {
         for (count, parts) in [(10, 3), (2, 5), (1_000_000, 7)] {
             let seeds = |part| {
-                let shard = format!("{part}/{parts}").parse().unwrap();
+                let number = format!("{part}/{parts}").parse().unwrap();
                 let names = [String::new(), String::new()];
-                Head::new(Kind::Batch, (Value::Null, names), (4, count), shard).seeds()
+                PartHeader::new(Kind::Batch, (Value::Null, names), (4, count), number).seeds()
             };
             let all: Vec<u64> = (1..=parts).flat_map(seeds).collect();
             assert!(all.into_iter().eq(4..4 + count), "{count} in {parts} parts");
@@ -385,9 +382,9 @@ mod tests {
     }
 
     #[test]
-    fn a_shard_that_is_none_is_refused() {
+    fn a_text_that_names_no_part_is_refused() {
         for text in ["", "1", "0/3", "4/3", "1/0", "a/2", "1/2/3"] {
-            assert!(text.parse::<Shard>().is_err(), "{text}");
+            assert!(text.parse::<PartNumber>().is_err(), "{text}");
         }
     }
 }

@@ -31,18 +31,18 @@ fn second(path: &str, settings: Value) -> Target {
 }
 
 #[test]
-fn a_batch_without_a_shard_has_no_target() {
+fn a_batch_that_is_not_divided_has_no_target() {
     assert!(target(&[], Value::Null).is_none());
     let target = second("second.part", Value::Null);
     assert_eq!(target.path, PathBuf::from("second.part"));
-    assert_eq!((target.head.numbers(), target.head.seeds()), ([2, 3], 103..106));
-    assert_eq!((target.head.seed, target.head.count), (100, 10));
-    assert_eq!(target.head.names, ["built-in", "built-in"]);
+    assert_eq!((target.header.numbers(), target.header.seeds()), ([2, 3], 103..106));
+    assert_eq!((target.header.seed, target.header.count), (100, 10));
+    assert_eq!(target.header.names, ["built-in", "built-in"]);
 }
 
 #[test]
 fn a_part_is_flown_once_and_never_taken_for_one_of_other_settings() {
-    let name = format!("tello-ctl-shard-{}.part", std::process::id());
+    let name = format!("tello-ctl-part-{}.part", std::process::id());
     let path = std::env::temp_dir().join(name);
     std::fs::remove_file(&path).ok();
     let at = path.to_str().unwrap();

@@ -16,7 +16,7 @@ use program::{config_file, tello_ctl, text};
 const PARTS: usize = 3;
 
 fn folder(name: &str) -> PathBuf {
-    program::folder(&format!("shards-{name}"))
+    program::folder(&format!("parts-{name}"))
 }
 
 /// Flies part `part` of `arguments` into a file of that number.
@@ -68,7 +68,7 @@ fn parts_of_a_campaign_merge_to_the_bytes_of_one_process() {
 #[test]
 fn a_part_that_is_there_is_not_flown_again_and_another_one_is_not_replaced() {
     let folder = folder("resume");
-    let arguments = ["--batch", "3", "--campaign", "--family", "ghost"];
+    let arguments = ["--batch", "3", "--campaign", "--family", "still"];
     fly_all(&folder, &arguments);
     let of = |folder: &Path| fs::read(folder.join("1.part")).unwrap();
     let modified = || fs::metadata(folder.join("1.part")).unwrap().modified().unwrap();
@@ -85,11 +85,11 @@ fn a_part_that_is_there_is_not_flown_again_and_another_one_is_not_replaced() {
 #[test]
 fn parts_that_are_not_a_whole_are_refused_and_nothing_is_printed() {
     let folder = folder("refused");
-    let arguments = ["--batch", "3", "--campaign", "--family", "ghost"];
+    let arguments = ["--batch", "3", "--campaign", "--family", "still"];
     fly_all(&folder, &arguments);
     let others = folder.join("other");
     fs::create_dir(&others).unwrap();
-    fly_all(&others, &["--batch", "3", "--campaign", "--family", "ghost", "--profile", "bad_day"]);
+    fly_all(&others, &["--batch", "3", "--campaign", "--family", "still", "--profile", "bad_day"]);
     let whole = fs::read_to_string(folder.join("2.part")).unwrap();
     let put = |name: &str, text: &str| fs::write(folder.join(name), text).unwrap();
     put("torn.part", &whole[..whole.len() / 2]);
@@ -134,7 +134,7 @@ fn arrive(folder: &Path, name: &str) {
 #[test]
 fn a_watch_merges_parts_that_arrive_late() {
     let folder = folder("watch");
-    fly_all(&folder, &["--batch", "7", "--campaign", "--family", "ghost"]);
+    fly_all(&folder, &["--batch", "7", "--campaign", "--family", "still"]);
     let mut watching = watch(&folder);
     // What is being written is no part.
     fs::write(folder.join("watched/.2.part.1.part"), "torn").unwrap();
@@ -166,7 +166,7 @@ fn a_watch_merges_parts_that_arrive_late() {
 #[test]
 fn a_watch_ends_on_ctrl_c_and_refuses_parts_of_another_whole() {
     let folder = folder("watch-ends");
-    fly_all(&folder, &["--batch", "3", "--campaign", "--family", "ghost"]);
+    fly_all(&folder, &["--batch", "3", "--campaign", "--family", "still"]);
     let watching = watch(&folder);
     arrive(&folder, "1.part");
     thread::sleep(Duration::from_millis(700));

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use serde_json::Value;
-use tello_eval::shard_file::{self, Head, Kind, Seeded};
+use tello_eval::part_file::{self, Kind, PartHeader, Seeded};
 use tello_io::whole_file;
 
 use super::Arguments;
@@ -12,7 +12,7 @@ use crate::{Verdict, stdio};
 
 /// The part that is asked for, and its file.
 pub(super) struct Target {
-    pub(super) head: Head,
+    pub(super) header: PartHeader,
     path: PathBuf,
 }
 
@@ -24,10 +24,14 @@ impl Target {
         settings: Value,
         count: u64,
     ) -> Option<Self> {
-        let (shard, path) = arguments.shard.zip(arguments.part.clone())?;
-        let head =
-            Head::new(kind, (settings, super::names(arguments)), (arguments.seed, count), shard);
-        Some(Self { head, path })
+        let (part, path) = arguments.shard.zip(arguments.part.clone())?;
+        let header = PartHeader::new(
+            kind,
+            (settings, super::names(arguments)),
+            (arguments.seed, count),
+            part,
+        );
+        Some(Self { header, path })
     }
 
     /// Says so if the whole file exists already, else checks that it can be written. Returns whether it exists.
@@ -35,7 +39,7 @@ impl Target {
     /// # Errors
     /// It is another part, or it could not be written.
     pub(super) fn check_existing<T: Seeded>(&self) -> Result<bool> {
-        let is_done = shard_file::is_done::<T>(&self.path, &self.head)?;
+        let is_done = part_file::is_done::<T>(&self.path, &self.header)?;
         if is_done {
             stdio::note(format_args!("{} exists already", self.path.display()));
         } else {
@@ -46,7 +50,7 @@ impl Target {
 
     /// Writes the file.
     pub(super) fn write<T: Seeded>(&self, rows: &[T]) -> Result<Verdict> {
-        shard_file::write(&self.path, &self.head, rows)?;
+        part_file::write(&self.path, &self.header, rows)?;
         Ok(Verdict::Good)
     }
 }
