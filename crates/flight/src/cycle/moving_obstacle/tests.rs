@@ -141,7 +141,7 @@ fn a_stream_that_stands_still_is_no_obstacle_that_stops() {
         stuck.follow(Some([1.0 + 1e-4 * f64::from(k % 3), 2.0, 1.0]), DT_S);
     }
     let unseen_after = (0..60).find(|_| {
-        stuck.follow(Some([1.0, 2.0, 1.1]), DT_S);
+        stuck.follow(Some([1.0, 2.0, 1.0]), DT_S);
         stuck.is_unseen()
     });
     assert_eq!(unseen_after, Some(41), "0.3 s and 0.5 s");
