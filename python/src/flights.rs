@@ -149,15 +149,15 @@ fn identified(
         observer: stop,
         keeps_estimates: out.is_some(),
     };
-    let fitted = ident::fit(&job)?;
+    let result = ident::fit(&job)?;
     let mut written = Vec::new();
     if let Some(dir) = out {
         fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
-        written = ident::write(dir, &job, &fitted)?;
+        written = ident::write(dir, &job, &result)?;
     }
     stop.check()?;
     Ok(IdentReport {
-        fit: fitted.fit,
+        fit: result.fit,
         against: Vec::new(),
         comparison: None,
         files_used: logs.into_iter().map(FileUsed::from).collect(),

@@ -10,7 +10,7 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use tello_eval::REVISION;
 use tello_eval::ident::{
-    self, Bootstrap, BootstrapPlan, Comparison, FileUsed, Fitted, IdentFileTable, IdentReport, Job,
+    self, Bootstrap, BootstrapPlan, Comparison, FileUsed, FitResult, IdentFileTable, IdentReport, Job,
     Observer,
 };
 use tello_eval::part_file::PartNumber;
@@ -215,8 +215,8 @@ impl Recordings {
 /// The fits of all settings.
 struct Fits {
     /// Of the first settings.
-    main: Fitted,
-    against: Vec<Fitted>,
+    main: FitResult,
+    against: Vec<FitResult>,
     comparison: Option<Comparison>,
     written: Vec<PathBuf>,
 }
@@ -257,7 +257,7 @@ impl Fits {
 
     /// Whether the main fit converged, with all its resamples, and a flight would take its parameters.
     fn are_good(&self, arguments: &Arguments) -> bool {
-        let Fitted { fit, has_converged, .. } = &self.main;
+        let FitResult { fit, has_converged, .. } = &self.main;
         // A part is complete when it is done.
         let is_complete =
             arguments.shard.is_some() || fit.bootstrap.as_ref().is_none_or(Bootstrap::is_whole);
@@ -267,7 +267,7 @@ impl Fits {
     fn report(self, recordings: Recordings, clock: &Clock) -> IdentReport {
         IdentReport {
             fit: self.main.fit,
-            against: self.against.into_iter().map(|fitted| fitted.fit).collect(),
+            against: self.against.into_iter().map(|result| result.fit).collect(),
             comparison: self.comparison,
             files_used: recordings.logs.into_iter().map(FileUsed::from).collect(),
             files_skipped: recordings.skipped,
@@ -279,7 +279,7 @@ impl Fits {
 }
 
 /// A note of a vehicle file that flights have taught and that is not replaced.
-fn note_kept(main: &Fitted, written: &[PathBuf]) {
+fn note_kept(main: &FitResult, written: &[PathBuf]) {
     if main.parameter_file.is_some()
         && let Some(earlier) = written.iter().find(|path| ident::is_earlier(path))
     {
@@ -303,7 +303,7 @@ fn note_left(dir: Option<&Path>, before: &BTreeMap<PathBuf, SystemTime>) {
 }
 
 /// A note of resamples that Ctrl-C left out, and of how to go on with them.
-fn note_cut_short(main: &Fitted, asked: Option<&BootstrapPlan>, written: &[PathBuf]) {
+fn note_cut_short(main: &FitResult, asked: Option<&BootstrapPlan>, written: &[PathBuf]) {
     let (Some(plan), Some(done)) = (asked, &main.resamples) else { return };
     if main.fit.bootstrap.is_some() {
         return;

@@ -20,6 +20,7 @@ mod laplace;
 mod spread;
 
 pub use laplace::{Laplace, standard_deviations};
+pub(crate) use spread::interval_variance;
 pub use spread::{NORMAL_HALF_WIDTH, Spread};
 
 /// How often each of `pieces` pieces was drawn in a sample of as many, with replacement.

@@ -28,11 +28,13 @@ use tello_io::config;
 pub use acceptance::flight_settings;
 pub use compare::{Comparison, Errors, Ranked, compare};
 pub use fit::fit;
-pub use job::{Fitted, Job};
+pub use job::{FitResult, Job};
 pub use logs::{load_judged, load_logs};
 pub use output::{is_earlier, results, write};
 pub use pictures::save_prediction;
-pub use report::{Bootstrap, DelayMinimum, DelayRow, FileUsed, Fit, IdentReport, ParameterRow};
+pub use report::{
+    Bootstrap, DelayMinimum, DelayRow, FileUsed, FitReport, IdentReport, ParameterRow,
+};
 pub use resamples::{BootstrapPlan, ResampleFile};
 pub use table::{IdentFileTable, Stick};
 

@@ -15,7 +15,7 @@ use horizon_model::angle::unwrap_near;
 use horizon_model::rows::pose;
 use schemars::JsonSchema;
 use serde::Serialize;
-use tello_eval::ident::{self, Fit, IdentFileTable, Job, Observer};
+use tello_eval::ident::{self, FitReport, IdentFileTable, Job, Observer};
 use tello_eval::recordings::{self, Loaded};
 use tello_flight::cycle::ModelKind;
 use tello_flight::{MissionTable, Start};
@@ -130,13 +130,13 @@ pub fn run(
             observer: &StopOnly(observer),
             keeps_estimates: false,
         };
-        let fitted = ident::fit(&job)?;
-        let Some(file) = &fitted.parameter_file else { return Ok(None) };
+        let result = ident::fit(&job)?;
+        let Some(file) = &result.parameter_file else { return Ok(None) };
         let flown = match (&flight, mission) {
             (Some(flight), Some(_)) => Some(next_flight::fly(flight, file, seed)?),
             _ => None,
         };
-        Ok(Some(Identified { found: found(&truth, &fitted.fit), flown }))
+        Ok(Some(Identified { found: found(&truth, &result.fit), flown }))
     };
     let seeds = seed..seed.saturating_add(runs);
     let all = fly_each(seeds, &|| observer.is_stopped(), &|| observer.advance(), one)?;
@@ -209,7 +209,7 @@ fn automatic(seed: u64, mission: &MissionTable) -> Result<Loaded> {
 }
 
 /// Every number of a fit beside its truth.
-fn found(truth: &PlantTable, fit: &Fit) -> Vec<Found> {
+fn found(truth: &PlantTable, fit: &FitReport) -> Vec<Found> {
     let parameters = fit.parameters.iter().map(|row| Found {
         name: row.name.to_owned(),
         truth: truth_of(truth, row.name),

@@ -6,7 +6,7 @@
 use horizon_model::Model;
 use nalgebra::{SMatrix, SVector};
 
-use super::Spread;
+use super::{Spread, interval_variance};
 use crate::cholesky::{Cholesky, NotPositive};
 use crate::delay::DelayInfluence;
 use crate::ident::Ident;
@@ -113,6 +113,12 @@ impl<const NP: usize> Laplace<NP> {
     /// The normal distribution around the estimate `p` with [`Laplace::clustered`] and [`Laplace::by_prior`].
     pub fn spread(&self, p: &SVector<f64, NP>) -> Spread<NP> {
         Spread::normal(p, &(self.clustered + self.by_prior))
+    }
+
+    /// The normal distribution around the estimate `p` with [`Laplace::plain`], widened by a residual variance above 1:
+    /// for fewer pieces than [`Laplace::clustered`] needs.
+    pub fn plain_spread(&self, p: &SVector<f64, NP>) -> Spread<NP> {
+        Spread::normal(p, &(self.plain * interval_variance(self.residual_variance)))
     }
 }
 

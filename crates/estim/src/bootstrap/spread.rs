@@ -11,6 +11,12 @@ const LEVEL: f64 = 0.95;
 /// Half the width of that interval, of 95 %, of a normal distribution. standard deviations
 pub const NORMAL_HALF_WIDTH: f64 = 1.959_963_984_540_054;
 
+/// Factor of a variance in an interval: the residual variance, but at least 1. A residual variance below 1 is the
+/// effect of weights that are too small: it must not narrow an interval. 1
+pub(crate) fn interval_variance(residual_variance: f64) -> f64 {
+    residual_variance.max(1.0)
+}
+
 /// Distribution of an estimated parameter, row by row in the unit of the row, with the correlations between rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread<const NP: usize> {
@@ -43,8 +49,8 @@ impl<const NP: usize> Spread<NP> {
         for row in 0..NP {
             let mut values: Vec<f64> = samples.iter().map(|p| p[row]).collect();
             values.sort_by(f64::total_cmp);
-            spread.lower[row] = quantile(&values, 0.5 * (1.0 - LEVEL));
-            spread.upper[row] = quantile(&values, 0.5 * (1.0 + LEVEL));
+            spread.lower[row] = order_statistic_quantile(&values, 0.5 * (1.0 - LEVEL));
+            spread.upper[row] = order_statistic_quantile(&values, 0.5 * (1.0 + LEVEL));
         }
         Some(spread)
     }
@@ -82,8 +88,10 @@ impl<const NP: usize> Spread<NP> {
     }
 }
 
-/// The `q` quantile of ascending `values`, of which there is at least one; never outside them.
-fn quantile(values: &[f64], q: f64) -> f64 {
+/// The `q` quantile of ascending `values`, of which there is at least one, by the expected ranks `i / (n + 1)` of
+/// Weibull (type 6 of Hyndman and Fan, 1996): it predicts the next sample. The usual type 7, with ranks
+/// `(i - 1) / (n - 1)`, describes the samples themselves; its intervals are too narrow for few of them.
+fn order_statistic_quantile(values: &[f64], q: f64) -> f64 {
     let last = (values.len() - 1) as f64;
     let at = (q * (last + 2.0) - 1.0).clamp(0.0, last);
     let below = horizon_model::whole(at);

@@ -10,7 +10,7 @@ use tello_flight::cycle::{self, FlightTable, ModelKind};
 use tello_io::config;
 
 use super::job::Job;
-use super::report::{Fit, ParameterRow};
+use super::report::{FitReport, ParameterRow};
 use super::verdict::{EXCITATION_MIN, is_set_by_prior};
 use crate::REVISION;
 use crate::parameter_file::{
@@ -108,7 +108,7 @@ fn within(value: f64, lo: f64, hi: f64) -> f64 {
 /// The settings cannot be written as JSON.
 pub(super) fn parameter_file(
     job: &Job<'_>,
-    fit: &Fit,
+    fit: &FitReport,
     values: &[Accepted],
 ) -> Result<ParameterFile> {
     let entries = fit.parameters.iter().zip(values).map(|(row, Accepted { value, is_prior })| {
@@ -144,7 +144,7 @@ pub(super) fn parameter_file(
 ///
 /// # Errors
 /// The reason.
-pub(super) fn accept(job: &Job<'_>, fit: &Fit, file: &ParameterFile) -> Result<()> {
+pub(super) fn accept(job: &Job<'_>, fit: &FitReport, file: &ParameterFile) -> Result<()> {
     let steps: usize = job.logs.iter().map(|log| log.recording.o.len()).sum();
     ensure!(
         2 * fit.steps_lost <= steps,

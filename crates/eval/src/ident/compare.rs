@@ -6,7 +6,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use super::fit::fit;
-use super::job::{Fitted, Job};
+use super::job::{FitResult, Job};
 use super::table::IdentFileTable;
 use crate::forecast::{ConstantVelocity, Forecast, ForecastErrors, Hold, HorizonErrors, judge};
 use crate::outage::{OutageSettings, lost_commands};
@@ -145,14 +145,14 @@ impl Errors {
     }
 }
 
-/// Ranks the fits of `jobs` by prediction: on `others` if there are any, as `fitted` to all logs; else
+/// Ranks the fits of `jobs` by prediction: on `others` if there are any, by `results` of all logs; else
 /// each log is judged by a fit to the other `folds - 1` parts.
 ///
 /// # Errors
 /// There are fewer than two logs to divide, or a fit fails.
 pub fn compare(
     jobs: &[Job<'_>],
-    fitted: &[Fitted],
+    results: &[FitResult],
     folds: usize,
     others: &[Loaded],
 ) -> Result<Comparison> {
@@ -168,7 +168,7 @@ pub fn compare(
     let [.., longest_s] = HORIZONS_S;
     let horizon_steps = steps(longest_s, dt_s);
     let mut models = Vec::new();
-    for (job, whole) in jobs.iter().zip(fitted) {
+    for (job, whole) in jobs.iter().zip(results) {
         let mut tally = Tally::new(horizon_steps);
         if folds == 0 {
             for flight in &flights {
@@ -182,10 +182,10 @@ pub fn compare(
                 .map(|log| logs[log].clone())
                 .collect();
             let part = Job { logs: &known, bootstrap: None, keeps_estimates: false, ..*job };
-            let fitted =
+            let result =
                 fit(&part).with_context(|| format!("in part {} of --compare", fold + 1))?;
             for (_, flight) in flights.iter().enumerate().filter(|(log, _)| is_judged(*log)) {
-                fitted.predict.judge(flight, &mut tally, horizon_steps);
+                result.predict.judge(flight, &mut tally, horizon_steps);
             }
         }
         models.push(tally.ranked(job.name, dt_s));

@@ -14,45 +14,45 @@ use horizon_model::rows::{pose, stick};
 use horizon_model::setting::{SettingError, in_range, vector};
 use horizon_model::{Lagged, LaggedShape, Model};
 use nalgebra::{SMatrix, SVector};
-use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 use tello_flight::cycle::{ModelKind, WithModel};
 use tello_io::clock::Clock;
 
 use super::acceptance;
 use super::flights::{Flight, cut_logs, prepare};
-use super::job::{DelayCurve, Fitted, Job, Trace};
+use super::job::{DelayCurve, FitResult, Job, Trace};
 use super::predict::{Identified, residual_decay_s};
-use super::report::{Bootstrap, DelayRow, Fit, ParameterRow};
+use super::report::{Bootstrap, DelayRow, FitReport, ParameterRow};
 use super::verdict::{Evidence, PIECES_PER_PARAMETER, autocorrelation, is_resampled};
 use crate::Stopped;
+use crate::parameter_file::ParameterFile;
 
 mod bootstrap;
+mod traces;
 
 /// Fits the model that the settings name.
 ///
 /// # Errors
 /// A setting breaks its rule, no piece is left, or the problem is not finite.
-pub fn fit(job: &Job<'_>) -> Result<Fitted> {
-    fitted(job).with_context(|| format!("in the fit of {}", job.name))
+pub fn fit(job: &Job<'_>) -> Result<FitResult> {
+    let lagged = || Identification::new(Lagged::new(sharp())?, job)?.run();
+    let result = match job.table.model {
+        ModelKind::Lagged => lagged(),
+        model => model.with(FitVisitor(job)),
+    };
+    result.with_context(|| format!("in the fit of {}", job.name))
 }
 
-fn fitted(job: &Job<'_>) -> Result<Fitted> {
-    match job.table.model {
-        ModelKind::Lagged => Fitter::new(Lagged::new(sharp())?, job)?.run(),
-        model => model.with(Fits(job)),
-    }
-}
+/// Fits the model that it is given.
+struct FitVisitor<'a>(&'a Job<'a>);
 
-struct Fits<'a>(&'a Job<'a>);
-
-impl WithModel for Fits<'_> {
-    type Output = Result<Fitted>;
+impl WithModel for FitVisitor<'_> {
+    type Output = Result<FitResult>;
 
     fn run<M, const NS: usize, const NP: usize, const NR: usize>(self, model: M) -> Self::Output
     where
         M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + Sync + 'static,
     {
-        Fitter::new(model, self.0)?.run()
+        Identification::new(model, self.0)?.run()
     }
 }
 
@@ -64,7 +64,7 @@ fn sharp() -> LaggedShape {
 
 type Inputs = SVector<f64, { stick::COUNT }>;
 
-struct Fitter<'a, M, const NS: usize, const NP: usize> {
+struct Identification<'a, M, const NS: usize, const NP: usize> {
     job: &'a Job<'a>,
     model: M,
     ident: Ident<M, NS, { stick::COUNT }, { pose::COUNT }, NP>,
@@ -79,7 +79,7 @@ struct Fitter<'a, M, const NS: usize, const NP: usize> {
     bounds: [Vec<f64>; 2],
 }
 
-impl<'a, M, const NS: usize, const NP: usize> Fitter<'a, M, NS, NP>
+impl<'a, M, const NS: usize, const NP: usize> Identification<'a, M, NS, NP>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + Sync + 'static,
 {
@@ -112,57 +112,25 @@ where
         })
     }
 
-    fn run(mut self) -> Result<Fitted> {
+    fn run(mut self) -> Result<FitResult> {
         let clock = Clock::start();
-        let mut report = self.solve()?;
+        let mut solved = self.solve()?;
         let delay = self.search_dead_time()?;
         if !delay.is_empty() {
-            let iterations = report.iterations;
-            report = self.solve()?;
-            report.iterations += iterations;
+            let iterations = solved.iterations;
+            solved = self.solve()?;
+            solved.iterations += iterations;
         }
         let solve_seconds = clock.now().seconds();
-        let laplace = self.laplace();
         let (resamples, bootstrap) = match self.job.bootstrap {
             Some(plan) => self.bootstrap(plan).map(|(found, report)| (Some(found), report))?,
             None => (None, None),
         };
-        let (bootstrap, spread) = bootstrap.unzip();
-        let decides = |found: &Bootstrap| is_resampled(found.distinct, self.spans.len(), NP);
-        let is_resampled = bootstrap.as_ref().is_some_and(decides);
-        let spread = spread.as_ref().filter(|_| is_resampled).unwrap_or(&laplace);
-        let parameters = self.parameter_rows(spread, &laplace);
+        let mut fit = self.assemble_fit(&solved, solve_seconds, &delay, bootstrap);
         let traces = self.traces();
-        let has_converged = !matches!(report.stop, Stop::IterationLimit | Stop::DampingLimit);
-        let (rms, prior_std) = (self.input_rms(), &self.prior_std);
-        let (values, moved) = acceptance::accepted_values(self.job, &parameters, &rms, prior_std);
-        let mut fit = Fit {
-            settings: self.job.name.to_owned(),
-            model: M::NAME,
-            p: self.ident.parameter().iter().copied().collect(),
-            std: parameters.iter().map(|row| row.std).collect(),
-            covariance: covariance(spread),
-            verdict: Vec::new(),
-            parameters,
-            dead_time_s: self.dead_time_s.iter().copied().collect(),
-            delay: delay.iter().map(|curve| curve.row.clone()).collect(),
-            cost: report.cost,
-            iterations: report.iterations,
-            stop: report.stop.name(),
-            solve_seconds,
-            pieces: self.spans.len(),
-            steps: self.spans.iter().map(|span| span.steps.len()).sum(),
-            steps_lost: self.steps_lost.iter().sum(),
-            bootstrap,
-            is_resampled,
-            refused: None,
-        };
-        fit.verdict = [self.evidence(&fit, &traces, has_converged).sentences(), moved].concat();
-        let file = acceptance::parameter_file(self.job, &fit, &values)?;
-        fit.refused =
-            acceptance::accept(self.job, &fit, &file).err().map(|error| format!("{error:#}"));
-        Ok(Fitted {
-            parameter_file: fit.refused.is_none().then_some(file),
+        let has_converged = !matches!(solved.stop, Stop::IterationLimit | Stop::DampingLimit);
+        Ok(FitResult {
+            parameter_file: self.judge(&mut fit, &traces, has_converged)?,
             fit,
             state_rows: &M::STATE,
             observation_rows: &M::OBSERVATION,
@@ -180,8 +148,68 @@ where
         })
     }
 
-    /// What the verdict on `fit` rests on.
-    fn evidence<'f>(&self, fit: &'f Fit, traces: &[Trace], has_converged: bool) -> Evidence<'f> {
+    /// The report of the estimate, without verdict.
+    fn assemble_fit(
+        &self,
+        solved: &SolveReport,
+        solve_seconds: f64,
+        delay: &[DelayCurve],
+        bootstrap: Option<(Bootstrap, Spread<NP>)>,
+    ) -> FitReport {
+        let laplace = self.laplace();
+        let (bootstrap, spread) = bootstrap.unzip();
+        let decides = |found: &Bootstrap| is_resampled(found.distinct, self.spans.len(), NP);
+        let is_resampled = bootstrap.as_ref().is_some_and(decides);
+        let spread = spread.as_ref().filter(|_| is_resampled).unwrap_or(&laplace);
+        let parameters = self.parameter_rows(spread, &laplace);
+        FitReport {
+            settings: self.job.name.to_owned(),
+            model: M::NAME,
+            p: self.ident.parameter().iter().copied().collect(),
+            std: parameters.iter().map(|row| row.std).collect(),
+            covariance: covariance(spread),
+            verdict: Vec::new(),
+            parameters,
+            dead_time_s: self.dead_time_s.iter().copied().collect(),
+            delay: delay.iter().map(|curve| curve.row.clone()).collect(),
+            cost: solved.cost,
+            iterations: solved.iterations,
+            stop: solved.stop.name(),
+            solve_seconds,
+            pieces: self.spans.len(),
+            steps: self.spans.iter().map(|span| span.steps.len()).sum(),
+            steps_lost: self.steps_lost.iter().sum(),
+            bootstrap,
+            is_resampled,
+            refused: None,
+        }
+    }
+
+    /// Fills in the verdict on `fit`, and why a flight would refuse the parameters. Returns the parameter file that a
+    /// flight accepts.
+    fn judge(
+        &self,
+        fit: &mut FitReport,
+        traces: &[Trace],
+        has_converged: bool,
+    ) -> Result<Option<ParameterFile>> {
+        let (rms, prior_std) = (self.input_rms(), &self.prior_std);
+        let (values, moved) =
+            acceptance::accepted_values(self.job, &fit.parameters, &rms, prior_std);
+        fit.verdict = [self.evidence(fit, traces, has_converged).sentences(), moved].concat();
+        let file = acceptance::parameter_file(self.job, fit, &values)?;
+        fit.refused =
+            acceptance::accept(self.job, fit, &file).err().map(|error| format!("{error:#}"));
+        Ok(fit.refused.is_none().then_some(file))
+    }
+
+    /// The facts for the verdict on `fit`.
+    fn evidence<'f>(
+        &self,
+        fit: &'f FitReport,
+        traces: &[Trace],
+        has_converged: bool,
+    ) -> Evidence<'f> {
         Evidence {
             delay: &fit.delay,
             parameters: &fit.parameters,
@@ -261,11 +289,7 @@ where
         let is_clustered = self.spans.len() >= PIECES_PER_PARAMETER * NP;
         match laplace {
             Ok(laplace) if is_clustered => laplace.spread(p),
-            Ok(laplace) => {
-                let variance = laplace.residual_variance.max(1.0);
-                // A residual variance below 1 is of weights that are too small: it must not narrow the interval.
-                Spread::normal(p, &(laplace.plain * variance))
-            }
+            Ok(laplace) => laplace.plain_spread(p),
             Err(_) => Spread::normal(p, &SMatrix::repeat(f64::NAN)),
         }
     }
@@ -291,23 +315,6 @@ where
         (0..NP).map(row).collect()
     }
 
-    /// Open-loop simulation of a piece: the observed rows from its first state and the applied inputs alone.
-    fn simulated(&self, piece: usize, span: &Span) -> Vec<Vec<f64>> {
-        let (p, dt_s) = (self.ident.parameter(), self.job.table.dt_s);
-        let flight = &self.recordings[span.recording];
-        let applied = flight.applied_during(span.steps.clone(), &self.dead_time_s, dt_s);
-        let Some(mut s) = self.ident.states(piece).first().copied() else { return Vec::new() };
-        let observed: Vec<_> = applied
-            .iter()
-            .map(|u| {
-                let o = self.model.observe(&s);
-                s = self.model.step(&s, u, p, dt_s);
-                o
-            })
-            .collect();
-        columns(&observed)
-    }
-
     /// Logs more than half of which was left out because commands were lost.
     fn mostly_lost(&self) -> Vec<String> {
         let logs = self.job.logs.iter().zip(&self.recordings).zip(&self.steps_lost);
@@ -326,37 +333,6 @@ where
         let steps = self.spans.iter().map(|span| span.steps.len()).sum::<usize>().max(1) as f64;
         square.iter().map(|square| (square / steps).sqrt()).collect()
     }
-
-    fn traces(&self) -> Vec<Trace> {
-        let trace = |(piece, span): (usize, &Span)| {
-            let observed = &self.recordings[span.recording].o[span.steps.clone()];
-            let mut observation_residuals = columns(&self.ident.observation_residuals(piece));
-            for (row, residuals) in observation_residuals.iter_mut().enumerate() {
-                for (residual, observed) in residuals.iter_mut().zip(observed) {
-                    if !observed.is_present[row] {
-                        *residual = f64::NAN;
-                    }
-                }
-            }
-            let (s, simulated, transition_residuals) = if self.job.keeps_estimates {
-                let transition_residuals = self.ident.transition_residuals(piece);
-                let simulated = self.simulated(piece, span);
-                (columns(self.ident.states(piece)), simulated, columns(&transition_residuals))
-            } else {
-                (Vec::new(), Vec::new(), Vec::new())
-            };
-            let steps = span.steps.clone();
-            Trace {
-                log: span.recording,
-                steps,
-                s,
-                simulated,
-                transition_residuals,
-                observation_residuals,
-            }
-        };
-        self.spans.par_iter().enumerate().map(trace).collect()
-    }
 }
 
 /// Covariance from deviations and correlations, row by row; `None` if it is not finite.
@@ -367,11 +343,6 @@ fn covariance<const NP: usize>(spread: &Spread<NP>) -> Option<Vec<Vec<f64>>> {
     };
     let rows: Vec<Vec<f64>> = (0..NP).map(|i| (0..NP).map(|j| entry(i, j)).collect()).collect();
     rows.iter().flatten().all(|entry| entry.is_finite()).then_some(rows)
-}
-
-/// Each row of vectors over time.
-fn columns<const N: usize>(vectors: &[SVector<f64, N>]) -> Vec<Vec<f64>> {
-    (0..N).map(|row| vectors.iter().map(|vector| vector[row]).collect()).collect()
 }
 
 #[cfg(test)]
@@ -389,12 +360,5 @@ mod tests {
         }
         let unknown = Spread::normal(&SVector::from([1.0, 2.0]), &SMatrix::repeat(f64::NAN));
         assert_eq!(covariance(&unknown), None);
-    }
-
-    #[test]
-    fn columns_are_the_rows_over_time() {
-        let vectors = [[1.0, 10.0], [2.0, 20.0], [3.0, 30.0]].map(SVector::from);
-        assert_eq!(columns(&vectors), [vec![1.0, 2.0, 3.0], vec![10.0, 20.0, 30.0]]);
-        assert_eq!(columns::<2>(&[]), [Vec::<f64>::new(), Vec::new()]);
     }
 }

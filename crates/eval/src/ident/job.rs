@@ -8,7 +8,7 @@ use tello_flight::cycle::FlightTable;
 
 use super::Observer;
 use super::predict::Predict;
-use super::report::{DelayRow, Fit};
+use super::report::{DelayRow, FitReport};
 use super::resamples::{BootstrapPlan, ResampleFile};
 use super::table::IdentFileTable;
 use crate::parameter_file::ParameterFile;
@@ -33,9 +33,9 @@ pub struct Job<'a> {
 }
 
 /// A fit with all that figures and files are made of; rows instead of types.
-pub struct Fitted {
+pub struct FitResult {
     /// The fit for reports.
-    pub fit: Fit,
+    pub fit: FitReport,
     /// Rows of the states.
     pub(super) state_rows: &'static [Row],
     /// Rows of the observations.
@@ -48,7 +48,7 @@ pub struct Fitted {
     pub(super) delay: Vec<DelayCurve>,
     /// Whether the solver converged.
     pub has_converged: bool,
-    /// The parameters for the flight; `None` if it would refuse them (`Fit::refused`).
+    /// The parameters for the flight; `None` if it would refuse them (`FitReport::refused`).
     pub parameter_file: Option<ParameterFile>,
     /// The fitted model as a forecast.
     pub(super) predict: Box<dyn Predict>,
@@ -69,9 +69,9 @@ impl fmt::Debug for Job<'_> {
     }
 }
 
-impl fmt::Debug for Fitted {
+impl fmt::Debug for FitResult {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Fitted").field("fit", &self.fit).finish_non_exhaustive()
+        f.debug_struct("FitResult").field("fit", &self.fit).finish_non_exhaustive()
     }
 }
 

@@ -15,7 +15,7 @@ use tello_io::clock::{SpanNs, TimeNs};
 use tello_io::log::{Channel, Head, LogWriter};
 use tello_io::{config, whole_file};
 
-use super::job::{Fitted, Job, Resampled, Trace};
+use super::job::{FitResult, Job, Resampled, Trace};
 use super::pictures;
 
 /// Writes everything to `dir`, which exists, and returns what a user would open; of a part of a bootstrap
@@ -23,16 +23,16 @@ use super::pictures;
 ///
 /// # Errors
 /// The disk refuses, with the name of the file.
-pub fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<PathBuf>> {
+pub fn write(dir: &Path, job: &Job<'_>, result: &FitResult) -> Result<Vec<PathBuf>> {
     let mut written = Vec::new();
-    if let (Some(Resampled { file, .. }), Some(plan)) = (&fitted.resamples, job.bootstrap) {
+    if let (Some(Resampled { file, .. }), Some(plan)) = (&result.resamples, job.bootstrap) {
         written.push(file.save(dir, plan)?);
         if plan.part.is_some() {
             return Ok(written);
         }
     }
     let parameters = dir.join("parameters.json");
-    match &fitted.parameter_file {
+    match &result.parameter_file {
         Some(file) => {
             // What flights taught is nowhere else.
             if has_flown(&parameters) {
@@ -47,8 +47,8 @@ pub fn write(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<Vec<PathBuf>>
     }
     let (estimates, figures) = (dir.join("estimates"), dir.join("figures"));
     let (estimates_written, figures_written) = rayon::join(
-        || write_estimates(&estimates, job, fitted),
-        || pictures::save(&figures, job, fitted),
+        || write_estimates(&estimates, job, result),
+        || pictures::save(&figures, job, result),
     );
     estimates_written.and(figures_written)?;
     written.extend([estimates, figures]);
@@ -93,23 +93,23 @@ fn keep_earlier(parameters: &Path) -> Result<PathBuf> {
 
 /// One CSV and one MCAP file for each log that has a piece: the states of every step, and the
 /// observations beside them in the CSV.
-fn write_estimates(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
+fn write_estimates(dir: &Path, job: &Job<'_>, result: &FitResult) -> Result<()> {
     if job.table.clear_estimates && dir.exists() {
         clear_estimates(dir).with_context(|| format!("cannot clear {}", dir.display()))?;
     }
     fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
     for (position, log) in job.logs.iter().enumerate() {
         let traces: Vec<&Trace> =
-            fitted.traces.iter().filter(|trace| trace.log == position).collect();
+            result.traces.iter().filter(|trace| trace.log == position).collect();
         if traces.is_empty() {
             continue;
         }
         // Logs of several folders may have one name.
         let name = log.path.file_stem().unwrap_or_default().to_string_lossy();
         let path = |kind: &str| dir.join(format!("{:03}-{name}.{kind}", position + 1));
-        let csv = estimates_csv(job, fitted, log, &traces);
+        let csv = estimates_csv(job, result, log, &traces);
         whole_file::write_contents(&path("csv"), true, csv)?;
-        whole_file::write(&path("mcap"), true, |part| write_mcap(part, job, fitted, &traces))?;
+        whole_file::write(&path("mcap"), true, |part| write_mcap(part, job, result, &traces))?;
     }
     Ok(())
 }
@@ -134,13 +134,13 @@ fn is_of_estimates(name: &str) -> bool {
     stem.and_then(|stem| stem.split_once('-')).is_some_and(|(number, _)| is_number(number))
 }
 
-fn estimates_csv(job: &Job<'_>, fitted: &Fitted, log: &Loaded, traces: &[&Trace]) -> String {
+fn estimates_csv(job: &Job<'_>, result: &FitResult, log: &Loaded, traces: &[&Trace]) -> String {
     let mut csv = "piece,step,time_s".to_owned();
-    for row in fitted.state_rows {
+    for row in result.state_rows {
         csv += ",";
         csv += row.name;
     }
-    for row in fitted.observation_rows {
+    for row in result.observation_rows {
         csv += ",o_";
         csv += row.name;
     }
@@ -165,7 +165,7 @@ fn estimates_csv(job: &Job<'_>, fitted: &Fitted, log: &Loaded, traces: &[&Trace]
     csv
 }
 
-fn write_mcap(path: &Path, job: &Job<'_>, fitted: &Fitted, traces: &[&Trace]) -> Result<()> {
+fn write_mcap(path: &Path, job: &Job<'_>, result: &FitResult, traces: &[&Trace]) -> Result<()> {
     let settings = serde_json::to_string_pretty(job.table)?;
     let head = Head {
         started_unix_ns: 0,
@@ -176,17 +176,17 @@ fn write_mcap(path: &Path, job: &Job<'_>, fitted: &Fitted, traces: &[&Trace]) ->
     let channel = Channel {
         topic: Topic::State.name(),
         schema_name: Topic::State.schema_name(),
-        schema: Topic::State.schema(fitted.state_rows, &[]).into(),
+        schema: Topic::State.schema(result.state_rows, &[]).into(),
     };
     let mut log = LogWriter::create(path, &head, &[channel])?;
-    let mut values = Vec::with_capacity(fitted.state_rows.len());
+    let mut values = Vec::with_capacity(result.state_rows.len());
     for trace in traces {
         for (k, step) in trace.steps.clone().enumerate() {
             values.clear();
             values.extend(trace.s.iter().map(|column| column[k]));
             let step = step as u64;
             let t = TimeNs(0).after(SpanNs::from_seconds(step as f64 * job.table.dt_s));
-            let record = RowsRecord { step, rows: fitted.state_rows, values: &values };
+            let record = RowsRecord { step, rows: result.state_rows, values: &values };
             log.write(Topic::State.name(), t, &record)?;
         }
     }

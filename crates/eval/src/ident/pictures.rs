@@ -11,7 +11,7 @@ use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
 use horizon_model::{Kinematic, Model, Row};
 
 use super::compare::{Comparison, HORIZONS_S};
-use super::job::{Fitted, Job, Resampled, Trace};
+use super::job::{FitResult, Job, Resampled, Trace};
 
 /// Longest part of a log in the figure of the fit and of the shift; more is a black bar. s
 const SHOWN_S: f64 = 60.0;
@@ -19,12 +19,12 @@ const SHOWN_S: f64 = 60.0;
 /// Lags of the autocorrelation. steps
 const LAGS: usize = 50;
 
-pub(super) fn save(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
-    save_fit(dir, job, fitted)?;
-    save_shift(dir, job, fitted)?;
-    save_residuals(dir, job, fitted)?;
-    if !fitted.delay.is_empty() {
-        let curves: Vec<DelayCurve<'_>> = fitted
+pub(super) fn save(dir: &Path, job: &Job<'_>, result: &FitResult) -> Result<()> {
+    save_fit(dir, job, result)?;
+    save_shift(dir, job, result)?;
+    save_residuals(dir, job, result)?;
+    if !result.delay.is_empty() {
+        let curves: Vec<DelayCurve<'_>> = result
             .delay
             .iter()
             .map(|curve| DelayCurve {
@@ -42,12 +42,12 @@ pub(super) fn save(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
             .collect();
         figure::save(dir, "delay", &figure::delay_profile("Likelihood of the dead time", &curves))?;
     }
-    save_bootstrap(dir, fitted)
+    save_bootstrap(dir, result)
 }
 
 /// Thesis figure 5.2, of the log with the most estimates.
-fn save_fit(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
-    let Some((log, traces)) = longest(fitted) else { return Ok(()) };
+fn save_fit(dir: &Path, job: &Job<'_>, result: &FitResult) -> Result<()> {
+    let Some((log, traces)) = longest(result) else { return Ok(()) };
     let dt_s = job.table.dt_s;
     let first = traces.first().map_or(0, |trace| trace.steps.start);
     let shown = steps_shown(dt_s);
@@ -80,18 +80,18 @@ fn save_fit(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
         estimated: column(|trace| &trace.s, row),
         simulated: column(|trace| &trace.simulated, row),
     };
-    let rows: Vec<FitRow> = fitted.observation_rows.iter().enumerate().map(curves).collect();
-    let title = format!("{} fitted to {}", fitted.fit.model, file_name(&job.logs[log].path));
+    let rows: Vec<FitRow> = result.observation_rows.iter().enumerate().map(curves).collect();
+    let title = format!("{} fitted to {}", result.fit.model, file_name(&job.logs[log].path));
     figure::save(dir, "fit", &figure::fit(&title, &time_s, &pieces, &rows))?;
     Ok(())
 }
 
 /// Thesis figure 5.1: changes of the pose beside the cumulative input (its equation 5.1), scaled.
-fn save_shift(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
-    let Some((log, _)) = longest(fitted) else { return Ok(()) };
+fn save_shift(dir: &Path, job: &Job<'_>, result: &FitResult) -> Result<()> {
+    let Some((log, _)) = longest(result) else { return Ok(()) };
     let (dt_s, recording) = (job.table.dt_s, &job.logs[log].recording);
     let end = recording.o.len().min(steps_shown(dt_s));
-    let gains = fitted.fit.parameters.iter().map(|row| row.value);
+    let gains = result.fit.parameters.iter().map(|row| row.value);
     let p = nalgebra::SVector::from_iterator(gains.take(gain::COUNT));
     let Some(start) = recording.o.iter().position(|o| o.is_present.iter().all(|seen| *seen)) else {
         return Ok(());
@@ -116,7 +116,7 @@ fn save_shift(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
         }
         sums
     };
-    let dead_time_s = Sticks::from_column_slice(&fitted.fit.dead_time_s);
+    let dead_time_s = Sticks::from_column_slice(&result.fit.dead_time_s);
     let sent = cumulative(&recording.u);
     let applied = cumulative(&recording.applied(&dead_time_s, dt_s));
     let time_s: Vec<f64> = (0..end).map(|k| k as f64 * dt_s).collect();
@@ -140,17 +140,17 @@ fn save_shift(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
 }
 
 /// What the estimate leaves of the observations and of the transitions.
-fn save_residuals(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
+fn save_residuals(dir: &Path, job: &Job<'_>, result: &FitResult) -> Result<()> {
     type Pick = fn(&Trace) -> &Vec<Vec<f64>>;
     let kinds: [(&str, &[Row], Pick); 2] = [
-        ("observations", fitted.observation_rows, |trace| &trace.observation_residuals),
-        ("transitions", fitted.state_rows, |trace| &trace.transition_residuals),
+        ("observations", result.observation_rows, |trace| &trace.observation_residuals),
+        ("transitions", result.state_rows, |trace| &trace.transition_residuals),
     ];
     for (kind, names, residuals) in kinds {
         let of = |(row, named): (usize, &Row)| ResidualRow {
             // Weighted residuals have no unit.
             row: Row::linear(named.name, "1"),
-            pieces: fitted.traces.iter().map(|trace| &*residuals(trace)[row]).collect(),
+            pieces: result.traces.iter().map(|trace| &*residuals(trace)[row]).collect(),
         };
         let rows: Vec<ResidualRow<'_>> = names.iter().enumerate().map(of).collect();
         let title = format!("Weighted residuals of the {kind}");
@@ -161,15 +161,15 @@ fn save_residuals(dir: &Path, job: &Job<'_>, fitted: &Fitted) -> Result<()> {
 }
 
 /// Thesis figure 5.3.
-fn save_bootstrap(dir: &Path, fitted: &Fitted) -> Result<()> {
-    let Some(Resampled { estimates, .. }) = &fitted.resamples else { return Ok(()) };
+fn save_bootstrap(dir: &Path, result: &FitResult) -> Result<()> {
+    let Some(Resampled { estimates, .. }) = &result.resamples else { return Ok(()) };
     let of = |(k, row): (usize, &ParameterRow)| BootstrapRow {
         row: Row::linear(row.name, row.unit),
         estimate: row.value,
         samples: estimates.iter().map(|p| p[k]).collect(),
         laplace_std: Some(row.std_laplace),
     };
-    let rows: Vec<BootstrapRow> = fitted.fit.parameters.iter().enumerate().map(of).collect();
+    let rows: Vec<BootstrapRow> = result.fit.parameters.iter().enumerate().map(of).collect();
     let title = format!("{} resamples of the pieces", estimates.len());
     figure::save(dir, "bootstrap", &figure::bootstrap(&title, &rows))?;
     Ok(())
@@ -199,10 +199,10 @@ pub fn save_prediction(out: &Path, comparison: &Comparison, dt_s: f64) -> Result
 }
 
 /// The log with the most estimated steps, and its pieces.
-fn longest(fitted: &Fitted) -> Option<(usize, Vec<&Trace>)> {
-    let logs = fitted.traces.iter().map(|trace| trace.log).max()? + 1;
+fn longest(result: &FitResult) -> Option<(usize, Vec<&Trace>)> {
+    let logs = result.traces.iter().map(|trace| trace.log).max()? + 1;
     let of = |log: usize| -> Vec<&Trace> {
-        fitted.traces.iter().filter(|trace| trace.log == log).collect()
+        result.traces.iter().filter(|trace| trace.log == log).collect()
     };
     let steps = |log: &usize| of(*log).iter().map(|trace| trace.steps.len()).sum::<usize>();
     // `max_by_key` takes the last of equals: reversed, the first.

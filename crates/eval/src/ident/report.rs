@@ -15,9 +15,9 @@ use crate::recordings::FileSkipped;
 pub struct IdentReport {
     /// The fit of the main settings.
     #[serde(flatten)]
-    pub fit: Fit,
+    pub fit: FitReport,
     /// Fits of the settings named by `--against`.
-    pub against: Vec<Fit>,
+    pub against: Vec<FitReport>,
     /// Prediction on logs that were not used for the fit.
     pub comparison: Option<Comparison>,
     /// Logs that were used.
@@ -47,7 +47,7 @@ pub struct FileUsed {
 
 /// One model fitted to the logs.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Fit {
+pub struct FitReport {
     /// Name of the settings.
     pub settings: String,
     /// Name of the model.
@@ -97,7 +97,7 @@ pub struct ParameterRow {
     pub unit: &'static str,
     /// Estimate. In `unit`
     pub value: f64,
-    /// Standard deviation, see [`Fit::std`]. In `unit`
+    /// Standard deviation, see [`FitReport::std`]. In `unit`
     pub std: f64,
     /// Standard deviation by Laplace's approximation. In `unit`
     pub std_laplace: f64,
@@ -202,7 +202,7 @@ impl Display for IdentReport {
 }
 
 /// Several fits, one row each.
-fn rows<'a>(f: &mut Formatter<'_>, fits: impl Iterator<Item = &'a Fit>) -> fmt::Result {
+fn rows<'a>(f: &mut Formatter<'_>, fits: impl Iterator<Item = &'a FitReport>) -> fmt::Result {
     for fit in fits {
         write!(f, "{:<32} cost {:>10.3}  ", fit.settings, fit.cost)?;
         for row in &fit.parameters {
@@ -216,7 +216,7 @@ fn rows<'a>(f: &mut Formatter<'_>, fits: impl Iterator<Item = &'a Fit>) -> fmt::
     writeln!(f, "* at its bound")
 }
 
-impl Display for Fit {
+impl Display for FitReport {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         writeln!(f, "model         {} ({})", self.model, self.settings)?;
         writeln!(f, "pieces        {}, {} steps", self.pieces, self.steps)?;
@@ -263,7 +263,7 @@ impl Display for Fit {
     }
 }
 
-impl Fit {
+impl FitReport {
     fn write_bootstrap(&self, bootstrap: &Bootstrap, f: &mut Formatter<'_>) -> fmt::Result {
         writeln!(
             f,

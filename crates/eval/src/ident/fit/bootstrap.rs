@@ -8,13 +8,13 @@ use nalgebra::SVector;
 use sha2::{Digest, Sha256};
 use tello_io::clock::Clock;
 
-use super::Fitter;
+use super::Identification;
 use crate::REVISION;
 use crate::ident::job::Resampled;
 use crate::ident::report::Bootstrap;
 use crate::ident::resamples::{BootstrapPlan, ResampleFile, ResampleRow, distinct};
 
-impl<M, const NS: usize, const NP: usize> Fitter<'_, M, NS, NP>
+impl<M, const NS: usize, const NP: usize> Identification<'_, M, NS, NP>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + Sync + 'static,
 {

@@ -39,8 +39,8 @@ fn trace(log: usize, steps: std::ops::Range<usize>) -> Trace {
     Trace { log, steps, s, simulated, transition_residuals, observation_residuals }
 }
 
-fn fitted(traces: Vec<Trace>) -> Fitted {
-    Fitted {
+fn result(traces: Vec<Trace>) -> FitResult {
+    FitResult {
         fit: fit(),
         state_rows: &Kinematic::STATE,
         observation_rows: &OBSERVATION,
@@ -66,7 +66,7 @@ fn job<'a>(table: &'a IdentFileTable, logs: &'a [Loaded]) -> Job<'a> {
 fn an_absent_observation_is_an_empty_field() {
     let (table, logs) = (table(), [log("a.log")]);
     let (first, second) = (trace(0, 0..1), trace(0, 3..5));
-    let csv = estimates_csv(&job(&table, &logs), &fitted(vec![]), &logs[0], &[&first, &second]);
+    let csv = estimates_csv(&job(&table, &logs), &result(vec![]), &logs[0], &[&first, &second]);
     assert_eq!(
         csv,
         "piece,step,time_s,x,y,z,theta,o_x,o_y,o_z,o_theta\n\
@@ -83,7 +83,7 @@ fn each_log_with_a_piece_has_its_files_numbered_by_its_place() {
     fs::write(dir.join("001-old.csv"), "").unwrap();
     let mut table = table();
     let logs = [log("a/f.log"), log("b/g.log"), log("c/f.log")];
-    let fitted = fitted(vec![trace(0, 0..2), trace(2, 1..4)]);
+    let result = result(vec![trace(0, 0..2), trace(2, 1..4)]);
     let names = || {
         let mut names: Vec<_> =
             fs::read_dir(&dir).unwrap().map(|file| file.unwrap().file_name()).collect();
@@ -92,11 +92,11 @@ fn each_log_with_a_piece_has_its_files_numbered_by_its_place() {
     };
     let expected = ["001-f.csv", "001-f.mcap", "003-f.csv", "003-f.mcap"];
     table.clear_estimates = true;
-    write_estimates(&dir, &job(&table, &logs), &fitted).unwrap();
+    write_estimates(&dir, &job(&table, &logs), &result).unwrap();
     assert_eq!(names(), expected, "what was there before is gone");
     fs::write(dir.join("009-kept.csv"), "").unwrap();
     table.clear_estimates = false;
-    write_estimates(&dir, &job(&table, &logs), &fitted).unwrap();
+    write_estimates(&dir, &job(&table, &logs), &result).unwrap();
     assert_eq!(names()[..4], expected);
     assert_eq!(names()[4..], ["009-kept.csv"]);
     let mut log = LogReader::open(&dir.join("003-f.mcap")).unwrap();
@@ -114,7 +114,7 @@ fn parameters_of_an_earlier_run_keep_another_name() {
     fs::create_dir_all(&dir).unwrap();
     fs::write(dir.join("parameters.json"), "mine").unwrap();
     let (table, logs) = (table(), [log("a.log")]);
-    let written = write(&dir, &job(&table, &logs), &fitted(vec![])).unwrap();
+    let written = write(&dir, &job(&table, &logs), &result(vec![])).unwrap();
     let earlier = dir.join("parameters.earlier.json");
     assert_eq!((fs::read(&earlier).unwrap(), &written[0]), (b"mine".to_vec(), &earlier));
     assert!(!dir.join("parameters.json").exists());

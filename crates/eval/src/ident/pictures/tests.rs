@@ -11,7 +11,7 @@ impl Predict for Nothing {
 }
 
 /// A fit with pieces of these logs and steps.
-fn fitted(pieces: &[(usize, std::ops::Range<usize>)]) -> Fitted {
+fn result(pieces: &[(usize, std::ops::Range<usize>)]) -> FitResult {
     let trace = |(log, steps): &(usize, std::ops::Range<usize>)| Trace {
         log: *log,
         steps: steps.clone(),
@@ -20,7 +20,7 @@ fn fitted(pieces: &[(usize, std::ops::Range<usize>)]) -> Fitted {
         transition_residuals: Vec::new(),
         observation_residuals: Vec::new(),
     };
-    Fitted {
+    FitResult {
         fit: fit(),
         state_rows: &Kinematic::STATE,
         observation_rows: &Kinematic::OBSERVATION,
@@ -42,8 +42,8 @@ fn the_log_that_is_drawn_has_the_most_steps_and_is_the_first_of_equals() {
         (&[(0, 0..10), (1, 0..5), (1, 8..13)], Some((0, 1))),
         (&[(2, 0..10)], Some((2, 1))),
     ] {
-        let fitted = fitted(pieces);
-        let found = longest(&fitted).map(|(log, traces)| (log, traces.len()));
+        let result = result(pieces);
+        let found = longest(&result).map(|(log, traces)| (log, traces.len()));
         assert_eq!(found, expected, "{pieces:?}");
     }
 }

@@ -7,8 +7,8 @@ fn parameter(name: &'static str, is_at_bound: bool) -> ParameterRow {
 }
 
 /// A fit without anything to note.
-pub(in crate::ident) fn fit() -> Fit {
-    Fit {
+pub(in crate::ident) fn fit() -> FitReport {
+    FitReport {
         settings: "ident.json".to_owned(),
         model: "kinematic",
         p: vec![1.5],
@@ -90,7 +90,7 @@ fn bounds_lost_steps_and_refusals_are_reported() {
         upper_s: Some(0.34),
         ..delay.clone()
     };
-    let fit = Fit {
+    let fit = FitReport {
         parameters: vec![parameter("lambda_h", true)],
         delay: vec![delay, known],
         steps_lost: 40,
@@ -118,7 +118,7 @@ fn bounds_lost_steps_and_refusals_are_reported() {
 
 #[test]
 fn several_fits_are_a_row_each_and_a_star_is_a_bound() {
-    let other = Fit {
+    let other = FitReport {
         settings: "other.json".to_owned(),
         parameters: vec![parameter("lambda_h", true)],
         ..fit()

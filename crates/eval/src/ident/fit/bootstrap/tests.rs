@@ -24,13 +24,13 @@ fn log(sha256: &str) -> Loaded {
     Loaded { path: "a.log".into(), sha256: sha256.to_owned(), recording, skipped: Vec::new() }
 }
 
-type LaggedFitter<'a> = Fitter<'a, Lagged, { motion::COUNT }, { lag::COUNT }>;
+type LaggedIdentification<'a> = Identification<'a, Lagged, { motion::COUNT }, { lag::COUNT }>;
 
-/// What `of` says of a fit with these settings and logs.
-fn fitter<T>(
+/// What `of` returns of an identification with these settings and logs.
+fn identification<T>(
     table: &IdentFileTable,
     logs: &[Loaded],
-    of: impl FnOnce(&mut LaggedFitter<'_>) -> T,
+    of: impl FnOnce(&mut LaggedIdentification<'_>) -> T,
 ) -> T {
     let job = Job {
         name: "ident.json",
@@ -41,11 +41,11 @@ fn fitter<T>(
         observer: &(),
         keeps_estimates: false,
     };
-    of(&mut Fitter::new(Lagged::default(), &job).unwrap())
+    of(&mut Identification::new(Lagged::default(), &job).unwrap())
 }
 
 fn problem(table: &IdentFileTable, sha256: &str) -> String {
-    fitter(table, &[log(sha256)], |fitter| fitter.problem().unwrap())
+    identification(table, &[log(sha256)], |identification| identification.problem().unwrap())
 }
 
 #[test]
@@ -67,9 +67,9 @@ fn results_of_other_data_settings_or_dead_times_are_of_another_problem() {
     let mut other = table();
     other.map.c_p[0] *= 2.0;
     assert_ne!(problem(&other, "ab"), plain);
-    let found_later = fitter(&table(), &[log("ab")], |fitter| {
-        fitter.dead_time_s[0] += 0.001;
-        fitter.problem().unwrap()
+    let found_later = identification(&table(), &[log("ab")], |identification| {
+        identification.dead_time_s[0] += 0.001;
+        identification.problem().unwrap()
     });
     assert_ne!(found_later, plain);
 }
@@ -80,11 +80,11 @@ fn resamples_of_one_piece_have_no_spread() {
         let mut log = log("ab");
         log.recording.u.truncate(10 * pieces);
         log.recording.o.truncate(10 * pieces);
-        fitter(&table(), &[log], |fitter| {
+        identification(&table(), &[log], |identification| {
             let shard = crate::part_file::PartNumber::ONLY;
             let plan =
                 BootstrapPlan { resamples: 3, seed: 1, shard, part: None, earlier: Vec::new() };
-            fitter.bootstrap(&plan).unwrap().1
+            identification.bootstrap(&plan).unwrap().1
         })
     };
     assert!(spread(1).is_none());
@@ -117,10 +117,11 @@ fn resamples_that_were_cut_short_have_no_spread() {
         observer: &observer,
         keeps_estimates: false,
     };
-    let fitter: LaggedFitter<'_> = Fitter::new(Lagged::default(), &job).unwrap();
+    let identification: LaggedIdentification<'_> =
+        Identification::new(Lagged::default(), &job).unwrap();
     let shard = crate::part_file::PartNumber::ONLY;
     let plan = BootstrapPlan { resamples: 1000, seed: 1, shard, part: None, earlier: Vec::new() };
-    let (found, report) = fitter.bootstrap(&plan).unwrap();
+    let (found, report) = identification.bootstrap(&plan).unwrap();
     assert!((2..1000).contains(&found.file.count()), "{}", found.file.count());
     assert!(report.is_none());
 }
@@ -134,12 +135,13 @@ fn a_resample_moves_by_its_own_dead_times_as_often_as_its_pieces_were_drawn() {
         let by_piece_s = by_piece_s.to_vec();
         DelayInfluence { by_piece_s, parameter_by_dead_time: by, information: 1.0 }
     };
-    fitter(&table(), &[log("ab")], |fitter| {
-        assert_eq!(fitter.spans.len(), PIECES);
-        let given = fitter.by_dead_times(SEED, 2);
+    identification(&table(), &[log("ab")], |identification| {
+        assert_eq!(identification.spans.len(), PIECES);
+        let given = identification.by_dead_times(SEED, 2);
         assert!(given.iter().all(|row| row.abs() < 1e-300), "they were not searched: {given}");
         let (first, second) = ([0.01, 0.02, 0.04, 0.08], [-0.5, 0.0, 0.0, 0.0]);
-        fitter.influences = vec![influence(lag::TAU_H, first), influence(lag::TAU_A, second)];
+        identification.influences =
+            vec![influence(lag::TAU_H, first), influence(lag::TAU_A, second)];
         for resample in 0..5 {
             let counts = horizon_estim::multiplicities(SEED, resample, PIECES);
             let more = |by_piece_s: [f64; PIECES]| -> f64 {
@@ -147,7 +149,7 @@ fn a_resample_moves_by_its_own_dead_times_as_often_as_its_pieces_were_drawn() {
             };
             let mut expected = SVector::zeros();
             (expected[lag::TAU_H], expected[lag::TAU_A]) = (3.0 * more(first), 3.0 * more(second));
-            let gap = (fitter.by_dead_times(SEED, resample) - expected).norm();
+            let gap = (identification.by_dead_times(SEED, resample) - expected).norm();
             assert!(gap < 1e-12, "{gap:e} of {counts:?}");
         }
     });
