@@ -14,6 +14,8 @@
 
 mod coordinate_descent;
 mod descent;
+mod profile;
+mod scan;
 mod search;
 mod settings;
 
@@ -22,7 +24,7 @@ use std::ops::Range;
 
 use horizon_model::Model;
 use nalgebra::SVector;
-use search::{Halt, Search};
+use search::{Search, SearchStop};
 use thiserror::Error;
 
 use crate::ident::{Ident, Piece, PieceError};
@@ -216,8 +218,8 @@ impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
         }
         match (Search { flights: self, ident, groups, dead_time_s, settings, is_late }).run() {
             Ok(profiles) => Ok(Some(profiles)),
-            Err(Halt::Late) => Ok(None),
-            Err(Halt::Error(error)) => Err(error),
+            Err(SearchStop::Late) => Ok(None),
+            Err(SearchStop::Error(error)) => Err(error),
         }
     }
 

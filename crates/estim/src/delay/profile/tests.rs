@@ -12,7 +12,8 @@ fn the_gradients_of_a_parabola_are_integrated_to_the_parabola() {
     // Left and right of the candidate nearest to it, and on it.
     for least_s in [0.2, 0.17, 0.18, 0.25] {
         let (candidates_s, gradients) = parabola(least_s);
-        let (curve, minimum) = integrate(&candidates_s, &gradients);
+        let (profile, minimum) = integrate(&candidates_s, &gradients);
+        let curve = profile.above_lowest();
         assert!((minimum.at_s - least_s).abs() < 1e-12, "{minimum:?} instead of {least_s}");
         assert!((minimum.curvature.unwrap() - 6.0).abs() < 1e-12, "{minimum:?}");
         assert!(
@@ -63,4 +64,20 @@ fn a_rise_is_the_highest_cost_on_its_side() {
     assert_eq!(rises(&curve, 0.35).map(f64::to_bits), [2.0, 1.0].map(f64::to_bits));
     let [left, right] = rises(&[(0.0, f64::NAN), (0.1, 1.0), (0.2, 3.0)].map(point), 0.15);
     assert!(left.is_nan() && (right - 3.0).abs() <= 0.0, "{left}, {right}");
+}
+
+#[test]
+fn the_vertex_is_that_of_the_parabola() {
+    let cost = |s: f64| 3.0 * (s - 0.31).powi(2) + 7.0;
+    let parabola = |s: f64| ProfilePoint { dead_time_s: s, cost: cost(s) };
+    let mut profile = Profile::new([0.1, 0.2, 0.3, 0.36].map(parabola).to_vec());
+    let vertex_s = profile.vertex_s().unwrap();
+    assert!((vertex_s - 0.31).abs() < 1e-12, "{vertex_s}");
+    profile.insert_lowest(parabola(vertex_s));
+    let curve = profile.above_lowest();
+    assert!(curve.is_sorted_by(|a, b| a.dead_time_s < b.dead_time_s), "{curve:?}");
+    assert!(curve[3].cost.abs() <= 0.0 && curve[4].cost > 0.0, "{curve:?}");
+    let flipped = |s: f64| ProfilePoint { dead_time_s: s, cost: -cost(s) };
+    assert!(super::vertex_s(flipped(0.2), flipped(0.3), flipped(0.36)).is_none());
+    assert!(Profile::new([0.2, 0.3, 0.36].map(flipped).to_vec()).vertex_s().is_none(), "an end");
 }
