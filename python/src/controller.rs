@@ -1,6 +1,6 @@
 //! Model predictive controller of any model.
 
-use horizon_control::{Ask, InputCost, MpcTable, SolveError, SolverTable};
+use horizon_control::{InputCost, MpcProblem, MpcTable, SolveError, SolverTable};
 use horizon_model::expression::Dimensions;
 use horizon_model::setting::SettingError;
 use nalgebra::SVector;
@@ -68,7 +68,8 @@ where
             self.s_ref.resize(self.mpc.settings().stage_steps().len(), all);
         }
         let (s, p, u_before) = (padded(ask.s), padded(ask.p), padded(ask.u_before));
-        let solved = self.mpc.solve(&Ask::new(&s, &p, &u_before, &self.s_ref), &mut || false);
+        let solved =
+            self.mpc.solve(&MpcProblem::new(&s, &p, &u_before, &self.s_ref), &mut || false);
         solved.map(|report| (report.cost, report.iterations, report.has_new_plan()))
     }
 

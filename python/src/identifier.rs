@@ -1,8 +1,7 @@
 //! Identification of any model from recorded pieces.
 
 use horizon_estim::{
-    Curvature, Ident, IdentTable, LinearSolver, LmTable, LossTable, Observed, Piece,
-    standard_deviations,
+    Curvature, Ident, IdentTable, LmTable, LossTable, Observed, Piece, standard_deviations,
 };
 use nalgebra::{SMatrix, SVector};
 use numpy::PyReadonlyArray2;
@@ -125,7 +124,6 @@ fn default_table(model: Handle) -> IdentTable {
             Handle::Vehicle(_) => Curvature::Exact,
             Handle::Program(_) => Curvature::GaussNewton,
         },
-        linear_solver: LinearSolver::Chain,
         solver: LmTable::default(),
     }
 }

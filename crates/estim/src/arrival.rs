@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::back_substitution::BackSubstitute;
-use crate::chain::{Block, Eliminated, Link};
+use crate::chain::{Block, Eliminated, NeighbourBlocks};
 use crate::cholesky::{Cholesky, NotPositive};
 use crate::partition::Partition;
 use crate::product::{mul, tr_mul};
@@ -206,9 +206,12 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
             Eliminated::zeros().become_after(None, &block, 0.0, &mut marginal)?;
         }
         residuals.add_observation(iterate, 0, Curvature::Reweighted, &mut block);
-        let link =
-            Link { block: &mut block, next: &mut next, parameter_block: &mut parameter_block };
-        residuals.add_transition(iterate, 0, Curvature::Reweighted, link);
+        let neighbours = NeighbourBlocks {
+            block: &mut block,
+            next: &mut next,
+            parameter_block: &mut parameter_block,
+        };
+        residuals.add_transition(iterate, 0, Curvature::Reweighted, neighbours);
         if parameter_is_held {
             block.border = SMatrix::zeros();
             next.border = SMatrix::zeros();

@@ -9,7 +9,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::chain::{Block, Eliminated};
 use crate::cholesky::NotPositive;
-use crate::partition::{Division, Partition};
+use crate::partition::{Partition, WholeOrPartition};
 use crate::product::tr_mul;
 use crate::reduced_system::ReducedSystem;
 
@@ -156,7 +156,7 @@ impl<const NS: usize, const NP: usize> LongElimination<NS, NP> {
 
 /// A chain that is eliminated block by block. What couples its decoupled subsystems is left out.
 pub(crate) type LongChain<const NS: usize, const NP: usize> =
-    Division<LongElimination<NS, NP>, NS, NP>;
+    WholeOrPartition<LongElimination<NS, NP>, NS, NP>;
 
 impl<const NS: usize, const NP: usize> LongChain<NS, NP> {
     /// No rows, with room for `len_max` unless the model `M` has subsystems.

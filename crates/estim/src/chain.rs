@@ -12,21 +12,21 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::back_substitution::{BackSubstitute, back_substitute};
 use crate::cholesky::{Cholesky, NotPositive};
-use crate::partition::{Division, Partition};
+use crate::partition::{Partition, WholeOrPartition};
 use crate::product::{mul, sub_mul, sub_outer, sub_square_lower, tr_mul};
 use crate::reduced_system::ReducedSystem;
 
 /// Row block `k` of the normal equations.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Block<const NS: usize, const NP: usize> {
+pub(crate) struct Block<const NS: usize, const NP: usize> {
     /// `H[k, k]`; only the lower triangle is read. 1 / (unit of the row, unit of the column)
-    pub diagonal: SMatrix<f64, NS, NS>,
+    pub(crate) diagonal: SMatrix<f64, NS, NS>,
     /// `H[k, k-1]`; of block 0 it is not read. 1 / (unit of the row, unit of the column)
-    pub before: SMatrix<f64, NS, NS>,
+    pub(crate) before: SMatrix<f64, NS, NS>,
     /// `H[k, p]`. 1 / (unit of the row, unit of the column)
-    pub border: SMatrix<f64, NS, NP>,
+    pub(crate) border: SMatrix<f64, NS, NP>,
     /// Gradient by `s_k`. 1 / unit of the row
-    pub gradient: SVector<f64, NS>,
+    pub(crate) gradient: SVector<f64, NS>,
 }
 
 impl<const NS: usize, const NP: usize> Block<NS, NP> {
@@ -49,9 +49,9 @@ impl<const NS: usize, const NP: usize> Block<NS, NP> {
     }
 }
 
-/// What a transition touches: the blocks of two neighbours and the parameter block.
+/// The blocks to which a transition adds: those of its two states and the parameter block.
 #[derive(Debug)]
-pub(crate) struct Link<'a, const NS: usize, const NP: usize> {
+pub(crate) struct NeighbourBlocks<'a, const NS: usize, const NP: usize> {
     pub(crate) block: &'a mut Block<NS, NP>,
     pub(crate) next: &'a mut Block<NS, NP>,
     pub(crate) parameter_block: &'a mut ReducedSystem<NP>,
@@ -163,22 +163,22 @@ impl<const NS: usize, const NP: usize> BackSubstitute<NS, NP> for Eliminated<NS,
 ///
 /// The buffers are made once for the longest chain expected; [`Chain::clear`] sets the length.
 #[derive(Debug, Clone)]
-pub struct Chain<const NS: usize, const NP: usize> {
+pub(crate) struct Chain<const NS: usize, const NP: usize> {
     blocks: Vec<Block<NS, NP>>,
     /// `H[p, p]` and the gradient by `p`.
-    pub parameter_block: ReducedSystem<NP>,
+    pub(crate) parameter_block: ReducedSystem<NP>,
     /// The row blocks after elimination.
-    eliminated: Division<Vec<Eliminated<NS, NP>>, NS, NP>,
+    eliminated: WholeOrPartition<Vec<Eliminated<NS, NP>>, NS, NP>,
     steps: Vec<SVector<f64, NS>>,
 }
 
 impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     /// An empty chain with room for `len_max` blocks.
-    pub fn new(len_max: usize) -> Self {
+    pub(crate) fn new(len_max: usize) -> Self {
         Self {
             blocks: Vec::with_capacity(len_max),
             parameter_block: ReducedSystem::zeros(),
-            eliminated: Division::Whole(Vec::with_capacity(len_max)),
+            eliminated: WholeOrPartition::Whole(Vec::with_capacity(len_max)),
             steps: Vec::with_capacity(len_max),
         }
     }
@@ -188,7 +188,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     #[must_use]
     pub(crate) fn partitioned(self, partition: Option<Partition<NS, NP>>) -> Self {
         match partition {
-            Some(partition) => Self { eliminated: Division::Partition(partition), ..self },
+            Some(partition) => Self { eliminated: WholeOrPartition::Partition(partition), ..self },
             None => self,
         }
     }
@@ -196,7 +196,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     /// Makes the chain `len` blocks of zero.
     ///
     /// Real time: no allocation up to `len_max` blocks; linear in their number.
-    pub fn clear(&mut self, len: usize) {
+    pub(crate) fn clear(&mut self, len: usize) {
         self.blocks.clear();
         self.blocks.resize(len, Block::zeros());
         self.parameter_block = ReducedSystem::zeros();
@@ -205,7 +205,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     /// The row blocks, to accumulate into.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn blocks_mut(&mut self) -> &mut [Block<NS, NP>] {
+    pub(crate) fn blocks_mut(&mut self) -> &mut [Block<NS, NP>] {
         &mut self.blocks
     }
 
@@ -217,7 +217,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     /// Keeps state `k` where it is: its step will be zero, whatever was accumulated for it.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn pin(&mut self, k: usize) {
+    pub(crate) fn pin(&mut self, k: usize) {
         self.blocks[k] = Block { diagonal: SMatrix::identity(), ..Block::zeros() };
         if let Some(next) = self.blocks.get_mut(k + 1) {
             next.before = SMatrix::zeros();
@@ -227,7 +227,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     /// Largest diagonal entry of `H`, whatever its unit; NaN if any is.
     ///
     /// Real time: no allocation; linear in the number of blocks.
-    pub fn diagonal_max(&self) -> f64 {
+    pub(crate) fn diagonal_max(&self) -> f64 {
         // f64::max would drop a NaN.
         let larger = |max: f64, entry| if max.is_nan() || max >= entry { max } else { entry };
         let mut max = (0..NP).map(|i| self.parameter_block.hessian[(i, i)]).fold(0.0, larger);
@@ -244,13 +244,13 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     ///
     /// # Errors
     /// The damped matrix is not positive definite.
-    pub fn eliminate(&mut self, damping: f64) -> Result<ReducedSystem<NP>, NotPositive> {
+    pub(crate) fn eliminate(&mut self, damping: f64) -> Result<ReducedSystem<NP>, NotPositive> {
         let mut reduced = self.parameter_block;
         match &mut self.eliminated {
-            Division::Whole(rows) => {
+            WholeOrPartition::Whole(rows) => {
                 eliminate(rows, self.blocks.iter(), damping, &mut reduced)?;
             }
-            Division::Partition(partition) => {
+            WholeOrPartition::Partition(partition) => {
                 partition.eliminate(&self.blocks, damping, &mut reduced)?;
             }
         }
@@ -263,13 +263,15 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     /// Valid after [`Chain::eliminate`].
     ///
     /// Real time: no allocation up to `len_max` states; linear in their number, about `NS (NS + NP)` each.
-    pub fn back_substitute(&mut self, p_step: &SVector<f64, NP>) -> &[SVector<f64, NS>] {
+    pub(crate) fn back_substitute(&mut self, p_step: &SVector<f64, NP>) -> &[SVector<f64, NS>] {
         self.steps.resize(self.blocks.len(), SVector::zeros());
         match &self.eliminated {
-            Division::Whole(rows) => {
+            WholeOrPartition::Whole(rows) => {
                 back_substitute(rows, p_step, self.blocks.len(), |k, step| self.steps[k] = step);
             }
-            Division::Partition(partition) => partition.back_substitute(p_step, &mut self.steps),
+            WholeOrPartition::Partition(partition) => {
+                partition.back_substitute(p_step, &mut self.steps)
+            }
         }
         &self.steps
     }
@@ -283,16 +285,16 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     ///
     /// # Errors
     /// The system that is left for the parameter is not positive definite, or the chain is empty.
-    pub fn last_covariance(
+    pub(crate) fn last_covariance(
         &self,
         reduced: &ReducedSystem<NP>,
     ) -> Result<SMatrix<f64, NS, NS>, NotPositive> {
         let last = self.blocks.len().checked_sub(1).ok_or(NotPositive)?;
         match &self.eliminated {
-            Division::Whole(rows) => {
+            WholeOrPartition::Whole(rows) => {
                 rows.get(last).ok_or(NotPositive)?.covariance(&reduced.hessian)
             }
-            Division::Partition(partition) => partition.covariance(last, reduced),
+            WholeOrPartition::Partition(partition) => partition.covariance(last, reduced),
         }
     }
 }

@@ -9,7 +9,6 @@ mod contributions;
 mod problem;
 mod segment;
 mod settings;
-mod sparse;
 mod variable_projection;
 
 use horizon_model::setting::{SettingError, positive};
@@ -23,8 +22,7 @@ use crate::residual::{Curvature, Observed, Residuals};
 use crate::trajectory::Prior;
 pub use builder::IdentBuilder;
 use segment::{Segment, Terms};
-pub use settings::{IdentSettings, IdentTable, LinearSolver};
-use sparse::Sparse;
+pub use settings::{IdentSettings, IdentTable};
 
 /// See [`Ident::is_extreme`].
 const EXTREME: f64 = 1e4;
@@ -90,7 +88,6 @@ pub struct Ident<M, const NS: usize, const NU: usize, const NO: usize, const NP:
     terms: Terms<M, NS, NU, NO, NP>,
     prior: Prior<NP>,
     curvature: Curvature,
-    linear_solver: LinearSolver,
     solver: LmSettings,
     segments: Vec<Segment<NS, NU, NO, NP>>,
     /// How often each segment counts.
@@ -98,8 +95,6 @@ pub struct Ident<M, const NS: usize, const NU: usize, const NO: usize, const NP:
     p: SVector<f64, NP>,
     p_candidate: SVector<f64, NP>,
     cost_candidate: f64,
-    /// Solutions of the last elimination by [`LinearSolver::Sparse`].
-    sparse: Sparse,
     /// Cost and largest diagonal entry at the iterate of the running solve. The derivatives are formed where
     /// they are eliminated.
     known: Option<IterateScale>,
@@ -153,13 +148,11 @@ where
             terms: Terms { residuals, c_0: settings.c_0 },
             prior: settings.prior,
             curvature: settings.curvature,
-            linear_solver: settings.linear_solver,
             solver: settings.solver,
             multiplicities: vec![1; segments.len()],
             segments,
             p,
             p_candidate: p,
-            sparse: Sparse::default(),
             known: None,
             cost_candidate: f64::NAN,
             is_near: false,

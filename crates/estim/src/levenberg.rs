@@ -34,8 +34,8 @@ pub struct LmSettings {
     cost_tolerance: f64,
     step_tolerance: f64,
     iterations_max: u32,
-    /// Whether an end that a damped step found has to be confirmed by one without damping.
-    confirms: bool,
+    /// Whether convergence of a damped step has to be confirmed by an undamped one.
+    confirms_undamped: bool,
 }
 
 impl TryFrom<&LmTable> for LmSettings {
@@ -47,7 +47,7 @@ impl TryFrom<&LmTable> for LmSettings {
             cost_tolerance: in_range("cost_tolerance", table.cost_tolerance, 0.0..=0.1)?,
             step_tolerance: in_range("step_tolerance", table.step_tolerance, 0.0..=0.1)?,
             iterations_max: in_range("iterations_max", table.iterations_max, 1..=1000)?,
-            confirms: true,
+            confirms_undamped: true,
         })
     }
 }
@@ -66,8 +66,8 @@ impl LmSettings {
     /// Settings for a part of a larger problem, whose damping is not in units of the part's diagonal. The damping of
     /// the whole keeps the part near its start, so no end of the part is confirmed without damping.
     pub(crate) fn of_part(damping_start: f64, cost_tolerance: f64, iterations_max: u32) -> Self {
-        let (step_tolerance, confirms) = (0.0, false);
-        Self { damping_start, cost_tolerance, step_tolerance, iterations_max, confirms }
+        let (step_tolerance, confirms_undamped) = (0.0, false);
+        Self { damping_start, cost_tolerance, step_tolerance, iterations_max, confirms_undamped }
     }
 }
 
@@ -130,10 +130,10 @@ impl SolveReport {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum SolveError {
-    /// A residual or a derivative at the start is not finite, or an input of the solve is not.
+    /// A residual or a derivative at the start is not finite.
     #[error("{block} is not finite at window step {k}")]
     NonFinite {
-        /// What is not finite: a residual block as named in `docs/model.md`, a derivative or the data.
+        /// What is not finite: a residual block as named in `docs/model.md`, or `derivative`.
         block: &'static str,
         /// Step inside the window, 0 is the oldest.
         k: usize,
@@ -142,29 +142,29 @@ pub enum SolveError {
 
 /// Cost of a problem at its current iterate, and the scale of its normal matrix there.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct IterateScale {
+pub(crate) struct IterateScale {
     /// True cost. 1
-    pub cost: f64,
+    pub(crate) cost: f64,
     /// Largest diagonal entry of the normal matrix. Mixed, by its row
-    pub diagonal_max: f64,
+    pub(crate) diagonal_max: f64,
 }
 
 /// A damped step away from the current iterate.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Step {
+pub(crate) struct Step {
     /// How much the quadratic model of the cost expects to gain, without damping. 1, >= 0
-    pub decrease: f64,
+    pub(crate) decrease: f64,
     /// Length of the step. Mixed, over all rows
-    pub norm: f64,
+    pub(crate) norm: f64,
     /// Length of the current iterate. Mixed, over all rows
-    pub iterate_norm: f64,
+    pub(crate) iterate_norm: f64,
 }
 
 /// A least-squares problem that holds a current iterate and a candidate.
-pub trait Problem {
-    /// Part of the predicted decrease of a step that counts as left to gain at least; 0 where a next solve goes on
-    /// from this one. 1
-    const LEFT_MIN: f64 = 1e-3;
+pub(crate) trait Problem {
+    /// Lower bound of the decrease that is assumed to remain after an accepted step, as a fraction of the decrease that
+    /// the quadratic model predicted for the step. 0 where the next solve continues from this iterate anyway. 1
+    const REMAINING_DECREASE_MIN: f64 = 1e-3;
 
     /// Linearizes at the current iterate.
     ///
@@ -214,11 +214,14 @@ struct Damping {
     growth: f64,
     /// Largest diagonal entry of the first normal matrix.
     unit: f64,
+    /// Whether convergence of a damped step has still to be confirmed by an undamped one.
+    has_to_confirm: bool,
 }
 
 impl Damping {
-    fn new(start: f64, unit: f64) -> Self {
-        Self { value: start * unit, growth: 2.0, unit }
+    fn new(settings: &LmSettings, unit: f64) -> Self {
+        let value = settings.damping_start * unit;
+        Self { value, growth: 2.0, unit, has_to_confirm: settings.confirms_undamped }
     }
 
     fn adapt(&mut self, gain_ratio: f64) {
@@ -236,9 +239,17 @@ impl Damping {
         self.growth *= 2.0;
     }
 
-    /// No damping any more, whatever it has been.
-    fn release(&mut self) {
-        (self.value, self.growth) = (0.0, 2.0);
+    /// Confirms the convergence `stop` of a step with this damping. Returns it if the solve is at its end, and `None`
+    /// if an undamped step has to confirm it first; the damping is then 0.
+    ///
+    /// Damping may hold back a single row with a unit far from those of the others, so a damped step alone proves no
+    /// convergence. The undamped step is tried once per solve: after its failure the convergence of damped steps counts.
+    fn confirm(&mut self, stop: Stop) -> Option<Stop> {
+        if !(self.has_to_confirm && self.value > 0.0) {
+            return Some(stop);
+        }
+        (self.value, self.growth, self.has_to_confirm) = (0.0, 2.0, false);
+        None
     }
 
     fn is_at_limit(&self) -> bool {
@@ -246,13 +257,13 @@ impl Damping {
     }
 }
 
-/// What became of one step.
+/// Outcome of one step.
 enum Attempt {
     Accepted {
         cost: f64,
         gain_ratio: f64,
-        /// Bound of what another step may gain.
-        left: f64,
+        /// Estimate of the decrease that remains after the step. 1
+        remaining: f64,
     },
     Rejected,
     Converged(Stop),
@@ -268,13 +279,13 @@ enum Attempt {
 ///
 /// # Errors
 /// The problem is not finite at the start, or has a derivative that is not finite where it leads.
-pub fn solve<P: Problem>(
+pub(crate) fn solve<P: Problem>(
     problem: &mut P,
     settings: &LmSettings,
     is_late: &mut dyn FnMut() -> bool,
 ) -> Result<SolveReport, SolveError> {
     let start = problem.linearize()?;
-    let mut damping = Damping::new(settings.damping_start, start.diagonal_max);
+    let mut damping = Damping::new(settings, start.diagonal_max);
     let mut report = SolveReport {
         stop: Stop::IterationLimit,
         iterations: 0,
@@ -283,9 +294,6 @@ pub fn solve<P: Problem>(
         cost: start.cost,
     };
     let mut is_linearized = true;
-    // Damping may hold back a single row whose unit is far from those of the others. So an end that a damped step found
-    // counts only after one step without damping. That step is tried once: if it fails, the end stands.
-    let mut may_release = settings.confirms;
     while report.iterations < settings.iterations_max {
         if is_late() {
             report.stop = Stop::Late;
@@ -296,38 +304,28 @@ pub fn solve<P: Problem>(
             is_linearized = true;
         }
         report.iterations += 1;
-        let may_end = !(may_release && damping.value > 0.0);
-        match attempt(problem, settings, damping.value, report.cost) {
-            Attempt::Accepted { cost, gain_ratio, left } => {
+        let stop = match attempt(problem, settings, damping.value, report.cost) {
+            Attempt::Accepted { cost, gain_ratio, remaining } => {
                 let drop = report.cost - cost;
                 report.cost = cost;
                 is_linearized = false;
-                if drop.min(left) > settings.cost_tolerance * cost {
+                if drop.min(remaining) > settings.cost_tolerance * cost {
                     damping.adapt(gain_ratio);
-                } else if may_end {
-                    report.stop = Stop::CostTolerance;
-                    break;
+                    None
                 } else {
-                    may_release = false;
-                    damping.release();
+                    damping.confirm(Stop::CostTolerance)
                 }
             }
             Attempt::Rejected => {
                 report.rejected += 1;
                 damping.grow();
-                if damping.is_at_limit() {
-                    report.stop = Stop::DampingLimit;
-                    break;
-                }
+                damping.is_at_limit().then_some(Stop::DampingLimit)
             }
-            Attempt::Converged(stop) if may_end => {
-                report.stop = stop;
-                break;
-            }
-            Attempt::Converged(_) => {
-                may_release = false;
-                damping.release();
-            }
+            Attempt::Converged(stop) => damping.confirm(stop),
+        };
+        if let Some(stop) = stop {
+            report.stop = stop;
+            break;
         }
     }
     Ok(report)
@@ -335,10 +333,10 @@ pub fn solve<P: Problem>(
 
 /// Tries one step from an iterate with the true cost `cost` and accepts it if it is good enough.
 ///
-/// What is left to gain is estimated before another step is made. With the quadratic model's Hessian `H`, the
-/// true one `H + E` and the step `d`, the model misjudges the gain by `eta = d' E d / 2`, and the gradient
-/// that the step leaves is `E d`: the next step gains about `d' E H^-1 E d / 2 <= |eta|` if `E` has one sign and the
-/// iteration contracts. Where `E` has both, `eta` may vanish by chance: [`Problem::LEFT_MIN`] counts at least. Along a
+/// The decrease that remains after the step is estimated without another step. With the quadratic model's Hessian `H`,
+/// the true one `H + E` and the step `d`, the error of the predicted decrease is `eta = d' E d / 2`, and the gradient
+/// after the step is `E d`: the next step gains about `d' E H^-1 E d / 2 <= |eta|` if `E` is semidefinite and the
+/// iteration contracts. If `E` is indefinite, `eta` may vanish by chance: [`Problem::REMAINING_DECREASE_MIN`] is a lower bound. Along a
 /// direction of curvature `l`, the damping `mu` holds back `mu^2 |d|^2 / (2 l)`, less than half of `mu |d|^2` where `l`
 /// exceeds `mu`.
 fn attempt<P: Problem>(problem: &mut P, settings: &LmSettings, damping: f64, cost: f64) -> Attempt {
@@ -348,7 +346,7 @@ fn attempt<P: Problem>(problem: &mut P, settings: &LmSettings, damping: f64, cos
         return Attempt::Converged(Stop::StepTolerance);
     }
     if step.decrease <= f64::EPSILON * cost {
-        // What is left to gain is lost in the rounding of the cost.
+        // The decrease is lost in the rounding of the cost.
         return Attempt::Converged(Stop::CostTolerance);
     }
     let candidate = problem.candidate_cost();
@@ -356,8 +354,9 @@ fn attempt<P: Problem>(problem: &mut P, settings: &LmSettings, damping: f64, cos
     // False for a NaN.
     if gain_ratio > GAIN_ACCEPTED {
         problem.accept();
-        let misjudged = (cost - candidate - step.decrease).abs().max(P::LEFT_MIN * step.decrease);
-        Attempt::Accepted { cost: candidate, gain_ratio, left: misjudged + 0.5 * damped }
+        let misjudged =
+            (cost - candidate - step.decrease).abs().max(P::REMAINING_DECREASE_MIN * step.decrease);
+        Attempt::Accepted { cost: candidate, gain_ratio, remaining: misjudged + 0.5 * damped }
     } else {
         Attempt::Rejected
     }

@@ -32,19 +32,15 @@ pub use arrival::{ArrivalSettings, ArrivalTable};
 pub use bootstrap::{
     Laplace, NORMAL_HALF_WIDTH, Resample, Spread, bootstrap, multiplicities, standard_deviations,
 };
-pub use chain::{Block, Chain};
 pub use cholesky::NotPositive;
 pub use delay::{
     DelayError, DelayInfluence, DelayProfile, DelaySettings, DelaySpread, DelayTable, DelayVerdict,
     Flights, ProfilePoint, Span,
 };
-pub use ident::{Ident, IdentBuilder, IdentSettings, IdentTable, LinearSolver, Piece, PieceError};
-pub use levenberg::{
-    IterateScale, LmSettings, LmTable, Problem, SolveError, SolveReport, Step, Stop, solve,
-};
-pub use loss::{Loss, LossTable, Rho};
+pub use ident::{Ident, IdentBuilder, IdentSettings, IdentTable, Piece, PieceError};
+pub use levenberg::{LmSettings, LmTable, SolveError, SolveReport, Stop};
+pub use loss::{Loss, LossTable};
 pub use mhe::{Mhe, MheBuilder, MheError, MheSettings, MheTable};
 pub use recording::{Recording, cut};
-pub use reduced_system::ReducedSystem;
-pub use residual::{Curvature, Iterate, Observed, Residuals};
+pub use residual::{Curvature, Observed, Residuals};
 pub use trajectory::{Prior, Trajectory};

@@ -70,13 +70,13 @@ pub enum Loss {
 
 /// Value and derivatives of a loss at one `z`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rho {
+pub(crate) struct Rho {
     /// `rho(z)`. 1
-    pub value: f64,
+    pub(crate) value: f64,
     /// `rho'(z)`. 1, >= 0
-    pub derivative: f64,
+    pub(crate) derivative: f64,
     /// `rho''(z)`. 1, <= 0
-    pub curvature: f64,
+    pub(crate) curvature: f64,
 }
 
 impl Loss {
@@ -84,7 +84,7 @@ impl Loss {
     ///
     /// Real time: no allocation, at most one square root.
     #[inline]
-    pub fn at(&self, z: f64) -> Rho {
+    pub(crate) fn at(&self, z: f64) -> Rho {
         match *self {
             Self::Huber { scale } if z > scale * scale => {
                 let norm = z.sqrt();

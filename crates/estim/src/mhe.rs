@@ -15,7 +15,7 @@ use thiserror::Error;
 
 use crate::arrival::{ArrivalSettings, ArrivalTable};
 use crate::cholesky::Cholesky;
-use crate::levenberg::{self, LmSettings, LmTable, SolveError, SolveReport};
+use crate::levenberg::{LmSettings, LmTable, SolveError, SolveReport};
 use crate::loss::{Loss, LossTable};
 use crate::residual::{Observed, Residuals};
 use crate::trajectory::{Prior, Trajectory};
@@ -123,7 +123,15 @@ pub enum MheError {
     /// There is no first state yet.
     #[error("the estimator is not started")]
     NotStarted,
-    /// What was given is not finite, or the problem over the window is not.
+    /// An argument is not finite; what it would have changed is unchanged.
+    #[error("{what} is not finite at window step {k}")]
+    NonFinite {
+        /// The argument: `input`, `observation`, `state`, or what the model makes of the state.
+        what: &'static str,
+        /// Step inside the window, 0 is the oldest.
+        k: usize,
+    },
+    /// The problem over the window is not finite.
     #[error(transparent)]
     Solve(#[from] SolveError),
 }
@@ -185,7 +193,7 @@ where
     /// Real time: no allocation, constant cost.
     ///
     /// # Errors
-    /// [`MheError::Solve`]: the state, its observation or the derivative of that is not finite, as that of a distance
+    /// [`MheError::NonFinite`]: the state, its observation or the derivative of that is not finite, as that of a distance
     /// at distance zero; the estimator is not started.
     pub fn start_at(&mut self, s: &SVector<f64, NS>) -> Result<(), MheError> {
         self.is_started = false;
@@ -223,10 +231,8 @@ where
     ///
     /// # Errors
     /// - [`MheError::NotStarted`]: call [`Mhe::start`], and look at what it returns.
-    /// - [`MheError::Solve`] for an input or an observation: the window did not move and the
-    ///   estimator remains usable.
-    /// - [`MheError::Solve`] for a residual or a derivative: the window is lost and the
-    ///   estimator no longer started.
+    /// - [`MheError::NonFinite`]: the window did not move and the estimator remains usable.
+    /// - [`MheError::Solve`]: the window is lost and the estimator no longer started.
     pub fn update(
         &mut self,
         u_applied: &SVector<f64, NU>,
@@ -238,16 +244,16 @@ where
         }
         let k = self.window().len();
         if !u_applied.iter().all(|row| row.is_finite()) {
-            return Err(SolveError::NonFinite { block: "input", k: k - 1 }.into());
+            return Err(MheError::NonFinite { what: "input", k: k - 1 });
         }
         if !observed.is_finite() {
-            return Err(SolveError::NonFinite { block: "observation", k }.into());
+            return Err(MheError::NonFinite { what: "observation", k });
         }
         if k > self.settings.window_steps {
             self.trajectory.pop();
         }
         self.trajectory.push(u_applied, observed);
-        let solved = levenberg::solve(&mut self.trajectory, &self.settings.solver, is_late);
+        let solved = self.trajectory.solve(&self.settings.solver, is_late);
         self.is_started = solved.is_ok();
         if self.is_started && self.settings.shift_prior {
             self.trajectory.set_prior(*self.trajectory.parameter());
@@ -262,7 +268,7 @@ where
     /// Real time: no allocation, constant cost.
     ///
     /// # Errors
-    /// [`MheError::NotStarted`], or [`MheError::Solve`] for an observation; nothing is added.
+    /// [`MheError::NotStarted`], or [`MheError::NonFinite`]; nothing is added.
     pub fn observe_earlier(
         &mut self,
         back: usize,
@@ -273,7 +279,7 @@ where
         }
         let k = (self.window().len() - 1).saturating_sub(back);
         if !observed.is_finite() {
-            return Err(SolveError::NonFinite { block: "observation", k }.into());
+            return Err(MheError::NonFinite { what: "observation", k });
         }
         if back <= self.settings.window_steps {
             self.trajectory.observe(k, observed);
@@ -289,7 +295,7 @@ where
     /// Real time: no allocation of ours; at most two calls of `u_applied` per step of the window.
     ///
     /// # Errors
-    /// [`MheError::NotStarted`], or [`MheError::Solve`] for an input; nothing is amended.
+    /// [`MheError::NotStarted`], or [`MheError::NonFinite`]; nothing is amended.
     pub fn amend(
         &mut self,
         steps: usize,
@@ -302,7 +308,7 @@ where
         let steps = steps.min(in_window);
         let is_finite = |age: &usize| u_applied(*age).iter().all(|row| row.is_finite());
         if let Some(age) = (0..steps).find(|age| !is_finite(age)) {
-            return Err(SolveError::NonFinite { block: "input", k: in_window - 1 - age }.into());
+            return Err(MheError::NonFinite { what: "input", k: in_window - 1 - age });
         }
         for age in 0..steps {
             self.trajectory.amend(in_window - 1 - age, &u_applied(age));
@@ -357,13 +363,13 @@ where
     }
 }
 
-/// Whether every entry of the `block` at the first state is finite.
+/// Checks that every entry of `what`, at the first state, is finite.
 fn finite<'a>(
-    block: &'static str,
+    what: &'static str,
     entries: impl IntoIterator<Item = &'a f64>,
-) -> Result<(), SolveError> {
+) -> Result<(), MheError> {
     let is_finite = entries.into_iter().all(|entry| entry.is_finite());
-    if is_finite { Ok(()) } else { Err(SolveError::NonFinite { block, k: 0 }) }
+    if is_finite { Ok(()) } else { Err(MheError::NonFinite { what, k: 0 }) }
 }
 
 #[cfg(test)]

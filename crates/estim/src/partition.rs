@@ -4,12 +4,12 @@
 //! solution. The second derivative of a robust loss couples the rows of an outlier; these entries are left out of the
 //! step, which is accepted on the true cost. The cost of an elimination grows with the cube of its rows. Block sizes
 //! known at compile time make an elimination fast: each subsystem has blocks of its own sizes, which the model names
-//! ([`Model::groups`]).
+//! ([`Model::subsystems`]).
 
 use std::fmt::Debug;
 
-use horizon_model::group::{cut, pick, put};
-use horizon_model::{Model, VisitGroups};
+use horizon_model::subsystem::{cut, pick, put};
+use horizon_model::{Model, VisitSubsystems};
 use nalgebra::{SMatrix, SVector};
 
 use crate::arrival::{Fading, Folded, fold};
@@ -37,7 +37,7 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
             parameters: Vec::new(),
             subsystems: Vec::new(),
         };
-        M::groups(&mut found);
+        M::subsystems(&mut found);
         let Collected { mut states, mut parameters, subsystems, .. } = found;
         states.sort_unstable();
         parameters.sort_unstable();
@@ -130,9 +130,9 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
     }
 }
 
-/// A whole system, of which `W` is kept, or its decoupled subsystems.
+/// Memory of an elimination: `W` of an undivided system, or the partition into subsystems.
 #[derive(Debug, Clone)]
-pub(crate) enum Division<W, const NS: usize, const NP: usize> {
+pub(crate) enum WholeOrPartition<W, const NS: usize, const NP: usize> {
     Whole(W),
     Partition(Partition<NS, NP>),
 }
@@ -145,7 +145,7 @@ struct Collected<const NS: usize, const NP: usize> {
     subsystems: Vec<Box<dyn Eliminate<NS, NP>>>,
 }
 
-impl<const NS: usize, const NP: usize> VisitGroups for Collected<NS, NP> {
+impl<const NS: usize, const NP: usize> VisitSubsystems for Collected<NS, NP> {
     fn visit<const S: usize, const P: usize>(
         &mut self,
         states: &'static [usize; S],

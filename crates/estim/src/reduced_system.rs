@@ -15,13 +15,13 @@ use crate::cholesky::{Cholesky, NotPositive};
 /// A quadratic in the parameter step `d`: `gradient' d + d' hessian d / 2 - decrease`. The cost has no unit, `d` has
 /// those of the parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ReducedSystem<const NP: usize> {
+pub(crate) struct ReducedSystem<const NP: usize> {
     /// Second derivative by `p`, the states eliminated. 1 / (unit of the row, unit of the column)
-    pub hessian: SMatrix<f64, NP, NP>,
+    pub(crate) hessian: SMatrix<f64, NP, NP>,
     /// Derivative by `p`, the states eliminated. 1 / unit of the row
-    pub gradient: SVector<f64, NP>,
+    pub(crate) gradient: SVector<f64, NP>,
     /// Decrease of the cost by the states' step at constant `p`. 1, >= 0
-    pub decrease: f64,
+    pub(crate) decrease: f64,
 }
 
 /// The active bound of a row.
@@ -33,13 +33,13 @@ enum Side {
 
 impl<const NP: usize> ReducedSystem<NP> {
     /// No curvature, no gradient: a system to add to.
-    pub fn zeros() -> Self {
+    pub(crate) fn zeros() -> Self {
         Self { hessian: SMatrix::zeros(), gradient: SVector::zeros(), decrease: 0.0 }
     }
 
     /// The sum of `count` copies.
     #[must_use]
-    pub fn times(&self, count: u32) -> Self {
+    pub(crate) fn times(&self, count: u32) -> Self {
         let count = f64::from(count);
         Self {
             hessian: self.hessian * count,
@@ -57,7 +57,7 @@ impl<const NP: usize> ReducedSystem<NP> {
     ///
     /// # Errors
     /// The damped matrix is not positive definite.
-    pub fn solve(
+    pub(crate) fn solve(
         &self,
         damping: f64,
         p: &SVector<f64, NP>,

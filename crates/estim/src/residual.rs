@@ -9,7 +9,7 @@ use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::chain::{Block, Chain, Link};
+use crate::chain::{Block, Chain, NeighbourBlocks};
 use crate::levenberg::SolveError;
 use crate::loss::Loss;
 use crate::product::{add_mul_sparse, add_sparse, outer, sub_scaled_sparse, tr_mul};
@@ -45,15 +45,15 @@ impl<const NO: usize> Observed<NO> {
 /// `s` and `o` have one entry more than `u`: `u[k]` acts from `s[k]` to `s[k + 1]`, and `o[k]`
 /// observes `s[k]`.
 #[derive(Debug, Clone, Copy)]
-pub struct Iterate<'a, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+pub(crate) struct Iterate<'a, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
     /// States. Unit of each row
-    pub s: &'a [SVector<f64, NS>],
+    pub(crate) s: &'a [SVector<f64, NS>],
     /// Applied inputs. Unit of each row
-    pub u: &'a [SVector<f64, NU>],
+    pub(crate) u: &'a [SVector<f64, NU>],
     /// Observations.
-    pub o: &'a [Observed<NO>],
+    pub(crate) o: &'a [Observed<NO>],
     /// Parameter. Unit of each row
-    pub p: &'a SVector<f64, NP>,
+    pub(crate) p: &'a SVector<f64, NP>,
 }
 
 /// Which second derivatives of the cost enter the normal equations.
@@ -130,7 +130,7 @@ where
     /// Half the sum of `rho` over the blocks of `iterate`. 1
     ///
     /// Real time: no allocation of ours; one call of [`Model::observe`] and [`Model::step`] for each step.
-    pub fn cost(&self, iterate: &Iterate<'_, NS, NU, NO, NP>) -> f64 {
+    pub(crate) fn cost(&self, iterate: &Iterate<'_, NS, NU, NO, NP>) -> f64 {
         let prepared = Self { model: self.model.prepared(iterate.p, self.dt_s), ..*self };
         let observations = iterate.s.iter().zip(iterate.o).map(|(s, observed)| {
             0.5 * self.observation_loss.at(self.observation(s, observed).norm_squared()).value
@@ -149,7 +149,7 @@ where
     ///
     /// # Errors
     /// A residual is not finite.
-    pub fn accumulate(
+    pub(crate) fn accumulate(
         &self,
         iterate: &Iterate<'_, NS, NU, NO, NP>,
         curvature: Curvature,
@@ -164,8 +164,10 @@ where
         let mut blocks = blocks.iter_mut();
         let Some(mut block) = blocks.next() else { return Ok(cost) };
         for (k, next) in blocks.enumerate() {
-            let link = Link { block, next: &mut *next, parameter_block: &mut *parameter_block };
-            cost += finite(prepared.add_transition(iterate, k, curvature, link), "r_dyn", k + 1)?;
+            let neighbours =
+                NeighbourBlocks { block, next: &mut *next, parameter_block: &mut *parameter_block };
+            cost +=
+                finite(prepared.add_transition(iterate, k, curvature, neighbours), "r_dyn", k + 1)?;
             block = next;
         }
         Ok(cost)
@@ -198,7 +200,7 @@ where
         cost
     }
 
-    /// Adds the contribution of the transition from state `k` to the next to what it links; returns its
+    /// Adds the contribution of the transition from state `k` to the next to their blocks; returns its
     /// cost.
     #[inline]
     pub(crate) fn add_transition(
@@ -206,9 +208,9 @@ where
         iterate: &Iterate<'_, NS, NU, NO, NP>,
         k: usize,
         curvature: Curvature,
-        link: Link<'_, NS, NP>,
+        neighbours: NeighbourBlocks<'_, NS, NP>,
     ) -> f64 {
-        let Link { block, next, parameter_block } = link;
+        let NeighbourBlocks { block, next, parameter_block } = neighbours;
         // Copied: nothing that is written below can change what the model computes twice.
         let (s, u, p) = (&{ iterate.s[k] }, &{ iterate.u[k] }, &{ *iterate.p });
         let Linearized { s_next, by_state, by_parameter } =
@@ -247,7 +249,7 @@ where
             next.border -= outer(&scaled_next, &along_parameter);
         }
         if curvature == Curvature::Exact
-            && let Some(second) = self.model.step_curvature(s, u, p, self.dt_s, &gradient)
+            && let Some(second) = self.model.hessian_by_parameter(s, u, p, self.dt_s, &gradient)
         {
             add_sparse(&mut block.diagonal, &second.by_state);
             add_sparse(&mut block.border, &second.by_state_parameter);

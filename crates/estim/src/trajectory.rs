@@ -12,7 +12,7 @@ use nalgebra::{SMatrix, SVector};
 use crate::arrival::{Arrival, ArrivalSettings};
 use crate::chain::{Block, Chain};
 use crate::cholesky::NotPositive;
-use crate::levenberg::{IterateScale, Problem, SolveError, Step};
+use crate::levenberg::{self, IterateScale, LmSettings, Problem, SolveError, SolveReport, Step};
 use crate::partition::Partition;
 use crate::reduced_system::ReducedSystem;
 use crate::residual::{Curvature, Iterate, Observed, Residuals};
@@ -133,6 +133,20 @@ where
         };
         trajectory.start(s_0);
         trajectory
+    }
+
+    /// Minimizes from the current iterate by Levenberg-Marquardt; the best iterate found is left.
+    ///
+    /// Real time: no allocation; `is_late` is polled once per iteration.
+    ///
+    /// # Errors
+    /// A residual or a derivative is not finite at the start, or a derivative where the solve leads.
+    pub fn solve(
+        &mut self,
+        settings: &LmSettings,
+        is_late: &mut dyn FnMut() -> bool,
+    ) -> Result<SolveReport, SolveError> {
+        levenberg::solve(self, settings, is_late)
     }
 
     /// Forgets all steps and what the arrival cost carries, and starts at the state `s_0` with the prior parameter. The
@@ -287,7 +301,7 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Prob
 where
     M: Model<NS, NU, NO, NP>,
 {
-    const LEFT_MIN: f64 = 0.0;
+    const REMAINING_DECREASE_MIN: f64 = 0.0;
 
     fn linearize(&mut self) -> Result<IterateScale, SolveError> {
         self.chain.clear(self.s.len());

@@ -1,15 +1,18 @@
-//! A lag and a dead time that stand for one another: the interval of the lag has to know that.
+//! Identification of a lag and a dead time, which are correlated: the interval of the lag must include that.
 
 use std::borrow::Cow;
 
 use horizon_estim::{
-    Curvature, DelaySettings, DelayTable, Flights, Ident, IdentTable, Laplace, LinearSolver,
-    LmTable, LossTable, Observed, Recording, Span, cut,
+    Curvature, DelaySettings, DelayTable, Flights, Ident, IdentTable, Laplace, LmTable, LossTable,
+    Observed, Recording, Span, cut,
 };
 use horizon_model::{Model, Row};
 use nalgebra::SVector;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+
+#[path = "lag_and_dead_time/led_astray.rs"]
+mod led_astray;
 
 const DT_S: f64 = 0.02;
 const STEPS: usize = 1600;
@@ -52,6 +55,11 @@ fn uniform(generator: &mut ChaCha8Rng) -> f64 {
     (generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
 }
 
+/// Nearly normal, of variance 1: the sum of twelve uniform numbers less its mean.
+fn normal(generator: &mut ChaCha8Rng) -> f64 {
+    (0..12).map(|_| uniform(generator)).sum::<f64>() - 6.0
+}
+
 /// A flight under a smoothed key, its position seen with noise.
 fn flight(seed: u64) -> Recording<1, 1> {
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
@@ -66,9 +74,8 @@ fn flight(seed: u64) -> Recording<1, 1> {
     let mut recording = Recording { u: u.collect(), o: Vec::with_capacity(STEPS) };
     let mut s = SVector::<f64, 2>::zeros();
     for applied in recording.applied(&SVector::from([DEAD_TIME_S]), DT_S) {
-        // Of twelve uniform numbers, whose variance is 1.
-        let normal = (0..12).map(|_| uniform(&mut generator)).sum::<f64>() - 6.0;
-        recording.o.push(Observed::full(SVector::from([s.x + NOISE_M * normal])));
+        let error_m = NOISE_M * normal(&mut generator);
+        recording.o.push(Observed::full(SVector::from([s.x + error_m])));
         s = Axis.step(&s, &applied, &SVector::from([GAIN_MPS, TAU_S]), DT_S);
     }
     recording
@@ -88,7 +95,6 @@ fn identify(seed: u64) -> [[bool; 2]; 2] {
         observation_loss: LossTable::None {},
         transition_loss: LossTable::None {},
         curvature: Curvature::GaussNewton,
-        linear_solver: LinearSolver::Chain,
         solver: LmTable {
             damping_start: 1e-8,
             cost_tolerance: 1e-8,

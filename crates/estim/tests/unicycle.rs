@@ -1,8 +1,7 @@
 //! The estimator on a model that is no drone: a planar unicycle of which only the position is seen.
 
 use horizon_estim::{
-    ArrivalTable, Curvature, Ident, IdentTable, LinearSolver, LmTable, LossTable, Mhe, MheTable,
-    Observed, Piece,
+    ArrivalTable, Curvature, Ident, IdentTable, LmTable, LossTable, Mhe, MheTable, Observed, Piece,
 };
 use horizon_model::check::{Point, model_gap};
 use horizon_model::{Model, Row};
@@ -177,7 +176,6 @@ fn identification_finds_the_gains_and_every_heading() {
         observation_loss: LossTable::Huber { scale: 5.0 },
         transition_loss: LossTable::None {},
         curvature: Curvature::Exact,
-        linear_solver: LinearSolver::Chain,
         solver: LmTable {
             damping_start: 1e-6,
             cost_tolerance: 1e-12,

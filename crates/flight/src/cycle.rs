@@ -385,7 +385,7 @@ where
 
 /// Sent sticks are finite: a window that is amended by them can be solved. It may not have started.
 fn assert_amended<T: Debug>(amended: &Result<T, MheError>) {
-    debug_assert!(!matches!(amended, Err(MheError::Solve(_))), "{amended:?}");
+    debug_assert!(!matches!(amended, Err(MheError::NonFinite { .. })), "{amended:?}");
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use horizon_model::Model;
 use horizon_model::setting::SettingError;
 
-use super::settings::{IdentSettings, IdentTable, LinearSolver};
+use super::settings::{IdentSettings, IdentTable};
 use crate::builder::{fit_setters, wide};
 use crate::levenberg::LmTable;
 use crate::loss::LossTable;
@@ -20,7 +20,6 @@ use crate::residual::Curvature;
 /// | [`Self::bounds`]     | hardly any, within the domain of each row    |
 /// | [`Self::losses`]     | least squares                                |
 /// | [`Self::curvature`]  | [`Curvature::Exact`]                         |
-/// | [`Self::linear_solver`] | [`LinearSolver::Chain`]                   |
 /// | [`Self::solver`]     | [`LmTable::default`]                         |
 #[derive(Debug, Clone)]
 pub struct IdentBuilder<const NS: usize, const NO: usize, const NP: usize> {
@@ -50,7 +49,6 @@ impl<const NS: usize, const NO: usize, const NP: usize> IdentSettings<NS, NO, NP
             observation_loss: LossTable::None {},
             transition_loss: LossTable::None {},
             curvature: Curvature::Exact,
-            linear_solver: LinearSolver::Chain,
             solver: LmTable::default(),
         };
         IdentBuilder { table, bounds: None }
@@ -73,13 +71,6 @@ impl<const NS: usize, const NO: usize, const NP: usize> IdentBuilder<NS, NO, NP>
         self.table.curvature = curvature;
         self
     }
-
-    /// How the damped normal equations are solved.
-    #[must_use]
-    pub fn linear_solver(mut self, linear_solver: LinearSolver) -> Self {
-        self.table.linear_solver = linear_solver;
-        self
-    }
 }
 
 #[cfg(test)]
@@ -98,8 +89,7 @@ mod tests {
             .c_0([0.3; 4])
             .bounds([-2.0; 4], [2.0; 4])
             .losses(LossTable::Huber { scale: 2.0 }, LossTable::Tukey { scale: 9.0 })
-            .curvature(Curvature::Reweighted)
-            .linear_solver(LinearSolver::Sparse);
+            .curvature(Curvature::Reweighted);
         let table = IdentTable {
             c_o: vec![100.0; 4],
             c_s: vec![3.0; 4],
@@ -111,7 +101,6 @@ mod tests {
             observation_loss: LossTable::Huber { scale: 2.0 },
             transition_loss: LossTable::Tukey { scale: 9.0 },
             curvature: Curvature::Reweighted,
-            linear_solver: LinearSolver::Sparse,
             solver: LmTable::default(),
         };
         let settings = builder.clone().build(&Kinematic).unwrap();

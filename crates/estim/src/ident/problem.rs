@@ -1,4 +1,4 @@
-//! What Levenberg-Marquardt asks of an identification: elimination of the states, steps, costs.
+//! The functions that Levenberg-Marquardt needs of an identification: elimination of the states, steps, costs.
 //!
 //! Owns the sums over pieces, always in the order of the pieces, and the choice between the exact
 //! curvature and Gauss-Newton's. One piece is `segment.rs`, its back substitution and roll-out after a step
@@ -8,9 +8,9 @@ use horizon_model::Model;
 use nalgebra::SVector;
 use rayon::prelude::*;
 
+use super::Ident;
 use super::segment::{Contribution, Segment, Terms};
 use super::variable_projection::{Scratch, Start, TOLERANCE_MIN};
-use super::{Ident, LinearSolver};
 use crate::cholesky::NotPositive;
 use crate::levenberg::{IterateScale, Problem, SolveError, Step};
 use crate::reduced_system::ReducedSystem;
@@ -34,18 +34,7 @@ where
         curvature: Curvature,
         damping: f64,
     ) -> Result<ReducedSystem<NP>, NotPositive> {
-        match self.linear_solver {
-            LinearSolver::Chain => self
-                .eliminate_by(|segment, terms, p| segment.eliminate(terms, p, curvature, damping)),
-            LinearSolver::Sparse => {
-                let Self { sparse, segments, multiplicities, terms, p, .. } = self;
-                let counted =
-                    segments.iter().zip(&*multiplicities).filter(|(_, count)| **count > 0);
-                let mut sum = sparse.eliminate(counted, terms, p, curvature, damping)?;
-                self.prior.add_to(&mut sum, &self.p);
-                Ok(sum)
-            }
-        }
+        self.eliminate_by(|segment, terms, p| segment.eliminate(terms, p, curvature, damping))
     }
 
     /// Eliminates each piece that counts by `eliminate`.
@@ -83,14 +72,11 @@ where
     fn minimize(&mut self, damping: f64) -> Result<(SVector<f64, NP>, f64), NotPositive> {
         let (p, bounds) = (self.p, self.prior.bounds);
         if self.curvature == Curvature::Exact && self.is_near {
-            let exact = match self.linear_solver {
-                LinearSolver::Chain => self.eliminate_by(|segment, terms, p| {
-                    segment
-                        .eliminate(terms, p, Curvature::Exact, damping)
-                        .or_else(|_| segment.eliminate(terms, p, Curvature::GaussNewton, damping))
-                }),
-                LinearSolver::Sparse => self.eliminate(Curvature::Exact, damping),
-            };
+            let exact = self.eliminate_by(|segment, terms, p| {
+                segment
+                    .eliminate(terms, p, Curvature::Exact, damping)
+                    .or_else(|_| segment.eliminate(terms, p, Curvature::GaussNewton, damping))
+            });
             if let Ok(minimum) =
                 exact.and_then(|parameter_block| parameter_block.solve(damping, &p, &bounds))
             {
@@ -100,56 +86,56 @@ where
         self.eliminate(Curvature::GaussNewton, damping)?.solve(damping, &p, &bounds)
     }
 
-    /// Leads the states of each piece that counts to their minimum with the present parameter: the first step of the
-    /// parameter from states that are as noisy as their observations may end far away.
+    /// Moves the states of each piece that counts to their minimum at the present parameter: from states as noisy as
+    /// their observations, the first step of the parameter may end far away.
     pub(super) fn settle(&mut self) {
-        let (damping, tolerance) = (0.0, self.solver.cost_tolerance().max(TOLERANCE_MIN));
-        let len_max = self.segments.iter().map(|segment| segment.s.len()).max().unwrap_or(0);
-        let Self { terms, curvature, segments, multiplicities, p, .. } = self;
-        let settle = |scratch: &mut Scratch<NS>,
-                      (segment, count): (&mut Segment<NS, NU, NO, NP>, &u32)| {
-            if *count == 0 {
-                return;
-            }
+        let (p, tolerance) = (self.p, self.settle_tolerance());
+        self.map_counted(|terms, curvature, segment, scratch| {
             segment.s_candidate.clone_from(&segment.s);
-            let cost = segment.contribution(terms, p).cost;
-            let start = Start { cost, expected: f64::NAN, damping, tolerance };
-            if segment.settle(terms, p, *curvature, start, scratch) < cost {
+            let cost = segment.contribution(terms, &p).cost;
+            let start = Start { cost, expected: f64::NAN, damping: 0.0, tolerance };
+            if segment.settle(terms, &p, curvature, start, scratch) < cost {
                 segment.accept();
             }
-        };
-        let scratch = || Scratch::of::<M, NU, NO, NP>(len_max);
-        segments.par_iter_mut().zip(&*multiplicities).for_each_init(scratch, settle);
+        });
     }
 
-    /// Sets the candidate of each piece that counts and returns their contributions: the steps as the damped
-    /// model has them, the costs with the states led back to their minimum.
+    /// Sets the candidate of each piece that counts to the damped step for `p_candidate` and returns their
+    /// contributions: the step lengths of the damped step, the costs after its states are settled.
     fn follow(&mut self, p_candidate: &SVector<f64, NP>, damping: f64) -> Vec<Contribution> {
-        let p_step = p_candidate - self.p;
-        if self.linear_solver == LinearSolver::Sparse {
-            let pieces = self.segments.iter_mut().zip(&self.multiplicities);
-            let counted = pieces.filter(|(_, count)| **count > 0).map(|(segment, _)| segment);
-            self.sparse.move_candidates(counted, &p_step);
-        }
-        let tolerance = self.solver.cost_tolerance().max(TOLERANCE_MIN);
-        let Self { terms, curvature, segments, multiplicities, linear_solver, .. } = self;
-        let contribution =
-            |scratch: &mut Scratch<NS>, (segment, count): (&mut Segment<NS, NU, NO, NP>, &u32)| {
-                if *count == 0 {
-                    return Contribution::default();
-                }
-                let expected = match linear_solver {
-                    LinearSolver::Chain => segment.back_substitute(&p_step),
-                    LinearSolver::Sparse => f64::NAN,
-                };
-                let mut contribution = segment.contribution(terms, p_candidate);
-                let start = Start { cost: contribution.cost, expected, damping, tolerance };
-                contribution.cost = segment.settle(terms, p_candidate, *curvature, start, scratch);
-                contribution
-            };
-        let len_max = segments.iter().map(|segment| segment.s.len()).max().unwrap_or(0);
+        let (p_step, tolerance) = (p_candidate - self.p, self.settle_tolerance());
+        self.map_counted(|terms, curvature, segment, scratch| {
+            let expected = segment.back_substitute(&p_step);
+            let mut contribution = segment.contribution(terms, p_candidate);
+            let start = Start { cost: contribution.cost, expected, damping, tolerance };
+            contribution.cost = segment.settle(terms, p_candidate, curvature, start, scratch);
+            contribution
+        })
+    }
+
+    fn settle_tolerance(&self) -> f64 {
+        self.solver.cost_tolerance().max(TOLERANCE_MIN)
+    }
+
+    /// The results of `visit` for the pieces that count, in parallel, and `T::default()` for the others.
+    fn map_counted<T: Default + Send>(
+        &mut self,
+        visit: impl Fn(
+            &Terms<M, NS, NU, NO, NP>,
+            Curvature,
+            &mut Segment<NS, NU, NO, NP>,
+            &mut Scratch<NS>,
+        ) -> T
+        + Sync,
+    ) -> Vec<T> {
+        let len_max = self.segments.iter().map(|segment| segment.s.len()).max().unwrap_or(0);
+        let Self { terms, curvature, segments, multiplicities, .. } = self;
         let scratch = || Scratch::of::<M, NU, NO, NP>(len_max);
-        segments.par_iter_mut().zip(&*multiplicities).map_init(scratch, contribution).collect()
+        let visit = |scratch: &mut Scratch<NS>,
+                     (segment, count): (&mut Segment<NS, NU, NO, NP>, &u32)| {
+            if *count > 0 { visit(terms, *curvature, segment, scratch) } else { T::default() }
+        };
+        segments.par_iter_mut().zip(&*multiplicities).map_init(scratch, visit).collect()
     }
 }
 

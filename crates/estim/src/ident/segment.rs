@@ -8,7 +8,7 @@ use horizon_model::Model;
 use nalgebra::{SMatrix, SVector};
 
 use crate::back_substitution::{EliminationFront, LongChain};
-use crate::chain::{Block, Link};
+use crate::chain::{Block, NeighbourBlocks};
 use crate::cholesky::NotPositive;
 use crate::levenberg::SolveError;
 use crate::reduced_system::ReducedSystem;
@@ -285,12 +285,12 @@ where
         for k in 0..iterate.s.len() {
             cost += self.residuals.add_observation(iterate, k, curvature, block);
             if k < iterate.u.len() {
-                let link = Link {
+                let neighbours = NeighbourBlocks {
                     block: &mut *block,
                     next: &mut *next,
                     parameter_block: &mut *parameter_block,
                 };
-                cost += self.residuals.add_transition(iterate, k, curvature, link);
+                cost += self.residuals.add_transition(iterate, k, curvature, neighbours);
             }
             take(k, block, cost)?;
             std::mem::swap(&mut block, &mut next);

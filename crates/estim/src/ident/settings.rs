@@ -11,16 +11,6 @@ use crate::loss::{Loss, LossTable};
 use crate::residual::Curvature;
 use crate::trajectory::Prior;
 
-/// How the damped normal equations are solved. Both give the same step up to rounding.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum LinearSolver {
-    /// Elimination along each piece, in parallel: made for this structure.
-    Chain,
-    /// A general sparse factorization of all states at once: the check of the other one.
-    Sparse,
-}
-
 /// Identification, as written in a file. Weights multiply residuals: the thesis' appendix prints
 /// their squares.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -52,8 +42,6 @@ pub struct IdentTable {
     pub transition_loss: LossTable,
     /// Which second derivatives of the cost are used.
     pub curvature: Curvature,
-    /// How the damped normal equations are solved.
-    pub linear_solver: LinearSolver,
     /// Levenberg-Marquardt.
     pub solver: LmTable,
 }
@@ -68,7 +56,6 @@ pub struct IdentSettings<const NS: usize, const NO: usize, const NP: usize> {
     pub(super) observation_loss: Loss,
     pub(super) transition_loss: Loss,
     pub(super) curvature: Curvature,
-    pub(super) linear_solver: LinearSolver,
     pub(super) solver: LmSettings,
 }
 
@@ -93,7 +80,6 @@ impl IdentTable {
             observation_loss: self.observation_loss.check("observation_loss")?,
             transition_loss: self.transition_loss.check("transition_loss")?,
             curvature: self.curvature,
-            linear_solver: self.linear_solver,
             solver: LmSettings::try_from(&self.solver).map_err(|error| error.under("solver"))?,
         })
     }

@@ -5,7 +5,7 @@
 //! is rejected, or creeps. Led back by a few steps of their own, the states leave a cost over the
 //! parameter that is nearly a parabola (variable projection).
 
-use horizon_model::{Linearized, Model, Row, StepHessian, VisitGroups};
+use horizon_model::{Linearized, Model, ParameterHessian, Row, VisitSubsystems};
 use nalgebra::{SMatrix, SVector};
 
 use super::segment::{Segment, Terms};
@@ -128,7 +128,7 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Prob
 where
     M: Model<NS, NU, NO, NP>,
 {
-    const LEFT_MIN: f64 = 0.0;
+    const REMAINING_DECREASE_MIN: f64 = 0.0;
 
     fn linearize(&mut self) -> Result<IterateScale, SolveError> {
         // Derivatives are formed where they are eliminated, and the damping is absolute.
@@ -170,7 +170,7 @@ where
 /// Passes subsystems on without their parameters.
 struct WithoutParameters<'a, V>(&'a mut V);
 
-impl<V: VisitGroups> VisitGroups for WithoutParameters<'_, V> {
+impl<V: VisitSubsystems> VisitSubsystems for WithoutParameters<'_, V> {
     fn visit<const S: usize, const P: usize>(
         &mut self,
         states: &'static [usize; S],
@@ -199,8 +199,8 @@ where
     const OBSERVATION: [Row; NO] = M::OBSERVATION;
     const PARAMETER: [Row; 0] = [];
 
-    fn groups(visit: &mut impl VisitGroups) {
-        M::groups(&mut WithoutParameters(visit));
+    fn subsystems(visit: &mut impl VisitSubsystems) {
+        M::subsystems(&mut WithoutParameters(visit));
     }
 
     #[inline]
@@ -260,16 +260,17 @@ where
     }
 
     #[inline]
-    fn step_curvature(
+    fn hessian_by_parameter(
         &self,
         s: &SVector<f64, NS>,
         u: &SVector<f64, NU>,
         _p: &SVector<f64, 0>,
         dt_s: f64,
         w: &SVector<f64, NS>,
-    ) -> Option<StepHessian<NS, 0>> {
-        let StepHessian { by_state, .. } = self.model.step_curvature(s, u, self.p, dt_s, w)?;
-        Some(StepHessian {
+    ) -> Option<ParameterHessian<NS, 0>> {
+        let ParameterHessian { by_state, .. } =
+            self.model.hessian_by_parameter(s, u, self.p, dt_s, w)?;
+        Some(ParameterHessian {
             by_state,
             by_state_parameter: SMatrix::zeros(),
             by_parameter: SMatrix::zeros(),

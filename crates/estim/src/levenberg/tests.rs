@@ -100,7 +100,7 @@ fn settings() -> LmSettings {
         cost_tolerance: 1e-15,
         step_tolerance: 1e-12,
         iterations_max: 1000,
-        confirms: true,
+        confirms_undamped: true,
     }
 }
 

@@ -177,7 +177,7 @@ fn what_cannot_be_added_is_refused() {
     let broken = Observed::full(Pose::repeat(f64::NAN));
     assert_eq!(
         mhe.observe_earlier(1, &broken),
-        Err(SolveError::NonFinite { block: "observation", k: 2 }.into())
+        Err(MheError::NonFinite { what: "observation", k: 2 })
     );
 }
 

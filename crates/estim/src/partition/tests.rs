@@ -52,7 +52,7 @@ fn recorded(k: u32) -> (Sticks, Observed<{ pose::COUNT }>) {
 }
 
 #[test]
-fn groups_are_estimated_as_the_whole() {
+fn subsystems_are_estimated_as_the_whole() {
     let table = LmTable {
         damping_start: 0.0,
         cost_tolerance: 0.0,
@@ -91,7 +91,7 @@ fn groups_are_estimated_as_the_whole() {
 struct Integrators<const HELD: usize>;
 
 impl<const HELD: usize> Model<3, 1, 3, 1> for Integrators<HELD> {
-    fn groups(visit: &mut impl VisitGroups) {
+    fn subsystems(visit: &mut impl VisitSubsystems) {
         if HELD > 0 {
             visit.visit(&[2], &[], &[]);
             visit.visit(&[0], &[0], &[0]);
@@ -149,7 +149,7 @@ fn any_number_of_subsystems_of_any_size_is_taken_if_they_hold_every_row() {
     }
 }
 
-/// Two integrators whose groups have these rows of the state.
+/// Two integrators whose subsystems have these rows of the state.
 #[derive(Debug, Clone, Copy)]
 struct Grouped<const FIRST: usize, const SECOND: usize>;
 
@@ -168,14 +168,14 @@ impl<const FIRST: usize, const SECOND: usize> Model<2, 2, 2, 2> for Grouped<FIRS
         *s
     }
 
-    fn groups(to: &mut impl VisitGroups) {
+    fn subsystems(to: &mut impl VisitSubsystems) {
         to.visit(&const { [FIRST] }, &[0], &[0]);
         to.visit(&const { [SECOND] }, &[1], &[1]);
     }
 }
 
 #[test]
-fn groups_that_do_not_hold_each_row_once_are_no_partition() {
+fn subsystems_that_do_not_hold_each_row_once_are_no_partition() {
     assert!(Partition::<2, 2>::of::<Grouped<0, 1>, 2, 2>(1).is_some());
     assert!(Partition::<2, 2>::of::<Grouped<0, 0>, 2, 2>(1).is_none(), "one twice");
     assert!(Partition::<2, 2>::of::<Grouped<0, 5>, 2, 2>(1).is_none(), "one beyond the state");

@@ -1,4 +1,5 @@
-//! Solves that a wrong dead time, or states as noisy as their observations, would lead to parameters far off.
+//! Solves that would end at parameters far from the truth, by a wrong dead time or by states as noisy as their
+//! observations.
 
 use std::borrow::Cow;
 
@@ -9,7 +10,9 @@ use horizon_estim::{
 use horizon_model::Model;
 use nalgebra::SVector;
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
+
+use super::normal;
 
 const DT_S: f64 = 0.05;
 const GAIN_MPS: f64 = 0.9;
@@ -39,12 +42,6 @@ impl Model<2, 1, 1, 2> for Euler {
     fn at_rest(&self, o: &SVector<f64, 1>) -> SVector<f64, 2> {
         SVector::from([o.x, 0.0])
     }
-}
-
-/// Of twelve uniform numbers, whose variance is 1.
-fn normal(generator: &mut ChaCha8Rng) -> f64 {
-    let uniform = |generator: &mut ChaCha8Rng| (generator.next_u64() >> 11) as f64 / 2_f64.powi(53);
-    (0..12).map(|_| uniform(generator)).sum::<f64>() - 6.0
 }
 
 #[test]

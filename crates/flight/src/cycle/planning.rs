@@ -8,7 +8,7 @@ mod known;
 
 use std::iter::repeat_n;
 
-use horizon_control::{Ask, Mpc, MpcReport, SoftConstraints, SolveError, predict};
+use horizon_control::{Mpc, MpcProblem, MpcReport, SoftConstraints, SolveError, predict};
 use horizon_model::rows::{Pose, Sticks, pos_w, pose, stick};
 use horizon_model::{InputFifo, Model, angle};
 use nalgebra::{SMatrix, SVector};
@@ -205,7 +205,7 @@ where
         known: &Known<'_, NS, NP>,
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<MpcReport, SolveError> {
-        let ask = Ask {
+        let problem = MpcProblem {
             s_0: &self.s_0,
             p: &self.p,
             u_before: &self.model.effect(&known.applied(known.begin_ahead() - 1), &self.p),
@@ -216,7 +216,7 @@ where
         let (model, p) = (&self.model, &self.p);
         let walls = self.walls.as_ref().map(|walls| PlanWalls { model, p, walls });
         let walls = walls.as_ref().map(|walls| walls as &dyn SoftConstraints<NS>);
-        self.mpc.solve_with(&ask, walls, is_late)
+        self.mpc.solve_with(&problem, walls, is_late)
     }
 
     /// Fills the references of the plan.

@@ -1,4 +1,4 @@
-//! The same elimination by a general sparse factorization: the check of `chain.rs`.
+//! The elimination of the states by a general sparse factorization: the oracle of `chain.rs`.
 //!
 //! Owns nothing of the chain's structure: it writes the matrix of all states of a piece entry by entry and leaves
 //! it to the sparse Cholesky factorization of nalgebra.
@@ -10,9 +10,9 @@ use nalgebra::{DMatrix, SVector};
 use nalgebra_sparse::factorization::CscCholesky;
 use nalgebra_sparse::{CooMatrix, CscMatrix};
 
-use super::segment::{Segment, Terms};
 use crate::chain::Block;
 use crate::cholesky::NotPositive;
+use crate::ident::segment::{Segment, Terms};
 use crate::reduced_system::ReducedSystem;
 use crate::residual::{Curvature, Iterate};
 

@@ -87,7 +87,7 @@ fn a_model_at_one_parameter_has_its_derivatives_and_nothing_to_identify() {
     assert!(gap.gap < 1e-8, "{gap}");
     assert_eq!(given.step(&s, &u, &SVector::zeros(), DT_S), Kinematic.step(&s, &u, &p, DT_S));
     let w = SVector::from([1.0, -0.5, 0.3, 2.0]);
-    let second = given.step_curvature(&s, &u, &SVector::zeros(), DT_S, &w).unwrap();
+    let second = given.hessian_by_parameter(&s, &u, &SVector::zeros(), DT_S, &w).unwrap();
     assert!(amax(&second.by_state) > 1e-4, "{second:?}");
 }
 
@@ -97,7 +97,7 @@ fn the_subsystems_of_a_model_stay_without_their_parameters() {
     #[derive(Default)]
     struct Seen(Vec<(Vec<usize>, Vec<usize>, usize)>);
 
-    impl VisitGroups for Seen {
+    impl VisitSubsystems for Seen {
         fn visit<const S: usize, const P: usize>(
             &mut self,
             states: &'static [usize; S],
@@ -109,8 +109,8 @@ fn the_subsystems_of_a_model_stay_without_their_parameters() {
     }
 
     let (mut whole, mut without) = (Seen::default(), Seen::default());
-    Lagged::groups(&mut whole);
-    <Given<'_, Lagged, 11> as Model<11, 4, 4, 0>>::groups(&mut without);
+    Lagged::subsystems(&mut whole);
+    <Given<'_, Lagged, 11> as Model<11, 4, 4, 0>>::subsystems(&mut without);
     assert_eq!(whole.0.iter().map(|group| group.2).collect::<Vec<_>>(), [8, 3]);
     for group in &mut whole.0 {
         group.2 = 0;

@@ -54,11 +54,11 @@ fn a_start_says_what_rest_leaves_of_the_observation() {
 #[test]
 fn a_state_without_observation_or_derivative_is_refused() {
     let o = SVector::from([2.0, 0.7]);
-    for (rest, block) in [([0.0, 0.0], "derivative"), ([f64::NAN, 0.0], "state")] {
+    for (rest, what) in [([0.0, 0.0], "derivative"), ([f64::NAN, 0.0], "state")] {
         let mut mhe = estimator(Boat { rest: Some(rest) });
         mhe.start_at(&o).unwrap();
         let error = mhe.start(&o).unwrap_err();
-        assert_eq!(error, SolveError::NonFinite { block, k: 0 }.into());
+        assert_eq!(error, MheError::NonFinite { what, k: 0 });
         assert!(!mhe.is_started());
     }
 }
