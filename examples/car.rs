@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use horizon_control::{Ask, Mpc, MpcSettings};
+use horizon_control::{Mpc, MpcProblem, MpcSettings};
 use horizon_estim::{Ident, IdentSettings, Mhe, MheSettings, Observed, Piece};
 use horizon_model::{Dual, DualModel, Model, Scalar};
 use nalgebra::SVector;
@@ -63,7 +63,8 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let (mut s, mut u) = (SVector::zeros(), SVector::zeros());
     mhe.start(&measure(&s, 0).o)?;
     for k in 0..150 {
-        let report = mpc.solve(&Ask::new(mhe.s_hat(), &p, &u, &[goal; STEPS]), &mut || false)?;
+        let report =
+            mpc.solve(&MpcProblem::new(mhe.s_hat(), &p, &u, &[goal; STEPS]), &mut || false)?;
         assert!(report.has_new_plan());
         u = mpc.plan()[0];
         mpc.shift();

@@ -4,7 +4,7 @@
 use std::borrow::Cow;
 use std::error::Error;
 
-use horizon_control::{Ask, Mpc, MpcSettings, StateBounds, predict};
+use horizon_control::{Mpc, MpcProblem, MpcSettings, StateBounds, predict};
 use horizon_estim::{DelayTable, Flights, Ident, IdentSettings, Mhe, MheSettings};
 use horizon_estim::{Observed, Recording, Span};
 use horizon_model::{Dual, DualModel, InputFifo, Model, Row, Scalar};
@@ -66,8 +66,8 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
         let in_transit = (0..first).map(|ahead| sent.applied(ahead));
         let (s_0, s_ref) = (predict(&carriage, mhe.s_hat(), &p, in_transit, DT_S), [goal; 40]);
         let u_before = sent.applied(first - 1);
-        let ask = Ask::new(&s_0, &p, &u_before, &s_ref);
-        assert!(mpc.solve_with(&ask, Some(&limit), &mut || false)?.has_new_plan());
+        let problem = MpcProblem::new(&s_0, &p, &u_before, &s_ref);
+        assert!(mpc.solve_with(&problem, Some(&limit), &mut || false)?.has_new_plan());
         let u = sent.to_send(mpc.plan());
         sent.push(&u);
         plant.push(&u);

@@ -7,10 +7,10 @@ use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
 
-use horizon_control::{Ask, Mpc, MpcSettings};
+use horizon_control::{Mpc, MpcProblem, MpcSettings};
 use horizon_estim::{Mhe, MheSettings, Observed};
 use horizon_model::expression::{Binary, Compiled, Graph, Program, Unary, Variable};
-use horizon_model::{Driven, Linearized, Model};
+use horizon_model::{Linearized, LinearizedByInput, Model};
 use nalgebra::{SMatrix, SVector};
 
 const DT_S: f64 = 0.04;
@@ -88,16 +88,16 @@ impl Model<4, 1, 2, 1> for ByHand {
         Linearized { s_next, by_state: Self::by_state(by_angle, dt_s), by_parameter }
     }
 
-    fn linearize_drive(
+    fn linearize_by_input(
         &self,
         s: &SVector<f64, 4>,
         u: &SVector<f64, 1>,
         p: &SVector<f64, 1>,
         dt_s: f64,
-    ) -> Driven<4, 1> {
+    ) -> LinearizedByInput<4, 1> {
         let (s_next, [by_angle, by_input, _]) = Self::terms(s, *u, *p, dt_s);
         let by_input = [dt_s * dt_s, by_input * dt_s, dt_s, by_input].into();
-        Driven { s_next, by_state: Self::by_state(by_angle, dt_s), by_input }
+        LinearizedByInput { s_next, by_state: Self::by_state(by_angle, dt_s), by_input }
     }
 
     fn observe(&self, s: &SVector<f64, 4>) -> SVector<f64, 2> {
@@ -158,8 +158,8 @@ fn fly<M: Model<4, 1, 2, 1>>(model: M) -> Result<Flight, Box<dyn Error>> {
     mhe.start(&[0.0, 0.2].into())?;
     for k in 0..STEPS {
         let start = Instant::now();
-        let ask = Ask::new(mhe.s_hat(), mhe.p_hat(), &u, &goal);
-        flight.mpc_iterations += mpc.solve(&ask, &mut || false)?.iterations;
+        let problem = MpcProblem::new(mhe.s_hat(), mhe.p_hat(), &u, &goal);
+        flight.mpc_iterations += mpc.solve(&problem, &mut || false)?.iterations;
         u = mpc.plan()[0];
         mpc.shift();
         flight.mpc_s += start.elapsed().as_secs_f64();
@@ -193,7 +193,7 @@ fn calls<M: Model<4, 1, 2, 1>>(model: M) -> [f64; 5] {
             _ = black_box(model.linearize(s, &u, &p, DT_S));
         }),
         time(&|s| {
-            _ = black_box(model.linearize_drive(s, &u, &p, DT_S));
+            _ = black_box(model.linearize_by_input(s, &u, &p, DT_S));
         }),
         time(&|s| {
             _ = black_box(model.observe(s));

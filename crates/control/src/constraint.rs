@@ -24,7 +24,7 @@ pub struct Excess<const NS: usize> {
 /// derivative is exact where `c` is smooth; the curvature of `c` is left out (Gauss-Newton).
 ///
 /// ```
-/// use horizon_control::{Ask, Excess, Mpc, MpcSettings, SoftConstraints};
+/// use horizon_control::{MpcProblem, Excess, Mpc, MpcSettings, SoftConstraints};
 /// use horizon_model::Kinematic;
 /// use horizon_model::rows::pose;
 /// use nalgebra::SVector;
@@ -47,7 +47,7 @@ pub struct Excess<const NS: usize> {
 /// let mut mpc = Mpc::<_, 4, 4, 4, 4, 4>::new(Kinematic, settings, 0.02)?;
 /// let (s, p, u) = (SVector::zeros(), SVector::from([1.3, 0.45, 1.0, 0.0]), SVector::zeros());
 /// let s_ref = [SVector::from([0.3, 0.0, 0.0, 0.0]); 30];
-/// let report = mpc.solve_with(&Ask::new(&s, &p, &u, &s_ref), Some(&Wall), &mut || false)?;
+/// let report = mpc.solve_with(&MpcProblem::new(&s, &p, &u, &s_ref), Some(&Wall), &mut || false)?;
 /// assert!(report.has_new_plan());
 /// assert!(mpc.planned_states().iter().all(|s| s[pose::X] < 0.051));
 /// # Ok::<(), Box<dyn std::error::Error>>(())

@@ -28,7 +28,7 @@ pub mod qp;
 
 pub use constraint::{Excess, SoftConstraints, StateBounds};
 pub use mpc::{
-    Ask, InputCost, Mpc, MpcBuilder, MpcReport, MpcSettings, MpcTable, QpKind, SolveError,
+    InputCost, Mpc, MpcBuilder, MpcProblem, MpcReport, MpcSettings, MpcTable, QpKind, SolveError,
     SolverTable, Stop,
 };
 pub use predictor::predict;

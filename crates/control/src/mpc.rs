@@ -22,11 +22,11 @@ use horizon_model::{Bounds, Model};
 use nalgebra::SVector;
 
 pub use self::builder::MpcBuilder;
-use self::cost::{Against, Cost};
+use self::cost::{Cost, CostContext};
 use self::expansion::Expansion;
 use self::prepared::Prepared;
 use self::report::all_finite_of;
-pub use self::report::{Ask, MpcReport, SolveError, Stop};
+pub use self::report::{MpcProblem, MpcReport, SolveError, Stop};
 pub use self::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverTable};
 use crate::SoftConstraints;
 use crate::horizon::Horizon;
@@ -57,7 +57,7 @@ pub struct Mpc<
     /// Linear dynamics along it, as those of the expansion are along the plan.
     trial_stages: Vec<Stage<NR, NU>>,
     expansion: Expansion<NR, NU>,
-    /// Bounds of the inputs in the latest ask, by stage. Unit of the row
+    /// Bounds of the inputs in the latest problem, by stage. Unit of the row
     bounds: Vec<Bounds<NU>>,
 }
 
@@ -103,7 +103,7 @@ where
         Ok(mpc)
     }
 
-    /// Improves the present plan until it is optimal for `ask`, or until a limit.
+    /// Improves the present plan until it is optimal for `problem`, or until a limit.
     ///
     /// Thesis equations 3.46-3.49, one half of the weighted squares:
     ///
@@ -117,14 +117,14 @@ where
     /// with the input or its change `Delta u_k` ([`InputCost`]), over the stages `k` of the horizon; one of several
     /// steps weighs as they do (`docs/model.md`, section 5).
     ///
-    /// First the plan takes over the inputs that `ask` gives; what they cost counts. `is_late` is asked
+    /// First the plan takes over the inputs that `problem` gives; what they cost counts. `is_late` is asked
     /// once per iteration, before its first quadratic subproblem, and again before Clarabel gets one that the
     /// stage-wise solver left; `true` ends the solve. What is not given stays within
     /// the bounds, and the plan never becomes costlier; read it with [`Mpc::plan`].
     ///
     /// # Errors
     /// The plan stays as it was. [`SolveError::NotFinite`], [`SolveError::Horizon`], [`SolveError::Given`] and
-    /// [`SolveError::Inside`]: `ask` does not fit the horizon, a mistake of the caller. [`SolveError::Cost`] and
+    /// [`SolveError::Inside`]: `problem` does not fit the horizon, a mistake of the caller. [`SolveError::Cost`] and
     /// [`SolveError::Derivative`]: the roll-out of the present plan, or the model along it, is not finite;
     /// [`Mpc::reset`] it.
     ///
@@ -132,10 +132,10 @@ where
     /// subproblem is linear in the horizon.
     pub fn solve(
         &mut self,
-        ask: &Ask<'_, NS, NU, NP>,
+        problem: &MpcProblem<'_, NS, NU, NP>,
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<MpcReport, SolveError> {
-        self.solve_with(ask, None, is_late)
+        self.solve_with(problem, None, is_late)
     }
 
     /// [`Mpc::solve`] with `constraints` on the states after each stage, whose penalties add to the cost.
@@ -147,21 +147,21 @@ where
     /// Real time: as [`Mpc::solve`]; linear in the constraints that count.
     pub fn solve_with(
         &mut self,
-        ask: &Ask<'_, NS, NU, NP>,
+        problem: &MpcProblem<'_, NS, NU, NP>,
         constraints: Option<&dyn SoftConstraints<NS>>,
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<MpcReport, SolveError> {
-        ask.check(&self.settings)?;
+        problem.check(&self.settings)?;
         self.check_constraints(constraints)?;
-        let against = Against { u_before: ask.u_before, s_ref: ask.s_ref, constraints };
-        self.take_given(ask);
-        let cost_start = self.roll_out(ask, &against, Trial::Linearized);
+        let context = CostContext { u_before: problem.u_before, s_ref: problem.s_ref, constraints };
+        self.take_given(problem);
+        let cost_start = self.roll_out(problem, &context, Trial::Linearized);
         if !cost_start.is_finite() {
-            self.check_excesses(&self.trial, &against)?;
+            self.check_excesses(&self.trial, &context)?;
             return Err(SolveError::Cost { cost: cost_start });
         }
         self.take_trial();
-        let improved = self.improve(ask, &against, cost_start, is_late);
+        let improved = self.improve(problem, &context, cost_start, is_late);
         if improved.is_err() {
             // No step was taken: the trial is still the plan before.
             self.take_trial();
@@ -175,8 +175,8 @@ where
     /// A derivative or a constraint along the first plan is not finite.
     fn improve(
         &mut self,
-        ask: &Ask<'_, NS, NU, NP>,
-        against: &Against<'_, NS, NU>,
+        problem: &MpcProblem<'_, NS, NU, NP>,
+        context: &CostContext<'_, NS, NU>,
         cost_start: f64,
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<MpcReport, SolveError> {
@@ -190,13 +190,13 @@ where
             if is_late() {
                 break Stop::Late;
             }
-            if let Err(error) = self.fill_gradients(against) {
+            if let Err(error) = self.fill_gradients(context) {
                 break if iterations == 0 { return Err(error) } else { Stop::QpUnsolved };
             }
             if self.gain_max() <= solver.cost_tolerance * cost {
                 break Stop::CostTolerance;
             }
-            let (solved, decrease) = match self.find_step(ask, is_late) {
+            let (solved, decrease) = match self.find_step(problem, is_late) {
                 Ok(found) => found,
                 Err(unsolved) => {
                     qp_iterations += unsolved.iterations;
@@ -208,14 +208,14 @@ where
             };
             qp_iterations += solved.iterations;
             qp_fallbacks += u32::from(solved.has_fallen_back);
-            // Not whether the decrease is met: beside the optimum it may be, by chance, in a step that gains much.
+            // Judged by the predicted decrease: near the optimum a step may gain much although little is predicted.
             let is_optimal = decrease <= solver.cost_tolerance * cost;
             let is_last = iterations + 1 == solver.iterations_max;
             let trial = if is_last { Trial::Costed } else { Trial::Linearized };
-            let Some(lower) = self.search_line(ask, against, (cost, decrease), trial) else {
-                let rounding = self.cost.rounding(cost, &self.plan, against.s_ref);
-                let is_lost = is_optimal || decrease <= rounding;
-                break if is_lost { Stop::CostTolerance } else { Stop::Stalled };
+            let Some(lower) = self.search_line(problem, context, (cost, decrease), trial) else {
+                let rounding = self.cost.rounding(cost, &self.plan, context.s_ref);
+                let is_optimal_to_rounding = is_optimal || decrease <= rounding;
+                break if is_optimal_to_rounding { Stop::CostTolerance } else { Stop::Stalled };
             };
             cost = lower;
             iterations += 1;
@@ -276,8 +276,8 @@ where
         &self.plan.u
     }
 
-    /// States `s_1 .. s_N` that follow from the plan by the latest ask, N stages, in the units of [`Model::STATE`];
-    /// interpolated after a shift, zeros before the first ask and after a reset.
+    /// States `s_1 .. s_N` that follow from the plan by the latest problem, N stages, in the units of [`Model::STATE`];
+    /// interpolated after a shift, zeros before the first problem and after a reset.
     pub fn planned_states(&self) -> &[SVector<f64, NS>] {
         &self.plan.s
     }
@@ -287,16 +287,16 @@ where
         &self.settings
     }
 
-    /// Makes the trial the plan moved into the bounds of this ask: to what is given, and back from
+    /// Makes the trial the plan moved into the bounds of this problem: to what is given, and back from
     /// what was given last time and is not any more.
-    fn take_given(&mut self, ask: &Ask<'_, NS, NU, NP>) {
+    fn take_given(&mut self, problem: &MpcProblem<'_, NS, NU, NP>) {
         let mut begin = 0;
         for (k, steps) in self.settings.stage_steps().iter().enumerate() {
             let end = begin + *steps as usize;
             let bounds = &mut self.bounds[k];
             *bounds = self.settings.bounds();
-            for i in (0..NU).filter(|i| end <= ask.given_steps[*i]) {
-                let sum: f64 = ask.u_given[begin..end].iter().map(|u_given| u_given[i]).sum();
+            for i in (0..NU).filter(|i| end <= problem.given_steps[*i]) {
+                let sum: f64 = problem.u_given[begin..end].iter().map(|u_given| u_given[i]).sum();
                 let mean = sum / f64::from(*steps);
                 (bounds.lo[i], bounds.hi[i]) = (mean, mean);
             }
@@ -315,20 +315,20 @@ where
     /// comes back.
     fn roll_out(
         &mut self,
-        ask: &Ask<'_, NS, NU, NP>,
-        against: &Against<'_, NS, NU>,
+        problem: &MpcProblem<'_, NS, NU, NP>,
+        context: &CostContext<'_, NS, NU>,
         trial: Trial,
     ) -> f64 {
-        let mut s = *ask.s_0;
+        let mut s = *problem.s_0;
         let mut prepared = Prepared::new(self.model);
         let stages = self.trial_stages.iter_mut().zip(&self.stage_s);
         let steps = self.trial.u.iter().zip(&mut self.trial.s);
         for ((u, s_next), (stage, stage_s)) in steps.zip(stages) {
-            let model = prepared.over(ask.p, *stage_s);
+            let model = prepared.over(problem.p, *stage_s);
             s = match trial {
-                Trial::Costed => model.step(&s, u, ask.p, *stage_s),
+                Trial::Costed => model.step(&s, u, problem.p, *stage_s),
                 Trial::Linearized => {
-                    let driven = model.linearize_drive(&s, u, ask.p, *stage_s);
+                    let driven = model.linearize_by_input(&s, u, problem.p, *stage_s);
                     let by_state = resized(&driven.by_state);
                     *stage = Stage { by_state, by_input: resized(&driven.by_input) };
                     driven.s_next
@@ -336,21 +336,24 @@ where
             };
             *s_next = s;
         }
-        self.cost.value(&self.trial, against) + self.penalty(against)
+        self.cost.value(&self.trial, context) + self.penalty(context)
     }
 
     /// Fills gradient, costates and reduced gradient of the cost along the plan.
     ///
     /// # Errors
     /// A constraint is not finite, or its weight is negative.
-    fn fill_gradients(&mut self, against: &Against<'_, NS, NU>) -> Result<(), SolveError> {
-        self.cost.gradient(&self.plan, against, &mut self.expansion.gradient);
-        self.fill_penalties(against)?;
+    fn fill_gradients(&mut self, context: &CostContext<'_, NS, NU>) -> Result<(), SolveError> {
+        self.cost.gradient(&self.plan, context, &mut self.expansion.gradient);
+        self.fill_penalties(context)?;
         self.expansion.fill_gradients();
         Ok(())
     }
 
-    /// Whether the linear dynamics along the plan are finite.
+    /// Checks that the linear dynamics along the plan are finite.
+    ///
+    /// # Errors
+    /// [`SolveError::Derivative`] with the first stage where they are not.
     fn check_derivatives(&self) -> Result<(), SolveError> {
         let is_finite = |Stage { by_state, by_input }: &Stage<NR, NU>| {
             by_state.iter().chain(by_input).all(|entry| entry.is_finite())

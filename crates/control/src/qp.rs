@@ -14,7 +14,7 @@ pub(crate) mod penalty;
 pub(crate) mod product;
 
 use ::clarabel::solver::{SolverError, SolverStatus};
-use horizon_model::{Bounds, DriveHessian};
+use horizon_model::{Bounds, InputHessian};
 use nalgebra::{SMatrix, SVector};
 use thiserror::Error;
 
@@ -70,7 +70,7 @@ pub struct Problem<'a, const NS: usize, const NU: usize> {
     /// By step, finite bounds of the inputs `u_k`, not of the changes `du_k`. Unit of each row
     pub bounds: &'a [Bounds<NU>],
     /// By step, the second derivatives of the dynamics that add to `P`; empty if unknown.
-    pub second_derivatives: &'a [DriveHessian<NS, NU>],
+    pub second_derivatives: &'a [InputHessian<NS, NU>],
     /// Soft constraints, in the order of their stages.
     pub penalties: &'a [Penalty<NS>],
 }

@@ -1,6 +1,6 @@
 //! The controller knows no vehicle: it steers a planar unicycle to a place beside it.
 
-use horizon_control::{Ask, InputCost, Mpc, MpcTable, QpKind, SolverTable, Stop};
+use horizon_control::{InputCost, Mpc, MpcProblem, MpcTable, QpKind, SolverTable, Stop};
 use horizon_model::check::amax;
 use horizon_model::check::{Point, model_gap};
 use horizon_model::{Model, Row};
@@ -137,7 +137,7 @@ fn a_unicycle_parks_beside_where_it_stood_within_its_bounds() {
     let mut u_before = SVector::zeros();
     let mut bound_hits = 0;
     for step in 0..150 {
-        let ask = Ask {
+        let problem = MpcProblem {
             s_0: &s,
             p: &p,
             u_before: &u_before,
@@ -145,7 +145,7 @@ fn a_unicycle_parks_beside_where_it_stood_within_its_bounds() {
             u_given: &[],
             given_steps: [0; 2],
         };
-        let report = mpc.solve(&ask, &mut || false).unwrap();
+        let report = mpc.solve(&problem, &mut || false).unwrap();
         assert_eq!(report.stop, Stop::CostTolerance, "step {step}: {report:?}");
         let u = mpc.plan()[0];
         assert!((-0.5..=0.8).contains(&u[SPEED]), "step {step}: {u}");

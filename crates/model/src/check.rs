@@ -9,7 +9,7 @@ use std::fmt;
 use nalgebra::{SMatrix, SVector};
 
 use crate::differences;
-use crate::model::{HessianKind, Model};
+use crate::model::{HessianKind, HessianRequest, Model};
 use crate::row::Row;
 
 /// Arguments at which a model is checked.
@@ -72,7 +72,7 @@ pub struct Gap {
     pub column_name: &'static str,
     /// The entry. Entries of steps are divided by the period.
     pub entry: Entry,
-    /// Largest relative gap, that of the entry; NaN if any is, infinite if [`Model::groups`] does not hold every row
+    /// Largest relative gap, that of the entry; NaN if any is, infinite if [`Model::subsystems`] does not hold every row
     /// once. 1
     pub gap: f64,
 }
@@ -165,9 +165,9 @@ fn worst_of<const M: usize, const N: usize>(
 /// Entry of `model` that disagrees most with what it should be, at one point.
 ///
 /// Checked are the four Jacobians, that of [`Model::coasting`], those of [`Model::linearize`] and
-/// [`Model::linearize_drive`], the Hessians if
+/// [`Model::linearize_by_input`], the Hessians if
 /// the model has them, the rows behind [`Model::CONTROLLABLE`], which neither inputs nor controllable rows may move,
-/// and [`Model::groups`], which must not be coupled. Derivatives are compared with central differences.
+/// and [`Model::subsystems`], which must not be coupled. Derivatives are compared with central differences.
 ///
 /// Functions that must agree with others are compared with these: [`Model::prepared`] with the model, `core` with the
 /// step at the effective input, `effect` of `input_for` with the effect, and the observation of [`Model::at_rest`] with
@@ -202,8 +202,8 @@ where
     check.observe("step_by_input", worst_of(&given, &by_input), (states, inputs));
     let given = model.step_by_parameter(s, u, p, *dt_s) / *dt_s;
     check.observe("step_by_parameter", worst_of(&given, &by_parameter), (states, parameters));
-    let driven = model.linearize_drive(s, u, p, *dt_s);
-    let name = "linearize_drive";
+    let driven = model.linearize_by_input(s, u, p, *dt_s);
+    let name = "linearize_by_input";
     check.observe(name, worst_of(&(driven.s_next / *dt_s), &s_next), (states, &[]));
     check.observe(name, worst_of(&(driven.by_state / *dt_s), &by_state), (states, states));
     check.observe(name, worst_of(&(driven.by_input / *dt_s), &by_input), (states, inputs));
@@ -226,12 +226,12 @@ where
     equalities::check(&mut check, model, at);
     let entry = structure::uncontrollable_gap(&driven, M::CONTROLLABLE, *dt_s);
     check.observe("CONTROLLABLE", entry, (states, &[]));
-    let mut groups = Vec::new();
-    M::groups(&mut groups);
-    let entry = structure::joint(&driven, &linearized, &groups, *dt_s);
-    check.observe("groups", entry, (states, &[]));
-    let entry = structure::joint_observation(&observed, &groups);
-    check.observe("groups", entry, (&M::OBSERVATION, states));
+    let mut subsystems = Vec::new();
+    M::subsystems(&mut subsystems);
+    let entry = structure::joint(&driven, &linearized, &subsystems, *dt_s);
+    check.observe("subsystems", entry, (states, &[]));
+    let entry = structure::joint_observation(&observed, &subsystems);
+    check.observe("subsystems", entry, (&M::OBSERVATION, states));
     check.worst.unwrap_or(Gap {
         derivative: "",
         row_name: "",
@@ -269,7 +269,7 @@ impl Check {
     }
 }
 
-/// Checks [`Model::step_curvature`] and [`Model::drive_curvature`] as derivatives of the Jacobians.
+/// Checks [`Model::hessian_by_parameter`] and [`Model::hessian_by_input`] as derivatives of the Jacobians.
 fn check_hessians<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
     check: &mut Check,
     model: &M,
@@ -284,8 +284,8 @@ fn check_hessians<M, const NS: usize, const NU: usize, const NO: usize, const NP
     let by_state = |s: &_, p: &_| model.step_by_state(s, u, p, *dt_s).tr_mul(&w);
     let by_input = |s: &_, u: &_| model.step_by_input(s, u, p, *dt_s).tr_mul(&w);
     let by_parameter = |p: &_| model.step_by_parameter(s, u, p, *dt_s).tr_mul(&w);
-    if let Some(curvature) = model.step_curvature(s, u, p, *dt_s, &w) {
-        let name = "step_curvature";
+    if let Some(curvature) = model.hessian_by_parameter(s, u, p, *dt_s, &w) {
+        let name = "hessian_by_parameter";
         let entry = worst_entry(|s| by_state(s, p), (s, &M::STATE), &curvature.by_state);
         check.observe(name, entry, (states, states));
         let entry =
@@ -294,10 +294,18 @@ fn check_hessians<M, const NS: usize, const NU: usize, const NO: usize, const NP
         let entry = worst_entry(by_parameter, (p, &M::PARAMETER), &curvature.by_parameter);
         check.observe(name, entry, (parameters, parameters));
     }
-    let along_input = model.step_by_input(s, u, p, *dt_s);
-    let kind = (&w, HessianKind::Exact);
-    if let Some(curvature) = model.drive_curvature((s, u), p, *dt_s, &along_input, kind) {
-        let name = "drive_curvature";
+    let step_by_input = model.step_by_input(s, u, p, *dt_s);
+    let request = HessianRequest {
+        s,
+        u,
+        p,
+        dt_s: *dt_s,
+        by_input: &step_by_input,
+        w: &w,
+        kind: HessianKind::Exact,
+    };
+    if let Some(curvature) = model.hessian_by_input(&request) {
+        let name = "hessian_by_input";
         let entry = worst_entry(|s| by_state(s, p), (s, &M::STATE), &curvature.by_state);
         check.observe(name, entry, (states, states));
         let entry = worst_entry(|s| by_input(s, u), (s, &M::STATE), &curvature.by_input_state);

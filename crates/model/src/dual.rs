@@ -3,10 +3,10 @@
 use nalgebra::{SMatrix, SVector};
 use num_dual::{DualNum, DualSVec64};
 
-use crate::group::VisitGroups;
 use crate::least_squares;
 use crate::model::Model;
 use crate::row::Row;
+use crate::subsystem::VisitSubsystems;
 
 /// A number that a [`DualModel`] computes with: `f64`, or a dual number that carries derivatives.
 ///
@@ -35,8 +35,8 @@ pub trait DualModel<const NS: usize, const NU: usize, const NO: usize, const NP:
     /// [`Model::CONTROLLABLE`].
     const CONTROLLABLE: usize = NS;
 
-    /// [`Model::groups`].
-    fn groups(_visit: &mut impl VisitGroups) {}
+    /// [`Model::subsystems`].
+    fn subsystems(_visit: &mut impl VisitSubsystems) {}
 
     /// [`Model::at_rest`]; with `None` that function's default.
     fn at_rest(&self, _o: &SVector<f64, NO>) -> Option<SVector<f64, NS>> {
@@ -121,8 +121,8 @@ where
     const PARAMETER: [Row; NP] = M::PARAMETER;
     const CONTROLLABLE: usize = M::CONTROLLABLE;
 
-    fn groups(visit: &mut impl VisitGroups) {
-        M::groups(visit);
+    fn subsystems(visit: &mut impl VisitSubsystems) {
+        M::subsystems(visit);
     }
 
     fn at_rest(&self, o: &SVector<f64, NO>) -> SVector<f64, NS> {

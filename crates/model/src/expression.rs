@@ -10,7 +10,7 @@ mod tape;
 
 use nalgebra::{ArrayStorage, SMatrix, SVector};
 
-use crate::model::{Driven, Linearized, Model};
+use crate::model::{Linearized, LinearizedByInput, Model};
 use tape::{Arguments, Entries, Layout, Tape};
 
 pub use graph::{Binary, Graph, Id, Node, Unary, Variable};
@@ -161,7 +161,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Model<N
         p: &SVector<f64, NP>,
         dt_s: f64,
     ) -> SMatrix<f64, NS, NU> {
-        self.linearize_drive(s, u, p, dt_s).by_input
+        self.linearize_by_input(s, u, p, dt_s).by_input
     }
 
     fn step_by_parameter(
@@ -184,13 +184,13 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Model<N
         self.0.linearize.evaluate((s, u, p, dt_s))
     }
 
-    fn linearize_drive(
+    fn linearize_by_input(
         &self,
         s: &SVector<f64, NS>,
         u: &SVector<f64, NU>,
         p: &SVector<f64, NP>,
         dt_s: f64,
-    ) -> Driven<NS, NU> {
+    ) -> LinearizedByInput<NS, NU> {
         self.0.drive.evaluate((s, u, p, dt_s))
     }
 

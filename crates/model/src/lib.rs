@@ -20,23 +20,26 @@ pub mod differences;
 #[cfg(feature = "dual")]
 mod dual;
 pub mod expression;
-pub mod group;
 mod input_delay;
 mod least_squares;
 mod model;
 mod rounding;
 mod row;
 pub mod setting;
+pub mod subsystem;
 mod transpose;
 mod vehicles;
 
 pub use bounds::Bounds;
 #[cfg(feature = "dual")]
 pub use dual::{Dual, DualModel, Scalar};
-pub use group::{Group, VisitGroups};
 pub use input_delay::{DEAD_TIME_MAX_S, InputFifo};
-pub use model::{DriveHessian, Driven, HessianKind, Linearized, Model, StepHessian};
+pub use model::{
+    HessianKind, HessianRequest, InputHessian, Linearized, LinearizedByInput, Model,
+    ParameterHessian,
+};
 pub use rounding::{steps, whole};
 pub use row::{Domain, Row};
+pub use subsystem::{Subsystem, VisitSubsystems};
 pub use transpose::transpose;
 pub use vehicles::*;

@@ -6,11 +6,11 @@
 use nalgebra::{SMatrix, SVector};
 
 use crate::differences;
-use crate::group::VisitGroups;
 use crate::least_squares;
 use crate::row::Row;
+use crate::subsystem::VisitSubsystems;
 
-/// A step and its derivatives at the same arguments.
+/// A step and its Jacobians by state and parameter at the same arguments: what an estimator needs of a transition.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Linearized<const NS: usize, const NP: usize> {
     /// [`Model::step`]. Unit of each row
@@ -21,9 +21,9 @@ pub struct Linearized<const NS: usize, const NP: usize> {
     pub by_parameter: SMatrix<f64, NS, NP>,
 }
 
-/// A step and its derivatives by state and input at the same arguments.
+/// A step and its Jacobians by state and input at the same arguments: what a controller needs of a transition.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Driven<const NS: usize, const NU: usize> {
+pub struct LinearizedByInput<const NS: usize, const NU: usize> {
     /// [`Model::step`]. Unit of each row
     pub s_next: SVector<f64, NS>,
     /// [`Model::step_by_state`]. Unit of the row / unit of the column
@@ -34,7 +34,7 @@ pub struct Driven<const NS: usize, const NU: usize> {
 
 /// Hessian of `w' f(s, u, p)` by state and parameter, with `w` one weight per row of the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StepHessian<const NS: usize, const NP: usize> {
+pub struct ParameterHessian<const NS: usize, const NP: usize> {
     /// By the state, twice. Symmetric. Unit of `w' f` / (unit of the row, unit of the column)
     pub by_state: SMatrix<f64, NS, NS>,
     /// By the state and the parameter. Unit of `w' f` / (unit of the row, unit of the column)
@@ -54,13 +54,32 @@ pub enum HessianKind {
 
 /// Hessian of `w' f(s, u, p)` by state and input.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DriveHessian<const NS: usize, const NU: usize> {
+pub struct InputHessian<const NS: usize, const NU: usize> {
     /// By the state, twice. Symmetric. Unit of `w' f` / (unit of the row, unit of the column)
     pub by_state: SMatrix<f64, NS, NS>,
     /// By the input and the state. Unit of `w' f` / (unit of the row, unit of the column)
     pub by_input_state: SMatrix<f64, NU, NS>,
     /// By the input, twice. Symmetric. Unit of `w' f` / (unit of the row, unit of the column)
     pub by_input: SMatrix<f64, NU, NU>,
+}
+
+/// Where and how a model is asked for its [`InputHessian`].
+#[derive(Debug, Clone, Copy)]
+pub struct HessianRequest<'a, const NS: usize, const NU: usize, const NP: usize> {
+    /// State. Unit of each row
+    pub s: &'a SVector<f64, NS>,
+    /// Input. Unit of each row
+    pub u: &'a SVector<f64, NU>,
+    /// Parameter. Unit of each row
+    pub p: &'a SVector<f64, NP>,
+    /// Period. s, > 0
+    pub dt_s: f64,
+    /// [`Model::step_by_input`] at these arguments, from which terms may be reused.
+    pub by_input: &'a SMatrix<f64, NS, NU>,
+    /// Weight of each row of the step; in a controller, the costate of the next state.
+    pub w: &'a SVector<f64, NS>,
+    /// Which Hessian is asked for.
+    pub kind: HessianKind,
 }
 
 /// A discrete-time model `s' = f(s, u, p)`, `o = g(s)`.
@@ -99,7 +118,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
 
     /// Passes the decoupled subsystems, which together hold every row once, to `visit`; none if the model is one
     /// system. A solver may then use a block for each of them instead of one large block.
-    fn groups(_visit: &mut impl VisitGroups) {}
+    fn subsystems(_visit: &mut impl VisitSubsystems) {}
 
     /// State one period later, thesis equation 3.49. A controller with move blocking asks for `dt_s` of several
     /// periods: a model that holds for one period alone has to make as many steps.
@@ -147,8 +166,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         differences::jacobian_of_rows(|p| self.step(s, u, p, dt_s), p, &Self::PARAMETER)
     }
 
-    /// [`Model::step`], [`Model::step_by_state`] and [`Model::step_by_parameter`] at one point: what an
-    /// estimator needs of a transition.
+    /// [`Model::step`], [`Model::step_by_state`] and [`Model::step_by_parameter`] at one point.
     ///
     /// A model whose three functions have costly terms in common computes them once here.
     #[inline]
@@ -166,19 +184,18 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
         }
     }
 
-    /// [`Model::step`], [`Model::step_by_state`] and [`Model::step_by_input`] at one point: what a
-    /// controller needs of a transition.
+    /// [`Model::step`], [`Model::step_by_state`] and [`Model::step_by_input`] at one point.
     ///
     /// A model whose three functions have costly terms in common computes them once here.
     #[inline]
-    fn linearize_drive(
+    fn linearize_by_input(
         &self,
         s: &SVector<f64, NS>,
         u: &SVector<f64, NU>,
         p: &SVector<f64, NP>,
         dt_s: f64,
-    ) -> Driven<NS, NU> {
-        Driven {
+    ) -> LinearizedByInput<NS, NU> {
+        LinearizedByInput {
             s_next: self.step(s, u, p, dt_s),
             by_state: self.step_by_state(s, u, p, dt_s),
             by_input: self.step_by_input(s, u, p, dt_s),
@@ -188,29 +205,23 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     /// Hessian of `w' f(s, u, p)` by state and parameter, or `None` if the model has none: a solver then
     /// uses Gauss-Newton and may need more iterations.
     #[inline]
-    fn step_curvature(
+    fn hessian_by_parameter(
         &self,
         _s: &SVector<f64, NS>,
         _u: &SVector<f64, NU>,
         _p: &SVector<f64, NP>,
         _dt_s: f64,
         _w: &SVector<f64, NS>,
-    ) -> Option<StepHessian<NS, NP>> {
+    ) -> Option<ParameterHessian<NS, NP>> {
         None
     }
 
     /// Hessian of `w' f(s, u, p)` by state and input, or `None` if the model has none of this kind.
-    ///
-    /// `by_input` is [`Model::step_by_input`] at the same arguments, from which parts may be reused.
     #[inline]
-    fn drive_curvature(
+    fn hessian_by_input(
         &self,
-        (_s, _u): (&SVector<f64, NS>, &SVector<f64, NU>),
-        _p: &SVector<f64, NP>,
-        _dt_s: f64,
-        _by_input: &SMatrix<f64, NS, NU>,
-        (_w, _kind): (&SVector<f64, NS>, HessianKind),
-    ) -> Option<DriveHessian<NS, NU>> {
+        _request: &HessianRequest<'_, NS, NU, NP>,
+    ) -> Option<InputHessian<NS, NU>> {
         None
     }
 

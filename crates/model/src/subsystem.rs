@@ -1,14 +1,14 @@
-//! Rows of a model that are decoupled from the others, and how they are taken out of vectors and matrices.
+//! Decoupled subsystems of a model, and their rows in vectors and matrices.
 //!
-//! Owns no solver: the one that takes groups one by one is the estimator's.
+//! Owns no solver: elimination by subsystems belongs to the estimator.
 
 use std::array;
 
 use nalgebra::{SMatrix, SVector};
 
-/// Rows that are decoupled from the others: what a step makes of them follows from them alone.
+/// Rows that are decoupled from the others: their values after a step depend on these rows alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Group {
+pub struct Subsystem {
     /// Rows of the state, ascending.
     pub states: &'static [usize],
     /// Rows of the input, ascending.
@@ -17,10 +17,10 @@ pub struct Group {
     pub parameters: &'static [usize],
 }
 
-/// Takes the decoupled subsystems of a model one by one. Their sizes are part of the type, so that a solver can have
-/// blocks of exactly these sizes.
-pub trait VisitGroups {
-    /// A subsystem of `S` states and `P` parameters; rows as in [`Group`].
+/// Visitor of the decoupled subsystems of a model. Their sizes are part of the type, so that a solver can have blocks
+/// of exactly these sizes.
+pub trait VisitSubsystems {
+    /// A subsystem of `S` states and `P` parameters; rows as in [`Subsystem`].
     fn visit<const S: usize, const P: usize>(
         &mut self,
         states: &'static [usize; S],
@@ -29,14 +29,14 @@ pub trait VisitGroups {
     );
 }
 
-impl VisitGroups for Vec<Group> {
+impl VisitSubsystems for Vec<Subsystem> {
     fn visit<const S: usize, const P: usize>(
         &mut self,
         states: &'static [usize; S],
         inputs: &'static [usize],
         parameters: &'static [usize; P],
     ) {
-        self.push(Group { states, inputs, parameters });
+        self.push(Subsystem { states, inputs, parameters });
     }
 }
 
@@ -106,11 +106,14 @@ mod tests {
     }
 
     #[test]
-    fn groups_are_collected_in_their_order() {
-        let mut groups = Vec::new();
-        groups.visit(&[0, 2], &[1], &[3]);
-        groups.visit(&[1], &[], &[]);
-        let second = Group { states: &[1], inputs: &[], parameters: &[] };
-        assert_eq!(groups, [Group { states: &[0, 2], inputs: &[1], parameters: &[3] }, second]);
+    fn subsystems_are_collected_in_their_order() {
+        let mut subsystems = Vec::new();
+        subsystems.visit(&[0, 2], &[1], &[3]);
+        subsystems.visit(&[1], &[], &[]);
+        let second = Subsystem { states: &[1], inputs: &[], parameters: &[] };
+        assert_eq!(
+            subsystems,
+            [Subsystem { states: &[0, 2], inputs: &[1], parameters: &[3] }, second]
+        );
     }
 }

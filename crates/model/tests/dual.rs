@@ -1,7 +1,7 @@
 //! A model written in the type of the scalar has exact derivatives, and needs no other function.
 
 use horizon_model::check::{Point, maximum, model_gap};
-use horizon_model::{Dual, DualModel, Model, Row, Scalar, VisitGroups};
+use horizon_model::{Dual, DualModel, Model, Row, Scalar, VisitSubsystems};
 use nalgebra::SVector;
 
 /// Pendulum on a cart, of which position and angle are observed.
@@ -99,7 +99,7 @@ struct Boat;
 impl DualModel<3, 2, 2, 0> for Boat {
     const CONTROLLABLE: usize = 2;
 
-    fn groups(visit: &mut impl VisitGroups) {
+    fn subsystems(visit: &mut impl VisitSubsystems) {
         visit.visit(&[0, 1, 2], &[0, 1], &[]);
     }
 
@@ -153,9 +153,9 @@ fn rest_is_found_by_distance_and_direction_or_as_written() {
 
 #[test]
 fn structure_is_that_of_the_dual_model() {
-    let mut groups = Vec::new();
-    <Dual<Boat> as Model<3, 2, 2, 0>>::groups(&mut groups);
-    assert_eq!(groups.len(), 1);
+    let mut subsystems = Vec::new();
+    <Dual<Boat> as Model<3, 2, 2, 0>>::subsystems(&mut subsystems);
+    assert_eq!(subsystems.len(), 1);
     assert_eq!(<Dual<Boat> as Model<3, 2, 2, 0>>::CONTROLLABLE, 2);
     let (s, u, p) = ([3.0, -1.0, 0.2].into(), [0.4, 0.5].into(), SVector::zeros());
     let gap = model_gap(&Dual(Boat), &Point { s, u, p, dt_s: DT_S });

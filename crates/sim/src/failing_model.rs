@@ -7,7 +7,7 @@ use std::cell::Cell;
 
 use horizon_model::rows::{Pose, Sticks, lag, motion, pose, stick};
 use horizon_model::setting::SettingError;
-use horizon_model::{Lagged, Model, Row, VisitGroups};
+use horizon_model::{Lagged, Model, Row, VisitSubsystems};
 use nalgebra::{SMatrix, SVector};
 use tello_flight::cycle::{self, FlightTable, Tick};
 
@@ -53,8 +53,8 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     }
 
     // Derivatives are those of the whole one: differences take ten times as long.
-    fn groups(visit: &mut impl VisitGroups) {
-        Lagged::groups(visit);
+    fn subsystems(visit: &mut impl VisitSubsystems) {
+        Lagged::subsystems(visit);
     }
 
     fn step_by_state(&self, s: &State, u: &Sticks, p: &Parameter, dt_s: f64) -> ByState {

@@ -7,7 +7,7 @@
 use std::path::Path;
 
 use anyhow::Result;
-use horizon_control::{Ask, Mpc, MpcTable, SolverTable};
+use horizon_control::{Mpc, MpcProblem, MpcTable, SolverTable};
 use horizon_estim::{ArrivalTable, LmTable, Mhe, MheTable, Observed};
 use horizon_model::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
 use horizon_model::{Lagged, Model};
@@ -127,7 +127,7 @@ fn controller(cycle: &CycleTable, (steps, solver): (usize, &SolverTable)) -> Res
 
 fn solve(mpc: &mut Controller, p: &SVector<f64, { lag::COUNT }>, tick: &Tick) -> Result<Solve> {
     let s_ref = vec![tick.s_ref; mpc.plan().len()];
-    let ask = Ask {
+    let problem = MpcProblem {
         s_0: &tick.s_0,
         p,
         u_before: &tick.u_before,
@@ -137,7 +137,7 @@ fn solve(mpc: &mut Controller, p: &SVector<f64, { lag::COUNT }>, tick: &Tick) ->
     };
     let clock = Clock::start();
     mpc.shift();
-    let report = mpc.solve(&ask, &mut || false)?;
+    let report = mpc.solve(&problem, &mut || false)?;
     let us = clock.now().seconds() * 1e6;
     Ok(Solve { us, iterations: report.iterations, cost: report.cost, kkt: f64::NAN })
 }

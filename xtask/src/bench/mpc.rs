@@ -11,7 +11,7 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use horizon_control::{Ask, InputCost, Mpc, MpcReport, MpcSettings, QpKind, SolverTable};
+use horizon_control::{InputCost, Mpc, MpcProblem, MpcReport, MpcSettings, QpKind, SolverTable};
 use horizon_model::rows::{Pose, Sticks};
 use horizon_model::{Kinematic, Model};
 use nalgebra::SVector;
@@ -156,7 +156,7 @@ pub(super) fn controller_of(
 /// # Errors
 /// The controller refuses the case.
 pub(crate) fn solve(mpc: &mut Controller, case: &Case, s_ref: &[Pose]) -> Result<MpcReport> {
-    let ask = Ask {
+    let problem = MpcProblem {
         s_0: &case.s_0,
         p: &case.p,
         u_before: &case.u_before,
@@ -164,7 +164,7 @@ pub(crate) fn solve(mpc: &mut Controller, case: &Case, s_ref: &[Pose]) -> Result
         u_given: &[],
         given_steps: [0; 4],
     };
-    Ok(mpc.solve(&ask, &mut || false)?)
+    Ok(mpc.solve(&problem, &mut || false)?)
 }
 
 /// The reference problems with this input cost, and their least costs. The file has none of 100 steps:
@@ -293,7 +293,7 @@ fn judge(case: &Case, u: &[Sticks]) -> (f64, f64) {
         let way = s[k + 1] - case.s_ref;
         cost += 0.5 * (weight.dot(&way.component_mul(&way)) + c_u.dot(&u.component_mul(u)));
         costate += weight.component_mul(&way);
-        let driven = Kinematic.linearize_drive(&s[k], u, &case.p, DT_S);
+        let driven = Kinematic.linearize_by_input(&s[k], u, &case.p, DT_S);
         let gradient = c_u.component_mul(u) + driven.by_input.tr_mul(&costate);
         let max = Sticks::from(U_MAX);
         kkt = kkt.max((u - (u - gradient).sup(&-max).inf(&max)).amax());

@@ -156,7 +156,7 @@ impl Subproblem {
         let (mut stages, mut states) = (Vec::with_capacity(steps), Vec::with_capacity(steps));
         let (mut s, mut cost) = (case.s_0, 0.0);
         for (k, u) in u.iter().enumerate() {
-            let driven = Kinematic.linearize_drive(&s, u, &case.p, DT_S);
+            let driven = Kinematic.linearize_by_input(&s, u, &case.p, DT_S);
             stages.push(Stage { by_state: driven.by_state, by_input: driven.by_input });
             s = driven.s_next;
             states.push(s);

@@ -4,7 +4,7 @@ use horizon_model::Model;
 use horizon_model::setting::SettingError;
 use nalgebra::SVector;
 
-use super::report::Ask;
+use super::report::MpcProblem;
 use super::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverTable};
 
 impl Default for SolverTable {
@@ -20,8 +20,8 @@ impl Default for SolverTable {
     }
 }
 
-impl<'a, const NS: usize, const NU: usize, const NP: usize> Ask<'a, NS, NU, NP> {
-    /// An ask without inputs that are sent already. Shapes and units are those of [`Ask`].
+impl<'a, const NS: usize, const NU: usize, const NP: usize> MpcProblem<'a, NS, NU, NP> {
+    /// A problem without inputs that are sent already. Shapes and units are those of [`MpcProblem`].
     pub fn new(
         s_0: &'a SVector<f64, NS>,
         p: &'a SVector<f64, NP>,

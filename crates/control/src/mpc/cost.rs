@@ -8,9 +8,9 @@ use crate::horizon::Horizon;
 use crate::qp::CostHessian;
 use crate::qp::product::resized;
 
-/// What a plan is measured against.
+/// What the cost of a plan depends on beside the plan.
 #[derive(Clone, Copy)]
-pub(super) struct Against<'a, const NS: usize, const NU: usize> {
+pub(super) struct CostContext<'a, const NS: usize, const NU: usize> {
     /// The input before `u_0`. In the units of its rows
     pub(super) u_before: &'a SVector<f64, NU>,
     /// References of `s_1 .. s_N`. In the units of their rows
@@ -71,13 +71,13 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
     }
 
     /// Cost of `plan`. 1
-    pub(super) fn value(&self, plan: &Horizon<NS, NU>, against: &Against<'_, NS, NU>) -> f64 {
+    pub(super) fn value(&self, plan: &Horizon<NS, NU>, context: &CostContext<'_, NS, NU>) -> f64 {
         let mut cost = 0.0;
         for (k, u) in plan.u.iter().enumerate() {
-            cost += weighted_square(&self.input[k], &(u - self.input_origin(k, plan, against)));
+            cost += weighted_square(&self.input[k], &(u - self.input_origin(k, plan, context)));
         }
         for (k, weight) in self.state.iter().enumerate() {
-            cost += weighted_square(weight, &(plan.s[k] - against.s_ref[k]));
+            cost += weighted_square(weight, &(plan.s[k] - context.s_ref[k]));
         }
         0.5 * cost
     }
@@ -87,18 +87,18 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
     pub(super) fn gradient<const NR: usize>(
         &self,
         plan: &Horizon<NS, NU>,
-        against: &Against<'_, NS, NU>,
+        context: &CostContext<'_, NS, NU>,
         gradient: &mut Horizon<NR, NU>,
     ) {
         for (k, u) in plan.u.iter().enumerate() {
-            let by_du = self.input[k].component_mul(&(u - self.input_origin(k, plan, against)));
+            let by_du = self.input[k].component_mul(&(u - self.input_origin(k, plan, context)));
             gradient.u[k] = by_du;
             if self.kind == InputCost::Difference && k > 0 {
                 gradient.u[k - 1] -= by_du;
             }
         }
         for (k, weight) in self.state.iter().enumerate() {
-            gradient.s[k] = resized(&weight.component_mul(&(plan.s[k] - against.s_ref[k])));
+            gradient.s[k] = resized(&weight.component_mul(&(plan.s[k] - context.s_ref[k])));
         }
     }
 
@@ -153,11 +153,11 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
         &self,
         k: usize,
         plan: &Horizon<NS, NU>,
-        against: &Against<'_, NS, NU>,
+        context: &CostContext<'_, NS, NU>,
     ) -> SVector<f64, NU> {
         match self.kind {
             InputCost::Absolute => SVector::zeros(),
-            InputCost::Difference if k == 0 => *against.u_before,
+            InputCost::Difference if k == 0 => *context.u_before,
             InputCost::Difference => plan.u[k - 1],
         }
     }
@@ -192,7 +192,7 @@ mod tests {
         stages.flat_map(|stages| KINDS.map(|kind| (kind, cost(kind, stages))))
     }
 
-    /// What plans are measured against: `u_{-1}` and `s_ref`.
+    /// What the costs of the plans depend on: `u_{-1}` and `s_ref`.
     fn given() -> (SVector<f64, 1>, [SVector<f64, 2>; STEPS]) {
         (Vector1::new(0.25), [[0.5, 0.0], [0.5, 1.0], [0.0, -1.0]].map(SVector::from))
     }
@@ -215,7 +215,7 @@ mod tests {
         let (u_before, s_ref) = &given();
         // Whatever was there before must not matter.
         let mut gradient = plan(&SVector::from_element(7.0));
-        cost.gradient(&plan(x), &Against { u_before, s_ref, constraints: None }, &mut gradient);
+        cost.gradient(&plan(x), &CostContext { u_before, s_ref, constraints: None }, &mut gradient);
         flat(&gradient)
     }
 
@@ -226,13 +226,13 @@ mod tests {
     #[test]
     fn the_cost_is_the_sum_of_equation_3_46() {
         let (u_before, s_ref) = &given();
-        let against = Against { u_before, s_ref, constraints: None };
+        let context = CostContext { u_before, s_ref, constraints: None };
         // Stage: 0.5^2 + 9 * 2^2; end: 100 * 0.25^2 + 25 * 1^2.
         let states = 0.25 + 36.0 + 6.25 + 25.0;
         let absolute = 4.0 * (0.25 + 1.0 + 4.0);
         let difference = 4.0 * (0.0625 + 0.25 + 9.0);
         for (kind, inputs) in KINDS.into_iter().zip([absolute, difference]) {
-            let value = cost(kind, EVEN).value(&plan(&some_plan()), &against);
+            let value = cost(kind, EVEN).value(&plan(&some_plan()), &context);
             assert!((value - 0.5 * (states + inputs)).abs() < 1e-12, "{kind:?}: {value}");
         }
     }
@@ -240,14 +240,14 @@ mod tests {
     #[test]
     fn a_stage_of_several_steps_costs_what_they_cost() {
         let (u_before, s_ref) = &given();
-        let against = Against { u_before, s_ref, constraints: None };
+        let context = CostContext { u_before, s_ref, constraints: None };
         // Stages of 1, 3 and 2 steps: the second state counts three times, the last one has its own weight.
         let states = 0.25 + 3.0 * 36.0 + 6.25 + 25.0;
         let absolute = 4.0 * (0.25 + 3.0 * 1.0 + 2.0 * 4.0);
         // Changes spread evenly between the middles of the stages, 2 and 2.5 steps apart.
         let difference = 4.0 * (0.0625 + 0.25 / 2.0 + 9.0 / 2.5);
         for (kind, inputs) in KINDS.into_iter().zip([absolute, difference]) {
-            let value = cost(kind, UNEVEN).value(&plan(&some_plan()), &against);
+            let value = cost(kind, UNEVEN).value(&plan(&some_plan()), &context);
             assert!((value - 0.5 * (states + inputs)).abs() < 1e-12, "{kind:?}: {value}");
         }
     }
@@ -255,10 +255,10 @@ mod tests {
     #[test]
     fn the_gradient_meets_its_numeric_twin() {
         let (u_before, s_ref) = &given();
-        let against = Against { u_before, s_ref, constraints: None };
+        let context = CostContext { u_before, s_ref, constraints: None };
         for (kind, cost) in cases() {
             for x in [some_plan(), -some_plan(), SVector::zeros()] {
-                let value = |x: &SVector<f64, 9>| Vector1::new(cost.value(&plan(x), &against));
+                let value = |x: &SVector<f64, 9>| Vector1::new(cost.value(&plan(x), &context));
                 let gap = jacobian_gap(value, &x, &gradient(&cost, &x).transpose());
                 // Central differences of a quadratic are exact up to rounding over 6e-6.
                 assert!(gap < 1e-8, "gap {gap:e}, {kind:?} at {x}");

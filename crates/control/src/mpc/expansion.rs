@@ -3,7 +3,7 @@
 //! Owns derivatives, reduced gradient, costates and the step; inputs and bounds belong to the caller. Only the `NR`
 //! controllable rows of the state are part of it: inputs do not change the other rows.
 
-use horizon_model::{Bounds, DriveHessian};
+use horizon_model::{Bounds, InputHessian};
 use nalgebra::SVector;
 
 use crate::horizon::Horizon;
@@ -27,7 +27,7 @@ pub(super) struct Expansion<const NR: usize, const NU: usize> {
     pub(super) costate: Vec<SVector<f64, NR>>,
     /// By step, second derivatives of the dynamics weighted with the costate; none for models without them.
     /// 1 / (unit of the row, unit of the column)
-    pub(super) second_derivatives: Vec<DriveHessian<NR, NU>>,
+    pub(super) second_derivatives: Vec<InputHessian<NR, NU>>,
     /// Soft constraints, linearized at the states of the plan, by stage. Units: [`Penalty`]
     pub(super) penalties: Vec<Penalty<NR>>,
     /// By step, how much the inputs change. Unit of each row
@@ -139,7 +139,7 @@ mod tests {
             let [by_state, by_input] =
                 [60, 70].map(|at| matrix(k + at) + matrix(k + at).transpose());
             let by_input_state = matrix(k + 80);
-            expansion.second_derivatives.push(DriveHessian { by_state, by_input_state, by_input });
+            expansion.second_derivatives.push(InputHessian { by_state, by_input_state, by_input });
         }
         for (stage, excess) in [(0, 0.3), (1, -0.2), (1, 0.1), (3, -5.0)] {
             let gradient = vector(90 + stage);
@@ -157,7 +157,7 @@ mod tests {
             cost += at.gradient.u[k].dot(du) + 0.5 * diagonal.u[k].component_mul(du).dot(du);
             cost += before.dot(&coupling[k].component_mul(du));
             if has_second_derivatives {
-                let DriveHessian { by_state, by_input_state, by_input } = &at.second_derivatives[k];
+                let InputHessian { by_state, by_input_state, by_input } = &at.second_derivatives[k];
                 cost += 0.5 * (ds.dot(&(by_state * ds)) + du.dot(&(by_input * du)));
                 cost += du.dot(&(by_input_state * ds));
             }

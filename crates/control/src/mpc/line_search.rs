@@ -4,8 +4,8 @@
 
 use horizon_model::Model;
 
-use super::cost::Against;
-use super::report::Ask;
+use super::cost::CostContext;
+use super::report::MpcProblem;
 use super::{Mpc, Trial};
 
 /// Constant of the sufficient decrease (Armijo) condition, Nocedal and Wright, Numerical Optimization, 2006, equation
@@ -26,8 +26,8 @@ where
     /// `decrease` is the one that the quadratic model predicts for the whole step.
     pub(super) fn search_line(
         &mut self,
-        ask: &Ask<'_, NS, NU, NP>,
-        against: &Against<'_, NS, NU>,
+        problem: &MpcProblem<'_, NS, NU, NP>,
+        context: &CostContext<'_, NS, NU>,
         (cost, decrease): (f64, f64),
         trial: Trial,
     ) -> Option<f64> {
@@ -38,7 +38,7 @@ where
                 let u = self.plan.u[k] + self.expansion.du[k] * step_length;
                 self.trial.u[k] = self.bounds[k].clamp(&u);
             }
-            let lower = self.roll_out(ask, against, trial);
+            let lower = self.roll_out(problem, context, trial);
             if lower < cost && cost - lower >= SUFFICIENT_DECREASE * step_length * decrease {
                 self.take_trial();
                 return Some(lower);
@@ -84,24 +84,24 @@ mod tests {
             &mut self,
             act: impl FnOnce(
                 &mut Mpc<Kinematic, 4, 4, 4, 4, 4>,
-                &Ask<'_, 4, 4, 4>,
-                &Against<'_, 4, 4>,
+                &MpcProblem<'_, 4, 4, 4>,
+                &CostContext<'_, 4, 4>,
             ) -> T,
         ) -> T {
             let Self { mpc, p, s_ref } = self;
             let (s_0, u_before) = (&Pose::zeros(), &Sticks::zeros());
-            let ask = Ask::new(s_0, p, u_before, s_ref);
-            act(mpc, &ask, &Against { u_before, s_ref, constraints: None })
+            let problem = MpcProblem::new(s_0, p, u_before, s_ref);
+            act(mpc, &problem, &CostContext { u_before, s_ref, constraints: None })
         }
 
         /// Cost of the plan after `length` of the step with `throttle`.
         fn cost(&mut self, throttle: f64, length: f64) -> f64 {
-            self.with(|mpc, ask, against| {
+            self.with(|mpc, problem, context| {
                 for (k, u) in mpc.trial.u.iter_mut().enumerate() {
                     *u = mpc.plan.u[k] + length * step(throttle);
                 }
                 mpc.bounds.fill(wide());
-                mpc.roll_out(ask, against, Trial::Costed)
+                mpc.roll_out(problem, context, Trial::Costed)
             })
         }
 
@@ -114,10 +114,10 @@ mod tests {
         /// The new cost and the length of the step that was taken.
         fn search(&mut self, throttle: f64, decrease: f64) -> Option<(f64, f64)> {
             let cost = self.cost(throttle, 0.0);
-            self.with(|mpc, ask, against| {
+            self.with(|mpc, problem, context| {
                 mpc.expansion.du.fill(step(throttle));
                 let before = mpc.plan.u[0][stick::THROTTLE];
-                let lower = mpc.search_line(ask, against, (cost, decrease), Trial::Costed)?;
+                let lower = mpc.search_line(problem, context, (cost, decrease), Trial::Costed)?;
                 Some((lower, (mpc.plan.u[0][stick::THROTTLE] - before) / throttle))
             })
         }

@@ -18,7 +18,7 @@ use super::settings::MpcSettings;
 ///
 /// Rows have the units of the model's states, inputs and parameters.
 #[derive(Debug, Clone, Copy)]
-pub struct Ask<'a, const NS: usize, const NU: usize, const NP: usize> {
+pub struct MpcProblem<'a, const NS: usize, const NU: usize, const NP: usize> {
     /// State when `u_0` begins to act. Unit of each row
     pub s_0: &'a SVector<f64, NS>,
     /// Parameter of the model over the horizon. Unit of each row
@@ -34,7 +34,7 @@ pub struct Ask<'a, const NS: usize, const NU: usize, const NP: usize> {
     pub given_steps: [usize; NU],
 }
 
-impl<const NS: usize, const NU: usize, const NP: usize> Ask<'_, NS, NU, NP> {
+impl<const NS: usize, const NU: usize, const NP: usize> MpcProblem<'_, NS, NU, NP> {
     /// Whether it can be answered over the horizon of `settings`.
     ///
     /// # Errors
@@ -134,14 +134,14 @@ pub struct MpcReport {
     pub qp_iterations: u32,
     /// Subproblems that the stage-wise solver left to Clarabel.
     pub qp_fallbacks: u32,
-    /// Cost of the plan before the solve, on this ask. 1
+    /// Cost of the plan before the solve, on this problem. 1
     pub cost_start: f64,
     /// Cost of the plan after it. 1
     pub cost: f64,
 }
 
 impl MpcReport {
-    /// Whether the plan answers this ask: it was improved for it or found optimal.
+    /// Whether the plan answers this problem: it was improved for it or found optimal.
     ///
     /// Otherwise it is still the previous one.
     pub fn has_new_plan(&self) -> bool {
@@ -153,10 +153,10 @@ impl MpcReport {
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SolveError {
-    /// An entry of the ask is infinite or NaN.
+    /// An entry of the problem is infinite or NaN.
     #[error("{what}{}[{row}] = {value} is not finite", index(*at))]
     NotFinite {
-        /// Field of [`Ask`], or `u` of a plan.
+        /// Field of [`MpcProblem`], or `u` of a plan.
         what: &'static str,
         /// Index of the vector in a field that has several.
         at: Option<usize>,
@@ -168,7 +168,7 @@ pub enum SolveError {
     /// The number of references is not the length of the horizon.
     #[error("{given} references for a horizon of {stages} stages")]
     Horizon {
-        /// Number of references in the ask.
+        /// Number of references in the problem.
         given: usize,
         /// Number of stages.
         stages: usize,
@@ -191,7 +191,7 @@ pub enum SolveError {
         row: usize,
         /// Number of given steps of that row.
         given_steps: usize,
-        /// Number of given inputs in the ask.
+        /// Number of given inputs in the problem.
         given: usize,
         /// Length of the horizon.
         horizon_steps: usize,
@@ -234,7 +234,7 @@ pub enum SolveError {
         /// The first such stage.
         stage: usize,
     },
-    /// The present plan leads out of the range of numbers: the ask is absurdly large, or the model is not finite.
+    /// The present plan leads out of the range of numbers: the problem is absurdly large, or the model is not finite.
     #[error(
         "the present plan costs {cost}: state, reference or weights are too large, or the model is not finite"
     )]

@@ -1,7 +1,7 @@
 //! Soft constraints along a plan: their penalties, and their linearization.
 
 use super::Mpc;
-use super::cost::Against;
+use super::cost::CostContext;
 use super::report::SolveError;
 use crate::constraint::{Excess, SoftConstraints};
 use crate::horizon::Horizon;
@@ -26,9 +26,9 @@ where
     }
 
     /// The penalties of the plan under trial. 1
-    pub(super) fn penalty(&self, against: &Against<'_, NS, NU>) -> f64 {
+    pub(super) fn penalty(&self, context: &CostContext<'_, NS, NU>) -> f64 {
         let mut cost = 0.0;
-        self.visit_excesses(&self.trial, against, |_, squared_weight, excess| {
+        self.visit_excesses(&self.trial, context, |_, squared_weight, excess| {
             cost += one_sided(squared_weight, excess.value);
         });
         cost
@@ -40,18 +40,18 @@ where
     /// [`SolveError::Constraint`].
     pub(super) fn fill_penalties(
         &mut self,
-        against: &Against<'_, NS, NU>,
+        context: &CostContext<'_, NS, NU>,
     ) -> Result<(), SolveError> {
         let mut penalties = std::mem::take(&mut self.expansion.penalties);
         penalties.clear();
         let mut is_valid = true;
-        self.visit_excesses(&self.plan, against, |(stage, _), squared_weight, excess| {
+        self.visit_excesses(&self.plan, context, |(stage, _), squared_weight, excess| {
             is_valid &= invalid_field(squared_weight, excess).is_none();
             let gradient = resized(&excess.gradient);
             penalties.push(Penalty { stage, squared_weight, excess: excess.value, gradient });
         });
         self.expansion.penalties = penalties;
-        if is_valid { Ok(()) } else { self.check_excesses(&self.plan, against) }
+        if is_valid { Ok(()) } else { self.check_excesses(&self.plan, context) }
     }
 
     /// Whether every constraint along `plan` that is near is finite, with a weight that is not negative.
@@ -61,10 +61,10 @@ where
     pub(super) fn check_excesses(
         &self,
         plan: &Horizon<NS, NU>,
-        against: &Against<'_, NS, NU>,
+        context: &CostContext<'_, NS, NU>,
     ) -> Result<(), SolveError> {
         let mut checked = Ok(());
-        self.visit_excesses(plan, against, |(stage, constraint), squared_weight, excess| {
+        self.visit_excesses(plan, context, |(stage, constraint), squared_weight, excess| {
             if let (Ok(()), Some((what, value))) = (&checked, invalid_field(squared_weight, excess))
             {
                 checked = Err(SolveError::Constraint { constraint, stage, what, value });
@@ -78,10 +78,10 @@ where
     fn visit_excesses(
         &self,
         plan: &Horizon<NS, NU>,
-        against: &Against<'_, NS, NU>,
+        context: &CostContext<'_, NS, NU>,
         mut visit: impl FnMut((usize, usize), f64, &Excess<NS>),
     ) {
-        let Some(constraints) = against.constraints else { return };
+        let Some(constraints) = context.constraints else { return };
         let mut ahead_s = 0.0;
         let stages = self.settings.stage_steps().iter().zip(&self.stage_s);
         for (k, (s, (steps, stage_s))) in plan.s.iter().zip(stages).enumerate() {
@@ -171,15 +171,15 @@ mod tests {
         mpc
     }
 
-    fn against<'a>(floor: &'a Floor, s_ref: &'a [Pose]) -> Against<'a, 4, 4> {
+    fn context<'a>(floor: &'a Floor, s_ref: &'a [Pose]) -> CostContext<'a, 4, 4> {
         const NEUTRAL: &Sticks = &SVector::<f64, 4>::new(0.0, 0.0, 0.0, 0.0);
-        Against { u_before: NEUTRAL, s_ref, constraints: Some(floor) }
+        CostContext { u_before: NEUTRAL, s_ref, constraints: Some(floor) }
     }
 
     #[test]
     fn a_stage_is_penalized_once_for_each_of_its_steps() {
         let floor = Floor { floor_m: 1.0, asked_s: RefCell::default() };
-        let cost = mpc().penalty(&against(&floor, &[]));
+        let cost = mpc().penalty(&context(&floor, &[]));
         // 0.5 m below for a step, 0.1 m below for two.
         let expected = 0.5 * 25.0 * (0.25 + 2.0 * 0.01);
         assert!((cost - expected).abs() < 1e-12, "{cost}, not {expected}");
@@ -196,7 +196,7 @@ mod tests {
         let mut mpc = mpc();
         // Twice: what was there before is replaced.
         for _ in 0..2 {
-            mpc.fill_penalties(&against(&floor, &[])).unwrap();
+            mpc.fill_penalties(&context(&floor, &[])).unwrap();
         }
         let penalties = &mpc.expansion.penalties;
         assert_eq!(penalties.len(), 3);
@@ -213,6 +213,6 @@ mod tests {
     #[test]
     fn a_plan_that_is_not_finite_has_a_penalty_that_is_not() {
         let floor = Floor { floor_m: f64::NAN, asked_s: RefCell::default() };
-        assert!(mpc().penalty(&against(&floor, &[])).is_nan());
+        assert!(mpc().penalty(&context(&floor, &[])).is_nan());
     }
 }

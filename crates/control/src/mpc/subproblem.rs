@@ -2,12 +2,12 @@
 //!
 //! Owns the choice of the Hessian; who solves the subproblem is `qp.rs`, how far its step is taken `line_search.rs`.
 
-use horizon_model::{DriveHessian, HessianKind, Model};
+use horizon_model::{HessianKind, HessianRequest, InputHessian, Model};
 
 use super::Mpc;
 use super::expansion::{Expansion, Gain};
 use super::prepared::Prepared;
-use super::report::Ask;
+use super::report::MpcProblem;
 use crate::qp::product::resized;
 use crate::qp::{Problem, Solved, Stage, Unsolved};
 
@@ -25,21 +25,27 @@ where
     /// `w_{k+1}' f(s_k, u_k, p)`. `None` adds nothing.
     pub(super) fn fill_second_derivatives(
         &mut self,
-        ask: &Ask<'_, NS, NU, NP>,
+        problem: &MpcProblem<'_, NS, NU, NP>,
         kind: Option<HessianKind>,
     ) {
         self.expansion.second_derivatives.clear();
         let Some(kind) = kind else { return };
-        let mut s = ask.s_0;
+        let mut s = problem.s_0;
         let mut prepared = Prepared::new(self.model);
         for (k, Stage { by_input, .. }) in self.expansion.stages.iter().enumerate() {
-            let at = (s, &self.plan.u[k]);
-            let along = (&resized(&self.expansion.costate[k]), kind);
-            let (stage_s, by_input) = (self.stage_s[k], resized(by_input));
-            let model = prepared.over(ask.p, stage_s);
-            let second = model.drive_curvature(at, ask.p, stage_s, &by_input, along);
+            let dt_s = self.stage_s[k];
+            let request = HessianRequest {
+                s,
+                u: &self.plan.u[k],
+                p: problem.p,
+                dt_s,
+                by_input: &resized(by_input),
+                w: &resized(&self.expansion.costate[k]),
+                kind,
+            };
+            let second = prepared.over(problem.p, dt_s).hessian_by_input(&request);
             let Some(second) = second else { break };
-            self.expansion.second_derivatives.push(DriveHessian {
+            self.expansion.second_derivatives.push(InputHessian {
                 by_state: resized(&second.by_state),
                 by_input_state: resized(&second.by_input_state),
                 by_input: second.by_input,
@@ -54,19 +60,19 @@ where
     /// Gauss-Newton.
     pub(super) fn find_step(
         &mut self,
-        ask: &Ask<'_, NS, NU, NP>,
+        problem: &MpcProblem<'_, NS, NU, NP>,
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<(Solved, f64), Unsolved> {
         let mut spent = 0;
         let mut kinds = [HessianKind::Exact, HessianKind::Convexified].into_iter();
         loop {
             let kind = kinds.next();
-            self.fill_second_derivatives(ask, kind);
+            self.fill_second_derivatives(problem, kind);
             let (u, bounds) = (&self.plan.u, &self.bounds);
             let Expansion { stages, gradient, second_derivatives, penalties, du, .. } =
                 &mut self.expansion;
-            let problem = Problem { stages, gradient, u, bounds, second_derivatives, penalties };
-            let solved = match self.qp.solve(&problem, du, is_late) {
+            let subproblem = Problem { stages, gradient, u, bounds, second_derivatives, penalties };
+            let solved = match self.qp.solve(&subproblem, du, is_late) {
                 Ok(solved) => solved.after(spent),
                 Err(unsolved) if unsolved.is_indefinite() => {
                     spent += unsolved.iterations;

@@ -23,7 +23,7 @@ use super::*;
 
 const DT_S: f64 = 0.02;
 
-/// A controller of the vehicle and everything else that an [`Ask`] needs.
+/// A controller of the vehicle and everything else that an [`MpcProblem`] needs.
 struct Case {
     mpc: Mpc<Kinematic, 4, 4, 4, 4, 4>,
     s_0: Pose,
@@ -73,7 +73,7 @@ impl Case {
     fn solve_while(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<MpcReport, SolveError> {
         let Self { mpc, s_0, p, u_before, s_ref, u_given, given_steps } = self;
         let given_steps = *given_steps;
-        mpc.solve(&Ask { s_0, p, u_before, s_ref, u_given, given_steps }, is_late)
+        mpc.solve(&MpcProblem { s_0, p, u_before, s_ref, u_given, given_steps }, is_late)
     }
 
     fn solve(&mut self) -> MpcReport {
@@ -121,7 +121,7 @@ fn a_linear_system_without_active_bounds_gets_the_closed_form_regulator() {
             .unwrap();
     let s_0 = SVector::from([1.5, -0.7]);
     let s_ref = [SVector::zeros(); STEPS];
-    let ask = Ask {
+    let problem = MpcProblem {
         s_0: &s_0,
         p: &SVector::zeros(),
         u_before: &Vector1::zeros(),
@@ -129,7 +129,7 @@ fn a_linear_system_without_active_bounds_gets_the_closed_form_regulator() {
         u_given: &[],
         given_steps: [0; 1],
     };
-    let report = mpc.solve(&ask, &mut || false).unwrap();
+    let report = mpc.solve(&problem, &mut || false).unwrap();
     assert_eq!(report.stop, Stop::CostTolerance);
 
     let square = |w: [f64; 2]| SMatrix::from_diagonal(&SVector::from(w).map(|w: f64| w * w));
@@ -221,7 +221,7 @@ fn solve_steep(gradient_scale: f64, iterations_max: u32) -> (MpcReport, f64) {
     let settings = table.check::<Steep, 1, 1, 1, 0>().unwrap();
     let mut mpc = Mpc::<_, 1, 1, 1, 0, 1>::new(Steep { gradient_scale }, settings, 1.0).unwrap();
     let (s_0, u_before, s_ref) = (Vector1::zeros(), Vector1::zeros(), [Vector1::new(1.0)]);
-    let ask = Ask {
+    let problem = MpcProblem {
         s_0: &s_0,
         p: &SVector::zeros(),
         u_before: &u_before,
@@ -229,7 +229,7 @@ fn solve_steep(gradient_scale: f64, iterations_max: u32) -> (MpcReport, f64) {
         u_given: &[],
         given_steps: [0; 1],
     };
-    let report = mpc.solve(&ask, &mut || false).unwrap();
+    let report = mpc.solve(&problem, &mut || false).unwrap();
     (report, mpc.plan()[0][0])
 }
 
@@ -336,7 +336,7 @@ fn a_subproblem_cut_short_leaves_the_plan_alone() {
     assert_eq!(*case.mpc.plan(), [Sticks::zeros(); 13]);
 }
 
-/// Puts a value that is not finite into an ask.
+/// Puts a value that is not finite into a problem.
 type Spoil = fn(&mut Case);
 
 #[test]

@@ -10,10 +10,10 @@
 //! problem that went to another solver they are those of its solution. Penalties begin with the excess at the present
 //! plan.
 //!
-//! Changing all wrong guesses at once is quick (Hintermueller, Ito and Kunisch, 2003, primal-dual active
-//! sets) but may cycle. When the number of wrong guesses has not fallen for a while,
-//! only the worst one is changed, as in block principal pivoting (Judice and Pires, 1994). Cold-started problems
-//! can still exceed the iteration limit.
+//! Correcting all wrong entries of the working set at once is quick (Hintermueller, Ito and Kunisch, 2003, primal-dual
+//! active sets) but may cycle. When their number has had no new minimum for [`STALLED_ITERATIONS_MAX`] iterations, only
+//! the worst one is corrected, as in block principal pivoting (Judice and Pires, 1994). Cold-started problems can still
+//! exceed the iteration limit.
 
 mod riccati;
 
@@ -26,15 +26,16 @@ use self::riccati::{Policy, Value, Working, eliminate};
 use super::penalty::of_stage;
 use super::{CostHessian, Limits, Problem, Reason, SolveQp, Unsolved};
 
-/// Tolerance for rounding: of a bound as a fraction of the box, of a penalty in the unit of its constraint.
-const SLACK: f64 = 1e-12;
+/// Violation that counts as rounding: of a bound as a fraction of the box, of a penalty in the unit of its constraint.
+const ROUNDING_TOLERANCE: f64 = 1e-12;
 
-/// Distance, as a fraction of the box, at which an input of another solver is at its bound: an interior point ends at
-/// about its tolerance from an active bound, 1e-8 by default. A wrong entry costs a recursion.
-const NEAR: f64 = 1e-6;
+/// Distance, as a fraction of the box, within which an input of another solver's solution counts as at its bound: an
+/// interior-point solution ends at about its tolerance from an active bound, 1e-8 by default. A wrong guess costs one
+/// more recursion.
+const NEAR_BOUND: f64 = 1e-6;
 
 /// Iterations in a row that correct all wrong entries of the working set although their number has no new minimum.
-const PATIENCE: u32 = 4;
+const STALLED_ITERATIONS_MAX: u32 = 4;
 
 /// State of an input in the working set. `Given`: the input is fixed by the caller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -95,13 +96,13 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
         self.working_set.fill([Bound::Inactive; NU]);
     }
 
-    /// Makes the working set that of the solution `du` of `problem`, which another solver found: an empty one
-    /// would leave it the next problem, too.
+    /// Sets the working set to the active bounds of `du`, the solution of `problem` by another solver. From an empty
+    /// working set this solver would probably fail on the next problem as well.
     pub(super) fn warm_start(&mut self, problem: &Problem<'_, NS, NU>, du: &[SVector<f64, NU>]) {
         for (k, working_set) in self.working_set.iter_mut().enumerate() {
             let Bounds { lo, hi } = &problem.bounds[k];
             *working_set = array::from_fn(|i| {
-                let (u, near) = (problem.u[k][i] + du[k][i], NEAR * (hi[i] - lo[i]));
+                let (u, near) = (problem.u[k][i] + du[k][i], NEAR_BOUND * (hi[i] - lo[i]));
                 match u {
                     _ if problem.bounds[k].is_given(i) => Bound::Given,
                     _ if u <= lo[i] + near => Bound::AtLower,
@@ -156,7 +157,8 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
         Ok(())
     }
 
-    /// Forward roll-out of the policies: inputs and minimizers of every stage, and what the penalties are on.
+    /// Forward roll-out of the policies: inputs and minimizers of every stage, and the linearized constraint of every
+    /// penalty.
     fn roll_out(&mut self, problem: &Problem<'_, NS, NU>) {
         self.excess.clear();
         let mut ds = SVector::zeros();
@@ -174,17 +176,17 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
     }
 
     /// The correction of the working set for input `i` of stage `k`; `None` if its bound is right.
-    fn mistake(&self, problem: &Problem<'_, NS, NU>, k: usize, i: usize) -> Option<Mistake> {
+    fn wrong_bound(&self, problem: &Problem<'_, NS, NU>, k: usize, i: usize) -> Option<WrongEntry> {
         let bound = self.working_set[k][i];
         let (lo, hi) = (problem.bounds[k].lo[i], problem.bounds[k].hi[i]);
-        let goal = problem.u[k][i] + self.minimizers[k][i];
-        let (below, above) = ((lo - goal) / (hi - lo), (goal - hi) / (hi - lo));
-        let better = match bound {
+        let minimizer = problem.u[k][i] + self.minimizers[k][i];
+        let (below, above) = ((lo - minimizer) / (hi - lo), (minimizer - hi) / (hi - lo));
+        let corrected = match bound {
             Bound::Given => return None,
-            _ if below > SLACK => Bound::AtLower,
-            _ if above > SLACK => Bound::AtUpper,
-            Bound::AtLower if below >= -SLACK => Bound::AtLower,
-            Bound::AtUpper if above >= -SLACK => Bound::AtUpper,
+            _ if below > ROUNDING_TOLERANCE => Bound::AtLower,
+            _ if above > ROUNDING_TOLERANCE => Bound::AtUpper,
+            Bound::AtLower if below >= -ROUNDING_TOLERANCE => Bound::AtLower,
+            Bound::AtUpper if above >= -ROUNDING_TOLERANCE => Bound::AtUpper,
             Bound::Inactive | Bound::AtLower | Bound::AtUpper => Bound::Inactive,
         };
         let gap = match bound {
@@ -192,14 +194,15 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
             Bound::AtUpper => -above,
             Bound::Inactive | Bound::Given => below.max(above),
         };
-        (better != bound).then_some(Mistake { k, entry: Entry::Input { i, better }, gap })
+        let entry = Entry::Input { i, corrected };
+        (corrected != bound).then_some(WrongEntry { k, entry, gap })
     }
 
-    /// Whether the roll-out contradicts that penalty `j` is in the working set, or that it is not.
-    fn penalty_mistake(&self, problem: &Problem<'_, NS, NU>, j: usize) -> Option<Mistake> {
+    /// The correction of the working set for penalty `j`; `None` if the roll-out agrees with the working set.
+    fn wrong_penalty(&self, problem: &Problem<'_, NS, NU>, j: usize) -> Option<WrongEntry> {
         let (penalty, excess) = (&problem.penalties[j], self.excess[j]);
-        let is_wrong = self.penalized[j] != (excess > 0.0) && excess.abs() > SLACK;
-        is_wrong.then_some(Mistake {
+        let is_wrong = self.penalized[j] != (excess > 0.0) && excess.abs() > ROUNDING_TOLERANCE;
+        is_wrong.then_some(WrongEntry {
             k: penalty.stage,
             entry: Entry::Penalty(j),
             gap: excess.abs(),
@@ -207,48 +210,48 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
     }
 
     /// Every wrong entry of the working set.
-    fn mistakes(&self, problem: &Problem<'_, NS, NU>) -> impl Iterator<Item = Mistake> {
+    fn wrong_entries(&self, problem: &Problem<'_, NS, NU>) -> impl Iterator<Item = WrongEntry> {
         let inputs = (0..self.working_set.len()).flat_map(|k| (0..NU).map(move |i| (k, i)));
-        let inputs = inputs.filter_map(|(k, i)| self.mistake(problem, k, i));
-        inputs.chain((0..self.excess.len()).filter_map(|j| self.penalty_mistake(problem, j)))
+        let inputs = inputs.filter_map(|(k, i)| self.wrong_bound(problem, k, i));
+        inputs.chain((0..self.excess.len()).filter_map(|j| self.wrong_penalty(problem, j)))
     }
 
     /// Corrects one entry of the working set.
-    fn amend(&mut self, mistake: &Mistake) {
-        match mistake.entry {
-            Entry::Input { i, better } => self.working_set[mistake.k][i] = better,
+    fn correct_entry(&mut self, wrong: &WrongEntry) {
+        match wrong.entry {
+            Entry::Input { i, corrected } => self.working_set[wrong.k][i] = corrected,
             Entry::Penalty(j) => self.penalized[j] = !self.penalized[j],
         }
     }
 
-    /// Corrects the working set: all wrong entries, or only the one with the largest gap if `patience` is at its end.
+    /// Corrects the working set: all wrong entries, or the one with the largest gap if `progress` has stalled.
     /// Returns the latest stage that was changed, `None` if every entry is right.
-    fn correct(&mut self, problem: &Problem<'_, NS, NU>, patience: &mut Patience) -> Option<usize> {
+    fn correct(&mut self, problem: &Problem<'_, NS, NU>, progress: &mut Progress) -> Option<usize> {
         let mut count = 0;
-        let mut worst: Option<Mistake> = None;
+        let mut worst: Option<WrongEntry> = None;
         let mut latest = 0;
-        for mistake in self.mistakes(problem) {
+        for wrong in self.wrong_entries(problem) {
             count += 1;
-            latest = latest.max(mistake.k);
-            if worst.as_ref().is_none_or(|worst| mistake.gap > worst.gap) {
-                worst = Some(mistake);
+            latest = latest.max(wrong.k);
+            if worst.as_ref().is_none_or(|worst| wrong.gap > worst.gap) {
+                worst = Some(wrong);
             }
         }
         let worst = worst?;
-        if !patience.lasts(count) {
-            self.amend(&worst);
+        if progress.has_stalled(count) {
+            self.correct_entry(&worst);
             return Some(worst.k);
         }
         for k in 0..=latest {
             for i in 0..NU {
-                if let Some(mistake) = self.mistake(problem, k, i) {
-                    self.amend(&mistake);
+                if let Some(wrong) = self.wrong_bound(problem, k, i) {
+                    self.correct_entry(&wrong);
                 }
             }
         }
         for j in 0..self.excess.len() {
-            if let Some(mistake) = self.penalty_mistake(problem, j) {
-                self.amend(&mistake);
+            if let Some(wrong) = self.wrong_penalty(problem, j) {
+                self.correct_entry(&wrong);
             }
         }
         Some(latest)
@@ -259,7 +262,7 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
         self.fix_given(problem);
         self.penalized.clear();
         self.penalized.extend(problem.penalties.iter().map(|penalty| penalty.excess > 0.0));
-        let mut patience = Patience { fewest: usize::MAX, left: PATIENCE };
+        let mut progress = Progress { fewest: usize::MAX, iterations_left: STALLED_ITERATIONS_MAX };
         let mut from = Some(self.working_set.len() - 1);
         let mut iterations = 0;
         while let Some(latest) = from {
@@ -270,7 +273,7 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
             self.backward_recursion(problem, latest)
                 .map_err(|reason| Unsolved { reason, iterations })?;
             self.roll_out(problem);
-            from = self.correct(problem, &mut patience);
+            from = self.correct(problem, &mut progress);
         }
         let is_finite = self.du.iter().all(|du| du.iter().all(|value| value.is_finite()));
         if is_finite {
@@ -298,43 +301,44 @@ impl<const NS: usize, const NU: usize> SolveQp<NS, NU> for ActiveSet<NS, NU> {
 
 /// A wrong entry of the working set.
 #[derive(Debug)]
-struct Mistake {
-    /// Latest stage that depends on it.
+struct WrongEntry {
+    /// The last stage whose elimination depends on the entry.
     k: usize,
     entry: Entry,
-    /// Distance of the minimizer from its bound as a fraction of the box, 1; of a penalty, its linearized constraint,
-    /// in the unit of the constraint.
+    /// Of an input, the distance of its minimizer from its bound as a fraction of the box. 1
+    /// Of a penalty, the absolute value of its linearized constraint. Unit of the constraint
     gap: f64,
 }
 
 /// An entry of the working set.
 #[derive(Debug)]
 enum Entry {
-    /// Input `i` of the stage, and what it should be.
-    Input { i: usize, better: Bound },
-    /// A penalty, which should be what it is not.
+    /// Input `i` of the stage, and its state in the corrected working set.
+    Input { i: usize, corrected: Bound },
+    /// Index of a penalty, which the correction adds to the working set or removes from it.
     Penalty(usize),
 }
 
-/// Whether an iteration corrects all wrong entries of the working set at once, or one.
+/// Progress of the iterations by the number of wrong entries of the working set.
 #[derive(Debug)]
-struct Patience {
+struct Progress {
     /// Smallest number of wrong entries so far.
     fewest: usize,
-    /// Iterations left that correct all entries without a new smallest number.
-    left: u32,
+    /// Iterations left without a new smallest number before the progress has stalled.
+    iterations_left: u32,
 }
 
-impl Patience {
-    /// Whether all of the `wrong_count` entries are to be corrected in this iteration.
-    fn lasts(&mut self, wrong_count: usize) -> bool {
+impl Progress {
+    /// Counts an iteration with `wrong_count` wrong entries. Returns whether their number has had no new minimum for
+    /// more than [`STALLED_ITERATIONS_MAX`] iterations, so that only one entry may be corrected.
+    fn has_stalled(&mut self, wrong_count: usize) -> bool {
         if wrong_count < self.fewest {
-            *self = Self { fewest: wrong_count, left: PATIENCE };
-            return true;
+            *self = Self { fewest: wrong_count, iterations_left: STALLED_ITERATIONS_MAX };
+            return false;
         }
-        let lasts = self.left > 0;
-        self.left = self.left.saturating_sub(1);
-        lasts
+        let has_stalled = self.iterations_left == 0;
+        self.iterations_left = self.iterations_left.saturating_sub(1);
+        has_stalled
     }
 }
 

@@ -56,7 +56,7 @@ fn check_prepared<M, const NS: usize, const NU: usize, const NO: usize, const NP
     check.observe(name, entry, (states, states));
     let entry = worst_of(&(given.by_parameter / *dt_s), &(own.by_parameter / *dt_s));
     check.observe(name, entry, (states, parameters));
-    let [given, own] = [&prepared, model].map(|model| model.linearize_drive(s, u, p, *dt_s));
+    let [given, own] = [&prepared, model].map(|model| model.linearize_by_input(s, u, p, *dt_s));
     check.observe(name, worst_of(&(given.s_next / *dt_s), &(own.s_next / *dt_s)), (states, &[]));
     let entry = worst_of(&(given.by_state / *dt_s), &(own.by_state / *dt_s));
     check.observe(name, entry, (states, states));

@@ -3,13 +3,13 @@
 use nalgebra::SMatrix;
 
 use super::Entry;
-use crate::group::Group;
-use crate::model::{Driven, Linearized};
+use crate::model::{Linearized, LinearizedByInput};
+use crate::subsystem::Subsystem;
 
 /// The largest derivative by which inputs and the first `controllable` rows of the state move the rows behind these.
 /// The column counts states, then inputs.
 pub(super) fn uncontrollable_gap<const NS: usize, const NU: usize>(
-    driven: &Driven<NS, NU>,
+    driven: &LinearizedByInput<NS, NU>,
     controllable: usize,
     dt_s: f64,
 ) -> Entry {
@@ -26,34 +26,35 @@ pub(super) fn uncontrollable_gap<const NS: usize, const NU: usize>(
     worst
 }
 
-/// The largest derivative by which states, inputs and parameters outside of a group move it; infinite if the groups do
+/// The largest derivative by which states, inputs and parameters outside of a subsystem move it; infinite if the subsystems do
 /// not hold every row once.
 pub(super) fn joint<const NS: usize, const NU: usize, const NP: usize>(
-    driven: &Driven<NS, NU>,
+    driven: &LinearizedByInput<NS, NU>,
     linearized: &Linearized<NS, NP>,
-    groups: &[Group],
+    subsystems: &[Subsystem],
     dt_s: f64,
 ) -> Entry {
-    if groups.is_empty() {
+    if subsystems.is_empty() {
         return Entry::NONE;
     }
-    let holds_all = |rows: fn(&Group) -> &'static [usize], count: usize| {
-        let mut all: Vec<usize> = groups.iter().flat_map(rows).copied().collect();
+    let holds_all = |rows: fn(&Subsystem) -> &'static [usize], count: usize| {
+        let mut all: Vec<usize> = subsystems.iter().flat_map(rows).copied().collect();
         all.sort_unstable();
         all.into_iter().eq(0..count)
     };
-    if !holds_all(|group| group.states, NS)
-        || !holds_all(|group| group.inputs, NU)
-        || !holds_all(|group| group.parameters, NP)
+    if !holds_all(|subsystem| subsystem.states, NS)
+        || !holds_all(|subsystem| subsystem.inputs, NU)
+        || !holds_all(|subsystem| subsystem.parameters, NP)
     {
         return size((0, 0), f64::INFINITY);
     }
     let mut worst = Entry::NONE;
-    for group in groups {
-        for row in group.states {
-            let by_state = outside(driven.by_state.row(*row).iter(), group.states);
-            let by_input = outside(driven.by_input.row(*row).iter(), group.inputs);
-            let by_parameter = outside(linearized.by_parameter.row(*row).iter(), group.parameters);
+    for subsystem in subsystems {
+        for row in subsystem.states {
+            let by_state = outside(driven.by_state.row(*row).iter(), subsystem.states);
+            let by_input = outside(driven.by_input.row(*row).iter(), subsystem.inputs);
+            let by_parameter =
+                outside(linearized.by_parameter.row(*row).iter(), subsystem.parameters);
             for (col, entry) in [by_state, by_input, by_parameter] {
                 worst = worst.or_worse(size((*row, col), entry / dt_s));
             }
@@ -62,15 +63,16 @@ pub(super) fn joint<const NS: usize, const NU: usize, const NP: usize>(
     worst
 }
 
-/// The largest derivative by which a row of an observation depends on more than one group.
+/// The largest derivative by which a row of an observation depends on more than one subsystem.
 pub(super) fn joint_observation<const NO: usize, const NS: usize>(
     by_state: &SMatrix<f64, NO, NS>,
-    groups: &[Group],
+    subsystems: &[Subsystem],
 ) -> Entry {
     let best = |row: usize| {
-        let by_group = groups.iter().map(|group| outside(by_state.row(row).iter(), group.states));
+        let by_subsystem =
+            subsystems.iter().map(|subsystem| outside(by_state.row(row).iter(), subsystem.states));
         let (col, entry) =
-            by_group.reduce(|a, b| if b.1 < a.1 { b } else { a }).unwrap_or((0, 0.0));
+            by_subsystem.reduce(|a, b| if b.1 < a.1 { b } else { a }).unwrap_or((0, 0.0));
         size((row, col), entry)
     };
     (0..NO).map(best).fold(Entry::NONE, Entry::or_worse)
@@ -97,7 +99,7 @@ mod tests {
 
     #[test]
     fn a_row_that_is_controllable_after_all_is_seen() {
-        let mut right = Driven {
+        let mut right = LinearizedByInput {
             s_next: SVector::zeros(),
             by_state: SMatrix::<f64, 3, 3>::identity(),
             by_input: SMatrix::<f64, 3, 2>::from_row_slice(&[0.5, 0.5, 0.0, 0.0, 0.0, 0.0]),
@@ -120,16 +122,16 @@ mod tests {
     }
 
     #[test]
-    fn groups_that_are_joined_or_lack_a_row_are_seen() {
-        const FIRST: Group = Group { states: &[0, 2], inputs: &[0], parameters: &[1] };
-        const SECOND: Group = Group { states: &[1], inputs: &[], parameters: &[0] };
-        let driven = Driven {
+    fn subsystems_that_are_joined_or_lack_a_row_are_seen() {
+        const FIRST: Subsystem = Subsystem { states: &[0, 2], inputs: &[0], parameters: &[1] };
+        const SECOND: Subsystem = Subsystem { states: &[1], inputs: &[], parameters: &[0] };
+        let driven = LinearizedByInput {
             s_next: SVector::zeros(),
             by_state: SMatrix::<f64, 3, 3>::identity(),
             by_input: SMatrix::<f64, 3, 1>::new(0.5, 0.0, 0.1),
         };
         let by_parameter = SMatrix::<f64, 3, 2>::new(0.0, 1.0, 1.0, 0.0, 0.0, 1.0);
-        let Driven { s_next, by_state, .. } = driven;
+        let LinearizedByInput { s_next, by_state, .. } = driven;
         let linearized = Linearized { s_next, by_state, by_parameter };
         assert_eq!(
             joint(&driven, &linearized, &[FIRST, SECOND], 1.0).gap.to_bits(),

@@ -7,7 +7,7 @@ mod selection;
 use nalgebra::{SMatrix, SVector};
 
 use super::graph::{Binary, Graph, Id, Node, Unary, Variable, taken};
-use crate::model::{Driven, Linearized};
+use crate::model::{Linearized, LinearizedByInput};
 use selection::Selection;
 
 /// Most registers of a tape.
@@ -133,7 +133,7 @@ impl<const NS: usize, const NP: usize> Results for Linearized<NS, NP> {
     }
 }
 
-impl<const NS: usize, const NU: usize> Results for Driven<NS, NU> {
+impl<const NS: usize, const NU: usize> Results for LinearizedByInput<NS, NU> {
     #[inline]
     fn gather<const M: usize>(outputs: &[Vec<u16>; M], of: impl Fn(u16) -> f64) -> Self {
         Self {

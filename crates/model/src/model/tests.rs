@@ -34,7 +34,7 @@ fn a_step_and_its_default_derivatives_come_together_for_estimator_and_controller
     assert_eq!(estimator.s_next, Plain.step(&s, &u, &p, DT_S));
     assert!((estimator.by_state - identity * 1.3).norm() < 1e-8, "{estimator:?}");
     assert!((estimator.by_parameter - s * DT_S).norm() < 1e-8, "{estimator:?}");
-    let controller = Plain.linearize_drive(&s, &u, &p, DT_S);
+    let controller = Plain.linearize_by_input(&s, &u, &p, DT_S);
     assert_eq!((controller.s_next, controller.by_state), (estimator.s_next, estimator.by_state));
     assert!((controller.by_input - identity * DT_S).norm() < 1e-8, "{controller:?}");
     let by_state = Plain.observe_by_state(&s);
@@ -45,7 +45,7 @@ fn a_step_and_its_default_derivatives_come_together_for_estimator_and_controller
 fn a_model_that_names_nothing_has_rows_all_controllable_and_no_groups() {
     struct Count(usize);
 
-    impl VisitGroups for Count {
+    impl VisitSubsystems for Count {
         fn visit<const S: usize, const P: usize>(
             &mut self,
             _states: &'static [usize; S],
@@ -58,7 +58,7 @@ fn a_model_that_names_nothing_has_rows_all_controllable_and_no_groups() {
     assert_eq!((Plain::NAME, Plain::CONTROLLABLE), ("unnamed", 2));
     assert_eq!(Plain::STATE, [Row::UNNAMED; 2]);
     let mut count = Count(0);
-    Plain::groups(&mut count);
+    Plain::subsystems(&mut count);
     assert_eq!(count.0, 0);
 }
 
@@ -76,10 +76,11 @@ fn a_model_without_velocities_does_not_coast_and_has_no_curvature() {
     let (s, u, p) = point();
     assert_eq!(Plain.coasting(&s, &p), SVector::<f64, 1>::zeros());
     assert_eq!(Plain.coasting_by_state(&s, &p), SMatrix::<f64, 1, 2>::zeros());
-    assert_eq!(Plain.step_curvature(&s, &u, &p, DT_S, &s), None);
-    let by_input = Plain.step_by_input(&s, &u, &p, DT_S);
+    assert_eq!(Plain.hessian_by_parameter(&s, &u, &p, DT_S, &s), None);
+    let by_input = &Plain.step_by_input(&s, &u, &p, DT_S);
     let kind = HessianKind::Exact;
-    assert_eq!(Plain.drive_curvature((&s, &u), &p, DT_S, &by_input, (&s, kind)), None);
+    let request = HessianRequest { s: &s, u: &u, p: &p, dt_s: DT_S, by_input, w: &s, kind };
+    assert_eq!(Plain.hessian_by_input(&request), None);
 }
 
 #[test]

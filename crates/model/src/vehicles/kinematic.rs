@@ -6,7 +6,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::model::{DriveHessian, HessianKind, Model, StepHessian};
+use crate::model::{HessianKind, HessianRequest, InputHessian, Model, ParameterHessian};
 use crate::row::Row;
 use crate::vehicles::rows::{Pose, Sticks, gain, pose, stick};
 
@@ -101,14 +101,14 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
     }
 
     #[inline]
-    fn step_curvature(
+    fn hessian_by_parameter(
         &self,
         s: &Pose,
         u: &Sticks,
         p: &Parameter,
         dt_s: f64,
         w: &Pose,
-    ) -> Option<StepHessian<{ pose::COUNT }, { gain::COUNT }>> {
+    ) -> Option<ParameterHessian<{ pose::COUNT }, { gain::COUNT }>> {
         let [q1, q2] = heading_rows(s, u, p[gain::THETA_0]);
         // The heading enters as psi = theta + theta_0 only: each is the same to both.
         let by_psi_psi = -dt_s * p[gain::LAMBDA_H] * (w[pose::X] * q1 + w[pose::Y] * q2);
@@ -122,18 +122,15 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
         by_parameter[(gain::THETA_0, gain::THETA_0)] = by_psi_psi;
         by_parameter[(gain::THETA_0, gain::LAMBDA_H)] = by_psi_lambda;
         by_parameter[(gain::LAMBDA_H, gain::THETA_0)] = by_psi_lambda;
-        Some(StepHessian { by_state, by_state_parameter, by_parameter })
+        Some(ParameterHessian { by_state, by_state_parameter, by_parameter })
     }
 
     #[inline]
-    fn drive_curvature(
+    fn hessian_by_input(
         &self,
-        (_, u): (&Pose, &Sticks),
-        _p: &Parameter,
-        _dt_s: f64,
-        by_input: &ByInput,
-        (w, kind): (&Pose, HessianKind),
-    ) -> Option<DriveHessian<{ pose::COUNT }, { stick::COUNT }>> {
+        request: &HessianRequest<'_, { pose::COUNT }, { stick::COUNT }, { gain::COUNT }>,
+    ) -> Option<InputHessian<{ pose::COUNT }, { stick::COUNT }>> {
+        let HessianRequest { u, by_input, w, kind, .. } = *request;
         if kind == HessianKind::Convexified {
             // By the heading the Hessian has eigenvalues of both signs.
             return None;
@@ -148,7 +145,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
         let mut by_input_state = SMatrix::zeros();
         by_input_state[(stick::ROLL, pose::THETA)] = by_pitch;
         by_input_state[(stick::PITCH, pose::THETA)] = -by_roll;
-        Some(DriveHessian { by_state, by_input_state, by_input: SMatrix::zeros() })
+        Some(InputHessian { by_state, by_input_state, by_input: SMatrix::zeros() })
     }
 
     #[inline]

@@ -7,7 +7,7 @@
 
 use nalgebra::SMatrix;
 
-use crate::model::{Model, StepHessian};
+use crate::model::{Model, ParameterHessian};
 use crate::row::Row;
 use crate::vehicles::kinematic::{ByInput, ByParameter, ByState, Kinematic, Parameter};
 use crate::vehicles::rows::{Pose, Sticks, gain, pose, stick};
@@ -78,17 +78,17 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }>
     }
 
     #[inline]
-    fn step_curvature(
+    fn hessian_by_parameter(
         &self,
         s: &Pose,
         u: &Sticks,
         p: &Parameter,
         dt_s: f64,
         w: &Pose,
-    ) -> Option<StepHessian<{ pose::COUNT }, { gain::COUNT }>> {
+    ) -> Option<ParameterHessian<{ pose::COUNT }, { gain::COUNT }>> {
         let [(s, u_rest), (s_turned, u_roll)] = parts(s, u);
-        let turned = Kinematic.step_curvature(&s_turned, &u_roll, p, dt_s, w)?;
-        let mut curvature = Kinematic.step_curvature(&s, &u_rest, p, dt_s, w)?;
+        let turned = Kinematic.hessian_by_parameter(&s_turned, &u_roll, p, dt_s, w)?;
+        let mut curvature = Kinematic.hessian_by_parameter(&s, &u_rest, p, dt_s, w)?;
         curvature.by_state[(pose::Z, pose::Z)] = turned.by_state[(pose::THETA, pose::THETA)];
         curvature.by_state_parameter.set_row(pose::Z, &turned.by_state_parameter.row(pose::THETA));
         curvature.by_parameter += turned.by_parameter;

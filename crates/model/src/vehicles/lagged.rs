@@ -9,10 +9,10 @@ mod terms;
 
 use nalgebra::SMatrix;
 
-use crate::group::VisitGroups;
-use crate::model::{DriveHessian, Driven, HessianKind, Linearized, Model};
+use crate::model::{HessianRequest, InputHessian, Linearized, LinearizedByInput, Model};
 use crate::row::Row;
 use crate::setting::{SettingError, positive};
+use crate::subsystem::VisitSubsystems;
 use crate::vehicles::kinematic::Kinematic;
 use crate::vehicles::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
 use smooth::{Excess, excess, excess_second};
@@ -145,7 +145,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     /// All but the disturbance.
     const CONTROLLABLE: usize = motion::CONTROLLABLE;
 
-    fn groups(visit: &mut impl VisitGroups) {
+    fn subsystems(visit: &mut impl VisitSubsystems) {
         visit.visit(&HORIZONTAL_STATES, &HORIZONTAL_INPUTS, &HORIZONTAL_PARAMETERS);
         visit.visit(&VERTICAL_STATES, &VERTICAL_INPUTS, &VERTICAL_PARAMETERS);
     }
@@ -202,15 +202,15 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     }
 
     #[inline]
-    fn linearize_drive(
+    fn linearize_by_input(
         &self,
         s: &Motion,
         u: &Sticks,
         p: &Parameter,
         dt_s: f64,
-    ) -> Driven<{ motion::COUNT }, { stick::COUNT }> {
+    ) -> LinearizedByInput<{ motion::COUNT }, { stick::COUNT }> {
         let terms = Terms::new(self, s, u, p, dt_s);
-        Driven {
+        LinearizedByInput {
             s_next: terms.next(s),
             by_state: terms.next_by_state(),
             by_input: terms.next_by_input(p),
@@ -218,15 +218,12 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     }
 
     #[inline]
-    fn drive_curvature(
+    fn hessian_by_input(
         &self,
-        (s, u): (&Motion, &Sticks),
-        p: &Parameter,
-        dt_s: f64,
-        _by_input: &ByInput,
-        (w, kind): (&Motion, HessianKind),
-    ) -> Option<DriveHessian<{ motion::COUNT }, { stick::COUNT }>> {
-        Some(Terms::new(self, s, u, p, dt_s).drive_curvature(self, (u, p), w, kind))
+        request: &HessianRequest<'_, { motion::COUNT }, { stick::COUNT }, { lag::COUNT }>,
+    ) -> Option<InputHessian<{ motion::COUNT }, { stick::COUNT }>> {
+        let HessianRequest { s, u, p, dt_s, .. } = *request;
+        Some(Terms::new(self, s, u, p, dt_s).hessian_by_input(self, request))
     }
 
     #[inline]

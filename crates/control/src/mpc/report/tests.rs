@@ -8,7 +8,7 @@ fn settings() -> MpcSettings<4, 4> {
     MpcSettings::builder(4).stages(&[(1, 1), (1, 2), (1, 1)]).build(&Kinematic).unwrap()
 }
 
-/// The entries of an ask.
+/// The entries of a problem.
 struct Entries {
     s_0: Pose,
     p: Pose,
@@ -18,7 +18,7 @@ struct Entries {
     given_steps: [usize; 4],
 }
 
-/// The answer to an ask without fault, once `spoil` has changed it.
+/// The answer to a problem without fault, once `spoil` has changed it.
 fn check(spoil: impl FnOnce(&mut Entries)) -> Result<(), SolveError> {
     let mut entries = Entries {
         s_0: Pose::zeros(),
@@ -30,30 +30,33 @@ fn check(spoil: impl FnOnce(&mut Entries)) -> Result<(), SolveError> {
     };
     spoil(&mut entries);
     let Entries { s_0, p, u_before, s_ref, u_given, given_steps } = &entries;
-    let ask = Ask { s_0, p, u_before, s_ref, u_given, given_steps: *given_steps };
-    ask.check(&settings())
+    let problem = MpcProblem { s_0, p, u_before, s_ref, u_given, given_steps: *given_steps };
+    problem.check(&settings())
 }
 
 #[test]
 fn an_ask_needs_a_reference_for_each_stage_and_given_inputs_that_end_with_one() {
     assert_eq!(check(|_| ()), Ok(()));
     assert_eq!(
-        check(|ask| ask.s_ref.truncate(2)),
+        check(|problem| problem.s_ref.truncate(2)),
         Err(SolveError::Horizon { given: 2, stages: 3 })
     );
-    assert_eq!(check(|ask| ask.s_ref.clear()), Err(SolveError::Horizon { given: 0, stages: 3 }));
     assert_eq!(
-        check(|ask| ask.given_steps[2] = 2),
+        check(|problem| problem.s_ref.clear()),
+        Err(SolveError::Horizon { given: 0, stages: 3 })
+    );
+    assert_eq!(
+        check(|problem| problem.given_steps[2] = 2),
         Err(SolveError::Inside { row: 2, given_steps: 2 })
     );
     let refused = |row, given_steps, given| {
         Err(SolveError::Given { row, given_steps, given, horizon_steps: 4 })
     };
-    assert_eq!(check(|ask| ask.given_steps[3] = 4), refused(3, 4, 3));
+    assert_eq!(check(|problem| problem.given_steps[3] = 4), refused(3, 4, 3));
     let many = |given_steps| {
-        move |ask: &mut Entries| {
-            ask.u_given.resize(9, Sticks::zeros());
-            ask.given_steps[0] = given_steps;
+        move |problem: &mut Entries| {
+            problem.u_given.resize(9, Sticks::zeros());
+            problem.given_steps[0] = given_steps;
         }
     };
     assert_eq!(check(many(4)), Ok(()));
@@ -66,11 +69,11 @@ fn every_number_has_to_be_finite_and_the_first_that_is_not_is_named() {
     bad[2] = f64::INFINITY;
     let value = f64::INFINITY;
     let refused = |what, at| Err(SolveError::NotFinite { what, at, row: 2, value });
-    assert_eq!(check(|ask| ask.s_0 = bad), refused("s_0", None));
-    assert_eq!(check(|ask| ask.p = bad), refused("p", None));
-    assert_eq!(check(|ask| ask.u_before = bad), refused("u_before", None));
-    assert_eq!(check(|ask| ask.s_ref[1] = bad), refused("s_ref", Some(1)));
-    assert_eq!(check(|ask| ask.u_given[2] = bad), refused("u_given", Some(2)));
+    assert_eq!(check(|problem| problem.s_0 = bad), refused("s_0", None));
+    assert_eq!(check(|problem| problem.p = bad), refused("p", None));
+    assert_eq!(check(|problem| problem.u_before = bad), refused("u_before", None));
+    assert_eq!(check(|problem| problem.s_ref[1] = bad), refused("s_ref", Some(1)));
+    assert_eq!(check(|problem| problem.u_given[2] = bad), refused("u_given", Some(2)));
     assert_eq!(refused("p", None).unwrap_err().to_string(), "p[2] = inf is not finite");
     let error = refused("s_ref", Some(1)).unwrap_err();
     assert_eq!(error.to_string(), "s_ref[1][2] = inf is not finite");

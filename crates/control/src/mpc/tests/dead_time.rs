@@ -26,7 +26,8 @@ fn range_at_rest(dead_time_s: f64) -> [f64; 2] {
         let in_transit = (0..first).map(|ahead| fifo.applied(ahead));
         let s_0 = predict(&Cart, &s, &p, in_transit, DT_S);
         let u_before = fifo.applied(first - 1);
-        let report = mpc.solve(&Ask::new(&s_0, &p, &u_before, &s_ref), &mut || false).unwrap();
+        let report =
+            mpc.solve(&MpcProblem::new(&s_0, &p, &u_before, &s_ref), &mut || false).unwrap();
         assert!(report.has_new_plan(), "step {k}: {report:?}");
         let u = fifo.to_send(mpc.plan());
         fifo.push(&u);

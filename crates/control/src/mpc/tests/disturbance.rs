@@ -28,7 +28,7 @@ fn no_input_of_a_plan_against_the_wind_can_gain() {
     }
     s_ref[motion::X] = 0.2;
     let mut mpc = controller(QpKind::Riccati);
-    let ask = Ask {
+    let problem = MpcProblem {
         s_0: &s_0,
         p: &P.into(),
         u_before: &Sticks::zeros(),
@@ -36,7 +36,7 @@ fn no_input_of_a_plan_against_the_wind_can_gain() {
         u_given: &[],
         given_steps: [0; 4],
     };
-    let report = mpc.solve(&ask, &mut || false).unwrap();
+    let report = mpc.solve(&problem, &mut || false).unwrap();
     assert_eq!(report.stop, Stop::CostTolerance, "{report:?}");
     let plan = mpc.plan().to_vec();
     let least = cost(&plan, &s_0, &s_ref);

@@ -58,7 +58,7 @@ impl At {
     pub(super) fn gradient(&mut self, u: &Inputs) -> Inputs {
         self.cost(u, Trial::Linearized);
         self.mpc.take_trial();
-        self.with(|mpc, _, against| mpc.fill_gradients(against)).unwrap();
+        self.with(|mpc, _, context| mpc.fill_gradients(context)).unwrap();
         let gradients = &self.mpc.expansion.reduced_gradient;
         Inputs::from_iterator(gradients.iter().flat_map(|g| g.iter()).copied().take(u.len()))
     }
@@ -66,29 +66,29 @@ impl At {
     /// Does `act` with the controller and what is asked of it.
     fn with<T>(
         &mut self,
-        act: impl FnOnce(&mut Controller, &Ask<'_, 11, 4, 11>, &Against<'_, 11, 4>) -> T,
+        act: impl FnOnce(&mut Controller, &MpcProblem<'_, 11, 4, 11>, &CostContext<'_, 11, 4>) -> T,
     ) -> T {
         let Self { mpc, s_0, s_ref, .. } = self;
         let u_before = &Sticks::repeat(0.1);
         let p = &P.into();
-        let ask = Ask { s_0, p, u_before, s_ref, u_given: &[], given_steps: [0; 4] };
-        act(mpc, &ask, &Against { u_before, s_ref, constraints: None })
+        let problem = MpcProblem { s_0, p, u_before, s_ref, u_given: &[], given_steps: [0; 4] };
+        act(mpc, &problem, &CostContext { u_before, s_ref, constraints: None })
     }
 
     /// Cost of the inputs `u` along the nonlinear model.
     pub(super) fn cost(&mut self, u: &Inputs, trial: Trial) -> f64 {
-        self.with(|mpc, ask, against| {
+        self.with(|mpc, problem, context| {
             for (k, u) in u.as_slice().chunks(4).enumerate() {
                 mpc.trial.u[k].copy_from_slice(u);
             }
-            mpc.roll_out(ask, against, trial)
+            mpc.roll_out(problem, context, trial)
         })
     }
 
     /// Predicted decrease by the step `du`, with second derivatives of `kind`.
     pub(super) fn gain(&mut self, du: &Inputs, kind: Option<HessianKind>) -> Gain {
-        self.with(|mpc, ask, _| {
-            mpc.fill_second_derivatives(ask, kind);
+        self.with(|mpc, problem, _| {
+            mpc.fill_second_derivatives(problem, kind);
             for (k, du) in du.as_slice().chunks(4).enumerate() {
                 mpc.expansion.du[k].copy_from_slice(du);
             }
@@ -99,8 +99,8 @@ impl At {
     /// Step of the subproblem without bounds, with second derivatives of `kind`.
     pub(super) fn newton_step(&mut self, kind: HessianKind) -> Inputs {
         let bounds = [Bounds { lo: Sticks::repeat(-1e9), hi: Sticks::repeat(1e9) }; STAGES];
-        self.with(|mpc, ask, _| {
-            mpc.fill_second_derivatives(ask, Some(kind));
+        self.with(|mpc, problem, _| {
+            mpc.fill_second_derivatives(problem, Some(kind));
             let u = &mpc.plan.u;
             let Expansion { stages, gradient, second_derivatives, penalties, du, .. } =
                 &mut mpc.expansion;

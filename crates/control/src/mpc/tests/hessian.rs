@@ -2,7 +2,7 @@
 
 use horizon_model::check::{amax, maximum};
 use horizon_model::rows::{Motion, motion};
-use horizon_model::{HessianKind, differences};
+use horizon_model::{HessianKind, HessianRequest, differences};
 use nalgebra::SMatrix;
 
 use super::expansion::{At, Inputs, STAGES, plans};
@@ -90,11 +90,12 @@ fn the_convexified_hessian_adds_that_of_each_stage_along_the_trajectory() {
             let mut w = Motion::zeros();
             w.fixed_rows_mut::<{ motion::CONTROLLABLE }>(0).copy_from(&at.mpc.expansion.costate[k]);
             let s = k.checked_sub(1).map_or(at.s_0, |before| at.mpc.plan.s[before]);
-            let (u, stage_s) = (at.mpc.plan.u[k], at.mpc.stage_s[k]);
+            let (s, u, dt_s, w) = (&s, &at.mpc.plan.u[k], at.mpc.stage_s[k], &w);
             let model = at.mpc.model;
-            let by_input = model.step_by_input(&s, &u, p, stage_s);
-            let along = (&w, HessianKind::Convexified);
-            let second = model.drive_curvature((&s, &u), p, stage_s, &by_input, along).unwrap();
+            let by_input = &model.step_by_input(s, u, p, dt_s);
+            let kind = HessianKind::Convexified;
+            let request = HessianRequest { s, u, p, dt_s, by_input, w, kind };
+            let second = model.hessian_by_input(&request).unwrap();
             let mut by_s = SMatrix::<f64, { motion::COUNT }, COUNT>::zeros();
             if let Some(before) = k.checked_sub(1) {
                 let rows = numeric.fixed_rows::<{ motion::COUNT }>(motion::COUNT * before);

@@ -43,7 +43,7 @@ fn turn_back(qp: QpKind, angle: f64) -> (MpcReport, Vec<Sticks>) {
     let mut s_ref = Motion::zeros();
     (s_ref[motion::X], s_ref[motion::Y]) = (-(angle + 0.5).cos(), -(angle + 0.5).sin());
     let mut mpc = controller(qp);
-    let ask = Ask {
+    let problem = MpcProblem {
         s_0: &s_0,
         p: &P.into(),
         u_before: &Sticks::zeros(),
@@ -51,7 +51,7 @@ fn turn_back(qp: QpKind, angle: f64) -> (MpcReport, Vec<Sticks>) {
         u_given: &[],
         given_steps: [0; 4],
     };
-    let report = mpc.solve(&ask, &mut || false).unwrap();
+    let report = mpc.solve(&problem, &mut || false).unwrap();
     (report, mpc.plan().to_vec())
 }
 

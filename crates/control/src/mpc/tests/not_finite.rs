@@ -54,7 +54,8 @@ fn solve(spoilt: Spoilt, s_0: f64) -> (Result<MpcReport, SolveError>, [Vec<Vecto
     mpc.plan.u.fill(Vector1::new(0.25));
     let before = mpc.plan().to_vec();
     let (s_0, p, u) = (Vector1::new(s_0), SVector::zeros(), Vector1::zeros());
-    let report = mpc.solve(&Ask::new(&s_0, &p, &u, &[Vector1::new(1.0); STAGES]), &mut || false);
+    let report =
+        mpc.solve(&MpcProblem::new(&s_0, &p, &u, &[Vector1::new(1.0); STAGES]), &mut || false);
     (report, [before, mpc.plan().to_vec()])
 }
 
@@ -114,14 +115,14 @@ fn a_constraint_that_is_not_finite_or_has_a_negative_weight_is_an_error_that_nam
         case.mpc = Mpc::new(Kinematic, settings, DT_S).unwrap();
         let before = case.mpc.plan().to_vec();
         let Case { mpc, s_0, p, u_before, s_ref, .. } = &mut case;
-        let ask = Ask::new(s_0, p, u_before, s_ref);
-        let error = mpc.solve_with(&ask, Some(&Wrong(excess)), &mut || false).unwrap_err();
+        let problem = MpcProblem::new(s_0, p, u_before, s_ref);
+        let error = mpc.solve_with(&problem, Some(&Wrong(excess)), &mut || false).unwrap_err();
         let reason = if value < 0.0 { "negative" } else { "not finite" };
         let shown = format!("{what} of constraint 1 after stage 2: {value} is {reason}");
         assert_eq!(error.to_string(), shown);
         assert_eq!(mpc.plan(), before);
-        // The next ask is answered.
-        let good = mpc.solve_with(&ask, Some(&Wrong(GOOD)), &mut || false).unwrap();
+        // The next problem is answered.
+        let good = mpc.solve_with(&problem, Some(&Wrong(GOOD)), &mut || false).unwrap();
         assert_eq!(good.stop, Stop::CostTolerance);
     }
 }

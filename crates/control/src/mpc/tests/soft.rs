@@ -45,8 +45,8 @@ fn case(qp: QpKind, steps: usize) -> Case {
 fn solve_with(case: &mut Case, constraints: &dyn SoftConstraints<4>) -> MpcReport {
     let Case { mpc, s_0, p, u_before, s_ref, u_given, given_steps } = case;
     let given_steps = *given_steps;
-    let ask = Ask { s_0, p, u_before, s_ref, u_given, given_steps };
-    mpc.solve_with(&ask, Some(constraints), &mut || false).unwrap()
+    let problem = MpcProblem { s_0, p, u_before, s_ref, u_given, given_steps };
+    mpc.solve_with(&problem, Some(constraints), &mut || false).unwrap()
 }
 
 /// The target of [`Case`] lies behind both.
@@ -97,17 +97,20 @@ fn the_reduced_gradient_with_penalties_meets_its_numeric_twin() {
         let pole = Pole { radius, wall, ..POLE };
         let mut case = case(QpKind::Riccati, 6);
         let Case { mpc, s_0, p, u_before, s_ref, .. } = &mut case;
-        let ask = Ask::new(s_0, p, u_before, s_ref);
-        let against =
-            Against { u_before: ask.u_before, s_ref: ask.s_ref, constraints: Some(&pole) };
+        let problem = MpcProblem::new(s_0, p, u_before, s_ref);
+        let context = CostContext {
+            u_before: problem.u_before,
+            s_ref: problem.s_ref,
+            constraints: Some(&pole),
+        };
         let plan = |x: &SVector<f64, 24>| -> Vec<Sticks> {
             x.as_slice().chunks(4).map(SVector::from_column_slice).collect()
         };
         let at = SVector::<f64, 24>::from_fn(|i, _| 0.3 * (i as f64).sin());
         mpc.trial.u = plan(&at);
-        mpc.roll_out(&ask, &against, Trial::Linearized);
+        mpc.roll_out(&problem, &context, Trial::Linearized);
         mpc.take_trial();
-        mpc.fill_gradients(&against).unwrap();
+        mpc.fill_gradients(&context).unwrap();
         let gradient = mpc.expansion.reduced_gradient.clone();
         let gradient =
             SVector::<f64, 24>::from_iterator(gradient.iter().flat_map(|g| g.iter()).copied());
@@ -116,7 +119,7 @@ fn the_reduced_gradient_with_penalties_meets_its_numeric_twin() {
         let cost = |x: &SVector<f64, 24>| {
             let mut mpc = cell.borrow_mut();
             mpc.trial.u = plan(x);
-            Vector1::new(mpc.roll_out(&ask, &against, Trial::Costed))
+            Vector1::new(mpc.roll_out(&problem, &context, Trial::Costed))
         };
         let gap = jacobian_gap(cost, &at, &gradient.transpose());
         assert!(gap < 1e-6, "gap {gap:e} at {pole:?}");
@@ -129,8 +132,9 @@ fn the_predicted_decrease_with_penalties_is_exact_for_a_linear_motion() {
     let pole = Pole { at: [50.0, 50.0], wall: 0.09, ..POLE };
     let mut case = case(QpKind::Riccati, 6);
     let Case { mpc, s_0, p, u_before, s_ref, .. } = &mut case;
-    let ask = Ask::new(s_0, p, u_before, s_ref);
-    let against = Against { u_before: ask.u_before, s_ref: ask.s_ref, constraints: Some(&pole) };
+    let problem = MpcProblem::new(s_0, p, u_before, s_ref);
+    let context =
+        CostContext { u_before: problem.u_before, s_ref: problem.s_ref, constraints: Some(&pole) };
     let sticks = |k: usize, length: f64| {
         let mut u = Sticks::from_fn(|i, _| length * (3.0 * k as f64 + i as f64).sin());
         u[stick::YAW] = 0.0;
@@ -140,13 +144,13 @@ fn the_predicted_decrease_with_penalties_is_exact_for_a_linear_motion() {
     for direction in [-0.6, -0.2, 0.2, 0.6] {
         let before: Vec<Sticks> = (0..6).map(|k| sticks(k, 0.3)).collect();
         mpc.trial.u.clone_from(&before);
-        let cost = mpc.roll_out(&ask, &against, Trial::Linearized);
+        let cost = mpc.roll_out(&problem, &context, Trial::Linearized);
         mpc.take_trial();
-        mpc.fill_gradients(&against).unwrap();
+        mpc.fill_gradients(&context).unwrap();
         mpc.expansion.du = (0..6).map(|k| sticks(k + 1, direction)).collect();
         let predicted = mpc.expansion.complete_step(&before, &bounds, false).decrease;
         mpc.trial.u = before.iter().zip(&mpc.expansion.du).map(|(u, du)| u + du).collect();
-        let decrease = cost - mpc.roll_out(&ask, &against, Trial::Costed);
+        let decrease = cost - mpc.roll_out(&problem, &context, Trial::Costed);
         assert!(
             (predicted - decrease).abs() < 1e-9 * cost,
             "{predicted} instead of {decrease} of {cost}"
@@ -159,8 +163,8 @@ fn the_predicted_decrease_with_penalties_is_exact_for_a_linear_motion() {
 fn more_constraints_than_places_are_refused() {
     let mut case = Case::new(&table(5, 0.8));
     let Case { mpc, s_0, p, u_before, s_ref, .. } = &mut case;
-    let ask = Ask::new(s_0, p, u_before, s_ref);
-    let error = mpc.solve_with(&ask, Some(&POLE), &mut || false).unwrap_err();
+    let problem = MpcProblem::new(s_0, p, u_before, s_ref);
+    let error = mpc.solve_with(&problem, Some(&POLE), &mut || false).unwrap_err();
     assert_eq!(error.to_string(), "2 constraints, but the settings have places for 0");
 }
 

@@ -12,7 +12,7 @@ fn plan(stages: &[(usize, u32)]) -> (MpcReport, Vec<Sticks>) {
     (s_0[motion::V_X], s_0[motion::OMEGA]) = (0.3, 0.1);
     (s_ref[motion::X], s_ref[motion::Y], s_ref[motion::Z]) = (0.5, 0.3, 0.1);
     let mut mpc = controller_of(QpKind::Riccati, 64, stages);
-    let ask = Ask {
+    let problem = MpcProblem {
         s_0: &s_0,
         p: &P.into(),
         u_before: &Sticks::zeros(),
@@ -20,7 +20,7 @@ fn plan(stages: &[(usize, u32)]) -> (MpcReport, Vec<Sticks>) {
         u_given: &[],
         given_steps: [0; 4],
     };
-    let report = mpc.solve(&ask, &mut || false).unwrap();
+    let report = mpc.solve(&problem, &mut || false).unwrap();
     (report, mpc.plan().to_vec())
 }
 

@@ -1,6 +1,6 @@
 //! The choice of the Hessian where an active bound hides a direction of negative curvature.
 
-use horizon_model::{DriveHessian, HessianKind, Model};
+use horizon_model::{HessianKind, HessianRequest, InputHessian, Model};
 use nalgebra::{SMatrix, SVector, Vector1, Vector2};
 
 use super::*;
@@ -21,16 +21,13 @@ impl Model<1, 2, 1, 0> for Saddle {
         s.add_scalar(10.0 * u.y + 3.0 * u.x * u.y)
     }
 
-    fn drive_curvature(
+    fn hessian_by_input(
         &self,
-        _at: (&Vector1<f64>, &Vector2<f64>),
-        _p: &SVector<f64, 0>,
-        _dt_s: f64,
-        _by_input: &SMatrix<f64, 1, 2>,
-        (w, kind): (&Vector1<f64>, HessianKind),
-    ) -> Option<DriveHessian<1, 2>> {
+        request: &HessianRequest<'_, 1, 2, 0>,
+    ) -> Option<InputHessian<1, 2>> {
+        let HessianRequest { w, kind, .. } = *request;
         let mixed = if kind == HessianKind::Exact { 3.0 * w.x } else { 0.0 };
-        Some(DriveHessian {
+        Some(InputHessian {
             by_state: SMatrix::zeros(),
             by_input_state: SMatrix::zeros(),
             by_input: SMatrix::<f64, 2, 2>::new(0.0, mixed, mixed, 0.0),
@@ -56,7 +53,7 @@ fn a_step_along_negative_curvature_behind_an_active_bound_is_not_taken() {
     // From `u = 0`: the costate is 1, the gradient (0, 10), the exact Hessian [[1, 3], [3, 2]], its determinant -7.
     let mut solve = |s_ref: f64| {
         mpc.plan.u.fill(Vector2::zeros());
-        let ask = Ask {
+        let problem = MpcProblem {
             s_0: &Vector1::zeros(),
             p: &SVector::zeros(),
             u_before: &Vector2::zeros(),
@@ -64,7 +61,7 @@ fn a_step_along_negative_curvature_behind_an_active_bound_is_not_taken() {
             u_given: &[],
             given_steps: [0; 2],
         };
-        let report = mpc.solve(&ask, &mut || false).unwrap();
+        let report = mpc.solve(&problem, &mut || false).unwrap();
         assert_eq!((report.iterations, report.qp_fallbacks), (1, 0), "{report:?}");
         assert!(report.cost < report.cost_start, "{report:?}");
         mpc.plan()[0]

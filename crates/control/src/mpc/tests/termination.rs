@@ -43,10 +43,10 @@ fn no_solve_ends_further_above_the_optimum_than_its_tolerance_allows() {
         // Uniform errors of the estimate.
         let error = |factor: u32| 0.002 * (f64::from(k * factor % 101) / 50.0 - 1.0);
         let s_hat = s + SVector::from([error(7919), 5.0 * error(6101)]);
-        let ask = Ask::new(&s_hat, &p, &u, &reference);
-        let cost = mpc.solve(&ask, &mut || false).unwrap().cost;
+        let problem = MpcProblem::new(&s_hat, &p, &u, &reference);
+        let cost = mpc.solve(&problem, &mut || false).unwrap().cost;
         exact.plan.clone_from(&mpc.plan);
-        let least = exact.solve(&ask, &mut || false).unwrap().cost;
+        let least = exact.solve(&problem, &mut || false).unwrap().cost;
         worst = worst.max(cost / least - 1.0);
         u = mpc.plan()[0];
         mpc.shift();
@@ -101,7 +101,7 @@ fn a_plan_at_its_reference_is_optimal_up_to_rounding() {
         let (p, s_ref) = (SVector::zeros(), [Vector1::new(goal); STAGES]);
         let mut count = 0;
         for _ in 0..1000 {
-            let report = mpc.solve(&Ask::new(&s, &p, &u, &s_ref), &mut || false).unwrap();
+            let report = mpc.solve(&MpcProblem::new(&s, &p, &u, &s_ref), &mut || false).unwrap();
             count += usize::from(!report.has_new_plan());
             u = mpc.plan()[0];
             s = Lag.step(&s, &u, &p, 0.1);

@@ -7,7 +7,7 @@ use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 use super::smooth::{Excess, Fraction, Limit, fraction, limit, limit_second};
 use super::{Lagged, LaggedShape, dead_of};
-use crate::model::{DriveHessian, HessianKind};
+use crate::model::{HessianKind, HessianRequest, InputHessian};
 use crate::vehicles::rows::{Motion, Sticks, lag, motion, stick};
 
 /// Parameter, rows [`lag`].
@@ -33,8 +33,8 @@ const MOVED: [(usize, usize); 7] = [
 /// Terms of a step that depend on the time constants and the period only.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Lags {
-    /// Bits of the time constants and the period.
-    of: [u64; 4],
+    /// Time constants and period for which the terms were computed, see [`Lags::key_of`].
+    key: [u64; 4],
     /// `k_h`.
     fraction_h: Fraction,
     /// `k_v`.
@@ -49,7 +49,7 @@ pub(super) struct Lags {
 impl Lags {
     pub(super) fn new(shape: &LaggedShape, p: &Parameter, dt_s: f64) -> Self {
         Self {
-            of: Self::arguments(p, dt_s),
+            key: Self::key_of(p, dt_s),
             fraction_h: fraction(p[lag::TAU_H], dt_s),
             fraction_v: fraction(p[lag::TAU_V], dt_s),
             fraction_a: fraction(p[lag::TAU_A], dt_s),
@@ -58,17 +58,19 @@ impl Lags {
         }
     }
 
-    /// Those that `model` was prepared with, if it was for these arguments: equal bits either way.
+    /// The terms that `model` was prepared with, if it was prepared for these arguments, else new ones. Both have
+    /// equal bits.
     #[inline]
-    fn of(model: &Lagged, p: &Parameter, dt_s: f64) -> Self {
+    fn cached_or_new(model: &Lagged, p: &Parameter, dt_s: f64) -> Self {
         match &model.lags {
-            Some(lags) if lags.of == Self::arguments(p, dt_s) => *lags,
+            Some(lags) if lags.key == Self::key_of(p, dt_s) => *lags,
             _ => Self::new(&model.shape, p, dt_s),
         }
     }
 
+    /// Bits of the time constants and the period.
     #[inline]
-    fn arguments(p: &Parameter, dt_s: f64) -> [u64; 4] {
+    fn key_of(p: &Parameter, dt_s: f64) -> [u64; 4] {
         [p[lag::TAU_H], p[lag::TAU_V], p[lag::TAU_A], dt_s].map(f64::to_bits)
     }
 }
@@ -118,7 +120,7 @@ impl Terms {
         let (throttle, yaw) = (effect(stick::THROTTLE), effect(stick::YAW));
         let before_s = (0.5 * (dt_s - shape.period_s)).max(0.0);
         let heading = (s[motion::THETA] + p[lag::THETA_0]).sin_cos();
-        let lags = Lags::of(model, p, dt_s);
+        let lags = Lags::cached_or_new(model, p, dt_s);
         let asked_w_mps = p[lag::LAMBDA_H] * world(heading, pitch.value, roll.value);
         let missing_w_mps = asked_w_mps - Vector2::new(s[motion::V_X], s[motion::V_Y]);
         let change_w_mps = lags.fraction_h.value * missing_w_mps;
@@ -230,13 +232,12 @@ impl Terms {
     /// heading and sticks. With `J` the derivatives of `e`, and `by_change` and `H` the first and second ones
     /// of `W' phi e` by `e`: `J' H J + by_change' e''`, and `J' |H| J` as the convex part.
     #[inline]
-    pub(super) fn drive_curvature(
+    pub(super) fn hessian_by_input(
         &self,
         model: &Lagged,
-        (u, p): (&Sticks, &Parameter),
-        w: &Motion,
-        kind: HessianKind,
-    ) -> DriveHessian<{ motion::COUNT }, { stick::COUNT }> {
+        request: &HessianRequest<'_, { motion::COUNT }, { stick::COUNT }, { lag::COUNT }>,
+    ) -> InputHessian<{ motion::COUNT }, { stick::COUNT }> {
+        let HessianRequest { u, p, w, kind, .. } = *request;
         // What a velocity weighs, the pose that it moves included.
         let weight = |v: usize, at: usize| w[v] + self.after_s * w[at];
         let w_h = Vector2::new(weight(motion::V_X, motion::X), weight(motion::V_Y, motion::Y));
@@ -287,7 +288,7 @@ impl Terms {
                 by_input[(i, i)] += by_value * model.excess_second(u[i], p[dead_of(i)]);
             }
         }
-        DriveHessian { by_state, by_input_state, by_input }
+        InputHessian { by_state, by_input_state, by_input }
     }
 
     /// Second derivative of `W' phi e` by the change `e` before the limit.

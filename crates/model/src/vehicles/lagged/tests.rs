@@ -6,6 +6,7 @@ use super::*;
 use crate::check::{Point, model_gap};
 use crate::check::{amax, maximum};
 use crate::differences;
+use crate::model::HessianKind;
 
 const DT_S: f64 = 0.02;
 
@@ -262,7 +263,7 @@ fn a_moving_reference_leaves_room_for_the_disturbance() {
 }
 
 /// Second derivatives by state and input in one matrix.
-fn whole(curvature: &DriveHessian<11, 4>) -> SMatrix<f64, 15, 15> {
+fn whole(curvature: &InputHessian<11, 4>) -> SMatrix<f64, 15, 15> {
     let mut whole = SMatrix::<f64, 15, 15>::zeros();
     whole.fixed_view_mut::<11, 11>(0, 0).copy_from(&curvature.by_state);
     whole.fixed_view_mut::<4, 11>(11, 0).copy_from(&curvature.by_input_state);
@@ -303,10 +304,10 @@ fn the_convex_curvature_is_that_of_the_limit_without_its_signs() {
         let s = moving(Pose::new(0.1, 0.2, 1.0, angle), v, [0.0; 3]);
         let u = Sticks::new((2.3 * angle).sin(), (3.1 * angle).cos(), 0.4, -0.6);
         let w = Motion::from_fn(|row, _| (0.7 * angle + row as f64).sin());
+        let by_input = &SMatrix::zeros();
         let of = |kind| {
-            whole(
-                &model.drive_curvature((&s, &u), &p, dt_s, &SMatrix::zeros(), (&w, kind)).unwrap(),
-            )
+            let request = HessianRequest { s: &s, u: &u, p: &p, dt_s, by_input, w: &w, kind };
+            whole(&model.hessian_by_input(&request).unwrap())
         };
         let (exact, convex) = (of(HessianKind::Exact), of(HessianKind::Convexified));
         let scale = exact.norm();

@@ -2,7 +2,7 @@ use super::*;
 use crate::qp::Horizon;
 use crate::qp::tests::case::Numbers;
 use horizon_model::check::maximum;
-use horizon_model::{DriveHessian, differences};
+use horizon_model::{InputHessian, differences};
 
 const NS: usize = 2;
 const NU: usize = 3;
@@ -26,7 +26,7 @@ struct Step {
     curvature: CostHessian<NS, NU>,
     stages: [Stage<NS, NU>; 1],
     gradient: Horizon<NS, NU>,
-    second_derivatives: [DriveHessian<NS, NU>; 1],
+    second_derivatives: [InputHessian<NS, NU>; 1],
     penalties: [Penalty<NS>; 2],
     next: Value<NS, NU>,
 }
@@ -59,7 +59,7 @@ impl Step {
             curvature: CostHessian { diagonal, coupling },
             stages: [Stage { by_state: numbers.fill(), by_input: numbers.fill() }],
             gradient,
-            second_derivatives: [DriveHessian {
+            second_derivatives: [InputHessian {
                 by_state: definite(&mut numbers),
                 by_input_state: numbers.fill(),
                 by_input: definite(&mut numbers),
