@@ -3,8 +3,8 @@
 //! Owns what a constraint has to tell, and bounds of single rows. What else is constrained, a wall or a distance, is
 //! not known here.
 
+use horizon_model::Vector;
 use horizon_model::setting::{SettingError, positive};
-use nalgebra::SVector;
 
 /// A constraint `c(s) <= 0` at one state, and its weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -12,7 +12,7 @@ pub struct Excess<const NS: usize> {
     /// `c(s)`: positive where the constraint is violated. Unit of the constraint
     pub value: f64,
     /// Derivative of `c` by `s`. Unit of `c` / unit of the row
-    pub gradient: SVector<f64, NS>,
+    pub gradient: Vector<NS>,
     /// Weight of the violation in one step, which is not squared. 1/unit, >= 0; its square is finite
     pub weight: f64,
 }
@@ -58,7 +58,7 @@ pub trait SoftConstraints<const NS: usize> {
 
     /// Constraint `i` at the state `s`, `ahead_s` after the beginning of the plan; `None` far inside of what is
     /// allowed, where no step of a solve can violate it.
-    fn excess(&self, i: usize, s: &SVector<f64, NS>, ahead_s: f64) -> Option<Excess<NS>>;
+    fn excess(&self, i: usize, s: &Vector<NS>, ahead_s: f64) -> Option<Excess<NS>>;
 }
 
 /// Bounds `lo <= s <= hi` on the rows of the state as soft constraints; an infinite bound is none.
@@ -79,9 +79,9 @@ pub trait SoftConstraints<const NS: usize> {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StateBounds<const NS: usize> {
-    lo: SVector<f64, NS>,
-    hi: SVector<f64, NS>,
-    weight: SVector<f64, NS>,
+    lo: Vector<NS>,
+    hi: Vector<NS>,
+    weight: Vector<NS>,
 }
 
 impl<const NS: usize> StateBounds<NS> {
@@ -89,11 +89,7 @@ impl<const NS: usize> StateBounds<NS> {
     ///
     /// # Errors
     /// A bound is NaN, an upper one lies below its lower one, or a weight is not finite and positive.
-    pub fn new(
-        lo: SVector<f64, NS>,
-        hi: SVector<f64, NS>,
-        weight: SVector<f64, NS>,
-    ) -> Result<Self, SettingError> {
+    pub fn new(lo: Vector<NS>, hi: Vector<NS>, weight: Vector<NS>) -> Result<Self, SettingError> {
         for row in 0..NS {
             // So is a range to or from a NaN.
             if (lo[row]..=hi[row]).is_empty() {
@@ -111,10 +107,10 @@ impl<const NS: usize> SoftConstraints<NS> for StateBounds<NS> {
         2 * NS
     }
 
-    fn excess(&self, i: usize, s: &SVector<f64, NS>, _ahead_s: f64) -> Option<Excess<NS>> {
+    fn excess(&self, i: usize, s: &Vector<NS>, _ahead_s: f64) -> Option<Excess<NS>> {
         let row = i % NS;
         let (sign, bound) = if i < NS { (1.0, self.hi[row]) } else { (-1.0, self.lo[row]) };
-        let mut gradient = SVector::zeros();
+        let mut gradient = Vector::zeros();
         gradient[row] = sign;
         let value = sign * (s[row] - bound);
         bound.is_finite().then_some(Excess { value, gradient, weight: self.weight[row] })
@@ -124,12 +120,13 @@ impl<const NS: usize> SoftConstraints<NS> for StateBounds<NS> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use horizon_model::Vector;
     use horizon_model::check::jacobian_gap;
 
     const BOUNDS: StateBounds<2> = StateBounds {
-        lo: SVector::<f64, 2>::new(-0.5, f64::NEG_INFINITY),
-        hi: SVector::<f64, 2>::new(0.25, 2.0),
-        weight: SVector::<f64, 2>::new(10.0, 3.0),
+        lo: Vector::<2>::new(-0.5, f64::NEG_INFINITY),
+        hi: Vector::<2>::new(0.25, 2.0),
+        weight: Vector::<2>::new(10.0, 3.0),
     };
 
     #[test]
@@ -143,15 +140,15 @@ mod tests {
             let found = [0, 1, 2].map(|i| BOUNDS.excess(i, &s.into(), 0.0).unwrap().value > 0.0);
             assert_eq!(found, violated, "{s:?}");
         }
-        assert_eq!(BOUNDS.excess(3, &SVector::from([0.0, -9.0]), 0.0), None);
+        assert_eq!(BOUNDS.excess(3, &Vector::from([0.0, -9.0]), 0.0), None);
         assert_eq!(BOUNDS.count(), 4);
     }
 
     #[test]
     fn bounds_that_would_bind_nothing_are_refused() {
         let bounds = |lo: f64, hi: f64, weight: f64| {
-            let of = |it: f64| SVector::from([0.0, it]);
-            let built = StateBounds::new(of(lo), of(hi), SVector::from([1.0, weight]));
+            let of = |it: f64| Vector::from([0.0, it]);
+            let built = StateBounds::new(of(lo), of(hi), Vector::from([1.0, weight]));
             built.map_err(|error| error.to_string())
         };
         assert!(bounds(f64::NEG_INFINITY, 1.0, 2.0).is_ok() && bounds(1.0, 1.0, 2.0).is_ok());
@@ -167,11 +164,10 @@ mod tests {
 
     #[test]
     fn the_gradient_meets_its_numeric_twin() {
-        let s = SVector::from([0.5, -1.0]);
+        let s = Vector::from([0.5, -1.0]);
         for (i, row) in [(0, 0), (1, 1), (2, 0)] {
             let excess = BOUNDS.excess(i, &s, 0.0).unwrap();
-            let value =
-                |s: &SVector<f64, 2>| SVector::from([BOUNDS.excess(i, s, 0.0).unwrap().value]);
+            let value = |s: &Vector<2>| Vector::from([BOUNDS.excess(i, s, 0.0).unwrap().value]);
             let gap = jacobian_gap(value, &s, &excess.gradient.transpose());
             assert!(gap < 1e-8, "gap {gap:e} of constraint {i}");
             assert_eq!(excess.weight.to_bits(), BOUNDS.weight[row].to_bits());

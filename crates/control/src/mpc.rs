@@ -1,9 +1,8 @@
-//! Model predictive control: the inputs over the horizon that cost least, thesis section 3.1.5.
+//! Model predictive control: the inputs over the horizon with the least cost, thesis section 3.1.5.
 //!
-//! Owns the nonlinear problem and its solution by sequential quadratic programming on the roll-out:
-//! the states always follow from the inputs, so every iterate is a flight the model can fly. Each
-//! step is accepted on the true cost. Where the reference comes from is not known here, nor what is
-//! done with the plan.
+//! Owns the nonlinear problem and its solution by sequential quadratic programming with single shooting: the states are
+//! the roll-out of the inputs, so every iterate satisfies the dynamics. Each step is accepted on the true cost. The
+//! origin of the reference and the use of the plan are not known here.
 
 mod builder;
 mod cost;
@@ -15,11 +14,11 @@ mod settings;
 mod soft;
 mod subproblem;
 
+use horizon_model::Vector;
 use std::fmt::Display;
 
 use horizon_model::setting::{SettingError, in_range, positive};
 use horizon_model::{Bounds, Model};
-use nalgebra::SVector;
 
 pub use self::builder::MpcBuilder;
 use self::cost::{Cost, CostContext};
@@ -114,13 +113,13 @@ where
     /// subject to  s_{k+1} = f(s_k, u_k, p),  u_lb <= u_k <= u_ub where it is not given
     /// ```
     ///
-    /// with the input or its change `Delta u_k` ([`InputCost`]), over the stages `k` of the horizon; one of several
-    /// steps weighs as they do (`docs/model.md`, section 5).
+    /// with the input or its change `Delta u_k` ([`InputCost`]), over the stages `k` of the horizon. A stage of several
+    /// steps has the weight of its steps together (`docs/model.md`, section 5).
     ///
-    /// First the plan takes over the inputs that `problem` gives; what they cost counts. `is_late` is asked
-    /// once per iteration, before its first quadratic subproblem, and again before Clarabel gets one that the
-    /// stage-wise solver left; `true` ends the solve. What is not given stays within
-    /// the bounds, and the plan never becomes costlier; read it with [`Mpc::plan`].
+    /// First the plan takes over the inputs that `problem` gives; their cost counts. `is_late` is called once per
+    /// iteration, before its first quadratic subproblem, and again before Clarabel gets a subproblem that the stage-wise
+    /// solver did not solve; `true` ends the solve. Inputs that are not given stay within the bounds, and the cost of
+    /// the plan never increases; read the plan with [`Mpc::plan`].
     ///
     /// # Errors
     /// The plan stays as it was. [`SolveError::NotFinite`], [`SolveError::Horizon`], [`SolveError::Given`] and
@@ -163,7 +162,7 @@ where
         self.take_trial();
         let improved = self.improve(problem, &context, cost_start, is_late);
         if improved.is_err() {
-            // No step was taken: the trial is still the plan before.
+            // No step was taken: the trial is still the previous plan.
             self.take_trial();
         }
         improved
@@ -245,8 +244,8 @@ where
     ///
     /// Real time: no allocation, cost linear in the number of stages.
     pub fn reset(&mut self) {
-        self.plan.u.fill(self.settings.bounds().clamp(&SVector::zeros()));
-        self.plan.s.fill(SVector::zeros());
+        self.plan.u.fill(self.settings.bounds().clamp(&Vector::zeros()));
+        self.plan.s.fill(Vector::zeros());
         self.qp.reset();
     }
 
@@ -257,7 +256,7 @@ where
     /// The plan stays as it was. [`SolveError::Plan`]: not one input for each stage; [`SolveError::NotFinite`].
     ///
     /// Real time: no allocation, cost linear in the number of stages.
-    pub fn set_plan(&mut self, u: &[SVector<f64, NU>]) -> Result<(), SolveError> {
+    pub fn set_plan(&mut self, u: &[Vector<NU>]) -> Result<(), SolveError> {
         let stages = self.plan.steps();
         if u.len() != stages {
             return Err(SolveError::Plan { given: u.len(), stages });
@@ -272,13 +271,13 @@ where
     }
 
     /// The present plan `u_0 .. u_{N-1}`, one for each stage, each within the bounds where it was not given.
-    pub fn plan(&self) -> &[SVector<f64, NU>] {
+    pub fn plan(&self) -> &[Vector<NU>] {
         &self.plan.u
     }
 
     /// States `s_1 .. s_N` that follow from the plan by the latest problem, N stages, in the units of [`Model::STATE`];
     /// interpolated after a shift, zeros before the first problem and after a reset.
-    pub fn planned_states(&self) -> &[SVector<f64, NS>] {
+    pub fn planned_states(&self) -> &[Vector<NS>] {
         &self.plan.s
     }
 
@@ -287,8 +286,7 @@ where
         &self.settings
     }
 
-    /// Makes the trial the plan moved into the bounds of this problem: to what is given, and back from
-    /// what was given last time and is not any more.
+    /// Sets the bounds of this problem, equal ones for given inputs, and the trial to the plan clipped to them.
     fn take_given(&mut self, problem: &MpcProblem<'_, NS, NU, NP>) {
         let mut begin = 0;
         for (k, steps) in self.settings.stage_steps().iter().enumerate() {
@@ -305,14 +303,14 @@ where
         }
     }
 
-    /// Makes the trial the plan.
+    /// Exchanges trial and plan: the trial becomes the plan.
     fn take_trial(&mut self) {
         std::mem::swap(&mut self.plan, &mut self.trial);
         std::mem::swap(&mut self.expansion.stages, &mut self.trial_stages);
     }
 
-    /// Fills states of the trial from its inputs, and linear dynamics if it is to be [`Trial::Linearized`]. Its cost
-    /// comes back.
+    /// Fills the states of the trial from its inputs, and with [`Trial::Linearized`] the linear dynamics. Returns the
+    /// cost of the trial.
     fn roll_out(
         &mut self,
         problem: &MpcProblem<'_, NS, NU, NP>,
@@ -364,7 +362,7 @@ where
         }
     }
 
-    /// Most that the plan can still gain, see [`Cost::gain_max`].
+    /// Upper bound of the decrease that is still possible, see [`Cost::gain_max`].
     fn gain_max(&self) -> f64 {
         let gradients = self.expansion.reduced_gradient.iter().zip(&self.plan.u).zip(&self.bounds);
         self.cost.gain_max(gradients.map(|((gradient, u), bounds)| bounds.open(gradient, u)))

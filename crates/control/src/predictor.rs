@@ -1,7 +1,7 @@
 //! State of the system when an input sent now begins to act.
 
 use horizon_model::Model;
-use nalgebra::SVector;
+use horizon_model::Vector;
 
 /// State after `inputs` were applied for one period each, beginning at `s`, thesis equation 4.26.
 ///
@@ -12,11 +12,11 @@ use nalgebra::SVector;
 /// Real time: no allocation, one model step per input.
 pub fn predict<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
     model: &M,
-    s: &SVector<f64, NS>,
-    p: &SVector<f64, NP>,
-    inputs: impl IntoIterator<Item = SVector<f64, NU>>,
+    s: &Vector<NS>,
+    p: &Vector<NP>,
+    inputs: impl IntoIterator<Item = Vector<NU>>,
     dt_s: f64,
-) -> SVector<f64, NS>
+) -> Vector<NS>
 where
     M: Model<NS, NU, NO, NP>,
 {
@@ -25,6 +25,7 @@ where
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::Vector;
     use horizon_model::rows::{Pose, Sticks};
     use horizon_model::{InputFifo, Kinematic};
 
@@ -34,7 +35,7 @@ mod tests {
 
     #[test]
     fn prediction_over_the_fifo_meets_the_vehicle_one_dead_time_later() {
-        let p = SVector::<f64, 4>::new(1.29, 0.445, 0.994, 0.03);
+        let p = Vector::<4>::new(1.29, 0.445, 0.994, 0.03);
         let dead_time_s = [0.1, 0.1, 0.04, 0.06];
         let rows = <Kinematic as Model<4, 4, 4, 4>>::INPUT;
         let mut fifo = InputFifo::new(&dead_time_s, &rows, DT_S).unwrap();
@@ -65,6 +66,6 @@ mod tests {
     #[test]
     fn without_inputs_nothing_moves() {
         let s = Pose::new(1.0, 2.0, 3.0, 4.0);
-        assert_eq!(predict(&Kinematic, &s, &SVector::from([1.0; 4]), [], DT_S), s);
+        assert_eq!(predict(&Kinematic, &s, &Vector::from([1.0; 4]), [], DT_S), s);
     }
 }

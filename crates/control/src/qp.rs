@@ -15,7 +15,7 @@ pub(crate) mod product;
 
 use ::clarabel::solver::{SolverError, SolverStatus};
 use horizon_model::{Bounds, InputHessian};
-use nalgebra::{SMatrix, SVector};
+use horizon_model::{Matrix, Vector};
 use thiserror::Error;
 
 use self::active_set::ActiveSet;
@@ -28,22 +28,22 @@ pub use crate::horizon::Horizon;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stage<const NS: usize, const NU: usize> {
     /// `A_k`. Unit of the row / unit of the column
-    pub by_state: SMatrix<f64, NS, NS>,
+    pub by_state: Matrix<NS, NS>,
     /// `B_k`. Unit of the row / unit of the column
-    pub by_input: SMatrix<f64, NS, NU>,
+    pub by_input: Matrix<NS, NU>,
 }
 
 impl<const NS: usize, const NU: usize> Stage<NS, NU> {
     /// A step that leads to zero.
     pub fn zeros() -> Self {
-        Self { by_state: SMatrix::zeros(), by_input: SMatrix::zeros() }
+        Self { by_state: Matrix::zeros(), by_input: Matrix::zeros() }
     }
 
     /// `ds_{k+1} = A_k ds_k + B_k du_k`, in the unit of each row.
     ///
     /// Real time: no allocation, `2 NS (NS + NU)` operations.
     #[inline]
-    pub fn next(&self, ds: &SVector<f64, NS>, du: &SVector<f64, NU>) -> SVector<f64, NS> {
+    pub fn next(&self, ds: &Vector<NS>, du: &Vector<NU>) -> Vector<NS> {
         mul_sparse(&self.by_state, ds) + mul_sparse(&self.by_input, du)
     }
 }
@@ -55,7 +55,7 @@ pub struct CostHessian<const NS: usize, const NU: usize> {
     pub diagonal: Horizon<NS, NU>,
     /// By step, the diagonal of the block between `du_{k-1}` and `du_k`; the first one has no effect,
     /// since no input is before. Empty if there are none. 1 / squared unit of the row
-    pub coupling: Vec<SVector<f64, NU>>,
+    pub coupling: Vec<Vector<NU>>,
 }
 
 /// What changes from one subproblem to the next.
@@ -66,7 +66,7 @@ pub struct Problem<'a, const NS: usize, const NU: usize> {
     /// `q`. 1 / unit of the row
     pub gradient: &'a Horizon<NS, NU>,
     /// Present inputs `u_k`, inside their bounds. Unit of each row
-    pub u: &'a [SVector<f64, NU>],
+    pub u: &'a [Vector<NU>],
     /// By step, finite bounds of the inputs `u_k`, not of the changes `du_k`. Unit of each row
     pub bounds: &'a [Bounds<NU>],
     /// By step, the second derivatives of the dynamics that add to `P`; empty if unknown.
@@ -145,7 +145,7 @@ trait SolveQp<const NS: usize, const NU: usize> {
     fn solve(
         &mut self,
         problem: &Problem<'_, NS, NU>,
-        du: &mut [SVector<f64, NU>],
+        du: &mut [Vector<NU>],
     ) -> Result<u32, Unsolved>;
 }
 
@@ -202,7 +202,7 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
     pub fn solve(
         &mut self,
         problem: &Problem<'_, NS, NU>,
-        du: &mut [SVector<f64, NU>],
+        du: &mut [Vector<NU>],
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<Solved, Unsolved> {
         let mut spent = 0;

@@ -6,7 +6,7 @@
 
 use horizon_model::Model;
 use horizon_model::setting::{SettingError, positive, vector, weight};
-use nalgebra::{SMatrix, SVector};
+use horizon_model::{Matrix, Vector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -46,7 +46,7 @@ pub enum ArrivalSettings<const NS: usize> {
     /// The oldest state is free under an arrival cost.
     Carried {
         /// Weights of the first state against rest, 1e-6..=1e6. Unit: 1 / unit of the row.
-        c_0: SVector<f64, NS>,
+        c_0: Vector<NS>,
         /// Time constant of forgetting. s, > 0
         forget_s: f64,
     },
@@ -77,17 +77,17 @@ impl ArrivalTable {
 #[derive(Debug, Clone)]
 pub(crate) struct Arrival<const NS: usize, const NP: usize> {
     partition: Option<Partition<NS, NP>>,
-    c_0: SVector<f64, NS>,
+    c_0: Vector<NS>,
     /// What one step leaves of the information, in (0, 1].
     keep: f64,
-    s_mean: SVector<f64, NS>,
-    p_mean: SVector<f64, NP>,
+    s_mean: Vector<NS>,
+    p_mean: Vector<NP>,
     /// `D` of `docs/model.md`, section 4: `H[s, s]`, symmetric.
-    by_state: SMatrix<f64, NS, NS>,
+    by_state: Matrix<NS, NS>,
     /// `B`: `H[s, p]`.
-    by_state_parameter: SMatrix<f64, NS, NP>,
+    by_state_parameter: Matrix<NS, NP>,
     /// `C`: `H[p, p]`, symmetric.
-    by_parameter: SMatrix<f64, NP, NP>,
+    by_parameter: Matrix<NP, NP>,
 }
 
 impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
@@ -95,7 +95,7 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     ///
     /// It takes the subsystems of `partition` one by one.
     pub(crate) fn new(
-        c_0: SVector<f64, NS>,
+        c_0: Vector<NS>,
         forget_s: f64,
         dt_s: f64,
         partition: Option<Partition<NS, NP>>,
@@ -104,35 +104,31 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
             partition,
             c_0,
             keep: (-dt_s / forget_s).exp(),
-            s_mean: SVector::zeros(),
-            p_mean: SVector::zeros(),
-            by_state: SMatrix::zeros(),
-            by_state_parameter: SMatrix::zeros(),
-            by_parameter: SMatrix::zeros(),
+            s_mean: Vector::zeros(),
+            p_mean: Vector::zeros(),
+            by_state: Matrix::zeros(),
+            by_state_parameter: Matrix::zeros(),
+            by_parameter: Matrix::zeros(),
         }
     }
 
     /// Begins with the priors before any step: `|C_0 (s - s_0)|^2 / 2` and the prior.
-    pub(crate) fn start(&mut self, s_0: &SVector<f64, NS>, prior: &Prior<NP>) {
+    pub(crate) fn start(&mut self, s_0: &Vector<NS>, prior: &Prior<NP>) {
         self.s_mean = *s_0;
         self.p_mean = prior.p_prior;
-        self.by_state = SMatrix::from_diagonal(&self.c_0.component_mul(&self.c_0));
-        self.by_state_parameter = SMatrix::zeros();
+        self.by_state = Matrix::from_diagonal(&self.c_0.component_mul(&self.c_0));
+        self.by_state_parameter = Matrix::zeros();
         self.by_parameter = prior.information();
     }
 
     /// `Gamma` at `(s, p)`.
-    pub(crate) fn cost(&self, s: &SVector<f64, NS>, p: &SVector<f64, NP>) -> f64 {
+    pub(crate) fn cost(&self, s: &Vector<NS>, p: &Vector<NP>) -> f64 {
         let (by_s, by_p) = self.gradient(s, p);
         0.5 * (by_s.dot(&(s - self.s_mean)) + by_p.dot(&(p - self.p_mean)))
     }
 
     /// Gradient of `Gamma` at `(s, p)`, by the state and by the parameter.
-    fn gradient(
-        &self,
-        s: &SVector<f64, NS>,
-        p: &SVector<f64, NP>,
-    ) -> (SVector<f64, NS>, SVector<f64, NP>) {
+    fn gradient(&self, s: &Vector<NS>, p: &Vector<NP>) -> (Vector<NS>, Vector<NP>) {
         let (ds, dp) = (s - self.s_mean, p - self.p_mean);
         (
             mul(&self.by_state, &ds) + mul(&self.by_state_parameter, &dp),
@@ -144,7 +140,7 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     ///
     /// # Errors
     /// `H[s, s]` is not positive definite.
-    pub(crate) fn information(&self) -> Result<SMatrix<f64, NP, NP>, NotPositive> {
+    pub(crate) fn information(&self) -> Result<Matrix<NP, NP>, NotPositive> {
         let root = Cholesky::new(self.by_state)?.forward(self.by_state_parameter);
         Ok(self.by_parameter - root.transpose() * root)
     }
@@ -154,8 +150,8 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
         &self,
         block: &mut Block<NS, NP>,
         parameter_block: &mut ReducedSystem<NP>,
-        s: &SVector<f64, NS>,
-        p: &SVector<f64, NP>,
+        s: &Vector<NS>,
+        p: &Vector<NP>,
     ) {
         let (by_s, by_p) = self.gradient(s, p);
         block.diagonal += self.by_state;
@@ -203,7 +199,7 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
         self.add_to(&mut block, &mut parameter_block, &iterate.s[0], iterate.p);
         let mut marginal = parameter_block;
         if parameter_is_held {
-            Eliminated::zeros().become_after(None, &block, 0.0, &mut marginal)?;
+            Eliminated::zeros().eliminate_after(None, &block, 0.0, &mut marginal)?;
         }
         residuals.add_observation(iterate, 0, Curvature::Reweighted, &mut block);
         let neighbours = NeighbourBlocks {
@@ -213,8 +209,8 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
         };
         residuals.add_transition(iterate, 0, Curvature::Reweighted, neighbours);
         if parameter_is_held {
-            block.border = SMatrix::zeros();
-            next.border = SMatrix::zeros();
+            block.border = Matrix::zeros();
+            next.border = Matrix::zeros();
             parameter_block = marginal;
         }
         let fading = (!parameter_is_held).then(|| {
@@ -258,8 +254,8 @@ pub(crate) struct Folded<const NS: usize, const NP: usize> {
     pub(crate) block: Block<NS, NP>,
     /// Rows of the parameter.
     pub(crate) parameter_block: ReducedSystem<NP>,
-    pub(crate) s_step: SVector<f64, NS>,
-    pub(crate) p_step: SVector<f64, NP>,
+    pub(crate) s_step: Vector<NS>,
+    pub(crate) p_step: Vector<NP>,
 }
 
 impl<const NS: usize, const NP: usize> Folded<NS, NP> {
@@ -267,8 +263,8 @@ impl<const NS: usize, const NP: usize> Folded<NS, NP> {
         Self {
             block: Block::zeros(),
             parameter_block: ReducedSystem::zeros(),
-            s_step: SVector::zeros(),
-            p_step: SVector::zeros(),
+            s_step: Vector::zeros(),
+            p_step: Vector::zeros(),
         }
     }
 }
@@ -286,7 +282,7 @@ pub(crate) fn fold<const NS: usize, const NP: usize>(
 ) -> Result<Folded<NS, NP>, NotPositive> {
     let mut state = Eliminated::zeros();
     // `L`, `B_0` and `y`; the parameter's block loses `B_0' B_0` and `B_0' y`.
-    state.become_after(None, block, 0.0, &mut parameter_block)?;
+    state.eliminate_after(None, block, 0.0, &mut parameter_block)?;
     // `A`, and `A' A`, `A' B_0` and `A' y` of the next state.
     state.take_from(&mut next);
     if let Some(Fading { keep, prior }) = fading {
@@ -300,9 +296,9 @@ pub(crate) fn fold<const NS: usize, const NP: usize>(
     next.diagonal.fill_upper_triangle_with_lower_triangle();
     parameter_block.hessian.fill_upper_triangle_with_lower_triangle();
     let mut reduced = parameter_block;
-    state.become_after(None, &next, 0.0, &mut reduced)?;
+    state.eliminate_after(None, &next, 0.0, &mut reduced)?;
     let p_step = Cholesky::new(reduced.hessian)?.solve(-reduced.gradient);
-    let (s_step, _) = state.step(&p_step, &SVector::zeros());
+    let (s_step, _) = state.step(&p_step, &Vector::zeros());
     Ok(Folded { block: next, parameter_block, s_step, p_step })
 }
 

@@ -1,11 +1,11 @@
 //! Back substitution, and the long chain that is eliminated block by block.
 //!
-//! Owns its loop, and the rows that a long chain needs for it, two thirds of the factors of the elimination. The
-//! smaller rows matter for chains of thousands of states, whose rows are written once per read. The elimination itself
-//! is `chain.rs`, its division into decoupled subsystems `partition.rs`.
+//! Owns the loop of the back substitution, and the rows that a long chain keeps for it: two thirds of the memory of the
+//! factors, which matters for chains of thousands of states, whose rows are written once and read once. The elimination
+//! itself is `chain.rs`, its partition into decoupled subsystems `partition.rs`.
 
 use horizon_model::Model;
-use nalgebra::{SMatrix, SVector};
+use horizon_model::{Matrix, Vector};
 
 use crate::chain::{Block, Eliminated};
 use crate::cholesky::NotPositive;
@@ -41,31 +41,27 @@ impl<const NS: usize, const NP: usize> EliminationFront<NS, NP> {
     ) -> Result<(&Eliminated<NS, NP>, &Eliminated<NS, NP>), NotPositive> {
         let Self { even, odd } = self;
         let (row, previous) = if k.is_multiple_of(2) { (even, odd) } else { (odd, even) };
-        row.become_after((k > 0).then_some(&*previous), block, damping, reduced)?;
+        row.eliminate_after((k > 0).then_some(&*previous), block, damping, reduced)?;
         Ok((row, previous))
     }
 }
 
 /// A row of the back substitution.
 pub(crate) trait BackSubstitute<const NS: usize, const NP: usize> {
-    /// The step of the state from the parameter step `p_step` and `taken`, the contribution of the next state. The
-    /// contribution to the previous state is returned, too.
-    fn step(
-        &self,
-        p_step: &SVector<f64, NP>,
-        taken: &SVector<f64, NS>,
-    ) -> (SVector<f64, NS>, SVector<f64, NS>);
+    /// The step of the state from the parameter step `p_step` and `taken`, the contribution of the next state, and the
+    /// contribution of this state to the previous one.
+    fn step(&self, p_step: &Vector<NP>, taken: &Vector<NS>) -> (Vector<NS>, Vector<NS>);
 }
 
-/// Tells `put` the steps of the first `len` states, the last one first.
+/// Passes the steps of the first `len` states to `put`, the last one first.
 #[inline]
 pub(crate) fn back_substitute<const NS: usize, const NP: usize>(
     rows: &[impl BackSubstitute<NS, NP>],
-    p_step: &SVector<f64, NP>,
+    p_step: &Vector<NP>,
     len: usize,
-    mut put: impl FnMut(usize, SVector<f64, NS>),
+    mut put: impl FnMut(usize, Vector<NS>),
 ) {
-    let mut taken = SVector::zeros();
+    let mut taken = Vector::zeros();
     for (k, row) in rows.iter().enumerate().take(len).rev() {
         let step;
         (step, taken) = row.step(p_step, &taken);
@@ -78,27 +74,23 @@ pub(crate) fn back_substitute<const NS: usize, const NP: usize>(
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SolvedRow<const NS: usize, const NP: usize> {
     /// `L_k'^-1 y_k`.
-    gradient: SVector<f64, NS>,
+    gradient: Vector<NS>,
     /// `(L_k'^-1 B_k)'`.
-    border: SMatrix<f64, NP, NS>,
+    border: Matrix<NP, NS>,
     /// `(L_{k-1}'^-1 A_k)'`.
-    before: SMatrix<f64, NS, NS>,
+    before: Matrix<NS, NS>,
 }
 
 impl<const NS: usize, const NP: usize> BackSubstitute<NS, NP> for SolvedRow<NS, NP> {
     #[inline]
-    fn step(
-        &self,
-        p_step: &SVector<f64, NP>,
-        taken: &SVector<f64, NS>,
-    ) -> (SVector<f64, NS>, SVector<f64, NS>) {
+    fn step(&self, p_step: &Vector<NP>, taken: &Vector<NS>) -> (Vector<NS>, Vector<NS>) {
         let step = -self.gradient - tr_mul(&self.border, p_step) - taken;
         (step, tr_mul(&self.before, &step))
     }
 }
 
-/// What a long chain that is eliminated block by block leaves: the rows of its back substitution, and the reduced
-/// system without the parameter block. Their memory is reused.
+/// Elimination of a long chain block by block: the rows of its back substitution, and the reduced system without the
+/// parameter block. Their memory is reused.
 #[derive(Debug, Clone)]
 pub(crate) struct LongElimination<const NS: usize, const NP: usize> {
     front: EliminationFront<NS, NP>,
@@ -198,11 +190,7 @@ impl<const NS: usize, const NP: usize> LongChain<NS, NP> {
     }
 
     /// Writes the steps of the first states that belong to the parameter step `p_step`, as many as `steps`.
-    pub(crate) fn back_substitute(
-        &self,
-        p_step: &SVector<f64, NP>,
-        steps: &mut [SVector<f64, NS>],
-    ) {
+    pub(crate) fn back_substitute(&self, p_step: &Vector<NP>, steps: &mut [Vector<NS>]) {
         match self {
             Self::Whole(whole) => {
                 back_substitute(whole.rows(), p_step, steps.len(), |k, step| steps[k] = step);
@@ -216,6 +204,7 @@ impl<const NS: usize, const NP: usize> LongChain<NS, NP> {
 mod tests {
     use super::*;
     use crate::chain::Chain;
+    use horizon_model::{Matrix, Vector};
 
     #[test]
     fn the_back_substitution_is_that_of_the_chain() {
@@ -223,12 +212,12 @@ mod tests {
         let mut chain = Chain::<3, 2>::new(5);
         chain.clear(5);
         for (k, block) in chain.blocks_mut().iter_mut().enumerate() {
-            block.diagonal = SMatrix::from_diagonal_element(40.0);
-            block.before = SMatrix::from_fn(|i, j| entry(k, i, j));
-            block.border = SMatrix::from_fn(|i, j| entry(k + 1, i, j));
-            block.gradient = SVector::from_fn(|i, _| entry(k + 2, i, 0));
+            block.diagonal = Matrix::from_diagonal_element(40.0);
+            block.before = Matrix::from_fn(|i, j| entry(k, i, j));
+            block.border = Matrix::from_fn(|i, j| entry(k + 1, i, j));
+            block.gradient = Vector::from_fn(|i, _| entry(k + 2, i, 0));
         }
-        let p_step = SVector::from([0.3, -0.7]);
+        let p_step = Vector::from([0.3, -0.7]);
         let mut long = LongElimination::new(0);
         // The second time in the places of the first.
         for damping in [1.0, 0.5] {

@@ -6,7 +6,7 @@
 //! collects them.
 
 use horizon_model::Model;
-use nalgebra::SVector;
+use horizon_model::Vector;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
@@ -47,7 +47,7 @@ pub struct Resample<const NP: usize> {
     /// Number of the resample.
     pub index: u64,
     /// Parameter estimated from the resample. Unit of each row
-    pub p: SVector<f64, NP>,
+    pub p: Vector<NP>,
     /// Cost of the resample at `p`. 1
     pub cost: f64,
     /// Why its solve stopped.

@@ -1,14 +1,14 @@
 //! Normal equations of a chain of states with one common parameter.
 //!
-//! Owns the sparse structure of moving horizon estimation and identification: state blocks that touch
-//! only their neighbours (block tridiagonal), a border that touches the parameter, and a parameter block.
-//! Elimination runs along the chain once, so the cost is linear in its length. What the blocks mean is
-//! `residual.rs`; the parameter's box is `reduced_system.rs`.
+//! Owns the sparse structure of moving horizon estimation and identification: a block-tridiagonal matrix of the
+//! states, a border that couples each state with the parameter, and a parameter block. Elimination runs along the
+//! chain once, so the cost is linear in its length. The entries of the blocks are computed in `residual.rs`; the
+//! parameter's box is `reduced_system.rs`.
 
+use horizon_model::{Matrix, Vector};
 use std::borrow::Borrow;
 
 use horizon_model::transpose;
-use nalgebra::{SMatrix, SVector};
 
 use crate::back_substitution::{BackSubstitute, back_substitute};
 use crate::cholesky::{Cholesky, NotPositive};
@@ -20,22 +20,22 @@ use crate::reduced_system::ReducedSystem;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Block<const NS: usize, const NP: usize> {
     /// `H[k, k]`; only the lower triangle is read. 1 / (unit of the row, unit of the column)
-    pub(crate) diagonal: SMatrix<f64, NS, NS>,
+    pub(crate) diagonal: Matrix<NS, NS>,
     /// `H[k, k-1]`; of block 0 it is not read. 1 / (unit of the row, unit of the column)
-    pub(crate) before: SMatrix<f64, NS, NS>,
+    pub(crate) before: Matrix<NS, NS>,
     /// `H[k, p]`. 1 / (unit of the row, unit of the column)
-    pub(crate) border: SMatrix<f64, NS, NP>,
+    pub(crate) border: Matrix<NS, NP>,
     /// Gradient by `s_k`. 1 / unit of the row
-    pub(crate) gradient: SVector<f64, NS>,
+    pub(crate) gradient: Vector<NS>,
 }
 
 impl<const NS: usize, const NP: usize> Block<NS, NP> {
     pub(crate) fn zeros() -> Self {
         Self {
-            diagonal: SMatrix::zeros(),
-            before: SMatrix::zeros(),
-            border: SMatrix::zeros(),
-            gradient: SVector::zeros(),
+            diagonal: Matrix::zeros(),
+            before: Matrix::zeros(),
+            border: Matrix::zeros(),
+            gradient: Vector::zeros(),
         }
     }
 
@@ -63,26 +63,26 @@ pub(crate) struct Eliminated<const NS: usize, const NP: usize> {
     /// `L_k`. 1 / unit of the row
     pub(crate) factor: Cholesky<NS>,
     /// `A_k'`. 1 / unit of the row
-    pub(crate) before: SMatrix<f64, NS, NS>,
+    pub(crate) before: Matrix<NS, NS>,
     /// `B_k'`. 1 / unit of the row
-    pub(crate) border: SMatrix<f64, NP, NS>,
+    pub(crate) border: Matrix<NP, NS>,
     /// `y_k`. 1
-    pub(crate) gradient: SVector<f64, NS>,
+    pub(crate) gradient: Vector<NS>,
 }
 
 impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
-    /// The elimination of nothing, to be replaced.
+    /// Zeros, to be overwritten by an elimination.
     pub(crate) fn zeros() -> Self {
         Self {
             factor: Cholesky::zeros(),
-            before: SMatrix::zeros(),
-            border: SMatrix::zeros(),
-            gradient: SVector::zeros(),
+            before: Matrix::zeros(),
+            border: Matrix::zeros(),
+            gradient: Vector::zeros(),
         }
     }
 
-    /// Becomes the state of `block`, which comes after that of `previous`, eliminated; subtracts its contribution
-    /// from `reduced`.
+    /// Eliminates the state of `block`, which follows that of `previous`, and overwrites `self` with the result;
+    /// subtracts the contribution of the state from `reduced`.
     ///
     /// With `A_k = L_{k-1}^-1 H[k-1,k]` and `L_k L_k' = H[k,k] + damping I - A_k' A_k` the border becomes
     /// `B_k = L_k^-1 (H[k,p] - A_k' B_{k-1})`, the gradient `y_k = L_k^-1 (g_k - A_k' y_{k-1})`, and the parameter
@@ -91,7 +91,7 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
     /// # Errors
     /// The damped matrix is not positive definite; nothing is changed.
     #[inline]
-    pub(crate) fn become_after(
+    pub(crate) fn eliminate_after(
         &mut self,
         previous: Option<&Self>,
         block: &Block<NS, NP>,
@@ -102,7 +102,7 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
         for row in 0..NS {
             diagonal[(row, row)] += damping;
         }
-        let mut before = SMatrix::zeros();
+        let mut before = Matrix::zeros();
         let mut border = transpose(&block.border);
         let mut gradient = block.gradient;
         if let Some(previous) = previous {
@@ -130,7 +130,8 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
         sub_mul(&mut next.gradient, &before, &self.gradient);
     }
 
-    /// Covariance of this state, the last one of its chain, while `reduced` is what all of them leave of the parameter.
+    /// Covariance of this state, the last one of its chain; `reduced` is the reduced Hessian of the parameter after the
+    /// elimination of all states.
     ///
     /// The inverse of `[L L', L B; B' L', S + B' B]` has `L'^-1 (I + B S^-1 B') L^-1` in place of the state.
     ///
@@ -138,9 +139,9 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
     /// `S`, that is `reduced`, is not positive definite.
     pub(crate) fn covariance(
         &self,
-        reduced: &SMatrix<f64, NP, NP>,
-    ) -> Result<SMatrix<f64, NS, NS>, NotPositive> {
-        let root = self.factor.forward(SMatrix::<f64, NS, NS>::identity());
+        reduced: &Matrix<NP, NP>,
+    ) -> Result<Matrix<NS, NS>, NotPositive> {
+        let root = self.factor.forward(Matrix::<NS, NS>::identity());
         let by_parameter = mul(&Cholesky::new(*reduced)?.forward(self.border), &root);
         Ok(tr_mul(&root, &root) + tr_mul(&by_parameter, &by_parameter))
     }
@@ -148,11 +149,7 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
 
 impl<const NS: usize, const NP: usize> BackSubstitute<NS, NP> for Eliminated<NS, NP> {
     #[inline]
-    fn step(
-        &self,
-        p_step: &SVector<f64, NP>,
-        taken: &SVector<f64, NS>,
-    ) -> (SVector<f64, NS>, SVector<f64, NS>) {
+    fn step(&self, p_step: &Vector<NP>, taken: &Vector<NS>) -> (Vector<NS>, Vector<NS>) {
         let right = -self.gradient - tr_mul(&self.border, p_step) - taken;
         let step = self.factor.backward(right);
         (step, tr_mul(&self.before, &step))
@@ -161,7 +158,7 @@ impl<const NS: usize, const NP: usize> BackSubstitute<NS, NP> for Eliminated<NS,
 
 /// The normal equations `(H + damping I) d = -gradient` of `NS`-blocks in a row and an `NP`-block of the parameter.
 ///
-/// The buffers are made once for the longest chain expected; [`Chain::clear`] sets the length.
+/// The buffers are allocated once for the longest chain expected; [`Chain::clear`] sets the length.
 #[derive(Debug, Clone)]
 pub(crate) struct Chain<const NS: usize, const NP: usize> {
     blocks: Vec<Block<NS, NP>>,
@@ -169,7 +166,7 @@ pub(crate) struct Chain<const NS: usize, const NP: usize> {
     pub(crate) parameter_block: ReducedSystem<NP>,
     /// The row blocks after elimination.
     eliminated: WholeOrPartition<Vec<Eliminated<NS, NP>>, NS, NP>,
-    steps: Vec<SVector<f64, NS>>,
+    steps: Vec<Vector<NS>>,
 }
 
 impl<const NS: usize, const NP: usize> Chain<NS, NP> {
@@ -218,9 +215,9 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     ///
     /// Real time: no allocation, constant cost.
     pub(crate) fn pin(&mut self, k: usize) {
-        self.blocks[k] = Block { diagonal: SMatrix::identity(), ..Block::zeros() };
+        self.blocks[k] = Block { diagonal: Matrix::identity(), ..Block::zeros() };
         if let Some(next) = self.blocks.get_mut(k + 1) {
-            next.before = SMatrix::zeros();
+            next.before = Matrix::zeros();
         }
     }
 
@@ -237,8 +234,8 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
         max
     }
 
-    /// Eliminates every state and returns what is left for the parameter, the parameter block included. `damping` is
-    /// added to every diagonal entry in the unit of the entry.
+    /// Eliminates every state and returns the reduced system in the parameter, the parameter block included. `damping`
+    /// is added to every diagonal entry of the states, in the unit of the entry.
     ///
     /// Real time: no allocation up to `len_max` states; linear in their number, about `(NS + NP)^3` each.
     ///
@@ -263,8 +260,8 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     /// Valid after [`Chain::eliminate`].
     ///
     /// Real time: no allocation up to `len_max` states; linear in their number, about `NS (NS + NP)` each.
-    pub(crate) fn back_substitute(&mut self, p_step: &SVector<f64, NP>) -> &[SVector<f64, NS>] {
-        self.steps.resize(self.blocks.len(), SVector::zeros());
+    pub(crate) fn back_substitute(&mut self, p_step: &Vector<NP>) -> &[Vector<NS>] {
+        self.steps.resize(self.blocks.len(), Vector::zeros());
         match &self.eliminated {
             WholeOrPartition::Whole(rows) => {
                 back_substitute(rows, p_step, self.blocks.len(), |k, step| self.steps[k] = step);
@@ -284,11 +281,11 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
     /// Real time: no allocation, constant cost: one factorization and two triangular solves per decoupled subsystem.
     ///
     /// # Errors
-    /// The system that is left for the parameter is not positive definite, or the chain is empty.
+    /// The reduced system is not positive definite, or the chain is empty.
     pub(crate) fn last_covariance(
         &self,
         reduced: &ReducedSystem<NP>,
-    ) -> Result<SMatrix<f64, NS, NS>, NotPositive> {
+    ) -> Result<Matrix<NS, NS>, NotPositive> {
         let last = self.blocks.len().checked_sub(1).ok_or(NotPositive)?;
         match &self.eliminated {
             WholeOrPartition::Whole(rows) => {
@@ -316,7 +313,7 @@ pub(crate) fn eliminate<const NS: usize, const NP: usize>(
         }
         let (done, rest) = rows.split_at_mut(k);
         let row = rest.first_mut().ok_or(NotPositive)?;
-        row.become_after(done.last(), block.borrow(), damping, reduced)?;
+        row.eliminate_after(done.last(), block.borrow(), damping, reduced)?;
     }
     Ok(())
 }

@@ -3,7 +3,7 @@
 //! Owns the pivots: a pivot that is not positive, NaN included, refuses the matrix. What follows from
 //! a refusal is decided in [`crate::levenberg`].
 
-use nalgebra::{SMatrix, SVector};
+use horizon_model::{Matrix, Vector};
 use thiserror::Error;
 
 /// A matrix is not positive definite, or not finite.
@@ -15,18 +15,18 @@ pub struct NotPositive;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Cholesky<const N: usize> {
     /// Below the diagonal as it is; the diagonal holds its reciprocal, so that solving multiplies.
-    l: SMatrix<f64, N, N>,
+    l: Matrix<N, N>,
 }
 
 impl<const N: usize> Cholesky<N> {
     /// The factor of nothing, to be replaced.
     pub(crate) fn zeros() -> Self {
-        Self { l: SMatrix::zeros() }
+        Self { l: Matrix::zeros() }
     }
 
     /// The factor of `l`, of which only the lower triangle is read.
     #[inline]
-    pub(crate) fn new(mut l: SMatrix<f64, N, N>) -> Result<Self, NotPositive> {
+    pub(crate) fn new(mut l: Matrix<N, N>) -> Result<Self, NotPositive> {
         for j in 0..N {
             let mut pivot = l[(j, j)];
             for k in 0..j {
@@ -52,7 +52,7 @@ impl<const N: usize> Cholesky<N> {
 
     /// `L^-1 b`.
     #[inline]
-    pub(crate) fn forward<const C: usize>(&self, mut b: SMatrix<f64, N, C>) -> SMatrix<f64, N, C> {
+    pub(crate) fn forward<const C: usize>(&self, mut b: Matrix<N, C>) -> Matrix<N, C> {
         for col in 0..C {
             for i in 0..N {
                 let mut entry = b[(i, col)];
@@ -67,10 +67,7 @@ impl<const N: usize> Cholesky<N> {
 
     /// `b L'^-1`, the transpose of [`Cholesky::forward`]: whole columns at once, which vectorizes.
     #[inline]
-    pub(crate) fn forward_rows<const R: usize>(
-        &self,
-        mut b: SMatrix<f64, R, N>,
-    ) -> SMatrix<f64, R, N> {
+    pub(crate) fn forward_rows<const R: usize>(&self, mut b: Matrix<R, N>) -> Matrix<R, N> {
         for i in 0..N {
             let mut column = b.data.0[i];
             for k in 0..i {
@@ -88,10 +85,7 @@ impl<const N: usize> Cholesky<N> {
 
     /// `b L^-1`, the transpose of [`Cholesky::backward`].
     #[inline]
-    pub(crate) fn backward_rows<const R: usize>(
-        &self,
-        mut b: SMatrix<f64, R, N>,
-    ) -> SMatrix<f64, R, N> {
+    pub(crate) fn backward_rows<const R: usize>(&self, mut b: Matrix<R, N>) -> Matrix<R, N> {
         for i in (0..N).rev() {
             let mut column = b.data.0[i];
             for k in i + 1..N {
@@ -109,7 +103,7 @@ impl<const N: usize> Cholesky<N> {
 
     /// `L'^-1 b`.
     #[inline]
-    pub(crate) fn backward(&self, mut b: SVector<f64, N>) -> SVector<f64, N> {
+    pub(crate) fn backward(&self, mut b: Vector<N>) -> Vector<N> {
         for i in (0..N).rev() {
             let mut entry = b[i];
             for k in i + 1..N {
@@ -122,7 +116,7 @@ impl<const N: usize> Cholesky<N> {
 
     /// `A^-1 b`.
     #[inline]
-    pub(crate) fn solve(&self, b: SVector<f64, N>) -> SVector<f64, N> {
+    pub(crate) fn solve(&self, b: Vector<N>) -> Vector<N> {
         self.backward(self.forward(b))
     }
 }
@@ -130,11 +124,12 @@ impl<const N: usize> Cholesky<N> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use horizon_model::{Matrix, Vector};
 
     #[test]
     fn a_solution_satisfies_its_equations() {
-        let a = SMatrix::<f64, 3, 3>::new(4.0, 1.0, -2.0, 1.0, 5.0, 0.5, -2.0, 0.5, 6.0);
-        let b = SVector::from([1.0, -2.0, 3.0]);
+        let a = Matrix::<3, 3>::new(4.0, 1.0, -2.0, 1.0, 5.0, 0.5, -2.0, 0.5, 6.0);
+        let b = Vector::from([1.0, -2.0, 3.0]);
         let factor = Cholesky::new(a).unwrap();
         let gap = (a * factor.solve(b) - b).norm();
         assert!(gap < 1e-14, "gap {gap:e}");
@@ -146,7 +141,7 @@ mod tests {
     fn a_bad_pivot_is_refused() {
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             for row in 0..3 {
-                let mut a = SMatrix::<f64, 3, 3>::identity();
+                let mut a = Matrix::<3, 3>::identity();
                 a[(row, row)] = bad;
                 assert_eq!(Cholesky::new(a), Err(NotPositive), "{bad} in row {row}");
             }

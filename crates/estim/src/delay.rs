@@ -19,11 +19,11 @@ mod scan;
 mod search;
 mod settings;
 
+use horizon_model::Vector;
 use std::borrow::Cow;
 use std::ops::Range;
 
 use horizon_model::Model;
-use nalgebra::SVector;
 use search::{Search, SearchStop};
 use thiserror::Error;
 
@@ -155,7 +155,7 @@ pub struct DelayInfluence<const NP: usize> {
     /// `-J_i' / J''`, see [`DelaySpread`]: what piece `i`, counted once more, adds to the dead time. s
     pub by_piece_s: Vec<f64>,
     /// Derivative of the parameter by the dead time, along the profile. Unit of the row per s
-    pub parameter_by_dead_time: SVector<f64, NP>,
+    pub parameter_by_dead_time: Vector<NP>,
     /// `J''`, the information on the dead time: `1 / sqrt(J'')` is its deviation by the weights. 1/s^2, > 0
     pub information: f64,
 }
@@ -165,14 +165,14 @@ impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
     ///
     /// # Panics
     /// A span is of no recording, ends before it begins, or leads beyond the end of its `u` or `o`.
-    pub fn pieces(&self, dead_time_s: &SVector<f64, NU>) -> Vec<Piece<NU, NO>> {
+    pub fn pieces(&self, dead_time_s: &Vector<NU>) -> Vec<Piece<NU, NO>> {
         let observed = |span: &Span| self.recordings[span.recording].o[span.steps.clone()].to_vec();
         let pieces = self.inputs(dead_time_s).into_iter().zip(self.spans);
         pieces.map(|(u, span)| Piece { u, o: observed(span) }).collect()
     }
 
     /// The applied inputs in each piece.
-    fn inputs(&self, dead_time_s: &SVector<f64, NU>) -> Vec<Vec<SVector<f64, NU>>> {
+    fn inputs(&self, dead_time_s: &Vector<NU>) -> Vec<Vec<Vector<NU>>> {
         let applied = |span: &Span| {
             let recording = &self.recordings[span.recording];
             recording.applied_during(span.steps.clone(), dead_time_s, self.dt_s)
@@ -196,7 +196,7 @@ impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
         &self,
         ident: &mut Ident<M, NS, NU, NO, NP>,
         groups: &[&[usize]],
-        dead_time_s: &mut SVector<f64, NU>,
+        dead_time_s: &mut Vector<NU>,
         settings: &DelaySettings,
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Vec<DelayProfile<NP>>>, DelayError>
@@ -224,7 +224,7 @@ impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
     }
 
     /// Derivative of [`Flights::inputs`] by the dead time, every row by its own.
-    fn inputs_by_dead_time(&self, dead_time_s: &SVector<f64, NU>) -> Vec<Vec<SVector<f64, NU>>> {
+    fn inputs_by_dead_time(&self, dead_time_s: &Vector<NU>) -> Vec<Vec<Vector<NU>>> {
         // Linear between whole periods: the difference of the two around is the gradient.
         let below_s = dead_time_s.map(|at| (at / self.dt_s).floor() * self.dt_s);
         let mut gradients = self.inputs(&below_s.add_scalar(self.dt_s));

@@ -13,7 +13,7 @@ mod variable_projection;
 
 use horizon_model::setting::{SettingError, positive};
 use horizon_model::{Bounds, Model};
-use nalgebra::{SMatrix, SVector};
+use horizon_model::{Matrix, Vector};
 use thiserror::Error;
 
 use crate::cholesky::NotPositive;
@@ -32,7 +32,7 @@ const EXTREME: f64 = 1e4;
 pub struct Piece<const NU: usize, const NO: usize> {
     /// `u[k]` was applied from step `k` to `k + 1`. At least one fewer than `o`; what is beyond is ignored.
     /// Unit of each row
-    pub u: Vec<SVector<f64, NU>>,
+    pub u: Vec<Vector<NU>>,
     /// What was observed in step `k`; angle rows are continuous over time.
     pub o: Vec<Observed<NO>>,
 }
@@ -92,8 +92,8 @@ pub struct Ident<M, const NS: usize, const NU: usize, const NO: usize, const NP:
     segments: Vec<Segment<NS, NU, NO, NP>>,
     /// How often each segment counts.
     multiplicities: Vec<u32>,
-    p: SVector<f64, NP>,
-    p_candidate: SVector<f64, NP>,
+    p: Vector<NP>,
+    p_candidate: Vector<NP>,
     cost_candidate: f64,
     /// Cost and largest diagonal entry at the iterate of the running solve. The derivatives are formed where
     /// they are eliminated.
@@ -186,7 +186,7 @@ where
     ///
     /// # Errors
     /// There is no such piece, there are too few inputs, or one is not finite; nothing is replaced.
-    pub fn set_inputs(&mut self, piece: usize, u: &[SVector<f64, NU>]) -> Result<(), PieceError> {
+    pub fn set_inputs(&mut self, piece: usize, u: &[Vector<NU>]) -> Result<(), PieceError> {
         let pieces = self.segments.len();
         let Some(segment) = self.segments.get_mut(piece) else {
             return Err(PieceError::Unknown { piece, pieces });
@@ -241,7 +241,7 @@ where
     }
 
     /// The parameter: NP rows in the units of [`Model::PARAMETER`], the prior before the first solve.
-    pub fn parameter(&self) -> &SVector<f64, NP> {
+    pub fn parameter(&self) -> &Vector<NP> {
         &self.p
     }
 
@@ -266,7 +266,7 @@ where
     ///
     /// # Panics
     /// There are fewer than `piece + 1` [`pieces`](Self::pieces).
-    pub fn states(&self, piece: usize) -> &[SVector<f64, NS>] {
+    pub fn states(&self, piece: usize) -> &[Vector<NS>] {
         &self.segments[piece].s
     }
 
@@ -275,7 +275,7 @@ where
     ///
     /// # Panics
     /// There are fewer than `piece + 1` [`pieces`](Self::pieces).
-    pub fn transition_residuals(&self, piece: usize) -> Vec<SVector<f64, NS>> {
+    pub fn transition_residuals(&self, piece: usize) -> Vec<Vector<NS>> {
         let Segment { s, u, .. } = &self.segments[piece];
         let pairs = s.iter().zip(s.iter().skip(1)).zip(u);
         pairs.map(|((s, next), u)| self.terms.residuals.transition(s, next, u, &self.p)).collect()
@@ -285,7 +285,7 @@ where
     ///
     /// # Panics
     /// There are fewer than `piece + 1` [`pieces`](Self::pieces).
-    pub fn observation_residuals(&self, piece: usize) -> Vec<SVector<f64, NO>> {
+    pub fn observation_residuals(&self, piece: usize) -> Vec<Vector<NO>> {
         let Segment { s, o, .. } = &self.segments[piece];
         s.iter().zip(o).map(|(s, o)| self.terms.residuals.observation(s, o)).collect()
     }
@@ -299,7 +299,7 @@ where
     ///
     /// # Errors
     /// The matrix of the states is not positive definite: this is no minimum.
-    pub fn information(&self) -> Result<SMatrix<f64, NP, NP>, NotPositive> {
+    pub fn information(&self) -> Result<Matrix<NP, NP>, NotPositive> {
         Ok(self.information_of(&self.piece_reduced_systems()?))
     }
 }
@@ -307,13 +307,13 @@ where
 /// Whether `u` suffices for a piece of `steps` observations.
 fn check_inputs<const NU: usize>(
     piece: usize,
-    u: &[SVector<f64, NU>],
+    u: &[Vector<NU>],
     steps: usize,
 ) -> Result<(), PieceError> {
     if u.len() + 1 < steps {
         return Err(PieceError::Inputs { piece, inputs: u.len(), steps });
     }
-    let is_broken = |u: &SVector<f64, NU>| !u.iter().all(|row| row.is_finite());
+    let is_broken = |u: &Vector<NU>| !u.iter().all(|row| row.is_finite());
     match u[..steps - 1].iter().position(is_broken) {
         Some(k) => Err(PieceError::NonFinite { piece, k, what: "input" }),
         None => Ok(()),

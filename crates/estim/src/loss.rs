@@ -3,8 +3,8 @@
 //! Owns the loss functions and the weight that a loss gives a block in a second-order solver. A block
 //! is whitened before it comes here: `z` is the squared norm of its weighted residual.
 
+use horizon_model::Vector;
 use horizon_model::setting::{SettingError, positive};
-use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -108,7 +108,7 @@ impl Loss {
 
     /// The weight of the block with the whitened residual `r`, and the block's cost `rho / 2`.
     #[inline]
-    pub(crate) fn weigh<const N: usize>(&self, r: &SVector<f64, N>) -> (Weight, f64) {
+    pub(crate) fn weigh<const N: usize>(&self, r: &Vector<N>) -> (Weight, f64) {
         let z = r.norm_squared();
         let rho = self.at(z);
         // Beyond its inflection Tukey's loss is concave along r: there the weight is cut to
@@ -135,7 +135,7 @@ pub(crate) struct Weight {
 mod tests {
     use super::*;
     use horizon_model::check::jacobian_gap;
-    use nalgebra::SMatrix;
+    use horizon_model::{Matrix, Vector};
 
     const LOSSES: [Loss; 4] = [
         Loss::None,
@@ -150,12 +150,12 @@ mod tests {
             // None of these lies within a difference's width of a kink.
             for z in [1e-3, 0.05, 0.5, 0.97, 1.04, 3.9, 4.1, 100.0] {
                 let at = |z: f64| loss.at(z);
-                let x = SVector::from([z]);
-                let value = |x: &SVector<f64, 1>| SVector::from([at(x.x).value]);
-                let derivative = |x: &SVector<f64, 1>| SVector::from([at(x.x).derivative]);
-                let gap = jacobian_gap(value, &x, &SMatrix::from([[at(z).derivative]]));
+                let x = Vector::from([z]);
+                let value = |x: &Vector<1>| Vector::from([at(x.x).value]);
+                let derivative = |x: &Vector<1>| Vector::from([at(x.x).derivative]);
+                let gap = jacobian_gap(value, &x, &Matrix::from([[at(z).derivative]]));
                 assert!(gap < 1e-8, "{loss:?}: derivative gap {gap:e} at {z}");
-                let gap = jacobian_gap(derivative, &x, &SMatrix::from([[at(z).curvature]]));
+                let gap = jacobian_gap(derivative, &x, &Matrix::from([[at(z).curvature]]));
                 assert!(gap < 1e-6, "{loss:?}: curvature gap {gap:e} at {z}");
             }
         }
@@ -170,10 +170,10 @@ mod tests {
             (Loss::Tukey { scale: 9.0 }, true),
             (Loss::Tukey { scale: 4.0 }, false),
         ] {
-            let r = SVector::from([1.0, -2.0, 0.5]);
-            let gradient = |r: &SVector<f64, 3>| r * loss.weigh(r).0.derivative;
+            let r = Vector::from([1.0, -2.0, 0.5]);
+            let gradient = |r: &Vector<3>| r * loss.weigh(r).0.derivative;
             let (Weight { derivative, along }, _) = loss.weigh(&r);
-            let weight = SMatrix::identity() * derivative + r * r.transpose() * along;
+            let weight = Matrix::identity() * derivative + r * r.transpose() * along;
             let gap = jacobian_gap(gradient, &r, &weight);
             assert_eq!(gap < 1e-7, is_convex, "{loss:?}: gap {gap:e}");
             // Convex or cut: never a direction of negative curvature.

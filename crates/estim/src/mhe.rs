@@ -8,7 +8,7 @@ mod builder;
 
 use horizon_model::Model;
 use horizon_model::setting::{SettingError, in_range, positive, vector, weight, weight_or_zero};
-use nalgebra::{SMatrix, SVector};
+use horizon_model::{Matrix, Vector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -62,8 +62,8 @@ pub struct MheTable {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MheSettings<const NS: usize, const NO: usize, const NP: usize> {
     window_steps: usize,
-    c_o: SVector<f64, NO>,
-    c_s: SVector<f64, NS>,
+    c_o: Vector<NO>,
+    c_s: Vector<NS>,
     prior: Prior<NP>,
     observation_loss: Loss,
     transition_loss: Loss,
@@ -180,7 +180,7 @@ where
     ///
     /// # Errors
     /// As [`Mhe::start_at`], and an `o` that is not finite; the estimator is not started.
-    pub fn start(&mut self, o: &SVector<f64, NO>) -> Result<SVector<f64, NO>, MheError> {
+    pub fn start(&mut self, o: &Vector<NO>) -> Result<Vector<NO>, MheError> {
         self.is_started = false;
         finite("observation", o)?;
         let s = self.trajectory.model().at_rest(o);
@@ -195,7 +195,7 @@ where
     /// # Errors
     /// [`MheError::NonFinite`]: the state, its observation or the derivative of that is not finite, as that of a distance
     /// at distance zero; the estimator is not started.
-    pub fn start_at(&mut self, s: &SVector<f64, NS>) -> Result<(), MheError> {
+    pub fn start_at(&mut self, s: &Vector<NS>) -> Result<(), MheError> {
         self.is_started = false;
         finite("state", s)?;
         let model = self.trajectory.model();
@@ -235,7 +235,7 @@ where
     /// - [`MheError::Solve`]: the window is lost and the estimator no longer started.
     pub fn update(
         &mut self,
-        u_applied: &SVector<f64, NU>,
+        u_applied: &Vector<NU>,
         observed: &Observed<NO>,
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<SolveReport, MheError> {
@@ -299,7 +299,7 @@ where
     pub fn amend(
         &mut self,
         steps: usize,
-        u_applied: impl Fn(usize) -> SVector<f64, NU>,
+        u_applied: impl Fn(usize) -> Vector<NU>,
     ) -> Result<(), MheError> {
         if !self.is_started {
             return Err(MheError::NotStarted);
@@ -328,12 +328,12 @@ where
 
     /// The newest state estimate, NS rows in the units of [`Model::STATE`]; the state at rest observed as zero before
     /// the start; not to be used after an error of [`Self::update`] that loses the window, when it may be NaN.
-    pub fn s_hat(&self) -> &SVector<f64, NS> {
+    pub fn s_hat(&self) -> &Vector<NS> {
         self.trajectory.newest()
     }
 
     /// The parameter estimate, NP rows in the units of [`Model::PARAMETER`]; the prior before the first update.
-    pub fn p_hat(&self) -> &SVector<f64, NP> {
+    pub fn p_hat(&self) -> &Vector<NP> {
         self.trajectory.parameter()
     }
 
@@ -341,8 +341,8 @@ where
     /// the window and the prior know. `None` with a fixed arrival, or where a factorization fails.
     ///
     /// Real time: no allocation, two factorizations.
-    pub fn parameter_covariance(&self) -> Option<SMatrix<f64, NP, NP>> {
-        let root = Cholesky::new(self.trajectory.information()?).ok()?.forward(SMatrix::identity());
+    pub fn parameter_covariance(&self) -> Option<Matrix<NP, NP>> {
+        let root = Cholesky::new(self.trajectory.information()?).ok()?.forward(Matrix::identity());
         Some(root.transpose() * root)
     }
 
@@ -352,13 +352,13 @@ where
     /// Exact without damping and off the bounds of the parameter; after a late solve that of the window before.
     ///
     /// Real time: no allocation, one factorization and two triangular solves per decoupled subsystem.
-    pub fn state_covariance(&self) -> Option<SMatrix<f64, NS, NS>> {
+    pub fn state_covariance(&self) -> Option<Matrix<NS, NS>> {
         self.trajectory.newest_covariance().ok()
     }
 
     /// The states of the window, the oldest first and the newest last: at most `window_steps` + 1, in the units of
     /// [`Model::STATE`].
-    pub fn window(&self) -> &[SVector<f64, NS>] {
+    pub fn window(&self) -> &[Vector<NS>] {
         self.trajectory.states()
     }
 }

@@ -1,16 +1,16 @@
 //! Block-diagonal partition of the normal equations into decoupled subsystems.
 //!
-//! Owns which rows belong to which subsystem. Least squares couple no subsystems, so their solutions together are the
-//! solution. The second derivative of a robust loss couples the rows of an outlier; these entries are left out of the
+//! Owns which rows belong to which subsystem. With plain least squares the subsystems are not coupled, so each is solved
+//! by itself. The second derivative of a robust loss couples the rows of an outlier; these entries are left out of the
 //! step, which is accepted on the true cost. The cost of an elimination grows with the cube of its rows. Block sizes
-//! known at compile time make an elimination fast: each subsystem has blocks of its own sizes, which the model names
+//! known at compile time make an elimination fast: each subsystem has blocks of its own sizes, which the model states
 //! ([`Model::subsystems`]).
 
+use horizon_model::{Matrix, Vector};
 use std::fmt::Debug;
 
 use horizon_model::subsystem::{cut, pick, put};
 use horizon_model::{Model, VisitSubsystems};
-use nalgebra::{SMatrix, SVector};
 
 use crate::arrival::{Fading, Folded, fold};
 use crate::back_substitution::{LongElimination, back_substitute};
@@ -59,24 +59,20 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
     }
 
     /// Steps of the states that [`Partition::eliminate`] eliminated, all subsystems together.
-    pub(crate) fn back_substitute(
-        &self,
-        p_step: &SVector<f64, NP>,
-        steps: &mut [SVector<f64, NS>],
-    ) {
+    pub(crate) fn back_substitute(&self, p_step: &Vector<NP>, steps: &mut [Vector<NS>]) {
         self.subsystems.iter().for_each(|one| one.back_substitute(p_step, steps));
     }
 
     /// Covariance of state `last`; zero between subsystems.
     ///
     /// # Errors
-    /// The system that is left for the parameter is not positive definite.
+    /// The reduced system is not positive definite.
     pub(crate) fn covariance(
         &self,
         last: usize,
         reduced: &ReducedSystem<NP>,
-    ) -> Result<SMatrix<f64, NS, NS>, NotPositive> {
-        let mut whole = SMatrix::zeros();
+    ) -> Result<Matrix<NS, NS>, NotPositive> {
+        let mut whole = Matrix::zeros();
         self.subsystems.iter().try_for_each(|one| one.put_covariance(last, reduced, &mut whole))?;
         Ok(whole)
     }
@@ -95,7 +91,7 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
         self.subsystems.iter_mut().try_for_each(|one| one.eliminate_one(k, block, damping))
     }
 
-    /// What the states that were eliminated one by one leave for the parameter, `parameter_block` included.
+    /// The reduced system after [`Partition::eliminate_one`] of all states, `parameter_block` included.
     pub(crate) fn reduced(&self, parameter_block: &ReducedSystem<NP>) -> ReducedSystem<NP> {
         let mut reduced = ReducedSystem::zeros();
         self.subsystems.iter().for_each(|one| one.add_reduced(parameter_block, &mut reduced));
@@ -103,11 +99,7 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
     }
 
     /// Steps of the states that [`Partition::eliminate_one`] eliminated, all subsystems together.
-    pub(crate) fn back_substitute_long(
-        &self,
-        p_step: &SVector<f64, NP>,
-        steps: &mut [SVector<f64, NS>],
-    ) {
+    pub(crate) fn back_substitute_long(&self, p_step: &Vector<NP>, steps: &mut [Vector<NS>]) {
         self.subsystems.iter().for_each(|one| one.back_substitute_long(p_step, steps));
     }
 
@@ -137,7 +129,7 @@ pub(crate) enum WholeOrPartition<W, const NS: usize, const NP: usize> {
     Partition(Partition<NS, NP>),
 }
 
-/// The subsystems that a model has named so far.
+/// Collects the subsystems of a model.
 struct Collected<const NS: usize, const NP: usize> {
     len_max: usize,
     states: Vec<usize>,
@@ -169,13 +161,13 @@ trait Eliminate<const NS: usize, const NP: usize>: Debug + Send + Sync {
         reduced: &mut ReducedSystem<NP>,
     ) -> Result<(), NotPositive>;
 
-    fn back_substitute(&self, p_step: &SVector<f64, NP>, steps: &mut [SVector<f64, NS>]);
+    fn back_substitute(&self, p_step: &Vector<NP>, steps: &mut [Vector<NS>]);
 
     fn put_covariance(
         &self,
         last: usize,
         reduced: &ReducedSystem<NP>,
-        whole: &mut SMatrix<f64, NS, NS>,
+        whole: &mut Matrix<NS, NS>,
     ) -> Result<(), NotPositive>;
 
     fn eliminate_one(
@@ -187,7 +179,7 @@ trait Eliminate<const NS: usize, const NP: usize>: Debug + Send + Sync {
 
     fn add_reduced(&self, parameter_block: &ReducedSystem<NP>, reduced: &mut ReducedSystem<NP>);
 
-    fn back_substitute_long(&self, p_step: &SVector<f64, NP>, steps: &mut [SVector<f64, NS>]);
+    fn back_substitute_long(&self, p_step: &Vector<NP>, steps: &mut [Vector<NS>]);
 
     fn fold(
         &self,
@@ -214,7 +206,7 @@ struct Subsystem<const S: usize, const P: usize> {
     states: &'static [usize; S],
     parameters: &'static [usize; P],
     rows: Vec<Eliminated<S, P>>,
-    /// In place of `rows`, of a chain that is eliminated block by block.
+    /// Used instead of `rows` by a chain that is eliminated block by block.
     one_by_one: LongElimination<S, P>,
 }
 
@@ -235,7 +227,7 @@ impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate
         Ok(())
     }
 
-    fn back_substitute(&self, p_step: &SVector<f64, NP>, steps: &mut [SVector<f64, NS>]) {
+    fn back_substitute(&self, p_step: &Vector<NP>, steps: &mut [Vector<NS>]) {
         let p_step = pick(p_step, self.parameters);
         back_substitute(&self.rows, &p_step, steps.len(), |k, step| {
             put(&step, self.states, &[0], &mut steps[k]);
@@ -246,7 +238,7 @@ impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate
         &self,
         last: usize,
         reduced: &ReducedSystem<NP>,
-        whole: &mut SMatrix<f64, NS, NS>,
+        whole: &mut Matrix<NS, NS>,
     ) -> Result<(), NotPositive> {
         let row = self.rows.get(last).ok_or(NotPositive)?;
         let covariance = row.covariance(&self.reduced_system(reduced).hessian)?;
@@ -269,7 +261,7 @@ impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate
         self.put_reduced_system(&own, reduced);
     }
 
-    fn back_substitute_long(&self, p_step: &SVector<f64, NP>, steps: &mut [SVector<f64, NS>]) {
+    fn back_substitute_long(&self, p_step: &Vector<NP>, steps: &mut [Vector<NS>]) {
         let p_step = pick(p_step, self.parameters);
         back_substitute(self.one_by_one.rows(), &p_step, steps.len(), |k, step| {
             put(&step, self.states, &[0], &mut steps[k]);

@@ -4,14 +4,15 @@
 //! the general product of the matrix library is a call.
 
 use horizon_model::transpose;
-use nalgebra::{ArrayStorage, SMatrix, SVector};
+use horizon_model::{Matrix, Vector};
+use nalgebra::ArrayStorage;
 
 /// `a b`.
 #[inline]
 pub(crate) fn mul<const R: usize, const K: usize, const C: usize>(
-    a: &SMatrix<f64, R, K>,
-    b: &SMatrix<f64, K, C>,
-) -> SMatrix<f64, R, C> {
+    a: &Matrix<R, K>,
+    b: &Matrix<K, C>,
+) -> Matrix<R, C> {
     let mut product = [[0.0; R]; C];
     for (column, b) in product.iter_mut().zip(&b.data.0) {
         for (a, b) in a.data.0.iter().zip(b) {
@@ -20,7 +21,7 @@ pub(crate) fn mul<const R: usize, const K: usize, const C: usize>(
             }
         }
     }
-    SMatrix::from_data(ArrayStorage(product))
+    Matrix::from_data(ArrayStorage(product))
 }
 
 /// Size from which whole columns are quicker than a choice of their entries: fixed lengths vectorize.
@@ -34,10 +35,10 @@ const WHOLE_FROM: usize = 8;
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "only the caller knows which entries are constants")]
 pub(crate) fn add_mul_sparse<const R: usize, const K: usize, const C: usize>(
-    sum: &mut SMatrix<f64, R, C>,
-    a: &SMatrix<f64, R, K>,
-    weight: &SVector<f64, K>,
-    b: &SMatrix<f64, K, C>,
+    sum: &mut Matrix<R, C>,
+    a: &Matrix<R, K>,
+    weight: &Vector<K>,
+    b: &Matrix<K, C>,
 ) {
     let mut columns = sum.data.0.iter_mut().zip(&b.data.0);
     // Written out: what a loop looks up is no constant to the compiler.
@@ -55,8 +56,8 @@ pub(crate) fn add_mul_sparse<const R: usize, const K: usize, const C: usize>(
 #[expect(clippy::inline_always, reason = "only the caller knows which entries are constants")]
 fn add_column<const R: usize, const K: usize>(
     column: Option<(&mut [f64; R], &[f64; K])>,
-    a: &SMatrix<f64, R, K>,
-    weight: &SVector<f64, K>,
+    a: &Matrix<R, K>,
+    weight: &Vector<K>,
 ) {
     let Some((column, b)) = column else { return };
     let mut entries = *column;
@@ -78,10 +79,7 @@ fn add_column<const R: usize, const K: usize>(
 /// Adds `a` to `sum`; zeros as in [`add_mul_sparse`].
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "only the caller knows which entries are constants")]
-pub(crate) fn add_sparse<const R: usize, const C: usize>(
-    sum: &mut SMatrix<f64, R, C>,
-    a: &SMatrix<f64, R, C>,
-) {
+pub(crate) fn add_sparse<const R: usize, const C: usize>(sum: &mut Matrix<R, C>, a: &Matrix<R, C>) {
     for (column, a) in sum.data.0.iter_mut().zip(&a.data.0) {
         for (entry, a) in column.iter_mut().zip(a) {
             if R >= WHOLE_FROM || *a != 0.0 {
@@ -95,9 +93,9 @@ pub(crate) fn add_sparse<const R: usize, const C: usize>(
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "only the caller knows which entries are constants")]
 pub(crate) fn sub_scaled_sparse<const R: usize, const C: usize>(
-    sum: &mut SMatrix<f64, R, C>,
-    weight: &SVector<f64, R>,
-    a: &SMatrix<f64, R, C>,
+    sum: &mut Matrix<R, C>,
+    weight: &Vector<R>,
+    a: &Matrix<R, C>,
 ) {
     let [weight] = &weight.data.0;
     for (column, a) in sum.data.0.iter_mut().zip(&a.data.0) {
@@ -112,9 +110,9 @@ pub(crate) fn sub_scaled_sparse<const R: usize, const C: usize>(
 /// Subtracts `a b` from `sum`.
 #[inline]
 pub(crate) fn sub_mul<const R: usize, const K: usize>(
-    sum: &mut SVector<f64, R>,
-    a: &SMatrix<f64, R, K>,
-    b: &SVector<f64, K>,
+    sum: &mut Vector<R>,
+    a: &Matrix<R, K>,
+    b: &Vector<K>,
 ) {
     for (a, b) in a.data.0.iter().zip(b) {
         for (entry, a) in sum.iter_mut().zip(a) {
@@ -127,9 +125,9 @@ pub(crate) fn sub_mul<const R: usize, const K: usize>(
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "only the caller knows which entries are constants")]
 pub(crate) fn sub_outer<const R: usize, const K: usize, const C: usize>(
-    sum: &mut SMatrix<f64, R, C>,
-    a: &SMatrix<f64, R, K>,
-    b: &SMatrix<f64, C, K>,
+    sum: &mut Matrix<R, C>,
+    a: &Matrix<R, K>,
+    b: &Matrix<C, K>,
 ) {
     for (col, column) in sum.data.0.iter_mut().enumerate() {
         let mut entries = *column;
@@ -146,8 +144,8 @@ pub(crate) fn sub_outer<const R: usize, const K: usize, const C: usize>(
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "only the caller knows which entries are constants")]
 pub(crate) fn sub_square_lower<const N: usize, const K: usize>(
-    sum: &mut SMatrix<f64, N, N>,
-    a: &SMatrix<f64, N, K>,
+    sum: &mut Matrix<N, N>,
+    a: &Matrix<N, K>,
 ) {
     if N >= WHOLE_FROM {
         return sub_outer(sum, a, a);
@@ -166,44 +164,45 @@ pub(crate) fn sub_square_lower<const N: usize, const K: usize>(
 /// `a' b`.
 #[inline]
 pub(crate) fn tr_mul<const K: usize, const R: usize, const C: usize>(
-    a: &SMatrix<f64, K, R>,
-    b: &SMatrix<f64, K, C>,
-) -> SMatrix<f64, R, C> {
+    a: &Matrix<K, R>,
+    b: &Matrix<K, C>,
+) -> Matrix<R, C> {
     mul(&transpose(a), b)
 }
 
 /// `a b'`.
 #[inline]
 pub(crate) fn outer<const R: usize, const K: usize, const C: usize>(
-    a: &SMatrix<f64, R, K>,
-    b: &SMatrix<f64, C, K>,
-) -> SMatrix<f64, R, C> {
+    a: &Matrix<R, K>,
+    b: &Matrix<C, K>,
+) -> Matrix<R, C> {
     mul(a, &transpose(b))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use horizon_model::{Matrix, Vector};
 
     #[test]
     fn products_are_those_of_the_matrix_library() {
-        let a = SMatrix::<f64, 3, 2>::from_fn(|i, j| (2 * i + j) as f64 - 1.5);
-        let b = SMatrix::<f64, 2, 4>::from_fn(|i, j| (i * j) as f64 + 0.25);
-        let c = SMatrix::<f64, 3, 4>::from_fn(|i, j| (i + j * j) as f64 - 0.5);
-        let scale = SVector::from([2.0, -3.0, 0.5]);
+        let a = Matrix::<3, 2>::from_fn(|i, j| (2 * i + j) as f64 - 1.5);
+        let b = Matrix::<2, 4>::from_fn(|i, j| (i * j) as f64 + 0.25);
+        let c = Matrix::<3, 4>::from_fn(|i, j| (i + j * j) as f64 - 0.5);
+        let scale = Vector::from([2.0, -3.0, 0.5]);
         // Small multiples of 1/8: every sum is exact.
         assert_eq!(mul(&a, &b), a * b);
         assert_eq!(tr_mul(&a, &c), a.transpose() * c);
         assert_eq!(outer(&scale, &a.column(0).into()), scale * a.column(0).transpose());
         let mut sum = a * b;
         sub_outer(&mut sum, &a, &transpose(&b));
-        assert_eq!(sum, SMatrix::<f64, 3, 4>::zeros());
-        let (mut sum, by) = (scale, SVector::from([0.5, -2.0]));
+        assert_eq!(sum, Matrix::<3, 4>::zeros());
+        let (mut sum, by) = (scale, Vector::from([0.5, -2.0]));
         sub_mul(&mut sum, &a, &by);
         assert_eq!(sum, scale - a * by);
-        let mut sum = SMatrix::<f64, 3, 3>::repeat(1.0);
+        let mut sum = Matrix::<3, 3>::repeat(1.0);
         sub_square_lower(&mut sum, &a);
-        let whole = SMatrix::<f64, 3, 3>::repeat(1.0) - a * a.transpose();
+        let whole = Matrix::<3, 3>::repeat(1.0) - a * a.transpose();
         assert_eq!(sum.lower_triangle(), whole.lower_triangle());
     }
 
@@ -218,13 +217,13 @@ mod tests {
         let entry = |i: usize, j: usize| {
             if (i + j).is_multiple_of(3) { 0.0 } else { (2 * i + j) as f64 - 2.5 }
         };
-        let (a, b) = (SMatrix::<f64, R, 4>::from_fn(entry), SMatrix::<f64, 4, C>::from_fn(entry));
-        let weight = SVector::from([0.5, 0.0, -2.0, 1.0]);
-        let start = SMatrix::<f64, R, C>::from_fn(|i, j| (i * j) as f64);
+        let (a, b) = (Matrix::<R, 4>::from_fn(entry), Matrix::<4, C>::from_fn(entry));
+        let weight = Vector::from([0.5, 0.0, -2.0, 1.0]);
+        let start = Matrix::<R, C>::from_fn(|i, j| (i * j) as f64);
         let mut sum = start;
         add_mul_sparse(&mut sum, &a, &weight, &b);
-        assert_eq!(sum, start + a * SMatrix::from_diagonal(&weight) * b);
-        let (scale, sparse) = (SVector::repeat(0.5), SMatrix::from_fn(entry));
+        assert_eq!(sum, start + a * Matrix::from_diagonal(&weight) * b);
+        let (scale, sparse) = (Vector::repeat(0.5), Matrix::from_fn(entry));
         let mut sum = start;
         sub_scaled_sparse(&mut sum, &scale, &sparse);
         assert_eq!(sum, start - sparse * 0.5);

@@ -3,9 +3,8 @@
 //! Owns which input was applied when, and where a recording is cut. Files and their formats are read
 //! elsewhere; which steps are usable is decided by the caller.
 
+use horizon_model::Vector;
 use std::ops::Range;
-
-use nalgebra::SVector;
 
 use crate::residual::Observed;
 
@@ -13,7 +12,7 @@ use crate::residual::Observed;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording<const NU: usize, const NO: usize> {
     /// `u[k]` was sent in step `k`. Unit of each row
-    pub u: Vec<SVector<f64, NU>>,
+    pub u: Vec<Vector<NU>>,
     /// What was observed in step `k`.
     pub o: Vec<Observed<NO>>,
 }
@@ -26,7 +25,7 @@ impl<const NU: usize, const NO: usize> Recording<NU, NO> {
     /// With a dead time of `whole + fraction` steps, `0 <= fraction < 1`, it is
     /// `(1 - fraction) u[k - whole] + fraction u[k - whole - 1]`: linear between what was sent, continuous in the
     /// dead time, zero before the start.
-    pub fn applied(&self, dead_time_s: &SVector<f64, NU>, dt_s: f64) -> Vec<SVector<f64, NU>> {
+    pub fn applied(&self, dead_time_s: &Vector<NU>, dt_s: f64) -> Vec<Vector<NU>> {
         self.applied_during(0..self.u.len(), dead_time_s, dt_s)
     }
 
@@ -37,13 +36,13 @@ impl<const NU: usize, const NO: usize> Recording<NU, NO> {
     pub fn applied_during(
         &self,
         steps: Range<usize>,
-        dead_time_s: &SVector<f64, NU>,
+        dead_time_s: &Vector<NU>,
         dt_s: f64,
-    ) -> Vec<SVector<f64, NU>> {
+    ) -> Vec<Vector<NU>> {
         let delay = dead_time_s.map(|dead_time_s| Delay::new(dead_time_s / dt_s));
         let sent = |k: Option<usize>, row: usize| k.map_or(0.0, |k| self.u[k][row]);
         let applied = |k: usize| {
-            SVector::from_fn(|row, _| {
+            Vector::from_fn(|row, _| {
                 let Delay { whole, fraction } = delay[row];
                 let late = k.checked_sub(whole);
                 let later = late.and_then(|k| k.checked_sub(1));
@@ -95,6 +94,7 @@ pub fn cut(is_usable: &[bool], min_steps: usize) -> Vec<Range<usize>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use horizon_model::Vector;
     use horizon_model::check::maximum;
     use horizon_model::{InputFifo, Row};
     use proptest::prelude::*;
@@ -103,7 +103,7 @@ mod tests {
     const ROWS: [Row; 2] = [Row::linear("a", "1"), Row::linear("b", "1")];
 
     fn recording(steps: u32) -> Recording<2, 1> {
-        let u = (1..=steps).map(|k| SVector::from([f64::from(k), -f64::from(k * k)])).collect();
+        let u = (1..=steps).map(|k| Vector::from([f64::from(k), -f64::from(k * k)])).collect();
         Recording { u, o: vec![Observed::missing(); steps as usize] }
     }
 
@@ -117,7 +117,7 @@ mod tests {
             (f64::INFINITY, DT_S, false),
             (0.1, 0.0, false),
         ] {
-            let applied = recording.applied(&SVector::from([dead_time_s, 0.0]), dt_s);
+            let applied = recording.applied(&Vector::from([dead_time_s, 0.0]), dt_s);
             let expected = |k: usize| if acts { recording.u[k][0] } else { 0.0 };
             let gap = (0..5).map(|k| (applied[k][0] - expected(k)).abs()).fold(0.0, maximum);
             assert!(gap <= 0.0, "{dead_time_s} s by {dt_s} s: {applied:?}");
@@ -128,7 +128,7 @@ mod tests {
     fn the_applied_input_is_that_of_the_fifo_in_flight() {
         let recording = recording(60);
         for dead_time_s in [[0.0, 0.6], [0.25, 0.07], [0.02, 0.013]] {
-            let applied = recording.applied(&SVector::from(dead_time_s), DT_S);
+            let applied = recording.applied(&Vector::from(dead_time_s), DT_S);
             let mut fifo = InputFifo::new(&dead_time_s, &ROWS, DT_S).unwrap();
             assert_eq!(recording.applied_during(7..9, &dead_time_s.into(), DT_S), applied[7..9]);
             for (k, (u, applied)) in recording.u.iter().zip(&applied).enumerate() {

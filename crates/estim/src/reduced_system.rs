@@ -5,10 +5,10 @@
 //! Optimization, 2006, algorithm 16.3), which is exact. Chains with a common `p` add their reduced systems and
 //! solve once.
 
+use horizon_model::{Matrix, Vector};
 use std::ops::AddAssign;
 
 use horizon_model::Bounds;
-use nalgebra::{SMatrix, SVector};
 
 use crate::cholesky::{Cholesky, NotPositive};
 
@@ -17,9 +17,9 @@ use crate::cholesky::{Cholesky, NotPositive};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ReducedSystem<const NP: usize> {
     /// Second derivative by `p`, the states eliminated. 1 / (unit of the row, unit of the column)
-    pub(crate) hessian: SMatrix<f64, NP, NP>,
+    pub(crate) hessian: Matrix<NP, NP>,
     /// Derivative by `p`, the states eliminated. 1 / unit of the row
-    pub(crate) gradient: SVector<f64, NP>,
+    pub(crate) gradient: Vector<NP>,
     /// Decrease of the cost by the states' step at constant `p`. 1, >= 0
     pub(crate) decrease: f64,
 }
@@ -34,7 +34,7 @@ enum Side {
 impl<const NP: usize> ReducedSystem<NP> {
     /// No curvature, no gradient: a system to add to.
     pub(crate) fn zeros() -> Self {
-        Self { hessian: SMatrix::zeros(), gradient: SVector::zeros(), decrease: 0.0 }
+        Self { hessian: Matrix::zeros(), gradient: Vector::zeros(), decrease: 0.0 }
     }
 
     /// The sum of `count` copies.
@@ -60,10 +60,10 @@ impl<const NP: usize> ReducedSystem<NP> {
     pub(crate) fn solve(
         &self,
         damping: f64,
-        p: &SVector<f64, NP>,
+        p: &Vector<NP>,
         bounds: &Bounds<NP>,
-    ) -> Result<(SVector<f64, NP>, f64), NotPositive> {
-        let hessian = self.hessian + SMatrix::from_diagonal_element(damping);
+    ) -> Result<(Vector<NP>, f64), NotPositive> {
+        let hessian = self.hessian + Matrix::from_diagonal_element(damping);
         // A multiplier less negative than this is rounding: its bound stays in the working set.
         let multiplier_min = 1e-12 * self.gradient.amax();
         let mut active = [None; NP];
@@ -93,11 +93,11 @@ impl<const NP: usize> ReducedSystem<NP> {
     /// The minimum over the rows with inactive bounds; rows with an active bound keep their value.
     fn subspace_minimum(
         &self,
-        hessian: &SMatrix<f64, NP, NP>,
-        p: &SVector<f64, NP>,
-        p_next: &SVector<f64, NP>,
+        hessian: &Matrix<NP, NP>,
+        p: &Vector<NP>,
+        p_next: &Vector<NP>,
         active: &[Option<Side>; NP],
-    ) -> Result<SVector<f64, NP>, NotPositive> {
+    ) -> Result<Vector<NP>, NotPositive> {
         let mut matrix = *hessian;
         let mut right = -self.gradient;
         for row in (0..NP).filter(|row| active[*row].is_some()) {
@@ -107,7 +107,7 @@ impl<const NP: usize> ReducedSystem<NP> {
             matrix[(row, row)] = 1.0;
         }
         let step = Cholesky::new(matrix)?.solve(right);
-        Ok(SVector::from_fn(
+        Ok(Vector::from_fn(
             |row, _| {
                 if active[row].is_some() { p_next[row] } else { p[row] + step[row] }
             },
@@ -125,8 +125,8 @@ impl<const NP: usize> AddAssign<&Self> for ReducedSystem<NP> {
 
 /// The blocking bound between `from` and `to`: row, side and step length of the first inactive bound on the way.
 fn blocking_bound<const NP: usize>(
-    from: &SVector<f64, NP>,
-    to: &SVector<f64, NP>,
+    from: &Vector<NP>,
+    to: &Vector<NP>,
     bounds: &Bounds<NP>,
     active: &[Option<Side>; NP],
 ) -> Option<(usize, Side, f64)> {
@@ -152,7 +152,7 @@ fn blocking_bound<const NP: usize>(
 /// The row of the active bound with the most negative multiplier, if that is below `-multiplier_min`. The multiplier is
 /// the derivative of the quadratic in the direction into the box. 1 / unit of the row
 fn bound_to_release<const NP: usize>(
-    gradient: &SVector<f64, NP>,
+    gradient: &Vector<NP>,
     active: &[Option<Side>; NP],
     multiplier_min: f64,
 ) -> Option<usize> {
@@ -175,6 +175,7 @@ fn bound_to_release<const NP: usize>(
 #[cfg(test)]
 mod tests {
     use horizon_model::check::{amax, maximum};
+    use horizon_model::{Matrix, Vector};
     use proptest::prelude::*;
 
     use super::*;
@@ -183,7 +184,7 @@ mod tests {
     fn optimality_gap(
         reduced: &ReducedSystem<3>,
         damping: f64,
-        (p, p_next): (&SVector<f64, 3>, &SVector<f64, 3>),
+        (p, p_next): (&Vector<3>, &Vector<3>),
         b: &Bounds<3>,
     ) -> f64 {
         let step = p_next - p;
@@ -211,10 +212,10 @@ mod tests {
             hi in prop::array::uniform3(0.0..1.0),
             start in prop::array::uniform3(0.0..=1.0),
         ) {
-            let root = SMatrix::<f64, 3, 3>::from_column_slice(&root);
+            let root = Matrix::<3, 3>::from_column_slice(&root);
             let reduced = ReducedSystem { hessian: root * root.transpose(), gradient: gradient.into(), decrease: 0.0 };
             let bounds = Bounds { lo: lo.into(), hi: hi.into() };
-            let p = bounds.lo + (bounds.hi - bounds.lo).component_mul(&SVector::from(start));
+            let p = bounds.lo + (bounds.hi - bounds.lo).component_mul(&Vector::from(start));
             let (p_next, decrease) = reduced.solve(1e-3, &p, &bounds).unwrap();
             for row in 0..3 {
                 prop_assert!((bounds.lo[row]..=bounds.hi[row]).contains(&p_next[row]), "{p_next}");
@@ -229,12 +230,12 @@ mod tests {
     #[test]
     fn a_fixed_row_never_moves() {
         let reduced = ReducedSystem {
-            hessian: SMatrix::<f64, 2, 2>::new(2.0, 1.0, 1.0, 2.0),
-            gradient: SVector::from([-3.0, 4.0]),
+            hessian: Matrix::<2, 2>::new(2.0, 1.0, 1.0, 2.0),
+            gradient: Vector::from([-3.0, 4.0]),
             decrease: 0.0,
         };
-        let p = SVector::from([0.3, 0.1]);
-        let bounds = Bounds { lo: SVector::from([0.3, -10.0]), hi: SVector::from([0.3, 10.0]) };
+        let p = Vector::from([0.3, 0.1]);
+        let bounds = Bounds { lo: Vector::from([0.3, -10.0]), hi: Vector::from([0.3, 10.0]) };
         let (p_next, _) = reduced.solve(0.0, &p, &bounds).unwrap();
         assert_eq!(p_next.x.to_bits(), 0.3_f64.to_bits());
         assert!((p_next.y - (0.1 - 2.0)).abs() < 1e-15, "{p_next}");

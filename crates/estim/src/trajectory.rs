@@ -7,7 +7,7 @@
 
 use horizon_model::setting::{SettingError, bounds, in_range, vector, weight_or_zero};
 use horizon_model::{Bounds, Model, Row};
-use nalgebra::{SMatrix, SVector};
+use horizon_model::{Matrix, Vector};
 
 use crate::arrival::{Arrival, ArrivalSettings};
 use crate::chain::{Block, Chain};
@@ -21,9 +21,9 @@ use crate::residual::{Curvature, Iterate, Observed, Residuals};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prior<const NP: usize> {
     /// Weight of the residual `C_p (p - p_prior)`, 0 or 1e-6..=1e6. Unit: 1 / unit of the row.
-    pub c_p: SVector<f64, NP>,
+    pub c_p: Vector<NP>,
     /// Expected parameter, inside the box. Unit of each row
-    pub p_prior: SVector<f64, NP>,
+    pub p_prior: Vector<NP>,
     /// Box of the parameter.
     pub bounds: Bounds<NP>,
 }
@@ -49,23 +49,23 @@ impl<const NP: usize> Prior<NP> {
     }
 
     /// `C_p (p - p_prior)`, thesis equation 3.43.
-    fn residual(&self, p: &SVector<f64, NP>) -> SVector<f64, NP> {
+    fn residual(&self, p: &Vector<NP>) -> Vector<NP> {
         self.c_p.component_mul(&(p - self.p_prior))
     }
 
-    pub(crate) fn cost(&self, p: &SVector<f64, NP>) -> f64 {
+    pub(crate) fn cost(&self, p: &Vector<NP>) -> f64 {
         0.5 * self.residual(p).norm_squared()
     }
 
     /// Adds gradient and curvature at `p`; the Jacobian is `diag(C_p)`, thesis equation 3.75.
-    pub(crate) fn add_to(&self, parameter_block: &mut ReducedSystem<NP>, p: &SVector<f64, NP>) {
+    pub(crate) fn add_to(&self, parameter_block: &mut ReducedSystem<NP>, p: &Vector<NP>) {
         parameter_block.gradient += self.c_p.component_mul(&self.residual(p));
         parameter_block.hessian += self.information();
     }
 
     /// `diag(C_p)^2`.
-    pub(crate) fn information(&self) -> SMatrix<f64, NP, NP> {
-        SMatrix::from_diagonal(&self.c_p.component_mul(&self.c_p))
+    pub(crate) fn information(&self) -> Matrix<NP, NP> {
+        Matrix::from_diagonal(&self.c_p.component_mul(&self.c_p))
     }
 }
 
@@ -78,14 +78,14 @@ pub struct Trajectory<M, const NS: usize, const NU: usize, const NO: usize, cons
     arrival: Option<Arrival<NS, NP>>,
     parameter_is_held: bool,
     /// `s[0]..=s[n]`, the current iterate.
-    s: Vec<SVector<f64, NS>>,
+    s: Vec<Vector<NS>>,
     /// `u[0]..u[n]`.
-    u: Vec<SVector<f64, NU>>,
+    u: Vec<Vector<NU>>,
     /// `o[0]..=o[n]`; `o[0]` is missing where it observes a fixed state or is that of the start.
     o: Vec<Observed<NO>>,
-    p: SVector<f64, NP>,
-    s_candidate: Vec<SVector<f64, NS>>,
-    p_candidate: SVector<f64, NP>,
+    p: Vector<NP>,
+    s_candidate: Vec<Vector<NS>>,
+    p_candidate: Vector<NP>,
     chain: Chain<NS, NP>,
     /// What the newest elimination left for the parameter.
     reduced: ReducedSystem<NP>,
@@ -105,7 +105,7 @@ where
         steps_max: usize,
     ) -> Self {
         let states_max = steps_max + 1;
-        let s_0 = residuals.model.at_rest(&SVector::zeros());
+        let s_0 = residuals.model.at_rest(&Vector::zeros());
         let arrival = match arrival {
             ArrivalSettings::Fixed => None,
             ArrivalSettings::Carried { c_0, forget_s } => {
@@ -157,7 +157,7 @@ where
     /// | `s_0` | NS    | that of each row of [`Model::STATE`]    |
     ///
     /// Real time: no allocation.
-    pub fn start(&mut self, s_0: SVector<f64, NS>) {
+    pub fn start(&mut self, s_0: Vector<NS>) {
         self.s.clear();
         self.u.clear();
         self.o.clear();
@@ -180,7 +180,7 @@ where
     /// | `observed` | NO    | that of each row of [`Model::OBSERVATION`] |
     ///
     /// Real time: no allocation while there are at most `steps_max` steps of [`Trajectory::new`].
-    pub fn push(&mut self, u: &SVector<f64, NU>, observed: &Observed<NO>) {
+    pub fn push(&mut self, u: &Vector<NU>, observed: &Observed<NO>) {
         let s_next = self.residuals.model.step(self.newest(), u, &self.p, self.residuals.dt_s);
         self.s.push(s_next);
         self.u.push(*u);
@@ -213,7 +213,7 @@ where
     ///
     /// # Panics
     /// There are `k` steps or fewer.
-    pub fn amend(&mut self, k: usize, u: &SVector<f64, NU>) {
+    pub fn amend(&mut self, k: usize, u: &Vector<NU>) {
         self.u[k] = *u;
     }
 
@@ -244,7 +244,7 @@ where
     /// the units of the weights; `None` without a carried arrival, or if that leaves a state open.
     ///
     /// Real time: no allocation, one factorization.
-    pub fn information(&self) -> Option<SMatrix<f64, NP, NP>> {
+    pub fn information(&self) -> Option<Matrix<NP, NP>> {
         self.arrival.as_ref()?.information().ok()
     }
 
@@ -254,12 +254,12 @@ where
     ///
     /// # Errors
     /// Nothing has been solved, or the window shows nothing of a row of the parameter.
-    pub fn newest_covariance(&self) -> Result<SMatrix<f64, NS, NS>, NotPositive> {
+    pub fn newest_covariance(&self) -> Result<Matrix<NS, NS>, NotPositive> {
         self.chain.last_covariance(&self.reduced)
     }
 
     /// What weighs on the first state and the parameter, at `(s_0, p)`.
-    fn cost_of_past(&self, s_0: &SVector<f64, NS>, p: &SVector<f64, NP>) -> f64 {
+    fn cost_of_past(&self, s_0: &Vector<NS>, p: &Vector<NP>) -> f64 {
         match &self.arrival {
             Some(arrival) => arrival.cost(s_0, p),
             None => self.prior.cost(p),
@@ -271,7 +271,7 @@ where
     /// fades to it.
     ///
     /// Real time: no allocation.
-    pub fn set_prior(&mut self, p_prior: SVector<f64, NP>) {
+    pub fn set_prior(&mut self, p_prior: Vector<NP>) {
         self.prior.p_prior = p_prior;
     }
 
@@ -281,17 +281,17 @@ where
     }
 
     /// The states, the oldest first: one more than steps, NS rows in the units of [`Model::STATE`].
-    pub fn states(&self) -> &[SVector<f64, NS>] {
+    pub fn states(&self) -> &[Vector<NS>] {
         &self.s
     }
 
     /// The parameter, NP rows in the units of [`Model::PARAMETER`].
-    pub fn parameter(&self) -> &SVector<f64, NP> {
+    pub fn parameter(&self) -> &Vector<NP> {
         &self.p
     }
 
     /// The newest state, NS rows in the units of [`Model::STATE`].
-    pub fn newest(&self) -> &SVector<f64, NS> {
+    pub fn newest(&self) -> &Vector<NS> {
         &self.s[self.u.len()]
     }
 }
@@ -386,7 +386,7 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
     }
 
     /// Information about the parameter when every state is eliminated, at the last linearization.
-    pub(crate) fn information_of_parameter(&mut self) -> SMatrix<f64, NP, NP> {
+    pub(crate) fn information_of_parameter(&mut self) -> Matrix<NP, NP> {
         self.chain.eliminate(0.0).unwrap().hessian
     }
 }

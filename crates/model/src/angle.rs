@@ -1,8 +1,7 @@
 //! Angles on the circle: the only place that wraps.
 
+use crate::Vector;
 use std::f64::consts::{PI, TAU};
-
-use nalgebra::SVector;
 
 use crate::row::Row;
 
@@ -34,16 +33,17 @@ pub fn unwrap_near(angle: f64, reference: f64) -> f64 {
 ///
 /// Real time: no allocation, one pass over the rows.
 pub fn nearest_turn<const N: usize>(
-    v: &SVector<f64, N>,
-    reference: &SVector<f64, N>,
+    v: &Vector<N>,
+    reference: &Vector<N>,
     rows: &[Row; N],
-) -> SVector<f64, N> {
-    SVector::from_fn(|i, _| if rows[i].is_angle { unwrap_near(v[i], reference[i]) } else { v[i] })
+) -> Vector<N> {
+    Vector::from_fn(|i, _| if rows[i].is_angle { unwrap_near(v[i], reference[i]) } else { v[i] })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Vector;
 
     #[test]
     fn wrap_keeps_the_half_open_interval() {
@@ -78,7 +78,7 @@ mod tests {
     #[test]
     fn only_angle_rows_turn() {
         let rows = [Row::linear("x", "m"), Row::angle("theta")];
-        let v = nearest_turn(&SVector::from([0.0, 0.0]), &SVector::from([9.0, 6.0]), &rows);
-        assert!((v - SVector::from([0.0, TAU])).norm() < 1e-12);
+        let v = nearest_turn(&Vector::from([0.0, 0.0]), &Vector::from([9.0, 6.0]), &rows);
+        assert!((v - Vector::from([0.0, TAU])).norm() < 1e-12);
     }
 }

@@ -3,15 +3,15 @@
 //! Owns what follows from the bounds of each row alone. Where bounds come from and which of them are active is
 //! known to the solvers.
 
-use nalgebra::SVector;
+use crate::Vector;
 
 /// The box `lo <= x <= hi` of a vector `x` with `N` rows: inputs or parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds<const N: usize> {
     /// Lower bounds, finite or minus infinity. Unit of each row
-    pub lo: SVector<f64, N>,
+    pub lo: Vector<N>,
     /// Upper bounds, finite or infinity, not below `lo`. Where one equals `lo` the row is given. Unit of each row
-    pub hi: SVector<f64, N>,
+    pub hi: Vector<N>,
 }
 
 impl<const N: usize> Bounds<N> {
@@ -25,8 +25,8 @@ impl<const N: usize> Bounds<N> {
     ///
     /// Real time: no allocation, one pass over the rows.
     #[inline]
-    pub fn open(&self, gradient: &SVector<f64, N>, x: &SVector<f64, N>) -> SVector<f64, N> {
-        SVector::from_fn(|i, _| {
+    pub fn open(&self, gradient: &Vector<N>, x: &Vector<N>) -> Vector<N> {
+        Vector::from_fn(|i, _| {
             let is_open = if gradient[i] > 0.0 { x[i] > self.lo[i] } else { x[i] < self.hi[i] };
             if is_open { gradient[i] } else { 0.0 }
         })
@@ -37,7 +37,7 @@ impl<const N: usize> Bounds<N> {
     ///
     /// Real time: no allocation, one pass over the rows.
     #[inline]
-    pub fn clamp(&self, x: &SVector<f64, N>) -> SVector<f64, N> {
+    pub fn clamp(&self, x: &Vector<N>) -> Vector<N> {
         x.sup(&self.lo).inf(&self.hi)
     }
 }
@@ -45,11 +45,12 @@ impl<const N: usize> Bounds<N> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Vector;
 
     const INF: f64 = f64::INFINITY;
 
     fn bounds() -> Bounds<3> {
-        Bounds { lo: SVector::from([-1.0, 0.5, -INF]), hi: SVector::from([1.0, 0.5, INF]) }
+        Bounds { lo: Vector::from([-1.0, 0.5, -INF]), hi: Vector::from([1.0, 0.5, INF]) }
     }
 
     #[test]
@@ -59,18 +60,18 @@ mod tests {
 
     #[test]
     fn what_leads_out_of_the_box_is_not_open() {
-        let gradient = SVector::from([2.0, 2.0, -2.0]);
+        let gradient = Vector::from([2.0, 2.0, -2.0]);
         let open = |x: [f64; 3], sign: f64| bounds().open(&(gradient * sign), &x.into());
-        assert_eq!(open([-1.0, 0.5, 9.0], 1.0), SVector::from([0.0, 0.0, -2.0]));
-        assert_eq!(open([-1.0, 0.5, 9.0], -1.0), SVector::from([-2.0, 0.0, 2.0]));
-        assert_eq!(open([0.0, 0.5, 9.0], 1.0), SVector::from([2.0, 0.0, -2.0]));
+        assert_eq!(open([-1.0, 0.5, 9.0], 1.0), Vector::from([0.0, 0.0, -2.0]));
+        assert_eq!(open([-1.0, 0.5, 9.0], -1.0), Vector::from([-2.0, 0.0, 2.0]));
+        assert_eq!(open([0.0, 0.5, 9.0], 1.0), Vector::from([2.0, 0.0, -2.0]));
     }
 
     #[test]
     fn the_nearest_vector_of_the_box_keeps_rows_that_are_inside() {
         let clamp = |x: [f64; 3]| bounds().clamp(&x.into());
-        assert_eq!(clamp([-3.0, 0.0, 1e9]), SVector::from([-1.0, 0.5, 1e9]));
-        assert_eq!(clamp([0.25, 0.7, -1e9]), SVector::from([0.25, 0.5, -1e9]));
-        assert_eq!(clamp([f64::NAN, f64::NAN, f64::NAN]), SVector::from([-1.0, 0.5, -INF]));
+        assert_eq!(clamp([-3.0, 0.0, 1e9]), Vector::from([-1.0, 0.5, 1e9]));
+        assert_eq!(clamp([0.25, 0.7, -1e9]), Vector::from([0.25, 0.5, -1e9]));
+        assert_eq!(clamp([f64::NAN, f64::NAN, f64::NAN]), Vector::from([-1.0, 0.5, -INF]));
     }
 }

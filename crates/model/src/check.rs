@@ -4,9 +4,8 @@
 mod equalities;
 mod structure;
 
+use crate::{Matrix, Vector};
 use std::fmt;
-
-use nalgebra::{SMatrix, SVector};
 
 use crate::differences;
 use crate::model::{HessianKind, HessianRequest, Model};
@@ -16,11 +15,11 @@ use crate::row::Row;
 #[derive(Debug, Clone, Copy)]
 pub struct Point<const NS: usize, const NU: usize, const NP: usize> {
     /// State. Unit of each row
-    pub s: SVector<f64, NS>,
+    pub s: Vector<NS>,
     /// Input. Unit of each row
-    pub u: SVector<f64, NU>,
+    pub u: Vector<NU>,
     /// Parameter. Unit of each row
-    pub p: SVector<f64, NP>,
+    pub p: Vector<NP>,
     /// Period. s
     pub dt_s: f64,
 }
@@ -137,27 +136,24 @@ pub fn amax<'a>(entries: impl IntoIterator<Item = &'a f64>) -> f64 {
 ///
 /// A gap is relative to the larger of 1 and the numeric derivative.
 pub fn jacobian_gap<const M: usize, const N: usize>(
-    f: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
-    x: &SVector<f64, N>,
-    exact: &SMatrix<f64, M, N>,
+    f: impl Fn(&Vector<N>) -> Vector<M>,
+    x: &Vector<N>,
+    exact: &Matrix<M, N>,
 ) -> f64 {
     worst_entry(f, (x, &[Row::UNNAMED; N]), exact).gap
 }
 
 /// The entry of `exact` with the largest gap to central differences of `f` at `x`, whose rows are `rows`.
 fn worst_entry<const M: usize, const N: usize>(
-    f: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
-    (x, rows): (&SVector<f64, N>, &[Row; N]),
-    exact: &SMatrix<f64, M, N>,
+    f: impl Fn(&Vector<N>) -> Vector<M>,
+    (x, rows): (&Vector<N>, &[Row; N]),
+    exact: &Matrix<M, N>,
 ) -> Entry {
     worst_of(exact, &differences::jacobian_of_rows(f, x, rows))
 }
 
 /// The entry of `given` with the largest gap to `numeric`.
-fn worst_of<const M: usize, const N: usize>(
-    given: &SMatrix<f64, M, N>,
-    numeric: &SMatrix<f64, M, N>,
-) -> Entry {
+fn worst_of<const M: usize, const N: usize>(given: &Matrix<M, N>, numeric: &Matrix<M, N>) -> Entry {
     let entries = (0..N).flat_map(|col| (0..M).map(move |row| (row, col)));
     entries.map(|at| Entry::new(at, given[at], numeric[at])).fold(Entry::NONE, Entry::or_worse)
 }
@@ -280,7 +276,7 @@ fn check_hessians<M, const NS: usize, const NU: usize, const NO: usize, const NP
     let Point { s, u, p, dt_s } = at;
     let (states, inputs, parameters) = (&M::STATE[..], &M::INPUT[..], &M::PARAMETER[..]);
     // Different weights, none of them zero.
-    let w = SVector::from_fn(|row, _| 1.0 / (row + 1) as f64) / *dt_s;
+    let w = Vector::from_fn(|row, _| 1.0 / (row + 1) as f64) / *dt_s;
     let by_state = |s: &_, p: &_| model.step_by_state(s, u, p, *dt_s).tr_mul(&w);
     let by_input = |s: &_, u: &_| model.step_by_input(s, u, p, *dt_s).tr_mul(&w);
     let by_parameter = |p: &_| model.step_by_parameter(s, u, p, *dt_s).tr_mul(&w);

@@ -3,9 +3,8 @@
 //! A [`Model`](crate::Model) without derivatives gets them from here; the check of the derivatives of a
 //! model compares with the same function.
 
-use nalgebra::{SMatrix, SVector};
-
 use crate::row::{Domain, Row};
+use crate::{Matrix, Vector};
 
 /// Jacobian of `f` at `x` by central differences, `2 N` evaluations.
 ///
@@ -26,9 +25,9 @@ use crate::row::{Domain, Row};
 /// ```
 #[inline]
 pub fn jacobian<const M: usize, const N: usize>(
-    f: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
-    x: &SVector<f64, N>,
-) -> SMatrix<f64, M, N> {
+    f: impl Fn(&Vector<N>) -> Vector<M>,
+    x: &Vector<N>,
+) -> Matrix<M, N> {
     jacobian_of_rows(f, x, &[Row::UNNAMED; N])
 }
 
@@ -49,11 +48,11 @@ pub fn jacobian<const M: usize, const N: usize>(
 /// ```
 #[inline]
 pub fn jacobian_of_rows<const M: usize, const N: usize>(
-    f: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
-    x: &SVector<f64, N>,
+    f: impl Fn(&Vector<N>) -> Vector<M>,
+    x: &Vector<N>,
     rows: &[Row; N],
-) -> SMatrix<f64, M, N> {
-    let mut jacobian = SMatrix::<f64, M, N>::zeros();
+) -> Matrix<M, N> {
+    let mut jacobian = Matrix::<M, N>::zeros();
     for col in 0..N {
         let is_relative = rows[col].domain == Domain::Positive && x[col] > 0.0;
         let scale = if is_relative { x[col] } else { x[col].abs().max(1.0) };
@@ -71,12 +70,13 @@ pub fn jacobian_of_rows<const M: usize, const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Matrix, Vector};
 
     #[test]
     fn a_jacobian_has_a_row_by_value_and_a_column_by_variable() {
-        let f = |x: &SVector<f64, 3>| SVector::from([x[0] * x[1], x[2].sin()]);
-        let x = SVector::from([2.0, -3.0, 0.4]);
-        let exact = SMatrix::<f64, 2, 3>::new(x[1], x[0], 0.0, 0.0, 0.0, x[2].cos());
+        let f = |x: &Vector<3>| Vector::from([x[0] * x[1], x[2].sin()]);
+        let x = Vector::from([2.0, -3.0, 0.4]);
+        let exact = Matrix::<2, 3>::new(x[1], x[0], 0.0, 0.0, 0.0, x[2].cos());
         let gap = (jacobian(f, &x) - exact).amax();
         assert!(gap < 1e-9, "{gap:e}");
     }
@@ -85,7 +85,7 @@ mod tests {
     fn the_increment_is_relative_for_a_positive_row_above_zero_alone() {
         let increment = |row: Row, at: f64| {
             let ends = std::cell::RefCell::new(Vec::new());
-            let note = |x: &SVector<f64, 1>| {
+            let note = |x: &Vector<1>| {
                 ends.borrow_mut().push(x[0]);
                 *x
             };

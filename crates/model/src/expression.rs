@@ -8,7 +8,8 @@ mod derivative;
 mod graph;
 mod tape;
 
-use nalgebra::{ArrayStorage, SMatrix, SVector};
+use crate::{Matrix, Vector};
+use nalgebra::ArrayStorage;
 
 use crate::model::{Linearized, LinearizedByInput, Model};
 use tape::{Arguments, Entries, Layout, Tape};
@@ -134,51 +135,45 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Model<N
 {
     const NAME: &'static str = "compiled";
 
-    fn step(
-        &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        p: &SVector<f64, NP>,
-        dt_s: f64,
-    ) -> SVector<f64, NS> {
+    fn step(&self, s: &Vector<NS>, u: &Vector<NU>, p: &Vector<NP>, dt_s: f64) -> Vector<NS> {
         self.0.step.evaluate((s, u, p, dt_s))
     }
 
     fn step_by_state(
         &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        p: &SVector<f64, NP>,
+        s: &Vector<NS>,
+        u: &Vector<NU>,
+        p: &Vector<NP>,
         dt_s: f64,
-    ) -> SMatrix<f64, NS, NS> {
+    ) -> Matrix<NS, NS> {
         self.linearize(s, u, p, dt_s).by_state
     }
 
     fn step_by_input(
         &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        p: &SVector<f64, NP>,
+        s: &Vector<NS>,
+        u: &Vector<NU>,
+        p: &Vector<NP>,
         dt_s: f64,
-    ) -> SMatrix<f64, NS, NU> {
+    ) -> Matrix<NS, NU> {
         self.linearize_by_input(s, u, p, dt_s).by_input
     }
 
     fn step_by_parameter(
         &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        p: &SVector<f64, NP>,
+        s: &Vector<NS>,
+        u: &Vector<NU>,
+        p: &Vector<NP>,
         dt_s: f64,
-    ) -> SMatrix<f64, NS, NP> {
+    ) -> Matrix<NS, NP> {
         self.linearize(s, u, p, dt_s).by_parameter
     }
 
     fn linearize(
         &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        p: &SVector<f64, NP>,
+        s: &Vector<NS>,
+        u: &Vector<NU>,
+        p: &Vector<NP>,
         dt_s: f64,
     ) -> Linearized<NS, NP> {
         self.0.linearize.evaluate((s, u, p, dt_s))
@@ -186,30 +181,30 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Model<N
 
     fn linearize_by_input(
         &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        p: &SVector<f64, NP>,
+        s: &Vector<NS>,
+        u: &Vector<NU>,
+        p: &Vector<NP>,
         dt_s: f64,
     ) -> LinearizedByInput<NS, NU> {
         self.0.drive.evaluate((s, u, p, dt_s))
     }
 
-    fn observe(&self, s: &SVector<f64, NS>) -> SVector<f64, NO> {
+    fn observe(&self, s: &Vector<NS>) -> Vector<NO> {
         self.0.observe.evaluate(seen(s))
     }
 
-    fn observe_by_state(&self, s: &SVector<f64, NS>) -> SMatrix<f64, NO, NS> {
+    fn observe_by_state(&self, s: &Vector<NS>) -> Matrix<NO, NS> {
         self.0.observe_by_state.evaluate(seen(s))
     }
 }
 
 /// What an observation is computed from.
-fn seen<const NS: usize>(s: &SVector<f64, NS>) -> Arguments<'_, NS, 0, 0> {
+fn seen<const NS: usize>(s: &Vector<NS>) -> Arguments<'_, NS, 0, 0> {
     (s, &NOTHING, &NOTHING, 0.0)
 }
 
 /// A vector without rows.
-const NOTHING: SVector<f64, 0> = SVector::<f64, 0>::from_array_storage(ArrayStorage([[]]));
+const NOTHING: Vector<0> = Vector::<0>::from_array_storage(ArrayStorage([[]]));
 
 #[cfg(test)]
 mod tests;

@@ -3,8 +3,7 @@
 //! Owns the thesis' delay queue (section 4.3.10), generalized to one fractional dead time per axis.
 //! What is sent is decided elsewhere; here it is only remembered.
 
-use nalgebra::SVector;
-
+use crate::Vector;
 use crate::row::Row;
 use crate::setting::{SettingError, in_range, positive, vector};
 
@@ -28,13 +27,13 @@ const EXTRA_INPUTS: usize = 2;
 #[derive(Debug, Clone, PartialEq)]
 pub struct InputFifo<const NU: usize> {
     /// Dead time per axis. steps, >= 0
-    dead_time_steps: SVector<f64, NU>,
+    dead_time_steps: Vector<NU>,
     /// Dead time per axis before a correction. steps, >= 0
-    nominal_steps: SVector<f64, NU>,
+    nominal_steps: Vector<NU>,
     /// Part of each nominal dead time that a correction leaves. 1, 0..=1
     min_ratio: f64,
     /// Ring of sent inputs; `newest` is the latest.
-    sent: Vec<SVector<f64, NU>>,
+    sent: Vec<Vector<NU>>,
     newest: usize,
 }
 
@@ -59,7 +58,7 @@ impl<const NU: usize> InputFifo<NU> {
             return Err(SettingError::new("dt_s", dt_s, rule));
         }
         let depth = crate::whole(dead_time_steps.max()) + LOOK_BACK_STEPS + EXTRA_INPUTS;
-        let sent = vec![SVector::zeros(); depth];
+        let sent = vec![Vector::zeros(); depth];
         Ok(Self {
             dead_time_steps,
             nominal_steps: dead_time_steps,
@@ -73,7 +72,7 @@ impl<const NU: usize> InputFifo<NU> {
     /// back ([`InputFifo::applied`]). Allocates; nothing must have been pushed.
     #[must_use]
     pub fn with_room(mut self, steps: usize) -> Self {
-        self.sent.resize(self.sent.len() + steps, SVector::zeros());
+        self.sent.resize(self.sent.len() + steps, Vector::zeros());
         self
     }
 
@@ -92,21 +91,21 @@ impl<const NU: usize> InputFifo<NU> {
     ///
     /// Real time: no allocation, constant cost.
     pub fn correct(&mut self, steps: [i32; NU]) {
-        let longer = SVector::from(steps.map(f64::from));
+        let longer = Vector::from(steps.map(f64::from));
         self.dead_time_steps = self
             .nominal_steps
             .zip_map(&longer, |steps, longer| (steps + longer).max(self.min_ratio * steps));
     }
 
     /// Dead time of each axis as [`InputFifo::new`] was given it. steps
-    pub fn nominal_steps(&self) -> &SVector<f64, NU> {
+    pub fn nominal_steps(&self) -> &Vector<NU> {
         &self.nominal_steps
     }
 
     /// Remembers `u_sent` as the input of the newest step.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn push(&mut self, u_sent: &SVector<f64, NU>) {
+    pub fn push(&mut self, u_sent: &Vector<NU>) {
         self.newest = (self.newest + 1) % self.sent.len();
         self.sent[self.newest] = *u_sent;
     }
@@ -131,8 +130,8 @@ impl<const NU: usize> InputFifo<NU> {
     /// With debug assertions, where an axis would need a forgotten input.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn applied(&self, ahead: isize) -> SVector<f64, NU> {
-        SVector::from_fn(|axis, _| {
+    pub fn applied(&self, ahead: isize) -> Vector<NU> {
+        Vector::from_fn(|axis, _| {
             let whole = self.dead_time_steps[axis].floor();
             let fraction = self.dead_time_steps[axis] - whole;
             // Age 0 is the newest push, one step before the coming one.
@@ -147,7 +146,7 @@ impl<const NU: usize> InputFifo<NU> {
     }
 
     /// Dead time of each axis. steps
-    pub fn dead_time_steps(&self) -> &SVector<f64, NU> {
+    pub fn dead_time_steps(&self) -> &Vector<NU> {
         &self.dead_time_steps
     }
 
@@ -165,10 +164,10 @@ impl<const NU: usize> InputFifo<NU> {
     /// zeros without a plan.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn to_send(&self, plan: &[SVector<f64, NU>]) -> SVector<f64, NU> {
+    pub fn to_send(&self, plan: &[Vector<NU>]) -> Vector<NU> {
         let planned =
             |step: usize, axis: usize| plan.get(step).or(plan.last()).map_or(0.0, |u| u[axis]);
-        SVector::from_fn(|axis, _| {
+        Vector::from_fn(|axis, _| {
             let steps = self.dead_time_steps[axis];
             let (step, fraction) = (crate::whole(steps) - self.known_steps(), steps.fract());
             (1.0 - fraction) * planned(step, axis) + fraction * planned(step + 1, axis)
@@ -183,11 +182,11 @@ impl<const NU: usize> InputFifo<NU> {
     }
 
     /// The latest pushed input, in its units; zero before the first.
-    pub fn newest(&self) -> &SVector<f64, NU> {
+    pub fn newest(&self) -> &Vector<NU> {
         &self.sent[self.newest]
     }
 
-    fn sent_at_age(&self, age: isize) -> &SVector<f64, NU> {
+    fn sent_at_age(&self, age: isize) -> &Vector<NU> {
         let depth = self.sent.len();
         debug_assert!(age < depth.cast_signed(), "age {age} of {depth}");
         let age = usize::try_from(age).unwrap_or(0).min(depth - 1);
@@ -198,6 +197,7 @@ impl<const NU: usize> InputFifo<NU> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Vector;
 
     const ROWS: [Row; 2] = [Row::linear("a", "1"), Row::linear("b", "1")];
     const DT_S: f64 = 0.02;
@@ -206,18 +206,18 @@ mod tests {
     fn counted(dead_time_s: [f64; 2], count: u32) -> InputFifo<2> {
         let mut fifo = InputFifo::new(&dead_time_s, &ROWS, DT_S).unwrap();
         for k in 1..=count {
-            fifo.push(&SVector::from([f64::from(k), -f64::from(k)]));
+            fifo.push(&Vector::from([f64::from(k), -f64::from(k)]));
         }
         fifo
     }
 
-    fn assert_close(got: SVector<f64, 2>, expected: [f64; 2]) {
-        assert!((got - SVector::from(expected)).norm() < 1e-9, "{got} instead of {expected:?}");
+    fn assert_close(got: Vector<2>, expected: [f64; 2]) {
+        assert!((got - Vector::from(expected)).norm() < 1e-9, "{got} instead of {expected:?}");
     }
 
     #[test]
     fn what_is_sent_is_the_mean_of_the_planned_inputs_of_the_steps_in_which_it_acts() {
-        let plan = [[1.0, 10.0], [2.0, 20.0], [4.0, 40.0]].map(SVector::from);
+        let plan = [[1.0, 10.0], [2.0, 20.0], [4.0, 40.0]].map(Vector::from);
         for (dead_time_s, expected) in [
             ([0.04, 0.04], [1.0, 10.0]),
             ([0.045, 0.055], [1.25, 17.5]),
@@ -259,7 +259,7 @@ mod tests {
         // 0.25 and 0.07 s are 12.5 and 3.5 steps.
         let mut fifo = InputFifo::new(&[0.25, 0.07], &ROWS, DT_S).unwrap().with_room(8);
         for k in 1..=50_u32 {
-            fifo.push(&SVector::from([f64::from(k), -f64::from(k)]));
+            fifo.push(&Vector::from([f64::from(k), -f64::from(k)]));
         }
         assert_close(fifo.applied(0), [38.5, -47.5]);
         fifo.correct([5; 2]);
@@ -279,7 +279,7 @@ mod tests {
         let mut fifo = InputFifo::new(&[0.24, 0.08], &ROWS, DT_S).unwrap();
         fifo = fifo.with_min_ratio(0.5).unwrap();
         for k in 1..=50_u32 {
-            fifo.push(&SVector::from([f64::from(k), -f64::from(k)]));
+            fifo.push(&Vector::from([f64::from(k), -f64::from(k)]));
         }
         // 12 and 4 steps: the second axis keeps two of them.
         fifo.correct([-3; 2]);

@@ -1,6 +1,7 @@
 //! The state that explains an observation: nonlinear least squares by Gauss-Newton.
 
-use nalgebra::{Cholesky, SMatrix, SVector};
+use crate::{Matrix, Vector};
+use nalgebra::Cholesky;
 
 /// Most iterations; a linear observation takes two.
 const ITERATIONS_MAX: u32 = 30;
@@ -22,18 +23,18 @@ const EXPLAINED: f64 = 1e-12;
 /// Every step lies in the row space of the Jacobian: for a linear `g` the solution is that of minimum norm.
 /// Returns the last finite iterate, zero if `g` is finite at neither start.
 pub(crate) fn least_squares<const NS: usize, const NO: usize>(
-    g: impl Fn(&SVector<f64, NS>) -> SVector<f64, NO>,
-    by_state: impl Fn(&SVector<f64, NS>) -> SMatrix<f64, NO, NS>,
-    o: &SVector<f64, NO>,
-) -> SVector<f64, NS> {
-    let residual = |s: &SVector<f64, NS>| (o - g(s)).norm_squared();
-    let first = gauss_newton(&g, &by_state, o, SVector::zeros());
+    g: impl Fn(&Vector<NS>) -> Vector<NO>,
+    by_state: impl Fn(&Vector<NS>) -> Matrix<NO, NS>,
+    o: &Vector<NO>,
+) -> Vector<NS> {
+    let residual = |s: &Vector<NS>| (o - g(s)).norm_squared();
+    let first = gauss_newton(&g, &by_state, o, Vector::zeros());
     let left = residual(&first);
-    let at_zero = Some(residual(&SVector::zeros())).filter(|at_zero| at_zero.is_finite());
+    let at_zero = Some(residual(&Vector::zeros())).filter(|at_zero| at_zero.is_finite());
     if left <= EXPLAINED * at_zero.unwrap_or(0.0).max(o.norm_squared()) {
         return first;
     }
-    let mut second = SVector::from_fn(|row, _| 0.1 * (row + 1) as f64);
+    let mut second = Vector::from_fn(|row, _| 0.1 * (row + 1) as f64);
     // No step would bring a row that is not observed back to zero.
     for (row, column) in by_state(&second).column_iter().enumerate() {
         if column.iter().all(|entry| entry.abs() <= 0.0) {
@@ -48,11 +49,11 @@ pub(crate) fn least_squares<const NS: usize, const NO: usize>(
 
 /// The last finite iterate from the start `s`.
 fn gauss_newton<const NS: usize, const NO: usize>(
-    g: impl Fn(&SVector<f64, NS>) -> SVector<f64, NO>,
-    by_state: impl Fn(&SVector<f64, NS>) -> SMatrix<f64, NO, NS>,
-    o: &SVector<f64, NO>,
-    mut s: SVector<f64, NS>,
-) -> SVector<f64, NS> {
+    g: impl Fn(&Vector<NS>) -> Vector<NO>,
+    by_state: impl Fn(&Vector<NS>) -> Matrix<NO, NS>,
+    o: &Vector<NO>,
+    mut s: Vector<NS>,
+) -> Vector<NS> {
     let mut r = o - g(&s);
     if !r.norm_squared().is_finite() {
         return s;
@@ -75,15 +76,15 @@ fn gauss_newton<const NS: usize, const NO: usize>(
 
 /// The minimum-norm solution of `min |j step - r|`: by `j j'` or `j' j`, whichever is smaller.
 fn minimum_norm_step<const NS: usize, const NO: usize>(
-    j: &SMatrix<f64, NO, NS>,
-    r: &SVector<f64, NO>,
-) -> Option<SVector<f64, NS>> {
+    j: &Matrix<NO, NS>,
+    r: &Vector<NO>,
+) -> Option<Vector<NS>> {
     let trace = j.norm_squared();
     if NO <= NS {
-        let normal = j * j.transpose() + SMatrix::from_diagonal_element(REGULARIZATION * trace);
+        let normal = j * j.transpose() + Matrix::from_diagonal_element(REGULARIZATION * trace);
         Some(j.tr_mul(&Cholesky::new(normal)?.solve(r)))
     } else {
-        let normal = j.tr_mul(j) + SMatrix::from_diagonal_element(REGULARIZATION * trace);
+        let normal = j.tr_mul(j) + Matrix::from_diagonal_element(REGULARIZATION * trace);
         Some(Cholesky::new(normal)?.solve(&j.tr_mul(r)))
     }
 }
@@ -91,70 +92,71 @@ fn minimum_norm_step<const NS: usize, const NO: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Vector;
     use crate::differences::jacobian;
 
     fn solve<const NS: usize, const NO: usize>(
-        g: impl Fn(&SVector<f64, NS>) -> SVector<f64, NO>,
+        g: impl Fn(&Vector<NS>) -> Vector<NO>,
         o: [f64; NO],
-    ) -> SVector<f64, NS> {
+    ) -> Vector<NS> {
         least_squares(&g, |s| jacobian(&g, s), &o.into())
     }
 
     #[test]
     fn rows_that_are_not_observed_stay_zero() {
-        let s = solve(|s: &SVector<f64, 3>| SVector::from([s[2], 2.0 * s[0]]), [0.7, 3.0]);
-        assert!((s - SVector::from([1.5, 0.0, 0.7])).norm() < 1e-12, "{s}");
+        let s = solve(|s: &Vector<3>| Vector::from([s[2], 2.0 * s[0]]), [0.7, 3.0]);
+        assert!((s - Vector::from([1.5, 0.0, 0.7])).norm() < 1e-12, "{s}");
     }
 
     #[test]
     fn an_observation_of_zero_counts() {
-        let s = solve(|s: &SVector<f64, 1>| SVector::from([s[0] + 2.0]), [5.0]);
+        let s = solve(|s: &Vector<1>| Vector::from([s[0] + 2.0]), [5.0]);
         assert!((s[0] - 3.0).abs() < 1e-9, "{s}");
     }
 
     #[test]
     fn an_underdetermined_observation_gives_the_minimum_norm() {
-        let s = solve(|s: &SVector<f64, 2>| SVector::from([3.0 * s[0] + 4.0 * s[1]]), [5.0]);
-        assert!((s - SVector::from([0.6, 0.8])).norm() < 1e-12, "{s}");
+        let s = solve(|s: &Vector<2>| Vector::from([3.0 * s[0] + 4.0 * s[1]]), [5.0]);
+        assert!((s - Vector::from([0.6, 0.8])).norm() < 1e-12, "{s}");
     }
 
     #[test]
     fn a_redundant_observation_gives_the_least_squares() {
-        let s = solve(|s: &SVector<f64, 1>| SVector::from([s[0], s[0], s[0]]), [1.0, 2.0, 6.0]);
+        let s = solve(|s: &Vector<1>| Vector::from([s[0], s[0], s[0]]), [1.0, 2.0, 6.0]);
         assert!((s[0] - 3.0).abs() < 1e-9, "{s}");
         // Two equal rows, and a column that is not observed: rank 1 of 2.
-        let s = solve(|s: &SVector<f64, 2>| SVector::from([s[0], s[0]]), [1.0, 3.0]);
-        assert!((s - SVector::from([2.0, 0.0])).norm() < 1e-9, "{s}");
+        let s = solve(|s: &Vector<2>| Vector::from([s[0], s[0]]), [1.0, 3.0]);
+        assert!((s - Vector::from([2.0, 0.0])).norm() < 1e-9, "{s}");
     }
 
     #[test]
     fn a_nonlinear_observation_is_solved_to_rounding() {
-        let g = |s: &SVector<f64, 2>| SVector::from([s[0] + s[1].sin(), s[1].exp()]);
+        let g = |s: &Vector<2>| Vector::from([s[0] + s[1].sin(), s[1].exp()]);
         let s = solve(g, [0.4, 3.0]);
-        assert!((g(&s) - SVector::from([0.4, 3.0])).norm() < 1e-12, "{s}");
+        assert!((g(&s) - Vector::from([0.4, 3.0])).norm() < 1e-12, "{s}");
         // Without a step to take the start remains.
-        let constant = |_: &SVector<f64, 2>| SVector::from([1.0]);
-        assert_eq!(solve(constant, [2.0]), SVector::<f64, 2>::zeros());
-        let undefined = |_: &SVector<f64, 1>| SVector::from([f64::NAN]);
-        assert_eq!(solve(undefined, [2.0]), SVector::<f64, 1>::zeros());
+        let constant = |_: &Vector<2>| Vector::from([1.0]);
+        assert_eq!(solve(constant, [2.0]), Vector::<2>::zeros());
+        let undefined = |_: &Vector<1>| Vector::from([f64::NAN]);
+        assert_eq!(solve(undefined, [2.0]), Vector::<1>::zeros());
     }
 
     #[test]
     fn a_singular_point_at_zero_is_left() {
-        let pole = |s: &SVector<f64, 1>| SVector::from([1.0 / s[0]]);
+        let pole = |s: &Vector<1>| Vector::from([1.0 / s[0]]);
         assert!((solve(pole, [2.0])[0] - 0.5).abs() < 1e-9);
-        let distance = |s: &SVector<f64, 3>| SVector::from([s.xy().norm()]);
+        let distance = |s: &Vector<3>| Vector::from([s.xy().norm()]);
         let s = solve(distance, [2.0]);
         assert!((s.norm() - 2.0).abs() < 1e-9 && s[2].abs() <= 0.0, "{s}");
-        let polar = |s: &SVector<f64, 2>| SVector::from([s.norm(), s[1].atan2(s[0])]);
+        let polar = |s: &Vector<2>| Vector::from([s.norm(), s[1].atan2(s[0])]);
         let s = solve(polar, [2.0, 0.7]);
-        assert!((polar(&s) - SVector::from([2.0, 0.7])).norm() < 1e-9, "{s}");
+        assert!((polar(&s) - Vector::from([2.0, 0.7])).norm() < 1e-9, "{s}");
     }
 
     #[test]
     fn what_nothing_explains_does_not_leave_the_minimum_norm() {
         // Two different observations of one row: a residual from each start.
-        let s = solve(|s: &SVector<f64, 3>| SVector::from([s[1], s[1]]), [0.0, 2.0]);
-        assert!((s - SVector::from([0.0, 1.0, 0.0])).norm() < 1e-9, "{s}");
+        let s = solve(|s: &Vector<3>| Vector::from([s[1], s[1]]), [0.0, 2.0]);
+        assert!((s - Vector::from([0.0, 1.0, 0.0])).norm() < 1e-9, "{s}");
     }
 }

@@ -30,6 +30,11 @@ pub mod subsystem;
 mod transpose;
 mod vehicles;
 
+/// Column vector of `N` numbers.
+pub type Vector<const N: usize> = nalgebra::SVector<f64, N>;
+/// Matrix of `R` rows and `C` columns.
+pub type Matrix<const R: usize, const C: usize> = nalgebra::SMatrix<f64, R, C>;
+
 pub use bounds::Bounds;
 #[cfg(feature = "dual")]
 pub use dual::{Dual, DualModel, Scalar};

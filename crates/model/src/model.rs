@@ -3,44 +3,43 @@
 //! Estimation and control are generic over [`Model`]; they know no vehicle. Noise, input delay and
 //! limits live elsewhere.
 
-use nalgebra::{SMatrix, SVector};
-
 use crate::differences;
 use crate::least_squares;
 use crate::row::Row;
 use crate::subsystem::VisitSubsystems;
+use crate::{Matrix, Vector};
 
 /// A step and its Jacobians by state and parameter at the same arguments: what an estimator needs of a transition.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Linearized<const NS: usize, const NP: usize> {
     /// [`Model::step`]. Unit of each row
-    pub s_next: SVector<f64, NS>,
+    pub s_next: Vector<NS>,
     /// [`Model::step_by_state`]. Unit of the row / unit of the column
-    pub by_state: SMatrix<f64, NS, NS>,
+    pub by_state: Matrix<NS, NS>,
     /// [`Model::step_by_parameter`]. Unit of the row / unit of the column
-    pub by_parameter: SMatrix<f64, NS, NP>,
+    pub by_parameter: Matrix<NS, NP>,
 }
 
 /// A step and its Jacobians by state and input at the same arguments: what a controller needs of a transition.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LinearizedByInput<const NS: usize, const NU: usize> {
     /// [`Model::step`]. Unit of each row
-    pub s_next: SVector<f64, NS>,
+    pub s_next: Vector<NS>,
     /// [`Model::step_by_state`]. Unit of the row / unit of the column
-    pub by_state: SMatrix<f64, NS, NS>,
+    pub by_state: Matrix<NS, NS>,
     /// [`Model::step_by_input`]. Unit of the row / unit of the column
-    pub by_input: SMatrix<f64, NS, NU>,
+    pub by_input: Matrix<NS, NU>,
 }
 
 /// Hessian of `w' f(s, u, p)` by state and parameter, with `w` one weight per row of the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ParameterHessian<const NS: usize, const NP: usize> {
     /// By the state, twice. Symmetric. Unit of `w' f` / (unit of the row, unit of the column)
-    pub by_state: SMatrix<f64, NS, NS>,
+    pub by_state: Matrix<NS, NS>,
     /// By the state and the parameter. Unit of `w' f` / (unit of the row, unit of the column)
-    pub by_state_parameter: SMatrix<f64, NS, NP>,
+    pub by_state_parameter: Matrix<NS, NP>,
     /// By the parameter, twice. Symmetric. Unit of `w' f` / (unit of the row, unit of the column)
-    pub by_parameter: SMatrix<f64, NP, NP>,
+    pub by_parameter: Matrix<NP, NP>,
 }
 
 /// Which Hessian of the dynamics a controller asks for.
@@ -56,28 +55,28 @@ pub enum HessianKind {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InputHessian<const NS: usize, const NU: usize> {
     /// By the state, twice. Symmetric. Unit of `w' f` / (unit of the row, unit of the column)
-    pub by_state: SMatrix<f64, NS, NS>,
+    pub by_state: Matrix<NS, NS>,
     /// By the input and the state. Unit of `w' f` / (unit of the row, unit of the column)
-    pub by_input_state: SMatrix<f64, NU, NS>,
+    pub by_input_state: Matrix<NU, NS>,
     /// By the input, twice. Symmetric. Unit of `w' f` / (unit of the row, unit of the column)
-    pub by_input: SMatrix<f64, NU, NU>,
+    pub by_input: Matrix<NU, NU>,
 }
 
 /// Where and how a model is asked for its [`InputHessian`].
 #[derive(Debug, Clone, Copy)]
 pub struct HessianRequest<'a, const NS: usize, const NU: usize, const NP: usize> {
     /// State. Unit of each row
-    pub s: &'a SVector<f64, NS>,
+    pub s: &'a Vector<NS>,
     /// Input. Unit of each row
-    pub u: &'a SVector<f64, NU>,
+    pub u: &'a Vector<NU>,
     /// Parameter. Unit of each row
-    pub p: &'a SVector<f64, NP>,
+    pub p: &'a Vector<NP>,
     /// Period. s, > 0
     pub dt_s: f64,
     /// [`Model::step_by_input`] at these arguments, from which terms may be reused.
-    pub by_input: &'a SMatrix<f64, NS, NU>,
+    pub by_input: &'a Matrix<NS, NU>,
     /// Weight of each row of the step; in a controller, the costate of the next state.
-    pub w: &'a SVector<f64, NS>,
+    pub w: &'a Vector<NS>,
     /// Which Hessian is asked for.
     pub kind: HessianKind,
 }
@@ -122,23 +121,17 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
 
     /// State one period later, thesis equation 3.49. A controller with move blocking asks for `dt_s` of several
     /// periods: a model that holds for one period alone has to make as many steps.
-    fn step(
-        &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        p: &SVector<f64, NP>,
-        dt_s: f64,
-    ) -> SVector<f64, NS>;
+    fn step(&self, s: &Vector<NS>, u: &Vector<NU>, p: &Vector<NP>, dt_s: f64) -> Vector<NS>;
 
     /// Jacobian of [`Model::step`] by `s`, at the same arguments.
     #[inline]
     fn step_by_state(
         &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        p: &SVector<f64, NP>,
+        s: &Vector<NS>,
+        u: &Vector<NU>,
+        p: &Vector<NP>,
         dt_s: f64,
-    ) -> SMatrix<f64, NS, NS> {
+    ) -> Matrix<NS, NS> {
         differences::jacobian_of_rows(|s| self.step(s, u, p, dt_s), s, &Self::STATE)
     }
 
@@ -146,11 +139,11 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     #[inline]
     fn step_by_input(
         &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        p: &SVector<f64, NP>,
+        s: &Vector<NS>,
+        u: &Vector<NU>,
+        p: &Vector<NP>,
         dt_s: f64,
-    ) -> SMatrix<f64, NS, NU> {
+    ) -> Matrix<NS, NU> {
         differences::jacobian_of_rows(|u| self.step(s, u, p, dt_s), u, &Self::INPUT)
     }
 
@@ -158,11 +151,11 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     #[inline]
     fn step_by_parameter(
         &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        p: &SVector<f64, NP>,
+        s: &Vector<NS>,
+        u: &Vector<NU>,
+        p: &Vector<NP>,
         dt_s: f64,
-    ) -> SMatrix<f64, NS, NP> {
+    ) -> Matrix<NS, NP> {
         differences::jacobian_of_rows(|p| self.step(s, u, p, dt_s), p, &Self::PARAMETER)
     }
 
@@ -172,9 +165,9 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     #[inline]
     fn linearize(
         &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        p: &SVector<f64, NP>,
+        s: &Vector<NS>,
+        u: &Vector<NU>,
+        p: &Vector<NP>,
         dt_s: f64,
     ) -> Linearized<NS, NP> {
         Linearized {
@@ -190,9 +183,9 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     #[inline]
     fn linearize_by_input(
         &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        p: &SVector<f64, NP>,
+        s: &Vector<NS>,
+        u: &Vector<NU>,
+        p: &Vector<NP>,
         dt_s: f64,
     ) -> LinearizedByInput<NS, NU> {
         LinearizedByInput {
@@ -207,11 +200,11 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     #[inline]
     fn hessian_by_parameter(
         &self,
-        _s: &SVector<f64, NS>,
-        _u: &SVector<f64, NU>,
-        _p: &SVector<f64, NP>,
+        _s: &Vector<NS>,
+        _u: &Vector<NU>,
+        _p: &Vector<NP>,
         _dt_s: f64,
-        _w: &SVector<f64, NS>,
+        _w: &Vector<NS>,
     ) -> Option<ParameterHessian<NS, NP>> {
         None
     }
@@ -226,11 +219,11 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     }
 
     /// Expected observation `g(s)`, thesis equation 3.17.
-    fn observe(&self, s: &SVector<f64, NS>) -> SVector<f64, NO>;
+    fn observe(&self, s: &Vector<NS>) -> Vector<NO>;
 
     /// Jacobian of [`Model::observe`] by `s`.
     #[inline]
-    fn observe_by_state(&self, s: &SVector<f64, NS>) -> SMatrix<f64, NO, NS> {
+    fn observe_by_state(&self, s: &Vector<NS>) -> Matrix<NO, NS> {
         differences::jacobian_of_rows(|s| self.observe(s), s, &Self::STATE)
     }
 
@@ -240,7 +233,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     /// from `s = 0`, or from `s = (0.1, 0.2, ..)` if that explains `o` better, as with distances; with the minimum norm
     /// where `observe` is linear: rows that are not observed stay zero. Override it if rest means something else, or if
     /// `observe` has other places without a derivative.
-    fn at_rest(&self, o: &SVector<f64, NO>) -> SVector<f64, NS> {
+    fn at_rest(&self, o: &Vector<NO>) -> Vector<NS> {
         least_squares::least_squares(|s| self.observe(s), |s| self.observe_by_state(s), o)
     }
 
@@ -249,29 +242,20 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     ///
     /// A model without velocities is at `at_rest(o)` however it moves.
     #[inline]
-    fn moving(
-        &self,
-        o: &SVector<f64, NO>,
-        _rate: &SVector<f64, NO>,
-        _s: &SVector<f64, NS>,
-    ) -> SVector<f64, NS> {
+    fn moving(&self, o: &Vector<NO>, _rate: &Vector<NO>, _s: &Vector<NS>) -> Vector<NS> {
         self.at_rest(o)
     }
 
     /// By how much the observation still changes from `s` on until the system is at rest, without inputs and within
     /// the limits of the model, NO rows in the units of [`Model::OBSERVATION`]; zero for a model without velocities.
     #[inline]
-    fn coasting(&self, _s: &SVector<f64, NS>, _p: &SVector<f64, NP>) -> SVector<f64, NO> {
-        SVector::zeros()
+    fn coasting(&self, _s: &Vector<NS>, _p: &Vector<NP>) -> Vector<NO> {
+        Vector::zeros()
     }
 
     /// Jacobian of [`Model::coasting`] by `s`, NO x NS.
     #[inline]
-    fn coasting_by_state(
-        &self,
-        s: &SVector<f64, NS>,
-        p: &SVector<f64, NP>,
-    ) -> SMatrix<f64, NO, NS> {
+    fn coasting_by_state(&self, s: &Vector<NS>, p: &Vector<NP>) -> Matrix<NO, NS> {
         differences::jacobian_of_rows(|s| self.coasting(s, p), s, &Self::STATE)
     }
 
@@ -289,20 +273,20 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     /// parameter or period gives the same result at the cost of the unprepared model.
     #[must_use]
     #[inline]
-    fn prepared(&self, _p: &SVector<f64, NP>, _dt_s: f64) -> Self {
+    fn prepared(&self, _p: &Vector<NP>, _dt_s: f64) -> Self {
         *self
     }
 
     /// Effective input: the static input nonlinearity of a Hammerstein model at `u`. Both NU rows in the units of
     /// [`Model::INPUT`].
     #[inline]
-    fn effect(&self, u: &SVector<f64, NU>, _p: &SVector<f64, NP>) -> SVector<f64, NU> {
+    fn effect(&self, u: &Vector<NU>, _p: &Vector<NP>) -> Vector<NU> {
         *u
     }
 
     /// Inverse of [`Model::effect`], NU rows in the same units.
     #[inline]
-    fn input_for(&self, effect: &SVector<f64, NU>, _p: &SVector<f64, NP>) -> SVector<f64, NU> {
+    fn input_for(&self, effect: &Vector<NU>, _p: &Vector<NP>) -> Vector<NU> {
         *effect
     }
 }

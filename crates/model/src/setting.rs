@@ -3,10 +3,10 @@
 //! Tables are read from JSON unchecked and turned into settings by `TryFrom`; a settings value is
 //! the proof that the table was valid. Every refusal names key, value and rule.
 
+use crate::Vector;
 use std::fmt::{Debug, Display};
 use std::ops::RangeInclusive;
 
-use nalgebra::SVector;
 use thiserror::Error;
 
 use crate::row::{Domain, Row};
@@ -117,7 +117,7 @@ pub fn vector<const N: usize>(
     values: &[f64],
     rows: &[Row; N],
     check: impl Fn(&str, f64) -> Result<f64, SettingError>,
-) -> Result<SVector<f64, N>, SettingError> {
+) -> Result<Vector<N>, SettingError> {
     if values.len() != N {
         let names = rows.map(|row| row.name).join(", ");
         return Err(SettingError::new(
@@ -126,7 +126,7 @@ pub fn vector<const N: usize>(
             format!("{N} entries ({names})"),
         ));
     }
-    let mut v = SVector::zeros();
+    let mut v = Vector::zeros();
     for (i, value) in values.iter().enumerate() {
         v[i] = check(&format!("{key}[{i}]"), *value)?;
     }
@@ -150,7 +150,7 @@ pub fn bounds<const N: usize>(
     (key_lo, lo): (&str, &[f64]),
     (key_hi, hi): (&str, &[f64]),
     rows: &[Row; N],
-) -> Result<(SVector<f64, N>, SVector<f64, N>), SettingError> {
+) -> Result<(Vector<N>, Vector<N>), SettingError> {
     let lo = vector(key_lo, lo, rows, finite)?;
     let hi = vector(key_hi, hi, rows, finite)?;
     for (i, Row { name, domain, .. }) in rows.iter().enumerate() {

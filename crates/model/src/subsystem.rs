@@ -2,9 +2,8 @@
 //!
 //! Owns no solver: elimination by subsystems belongs to the estimator.
 
+use crate::{Matrix, Vector};
 use std::array;
-
-use nalgebra::{SMatrix, SVector};
 
 /// Rows that are decoupled from the others: their values after a step depend on these rows alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,11 +43,8 @@ impl VisitSubsystems for Vec<Subsystem> {
 ///
 /// Real time: no allocation, R copies.
 #[inline]
-pub fn pick<const N: usize, const R: usize>(
-    v: &SVector<f64, N>,
-    rows: &[usize; R],
-) -> SVector<f64, R> {
-    SVector::from_fn(|row, _| v[rows[row]])
+pub fn pick<const N: usize, const R: usize>(v: &Vector<N>, rows: &[usize; R]) -> Vector<R> {
+    Vector::from_fn(|row, _| v[rows[row]])
 }
 
 /// Writes `part`, R x C, to the entries of `whole`, M x N, at `rows` and `columns`: the inverse of [`cut`]. The other
@@ -57,10 +53,10 @@ pub fn pick<const N: usize, const R: usize>(
 /// Real time: no allocation, `R C` copies.
 #[inline]
 pub fn put<const M: usize, const N: usize, const R: usize, const C: usize>(
-    part: &SMatrix<f64, R, C>,
+    part: &Matrix<R, C>,
     rows: &[usize; R],
     columns: &[usize; C],
-    whole: &mut SMatrix<f64, M, N>,
+    whole: &mut Matrix<M, N>,
 ) {
     for (column, part) in columns.iter().zip(&part.data.0) {
         let whole = &mut whole.data.0[*column];
@@ -75,11 +71,11 @@ pub fn put<const M: usize, const N: usize, const R: usize, const C: usize>(
 /// Real time: no allocation, `R C` copies.
 #[inline]
 pub fn cut<const M: usize, const N: usize, const R: usize, const C: usize>(
-    m: &SMatrix<f64, M, N>,
+    m: &Matrix<M, N>,
     rows: &[usize; R],
     columns: &[usize; C],
-) -> SMatrix<f64, R, C> {
-    SMatrix::from(array::from_fn::<[f64; R], C, _>(|col| {
+) -> Matrix<R, C> {
+    Matrix::from(array::from_fn::<[f64; R], C, _>(|col| {
         let column = &m.data.0[columns[col]];
         array::from_fn(|row| column[rows[row]])
     }))
@@ -88,13 +84,14 @@ pub fn cut<const M: usize, const N: usize, const R: usize, const C: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Matrix, Vector};
 
     #[test]
     fn what_is_put_back_is_what_was_cut_and_nothing_else_moves() {
-        let whole = SMatrix::<f64, 4, 3>::from_fn(|i, j| (10 * i + j) as f64);
+        let whole = Matrix::<4, 3>::from_fn(|i, j| (10 * i + j) as f64);
         let (rows, columns) = ([1, 3], [0, 2]);
         let part = cut(&whole, &rows, &columns);
-        assert_eq!(part, SMatrix::<f64, 2, 2>::new(10.0, 12.0, 30.0, 32.0));
+        assert_eq!(part, Matrix::<2, 2>::new(10.0, 12.0, 30.0, 32.0));
         let mut changed = whole;
         put(&-part, &rows, &columns, &mut changed);
         for (i, j) in (0..4).flat_map(|i| (0..3).map(move |j| (i, j))) {
@@ -102,7 +99,7 @@ mod tests {
             assert!((changed[(i, j)] - sign * whole[(i, j)]).abs() < 1e-15, "{i}, {j}");
         }
         let column = whole.column(2).into_owned();
-        assert_eq!(pick(&column, &rows), SVector::from([12.0, 32.0]));
+        assert_eq!(pick(&column, &rows), Vector::from([12.0, 32.0]));
     }
 
     #[test]

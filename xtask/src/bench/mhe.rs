@@ -10,7 +10,7 @@ use std::fs;
 use anyhow::{Context, Result, ensure};
 use horizon_estim::{
     ArrivalSettings, ArrivalTable, LmSettings, LmTable, Loss, LossTable, Mhe, MheSettings,
-    Observed, Prior, Residuals, Trajectory, solve,
+    Observed, Prior, Residuals, Trajectory,
 };
 use horizon_model::rows::{Pose, Sticks};
 use horizon_model::{Bounds, Kinematic};
@@ -126,7 +126,7 @@ fn trajectory(window: &Window) -> Trajectory<Kinematic, 4, 4, 4, 4> {
 /// The cost of a window as far down as it goes.
 fn least_cost(window: &Window) -> Result<f64> {
     let settings = LmSettings::try_from(&solver(1e-14))?;
-    Ok(solve(&mut trajectory(window), &settings, &mut || false)?.cost)
+    Ok(trajectory(window).solve(&settings, &mut || false)?.cost)
 }
 
 /// The first identification flight, inputs shifted to where they act: the first pose, then the steps.
@@ -160,7 +160,7 @@ fn cold(bench: &Bench, peer: Option<&Peer>) -> Result<Comparison> {
         let solved = windows.iter().map(|window| {
             let mut trajectory = trajectory(window);
             let start = clock.now();
-            let report = solve(&mut trajectory, &settings, &mut || false)?;
+            let report = trajectory.solve(&settings, &mut || false)?;
             let us = clock.now().since(start).seconds() * 1e6;
             Ok(Solve { us, iterations: report.iterations, cost: report.cost, kkt: f64::NAN })
         });

@@ -1,8 +1,8 @@
 //! Settings of the controller from code: defaults, and one method for each that is set.
 
 use horizon_model::Model;
+use horizon_model::Vector;
 use horizon_model::setting::SettingError;
-use nalgebra::SVector;
 
 use super::report::MpcProblem;
 use super::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverTable};
@@ -23,10 +23,10 @@ impl Default for SolverTable {
 impl<'a, const NS: usize, const NU: usize, const NP: usize> MpcProblem<'a, NS, NU, NP> {
     /// A problem without inputs that are sent already. Shapes and units are those of [`MpcProblem`].
     pub fn new(
-        s_0: &'a SVector<f64, NS>,
-        p: &'a SVector<f64, NP>,
-        u_before: &'a SVector<f64, NU>,
-        s_ref: &'a [SVector<f64, NS>],
+        s_0: &'a Vector<NS>,
+        p: &'a Vector<NP>,
+        u_before: &'a Vector<NU>,
+        s_ref: &'a [Vector<NS>],
     ) -> Self {
         Self { s_0, p, u_before, s_ref, u_given: &[], given_steps: [0; NU] }
     }
@@ -150,12 +150,13 @@ impl<const NS: usize, const NU: usize> MpcBuilder<NS, NU> {
 mod tests {
     use super::*;
     use horizon_model::Kinematic;
+    use horizon_model::Vector;
 
     #[test]
     fn what_is_not_set_has_its_default() {
         let settings = MpcSettings::builder(6).c_s([1.0, 2.0, 3.0, 0.0]).build(&Kinematic).unwrap();
-        assert_eq!(settings.c_s_end, SVector::from([1.0, 2.0, 3.0, 0.0]));
-        assert_eq!(settings.c_u, SVector::from([0.1; 4]));
+        assert_eq!(settings.c_s_end, Vector::from([1.0, 2.0, 3.0, 0.0]));
+        assert_eq!(settings.c_u, Vector::from([0.1; 4]));
         assert_eq!((settings.u_lb()[2], settings.u_ub()[2]), (-1.0, 1.0));
         assert_eq!(settings.stage_steps(), [1; 6]);
         assert_eq!(settings.input_cost, InputCost::Absolute);
@@ -168,8 +169,8 @@ mod tests {
         let solver = SolverTable { iterations_max: 3, ..SolverTable::default() };
         let builder = builder.input_cost(InputCost::Difference).solver(solver);
         let settings = builder.clone().build(&Kinematic).unwrap();
-        assert_eq!(settings.c_u, SVector::from([0.5; 4]));
-        assert_eq!(settings.c_s_end, SVector::from([7.0; 4]));
+        assert_eq!(settings.c_u, Vector::from([0.5; 4]));
+        assert_eq!(settings.c_s_end, Vector::from([7.0; 4]));
         assert_eq!((*settings.u_lb(), *settings.u_ub()), ([0.2; 4].into(), [0.2; 4].into()));
         assert_eq!(settings.stage_steps(), [1, 1, 4]);
         assert_eq!(settings.input_cost, InputCost::Difference);

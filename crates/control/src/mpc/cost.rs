@@ -1,20 +1,19 @@
 //! The cost of a plan, its gradient and its curvature: thesis equations 3.46-3.48.
 
-use nalgebra::SVector;
-
 use super::settings::{InputCost, MpcSettings};
 use crate::SoftConstraints;
 use crate::horizon::Horizon;
 use crate::qp::CostHessian;
 use crate::qp::product::resized;
+use horizon_model::Vector;
 
 /// What the cost of a plan depends on beside the plan.
 #[derive(Clone, Copy)]
 pub(super) struct CostContext<'a, const NS: usize, const NU: usize> {
     /// The input before `u_0`. In the units of its rows
-    pub(super) u_before: &'a SVector<f64, NU>,
+    pub(super) u_before: &'a Vector<NU>,
     /// References of `s_1 .. s_N`. In the units of their rows
-    pub(super) s_ref: &'a [SVector<f64, NS>],
+    pub(super) s_ref: &'a [Vector<NS>],
     /// Soft constraints on `s_1 .. s_N`.
     pub(super) constraints: Option<&'a dyn SoftConstraints<NS>>,
 }
@@ -30,15 +29,15 @@ pub(super) struct CostContext<'a, const NS: usize, const NU: usize> {
 pub(super) struct Cost<const NS: usize, const NU: usize> {
     kind: InputCost,
     /// Squared weights of the input or its change, by stage. 1 / unit^2 of the row
-    input: Vec<SVector<f64, NU>>,
-    input_reciprocal: Vec<SVector<f64, NU>>,
+    input: Vec<Vector<NU>>,
+    input_reciprocal: Vec<Vector<NU>>,
     /// Squared weights of `s_1 .. s_N`. 1 / unit^2 of the row
-    state: Vec<SVector<f64, NS>>,
+    state: Vec<Vector<NS>>,
 }
 
 impl<const NS: usize, const NU: usize> Cost<NS, NU> {
     pub(super) fn new(settings: &MpcSettings<NS, NU>) -> Self {
-        let squared = |weights: &SVector<f64, NS>| weights.component_mul(weights);
+        let squared = |weights: &Vector<NS>| weights.component_mul(weights);
         let input = settings.c_u.component_mul(&settings.c_u);
         let states = [squared(&settings.c_s), squared(&settings.c_s_end)];
         Self::of_squares(settings.input_cost, settings.stage_steps(), input, states)
@@ -49,8 +48,8 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
     fn of_squares(
         kind: InputCost,
         stage_steps: &[u32],
-        input: SVector<f64, NU>,
-        [stage, end]: [SVector<f64, NS>; 2],
+        input: Vector<NU>,
+        [stage, end]: [Vector<NS>; 2],
     ) -> Self {
         let mut before = 1.0;
         let mut weigh = |steps: &u32| {
@@ -82,8 +81,8 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
         0.5 * cost
     }
 
-    /// Writes the derivative of [`Cost::value`] by every input and the first `NR` rows of every state, as if
-    /// they were free.
+    /// Writes the derivative of [`Cost::value`] by every input and the first `NR` rows of every state, as independent
+    /// variables.
     pub(super) fn gradient<const NR: usize>(
         &self,
         plan: &Horizon<NS, NU>,
@@ -117,13 +116,11 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
         CostHessian { diagonal, coupling }
     }
 
-    /// Most that moving the inputs along the opposite of `gradient` can gain, one gradient for each of them, if the
-    /// states only add to the curvature: `1/2 g' (D' C_u^2 D)^-1 g` with `D` making `du` of `u`.
-    pub(super) fn gain_max(
-        &self,
-        gradient: impl DoubleEndedIterator<Item = SVector<f64, NU>>,
-    ) -> f64 {
-        let (mut gain, mut sum) = (0.0, SVector::zeros());
+    /// Upper bound of the decrease by any step, from the reduced gradient of each input: with `D` mapping inputs to the
+    /// inputs or changes that are weighted, `1/2 g' (D' C_u^2 D)^-1 g`, the decrease of the input cost's quadratic alone.
+    /// It is a bound since the states only add to the curvature.
+    pub(super) fn gain_max(&self, gradient: impl DoubleEndedIterator<Item = Vector<NU>>) -> f64 {
+        let (mut gain, mut sum) = (0.0, Vector::zeros());
         for (gradient, reciprocal) in gradient.rev().zip(self.input_reciprocal.iter().rev()) {
             // Each change of an input moves all inputs after it.
             sum = if self.kind == InputCost::Difference { sum + gradient } else { gradient };
@@ -132,14 +129,9 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
         0.5 * gain
     }
 
-    /// Decrease that is lost in the rounding of states and inputs near a plan of the cost `cost`: with the weighted
-    /// squares `m` of references and inputs and `e` the rounding of a horizon, `e sqrt(m) sqrt(cost) + e^2 m`.
-    pub(super) fn rounding(
-        &self,
-        cost: f64,
-        plan: &Horizon<NS, NU>,
-        s_ref: &[SVector<f64, NS>],
-    ) -> f64 {
+    /// Decrease that is lost in the rounding of states and inputs near a plan of the cost `cost`. With the weighted
+    /// squares `m` of references and inputs and the rounding error `e` of a roll-out: `e sqrt(m) sqrt(cost) + e^2 m`.
+    pub(super) fn rounding(&self, cost: f64, plan: &Horizon<NS, NU>, s_ref: &[Vector<NS>]) -> f64 {
         let states = self.state.iter().zip(s_ref).map(|(weight, s)| s.component_mul(s).dot(weight));
         let inputs =
             self.input.iter().zip(&plan.u).map(|(weight, u)| u.component_mul(u).dot(weight));
@@ -154,9 +146,9 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
         k: usize,
         plan: &Horizon<NS, NU>,
         context: &CostContext<'_, NS, NU>,
-    ) -> SVector<f64, NU> {
+    ) -> Vector<NU> {
         match self.kind {
-            InputCost::Absolute => SVector::zeros(),
+            InputCost::Absolute => Vector::zeros(),
             InputCost::Difference if k == 0 => *context.u_before,
             InputCost::Difference => plan.u[k - 1],
         }
@@ -164,14 +156,15 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
 }
 
 /// `sum weight_i v_i^2`.
-fn weighted_square<const N: usize>(weight: &SVector<f64, N>, v: &SVector<f64, N>) -> f64 {
+fn weighted_square<const N: usize>(weight: &Vector<N>, v: &Vector<N>) -> f64 {
     weight.component_mul(v).dot(v)
 }
 
 #[cfg(test)]
 mod tests {
     use horizon_model::check::jacobian_gap;
-    use nalgebra::{SMatrix, Vector1};
+    use horizon_model::{Matrix, Vector};
+    use nalgebra::Vector1;
 
     use super::*;
 
@@ -183,8 +176,8 @@ mod tests {
     const UNEVEN: [u32; STEPS] = [1, 3, 2];
 
     fn cost(kind: InputCost, stages: [u32; STEPS]) -> Cost<2, 1> {
-        let states = [[1.0, 9.0], [100.0, 25.0]].map(SVector::from);
-        Cost::of_squares(kind, &stages, SVector::from([4.0]), states)
+        let states = [[1.0, 9.0], [100.0, 25.0]].map(Vector::from);
+        Cost::of_squares(kind, &stages, Vector::from([4.0]), states)
     }
 
     fn cases() -> impl Iterator<Item = (InputCost, Cost<2, 1>)> {
@@ -193,34 +186,34 @@ mod tests {
     }
 
     /// What the costs of the plans depend on: `u_{-1}` and `s_ref`.
-    fn given() -> (SVector<f64, 1>, [SVector<f64, 2>; STEPS]) {
-        (Vector1::new(0.25), [[0.5, 0.0], [0.5, 1.0], [0.0, -1.0]].map(SVector::from))
+    fn given() -> (Vector<1>, [Vector<2>; STEPS]) {
+        (Vector1::new(0.25), [[0.5, 0.0], [0.5, 1.0], [0.0, -1.0]].map(Vector::from))
     }
 
     /// `u_0, u_1, u_2, s_1, s_2, s_3` as a plan, and back.
-    fn plan(x: &SVector<f64, 9>) -> Horizon<2, 1> {
+    fn plan(x: &Vector<9>) -> Horizon<2, 1> {
         let (u, s) = x.as_slice().split_at(STEPS);
         Horizon {
-            u: u.chunks(1).map(SVector::from_column_slice).collect(),
-            s: s.chunks(2).map(SVector::from_column_slice).collect(),
+            u: u.chunks(1).map(Vector::from_column_slice).collect(),
+            s: s.chunks(2).map(Vector::from_column_slice).collect(),
         }
     }
 
-    fn flat(plan: &Horizon<2, 1>) -> SVector<f64, 9> {
+    fn flat(plan: &Horizon<2, 1>) -> Vector<9> {
         let u = plan.u.iter().flat_map(|u| u.iter());
-        SVector::from_iterator(u.chain(plan.s.iter().flat_map(|s| s.iter())).copied())
+        Vector::from_iterator(u.chain(plan.s.iter().flat_map(|s| s.iter())).copied())
     }
 
-    fn gradient(cost: &Cost<2, 1>, x: &SVector<f64, 9>) -> SVector<f64, 9> {
+    fn gradient(cost: &Cost<2, 1>, x: &Vector<9>) -> Vector<9> {
         let (u_before, s_ref) = &given();
         // Whatever was there before must not matter.
-        let mut gradient = plan(&SVector::from_element(7.0));
+        let mut gradient = plan(&Vector::from_element(7.0));
         cost.gradient(&plan(x), &CostContext { u_before, s_ref, constraints: None }, &mut gradient);
         flat(&gradient)
     }
 
-    fn some_plan() -> SVector<f64, 9> {
-        SVector::from([0.5, 1.0, -2.0, 1.0, 0.0, 0.5, 3.0, 0.25, -2.0])
+    fn some_plan() -> Vector<9> {
+        Vector::from([0.5, 1.0, -2.0, 1.0, 0.0, 0.5, 3.0, 0.25, -2.0])
     }
 
     #[test]
@@ -257,8 +250,8 @@ mod tests {
         let (u_before, s_ref) = &given();
         let context = CostContext { u_before, s_ref, constraints: None };
         for (kind, cost) in cases() {
-            for x in [some_plan(), -some_plan(), SVector::zeros()] {
-                let value = |x: &SVector<f64, 9>| Vector1::new(cost.value(&plan(x), &context));
+            for x in [some_plan(), -some_plan(), Vector::zeros()] {
+                let value = |x: &Vector<9>| Vector1::new(cost.value(&plan(x), &context));
                 let gap = jacobian_gap(value, &x, &gradient(&cost, &x).transpose());
                 // Central differences of a quadratic are exact up to rounding over 6e-6.
                 assert!(gap < 1e-8, "gap {gap:e}, {kind:?} at {x}");
@@ -268,10 +261,10 @@ mod tests {
 
     #[test]
     fn the_largest_gain_is_that_of_the_inputs_alone() {
-        let gradients = SVector::from([0.3, -1.2, 0.5]);
+        let gradients = Vector::from([0.3, -1.2, 0.5]);
         for (kind, cost) in cases() {
             let CostHessian { diagonal, coupling } = cost.curvature::<2>();
-            let mut hessian = SMatrix::<f64, STEPS, STEPS>::zeros();
+            let mut hessian = Matrix::<STEPS, STEPS>::zeros();
             for k in 0..STEPS {
                 hessian[(k, k)] = diagonal.u[k][0];
                 if k > 0 {
@@ -289,7 +282,7 @@ mod tests {
     fn the_curvature_meets_its_numeric_twin() {
         for (kind, cost) in cases() {
             let curvature = cost.curvature::<2>();
-            let mut hessian = SMatrix::from_diagonal(&flat(&curvature.diagonal));
+            let mut hessian = Matrix::from_diagonal(&flat(&curvature.diagonal));
             for k in 1..STEPS {
                 let coupling = curvature.coupling.get(k).map_or(0.0, |coupling| coupling[0]);
                 hessian[(k - 1, k)] = coupling;

@@ -3,8 +3,8 @@
 //! Owns derivatives, reduced gradient, costates and the step; inputs and bounds belong to the caller. Only the `NR`
 //! controllable rows of the state are part of it: inputs do not change the other rows.
 
+use horizon_model::Vector;
 use horizon_model::{Bounds, InputHessian};
-use nalgebra::SVector;
 
 use crate::horizon::Horizon;
 use crate::qp::penalty::of_stage;
@@ -22,16 +22,16 @@ pub(super) struct Expansion<const NR: usize, const NU: usize> {
     pub(super) gradient: Horizon<NR, NU>,
     /// By step, first derivatives of the cost by the input along the dynamics: the reduced gradient.
     /// 1 / unit of the row
-    pub(super) reduced_gradient: Vec<SVector<f64, NU>>,
+    pub(super) reduced_gradient: Vec<Vector<NU>>,
     /// By step, first derivatives of the cost to go by the state: the costates (adjoint). 1 / unit of the row
-    pub(super) costate: Vec<SVector<f64, NR>>,
+    pub(super) costate: Vec<Vector<NR>>,
     /// By step, second derivatives of the dynamics weighted with the costate; none for models without them.
     /// 1 / (unit of the row, unit of the column)
     pub(super) second_derivatives: Vec<InputHessian<NR, NU>>,
     /// Soft constraints, linearized at the states of the plan, by stage. Units: [`Penalty`]
     pub(super) penalties: Vec<Penalty<NR>>,
     /// By step, how much the inputs change. Unit of each row
-    pub(super) du: Vec<SVector<f64, NU>>,
+    pub(super) du: Vec<Vector<NU>>,
 }
 
 /// Predicted decrease of the cost by a step. 1
@@ -51,17 +51,17 @@ impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
             curvature,
             stages: vec![Stage::zeros(); steps],
             gradient: Horizon::zeros(steps),
-            reduced_gradient: vec![SVector::zeros(); steps],
-            costate: vec![SVector::zeros(); steps],
+            reduced_gradient: vec![Vector::zeros(); steps],
+            costate: vec![Vector::zeros(); steps],
             second_derivatives: Vec::with_capacity(steps),
             penalties: Vec::with_capacity(steps * penalties_max),
-            du: vec![SVector::zeros(); steps],
+            du: vec![Vector::zeros(); steps],
         }
     }
 
     /// Fills costates and reduced gradient from the gradient and the penalties by the backward (adjoint) recursion.
     pub(super) fn fill_gradients(&mut self) {
-        let mut by_next = SVector::zeros();
+        let mut by_next = Vector::zeros();
         for (k, Stage { by_state, by_input }) in self.stages.iter().enumerate().rev() {
             by_next += self.gradient.s[k];
             for penalty in &self.penalties[of_stage(&self.penalties, k)] {
@@ -77,12 +77,12 @@ impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
     /// dynamics; second derivatives count if `has_second_derivatives`, that is, if they were part of the subproblem.
     pub(super) fn complete_step(
         &mut self,
-        u: &[SVector<f64, NU>],
+        u: &[Vector<NU>],
         bounds: &[Bounds<NU>],
         has_second_derivatives: bool,
     ) -> Gain {
         let CostHessian { diagonal, coupling } = &self.curvature;
-        let (mut ds, mut du_before) = (SVector::zeros(), SVector::zeros());
+        let (mut ds, mut du_before) = (Vector::zeros(), Vector::zeros());
         let (mut descent, mut curved) = (0.0, 0.0);
         for (k, stage) in self.stages.iter().enumerate() {
             let du = bounds[k].clamp(&(u[k] + self.du[k])) - u[k];
@@ -112,9 +112,9 @@ impl<const NR: usize, const NU: usize> Expansion<NR, NU> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::SMatrix;
 
     use super::*;
+    use horizon_model::{Matrix, Vector};
 
     const STEPS: usize = 4;
 
@@ -124,8 +124,8 @@ mod tests {
 
     /// An expansion of which no entry is zero, with penalties inside and outside of their bounds.
     fn expansion() -> Expansion<2, 2> {
-        let vector = |at: usize| SVector::<f64, 2>::from_fn(|i, _| wave(3 * at + i));
-        let matrix = |at: usize| SMatrix::<f64, 2, 2>::from_fn(|i, j| wave(5 * at + 2 * i + j));
+        let vector = |at: usize| Vector::<2>::from_fn(|i, _| wave(3 * at + i));
+        let matrix = |at: usize| Matrix::<2, 2>::from_fn(|i, j| wave(5 * at + 2 * i + j));
         let positive = |at: usize| vector(at).add_scalar(2.0);
         let diagonal = Horizon {
             u: (0..STEPS).map(positive).collect(),
@@ -149,10 +149,9 @@ mod tests {
     }
 
     /// What the step `du` adds to the cost of the quadratic model with its one-sided penalties.
-    fn added(at: &Expansion<2, 2>, du: &[SVector<f64, 2>], has_second_derivatives: bool) -> f64 {
+    fn added(at: &Expansion<2, 2>, du: &[Vector<2>], has_second_derivatives: bool) -> f64 {
         let CostHessian { diagonal, coupling } = &at.curvature;
-        let (mut cost, mut ds, mut before) =
-            (0.0, SVector::<f64, 2>::zeros(), SVector::<f64, 2>::zeros());
+        let (mut cost, mut ds, mut before) = (0.0, Vector::<2>::zeros(), Vector::<2>::zeros());
         for (k, du) in du.iter().enumerate() {
             cost += at.gradient.u[k].dot(du) + 0.5 * diagonal.u[k].component_mul(du).dot(du);
             cost += before.dot(&coupling[k].component_mul(du));
@@ -172,8 +171,8 @@ mod tests {
         cost
     }
 
-    fn steps(length: f64) -> Vec<SVector<f64, 2>> {
-        (0..STEPS).map(|k| SVector::from_fn(|i, _| length * wave(100 + 2 * k + i))).collect()
+    fn steps(length: f64) -> Vec<Vector<2>> {
+        (0..STEPS).map(|k| Vector::from_fn(|i, _| length * wave(100 + 2 * k + i))).collect()
     }
 
     #[test]
@@ -196,7 +195,7 @@ mod tests {
 
     #[test]
     fn the_predicted_decrease_is_that_of_the_model_with_its_penalties() {
-        let wide = [Bounds { lo: SVector::repeat(-9.0), hi: SVector::repeat(9.0) }; STEPS];
+        let wide = [Bounds { lo: Vector::repeat(-9.0), hi: Vector::repeat(9.0) }; STEPS];
         let mut expansion = expansion();
         expansion.fill_gradients();
         for (length, has_second_derivatives) in
@@ -219,7 +218,7 @@ mod tests {
         let mut expansion = expansion();
         expansion.fill_gradients();
         let u = steps(0.2);
-        let narrow = [Bounds { lo: SVector::repeat(-0.3), hi: SVector::repeat(0.25) }; STEPS];
+        let narrow = [Bounds { lo: Vector::repeat(-0.3), hi: Vector::repeat(0.25) }; STEPS];
         expansion.du = steps(5.0);
         let Gain { decrease, .. } = expansion.complete_step(&u, &narrow, false);
         let mut at_bounds = 0;

@@ -1,6 +1,6 @@
-//! How far a step is taken.
+//! Backtracking line search along a step.
 //!
-//! Owns the line search on the true cost; where the step comes from is not known here.
+//! Owns the step length by the true cost; the origin of the step is not known here.
 
 use horizon_model::Model;
 
@@ -23,7 +23,7 @@ where
     /// Backtracking line search: takes the longest of the step, its half, its quarter, .. that satisfies the sufficient
     /// decrease condition on the true cost. Returns the new cost; `None` leaves the plan unchanged.
     ///
-    /// `decrease` is the one that the quadratic model predicts for the whole step.
+    /// `decrease` is the decrease that the quadratic model predicts for the whole step.
     pub(super) fn search_line(
         &mut self,
         problem: &MpcProblem<'_, NS, NU, NP>,
@@ -51,9 +51,9 @@ where
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::Vector;
     use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
     use horizon_model::{Bounds, Kinematic};
-    use nalgebra::SVector;
 
     use super::*;
     use crate::MpcSettings;
@@ -63,7 +63,7 @@ mod tests {
     /// A controller that throttle alone moves: its cost is a parabola along every direction.
     struct At {
         mpc: Mpc<Kinematic, 4, 4, 4, 4, 4>,
-        p: SVector<f64, { gain::COUNT }>,
+        p: Vector<{ gain::COUNT }>,
         s_ref: [Pose; STAGES],
     }
 
@@ -75,7 +75,7 @@ mod tests {
             s_ref[pose::Z] = 0.4;
             Self {
                 mpc: Mpc::new(Kinematic, settings, 0.1).unwrap(),
-                p: SVector::from([1.3, 0.45, 1.0, 0.0]),
+                p: Vector::from([1.3, 0.45, 1.0, 0.0]),
                 s_ref: [s_ref; STAGES],
             }
         }

@@ -3,7 +3,7 @@
 //! Owns when a model is prepared again; the model owns what that means.
 
 use horizon_model::Model;
-use nalgebra::SVector;
+use horizon_model::Vector;
 
 /// A model that is prepared anew where the length of the stages changes.
 #[derive(Debug)]
@@ -20,7 +20,7 @@ impl<M> Prepared<M> {
     /// The model for a stage that lasts `stage_s` under the parameter `p`.
     pub(super) fn over<const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
         &mut self,
-        p: &SVector<f64, NP>,
+        p: &Vector<NP>,
         stage_s: f64,
     ) -> &M
     where
@@ -37,6 +37,7 @@ impl<M> Prepared<M> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use horizon_model::Vector;
 
     /// Counts how often it was prepared, and remembers for what.
     #[derive(Debug, Clone, Copy)]
@@ -46,21 +47,15 @@ mod tests {
     }
 
     impl Model<1, 1, 1, 1> for Counting {
-        fn step(
-            &self,
-            s: &SVector<f64, 1>,
-            _u: &SVector<f64, 1>,
-            _p: &SVector<f64, 1>,
-            _dt_s: f64,
-        ) -> SVector<f64, 1> {
+        fn step(&self, s: &Vector<1>, _u: &Vector<1>, _p: &Vector<1>, _dt_s: f64) -> Vector<1> {
             *s
         }
 
-        fn observe(&self, s: &SVector<f64, 1>) -> SVector<f64, 1> {
+        fn observe(&self, s: &Vector<1>) -> Vector<1> {
             *s
         }
 
-        fn prepared(&self, _p: &SVector<f64, 1>, dt_s: f64) -> Self {
+        fn prepared(&self, _p: &Vector<1>, dt_s: f64) -> Self {
             Self { count: self.count + 1, stage_s: dt_s }
         }
     }
@@ -69,7 +64,7 @@ mod tests {
     fn a_model_is_prepared_once_for_stages_of_one_length() {
         let mut prepared = Prepared::new(Counting { count: 0, stage_s: 0.0 });
         for (stage_s, count) in [(0.02, 1), (0.02, 1), (0.06, 2), (0.06, 2), (0.02, 3)] {
-            let model = *prepared.over(&SVector::from([1.0]), stage_s);
+            let model = *prepared.over(&Vector::from([1.0]), stage_s);
             assert_eq!(model.count, count, "{stage_s} s");
             assert!((model.stage_s - stage_s).abs() <= 0.0, "{model:?}");
         }

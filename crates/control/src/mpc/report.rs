@@ -1,11 +1,11 @@
-//! What the controller is asked, and what it reports beside the plan.
+//! The problem of a solve, and the report beside the plan.
 
-use nalgebra::SVector;
+use horizon_model::Vector;
 use thiserror::Error;
 
 use super::settings::MpcSettings;
 
-/// What the controller is asked.
+/// The problem of one solve: state, parameter, references and committed inputs.
 ///
 /// | name       | shape  | meaning                                          |
 /// |------------|--------|--------------------------------------------------|
@@ -20,25 +20,25 @@ use super::settings::MpcSettings;
 #[derive(Debug, Clone, Copy)]
 pub struct MpcProblem<'a, const NS: usize, const NU: usize, const NP: usize> {
     /// State when `u_0` begins to act. Unit of each row
-    pub s_0: &'a SVector<f64, NS>,
+    pub s_0: &'a Vector<NS>,
     /// Parameter of the model over the horizon. Unit of each row
-    pub p: &'a SVector<f64, NP>,
+    pub p: &'a Vector<NP>,
     /// Input before `u_0`; matters to [`InputCost::Difference`](super::InputCost::Difference). Unit of each row
-    pub u_before: &'a SVector<f64, NU>,
+    pub u_before: &'a Vector<NU>,
     /// References of `s_1 .. s_N`. Unit of each row
-    pub s_ref: &'a [SVector<f64, NS>],
+    pub s_ref: &'a [Vector<NS>],
     /// Committed inputs: sent already, in transit. The bounds do not hold for them. Unit of each row
-    pub u_given: &'a [SVector<f64, NU>],
+    pub u_given: &'a [Vector<NU>],
     /// Row `i` of the input of a stage is the mean of `u_given[..][i]` over its steps, up to `given_steps[i]`, and
     /// free after. Zeros leave all inputs free.
     pub given_steps: [usize; NU],
 }
 
 impl<const NS: usize, const NU: usize, const NP: usize> MpcProblem<'_, NS, NU, NP> {
-    /// Whether it can be answered over the horizon of `settings`.
+    /// Checks that the problem fits the horizon of `settings` and is finite.
     ///
     /// # Errors
-    /// The first entry that stands in the way.
+    /// The first entry that does not fit or is not finite.
     pub(super) fn check(&self, settings: &MpcSettings<NS, NU>) -> Result<(), SolveError> {
         let (given, stages) = (self.s_ref.len(), settings.stage_steps().len());
         if given != stages {
@@ -66,7 +66,7 @@ impl<const NS: usize, const NU: usize, const NP: usize> MpcProblem<'_, NS, NU, N
     }
 }
 
-fn all_finite<const N: usize>(what: &'static str, v: &SVector<f64, N>) -> Result<(), SolveError> {
+fn all_finite<const N: usize>(what: &'static str, v: &Vector<N>) -> Result<(), SolveError> {
     match v.iter().position(|value| !value.is_finite()) {
         None => Ok(()),
         Some(row) => Err(SolveError::NotFinite { what, at: None, row, value: v[row] }),
@@ -75,7 +75,7 @@ fn all_finite<const N: usize>(what: &'static str, v: &SVector<f64, N>) -> Result
 
 pub(super) fn all_finite_of<const N: usize>(
     what: &'static str,
-    vectors: &[SVector<f64, N>],
+    vectors: &[Vector<N>],
 ) -> Result<(), SolveError> {
     for (k, v) in vectors.iter().enumerate() {
         if let Some(row) = v.iter().position(|value| !value.is_finite()) {
@@ -95,8 +95,8 @@ fn index(at: Option<usize>) -> String {
 #[must_use]
 #[non_exhaustive]
 pub enum Stop {
-    /// The predicted relative drop of the cost fell below the tolerance, or it is lost in the rounding of the cost: the
-    /// plan is optimal.
+    /// The predicted relative decrease of the cost is below the tolerance, or lost in the rounding of the cost: the plan
+    /// is optimal.
     CostTolerance,
     /// The iteration limit was reached.
     IterationLimit,
@@ -141,9 +141,7 @@ pub struct MpcReport {
 }
 
 impl MpcReport {
-    /// Whether the plan answers this problem: it was improved for it or found optimal.
-    ///
-    /// Otherwise it is still the previous one.
+    /// Whether the plan was improved for this problem or found optimal. Otherwise it is still the previous plan.
     pub fn has_new_plan(&self) -> bool {
         self.iterations > 0 || self.stop == Stop::CostTolerance
     }
@@ -234,7 +232,7 @@ pub enum SolveError {
         /// The first such stage.
         stage: usize,
     },
-    /// The present plan leads out of the range of numbers: the problem is absurdly large, or the model is not finite.
+    /// The present plan leads out of the range of numbers: entries of the problem are too large, or the model is not finite.
     #[error(
         "the present plan costs {cost}: state, reference or weights are too large, or the model is not finite"
     )]

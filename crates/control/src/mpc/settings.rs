@@ -1,8 +1,8 @@
 //! Settings of the controller: as written, and checked. Thesis appendix C.3.
 
+use horizon_model::Vector;
 use horizon_model::setting::{SettingError, bounds, in_range, vector, weight, weight_or_zero};
 use horizon_model::{Bounds, Model};
-use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -81,13 +81,13 @@ pub struct MpcSettings<const NS: usize, const NU: usize> {
     /// Whether `c_u` weighs the inputs or their changes.
     pub(super) input_cost: InputCost,
     /// Weight of each input, or of its change. 1/unit
-    pub(super) c_u: SVector<f64, NU>,
+    pub(super) c_u: Vector<NU>,
     /// Weight of each state's distance to the reference, all steps but the last. 1/unit
-    pub(super) c_s: SVector<f64, NS>,
+    pub(super) c_s: Vector<NS>,
     /// Weight of each state's distance to the reference after the last step. 1/unit
-    pub(super) c_s_end: SVector<f64, NS>,
-    u_lb: SVector<f64, NU>,
-    u_ub: SVector<f64, NU>,
+    pub(super) c_s_end: Vector<NS>,
+    u_lb: Vector<NU>,
+    u_ub: Vector<NU>,
     /// Soft constraints after each stage, at most; 0 without [`MpcSettings::with_constraints`].
     pub(super) constraints_max: usize,
     pub(super) solver: SolverTable,
@@ -206,12 +206,12 @@ impl<const NS: usize, const NU: usize> MpcSettings<NS, NU> {
     }
 
     /// Lower bound of each input. Unit of the row
-    pub fn u_lb(&self) -> &SVector<f64, NU> {
+    pub fn u_lb(&self) -> &Vector<NU> {
         &self.u_lb
     }
 
     /// Upper bound of each input. Unit of the row
-    pub fn u_ub(&self) -> &SVector<f64, NU> {
+    pub fn u_ub(&self) -> &Vector<NU> {
         &self.u_ub
     }
 
@@ -231,6 +231,7 @@ impl<const NS: usize, const NU: usize> MpcSettings<NS, NU> {
 #[cfg(test)]
 mod tests {
     use horizon_model::Kinematic;
+    use horizon_model::Vector;
 
     use super::*;
 
@@ -252,11 +253,11 @@ mod tests {
         let settings = check(GOOD).unwrap();
         assert_eq!(settings.horizon_steps(), 13);
         assert_eq!(settings.input_cost, InputCost::Absolute);
-        assert_eq!(settings.c_u, SVector::from([1.2, 1.2, 0.8, 0.8]));
-        assert_eq!(settings.c_s, SVector::from([1.5, 1.5, 1.0, 0.0]));
-        assert_eq!(settings.c_s_end, SVector::from([15.0, 15.0, 10.0, 0.0]));
-        assert_eq!(*settings.u_lb(), SVector::from([-0.8, -0.8, -1.0, -1.0]));
-        assert_eq!(*settings.u_ub(), SVector::from([0.8, 0.8, 1.0, 1.0]));
+        assert_eq!(settings.c_u, Vector::from([1.2, 1.2, 0.8, 0.8]));
+        assert_eq!(settings.c_s, Vector::from([1.5, 1.5, 1.0, 0.0]));
+        assert_eq!(settings.c_s_end, Vector::from([15.0, 15.0, 10.0, 0.0]));
+        assert_eq!(*settings.u_lb(), Vector::from([-0.8, -0.8, -1.0, -1.0]));
+        assert_eq!(*settings.u_ub(), Vector::from([0.8, 0.8, 1.0, 1.0]));
         assert_eq!(settings.solver.qp, QpKind::Riccati);
         assert_eq!(settings.solver.iterations_max, 20);
         assert_eq!(settings.solver.qp_iterations_max, 50);

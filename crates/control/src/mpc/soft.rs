@@ -15,7 +15,10 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize, cons
 where
     M: Model<NS, NU, NO, NP>,
 {
-    /// Whether there is a place for each of the constraints.
+    /// Checks that the settings have a place for each of the constraints.
+    ///
+    /// # Errors
+    /// [`SolveError::Constraints`].
     pub(super) fn check_constraints(
         &self,
         constraints: Option<&dyn SoftConstraints<NS>>,
@@ -54,7 +57,7 @@ where
         if is_valid { Ok(()) } else { self.check_excesses(&self.plan, context) }
     }
 
-    /// Whether every constraint along `plan` that is near is finite, with a weight that is not negative.
+    /// Checks that every constraint along `plan` that is near is finite, with a weight that is not negative.
     ///
     /// # Errors
     /// [`SolveError::Constraint`] for the first that is not.
@@ -116,11 +119,11 @@ fn invalid_field<const NS: usize>(
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::Vector;
     use std::cell::RefCell;
 
     use horizon_model::Kinematic;
     use horizon_model::rows::{Pose, Sticks, pose};
-    use nalgebra::SVector;
 
     use super::*;
     use crate::qp::penalty::of_stage;
@@ -172,7 +175,7 @@ mod tests {
     }
 
     fn context<'a>(floor: &'a Floor, s_ref: &'a [Pose]) -> CostContext<'a, 4, 4> {
-        const NEUTRAL: &Sticks = &SVector::<f64, 4>::new(0.0, 0.0, 0.0, 0.0);
+        const NEUTRAL: &Sticks = &Vector::<4>::new(0.0, 0.0, 0.0, 0.0);
         CostContext { u_before: NEUTRAL, s_ref, constraints: Some(floor) }
     }
 

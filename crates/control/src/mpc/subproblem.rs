@@ -1,6 +1,6 @@
-//! The quadratic subproblem of a plan: which Hessian it gets, and its solution.
+//! The quadratic subproblem of a plan: choice of its Hessian, and its solution.
 //!
-//! Owns the choice of the Hessian; who solves the subproblem is `qp.rs`, how far its step is taken `line_search.rs`.
+//! Owns the choice of the Hessian. The solver of the subproblem is `qp.rs`, the length of its step `line_search.rs`.
 
 use horizon_model::{HessianKind, HessianRequest, InputHessian, Model};
 
@@ -54,7 +54,7 @@ where
         }
     }
 
-    /// Solves the quadratic subproblem for the step. Returns the decrease that the quadratic model predicts, too.
+    /// Solves the quadratic subproblem for the step. Returns the decrease that the quadratic model predicts as well.
     ///
     /// The Hessian is the exact one; if it is indefinite, the convexified one; if the model has none, that of
     /// Gauss-Newton.

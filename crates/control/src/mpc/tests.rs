@@ -16,7 +16,8 @@ use horizon_model::Kinematic;
 use horizon_model::check::amax;
 use horizon_model::check::{Point, model_gap};
 use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
-use nalgebra::{SMatrix, Vector1};
+use horizon_model::{Matrix, Vector};
+use nalgebra::Vector1;
 
 use self::models::{Cart, Steep};
 use super::*;
@@ -27,7 +28,7 @@ const DT_S: f64 = 0.02;
 struct Case {
     mpc: Mpc<Kinematic, 4, 4, 4, 4, 4>,
     s_0: Pose,
-    p: SVector<f64, 4>,
+    p: Vector<4>,
     u_before: Sticks,
     s_ref: Vec<Pose>,
     u_given: Vec<Sticks>,
@@ -62,7 +63,7 @@ impl Case {
             mpc: Mpc::new(Kinematic, table.check::<Kinematic, 4, 4, 4, 4>().unwrap(), DT_S)
                 .unwrap(),
             s_0,
-            p: SVector::from([1.3, 0.45, 1.0, -0.3]),
+            p: Vector::from([1.3, 0.45, 1.0, -0.3]),
             u_before: Sticks::new(0.1, -0.2, 0.3, 0.0),
             s_ref: vec![s_ref; table.horizon_steps],
             u_given: Vec::new(),
@@ -84,9 +85,9 @@ impl Case {
 /// Optimal inputs of `s_{k+1} = a s_k + b u_k` with the weights of `1/2 (sum r u^2 + q s^2)`, the
 /// last state weighted by `q_end`: backward Riccati recursion, then a simulation.
 fn regulator<const NS: usize>(
-    (a, b): (SMatrix<f64, NS, NS>, SMatrix<f64, NS, 1>),
-    (r, q, q_end): (f64, SMatrix<f64, NS, NS>, SMatrix<f64, NS, NS>),
-    s_0: SVector<f64, NS>,
+    (a, b): (Matrix<NS, NS>, Matrix<NS, 1>),
+    (r, q, q_end): (f64, Matrix<NS, NS>, Matrix<NS, NS>),
+    s_0: Vector<NS>,
     steps: usize,
 ) -> Vec<f64> {
     let mut gains = Vec::new();
@@ -97,7 +98,7 @@ fn regulator<const NS: usize>(
         gains.push(gain);
     }
     let mut s = s_0;
-    let act = |gain: &SMatrix<f64, 1, NS>| {
+    let act = |gain: &Matrix<1, NS>| {
         let u = -(gain * s)[0];
         s = a * s + b * u;
         u
@@ -119,11 +120,11 @@ fn a_linear_system_without_active_bounds_gets_the_closed_form_regulator() {
     let mut mpc =
         Mpc::<_, 2, 1, 2, 0, 2>::new(Cart, table.check::<Cart, 2, 1, 2, 0>().unwrap(), 0.1)
             .unwrap();
-    let s_0 = SVector::from([1.5, -0.7]);
-    let s_ref = [SVector::zeros(); STEPS];
+    let s_0 = Vector::from([1.5, -0.7]);
+    let s_ref = [Vector::zeros(); STEPS];
     let problem = MpcProblem {
         s_0: &s_0,
-        p: &SVector::zeros(),
+        p: &Vector::zeros(),
         u_before: &Vector1::zeros(),
         s_ref: &s_ref,
         u_given: &[],
@@ -132,7 +133,7 @@ fn a_linear_system_without_active_bounds_gets_the_closed_form_regulator() {
     let report = mpc.solve(&problem, &mut || false).unwrap();
     assert_eq!(report.stop, Stop::CostTolerance);
 
-    let square = |w: [f64; 2]| SMatrix::from_diagonal(&SVector::from(w).map(|w: f64| w * w));
+    let square = |w: [f64; 2]| Matrix::from_diagonal(&Vector::from(w).map(|w: f64| w * w));
     let weights = (0.25, square([2.0, 0.3]), square([9.0, 4.0]));
     let expected = regulator(Cart::dynamics(0.1), weights, s_0, STEPS);
     for (k, (u, expected)) in mpc.plan().iter().zip(expected).enumerate() {
@@ -150,7 +151,7 @@ fn the_vehicle_without_active_bounds_gets_four_regulators_in_world_axes() {
     assert!(case.solve().has_new_plan());
     let way = case.s_0 - case.s_ref[0];
     let axis = |row: usize, gain: f64, c_u: f64, c_s: f64| {
-        let one = |value: f64| SMatrix::<f64, 1, 1>::new(value);
+        let one = |value: f64| Matrix::<1, 1>::new(value);
         let weights = (c_u * c_u, one(c_s * c_s), one(100.0 * c_s * c_s));
         regulator((one(1.0), one(DT_S * gain)), weights, Vector1::new(way[row]), STEPS)
     };
@@ -196,13 +197,13 @@ fn inputs_stay_within_their_bounds_and_the_cost_never_rises() {
 #[test]
 fn every_jacobian_of_the_small_models_meets_its_numeric_twin() {
     let dt_s = 0.1;
-    let (s, u) = (SVector::from([0.7, -1.2]), Vector1::new(0.4));
-    let gap = model_gap(&Cart, &Point { s, u, p: SVector::zeros(), dt_s }).gap;
+    let (s, u) = (Vector::from([0.7, -1.2]), Vector1::new(0.4));
+    let gap = model_gap(&Cart, &Point { s, u, p: Vector::zeros(), dt_s }).gap;
     assert!(gap < 1e-8, "cart: gap {gap:e}");
     for u in [0.0, 0.4, -1.0] {
         let (s, u) = (Vector1::new(0.7), Vector1::new(u));
         let steep = Steep { gradient_scale: 1.0 };
-        let gap = model_gap(&steep, &Point { s, u, p: SVector::zeros(), dt_s }).gap;
+        let gap = model_gap(&steep, &Point { s, u, p: Vector::zeros(), dt_s }).gap;
         assert!(gap < 1e-8, "steep: gap {gap:e} at {u}");
     }
 }
@@ -223,7 +224,7 @@ fn solve_steep(gradient_scale: f64, iterations_max: u32) -> (MpcReport, f64) {
     let (s_0, u_before, s_ref) = (Vector1::zeros(), Vector1::zeros(), [Vector1::new(1.0)]);
     let problem = MpcProblem {
         s_0: &s_0,
-        p: &SVector::zeros(),
+        p: &Vector::zeros(),
         u_before: &u_before,
         s_ref: &s_ref,
         u_given: &[],

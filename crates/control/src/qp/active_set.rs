@@ -17,10 +17,10 @@
 
 mod riccati;
 
+use horizon_model::Vector;
 use std::array;
 
 use horizon_model::Bounds;
-use nalgebra::SVector;
 
 use self::riccati::{Policy, Value, Working, eliminate};
 use super::penalty::of_stage;
@@ -60,9 +60,9 @@ pub(super) struct ActiveSet<const NS: usize, const NU: usize> {
     /// `values[k]` is the cost of everything after `ds_k`.
     values: Vec<Value<NS, NU>>,
     /// By step, the inputs of the latest roll-out.
-    du: Vec<SVector<f64, NU>>,
+    du: Vec<Vector<NU>>,
     /// By step, the minimizer of each input if its bound alone were removed.
-    minimizers: Vec<SVector<f64, NU>>,
+    minimizers: Vec<Vector<NU>>,
     /// By penalty, its linearized constraint at the latest roll-out.
     excess: Vec<f64>,
 }
@@ -78,8 +78,8 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
             penalized: Vec::with_capacity(steps * limits.penalties_max),
             policies: vec![Policy::zeros(); steps],
             values: vec![Value::zeros(); steps + 1],
-            du: vec![SVector::zeros(); steps],
-            minimizers: vec![SVector::zeros(); steps],
+            du: vec![Vector::zeros(); steps],
+            minimizers: vec![Vector::zeros(); steps],
             excess: Vec::with_capacity(steps * limits.penalties_max),
         }
     }
@@ -98,7 +98,7 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
 
     /// Sets the working set to the active bounds of `du`, the solution of `problem` by another solver. From an empty
     /// working set this solver would probably fail on the next problem as well.
-    pub(super) fn warm_start(&mut self, problem: &Problem<'_, NS, NU>, du: &[SVector<f64, NU>]) {
+    pub(super) fn warm_start(&mut self, problem: &Problem<'_, NS, NU>, du: &[Vector<NU>]) {
         for (k, working_set) in self.working_set.iter_mut().enumerate() {
             let Bounds { lo, hi } = &problem.bounds[k];
             *working_set = array::from_fn(|i| {
@@ -161,12 +161,12 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
     /// penalty.
     fn roll_out(&mut self, problem: &Problem<'_, NS, NU>) {
         self.excess.clear();
-        let mut ds = SVector::zeros();
-        let mut du_before = SVector::zeros();
+        let mut ds = Vector::zeros();
+        let mut du_before = Vector::zeros();
         for (k, (policy, stage)) in self.policies.iter().zip(problem.stages).enumerate() {
             let minimizers = policy.minimizers(&ds, &du_before);
             let active = self.active_steps(problem, k);
-            let du = SVector::from_fn(|i, _| active[i].unwrap_or(minimizers[i]));
+            let du = Vector::from_fn(|i, _| active[i].unwrap_or(minimizers[i]));
             ds = stage.next(&ds, &du);
             du_before = du;
             (self.du[k], self.minimizers[k]) = (du, minimizers);
@@ -288,7 +288,7 @@ impl<const NS: usize, const NU: usize> SolveQp<NS, NU> for ActiveSet<NS, NU> {
     fn solve(
         &mut self,
         problem: &Problem<'_, NS, NU>,
-        du: &mut [SVector<f64, NU>],
+        du: &mut [Vector<NU>],
     ) -> Result<u32, Unsolved> {
         let searched = self.search(problem);
         match searched {

@@ -6,6 +6,7 @@
 //! zero is what it costs least at. Each penalty has a slack variable, after the state of its stage: the excess in units
 //! of 1 / weight, so that a large weight does not spread the curvature. One that no penalty needs is cut off, too.
 
+use horizon_model::Vector;
 use std::fmt::{self, Debug, Formatter};
 
 use clarabel::algebra::CscMatrix;
@@ -14,7 +15,6 @@ use clarabel::solver::{
     SupportedConeT,
 };
 use horizon_model::Bounds;
-use nalgebra::SVector;
 
 use super::penalty::{Penalty, of_stage};
 use super::{CostHessian, Limits, Problem, Reason, SolveQp, Stage, Unsolved};
@@ -49,7 +49,7 @@ impl<const NS: usize, const NU: usize> Clarabel<NS, NU> {
         let steps = curvature.diagonal.steps();
         // The values do not matter: the matrix is not equilibrated, and zeros are kept.
         let stages = vec![Stage::<NS, NU>::zeros(); steps];
-        let bounds = vec![Bounds { lo: SVector::zeros(), hi: SVector::from_element(1.0) }; steps];
+        let bounds = vec![Bounds { lo: Vector::zeros(), hi: Vector::from_element(1.0) }; steps];
         let slacks = limits.penalties_max;
         let shape = (steps * (NS + 2 * NU + slacks), steps * (NS + NU + slacks));
         let quadratic = by_columns((shape.1, shape.1), |entry| {
@@ -134,7 +134,7 @@ impl<const NS: usize, const NU: usize> SolveQp<NS, NU> for Clarabel<NS, NU> {
     fn solve(
         &mut self,
         problem: &Problem<'_, NS, NU>,
-        du: &mut [SVector<f64, NU>],
+        du: &mut [Vector<NU>],
     ) -> Result<u32, Unsolved> {
         let updated = self.update(problem);
         debug_assert!(updated.is_ok(), "the shape of the problem is fixed: {updated:?}");
@@ -147,7 +147,7 @@ impl<const NS: usize, const NU: usize> SolveQp<NS, NU> for Clarabel<NS, NU> {
                 let width = NU + NS + self.penalties_max;
                 let steps = solution.x.chunks_exact(width).zip(problem.bounds);
                 for (du, (x, bounds)) in du.iter_mut().zip(steps) {
-                    *du = SVector::from_fn(|i, _| if bounds.is_given(i) { 0.0 } else { x[i] });
+                    *du = Vector::from_fn(|i, _| if bounds.is_given(i) { 0.0 } else { x[i] });
                 }
                 Ok(iterations)
             }

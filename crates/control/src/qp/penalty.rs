@@ -4,7 +4,7 @@
 //! <= 0`. It is what a slack variable leaves: `min 1/2 sigma^2` subject to `sigma >= w (c + g' ds)` with the weight
 //! `w`.
 
-use nalgebra::SVector;
+use horizon_model::Vector;
 
 /// Penalty on the state after a stage: `1/2 squared_weight max(0, excess + gradient' ds_{k+1})^2`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,13 +17,13 @@ pub struct Penalty<const NS: usize> {
     /// `c`: positive where the constraint is violated. In the unit of the constraint
     pub excess: f64,
     /// `g`. Unit of `c` / unit of the row
-    pub gradient: SVector<f64, NS>,
+    pub gradient: Vector<NS>,
 }
 
 impl<const NS: usize> Penalty<NS> {
     /// The linearized constraint at `ds`, in the unit of the constraint.
     #[inline]
-    pub fn excess_at(&self, ds: &SVector<f64, NS>) -> f64 {
+    pub fn excess_at(&self, ds: &Vector<NS>) -> f64 {
         self.excess + self.gradient.dot(ds)
     }
 
@@ -40,13 +40,13 @@ impl<const NS: usize> Penalty<NS> {
 
     /// Derivative of the penalty at `ds = 0`. 1 / unit of the row
     #[inline]
-    pub(crate) fn gradient_at_zero(&self) -> SVector<f64, NS> {
+    pub(crate) fn gradient_at_zero(&self) -> Vector<NS> {
         self.gradient * (self.squared_weight * if self.excess <= 0.0 { 0.0 } else { self.excess })
     }
 
     /// What the penalty at `ds` has more than its tangent at `ds = 0`; not negative. 1
     #[inline]
-    pub(crate) fn above_tangent(&self, ds: &SVector<f64, NS>) -> f64 {
+    pub(crate) fn above_tangent(&self, ds: &Vector<NS>) -> f64 {
         let excess = self.excess_at(ds);
         self.cost(excess) - self.cost(self.excess) - self.gradient_at_zero().dot(ds)
     }
@@ -74,19 +74,20 @@ pub(crate) fn of_stage<const NS: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use horizon_model::Vector;
     use horizon_model::check::jacobian_gap;
 
     fn penalty(excess: f64) -> Penalty<2> {
-        Penalty { stage: 0, squared_weight: 4.0, excess, gradient: SVector::from([1.0, -0.5]) }
+        Penalty { stage: 0, squared_weight: 4.0, excess, gradient: Vector::from([1.0, -0.5]) }
     }
 
     #[test]
     fn the_gradient_meets_its_numeric_twin_on_both_sides() {
         for excess in [-0.3, 0.2] {
             let penalty = penalty(excess);
-            let cost = |ds: &SVector<f64, 2>| SVector::from([penalty.cost(penalty.excess_at(ds))]);
+            let cost = |ds: &Vector<2>| Vector::from([penalty.cost(penalty.excess_at(ds))]);
             let exact = penalty.gradient_at_zero().transpose();
-            let gap = jacobian_gap(cost, &SVector::zeros(), &exact);
+            let gap = jacobian_gap(cost, &Vector::zeros(), &exact);
             assert!(gap < 1e-8, "gap {gap:e} with excess {excess}");
         }
     }
@@ -95,7 +96,7 @@ mod tests {
     fn the_penalty_lies_above_its_tangent_and_below_its_quadratic() {
         for excess in [-0.3, 0.0, 0.2] {
             let penalty = penalty(excess);
-            for ds in [[0.5, 0.1], [-0.5, 0.1], [0.1, 2.0], [-1.0, -1.0]].map(SVector::from) {
+            for ds in [[0.5, 0.1], [-0.5, 0.1], [0.1, 2.0], [-1.0, -1.0]].map(Vector::from) {
                 let along = penalty.gradient.dot(&ds);
                 let quadratic = 0.5 * penalty.squared_weight * along * along;
                 let above = penalty.above_tangent(&ds);

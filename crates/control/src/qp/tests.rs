@@ -3,6 +3,7 @@ mod penalties;
 
 use self::case::{Case, Kind, kinematic, lagged, random};
 use super::*;
+use horizon_model::Vector;
 use horizon_model::check::{amax, maximum};
 
 pub(super) const LIMITS: Limits =
@@ -26,7 +27,7 @@ struct Found {
 impl Found {
     /// Solves one problem with both solvers, from no guess.
     fn compare<const NS: usize, const NU: usize>(&mut self, case: &Case<NS, NU>) {
-        let mut du = vec![SVector::zeros(); case.steps()];
+        let mut du = vec![Vector::zeros(); case.steps()];
         let mut oracle_du = du.clone();
         let iterations =
             ActiveSet::new(&case.curvature, LIMITS).solve(&case.problem(), &mut du).unwrap();
@@ -108,7 +109,7 @@ fn thousands_of_problems_are_solved_as_by_clarabel_but_exactly() {
 fn a_problem_with_too_many_iterations_goes_to_clarabel() {
     let case = random(1211, Kind { steps: 60, couples: true, gives: false });
     let limits = Limits { iterations_max: 40, ..LIMITS };
-    let mut du = vec![SVector::zeros(); case.steps()];
+    let mut du = vec![Vector::zeros(); case.steps()];
     let alone =
         ActiveSet::new(&case.curvature, limits).solve(&case.problem(), &mut du).unwrap_err();
     assert_eq!(alone, Unsolved { reason: Reason::IterationLimit, iterations: 40 });

@@ -1,5 +1,6 @@
 //! The arrival cost against a Kalman filter, which knows the same by other means.
 
+use horizon_model::{Matrix, Vector};
 use std::ops::Range;
 
 use horizon_model::check::amax;
@@ -22,8 +23,8 @@ const DT_S: f64 = 0.1;
 /// So long that one step leaves all of it: `exp(-dt / NEVER_S)` is 1.
 const NEVER_S: f64 = 1e18;
 
-type State = SVector<f64, NS>;
-type Parameter = SVector<f64, NP>;
+type State = Vector<NS>;
+type Parameter = Vector<NP>;
 
 /// A position that a velocity with lag drives, and a wandering velocity: linear in state and parameter
 /// together.
@@ -38,49 +39,37 @@ impl Model<NS, NU, NO, NP> for Cart {
     const OBSERVATION: [Row; NO] = [Row::linear("x", "m")];
     const PARAMETER: [Row; NP] = [Row::linear("gain", "m/s"), Row::linear("bias", "m/s")];
 
-    fn step(&self, s: &State, u: &SVector<f64, NU>, p: &Parameter, dt_s: f64) -> State {
+    fn step(&self, s: &State, u: &Vector<NU>, p: &Parameter, dt_s: f64) -> State {
         self.step_by_state(s, u, p, dt_s) * s + self.step_by_parameter(s, u, p, dt_s) * p
     }
 
-    fn step_by_state(
-        &self,
-        _: &State,
-        _: &SVector<f64, NU>,
-        _: &Parameter,
-        dt_s: f64,
-    ) -> SMatrix<f64, NS, NS> {
-        SMatrix::<f64, NS, NS>::new(1.0, dt_s, dt_s, 0.0, 0.8, 0.0, 0.0, 0.0, 0.95)
+    fn step_by_state(&self, _: &State, _: &Vector<NU>, _: &Parameter, dt_s: f64) -> Matrix<NS, NS> {
+        Matrix::<NS, NS>::new(1.0, dt_s, dt_s, 0.0, 0.8, 0.0, 0.0, 0.0, 0.95)
     }
 
-    fn step_by_input(
-        &self,
-        _: &State,
-        _: &SVector<f64, NU>,
-        p: &Parameter,
-        _: f64,
-    ) -> SMatrix<f64, NS, NU> {
+    fn step_by_input(&self, _: &State, _: &Vector<NU>, p: &Parameter, _: f64) -> Matrix<NS, NU> {
         State::new(0.0, 0.2 * p.x, 0.0)
     }
 
     fn step_by_parameter(
         &self,
         _: &State,
-        u: &SVector<f64, NU>,
+        u: &Vector<NU>,
         _: &Parameter,
         _: f64,
-    ) -> SMatrix<f64, NS, NP> {
-        SMatrix::<f64, NS, NP>::new(0.0, 0.0, 0.2 * u.x, 0.2, 0.0, 0.0)
+    ) -> Matrix<NS, NP> {
+        Matrix::<NS, NP>::new(0.0, 0.0, 0.2 * u.x, 0.2, 0.0, 0.0)
     }
 
-    fn observe(&self, s: &State) -> SVector<f64, NO> {
-        SVector::from([s.x])
+    fn observe(&self, s: &State) -> Vector<NO> {
+        Vector::from([s.x])
     }
 
-    fn observe_by_state(&self, _: &State) -> SMatrix<f64, NO, NS> {
-        SMatrix::<f64, NO, NS>::new(1.0, 0.0, 0.0)
+    fn observe_by_state(&self, _: &State) -> Matrix<NO, NS> {
+        Matrix::<NO, NS>::new(1.0, 0.0, 0.0)
     }
 
-    fn at_rest(&self, o: &SVector<f64, NO>) -> State {
+    fn at_rest(&self, o: &Vector<NO>) -> State {
         State::new(o.x, 0.0, 0.0)
     }
 }
@@ -98,7 +87,7 @@ fn residuals() -> Residuals<Cart, NS, NU, NO, NP> {
     Residuals {
         model: Cart,
         dt_s: DT_S,
-        c_o: SVector::from([C_O]),
+        c_o: Vector::from([C_O]),
         c_s: C_S,
         observation_loss: Loss::None,
         transition_loss: Loss::None,
@@ -134,7 +123,7 @@ fn go_on(trajectory: &mut Window, steps: Range<usize>) {
 }
 
 /// One update of a window of at most `window` steps. The problem is quadratic: one iteration solves it.
-fn update(trajectory: &mut Window, window: usize, u: SVector<f64, NU>, observed: &Observed<NO>) {
+fn update(trajectory: &mut Window, window: usize, u: Vector<NU>, observed: &Observed<NO>) {
     let table = LmTable {
         damping_start: 0.0,
         cost_tolerance: 0.0,
@@ -151,11 +140,11 @@ fn update(trajectory: &mut Window, window: usize, u: SVector<f64, NU>, observed:
 }
 
 /// Input and observation of step `k` of a made-up recording; every seventh observation is missing.
-fn recorded(k: usize) -> (SVector<f64, NU>, Observed<NO>) {
+fn recorded(k: usize) -> (Vector<NU>, Observed<NO>) {
     let t = k as f64 * DT_S;
-    let u = SVector::from([(0.9 * t).sin() + 0.4 * (2.3 * t).cos()]);
+    let u = Vector::from([(0.9 * t).sin() + 0.4 * (2.3 * t).cos()]);
     let noise = (k * 7919 % 101) as f64 * 4e-4 - 0.02;
-    let o = SVector::from([1.7 * (0.6 * t).sin() + 0.1 * t + noise]);
+    let o = Vector::from([1.7 * (0.6 * t).sin() + 0.1 * t + noise]);
     (u, if k % 7 == 3 { Observed::missing() } else { Observed::full(o) })
 }
 
@@ -174,7 +163,7 @@ impl Kalman {
         Self { mean, covariance: DMatrix::from_diagonal(&variances) }
     }
 
-    fn update(&mut self, u: SVector<f64, NU>, observed: &Observed<NO>) {
+    fn update(&mut self, u: Vector<NU>, observed: &Observed<NO>) {
         let (s, p) = (State::zeros(), Parameter::zeros());
         let mut f = DMatrix::identity(ALL, ALL);
         f.view_mut((0, 0), (NS, NS)).copy_from(&Cart.step_by_state(&s, &u, &p, DT_S));
@@ -202,9 +191,9 @@ impl Kalman {
 #[test]
 fn the_information_on_the_parameter_is_the_schur_complement() {
     let mut arrival = Arrival::<NS, NP>::new(C_0, NEVER_S, DT_S, None);
-    arrival.by_state = SMatrix::from_row_slice(&[4.0, 1.0, 0.0, 1.0, 3.0, 0.5, 0.0, 0.5, 2.0]);
-    arrival.by_state_parameter = SMatrix::from_row_slice(&[1.0, 0.0, -0.5, 0.3, 0.2, 1.0]);
-    arrival.by_parameter = SMatrix::from_row_slice(&[5.0, 0.4, 0.4, 6.0]);
+    arrival.by_state = Matrix::from_row_slice(&[4.0, 1.0, 0.0, 1.0, 3.0, 0.5, 0.0, 0.5, 2.0]);
+    arrival.by_state_parameter = Matrix::from_row_slice(&[1.0, 0.0, -0.5, 0.3, 0.2, 1.0]);
+    arrival.by_parameter = Matrix::from_row_slice(&[5.0, 0.4, 0.4, 6.0]);
     let inverse = arrival.by_state.try_inverse().unwrap();
     let expected = arrival.by_parameter
         - arrival.by_state_parameter.transpose() * inverse * arrival.by_state_parameter;
@@ -234,13 +223,13 @@ fn a_carried_arrival_makes_the_estimator_a_kalman_filter() {
 }
 
 /// State and parameter in one vector.
-fn joint(s: &State, p: &Parameter) -> SVector<f64, ALL> {
-    SVector::from_iterator(s.iter().chain(p).copied())
+fn joint(s: &State, p: &Parameter) -> Vector<ALL> {
+    Vector::from_iterator(s.iter().chain(p).copied())
 }
 
 /// The information matrix of state and parameter.
-fn information(arrival: &Arrival<NS, NP>) -> SMatrix<f64, ALL, ALL> {
-    let mut h = SMatrix::<f64, ALL, ALL>::zeros();
+fn information(arrival: &Arrival<NS, NP>) -> Matrix<ALL, ALL> {
+    let mut h = Matrix::<ALL, ALL>::zeros();
     h.fixed_view_mut::<NS, NS>(0, 0).copy_from(&arrival.by_state);
     h.fixed_view_mut::<NS, NP>(0, NS).copy_from(&arrival.by_state_parameter);
     h.fixed_view_mut::<NP, NS>(NS, 0).copy_from(&arrival.by_state_parameter.transpose());
@@ -249,7 +238,7 @@ fn information(arrival: &Arrival<NS, NP>) -> SMatrix<f64, ALL, ALL> {
 }
 
 /// Information about the parameter while nothing else is known of the state.
-fn marginal(arrival: &Arrival<NS, NP>) -> SMatrix<f64, NP, NP> {
+fn marginal(arrival: &Arrival<NS, NP>) -> Matrix<NP, NP> {
     let by_state = arrival.by_state.try_inverse().unwrap();
     let b = arrival.by_state_parameter;
     arrival.by_parameter - b.transpose() * by_state * b
@@ -259,12 +248,11 @@ fn marginal(arrival: &Arrival<NS, NP>) -> SMatrix<f64, NP, NP> {
 fn the_gradient_and_the_curvature_meet_their_numeric_twins() {
     let trajectory = flown(50, 10.0);
     let arrival = trajectory.arrival();
-    let split = |x: &SVector<f64, ALL>| {
-        (x.fixed_rows::<NS>(0).into_owned(), x.fixed_rows::<NP>(NS).into_owned())
-    };
-    let cost = |x: &SVector<f64, ALL>| {
+    let split =
+        |x: &Vector<ALL>| (x.fixed_rows::<NS>(0).into_owned(), x.fixed_rows::<NP>(NS).into_owned());
+    let cost = |x: &Vector<ALL>| {
         let (s, p) = split(x);
-        SVector::from([arrival.cost(&s, &p)])
+        Vector::from([arrival.cost(&s, &p)])
     };
     let (s, p) = (State::new(0.5, -0.3, 0.2), Parameter::new(0.7, 0.4));
     let (mut block, mut parameter_block) = (Block::zeros(), ReducedSystem::zeros());
@@ -273,7 +261,7 @@ fn the_gradient_and_the_curvature_meet_their_numeric_twins() {
     let gap = jacobian_gap(cost, &joint(&s, &p), &gradient.transpose());
     // The largest gradients are some 1e4.
     assert!(gap < 1e-8, "gradient gap {gap:e}");
-    let gradient = |x: &SVector<f64, ALL>| {
+    let gradient = |x: &Vector<ALL>| {
         let (s, p) = split(x);
         let (by_s, by_p) = arrival.gradient(&s, &p);
         joint(&by_s, &by_p)
@@ -330,7 +318,7 @@ fn forgetting_mixes_the_information_of_the_window_with_the_prior() {
     let iterate = kept.iterate();
     forgetting.carry(&residuals(), &iterate, &prior(), false);
     never.carry(&residuals(), &iterate, &prior(), false);
-    let mut prior_information = SMatrix::<f64, ALL, ALL>::zeros();
+    let mut prior_information = Matrix::<ALL, ALL>::zeros();
     prior_information.fixed_view_mut::<NP, NP>(NS, NS).copy_from(&prior().information());
     let expected = information(&never) * keep + prior_information * (1.0 - keep);
     let gap = amax(&(information(&forgetting) - expected)) / amax(&expected);

@@ -3,10 +3,10 @@
 //! Owns the tally over many identifications. Where the data come from, and how they are identified, is
 //! the caller's.
 
+use horizon_model::Vector;
 use std::ops::Range;
 
 use horizon_model::Model;
-use nalgebra::SVector;
 use rayon::prelude::*;
 use thiserror::Error;
 
@@ -32,7 +32,7 @@ pub(super) enum TrialError {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Trial<const NP: usize> {
     /// Estimate minus truth. Unit of each row
-    pub(super) error: SVector<f64, NP>,
+    pub(super) error: Vector<NP>,
     /// What each method claims, by name.
     pub(super) claims: Vec<Claim<NP>>,
 }
@@ -43,7 +43,7 @@ pub(super) struct Claim<const NP: usize> {
     /// Name of the method: `plain`, `scaled` and `clustered` as in [`Laplace`], or `bootstrap`.
     pub(super) method: &'static str,
     /// Standard deviation. Unit of each row
-    pub(super) std: SVector<f64, NP>,
+    pub(super) std: Vector<NP>,
     /// Whether its 95 % interval contains the truth.
     pub(super) holds: [bool; NP],
 }
@@ -58,7 +58,7 @@ impl<const NP: usize> Trial<NP> {
     /// A covariance does not exist, or a resample cannot be solved.
     pub(super) fn new<M, const NS: usize, const NU: usize, const NO: usize>(
         ident: &mut Ident<M, NS, NU, NO, NP>,
-        truth: &SVector<f64, NP>,
+        truth: &Vector<NP>,
         seed: u64,
         resamples: u64,
     ) -> Result<Self, TrialError>
@@ -91,9 +91,9 @@ pub(super) struct Calibration<const NP: usize> {
     /// Number of trials.
     pub(super) runs: usize,
     /// Mean of the errors: what is systematic in them. Unit of each row
-    pub(super) bias: SVector<f64, NP>,
+    pub(super) bias: Vector<NP>,
     /// Standard deviation of the errors: what each method tries to tell. Unit of each row
-    pub(super) std: SVector<f64, NP>,
+    pub(super) std: Vector<NP>,
     /// How each method did, in the order of the trials' claims.
     pub(super) methods: Vec<Coverage<NP>>,
 }
@@ -104,9 +104,9 @@ pub(super) struct Coverage<const NP: usize> {
     /// Name of the method, see [`Claim::method`].
     pub(super) method: &'static str,
     /// Root mean square of the standard deviations that it claimed. Unit of each row
-    pub(super) std: SVector<f64, NP>,
+    pub(super) std: Vector<NP>,
     /// Fraction of the trials whose 95 % interval contains the truth. 1, 0..=1
-    pub(super) fraction: SVector<f64, NP>,
+    pub(super) fraction: Vector<NP>,
 }
 
 /// Runs `trial` for each seed, in parallel, and counts; `None` for fewer than two seeds.
@@ -126,13 +126,13 @@ pub(super) fn calibrate<const NP: usize, E: Send>(
     for claim in trials.iter().flat_map(|trial| &trial.claims) {
         let known = methods.iter().position(|coverage| coverage.method == claim.method);
         let at = known.unwrap_or_else(|| {
-            let (std, fraction) = (SVector::zeros(), SVector::zeros());
+            let (std, fraction) = (Vector::zeros(), Vector::zeros());
             methods.push(Coverage { method: claim.method, std, fraction });
             methods.len() - 1
         });
         methods[at].std += claim.std.component_mul(&claim.std) / runs;
         methods[at].fraction +=
-            SVector::from(claim.holds.map(|holds| f64::from(u8::from(holds)))) / runs;
+            Vector::from(claim.holds.map(|holds| f64::from(u8::from(holds)))) / runs;
     }
     for coverage in &mut methods {
         coverage.std.apply(|square| *square = square.sqrt());

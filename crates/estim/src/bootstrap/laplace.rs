@@ -4,7 +4,7 @@
 //! bootstrap, which assumes least and costs most, is one file up.
 
 use horizon_model::Model;
-use nalgebra::{SMatrix, SVector};
+use horizon_model::{Matrix, Vector};
 
 use super::{Spread, interval_variance};
 use crate::cholesky::{Cholesky, NotPositive};
@@ -27,17 +27,17 @@ use crate::reduced_system::ReducedSystem;
 pub struct Laplace<const NP: usize> {
     /// `H^-1`. Right if residuals are independent and every weight is the inverse of a standard deviation.
     /// Product of the units of row and column
-    pub plain: SMatrix<f64, NP, NP>,
+    pub plain: Matrix<NP, NP>,
     /// [`Laplace::plain`] times [`Laplace::residual_variance`]. Right if residuals are independent and the weights
     /// have the right ratios. Product of the units of row and column
-    pub scaled: SMatrix<f64, NP, NP>,
+    pub scaled: Matrix<NP, NP>,
     /// `n / (n - 1) H^-1 (sum of g_i g_i') H^-1`, the sandwich of Huber 1967 over pieces. Right if the pieces are
     /// independent, whatever the residuals inside are and however they are weighted; what the bootstrap
     /// over pieces tends to. Needs more pieces than parameters. Product of the units of row and column
-    pub clustered: SMatrix<f64, NP, NP>,
+    pub clustered: Matrix<NP, NP>,
     /// `H^-1 diag(C_p)^2 H^-1`: what the deviation of the prior adds to [`Laplace::clustered`], in which a parameter
     /// that no piece tells anything about has none. Product of the units of row and column
-    pub by_prior: SMatrix<f64, NP, NP>,
+    pub by_prior: Matrix<NP, NP>,
     /// Twice the cost over the degrees of freedom: 1 if every weight is the inverse of a standard deviation. 1
     pub residual_variance: f64,
 }
@@ -78,7 +78,7 @@ impl<const NP: usize> Laplace<NP> {
         let counts = || ident.multiplicities().iter().map(|count| f64::from(*count));
         let pieces: f64 = counts().sum();
         // The gradients of the pieces and of the prior add up to zero: the prior's shifts their mean.
-        let sum: SVector<f64, NP> =
+        let sum: Vector<NP> =
             reduced_systems.iter().zip(counts()).map(|((c, _), n)| c.gradient * n).sum();
         let mean = sum / pieces;
         let moved =
@@ -91,7 +91,7 @@ impl<const NP: usize> Laplace<NP> {
                 let moved = by.fold(at_dead_times, |sum, by| sum + by);
                 moved * moved.transpose() * count
             };
-        let scatter: SMatrix<f64, NP, NP> =
+        let scatter: Matrix<NP, NP> =
             reduced_systems.iter().zip(counts()).enumerate().map(moved).sum();
         let by_prior = plain * ident.prior_information() * plain;
         let cost: f64 = reduced_systems.iter().zip(counts()).map(|((_, cost), n)| cost * n).sum();
@@ -111,20 +111,20 @@ impl<const NP: usize> Laplace<NP> {
     }
 
     /// The normal distribution around the estimate `p` with [`Laplace::clustered`] and [`Laplace::by_prior`].
-    pub fn spread(&self, p: &SVector<f64, NP>) -> Spread<NP> {
+    pub fn spread(&self, p: &Vector<NP>) -> Spread<NP> {
         Spread::normal(p, &(self.clustered + self.by_prior))
     }
 
     /// The normal distribution around the estimate `p` with [`Laplace::plain`], widened by a residual variance above 1:
     /// for fewer pieces than [`Laplace::clustered`] needs.
-    pub fn plain_spread(&self, p: &SVector<f64, NP>) -> Spread<NP> {
+    pub fn plain_spread(&self, p: &Vector<NP>) -> Spread<NP> {
         Spread::normal(p, &(self.plain * interval_variance(self.residual_variance)))
     }
 }
 
 /// Inverse of a positive definite matrix.
-fn inverse<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Result<SMatrix<f64, N, N>, NotPositive> {
-    let root = Cholesky::new(*matrix)?.forward(SMatrix::identity());
+fn inverse<const N: usize>(matrix: &Matrix<N, N>) -> Result<Matrix<N, N>, NotPositive> {
+    let root = Cholesky::new(*matrix)?.forward(Matrix::identity());
     Ok(root.transpose() * root)
 }
 
@@ -134,10 +134,8 @@ fn inverse<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Result<SMatrix<f64, N
 /// `1 / variance` is the information on a parameter after the others are eliminated. A parameter counts as determined
 /// if this is more than a rounding of the information on the parameter alone. Unlike [`Laplace::of`] it tells the
 /// parameters that are determined from the others.
-pub fn standard_deviations<const NP: usize>(
-    information: &SMatrix<f64, NP, NP>,
-) -> SVector<f64, NP> {
-    SVector::from_fn(|row, _| remaining_information(information, row).sqrt().recip())
+pub fn standard_deviations<const NP: usize>(information: &Matrix<NP, NP>) -> Vector<NP> {
+    Vector::from_fn(|row, _| remaining_information(information, row).sqrt().recip())
 }
 
 /// A smaller fraction of the information on a parameter is rounding of what others take away: the entries are sums
@@ -146,7 +144,7 @@ const FRACTION_MIN: f64 = 1e-10;
 
 /// Information on the parameter `last` after all others are eliminated; NaN if it is none, or if the matrix is not
 /// positive semidefinite.
-fn remaining_information<const NP: usize>(information: &SMatrix<f64, NP, NP>, last: usize) -> f64 {
+fn remaining_information<const NP: usize>(information: &Matrix<NP, NP>, last: usize) -> f64 {
     let mut left = *information;
     let floor = |row: usize| FRACTION_MIN * information[(row, row)];
     for k in (0..NP).filter(|k| *k != last) {

@@ -3,7 +3,7 @@
 //! Owns the summary of resamples and its counterpart from a covariance. Where either comes from is
 //! not known here.
 
-use nalgebra::{SMatrix, SVector};
+use horizon_model::{Matrix, Vector};
 
 /// The central interval that is reported holds this fraction.
 const LEVEL: f64 = 0.95;
@@ -21,15 +21,15 @@ pub(crate) fn interval_variance(residual_variance: f64) -> f64 {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread<const NP: usize> {
     /// Mean. Unit of each row
-    pub mean: SVector<f64, NP>,
+    pub mean: Vector<NP>,
     /// Standard deviation. Unit of each row, >= 0
-    pub std: SVector<f64, NP>,
+    pub std: Vector<NP>,
     /// Lower end of the 95 % interval. Unit of each row
-    pub lower: SVector<f64, NP>,
+    pub lower: Vector<NP>,
     /// Upper end of the 95 % interval. Unit of each row
-    pub upper: SVector<f64, NP>,
+    pub upper: Vector<NP>,
     /// Correlation of each pair of rows, -1..=1. A row without spread has none with others. 1
-    pub correlation: SMatrix<f64, NP, NP>,
+    pub correlation: Matrix<NP, NP>,
 }
 
 impl<const NP: usize> Spread<NP> {
@@ -38,13 +38,13 @@ impl<const NP: usize> Spread<NP> {
     /// The deviation divides by `n - 1`. The interval runs from the 2.5 % to the 97.5 % quantile; the
     /// order statistic `i` of `n` is the quantile `i / (n + 1)`, so that the next sample falls into the
     /// interval with 95 %, and between order statistics it is linear.
-    pub fn of(samples: &[SVector<f64, NP>]) -> Option<Self> {
+    pub fn of(samples: &[Vector<NP>]) -> Option<Self> {
         if samples.len() < 2 {
             return None;
         }
-        let mean = samples.iter().sum::<SVector<f64, NP>>() / samples.len() as f64;
+        let mean = samples.iter().sum::<Vector<NP>>() / samples.len() as f64;
         let scatter = samples.iter().map(|p| (p - mean) * (p - mean).transpose());
-        let covariance = scatter.sum::<SMatrix<f64, NP, NP>>() / (samples.len() - 1) as f64;
+        let covariance = scatter.sum::<Matrix<NP, NP>>() / (samples.len() - 1) as f64;
         let mut spread = Self::normal(&mean, &covariance);
         for row in 0..NP {
             let mut values: Vec<f64> = samples.iter().map(|p| p[row]).collect();
@@ -65,9 +65,9 @@ impl<const NP: usize> Spread<NP> {
     ///
     /// A row without variance has an interval of one value and no correlation. A negative diagonal entry, which no
     /// covariance has, makes deviation and interval of its row NaN. No allocation.
-    pub fn normal(mean: &SVector<f64, NP>, covariance: &SMatrix<f64, NP, NP>) -> Self {
+    pub fn normal(mean: &Vector<NP>, covariance: &Matrix<NP, NP>) -> Self {
         let std = covariance.diagonal().map(f64::sqrt);
-        let correlation = SMatrix::from_fn(|row, col| {
+        let correlation = Matrix::from_fn(|row, col| {
             let scale = std[row] * std[col];
             if row == col {
                 1.0
@@ -83,7 +83,7 @@ impl<const NP: usize> Spread<NP> {
 
     /// Whether the 95 % interval of each row, both ends included, contains that row of `truth`, which is in the unit of
     /// the row; false for NaN. No allocation.
-    pub fn contains(&self, truth: &SVector<f64, NP>) -> [bool; NP] {
+    pub fn contains(&self, truth: &Vector<NP>) -> [bool; NP] {
         std::array::from_fn(|row| (self.lower[row]..=self.upper[row]).contains(&truth[row]))
     }
 }
@@ -102,6 +102,7 @@ fn order_statistic_quantile(values: &[f64], q: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use horizon_model::check::amax;
+    use horizon_model::{Matrix, Vector};
 
     use super::*;
 
@@ -109,10 +110,10 @@ mod tests {
     fn a_spread_is_that_of_its_samples() {
         // 0, 1, .. 40 and a row that falls half as fast: correlation -1.
         let samples: Vec<_> =
-            (0..=40).map(|i| SVector::from([f64::from(i), -0.5 * f64::from(i), 7.0])).collect();
+            (0..=40).map(|i| Vector::from([f64::from(i), -0.5 * f64::from(i), 7.0])).collect();
         let spread = Spread::of(&samples).unwrap();
-        let close = |got: SVector<f64, 3>, expected: [f64; 3]| {
-            assert!(amax(&(got - SVector::from(expected))) < 1e-12, "{got} for {expected:?}");
+        let close = |got: Vector<3>, expected: [f64; 3]| {
+            assert!(amax(&(got - Vector::from(expected))) < 1e-12, "{got} for {expected:?}");
         };
         close(spread.mean, [20.0, -10.0, 7.0]);
         // Variance of n equidistant values: n (n + 1) / 12.
@@ -121,28 +122,28 @@ mod tests {
         // 42 gaps around 41 samples: the 2.5 % quantile lies 1.05 gaps from the end.
         close(spread.lower, [0.05, -19.975, 7.0]);
         close(spread.upper, [39.95, -0.025, 7.0]);
-        let expected = SMatrix::<f64, 3, 3>::new(1.0, -1.0, 0.0, -1.0, 1.0, 0.0, 0.0, 0.0, 1.0);
+        let expected = Matrix::<3, 3>::new(1.0, -1.0, 0.0, -1.0, 1.0, 0.0, 0.0, 0.0, 1.0);
         assert!(amax(&(spread.correlation - expected)) < 1e-12, "{}", spread.correlation);
-        assert_eq!(spread.contains(&SVector::from([0.02, -19.0, 7.0])), [false, true, true]);
+        assert_eq!(spread.contains(&Vector::from([0.02, -19.0, 7.0])), [false, true, true]);
     }
 
     #[test]
     fn a_few_samples_span_their_interval_in_any_order() {
-        let samples: Vec<_> = [3.0, 1.0, 2.0].into_iter().map(|x| SVector::from([x])).collect();
+        let samples: Vec<_> = [3.0, 1.0, 2.0].into_iter().map(|x| Vector::from([x])).collect();
         let spread = Spread::of(&samples).unwrap();
         assert!((spread.lower.x - 1.0).abs() < 1e-15 && (spread.upper.x - 3.0).abs() < 1e-15);
     }
 
     #[test]
     fn one_sample_has_no_spread() {
-        assert!(Spread::of(&[SVector::from([1.0])]).is_none());
+        assert!(Spread::of(&[Vector::from([1.0])]).is_none());
     }
 
     #[test]
     fn a_normal_spread_has_its_textbook_interval() {
-        let covariance = SMatrix::<f64, 2, 2>::new(4.0, 3.0, 3.0, 9.0);
-        let spread = Spread::normal(&SVector::from([1.0, -1.0]), &covariance);
-        assert!(amax(&(spread.std - SVector::from([2.0, 3.0]))) < 1e-15);
+        let covariance = Matrix::<2, 2>::new(4.0, 3.0, 3.0, 9.0);
+        let spread = Spread::normal(&Vector::from([1.0, -1.0]), &covariance);
+        assert!(amax(&(spread.std - Vector::from([2.0, 3.0]))) < 1e-15);
         assert!((spread.lower.x - (1.0 - 3.919_928)).abs() < 1e-6, "{}", spread.lower);
         assert!((spread.upper.y - (5.879_892 - 1.0)).abs() < 1e-6, "{}", spread.upper);
         assert!((spread.correlation.m12 - 0.5).abs() < 1e-15);

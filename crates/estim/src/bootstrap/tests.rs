@@ -1,3 +1,4 @@
+use horizon_model::Vector;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -17,7 +18,7 @@ const PIECES: usize = 12;
 pub(super) fn pieces() -> Vec<Piece<4, 4>> {
     let steady = |i: usize, k: usize| 0.4 * ((0.7 * i as f64) + 0.11 * k as f64).sin();
     let piece = |i: usize| {
-        let p = SVector::from([1.0, 0.5, 0.9, 0.0]).map(|p| p + 0.2 * (i as f64).sin());
+        let p = Vector::from([1.0, 0.5, 0.9, 0.0]).map(|p| p + 0.2 * (i as f64).sin());
         let mut s = Pose::new(0.0, 0.0, 1.0, 0.3 * i as f64);
         let (mut u, mut o) = (Vec::new(), Vec::new());
         for k in 0..40 {

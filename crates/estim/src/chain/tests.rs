@@ -1,5 +1,6 @@
 use super::*;
 use horizon_model::Bounds;
+use horizon_model::Vector;
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
@@ -41,12 +42,12 @@ fn random_chain(runner: &mut TestRunner) -> (Chain<NS, NP>, DMatrix<f64>, DVecto
 }
 
 fn no_bounds() -> Bounds<NP> {
-    Bounds { lo: SVector::repeat(f64::NEG_INFINITY), hi: SVector::repeat(f64::INFINITY) }
+    Bounds { lo: Vector::repeat(f64::NEG_INFINITY), hi: Vector::repeat(f64::INFINITY) }
 }
 
 fn solve(chain: &mut Chain<NS, NP>, damping: f64, bounds: &Bounds<NP>) -> (DVector<f64>, f64) {
     let reduced = chain.eliminate(damping).unwrap();
-    let (p_step, decrease) = reduced.solve(damping, &SVector::zeros(), bounds).unwrap();
+    let (p_step, decrease) = reduced.solve(damping, &Vector::zeros(), bounds).unwrap();
     let mut d = DVector::zeros(SIZE);
     for (k, step) in chain.back_substitute(&p_step).iter().enumerate() {
         d.fixed_rows_mut::<NS>(k * NS).copy_from(step);
@@ -112,7 +113,7 @@ fn two_halves_with_a_common_parameter_solve_like_one_problem() {
     let (mut right, ..) = random_chain(&mut runner);
     let mut shared = left.eliminate(0.1).unwrap();
     shared += &right.eliminate(0.1).unwrap();
-    let (p_step, _) = shared.solve(0.1, &SVector::zeros(), &no_bounds()).unwrap();
+    let (p_step, _) = shared.solve(0.1, &Vector::zeros(), &no_bounds()).unwrap();
     let mut gradient = p_step * 0.1;
     for chain in [&mut left, &mut right] {
         let steps = chain.back_substitute(&p_step).to_vec();

@@ -1,7 +1,7 @@
 //! The search for the dead times of all groups at once.
 
 use horizon_model::Model;
-use nalgebra::SVector;
+use horizon_model::Vector;
 
 use super::descent::Descent;
 use super::profile::{LocalMinimum, rises};
@@ -75,7 +75,7 @@ pub(super) struct Search<'a, M, const NS: usize, const NU: usize, const NO: usiz
     /// Input rows that have one dead time in common.
     pub(super) groups: &'a [&'a [usize]],
     /// Present dead time of each input row. s, >= 0
-    pub(super) dead_time_s: &'a mut SVector<f64, NU>,
+    pub(super) dead_time_s: &'a mut Vector<NU>,
     pub(super) settings: &'a DelaySettings,
     /// Whether the search has to end.
     pub(super) is_late: &'a mut dyn FnMut() -> bool,
@@ -278,7 +278,7 @@ where
 
     /// Gradient of the profile of each group at the present dead times, which are solved.
     pub(super) fn gradients(&self) -> Vec<f64> {
-        let mut by_row = SVector::<f64, NU>::zeros();
+        let mut by_row = Vector::<NU>::zeros();
         let by_dead_time = self.flights.inputs_by_dead_time(self.dead_time_s);
         for (piece, (inputs, count)) in
             by_dead_time.iter().zip(self.ident.multiplicities()).enumerate()

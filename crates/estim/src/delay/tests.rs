@@ -1,3 +1,4 @@
+use horizon_model::Vector;
 use std::f64::consts::TAU;
 
 use horizon_model::Kinematic;
@@ -41,7 +42,7 @@ fn flights(dead_time_s: Sticks, fraction: f64, noise: f64, seed: u64) -> [Record
             sticks
         });
         let mut recording = Recording { u: u.collect(), o: vec![Observed::missing(); STEPS] };
-        let p = SVector::from([1.3, 0.5, 1.0, 0.1]);
+        let p = Vector::from([1.3, 0.5, 1.0, 0.1]);
         let mut s = Pose::new(0.0, 0.0, 1.0, 0.3);
         for (applied, o) in recording.applied(&dead_time_s, DT_S).iter().zip(&mut recording.o) {
             *o = Observed::full(s);

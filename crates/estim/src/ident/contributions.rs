@@ -1,7 +1,7 @@
 //! The contribution of each piece to cost, gradient and information at the common iterate.
 
 use horizon_model::Model;
-use nalgebra::{SMatrix, SVector};
+use horizon_model::{Matrix, Vector};
 use rayon::prelude::*;
 
 use super::Ident;
@@ -21,7 +21,9 @@ where
     ///
     /// # Errors
     /// The matrix of the states of a piece is not positive definite.
-    pub fn piece_reduced_systems(&self) -> Result<Vec<(ReducedSystem<NP>, f64)>, NotPositive> {
+    pub(crate) fn piece_reduced_systems(
+        &self,
+    ) -> Result<Vec<(ReducedSystem<NP>, f64)>, NotPositive> {
         let Self { terms, p, curvature, segments, .. } = self;
         segments.par_iter().map(|segment| segment.reduced_system(terms, p, *curvature)).collect()
     }
@@ -30,7 +32,7 @@ where
     pub(crate) fn information_of(
         &self,
         reduced_systems: &[(ReducedSystem<NP>, f64)],
-    ) -> SMatrix<f64, NP, NP> {
+    ) -> Matrix<NP, NP> {
         let mut sum = self.prior_information();
         for ((parameter_block, _), count) in reduced_systems.iter().zip(&self.multiplicities) {
             sum += parameter_block.hessian * f64::from(*count);
@@ -39,7 +41,7 @@ where
     }
 
     /// Hessian of the prior's cost, `diag(C_p)^2`. One over the product of the units of row and column
-    pub(crate) fn prior_information(&self) -> SMatrix<f64, NP, NP> {
+    pub(crate) fn prior_information(&self) -> Matrix<NP, NP> {
         self.prior.information()
     }
 
@@ -54,18 +56,17 @@ where
     /// Derivative of the cost of a piece, counted once, by the input of each of its steps. States and
     /// parameter are held; at a minimum it makes no difference whether they follow. One vector of NU rows
     /// for each step. 1 / unit of the row
-    pub fn input_gradient(&self, piece: usize) -> Vec<SVector<f64, NU>> {
+    pub fn input_gradient(&self, piece: usize) -> Vec<Vector<NU>> {
         let Segment { s, u, .. } = &self.segments[piece];
         let Residuals { model, dt_s, transition_loss, .. } = &self.terms.residuals;
         let weight = self.terms.residuals.transition_weight();
         let residuals = self.transition_residuals(piece);
         let steps = s.iter().zip(u).zip(&residuals);
-        let gradient =
-            |((s, u), r): ((&SVector<f64, NS>, &SVector<f64, NU>), &SVector<f64, NS>)| {
-                let by_next =
-                    r.component_mul(&weight) * transition_loss.at(r.norm_squared()).derivative;
-                tr_mul(&model.step_by_input(s, u, &self.p, *dt_s), &by_next)
-            };
+        let gradient = |((s, u), r): ((&Vector<NS>, &Vector<NU>), &Vector<NS>)| {
+            let by_next =
+                r.component_mul(&weight) * transition_loss.at(r.norm_squared()).derivative;
+            tr_mul(&model.step_by_input(s, u, &self.p, *dt_s), &by_next)
+        };
         steps.map(gradient).collect()
     }
 
@@ -101,6 +102,7 @@ where
 mod tests {
     use horizon_model::Kinematic;
     use horizon_model::rows::{Pose, Sticks};
+    use horizon_model::{Matrix, Vector};
 
     use super::*;
     use crate::ident::{IdentSettings, Piece};
@@ -157,7 +159,7 @@ mod tests {
             assert!((cost / alone - 1.0).abs() < 1e-12, "{cost} and {alone}");
         }
         let c_p = ident.prior.c_p;
-        let prior = SMatrix::from_diagonal(&c_p.component_mul(&c_p));
+        let prior = Matrix::from_diagonal(&c_p.component_mul(&c_p));
         let sum = systems[0].0.hessian * 2.0 + systems[1].0.hessian + prior;
         let gap = (ident.information_of(&systems) - sum).norm() / sum.norm();
         assert!(gap < 1e-14, "gap {gap:e}");
@@ -174,7 +176,7 @@ mod tests {
         ident.set_multiplicities(&[3, 0]);
         assert!((of(&ident) - (3.0 * 18.0 - 4.0)).abs() <= 0.0);
         // A weight on a row of the first state is a residual more.
-        ident.terms.c_0 = SVector::from([0.5, 0.0, 0.0, 1.0]);
+        ident.terms.c_0 = Vector::from([0.5, 0.0, 0.0, 1.0]);
         assert!((of(&ident) - (3.0 * 20.0 - 4.0)).abs() <= 0.0);
         // A row of all observations without weight is none: height, present in five of the piece's six.
         ident.terms.residuals.c_o[2] = 0.0;

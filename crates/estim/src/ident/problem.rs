@@ -5,7 +5,7 @@
 //! `variable_projection.rs`.
 
 use horizon_model::Model;
-use nalgebra::SVector;
+use horizon_model::Vector;
 use rayon::prelude::*;
 
 use super::Ident;
@@ -43,7 +43,7 @@ where
         eliminate: impl Fn(
             &mut Segment<NS, NU, NO, NP>,
             &Terms<M, NS, NU, NO, NP>,
-            &SVector<f64, NP>,
+            &Vector<NP>,
         ) -> Result<ReducedSystem<NP>, NotPositive>
         + Sync,
     ) -> Result<ReducedSystem<NP>, NotPositive> {
@@ -69,7 +69,7 @@ where
     ///
     /// Where the exact model has no minimum, Gauss-Newton's is taken: for single pieces if it is their
     /// states', else for all.
-    fn minimize(&mut self, damping: f64) -> Result<(SVector<f64, NP>, f64), NotPositive> {
+    fn minimize(&mut self, damping: f64) -> Result<(Vector<NP>, f64), NotPositive> {
         let (p, bounds) = (self.p, self.prior.bounds);
         if self.curvature == Curvature::Exact && self.is_near {
             let exact = self.eliminate_by(|segment, terms, p| {
@@ -102,7 +102,7 @@ where
 
     /// Sets the candidate of each piece that counts to the damped step for `p_candidate` and returns their
     /// contributions: the step lengths of the damped step, the costs after its states are settled.
-    fn follow(&mut self, p_candidate: &SVector<f64, NP>, damping: f64) -> Vec<Contribution> {
+    fn follow(&mut self, p_candidate: &Vector<NP>, damping: f64) -> Vec<Contribution> {
         let (p_step, tolerance) = (p_candidate - self.p, self.settle_tolerance());
         self.map_counted(|terms, curvature, segment, scratch| {
             let expected = segment.back_substitute(&p_step);

@@ -5,7 +5,7 @@
 //! the parameter does is `ident.rs`.
 
 use horizon_model::Model;
-use nalgebra::{SMatrix, SVector};
+use horizon_model::{Matrix, Vector};
 
 use crate::back_substitution::{EliminationFront, LongChain};
 use crate::chain::{Block, NeighbourBlocks};
@@ -19,22 +19,22 @@ use crate::residual::{Curvature, Iterate, Observed, Residuals, finite};
 pub(super) struct Terms<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
     pub(super) residuals: Residuals<M, NS, NU, NO, NP>,
     /// Weight of the first state's residual against rest. 1 / unit of the row, 0 or 1e-6..=1e6
-    pub(super) c_0: SVector<f64, NS>,
+    pub(super) c_0: Vector<NS>,
 }
 
 /// A piece at its current iterate and its candidate.
 #[derive(Debug, Clone)]
 pub(super) struct Segment<const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
     /// `u[k]` acts from `s[k]` to `s[k + 1]`. Unit of each row
-    pub(super) u: Vec<SVector<f64, NU>>,
+    pub(super) u: Vec<Vector<NU>>,
     /// `o[k]` observes `s[k]`.
     pub(super) o: Vec<Observed<NO>>,
     /// States of the iterate. Unit of each row
-    pub(super) s: Vec<SVector<f64, NS>>,
+    pub(super) s: Vec<Vector<NS>>,
     /// States of the candidate. Unit of each row
-    pub(super) s_candidate: Vec<SVector<f64, NS>>,
+    pub(super) s_candidate: Vec<Vector<NS>>,
     /// The state at rest at the first observation. Unit of each row
-    pub(super) s_rest: SVector<f64, NS>,
+    pub(super) s_rest: Vector<NS>,
     chain: LongChain<NS, NP>,
     /// The quadratic model of the cost after the last elimination.
     quadratic_model: QuadraticModel<NP>,
@@ -53,7 +53,7 @@ struct QuadraticModel<const NP: usize> {
 impl<const NP: usize> QuadraticModel<NP> {
     /// Cost, without the damping's part, after the step `p_step` of the parameter. `step_squared` is the squared length
     /// of the step of the states that goes with it. 1
-    fn cost_after(&self, p_step: &SVector<f64, NP>, step_squared: f64) -> f64 {
+    fn cost_after(&self, p_step: &Vector<NP>, step_squared: f64) -> f64 {
         let ReducedSystem { hessian, gradient, decrease } = &self.reduced;
         let gain = decrease - gradient.dot(p_step) - 0.5 * p_step.dot(&(hessian * p_step));
         self.cost - gain - 0.5 * self.damping * step_squared
@@ -75,12 +75,12 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
     /// A piece of `o.len() >= 1` states at rest and as many inputs less one.
     pub(super) fn new<M: Model<NS, NU, NO, NP>>(
         model: &M,
-        u: Vec<SVector<f64, NU>>,
+        u: Vec<Vector<NU>>,
         o: Vec<Observed<NO>>,
     ) -> Self {
         let first_seen =
             |row: usize| o.iter().find(|observed| observed.is_present[row]).map(|seen| seen.o[row]);
-        let s_rest = model.at_rest(&SVector::from_fn(|row, _| first_seen(row).unwrap_or(0.0)));
+        let s_rest = model.at_rest(&Vector::from_fn(|row, _| first_seen(row).unwrap_or(0.0)));
         let s = vec![s_rest; o.len()];
         let chain = LongChain::of::<M, NU, NO>(o.len());
         let quadratic_model =
@@ -90,7 +90,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
 
     /// Puts the observed rows of the states where they were observed and lets the model roll out the
     /// others.
-    pub(super) fn start<M>(&mut self, model: &M, p: &SVector<f64, NP>, dt_s: f64)
+    pub(super) fn start<M>(&mut self, model: &M, p: &Vector<NP>, dt_s: f64)
     where
         M: Model<NS, NU, NO, NP>,
     {
@@ -100,7 +100,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
                 s = model.step(&s, &self.u[k - 1], p, dt_s);
             }
             let o_pred = model.observe(&s);
-            let o = SVector::from_fn(|row, _| {
+            let o = Vector::from_fn(|row, _| {
                 if observed.is_present[row] { observed.o[row] } else { o_pred[row] }
             });
             // Rest has the same hidden rows wherever it is: they cancel.
@@ -116,7 +116,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
     pub(super) fn measure<M>(
         &self,
         terms: &Terms<M, NS, NU, NO, NP>,
-        p: &SVector<f64, NP>,
+        p: &Vector<NP>,
     ) -> Result<(f64, f64), SolveError>
     where
         M: Model<NS, NU, NO, NP>,
@@ -149,7 +149,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
     pub(super) fn eliminate<M>(
         &mut self,
         terms: &Terms<M, NS, NU, NO, NP>,
-        p: &SVector<f64, NP>,
+        p: &Vector<NP>,
         curvature: Curvature,
         damping: f64,
     ) -> Result<ReducedSystem<NP>, NotPositive>
@@ -182,7 +182,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
     pub(super) fn reduced_system<M>(
         &self,
         terms: &Terms<M, NS, NU, NO, NP>,
-        p: &SVector<f64, NP>,
+        p: &Vector<NP>,
         curvature: Curvature,
     ) -> Result<(ReducedSystem<NP>, f64), NotPositive>
     where
@@ -210,7 +210,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
     /// what it is expected to cost.
     ///
     /// Valid after [`Segment::eliminate`].
-    pub(super) fn back_substitute(&mut self, p_step: &SVector<f64, NP>) -> f64 {
+    pub(super) fn back_substitute(&mut self, p_step: &Vector<NP>) -> f64 {
         self.chain.back_substitute(p_step, &mut self.s_candidate);
         let mut step_squared = 0.0;
         for (s, s_candidate) in self.s.iter().zip(&mut self.s_candidate) {
@@ -224,7 +224,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
     pub(super) fn contribution<M>(
         &self,
         terms: &Terms<M, NS, NU, NO, NP>,
-        p_candidate: &SVector<f64, NP>,
+        p_candidate: &Vector<NP>,
     ) -> Contribution
     where
         M: Model<NS, NU, NO, NP>,
@@ -234,7 +234,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         Contribution {
             cost: terms.cost(&iterate, &self.s_rest),
             step_squared: pairs.map(|(s, s_candidate)| (s_candidate - s).norm_squared()).sum(),
-            iterate_squared: self.s.iter().map(SVector::norm_squared).sum(),
+            iterate_squared: self.s.iter().map(Vector::norm_squared).sum(),
         }
     }
 
@@ -249,17 +249,13 @@ where
     M: Model<NS, NU, NO, NP>,
 {
     /// Half the sum of `rho` over the residual blocks of a piece.
-    pub(super) fn cost(
-        &self,
-        iterate: &Iterate<'_, NS, NU, NO, NP>,
-        s_rest: &SVector<f64, NS>,
-    ) -> f64 {
+    pub(super) fn cost(&self, iterate: &Iterate<'_, NS, NU, NO, NP>, s_rest: &Vector<NS>) -> f64 {
         let first = iterate.s.first().map_or(0.0, |s| self.first(s, s_rest).norm_squared());
         0.5 * first + self.residuals.cost(iterate)
     }
 
     /// `C_0 (s - s_rest)`: the first state against rest.
-    fn first(&self, s: &SVector<f64, NS>, s_rest: &SVector<f64, NS>) -> SVector<f64, NS> {
+    fn first(&self, s: &Vector<NS>, s_rest: &Vector<NS>) -> Vector<NS> {
         self.c_0.component_mul(&(s - s_rest))
     }
 
@@ -268,7 +264,7 @@ where
     pub(super) fn assemble<E>(
         &self,
         iterate: &Iterate<'_, NS, NU, NO, NP>,
-        s_rest: &SVector<f64, NS>,
+        s_rest: &Vector<NS>,
         curvature: Curvature,
         parameter_block: &mut ReducedSystem<NP>,
         mut take: impl FnMut(usize, &mut Block<NS, NP>, f64) -> Result<(), E>,
@@ -280,7 +276,7 @@ where
             let r_first = self.first(s, s_rest);
             cost = 0.5 * r_first.norm_squared();
             block.gradient += self.c_0.component_mul(&r_first);
-            block.diagonal += SMatrix::from_diagonal(&self.c_0.component_mul(&self.c_0));
+            block.diagonal += Matrix::from_diagonal(&self.c_0.component_mul(&self.c_0));
         }
         for k in 0..iterate.s.len() {
             cost += self.residuals.add_observation(iterate, k, curvature, block);

@@ -1,8 +1,8 @@
 //! Settings of an identification.
 
 use horizon_model::Model;
+use horizon_model::Vector;
 use horizon_model::setting::{SettingError, vector, weight, weight_or_zero};
-use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -49,9 +49,9 @@ pub struct IdentTable {
 /// Checked [`IdentTable`] for a model with `NS` states, `NO` observations and `NP` parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IdentSettings<const NS: usize, const NO: usize, const NP: usize> {
-    pub(super) c_o: SVector<f64, NO>,
-    pub(super) c_s: SVector<f64, NS>,
-    pub(super) c_0: SVector<f64, NS>,
+    pub(super) c_o: Vector<NO>,
+    pub(super) c_s: Vector<NS>,
+    pub(super) c_0: Vector<NS>,
     pub(super) prior: Prior<NP>,
     pub(super) observation_loss: Loss,
     pub(super) transition_loss: Loss,

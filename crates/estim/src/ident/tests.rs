@@ -2,6 +2,7 @@
 
 mod sparse;
 
+use horizon_model::Vector;
 use horizon_model::check::amax;
 use horizon_model::rows::{Pose, Sticks, gain, pose};
 use horizon_model::{Bounds, Kinematic, Model};
@@ -20,8 +21,8 @@ type Vehicle = Ident<Kinematic, 4, 4, 4, 4>;
 
 const DT_S: f64 = 0.02;
 
-fn truth() -> SVector<f64, 4> {
-    SVector::from([1.1, 0.5, 0.9, 0.15])
+fn truth() -> Vector<4> {
+    Vector::from([1.1, 0.5, 0.9, 0.15])
 }
 
 fn table() -> IdentTable {
@@ -147,7 +148,7 @@ fn the_elimination_is_that_of_a_general_sparse_factorization() {
             ] {
                 assert!(gap < 1e-8, "{curvature:?}, step {step}: gap {gap:e} of the {what}");
             }
-            let p_step = SVector::from([0.1, -0.2, 0.05, 0.3]);
+            let p_step = Vector::from([0.1, -0.2, 0.05, 0.3]);
             let counts = ident.multiplicities.clone();
             let counted = ident.segments.iter_mut().zip(counts).filter(|(_, count)| *count > 0);
             let mut counted: Vec<_> = counted.map(|(segment, _)| segment).collect();
@@ -171,7 +172,7 @@ fn the_elimination_is_that_of_a_general_sparse_factorization() {
 }
 
 /// Smallest cost when `p` is held.
-fn profile(ident: &Vehicle, p: SVector<f64, 4>) -> f64 {
+fn profile(ident: &Vehicle, p: Vector<4>) -> f64 {
     let mut held = ident.clone();
     held.p = p;
     held.prior.bounds = Bounds { lo: p, hi: p };
@@ -182,7 +183,7 @@ fn profile(ident: &Vehicle, p: SVector<f64, 4>) -> f64 {
 fn the_states_are_led_back_to_the_minimum_of_a_moved_parameter() {
     let mut ident = vehicle(&table(), pieces(1, 30, 0.02));
     assert!(solve(&mut ident).cost > 0.0);
-    let p = ident.parameter() + SVector::from([0.2, -0.1, 0.1, 0.3]);
+    let p = ident.parameter() + Vector::from([0.2, -0.1, 0.1, 0.3]);
     let expected = profile(&ident, p) - ident.prior.cost(&p);
     let Ident { terms, segments, .. } = &mut ident;
     for curvature in [Curvature::GaussNewton, Curvature::Exact] {

@@ -6,7 +6,7 @@
 //! parameter that is nearly a parabola (variable projection).
 
 use horizon_model::{Linearized, Model, ParameterHessian, Row, VisitSubsystems};
-use nalgebra::{SMatrix, SVector};
+use horizon_model::{Matrix, Vector};
 
 use super::segment::{Segment, Terms};
 use crate::back_substitution::LongChain;
@@ -18,7 +18,7 @@ use crate::residual::{Curvature, Iterate, Residuals};
 /// Memory for [`Segment::settle`], for one piece after the other.
 #[derive(Debug)]
 pub(super) struct Scratch<const NS: usize> {
-    s: Vec<SVector<f64, NS>>,
+    s: Vec<Vector<NS>>,
     chain: LongChain<NS, 0>,
 }
 
@@ -61,7 +61,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
     pub(super) fn settle<M>(
         &mut self,
         terms: &Terms<M, NS, NU, NO, NP>,
-        p: &SVector<f64, NP>,
+        p: &Vector<NP>,
         curvature: Curvature,
         Start { cost, expected, damping, tolerance }: Start,
         scratch: &mut Scratch<NS>,
@@ -113,7 +113,7 @@ where
     /// Eliminates the states; what they are expected to gain.
     fn eliminate(&mut self, curvature: Curvature, damping: f64) -> Result<f64, NotPositive> {
         let Segment { s_candidate: s, u, o, s_rest, .. } = &*self.segment;
-        let iterate = Iterate { s, u, o, p: &SVector::zeros() };
+        let iterate = Iterate { s, u, o, p: &Vector::zeros() };
         let chain = &mut self.scratch.chain;
         let mut parameter_block = ReducedSystem::zeros();
         self.terms.assemble(&iterate, s_rest, curvature, &mut parameter_block, |k, block, _| {
@@ -143,7 +143,7 @@ where
             curvature => self.eliminate(curvature, damping),
         }?;
         let Scratch { s: s_next, chain } = &mut *self.scratch;
-        chain.back_substitute(&SVector::zeros(), s_next);
+        chain.back_substitute(&Vector::zeros(), s_next);
         let (mut step_squared, mut iterate_squared) = (0.0, 0.0);
         for (s, s_next) in self.segment.s_candidate.iter().zip(s_next) {
             step_squared += s_next.norm_squared();
@@ -159,7 +159,7 @@ where
 
     fn candidate_cost(&mut self) -> f64 {
         let Segment { u, o, s_rest, .. } = &*self.segment;
-        self.terms.cost(&Iterate { s: &self.scratch.s, u, o, p: &SVector::zeros() }, s_rest)
+        self.terms.cost(&Iterate { s: &self.scratch.s, u, o, p: &Vector::zeros() }, s_rest)
     }
 
     fn accept(&mut self) {
@@ -185,7 +185,7 @@ impl<V: VisitSubsystems> VisitSubsystems for WithoutParameters<'_, V> {
 #[derive(Debug, Clone, Copy)]
 struct Given<'a, M, const NP: usize> {
     model: M,
-    p: &'a SVector<f64, NP>,
+    p: &'a Vector<NP>,
 }
 
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Model<NS, NU, NO, 0>
@@ -204,91 +204,85 @@ where
     }
 
     #[inline]
-    fn step(
-        &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        _p: &SVector<f64, 0>,
-        dt_s: f64,
-    ) -> SVector<f64, NS> {
+    fn step(&self, s: &Vector<NS>, u: &Vector<NU>, _p: &Vector<0>, dt_s: f64) -> Vector<NS> {
         self.model.step(s, u, self.p, dt_s)
     }
 
     #[inline]
     fn step_by_state(
         &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        _p: &SVector<f64, 0>,
+        s: &Vector<NS>,
+        u: &Vector<NU>,
+        _p: &Vector<0>,
         dt_s: f64,
-    ) -> SMatrix<f64, NS, NS> {
+    ) -> Matrix<NS, NS> {
         self.model.step_by_state(s, u, self.p, dt_s)
     }
 
     #[inline]
     fn step_by_input(
         &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        _p: &SVector<f64, 0>,
+        s: &Vector<NS>,
+        u: &Vector<NU>,
+        _p: &Vector<0>,
         dt_s: f64,
-    ) -> SMatrix<f64, NS, NU> {
+    ) -> Matrix<NS, NU> {
         self.model.step_by_input(s, u, self.p, dt_s)
     }
 
     #[inline]
     fn step_by_parameter(
         &self,
-        _s: &SVector<f64, NS>,
-        _u: &SVector<f64, NU>,
-        _p: &SVector<f64, 0>,
+        _s: &Vector<NS>,
+        _u: &Vector<NU>,
+        _p: &Vector<0>,
         _dt_s: f64,
-    ) -> SMatrix<f64, NS, 0> {
-        SMatrix::zeros()
+    ) -> Matrix<NS, 0> {
+        Matrix::zeros()
     }
 
     #[inline]
     fn linearize(
         &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        _p: &SVector<f64, 0>,
+        s: &Vector<NS>,
+        u: &Vector<NU>,
+        _p: &Vector<0>,
         dt_s: f64,
     ) -> Linearized<NS, 0> {
         let Linearized { s_next, by_state, .. } = self.model.linearize(s, u, self.p, dt_s);
-        Linearized { s_next, by_state, by_parameter: SMatrix::zeros() }
+        Linearized { s_next, by_state, by_parameter: Matrix::zeros() }
     }
 
     #[inline]
     fn hessian_by_parameter(
         &self,
-        s: &SVector<f64, NS>,
-        u: &SVector<f64, NU>,
-        _p: &SVector<f64, 0>,
+        s: &Vector<NS>,
+        u: &Vector<NU>,
+        _p: &Vector<0>,
         dt_s: f64,
-        w: &SVector<f64, NS>,
+        w: &Vector<NS>,
     ) -> Option<ParameterHessian<NS, 0>> {
         let ParameterHessian { by_state, .. } =
             self.model.hessian_by_parameter(s, u, self.p, dt_s, w)?;
         Some(ParameterHessian {
             by_state,
-            by_state_parameter: SMatrix::zeros(),
-            by_parameter: SMatrix::zeros(),
+            by_state_parameter: Matrix::zeros(),
+            by_parameter: Matrix::zeros(),
         })
     }
 
     #[inline]
-    fn observe(&self, s: &SVector<f64, NS>) -> SVector<f64, NO> {
+    fn observe(&self, s: &Vector<NS>) -> Vector<NO> {
         self.model.observe(s)
     }
 
     #[inline]
-    fn observe_by_state(&self, s: &SVector<f64, NS>) -> SMatrix<f64, NO, NS> {
+    fn observe_by_state(&self, s: &Vector<NS>) -> Matrix<NO, NS> {
         self.model.observe_by_state(s)
     }
 
     #[inline]
-    fn at_rest(&self, o: &SVector<f64, NO>) -> SVector<f64, NS> {
+    fn at_rest(&self, o: &Vector<NO>) -> Vector<NS> {
         self.model.at_rest(o)
     }
 }

@@ -1,28 +1,24 @@
 //! The loop on dense curve fits with certified answers: the nonlinear regression set of NIST.
 
 use horizon_model::Bounds;
-use nalgebra::SVector;
+use horizon_model::Vector;
 
 use super::*;
 use crate::reduced_system::ReducedSystem;
 
 /// A curve `y = f(b, x)` and its fit, in units of the start so that identity damping is fair.
 struct Curve<const N: usize> {
-    f: fn(&SVector<f64, N>, f64) -> f64,
+    f: fn(&Vector<N>, f64) -> f64,
     data: &'static [(f64, f64)],
-    unit: SVector<f64, N>,
-    b: SVector<f64, N>,
-    candidate: SVector<f64, N>,
+    unit: Vector<N>,
+    b: Vector<N>,
+    candidate: Vector<N>,
     parameter_block: ReducedSystem<N>,
 }
 
 impl<const N: usize> Curve<N> {
-    fn new(
-        f: fn(&SVector<f64, N>, f64) -> f64,
-        data: &'static [(f64, f64)],
-        start: [f64; N],
-    ) -> Self {
-        let b = SVector::from(start);
+    fn new(f: fn(&Vector<N>, f64) -> f64, data: &'static [(f64, f64)], start: [f64; N]) -> Self {
+        let b = Vector::from(start);
         // A start of zero has no unit of its own.
         let unit = b.map(|entry: f64| if entry.abs() > 0.0 { entry.abs() } else { 0.01 });
         let scaled = b.component_div(&unit);
@@ -36,17 +32,17 @@ impl<const N: usize> Curve<N> {
         }
     }
 
-    fn residual(&self, b: &SVector<f64, N>, (x, y): (f64, f64)) -> f64 {
+    fn residual(&self, b: &Vector<N>, (x, y): (f64, f64)) -> f64 {
         (self.f)(&b.component_mul(&self.unit), x) - y
     }
 
-    fn cost(&self, b: &SVector<f64, N>) -> f64 {
+    fn cost(&self, b: &Vector<N>) -> f64 {
         0.5 * self.data.iter().map(|point| self.residual(b, *point).powi(2)).sum::<f64>()
     }
 
     /// Central differences: the certified digits ask for no more.
-    fn gradient(&self, point: (f64, f64)) -> SVector<f64, N> {
-        SVector::from_fn(|row, _| {
+    fn gradient(&self, point: (f64, f64)) -> Vector<N> {
+        Vector::from_fn(|row, _| {
             let h = f64::EPSILON.cbrt() * self.b[row].abs().max(1e-3);
             let (mut right, mut left) = (self.b, self.b);
             right[row] += h;
@@ -77,7 +73,7 @@ impl<const N: usize> Problem for Curve<N> {
 
     fn try_step(&mut self, damping: f64) -> Result<Step, NotPositive> {
         let free =
-            Bounds { lo: SVector::repeat(f64::NEG_INFINITY), hi: SVector::repeat(f64::INFINITY) };
+            Bounds { lo: Vector::repeat(f64::NEG_INFINITY), hi: Vector::repeat(f64::INFINITY) };
         let (candidate, decrease) = self.parameter_block.solve(damping, &self.b, &free)?;
         let norm = (candidate - self.b).norm();
         self.candidate = candidate;
@@ -107,7 +103,7 @@ fn settings() -> LmSettings {
 /// Fits from both starts of the certificate and compares with its values to 1e-7.
 fn certify<const N: usize>(
     name: &str,
-    f: fn(&SVector<f64, N>, f64) -> f64,
+    f: fn(&Vector<N>, f64) -> f64,
     data: &'static [(f64, f64)],
     starts: [[f64; N]; 2],
     (certified, sum_of_squares): ([f64; N], f64),
@@ -178,7 +174,7 @@ const ECKERLE4: [(f64, f64); 35] = [
 fn misra1a_reaches_its_certificate() {
     certify(
         "Misra1a",
-        |b: &SVector<f64, 2>, x| b[0] * (1.0 - (-b[1] * x).exp()),
+        |b: &Vector<2>, x| b[0] * (1.0 - (-b[1] * x).exp()),
         &MISRA1A,
         [[500.0, 1e-4], [250.0, 5e-4]],
         ([2.389_421_291_8E+02, 5.501_564_318_1E-04], 1.245_513_889_4E-01),
@@ -189,7 +185,7 @@ fn misra1a_reaches_its_certificate() {
 fn mgh09_reaches_its_certificate() {
     certify(
         "MGH09",
-        |b: &SVector<f64, 4>, x| b[0] * (x * x + x * b[1]) / (x * x + x * b[2] + b[3]),
+        |b: &Vector<4>, x| b[0] * (x * x + x * b[1]) / (x * x + x * b[2] + b[3]),
         &MGH09,
         [[25.0, 39.0, 41.5, 39.0], [0.25, 0.39, 0.415, 0.39]],
         (
@@ -203,7 +199,7 @@ fn mgh09_reaches_its_certificate() {
 fn rat43_reaches_its_certificate() {
     certify(
         "Rat43",
-        |b: &SVector<f64, 4>, x| b[0] / (1.0 + (b[1] - b[2] * x).exp()).powf(1.0 / b[3]),
+        |b: &Vector<4>, x| b[0] / (1.0 + (b[1] - b[2] * x).exp()).powf(1.0 / b[3]),
         &RAT43,
         [[100.0, 10.0, 1.0, 1.0], [700.0, 5.0, 0.75, 1.3]],
         (
@@ -217,7 +213,7 @@ fn rat43_reaches_its_certificate() {
 fn thurber_reaches_its_certificate() {
     certify(
         "Thurber",
-        |b: &SVector<f64, 7>, x| {
+        |b: &Vector<7>, x| {
             let above = b[0] + x * (b[1] + x * (b[2] + x * b[3]));
             above / (1.0 + x * (b[4] + x * (b[5] + x * b[6])))
         },
@@ -245,7 +241,7 @@ fn thurber_reaches_its_certificate() {
 fn eckerle4_reaches_its_certificate() {
     certify(
         "Eckerle4",
-        |b: &SVector<f64, 3>, x| b[0] / b[1] * (-0.5 * ((x - b[2]) / b[1]).powi(2)).exp(),
+        |b: &Vector<3>, x| b[0] / b[1] * (-0.5 * ((x - b[2]) / b[1]).powi(2)).exp(),
         &ECKERLE4,
         [[1.0, 10.0, 500.0], [1.5, 5.0, 450.0]],
         ([1.554_382_717_8E+00, 4.088_832_175_4E+00, 4.515_412_184_4E+02], 1.463_588_748_7E-03),
@@ -263,7 +259,7 @@ fn a_straight_line_meets_its_closed_form() {
     let mut curve = line();
     let report = solve(&mut curve, &settings(), &mut || false).unwrap();
     let b = curve.b.component_mul(&curve.unit);
-    assert!((b - SVector::from([1.1, 1.1])).norm() < 1e-9, "{b}");
+    assert!((b - Vector::from([1.1, 1.1])).norm() < 1e-9, "{b}");
     assert!((report.cost - 1.35).abs() < 1e-9, "{report:?}");
     assert!(report.cost_start > report.cost && report.rejected == 0, "{report:?}");
 }
@@ -271,13 +267,13 @@ fn a_straight_line_meets_its_closed_form() {
 #[test]
 fn a_step_that_the_damping_made_short_is_no_end() {
     // Curvatures 1e18 and 1: the damping, in units of the larger one, would hold the second parameter for ever.
-    let f = |b: &SVector<f64, 2>, x| if x > 0.0 { 1e9 * b[0] } else { b[1] };
+    let f = |b: &Vector<2>, x| if x > 0.0 { 1e9 * b[0] } else { b[1] };
     for tolerances in [1e-12, 0.0] {
         let mut curve = Curve::new(f, &[(0.0, 5.0), (1.0, 1e9)], [1.0, 1.0]);
         let settings =
             LmSettings { step_tolerance: tolerances, cost_tolerance: 1e-9, ..settings() };
         let report = solve(&mut curve, &settings, &mut || false).unwrap();
-        assert!((curve.b - SVector::from([1.0, 5.0])).norm() < 1e-6, "{report:?}");
+        assert!((curve.b - Vector::from([1.0, 5.0])).norm() < 1e-6, "{report:?}");
         assert!(report.cost_start > 7.9 && report.iterations < 6, "{report:?}");
     }
 }
@@ -285,7 +281,7 @@ fn a_step_that_the_damping_made_short_is_no_end() {
 #[test]
 fn a_gain_that_is_predicted_right_by_chance_is_no_end() {
     // Curvatures of both signs, whose errors of the predicted gain cancel at this start.
-    let f = |b: &SVector<f64, 2>, x| match x {
+    let f = |b: &Vector<2>, x| match x {
         0.0 => b[0],
         1.0 => 0.25 * b[0] * b[0],
         2.0 => b[1],
@@ -323,7 +319,7 @@ fn every_limit_has_its_own_stop_and_keeps_the_best_iterate() {
 #[test]
 fn a_curve_without_descent_ends_at_the_damping_limit() {
     // A sharp minimum on a gentle gradient: the derivative points down, every step goes up.
-    let kink = |b: &SVector<f64, 1>, _| 1.0 + (b[0] - 1.0).abs().sqrt() + 1e-3 * b[0];
+    let kink = |b: &Vector<1>, _| 1.0 + (b[0] - 1.0).abs().sqrt() + 1e-3 * b[0];
     let mut curve = Curve::new(kink, &[(0.0, 0.0)], [1.0]);
     let no_tolerance = LmSettings { step_tolerance: 0.0, ..settings() };
     let report = solve(&mut curve, &no_tolerance, &mut || false).unwrap();
@@ -374,7 +370,7 @@ fn the_name_of_each_reason_to_stop_is_that_of_serde() {
 #[test]
 fn a_row_that_the_damping_alone_holds_back_is_no_end() {
     let data: &[(f64, f64)] = &[(1e-12, 3.0), (2e-12, 5.0), (3e-12, 7.0), (4e-12, 9.0)];
-    let line = |b: &SVector<f64, 2>, x: f64| b[0] + b[1] * x;
+    let line = |b: &Vector<2>, x: f64| b[0] + b[1] * x;
     let mut fit = Curve::new(line, data, [1.0, 1.0]);
     fit.b = [0.9, 1e12].into();
     let report = solve(&mut fit, &settings(), &mut || false).unwrap();

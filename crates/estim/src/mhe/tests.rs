@@ -1,8 +1,8 @@
 //! The window on simulated flights with known answers.
 
 use horizon_model::Kinematic;
+use horizon_model::Vector;
 use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
-use nalgebra::SVector;
 
 mod closed_loop;
 mod start;
@@ -16,8 +16,8 @@ const WINDOW: usize = 30;
 
 type Vehicle = Mhe<Kinematic, 4, 4, 4, 4>;
 
-fn truth() -> SVector<f64, 4> {
-    SVector::from([1.35, 0.5, 0.9, 0.1])
+fn truth() -> Vector<4> {
+    Vector::from([1.35, 0.5, 0.9, 0.1])
 }
 
 fn table() -> MheTable {

@@ -1,6 +1,7 @@
 use horizon_model::check::amax;
 use horizon_model::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
 use horizon_model::{Bounds, Lagged};
+use horizon_model::{Matrix, Vector};
 
 use crate::arrival::ArrivalSettings;
 use crate::chain::Chain;
@@ -14,7 +15,7 @@ use super::*;
 const DT_S: f64 = 0.02;
 const WINDOW: usize = 6;
 
-type Parameter = SVector<f64, { lag::COUNT }>;
+type Parameter = Vector<{ lag::COUNT }>;
 type Window = Trajectory<Lagged, { motion::COUNT }, 4, { pose::COUNT }, { lag::COUNT }>;
 
 fn window() -> Window {
@@ -22,7 +23,7 @@ fn window() -> Window {
     let residuals = Residuals {
         model: Lagged::default(),
         dt_s: DT_S,
-        c_o: SVector::from([1000.0, 1000.0, 1000.0, 150.0]),
+        c_o: Vector::from([1000.0, 1000.0, 1000.0, 150.0]),
         c_s: Motion::from([200.0, 200.0, 200.0, 100.0, 1.0, 1.0, 5.0, 3.0, 1.5, 1.5, 5.0]),
         observation_loss: Loss::Huber { scale: 2.0 },
         transition_loss: Loss::None,
@@ -101,17 +102,11 @@ impl<const HELD: usize> Model<3, 1, 3, 1> for Integrators<HELD> {
         }
     }
 
-    fn step(
-        &self,
-        s: &SVector<f64, 3>,
-        u: &SVector<f64, 1>,
-        p: &SVector<f64, 1>,
-        dt_s: f64,
-    ) -> SVector<f64, 3> {
-        s + SVector::from([p.x * u.x, 0.0, 0.0]) * dt_s
+    fn step(&self, s: &Vector<3>, u: &Vector<1>, p: &Vector<1>, dt_s: f64) -> Vector<3> {
+        s + Vector::from([p.x * u.x, 0.0, 0.0]) * dt_s
     }
 
-    fn observe(&self, s: &SVector<f64, 3>) -> SVector<f64, 3> {
+    fn observe(&self, s: &Vector<3>) -> Vector<3> {
         *s
     }
 }
@@ -124,10 +119,10 @@ fn any_number_of_subsystems_of_any_size_is_taken_if_they_hold_every_row() {
     let equations = |k: usize| {
         let k = k as f64;
         Block::<3, 1> {
-            diagonal: SMatrix::from_diagonal(&SVector::from([3.0 + k, 4.0, 5.0])),
-            before: SMatrix::from_diagonal(&SVector::from([-1.0, 0.5, -0.3 * k])),
-            border: SMatrix::from([[0.7, 0.0, 0.0]]),
-            gradient: SVector::from([1.0, -k, 0.2]),
+            diagonal: Matrix::from_diagonal(&Vector::from([3.0 + k, 4.0, 5.0])),
+            before: Matrix::from_diagonal(&Vector::from([-1.0, 0.5, -0.3 * k])),
+            border: Matrix::from([[0.7, 0.0, 0.0]]),
+            gradient: Vector::from([1.0, -k, 0.2]),
         }
     };
     let mut whole = Chain::<3, 1>::new(4);
@@ -142,7 +137,7 @@ fn any_number_of_subsystems_of_any_size_is_taken_if_they_hold_every_row() {
     let (expected, reduced) = (whole.eliminate(0.1).unwrap(), apart.eliminate(0.1).unwrap());
     assert!(amax(&(expected.hessian - reduced.hessian)) < 1e-14);
     assert!((expected.decrease - reduced.decrease).abs() < 1e-14);
-    let p_step = SVector::from([0.4]);
+    let p_step = Vector::from([0.4]);
     let steps = apart.clone().back_substitute(&p_step).to_vec();
     for (step, expected) in steps.iter().zip(whole.back_substitute(&p_step)) {
         assert!(amax(&(step - expected)) < 1e-14, "{step} instead of {expected}");
@@ -154,17 +149,11 @@ fn any_number_of_subsystems_of_any_size_is_taken_if_they_hold_every_row() {
 struct Grouped<const FIRST: usize, const SECOND: usize>;
 
 impl<const FIRST: usize, const SECOND: usize> Model<2, 2, 2, 2> for Grouped<FIRST, SECOND> {
-    fn step(
-        &self,
-        s: &SVector<f64, 2>,
-        u: &SVector<f64, 2>,
-        p: &SVector<f64, 2>,
-        dt_s: f64,
-    ) -> SVector<f64, 2> {
+    fn step(&self, s: &Vector<2>, u: &Vector<2>, p: &Vector<2>, dt_s: f64) -> Vector<2> {
         s + u.component_mul(p) * dt_s
     }
 
-    fn observe(&self, s: &SVector<f64, 2>) -> SVector<f64, 2> {
+    fn observe(&self, s: &Vector<2>) -> Vector<2> {
         *s
     }
 

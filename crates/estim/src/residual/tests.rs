@@ -1,11 +1,11 @@
 //! Gradient and Hessian, as assembled, against differences of the cost and of the gradient.
 
+use horizon_model::Vector;
 use std::f64::consts::PI;
 
 use horizon_model::Kinematic;
 use horizon_model::check::jacobian_gap;
 use horizon_model::rows::{Pose, Sticks, pose};
-use nalgebra::SVector;
 
 use super::*;
 
@@ -17,15 +17,15 @@ fn residuals(observation_loss: Loss, transition_loss: Loss) -> Vehicle {
     Residuals {
         model: Kinematic,
         dt_s: DT_S,
-        c_o: SVector::from([3.0, 2.5, 2.0, 0.5]),
-        c_s: SVector::from([0.4, 0.5, 0.3, 0.2]),
+        c_o: Vector::from([3.0, 2.5, 2.0, 0.5]),
+        c_s: Vector::from([0.4, 0.5, 0.3, 0.2]),
         observation_loss,
         transition_loss,
     }
 }
 
-fn parameter() -> SVector<f64, 4> {
-    SVector::from([1.29, 0.445, 0.994, -0.4])
+fn parameter() -> Vector<4> {
+    Vector::from([1.29, 0.445, 0.994, -0.4])
 }
 
 /// Poses whose headings lie on both sides of every wrap.
@@ -68,14 +68,14 @@ fn the_assembled_gradient_is_the_derivative_of_the_cost() {
 
         let by_parameter = chain.parameter_block.gradient.transpose();
         let cost_of_p =
-            |p: &SVector<f64, 4>| SVector::from([blocks.cost(&Iterate { s: &s, u: &u, o: &o, p })]);
+            |p: &Vector<4>| Vector::from([blocks.cost(&Iterate { s: &s, u: &u, o: &o, p })]);
         let gap = jacobian_gap(cost_of_p, &p, &by_parameter);
         assert!(gap < 1e-6, "{transition_loss:?}: gap {gap:e} by p");
         for k in 0..s.len() {
             let cost_of_s = |s_k: &Pose| {
                 let mut s = s.clone();
                 s[k] = *s_k;
-                SVector::from([blocks.cost(&Iterate { s: &s, u: &u, o: &o, p: &p })])
+                Vector::from([blocks.cost(&Iterate { s: &s, u: &u, o: &o, p: &p })])
             };
             let by_state = chain.blocks_mut()[k].gradient.transpose();
             let gap = jacobian_gap(cost_of_s, &s[k], &by_state);
@@ -100,7 +100,7 @@ fn assembled(
 fn assert_curvature(blocks: &Vehicle, curvature: Curvature, iterate: &Iterate<'_, 4, 4, 4, 4>) {
     let Iterate { s, u, o, p } = *iterate;
     let mut chain = assembled(blocks, curvature, iterate);
-    let by_p = |p: &SVector<f64, 4>| assembled(blocks, curvature, &Iterate { s, u, o, p });
+    let by_p = |p: &Vector<4>| assembled(blocks, curvature, &Iterate { s, u, o, p });
     // Relative to the largest entries, (C_s / dt)^2 = 625.
     let gap = jacobian_gap(|p| by_p(p).parameter_block.gradient, p, &chain.parameter_block.hessian);
     assert!(gap < 1e-6, "parameter_block: gap {gap:e}");

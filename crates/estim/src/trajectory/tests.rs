@@ -1,3 +1,4 @@
+use horizon_model::Vector;
 use horizon_model::check::jacobian_gap;
 use horizon_model::rows::{Pose, Sticks, lag};
 use horizon_model::{Kinematic, Lagged};
@@ -8,19 +9,19 @@ use crate::loss::Loss;
 
 const FIXED: ArrivalSettings<4> = ArrivalSettings::Fixed;
 const CARRIED: ArrivalSettings<4> =
-    ArrivalSettings::Carried { c_0: SVector::<f64, 4>::new(3.0, 3.0, 2.0, 0.5), forget_s: 10.0 };
+    ArrivalSettings::Carried { c_0: Vector::<4>::new(3.0, 3.0, 2.0, 0.5), forget_s: 10.0 };
 
 /// Five steps that neither the model nor the prior explains.
 fn trajectory(arrival: ArrivalSettings<4>) -> Trajectory<Kinematic, 4, 4, 4, 4> {
     let residuals = Residuals {
         model: Kinematic,
         dt_s: 0.02,
-        c_o: SVector::from([3.0, 3.0, 2.0, 0.5]),
-        c_s: SVector::from([0.4, 0.4, 0.4, 0.2]),
+        c_o: Vector::from([3.0, 3.0, 2.0, 0.5]),
+        c_s: Vector::from([0.4, 0.4, 0.4, 0.2]),
         observation_loss: Loss::Huber { scale: 1.0 },
         transition_loss: Loss::None,
     };
-    let p_prior = SVector::from([1.2, 0.5, 0.9, 0.1]);
+    let p_prior = Vector::from([1.2, 0.5, 0.9, 0.1]);
     let bounds = Bounds { lo: p_prior - Pose::repeat(0.5), hi: p_prior + Pose::repeat(0.5) };
     let prior = Prior { c_p: Pose::repeat(2.0), p_prior, bounds };
     let mut trajectory = Trajectory::new(residuals, prior, arrival, 5);

@@ -1,8 +1,7 @@
 //! Check of the functions of a model that must agree with others to rounding: no derivative tells of these.
 
-use nalgebra::SVector;
-
 use super::{Check, Point, worst_of};
+use crate::Vector;
 use crate::model::Model;
 
 /// Names of the functions that are checked here, as a [`Gap`](super::Gap) shows them.
@@ -31,7 +30,7 @@ pub(super) fn check<M, const NS: usize, const NU: usize, const NO: usize, const 
     check.observe(core, worst_of(&by_core, &s_next), (&M::STATE, &[]));
     let again = model.effect(&model.input_for(&effect, p), p);
     check.observe(input_for, worst_of(&again, &effect), (&M::INPUT, &[]));
-    let o: SVector<f64, NO> = model.observe(s);
+    let o: Vector<NO> = model.observe(s);
     let again = model.observe(&model.at_rest(&o));
     check.observe(at_rest, worst_of(&again, &o), (&M::OBSERVATION, &[]));
 }

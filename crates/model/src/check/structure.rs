@@ -1,8 +1,7 @@
 //! Check of the structure that a model declares: controllable rows, decoupled subsystems.
 
-use nalgebra::SMatrix;
-
 use super::Entry;
+use crate::Matrix;
 use crate::model::{Linearized, LinearizedByInput};
 use crate::subsystem::Subsystem;
 
@@ -65,7 +64,7 @@ pub(super) fn joint<const NS: usize, const NU: usize, const NP: usize>(
 
 /// The largest derivative by which a row of an observation depends on more than one subsystem.
 pub(super) fn joint_observation<const NO: usize, const NS: usize>(
-    by_state: &SMatrix<f64, NO, NS>,
+    by_state: &Matrix<NO, NS>,
     subsystems: &[Subsystem],
 ) -> Entry {
     let best = |row: usize| {
@@ -93,16 +92,16 @@ fn size(at: (usize, usize), entry: f64) -> Entry {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::SVector;
 
     use super::*;
+    use crate::{Matrix, Vector};
 
     #[test]
     fn a_row_that_is_controllable_after_all_is_seen() {
         let mut right = LinearizedByInput {
-            s_next: SVector::zeros(),
-            by_state: SMatrix::<f64, 3, 3>::identity(),
-            by_input: SMatrix::<f64, 3, 2>::from_row_slice(&[0.5, 0.5, 0.0, 0.0, 0.0, 0.0]),
+            s_next: Vector::zeros(),
+            by_state: Matrix::<3, 3>::identity(),
+            by_input: Matrix::<3, 2>::from_row_slice(&[0.5, 0.5, 0.0, 0.0, 0.0, 0.0]),
         };
         // The row behind may move the controllable ones, and itself.
         right.by_state[(0, 2)] = 0.3;
@@ -126,11 +125,11 @@ mod tests {
         const FIRST: Subsystem = Subsystem { states: &[0, 2], inputs: &[0], parameters: &[1] };
         const SECOND: Subsystem = Subsystem { states: &[1], inputs: &[], parameters: &[0] };
         let driven = LinearizedByInput {
-            s_next: SVector::zeros(),
-            by_state: SMatrix::<f64, 3, 3>::identity(),
-            by_input: SMatrix::<f64, 3, 1>::new(0.5, 0.0, 0.1),
+            s_next: Vector::zeros(),
+            by_state: Matrix::<3, 3>::identity(),
+            by_input: Matrix::<3, 1>::new(0.5, 0.0, 0.1),
         };
-        let by_parameter = SMatrix::<f64, 3, 2>::new(0.0, 1.0, 1.0, 0.0, 0.0, 1.0);
+        let by_parameter = Matrix::<3, 2>::new(0.0, 1.0, 1.0, 0.0, 0.0, 1.0);
         let LinearizedByInput { s_next, by_state, .. } = driven;
         let linearized = Linearized { s_next, by_state, by_parameter };
         assert_eq!(
@@ -147,11 +146,11 @@ mod tests {
             joint(&joined, &linearized, &[FIRST, SECOND], 1.0).gap,
             joint(&driven_aside, &linearized, &[FIRST, SECOND], 1.0).gap,
             joint(&driven, &shared, &[FIRST, SECOND], 1.0).gap,
-            joint_observation(&SMatrix::<f64, 1, 3>::new(2.0, 0.3, 1.0), &[FIRST, SECOND]).gap,
+            joint_observation(&Matrix::<1, 3>::new(2.0, 0.3, 1.0), &[FIRST, SECOND]).gap,
         ] {
             assert!((gap - 0.3).abs() < 1e-15, "{gap}");
         }
-        let apart = SMatrix::<f64, 2, 3>::new(2.0, 0.0, 1.0, 0.0, 3.0, 0.0);
+        let apart = Matrix::<2, 3>::new(2.0, 0.0, 1.0, 0.0, 3.0, 0.0);
         assert_eq!(joint_observation(&apart, &[FIRST, SECOND]).gap.to_bits(), 0.0_f64.to_bits());
     }
 }

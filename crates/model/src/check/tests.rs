@@ -1,13 +1,14 @@
+use crate::{Matrix, Vector};
 use nalgebra::Matrix2;
 
 use super::*;
 
-fn turn(x: &SVector<f64, 2>) -> SVector<f64, 2> {
-    SVector::from([x[0] * x[1].sin(), x[0].powi(2)])
+fn turn(x: &Vector<2>) -> Vector<2> {
+    Vector::from([x[0] * x[1].sin(), x[0].powi(2)])
 }
 
-fn turn_by_x(x: &SVector<f64, 2>) -> SMatrix<f64, 2, 2> {
-    SMatrix::<f64, 2, 2>::new(x[1].sin(), x[0] * x[1].cos(), 2.0 * x[0], 0.0)
+fn turn_by_x(x: &Vector<2>) -> Matrix<2, 2> {
+    Matrix::<2, 2>::new(x[1].sin(), x[0] * x[1].cos(), 2.0 * x[0], 0.0)
 }
 
 #[test]
@@ -21,13 +22,13 @@ fn the_least_and_the_greatest_keep_a_nan() {
 
 #[test]
 fn a_right_jacobian_has_a_small_gap() {
-    let x = SVector::from([1.5, 2.5]);
+    let x = Vector::from([1.5, 2.5]);
     assert!(jacobian_gap(turn, &x, &turn_by_x(&x)) < 1e-8);
 }
 
 #[test]
 fn every_flipped_sign_is_seen() {
-    let x = SVector::from([1.5, 2.5]);
+    let x = Vector::from([1.5, 2.5]);
     for entry in 0..3 {
         let mut wrong = turn_by_x(&x);
         wrong[entry] = -wrong[entry];
@@ -37,7 +38,7 @@ fn every_flipped_sign_is_seen() {
 
 #[test]
 fn a_nan_fails_wherever_it_stands() {
-    let x = SVector::from([1.5, 2.5]);
+    let x = Vector::from([1.5, 2.5]);
     for entry in 0..4 {
         let mut wrong = turn_by_x(&x);
         wrong[entry] = f64::NAN;
@@ -55,22 +56,16 @@ struct Pendulum {
 impl Model<2, 1, 1, 1> for Pendulum {
     const STATE: [Row; 2] = [Row::angle("angle"), Row::linear("rate", "rad/s")];
 
-    fn step(
-        &self,
-        s: &SVector<f64, 2>,
-        u: &SVector<f64, 1>,
-        p: &SVector<f64, 1>,
-        dt_s: f64,
-    ) -> SVector<f64, 2> {
+    fn step(&self, s: &Vector<2>, u: &Vector<1>, p: &Vector<1>, dt_s: f64) -> Vector<2> {
         let rate = s[1] + dt_s * (u[0] - p[0] * s[0].sin());
-        SVector::from([s[0] + dt_s * rate, rate])
+        Vector::from([s[0] + dt_s * rate, rate])
     }
 
     fn step_by_state(
         &self,
-        s: &SVector<f64, 2>,
-        _u: &SVector<f64, 1>,
-        p: &SVector<f64, 1>,
+        s: &Vector<2>,
+        _u: &Vector<1>,
+        p: &Vector<1>,
         dt_s: f64,
     ) -> Matrix2<f64> {
         let pull = -dt_s * p[0] * s[0].cos();
@@ -81,8 +76,8 @@ impl Model<2, 1, 1, 1> for Pendulum {
         j
     }
 
-    fn observe(&self, s: &SVector<f64, 2>) -> SVector<f64, 1> {
-        SVector::from([s[0].sin()])
+    fn observe(&self, s: &Vector<2>) -> Vector<1> {
+        Vector::from([s[0].sin()])
     }
 }
 
@@ -119,18 +114,12 @@ struct Wheel;
 impl Model<1, 1, 1, 1> for Wheel {
     const PARAMETER: [Row; 1] = [Row::positive("inertia", "kg m^2")];
 
-    fn step(
-        &self,
-        s: &SVector<f64, 1>,
-        u: &SVector<f64, 1>,
-        p: &SVector<f64, 1>,
-        dt_s: f64,
-    ) -> SVector<f64, 1> {
+    fn step(&self, s: &Vector<1>, u: &Vector<1>, p: &Vector<1>, dt_s: f64) -> Vector<1> {
         assert!(p[0] > 0.0, "an inertia of {}", p[0]);
         s + u * (dt_s / p[0])
     }
 
-    fn observe(&self, s: &SVector<f64, 1>) -> SVector<f64, 1> {
+    fn observe(&self, s: &Vector<1>) -> Vector<1> {
         *s
     }
 }

@@ -4,10 +4,9 @@
 
 mod selection;
 
-use nalgebra::{SMatrix, SVector};
-
 use super::graph::{Binary, Graph, Id, Node, Unary, Variable, taken};
 use crate::model::{Linearized, LinearizedByInput};
+use crate::{Matrix, Vector};
 use selection::Selection;
 
 /// Most registers of a tape.
@@ -42,7 +41,7 @@ pub(super) struct Layout {
 
 /// What a tape is evaluated at: state, input, parameter (unit of each row) and period (s), as in its [`Layout`].
 pub(super) type Arguments<'a, const NS: usize, const NU: usize, const NP: usize> =
-    (&'a SVector<f64, NS>, &'a SVector<f64, NU>, &'a SVector<f64, NP>, f64);
+    (&'a Vector<NS>, &'a Vector<NU>, &'a Vector<NP>, f64);
 
 /// Compiled expressions of `M` matrices: every instruction writes the next register.
 #[derive(Debug, Clone, PartialEq)]
@@ -115,7 +114,7 @@ pub(super) trait Results {
     fn gather<const M: usize>(outputs: &[Vec<u16>; M], of: impl Fn(u16) -> f64) -> Self;
 }
 
-impl<const R: usize, const C: usize> Results for SMatrix<f64, R, C> {
+impl<const R: usize, const C: usize> Results for Matrix<R, C> {
     #[inline]
     fn gather<const M: usize>(outputs: &[Vec<u16>; M], of: impl Fn(u16) -> f64) -> Self {
         matrix(outputs, 0, of)
@@ -153,10 +152,10 @@ fn matrix<const R: usize, const C: usize>(
     outputs: &[Vec<u16>],
     position: usize,
     of: impl Fn(u16) -> f64,
-) -> SMatrix<f64, R, C> {
+) -> Matrix<R, C> {
     let registers = outputs.get(position).and_then(|registers| registers.get(..R * C));
-    registers.map_or_else(SMatrix::zeros, |registers| {
-        SMatrix::from_fn(|row, column| of(registers[row + R * column]))
+    registers.map_or_else(Matrix::zeros, |registers| {
+        Matrix::from_fn(|row, column| of(registers[row + R * column]))
     })
 }
 

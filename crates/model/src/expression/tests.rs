@@ -1,6 +1,5 @@
-use nalgebra::SVector;
-
 use super::*;
+use crate::Vector;
 use crate::check::{Point, model_gap};
 use crate::model::Model;
 
@@ -70,7 +69,7 @@ fn everything(size: Option<Dimensions>) -> Program {
 fn derivatives_of_every_function_agree_with_differences() {
     let model = Compiled::<2, 1, 1, 2>::new(leaked(everything(None))).unwrap();
     for (x, y) in [(0.3, 0.7), (0.6, 0.2), (0.8, 0.9)] {
-        let (s, u, p) = (SVector::from([x, y]), SVector::from([0.4]), SVector::from([0.5, 0.9]));
+        let (s, u, p) = (Vector::from([x, y]), Vector::from([0.4]), Vector::from([0.5, 0.9]));
         let gap = model_gap(&model, &Point { s, u, p, dt_s: 0.1 });
         assert!(gap.gap < 1e-8, "{gap}");
     }

@@ -1,35 +1,30 @@
 use super::*;
+use crate::{Matrix, Vector};
 
 /// `s' = s + dt (p s + u)` with two states of which the sum is observed; all else by default.
 #[derive(Debug, Clone, Copy)]
 struct Plain;
 
 impl Model<2, 2, 1, 1> for Plain {
-    fn step(
-        &self,
-        s: &SVector<f64, 2>,
-        u: &SVector<f64, 2>,
-        p: &SVector<f64, 1>,
-        dt_s: f64,
-    ) -> SVector<f64, 2> {
+    fn step(&self, s: &Vector<2>, u: &Vector<2>, p: &Vector<1>, dt_s: f64) -> Vector<2> {
         s + dt_s * (p[0] * s + u)
     }
 
-    fn observe(&self, s: &SVector<f64, 2>) -> SVector<f64, 1> {
-        SVector::from([s.sum()])
+    fn observe(&self, s: &Vector<2>) -> Vector<1> {
+        Vector::from([s.sum()])
     }
 }
 
 const DT_S: f64 = 0.1;
 
-fn point() -> (SVector<f64, 2>, SVector<f64, 2>, SVector<f64, 1>) {
-    (SVector::from([1.0, -2.0]), SVector::from([0.5, 0.25]), SVector::from([3.0]))
+fn point() -> (Vector<2>, Vector<2>, Vector<1>) {
+    (Vector::from([1.0, -2.0]), Vector::from([0.5, 0.25]), Vector::from([3.0]))
 }
 
 #[test]
 fn a_step_and_its_default_derivatives_come_together_for_estimator_and_controller() {
     let (s, u, p) = point();
-    let identity = SMatrix::<f64, 2, 2>::identity();
+    let identity = Matrix::<2, 2>::identity();
     let estimator = Plain.linearize(&s, &u, &p, DT_S);
     assert_eq!(estimator.s_next, Plain.step(&s, &u, &p, DT_S));
     assert!((estimator.by_state - identity * 1.3).norm() < 1e-8, "{estimator:?}");
@@ -38,7 +33,7 @@ fn a_step_and_its_default_derivatives_come_together_for_estimator_and_controller
     assert_eq!((controller.s_next, controller.by_state), (estimator.s_next, estimator.by_state));
     assert!((controller.by_input - identity * DT_S).norm() < 1e-8, "{controller:?}");
     let by_state = Plain.observe_by_state(&s);
-    assert!((by_state - SMatrix::<f64, 1, 2>::repeat(1.0)).norm() < 1e-8, "{by_state}");
+    assert!((by_state - Matrix::<1, 2>::repeat(1.0)).norm() < 1e-8, "{by_state}");
 }
 
 #[test]
@@ -64,18 +59,18 @@ fn a_model_that_names_nothing_has_rows_all_controllable_and_no_groups() {
 
 #[test]
 fn rest_is_the_shortest_state_that_is_observed_and_motion_does_not_change_it() {
-    let o = SVector::from([3.0]);
+    let o = Vector::from([3.0]);
     let rest = Plain.at_rest(&o);
-    assert!((rest - SVector::from([1.5, 1.5])).norm() < 1e-9, "{rest}");
+    assert!((rest - Vector::from([1.5, 1.5])).norm() < 1e-9, "{rest}");
     let (s, ..) = point();
-    assert_eq!(Plain.moving(&o, &SVector::from([9.0]), &s), rest);
+    assert_eq!(Plain.moving(&o, &Vector::from([9.0]), &s), rest);
 }
 
 #[test]
 fn a_model_without_velocities_does_not_coast_and_has_no_curvature() {
     let (s, u, p) = point();
-    assert_eq!(Plain.coasting(&s, &p), SVector::<f64, 1>::zeros());
-    assert_eq!(Plain.coasting_by_state(&s, &p), SMatrix::<f64, 1, 2>::zeros());
+    assert_eq!(Plain.coasting(&s, &p), Vector::<1>::zeros());
+    assert_eq!(Plain.coasting_by_state(&s, &p), Matrix::<1, 2>::zeros());
     assert_eq!(Plain.hessian_by_parameter(&s, &u, &p, DT_S, &s), None);
     let by_input = &Plain.step_by_input(&s, &u, &p, DT_S);
     let kind = HessianKind::Exact;

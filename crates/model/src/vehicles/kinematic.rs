@@ -4,11 +4,10 @@
 //! in the thesis (one sign, two rows swapped); the derivatives here are derived from 4.1 in
 //! `docs/model.md` and checked numerically.
 
-use nalgebra::{SMatrix, SVector};
-
 use crate::model::{HessianKind, HessianRequest, InputHessian, Model, ParameterHessian};
 use crate::row::Row;
 use crate::vehicles::rows::{Pose, Sticks, gain, pose, stick};
+use crate::{Matrix, Vector};
 
 /// Thesis equation 4.1: `x' = lambda_h (sin psi roll + cos psi pitch)`,
 /// `y' = lambda_h (sin psi pitch - cos psi roll)`, `z' = lambda_v throttle`,
@@ -17,13 +16,13 @@ use crate::vehicles::rows::{Pose, Sticks, gain, pose, stick};
 pub struct Kinematic;
 
 /// Parameter, rows [`gain`].
-pub(super) type Parameter = SVector<f64, { gain::COUNT }>;
+pub(super) type Parameter = Vector<{ gain::COUNT }>;
 /// Derivatives of a step, or of an observation, by the state.
-pub(super) type ByState = SMatrix<f64, { pose::COUNT }, { pose::COUNT }>;
+pub(super) type ByState = Matrix<{ pose::COUNT }, { pose::COUNT }>;
 /// Derivatives of a step by the input.
-pub(super) type ByInput = SMatrix<f64, { pose::COUNT }, { stick::COUNT }>;
+pub(super) type ByInput = Matrix<{ pose::COUNT }, { stick::COUNT }>;
 /// Derivatives of a step by the parameter.
-pub(super) type ByParameter = SMatrix<f64, { pose::COUNT }, { gain::COUNT }>;
+pub(super) type ByParameter = Matrix<{ pose::COUNT }, { gain::COUNT }>;
 
 /// Direction of the unit-gain horizontal velocity and of its derivative by `psi`.
 ///
@@ -67,7 +66,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
     #[inline]
     fn step_by_state(&self, s: &Pose, u: &Sticks, p: &Parameter, dt_s: f64) -> ByState {
         let [q1, q2] = heading_rows(s, u, p[gain::THETA_0]);
-        let mut j = SMatrix::identity();
+        let mut j = Matrix::identity();
         j[(pose::X, pose::THETA)] = -dt_s * p[gain::LAMBDA_H] * q2;
         j[(pose::Y, pose::THETA)] = dt_s * p[gain::LAMBDA_H] * q1;
         j
@@ -77,7 +76,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
     fn step_by_input(&self, s: &Pose, _u: &Sticks, p: &Parameter, dt_s: f64) -> ByInput {
         let (sin, cos) = (s[pose::THETA] + p[gain::THETA_0]).sin_cos();
         let scale_h = dt_s * p[gain::LAMBDA_H];
-        let mut j = SMatrix::zeros();
+        let mut j = Matrix::zeros();
         j[(pose::X, stick::ROLL)] = scale_h * sin;
         j[(pose::X, stick::PITCH)] = scale_h * cos;
         j[(pose::Y, stick::ROLL)] = -scale_h * cos;
@@ -90,7 +89,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
     #[inline]
     fn step_by_parameter(&self, s: &Pose, u: &Sticks, p: &Parameter, dt_s: f64) -> ByParameter {
         let [q1, q2] = heading_rows(s, u, p[gain::THETA_0]);
-        let mut j = SMatrix::zeros();
+        let mut j = Matrix::zeros();
         j[(pose::X, gain::LAMBDA_H)] = dt_s * q1;
         j[(pose::X, gain::THETA_0)] = -dt_s * p[gain::LAMBDA_H] * q2;
         j[(pose::Y, gain::LAMBDA_H)] = dt_s * q2;
@@ -113,12 +112,12 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
         // The heading enters as psi = theta + theta_0 only: each is the same to both.
         let by_psi_psi = -dt_s * p[gain::LAMBDA_H] * (w[pose::X] * q1 + w[pose::Y] * q2);
         let by_psi_lambda = dt_s * (w[pose::Y] * q1 - w[pose::X] * q2);
-        let mut by_state = SMatrix::zeros();
+        let mut by_state = Matrix::zeros();
         by_state[(pose::THETA, pose::THETA)] = by_psi_psi;
-        let mut by_state_parameter = SMatrix::zeros();
+        let mut by_state_parameter = Matrix::zeros();
         by_state_parameter[(pose::THETA, gain::THETA_0)] = by_psi_psi;
         by_state_parameter[(pose::THETA, gain::LAMBDA_H)] = by_psi_lambda;
-        let mut by_parameter = SMatrix::zeros();
+        let mut by_parameter = Matrix::zeros();
         by_parameter[(gain::THETA_0, gain::THETA_0)] = by_psi_psi;
         by_parameter[(gain::THETA_0, gain::LAMBDA_H)] = by_psi_lambda;
         by_parameter[(gain::LAMBDA_H, gain::THETA_0)] = by_psi_lambda;
@@ -139,13 +138,13 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
             |axis| w[pose::X] * by_input[(pose::X, axis)] + w[pose::Y] * by_input[(pose::Y, axis)];
         // A quarter turn makes pitch of roll, and the opposite of roll of pitch.
         let (by_roll, by_pitch) = (along(stick::ROLL), along(stick::PITCH));
-        let mut by_state = SMatrix::zeros();
+        let mut by_state = Matrix::zeros();
         by_state[(pose::THETA, pose::THETA)] =
             -by_roll * u[stick::ROLL] - by_pitch * u[stick::PITCH];
-        let mut by_input_state = SMatrix::zeros();
+        let mut by_input_state = Matrix::zeros();
         by_input_state[(stick::ROLL, pose::THETA)] = by_pitch;
         by_input_state[(stick::PITCH, pose::THETA)] = -by_roll;
-        Some(InputHessian { by_state, by_input_state, by_input: SMatrix::zeros() })
+        Some(InputHessian { by_state, by_input_state, by_input: Matrix::zeros() })
     }
 
     #[inline]
@@ -155,7 +154,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
 
     #[inline]
     fn observe_by_state(&self, _s: &Pose) -> ByState {
-        SMatrix::identity()
+        Matrix::identity()
     }
 
     #[inline]
@@ -166,6 +165,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> 
 
 #[cfg(test)]
 mod tests {
+    use crate::Vector;
     use std::f64::consts::{FRAC_PI_2, PI};
 
     use super::*;
@@ -180,7 +180,7 @@ mod tests {
                 let at = Point {
                     s: Pose::new(0.4, -1.2, 1.3, theta),
                     u: Sticks::new(0.7, -0.6, 0.5, -0.9),
-                    p: SVector::<f64, 4>::new(1.29, 0.445, 0.994, theta_0),
+                    p: Vector::<4>::new(1.29, 0.445, 0.994, theta_0),
                     dt_s: DT_S,
                 };
                 // Central differences of sines over a step of 6e-6 leave about 1e-10.
@@ -192,7 +192,7 @@ mod tests {
 
     #[test]
     fn sticks_move_the_vehicle_where_a_pilot_expects() {
-        let p = SVector::<f64, 4>::new(1.0, 1.0, 1.0, 0.0);
+        let p = Vector::<4>::new(1.0, 1.0, 1.0, 0.0);
         let at = |theta: f64, u: Sticks| {
             Kinematic.step(&Pose::new(0.0, 0.0, 1.0, theta), &u, &p, 1.0)
                 - Pose::new(0.0, 0.0, 1.0, theta)
@@ -210,7 +210,7 @@ mod tests {
 
     #[test]
     fn the_heading_offset_turns_the_direction_of_flight() {
-        let p = SVector::<f64, 4>::new(1.0, 1.0, 1.0, FRAC_PI_2);
+        let p = Vector::<4>::new(1.0, 1.0, 1.0, FRAC_PI_2);
         let s = Kinematic.step(&Pose::zeros(), &Sticks::new(0.0, 1.0, 0.0, 0.0), &p, 1.0);
         assert!((s - Pose::new(0.0, 1.0, 0.0, 0.0)).norm() < 1e-12, "{s}");
     }

@@ -5,8 +5,7 @@
 //! so it reproduces and explains them. It flies in the baseline only; everything else is
 //! [`Kinematic`].
 
-use nalgebra::SMatrix;
-
+use crate::Matrix;
 use crate::model::{Model, ParameterHessian};
 use crate::row::Row;
 use crate::vehicles::kinematic::{ByInput, ByParameter, ByState, Kinematic, Parameter};
@@ -102,7 +101,7 @@ impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }>
 
     #[inline]
     fn observe_by_state(&self, _s: &Pose) -> ByState {
-        SMatrix::identity()
+        Matrix::identity()
     }
 
     #[inline]

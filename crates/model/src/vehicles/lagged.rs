@@ -7,8 +7,7 @@
 mod smooth;
 mod terms;
 
-use nalgebra::SMatrix;
-
+use crate::Matrix;
 use crate::model::{HessianRequest, InputHessian, Linearized, LinearizedByInput, Model};
 use crate::row::Row;
 use crate::setting::{SettingError, positive};
@@ -232,8 +231,8 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     }
 
     #[inline]
-    fn observe_by_state(&self, _s: &Motion) -> SMatrix<f64, { pose::COUNT }, { motion::COUNT }> {
-        SMatrix::identity()
+    fn observe_by_state(&self, _s: &Motion) -> Matrix<{ pose::COUNT }, { motion::COUNT }> {
+        Matrix::identity()
     }
 
     #[inline]
@@ -276,9 +275,9 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
         &self,
         _s: &Motion,
         p: &Parameter,
-    ) -> SMatrix<f64, { pose::COUNT }, { motion::COUNT }> {
+    ) -> Matrix<{ pose::COUNT }, { motion::COUNT }> {
         let LaggedShape { decay_h_s, decay_v_s, .. } = self.shape;
-        let mut by_state = SMatrix::zeros();
+        let mut by_state = Matrix::zeros();
         for (row, velocity, time_s) in [
             (pose::X, motion::V_X, p[lag::TAU_H]),
             (pose::Y, motion::V_Y, p[lag::TAU_H]),

@@ -3,12 +3,13 @@
 //! The orders are the thesis' (equations 4.6-4.8); the wire orders of the Tello differ and live in
 //! `io::tello::protocol`.
 
-use nalgebra::{SVector, Vector3};
+use crate::Vector;
+use nalgebra::Vector3;
 
 /// Pose of the vehicle in the world frame: x, y, z in metres, theta in radians.
 ///
 /// `theta` is the measured yaw, counter-clockwise from above, continuous over time.
-pub type Pose = SVector<f64, { pose::COUNT }>;
+pub type Pose = Vector<{ pose::COUNT }>;
 
 /// Position of a pose, world frame. m
 #[inline]
@@ -17,7 +18,7 @@ pub fn pos_w(o: &Pose) -> Vector3<f64> {
 }
 
 /// Stick positions, each in [-1, 1]: roll right, pitch forward, yaw counter-clockwise, throttle up.
-pub type Sticks = SVector<f64, { stick::COUNT }>;
+pub type Sticks = Vector<{ stick::COUNT }>;
 
 /// Rows of a [`Pose`].
 pub mod pose {
@@ -62,7 +63,7 @@ pub mod gain {
 }
 
 /// Pose, velocity driven by the sticks and disturbance velocity, all in the world frame.
-pub type Motion = SVector<f64, { motion::COUNT }>;
+pub type Motion = Vector<{ motion::COUNT }>;
 
 /// Rows of a [`Motion`], the state of [`crate::Lagged`]. The first four are those of [`pose`].
 pub mod motion {

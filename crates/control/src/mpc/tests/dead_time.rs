@@ -1,7 +1,7 @@
 //! Closed loops over an input delay.
 
+use horizon_model::Vector;
 use horizon_model::{InputFifo, Row};
-use nalgebra::SVector;
 
 use super::models::Cart;
 use super::*;
@@ -18,8 +18,8 @@ fn range_at_rest(dead_time_s: f64) -> [f64; 2] {
     let settings = settings.bounds([-1.0], [1.0]).build(&Cart).unwrap();
     let mut mpc = Mpc::<_, 2, 1, 2, 0, 2>::new(Cart, settings, DT_S).unwrap();
     let mut fifo = InputFifo::<1>::new(&[dead_time_s], &[Row::UNNAMED], DT_S).unwrap();
-    let (mut s, s_ref) = (SVector::zeros(), [SVector::from([2.0, 0.0]); STEPS]);
-    let p = SVector::zeros();
+    let (mut s, s_ref) = (Vector::zeros(), [Vector::from([2.0, 0.0]); STEPS]);
+    let p = Vector::zeros();
     let [mut low, mut high] = [f64::INFINITY, f64::NEG_INFINITY];
     for k in 0..1200 {
         let first = fifo.known_steps().cast_signed();

@@ -1,5 +1,6 @@
 //! The expansion of the cost away from an optimum: reduced gradient and quadratic model against the true cost.
 
+use horizon_model::Vector;
 use std::f64::consts::PI;
 
 use horizon_model::HessianKind;
@@ -15,7 +16,7 @@ use crate::qp::Problem;
 pub(super) const STAGES: usize = 6;
 
 /// Inputs of a plan, one after the other.
-pub(super) type Inputs = SVector<f64, { 4 * STAGES }>;
+pub(super) type Inputs = Vector<{ 4 * STAGES }>;
 
 /// A plan that is not optimal, expanded.
 pub(super) struct At {

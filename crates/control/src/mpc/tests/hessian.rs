@@ -3,16 +3,16 @@
 use horizon_model::check::{amax, maximum};
 use horizon_model::rows::{Motion, motion};
 use horizon_model::{HessianKind, HessianRequest, differences};
-use nalgebra::SMatrix;
+use horizon_model::{Matrix, Vector};
 
 use super::expansion::{At, Inputs, STAGES, plans};
 use super::*;
 
 const COUNT: usize = 4 * STAGES;
-type Hessian = SMatrix<f64, COUNT, COUNT>;
+type Hessian = Matrix<COUNT, COUNT>;
 
 /// Derivatives of `s_1 .. s_N` by all inputs.
-type ByInputs = SMatrix<f64, { motion::COUNT * STAGES }, COUNT>;
+type ByInputs = Matrix<{ motion::COUNT * STAGES }, COUNT>;
 
 /// Derivatives of the states by differences of the roll-out.
 fn states_by_inputs(at: &mut At) -> ByInputs {
@@ -21,7 +21,7 @@ fn states_by_inputs(at: &mut At) -> ByInputs {
     let states = |u: &Inputs| {
         let mut at = cell.borrow_mut();
         at.cost(u, Trial::Costed);
-        SVector::from_iterator(at.mpc.trial.s.iter().flat_map(|s| s.iter()).copied())
+        Vector::from_iterator(at.mpc.trial.s.iter().flat_map(|s| s.iter()).copied())
     };
     differences::jacobian(states, &u)
 }
@@ -43,7 +43,7 @@ fn the_trajectory_jacobian_meets_its_numeric_twin() {
     for mut at in plans() {
         let numeric = states_by_inputs(&mut at);
         for column in 0..COUNT {
-            let mut ds = SVector::zeros();
+            let mut ds = Vector::zeros();
             for (k, stage) in at.mpc.expansion.stages.iter().enumerate() {
                 let du = Sticks::from_fn(|i, _| if 4 * k + i == column { 1.0 } else { 0.0 });
                 ds = stage.next(&ds, &du);
@@ -96,12 +96,12 @@ fn the_convexified_hessian_adds_that_of_each_stage_along_the_trajectory() {
             let kind = HessianKind::Convexified;
             let request = HessianRequest { s, u, p, dt_s, by_input, w, kind };
             let second = model.hessian_by_input(&request).unwrap();
-            let mut by_s = SMatrix::<f64, { motion::COUNT }, COUNT>::zeros();
+            let mut by_s = Matrix::<{ motion::COUNT }, COUNT>::zeros();
             if let Some(before) = k.checked_sub(1) {
                 let rows = numeric.fixed_rows::<{ motion::COUNT }>(motion::COUNT * before);
                 by_s.copy_from(&rows);
             }
-            let by_u = SMatrix::<f64, 4, COUNT>::from_fn(|i, j| f64::from(4 * k + i == j));
+            let by_u = Matrix::<4, COUNT>::from_fn(|i, j| f64::from(4 * k + i == j));
             let mixed = by_u.transpose() * second.by_input_state * by_s;
             expected += by_s.transpose() * second.by_state * by_s
                 + by_u.transpose() * second.by_input * by_u

@@ -1,16 +1,17 @@
 //! Two small models: a linear one, and one whose linearization overshoots.
 
+use horizon_model::{Matrix, Vector};
 use horizon_model::{Model, Row};
-use nalgebra::{SMatrix, SVector, Vector1};
+use nalgebra::Vector1;
 
 /// A cart on a rail: `x' = x + dt v`, `v' = (1 - dt drag) v + dt force`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cart;
 
 impl Cart {
-    pub(super) fn dynamics(dt_s: f64) -> (SMatrix<f64, 2, 2>, SMatrix<f64, 2, 1>) {
-        let a = SMatrix::<f64, 2, 2>::new(1.0, dt_s, 0.0, 1.0 - 0.5 * dt_s);
-        (a, SMatrix::<f64, 2, 1>::new(0.0, dt_s))
+    pub(super) fn dynamics(dt_s: f64) -> (Matrix<2, 2>, Matrix<2, 1>) {
+        let a = Matrix::<2, 2>::new(1.0, dt_s, 0.0, 1.0 - 0.5 * dt_s);
+        (a, Matrix::<2, 1>::new(0.0, dt_s))
     }
 }
 
@@ -21,56 +22,50 @@ impl Model<2, 1, 2, 0> for Cart {
     const OBSERVATION: [Row; 2] = Self::STATE;
     const PARAMETER: [Row; 0] = [];
 
-    fn step(
-        &self,
-        s: &SVector<f64, 2>,
-        u: &SVector<f64, 1>,
-        _p: &SVector<f64, 0>,
-        dt_s: f64,
-    ) -> SVector<f64, 2> {
+    fn step(&self, s: &Vector<2>, u: &Vector<1>, _p: &Vector<0>, dt_s: f64) -> Vector<2> {
         let (a, b) = Self::dynamics(dt_s);
         a * s + b * u
     }
 
     fn step_by_state(
         &self,
-        _s: &SVector<f64, 2>,
-        _u: &SVector<f64, 1>,
-        _p: &SVector<f64, 0>,
+        _s: &Vector<2>,
+        _u: &Vector<1>,
+        _p: &Vector<0>,
         dt_s: f64,
-    ) -> SMatrix<f64, 2, 2> {
+    ) -> Matrix<2, 2> {
         Self::dynamics(dt_s).0
     }
 
     fn step_by_input(
         &self,
-        _s: &SVector<f64, 2>,
-        _u: &SVector<f64, 1>,
-        _p: &SVector<f64, 0>,
+        _s: &Vector<2>,
+        _u: &Vector<1>,
+        _p: &Vector<0>,
         dt_s: f64,
-    ) -> SMatrix<f64, 2, 1> {
+    ) -> Matrix<2, 1> {
         Self::dynamics(dt_s).1
     }
 
     fn step_by_parameter(
         &self,
-        _s: &SVector<f64, 2>,
-        _u: &SVector<f64, 1>,
-        _p: &SVector<f64, 0>,
+        _s: &Vector<2>,
+        _u: &Vector<1>,
+        _p: &Vector<0>,
         _dt_s: f64,
-    ) -> SMatrix<f64, 2, 0> {
-        SMatrix::zeros()
+    ) -> Matrix<2, 0> {
+        Matrix::zeros()
     }
 
-    fn observe(&self, s: &SVector<f64, 2>) -> SVector<f64, 2> {
+    fn observe(&self, s: &Vector<2>) -> Vector<2> {
         *s
     }
 
-    fn observe_by_state(&self, _s: &SVector<f64, 2>) -> SMatrix<f64, 2, 2> {
-        SMatrix::identity()
+    fn observe_by_state(&self, _s: &Vector<2>) -> Matrix<2, 2> {
+        Matrix::identity()
     }
 
-    fn at_rest(&self, o: &SVector<f64, 2>) -> SVector<f64, 2> {
+    fn at_rest(&self, o: &Vector<2>) -> Vector<2> {
         *o
     }
 }
@@ -89,13 +84,7 @@ impl Model<1, 1, 1, 0> for Steep {
     const OBSERVATION: [Row; 1] = Self::STATE;
     const PARAMETER: [Row; 0] = [];
 
-    fn step(
-        &self,
-        s: &Vector1<f64>,
-        u: &Vector1<f64>,
-        _p: &SVector<f64, 0>,
-        _dt_s: f64,
-    ) -> Vector1<f64> {
+    fn step(&self, s: &Vector1<f64>, u: &Vector1<f64>, _p: &Vector<0>, _dt_s: f64) -> Vector1<f64> {
         s + u.map(|u| u + 40.0 * u.powi(3))
     }
 
@@ -103,7 +92,7 @@ impl Model<1, 1, 1, 0> for Steep {
         &self,
         _s: &Vector1<f64>,
         _u: &Vector1<f64>,
-        _p: &SVector<f64, 0>,
+        _p: &Vector<0>,
         _dt_s: f64,
     ) -> Vector1<f64> {
         Vector1::new(1.0)
@@ -113,7 +102,7 @@ impl Model<1, 1, 1, 0> for Steep {
         &self,
         _s: &Vector1<f64>,
         u: &Vector1<f64>,
-        _p: &SVector<f64, 0>,
+        _p: &Vector<0>,
         _dt_s: f64,
     ) -> Vector1<f64> {
         u.map(|u| self.gradient_scale * (1.0 + 120.0 * u.powi(2)))
@@ -123,10 +112,10 @@ impl Model<1, 1, 1, 0> for Steep {
         &self,
         _s: &Vector1<f64>,
         _u: &Vector1<f64>,
-        _p: &SVector<f64, 0>,
+        _p: &Vector<0>,
         _dt_s: f64,
-    ) -> SMatrix<f64, 1, 0> {
-        SMatrix::zeros()
+    ) -> Matrix<1, 0> {
+        Matrix::zeros()
     }
 
     fn observe(&self, s: &Vector1<f64>) -> Vector1<f64> {

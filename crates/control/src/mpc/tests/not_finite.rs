@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::{Excess, SoftConstraints};
+use horizon_model::{Matrix, Vector};
 
 /// `s' = s + dt u`, with a factor on its derivatives from `s = 0.3` on.
 #[derive(Debug, Clone, Copy)]
@@ -11,13 +12,7 @@ struct Spoilt {
 }
 
 impl Model<1, 1, 1, 0> for Spoilt {
-    fn step(
-        &self,
-        s: &Vector1<f64>,
-        u: &Vector1<f64>,
-        _p: &SVector<f64, 0>,
-        dt_s: f64,
-    ) -> Vector1<f64> {
+    fn step(&self, s: &Vector1<f64>, u: &Vector1<f64>, _p: &Vector<0>, dt_s: f64) -> Vector1<f64> {
         s + u * dt_s
     }
 
@@ -25,9 +20,9 @@ impl Model<1, 1, 1, 0> for Spoilt {
         &self,
         s: &Vector1<f64>,
         _u: &Vector1<f64>,
-        _p: &SVector<f64, 0>,
+        _p: &Vector<0>,
         _dt_s: f64,
-    ) -> SMatrix<f64, 1, 1> {
+    ) -> Matrix<1, 1> {
         Vector1::new(if s[0] > 0.3 { self.by_state } else { 1.0 })
     }
 
@@ -35,9 +30,9 @@ impl Model<1, 1, 1, 0> for Spoilt {
         &self,
         s: &Vector1<f64>,
         _u: &Vector1<f64>,
-        _p: &SVector<f64, 0>,
+        _p: &Vector<0>,
         dt_s: f64,
-    ) -> SMatrix<f64, 1, 1> {
+    ) -> Matrix<1, 1> {
         Vector1::new(if s[0] > 0.3 { self.by_input * dt_s } else { dt_s })
     }
 
@@ -53,7 +48,7 @@ fn solve(spoilt: Spoilt, s_0: f64) -> (Result<MpcReport, SolveError>, [Vec<Vecto
     let mut mpc = Mpc::<_, 1, 1, 1, 0, 1>::new(spoilt, settings, 0.1).unwrap();
     mpc.plan.u.fill(Vector1::new(0.25));
     let before = mpc.plan().to_vec();
-    let (s_0, p, u) = (Vector1::new(s_0), SVector::zeros(), Vector1::zeros());
+    let (s_0, p, u) = (Vector1::new(s_0), Vector::zeros(), Vector1::zeros());
     let report =
         mpc.solve(&MpcProblem::new(&s_0, &p, &u, &[Vector1::new(1.0); STAGES]), &mut || false);
     (report, [before, mpc.plan().to_vec()])

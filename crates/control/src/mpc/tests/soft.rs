@@ -1,5 +1,6 @@
 //! Soft constraints on the states of a plan.
 
+use horizon_model::Vector;
 use horizon_model::check::jacobian_gap;
 use horizon_model::check::{amax, maximum};
 
@@ -103,20 +104,19 @@ fn the_reduced_gradient_with_penalties_meets_its_numeric_twin() {
             s_ref: problem.s_ref,
             constraints: Some(&pole),
         };
-        let plan = |x: &SVector<f64, 24>| -> Vec<Sticks> {
-            x.as_slice().chunks(4).map(SVector::from_column_slice).collect()
+        let plan = |x: &Vector<24>| -> Vec<Sticks> {
+            x.as_slice().chunks(4).map(Vector::from_column_slice).collect()
         };
-        let at = SVector::<f64, 24>::from_fn(|i, _| 0.3 * (i as f64).sin());
+        let at = Vector::<24>::from_fn(|i, _| 0.3 * (i as f64).sin());
         mpc.trial.u = plan(&at);
         mpc.roll_out(&problem, &context, Trial::Linearized);
         mpc.take_trial();
         mpc.fill_gradients(&context).unwrap();
         let gradient = mpc.expansion.reduced_gradient.clone();
-        let gradient =
-            SVector::<f64, 24>::from_iterator(gradient.iter().flat_map(|g| g.iter()).copied());
+        let gradient = Vector::<24>::from_iterator(gradient.iter().flat_map(|g| g.iter()).copied());
         assert!(mpc.expansion.penalties.iter().any(|one| one.excess > 0.0), "{pole:?}");
         let cell = std::cell::RefCell::new(mpc);
-        let cost = |x: &SVector<f64, 24>| {
+        let cost = |x: &Vector<24>| {
             let mut mpc = cell.borrow_mut();
             mpc.trial.u = plan(x);
             Vector1::new(mpc.roll_out(&problem, &context, Trial::Costed))

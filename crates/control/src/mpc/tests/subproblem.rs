@@ -1,7 +1,8 @@
 //! The choice of the Hessian where an active bound hides a direction of negative curvature.
 
 use horizon_model::{HessianKind, HessianRequest, InputHessian, Model};
-use nalgebra::{SMatrix, SVector, Vector1, Vector2};
+use horizon_model::{Matrix, Vector};
+use nalgebra::{Vector1, Vector2};
 
 use super::*;
 
@@ -11,13 +12,7 @@ use super::*;
 struct Saddle;
 
 impl Model<1, 2, 1, 0> for Saddle {
-    fn step(
-        &self,
-        s: &Vector1<f64>,
-        u: &Vector2<f64>,
-        _p: &SVector<f64, 0>,
-        _dt_s: f64,
-    ) -> Vector1<f64> {
+    fn step(&self, s: &Vector1<f64>, u: &Vector2<f64>, _p: &Vector<0>, _dt_s: f64) -> Vector1<f64> {
         s.add_scalar(10.0 * u.y + 3.0 * u.x * u.y)
     }
 
@@ -28,9 +23,9 @@ impl Model<1, 2, 1, 0> for Saddle {
         let HessianRequest { w, kind, .. } = *request;
         let mixed = if kind == HessianKind::Exact { 3.0 * w.x } else { 0.0 };
         Some(InputHessian {
-            by_state: SMatrix::zeros(),
-            by_input_state: SMatrix::zeros(),
-            by_input: SMatrix::<f64, 2, 2>::new(0.0, mixed, mixed, 0.0),
+            by_state: Matrix::zeros(),
+            by_input_state: Matrix::zeros(),
+            by_input: Matrix::<2, 2>::new(0.0, mixed, mixed, 0.0),
         })
     }
 
@@ -55,7 +50,7 @@ fn a_step_along_negative_curvature_behind_an_active_bound_is_not_taken() {
         mpc.plan.u.fill(Vector2::zeros());
         let problem = MpcProblem {
             s_0: &Vector1::zeros(),
-            p: &SVector::zeros(),
+            p: &Vector::zeros(),
             u_before: &Vector2::zeros(),
             s_ref: &[Vector1::new(s_ref)],
             u_given: &[],

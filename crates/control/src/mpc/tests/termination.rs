@@ -1,6 +1,7 @@
 //! How near to the optimum a solve ends.
 
 use super::*;
+use horizon_model::Vector;
 
 /// State (angle from upright, rate), input (acceleration of the pivot), parameter (length). The Hessian of Gauss and
 /// Newton is not that of the cost.
@@ -8,26 +9,20 @@ use super::*;
 struct Pendulum;
 
 impl Model<2, 1, 1, 1> for Pendulum {
-    fn step(
-        &self,
-        s: &SVector<f64, 2>,
-        u: &SVector<f64, 1>,
-        p: &SVector<f64, 1>,
-        dt_s: f64,
-    ) -> SVector<f64, 2> {
+    fn step(&self, s: &Vector<2>, u: &Vector<1>, p: &Vector<1>, dt_s: f64) -> Vector<2> {
         let rate = s[1] + (s[0].sin() * 9.81 - s[0].cos() * u[0]) / p[0] * dt_s;
-        SVector::from([s[0] + rate * dt_s, rate])
+        Vector::from([s[0] + rate * dt_s, rate])
     }
 
-    fn observe(&self, s: &SVector<f64, 2>) -> SVector<f64, 1> {
-        SVector::from([s[0]])
+    fn observe(&self, s: &Vector<2>) -> Vector<1> {
+        Vector::from([s[0]])
     }
 }
 
 #[test]
 fn no_solve_ends_further_above_the_optimum_than_its_tolerance_allows() {
     const STAGES: usize = 15;
-    let (model, p) = (Pendulum, SVector::from([0.45]));
+    let (model, p) = (Pendulum, Vector::from([0.45]));
     let settings = MpcSettings::builder(STAGES).c_s_end([30.0, 6.0]).bounds([-8.0], [8.0]);
     let mut mpc =
         Mpc::<_, 2, 1, 1, 1, 2>::new(model, settings.clone().build(&model).unwrap(), 0.04).unwrap();
@@ -36,13 +31,13 @@ fn no_solve_ends_further_above_the_optimum_than_its_tolerance_allows() {
         .build(&model)
         .unwrap();
     let mut exact = Mpc::<_, 2, 1, 1, 1, 2>::new(model, exact, 0.04).unwrap();
-    let reference = [SVector::zeros(); STAGES];
-    let (mut s, mut u) = (SVector::from([0.3, 0.0]), SVector::zeros());
+    let reference = [Vector::zeros(); STAGES];
+    let (mut s, mut u) = (Vector::from([0.3, 0.0]), Vector::zeros());
     let mut worst = 0.0_f64;
     for k in 0..1000 {
         // Uniform errors of the estimate.
         let error = |factor: u32| 0.002 * (f64::from(k * factor % 101) / 50.0 - 1.0);
-        let s_hat = s + SVector::from([error(7919), 5.0 * error(6101)]);
+        let s_hat = s + Vector::from([error(7919), 5.0 * error(6101)]);
         let problem = MpcProblem::new(&s_hat, &p, &u, &reference);
         let cost = mpc.solve(&problem, &mut || false).unwrap().cost;
         exact.plan.clone_from(&mpc.plan);
@@ -75,13 +70,7 @@ fn a_plan_that_does_not_fit_is_refused_and_one_beyond_the_bounds_moved() {
 struct Lag;
 
 impl Model<1, 1, 1, 0> for Lag {
-    fn step(
-        &self,
-        s: &Vector1<f64>,
-        u: &Vector1<f64>,
-        _p: &SVector<f64, 0>,
-        dt_s: f64,
-    ) -> Vector1<f64> {
+    fn step(&self, s: &Vector1<f64>, u: &Vector1<f64>, _p: &Vector<0>, dt_s: f64) -> Vector1<f64> {
         s + dt_s * 0.5 * (u - s)
     }
 
@@ -98,7 +87,7 @@ fn a_plan_at_its_reference_is_optimal_up_to_rounding() {
         let mut mpc =
             Mpc::<_, 1, 1, 1, 0, 1>::new(Lag, settings.build(&Lag).unwrap(), 0.1).unwrap();
         let (mut s, mut u) = (Vector1::zeros(), Vector1::zeros());
-        let (p, s_ref) = (SVector::zeros(), [Vector1::new(goal); STAGES]);
+        let (p, s_ref) = (Vector::zeros(), [Vector1::new(goal); STAGES]);
         let mut count = 0;
         for _ in 0..1000 {
             let report = mpc.solve(&MpcProblem::new(&s, &p, &u, &s_ref), &mut || false).unwrap();

@@ -10,7 +10,7 @@
 //! The working set is chosen in `active_set.rs`.
 
 use horizon_model::transpose;
-use nalgebra::{SMatrix, SVector};
+use horizon_model::{Matrix, Vector};
 
 use crate::qp::product::{add_mul, add_scaled, mul_sparse, tr_mul_vector};
 use crate::qp::{CostHessian, Penalty, Problem, Reason, Stage};
@@ -19,26 +19,26 @@ use crate::qp::{CostHessian, Penalty, Problem, Reason, Stage};
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Value<const NS: usize, const NU: usize> {
     /// `P`.
-    by_state: SMatrix<f64, NS, NS>,
+    by_state: Matrix<NS, NS>,
     /// `p`, the costate.
-    gradient: SVector<f64, NS>,
+    gradient: Vector<NS>,
     /// `W`.
-    by_state_before: SMatrix<f64, NS, NU>,
+    by_state_before: Matrix<NS, NU>,
     /// `Q`.
-    by_before: SMatrix<f64, NU, NU>,
+    by_before: Matrix<NU, NU>,
     /// `q`.
-    gradient_before: SVector<f64, NU>,
+    gradient_before: Vector<NU>,
 }
 
 impl<const NS: usize, const NU: usize> Value<NS, NU> {
     /// Nothing follows.
     pub(super) fn zeros() -> Self {
         Self {
-            by_state: SMatrix::zeros(),
-            gradient: SVector::zeros(),
-            by_state_before: SMatrix::zeros(),
-            by_before: SMatrix::zeros(),
-            gradient_before: SVector::zeros(),
+            by_state: Matrix::zeros(),
+            gradient: Vector::zeros(),
+            by_state_before: Matrix::zeros(),
+            by_before: Matrix::zeros(),
+            gradient_before: Vector::zeros(),
         }
     }
 }
@@ -48,25 +48,21 @@ impl<const NS: usize, const NU: usize> Value<NS, NU> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Policy<const NS: usize, const NU: usize> {
     /// `-H_ff^-1 S_f` in the rows `f`.
-    by_state: SMatrix<f64, NU, NS>,
+    by_state: Matrix<NU, NS>,
     /// `-H_ff^-1 C_f` in the rows `f`.
-    by_before: SMatrix<f64, NU, NU>,
+    by_before: Matrix<NU, NU>,
     /// `k_f` in the rows `f`.
-    offset: SVector<f64, NU>,
+    offset: Vector<NU>,
 }
 
 impl<const NS: usize, const NU: usize> Policy<NS, NU> {
     pub(super) fn zeros() -> Self {
-        Self { by_state: SMatrix::zeros(), by_before: SMatrix::zeros(), offset: SVector::zeros() }
+        Self { by_state: Matrix::zeros(), by_before: Matrix::zeros(), offset: Vector::zeros() }
     }
 
     /// The minimizers at `ds` after `du_before`.
     #[inline]
-    pub(super) fn minimizers(
-        &self,
-        ds: &SVector<f64, NS>,
-        du_before: &SVector<f64, NU>,
-    ) -> SVector<f64, NU> {
+    pub(super) fn minimizers(&self, ds: &Vector<NS>, du_before: &Vector<NU>) -> Vector<NU> {
         self.offset + mul_sparse(&self.by_state, ds) + mul_sparse(&self.by_before, du_before)
     }
 }
@@ -85,13 +81,13 @@ pub(super) struct Working<'a, const NS: usize, const NU: usize> {
 /// The quadratic that the inputs of a stage minimize: `1/2 du' H du + du' S ds + du' C dv + h' du`.
 struct StageQuadratic<const NS: usize, const NU: usize> {
     /// `H`.
-    by_input: SMatrix<f64, NU, NU>,
+    by_input: Matrix<NU, NU>,
     /// `S`.
-    by_input_state: SMatrix<f64, NU, NS>,
+    by_input_state: Matrix<NU, NS>,
     /// `C`, diagonal.
-    by_input_before: SMatrix<f64, NU, NU>,
+    by_input_before: Matrix<NU, NU>,
     /// `h`.
-    gradient: SVector<f64, NU>,
+    gradient: Vector<NU>,
 }
 
 /// Fills in the policy of step `k` and the value before it, from the value after it.
@@ -120,7 +116,7 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     let mut inactive_by_state = transpose(&by_input_state); // S_f': the columns c become zero
     let mut inactive_by_before = by_input_before; // C_f', C being symmetric
     value.gradient = tr_mul_vector(by_state, &gradient_next);
-    value.gradient_before = SVector::zeros();
+    value.gradient_before = Vector::zeros();
     for (i, active) in working.active.iter().enumerate() {
         let Some(du) = *active else { continue };
         // An input at an active bound stays fixed; only the other inputs take a feedback gain.
@@ -152,17 +148,21 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
 }
 
 /// The quadratic of stage `k` from `P+` and `p+`, those of [`at_next_state`], and the value after the stage.
-#[inline]
+#[inline(always)]
+#[expect(
+    clippy::inline_always,
+    reason = "innermost loop of a plan: out of line, its matrices are copied"
+)]
 fn stage_quadratic<const NS: usize, const NU: usize>(
     k: usize,
     problem: &Problem<'_, NS, NU>,
     curvature: &CostHessian<NS, NU>,
-    (hessian_next, gradient_next): (&SMatrix<f64, NS, NS>, &SVector<f64, NS>),
+    (hessian_next, gradient_next): (&Matrix<NS, NS>, &Vector<NS>),
     next: &Value<NS, NU>,
 ) -> StageQuadratic<NS, NU> {
     let Stage { by_state, by_input: b } = &problem.stages[k];
     let mut by_next_state_input = mul_sparse(hessian_next, b); // P+ B + W+
-    let mut by_input = SMatrix::from_diagonal(&curvature.diagonal.u[k]); // D + Q+ + B' W+ + (P+ B + W+)' B
+    let mut by_input = Matrix::from_diagonal(&curvature.diagonal.u[k]); // D + Q+ + B' W+ + (P+ B + W+)' B
     let mut gradient = problem.gradient.u[k] + tr_mul_vector(b, gradient_next);
     let coupling = curvature.coupling.get(k);
     if coupling.is_some() {
@@ -177,7 +177,7 @@ fn stage_quadratic<const NS: usize, const NU: usize>(
         by_input_state += second.by_input_state;
         by_input += second.by_input;
     }
-    let by_input_before = coupling.map_or(SMatrix::zeros(), SMatrix::from_diagonal);
+    let by_input_before = coupling.map_or(Matrix::zeros(), Matrix::from_diagonal);
     StageQuadratic { by_input, by_input_state, by_input_before, gradient }
 }
 
@@ -189,7 +189,7 @@ fn at_next_state<const NS: usize, const NU: usize>(
     curvature: &CostHessian<NS, NU>,
     working: &Working<'_, NS, NU>,
     next: &Value<NS, NU>,
-) -> (SMatrix<f64, NS, NS>, SVector<f64, NS>) {
+) -> (Matrix<NS, NS>, Vector<NS>) {
     let mut hessian = next.by_state;
     for i in 0..NS {
         hessian[(i, i)] += curvature.diagonal.s[k][i];
@@ -208,9 +208,9 @@ fn at_next_state<const NS: usize, const NU: usize>(
 /// alone. The row of an active bound is that of `-H^-1` over its input and the inactive ones.
 #[inline]
 fn transform<const NU: usize>(
-    mut by_input: SMatrix<f64, NU, NU>,
+    mut by_input: Matrix<NU, NU>,
     active: &[Option<f64>; NU],
-) -> Result<SMatrix<f64, NU, NU>, Reason> {
+) -> Result<Matrix<NU, NU>, Reason> {
     if active.iter().all(Option::is_none) {
         // The common case: without a branch the loop is unrolled.
         let mut is_positive = true;
@@ -251,7 +251,7 @@ fn is_pivot(pivot: f64) -> bool {
 /// that of `y_i` (the symmetric pivot operator of Beaton, 1964). Of symmetric `m` it leaves a symmetric matrix, `-m^-1`
 /// after all rows.
 #[inline]
-fn invert<const NU: usize>(m: &mut SMatrix<f64, NU, NU>, i: usize) {
+fn invert<const NU: usize>(m: &mut Matrix<NU, NU>, i: usize) {
     let reciprocal = 1.0 / m[(i, i)];
     let column = m.data.0[i];
     let mut scaled = column.map(|entry| entry * reciprocal);

@@ -1,10 +1,11 @@
 use super::*;
 use crate::qp::tests::LIMITS;
 use crate::qp::tests::case::{Case, Kind, lagged};
+use horizon_model::Vector;
 
 /// Iterations for a problem and the inputs, from what `solver` remembers.
-fn search(solver: &mut ActiveSet<11, 4>, case: &Case<11, 4>) -> (u32, Vec<SVector<f64, 4>>) {
-    let mut du = vec![SVector::zeros(); case.steps()];
+fn search(solver: &mut ActiveSet<11, 4>, case: &Case<11, 4>) -> (u32, Vec<Vector<4>>) {
+    let mut du = vec![Vector::zeros(); case.steps()];
     (solver.solve(&case.problem(), &mut du).unwrap(), du)
 }
 
@@ -39,7 +40,7 @@ fn what_is_not_finite_is_not_solved_and_leaves_no_trace() {
     for (number, (spoil, reason)) in spoils.into_iter().enumerate() {
         let mut bad = good.clone();
         spoil(&mut bad);
-        let mut du = vec![SVector::from_element(0.25); 20];
+        let mut du = vec![Vector::from_element(0.25); 20];
         let before = du.clone();
         let unsolved = solver.solve(&bad.problem(), &mut du).unwrap_err();
         assert_eq!(unsolved.reason, reason, "spoil {number}: {unsolved}");

@@ -1,4 +1,5 @@
 use ::clarabel::algebra::TriangularMatrixChecks;
+use horizon_model::Vector;
 
 use super::*;
 use crate::qp::tests::case::{Case, Kind, random};
@@ -10,8 +11,8 @@ fn case(seed: u64, couples: bool) -> Case<3, 2> {
     random(seed, Kind { steps: STEPS, couples, gives: false })
 }
 
-fn solve(solver: &mut Clarabel<3, 2>, case: &Case<3, 2>) -> Vec<SVector<f64, 2>> {
-    let mut du = vec![SVector::zeros(); STEPS];
+fn solve(solver: &mut Clarabel<3, 2>, case: &Case<3, 2>) -> Vec<Vector<2>> {
+    let mut du = vec![Vector::zeros(); STEPS];
     solver.solve(&case.problem(), &mut du).unwrap();
     du
 }
@@ -66,7 +67,7 @@ fn a_solve_cut_short_is_no_solution() {
     let case = case(4, false);
     let limits = Limits { iterations_max: 2, ..LIMITS };
     let mut solver = Clarabel::new(&case.curvature, limits).unwrap();
-    let mut du = vec![SVector::from([0.25, 0.5]); STEPS];
+    let mut du = vec![Vector::from([0.25, 0.5]); STEPS];
     let before = du.clone();
     let unsolved = solver.solve(&case.problem(), &mut du).unwrap_err();
     let reason = Reason::Clarabel(SolverStatus::MaxIterations);

@@ -2,6 +2,7 @@
 
 use horizon_model::check::{amax, maximum};
 use horizon_model::{Kinematic, Lagged, LaggedShape, Model};
+use horizon_model::{Matrix, Vector};
 
 use super::super::*;
 
@@ -27,8 +28,8 @@ impl Numbers {
         self.bits() as f64 / (1_u64 << 52) as f64 - 1.0
     }
 
-    pub(crate) fn fill<const R: usize, const C: usize>(&mut self) -> SMatrix<f64, R, C> {
-        SMatrix::from_fn(|_, _| self.next())
+    pub(crate) fn fill<const R: usize, const C: usize>(&mut self) -> Matrix<R, C> {
+        Matrix::from_fn(|_, _| self.next())
     }
 }
 
@@ -48,7 +49,7 @@ pub(crate) struct Case<const NS: usize, const NU: usize> {
     pub(crate) curvature: CostHessian<NS, NU>,
     pub(crate) stages: Vec<Stage<NS, NU>>,
     pub(crate) gradient: Horizon<NS, NU>,
-    pub(crate) u: Vec<SVector<f64, NU>>,
+    pub(crate) u: Vec<Vector<NU>>,
     pub(crate) bounds: Vec<Bounds<NU>>,
     pub(crate) penalties: Vec<Penalty<NS>>,
 }
@@ -56,11 +57,11 @@ pub(crate) struct Case<const NS: usize, const NU: usize> {
 /// Dynamics that mean nothing.
 pub(crate) fn random(seed: u64, kind: Kind) -> Case<3, 2> {
     let mut numbers = Numbers::new(seed);
-    let bounds = Bounds { lo: SVector::from([-1.2, -1.0]), hi: SVector::from([1.0, 1.1]) };
-    let weights = [SVector::from([1.0, 0.5, 0.0]), SVector::from([4.0, 0.0, 9.0])];
-    let mut case = Case::inputs(&mut numbers, kind, SVector::from([0.7, 1.9]), weights, bounds);
+    let bounds = Bounds { lo: Vector::from([-1.2, -1.0]), hi: Vector::from([1.0, 1.1]) };
+    let weights = [Vector::from([1.0, 0.5, 0.0]), Vector::from([4.0, 0.0, 9.0])];
+    let mut case = Case::inputs(&mut numbers, kind, Vector::from([0.7, 1.9]), weights, bounds);
     for stage in &mut case.stages {
-        stage.by_state = SMatrix::identity() + numbers.fill::<3, 3>() * 0.3;
+        stage.by_state = Matrix::identity() + numbers.fill::<3, 3>() * 0.3;
         stage.by_input = numbers.fill();
     }
     case.gradient.u.fill_with(|| numbers.fill() * 2.0);
@@ -71,10 +72,10 @@ pub(crate) fn random(seed: u64, kind: Kind) -> Case<3, 2> {
 /// The kinematic vehicle on its way to a target, thesis weights.
 pub(crate) fn kinematic(seed: u64, kind: Kind) -> Case<4, 4> {
     let bounds =
-        Bounds { lo: -SVector::from([0.8, 0.8, 1.0, 1.0]), hi: [0.8, 0.8, 1.0, 1.0].into() };
-    let weights = [SVector::from([2.25, 2.25, 1.0, 1.0]), [225.0, 225.0, 100.0, 100.0].into()];
+        Bounds { lo: -Vector::from([0.8, 0.8, 1.0, 1.0]), hi: [0.8, 0.8, 1.0, 1.0].into() };
+    let weights = [Vector::from([2.25, 2.25, 1.0, 1.0]), [225.0, 225.0, 100.0, 100.0].into()];
     let c_u = [1.44, 1.44, 0.64, 0.64].into();
-    let p = SVector::from([1.29, 0.445, 0.994, 0.033]);
+    let p = Vector::from([1.29, 0.445, 0.994, 0.033]);
     let mut numbers = Numbers::new(seed);
     let mut case = Case::inputs(&mut numbers, kind, c_u, weights, bounds);
     case.follow(&mut numbers, &Kinematic, &p);
@@ -84,9 +85,9 @@ pub(crate) fn kinematic(seed: u64, kind: Kind) -> Case<4, 4> {
 /// The lagged vehicle on its way to a target. Velocities and disturbances weigh nothing.
 pub(crate) fn lagged(seed: u64, kind: Kind) -> Case<11, 4> {
     let bounds =
-        Bounds { lo: -SVector::from([0.8, 0.8, 1.0, 1.0]), hi: [0.8, 0.8, 1.0, 1.0].into() };
+        Bounds { lo: -Vector::from([0.8, 0.8, 1.0, 1.0]), hi: [0.8, 0.8, 1.0, 1.0].into() };
     let model = Lagged::new(LaggedShape::default()).unwrap();
-    let stage = model.at_rest(&SVector::from([9.0, 9.0, 16.0, 1.0]));
+    let stage = model.at_rest(&Vector::from([9.0, 9.0, 16.0, 1.0]));
     let weights = [stage, 10.0 * stage];
     let c_u = [0.04, 0.04, 0.09, 0.01].into();
     let p = [1.4, 0.9, 1.6, 0.03, 0.4, 0.25, 0.15, 0.05, 0.08, 0.06, 2.5].into();
@@ -101,8 +102,8 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
     fn inputs(
         numbers: &mut Numbers,
         kind: Kind,
-        c_u: SVector<f64, NU>,
-        [stage, end]: [SVector<f64, NS>; 2],
+        c_u: Vector<NU>,
+        [stage, end]: [Vector<NS>; 2],
         bounds: Bounds<NU>,
     ) -> Self {
         let steps = kind.steps;
@@ -141,7 +142,7 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
         &mut self,
         numbers: &mut Numbers,
         model: &M,
-        p: &SVector<f64, NP>,
+        p: &Vector<NP>,
     ) where
         M: Model<NS, NU, NO, NP>,
     {
@@ -176,7 +177,7 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
             let count = (numbers.next().abs() * (max + 1) as f64).floor().min(max as f64);
             let mut left = count;
             while left > 0.0 {
-                let gradient = SVector::from_fn(|i, _| if i < rows { numbers.next() } else { 0.0 });
+                let gradient = Vector::from_fn(|i, _| if i < rows { numbers.next() } else { 0.0 });
                 let squared_weight = 10.0_f64.powf(2.0 * numbers.next() + 1.0);
                 let excess = 0.3 * numbers.next();
                 self.penalties.push(Penalty { stage, squared_weight, excess, gradient });
@@ -186,13 +187,13 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
     }
 
     /// Number of penalties whose constraint is violated after `du`.
-    pub(crate) fn violated_count(&self, du: &[SVector<f64, NU>]) -> usize {
+    pub(crate) fn violated_count(&self, du: &[Vector<NU>]) -> usize {
         let ds = self.states(du);
         self.penalties.iter().filter(|one| one.excess_at(&ds[one.stage]) > 0.0).count()
     }
 
-    fn states(&self, du: &[SVector<f64, NU>]) -> Vec<SVector<f64, NS>> {
-        let mut s = SVector::zeros();
+    fn states(&self, du: &[Vector<NU>]) -> Vec<Vector<NS>> {
+        let mut s = Vector::zeros();
         let next = |(stage, du): (&Stage<NS, NU>, &_)| {
             s = stage.by_state * s + stage.by_input * du;
             s
@@ -200,7 +201,7 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
         self.stages.iter().zip(du).map(next).collect()
     }
 
-    pub(crate) fn cost(&self, du: &[SVector<f64, NU>]) -> f64 {
+    pub(crate) fn cost(&self, du: &[Vector<NU>]) -> f64 {
         let mut cost = 0.0;
         for (k, ds) in self.states(du).iter().enumerate() {
             let by_s = self.curvature.diagonal.s[k].component_mul(ds);
@@ -215,10 +216,10 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
     /// How far `du` is from optimal: the largest distance, in input units, to where each input would
     /// go if it followed its gradient, scaled by its own weight, inside its bounds. Zero at the
     /// optimum and nowhere else. The gradient comes from the costates.
-    pub(crate) fn kkt_residual(&self, du: &[SVector<f64, NU>]) -> f64 {
+    pub(crate) fn kkt_residual(&self, du: &[Vector<NU>]) -> f64 {
         let ds = self.states(du);
         let mut worst = 0.0_f64;
-        let mut costate = SVector::<f64, NS>::zeros();
+        let mut costate = Vector::<NS>::zeros();
         for k in (0..self.steps()).rev() {
             if let Some(next) = self.stages.get(k + 1) {
                 costate = next.by_state.transpose() * costate;
@@ -238,7 +239,7 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
     }
 
     /// Number of inputs at a bound, those that are given aside.
-    pub(crate) fn active_count(&self, du: &[SVector<f64, NU>]) -> usize {
+    pub(crate) fn active_count(&self, du: &[Vector<NU>]) -> usize {
         let is_active = |k: usize, i: usize| {
             let (u, bounds) = (self.u[k][i] + du[k][i], &self.bounds[k]);
             !bounds.is_given(i) && (u - bounds.lo[i]).min(bounds.hi[i] - u) < 1e-9
@@ -249,7 +250,7 @@ impl<const NS: usize, const NU: usize> Case<NS, NU> {
 
 impl<const NS: usize, const NU: usize> CostHessian<NS, NU> {
     /// Row block of `P` at input `k`, times `u`.
-    fn by_input(&self, u: &[SVector<f64, NU>], k: usize) -> SVector<f64, NU> {
+    fn by_input(&self, u: &[Vector<NU>], k: usize) -> Vector<NU> {
         let mut product = self.diagonal.u[k].component_mul(&u[k]);
         // The block between two inputs is that of the later one.
         for (neighbour, later) in [(k.wrapping_sub(1), k), (k + 1, k + 1)] {

@@ -1,6 +1,7 @@
 //! Soft constraints: the stage-wise solver against the slack variables of Clarabel.
 
 use super::*;
+use horizon_model::Vector;
 use horizon_model::check::maximum;
 
 /// Penalties per stage.
@@ -32,7 +33,7 @@ fn compare_all<const NS: usize, const NU: usize>(
     for (seed, steps) in (0..problems).zip((1..=61).cycle()) {
         let mut case = make(seed, Kind { steps, couples: seed % 2 == 0, gives: seed % 3 == 0 });
         case.penalize(seed, MAX, rows);
-        let mut du = vec![SVector::zeros(); steps];
+        let mut du = vec![Vector::zeros(); steps];
         let mut oracle_du = du.clone();
         let mut oracle = Clarabel::new(&case.curvature, PENALIZED).unwrap();
         oracle.solve(&case.problem(), &mut oracle_du).unwrap();
@@ -90,7 +91,7 @@ fn thousands_of_problems_with_penalties_are_solved_as_by_slack_variables() {
 fn constraints_that_are_met_leave_the_bits_of_a_problem_without_them() {
     for seed in 0..50 {
         let mut case = lagged(seed, Kind { steps: 30, couples: true, gives: true });
-        let (mut without, mut with) = (vec![SVector::zeros(); 30], vec![SVector::zeros(); 30]);
+        let (mut without, mut with) = (vec![Vector::zeros(); 30], vec![Vector::zeros(); 30]);
         ActiveSet::new(&case.curvature, LIMITS).solve(&case.problem(), &mut without).unwrap();
         case.penalize(seed, MAX, 3);
         case.penalties.iter_mut().for_each(|one| one.excess = -100.0);
@@ -106,7 +107,7 @@ fn a_problem_after_one_with_penalties_is_solved_by_clarabel_as_by_a_new_solver()
     penalized.penalize(3, MAX, 3);
     let plain = random(4, kind);
     let mut reused = Clarabel::new(&plain.curvature, PENALIZED).unwrap();
-    let (mut du, mut fresh_du) = (vec![SVector::zeros(); 12], vec![SVector::zeros(); 12]);
+    let (mut du, mut fresh_du) = (vec![Vector::zeros(); 12], vec![Vector::zeros(); 12]);
     reused.solve(&penalized.problem(), &mut du).unwrap();
     reused.solve(&plain.problem(), &mut du).unwrap();
     let mut fresh = Clarabel::new(&plain.curvature, PENALIZED).unwrap();

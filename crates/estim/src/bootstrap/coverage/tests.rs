@@ -1,3 +1,4 @@
+use horizon_model::Vector;
 use std::convert::Infallible;
 use std::f64::consts::TAU;
 
@@ -37,7 +38,7 @@ fn drawn(seed: u64, pieces: u32, steps: u32) -> Vec<Piece<4, 4>> {
             let applied = Sticks::from_fn(|axis, _| (phase[axis] + 0.15 * f64::from(k)).sin());
             o.push(Observed::full(s + weighted(C_O, &mut generator)));
             u.push(applied);
-            s = Kinematic.step(&s, &applied, &SVector::from(TRUTH), DT_S)
+            s = Kinematic.step(&s, &applied, &Vector::from(TRUTH), DT_S)
                 + weighted(C_S, &mut generator) * DT_S;
         }
         Piece { u, o }
@@ -59,7 +60,7 @@ fn trial(seed: u64, factor: f64, resamples: u64) -> Result<Trial<4>, TrialError>
     let mut ident = Ident::new(Kinematic, &settings, DT_S, drawn(seed, 30, 20)).unwrap();
     let report = ident.solve(&mut || false)?;
     assert!(report.iterations < 50, "{report:?}");
-    Trial::new(&mut ident, &SVector::from(TRUTH), seed, resamples)
+    Trial::new(&mut ident, &Vector::from(TRUTH), seed, resamples)
 }
 
 #[test]
@@ -119,7 +120,7 @@ fn wrong_weights_only_mislead_the_plain_covariance() {
 #[test]
 fn a_tally_counts_what_the_trials_say() {
     let trial = |seed: u64| -> Result<Trial<1>, Infallible> {
-        let error = SVector::from([if seed == 0 { 3.0 } else { 1.0 }]);
+        let error = Vector::from([if seed == 0 { 3.0 } else { 1.0 }]);
         let claim = Claim { method: "plain", std: error * 2.0, holds: [seed != 0] };
         Ok(Trial { error, claims: vec![claim] })
     };

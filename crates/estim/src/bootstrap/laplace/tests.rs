@@ -1,17 +1,18 @@
 use horizon_model::Kinematic;
 use horizon_model::check::amax;
+use horizon_model::{Matrix, Vector};
 
 use super::super::tests::{pieces, solved};
 use super::*;
 
-type M4 = SMatrix<f64, 4, 4>;
+type M4 = Matrix<4, 4>;
 
 #[test]
 fn a_positive_definite_matrix_times_its_inverse_is_one_and_another_has_none() {
-    let matrix = SMatrix::<f64, 3, 3>::new(4.0, 1.0, 0.5, 1.0, 3.0, -0.25, 0.5, -0.25, 2.0);
+    let matrix = Matrix::<3, 3>::new(4.0, 1.0, 0.5, 1.0, 3.0, -0.25, 0.5, -0.25, 2.0);
     let inverse_of = inverse(&matrix).unwrap();
-    assert!(amax(&(matrix * inverse_of - SMatrix::identity())) < 1e-12);
-    assert!(inverse(&SMatrix::<f64, 2, 2>::new(1.0, 2.0, 2.0, 1.0)).is_err());
+    assert!(amax(&(matrix * inverse_of - Matrix::identity())) < 1e-12);
+    assert!(inverse(&Matrix::<2, 2>::new(1.0, 2.0, 2.0, 1.0)).is_err());
 }
 
 #[test]
@@ -47,7 +48,7 @@ fn standard_deviations_are_those_of_the_covariance() {
 #[test]
 fn a_parameter_that_is_not_determined_has_no_standard_deviation() {
     // The sum of the first two parameters by 200 observations, and the third one by 30.
-    let row = SVector::<f64, 4>::new(0.3, 0.7, 0.0, 0.0);
+    let row = Vector::<4>::new(0.3, 0.7, 0.0, 0.0);
     let mut information = M4::zeros();
     for k in 1..=200 {
         information += row * row.transpose() * f64::from(k).sin().powi(2);
@@ -85,7 +86,7 @@ fn pieces_that_count_twice_halve_the_covariance_but_not_the_sandwich_of_copies()
 
 /// The influence of a dead time on the first parameter alone.
 fn influence(by_piece_s: Vec<f64>) -> DelayInfluence<4> {
-    let parameter_by_dead_time = SVector::from([2.0, 0.0, 0.0, 0.0]);
+    let parameter_by_dead_time = Vector::from([2.0, 0.0, 0.0, 0.0]);
     DelayInfluence { by_piece_s, parameter_by_dead_time, information: 100.0 }
 }
 

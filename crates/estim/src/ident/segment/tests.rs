@@ -1,5 +1,6 @@
 //! One piece: its start, its quadratic model, and what is not finite.
 
+use horizon_model::Vector;
 use horizon_model::rows::{Motion, Pose, Sticks, gain, lag, motion, pose, stick};
 use horizon_model::{Kinematic, Lagged};
 
@@ -12,12 +13,12 @@ fn terms(transition_loss: Loss) -> Terms<Kinematic, 4, 4, 4, 4> {
     let residuals = Residuals {
         model: Kinematic,
         dt_s: DT_S,
-        c_o: SVector::from([30.0, 30.0, 20.0, 10.0]),
-        c_s: SVector::from([2.0, 2.0, 2.0, 1.0]),
+        c_o: Vector::from([30.0, 30.0, 20.0, 10.0]),
+        c_s: Vector::from([2.0, 2.0, 2.0, 1.0]),
         observation_loss: Loss::None,
         transition_loss,
     };
-    Terms { residuals, c_0: SVector::from([0.5, 0.0, 1.0, 0.2]) }
+    Terms { residuals, c_0: Vector::from([0.5, 0.0, 1.0, 0.2]) }
 }
 
 /// A piece of which states and parameter are linear: yaw and throttle alone move the vehicle.
@@ -40,11 +41,11 @@ fn linear_piece() -> Segment<4, 4, 4, 4> {
 #[test]
 fn the_quadratic_model_of_a_linear_piece_is_its_cost() {
     let terms = terms(Loss::None);
-    let p = SVector::from([1.1, 0.5, 0.9, 0.15]);
-    let mut p_step = SVector::zeros();
+    let p = Vector::from([1.1, 0.5, 0.9, 0.15]);
+    let mut p_step = Vector::zeros();
     (p_step[gain::LAMBDA_V], p_step[gain::LAMBDA_A]) = (-0.3, 0.4);
     // Damped or not: the model knows what a damped step does to the undamped cost.
-    for (damping, p_step) in [(0.0, p_step), (500.0, p_step), (1e5, SVector::zeros())] {
+    for (damping, p_step) in [(0.0, p_step), (500.0, p_step), (1e5, Vector::zeros())] {
         let mut piece = linear_piece();
         piece.eliminate(&terms, &p, Curvature::GaussNewton, damping).unwrap();
         let predicted = piece.back_substitute(&p_step);
@@ -60,10 +61,10 @@ fn the_quadratic_model_of_a_linear_piece_is_its_cost() {
 
 #[test]
 fn the_states_of_an_undamped_step_leave_no_gradient() {
-    let (terms, p) = (terms(Loss::None), SVector::from([1.1, 0.5, 0.9, 0.15]));
+    let (terms, p) = (terms(Loss::None), Vector::from([1.1, 0.5, 0.9, 0.15]));
     let mut piece = linear_piece();
     piece.eliminate(&terms, &p, Curvature::GaussNewton, 0.0).unwrap();
-    piece.back_substitute(&SVector::zeros());
+    piece.back_substitute(&Vector::zeros());
     for (k, row) in (0..12).flat_map(|k| (0..4).map(move |row| (k, row))) {
         let [there, back] = [1e-3, -1e-3].map(|aside| {
             let mut beside = piece.clone();
@@ -84,7 +85,7 @@ fn a_first_state_at_rest_costs_nothing() {
 
 #[test]
 fn an_elimination_without_damping_leaves_the_reduced_system() {
-    let (terms, p) = (terms(Loss::Huber { scale: 0.5 }), SVector::from([1.1, 0.5, 0.9, 0.15]));
+    let (terms, p) = (terms(Loss::Huber { scale: 0.5 }), Vector::from([1.1, 0.5, 0.9, 0.15]));
     for curvature in [Curvature::GaussNewton, Curvature::Exact] {
         let mut piece = linear_piece();
         let (reduced, cost) = piece.reduced_system(&terms, &p, curvature).unwrap();
@@ -100,7 +101,7 @@ fn an_elimination_without_damping_leaves_the_reduced_system() {
 
 #[test]
 fn a_derivative_by_the_parameter_that_is_not_finite_is_refused() {
-    let p = SVector::zeros();
+    let p = Vector::zeros();
     // Squared they overflow, while no state depends on the parameter: a gain of zero.
     let u = vec![Sticks::repeat(1e160); 3];
     for (loss, aside, name) in [
@@ -120,7 +121,7 @@ fn a_derivative_by_the_parameter_that_is_not_finite_is_refused() {
 
 #[test]
 fn a_residual_that_is_not_finite_is_named_with_its_step() {
-    let (terms, p) = (terms(Loss::None), SVector::from([1.1, 0.5, 0.9, 0.15]));
+    let (terms, p) = (terms(Loss::None), Vector::from([1.1, 0.5, 0.9, 0.15]));
     for bad in [f64::NAN, f64::INFINITY] {
         let mut piece = linear_piece();
         piece.u[7][stick::THROTTLE] = bad;

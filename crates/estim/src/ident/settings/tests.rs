@@ -1,4 +1,5 @@
 use horizon_model::Kinematic;
+use horizon_model::Vector;
 use serde_json::{Value, json};
 
 use super::*;
@@ -25,10 +26,10 @@ fn check(document: Value) -> Result<IdentSettings<4, 4, 4>, String> {
 #[test]
 fn a_good_table_keeps_its_values_in_their_places() {
     let settings = check(good()).unwrap();
-    assert_eq!(settings.c_o, SVector::from([3.0, 3.0, 2.0, 0.0]));
-    assert_eq!(settings.c_s, SVector::from([1.0, 1.0, 1.0, 0.5]));
-    assert_eq!(settings.c_0, SVector::from([0.0, 0.0, 0.0, 2.0]));
-    assert_eq!(settings.prior.p_prior, SVector::from([1.0, 0.5, 0.9, 0.0]));
+    assert_eq!(settings.c_o, Vector::from([3.0, 3.0, 2.0, 0.0]));
+    assert_eq!(settings.c_s, Vector::from([1.0, 1.0, 1.0, 0.5]));
+    assert_eq!(settings.c_0, Vector::from([0.0, 0.0, 0.0, 2.0]));
+    assert_eq!(settings.prior.p_prior, Vector::from([1.0, 0.5, 0.9, 0.0]));
     assert_ne!(settings.observation_loss, settings.transition_loss);
     let table: IdentTable = serde_json::from_value(good()).unwrap();
     assert_eq!(serde_json::to_value(&table).unwrap(), good());

@@ -3,10 +3,11 @@
 //! Owns nothing of the chain's structure: it writes the matrix of all states of a piece entry by entry and leaves
 //! it to the sparse Cholesky factorization of nalgebra.
 
+use horizon_model::Vector;
 use std::convert::Infallible;
 
 use horizon_model::Model;
-use nalgebra::{DMatrix, SVector};
+use nalgebra::DMatrix;
 use nalgebra_sparse::factorization::CscCholesky;
 use nalgebra_sparse::{CooMatrix, CscMatrix};
 
@@ -43,7 +44,7 @@ impl Sparse {
         &mut self,
         counted: impl Iterator<Item = (&'a Segment<NS, NU, NO, NP>, &'a u32)>,
         terms: &Terms<M, NS, NU, NO, NP>,
-        p: &SVector<f64, NP>,
+        p: &Vector<NP>,
         curvature: Curvature,
         damping: f64,
     ) -> Result<ReducedSystem<NP>, NotPositive>
@@ -90,11 +91,11 @@ impl Sparse {
     >(
         &self,
         counted: impl Iterator<Item = &'a mut Segment<NS, NU, NO, NP>>,
-        p_step: &SVector<f64, NP>,
+        p_step: &Vector<NP>,
     ) {
         for (Segment { s, s_candidate, .. }, solution) in counted.zip(&self.solutions) {
             for (at, (s, s_candidate)) in s.iter().zip(s_candidate).enumerate() {
-                *s_candidate = SVector::from_fn(|i, _| {
+                *s_candidate = Vector::from_fn(|i, _| {
                     let row = |column: usize| solution[(at * NS + i, column)];
                     let of_parameter = (0..NP).map(|j| row(GRADIENT + 1 + j) * p_step[j]);
                     s[i] - (row(GRADIENT) + of_parameter.sum::<f64>())
@@ -144,7 +145,8 @@ fn solve<const NS: usize, const NP: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{DVector, SMatrix};
+    use horizon_model::{Matrix, Vector};
+    use nalgebra::DVector;
     use proptest::strategy::{Strategy, ValueTree};
     use proptest::test_runner::TestRunner;
 
@@ -167,10 +169,10 @@ mod tests {
             diagonal: matrix.fixed_view::<NS, NS>(k * NS, k * NS).into(),
             before: match k.checked_sub(1) {
                 Some(before) => matrix.fixed_view::<NS, NS>(k * NS, before * NS).into(),
-                None => SMatrix::zeros(),
+                None => Matrix::zeros(),
             },
-            border: SMatrix::from_fn(|_, _| draw()),
-            gradient: SVector::from_fn(|_, _| draw()),
+            border: Matrix::from_fn(|_, _| draw()),
+            gradient: Vector::from_fn(|_, _| draw()),
         };
         ((0..LEN).map(block).collect(), matrix)
     }

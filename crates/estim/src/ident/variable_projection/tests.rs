@@ -1,3 +1,4 @@
+use horizon_model::Vector;
 use horizon_model::check::{Point, amax, model_gap};
 use horizon_model::rows::{Pose, Sticks};
 use horizon_model::{Kinematic, Lagged};
@@ -13,12 +14,12 @@ fn terms() -> Terms<Kinematic, 4, 4, 4, 4> {
     let residuals = Residuals {
         model: Kinematic,
         dt_s: DT_S,
-        c_o: SVector::repeat(30.0),
-        c_s: SVector::repeat(2.0),
+        c_o: Vector::repeat(30.0),
+        c_s: Vector::repeat(2.0),
         observation_loss: Loss::None,
         transition_loss: Loss::None,
     };
-    Terms { residuals, c_0: SVector::zeros() }
+    Terms { residuals, c_0: Vector::zeros() }
 }
 
 /// A piece with a candidate beside what was seen.
@@ -80,14 +81,14 @@ fn a_candidate_that_was_led_back_leaves_no_gradient_by_its_states() {
 
 #[test]
 fn a_model_at_one_parameter_has_its_derivatives_and_nothing_to_identify() {
-    let p = SVector::from(P);
+    let p = Vector::from(P);
     let given = Given { model: Kinematic, p: &p };
     let (s, u) = (Pose::new(0.4, -1.0, 1.2, 2.0), Sticks::new(0.3, -0.6, 0.2, 0.5));
-    let gap = model_gap(&given, &Point { s, u, p: SVector::zeros(), dt_s: DT_S });
+    let gap = model_gap(&given, &Point { s, u, p: Vector::zeros(), dt_s: DT_S });
     assert!(gap.gap < 1e-8, "{gap}");
-    assert_eq!(given.step(&s, &u, &SVector::zeros(), DT_S), Kinematic.step(&s, &u, &p, DT_S));
-    let w = SVector::from([1.0, -0.5, 0.3, 2.0]);
-    let second = given.hessian_by_parameter(&s, &u, &SVector::zeros(), DT_S, &w).unwrap();
+    assert_eq!(given.step(&s, &u, &Vector::zeros(), DT_S), Kinematic.step(&s, &u, &p, DT_S));
+    let w = Vector::from([1.0, -0.5, 0.3, 2.0]);
+    let second = given.hessian_by_parameter(&s, &u, &Vector::zeros(), DT_S, &w).unwrap();
     assert!(amax(&second.by_state) > 1e-4, "{second:?}");
 }
 

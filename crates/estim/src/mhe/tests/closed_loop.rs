@@ -2,7 +2,7 @@
 
 use horizon_model::Lagged;
 use horizon_model::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
-use nalgebra::SMatrix;
+use horizon_model::{Matrix, Vector};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -12,7 +12,7 @@ use crate::levenberg::Problem;
 const DT_S: f64 = 0.02;
 const FORGET_S: f64 = 60.0;
 
-type Parameter = SVector<f64, { lag::COUNT }>;
+type Parameter = Vector<{ lag::COUNT }>;
 type Estimator = Mhe<Lagged, { motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>;
 
 /// What the estimator expects.
@@ -168,7 +168,7 @@ fn gain_and_heading_of_a_new_vehicle_are_found_in_ten_seconds_and_kept_at_hover(
         flight.step(&Sticks::zeros(), &Sticks::zeros());
     }
     let kept = (-f64::from(hover_steps) * DT_S / FORGET_S).exp();
-    let prior = SMatrix::from_diagonal(&sd_parameter().map(|sd| (1.0 - kept) / (sd * sd)));
+    let prior = Matrix::from_diagonal(&sd_parameter().map(|sd| (1.0 - kept) / (sd * sd)));
     let information = gathered * kept + prior;
     let p_expected =
         information.try_inverse().unwrap() * (gathered * kept * p_found + prior * nominal());

@@ -1,6 +1,7 @@
 //! Where the estimator starts, and what it returns for an observation that no state at rest explains.
 
 use super::*;
+use horizon_model::{Matrix, Vector};
 
 /// A boat whose distance and direction are seen: `s' = s + dt p u`. It rests at `rest`, or by default.
 #[derive(Debug, Clone, Copy)]
@@ -12,29 +13,23 @@ struct Boat {
 const BOAT: Boat = Boat { rest: None };
 
 impl Model<2, 2, 2, 1> for Boat {
-    fn step(
-        &self,
-        s: &SVector<f64, 2>,
-        u: &SVector<f64, 2>,
-        p: &SVector<f64, 1>,
-        dt_s: f64,
-    ) -> SVector<f64, 2> {
+    fn step(&self, s: &Vector<2>, u: &Vector<2>, p: &Vector<1>, dt_s: f64) -> Vector<2> {
         s + u * (p[0] * dt_s)
     }
 
-    fn observe(&self, s: &SVector<f64, 2>) -> SVector<f64, 2> {
-        SVector::from([s.norm(), s[1].atan2(s[0])])
+    fn observe(&self, s: &Vector<2>) -> Vector<2> {
+        Vector::from([s.norm(), s[1].atan2(s[0])])
     }
 
-    fn observe_by_state(&self, s: &SVector<f64, 2>) -> SMatrix<f64, 2, 2> {
+    fn observe_by_state(&self, s: &Vector<2>) -> Matrix<2, 2> {
         let squared = s.norm_squared();
-        let (by_distance, by_angle) = (s / squared.sqrt(), SVector::from([-s[1], s[0]]) / squared);
-        SMatrix::from_rows(&[by_distance.transpose(), by_angle.transpose()])
+        let (by_distance, by_angle) = (s / squared.sqrt(), Vector::from([-s[1], s[0]]) / squared);
+        Matrix::from_rows(&[by_distance.transpose(), by_angle.transpose()])
     }
 
-    fn at_rest(&self, o: &SVector<f64, 2>) -> SVector<f64, 2> {
-        let found = SVector::from([o[0] * o[1].cos(), o[0] * o[1].sin()]);
-        self.rest.map_or(found, SVector::from)
+    fn at_rest(&self, o: &Vector<2>) -> Vector<2> {
+        let found = Vector::from([o[0] * o[1].cos(), o[0] * o[1].sin()]);
+        self.rest.map_or(found, Vector::from)
     }
 }
 
@@ -45,15 +40,15 @@ fn estimator(boat: Boat) -> Mhe<Boat, 2, 2, 2, 1> {
 
 #[test]
 fn a_start_says_what_rest_leaves_of_the_observation() {
-    let o = SVector::from([2.0, 0.7]);
+    let o = Vector::from([2.0, 0.7]);
     assert!(estimator(BOAT).start(&o).unwrap().norm() < 1e-12);
     let left = estimator(Boat { rest: Some([1.0, 0.0]) }).start(&o).unwrap();
-    assert!((left - SVector::from([1.0, 0.7])).norm() < 1e-12, "{left}");
+    assert!((left - Vector::from([1.0, 0.7])).norm() < 1e-12, "{left}");
 }
 
 #[test]
 fn a_state_without_observation_or_derivative_is_refused() {
-    let o = SVector::from([2.0, 0.7]);
+    let o = Vector::from([2.0, 0.7]);
     for (rest, what) in [([0.0, 0.0], "derivative"), ([f64::NAN, 0.0], "state")] {
         let mut mhe = estimator(Boat { rest: Some(rest) });
         mhe.start_at(&o).unwrap();
@@ -65,12 +60,12 @@ fn a_state_without_observation_or_derivative_is_refused() {
 
 #[test]
 fn a_given_state_is_where_the_window_begins() {
-    let (mut s, p) = (SVector::from([1.5, 1.2]), [1.2].into());
+    let (mut s, p) = (Vector::from([1.5, 1.2]), [1.2].into());
     let mut mhe = estimator(Boat { rest: Some([0.0, 0.0]) });
     mhe.start_at(&s).unwrap();
     assert_eq!(mhe.window(), &[s]);
     for k in 0..60 {
-        let u = SVector::from([f64::sin(0.3 * f64::from(k)), f64::cos(0.2 * f64::from(k)) - 0.3]);
+        let u = Vector::from([f64::sin(0.3 * f64::from(k)), f64::cos(0.2 * f64::from(k)) - 0.3]);
         s = BOAT.step(&s, &u, &p, 0.1);
         let observed = Observed::full(BOAT.observe(&s));
         assert!(mhe.update(&u, &observed, &mut || false).unwrap().cost.is_finite());

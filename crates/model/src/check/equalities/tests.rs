@@ -1,3 +1,4 @@
+use crate::Vector;
 use crate::check::model_gap;
 
 use super::*;
@@ -21,22 +22,16 @@ impl Valve {
 }
 
 impl Model<1, 1, 1, 1> for Valve {
-    fn step(
-        &self,
-        s: &SVector<f64, 1>,
-        u: &SVector<f64, 1>,
-        p: &SVector<f64, 1>,
-        dt_s: f64,
-    ) -> SVector<f64, 1> {
+    fn step(&self, s: &Vector<1>, u: &Vector<1>, p: &Vector<1>, dt_s: f64) -> Vector<1> {
         let effect = if self.has_passed { u[0] } else { u[0] * u[0] };
-        SVector::from([s[0] + dt_s * self.gain * p[0] * effect])
+        Vector::from([s[0] + dt_s * self.gain * p[0] * effect])
     }
 
-    fn observe(&self, s: &SVector<f64, 1>) -> SVector<f64, 1> {
+    fn observe(&self, s: &Vector<1>) -> Vector<1> {
         s * 2.0
     }
 
-    fn at_rest(&self, o: &SVector<f64, 1>) -> SVector<f64, 1> {
+    fn at_rest(&self, o: &Vector<1>) -> Vector<1> {
         o * (0.5 * self.if_wrong("at_rest", 3.0))
     }
 
@@ -44,15 +39,15 @@ impl Model<1, 1, 1, 1> for Valve {
         Self { has_passed: true, ..*self }
     }
 
-    fn prepared(&self, _p: &SVector<f64, 1>, _dt_s: f64) -> Self {
+    fn prepared(&self, _p: &Vector<1>, _dt_s: f64) -> Self {
         Self { gain: self.if_wrong("prepared", -1.0), ..*self }
     }
 
-    fn effect(&self, u: &SVector<f64, 1>, _p: &SVector<f64, 1>) -> SVector<f64, 1> {
+    fn effect(&self, u: &Vector<1>, _p: &Vector<1>) -> Vector<1> {
         u * (u[0] * self.if_wrong("core", 2.0))
     }
 
-    fn input_for(&self, effect: &SVector<f64, 1>, _p: &SVector<f64, 1>) -> SVector<f64, 1> {
+    fn input_for(&self, effect: &Vector<1>, _p: &Vector<1>) -> Vector<1> {
         effect.map(f64::sqrt)
             * (self.if_wrong("input_for", 2.0) / self.if_wrong("core", 2.0).sqrt())
     }
@@ -78,21 +73,15 @@ fn a_function_that_does_not_agree_with_the_model_is_named() {
 struct OnePeriod(Option<f64>);
 
 impl Model<1, 1, 1, 1> for OnePeriod {
-    fn step(
-        &self,
-        s: &SVector<f64, 1>,
-        u: &SVector<f64, 1>,
-        p: &SVector<f64, 1>,
-        dt_s: f64,
-    ) -> SVector<f64, 1> {
+    fn step(&self, s: &Vector<1>, u: &Vector<1>, p: &Vector<1>, dt_s: f64) -> Vector<1> {
         s + u * (self.0.unwrap_or(dt_s) * p[0])
     }
 
-    fn observe(&self, s: &SVector<f64, 1>) -> SVector<f64, 1> {
+    fn observe(&self, s: &Vector<1>) -> Vector<1> {
         *s
     }
 
-    fn prepared(&self, _p: &SVector<f64, 1>, dt_s: f64) -> Self {
+    fn prepared(&self, _p: &Vector<1>, dt_s: f64) -> Self {
         Self(Some(dt_s))
     }
 }

@@ -1,4 +1,5 @@
 use super::*;
+use crate::{Matrix, Vector};
 
 #[test]
 fn equal_terms_are_one_and_constants_are_folded() {
@@ -53,7 +54,7 @@ fn two_functions_in_one_instruction_round_as_two() {
         (Add, cos, sin),
     ];
     let layout = Layout { states: 3, inputs: 0, parameters: 0 };
-    let s = SVector::from([0.1, 0.7, 1.3]);
+    let s = Vector::from([0.1, 0.7, 1.3]);
     for (function, a, b) in pairs {
         let of = [graph.binary(function, a, b)];
         let tape = Tape::compile(&graph, layout, [Entries::new(&of, 1, (1, 1))]).unwrap();
@@ -61,8 +62,8 @@ fn two_functions_in_one_instruction_round_as_two() {
             Variable::State(row) => s[row],
             _ => 0.0,
         });
-        let nothing = SVector::zeros();
-        let value: SVector<f64, 1> = tape.evaluate::<_, 3, 0, 0>((&s, &nothing, &nothing, 0.1));
+        let nothing = Vector::zeros();
+        let value: Vector<1> = tape.evaluate::<_, 3, 0, 0>((&s, &nothing, &nothing, 0.1));
         assert_eq!(value[0].to_bits(), expected.to_bits(), "{function:?} of {a:?} and {b:?}");
         // Three variables, the period, the zero, and one result or sine, cosine and their sum.
         let results = if function == Add && a == cos { 3 } else { 1 };
@@ -89,9 +90,9 @@ fn every_number_of_registers_gives_the_value_of_the_graph() {
                 continue;
             }
         };
-        let nothing = SVector::zeros();
-        let s = SVector::from([0.3]);
-        let value: SVector<f64, 1> = tape.evaluate::<_, 1, 0, 0>((&s, &nothing, &nothing, 0.1));
+        let nothing = Vector::zeros();
+        let s = Vector::from([0.3]);
+        let value: Vector<1> = tape.evaluate::<_, 1, 0, 0>((&s, &nothing, &nothing, 0.1));
         assert_eq!(value[0].to_bits(), expected.to_bits(), "{terms} terms");
     }
 }
@@ -105,8 +106,8 @@ fn variables_and_constants_alone_need_no_instruction() {
     of.push(graph.constant(7.0));
     let layout = Layout { states: 2, inputs: 1, parameters: 2 };
     let tape = Tape::compile(&graph, layout, [Entries::new(&of, 1, (5, 1))]).unwrap();
-    let at = (&SVector::from([0.1, 0.2]), &SVector::from([0.3]), &SVector::from([0.4, 0.5]), 0.6);
-    let value: SVector<f64, 5> = tape.evaluate::<_, 2, 1, 2>(at);
+    let at = (&Vector::from([0.1, 0.2]), &Vector::from([0.3]), &Vector::from([0.4, 0.5]), 0.6);
+    let value: Vector<5> = tape.evaluate::<_, 2, 1, 2>(at);
     assert_eq!(value.as_slice(), [0.2, 0.3, 0.5, 0.6, 7.0]);
 }
 
@@ -125,9 +126,8 @@ fn a_matrix_that_is_given_by_rows_is_kept_by_columns_and_filled_up_with_zeros() 
     let ids: Vec<Id> = (1..=6).map(|k| graph.constant(f64::from(k))).collect();
     let layout = Layout { states: 0, inputs: 0, parameters: 0 };
     let tape = Tape::compile(&graph, layout, [Entries::new(&ids, 3, (3, 4))]).unwrap();
-    let nothing = SVector::zeros();
-    let filled: SMatrix<f64, 3, 4> =
-        tape.evaluate::<_, 0, 0, 0>((&nothing, &nothing, &nothing, 0.1));
+    let nothing = Vector::zeros();
+    let filled: Matrix<3, 4> = tape.evaluate::<_, 0, 0, 0>((&nothing, &nothing, &nothing, 0.1));
     let rows = [1.0, 2.0, 3.0, 0.0, 4.0, 5.0, 6.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-    assert_eq!(filled, SMatrix::<f64, 3, 4>::from_row_slice(&rows));
+    assert_eq!(filled, Matrix::<3, 4>::from_row_slice(&rows));
 }

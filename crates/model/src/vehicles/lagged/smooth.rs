@@ -138,7 +138,8 @@ fn rounded_abs(x: f64, width: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{SMatrix, SVector, Vector1};
+    use crate::{Matrix, Vector};
+    use nalgebra::Vector1;
 
     use super::*;
     use crate::check::{jacobian_gap, maximum};
@@ -182,9 +183,9 @@ mod tests {
         // Third derivatives are of order 1 / width^2: 1e4 for the dead zone, of which the difference leaves 6e-8, and
         // of the second one, a difference of first derivatives, 1e-6 of 1 / width = 100.
         for u in [-0.9, -0.3, -0.075, -0.07, -0.01, 0.0, 0.02, 0.07, 0.08, 0.5] {
-            let (x, exact) = (SVector::from([u, 0.07]), excess(u, 0.07, DEAD_WIDTH));
-            let exact = SMatrix::<f64, 1, 2>::new(exact.by_stick, exact.by_dead);
-            let value = |x: &SVector<f64, 2>| Vector1::new(excess(x[0], x[1], DEAD_WIDTH).value);
+            let (x, exact) = (Vector::from([u, 0.07]), excess(u, 0.07, DEAD_WIDTH));
+            let exact = Matrix::<1, 2>::new(exact.by_stick, exact.by_dead);
+            let value = |x: &Vector<2>| Vector1::new(excess(x[0], x[1], DEAD_WIDTH).value);
             let gap = jacobian_gap(value, &x, &exact);
             assert!(gap < 3e-7, "gap {gap:e} at {u}");
             let by_stick = |x: &Vector1<f64>| Vector1::new(excess(x[0], 0.07, DEAD_WIDTH).by_stick);

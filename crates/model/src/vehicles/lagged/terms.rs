@@ -3,7 +3,8 @@
 //! Owns the chain rule. The step and its Jacobians fill the velocity rows first; [`integrate`] then carries
 //! them into the pose, for a state and for the columns of a Jacobian alike.
 
-use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
+use crate::{Matrix, Vector};
+use nalgebra::{Matrix2, Vector2};
 
 use super::smooth::{Excess, Fraction, Limit, fraction, limit, limit_second};
 use super::{Lagged, LaggedShape, dead_of};
@@ -11,13 +12,13 @@ use crate::model::{HessianKind, HessianRequest, InputHessian};
 use crate::vehicles::rows::{Motion, Sticks, lag, motion, stick};
 
 /// Parameter, rows [`lag`].
-pub(super) type Parameter = SVector<f64, { lag::COUNT }>;
+pub(super) type Parameter = Vector<{ lag::COUNT }>;
 /// Derivatives of a step by the state.
-pub(super) type ByState = SMatrix<f64, { motion::COUNT }, { motion::COUNT }>;
+pub(super) type ByState = Matrix<{ motion::COUNT }, { motion::COUNT }>;
 /// Derivatives of a step by the input.
-pub(super) type ByInput = SMatrix<f64, { motion::COUNT }, { stick::COUNT }>;
+pub(super) type ByInput = Matrix<{ motion::COUNT }, { stick::COUNT }>;
 /// Derivatives of a step by the parameter.
-pub(super) type ByParameter = SMatrix<f64, { motion::COUNT }, { lag::COUNT }>;
+pub(super) type ByParameter = Matrix<{ motion::COUNT }, { lag::COUNT }>;
 
 /// Rows of the pose, and velocities that move them.
 const MOVED: [(usize, usize); 7] = [
@@ -169,7 +170,7 @@ impl Terms {
     #[inline]
     pub(super) fn next_by_state(&self) -> ByState {
         let fraction = self.lags.fraction_h.value;
-        let mut j = SMatrix::identity();
+        let mut j = Matrix::identity();
         set(&mut j, motion::THETA, self.limited(fraction * quarter_turn(self.asked_w_mps)));
         set(&mut j, motion::V_X, Vector2::x() - self.limited(fraction * Vector2::x()));
         set(&mut j, motion::V_Y, Vector2::y() - self.limited(fraction * Vector2::y()));
@@ -188,7 +189,7 @@ impl Terms {
     /// Derivative of [`Terms::next`] by the input.
     #[inline]
     pub(super) fn next_by_input(&self, p: &Parameter) -> ByInput {
-        let mut j = SMatrix::zeros();
+        let mut j = Matrix::zeros();
         for (col, by_stick) in self.change_by_stick(p) {
             set(&mut j, col, self.limited(by_stick));
         }
@@ -207,7 +208,7 @@ impl Terms {
         let along = world(self.heading, self.pitch.value, self.roll.value);
         let shrunk = world(self.heading, self.pitch.by_dead, self.roll.by_dead);
         let by_limit = -2.0 * self.limit.by_ratio2 * self.ratio2 / p[lag::A_MAX];
-        let mut j = SMatrix::zeros();
+        let mut j = Matrix::zeros();
         set(&mut j, lag::LAMBDA_H, self.limited(fraction * along));
         set(&mut j, lag::THETA_0, self.limited(fraction * quarter_turn(self.asked_w_mps)));
         set(&mut j, lag::TAU_H, self.limited(self.lags.fraction_h.by_tau * self.missing_w_mps));
@@ -251,7 +252,7 @@ impl Terms {
         ];
         let sticks = self.change_by_stick(p);
         let (mut by_state, mut by_input_state, mut by_input) =
-            (SMatrix::zeros(), SMatrix::zeros(), SMatrix::zeros());
+            (Matrix::zeros(), Matrix::zeros(), Matrix::zeros());
         for (j, by_j) in states {
             let turned = h * by_j;
             for (i, by_i) in &states {
@@ -350,14 +351,14 @@ fn quarter_turn(q: Vector2<f64>) -> Vector2<f64> {
 
 /// Puts a horizontal velocity into column `col`.
 #[inline]
-fn set<const N: usize>(j: &mut SMatrix<f64, { motion::COUNT }, N>, col: usize, v: Vector2<f64>) {
+fn set<const N: usize>(j: &mut Matrix<{ motion::COUNT }, N>, col: usize, v: Vector2<f64>) {
     j[(motion::V_X, col)] = v.x;
     j[(motion::V_Y, col)] = v.y;
 }
 
 /// Adds the velocities of each column, times `after_s`, to its pose.
 #[inline]
-fn integrate<const N: usize>(columns: &mut SMatrix<f64, { motion::COUNT }, N>, after_s: f64) {
+fn integrate<const N: usize>(columns: &mut Matrix<{ motion::COUNT }, N>, after_s: f64) {
     for mut column in columns.column_iter_mut() {
         column[motion::X] += after_s * (column[motion::V_X] + column[motion::D_X]);
         column[motion::Y] += after_s * (column[motion::V_Y] + column[motion::D_Y]);

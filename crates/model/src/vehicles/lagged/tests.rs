@@ -1,6 +1,5 @@
+use crate::{Matrix, Vector};
 use std::f64::consts::PI;
-
-use nalgebra::SVector;
 
 use super::*;
 use crate::check::{Point, model_gap};
@@ -263,8 +262,8 @@ fn a_moving_reference_leaves_room_for_the_disturbance() {
 }
 
 /// Second derivatives by state and input in one matrix.
-fn whole(curvature: &InputHessian<11, 4>) -> SMatrix<f64, 15, 15> {
-    let mut whole = SMatrix::<f64, 15, 15>::zeros();
+fn whole(curvature: &InputHessian<11, 4>) -> Matrix<15, 15> {
+    let mut whole = Matrix::<15, 15>::zeros();
     whole.fixed_view_mut::<11, 11>(0, 0).copy_from(&curvature.by_state);
     whole.fixed_view_mut::<4, 11>(11, 0).copy_from(&curvature.by_input_state);
     whole.fixed_view_mut::<11, 4>(0, 11).copy_from(&curvature.by_input_state.transpose());
@@ -274,20 +273,15 @@ fn whole(curvature: &InputHessian<11, 4>) -> SMatrix<f64, 15, 15> {
 
 /// Derivatives of the horizontal change of velocity, before its limit, by state and input: those of a vehicle without
 /// a limit.
-fn change_by_state_and_input(
-    model: &Lagged,
-    s: &Motion,
-    u: &Sticks,
-    dt_s: f64,
-) -> SMatrix<f64, 2, 15> {
+fn change_by_state_and_input(model: &Lagged, s: &Motion, u: &Sticks, dt_s: f64) -> Matrix<2, 15> {
     let mut p = flown();
     p[lag::A_MAX] = 1e9;
-    let change_w = |x: &SVector<f64, 15>| {
+    let change_w = |x: &Vector<15>| {
         let (s, u) = (x.fixed_rows::<11>(0).into_owned(), x.fixed_rows::<4>(11).into_owned());
         let s_next = model.step(&s, &u, &p, dt_s);
-        SVector::from([s_next[motion::V_X] - s[motion::V_X], s_next[motion::V_Y] - s[motion::V_Y]])
+        Vector::from([s_next[motion::V_X] - s[motion::V_X], s_next[motion::V_Y] - s[motion::V_Y]])
     };
-    let at = SVector::<f64, 15>::from_iterator(s.iter().chain(u.iter()).copied());
+    let at = Vector::<15>::from_iterator(s.iter().chain(u.iter()).copied());
     differences::jacobian(change_w, &at)
 }
 
@@ -304,7 +298,7 @@ fn the_convex_curvature_is_that_of_the_limit_without_its_signs() {
         let s = moving(Pose::new(0.1, 0.2, 1.0, angle), v, [0.0; 3]);
         let u = Sticks::new((2.3 * angle).sin(), (3.1 * angle).cos(), 0.4, -0.6);
         let w = Motion::from_fn(|row, _| (0.7 * angle + row as f64).sin());
-        let by_input = &SMatrix::zeros();
+        let by_input = &Matrix::zeros();
         let of = |kind| {
             let request = HessianRequest { s: &s, u: &u, p: &p, dt_s, by_input, w: &w, kind };
             whole(&model.hessian_by_input(&request).unwrap())
@@ -316,13 +310,13 @@ fn the_convex_curvature_is_that_of_the_limit_without_its_signs() {
         // The change is e = k (c - v), and no other row is nonlinear in v: the block of the horizontal velocities, by
         // differences of the gradient, is k^2 times the Hessian by e.
         let fraction = 1.0 - (-dt_s / p[lag::TAU_H]).exp();
-        let gradient = |v: &SVector<f64, 2>| {
+        let gradient = |v: &Vector<2>| {
             let mut s = s;
             (s[motion::V_X], s[motion::V_Y]) = (v.x, v.y);
             let by_state = model.step_by_state(&s, &u, &p, dt_s).tr_mul(&w);
-            SVector::from([by_state[motion::V_X], by_state[motion::V_Y]])
+            Vector::from([by_state[motion::V_X], by_state[motion::V_Y]])
         };
-        let v = SVector::from([s[motion::V_X], s[motion::V_Y]]);
+        let v = Vector::from([s[motion::V_X], s[motion::V_Y]]);
         let by_change = differences::jacobian(gradient, &v) / fraction.powi(2);
         let by_change = 0.5 * (by_change + by_change.transpose());
         let mut absolute = by_change.symmetric_eigen();

@@ -3,6 +3,7 @@ use crate::qp::Horizon;
 use crate::qp::tests::case::Numbers;
 use horizon_model::check::maximum;
 use horizon_model::{InputHessian, differences};
+use horizon_model::{Matrix, Vector};
 
 const NS: usize = 2;
 const NU: usize = 3;
@@ -16,9 +17,9 @@ fn patterns() -> impl Iterator<Item = [Option<f64>; NU]> {
         .map(move |bits: usize| std::array::from_fn(|i| ((bits >> i) & 1 == 1).then(|| step(i))))
 }
 
-fn definite<const N: usize>(numbers: &mut Numbers) -> SMatrix<f64, N, N> {
+fn definite<const N: usize>(numbers: &mut Numbers) -> Matrix<N, N> {
     let root = numbers.fill::<N, N>();
-    root * root.transpose() + SMatrix::identity() * 0.5
+    root * root.transpose() + Matrix::identity() * 0.5
 }
 
 /// A stage with everything that can add to its cost, and what follows it.
@@ -89,7 +90,7 @@ impl Step {
     }
 
     /// What the module's equation minimizes over `du`.
-    fn cost(&self, ds: &SVector<f64, NS>, dv: &SVector<f64, NU>, du: &SVector<f64, NU>) -> f64 {
+    fn cost(&self, ds: &Vector<NS>, dv: &Vector<NU>, du: &Vector<NU>) -> f64 {
         let [stage] = &self.stages;
         let [second] = &self.second_derivatives;
         let ds_next = stage.next(ds, du);
@@ -110,7 +111,7 @@ impl Step {
 }
 
 /// `V(ds, dv)` without its constant.
-fn cost_to_go(v: &Value<NS, NU>, ds: &SVector<f64, NS>, dv: &SVector<f64, NU>) -> f64 {
+fn cost_to_go(v: &Value<NS, NU>, ds: &Vector<NS>, dv: &Vector<NU>) -> f64 {
     ds.dot(&(0.5 * v.by_state * ds + v.by_state_before * dv + v.gradient))
         + dv.dot(&(0.5 * v.by_before * dv + v.gradient_before))
 }
@@ -123,7 +124,7 @@ fn the_transform_is_the_inverse_over_the_inputs_that_are_left() {
         for row in 0..NU {
             // Rows and columns of the other active inputs become those of the unit matrix.
             let is_left = |i: usize| i == row || active[i].is_none();
-            let left = SMatrix::<f64, NU, NU>::from_fn(|i, j| match (is_left(i), is_left(j)) {
+            let left = Matrix::<NU, NU>::from_fn(|i, j| match (is_left(i), is_left(j)) {
                 (true, true) => hessian[(i, j)],
                 _ => f64::from(u8::from(i == j)),
             });
@@ -156,22 +157,22 @@ fn the_policy_minimizes_the_cost_and_the_value_is_its_minimum() {
         let mut numbers = Numbers::new(seed + 100);
         for active in patterns() {
             let (policy, value) = step.eliminate(active).unwrap();
-            let chosen = |ds: &SVector<f64, NS>, dv: &SVector<f64, NU>| {
+            let chosen = |ds: &Vector<NS>, dv: &Vector<NU>| {
                 let minimizers = policy.minimizers(ds, dv);
-                SVector::from_fn(|i, _| active[i].unwrap_or(minimizers[i]))
+                Vector::from_fn(|i, _| active[i].unwrap_or(minimizers[i]))
             };
-            let minimum = |ds: &SVector<f64, NS>, dv: &SVector<f64, NU>| {
+            let minimum = |ds: &Vector<NS>, dv: &Vector<NU>| {
                 step.cost(ds, dv, &chosen(ds, dv)) - cost_to_go(&value, ds, dv)
             };
             // The constant that the value leaves out.
-            let constant = minimum(&SVector::zeros(), &SVector::zeros());
+            let constant = minimum(&Vector::zeros(), &Vector::zeros());
             for _ in 0..5 {
                 let ds = numbers.fill();
-                let dv = if couples { numbers.fill() } else { SVector::zeros() };
+                let dv = if couples { numbers.fill() } else { Vector::zeros() };
                 let gap = (minimum(&ds, &dv) - constant).abs();
                 // Rounding of costs of about 10.
                 assert!(gap < 1e-12, "seed {seed}, {active:?}: cost {gap:e}");
-                let cost = |du: &SVector<f64, NU>| SVector::from([step.cost(&ds, &dv, du)]);
+                let cost = |du: &Vector<NU>| Vector::from([step.cost(&ds, &dv, du)]);
                 let gradient = differences::jacobian(cost, &chosen(&ds, &dv));
                 let inactive = (0..NU).filter(|i| active[*i].is_none());
                 let worst = inactive.map(|i| gradient[i].abs()).fold(0.0, maximum);
