@@ -74,7 +74,7 @@ fn every_reference_problem_is_solved_from_zero_inputs() {
         let settings = settings(&problem, qp);
         let mut mpc = Mpc::<_, 4, 4, 4, 4, 4>::new(Kinematic, settings, DT_S).unwrap();
         let s_ref = vec![Pose::from(problem.s_ref); problem.horizon_steps];
-        let problem = MpcProblem {
+        let mpc_problem = MpcProblem {
             s_0: &Pose::from(problem.s0),
             p: &SVector::from(problem.p),
             u_before: &Sticks::from(problem.u_prev),
@@ -82,7 +82,7 @@ fn every_reference_problem_is_solved_from_zero_inputs() {
             u_given: &[],
             given_steps: [0; 4],
         };
-        let report = mpc.solve(&problem, &mut || false).unwrap();
+        let report = mpc.solve(&mpc_problem, &mut || false).unwrap();
 
         let gap = report.cost / problem.cost - 1.0;
         let u_gap = mpc

@@ -117,9 +117,9 @@ where
     /// steps has the weight of its steps together (`docs/model.md`, section 5).
     ///
     /// First the plan takes over the inputs that `problem` gives; their cost counts. `is_late` is called once per
-    /// iteration, before its first quadratic subproblem, and again before Clarabel gets a subproblem that the stage-wise
-    /// solver did not solve; `true` ends the solve. Inputs that are not given stay within the bounds, and the cost of
-    /// the plan never increases; read the plan with [`Mpc::plan`].
+    /// iteration, before its first quadratic subproblem, and again before Clarabel gets a subproblem that the
+    /// stage-wise solver did not solve; `true` ends the solve. Inputs that are not given stay within the bounds, and
+    /// the cost of the plan never increases; read the plan with [`Mpc::plan`].
     ///
     /// # Errors
     /// The plan stays as it was. [`SolveError::NotFinite`], [`SolveError::Horizon`], [`SolveError::Given`] and

@@ -267,7 +267,7 @@ impl<const NS: usize, const NP: usize> Chain<NS, NP> {
                 back_substitute(rows, p_step, self.blocks.len(), |k, step| self.steps[k] = step);
             }
             WholeOrPartition::Partition(partition) => {
-                partition.back_substitute(p_step, &mut self.steps)
+                partition.back_substitute(p_step, &mut self.steps);
             }
         }
         &self.steps

@@ -243,7 +243,8 @@ impl Damping {
     /// if an undamped step has to confirm it first; the damping is then 0.
     ///
     /// Damping may hold back a single row with a unit far from those of the others, so a damped step alone proves no
-    /// convergence. The undamped step is tried once per solve: after its failure the convergence of damped steps counts.
+    /// convergence. The undamped step is tried once per solve: after its failure the convergence of damped steps
+    /// counts.
     fn confirm(&mut self, stop: Stop) -> Option<Stop> {
         if !(self.has_to_confirm && self.value > 0.0) {
             return Some(stop);
@@ -336,9 +337,9 @@ pub(crate) fn solve<P: Problem>(
 /// The decrease that remains after the step is estimated without another step. With the quadratic model's Hessian `H`,
 /// the true one `H + E` and the step `d`, the error of the predicted decrease is `eta = d' E d / 2`, and the gradient
 /// after the step is `E d`: the next step gains about `d' E H^-1 E d / 2 <= |eta|` if `E` is semidefinite and the
-/// iteration contracts. If `E` is indefinite, `eta` may vanish by chance: [`Problem::REMAINING_DECREASE_MIN`] is a lower bound. Along a
-/// direction of curvature `l`, the damping `mu` holds back `mu^2 |d|^2 / (2 l)`, less than half of `mu |d|^2` where `l`
-/// exceeds `mu`.
+/// iteration contracts. If `E` is indefinite, `eta` may vanish by chance: [`Problem::REMAINING_DECREASE_MIN`] is a
+/// lower bound. Along a direction of curvature `l`, the damping `mu` holds back `mu^2 |d|^2 / (2 l)`, less than half of
+/// `mu |d|^2` where `l` exceeds `mu`.
 fn attempt<P: Problem>(problem: &mut P, settings: &LmSettings, damping: f64, cost: f64) -> Attempt {
     let Ok(step) = problem.try_step(damping) else { return Attempt::Rejected };
     let damped = damping * step.norm * step.norm;

@@ -193,8 +193,8 @@ where
     /// Real time: no allocation, constant cost.
     ///
     /// # Errors
-    /// [`MheError::NonFinite`]: the state, its observation or the derivative of that is not finite, as that of a distance
-    /// at distance zero; the estimator is not started.
+    /// [`MheError::NonFinite`]: the state, its observation or the derivative of that is not finite, as that of a
+    /// distance at distance zero; the estimator is not started.
     pub fn start_at(&mut self, s: &Vector<NS>) -> Result<(), MheError> {
         self.is_started = false;
         finite("state", s)?;

@@ -1,10 +1,10 @@
 //! Block-diagonal partition of the normal equations into decoupled subsystems.
 //!
-//! Owns which rows belong to which subsystem. With plain least squares the subsystems are not coupled, so each is solved
-//! by itself. The second derivative of a robust loss couples the rows of an outlier; these entries are left out of the
-//! step, which is accepted on the true cost. The cost of an elimination grows with the cube of its rows. Block sizes
-//! known at compile time make an elimination fast: each subsystem has blocks of its own sizes, which the model states
-//! ([`Model::subsystems`]).
+//! Owns which rows belong to which subsystem. With plain least squares the subsystems are not coupled, so each is
+//! solved by itself. The second derivative of a robust loss couples the rows of an outlier; these entries are left out
+//! of the step, which is accepted on the true cost. The cost of an elimination grows with the cube of its rows. Block
+//! sizes known at compile time make an elimination fast: each subsystem has blocks of its own sizes, which the model
+//! states ([`Model::subsystems`]).
 
 use horizon_model::{Matrix, Vector};
 use std::fmt::Debug;

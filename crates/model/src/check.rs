@@ -71,8 +71,8 @@ pub struct Gap {
     pub column_name: &'static str,
     /// The entry. Entries of steps are divided by the period.
     pub entry: Entry,
-    /// Largest relative gap, that of the entry; NaN if any is, infinite if [`Model::subsystems`] does not hold every row
-    /// once. 1
+    /// Largest relative gap, that of the entry; NaN if any is, infinite if [`Model::subsystems`] does not hold every
+    /// row once. 1
     pub gap: f64,
 }
 

@@ -117,8 +117,8 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
     }
 
     /// Upper bound of the decrease by any step, from the reduced gradient of each input: with `D` mapping inputs to the
-    /// inputs or changes that are weighted, `1/2 g' (D' C_u^2 D)^-1 g`, the decrease of the input cost's quadratic alone.
-    /// It is a bound since the states only add to the curvature.
+    /// inputs or changes that are weighted, `1/2 g' (D' C_u^2 D)^-1 g`, the decrease of the input cost's quadratic
+    /// alone. It is a bound since the states only add to the curvature.
     pub(super) fn gain_max(&self, gradient: impl DoubleEndedIterator<Item = Vector<NU>>) -> f64 {
         let (mut gain, mut sum) = (0.0, Vector::zeros());
         for (gradient, reciprocal) in gradient.rev().zip(self.input_reciprocal.iter().rev()) {

@@ -95,8 +95,8 @@ fn index(at: Option<usize>) -> String {
 #[must_use]
 #[non_exhaustive]
 pub enum Stop {
-    /// The predicted relative decrease of the cost is below the tolerance, or lost in the rounding of the cost: the plan
-    /// is optimal.
+    /// The predicted relative decrease of the cost is below the tolerance, or lost in the rounding of the cost: the
+    /// plan is optimal.
     CostTolerance,
     /// The iteration limit was reached.
     IterationLimit,
@@ -232,7 +232,8 @@ pub enum SolveError {
         /// The first such stage.
         stage: usize,
     },
-    /// The present plan leads out of the range of numbers: entries of the problem are too large, or the model is not finite.
+    /// The present plan leads out of the range of numbers: entries of the problem are too large, or the model is not
+    /// finite.
     #[error(
         "the present plan costs {cost}: state, reference or weights are too large, or the model is not finite"
     )]

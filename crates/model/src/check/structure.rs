@@ -25,8 +25,8 @@ pub(super) fn uncontrollable_gap<const NS: usize, const NU: usize>(
     worst
 }
 
-/// The largest derivative by which states, inputs and parameters outside of a subsystem move it; infinite if the subsystems do
-/// not hold every row once.
+/// The largest derivative by which states, inputs and parameters outside of a subsystem move it; infinite if the
+/// subsystems do not hold every row once.
 pub(super) fn joint<const NS: usize, const NU: usize, const NP: usize>(
     driven: &LinearizedByInput<NS, NU>,
     linearized: &Linearized<NS, NP>,

@@ -78,18 +78,6 @@ pub(super) struct Working<'a, const NS: usize, const NU: usize> {
     pub(super) penalized: &'a [bool],
 }
 
-/// The quadratic that the inputs of a stage minimize: `1/2 du' H du + du' S ds + du' C dv + h' du`.
-struct StageQuadratic<const NS: usize, const NU: usize> {
-    /// `H`.
-    by_input: Matrix<NU, NU>,
-    /// `S`.
-    by_input_state: Matrix<NU, NS>,
-    /// `C`, diagonal.
-    by_input_before: Matrix<NU, NU>,
-    /// `h`.
-    gradient: Vector<NU>,
-}
-
 /// Fills in the policy of step `k` and the value before it, from the value after it.
 ///
 /// The gradient by `du` is `H du + S ds + C dv + h`. Letters as in `docs/model.md`, section 5: `f` for inputs at
@@ -106,21 +94,36 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     (policy, value): (&mut Policy<NS, NU>, &mut Value<NS, NU>),
     next: &Value<NS, NU>,
 ) -> Result<(), Reason> {
-    let by_state = &problem.stages[k].by_state; // A
-    let is_coupled = !curvature.coupling.is_empty();
+    let Stage { by_state: a, by_input: b } = &problem.stages[k];
+    let coupling = curvature.coupling.get(k);
     let (hessian_next, gradient_next) = at_next_state(k, problem, curvature, working, next); // P+ and p+
-    let quadratic = stage_quadratic(k, problem, curvature, (&hessian_next, &gradient_next), next);
-    let StageQuadratic { by_input, by_input_state, by_input_before, gradient } = quadratic;
+    // Sums: `P+ B + W+`, `H` and `h`.
+    let mut by_next_state_input = mul_sparse(&hessian_next, b);
+    let mut by_input = Matrix::from_diagonal(&curvature.diagonal.u[k]);
+    let mut gradient = problem.gradient.u[k] + tr_mul_vector(b, &gradient_next);
+    if coupling.is_some() {
+        by_next_state_input += next.by_state_before;
+        by_input += next.by_before + mul_sparse(&transpose(b), &next.by_state_before);
+        gradient += next.gradient_before;
+    }
+    let by_input_next_state = transpose(&by_next_state_input);
+    add_mul(&mut by_input, &by_input_next_state, b);
+    let mut by_input_state = mul_sparse(&by_input_next_state, a); // S
+    if let Some(second) = problem.second_derivatives.get(k) {
+        by_input_state += second.by_input_state;
+        by_input += second.by_input;
+    }
+    let by_input_before = coupling.map_or(Matrix::zeros(), Matrix::from_diagonal); // C
 
-    let mut offset = gradient; // h_f + H_fc du_c in the rows f
+    let mut inactive_gradient = gradient; // h_f + H_fc du_c in the rows f
     let mut inactive_by_state = transpose(&by_input_state); // S_f': the columns c become zero
     let mut inactive_by_before = by_input_before; // C_f', C being symmetric
-    value.gradient = tr_mul_vector(by_state, &gradient_next);
+    value.gradient = tr_mul_vector(a, &gradient_next);
     value.gradient_before = Vector::zeros();
     for (i, active) in working.active.iter().enumerate() {
         let Some(du) = *active else { continue };
         // An input at an active bound stays fixed; only the other inputs take a feedback gain.
-        offset += by_input.column(i) * du;
+        inactive_gradient += by_input.column(i) * du;
         value.gradient += inactive_by_state.column(i) * du;
         value.gradient_before += inactive_by_before.column(i) * du;
         inactive_by_state.column_mut(i).fill(0.0);
@@ -128,14 +131,14 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     }
     let transform = transform(by_input, &working.active)?; // -H_ff^-1 in the rows f
     policy.by_state = mul_sparse(&transform, &by_input_state);
-    policy.offset = mul_sparse(&transform, &offset);
+    policy.offset = mul_sparse(&transform, &inactive_gradient);
     add_mul(&mut value.gradient, &inactive_by_state, &policy.offset);
-    value.by_state = mul_sparse(&transpose(&mul_sparse(&hessian_next, by_state)), by_state);
+    value.by_state = mul_sparse(&transpose(&mul_sparse(&hessian_next, a)), a);
     if let Some(second) = problem.second_derivatives.get(k) {
         value.by_state += second.by_state;
     }
     add_mul(&mut value.by_state, &inactive_by_state, &policy.by_state);
-    if is_coupled {
+    if coupling.is_some() {
         policy.by_before = mul_sparse(&transform, &by_input_before);
         value.by_state_before = mul_sparse(&inactive_by_state, &policy.by_before);
         value.by_before = mul_sparse(&inactive_by_before, &policy.by_before);
@@ -145,40 +148,6 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
         policy.offset[i] += active.unwrap_or(0.0);
     }
     Ok(())
-}
-
-/// The quadratic of stage `k` from `P+` and `p+`, those of [`at_next_state`], and the value after the stage.
-#[inline(always)]
-#[expect(
-    clippy::inline_always,
-    reason = "innermost loop of a plan: out of line, its matrices are copied"
-)]
-fn stage_quadratic<const NS: usize, const NU: usize>(
-    k: usize,
-    problem: &Problem<'_, NS, NU>,
-    curvature: &CostHessian<NS, NU>,
-    (hessian_next, gradient_next): (&Matrix<NS, NS>, &Vector<NS>),
-    next: &Value<NS, NU>,
-) -> StageQuadratic<NS, NU> {
-    let Stage { by_state, by_input: b } = &problem.stages[k];
-    let mut by_next_state_input = mul_sparse(hessian_next, b); // P+ B + W+
-    let mut by_input = Matrix::from_diagonal(&curvature.diagonal.u[k]); // D + Q+ + B' W+ + (P+ B + W+)' B
-    let mut gradient = problem.gradient.u[k] + tr_mul_vector(b, gradient_next);
-    let coupling = curvature.coupling.get(k);
-    if coupling.is_some() {
-        by_next_state_input += next.by_state_before;
-        by_input += next.by_before + mul_sparse(&transpose(b), &next.by_state_before);
-        gradient += next.gradient_before;
-    }
-    let by_input_next_state = transpose(&by_next_state_input);
-    add_mul(&mut by_input, &by_input_next_state, b);
-    let mut by_input_state = mul_sparse(&by_input_next_state, by_state);
-    if let Some(second) = problem.second_derivatives.get(k) {
-        by_input_state += second.by_input_state;
-        by_input += second.by_input;
-    }
-    let by_input_before = coupling.map_or(Matrix::zeros(), Matrix::from_diagonal);
-    StageQuadratic { by_input, by_input_state, by_input_before, gradient }
 }
 
 /// Hessian and gradient by `ds_{k+1}` of its own cost and all that follows.
