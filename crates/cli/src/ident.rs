@@ -10,8 +10,8 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use tello_eval::REVISION;
 use tello_eval::ident::{
-    self, Bootstrap, BootstrapPlan, Comparison, FileUsed, FitResult, IdentFileTable, IdentReport, Job,
-    Observer,
+    self, Bootstrap, BootstrapPlan, Comparison, FileUsed, FitResult, IdentFileTable, IdentReport,
+    Job, Observer,
 };
 use tello_eval::part_file::PartNumber;
 use tello_eval::recordings::{FileSkipped, Loaded};
