@@ -131,7 +131,9 @@ pub struct Supervisor {
     is_pose_displaced: bool,
     /// Where an obstacle at rest has been between the vehicle and its reference.
     stuck: Option<blocked::Stuck>,
-    /// When the moving obstacle last came near, or walked so near that it could. ns
+    /// When the moving obstacle last came near. ns
+    obstacle_came_ns: Option<i64>,
+    /// When it last came near, or walked so near that it could. ns
     obstacle_near_ns: Option<i64>,
     /// When a plan that was flown led out of the room or into an obstacle. ns
     blocked_ns: Option<i64>,
@@ -172,6 +174,7 @@ impl Supervisor {
             timers: Timers::default(),
             is_pose_displaced: false,
             stuck: None,
+            obstacle_came_ns: None,
             obstacle_near_ns: None,
             blocked_ns: None,
             take_off_seen: TakeOffSeen::No,

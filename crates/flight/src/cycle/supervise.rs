@@ -36,7 +36,7 @@ where
         self.note_pose(self.memory.o_seen, &self.fifo.applied(JUST_ENDED));
         out.findings = Some(findings);
         let outage = self.outage();
-        let (motion, tracking) = self.follow_motion(out).unzip();
+        let (motion, tracking) = self.follow_motion(inbox.now, out).unzip();
         let pose = out.filtered.and_then(|filtered| filtered.o);
         let may_stand = matches!(self.supervisor.phase(), Phase::Idle | Phase::TakingOff);
         let holds_here = |is_so: fn(&Walls, &Vector3<f64>) -> bool| {
@@ -91,8 +91,12 @@ where
 
     /// Estimated motion, and how far it has gone away from its reference, for the monitors of progress and for `out`;
     /// `None` without an estimate.
-    fn follow_motion(&mut self, out: &mut Outcome) -> Option<(EstimatedMotion, Tracking)> {
-        let known = self.motion().map(|motion| (motion, self.track(&motion.pose)));
+    fn follow_motion(
+        &mut self,
+        now: TimeNs,
+        out: &mut Outcome,
+    ) -> Option<(EstimatedMotion, Tracking)> {
+        let known = self.motion().map(|motion| (motion, self.track(&motion.pose, now)));
         out.tracking_m = known.map(|(_, tracking)| tracking.away_m);
         out.speed_mps =
             known.map_or(0.0, |(motion, _)| motion.rate.fixed_rows::<3>(pose::X).norm());
@@ -125,14 +129,16 @@ where
 
     /// How the vehicle at `at` tracks its reference. What was before the flight does not count, nor how far the vehicle
     /// has come down beside an obstacle: a plan that evades the obstacle may lead down.
-    fn track(&mut self, at: &Pose) -> Tracking {
+    fn track(&mut self, at: &Pose, now: TimeNs) -> Tracking {
         if self.supervisor.phase() != Phase::Flying {
             self.progress.resume();
             self.progress.restart_height();
         }
         let (walls, at_w) = (self.planner.walls(), pos_w(at));
-        let is_path_blocked =
-            |to: &Pose| walls.is_some_and(|walls| walls.is_path_blocked(&at_w, &pos_w(to)));
+        let was_approached = self.supervisor.was_approached(now.0);
+        let is_path_blocked = |to: &Pose| {
+            was_approached || walls.is_some_and(|walls| walls.is_path_blocked(&at_w, &pos_w(to)))
+        };
         let tracking = self.progress.tracking(&self.mission, at, is_path_blocked);
         let is_beside = walls.is_some_and(|walls| walls.is_beside_obstacle(&at_w));
         let sunk_m = if is_beside { 0.0 } else { tracking.sunk_m };

@@ -5,9 +5,10 @@
 //! flight that ends in neutral sticks tends to come to rest inside. Two predictions of the moving obstacle count.
 
 mod plan_walls;
+mod table;
 
 use horizon_model::rows::{Pose, pos_w};
-use horizon_model::setting::{SettingError, in_range};
+use horizon_model::setting::SettingError;
 use nalgebra::{Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -17,6 +18,7 @@ use crate::obstacle::{self, SignedDistance};
 use crate::supervisor::CLIMB_MAX_M;
 use crate::{Obstacle, ObstacleTable, Room};
 pub(super) use plan_walls::PlanWalls;
+pub use table::WallTable;
 
 /// Distance beyond the margin of a surface from which on the surface is left out of the constraints of a pose. m
 const BEYOND_MARGIN_M: f64 = 1.0;
@@ -42,30 +44,6 @@ const APPROACH_S: f64 = 4.0;
 
 /// Largest speed of a person who stands and shifts weight. m/s
 const STANDS_MPS: f64 = 0.3;
-
-/// How the plan keeps away from walls and obstacles.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct WallTable {
-    /// Weight of each metre that is missing from the margin, per step, beside `C_s`. 1/m, 1..=10000
-    pub weight: f64,
-    /// Distance of the planned pose from walls and obstacles. m, 0..=1
-    pub margin_m: f64,
-    /// By how much the margin grows over the horizon: the error of the prediction. m/s, 0..=0.5
-    pub growth_mps: f64,
-    /// Acceleration that the moving obstacle may have: its margin also grows by `1/2 a t^2`, t from its newest position
-    /// on. More, up to 1, if it has shown more. m/s^2, 0..=5; 0 in older settings and logs: none
-    #[serde(default)]
-    pub obstacle_accel_mps2: f64,
-    /// Standard deviations of the predicted position, by the estimate's covariance over the committed time, that the
-    /// margin grows by. 1, 0..=5; 0 in older settings and logs
-    #[serde(default)]
-    pub margin_sd: f64,
-    /// Part of the displacement to rest with neutral sticks, by the identified lags, at whose end the plan keeps away
-    /// from walls, too. 1, 0..=1; 0 in older settings and logs
-    #[serde(default)]
-    pub coasting: f64,
-}
 
 /// The room and what stands in it, as the plan sees them.
 #[derive(Debug, Clone)]
@@ -130,15 +108,7 @@ impl Walls {
             let rule = "a table: the plan has to keep away from `obstacles`";
             return Err(SettingError::new("mpc.walls", "null", rule));
         };
-        let check = || {
-            in_range("weight", table.weight, 1.0..=10_000.0)?;
-            in_range("margin_m", table.margin_m, 0.0..=1.0)?;
-            in_range("growth_mps", table.growth_mps, 0.0..=0.5)?;
-            in_range("obstacle_accel_mps2", table.obstacle_accel_mps2, 0.0..=5.0)?;
-            in_range("margin_sd", table.margin_sd, 0.0..=5.0)?;
-            in_range("coasting", table.coasting, 0.0..=1.0)
-        };
-        check().map_err(|error| error.under("mpc.walls"))?;
+        table.check().map_err(|error| error.under("mpc.walls"))?;
         let walls =
             room.into_iter().flat_map(|room| (0..Room::WALLS).map(move |i| Surface::Wall(room, i)));
         let may_accelerate = table.obstacle_accel_mps2 > 0.0;

@@ -57,9 +57,18 @@ impl Supervisor {
 
     /// Notes whether the moving obstacle comes near, or walks so near that it could.
     pub(super) fn remember_obstacle(&mut self, e: &Evidence) {
+        if e.is_approached {
+            self.obstacle_came_ns = Some(e.t_ns);
+        }
         if e.is_approached || e.may_be_approached {
             self.obstacle_near_ns = Some(e.t_ns);
         }
+    }
+
+    /// Whether the moving obstacle came near within [`KEEPS_AWAY_S`] before `t_ns`: the vehicle may still evade it, or
+    /// return.
+    pub(crate) fn was_approached(&self, t_ns: i64) -> bool {
+        self.obstacle_came_ns.is_some_and(|came_ns| elapsed_s(came_ns, t_ns) < KEEPS_AWAY_S)
     }
 
     /// Whether the moving obstacle was near within the last [`KEEPS_AWAY_S`].
@@ -67,8 +76,8 @@ impl Supervisor {
         self.obstacle_near_ns.is_some_and(|near_ns| elapsed_s(near_ns, e.t_ns) < KEEPS_AWAY_S)
     }
 
-    /// Whether the mission has been done for long enough. A landing evades nothing: an obstacle that was near, or is not
-    /// seen, is let past first.
+    /// Whether the mission has been done for long enough. A landing evades nothing: an obstacle that was near, or is
+    /// not seen, is let past first.
     fn is_held_out(&self, e: &Evidence) -> bool {
         let let_past_s = if e.is_approached {
             LET_PAST_S + LET_PAST_AGAIN_S

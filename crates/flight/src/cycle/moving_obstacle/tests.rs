@@ -77,7 +77,7 @@ fn what_is_not_seen_goes_on_for_two_seconds_and_is_unseen_after_half_of_one() {
 
 #[test]
 fn a_person_who_was_hidden_walks_on_and_one_who_appears_is_seen_when_the_velocity_is_known() {
-    // Turned round while hidden for 1.4 s: the way back in the gap tells the velocity.
+    // It turned round while hidden for 1.4 s: the displacement over the gap gives the velocity.
     let mut obstacle = followed(100);
     (0..70).for_each(|_| obstacle.follow(None, DT_S));
     obstacle.follow(Some([0.58, 2.0, 1.0]), DT_S);
@@ -144,7 +144,10 @@ fn a_stream_that_stands_still_is_no_obstacle_that_stops() {
         stuck.follow(Some([1.0, 2.0, 1.0]), DT_S);
         stuck.is_unseen()
     });
-    assert_eq!(unseen_after, Some(41), "0.3 s and 0.5 s");
+    assert!(
+        unseen_after.is_some_and(|k| (38..42).contains(&k)),
+        "0.3 s and 0.5 s: {unseen_after:?}"
+    );
     // One that has slowed down and stands is known, also without noise.
     let mut slow = followed(100);
     let mut x_m = position_w(99)[0];
