@@ -5,7 +5,7 @@ use libfuzzer_sys::fuzz_target;
 use tello_io::mocap::{Body, RelayPose, format_line, parse_line};
 
 fuzz_target!(|bytes: &[u8]| {
-    if let Some(line) = parse_line(bytes) {
+    if let Ok(line) = parse_line(bytes) {
         let RelayPose { frame, rate_hz, object, .. } = line;
         let body = line.pose().map(|pose| {
             let [x, y, z, theta] = pose.into();

@@ -171,6 +171,11 @@ pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
         "wrote fly.json, sim.json, square.json, hover.json and their schemas to {0}\nnext: tello-ctl check {0}/fly.json",
         dir.display()
     ))?;
+    if kind == MocapKind::Natnet {
+        stdio::note(
+            "Motive streams with y up unless its up axis is set to z: tello-ctl mocap watch shows it",
+        );
+    }
     Ok(Verdict::Good)
 }
 

@@ -36,7 +36,7 @@ pub use relay::{RelayPose, format_line, parse_line};
 pub use settings::{
     MocapKind, MocapSettings, MocapTable, NatnetTable, QtmTable, ServerTable, UdpTable, VrpnTable,
 };
-pub use source::{Frame, SourceError};
+pub use source::{Frame, Refusal, SourceError};
 pub use stamp_numbers::StampNumbers;
 pub use statistics::{MocapCounters, SincePose, StreamReport};
 pub use stream::MocapStream;

@@ -26,7 +26,7 @@ use self::battery::battery_check;
 use self::question::confirm;
 use super::Arguments;
 use super::control_loop::Orders;
-use super::take_off_refusal::{drone_trouble, misnumbered, mocap_trouble, too_old};
+use super::take_off_refusal::{drone_trouble, misnumbered, mocap_trouble, too_old, wrong_rate};
 use crate::stdio;
 
 /// What a log must find free: a flight of a quarter of an hour takes less. bytes
@@ -46,6 +46,8 @@ const FRAMES_MIN: f64 = 2.0;
 struct Found {
     /// How the mocap stream did while it was looked at.
     stream: StreamReport,
+    /// Frame rate that it announces, or that is set. Hz
+    announced_hz: Option<f64>,
     /// What may be wrong with it if there is no pose.
     mocap_trouble: String,
     /// The newest pose.
@@ -234,6 +236,9 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Chec
         return check("mocap", Readiness::Never, reason);
     }
     if let Some(reason) = misnumbered(&found.stream, object) {
+        return check("mocap", Readiness::Bad, reason);
+    }
+    if let Some(reason) = wrong_rate(&found.stream, found.announced_hz, &table.mocap) {
         return check("mocap", Readiness::Bad, reason);
     }
     let (Some(_), Some(rate_hz)) = (found.at, rate_hz) else {

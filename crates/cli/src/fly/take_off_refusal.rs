@@ -7,7 +7,7 @@ use tello_flight::cycle::SIGHTING_AGE_MAX;
 use tello_flight::{Fault, FaultSet};
 use tello_io::clock::SpanNs;
 use tello_io::config::FlyTable;
-use tello_io::mocap::{MocapCounters, SincePose, StreamReport};
+use tello_io::mocap::{MocapCounters, MocapTable, SincePose, StreamReport};
 use tello_io::tello::Protocol;
 
 use super::Arguments;
@@ -59,6 +59,9 @@ pub(super) fn take_off_refusal(
 /// Fewer frames without a pose are those that any source has now and then.
 const HIDDEN_MIN: u64 = 10;
 
+/// Smaller differences of a counted rate are jitter. 1
+const RATE_APART_MIN: f64 = 3e-3;
+
 /// How long poses may take to come before a note says that there are none.
 const UNSEEN: Duration = Duration::from_secs(2);
 
@@ -99,6 +102,9 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
             Some(why) => format!("no pose, {address} cannot be opened: {why}; is {key} right?"),
         },
         _ if let Some(trouble) = misnumbered(&report, object) => trouble,
+        _ if let Some(trouble) = wrong_rate(&report, counters.announced_hz(), &table.mocap) => {
+            trouble
+        }
         _ if let Some(trouble) = too_old(&report) => trouble,
         (_, 0, _) => format!("no pose, nothing comes from {address}: is the mocap system live?"),
         _ if let Some(trouble) = unnamed(counters, object) => trouble,
@@ -107,11 +113,36 @@ pub(super) fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> Strin
              seen, does a firewall or a network without multicast keep frames back?"
         ),
         _ => format!(
-            "{messages} messages, {} of them of other objects, {} malformed: is the object's name ({object:?}) right \
+            "{messages} messages, {} of them of other objects, {} malformed{}: is the object's name ({object:?}) right \
              (tello-ctl mocap list shows all), is the drone seen, is its z above cycle.filter.floor_m = {} m?",
-            report.other_object, report.malformed, table.cycle.filter.floor_m,
+            report.other_object,
+            report.malformed,
+            counters.refused().map_or_else(String::new, |why| format!(" ({why})")),
+            table.cycle.filter.floor_m,
         ),
     }
+}
+
+/// Message if frames come at another rate than the source announces, or than the settings state for it.
+pub(super) fn wrong_rate(
+    report: &StreamReport,
+    announced_hz: Option<f64>,
+    mocap: &MocapTable,
+) -> Option<String> {
+    let (count_hz, announced_hz) = report.count_hz.zip(announced_hz)?;
+    if report.has_clock || (count_hz / announced_hz - 1.0).abs() < RATE_APART_MIN {
+        return None;
+    }
+    let announced_hz = (announced_hz * 1e2).round() / 1e2;
+    let kind = mocap.kind();
+    let (who, what) = if kind.has_set_rate() {
+        (format!("mocap.{}.rate_hz is", kind.name()), "write the rate that the system is set to")
+    } else {
+        ("its source announces".to_owned(), "set the rate of the system right")
+    };
+    Some(format!(
+        "{who} {announced_hz} Hz, counted are {count_hz:.1} Hz: {what}, or the frames come with a delay that grows"
+    ))
 }
 
 /// What is wrong with the numbers of poses: they stand still, or one has two places.
@@ -192,7 +223,7 @@ mod tests {
     use tello_io::config;
     use tello_io::mocap::natnet::encode;
     use tello_io::mocap::natnet::packet::{FrameEnd, RigidBody, ServerInfo, Version};
-    use tello_io::mocap::{MocapSettings, MocapStream, MocapTable};
+    use tello_io::mocap::{MocapSettings, MocapStream};
 
     use super::*;
 
@@ -285,6 +316,54 @@ mod tests {
         push(&|to| encode::frame(version, 2, &[body], &end, to));
         let text = mocap_trouble(&fly, &counters);
         assert!(text.contains("1 of them of other objects"), "now another one has a name: {text}");
+    }
+
+    #[test]
+    fn a_rate_that_is_wrong_is_named_with_who_states_it() {
+        let table = |text: &str| serde_json::from_str::<MocapTable>(text).unwrap();
+        let udp = table(r#"{ "udp": { "listen": "0.0.0.0:1", "object": "a", "rate_hz": 120 } }"#);
+        let relay = table(r#"{ "relay": { "address": "a:1", "object": "a" } }"#);
+        let report =
+            |count_hz, has_clock| StreamReport { count_hz, has_clock, ..StreamReport::default() };
+        let wrong = report(Some(100.04), false);
+        let text = wrong_rate(&wrong, Some(120.0), &udp).unwrap();
+        assert!(text.starts_with("mocap.udp.rate_hz is 120 Hz, counted are 100.0 Hz"), "{text}");
+        let text = wrong_rate(&wrong, Some(100.600_007), &relay).unwrap();
+        assert!(text.starts_with("its source announces 100.6 Hz, counted are 100.0 Hz"), "{text}");
+        for (report, announced_hz) in [
+            (report(Some(100.0), true), Some(100.6)),
+            (report(None, false), Some(120.0)),
+            (report(Some(100.2), false), Some(100.0)),
+            (wrong, None),
+        ] {
+            assert_eq!(wrong_rate(&report, announced_hz, &relay), None, "{report:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_refused_has_its_reason() {
+        let (mut fly, _) = config::fly(None, None).unwrap();
+        fly.mocap = serde_json::from_str(r#"{ "relay": { "address": "a:1", "object": "tello" } }"#)
+            .unwrap();
+        let mut stream = MocapStream::new(&MocapSettings::try_from(&fly.mocap).unwrap());
+        let counters = MocapCounters::default();
+        counters.connects.count();
+        for (line, reason) in [
+            ("1000.0 100 tello 0 1 2 3 0 0 0\n", "(a frame number is not a whole number)"),
+            (
+                "1000 100 tello 0 1 2 3 0 0 0 1.05\n",
+                "(a rotation is none: a quaternion of another length",
+            ),
+            (
+                "1000 100 tello 0 1 2 3 1 0 0 0\n",
+                "(the object's top is further than 60 degrees from up",
+            ),
+            ("1000 100 tello 0 1 2 nan 0 0 0\n", "(a number is missing or not finite)"),
+        ] {
+            stream.push(line.as_bytes(), TimeNs(0), &counters, |_| ()).unwrap();
+            let text = mocap_trouble(&fly, &counters);
+            assert!(text.contains(reason), "{text}");
+        }
     }
 
     #[test]

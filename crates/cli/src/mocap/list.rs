@@ -9,13 +9,17 @@ use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
 use serde_json::json;
-use tello_io::clock::Clock;
-use tello_io::mocap::{MocapKind, MocapSettings, MocapTable, Survey, TrackReport, survey};
+use tello_io::clock::{Clock, TimeNs};
+use tello_io::mocap::{MocapKind, MocapSettings, MocapTable, Refusal, Survey, TrackReport, survey};
 use tokio::task::JoinSet;
 
+use super::rate::is_wrong;
 use super::source::{self, SourceArgument};
 use super::watch::{self, WAY_MIN_M, unit_doubt};
 use crate::{Verdict, stdio};
+
+/// Fewer frames do not tell a rate.
+const FRAMES_MIN: u64 = 100;
 
 /// List the objects of a motion capture system with rate, jitter, gaps and latency.
 ///
@@ -60,6 +64,12 @@ struct FoundSource {
     announced_hz: Option<f64>,
     messages: u64,
     malformed: u64,
+    /// Why the newest of those was refused.
+    #[serde(skip)]
+    refused: Option<Refusal>,
+    /// Whether there was a connection, or a port of ours.
+    #[serde(skip)]
+    is_open: bool,
     /// Why there is no connection, or why it was given up.
     trouble: Option<String>,
     objects: Vec<FoundObject>,
@@ -121,7 +131,7 @@ async fn listen(tables: Vec<MocapTable>, seconds: Duration) -> Result<Vec<FoundS
         let settings = MocapSettings::try_from(&table).map_err(|error| error.under("mocap"))?;
         tasks.spawn(async move {
             let survey = survey(&settings, clock, seconds, |_, _| ()).await;
-            (index, found(&table, &settings, survey))
+            (index, found(&table, &settings, survey, clock.now()))
         });
     }
     let mut sources = tasks.join_all().await;
@@ -129,10 +139,10 @@ async fn listen(tables: Vec<MocapTable>, seconds: Duration) -> Result<Vec<FoundS
     Ok(sources.into_iter().map(|(_, source)| source).collect())
 }
 
-fn found(table: &MocapTable, settings: &MocapSettings, survey: Survey) -> FoundSource {
+fn found(table: &MocapTable, settings: &MocapSettings, survey: Survey, now: TimeNs) -> FoundSource {
     let axes = settings.axes();
     let objects = survey.objects.iter().map(|(name, track)| {
-        let report = track.report();
+        let report = track.report_at(now);
         FoundObject {
             name: name.clone(),
             report,
@@ -149,6 +159,8 @@ fn found(table: &MocapTable, settings: &MocapSettings, survey: Survey) -> FoundS
             .then_some(survey.announced_hz),
         messages: survey.messages,
         malformed: survey.malformed,
+        refused: survey.refused,
+        is_open: survey.connects > 0,
         trouble: survey.trouble,
         objects: objects.collect(),
     }
@@ -209,15 +221,27 @@ impl Display for FoundSource {
         if !self.is_there {
             return match &self.trouble {
                 Some(trouble) => write!(f, "nothing ({trouble})"),
+                None if self.is_open => write!(f, "open, but nothing comes"),
                 None => write!(f, "nothing"),
             };
         }
         write!(f, "{} messages", self.messages)?;
         if let Some(hz) = self.announced_hz {
-            write!(f, ", says {hz} Hz")?;
+            write!(f, ", says {} Hz", (hz * 1e2).round() / 1e2)?;
+            let counts = |object: &&FoundObject| object.report.frames > FRAMES_MIN;
+            let measured = self.objects.iter().filter(counts).map(|object| object.report.usual_hz);
+            if let Some(usual_hz) = measured.clone().find(|usual_hz| is_wrong(hz, *usual_hz)) {
+                write!(
+                    f,
+                    ", but {usual_hz:.1} Hz come: a flight refuses that, set the rate right in the system"
+                )?;
+            }
         }
         if self.malformed > 0 {
             write!(f, ", {} malformed", self.malformed)?;
+        }
+        if let Some(why) = self.refused {
+            write!(f, " ({why})")?;
         }
         if let Some(trouble) = &self.trouble {
             write!(f, ", {trouble}")?;
@@ -246,7 +270,7 @@ impl Display for FoundObject {
         write!(
             f,
             "{:<20} {rate_hz:6.1} Hz, jitter {:.1} ms, {gaps} gaps, longest {:.0} ms, latency ",
-            self.name.replace(char::is_control, "\u{fffd}"),
+            format!("{:?}", self.name),
             1e3 * jitter_s,
             1e3 * gap_max_s
         )?;
@@ -258,13 +282,13 @@ impl Display for FoundObject {
         let frames = frames + missing;
         if let Some([x, y, z]) = self.position_w_m {
             write!(f, ", seen in {seen} of {frames}, at {x:.3} {y:.3} {z:.3} m")?;
-            if let Some(doubt) = unit_doubt([x, y, z]) {
+            if let Some(doubt) = unit_doubt([x, y, z], self.settings.has_frame()) {
                 write!(f, ". {doubt}")?;
             }
         } else {
             write!(f, ", never seen in {frames} frames")?;
         }
-        if doubled > 0 {
+        if watch::is_doubled(&self.report) {
             write!(f, "; TWO OBJECTS have this name, in {doubled} frames: rename one")?;
         }
         Ok(())
@@ -285,17 +309,50 @@ mod tests {
             moved_m: *moved_m,
             settings: table.of_object(name),
         };
-        let source = FoundSource {
+        Found { sources: vec![source(objects.iter().map(object).collect())] }.to_string()
+    }
+
+    fn source(objects: Vec<FoundObject>) -> FoundSource {
+        FoundSource {
             kind: "relay",
             address: "a:51602".into(),
             is_there: true,
             announced_hz: None,
             messages: 1,
             malformed: 0,
+            refused: None,
+            is_open: true,
             trouble: None,
-            objects: objects.iter().map(object).collect(),
+            objects,
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_source_is_reported_beside_it() {
+        let table = SourceArgument::usual(MocapKind::Relay, "a").table("any");
+        let report =
+            TrackReport { frames: 300, seen: 300, usual_hz: 100.0, ..TrackReport::default() };
+        let object = FoundObject {
+            name: "tello ".into(),
+            report,
+            position_w_m: Some([0.0; 3]),
+            moved_m: 0.0,
+            settings: table.of_object("tello "),
         };
-        Found { sources: vec![source] }.to_string()
+        let wrong = FoundSource {
+            announced_hz: Some(37.0),
+            malformed: 7,
+            refused: Some(Refusal::Rotation),
+            ..source(vec![object])
+        };
+        let text = wrong.to_string();
+        assert!(text.contains("says 37 Hz, but 100.0 Hz come"), "{text}");
+        assert!(
+            text.contains("7 malformed (a rotation is none") && text.contains("\"tello \""),
+            "{text}"
+        );
+        let silent = FoundSource { is_there: false, ..source(Vec::new()) }.to_string();
+        assert!(silent.ends_with("open, but nothing comes"), "{silent}");
     }
 
     #[test]

@@ -55,10 +55,17 @@ impl FromStr for SourceArgument {
         let Some(kind) = MocapKind::named(name) else {
             bail!("`{name}` is no kind of source; kinds are {names}");
         };
-        let has_port = address.parse::<Ipv6Addr>().is_err()
-            && address.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok());
-        let address =
-            if has_port { address.to_owned() } else { with_port(address, kind.usual_port()) };
+        let port = match address.rsplit_once(':') {
+            Some((_, port)) if address.parse::<Ipv6Addr>().is_err() && !address.ends_with(']') => {
+                Some(port)
+            }
+            _ => None,
+        };
+        if let Some(port) = port.filter(|port| port.parse::<u16>().is_err()) {
+            bail!("`{port}` of `{text}` is no port, 0 to 65535");
+        }
+        let usual = || with_port(address, kind.usual_port());
+        let address = port.map_or_else(usual, |_| address.to_owned());
         Ok(Self { kind, address })
     }
 }
@@ -87,7 +94,13 @@ mod tests {
             let table = parsed(&format!("{}=a:1", kind.name())).table("tello");
             assert_eq!((table.kind(), table.address().1), (kind, "a:1"));
         }
-        for (text, reason) in [("motive", "is not KIND=HOST:PORT"), ("optitrack=a", "is no kind")] {
+        assert_eq!(parsed("natnet=[::1]").address, "[::1]:1510");
+        for (text, reason) in [
+            ("motive", "is not KIND=HOST:PORT"),
+            ("optitrack=a", "is no kind"),
+            ("relay=127.0.0.1:99999", "`99999` of `relay=127.0.0.1:99999` is no port"),
+            ("relay=a:", "is no port"),
+        ] {
             let error = text.parse::<SourceArgument>().unwrap_err().to_string();
             assert!(error.contains(reason), "{error}");
         }

@@ -1,5 +1,7 @@
 //! `tello-ctl mocap watch`: where one object is in our frame, where up is and which way it points.
 
+mod conclusion;
+
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -10,9 +12,10 @@ use serde::Serialize;
 use serde_json::json;
 use tello_io::clock::{Clock, TimeNs};
 use tello_io::mocap::{
-    Axes, Axis, FrameTable, MocapSettings, MocapTable, Survey, SurveyTrack, TrackReport, survey,
+    Axes, Axis, MocapSettings, MocapTable, Survey, SurveyTrack, TrackReport, survey,
 };
 
+use self::conclusion::print_end;
 use super::rate;
 use super::source::{self, SourceArgument};
 use crate::{Verdict, stdio};
@@ -22,9 +25,6 @@ pub(super) const WAY_MIN_M: f64 = 0.1;
 
 /// Further from the origin is no vehicle in a room. m
 const PLACE_MAX_M: f64 = 100.0;
-
-/// A body that stands on the floor leans less than this. deg
-const TILT_MAX_DEG: f64 = 20.0;
 
 /// Watch one object: its pose in our frame, where up is, which way it points, rate, age and gaps.
 ///
@@ -65,6 +65,9 @@ struct Watched {
     way: Option<Way>,
     /// Why there is no connection, or why it was given up.
     trouble: Option<String>,
+    /// What was refused.
+    #[serde(skip)]
+    refused: Option<String>,
     /// The settings that this was read with.
     settings: MocapTable,
     /// The rate to write into them, where the source does not tell its own and the measured one is another; null:
@@ -97,6 +100,9 @@ struct Way {
     object_off_deg: f64,
     /// Angle of the way above the floor in our frame; 90 is up.
     climb_deg: f64,
+    /// Angle between the way and the nose by these settings.
+    #[serde(skip)]
+    nose_off_deg: f64,
 }
 
 pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
@@ -153,12 +159,21 @@ fn seen(track: &SurveyTrack, axes: &Axes, now: TimeNs) -> Option<Seen> {
 }
 
 /// Why a place is hardly one in metres; `None` if it may be.
-pub(super) fn unit_doubt(place_w_m: [f64; 3]) -> Option<String> {
+pub(super) fn unit_doubt(place_w_m: [f64; 3], has_frame: bool) -> Option<String> {
+    let key = if has_frame { ", or in the \"unit\" of its settings" } else { "" };
     place_w_m.iter().any(|x_m| x_m.abs() > PLACE_MAX_M).then(|| {
-        format!(
-            "More than {PLACE_MAX_M} m from the origin: is the source in metres, or in the \"unit\" of its settings?"
-        )
+        format!("More than {PLACE_MAX_M} m from the origin: is the source in metres{key}?")
     })
+}
+
+/// Whether two objects have the name. A source may send a frame twice, or two with one time stamp.
+pub(super) fn is_doubled(report: &TrackReport) -> bool {
+    20 * report.doubled > report.frames
+}
+
+/// What was refused of a source; `None`: nothing.
+fn refused(survey: &Survey) -> Option<String> {
+    survey.refused.map(|why| format!("{} malformed: {why}", survey.malformed))
 }
 
 /// From the first place to the furthest one, in our frame. m
@@ -184,6 +199,7 @@ fn way(track: &SurveyTrack, axes: &Axes) -> Option<Way> {
     let (source_axis, source_off) = Axis::nearest(&raw);
     let in_object = Matrix3::from_row_slice(&first.matrix).transpose() * raw;
     let (object_axis, object_off) = Axis::nearest(&in_object);
+    let ([..], [nose_x, _, _, nose_y, _, _, nose_z, ..]) = axes.place(&first);
     Some(Way {
         length_m,
         source_axis,
@@ -191,19 +207,21 @@ fn way(track: &SurveyTrack, axes: &Axes) -> Option<Way> {
         object_axis,
         object_off_deg: object_off.to_degrees(),
         climb_deg: (way.z / length_m).clamp(-1.0, 1.0).asin().to_degrees(),
+        nose_off_deg: way.angle(&Vector3::new(nose_x, nose_y, nose_z)).to_degrees(),
     })
 }
 
 fn watched(table: &MocapTable, settings: &MocapSettings, survey: &Survey, now: TimeNs) -> Watched {
     let (object, axes) = (settings.object(), settings.axes());
     let track = track(survey, object);
-    let report = track.map(SurveyTrack::report).unwrap_or_default();
+    let report = track.map(|track| track.report_at(now)).unwrap_or_default();
     Watched {
         object: object.to_owned(),
         report,
         now: track.and_then(|track| seen(track, &axes, now)),
         way: track.and_then(|track| way(track, &axes)),
         trouble: survey.trouble.clone(),
+        refused: refused(survey),
         settings: table.clone(),
         suggested_rate_hz: rate::other_hz(table, report.usual_hz),
     }
@@ -212,9 +230,10 @@ fn watched(table: &MocapTable, settings: &MocapSettings, survey: &Survey, now: T
 /// One line while it is watched.
 fn line(survey: &Survey, object: &str, axes: &Axes, now: TimeNs) -> String {
     let Some(track) = track(survey, object) else {
-        return format!("{object}: not there; {} messages", survey.messages);
+        let refused = refused(survey).map_or_else(String::new, |text| format!(", {text}"));
+        return format!("{object}: not there; {} messages{refused}", survey.messages);
     };
-    let report = track.report();
+    let report = track.report_at(now);
     let stream = format!("{:.1} Hz, {} gaps", report.rate_hz, report.gaps);
     match seen(track, axes, now) {
         None => format!("{object}: never seen in {} frames; {stream}", report.frames),
@@ -226,126 +245,15 @@ fn line(survey: &Survey, object: &str, axes: &Axes, now: TimeNs) -> String {
     }
 }
 
-/// Axes whose third is the given one, right-handed.
-fn axes_with_up(up: Axis) -> [Axis; 3] {
-    match up {
-        Axis::X => [Axis::Y, Axis::Z, Axis::X],
-        Axis::Y => [Axis::X, Axis::MinusZ, Axis::Y],
-        Axis::Z => [Axis::X, Axis::Y, Axis::Z],
-        Axis::MinusX => [Axis::Y, Axis::MinusZ, Axis::MinusX],
-        Axis::MinusY => [Axis::X, Axis::Z, Axis::MinusY],
-        Axis::MinusZ => [Axis::X, Axis::MinusY, Axis::MinusZ],
-    }
-}
-
-/// What to conclude, for people.
-fn print_end(watched: &Watched, survey: &Survey) -> Result<()> {
-    let Some(now) = watched.now else {
-        let names: Vec<&str> = survey.objects.keys().map(String::as_str).collect();
-        stdio::line(format_args!("{:?} was not seen.", watched.object))?;
-        if let Some(trouble) = &watched.trouble {
-            stdio::line(format_args!("The connection: {trouble}."))?;
-        }
-        return if names.is_empty() {
-            stdio::line("There are no objects. tello-ctl mocap list HOST tries every protocol.")
-        } else {
-            stdio::line(format_args!("There are: {}", names.join(", ")))
-        };
-    };
-    let doubled = watched.report.doubled;
-    if doubled > 0 {
-        return stdio::line(format_args!(
-            "Two objects are called {:?}, in {doubled} frames: rename one; what is above is of both.",
-            watched.object
-        ));
-    }
-    if now.tilt_deg > TILT_MAX_DEG {
-        stdio::line(format_args!(
-            "Its top leans {:.0} degrees from up: if the vehicle stands level, the axes are wrong, or the object was \
-             defined while it leaned.",
-            now.tilt_deg
-        ))?;
-    }
-    if let Some(doubt) = unit_doubt([now.x_m, now.y_m, now.z_m]) {
-        stdio::line(doubt)?;
-    }
-    match watched.way {
-        None => stdio::line(format_args!(
-            "It did not move by {WAY_MIN_M} m. Lift it straight up to check the axes, carry it nose first to check the \
-             nose. If it was lifted, the source is in another unit than these settings say."
-        ))?,
-        Some(way) => print_way(&way, watched.settings.has_frame())?,
-    }
-    let settings = serde_json::to_string(&watched.settings)?;
-    stdio::line(format_args!("Settings that were used: \"mocap\": {settings}"))?;
-    if let Some(rate_hz) = watched.suggested_rate_hz {
-        let measured_hz = watched.report.usual_hz;
-        stdio::line(format_args!(
-            "Measured are {measured_hz:.2} Hz: write \"rate_hz\": {rate_hz} for a flight."
-        ))?;
-    }
-    Ok(())
-}
-
-/// `has_frame`: the settings of the source have axes.
-fn print_way(way: &Way, has_frame: bool) -> Result<()> {
-    let Way { length_m, source_axis, source_off_deg, object_axis, object_off_deg, climb_deg } =
-        *way;
-    stdio::line(format_args!(
-        "It moved {length_m:.2} m: along {} of the source (off by {source_off_deg:.0} degrees), along {} of the object \
-         (off by {object_off_deg:.0}), {climb_deg:.0} degrees above the floor by these settings.",
-        source_axis.name(),
-        object_axis.name()
-    ))?;
-    if climb_deg > 60.0 {
-        return stdio::line("If you lifted it, up is right.");
-    }
-    if !has_frame {
-        return stdio::line(
-            "If you lifted it, up is wrong: set the vertical axis of the system to z. If you carried it nose first, the x \
-             axis of the object has to be that of the way: define it again in the system.",
-        );
-    }
-    let frame = |axes, nose| {
-        let (axes, nose) = (Some(axes), nose);
-        serde_json::to_string(&FrameTable { axes, nose, unit: None })
-    };
-    stdio::line(format_args!(
-        "If you lifted it, up is wrong: write \"frame\": {}",
-        frame(axes_with_up(source_axis), None)?
-    ))?;
-    if climb_deg.abs() < 30.0 {
-        stdio::line(format_args!(
-            "If you carried it nose first, the nose is {:?}: write \"nose\": {:?} into \"frame\".",
-            object_axis.name(),
-            object_axis.name()
-        ))?;
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
-    use tello_io::mocap::{Placement, Unit};
+    use tello_io::mocap::{FrameTable, Placement, Unit};
 
+    use super::conclusion::axes_with_up;
     use super::*;
 
-    #[test]
-    fn every_axis_can_be_up_without_mirroring() {
-        for up in Axis::ALL {
-            let axes = axes_with_up(up);
-            assert_eq!(axes[2], up);
-            let table = FrameTable { axes: Some(axes), ..FrameTable::default() };
-            let axes = Axes::new(Some(&table), Unit::Metre).unwrap();
-            let raised: [f64; 3] = up.vector().into();
-            let matrix = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-            let ([_, _, z_m], _) = axes.place(&Placement { pos_v: raised, matrix });
-            assert!((z_m - 1.0).abs() < 1e-12, "{up:?}");
-        }
-    }
-
     /// A track that began at the origin, level, and got to a place.
-    fn track_to(pos_v: [f64; 3]) -> SurveyTrack {
+    pub(super) fn track_to(pos_v: [f64; 3]) -> SurveyTrack {
         let matrix = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         let [first, last] = [[0.0; 3], pos_v].map(|pos_v| Placement { pos_v, matrix });
         let mut track = SurveyTrack::default();
@@ -355,9 +263,14 @@ mod tests {
 
     #[test]
     fn a_place_that_no_room_has_is_one_in_another_unit() {
-        assert_eq!(unit_doubt([99.0, -3.0, 1.0]), None);
+        assert_eq!(unit_doubt([99.0, -3.0, 1.0], true), None);
+        let doubt = unit_doubt([499.5, 0.0, 0.0], false).unwrap();
+        assert!(!doubt.contains("\"unit\""), "a source without that key: {doubt}");
         for far in [[499.5, 300.4, 39.9], [0.0, -101.0, 0.0]] {
-            assert!(unit_doubt(far).is_some_and(|doubt| doubt.contains("\"unit\"")), "{far:?}");
+            assert!(
+                unit_doubt(far, true).is_some_and(|doubt| doubt.contains("\"unit\"")),
+                "{far:?}"
+            );
         }
     }
 

@@ -12,6 +12,7 @@ use nalgebra::{Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::Refusal;
 use super::body::{heading_of_matrix, pose};
 
 /// Largest entry of `R R^T - I` of a rotation, and largest difference of a quaternion's length to 1. 1
@@ -77,6 +78,18 @@ pub struct Placement {
     pub pos_v: [f64; 3],
     /// Rotation from body to the same axes, row by row. 1
     pub matrix: [f64; 9],
+}
+
+impl Placement {
+    /// Why this is no place in any axes; `None` if it is one.
+    pub(super) fn refusal(&self) -> Option<Refusal> {
+        let is_finite = self.pos_v.iter().chain(&self.matrix).all(|value| value.is_finite());
+        match (is_finite, is_rotation(&self.matrix)) {
+            (false, _) => Some(Refusal::Number),
+            (true, false) => Some(Refusal::Rotation),
+            (true, true) => None,
+        }
+    }
 }
 
 /// Checked [`FrameTable`].
@@ -188,11 +201,21 @@ impl Axes {
     /// The pose of a placement of the source; `None` if a number is not finite, the rotation is none, or
     /// the top is further than 60 degrees from up. m, rad. No allocation, constant cost.
     pub fn pose(&self, at: &Placement) -> Option<Pose> {
+        self.checked_pose(at).ok()
+    }
+
+    /// As [`pose`](Self::pose).
+    ///
+    /// # Errors
+    /// Why there is none.
+    pub(super) fn checked_pose(&self, at: &Placement) -> Result<Pose, Refusal> {
         let (pos_w, matrix) = self.place(at);
         if !is_rotation(&matrix) {
-            return None;
+            let is_finite = matrix.iter().all(|value| value.is_finite());
+            return Err(if is_finite { Refusal::Rotation } else { Refusal::Number });
         }
-        heading_of_matrix(&matrix).and_then(|theta| pose(pos_w, theta))
+        let theta = heading_of_matrix(&matrix).ok_or(Refusal::Top)?;
+        pose(pos_w, theta).ok_or(Refusal::Number)
     }
 }
 

@@ -12,7 +12,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use tokio::time::{sleep, timeout};
 
 use super::wire::{CHUNK_BYTES, Wire};
-use super::{MocapCounters, MocapSettings, MocapStream, Sighting, SourceError};
+use super::{MocapCounters, MocapSettings, MocapStream, Refusal, Sighting, SourceError};
 use crate::StopSignal;
 use crate::clock::{Arrival, Clock, TimeNs};
 
@@ -152,7 +152,7 @@ impl MocapClient {
             let messages = self.counters.messages.get();
             let bytes = chunk.get(..count).unwrap_or_default();
             if let Err(error) = self.take(bytes, received_at, stream) {
-                self.counters.malformed.count();
+                self.counters.refuse(Refusal::Form);
                 self.counters.give_up(error);
                 return;
             }

@@ -19,7 +19,7 @@ use super::MocapCounters;
 use super::axes::Placement;
 use super::body::is_all_zero;
 use super::protocol::{Absence, BodyProtocol, Head, LATENCY_MAX_S, Name, OBJECTS_MAX, Taker};
-use super::source::SourceError;
+use super::source::{Refusal, SourceError};
 use crate::clock::SpanNs;
 
 /// Identities of objects.
@@ -109,7 +109,7 @@ impl BodyProtocol for DatastreamProtocol {
         packets.push(bytes, |packet| {
             counters.messages.count();
             let Some(contents) = reader.read(packet) else {
-                counters.malformed.count();
+                counters.refuse(Refusal::Form);
                 return Ok(());
             };
             let Contents { offer, is_y_up, number, latency } = contents;

@@ -22,7 +22,7 @@ use super::protocol::{
     Absence, BodyProtocol, Head, LATENCY_MAX_S, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, RATE_HZ,
     Taker,
 };
-use super::source::SourceError;
+use super::source::{Refusal, SourceError};
 use crate::clock::SpanNs;
 
 /// Time between two beats, and without a frame until it is asked who serves: a server that was started again has
@@ -140,7 +140,7 @@ impl BodyProtocol for NatnetProtocol {
     ) -> Result<(), SourceError> {
         counters.messages.count();
         let Some((message, body)) = packet::message(bytes) else {
-            counters.malformed.count();
+            counters.refuse(Refusal::Form);
             return Ok(());
         };
         let is_read = match (message, self.server) {
@@ -165,7 +165,7 @@ impl BodyProtocol for NatnetProtocol {
             _ => Some(()),
         };
         if is_read.is_none() {
-            counters.malformed.count();
+            counters.refuse(Refusal::Form);
             taker.forget();
         }
         Ok(())

@@ -11,7 +11,7 @@ use super::axes::Placement;
 use super::body::{Body, is_all_zero, matrix_of_angles};
 use super::bytes::{Bytes, text_of};
 use super::protocol::{Absence, BodyProtocol, Head, Name, Taker};
-use super::source::SourceError;
+use super::source::{Refusal, SourceError};
 use super::{M_PER_MM, MocapCounters};
 use crate::clock::SpanNs;
 
@@ -129,7 +129,7 @@ impl BodyProtocol for ObjectStreamProtocol {
     ) -> Result<(), SourceError> {
         counters.messages.count();
         let Some(block) = Block::parse(bytes) else {
-            counters.malformed.count();
+            counters.refuse(Refusal::Form);
             return Ok(());
         };
         if let Some(number) = self.unfinished.take_if(|number| *number != block.frame) {

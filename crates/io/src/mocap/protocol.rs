@@ -13,7 +13,7 @@ use horizon_model::rows::Pose;
 
 use super::MocapCounters;
 use super::axes::{Axes, Placement};
-use super::source::{Frame, SourceError};
+use super::source::{Frame, Refusal, SourceError};
 use crate::clock::SpanNs;
 
 /// Rates that a server may announce. Hz
@@ -187,7 +187,7 @@ struct Found {
     pose: Option<Pose>,
     /// Bodies of its name: of two it is not known which is which.
     named: u32,
-    is_refused: bool,
+    refused: Option<Refusal>,
     /// Whether another object has a name in it.
     has_others: bool,
     /// Whether there is one without a name.
@@ -205,14 +205,16 @@ impl Taker for Pick<'_> {
         if self.found.named > 1 {
             return;
         }
-        let pose = at.and_then(|at| self.axes.pose(at));
-        self.found.pose = pose;
-        self.found.is_refused = at.is_some() && pose.is_none();
+        match at.map(|at| self.axes.checked_pose(at)) {
+            Some(Ok(pose)) => self.found.pose = Some(pose),
+            Some(Err(why)) => self.found.refused = Some(why),
+            None => {}
+        }
     }
 
     fn frame(&mut self, Head { number, rate_hz, stamp, latency, absence }: Head) {
         let found = std::mem::take(&mut self.found);
-        let Found { mut pose, named, is_refused, has_others, has_unnamed } = found;
+        let Found { mut pose, named, refused, has_others, has_unnamed } = found;
         if named > 0 {
             // Also if it is refused: that is no loss.
             *self.seen = Some(number);
@@ -235,8 +237,8 @@ impl Taker for Pick<'_> {
         } else if named > 1 {
             self.counters.doubled.count();
             pose = None;
-        } else if is_refused {
-            self.counters.malformed.count();
+        } else if let Some(why) = refused {
+            self.counters.refuse(why);
             return;
         }
         (self.on_frame)(Frame { number, rate_hz, stamp, latency, pose });

@@ -17,7 +17,7 @@ use super::axes::{Axis, Placement};
 use super::protocol::{
     Absence, BodyProtocol, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, RATE_HZ, Taker,
 };
-use super::source::SourceError;
+use super::source::{Refusal, SourceError};
 use crate::clock::SpanNs;
 
 /// Greeting of a server.
@@ -119,7 +119,7 @@ impl BodyProtocol for QtmProtocol {
         packets.push(bytes, |packet, body| {
             counters.messages.count();
             if reader.read(packet, body, taker)?.is_none() {
-                counters.malformed.count();
+                counters.refuse(Refusal::Form);
                 taker.forget();
             }
             Ok(())

@@ -16,7 +16,7 @@ use super::axes::{Axes, Placement, matrix_of_quaternion};
 use super::body::{Body, is_all_zero, matrix_of_angles};
 use super::lines::Lines;
 use super::protocol::{Absence, BodyProtocol, Head, Name, Taker};
-use super::source::SourceError;
+use super::source::{Refusal, SourceError};
 use crate::clock::SpanNs;
 
 /// One line of the relay.
@@ -40,41 +40,46 @@ impl RelayPose<'_> {
     }
 }
 
-/// Content of one line, which comes without its line feed; `None` if a field is missing or not a finite number, or if
-/// there are others than 3, 4 or 9 rotation numbers or a quaternion without length 1. The stream goes on.
+/// Content of one line, which comes without its line feed.
 ///
 /// Occlusion other than 0 and a pose of nothing but zeros mean that the object was not seen.
-pub fn parse_line(line: &[u8]) -> Option<RelayPose<'_>> {
-    let mut fields = str::from_utf8(line).ok()?.split(' ').filter(|field| !field.is_empty());
-    let frame = fields.next()?.parse().ok()?;
-    let rate_hz = number(fields.next()?)?;
-    let object = fields.next()?;
-    let is_occluded = fields.next()?.parse::<i64>().ok()? != 0;
-    let pos_v = [number(fields.next()?)?, number(fields.next()?)?, number(fields.next()?)?];
+///
+/// # Errors
+/// A field is missing or not a finite number, or there are others than 3, 4 or 9 rotation numbers, or the length of a
+/// quaternion is not 1. The stream goes on.
+pub fn parse_line(line: &[u8]) -> Result<RelayPose<'_>, Refusal> {
+    let text = str::from_utf8(line).map_err(|_error| Refusal::Form)?;
+    let mut fields = text.split(' ').filter(|field| !field.is_empty());
+    let mut next = || fields.next().ok_or(Refusal::Form);
+    let frame = next()?.parse().map_err(|_error| Refusal::FrameNumber)?;
+    let rate_hz = number(next()?)?;
+    let object = next()?;
+    let is_occluded = next()?.parse::<i64>().map_err(|_error| Refusal::Number)? != 0;
+    let pos_v = [number(next()?)?, number(next()?)?, number(next()?)?];
 
     let mut rotation = [0.0; 9];
     let mut count = 0;
     for text in fields {
-        *rotation.get_mut(count)? = number(text)?;
+        *rotation.get_mut(count).ok_or(Refusal::Form)? = number(text)?;
         count += 1;
     }
     if ![3, 4, 9].contains(&count) {
-        return None;
+        return Err(Refusal::Form);
     }
     if is_occluded || is_all_zero(pos_v.into_iter().chain(rotation)) {
-        return Some(RelayPose { frame, rate_hz, object, at: None });
+        return Ok(RelayPose { frame, rate_hz, object, at: None });
     }
     let [r1, r2, r3, r4, ..] = rotation;
     let matrix = match count {
         3 => matrix_of_angles([r1, r2, r3]),
-        4 => matrix_of_quaternion([r1, r2, r3, r4])?,
+        4 => matrix_of_quaternion([r1, r2, r3, r4]).ok_or(Refusal::Rotation)?,
         _ => rotation,
     };
-    Some(RelayPose { frame, rate_hz, object, at: Some(Placement { pos_v, matrix }) })
+    Ok(RelayPose { frame, rate_hz, object, at: Some(Placement { pos_v, matrix }) })
 }
 
-fn number(text: &str) -> Option<f64> {
-    text.parse().ok().filter(|value: &f64| value.is_finite())
+fn number(text: &str) -> Result<f64, Refusal> {
+    text.parse().ok().filter(|value: &f64| value.is_finite()).ok_or(Refusal::Number)
 }
 
 /// Appends the relay's line of one frame, line feed included: 4 decimals, three angles.
@@ -113,9 +118,10 @@ impl BodyProtocol for RelayProtocol {
     ) -> Result<(), SourceError> {
         self.lines.push(bytes, |line| {
             counters.messages.count();
-            let Some(RelayPose { frame, rate_hz, object, at }) = line.and_then(parse_line) else {
-                counters.malformed.count();
-                return;
+            let read = line.ok_or(Refusal::Form).and_then(parse_line);
+            let RelayPose { frame, rate_hz, object, at } = match read {
+                Ok(pose) => pose,
+                Err(why) => return counters.refuse(why),
             };
             taker.body(Name { text: Some(object.as_bytes()), id: None }, at.as_ref());
             let (stamp, latency, absence) = (None, SpanNs(0), Absence::Unknown);

@@ -1,4 +1,4 @@
-//! What comes of a mocap source: frames of one object, or a reason to give its connection up.
+//! What comes of a mocap source: frames of one object, or a reason to refuse a message or to give the connection up.
 
 use horizon_model::rows::Pose;
 use thiserror::Error;
@@ -72,4 +72,31 @@ pub enum SourceError {
     /// A connection begins with other bytes than a VRPN server's.
     #[error("this is no VRPN server of version 7")]
     NoVrpn,
+}
+
+/// Why a message was refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum Refusal {
+    /// It is cut off, or has other parts than a message of its kind.
+    #[error("a message has another form than its protocol's")]
+    Form,
+    /// A frame number with a fraction, or beyond 64 bits.
+    #[error("a frame number is not a whole number")]
+    FrameNumber,
+    /// Text in place of a number, NaN or infinity.
+    #[error("a number is missing or not finite")]
+    Number,
+    /// A rotation that is none.
+    #[error(
+        "a rotation is none: a quaternion of another length than 1, or a matrix with rows that are not unit and orthogonal"
+    )]
+    Rotation,
+    /// The object lies on its side or head.
+    #[error(
+        "the object's top is further than 60 degrees from up: are the axes right, and quaternions x y z w?"
+    )]
+    Top,
+    /// A sender that was not described.
+    #[error("a sender has no name")]
+    Sender,
 }

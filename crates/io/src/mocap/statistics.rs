@@ -8,7 +8,7 @@ use parking_lot::Mutex;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::{Sighting, SourceError};
+use super::{Refusal, Sighting, SourceError};
 use crate::Counter;
 use crate::clock::{SpanNs, TimeNs};
 
@@ -57,6 +57,9 @@ pub struct MocapCounters {
     has_clock: AtomicBool,
     /// Bits of a number, 0 while it is not known. Hz
     count_hz: AtomicU64,
+    /// Bits of a number, 0 while it is not known. Hz
+    announced_hz: AtomicU64,
+    refused: Mutex<Option<Refusal>>,
     given_up: Mutex<Option<SourceError>>,
     unopened: Mutex<Option<String>>,
 }
@@ -163,6 +166,23 @@ impl MocapCounters {
         self.has_clock.load(Ordering::Relaxed)
     }
 
+    /// Counts a message that is refused.
+    pub(super) fn refuse(&self, why: Refusal) {
+        self.malformed.count();
+        *self.refused.lock() = Some(why);
+    }
+
+    /// Why the newest message was refused that was.
+    pub fn refused(&self) -> Option<Refusal> {
+        *self.refused.lock()
+    }
+
+    /// Frame rate of the newest frame, as announced or set; `None` before the first. Hz
+    pub fn announced_hz(&self) -> Option<f64> {
+        let hz = f64::from_bits(self.announced_hz.load(Ordering::Relaxed));
+        (hz > 0.0).then_some(hz)
+    }
+
     /// Why a connection was given up that made no sense; `None` once a frame was understood after it.
     pub fn given_up(&self) -> Option<SourceError> {
         self.given_up.lock().clone()
@@ -205,6 +225,7 @@ impl MocapCounters {
     ) {
         let Sighting { measured_at, received_at, pose, .. } = sighting;
         self.sightings.count();
+        self.announced_hz.store(rate_hz.to_bits(), Ordering::Relaxed);
         *self.given_up.lock() = None;
         if pose.is_none() {
             self.unseen.count();

@@ -17,7 +17,7 @@ use super::axes::Placement;
 use super::client::CONNECT_TIMEOUT;
 use super::protocol::{Absence, BodyProtocol, Head, Name, OBJECTS_MAX, Taker};
 use super::wire::{CHUNK_BYTES, Wire};
-use super::{MocapCounters, MocapSettings, SourceError};
+use super::{MocapCounters, MocapSettings, Refusal, SourceError};
 use crate::clock::{Clock, TimeNs};
 pub use track::{SurveyTrack, TrackReport};
 
@@ -35,8 +35,10 @@ pub struct Survey {
     pub connects: u64,
     /// Complete messages received.
     pub messages: u64,
-    /// Messages that were refused.
+    /// Messages and places that were refused.
     pub malformed: u64,
+    /// Why the newest of them was.
+    pub refused: Option<Refusal>,
     /// Why the last connection was not made or given up.
     pub trouble: Option<String>,
     /// Frame rate that the source announces; 0 if it does not. Hz
@@ -46,6 +48,7 @@ pub struct Survey {
 /// Takes the bodies of a frame until the frame is there.
 struct Collect<'a> {
     survey: &'a mut Survey,
+    counters: &'a MocapCounters,
     bodies: Vec<(String, Option<Placement>)>,
     now: TimeNs,
 }
@@ -64,7 +67,11 @@ impl Taker for Collect<'_> {
             Name { .. } => return,
         };
         if self.bodies.len() < OBJECTS_MAX {
-            self.bodies.push((name, at.copied()));
+            let refusal = at.and_then(Placement::refusal);
+            if let Some(why) = refusal {
+                self.counters.refuse(why);
+            }
+            self.bodies.push((name, at.copied().filter(|_| refusal.is_none())));
         }
     }
 
@@ -193,10 +200,11 @@ impl Reader {
             }
             let Ok(count) = received else { continue };
             let bytes = chunk.get(..count?).unwrap_or_default();
-            let mut taker = Collect { survey, bodies: Vec::new(), now };
+            let mut taker = Collect { survey, counters, bodies: Vec::new(), now };
             let result = protocol.push(bytes, counters, &mut taker);
             survey.messages = counters.messages.get();
             survey.malformed = counters.malformed.get();
+            survey.refused = counters.refused();
             result.map_err(Ended::Source)?;
             wire.join(protocol.group())?;
         }
@@ -207,8 +215,9 @@ impl Reader {
 impl Survey {
     /// Takes in bytes that came at `now`.
     pub(super) fn take_in(&mut self, protocol: &mut dyn BodyProtocol, bytes: &[u8], now: TimeNs) {
-        let mut taker = Collect { survey: self, bodies: Vec::new(), now };
-        protocol.push(bytes, &MocapCounters::default(), &mut taker).unwrap();
+        let counters = MocapCounters::default();
+        let mut taker = Collect { survey: self, counters: &counters, bodies: Vec::new(), now };
+        protocol.push(bytes, &counters, &mut taker).unwrap();
     }
 }
 

@@ -19,7 +19,7 @@ use super::axes::{Placement, matrix_of_quaternion};
 use super::protocol::{
     Absence, BodyProtocol, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, Taker,
 };
-use super::source::SourceError;
+use super::source::{Refusal, SourceError};
 use super::stamp_numbers::StampNumbers;
 use crate::clock::SpanNs;
 
@@ -65,8 +65,8 @@ impl BodyProtocol for VrpnProtocol {
         let Self { messages, reader } = self;
         messages.push(bytes, |message| {
             counters.messages.count();
-            if reader.read(message, taker).is_none() {
-                counters.malformed.count();
+            if let Err(why) = reader.read(message, taker) {
+                counters.refuse(why);
             }
             Ok(())
         })
@@ -88,34 +88,38 @@ impl BodyProtocol for VrpnProtocol {
 }
 
 impl Reader {
-    /// Takes in a message; `None` if its body does not match its type.
-    fn read(&mut self, message: &Message<'_>, taker: &mut dyn Taker) -> Option<()> {
+    /// Takes in a message.
+    ///
+    /// # Errors
+    /// Its body does not match its type, or has no pose of a sender with a name.
+    fn read(&mut self, message: &Message<'_>, taker: &mut dyn Taker) -> Result<(), Refusal> {
+        let description = || packet::description(message.body).ok_or(Refusal::Form);
         match message.kind {
             kind::SENDER => {
-                let name = String::from_utf8_lossy(packet::description(message.body)?);
+                let name = String::from_utf8_lossy(description()?);
                 let is_kept =
                     name.len() <= OBJECT_NAME_BYTES_MAX && self.senders.len() < OBJECTS_MAX;
                 if is_kept {
                     self.senders.insert(message.sender, name.into_owned());
                 }
             }
-            kind::TYPE if packet::description(message.body)? == POSE.as_bytes() => {
+            kind::TYPE if description()? == POSE.as_bytes() => {
                 self.pose = Some(message.sender);
             }
             of if Some(of) == self.pose => self.read_pose(message, taker)?,
             _ => {}
         }
-        Some(())
+        Ok(())
     }
 
-    fn read_pose(&mut self, message: &Message<'_>, taker: &mut dyn Taker) -> Option<()> {
-        let (sensor, pos_v, quaternion) = packet::pose(message.body)?;
-        let matrix = matrix_of_quaternion(quaternion)?;
-        if !pos_v.iter().all(|value| value.is_finite()) {
-            return None;
+    fn read_pose(&mut self, message: &Message<'_>, taker: &mut dyn Taker) -> Result<(), Refusal> {
+        let (sensor, pos_v, quaternion) = packet::pose(message.body).ok_or(Refusal::Form)?;
+        if !pos_v.iter().chain(&quaternion).all(|value| value.is_finite()) {
+            return Err(Refusal::Number);
         }
+        let matrix = matrix_of_quaternion(quaternion).ok_or(Refusal::Rotation)?;
         // A sender that was not described has no name.
-        let sender = self.senders.get(&message.sender)?;
+        let sender = self.senders.get(&message.sender).ok_or(Refusal::Sender)?;
         let at = Placement { pos_v, matrix };
         if sensor == 0 {
             taker.body(Name { text: Some(sender.as_bytes()), id: None }, Some(&at));
@@ -132,7 +136,7 @@ impl Reader {
         let number = numbers.number(message.time_s, self.rate_hz);
         let (rate_hz, stamp) = (self.rate_hz, Some(SpanNs::from_seconds(message.time_s)));
         taker.frame(Head { number, rate_hz, stamp, latency: SpanNs(0), absence: Absence::Unknown });
-        Some(())
+        Ok(())
     }
 }
 

@@ -78,7 +78,11 @@ impl NatnetWire {
     async fn open(address: &str) -> io::Result<Self> {
         let mut found = lookup_host(address).await?;
         let server = found.find(SocketAddr::is_ipv4);
-        let server = server.ok_or(io::Error::from(io::ErrorKind::AddrNotAvailable))?;
+        let no_ipv4 = || {
+            let text = format!("{address} has no IPv4 address, and NatNet is read over IPv4 only");
+            io::Error::new(io::ErrorKind::AddrNotAvailable, text)
+        };
+        let server = server.ok_or_else(no_ipv4)?;
         let command = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).await?;
         Ok(Self { server, command, data: None })
     }
@@ -177,6 +181,12 @@ mod tests {
             wire.read(&mut [0; 8]).await.unwrap_err()
         });
         assert_eq!(error.kind(), io::ErrorKind::UnexpectedEof);
+    }
+
+    #[test]
+    fn natnet_over_ipv6_is_refused_by_name() {
+        let error = block_on(NatnetWire::open("[::1]:1510")).unwrap_err();
+        assert!(error.to_string().contains("IPv4 only"), "{error}");
     }
 
     #[test]

@@ -70,6 +70,7 @@ async fn look_at_links(table: &FlyTable) -> Result<Found> {
     tello.await??;
     Ok(Found {
         stream: feed.counters.report(),
+        announced_hz: feed.counters.announced_hz(),
         mocap_trouble: mocap_trouble(table, &feed.counters),
         at,
         moving_at,

@@ -17,6 +17,7 @@ fn all_there() -> Found {
     };
     Found {
         stream,
+        announced_hz: Some(100.0),
         mocap_trouble: "no pose, nobody is at 127.0.0.1:51602".into(),
         at: Some(Pose::new(-2.0, -3.0, 0.05, 0.0)),
         moving_at: None,
@@ -200,12 +201,20 @@ fn a_start_beside_a_wall_is_noted_and_a_name_that_two_objects_have_fails() {
     let stream = StreamReport { doubled: all.frames, ..all };
     let wall = "0.59 m from the wall at the upper x of the room";
     let still = StreamReport { frames: 1, repeated: 90, ..all_there().stream };
+    let other_rate =
+        StreamReport { has_clock: false, count_hz: Some(100.0), latency_mean_s: 0.17, ..all };
     let doubled = "two objects are called \"tello\", in 101 frames";
     assert_found([
         (beside(4.41), "start", Readiness::Note, wall),
         (beside(4.39), "start", Readiness::Good, "m from the first target"),
         (beside(5.1), "start", Readiness::Bad, "outside of the room"),
         (Found { stream, ..all_there() }, "mocap", Readiness::Bad, doubled),
+        (
+            Found { stream: other_rate, announced_hz: Some(120.0), ..all_there() },
+            "mocap",
+            Readiness::Bad,
+            "its source announces 120 Hz, counted are 100.0 Hz",
+        ),
         (Found { stream: still, ..all_there() }, "mocap", Readiness::Bad, "stand still"),
     ]);
 }

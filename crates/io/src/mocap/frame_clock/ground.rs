@@ -2,8 +2,8 @@
 //!
 //! The announced rate stands unless the arrivals contradict it. A count of every n-th frame, or of n messages a
 //! frame, is a rate that differs by a whole factor, and is believed. So is a rate that is wrong by some
-//! thousandths. Any other pace may as well be a delay that grows, and is not. What is measured in a few seconds
-//! is less exact than a right announcement, and replaces it only after a long window.
+//! thousandths, once the window is long enough to tell. Any other pace may as well be a delay that grows, and is not.
+//! What is measured in a few seconds is less exact than a right announcement, and replaces it only after a long window.
 
 use super::arrivals::Arrivals;
 use super::bounds::{Bounds, DEVIATION_MAX, JITTER_NS};
@@ -44,6 +44,8 @@ enum Pace {
     Announced,
     /// The numbers keep pace with time, perhaps by a whole factor.
     Confirmed,
+    /// The same, or not, by the jitter of the arrivals: a longer window tells. The measured time per number. ns
+    Doubtful(f64),
     /// The measured time per number does not go with it. ns
     Contradicted(f64),
 }
@@ -104,7 +106,7 @@ impl Ground {
         match self.pace {
             Pace::Announced => None,
             Pace::Confirmed => self.line.map(|line| 1e9 / line.period_ns),
-            Pace::Contradicted(period_ns) => Some(1e9 / period_ns),
+            Pace::Doubtful(period_ns) | Pace::Contradicted(period_ns) => Some(1e9 / period_ns),
         }
     }
 
@@ -149,7 +151,9 @@ impl Ground {
         let jitter = pace.bow_ns.abs().clamp(JITTER_MIN_NS, JITTER_NS) / span_ns;
         // A rate that is not positive makes a factor that is not, or NaN.
         if whole <= FACTOR_MAX && factor > 0.0 && deviation <= DEVIATION_MAX + jitter {
-            self.pace = Pace::Confirmed;
+            // A flight learns no pace beyond the limit: so a flight begins once jitter does not hide one.
+            let is_within = deviation + jitter <= DEVIATION_MAX;
+            self.pace = if is_within { Pace::Confirmed } else { Pace::Doubtful(measured_ns) };
             self.nominal_ns = nominal_ns;
             let is_measured = deviation > jitter && span_ns >= SPAN_MEASURED_NS;
             if is_measured { measured_ns } else { nominal_ns }

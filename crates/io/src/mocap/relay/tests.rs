@@ -61,12 +61,12 @@ fn every_malformed_line_that_killed_the_old_client_is_refused() {
         "1 100 tello 0 1 2 3 0 0 0 9",
         "1 nan tello 0 1 2 3 0 0 0",
     ] {
-        assert_eq!(parse_line(line.as_bytes()), None, "{line:?}");
+        assert!(parse_line(line.as_bytes()).is_err(), "{line:?}");
         let (frames, counters) = read_lines(&[line, "2 100 tello 0 1 2 3 0 0 0"]);
         assert_eq!((frames.len(), counters.malformed.get()), (1, 1), "{line:?}");
     }
-    assert_eq!(parse_line(b"1 100 t\xff"), None);
-    assert_eq!(parse_line(b"1 100 t\xff 0 1 2 3 0 0 0"), None);
+    assert_eq!(parse_line(b"1 100 t\xff"), Err(Refusal::Form));
+    assert_eq!(parse_line(b"1 100 t\xff 0 1 2 3 0 0 0"), Err(Refusal::Form));
 }
 
 #[test]
@@ -166,7 +166,7 @@ fn every_truncation_of_a_good_line_is_survived() {
     // Up to the first digit of the tenth field the line has too few fields.
     let whole_from = line.len() - "0.3000".len() + 1;
     for length in 0..line.len() {
-        let is_read = parse_line(&line[..length]).is_some();
+        let is_read = parse_line(&line[..length]).is_ok();
         assert_eq!(is_read, length >= whole_from, "{length} bytes");
     }
 }
@@ -174,7 +174,7 @@ fn every_truncation_of_a_good_line_is_survived() {
 proptest! {
     #[test]
     fn random_bytes_are_survived(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
-        if let Some(o) = parse_line(&bytes).and_then(|line| line.pose()) {
+        if let Some(o) = parse_line(&bytes).ok().and_then(|line| line.pose()) {
             prop_assert!(o.iter().all(|value| value.is_finite()));
         }
     }
@@ -187,7 +187,7 @@ proptest! {
         ),
     ) {
         let text = fields.join(" ");
-        if let Some(o) = parse_line(text.as_bytes()).and_then(|line| line.pose()) {
+        if let Some(o) = parse_line(text.as_bytes()).ok().and_then(|line| line.pose()) {
             prop_assert!(o.iter().all(|value| value.is_finite()));
             prop_assert!(o[pose::THETA].abs() <= PI);
         }

@@ -103,6 +103,21 @@ impl SurveyTrack {
         }
     }
 
+    /// The same at `now`: silence since the newest frame counts as a gap.
+    pub fn report_at(&self, now: TimeNs) -> TrackReport {
+        let report = self.report();
+        let wait_s = self.last.map_or(0.0, |(then, _)| now.since(then).seconds());
+        if !self.is_silence(wait_s) {
+            return report;
+        }
+        let gap_max_s = report.gap_max_s.max(wait_s);
+        TrackReport { gaps: report.gaps + 1, gap_max_s, ..report }
+    }
+
+    fn is_silence(&self, wait_s: f64) -> bool {
+        wait_s > SILENCE.seconds() && wait_s > GAP_PERIODS * self.waits.mean()
+    }
+
     /// Steps and rate by the source's stamps, if they are times.
     fn by_stamps(&self, rate_hz: f64) -> Option<(&Intervals, f64)> {
         let mean_hz = 1.0 / self.stamps.mean();
@@ -124,8 +139,9 @@ impl SurveyTrack {
 
     /// Takes in a frame, and where the object is in it.
     pub(super) fn take(&mut self, now: TimeNs, at: Option<Placement>, head: Head) {
-        if self.is_second_of_frame(at, head) {
-            self.doubled += 1;
+        // Numbers that stand still count no frames.
+        if self.had(head.number) && self.numbers.count > 0 {
+            self.doubled += u64::from(self.is_elsewhere(at));
             return;
         }
         self.frames += 1;
@@ -141,7 +157,7 @@ impl SurveyTrack {
                 is_gap |= !is_back && self.stamps.take(step.seconds());
             }
             self.waits.take(wait_s);
-            let is_silence = wait_s > SILENCE.seconds() && wait_s > GAP_PERIODS * self.waits.mean();
+            let is_silence = self.is_silence(wait_s);
             let has_steps = self.numbers.count > 0 || self.stamps.count > 0;
             self.silences += u64::from(is_silence && !is_gap && has_steps);
         }
@@ -162,11 +178,9 @@ impl SurveyTrack {
         self.last.is_some_and(|(_, last)| last.number == number)
     }
 
-    /// Whether the frame of `head` had another place of the object before. Numbers that stand still count no frames.
-    fn is_second_of_frame(&self, at: Option<Placement>, head: Head) -> bool {
-        let is_elsewhere =
-            self.places.zip(at).is_some_and(|([_, newest], at)| apart(&newest, &at) > ONE_PLACE);
-        self.had(head.number) && is_elsewhere && self.numbers.count > 0
+    /// Whether a place is not the newest one.
+    fn is_elsewhere(&self, at: Option<Placement>) -> bool {
+        self.places.zip(at).is_some_and(|([_, newest], at)| apart(&newest, &at) > ONE_PLACE)
     }
 }
 
@@ -276,7 +290,22 @@ mod tests {
                 track.take(at_s(number as f64 / 100.0), place(x_m), head(number, None));
             }
         }
-        assert_eq!(track.report().doubled, 0);
+        let report = track.report();
+        assert_eq!((report.doubled, report.frames), (0, 21), "{report:?}");
+        assert!((report.rate_hz - 100.0).abs() < 6.0, "{report:?}");
+    }
+
+    #[test]
+    fn silence_up_to_now_is_a_gap() {
+        let mut track = SurveyTrack::default();
+        for number in 0..100_i64 {
+            track.take(at_s(number as f64 / 100.0), None, head(number, None));
+        }
+        for (now_s, gaps, gap_max_s) in [(1.0, 0, 0.01), (1.08, 0, 0.01), (3.99, 1, 3.0)] {
+            let report = track.report_at(at_s(now_s));
+            assert_eq!(report.gaps, gaps, "{now_s} s");
+            assert!((report.gap_max_s - gap_max_s).abs() < 1e-6, "{now_s} s: {report:?}");
+        }
     }
 
     #[test]

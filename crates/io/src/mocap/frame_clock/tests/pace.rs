@@ -110,3 +110,59 @@ fn a_stream_that_stays_late_on_the_ground_is_believed_again_after_the_window() {
         }
     }
 }
+
+/// A number of 0..1 that looks random, from a seed and a number.
+fn uniform(seed: i64, number: i64) -> f64 {
+    let mut bits = (seed * 1_000_003 + number).cast_unsigned().wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    (bits >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+/// When a source with this jitter is confirmed on the ground, and how late its frames seem at most in the rest of a
+/// minute, beyond their delay; infinite for a frame without a time. `None` if it is not confirmed in `ground_s`. s, ms
+fn started(
+    (announced_hz, count_hz): (f64, f64),
+    jitter_ms: f64,
+    seed: i64,
+    ground_s: f64,
+) -> Option<(f64, f64)> {
+    let mut clock = FrameClock::new();
+    let (mut started_s, mut late_max_ms, mut arrived_ms) = (None, 0.0_f64, 0.0_f64);
+    for number in 0..whole(60.0 * count_hz) {
+        let due_ms = 1e3 * number as f64 / count_hz;
+        arrived_ms = arrived_ms.max(due_ms + jitter_ms * uniform(seed, number));
+        let late_ms = late_ms(&mut clock, number, announced_hz, arrived_ms);
+        if started_s.is_some() {
+            let late_ms = late_ms.map_or(f64::INFINITY, |late_ms| late_ms - (arrived_ms - due_ms));
+            late_max_ms = late_max_ms.max(late_ms);
+        } else if clock.is_confirmed() {
+            started_s = Some(due_ms / 1e3);
+            clock.set_airborne(true);
+        } else if due_ms > 1e3 * ground_s {
+            return None;
+        }
+    }
+    started_s.map(|started_s| (started_s, late_max_ms))
+}
+
+#[test]
+fn what_the_ground_confirms_a_flight_holds() {
+    for jitter_ms in [0.0, 8.0, 30.0] {
+        for deviation in [0.0, 1e-3, 3e-3, 4e-3, 4.5e-3, 5e-3, 5.5e-3, 6e-3, 7e-3] {
+            for (sign, seed) in [1.0, -1.0]
+                .into_iter()
+                .zip([0, 3])
+                .flat_map(|(sign, seed)| (seed..seed + 3).map(move |seed| (sign, seed)))
+            {
+                let announced_hz = 100.0 * (1.0 + sign * deviation);
+                let started = started((announced_hz, 100.0), jitter_ms, seed, 12.0);
+                let trouble = format!("{announced_hz} Hz, {jitter_ms} ms, {seed}: {started:?}");
+                assert!(started.is_none_or(|(_, late_ms)| late_ms < 30.0), "{trouble}");
+                assert!(started.is_none() || deviation < 7e-3, "{trouble}");
+                let is_soon = started.is_some_and(|(started_s, _)| started_s < 4.0);
+                assert!(is_soon || deviation > 3e-3, "{trouble}");
+            }
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! What a watched object shows: words for people.
+
+use anyhow::Result;
+use tello_io::mocap::{Axis, FrameTable, Survey, TrackReport};
+
+use super::{WAY_MIN_M, Watched, Way, is_doubled, unit_doubt};
+use crate::stdio;
+
+/// A body that stands on the floor leans less than this. deg
+const TILT_MAX_DEG: f64 = 20.0;
+
+/// A way that was carried nose first is off the heading by less. deg
+const NOSE_OFF_MAX_DEG: f64 = 30.0;
+
+/// Axes whose third is the given one, right-handed.
+pub(super) fn axes_with_up(up: Axis) -> [Axis; 3] {
+    match up {
+        Axis::X => [Axis::Y, Axis::Z, Axis::X],
+        Axis::Y => [Axis::X, Axis::MinusZ, Axis::Y],
+        Axis::Z => [Axis::X, Axis::Y, Axis::Z],
+        Axis::MinusX => [Axis::Y, Axis::MinusZ, Axis::MinusX],
+        Axis::MinusY => [Axis::X, Axis::Z, Axis::MinusY],
+        Axis::MinusZ => [Axis::X, Axis::MinusY, Axis::MinusZ],
+    }
+}
+
+/// What to conclude, for people.
+pub(super) fn print_end(watched: &Watched, survey: &Survey) -> Result<()> {
+    let Some(now) = watched.now else {
+        let names: Vec<String> = survey.objects.keys().map(|name| format!("{name:?}")).collect();
+        stdio::line(format_args!("{:?} was not seen.", watched.object))?;
+        if let Some(trouble) = &watched.trouble {
+            stdio::line(format_args!("The connection: {trouble}."))?;
+        }
+        if let Some(refused) = &watched.refused {
+            stdio::line(format_args!("Refused: {refused}."))?;
+        }
+        return if names.is_empty() {
+            stdio::line("There are no objects. tello-ctl mocap list HOST tries every protocol.")
+        } else {
+            stdio::line(format_args!("There are: {}", names.join(", ")))
+        };
+    };
+    let doubled = watched.report.doubled;
+    if is_doubled(&watched.report) {
+        return stdio::line(format_args!(
+            "Two objects are called {:?}, in {doubled} frames: rename one; what is above is of both.",
+            watched.object
+        ));
+    }
+    if now.tilt_deg > TILT_MAX_DEG {
+        stdio::line(format_args!(
+            "Its top leans {:.0} degrees from up: if the vehicle stands level, the axes are wrong, or the object was \
+             defined while it leaned.",
+            now.tilt_deg
+        ))?;
+    }
+    if let Some(refused) = &watched.refused {
+        stdio::line(format_args!("Refused: {refused}."))?;
+    }
+    let TrackReport { gaps, gap_max_s, .. } = watched.report;
+    if gaps > 0 {
+        stdio::line(format_args!("{gaps} gaps, the longest {gap_max_s:.2} s."))?;
+    }
+    if let Some(doubt) = unit_doubt([now.x_m, now.y_m, now.z_m], watched.settings.has_frame()) {
+        stdio::line(doubt)?;
+    }
+    match watched.way {
+        None => stdio::line(format_args!(
+            "It did not move by {WAY_MIN_M} m. Lift it straight up to check the axes, carry it nose first to check the \
+             nose. If it was lifted, the source is in another unit than these settings say."
+        ))?,
+        Some(way) => print_way(&way, watched.settings.has_frame())?,
+    }
+    let settings = serde_json::to_string(&watched.settings)?;
+    stdio::line(format_args!("Settings that were used: \"mocap\": {settings}"))?;
+    if let Some(rate_hz) = watched.suggested_rate_hz {
+        let measured_hz = watched.report.usual_hz;
+        stdio::line(format_args!(
+            "Measured are {measured_hz:.2} Hz: write \"rate_hz\": {rate_hz} for a flight."
+        ))?;
+    }
+    Ok(())
+}
+
+/// `has_frame`: the settings of the source have axes.
+fn print_way(way: &Way, has_frame: bool) -> Result<()> {
+    for line in way_lines(way, has_frame)? {
+        stdio::line(line)?;
+    }
+    Ok(())
+}
+
+fn way_lines(way: &Way, has_frame: bool) -> Result<Vec<String>> {
+    let Way { length_m, source_axis, source_off_deg, object_axis, object_off_deg, .. } = *way;
+    let Way { climb_deg, nose_off_deg, .. } = *way;
+    let mut lines = vec![format!(
+        "It moved {length_m:.2} m: along {} of the source (off by {source_off_deg:.0} degrees), along {} of the object \
+         (off by {object_off_deg:.0}), {climb_deg:.0} degrees above the floor by these settings.",
+        source_axis.name(),
+        object_axis.name()
+    )];
+    if climb_deg > 60.0 {
+        lines.push("If you lifted it, up is right.".into());
+        return Ok(lines);
+    }
+    let is_nose_right = nose_off_deg < NOSE_OFF_MAX_DEG;
+    if is_nose_right {
+        lines.push(format!(
+            "If you carried it nose first, the nose is right: the way is the heading, off by {nose_off_deg:.0} degrees."
+        ));
+    }
+    if !has_frame {
+        lines.push(
+            "If you lifted it, up is wrong: set the vertical axis of the system to z.".into(),
+        );
+        if !is_nose_right {
+            let text = "If you carried it nose first, the nose is wrong: the x axis of the object has to be that of the \
+                        way, define it again in the system.";
+            lines.push(text.into());
+        }
+        return Ok(lines);
+    }
+    let frame = |axes, nose| {
+        let (axes, nose) = (Some(axes), nose);
+        serde_json::to_string(&FrameTable { axes, nose, unit: None })
+    };
+    lines.push(format!(
+        "If you lifted it, up is wrong: write \"frame\": {}",
+        frame(axes_with_up(source_axis), None)?
+    ));
+    if climb_deg.abs() < 30.0 && !is_nose_right {
+        lines.push(format!(
+            "If you carried it nose first, the nose is {:?}: write \"nose\": {:?} into \"frame\".",
+            object_axis.name(),
+            object_axis.name()
+        ));
+    }
+    Ok(lines)
+}
+
+#[cfg(test)]
+mod tests {
+    use tello_io::mocap::{Axes, Placement, Unit};
+
+    use super::super::tests::track_to;
+    use super::super::way;
+    use super::*;
+
+    #[test]
+    fn every_axis_can_be_up_without_mirroring() {
+        for up in Axis::ALL {
+            let axes = axes_with_up(up);
+            assert_eq!(axes[2], up);
+            let table = FrameTable { axes: Some(axes), ..FrameTable::default() };
+            let axes = Axes::new(Some(&table), Unit::Metre).unwrap();
+            let raised: [f64; 3] = up.vector().into();
+            let matrix = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+            let ([_, _, z_m], _) = axes.place(&Placement { pos_v: raised, matrix });
+            assert!((z_m - 1.0).abs() < 1e-12, "{up:?}");
+        }
+    }
+
+    #[test]
+    fn a_nose_that_is_right_is_called_right() {
+        let words = |pos_v: [f64; 3], has_frame: bool| {
+            let way = way(&track_to(pos_v), &Axes::ours()).unwrap();
+            way_lines(&way, has_frame).unwrap().join("\n")
+        };
+        for has_frame in [false, true] {
+            let ahead = words([1.0, 0.1, 0.0], has_frame);
+            assert!(ahead.contains("the nose is right") && !ahead.contains("again"), "{ahead}");
+            assert!(!ahead.contains("\"nose\""), "{ahead}");
+        }
+        assert!(words([0.0, 1.0, 0.0], false).contains("the nose is wrong"));
+        assert!(words([0.0, 1.0, 0.0], true).contains("write \"nose\": \"y\""));
+        assert!(words([0.0, 0.0, 1.0], false).ends_with("up is right."));
+    }
+}
