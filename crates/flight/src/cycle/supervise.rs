@@ -65,7 +65,8 @@ where
             outage,
             is_dead_time_long: self.link.as_ref().is_some_and(Link::is_dead_time_long),
             tracking_m: out.tracking_m,
-            velocity_error_mps: motion.and_then(|motion| self.velocity_error_mps(&motion)),
+            velocity_error_mps: motion
+                .and_then(|motion| self.velocity_error_mps(&motion, inbox.now)),
             turned_rad: tracking.map(|tracking| tracking.turned_rad),
             below_m: tracking.map(|tracking| tracking.below_m),
             sunk_m: tracking.map(|tracking| tracking.sunk_m),
@@ -117,14 +118,15 @@ where
     }
 
     /// Difference between the horizontal velocities of vehicle and reference; `None` if the reference is a constant
-    /// target, or if an obstacle is near or in the path, which may have to be evaded. m/s
-    fn velocity_error_mps(&self, motion: &EstimatedMotion) -> Option<f64> {
+    /// target, or if an obstacle is near or in the path, or was, which may have to be evaded. m/s
+    fn velocity_error_mps(&self, motion: &EstimatedMotion, now: TimeNs) -> Option<f64> {
         let (at_w, to_w) = (pos_w(&motion.pose), pos_w(&self.mission.reference()?));
         let error = motion.rate - self.mission.reference_rate()?;
         let is_evading = self.planner.walls().is_some_and(|walls| {
             walls.is_beside_obstacle(&at_w) || walls.is_path_blocked(&at_w, &to_w)
         });
-        (!is_evading).then(|| error[pose::X].hypot(error[pose::Y]))
+        let was_evading = self.supervisor.was_approached(now.0);
+        (!is_evading && !was_evading).then(|| error[pose::X].hypot(error[pose::Y]))
     }
 
     /// How the vehicle at `at` tracks its reference. What was before the flight does not count, nor how far the vehicle
