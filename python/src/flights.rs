@@ -198,7 +198,7 @@ fn has_ticks(logs: &[PathBuf]) -> Result<bool> {
     let is_ours = |path: &PathBuf| {
         LogReader::open(path).is_ok_and(|log| !recordings::rows::is_recording(&log))
     };
-    Ok(recordings::find(logs)?.iter().any(is_ours))
+    Ok(recordings::find(logs)?.0.iter().any(is_ours))
 }
 
 /// Makes the page of recorded flights, as `report --json`.

@@ -30,7 +30,8 @@ const DECIMALS_MAX: u8 = 17;
 /// them. A CSV flight becomes an MCAP file with the channels /recording/pose, /tello/command,
 /// /control/target and /estim/parameter, which replay and ident read like the CSV itself, and which
 /// comes back as the same CSV to the digit. A log of a flight becomes the four tags of the thesis: pos
-/// (see --pos), input (sticks sent), target and param. Lines that cannot be read are left out and named.
+/// (see --pos), input (sticks sent), target and param. Lines that cannot be read are left out and named, and so are
+/// the phases of a log in which commands alone do not move the vehicle; dry runs and replays are refused.
 ///
 /// A file appears when it is complete, and never replaces another without --force.
 #[derive(Debug, Args)]
@@ -131,7 +132,7 @@ struct Converted {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
-    let inputs = recordings::find(&arguments.inputs)?;
+    let (inputs, unnamed) = recordings::find(&arguments.inputs)?;
     if let (Some(out), [_, _, ..]) = (&arguments.out, &inputs[..]) {
         bail!("{} recordings do not fit into {}: give --out-dir", inputs.len(), out.display());
     }
@@ -140,18 +141,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         std::fs::create_dir_all(dir)
             .with_context(|| format!("cannot make the folder {}", dir.display()))?;
     }
-    let files: Vec<Converted> = inputs
+    let refused =
+        |from, why| Converted { from, to: None, steps: 0, skipped: Vec::new(), error: Some(why) };
+    let mut files: Vec<Converted> = inputs
         .par_iter()
         .map(|from| {
-            convert(from, arguments).unwrap_or_else(|error| Converted {
-                from: from.clone(),
-                to: None,
-                steps: 0,
-                skipped: Vec::new(),
-                error: Some(stdio::chain(&error)),
-            })
+            convert(from, arguments)
+                .unwrap_or_else(|error| refused(from.clone(), stdio::chain(&error)))
         })
         .collect();
+    files.extend(unnamed.into_iter().map(|file| refused(file.path, file.why)));
     let done = files.iter().filter(|file| file.error.is_none()).count();
     let is_any_torn = files.iter().flat_map(|file| &file.skipped).any(|note| rows::is_tear(note));
     let all = files.len();
@@ -228,7 +227,10 @@ fn of_mcap(path: &Path, pos: Pos) -> Result<RowFlight> {
         flight_log::settings(&log, path).and_then(|flight| Ok(ReferencePath::of(&flight)?));
     let targets_count = reference.map_or(usize::MAX, |reference| reference.targets_count);
     let mut notes = Vec::new();
-    let ticks = ticks::read(&mut log, &mut notes)?;
+    if flight_log::is_simulated(&log) {
+        notes.push("that its vehicle was simulated, which CSV cannot say".to_owned());
+    }
+    let ticks = ticks::commanded(&mut log, &mut notes)?;
     let row = |tick: &ticks::TickRow| CsvRow {
         step: tick.period,
         pos: match pos {

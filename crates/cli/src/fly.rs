@@ -35,13 +35,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Result, anyhow, bail};
 use clap::Args;
 use parking_lot::Mutex;
 use rtrb::{Consumer, RingBuffer};
 use tello_eval::flight_log::TickRecord;
 use tello_eval::parameter_file;
-use tello_eval::vehicle::before_flight;
 use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{Mission, Phase, SPEED_AS_WRITTEN, Start};
 use tello_io::clock::{Clock, Role, SpanNs, request_priority};
@@ -49,7 +48,6 @@ use tello_io::config::{self, FlyTable};
 use tello_io::log::Recorder;
 use tello_io::manual::{self, Inputs, KEYS_HELP, Person};
 use tello_io::tello::{DroneClient, TelloSettings};
-use tello_io::whole_file;
 use tello_sim::Profile;
 
 use self::control_loop::{ControlLoop, Orders};
@@ -177,14 +175,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     manual::discard_typed();
     let (mut table, mission) =
         config::fly(arguments.config.as_deref(), arguments.mission.as_deref())?;
-    parameter_file::apply(arguments.params.as_deref(), &mut table.cycle)?;
-    if let Some(path) = &arguments.vehicle {
-        before_flight(path, &mut table.cycle, arguments.sim)?;
-        if !arguments.dry_run {
-            let hint = "after the flight --vehicle writes it; --params only reads one";
-            whole_file::probe(path).context(hint)?;
-        }
-    }
+    vehicle::take_parameters(arguments, &mut table)?;
     // A dry run may be carried through the room by hand: it plans from the first pose on.
     let start = if arguments.dry_run { Start::Carried } else { Start::Grounded };
     let flight = config::flight(&table, mission, start).at_speed(arguments.speed)?;

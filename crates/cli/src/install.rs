@@ -10,8 +10,9 @@ use clap_complete::Shell;
 use schemars::schema_for;
 use serde_json::{Value, json};
 use tello_flight::MissionTable;
+use tello_io::config::{self, Problems};
 use tello_io::mocap::MocapKind;
-use tello_io::{config, whole_file};
+use tello_io::whole_file;
 
 use crate::mocap::usual_address;
 use crate::{Verdict, stdio};
@@ -66,8 +67,13 @@ pub(crate) struct InitArguments {
     #[arg(long, value_name = "X,X,Y,Y,Z", allow_hyphen_values = true)]
     room: Option<Walls>,
     /// Frames per second, of `udp` and `vrpn`, which do not tell it [default: 50].
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", value_parser = rate_hz)]
     rate: Option<f64>,
+}
+
+fn rate_hz(text: &str) -> Result<f64, String> {
+    let rate_hz = text.parse().ok().filter(|rate_hz: &f64| rate_hz.is_finite() && *rate_hz > 0.0);
+    rate_hz.ok_or_else(|| "expected frames per second, above 0".to_owned())
 }
 
 /// Smallest and largest x, smallest and largest y, largest z. m
@@ -154,10 +160,15 @@ pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
         ensure!(!path.exists(), "{} exists already: choose another folder", path.display());
     }
     for (name, value) in &files {
-        write(&dir.join(name), value)?;
+        whole_file::write_json(&dir.join(name), false, value)?;
     }
     let path = dir.join("fly.json");
-    let problems = config::fly_problems(Some(&path), None);
+    let mut problems = config::fly_problems(Some(&path), None);
+    let mut missions = "square.json, hover.json";
+    if !problems.list.is_empty() && fits_hover(dir)? {
+        stdio::note("note: the room is too small for the square: fly.json flies hover.json");
+        (problems.list, missions) = (Vec::new(), "hover.json");
+    }
     if !problems.list.is_empty() {
         for (name, _) in &files {
             fs::remove_file(dir.join(name))?;
@@ -165,10 +176,19 @@ pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
         if is_new {
             fs::remove_dir(dir)?;
         }
-        bail!("nothing is written: {problems}");
+        // A mission that the person never wrote is no mistake of theirs.
+        let (own, of_missions): (Vec<_>, Vec<_>) =
+            problems.list.into_iter().partition(|problem| Path::new(&problem.file) == path);
+        if own.is_empty() && room.is_some() {
+            bail!(
+                "nothing is written: the room is too small for the missions that come with it: {}",
+                Problems { list: of_missions }
+            );
+        }
+        bail!("nothing is written: {}", Problems { list: [own, of_missions].concat() });
     }
     stdio::line(format_args!(
-        "wrote fly.json, sim.json, square.json, hover.json and their schemas to {0}\nnext: tello-ctl check {0}/fly.json",
+        "wrote fly.json, sim.json, {missions} and their schemas to {0}\nnext: tello-ctl check {0}/fly.json",
         dir.display()
     ))?;
     if kind == MocapKind::Natnet {
@@ -177,6 +197,19 @@ pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
         );
     }
     Ok(Verdict::Good)
+}
+
+/// Lets the settings in `dir` fly `hover.json` in place of the square, if that is all they need.
+fn fits_hover(dir: &Path) -> Result<bool> {
+    let (path, hover) = (dir.join("fly.json"), dir.join("hover.json"));
+    if !config::fly_problems(Some(&path), Some(&hover)).list.is_empty() {
+        return Ok(false);
+    }
+    let mut fly: Value = config::load(&path)?;
+    fly["mission"] = json!("hover.json");
+    whole_file::write_json(&path, true, &fly)?;
+    fs::remove_file(dir.join("square.json"))?;
+    Ok(true)
 }
 
 /// Moves the points of a mission, whose x and y stand from `column` on, to lie around `middle`.
@@ -201,11 +234,6 @@ fn with_schema(schema: &str, value: Value) -> Value {
         named.extend(value);
     }
     named
-}
-
-fn write(path: &Path, value: &Value) -> Result<()> {
-    let json = serde_json::to_string_pretty(value)? + "\n";
-    whole_file::write_contents(path, false, json)
 }
 
 #[cfg(test)]

@@ -6,9 +6,11 @@ mod table;
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter};
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, ensure};
+use anyhow::{Context as _, Result, ensure};
 use clap::{Args, Subcommand};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -93,14 +95,22 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             Ok(if info.is_complete { Verdict::Good } else { Verdict::Bad })
         }
         Command::Recover { file, out } => {
+            refuse_unreadable(file)?;
             ensure!(!out.exists(), "{} exists already: choose another name", out.display());
             let recovered = whole_file::write(out, false, |part| Ok(recover(file, part)?))?;
             report_recovered(file, out, recovered)
         }
         Command::Ros2 { file, out, force } => {
+            refuse_unreadable(file)?;
             whole_file::keep_apart(file, out)?;
             let Exported { messages, ending } =
                 whole_file::write(out, *force, |part| ros2::export(file, part))?;
+            if messages.is_empty() {
+                stdio::note(format_args!(
+                    "note: {} holds no tick: no message is written",
+                    file.display()
+                ));
+            }
             for (topic, count) in messages {
                 stdio::line(format_args!("{topic:<24} {count:>8}"))?;
             }
@@ -119,6 +129,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             Ok(Verdict::Bad)
         }
     }
+}
+
+/// Refuses a file that cannot be read, which is no failure of the file that is written.
+fn refuse_unreadable(file: &Path) -> Result<()> {
+    let read = || File::open(file)?.read(&mut [0]);
+    read().map(drop).with_context(|| format!("cannot read {}", file.display()))
 }
 
 /// Prints what became of the log `file`; bad if not all of it was read.

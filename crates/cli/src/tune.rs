@@ -176,7 +176,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let mut summary = setup.summary(&trials, first, best)?;
     if best.cost < first.cost {
         let flight = config::from_value(&setup.flight(&best.x)?)?;
-        summary.written = save(&out, &mut table, flight)?;
+        summary.written = save(&out, arguments.force, (&mut table, flight))?;
     }
     print(&summary, arguments.json)?;
     let is_good = best.cost < first.cost && !summary.is_interrupted;
@@ -275,13 +275,17 @@ fn mission_beside(out: &Path) -> PathBuf {
 }
 
 /// Writes the settings to `out` and the mission beside it.
-fn save(out: &Path, table: &mut config::FlyTable, flight: FlightTable) -> Result<Vec<PathBuf>> {
+fn save(
+    out: &Path,
+    is_replaced: bool,
+    (table, flight): (&mut config::FlyTable, FlightTable),
+) -> Result<Vec<PathBuf>> {
     let mission = mission_beside(out);
     let name = mission.file_name().context("--out needs a file name")?;
     table.mission = PathBuf::from(name);
     table.cycle = flight.cycle;
-    write_json(&mission, &flight.mission)?;
-    write_json(out, table)?;
+    write_json(&mission, is_replaced, &flight.mission)?;
+    write_json(out, is_replaced, table)?;
     Ok(vec![out.to_owned(), mission])
 }
 

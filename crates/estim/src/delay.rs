@@ -104,8 +104,8 @@ pub struct DelayProfile<const NP: usize> {
     /// from the gradients while all groups moved from their start by the same time; it ends where it is far above its
     /// least.
     pub curve: Vec<ProfilePoint>,
-    /// Where the cost is least, the other groups at their best; where the search started if the likelihood
-    /// does not decide. s
+    /// Where the cost is least, the other groups at their best; where the search started unless there
+    /// is a minimum. s
     pub dead_time_s: f64,
     /// Standard deviation and interval; `None` unless there is a minimum.
     pub spread: Option<DelaySpread>,
@@ -183,7 +183,7 @@ impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {
     /// Searches the dead time of each of `groups`, starting from `dead_time_s`.
     ///
     /// `ident` is an identification over [`Flights::pieces`]; it is left solved at the dead times
-    /// found, which are left in `dead_time_s`. `None` if `is_late` returned true. Rows in no group keep their
+    /// found or kept, which are left in `dead_time_s`. `None` if `is_late` returned true. Rows in no group keep their
     /// dead time.
     ///
     /// Cost: a rough warm solve per candidate, at most `dead_time_max_s / grid_s` of them, to see where the minima

@@ -27,6 +27,9 @@ pub const LINK: &str = "/tello/link";
 /// Document of a log that repeats another one: its flight is counted there.
 const REPLAY: &str = "replay.json";
 
+/// Document of a log whose vehicle was simulated. Logs of older versions have none.
+const SIMULATED: &str = "simulated.json";
+
 /// Keys of earlier settings that are no more, each with the pointer to its parent.
 const NO_MORE: [(&str, &str); 1] = [("/cycle/monitors", "unproven_stick_max")];
 
@@ -63,6 +66,20 @@ pub fn create(
     create_with(path, flight, started_unix_ns, shape, BTreeMap::new())
 }
 
+/// The same for a flight of a simulated vehicle.
+///
+/// # Errors
+/// As [`LogWriter::create`].
+pub fn create_simulated(
+    path: &Path,
+    flight: &FlightTable,
+    started_unix_ns: u64,
+    shape: &Outcome,
+) -> Result<LogWriter> {
+    let mark = BTreeMap::from([(SIMULATED.to_owned(), "{ \"is_simulated\": true }".to_owned())]);
+    create_with(path, flight, started_unix_ns, shape, mark)
+}
+
 /// The same for a flight that is repeated.
 ///
 /// # Errors
@@ -97,6 +114,11 @@ fn create_with(
 /// Whether the log repeats another one.
 pub fn is_replay(log: &LogReader) -> bool {
     log.head().documents.contains_key(REPLAY)
+}
+
+/// Whether the log says that its vehicle was simulated.
+pub fn is_simulated(log: &LogReader) -> bool {
+    log.head().documents.contains_key(SIMULATED)
 }
 
 /// The channels of a flight's log; `shape` is any outcome of its cycle.

@@ -91,6 +91,9 @@ pub struct DataFile {
     pub sha256: String,
     /// Steps in it.
     pub steps: usize,
+    /// Whether its vehicle was simulated; missing if not, or if the log does not say so.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_simulated: bool,
 }
 
 /// Settings that a parameter file replaces a part of.
@@ -134,7 +137,7 @@ impl ParameterFile {
     /// A value breaks its rule, or the disk refuses.
     pub fn write(&self, path: &Path) -> Result<()> {
         self.check()?;
-        write_json(path, self)
+        write_json(path, true, self)
     }
 
     /// The parameters in the order of the model's rows.

@@ -166,7 +166,7 @@ impl PartHeader {
 /// Writes a part, whole or not at all.
 ///
 /// # Errors
-/// Rows that are not those of the seeds, or do not survive their JSON form (numbers that are not finite); a
+/// A file that is there already, such as another part; rows that are not those of the seeds, or do not survive their JSON form (numbers that are not finite); a
 /// folder that cannot be written.
 pub fn write<T: Seeded>(path: &Path, header: &PartHeader, rows: &[T]) -> Result<()> {
     let mut text = serde_json::to_string(header)? + "\n";
@@ -178,7 +178,7 @@ pub fn write<T: Seeded>(path: &Path, header: &PartHeader, rows: &[T]) -> Result<
     text += &tail_of(&text);
     let (_, again) = parse::<T>(&text)?;
     ensure!(again == rows, "{}: a row does not survive its JSON form", path.display());
-    whole_file::write_contents(path, true, text)
+    whole_file::write_contents(path, false, text)
 }
 
 /// Header and rows of the part at `path`.

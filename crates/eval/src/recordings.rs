@@ -29,6 +29,8 @@ use tello_io::log::{LogReader, csv};
 use tello_io::config;
 use tello_io::whole_file::{self, RECORDING_BYTES_MAX};
 
+use crate::flight_log;
+
 /// Period of every recording. s
 pub const PERIOD_S: f64 = 0.02;
 
@@ -54,6 +56,8 @@ pub struct Loaded {
     pub path: PathBuf,
     /// SHA-256 of the file's bytes, hexadecimal.
     pub sha256: String,
+    /// Whether it says that its vehicle was simulated.
+    pub is_simulated: bool,
     /// Every step of [`PERIOD_S`], the missing ones included. What is not accepted is not observed.
     pub recording: Recording<{ stick::COUNT }, { pose::COUNT }>,
     /// What was left out and why.
@@ -86,12 +90,11 @@ pub struct FileSkipped {
 pub fn load(paths: &[PathBuf]) -> Result<(Vec<Loaded>, Vec<FileSkipped>)> {
     let filter = &config::fly(None, None)?.0.cycle.filter;
     let filter = filter.try_into().map_err(|error: SettingError| error.under("cycle.filter"))?;
-    let files = find(paths)?;
+    let (files, mut unusable) = find(paths)?;
     let load = |path| load_one(path, filter).map(|log| (motions(&log.recording), log));
     let results: Vec<Result<(BTreeSet<u64>, Loaded)>> =
         files.par_iter().map(|path| load(path)).collect();
     let (mut known, mut loaded) = (KnownFlights::default(), Vec::with_capacity(files.len()));
-    let mut unusable = Vec::new();
     for (path, result) in files.into_iter().zip(results) {
         match result {
             Ok((motions, log)) => {
@@ -178,11 +181,11 @@ fn motions(recording: &Recording<{ stick::COUNT }, { pose::COUNT }>) -> BTreeSet
 }
 
 /// The files that `paths` name, each once: a file as it is, of a folder every recording by its name,
-/// `2.log` before `10.log`.
+/// `2.log` before `10.log`. Then those whose names are not UTF-8: reports name files in JSON, which has no other texts.
 ///
 /// # Errors
-/// A path does not exist, or a folder has no recording, one whose name is not UTF-8, or cannot be read.
-pub fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
+/// A path does not exist, or a folder has no recording or cannot be read.
+pub fn find(paths: &[PathBuf]) -> Result<(Vec<PathBuf>, Vec<FileSkipped>)> {
     let mut files: Vec<PathBuf> = Vec::new();
     for path in paths {
         let kind = fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -195,16 +198,18 @@ pub fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
         if inside.is_empty() {
             bail!("no recording in {}: no file named *.log, *.csv or *.mcap", path.display());
         }
-        // Reports name files in JSON, which has no other texts.
-        if let Some(name) = inside.iter().find(|path| path.to_str().is_none()) {
-            bail!("{} is not UTF-8: choose another name", name.display());
-        }
         inside.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
         files.append(&mut inside);
     }
     let mut known = BTreeSet::new();
     files.retain(|path| known.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
-    Ok(files)
+    let (files, unnamed): (Vec<_>, Vec<_>) =
+        files.into_iter().partition(|path| path.to_str().is_some());
+    let skipped = |path: PathBuf| FileSkipped {
+        path: path.to_string_lossy().into_owned().into(),
+        why: "its name is not UTF-8: choose another one".to_owned(),
+    };
+    Ok((files, unnamed.into_iter().map(skipped).collect()))
 }
 
 fn recordings_in(folder: &Path) -> io::Result<Vec<PathBuf>> {
@@ -261,11 +266,12 @@ pub(crate) fn is_mcap(path: &Path) -> Result<bool> {
 
 fn load_one(path: &Path, filter: FilterSettings) -> Result<Loaded> {
     let bytes = whole_file::read(path, RECORDING_BYTES_MAX).context("it cannot be read")?;
-    let mut skipped = Vec::new();
+    let (mut skipped, mut is_simulated) = (Vec::new(), false);
     let samples = if bytes.is_empty() {
         bail!("it is empty");
     } else if bytes.starts_with(MCAP_MAGIC) {
         let mut log = LogReader::open(path)?;
+        is_simulated = flight_log::is_simulated(&log);
         if rows::is_recording(&log) {
             from_rows::samples(rows::of_log(&mut log)?, filter, &mut skipped)?
         } else {
@@ -276,7 +282,7 @@ fn load_one(path: &Path, filter: FilterSettings) -> Result<Loaded> {
     };
     let recording = assemble(&samples, &mut skipped).map_err(|error| because(error, &skipped))?;
     let sha256 = format!("{:x}", Sha256::digest(&bytes));
-    Ok(Loaded { path: path.to_owned(), sha256, recording, skipped })
+    Ok(Loaded { path: path.to_owned(), sha256, is_simulated, recording, skipped })
 }
 
 /// An error with what was left out of the file, which may have caused it.

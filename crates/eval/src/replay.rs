@@ -18,7 +18,7 @@ use tello_flight::cycle::FlightTable;
 use tello_io::log::LogReader;
 
 use crate::flight_log::TickRecord;
-use crate::recordings::{self, rows};
+use crate::recordings::{self, FileSkipped, rows};
 
 /// How flights are repeated.
 #[derive(Debug, Clone, Copy, Default)]
@@ -78,7 +78,10 @@ impl Display for Replayed {
 /// # Errors
 /// A file cannot be read, or what is asked for does not fit to it; the first error of `watch`.
 pub fn run(logs: &[PathBuf], options: &Options<'_>, watch: Option<Watch<'_>>) -> Result<Replayed> {
-    let logs = recordings::find(logs)?;
+    let (logs, unnamed) = recordings::find(logs)?;
+    if let Some(FileSkipped { path, why }) = unnamed.first() {
+        bail!("{}: {why}", path.display());
+    }
     let mut flights = Vec::with_capacity(logs.len());
     for log in &logs {
         let is_mcap = recordings::is_mcap(log)?;

@@ -29,7 +29,8 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 use tello_io::whole_file;
 
-use crate::{REVISION, recordings};
+use crate::REVISION;
+use crate::recordings::{self, FileSkipped};
 
 /// The page, its figures and its numbers.
 #[derive(Debug)]
@@ -139,7 +140,10 @@ const HEAD_BYTES: u64 = 1024;
 
 /// The flights in `paths`; those that cannot be used go to `unusable`.
 fn read(paths: &[PathBuf], unusable: &mut Vec<Unusable>) -> Result<Group> {
-    let files = recordings::find(paths)?;
+    let known = unusable.len();
+    let (files, unnamed) = recordings::find(paths)?;
+    let unnamed = unnamed.into_iter();
+    unusable.extend(unnamed.map(|FileSkipped { path: file, why }| Unusable { file, why }));
     // Reading the flight refuses a file without end, of which the checksum would never be done.
     let read = |file: &PathBuf| {
         let looked = Looked::at(Flight::read(file)?);
@@ -148,7 +152,6 @@ fn read(paths: &[PathBuf], unusable: &mut Vec<Unusable>) -> Result<Group> {
     let results: Vec<Result<([u8; 32], Looked)>> = files.par_iter().map(read).collect();
     let mut looked = Vec::with_capacity(files.len());
     let mut seen: BTreeMap<[u8; 32], PathBuf> = BTreeMap::new();
-    let known = unusable.len();
     for (file, result) in files.into_iter().zip(results) {
         match result {
             Ok((sum, one)) => match seen.entry(sum) {

@@ -113,7 +113,18 @@ impl ParameterFile {
         }
     }
 
+    /// Refuses what simulated flights taught.
+    ///
+    /// # Errors
+    /// Its flights, or logs that it was identified from, were simulated.
+    pub fn check_is_real(&self) -> Result<()> {
+        self.check_is_simulated(false)
+    }
+
     fn check_is_simulated(&self, is_simulated: bool) -> Result<()> {
+        if let Some(log) = self.data.iter().find(|log| log.is_simulated && !is_simulated) {
+            bail!("its log {} was simulated: it is no file of a real drone", log.path.display());
+        }
         match &self.flown {
             Some(flown) if flown.is_simulated && !is_simulated => {
                 bail!("its flights were simulated: it is no file of a real drone")

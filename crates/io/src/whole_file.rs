@@ -88,8 +88,14 @@ impl Part {
         self.sync()?;
         match fs::hard_link(self.path(), &self.path) {
             Ok(()) => Ok(()),
+            Err(_) if is_there(&self.path) => {
+                bail!(
+                    "{} exists already: another process has written it meanwhile",
+                    self.path.display()
+                )
+            }
             // A file system may have no hard links.
-            Err(_) => refuse_existing(&self.path).and_then(|()| self.finish()),
+            Err(_) => self.finish(),
         }
     }
 
@@ -111,10 +117,15 @@ impl Drop for Part {
 
 /// Refuses a file that is there.
 fn refuse_existing(path: &Path) -> Result<()> {
-    if path.exists() {
+    if is_there(path) {
         bail!("{} exists already: choose another name, or replace it with --force", path.display());
     }
     Ok(())
+}
+
+/// Whether `path` names a file, or a link to one that may be missing.
+pub fn is_there(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok()
 }
 
 /// What [`write()`] refuses of `path`, before the work whose result it shall take. Leaves nothing behind.
@@ -211,13 +222,13 @@ pub fn read(path: &Path, bytes_max: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Writes `value` as JSON for people, in place of what was there.
+/// Writes `value` as JSON for people, whole or not at all.
 ///
 /// # Errors
 /// As [`write()`]; a value that has no JSON form.
-pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
+pub fn write_json(path: &Path, is_replaced: bool, value: &impl Serialize) -> Result<()> {
     let json = serde_json::to_string_pretty(value)? + "\n";
-    write_contents(path, true, json)
+    write_contents(path, is_replaced, json)
 }
 
 #[cfg(test)]
@@ -251,9 +262,13 @@ mod tests {
             write(&path, false, fill("another process"))?;
             Ok(fs::write(part, "late")?)
         });
-        assert!(late.unwrap_err().to_string().contains("--force"));
+        assert!(late.unwrap_err().to_string().contains("another process"));
         assert_eq!(fs::read_to_string(&path).unwrap(), "another process");
         assert_eq!(names(&folder), ["a.txt"]);
+        // A link to nothing is a name that is taken, too.
+        let link = folder.join("link");
+        std::os::unix::fs::symlink(folder.join("missing"), &link).unwrap();
+        assert!(prepare(&link, false).is_err() && write(&link, false, fill("no")).is_err());
         fs::remove_dir_all(folder).unwrap();
     }
 

@@ -78,7 +78,7 @@ pub fn fly_until(
     path: &Path,
     is_stopped: &dyn Fn() -> bool,
 ) -> Result<Logged> {
-    if path.exists() {
+    if whole_file::is_there(path) {
         return Err(LogError::Exists { path: path.to_owned() }.into());
     }
     // A torn log would be in the way of the next try.
@@ -98,7 +98,7 @@ fn fly_into(
     let mut flown = VirtualFlight::new(flight, sim, seed)?;
     let shape = flown.new_outcome();
     let mut scene = Scene::new(flight, 0)?;
-    let mut log = flight_log::create(path, flight, 0, &shape)?;
+    let mut log = flight_log::create_simulated(path, flight, 0, &shape)?;
     let mut tick = TickRecord::with_buffers(&shape);
     let (targets_count, steps_max) = bounds(flight)?;
     let mut newest = None;

@@ -179,6 +179,7 @@ fn simulate(seed: u64, mission: Option<&MissionTable>) -> Result<(PlantTable, Ve
         Ok(Loaded {
             path: PathBuf::from(format!("simulated-{seed}-{flight}")),
             sha256: String::new(),
+            is_simulated: true,
             recording: Recording { u: flown.u_sent, o },
             skipped: Vec::new(),
         })

@@ -80,3 +80,20 @@ fn each_recording_has_its_line_and_what_was_left_out() {
         "a.log -> a.mcap: 7 steps\n  skipped line 3\na.log: there is no step in it\n"
     );
 }
+
+#[test]
+fn of_a_log_of_ours_what_identification_uses_is_converted_and_the_rest_is_named() {
+    let log = file("ours.mcap", b"");
+    fs::remove_file(&log).unwrap();
+    let (table, mission) = tello_io::config::fly(None, None).unwrap();
+    let flight = tello_io::config::flight(&table, mission, tello_flight::Start::Grounded);
+    tello_sim::logged_flight::fly(&flight, &tello_sim::settings(None).unwrap(), 1, &log).unwrap();
+    let RowFlight { rows, notes, .. } = of_mcap(&log, Pos::Filtered).unwrap();
+    let (used, _) = recordings::load(std::slice::from_ref(&log)).unwrap();
+    assert!(used[0].is_simulated);
+    assert!(rows.iter().map(|row| row.input).eq(used[0].recording.u.iter().map(|u| Some(*u))));
+    for word in ["simulated", "take-off", "landing"] {
+        assert!(notes.iter().any(|note| note.contains(word)), "{word}: {notes:?}");
+    }
+    fs::remove_file(log).unwrap();
+}

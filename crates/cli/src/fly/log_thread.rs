@@ -19,6 +19,7 @@ use super::live::Live;
 #[cfg(feature = "ros2")]
 use super::ros2_publisher;
 use super::summary::Tally;
+use super::vehicle::is_on_this_machine;
 use crate::stdio;
 use tello_eval::flight_log::{self, TickRecord};
 use tello_eval::scene::Scene;
@@ -130,7 +131,9 @@ fn open(
         not(any(feature = "live", feature = "ros2")),
         expect(unused_mut, reason = "this build has no viewer to add")
     )]
-    let mut log = flight_log::create(&path, flight, started_unix_ns(clock), shape)?;
+    let create =
+        if is_on_this_machine(table) { flight_log::create_simulated } else { flight_log::create };
+    let mut log = create(&path, flight, started_unix_ns(clock), shape)?;
     #[cfg(feature = "live")]
     foxglove_server::show_at(arguments.foxglove, &mut log, &flight_log::channels(shape));
     #[cfg(feature = "ros2")]

@@ -10,7 +10,6 @@ mod question;
 
 use std::fmt::{self, Display, Formatter};
 use std::io::{self, IsTerminal};
-use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
@@ -27,6 +26,7 @@ use self::question::confirm;
 use super::Arguments;
 use super::control_loop::Orders;
 use super::take_off_refusal::{drone_trouble, misnumbered, mocap_trouble, too_old, wrong_rate};
+use super::vehicle::is_on_this_machine;
 use crate::stdio;
 
 /// What a log must find free: a flight of a quarter of an hour takes less. bytes
@@ -128,7 +128,10 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
         return Ok(Orders::to_wait());
     }
     found.unfinished = nominal.ok().filter(|flight| !flight.is_finished());
-    let checks = checks(&found, table, flight)?;
+    let mut checks = checks(&found, table, flight)?;
+    if arguments.yes && found.unfinished.is_some() {
+        refuse_unasked(&mut checks);
+    }
     stdio::note("pre-flight");
     for check in &checks {
         stdio::note(check);
@@ -149,8 +152,7 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
 
 /// Refuses to fly a real drone between walls that were not measured. A drone on this machine is a simulated one.
 fn refuse_built_in_room(table: &FlyTable) -> Result<()> {
-    let is_simulated =
-        table.tello.address.parse().is_ok_and(|address: SocketAddr| address.ip().is_loopback());
+    let is_simulated = is_on_this_machine(table);
     let (built_in, _) = config::fly(None, None)?;
     let walls_m = |table: &FlyTable| table.cycle.supervisor.room.as_ref().map(RoomTable::walls_m);
     if !is_simulated && walls_m(table) == walls_m(&built_in) {
@@ -191,6 +193,13 @@ fn checks(found: &Found, table: &FlyTable, flight: &FlightTable) -> Result<Vec<C
 
 fn check(what: &'static str, readiness: Readiness, reason: impl Into<String>) -> Check {
     Check { what, readiness, reason: reason.into() }
+}
+
+/// What does not get to its end in the simulator flies only if a person says so.
+fn refuse_unasked(checks: &mut [Check]) {
+    for check in checks.iter_mut().filter(|check| check.what == "mission") {
+        check.readiness = Readiness::Never;
+    }
 }
 
 /// A mission that leaves the room does not get as far as this.

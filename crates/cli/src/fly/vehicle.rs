@@ -1,13 +1,47 @@
-//! What a flight leaves in the vehicle file of `--vehicle`.
+//! The files of `--params` and `--vehicle`: what a flight takes from them, and what it leaves in the latter.
 
+use std::net::SocketAddr;
+
+use anyhow::{Context, Result};
+use tello_eval::parameter_file::{self, ParameterFile, TakesParameters as _};
 use tello_eval::vehicle::{self, FlightDone};
 use tello_flight::cycle::FlightTable;
 use tello_io::clock::{CivilTime, Clock};
+use tello_io::config::FlyTable;
+use tello_io::whole_file;
 
 use super::Arguments;
 use super::control_loop::LoopEnd;
 use super::summary::Summary;
 use crate::stdio;
+
+/// Lets the settings take the file of `--params` or `--vehicle`.
+///
+/// # Errors
+/// The file breaks a rule, is of simulated flights where the drone may be a real one, or could not be written after the
+/// flight.
+pub(super) fn take_parameters(arguments: &Arguments, table: &mut FlyTable) -> Result<()> {
+    if let Some(path) = &arguments.params {
+        let file = ParameterFile::read(path)?;
+        if !(arguments.sim || arguments.dry_run || is_on_this_machine(table)) {
+            file.check_is_real().with_context(|| format!("in {}", path.display()))?;
+        }
+        table.cycle.take(&file).with_context(|| parameter_file::of(path))?;
+    }
+    if let Some(path) = &arguments.vehicle {
+        vehicle::before_flight(path, &mut table.cycle, arguments.sim)?;
+        if !arguments.dry_run {
+            let hint = "after the flight --vehicle writes it; --params only reads one";
+            whole_file::probe(path).context(hint)?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether the drone of the settings is one of this machine: a simulated one.
+pub(super) fn is_on_this_machine(table: &FlyTable) -> bool {
+    table.tello.address.parse().is_ok_and(|address: SocketAddr| address.ip().is_loopback())
+}
 
 /// Writes what the flight taught to the vehicle file, if it ended well. An error changes nothing of the flight.
 pub(super) fn remember(

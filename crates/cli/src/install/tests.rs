@@ -115,3 +115,24 @@ fn settings_that_are_refused_leave_nothing() {
     assert!(refusal.to_string().starts_with("nothing is written: "), "{refusal}");
     assert!(!dir.exists());
 }
+
+#[test]
+fn a_room_without_place_for_the_square_gets_the_hover_and_a_smaller_one_is_named() {
+    let dir = empty_folder("small");
+    init_with(&[dir.to_str().unwrap(), "--room=-0.7,0.7,-0.7,0.7,2.5"]).unwrap();
+    assert_eq!(read(&dir.join("fly.json"))["mission"], json!("hover.json"));
+    assert!(!dir.join("square.json").exists());
+    fs::remove_dir_all(&dir).unwrap();
+    let refusal = init_with(&[dir.to_str().unwrap(), "--room=-1,1,-1,1,1.2"]).unwrap_err();
+    assert!(refusal.to_string().contains("room is too small"), "{refusal}");
+    assert!(!dir.exists());
+}
+
+#[test]
+fn a_rate_that_is_none_is_refused_by_its_name() {
+    for rate in ["nan", "inf", "0", "-5"] {
+        let rate = format!("--rate={rate}");
+        let refusal = init_with(&["rate", "--mocap", "udp", &rate]).unwrap_err().to_string();
+        assert!(refusal.contains("above 0"), "{refusal}");
+    }
+}

@@ -115,7 +115,7 @@ where
                 self.decide(group, &profile, cost, &kept)?
             };
             let GroupProfile { curve, at_s: mut dead_time_s } = profile;
-            if verdict == DelayVerdict::Undecided {
+            if verdict != DelayVerdict::Minimum {
                 if has_diverged {
                     self.ident.restart_at(&start);
                 }

@@ -126,6 +126,7 @@ pub(super) fn parameter_file(
         path: log.path.clone(),
         sha256: log.sha256.clone(),
         steps: log.recording.o.len(),
+        is_simulated: log.is_simulated,
     });
     Ok(ParameterFile {
         format: FORMAT,

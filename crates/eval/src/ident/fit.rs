@@ -221,6 +221,9 @@ where
             has_converged,
             pieces: fit.pieces,
             resamples_distinct: fit.bootstrap.as_ref().map(|bootstrap| bootstrap.distinct),
+            simulated_and_real: [true, false].map(|is_simulated| {
+                self.job.logs.iter().filter(|log| log.is_simulated == is_simulated).count()
+            }),
             mostly_lost: self.mostly_lost(),
         }
     }

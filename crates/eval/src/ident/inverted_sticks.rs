@@ -1,10 +1,11 @@
 //! Whether a log shows a vehicle that flies against its sticks.
 //!
-//! Owns the sign of roll and pitch. The search for lost commands cannot tell an inverted stick from an outage: it
+//! Owns the sign of each stick. The search for lost commands cannot tell an inverted stick from an outage: it
 //! leaves out what shows it, and the rest is fitted as if nothing were wrong.
 
 use horizon_estim::Observed;
 use horizon_model::rows::{Pose, Sticks, pose, stick};
+use horizon_model::{Lagged, Model as _};
 use nalgebra::{Rotation2, Vector2};
 
 use super::flights::Flight;
@@ -12,11 +13,11 @@ use super::flights::Flight;
 /// Half of the time over which a velocity is taken. s
 const HALF_S: f64 = 0.2;
 
-/// Lag of the velocity behind the sticks: that of a Tello. s
-const TAU_S: f64 = 0.6;
+/// Lag of the velocity behind each stick: that of a Tello. s
+const TAU_S: Sticks = Sticks::new(0.6, 0.6, 0.12, 0.25);
 
-/// A correlation below is one of an inverted axis: 191 recordings of the thesis have -0.43 at least, those with the
-/// object turned by half a turn -0.74 at most. 1
+/// A correlation below is one of an inverted axis: 191 recordings of the thesis have -0.43 at least of roll and pitch,
+/// -0.03 of yaw and -0.30 of throttle, those with the object turned by half a turn -0.74 at most. 1
 const CORRELATION_MIN: f64 = -0.6;
 
 /// Least root mean square of the lagged stick, and least number of velocities. 1
@@ -37,24 +38,31 @@ struct Sums {
 
 /// Why `flight` cannot be fitted; `None` if its motion does not contradict its sticks.
 ///
-/// Correlates the velocity along the body's axes with the applied stick behind a lag, about zero.
+/// Correlates each velocity of the body with its applied stick behind a lag, about zero.
 pub(super) fn inverted_axis(flight: &Flight, dead_time_s: &Sticks, dt_s: f64) -> Option<String> {
     let applied = flight.applied(dead_time_s, dt_s);
+    let gain = TAU_S.map(|tau_s| 1.0 - (-dt_s / tau_s).exp());
     let mut lagged = Sticks::zeros();
-    let [mut roll, mut pitch] = [Sums::default(); 2];
+    let mut sums = [Sums::default(); stick::COUNT];
     for (k, u) in applied.iter().enumerate() {
-        lagged += (u - lagged) * (1.0 - (-dt_s / TAU_S).exp());
-        let Some(velocity_b_mps) = velocity_b_mps(&flight.o, k, dt_s) else { continue };
-        roll.add(lagged[stick::ROLL], -velocity_b_mps.y);
-        pitch.add(lagged[stick::PITCH], velocity_b_mps.x);
+        lagged += (u - lagged).component_mul(&gain);
+        let Some(velocity) = velocity_by_stick(&flight.o, k, dt_s) else { continue };
+        for (row, sums) in sums.iter_mut().enumerate() {
+            sums.add(lagged[row], velocity[row]);
+        }
     }
-    let (name, correlation) = [("roll", roll), ("pitch", pitch)]
-        .into_iter()
-        .filter_map(|(name, sums)| Some((name, sums.correlation()?)))
+    let (row, correlation) = (0..stick::COUNT)
+        .filter_map(|row| Some((row, sums[row].correlation()?)))
         .find(|(_, correlation)| *correlation < CORRELATION_MIN)?;
+    let turned = match row {
+        stick::ROLL | stick::PITCH => {
+            ", or the object is defined the other way round (--turn 3.1416)"
+        }
+        _ => "",
+    };
     Some(format!(
-        "the vehicle flies against {name} (correlation {correlation:.2}): the stick or an axis is inverted, or the object \
-         is defined the other way round (--turn 3.1416)"
+        "the vehicle flies against {} (correlation {correlation:.2}): the stick or an axis is inverted{turned}",
+        Lagged::INPUT[row].name
     ))
 }
 
@@ -74,30 +82,42 @@ impl Sums {
     }
 }
 
-/// Velocity at step `k`, forward and left; `None` where a pose is missing or jumps. m/s
-fn velocity_b_mps(o: &[Observed<{ pose::COUNT }>], k: usize, dt_s: f64) -> Option<Vector2<f64>> {
+/// Velocity at step `k` that each stick commands: to the right, forward, counter-clockwise, up; `None` where a pose is
+/// missing or jumps. m/s, rad/s
+fn velocity_by_stick(o: &[Observed<{ pose::COUNT }>], k: usize, dt_s: f64) -> Option<Sticks> {
     let half = horizon_model::steps(HALF_S, dt_s);
     let complete = |k: usize| -> Option<&Pose> {
         o.get(k).filter(|o| o.is_present.iter().all(|seen| *seen)).map(|o| &o.o)
     };
     let (before, now) = (complete(k.checked_sub(half)?)?, complete(k)?);
-    let after = complete(k + half)?;
-    let moved_w = after.fixed_rows::<2>(pose::X) - before.fixed_rows::<2>(pose::X);
-    let velocity_w_mps = moved_w / (2.0 * half as f64 * dt_s);
+    let moved = (complete(k + half)? - before) / (2.0 * half as f64 * dt_s);
+    let velocity_w_mps = Vector2::new(moved[pose::X], moved[pose::Y]);
     let is_flown = velocity_w_mps.norm() <= SPEED_MAX_MPS;
-    is_flown.then(|| Rotation2::new(-now[pose::THETA]) * velocity_w_mps)
+    let velocity_b_mps = Rotation2::new(-now[pose::THETA]) * velocity_w_mps;
+    let mut by_stick = Sticks::zeros();
+    by_stick[stick::ROLL] = -velocity_b_mps.y;
+    by_stick[stick::PITCH] = velocity_b_mps.x;
+    by_stick[stick::YAW] = moved[pose::THETA];
+    by_stick[stick::THROTTLE] = moved[pose::Z];
+    is_flown.then_some(by_stick)
 }
 
 #[cfg(test)]
 mod tests {
-    use horizon_model::{Lagged, Model};
-
     use super::*;
 
     const DT_S: f64 = 0.02;
 
-    /// 40 s of a flight with both sticks, the recorded ones multiplied by `signs`, the heading turned by `turn_rad`.
-    fn flight(signs: [f64; 2], turn_rad: f64) -> Flight {
+    const RIGHT: Sticks = Sticks::new(1.0, 1.0, 1.0, 1.0);
+
+    fn inverted(row: usize) -> Sticks {
+        let mut signs = RIGHT;
+        signs[row] = -1.0;
+        signs
+    }
+
+    /// 40 s of a flight with all sticks, the recorded ones multiplied by `signs`, the heading turned by `turn_rad`.
+    fn flight(signs: Sticks, turn_rad: f64) -> Flight {
         let model = Lagged::default();
         let p = nalgebra::SVector::from_column_slice(
             &crate::ident::settings(None).unwrap().map.p_prior,
@@ -109,13 +129,13 @@ mod tests {
             let mut flown = Sticks::zeros();
             flown[stick::ROLL] = 0.5 * (1.3 * t_s).sin();
             flown[stick::PITCH] = 0.5 * (0.9 * t_s).cos();
+            flown[stick::YAW] = 0.4 * (1.1 * t_s).sin();
+            flown[stick::THROTTLE] = 0.4 * (1.7 * t_s).sin();
             s = model.step(&s, &flown, &p, DT_S);
             let mut seen = model.observe(&s);
             seen[pose::THETA] += turn_rad;
             o.push(Observed::full(seen));
-            flown[stick::ROLL] *= signs[0];
-            flown[stick::PITCH] *= signs[1];
-            u.push(flown);
+            u.push(flown.component_mul(&signs));
         }
         Flight { u, o }
     }
@@ -123,18 +143,20 @@ mod tests {
     #[test]
     fn an_inverted_stick_and_half_a_turn_are_named_and_a_right_flight_and_a_rest_are_not() {
         let reason = |flight: &Flight| inverted_axis(flight, &Sticks::zeros(), DT_S);
-        assert_eq!(reason(&flight([1.0, 1.0], 0.0)), None);
-        assert_eq!(reason(&flight([1.0, 1.0], 0.8)), None, "theta_0 is identified");
+        assert_eq!(reason(&flight(RIGHT, 0.0)), None);
+        assert_eq!(reason(&flight(RIGHT, 0.8)), None, "theta_0 is identified");
         for (flight, name) in [
-            (flight([-1.0, 1.0], 0.0), "against roll"),
-            (flight([1.0, -1.0], 0.0), "against pitch"),
-            (flight([1.0, 1.0], std::f64::consts::PI), "--turn"),
+            (flight(inverted(stick::ROLL), 0.0), "against roll"),
+            (flight(inverted(stick::PITCH), 0.0), "against pitch"),
+            (flight(inverted(stick::YAW), 0.0), "against yaw"),
+            (flight(inverted(stick::THROTTLE), 0.0), "against throttle"),
+            (flight(RIGHT, std::f64::consts::PI), "--turn"),
         ] {
             let reason = reason(&flight).unwrap();
             assert!(reason.contains(name), "{reason}");
         }
-        assert_eq!(reason(&flight([-0.1, 1.0], 0.0)), None, "hardly moved");
-        let mut short = flight([-1.0, 1.0], 0.0);
+        assert_eq!(reason(&flight(0.1 * inverted(stick::ROLL), 0.0)), None, "hardly moved");
+        let mut short = flight(inverted(stick::ROLL), 0.0);
         short.u.truncate(400);
         short.o.truncate(400);
         assert_eq!(reason(&short), None, "short");

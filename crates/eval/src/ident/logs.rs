@@ -114,7 +114,7 @@ fn refuse_none(logs: &[Loaded], files_skipped: &[FileSkipped]) -> Result<()> {
 
 impl From<Loaded> for FileUsed {
     fn from(log: Loaded) -> Self {
-        let Loaded { path, sha256, recording, skipped } = log;
+        let Loaded { path, sha256, recording, skipped, .. } = log;
         Self { path, sha256, steps: recording.o.len(), skipped }
     }
 }

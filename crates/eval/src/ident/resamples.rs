@@ -231,7 +231,8 @@ impl ResampleFile {
         let whole = || dir.join("bootstrap.json");
         let path = plan.unfinished().unwrap_or_else(whole);
         let Some(part) = plan.part.as_ref().filter(|_| self.missing(plan).is_empty()) else {
-            write_json(&path, self).with_context(|| format!("cannot keep {}", path.display()))?;
+            write_json(&path, true, self)
+                .with_context(|| format!("cannot keep {}", path.display()))?;
             return Ok(path);
         };
         if !part.exists() {

@@ -62,6 +62,8 @@ pub(super) struct Evidence<'a> {
     pub(super) pieces: usize,
     /// Different samples of the pieces in the bootstrap, if there is one.
     pub(super) resamples_distinct: Option<usize>,
+    /// Number of logs that were simulated, and of those that were not.
+    pub(super) simulated_and_real: [usize; 2],
     /// Logs more than half of which was left out because commands were lost.
     pub(super) mostly_lost: Vec<String>,
 }
@@ -74,7 +76,7 @@ impl Evidence<'_> {
             let (sticks, dead_time_s) = (&row.sticks, row.dead_time_s);
             let why = match (row.verdict, row.std_s) {
                 (DelayMinimum::Undecided, _) => "the likelihood does not decide, kept as given",
-                (DelayMinimum::EndOfRange, _) => "at the end of its range",
+                (DelayMinimum::EndOfRange, _) => "least at the end of its range, kept as given",
                 (DelayMinimum::Minimum, Some(std_s)) if std_s > DEAD_TIME_STD_MAX_S => "too vague",
                 (DelayMinimum::Minimum, _) => continue,
             };
@@ -123,6 +125,13 @@ impl Evidence<'_> {
                 PIECES_PER_PARAMETER * parameters
             )),
             _ => {}
+        }
+        let [simulated, real] = self.simulated_and_real;
+        if simulated > 0 && real > 0 {
+            findings.push(format!(
+                "{simulated} of {} logs were simulated: the parameters are neither of the simulator nor of the drone",
+                simulated + real
+            ));
         }
         for log in &self.mostly_lost {
             findings.push(format!(
@@ -198,6 +207,7 @@ mod tests {
             delay: &[],
             pieces: 3 * parameters.len(),
             resamples_distinct: None,
+            simulated_and_real: [0, 1],
             mostly_lost: Vec::new(),
         }
     }
@@ -228,7 +238,9 @@ mod tests {
         let mut evidence = evidence(&[]);
         evidence.delay = &delay;
         evidence.mostly_lost = vec!["a.log".into()];
+        evidence.simulated_and_real = [1, 2];
         let findings = evidence.sentences().join("\n");
+        assert!(findings.contains("1 of 3 logs were simulated"), "{findings}");
         assert!(findings.contains("yaw") && findings.contains("does not decide"), "{findings}");
         assert!(findings.contains("half of a.log"), "{findings}");
     }

@@ -51,14 +51,15 @@ fn numbers_in_names_count_as_numbers() {
 }
 
 #[test]
-fn a_name_that_is_not_utf_8_is_refused_before_the_work() {
+fn a_name_that_is_not_utf_8_is_left_out_and_named() {
     let dir = std::env::temp_dir().join(format!("tello-ctl-names-{}", std::process::id()));
     fs::create_dir_all(&dir).unwrap();
     fs::write(dir.join("1.log"), steps(0..30)).unwrap();
-    assert_eq!(find(std::slice::from_ref(&dir)).unwrap(), [dir.join("1.log")]);
     fs::write(dir.join(std::ffi::OsStr::from_bytes(b"fl\xff.mcap")), "").unwrap();
-    let error = find(std::slice::from_ref(&dir)).unwrap_err().to_string();
-    assert!(error.ends_with("fl\u{fffd}.mcap is not UTF-8: choose another name"), "{error}");
+    let (loaded, unusable) = load(std::slice::from_ref(&dir)).unwrap();
+    assert_eq!(loaded[0].path, dir.join("1.log"));
+    let why = "its name is not UTF-8: choose another one".to_owned();
+    assert_eq!(unusable, [FileSkipped { path: dir.join("fl\u{fffd}.mcap"), why }]);
     fs::remove_dir_all(dir).unwrap();
 }
 

@@ -188,12 +188,10 @@ const CLIMB_MPS: f64 = 0.1;
 /// Ticks over which a climb is measured.
 const CLIMB_TICKS: usize = 10;
 
-/// The samples of a log in which nothing but commands moves the vehicle: from the first command of the flying
-/// phase on, or from the end of the climb that the firmware still flies then, to the last tick of that phase.
-/// `skipped` names every other part.
+/// The samples of the [`commanded`] ticks.
 ///
 /// # Errors
-/// The disk fails, the log is none of a flight, its period is another, it never flew, or no command was sent.
+/// As [`commanded`]; the log is none of a flight, or its period is another.
 pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<Sample>> {
     let config = log.head().documents.get(CONFIG).map_or("", String::as_str);
     let config: serde_json::Value = serde_json::from_str(config).unwrap_or_default();
@@ -202,13 +200,37 @@ pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<
         Some(dt_s) => bail!("its period is {dt_s} s, not {PERIOD_S} s"),
         None => bail!("it carries no settings of a flight"),
     }
+    let ticks = commanded(log, skipped)?;
+    let sample = |tick: &TickRow| Sample {
+        step: tick.period,
+        u: tick.u_sent,
+        o: tick
+            .filtered
+            .map_or_else(Observed::missing, |(o, [is_position_new, is_heading_new])| {
+                accepted(o, is_position_new, is_heading_new)
+            }),
+        // In flight the filter and the supervisor have judged it.
+        has_jumped: false,
+    };
+    Ok(ticks.iter().map(sample).collect())
+}
+
+/// The ticks of a log in which nothing but commands moves the vehicle: from the first command of the flying
+/// phase on, or from the end of the climb that the firmware still flies then, to the last tick of that phase.
+/// `skipped` names every other part.
+///
+/// # Errors
+/// The disk fails, the log is a dry run or a replay, it never flew, or no command was sent.
+pub fn commanded(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<TickRow>> {
+    let config = log.head().documents.get(CONFIG).map_or("", String::as_str);
+    let config: serde_json::Value = serde_json::from_str(config).unwrap_or_default();
     if config.pointer("/start").and_then(serde_json::Value::as_str) == Some("carried") {
         bail!("it is a dry run: its sticks were never sent");
     }
     if is_replay(log) {
         bail!("it is a replay of another log, which counts");
     }
-    let ticks = read(log, skipped)?;
+    let mut ticks = read(log, skipped)?;
     let is_flying = |tick: &TickRow| tick.phase == Some(Phase::Flying);
     let (Some(first), Some(last)) =
         (ticks.iter().position(is_flying), ticks.iter().rposition(is_flying))
@@ -233,19 +255,9 @@ pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<
         bail!("no command was sent while it flew");
     };
     note(skipped, alone, "tick", "in which the firmware flew by itself");
-    let first = first + alone;
-    let sample = |tick: &TickRow| Sample {
-        step: tick.period,
-        u: tick.u_sent,
-        o: tick
-            .filtered
-            .map_or_else(Observed::missing, |(o, [is_position_new, is_heading_new])| {
-                accepted(o, is_position_new, is_heading_new)
-            }),
-        // In flight the filter and the supervisor have judged it.
-        has_jumped: false,
-    };
-    Ok(ticks[first..=last].iter().map(sample).collect())
+    ticks.truncate(last + 1);
+    ticks.drain(..first + alone);
+    Ok(ticks)
 }
 
 /// The first of the `ticks` of the flying phase from which on commands alone act: that of the first command, or

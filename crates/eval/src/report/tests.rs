@@ -65,7 +65,7 @@ fn a_copy_of_a_log_is_no_second_flight() {
     let folder = std::env::temp_dir().join(format!("tello-eval-copies-{}", std::process::id()));
     fs::create_dir_all(&folder).unwrap();
     let recorded = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data");
-    let log = recordings::find(&[recorded]).unwrap().into_iter().next().unwrap();
+    let log = recordings::find(&[recorded]).unwrap().0.into_iter().next().unwrap();
     for name in ["a", "b"] {
         let name = folder.join(name).with_extension(log.extension().unwrap_or_default());
         fs::copy(&log, name).unwrap();

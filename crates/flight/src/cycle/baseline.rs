@@ -4,15 +4,19 @@
 //! of the parameter and the distance to which targets are clipped. Outside of the tick the baseline has its vehicle
 //! (`KinematicPublished`) and the shift of the prior in the estimator (`MheTable::shift_prior`).
 
+use horizon_estim::MheTable;
 use horizon_model::Model;
 use horizon_model::rows::{pose, stick};
-use horizon_model::setting::{SettingError, finite, positive, vector};
+use horizon_model::setting::{SettingError, finite, in_range, positive, vector};
 use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::measurement_time::Seen;
-use super::{Cycle, JUST_ENDED_AFTER_PUSH, Outcome, PlanningTable, Watch};
+use super::{Cycle, CycleTable, JUST_ENDED_AFTER_PUSH, Outcome, PlanningTable, Watch};
+
+/// Most by which an angle of the parameter is corrected: a plan whose heading is as wrong still converges. rad
+const TURN_MAX_RAD: f64 = 0.8;
 
 /// When an estimate and a plan are used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -58,6 +62,43 @@ impl<const NP: usize> Baseline<NP> {
             p_correction: vector("p_correction", &table.p_correction, &M::PARAMETER, finite)?,
         })
     }
+}
+
+/// Refuses a correction that inverts the vehicle, or makes another one of it: with it the prior lies within the bounds
+/// of the estimator, and an estimate at its lower bound stays positive; an angle changes by [`TURN_MAX_RAD`] at most.
+/// Sizes are checked.
+///
+/// # Errors
+/// The first value that breaks its rule, with its key below `cycle.mpc`.
+pub(super) fn check_correction<M, const NS: usize, const NP: usize>(
+    cycle: &CycleTable,
+) -> Result<(), SettingError>
+where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+{
+    let MheTable { p_prior, p_lb, p_ub, .. } = &cycle.mhe;
+    let rows = M::PARAMETER.iter().zip(&cycle.mpc.p_correction).enumerate();
+    for (i, (row, correction)) in rows {
+        let key = format!("p_correction[{i}]");
+        let at = |place: usize| [p_lb, p_prior, p_ub].map(|p| p.get(place).copied().unwrap_or(0.0));
+        let [low, prior, high] = at(i);
+        if row.is_angle {
+            in_range(&key, *correction, -TURN_MAX_RAD..=TURN_MAX_RAD)?;
+        } else if !(low..=high).contains(&(prior + correction)) {
+            let rule = format!(
+                "{prior} + p_correction within {low}..={high}, the bounds of {} in cycle.mhe",
+                row.name
+            );
+            return Err(SettingError::new(key, correction, rule));
+        } else if low > 0.0 && low + correction <= 0.0 {
+            let rule = format!(
+                "above {}: an estimate at its bound cycle.mhe.p_lb must stay positive",
+                -low
+            );
+            return Err(SettingError::new(key, correction, rule));
+        }
+    }
+    Ok(())
 }
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>

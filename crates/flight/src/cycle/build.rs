@@ -7,6 +7,7 @@ use horizon_model::setting::{SettingError, in_range};
 use horizon_model::{InputFifo, Model};
 use nalgebra::SVector;
 
+use super::baseline::check_correction;
 use super::committed::given_steps;
 use super::dead_time::DeadTime;
 use super::hand_over::HandOver;
@@ -142,6 +143,7 @@ where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
     let (settings, baseline) = cycle.mpc.check::<M, NS, NP>()?;
+    check_correction::<M, NS, NP>(cycle)?;
     let (u_lb, u_ub) = (*settings.u_lb(), *settings.u_ub());
     let effect = |u: &Sticks| model.effect(u, p_prior).as_slice().to_vec();
     let by_effect = MpcTable { u_lb: effect(&u_lb), u_ub: effect(&u_ub), ..cycle.mpc.mpc() };

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use horizon_model::rows::{Pose, pos_w, pose};
-use horizon_model::setting::{SettingError, finite, in_range, not_negative, positive};
+use horizon_model::setting::{SettingError, finite, in_range, not_negative};
 
 use super::follower::Follower;
 use super::table::{
@@ -17,6 +17,12 @@ use crate::trajectory::Trajectory;
 
 /// Longest path. m
 const LENGTH_MAX_M: f64 = 500.0;
+
+/// Most turns: those of the smallest circle on the longest path.
+const TURNS_MAX: f64 = 1600.0;
+
+/// A larger angle loses its digits. rad
+const BEGIN_MAX_RAD: f64 = 1000.0;
 
 /// Longest trajectory. s
 const DURATION_MAX_S: f64 = 3600.0;
@@ -102,7 +108,7 @@ pub(super) fn circle(table: &CircleTable, dt_s: f64) -> Result<Follower, Setting
     }
     let centre = Pose::from(table.centre_w);
     let radius_m = in_range("radius_m", table.radius_m, 0.05..=50.0)?;
-    let turns = positive("turns", table.turns)?;
+    let turns = in_range("turns", table.turns, 0.01..=TURNS_MAX)?;
     if TAU * turns * radius_m > LENGTH_MAX_M {
         let rule = format!("at most {LENGTH_MAX_M} m in all");
         return Err(SettingError::new("turns", turns, rule));
@@ -111,7 +117,7 @@ pub(super) fn circle(table: &CircleTable, dt_s: f64) -> Result<Follower, Setting
         Direction::CounterClockwise => turns,
         Direction::Clockwise => -turns,
     };
-    let begin_rad = finite("begin_rad", table.begin_rad)?;
+    let begin_rad = in_range("begin_rad", table.begin_rad, -BEGIN_MAX_RAD..=BEGIN_MAX_RAD)?;
     let limits = limits(&table.limits)?;
     let path = path::circle(pos_w(&centre), radius_m, begin_rad, turns);
     let trajectory = timed_path(&path, &[centre, centre], table.heading, &limits)?;

@@ -99,10 +99,10 @@ pub struct CircleTable {
     pub centre_w: [f64; pose::COUNT],
     /// Radius. m, 0.05..=50
     pub radius_m: f64,
-    /// Where the circle begins: direction from the centre, counter-clockwise from x. rad
+    /// Where the circle begins: direction from the centre, counter-clockwise from x. rad, -1000..=1000
     #[serde(default)]
     pub begin_rad: f64,
-    /// Length. turns, > 0, 500 m at most
+    /// Length. turns, >= 0.01, 500 m at most
     #[serde(default = "turns")]
     pub turns: f64,
     /// Sense of rotation, seen from above.

@@ -244,3 +244,14 @@ fn the_heading_is_continuous_and_takes_the_short_way() {
         assert!((turned - expected).abs() < 1e-9, "{turned} rad instead of {expected}");
     }
 }
+
+#[test]
+fn a_circle_that_begins_nowhere_or_has_no_length_is_refused_by_its_own_key() {
+    for (key, value) in [("begin_rad", 1e300), ("turns", 1e-300), ("turns", 1e300)] {
+        let mut circle = circle();
+        circle["circle"][key] = json!(value);
+        let table: MissionTable = serde_json::from_value(circle).unwrap();
+        let error = Mission::new(&table, 0.02).unwrap_err();
+        assert_eq!(error.key, format!("circle.{key}"));
+    }
+}

@@ -74,9 +74,17 @@ impl<'de> Deserializer<'de> for Objects<'de> {
         }
     }
 
+    // Serde takes a number for a variant, too, by the order in which the program has them.
+    fn deserialize_identifier<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Error> {
+        match self.0 {
+            Value::Number(_) => Err(Error::invalid_type(Unexpected::Other("number"), &visitor)),
+            _ => self.deserialize_any(visitor),
+        }
+    }
+
     forward_to_deserialize_any! {
         bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf unit
-        unit_struct seq tuple tuple_struct map identifier ignored_any
+        unit_struct seq tuple tuple_struct map ignored_any
     }
 }
 
@@ -127,6 +135,19 @@ mod tests {
     enum Kind {
         Plain,
         Of(Inner),
+    }
+
+    #[derive(Debug, PartialEq, Deserialize)]
+    #[serde(tag = "kind", rename_all = "snake_case")]
+    enum Tagged {
+        First {},
+    }
+
+    #[test]
+    fn a_number_names_no_variant() {
+        let read = |kind: Value| Tagged::deserialize(Objects(&json!({ "kind": kind })));
+        assert_eq!(read(json!("first")).unwrap(), Tagged::First {});
+        assert!(read(json!(0)).unwrap_err().to_string().contains("number"));
     }
 
     #[derive(Debug, PartialEq, Deserialize)]

@@ -290,3 +290,10 @@ fn a_real_drone_does_not_fly_in_the_built_in_room() {
     table.cycle.supervisor.room.as_mut().unwrap().x_m = [-2.0, 2.0];
     assert!(refuse_built_in_room(&table).is_ok(), "walls that were measured");
 }
+
+#[test]
+fn nobody_is_asked_about_a_mission_that_does_not_get_to_its_end() {
+    let mut list = [check("mission", Readiness::Note, ""), check("log", Readiness::Note, "")];
+    refuse_unasked(&mut list);
+    assert_eq!(list.map(|check| check.readiness), [Readiness::Never, Readiness::Note]);
+}

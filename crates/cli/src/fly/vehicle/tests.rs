@@ -1,7 +1,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Parser;
-use tello_eval::parameter_file::ParameterFile;
+use tello_eval::parameter_file::{DataFile, ParameterFile};
 use tello_flight::cycle::ParameterEstimate;
 use tello_flight::{FaultSet, Phase, Start};
 use tello_io::config;
@@ -87,4 +87,31 @@ fn a_flight_that_ended_early_leaves_the_file_as_it_was() {
     ] {
         assert_eq!(left(&path, phase, missed, has_flown), None, "{phase:?}, {missed} missed");
     }
+}
+
+#[test]
+fn parameters_of_simulated_logs_are_none_of_a_real_drone() {
+    let path = path("simulated");
+    let (mut table, _) = config::fly(None, None).unwrap();
+    let mut file = ParameterFile::of_settings(&table.cycle);
+    file.data = vec![DataFile {
+        path: "a.mcap".into(),
+        sha256: String::new(),
+        steps: 1,
+        is_simulated: true,
+    }];
+    file.write(&path).unwrap();
+    let mut take = |words: &[&str]| {
+        let words = [&["fly", "--params", path.to_str().unwrap()], words].concat();
+        let arguments = Program::try_parse_from(words).unwrap().arguments;
+        take_parameters(&arguments, &mut table)
+    };
+    let refusal = format!("{:#}", take(&[]).unwrap_err());
+    assert!(refusal.contains("a.mcap was simulated"), "{refusal}");
+    take(&["--sim"]).unwrap();
+    take(&["--dry-run"]).unwrap();
+    table.tello.address = "127.0.0.1:8889".into();
+    let words = ["fly", "--params", path.to_str().unwrap()];
+    take_parameters(&Program::try_parse_from(words).unwrap().arguments, &mut table).unwrap();
+    std::fs::remove_file(&path).unwrap();
 }

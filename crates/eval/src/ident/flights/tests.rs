@@ -62,7 +62,13 @@ fn without_a_piece_the_lost_steps_are_counted_and_the_turned_object_is_suggested
 /// What is prepared of one log of 40 steps.
 fn prepared(table: &IdentFileTable) -> (bool, Flight, Vec<bool>) {
     let recording = flight(40, &[20]);
-    let logs = [Loaded { path: "a".into(), sha256: String::new(), recording, skipped: vec![] }];
+    let logs = [Loaded {
+        path: "a".into(),
+        sha256: String::new(),
+        is_simulated: false,
+        recording,
+        skipped: vec![],
+    }];
     let job = Job {
         name: "ident.json",
         table,

@@ -6,7 +6,13 @@ use super::*;
 fn log(theta: f64) -> Loaded {
     let o = vec![Observed::full(Pose::new(1.0, 2.0, 3.0, theta)); 3];
     let recording = Recording { u: vec![Sticks::zeros(); 3], o };
-    Loaded { path: "a.log".into(), sha256: "ab".into(), recording, skipped: vec!["c".into()] }
+    Loaded {
+        path: "a.log".into(),
+        sha256: "ab".into(),
+        is_simulated: false,
+        recording,
+        skipped: vec!["c".into()],
+    }
 }
 
 #[test]

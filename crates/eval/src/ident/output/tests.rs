@@ -27,7 +27,13 @@ fn log(path: &str) -> Loaded {
         o
     };
     let recording = Recording { u: vec![Sticks::zeros(); 5], o: (0..5).map(observed).collect() };
-    Loaded { path: path.into(), sha256: String::new(), recording, skipped: Vec::new() }
+    Loaded {
+        path: path.into(),
+        sha256: String::new(),
+        is_simulated: false,
+        recording,
+        skipped: Vec::new(),
+    }
 }
 
 /// A piece of a log; the rows of its states are 0.5, 1.5 and so on, a tenth more in each step.

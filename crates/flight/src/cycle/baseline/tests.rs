@@ -98,3 +98,21 @@ fn the_names_of_the_choices_in_files_stay() {
         assert_eq!(serde_json::to_value(held).unwrap(), name);
     }
 }
+
+#[test]
+fn a_correction_that_inverts_a_gain_or_turns_the_plan_is_refused() {
+    let with = |row: usize, correction: f64| {
+        let mut table = table();
+        table.cycle.mpc.p_correction[row] = correction;
+        build(&table).err().map_or_else(String::new, |error| error.key)
+    };
+    let mhe = table().cycle.mhe;
+    let (prior, low, high) = (mhe.p_prior[0], mhe.p_lb[0], mhe.p_ub[0]);
+    assert_eq!([with(0, 0.9 * (high - prior)), with(3, -0.4)], ["", ""]);
+    for (row, correction) in
+        [(0, 1.01 * (high - prior)), (0, -prior - 1.0), (0, -low), (3, 0.81), (3, f64::NAN)]
+    {
+        let key = format!("cycle.mpc.p_correction[{row}]");
+        assert_eq!(with(row, correction), key, "{correction}");
+    }
+}

@@ -42,7 +42,7 @@ fn each_bad_value_is_refused_with_key_value_and_rule() {
         (circle(), "circle.limits.speed_max_mps", "0", limit),
         (circle(), "circle.radius_m", "0", "0.05..=50.0"),
         (circle(), "circle.turns", "100", "at most 500 m in all"),
-        (circle(), "circle.turns", "-1", positive),
+        (circle(), "circle.turns", "-1", "0.01..=1600.0"),
         (timed(), "trajectory.accel_max_mps2", "0", limit),
         (targets(), "targets.reach", "0", near),
     ] {

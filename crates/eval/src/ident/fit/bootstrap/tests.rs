@@ -21,7 +21,13 @@ fn table() -> IdentFileTable {
 fn log(sha256: &str) -> Loaded {
     let o = vec![Observed::full(Pose::new(0.0, 0.0, 1.0, 0.0)); 10 * PIECES];
     let recording = Recording { u: vec![Sticks::zeros(); o.len()], o };
-    Loaded { path: "a.log".into(), sha256: sha256.to_owned(), recording, skipped: Vec::new() }
+    Loaded {
+        path: "a.log".into(),
+        sha256: sha256.to_owned(),
+        is_simulated: false,
+        recording,
+        skipped: Vec::new(),
+    }
 }
 
 type LaggedIdentification<'a> = Identification<'a, Lagged, { motion::COUNT }, { lag::COUNT }>;
