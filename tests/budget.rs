@@ -114,12 +114,13 @@ impl Case {
         Self { breaks_in: Some(from..from + ticks), ..self }
     }
 
-    /// From the ground to the ground, past an obstacle that moves, two seconds by hand.
+    /// From the ground to the ground, past an obstacle that moves slowly enough for a take-off beside it, two seconds
+    /// by hand.
     fn whole(mut self) -> Self {
         self.flight.start = Start::Grounded;
         self.flight.cycle.obstacles = vec![ObstacleTable::Moving { radius_m: 0.2 }];
-        let (from_w_m, to_w_m) = ([-3.5, -2.2, 1.0], [-0.5, -2.2, 1.0]);
-        self.sim.passer = Some(PasserTable { from_w_m, to_w_m, speed_mps: 0.5, hidden_s: None });
+        let (from_w_m, to_w_m) = ([-3.5, -2.0, 1.0], [-0.5, -2.0, 1.0]);
+        self.sim.passer = Some(PasserTable { from_w_m, to_w_m, speed_mps: 0.29, hidden_s: None });
         Self { by_hand_from: Some(450), ..self }
     }
 }

@@ -4,13 +4,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use clap::{Args, CommandFactory};
 use clap_complete::Shell;
 use schemars::schema_for;
 use serde_json::{Value, json};
 use tello_flight::MissionTable;
-use tello_io::config::{self, Problems};
+use tello_io::config::{self, Problems, SettingProblem};
 use tello_io::mocap::MocapKind;
 use tello_io::whole_file;
 
@@ -117,42 +117,13 @@ pub(crate) fn man(arguments: &ManArguments) -> Result<Verdict> {
 }
 
 pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
-    let InitArguments { dir, mocap, address, object, room, rate } = arguments;
-    let (table, square) = config::fly(None, None)?;
-    let mut fly = with_schema("fly.schema.json", serde_json::to_value(table)?);
-    fly["mission"] = json!("square.json");
+    let InitArguments { dir, mocap, rate, .. } = arguments;
     let kind = MocapKind::named(mocap)
         .with_context(|| format!("`{mocap}` is no kind of motion capture"))?;
-    let address = address.clone().unwrap_or_else(|| usual_address(kind, "127.0.0.1"));
-    fly["mocap"] = json!(kind.table(address, object.clone(), rate.unwrap_or(50.0)));
     if rate.is_some() && !kind.has_set_rate() {
         bail!("--rate is for udp and vrpn: {mocap} announces its own");
     }
-    if let Some(Walls([x_0, x_1, y_0, y_1, z])) = room {
-        let room = &mut fly["cycle"]["supervisor"]["room"];
-        (room["x_m"], room["y_m"]) = (json!([x_0, x_1]), json!([y_0, y_1]));
-        let low_m = room["z_m"].get(0).cloned();
-        room["z_m"] = json!([low_m, z]);
-    }
-    let mut square = serde_json::to_value(square)?;
-    let mut hover: Value =
-        serde_json::from_str(include_str!("../../../configs/missions/hover.json"))?;
-    let mut sim: Value = serde_json::from_str(tello_sim::BUILT_IN)?;
-    if let Some(Walls([x_0, x_1, y_0, y_1, _])) = room {
-        let middle @ [x, y] = [f64::midpoint(*x_0, *x_1), f64::midpoint(*y_0, *y_1)];
-        centre(&mut square["waypoints"]["waypoints"], 0, middle);
-        centre(&mut hover["trajectory"]["points"]["rows"], 1, middle);
-        let start = &mut sim["start"]["ground"];
-        (start["x"], start["y"]) = (json!(x), json!(y));
-    }
-    let files = [
-        ("fly.schema.json", serde_json::to_value(schema_for!(config::FlyTable))?),
-        ("mission.schema.json", serde_json::to_value(schema_for!(MissionTable))?),
-        ("square.json", with_schema("mission.schema.json", square)),
-        ("hover.json", with_schema("mission.schema.json", hover)),
-        ("sim.json", sim),
-        ("fly.json", fly),
-    ];
+    let files = first_files(arguments, kind)?;
     let is_new = !dir.exists();
     fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
     for (name, _) in &files {
@@ -162,30 +133,21 @@ pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
     for (name, value) in &files {
         whole_file::write_json(&dir.join(name), false, value)?;
     }
-    let path = dir.join("fly.json");
-    let mut problems = config::fly_problems(Some(&path), None);
     let mut missions = "square.json, hover.json";
-    if !problems.list.is_empty() && fits_hover(dir)? {
-        stdio::note("note: the room is too small for the square: fly.json flies hover.json");
-        (problems.list, missions) = (Vec::new(), "hover.json");
-    }
-    if !problems.list.is_empty() {
-        for (name, _) in &files {
-            fs::remove_file(dir.join(name))?;
+    let problems = config::fly_problems(Some(&dir.join("fly.json")), None).list;
+    if !problems.is_empty() {
+        if fits_hover(dir)? {
+            stdio::note("note: the room is too small for the square: fly.json flies hover.json");
+            missions = "hover.json";
+        } else {
+            for (name, _) in &files {
+                fs::remove_file(dir.join(name))?;
+            }
+            if is_new {
+                fs::remove_dir(dir)?;
+            }
+            return Err(refusal(arguments, problems));
         }
-        if is_new {
-            fs::remove_dir(dir)?;
-        }
-        // A mission that the person never wrote is no mistake of theirs.
-        let (own, of_missions): (Vec<_>, Vec<_>) =
-            problems.list.into_iter().partition(|problem| Path::new(&problem.file) == path);
-        if own.is_empty() && room.is_some() {
-            bail!(
-                "nothing is written: the room is too small for the missions that come with it: {}",
-                Problems { list: of_missions }
-            );
-        }
-        bail!("nothing is written: {}", Problems { list: [own, of_missions].concat() });
     }
     stdio::line(format_args!(
         "wrote fly.json, sim.json, {missions} and their schemas to {0}\nnext: tello-ctl check {0}/fly.json",
@@ -197,6 +159,51 @@ pub(crate) fn init(arguments: &InitArguments) -> Result<Verdict> {
         );
     }
     Ok(Verdict::Good)
+}
+
+/// The files of `init` with their names: the built-in ones with what the command line says.
+fn first_files(arguments: &InitArguments, kind: MocapKind) -> Result<[(&'static str, Value); 6]> {
+    let InitArguments { address, object, room, rate, .. } = arguments;
+    let (table, square) = config::fly(None, None)?;
+    let mut fly = with_schema("fly.schema.json", serde_json::to_value(table)?);
+    fly["mission"] = json!("square.json");
+    let address = address.clone().unwrap_or_else(|| usual_address(kind, "127.0.0.1"));
+    fly["mocap"] = json!(kind.table(address, object.clone(), rate.unwrap_or(50.0)));
+    let mut square = serde_json::to_value(square)?;
+    let mut hover: Value =
+        serde_json::from_str(include_str!("../../../configs/missions/hover.json"))?;
+    let mut sim: Value = serde_json::from_str(tello_sim::BUILT_IN)?;
+    if let Some(Walls([x_0, x_1, y_0, y_1, z])) = room {
+        let room = &mut fly["cycle"]["supervisor"]["room"];
+        (room["x_m"], room["y_m"]) = (json!([x_0, x_1]), json!([y_0, y_1]));
+        let low_m = room["z_m"].get(0).cloned();
+        room["z_m"] = json!([low_m, z]);
+        let middle @ [x, y] = [f64::midpoint(*x_0, *x_1), f64::midpoint(*y_0, *y_1)];
+        centre(&mut square["waypoints"]["waypoints"], 0, middle);
+        centre(&mut hover["trajectory"]["points"]["rows"], 1, middle);
+        let start = &mut sim["start"]["ground"];
+        (start["x"], start["y"]) = (json!(x), json!(y));
+    }
+    Ok([
+        ("fly.schema.json", serde_json::to_value(schema_for!(config::FlyTable))?),
+        ("mission.schema.json", serde_json::to_value(schema_for!(MissionTable))?),
+        ("square.json", with_schema("mission.schema.json", square)),
+        ("hover.json", with_schema("mission.schema.json", hover)),
+        ("sim.json", sim),
+        ("fly.json", fly),
+    ])
+}
+
+/// Why `init` writes nothing. A mission that the person never wrote is no mistake of theirs.
+fn refusal(arguments: &InitArguments, problems: Vec<SettingProblem>) -> anyhow::Error {
+    let path = arguments.dir.join("fly.json");
+    let is_own = |problem: &SettingProblem| Path::new(&problem.file) == path;
+    let reason = if problems.iter().any(is_own) || arguments.room.is_none() {
+        ""
+    } else {
+        "the room is too small for the missions that come with it: "
+    };
+    anyhow!("nothing is written: {reason}{}", Problems { list: problems })
 }
 
 /// Lets the settings in `dir` fly `hover.json` in place of the square, if that is all they need.

@@ -166,8 +166,8 @@ impl PartHeader {
 /// Writes a part, whole or not at all.
 ///
 /// # Errors
-/// A file that is there already, such as another part; rows that are not those of the seeds, or do not survive their JSON form (numbers that are not finite); a
-/// folder that cannot be written.
+/// A file that is there already, such as another part; rows that are not those of the seeds, or do not survive their
+/// JSON form (numbers that are not finite); a folder that cannot be written.
 pub fn write<T: Seeded>(path: &Path, header: &PartHeader, rows: &[T]) -> Result<()> {
     let mut text = serde_json::to_string(header)? + "\n";
     for row in rows {

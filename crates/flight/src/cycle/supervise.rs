@@ -118,15 +118,20 @@ where
     }
 
     /// Difference between the horizontal velocities of vehicle and reference; `None` if the reference is a constant
-    /// target, or if an obstacle is near or in the path, or was, which may have to be evaded. m/s
+    /// target, or if an obstacle is near or in the path, which may have to be evaded. m/s
     fn velocity_error_mps(&self, motion: &EstimatedMotion, now: TimeNs) -> Option<f64> {
         let (at_w, to_w) = (pos_w(&motion.pose), pos_w(&self.mission.reference()?));
         let error = motion.rate - self.mission.reference_rate()?;
         let is_evading = self.planner.walls().is_some_and(|walls| {
             walls.is_beside_obstacle(&at_w) || walls.is_path_blocked(&at_w, &to_w)
         });
-        let was_evading = self.supervisor.was_approached(now.0);
-        (!is_evading && !was_evading).then(|| error[pose::X].hypot(error[pose::Y]))
+        (!is_evading && !self.waits_for_obstacle(now)).then(|| error[pose::X].hypot(error[pose::Y]))
+    }
+
+    /// Whether the mission is done and the moving obstacle came near within the last seconds: the vehicle, which waits
+    /// with its landing, may be driven away from the last target for long.
+    fn waits_for_obstacle(&self, now: TimeNs) -> bool {
+        self.mission.is_finished() && self.supervisor.was_approached(now.0)
     }
 
     /// How the vehicle at `at` tracks its reference. What was before the flight does not count, nor how far the vehicle
@@ -137,9 +142,9 @@ where
             self.progress.restart_height();
         }
         let (walls, at_w) = (self.planner.walls(), pos_w(at));
-        let was_approached = self.supervisor.was_approached(now.0);
+        let waits = self.waits_for_obstacle(now);
         let is_path_blocked = |to: &Pose| {
-            was_approached || walls.is_some_and(|walls| walls.is_path_blocked(&at_w, &pos_w(to)))
+            waits || walls.is_some_and(|walls| walls.is_path_blocked(&at_w, &pos_w(to)))
         };
         let tracking = self.progress.tracking(&self.mission, at, is_path_blocked);
         let is_beside = walls.is_some_and(|walls| walls.is_beside_obstacle(&at_w));
