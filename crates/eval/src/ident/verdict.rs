@@ -76,7 +76,9 @@ impl Evidence<'_> {
             let (sticks, dead_time_s) = (&row.sticks, row.dead_time_s);
             let why = match (row.verdict, row.std_s) {
                 (DelayMinimum::Undecided, _) => "the likelihood does not decide, kept as given",
-                (DelayMinimum::EndOfRange, _) => "least at the end of its range, kept as given",
+                (DelayMinimum::EndOfRange, _) => {
+                    "the cost is least at the end of its range; kept as given"
+                }
                 (DelayMinimum::Minimum, Some(std_s)) if std_s > DEAD_TIME_STD_MAX_S => "too vague",
                 (DelayMinimum::Minimum, _) => continue,
             };
