@@ -68,6 +68,8 @@ struct Found {
     device: Option<String>,
     /// What becomes of the mission in the simulator, if it does not get to its end there.
     unfinished: Option<NominalFlight>,
+    /// Whether nobody is asked: with `--yes`.
+    is_unasked: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -128,10 +130,8 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
         return Ok(Orders::to_wait());
     }
     found.unfinished = nominal.ok().filter(|flight| !flight.is_finished());
-    let mut checks = checks(&found, table, flight)?;
-    if arguments.yes && found.unfinished.is_some() {
-        refuse_unasked(&mut checks);
-    }
+    found.is_unasked = arguments.yes;
+    let checks = checks(&found, table, flight)?;
     stdio::note("pre-flight");
     for check in &checks {
         stdio::note(check);
@@ -175,7 +175,7 @@ fn checks(found: &Found, table: &FlyTable, flight: &FlightTable) -> Result<Vec<C
     let supervisor = &flight.cycle.supervisor;
     let moving = table.moving_object.as_ref().map(|name| moving_check(name, found.moving_at));
     let mocap = mocap_check(found, table, flight.cycle.dt_s, supervisor.stale_s);
-    let links = [mission_check(&mission, walls, found.unfinished.as_ref()), mocap];
+    let links = [mission_check(&mission, walls, found), mocap];
     let others = [
         start_check(found.at.as_ref(), &flight.cycle, &mission.first_pose())?,
         drone_check(found, table),
@@ -195,24 +195,15 @@ fn check(what: &'static str, readiness: Readiness, reason: impl Into<String>) ->
     Check { what, readiness, reason: reason.into() }
 }
 
-/// What does not get to its end in the simulator flies only if a person says so.
-fn refuse_unasked(checks: &mut [Check]) {
-    for check in checks.iter_mut().filter(|check| check.what == "mission") {
-        check.readiness = Readiness::Never;
-    }
-}
-
 /// A mission that leaves the room does not get as far as this.
-fn mission_check(
-    mission: &Mission,
-    walls: Option<&RoomTable>,
-    unfinished: Option<&NominalFlight>,
-) -> Check {
+fn mission_check(mission: &Mission, walls: Option<&RoomTable>, found: &Found) -> Check {
     let count = mission.targets_count();
-    if let Some(flight) = unfinished {
+    if let Some(flight) = &found.unfinished {
         let reason = format!("{count} targets; simulated: {flight}");
         if !flight.is_blocked() {
-            return check("mission", Readiness::Note, reason);
+            // Only a person may fly it all the same.
+            let readiness = if found.is_unasked { Readiness::Never } else { Readiness::Note };
+            return check("mission", readiness, reason);
         }
         let advice = "change the mission, the room or the obstacles; `tello-ctl check --figure NAME` draws them";
         return check("mission", Readiness::Never, format!("{reason}: {advice}"));

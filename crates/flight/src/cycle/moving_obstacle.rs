@@ -25,8 +25,8 @@ const EQUAL_MPS: f64 = 0.15;
 /// Largest acceleration in a prediction: with more, the margin leaves no path around the obstacle. m/s^2
 const ACCEL_MAX_MPS2: f64 = 1.0;
 
-/// Time without a position after which the obstacle counts as unseen, and for how long its motion is extrapolated then:
-/// a person behind another object walks on. s, s
+/// Time without a position after which the obstacle counts as unseen, and after which its motion is no longer
+/// extrapolated: a person behind another object walks on. s, s
 const UNSEEN_S: f64 = 0.5;
 const FORGET_S: f64 = 2.0;
 

@@ -83,6 +83,7 @@ async fn look_at_links(table: &FlyTable) -> Result<Found> {
         has_keys: false,
         device: table.manual.device.clone(),
         unfinished: None,
+        is_unasked: false,
     })
 }
 

@@ -48,6 +48,7 @@ fn all_there() -> Found {
         has_keys: true,
         device: None,
         unfinished: None,
+        is_unasked: false,
     }
 }
 
@@ -293,7 +294,16 @@ fn a_real_drone_does_not_fly_in_the_built_in_room() {
 
 #[test]
 fn nobody_is_asked_about_a_mission_that_does_not_get_to_its_end() {
-    let mut list = [check("mission", Readiness::Note, ""), check("log", Readiness::Note, "")];
-    refuse_unasked(&mut list);
-    assert_eq!(list.map(|check| check.readiness), [Readiness::Never, Readiness::Note]);
+    let flight = || NominalFlight { landed_by: vec![Fault::TrackingLost], ..unfinished() };
+    let all = |is_unasked| Found { unfinished: Some(flight()), is_unasked, ..all_there() };
+    let [asked, unasked] = [false, true].map(|is_unasked| list(&all(is_unasked), |_| ()));
+    let readiness = |list: &[Check]| {
+        list.iter().find(|check| check.what == "mission").map(|check| check.readiness)
+    };
+    assert_eq!(
+        [&asked, &unasked].map(|list| readiness(list)),
+        [Some(Readiness::Note), Some(Readiness::Never)]
+    );
+    let others = |list: Vec<Check>| list.into_iter().filter(|check| check.what != "mission");
+    assert!(others(asked).eq(others(unasked)));
 }

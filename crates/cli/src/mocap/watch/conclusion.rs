@@ -70,7 +70,11 @@ pub(super) fn print_end(watched: &Watched, survey: &Survey) -> Result<()> {
             "It did not move by {WAY_MIN_M} m. Lift it straight up to check the axes, carry it nose first to check the \
              nose. If it was lifted, the source is in another unit than these settings say."
         ))?,
-        Some(way) => print_way(&way, watched.settings.has_frame())?,
+        Some(way) => {
+            for line in way_lines(&way, watched.settings.has_frame())? {
+                stdio::line(line)?;
+            }
+        }
     }
     let settings = serde_json::to_string(&watched.settings)?;
     stdio::line(format_args!("Settings that were used: \"mocap\": {settings}"))?;
@@ -83,17 +87,17 @@ pub(super) fn print_end(watched: &Watched, survey: &Survey) -> Result<()> {
     Ok(())
 }
 
-/// `has_frame`: the settings of the source have axes.
-fn print_way(way: &Way, has_frame: bool) -> Result<()> {
-    for line in way_lines(way, has_frame)? {
-        stdio::line(line)?;
-    }
-    Ok(())
-}
-
+/// What the way tells of axes and nose; `has_frame`: the settings of the source have axes.
 fn way_lines(way: &Way, has_frame: bool) -> Result<Vec<String>> {
-    let Way { length_m, source_axis, source_off_deg, object_axis, object_off_deg, .. } = *way;
-    let Way { climb_deg, nose_off_deg, .. } = *way;
+    let Way {
+        length_m,
+        source_axis,
+        source_off_deg,
+        object_axis,
+        object_off_deg,
+        climb_deg,
+        nose_off_deg,
+    } = *way;
     let mut lines = vec![format!(
         "It moved {length_m:.2} m: along {} of the source (off by {source_off_deg:.0} degrees), along {} of the object \
          (off by {object_off_deg:.0}), {climb_deg:.0} degrees above the floor by these settings.",

@@ -18,6 +18,14 @@ fn jitter_ms(number: i64) -> f64 {
     (number * 7_919 % 8) as f64
 }
 
+/// A uniform number of 0..1 that depends on `number` alone (Steele, Lea and Flood, `SplitMix64`).
+fn uniform(number: i64) -> f64 {
+    let mut bits = number.cast_unsigned().wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    (bits >> 11) as f64 / (1_u64 << 53) as f64
+}
+
 fn at_ms(ms: f64) -> TimeNs {
     TimeNs(whole(ms * 1e6))
 }

@@ -9,14 +9,6 @@ const REBOOT_S: i64 = 3_000;
 const LANDED_S: i64 = 3_300;
 const END_S: i64 = 3_600;
 
-/// A uniform number of 0..1 that depends on `number` alone (Steele, Lea and Flood, `SplitMix64`).
-fn uniform(number: i64) -> f64 {
-    let mut bits = number.cast_unsigned().wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    (bits >> 11) as f64 / (1_u64 << 53) as f64
-}
-
 /// Errors of the measurement times in an hour of 50 Hz whose clock differs by `drift`, by part: ground, flight, ground
 /// after it; and how many frames had no time in each, and between reboot and landing. ms
 fn hour(drift: f64, jitter_ms: f64) -> ([Vec<f64>; 3], [usize; 4]) {

@@ -111,14 +111,6 @@ fn a_stream_that_stays_late_on_the_ground_is_believed_again_after_the_window() {
     }
 }
 
-/// A number of 0..1 that looks random, from a seed and a number.
-fn uniform(seed: i64, number: i64) -> f64 {
-    let mut bits = (seed * 1_000_003 + number).cast_unsigned().wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    (bits >> 11) as f64 / (1_u64 << 53) as f64
-}
-
 /// When a source with this jitter is confirmed on the ground, and how late its frames seem at most in the rest of a
 /// minute, beyond their delay; infinite for a frame without a time. `None` if it is not confirmed in `ground_s`. s, ms
 fn started(
@@ -131,7 +123,7 @@ fn started(
     let (mut started_s, mut late_max_ms, mut arrived_ms) = (None, 0.0_f64, 0.0_f64);
     for number in 0..whole(60.0 * count_hz) {
         let due_ms = 1e3 * number as f64 / count_hz;
-        arrived_ms = arrived_ms.max(due_ms + jitter_ms * uniform(seed, number));
+        arrived_ms = arrived_ms.max(due_ms + jitter_ms * uniform(seed * 1_000_003 + number));
         let late_ms = late_ms(&mut clock, number, announced_hz, arrived_ms);
         if started_s.is_some() {
             let late_ms = late_ms.map_or(f64::INFINITY, |late_ms| late_ms - (arrived_ms - due_ms));
