@@ -342,7 +342,8 @@ impl Walls {
         let shown_mps2 = match surface {
             Surface::Obstacle(obstacle) if obstacle.is_moving() => self.shown_accel_mps2(),
             Surface::MovingByMean(_) => 0.0,
-            Surface::Wall(..) | Surface::Obstacle(_) => return margin_m,
+            Surface::Obstacle(_) => return margin_m + self.table.vehicle_radius_m,
+            Surface::Wall(..) => return margin_m,
         };
         let least_mps2 = self.table.obstacle_accel_mps2;
         margin_m + 0.5 * least_mps2.max(shown_mps2) * (self.lead_s + ahead_s).powi(2)

@@ -53,9 +53,14 @@ pub(super) struct LeakyTimer {
 impl LeakyTimer {
     /// Notes at `t_ns` whether the condition holds.
     pub(super) fn update(&mut self, holds: bool, t_ns: i64) {
+        self.update_weighted(if holds { 1.0 } else { 0.0 }, t_ns);
+    }
+
+    /// Notes at `t_ns` how much the time counts in which the condition holds; 0: it does not hold.
+    pub(super) fn update_weighted(&mut self, weight: f64, t_ns: i64) {
         let period_s = self.at_ns.replace(t_ns).map_or(0.0, |at_ns| elapsed_s(at_ns, t_ns));
-        self.sum_s =
-            if holds { self.sum_s + period_s } else { (self.sum_s - FORGIVEN * period_s).max(0.0) };
+        let rate = if weight > 0.0 { weight } else { -FORGIVEN };
+        self.sum_s = (self.sum_s + rate * period_s).max(0.0);
     }
 
     /// Whether the sum is above `for_s`.

@@ -39,6 +39,8 @@ const SUNK_M: f64 = 0.45;
 /// around its reference: its velocity loop is weakly damped, or its dead time is much longer than the model's. m/s, s
 const VELOCITY_OFF_REFERENCE_MPS: f64 = 0.6;
 const VELOCITY_OFF_REFERENCE_S: f64 = 4.0;
+/// Largest factor by which that time counts: the square of the difference over [`VELOCITY_OFF_REFERENCE_MPS`]. 1
+const VELOCITY_OFF_REFERENCE_WEIGHT_MAX: f64 = 4.0;
 
 /// A steered vehicle whose pose is still for so long below its reference stands on something: the effect of a throttle
 /// that acts shows within half of this time. s
@@ -198,18 +200,24 @@ impl Supervisor {
             || e.sunk_m.is_some_and(|sunk_m| exceeds(sunk_m, SUNK_M))
     }
 
-    /// Updates for how long the velocity of a vehicle that follows its reference was far from that of the reference.
-    /// A person who steers resets the time.
+    /// Updates for how long the velocity of a vehicle that follows its reference was far from that of the reference,
+    /// faster the farther it was. A person who steers resets the time.
     pub(super) fn remember_velocity_off_reference(&mut self, e: &Evidence) {
         if e.is_by_hand {
             self.timers.velocity_off_reference = LeakyTimer::default();
         }
         let follows_mission =
             self.is_flying() && self.control == ControlMode::Mission && e.outage.is_none();
-        let is_off = e
-            .velocity_error_mps
-            .is_some_and(|error_mps| exceeds(error_mps, VELOCITY_OFF_REFERENCE_MPS));
-        self.timers.velocity_off_reference.update(follows_mission && is_off, e.t_ns);
+        let is_off = |error_mps: &f64| exceeds(*error_mps, VELOCITY_OFF_REFERENCE_MPS);
+        let weight = e.velocity_error_mps.filter(is_off).filter(|_| follows_mission).map_or(
+            0.0,
+            |error_mps| {
+                (error_mps / VELOCITY_OFF_REFERENCE_MPS)
+                    .powi(2)
+                    .min(VELOCITY_OFF_REFERENCE_WEIGHT_MAX)
+            },
+        );
+        self.timers.velocity_off_reference.update_weighted(weight, e.t_ns);
     }
 
     /// Whether a vehicle that should climb to its reference is stiller than one that flies, by poses that are new.

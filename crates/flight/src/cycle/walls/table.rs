@@ -12,6 +12,10 @@ pub struct WallTable {
     pub weight: f64,
     /// Distance of the planned pose from walls and obstacles. m, 0..=1
     pub margin_m: f64,
+    /// Radius of the vehicle: the plan keeps further away by it from obstacles that do not move, whose surface is given.
+    /// m, 0..=0.5; 0 in older settings and logs
+    #[serde(default)]
+    pub vehicle_radius_m: f64,
     /// By how much the margin grows over the horizon: the error of the prediction. m/s, 0..=0.5
     pub growth_mps: f64,
     /// Acceleration that the moving obstacle may have: its margin also grows by `1/2 a t^2`, t from its newest position
@@ -36,6 +40,7 @@ impl WallTable {
     pub(super) fn check(&self) -> Result<(), SettingError> {
         in_range("weight", self.weight, 1.0..=10_000.0)?;
         in_range("margin_m", self.margin_m, 0.0..=1.0)?;
+        in_range("vehicle_radius_m", self.vehicle_radius_m, 0.0..=0.5)?;
         in_range("growth_mps", self.growth_mps, 0.0..=0.5)?;
         in_range("obstacle_accel_mps2", self.obstacle_accel_mps2, 0.0..=5.0)?;
         in_range("margin_sd", self.margin_sd, 0.0..=5.0)?;

@@ -12,6 +12,7 @@ const ROOM: RoomTable =
 const TABLE: WallTable = WallTable {
     weight: 100.0,
     margin_m: 0.1,
+    vehicle_radius_m: 0.0,
     growth_mps: 0.05,
     obstacle_accel_mps2: 0.5,
     margin_sd: 0.0,
@@ -111,6 +112,20 @@ fn the_margin_of_what_moves_grows_with_its_acceleration_from_now_on() {
 }
 
 #[test]
+fn a_plan_keeps_the_radius_of_the_vehicle_from_what_stands_in_the_room_and_from_nothing_else() {
+    let table = WallTable { vehicle_radius_m: 0.13, ..TABLE };
+    let room = Some(Room::try_from(&ROOM).unwrap());
+    let moving = ObstacleTable::Moving { radius_m: 0.2 };
+    let walls = Walls::new(Some(&table), room, &[BLOCK, moving]).unwrap().unwrap();
+    for surface in &walls.surfaces {
+        let stands = matches!(surface, Surface::Obstacle(obstacle) if !obstacle.is_moving());
+        let margin_m = walls.margin_m(surface, &Vector3::x(), 0.0);
+        let expected_m = if stands { 0.23 } else { 0.1 };
+        assert!((margin_m - expected_m).abs() < 1e-12, "{surface:?}: {margin_m}");
+    }
+}
+
+#[test]
 fn the_margin_grows_with_the_standard_deviation_towards_the_wall() {
     let table = WallTable { margin_sd: 2.0, ..TABLE };
     let mut walls = Walls::new(Some(&table), None, &[BLOCK]).unwrap().unwrap();
@@ -129,6 +144,10 @@ fn each_bad_value_is_refused_with_key_value_and_rule() {
         (
             WallTable { growth_mps: f64::NAN, ..TABLE },
             "mpc.walls.growth_mps = NaN: expected 0.0..=0.5",
+        ),
+        (
+            WallTable { vehicle_radius_m: 0.6, ..TABLE },
+            "mpc.walls.vehicle_radius_m = 0.6: expected 0.0..=0.5",
         ),
         (WallTable { margin_sd: -1.0, ..TABLE }, "mpc.walls.margin_sd = -1: expected 0.0..=5.0"),
         (WallTable { coasting: 1.1, ..TABLE }, "mpc.walls.coasting = 1.1: expected 0.0..=1.0"),

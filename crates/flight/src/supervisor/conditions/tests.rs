@@ -88,11 +88,17 @@ fn a_vehicle_that_swings_is_landed_after_four_seconds_in_sum() {
         assert_eq!(ruling.phase != Phase::Flying, lands, "{steps} of {pause}: {ruling:?}");
         assert_eq!(ruling.faults.contains(Fault::TrackingLost), lands);
     }
+    // Fast swings count up to four times.
+    for (mps, steps) in [(1.2, 10), (3.0, 10), (0.85, 20)] {
+        let mut bench = Bench::flying();
+        assert_eq!(bench.run(steps - 1, &error(mps)).phase, Phase::Flying, "{mps} m/s");
+        assert_eq!(bench.run(3, &error(mps)).phase, Phase::Landing, "{mps} m/s");
+    }
     let by_hand = Evidence { is_by_hand: true, ..error(2.0) };
     let mut bench = Bench::flying();
-    bench.pass(39, &error(2.0));
+    bench.pass(9, &error(2.0));
     bench.pass(60, &by_hand);
-    assert_eq!(bench.run(39, &error(2.0)).phase, Phase::Flying, "begun anew after a person");
+    assert_eq!(bench.run(9, &error(2.0)).phase, Phase::Flying, "begun anew after a person");
     assert_eq!(Bench::new(Start::Carried).run(60, &error(2.0)).phase, Phase::Flying, "a walk");
 }
 
