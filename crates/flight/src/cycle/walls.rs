@@ -42,6 +42,9 @@ const VEHICLE_M: f64 = 0.25;
 /// Time within which the moving obstacle must not meet a climb or landing: a landing from 1.3 m takes 3.5 s. s
 const APPROACH_S: f64 = 4.0;
 
+/// Time in which the acceleration of the moving obstacle adds to the distance within which it blocks a path. s
+const PATH_REACH_S: f64 = 1.0;
+
 /// Largest speed of a person who stands and shifts weight. m/s
 const STANDS_MPS: f64 = 0.3;
 
@@ -156,8 +159,9 @@ impl Walls {
     }
 
     /// Whether the moving obstacle keeps the vehicle from getting from `at_w` to `to_w`, world frame, m: it is between
-    /// both and nearer than 0.6 m to the straight path, or within the margin of an end. For an obstacle that
-    /// accelerates both limits are larger, by what the acceleration adds to the margin within a second.
+    /// both and nearer than 0.6 m to the straight path, or within the margin of an end. For an obstacle with the
+    /// acceleration `a` both limits are larger by `(a - obstacle_accel_mps2) T^2 / 2`, `T` = [`PATH_REACH_S`]
+    /// (`docs/control.md`, section 3).
     pub(super) fn is_path_blocked(&self, at_w: &Vector3<f64>, to_w: &Vector3<f64>) -> bool {
         let Some(moving_w) = self.moving.position(0.0) else { return false };
         let along = nearest_along(at_w, to_w, &moving_w);
@@ -165,7 +169,7 @@ impl Walls {
         let is_between = (0.0..=1.0).contains(&along);
         let more_mps2 = self.shown_accel_mps2() - self.table.obstacle_accel_mps2;
         let limit_m = if is_between { BESIDE_M } else { self.table.margin_m };
-        let limit_m = limit_m + 0.5 * more_mps2.max(0.0);
+        let limit_m = limit_m + 0.5 * more_mps2.max(0.0) * PATH_REACH_S.powi(2);
         self.moving_obstacles()
             .any(|it| it.distance_from(&nearest_w, Some(&moving_w)).distance_m < limit_m)
     }

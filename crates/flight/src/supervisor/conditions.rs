@@ -122,8 +122,8 @@ impl Supervisor {
             Fault::ProgramStalled => e.incidents.has_landed_unasked,
             Fault::PersonGone => self.is_person_gone(e),
             Fault::InputExpired => e.incidents.has_input_expired,
-            // `note_missing_witness` sets them when the landing is confirmed.
-            Fault::LandedByPose | Fault::LandedByDrone => false,
+            // How a landing was confirmed is known once it is: `note_confirmation`.
+            Fault::LandedByPose | Fault::LandedByDrone => self.ended_by.contains(fault),
             Fault::OperatorStop => e.operator == Operator::Land,
             Fault::OperatorEmergencyStop => e.operator == Operator::EmergencyStop,
         }
