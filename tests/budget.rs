@@ -267,14 +267,16 @@ impl Seen {
         if let Some(link) = out.link.filter(|link| link.changed) {
             *(if link.state.is_down() { &mut self.outages } else { &mut self.returns }) += 1;
         }
-        self.by_hand += usize::from(out.ruling.is_some_and(|one| one.pilot == Some(Pilot::Person)));
+        self.by_hand +=
+            usize::from(out.decision.is_some_and(|one| one.pilot == Some(Pilot::Person)));
         self.is_landed |= out.phase() == Phase::Landed;
         self.by_clarabel += usize::from(clarabel_count > 0);
         self.skipped.extend((inbox.skipped > 0).then_some(inbox.skipped));
         let is_late = |solve: &Option<Solve>| matches!(solve, Some(Solve::Done(at_end)) if at_end.stop == "late");
         self.late_estimates += usize::from(is_late(&out.estimator));
         self.late_plans += usize::from(is_late(&out.controller));
-        let has_failed = out.ruling.is_some_and(|one| one.faults.contains(Fault::EstimatorFailed));
+        let has_failed =
+            out.decision.is_some_and(|one| one.faults.contains(Fault::EstimatorFailed));
         self.failures += u64::from(has_failed);
         self.restarts += u64::from(has_failed && is_started);
         clarabel_count as usize

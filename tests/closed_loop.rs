@@ -115,8 +115,8 @@ fn a_drone_that_reports_its_own_velocity_without_its_drift_is_not_landed() {
             let mut virtual_flight = VirtualFlight::new(&flight, &sim, seed).unwrap();
             for step in 0..2250 {
                 let out = virtual_flight.tick().unwrap();
-                let faults = out.ruling.unwrap().faults;
-                assert!(!faults.contains(Fault::WitnessDisagrees), "seed {seed}, step {step}");
+                let faults = out.decision.unwrap().faults;
+                assert!(!faults.contains(Fault::PoseInconsistent), "seed {seed}, step {step}");
             }
         }
     }

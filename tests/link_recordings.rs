@@ -12,7 +12,7 @@ use horizon_model::{InputFifo, Kinematic, Model};
 use nalgebra::SVector;
 use tello_eval::outage::{OutageSettings, OutageTable, lost_commands};
 use tello_eval::smooth::smooth;
-use tello_flight::{Acceptance, LinkMonitor, LinkSettings, LinkVerdict, PoseFilter};
+use tello_flight::{Acceptance, LinkDecision, LinkMonitor, LinkSettings, PoseFilter};
 use tello_io::config;
 use tello_sim::mocap::Mocap;
 use tello_sim::plant::{NOMINAL, Plant, PlantParams, PlantTable, Velocity};
@@ -26,7 +26,7 @@ use recorded::{DT_S, dead_time_s, logs, p_prior, setting};
 const STEPS: usize = 6000;
 /// Velocity that a change of the link must have made before it is due to be noticed. m/s
 const DUE_MPS: f64 = 0.3;
-/// Time from there to a verdict in time. s
+/// Time from there to a decision in time. s
 const IN_TIME_S: f64 = 0.6;
 
 /// The monitor that flies.
@@ -141,7 +141,7 @@ impl Outcome {
 struct Unchanged {
     vehicle: Plant,
     link_is_up: bool,
-    /// Whether there is a verdict to be changed.
+    /// Whether there is a decision to be changed.
     is_judged: bool,
     due_at: Option<usize>,
     is_noticed: bool,
@@ -160,22 +160,22 @@ fn watch(params: &PlantParams, profile: Profile, seed: u64, u_sent: &[Sticks], s
     for (k, u) in u_sent.iter().enumerate() {
         let report = mocap.observe(plant.pose());
         let raw = if let MocapReport::Pose(o) = report { Some(o) } else { None };
-        let verdict = monitor.update(&fifo.applied(-1), &eyes.look(raw.as_ref()), &of_settings());
+        let decision = monitor.update(&fifo.applied(-1), &eyes.look(raw.as_ref()), &of_settings());
         if let Some(unchanged) = &mut unchanged {
             let tally = if link_was_up { &mut sum.returns } else { &mut sum.outages };
-            unchanged.judge(k, &verdict, &plant, tally);
+            unchanged.judge(k, &decision, &plant, tally);
         }
         // An outage that has just ended may still be noticed: its commands act on for a dead time.
-        let recent = verdict.onset_steps as usize + 50;
+        let recent = decision.onset_steps as usize + 50;
         let is_false = lost_at.is_none_or(|lost_at| lost_at + recent < k);
-        sum.false_alarms += usize::from(verdict.changed && verdict.state.is_down() && is_false);
+        sum.false_alarms += usize::from(decision.changed && decision.state.is_down() && is_false);
 
         let link_is_up = radio.step();
         if link_is_up != link_was_up {
             unchanged = Some(Unchanged {
                 vehicle: plant.clone(),
                 link_is_up: link_was_up,
-                is_judged: link_was_up || verdict.state.is_down(),
+                is_judged: link_was_up || decision.state.is_down(),
                 due_at: None,
                 is_noticed: false,
             });
@@ -191,7 +191,7 @@ fn watch(params: &PlantParams, profile: Profile, seed: u64, u_sent: &[Sticks], s
 }
 
 impl Unchanged {
-    fn judge(&mut self, k: usize, verdict: &LinkVerdict, real: &Plant, tally: &mut Tally) {
+    fn judge(&mut self, k: usize, decision: &LinkDecision, real: &Plant, tally: &mut Tally) {
         let (v, v_real) = (self.vehicle.velocity(), real.velocity());
         let gap_mps = (v.x_mps - v_real.x_mps).hypot(v.y_mps - v_real.y_mps);
         if self.due_at.is_none() && self.is_judged && gap_mps > DUE_MPS {
@@ -200,7 +200,7 @@ impl Unchanged {
         }
         if let Some(due_at) = self.due_at
             && !self.is_noticed
-            && verdict.state.is_down() == self.link_is_up
+            && decision.state.is_down() == self.link_is_up
         {
             self.is_noticed = true;
             tally.delays_s.push((k - due_at) as f64 * DT_S);
@@ -290,7 +290,7 @@ struct Agreement {
     alarms: usize,
     /// Alarms with no lost step within a second of the time that they claim.
     alone: usize,
-    /// From the beginning of an outage to the verdict. s
+    /// From the beginning of an outage to the decision. s
     delays_s: Vec<f64>,
     unnoticed: usize,
 }
@@ -305,28 +305,28 @@ impl Agreement {
 
         let (mut eyes, mut monitor) = (Eyes::new(), monitor());
         let (mut u_applied, mut before) = (Sticks::zeros(), None);
-        let mut verdicts = Vec::with_capacity(applied.len());
+        let mut decisions = Vec::with_capacity(applied.len());
         for (o, u) in recording.o.iter().zip(&applied) {
             let raw = o.is_present[pose::X].then_some(o.o);
             // A repeated pose of the motion capture is a stall: nothing was seen.
             let seen = raw.filter(|_| before != raw);
             before = raw;
             let observed = if is_raw { eyes.look(seen.as_ref()) } else { *o };
-            verdicts.push(monitor.update(&u_applied, &observed, &p_prior()));
+            decisions.push(monitor.update(&u_applied, &observed, &p_prior()));
             u_applied = *u;
         }
-        self.count(&is_lost, &verdicts);
+        self.count(&is_lost, &decisions);
     }
 
-    fn count(&mut self, is_lost: &[bool], verdicts: &[LinkVerdict]) {
+    fn count(&mut self, is_lost: &[bool], decisions: &[LinkDecision]) {
         let last = is_lost.len();
         self.steps += last;
-        for (k, (is_lost_now, verdict)) in is_lost.iter().zip(verdicts).enumerate() {
+        for (k, (is_lost_now, decision)) in is_lost.iter().zip(decisions).enumerate() {
             self.lost += usize::from(*is_lost_now);
-            self.found += usize::from(*is_lost_now && verdict.state.is_down());
-            self.wrong += usize::from(!is_lost_now && verdict.state.is_down());
-            if verdict.changed && verdict.state.is_down() {
-                let from = k.saturating_sub(verdict.onset_steps as usize + 50);
+            self.found += usize::from(*is_lost_now && decision.state.is_down());
+            self.wrong += usize::from(!is_lost_now && decision.state.is_down());
+            if decision.changed && decision.state.is_down() {
+                let from = k.saturating_sub(decision.onset_steps as usize + 50);
                 let is_near = is_lost[from..(k + 50).min(last)].contains(&true);
                 self.alarms += 1;
                 self.alone += usize::from(!is_near);
@@ -335,7 +335,7 @@ impl Agreement {
         let mut from = 0;
         for run in is_lost.chunk_by(|left, right| left == right) {
             if run.first() == Some(&true) {
-                match verdicts[from..from + run.len()].iter().position(|v| v.state.is_down()) {
+                match decisions[from..from + run.len()].iter().position(|v| v.state.is_down()) {
                     Some(steps) => self.delays_s.push(steps as f64 * DT_S),
                     None => self.unnoticed += 1,
                 }

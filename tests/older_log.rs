@@ -91,10 +91,10 @@ fn repeat(settings: &FlightTable, ticks: &[Recorded]) -> (f64, f64, usize) {
         let command = tick.command.as_ref().map(<[f64; _]>::as_slice);
         stick_gap = maximum(stick_gap, gap(out.u_sent.as_slice(), command));
         steered += usize::from(out.u_sent.amax() > 0.0);
-        let ruling = out.ruling.unwrap();
-        let faults: Vec<_> = ruling.faults.iter().collect();
+        let decision = out.decision.unwrap();
+        let faults: Vec<_> = decision.faults.iter().collect();
         let step = tick.inbox.step;
-        assert_eq!(serde_json::to_value(ruling.phase).ok(), tick.phase, "tick {step}");
+        assert_eq!(serde_json::to_value(decision.phase).ok(), tick.phase, "tick {step}");
         let recorded = tick.faults.clone().unwrap_or_else(|| Value::Array(Vec::new()));
         assert_eq!(serde_json::to_value(&faults).unwrap(), recorded, "tick {step}");
     }

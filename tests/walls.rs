@@ -40,7 +40,7 @@ fn fly(
         let out = virtual_flight.tick().unwrap();
         see(out);
         reached = out.targets_reached;
-        let has = |fault| out.ruling.is_some_and(|ruling| ruling.faults.contains(fault));
+        let has = |fault| out.decision.is_some_and(|decision| decision.faults.contains(fault));
         near += usize::from(has(Fault::PlanBlocked) || has(Fault::FenceNear));
         least.add(surroundings.at(&virtual_flight.true_pose(), virtual_flight.true_obstacle_w()));
     }
@@ -113,7 +113,7 @@ fn a_vehicle_that_a_person_drives_from_its_reference_is_not_astray() {
                 .zip(out.pose_hat())
                 .map(|(to, at)| (to - at).fixed_rows::<2>(pose::X).norm());
             away_m = away_m.max(apart_w.unwrap_or_default());
-            let faults = out.ruling.unwrap().faults;
+            let faults = out.decision.unwrap().faults;
             assert!(!faults.contains(Fault::TrackingLost), "seed {seed}: {faults:?}");
         });
     }
@@ -129,14 +129,14 @@ fn fly_with_hidden(hidden_s: [f64; 2], mut see: impl FnMut(f64, bool, &Outcome))
     let hidden_s = Some(hidden_s);
     sim.passer = Some(PasserTable { from_w_m: at_m, to_w_m: at_m, speed_mps: 0.0, hidden_s });
     let is_missed =
-        |out: &Outcome| out.ruling.is_some_and(|r| r.faults.contains(Fault::ObstacleUnseen));
+        |out: &Outcome| out.decision.is_some_and(|r| r.faults.contains(Fault::ObstacleUnseen));
     fly(&(flight, sim), 3, |out| see(0.02 * out.step as f64, is_missed(out), out)).2
 }
 
 #[test]
 fn an_obstacle_that_moves_unseen_keeps_a_vehicle_down() {
     let reached = fly_with_hidden([0.0, 1e3], |t_s, is_missed, out| {
-        assert!(is_missed && out.order().is_none(), "{t_s} s, {:?}", out.ruling);
+        assert!(is_missed && out.order().is_none(), "{t_s} s, {:?}", out.decision);
     });
     assert_eq!(reached, 0);
 }
@@ -165,7 +165,7 @@ fn a_vehicle_that_waits_for_an_obstacle_stays_where_it_stopped() {
     for seed in 1..=4 {
         let (mut at_rest, mut far_m) = (None, 0.0_f64);
         fly(&(flight.clone(), sim.clone()), seed, |out| {
-            let faults = out.ruling.unwrap().faults;
+            let faults = out.decision.unwrap().faults;
             assert!(out.step < 200 || faults.contains(Fault::ObstacleUnseen), "{faults:?}");
             assert_eq!(out.phase(), Phase::Flying, "{faults:?}");
             if let Some(at) = out.pose_hat().filter(|_| out.step > 400) {

@@ -156,12 +156,12 @@ fn good_flights_are_neither_held_nor_blocked_nor_left() {
     ] {
         let (mut flown, mut near, mut by_hand, mut outages) = (0, 0, 0, 0);
         fly_good(profile, seeds, |at, out| {
-            let ruling = out.ruling.unwrap();
-            let raised = never.into_iter().find(|fault| ruling.faults.contains(*fault));
-            assert_eq!(raised, None, "{at}: {ruling:?}");
-            flown += u64::from(ruling.phase == Phase::Flying);
+            let decision = out.decision.unwrap();
+            let raised = never.into_iter().find(|fault| decision.faults.contains(*fault));
+            assert_eq!(raised, None, "{at}: {decision:?}");
+            flown += u64::from(decision.phase == Phase::Flying);
             near += u64::from(out.clearance.is_some_and(|near| near.active > 0));
-            by_hand += u64::from(ruling.pilot == Some(Pilot::Person));
+            by_hand += u64::from(decision.pilot == Some(Pilot::Person));
             outages += u64::from(out.link.is_some_and(|link| link.changed && link.state.is_down()));
         });
         let seen = format!("{profile:?}: {flown} {near} {by_hand} {outages}");

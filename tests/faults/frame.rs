@@ -136,7 +136,7 @@ fn a_drone_whose_own_heading_is_wrong_flies_on() {
             settings.0.mission = mission(name);
             settings.1.drone.status.heading = report;
             let story = fly_alone(&settings, 120.0);
-            let is_wrong = story.has(Fault::HeadingWrong) || story.has(Fault::WitnessDoubtful);
+            let is_wrong = story.has(Fault::HeadingWrong) || story.has(Fault::PoseDoubtful);
             assert!(!is_wrong, "{name}, {report:?}: {:?}", story.last());
             story.assert_down();
         }
@@ -196,7 +196,7 @@ fn a_position_that_drifts_away_from_a_hover_faster_than_a_drone_may_drift_lands(
         let drift =
             InjectedFault::MocapDrift { velocity_w_mps: [speed_mps, 0.0, 0.0], yaw_radps: 0.0 };
         let story = fly("hover.json", drift, FAULT_AT_S);
-        assert!(story.has(Fault::WitnessDisagrees), "{speed_mps} m/s: {:?}", story.last());
+        assert!(story.has(Fault::PoseInconsistent), "{speed_mps} m/s: {:?}", story.last());
         let far_m = distance_m(&story, FAULT_AT_S);
         assert!(far_m < most_m, "{speed_mps} m/s: {far_m:.2} m");
         story.assert_sound();

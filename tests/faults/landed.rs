@@ -1,4 +1,4 @@
-//! Landings and climbs that one witness reports, and reports wrong: confirmed later, or not at all.
+//! Landings and climbs that one source reports, and reports wrong: confirmed later, or not at all.
 
 use horizon_model::rows::pose;
 use tello_flight::cycle::Operator;
@@ -53,7 +53,7 @@ fn a_silent_drone_that_refuses_to_land_is_landed_on_whatever_object_lies_on_the_
 }
 
 #[test]
-fn a_drone_that_denies_its_flight_is_no_witness_against_its_own_height() {
+fn a_drone_that_reports_no_flight_does_not_count_against_its_own_height() {
     const BLIND_AT_S: f64 = 6.0;
     let script = [
         from(InjectedFault::MocapSilent, BLIND_AT_S, 1e3),
@@ -67,7 +67,7 @@ fn a_drone_that_denies_its_flight_is_no_witness_against_its_own_height() {
 }
 
 #[test]
-fn one_witness_alone_confirms_a_landing_later_and_the_other_is_named() {
+fn one_source_alone_confirms_a_landing_later_and_the_other_is_named() {
     for (fault, missing) in [
         (InjectedFault::DroneMute, Fault::LandedByPose),
         (InjectedFault::MocapSilent, Fault::LandedByDrone),
@@ -128,14 +128,17 @@ fn no_climb_of_a_healthy_drone_contradicts_its_poses() {
         let mut virtual_flight = VirtualFlight::new(&flight, &sim, seed).unwrap();
         let mut climbs = 0;
         for _ in 0..600 {
-            let ruling = virtual_flight.tick().unwrap().ruling.unwrap();
-            if climbs > 50 && ruling.phase == Phase::Flying {
+            let decision = virtual_flight.tick().unwrap().decision.unwrap();
+            if climbs > 50 && decision.phase == Phase::Flying {
                 break;
             }
-            if ruling.phase == Phase::TakingOff {
+            if decision.phase == Phase::TakingOff {
                 climbs += 1;
-                for fault in [Fault::WitnessDoubtful, Fault::WitnessDisagrees, Fault::MocapFrozen] {
-                    assert!(!ruling.faults.contains(fault), "{profile:?}, seed {seed}: {fault:?}");
+                for fault in [Fault::PoseDoubtful, Fault::PoseInconsistent, Fault::MocapFrozen] {
+                    assert!(
+                        !decision.faults.contains(fault),
+                        "{profile:?}, seed {seed}: {fault:?}"
+                    );
                 }
             }
         }

@@ -181,7 +181,7 @@ fn ticks_that_are_missed_are_forgiven_up_to_the_limit_and_one_more_lands() {
 }
 
 #[test]
-fn what_a_fast_vehicle_flies_while_the_loop_stalls_is_no_motion_that_its_drone_denies() {
+fn what_a_fast_vehicle_flies_while_the_loop_stalls_does_not_contradict_its_drone() {
     for from_s in [3.0, 3.5, 4.0, 4.5, 5.0] {
         let mut settings = from_the_air(InjectedFault::ControlStalled, 0.36);
         settings.0 = settings.0.at_speed(1.0).unwrap();
@@ -193,7 +193,7 @@ fn what_a_fast_vehicle_flies_while_the_loop_stalls_is_no_motion_that_its_drone_d
             })
             .to_vec();
         let story = fly_alone(&settings, 40.0);
-        for fault in [Fault::WitnessDoubtful, Fault::WitnessDisagrees, Fault::HeadingWrong] {
+        for fault in [Fault::PoseDoubtful, Fault::PoseInconsistent, Fault::HeadingWrong] {
             assert!(!story.has(fault), "from {from_s} s: {fault:?}, {:?}", story.last());
         }
         assert_eq!(story.last().phase, Phase::Landed, "from {from_s} s: {:?}", story.last());

@@ -88,7 +88,7 @@ pub(crate) fn fly_with(
         let at_s = f64::from(step) * flight.cycle.dt_s;
         person(at_s, &mut virtual_flight);
         let out = virtual_flight.tick().unwrap();
-        let (ruling, u_sent) = (out.ruling.unwrap(), out.u_sent);
+        let (decision, u_sent) = (out.decision.unwrap(), out.u_sent);
         let wire = virtual_flight.wire();
         let count = |what: fn(&HostPacket) -> bool| wire.iter().filter(|one| what(one)).count();
         let sticks = wire.iter().filter_map(|packet| match packet {
@@ -98,9 +98,9 @@ pub(crate) fn fly_with(
         let truth = virtual_flight.truth();
         moments.push(Moment {
             at_s,
-            phase: ruling.phase,
-            pilot: ruling.pilot,
-            faults: ruling.faults.iter().collect(),
+            phase: decision.phase,
+            pilot: decision.pilot,
+            faults: decision.faults.iter().collect(),
             stick: sticks.reduce(maximum),
             ends_softly: wire.iter().enumerate().all(|(index, packet)| match packet {
                 HostPacket::Sticks { u, .. } => {
@@ -119,7 +119,7 @@ pub(crate) fn fly_with(
         });
         has_flown |= truth.phase == tello_sim::DronePhase::Flying;
         let is_down = has_flown && truth.phase == tello_sim::DronePhase::Grounded;
-        let is_over = ruling.phase.is_over() && is_down;
+        let is_over = decision.phase.is_over() && is_down;
         if is_over || at_s >= seconds {
             break;
         }

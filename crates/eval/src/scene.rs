@@ -251,8 +251,8 @@ impl LastLogged {
     fn news(&mut self, out: &Outcome) -> Vec<(Level, String)> {
         let mut news = Vec::new();
         let now = Self {
-            phase: out.ruling.map(|ruling| ruling.phase),
-            faults: out.ruling.map(|ruling| ruling.faults).unwrap_or_default(),
+            phase: out.decision.map(|decision| decision.phase),
+            faults: out.decision.map(|decision| decision.faults).unwrap_or_default(),
             is_down: out.link.is_some_and(|link| link.state.is_down()),
             targets_reached: out.targets_reached,
         };
@@ -285,14 +285,14 @@ impl LastLogged {
 #[cfg(test)]
 pub(crate) mod tests {
     use horizon_model::{Kinematic, Model};
-    use tello_flight::Ruling;
+    use tello_flight::Decision;
 
     use super::*;
 
     pub(crate) fn out(targets_reached: usize, phase: Phase) -> Outcome {
         let mut out = Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 3);
         out.targets_reached = targets_reached;
-        out.ruling = Some(Ruling {
+        out.decision = Some(Decision {
             phase,
             pilot: None,
             is_braking: false,

@@ -46,7 +46,7 @@ use nalgebra::SVector;
 use crate::drone::DroneStatus;
 use crate::gate::{Approved, Gate};
 use crate::time::TimeNs;
-use crate::{LinkVerdict, Mission, Monitors, Pilot, PoseFilter, Supervisor};
+use crate::{LinkDecision, Mission, Monitors, Pilot, PoseFilter, Supervisor};
 
 pub use baseline::{HeldObservations, Pipeline};
 pub use build::{build, build_with};
@@ -95,7 +95,7 @@ pub trait Tick: Send {
     fn new_outcome(&self) -> Outcome;
 
     /// Where the newest estimate leads if the sticks `u_planned` act for a period each, thesis equation
-    /// 4.26; while the link is judged to be down, what acts in their place. `None` before the first estimate.
+    /// 4.26; while the link is found to be down, what acts in their place. `None` before the first estimate.
     ///
     /// Real time: no allocation, one model step per period.
     fn forecast(&self, u_planned: &[Sticks]) -> Option<Pose>;
@@ -238,8 +238,8 @@ where
     ) {
         let Some(Seen { newest, at_tick }) = seen else { return };
         if self.mhe.is_started() {
-            let (u_applied, verdict) = self.follow_link(applied_ahead, at_tick);
-            (out.link, out.applied_instead) = (verdict, self.link_instead());
+            let (u_applied, decision) = self.follow_link(applied_ahead, at_tick);
+            (out.link, out.applied_instead) = (decision, self.link_instead());
             // A jump of the poses is no motion of the vehicle.
             let has_jumped = self.plausibility.has_jumped();
             if has_jumped {
@@ -270,18 +270,18 @@ where
         self.memory.has_estimator_failed |= self.mhe.start(o).is_err();
     }
 
-    /// Judges the link by the period `ahead` of the coming one; on a change corrects what the estimator received before
-    /// and lets the mission go on from where the vehicle is. Returns the applied sticks of that period and the verdict;
-    /// `None` without a link monitor.
+    /// Tests the link by the period `ahead` of the coming one; on a change corrects what the estimator received before
+    /// and lets the mission go on from where the vehicle is. Returns the applied sticks of that period, and the
+    /// decision; `None` without a link monitor.
     fn follow_link(
         &mut self,
         ahead: isize,
         observed: &Observed<{ pose::COUNT }>,
-    ) -> (Sticks, Option<LinkVerdict>) {
+    ) -> (Sticks, Option<LinkDecision>) {
         let u_meant = self.fifo.applied(ahead);
         let Some(link) = &mut self.link else { return (u_meant, None) };
         let p = SVector::from_column_slice(self.mhe.p_hat().as_slice());
-        let (verdict, changed) = link.judge(&u_meant, &self.plausibility.steady(observed), &p);
+        let (decision, changed) = link.update(&u_meant, &self.plausibility.steady(observed), &p);
         let u_applied = link.applied(0);
         if let Some(steps) = changed {
             // The newest of these steps is not in the window yet. Before the start there is no window.
@@ -290,7 +290,7 @@ where
                 self.resume();
             }
         }
-        (u_applied, Some(verdict))
+        (u_applied, Some(decision))
     }
 
     /// Corrects the dead times by the motion of this flight; `ahead` of the coming step is the period that ended last.

@@ -25,7 +25,7 @@ pub const CONTROL_SILENCE_NEUTRAL: SpanNs = SpanNs::from_ms(100);
 /// drone that takes off ignores the first ones.
 pub const LAND_PERIOD: SpanNs = SpanNs::from_ms(500);
 
-/// Time for which one witness, motion capture or the drone, has to report without a break that the drone is
+/// Time for which one source, motion capture or the drone, has to report without a break that the drone is
 /// down where the other reports nothing: LAND is repeated meanwhile, since a drone may
 /// refuse it for seconds. Longer than 15 s is of no use: a drone that hears nothing lands by itself then.
 pub const ALONE_HOLD: SpanNs = SpanNs::from_ms(10_000);
@@ -49,9 +49,9 @@ pub const MOTORS_REST: SpanNs = SpanNs::from_ms(3000);
 /// steps of 0.1 m and drift by less in a flight. m
 const STANDING_RISE_MAX_M: f64 = 0.4;
 
-/// Whether the drone's own height denies that it stands; `ground_m` is its height before the take-off. A
-/// height that is missing, or did not rise, denies nothing.
-pub fn denies_standing(height_m: Option<f64>, ground_m: Option<f64>) -> bool {
+/// Whether the drone's own height contradicts that it stands; `ground_m` is its height before the take-off. A
+/// height that is missing, or did not rise, contradicts nothing.
+pub fn contradicts_standing(height_m: Option<f64>, ground_m: Option<f64>) -> bool {
     let rise_m = height_m.zip(ground_m).map(|(height_m, ground_m)| height_m - ground_m);
     // Heights are whole decimetres: 0.4 m is within.
     rise_m.is_some_and(|rise_m| rise_m > STANDING_RISE_MAX_M + 1e-6)

@@ -131,7 +131,7 @@ impl TryFrom<&FilterTable> for FilterSettings {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Acceptance {
-    /// There was nothing to judge.
+    /// There was no sample.
     Missing,
     /// The raw value is accepted.
     Accepted,
@@ -180,10 +180,10 @@ impl PoseFilter {
         *self = Self::new(self.settings);
     }
 
-    /// Judges the sample of one period; `None` if nothing arrived in it. A pose that is not finite has
+    /// Checks the sample of one period; `None` if nothing arrived in it. A pose that is not finite has
     /// not arrived.
     ///
-    /// The heading is judged only with an accepted position, and its hold grows only when it is
+    /// The heading is checked only with an accepted position, and its hold grows only when it is
     /// itself refused: so did the filter of the recorded flights. A missing sample lengthens both
     /// holds, since the vehicle moves on.
     ///
@@ -195,7 +195,7 @@ impl PoseFilter {
         self.update_again(raw)
     }
 
-    /// Judges another sample of the period of [`PoseFilter::update`]; no hold is lengthened once more.
+    /// Checks another sample of the period of [`PoseFilter::update`]; no hold is lengthened once more.
     ///
     /// Real time: no allocation, constant cost.
     pub fn update_again(&mut self, raw: Option<&Pose>) -> Filtered {
@@ -203,7 +203,7 @@ impl PoseFilter {
         let (position, heading) = match (raw, self.o_ref) {
             (None, _) => self.miss(),
             (Some(raw), None) => self.begin(raw),
-            (Some(raw), Some(o_ref)) => self.judge(raw, o_ref),
+            (Some(raw), Some(o_ref)) => self.check(raw, o_ref),
         };
         Filtered { o: self.o_ref, position, heading }
     }
@@ -283,7 +283,7 @@ impl PoseFilter {
         (Acceptance::Accepted, Acceptance::Accepted)
     }
 
-    fn judge(&mut self, raw: &Pose, o_ref: Pose) -> (Acceptance, Acceptance) {
+    fn check(&mut self, raw: &Pose, o_ref: Pose) -> (Acceptance, Acceptance) {
         let turn_max = self.turn_max();
         let Self { settings, position_hold, .. } = self;
         let jump_w = raw - o_ref;

@@ -49,8 +49,8 @@ use serde::{Deserialize, Deserializer};
 pub use commanded::commanded_mps;
 pub use filter::{Acceptance, FilterSettings, FilterTable, Filtered, PoseFilter};
 pub use link::{
-    DeadTimeError, DeadTimeErrors, DeadTimeTable, HeightTable, LinkMonitor, LinkSettings,
-    LinkState, LinkTable, LinkVerdict, TurnTable,
+    DeadTimeError, DeadTimeErrors, DeadTimeTable, HeightTable, LinkDecision, LinkMonitor,
+    LinkSettings, LinkState, LinkTable, TurnTable,
 };
 pub use mission::{
     CircleTable, CsvError, CsvErrors, Direction, FollowTable, LimitTable, Mission, MissionTable,
@@ -65,9 +65,9 @@ pub use path::Heading;
 pub use reference::{TargetTable, Targets, clip_target};
 pub use sighting::Sighting;
 pub use supervisor::{
-    DroneReport, EstimatedMotion, Evidence, FailsafeTable, Fault, FaultSet, Incidents, Operator,
-    Outage, Phase, Pilot, Reaction, Room, RoomTable, Ruling, Start, Supervisor, SupervisorSettings,
-    SupervisorTable,
+    Decision, DroneReport, EstimatedMotion, Evidence, FailsafeTable, Fault, FaultSet, Incidents,
+    Operator, Outage, Phase, Pilot, Reaction, Room, RoomTable, Start, Supervisor,
+    SupervisorSettings, SupervisorTable,
 };
 
 /// An optional value whose key is required: serde lets the key of an `Option` be missing.

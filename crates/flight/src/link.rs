@@ -55,9 +55,9 @@ impl LinkState {
     }
 }
 
-/// Judgement of the link by the motion up to now.
+/// Decision of the sequential test by the motion up to now.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LinkVerdict {
+pub struct LinkDecision {
     /// Which commands the vehicle follows.
     pub state: LinkState,
     /// Log likelihood ratio, less the evidence that a change takes: it is positive exactly while the
@@ -67,7 +67,7 @@ pub struct LinkVerdict {
     /// Whether `state` has changed in this step.
     pub changed: bool,
     /// After how many of the latest periods the change fits the motion best: in so many of them, this
-    /// step's included, the new verdict already held. 0 unless `changed`.
+    /// step's included, the new decision already held. 0 unless `changed`.
     pub onset_steps: u32,
 }
 
@@ -181,12 +181,12 @@ impl LinkMonitor {
         }
     }
 
-    /// The verdict after one period.
+    /// The decision after one period.
     ///
     /// `u_applied` are the applied sticks (1) in the period that just ended if the link was up, dead time
     /// included; `observed` is the accepted pose at its end (world frame, m and rad), `p` the identified parameter of
     /// [`horizon_model::Lagged`]. Where all hypotheses expect the same motion, as with sticks inside the
-    /// dead zone, the verdict stays; but an outage fades with `forget_s`. Nothing is decided before the
+    /// dead zone, the decision stays; but an outage fades with `forget_s`. Nothing is decided before the
     /// first complete pose.
     ///
     /// Real time: no allocation, constant cost.
@@ -195,11 +195,11 @@ impl LinkMonitor {
         u_applied: &Sticks,
         observed: &Observed<{ pose::COUNT }>,
         p: &SVector<f64, { lag::COUNT }>,
-    ) -> LinkVerdict {
+    ) -> LinkDecision {
         let Self { tables, dt_s, test } = self;
         let Some(test) = test else {
             *test = Test::start(tables, observed);
-            return LinkVerdict {
+            return LinkDecision {
                 state: LinkState::Up,
                 score: -tables.link.outage_evidence,
                 changed: false,
@@ -273,7 +273,7 @@ impl Test {
         }
     }
 
-    fn decide(&mut self, table: &LinkTable) -> LinkVerdict {
+    fn decide(&mut self, table: &LinkTable) -> LinkDecision {
         let [first, second] = self.others.each_ref().map(|other| other.excess(table));
         let best = usize::from(second > first);
         let changed = first.max(second) > 0.0;
@@ -291,7 +291,7 @@ impl Test {
         let [first, second] = self.others.each_ref().map(|other| other.excess(table));
         // While the link is down, the first alternative is its return.
         let score = if state.is_down() { -first } else { first.max(second) };
-        LinkVerdict { state, score, changed, onset_steps }
+        LinkDecision { state, score, changed, onset_steps }
     }
 }
 

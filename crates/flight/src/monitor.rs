@@ -218,7 +218,7 @@ impl Monitors {
 /// Time constant with which a displacement or turn is forgotten. s
 const FORGET_S: f64 = 15.0;
 
-/// Judges a difference over time: doubt while it is beyond the limit, disagreement once it has been so for
+/// Consistency of two sources over time: doubt while it is beyond the limit, disagreement once it has been so for
 /// [`DOUBT_MAX_S`], or beyond twice the limit for [`DOUBT_LARGE_MAX_S`].
 #[derive(Debug, Clone, Default)]
 #[expect(clippy::struct_field_names, reason = "the postfix is the unit")]
@@ -227,7 +227,7 @@ struct Doubt {
     doubtful_s: f64,
     /// For how long the difference has been beyond twice the limit without a break.
     large_s: f64,
-    /// Time without a pose since the latest judgement, and between the two judgements before.
+    /// Time without a pose since the latest comparison, and between the two comparisons before.
     waited_s: [f64; 2],
 }
 
@@ -241,11 +241,11 @@ const REPORT_S: f64 = 0.11;
 /// difference may fade: doubt that returns must add up. 1
 const FORGIVEN: f64 = 0.2;
 
-/// Longest time without a pose that one judgement may count for, that of a source of 4 Hz. s
+/// Longest time without a pose that one comparison may count for, that of a source of 4 Hz. s
 const WAITED_MAX_S: f64 = 0.24;
 
 impl Doubt {
-    /// Takes a period of `dt_s` without a pose. The next judgement counts for this time, too, as far as the judgement
+    /// Takes a period of `dt_s` without a pose. The next comparison counts for this time, too, as far as the comparison
     /// before came after as long a time: then poses usually come so rarely.
     fn wait(&mut self, dt_s: f64) {
         let [now_s, _] = &mut self.waited_s;
@@ -253,18 +253,18 @@ impl Doubt {
     }
 
     /// Takes the difference `error` of a period of `dt_s`, in the unit of `limit`; a difference of NaN is in doubt.
-    fn judge(&mut self, error: f64, limit: f64, dt_s: f64) -> Agreement {
+    fn update(&mut self, error: f64, limit: f64, dt_s: f64) -> Agreement {
         let [now_s, before_s] = self.waited_s;
         self.waited_s = [0.0, now_s];
-        let judged_s = dt_s + before_s.min(now_s);
+        let counted_s = dt_s + before_s.min(now_s);
         // False for NaN.
         if error <= limit {
-            self.doubtful_s = (self.doubtful_s - FORGIVEN * judged_s).max(0.0);
+            self.doubtful_s = (self.doubtful_s - FORGIVEN * counted_s).max(0.0);
             self.large_s = 0.0;
             return Agreement::Agrees;
         }
-        self.doubtful_s += judged_s;
-        self.large_s = if error <= 2.0 * limit { 0.0 } else { self.large_s + judged_s };
+        self.doubtful_s += counted_s;
+        self.large_s = if error <= 2.0 * limit { 0.0 } else { self.large_s + counted_s };
         let is_large = self.large_s > REPORT_S;
         let patience_s = if is_large { DOUBT_LARGE_MAX_S } else { DOUBT_MAX_S };
         if self.doubtful_s < patience_s { Agreement::Doubtful } else { Agreement::Disagrees }

@@ -32,7 +32,7 @@ mod settling;
 mod staleness;
 
 pub use self::evidence::{
-    DroneReport, EstimatedMotion, Evidence, Incidents, Operator, Outage, Phase, Ruling, Start,
+    Decision, DroneReport, EstimatedMotion, Evidence, Incidents, Operator, Outage, Phase, Start,
 };
 pub use self::fault::{Fault, FaultSet, Pilot, Reaction};
 pub(crate) use self::geofence::CLIMB_MAX_M;
@@ -70,7 +70,7 @@ enum TakeOffSeen {
 /// For how long each of these conditions has held.
 #[derive(Debug, Clone, Default)]
 struct Timers {
-    /// While landing, poses or drone show the vehicle on the ground, and neither denies it.
+    /// While landing, poses or drone show the vehicle on the ground, and neither contradicts it.
     down_by_any: HoldTimer,
     /// While landing, poses and drone show the vehicle on the ground.
     down_by_both: HoldTimer,
@@ -194,16 +194,16 @@ impl Supervisor {
         self.phase
     }
 
-    /// The ruling on one tick. `t_ns` must not decrease from call to call.
+    /// The decision on one tick. `t_ns` must not decrease from call to call.
     ///
     /// Sticks pass only in [`Phase::Flying`], those of the controller only on a fresh pose; a
     /// take-off is ordered only before any landing, and a landing or a stop of the motors is ordered
     /// until it is confirmed.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn rule(&mut self, e: &Evidence) -> Ruling {
+    pub fn decide(&mut self, e: &Evidence) -> Decision {
         self.remember(e);
-        let pilot = self.judged_by(e);
+        let pilot = self.reacting_pilot(e);
         let faults = self.faults(e);
         let reaction = faults.reaction(pilot);
         self.remember_braking(e, faults, pilot);
@@ -220,7 +220,7 @@ impl Supervisor {
                     }
                     self.ended_by = self.ended_by.union(faults.ending_flight(pilot));
                 }
-                Phase::Landed => self.note_missing_witness(e),
+                Phase::Landed => self.note_confirmation(e),
                 Phase::TakingOff => self.settling.stand(e.pose),
                 Phase::Idle => {}
             }
@@ -232,7 +232,7 @@ impl Supervisor {
             && (is_braking || reaction < Reaction::Hold)
             && (self.settling.is_over() || pilot == Pilot::Person);
         self.control = ControlMode::of(may_steer && pilot == Pilot::Controller, is_braking);
-        Ruling {
+        Decision {
             phase: self.phase,
             pilot: may_steer.then_some(pilot),
             is_braking,
@@ -245,7 +245,7 @@ impl Supervisor {
 
     /// Whose reactions count. On the ground a hand on the sticks may be an accident: there the person
     /// has to report so.
-    fn judged_by(&self, e: &Evidence) -> Pilot {
+    fn reacting_pilot(&self, e: &Evidence) -> Pilot {
         let is_meant = self.phase != Phase::Idle || e.operator == Operator::FlyByHand;
         if e.is_by_hand && is_meant { Pilot::Person } else { Pilot::Controller }
     }

@@ -5,8 +5,8 @@ use horizon_model::setting::SettingError;
 use nalgebra::Vector3;
 use tello_flight::drone::DroneOrder;
 use tello_flight::{
-    Agreement, DroneReport, EstimatedMotion, Evidence, FailsafeTable, Fault, Findings, Incidents,
-    Operator, Outage, Phase, Pilot, Reaction, RoomTable, Ruling, Start, Supervisor,
+    Agreement, Decision, DroneReport, EstimatedMotion, Evidence, FailsafeTable, Fault, Findings,
+    Incidents, Operator, Outage, Phase, Pilot, Reaction, RoomTable, Start, Supervisor,
     SupervisorSettings, SupervisorTable,
 };
 
@@ -159,19 +159,19 @@ fn assert_may_take_off(before: Phase, sees: bool, e: &Evidence) {
     assert!(!e.is_start_barred || is_seen_by_person, "takes off into something: {before:?}, {e:?}");
 }
 
-/// What a ruling must never break, seen from the phase before it.
-fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
-    let case = || format!("{before:?}, {e:?}, {ruling:?}");
+/// What a decision must never break, seen from the phase before it.
+fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, decision: Decision) {
+    let case = || format!("{before:?}, {e:?}, {decision:?}");
     let is_fresh = e.pose_age_s.is_some_and(|age_s| age_s <= STALE_S);
     let is_inside = e.pose.is_none_or(|at| at[pose::X] <= 3.0 && at[pose::Z].is_finite());
     let asks_to_end =
         matches!(e.operator, Operator::Land | Operator::EmergencyStop) || e.incidents.ends_flight();
-    if ruling.may_steer() {
-        assert_eq!(ruling.phase, Phase::Flying, "steers outside of a flight: {}", case());
+    if decision.may_steer() {
+        assert_eq!(decision.phase, Phase::Flying, "steers outside of a flight: {}", case());
         assert!(!asks_to_end, "steers against orders: {}", case());
-        assert_eq!(ruling.order, None, "steers beside an order: {}", case());
+        assert_eq!(decision.order, None, "steers beside an order: {}", case());
     }
-    match ruling.pilot {
+    match decision.pilot {
         Some(Pilot::Controller) => {
             assert!(is_fresh && !e.has_estimator_failed, "steers on stale data: {}", case());
             assert!(is_inside, "steers behind the wall: {}", case());
@@ -181,35 +181,39 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
         None => {}
     }
     if e.operator == Operator::EmergencyStop {
-        assert_eq!(ruling.phase, Phase::MotorsStopped, "does not stop: {}", case());
+        assert_eq!(decision.phase, Phase::MotorsStopped, "does not stop: {}", case());
     }
-    if ruling.order == Some(DroneOrder::EmergencyStop) {
-        assert_eq!(ruling.phase, Phase::MotorsStopped, "{}", case());
+    if decision.order == Some(DroneOrder::EmergencyStop) {
+        assert_eq!(decision.phase, Phase::MotorsStopped, "{}", case());
     }
-    if ruling.order == Some(DroneOrder::TakeOff) {
-        assert_eq!(ruling.phase, Phase::TakingOff, "{}", case());
+    if decision.order == Some(DroneOrder::TakeOff) {
+        assert_eq!(decision.phase, Phase::TakingOff, "{}", case());
         assert!(!has_landed, "takes off after a landing: {}", case());
         assert!(!asks_to_end, "takes off against orders: {}", case());
         assert_may_take_off(before, is_fresh && is_inside, e);
     }
-    if ruling.order == Some(DroneOrder::Land) {
-        assert!(matches!(ruling.phase, Phase::Landing | Phase::LandingUnconfirmed), "{}", case());
+    if decision.order == Some(DroneOrder::Land) {
+        assert!(matches!(decision.phase, Phase::Landing | Phase::LandingUnconfirmed), "{}", case());
     }
     let is_on_the_way = matches!(before, Phase::TakingOff | Phase::Flying);
     let pilot = if e.is_by_hand { Pilot::Person } else { Pilot::Controller };
-    let must_land = ruling.faults.reaction(pilot) == Reaction::Land;
+    let must_land = decision.faults.reaction(pilot) == Reaction::Land;
     if is_on_the_way && must_land {
         assert_eq!(
-            (ruling.phase, ruling.order),
+            (decision.phase, decision.order),
             (Phase::Landing, Some(DroneOrder::Land)),
             "{}",
             case()
         );
     }
-    let must_brake = ruling.faults.reaction(pilot) == Reaction::BrakeAndLand;
+    let must_brake = decision.faults.reaction(pilot) == Reaction::BrakeAndLand;
     if is_on_the_way && must_brake {
-        let is_flown = ruling.phase == Phase::Flying && ruling.pilot == Some(Pilot::Controller);
-        assert!(ruling.phase == Phase::Landing || (is_flown && ruling.is_braking), "{}", case());
+        let is_flown = decision.phase == Phase::Flying && decision.pilot == Some(Pilot::Controller);
+        assert!(
+            decision.phase == Phase::Landing || (is_flown && decision.is_braking),
+            "{}",
+            case()
+        );
     }
     let may_follow: &[Phase] = match before {
         _ if e.operator == Operator::EmergencyStop => &[Phase::MotorsStopped],
@@ -221,9 +225,9 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, ruling: Ruling) {
         Phase::LandingUnconfirmed => &[Phase::LandingUnconfirmed],
         Phase::MotorsStopped => &[Phase::MotorsStopped],
     };
-    assert!(may_follow.contains(&ruling.phase), "no such transition: {}", case());
+    assert!(may_follow.contains(&decision.phase), "no such transition: {}", case());
     if !is_fresh {
-        assert!(ruling.faults.contains(Fault::MocapStale), "stale and not noted: {}", case());
+        assert!(decision.faults.contains(Fault::MocapStale), "stale and not noted: {}", case());
     }
 }
 
@@ -255,8 +259,8 @@ fn no_single_piece_of_evidence_breaks_an_invariant_in_any_phase() {
         let mut prepared = Supervisor::new(settings().unwrap(), start);
         let mut t_ns = 0;
         for e in way {
-            let ruling = prepared.rule(&Evidence { t_ns, ..*e });
-            assert_eq!(ruling.phase, prepared.phase());
+            let decision = prepared.decide(&Evidence { t_ns, ..*e });
+            assert_eq!(decision.phase, prepared.phase());
             t_ns += 1_500_000_000;
         }
         assert_eq!(prepared.phase(), phase, "after {} steps", way.len());
@@ -265,13 +269,13 @@ fn no_single_piece_of_evidence_breaks_an_invariant_in_any_phase() {
             for e in every_evidence() {
                 let mut supervisor = prepared.clone();
                 let e = Evidence { t_ns: t_ns + step_ns, ..e };
-                let ruling = supervisor.rule(&e);
-                assert_safe(phase, has_landed, &e, ruling);
-                steered += u32::from(ruling.may_steer());
+                let decision = supervisor.decide(&e);
+                assert_safe(phase, has_landed, &e, decision);
+                steered += u32::from(decision.may_steer());
             }
         }
     }
-    assert!(steered > 100, "only {steered} rulings let control steer");
+    assert!(steered > 100, "only {steered} decisions let control steer");
 }
 
 #[test]
@@ -308,14 +312,14 @@ fn long_random_flights_break_no_invariant_and_visit_every_phase() {
             let e = if draw(20) == 0 { all[draw(all.len())] } else { mild[draw(mild.len())] };
             let e = Evidence { t_ns, ..e };
             let before = supervisor.phase();
-            let ruling = supervisor.rule(&e);
-            assert_safe(before, has_landed, &e, ruling);
+            let decision = supervisor.decide(&e);
+            assert_safe(before, has_landed, &e, decision);
             has_landed |= matches!(
-                ruling.phase,
+                decision.phase,
                 Phase::Landing | Phase::Landed | Phase::LandingUnconfirmed | Phase::MotorsStopped
             );
-            if !visited.contains(&ruling.phase) {
-                visited.push(ruling.phase);
+            if !visited.contains(&decision.phase) {
+                visited.push(decision.phase);
             }
             t_ns += STEPS_NS[draw(2)];
         }

@@ -93,7 +93,7 @@ fn fly(flight: &FlightTable, around: &Surroundings, sim: &SimTable, seed: u64) -
         if out.targets_reached == 5 {
             finish_s = began_s.map(|began_s| now_s - began_s + dt_s);
         }
-        let has = |fault| out.ruling.is_some_and(|ruling| ruling.faults.contains(fault));
+        let has = |fault| out.decision.is_some_and(|decision| decision.faults.contains(fault));
         let is_braked = has(Fault::PlanBlocked) || has(Fault::FenceNear);
         braked_s += if is_braked { dt_s } else { 0.0 };
         least.add(around.at(&virtual_flight.true_pose(), virtual_flight.true_obstacle_w()));

@@ -111,11 +111,11 @@ fn fly_one(
     let mut now_s = 0.0;
     let end = loop {
         let out = virtual_flight.tick()?;
-        let (phase, ruling) = (out.phase(), out.ruling);
+        let (phase, decision) = (out.phase(), out.decision);
         let truth = virtual_flight.truth();
         judge.look(&Look {
             now_s,
-            faults: ruling.map_or(FaultSet::default(), |ruling| ruling.faults),
+            faults: decision.map_or(FaultSet::default(), |decision| decision.faults),
             wire: virtual_flight.wire(),
             truth,
             ignores: virtual_flight.ignores(),

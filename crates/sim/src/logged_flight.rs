@@ -28,7 +28,7 @@ pub struct Logged {
     pub seed: u64,
     /// Phase at the end.
     pub phase: Phase,
-    /// The faults that ended it; after a mission that was done none but a landing confirmed by one witness.
+    /// The faults that ended it; after a mission that was done none but a landing confirmed by one source.
     pub ended_by: Vec<Fault>,
     /// Targets reached, by the estimate.
     pub targets_reached: usize,
@@ -124,8 +124,8 @@ fn fly_into(
         phase: tick.out.phase(),
         ended_by: tick
             .out
-            .ruling
-            .map(|ruling| ruling.ended_by.iter().collect())
+            .decision
+            .map(|decision| decision.ended_by.iter().collect())
             .unwrap_or_default(),
         targets_reached: tick.out.targets_reached,
         targets_count,

@@ -17,7 +17,7 @@ use tello_flight::cycle::{
     Inbox, Operator, Outcome, ParameterEstimate, SIGHTING_AGE_MAX, SIGHTINGS_MAX, Tick, TickStage,
     Timing, Watch, is_flight_phase,
 };
-use tello_flight::{FaultSet, Incidents, Phase, Ruling};
+use tello_flight::{Decision, FaultSet, Incidents, Phase};
 use tello_io::clock::{Beat, Clock, SpanNs, Ticker, TickerError, TimeNs, request_real_time};
 use tello_io::log::Recorder;
 use tello_io::manual::Person;
@@ -152,13 +152,13 @@ pub(super) struct LoopEnd {
 }
 
 impl LoopEnd {
-    fn note(&mut self, ruling: Option<Ruling>) {
-        let Some(ruling) = ruling else { return };
-        self.phase = ruling.phase;
-        self.faults_last = ruling.faults;
-        self.ended_by = ruling.ended_by;
-        if ruling.phase != Phase::Idle {
-            self.faults = self.faults.union(ruling.faults);
+    fn note(&mut self, decision: Option<Decision>) {
+        let Some(decision) = decision else { return };
+        self.phase = decision.phase;
+        self.faults_last = decision.faults;
+        self.ended_by = decision.ended_by;
+        if decision.phase != Phase::Idle {
+            self.faults = self.faults.union(decision.faults);
         }
     }
 }
@@ -192,7 +192,7 @@ impl ControlLoop {
             ticker.follow(&record.inbox.sightings);
 
             let was_flying = end.phase == Phase::Flying;
-            end.note(record.out.ruling);
+            end.note(record.out.decision);
             if was_flying && end.phase != Phase::Flying {
                 end.found = self.cycle.parameter_estimate();
             }

@@ -42,7 +42,7 @@ impl Status {
         let is_by_hand = tick.inbox.manual.is_some();
         let pilot = if is_by_hand { Pilot::Person } else { Pilot::Controller };
         let faults =
-            out.ruling.map(|ruling| ruling.faults).filter(|_| out.phase() == Phase::Flying);
+            out.decision.map(|decision| decision.faults).filter(|_| out.phase() == Phase::Flying);
         let strongest =
             faults.and_then(|faults| faults.iter().max_by_key(|fault| fault.reaction(pilot)));
         Self {

@@ -58,7 +58,7 @@ pub(super) struct Summary {
     pub(super) laps: Vec<Lap>,
     /// Every fault that was present at some time after the take-off was ordered.
     pub(super) faults: Vec<Fault>,
-    /// Those that ended the flight; after a mission that was done none but a landing confirmed by one witness.
+    /// Those that ended the flight; after a mission that was done none but a landing confirmed by one source.
     pub(super) ended_by: Vec<Fault>,
     /// Ticks of the loop.
     pub(super) ticks: u64,
@@ -245,8 +245,8 @@ impl Summary {
         }
     }
 
-    /// Behind "landed": the witness that did not confirm it.
-    fn missing_witness(&self) -> &'static str {
+    /// Behind "landed": the source that did not confirm it.
+    fn missing_confirmation(&self) -> &'static str {
         if self.faults.contains(&Fault::LandedByPose) {
             " by the pose alone; the drone does not report that it stands"
         } else if self.faults.contains(&Fault::LandedByDrone) {
@@ -270,7 +270,7 @@ impl Summary {
 impl Display for Summary {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let (reached, count) = (self.targets_reached, self.targets_count);
-        let missing = self.missing_witness();
+        let missing = self.missing_confirmation();
         let (phase, reason) = (self.phase.name(), Fault::ending_names(&self.ended_by));
         writeln!(f, "result        {phase}{missing}{reason}, {reached} of {count} targets")?;
         self.write_accuracy(f)?;

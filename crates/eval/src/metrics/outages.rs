@@ -48,7 +48,7 @@ impl OutageCounter {
 
 #[cfg(test)]
 mod tests {
-    use tello_flight::{LinkState, LinkVerdict};
+    use tello_flight::{LinkDecision, LinkState};
 
     use super::*;
     use crate::scene::tests::out;
@@ -60,7 +60,7 @@ mod tests {
         let mut outages = OutageCounter::default();
         for (phase, state, changed) in ticks {
             let (state, changed) = (*state, *changed);
-            let link = Some(LinkVerdict { state, score: 0.0, changed, onset_steps: 0 });
+            let link = Some(LinkDecision { state, score: 0.0, changed, onset_steps: 0 });
             outages.add(&Outcome { link, ..out(0, *phase) }, DT_S);
         }
         let Outages { count, down_s } = outages.outages();

@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_landing_that_one_witness_confirms_is_remarked_of_flights_from_the_ground() {
+    fn a_landing_that_one_source_confirms_is_remarked_of_flights_from_the_ground() {
         let of_phases = |phases: &[Phase]| {
             let mut flight = flight(2, &vec![false; phases.len()]);
             for (tick, phase) in flight.ticks.iter_mut().zip(phases) {

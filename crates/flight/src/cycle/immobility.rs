@@ -22,7 +22,7 @@ const MOVED_M: f64 = 0.4;
 /// T, the forgetting time of the inputs: a steady input of 0.5, as wind asks for in a hover, adds up to 2 s at most. s
 const FORGETTING_S: f64 = 4.0;
 
-/// Weight of throttle beside roll and pitch, in `u_w`: the link monitor does not judge the height, so that an outage in
+/// Weight of throttle beside roll and pitch, in `u_w`: the link monitor does not test the height, so that an outage in
 /// a climb looks like a vehicle that is held. Full throttle alone adds up to 2.4 s in 10 s. 1
 const THROTTLE: f64 = 0.65;
 
@@ -55,7 +55,7 @@ impl Immobility {
     /// Real time: no allocation, constant cost.
     pub(super) fn press(&mut self, u_sent: &Sticks, dt_s: f64) {
         // The direction of flight is psi = theta + theta_0. theta_0 hardly changes within T: it turns q about z and
-        // leaves |q|, all that is judged.
+        // leaves |q|, all that is compared.
         let u_w = inputs_w(u_sent, self.theta_rad).push(THROTTLE * u_sent[stick::THROTTLE]);
         self.pressed_w_s = (-dt_s / FORGETTING_S).exp() * self.pressed_w_s + dt_s * u_w;
     }

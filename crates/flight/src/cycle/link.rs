@@ -1,6 +1,6 @@
 //! Whether the sent sticks act, and which ones did.
 //!
-//! Owns what the loop does with the link monitor's verdict: the applied sticks in the estimator's window are corrected
+//! Owns what the loop does with the link monitor's decision: the applied sticks in the estimator's window are corrected
 //! back to the moment when the link changed.
 
 use horizon_estim::Observed;
@@ -9,7 +9,7 @@ use horizon_model::rows::{Sticks, lag, pose, stick};
 use nalgebra::SVector;
 
 use super::dead_time::{DeadTime, DeadTimeChange};
-use crate::{LinkMonitor, LinkState, LinkVerdict};
+use crate::{LinkDecision, LinkMonitor, LinkState};
 
 /// Least length of the ring of sticks, in which the held command is found: longer than the monitor takes to notice an
 /// outage. steps
@@ -59,8 +59,8 @@ impl Link {
         }
     }
 
-    /// Corrects the dead times of `fifo` by the motion that [`Link::judge`] has received, and subtracts each correction
-    /// from the monitor's errors; whether there is a correction.
+    /// Corrects the dead times of `fifo` by the motion that [`Link::update`] has received, and subtracts each
+    /// correction from the monitor's errors; whether there is a correction.
     pub(super) fn correct_dead_time(&mut self, fifo: &mut InputFifo<{ stick::COUNT }>) -> bool {
         if self.is_up() && self.dead_time.finish_return() {
             self.monitor.restart();
@@ -105,36 +105,36 @@ impl Link {
         !self.state.is_down()
     }
 
-    /// The verdict after a period in which `u_meant` was applied if the link was up; and on a change of the verdict,
+    /// The decision after a period in which `u_meant` was applied if the link was up; and on a change of the decision,
     /// the number of steps since the change.
-    pub(super) fn judge(
+    pub(super) fn update(
         &mut self,
         u_meant: &Sticks,
         observed: &Observed<{ pose::COUNT }>,
         p: &SVector<f64, { lag::COUNT }>,
-    ) -> (LinkVerdict, Option<usize>) {
+    ) -> (LinkDecision, Option<usize>) {
         self.newest = (self.newest + 1) % self.meant.len();
         self.meant[self.newest] = *u_meant;
-        let verdict = self.monitor.update(u_meant, observed, p);
-        if self.is_up() && verdict.state.is_down() {
+        let decision = self.monitor.update(u_meant, observed, p);
+        if self.is_up() && decision.state.is_down() {
             self.dead_time.note_outage();
         }
-        self.state = verdict.state;
-        let since_steps = verdict.onset_steps as usize;
+        self.state = decision.state;
+        let since_steps = decision.onset_steps as usize;
         self.state_steps = self.state_steps.saturating_add(1);
-        if verdict.changed {
+        if decision.changed {
             self.state_steps = since_steps;
             self.held = self.meant(since_steps.min(self.meant.len() - 1));
         }
-        (verdict, verdict.changed.then_some(since_steps.min(self.window_steps)))
+        (decision, decision.changed.then_some(since_steps.min(self.window_steps)))
     }
 
-    /// For how many steps the newest verdict holds; sticks before were applied by another verdict.
+    /// For how many steps the newest decision holds; sticks before were applied by another decision.
     pub(super) fn state_steps(&self) -> usize {
         self.state_steps
     }
 
-    /// The applied sticks `back` steps before the newest, by the newest verdict.
+    /// The applied sticks `back` steps before the newest, by the newest decision.
     pub(super) fn applied(&self, back: usize) -> Sticks {
         self.instead().unwrap_or_else(|| self.meant(back))
     }
@@ -190,7 +190,7 @@ mod tests {
         let (mut link, p) = (link(0.1), parameter());
         let meant = |step: u32| Sticks::repeat(1e-3 * f64::from(step));
         for step in 0..200 {
-            link.judge(&meant(step), &Observed::missing(), &p);
+            link.update(&meant(step), &Observed::missing(), &p);
         }
         assert!(link.is_up() && link.instead().is_none());
         assert_eq!(link.limited(&Sticks::repeat(-1.0)), Sticks::repeat(-1.0));
@@ -214,9 +214,9 @@ mod tests {
             u[stick::PITCH] = if step < 50 { 0.0 } else { 0.5 };
             // From step 50 on nothing of it reaches the vehicle.
             s = model.step(&s, &Sticks::zeros(), &p, DT_S);
-            let (verdict, since_steps) = link.judge(&u, &Observed::full(model.observe(&s)), &p);
+            let (decision, since_steps) = link.update(&u, &Observed::full(model.observe(&s)), &p);
             if since_steps.is_some() {
-                found = found.or(Some((step, verdict.onset_steps, since_steps)));
+                found = found.or(Some((step, decision.onset_steps, since_steps)));
             }
         }
         let (step, onset_steps, since_steps) = found.unwrap();
@@ -249,7 +249,7 @@ mod tests {
                 fifo.push(&u);
             }
             s = model.step(&s, &real.applied(-1), &p, DT_S);
-            link.judge(&assumed.applied(-1), &Observed::full(model.observe(&s)), &p);
+            link.update(&assumed.applied(-1), &Observed::full(model.observe(&s)), &p);
             corrections += u32::from(link.correct_dead_time(&mut assumed));
         }
         assert_eq!((link.dead_time().unwrap().steps, corrections), ([-8; 4], 8));

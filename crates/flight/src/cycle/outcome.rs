@@ -12,7 +12,7 @@ use super::dead_time::DeadTimeChange;
 use super::walls::Clearance;
 use crate::drone::DroneOrder;
 use crate::gate::Approved;
-use crate::{Filtered, Findings, LinkVerdict, Mission, Phase, Ruling, Sighting};
+use crate::{Decision, Filtered, Findings, LinkDecision, Mission, Phase, Sighting};
 
 /// How a solve ended.
 #[derive(Debug, Clone, PartialEq)]
@@ -94,14 +94,14 @@ pub struct Outcome {
     pub step: u64,
     /// Newest raw pose of the tick, world frame, heading as received; `None`: no pose arrived. m, rad
     pub raw: Option<Pose>,
-    /// Verdict of the outlier filter on the newest poses; `None` before the tick came to the filter.
+    /// Result of the outlier filter on the newest poses; `None` before the tick came to the filter.
     pub filtered: Option<Filtered>,
     /// Newest state estimate, rows and units [`Outcome::state_rows`]; empty if the tick estimated nothing.
     pub s_hat: Vec<f64>,
     /// Parameter estimate, rows and units [`Outcome::parameter_rows`]; empty if the tick estimated nothing.
     pub p_hat: Vec<f64>,
     /// Whether the sent sticks act; `None` without a link monitor, or if the estimator was not started.
-    pub link: Option<LinkVerdict>,
+    pub link: Option<LinkDecision>,
     /// Sticks that act in place of all sent ones; `None` while the link is up, or as for `link`. 1
     pub applied_instead: Option<Sticks>,
     /// Correction of the dead times; `None` if the settings allow none, or the tick estimated nothing.
@@ -143,7 +143,7 @@ pub struct Outcome {
     /// Speed by the estimate; 0 without one. m/s
     pub speed_mps: f64,
     /// The supervisor's decision; `None` in the recording of another controller.
-    pub ruling: Option<Ruling>,
+    pub decision: Option<Decision>,
     /// Rows of the model's state.
     pub state_rows: &'static [Row],
     /// Rows of the model's parameter.
@@ -171,17 +171,17 @@ impl Outcome {
 
     /// The supervisor's phase after the tick.
     pub fn phase(&self) -> Phase {
-        self.ruling.map_or(Phase::Idle, |ruling| ruling.phase)
+        self.decision.map_or(Phase::Idle, |decision| decision.phase)
     }
 
     /// The order that the tick gives to the drone.
     pub fn order(&self) -> Option<DroneOrder> {
-        self.ruling?.order
+        self.decision?.order
     }
 
     /// Whether a fresh pose shows the vehicle above the ground; `None` without such a pose.
     pub fn pose_is_airborne(&self) -> Option<bool> {
-        self.ruling?.pose_is_airborne
+        self.decision?.pose_is_airborne
     }
 
     /// The pose rows of the state estimate, which every vehicle model has first; `None` without one. World
@@ -240,8 +240,8 @@ mod tests {
         Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 3)
     }
 
-    fn ruling(order: Option<DroneOrder>) -> Ruling {
-        Ruling {
+    fn decision(order: Option<DroneOrder>) -> Decision {
+        Decision {
             phase: Phase::Flying,
             pilot: Some(Pilot::Controller),
             is_braking: false,
@@ -261,7 +261,7 @@ mod tests {
         let mut out = outcome();
         assert_eq!((out.order(), out.phase(), out.pose_is_airborne()), (None, Phase::Idle, None));
         for order in [None, Some(DroneOrder::Land)] {
-            out.ruling = Some(ruling(order));
+            out.decision = Some(decision(order));
             assert_eq!(out.order(), order);
             assert_eq!((out.phase(), out.pose_is_airborne()), (Phase::Flying, Some(true)));
         }
@@ -291,7 +291,7 @@ mod tests {
         out.s_hat.push(1.0);
         out.plan.push([0.0; stick::COUNT]);
         out.reference = Some(HERE);
-        out.ruling = Some(ruling(Some(DroneOrder::Land)));
+        out.decision = Some(decision(Some(DroneOrder::Land)));
         out.clear(7);
         assert_eq!(out, Outcome { step: 7, ..outcome() });
     }

@@ -144,7 +144,7 @@ impl Plausibility {
     }
 
     /// Takes a raw pose, measured at `at`, and what the filter made of it.
-    pub(super) fn judge(&mut self, raw: Option<&Pose>, filtered: &Filtered, at: TimeNs) {
+    pub(super) fn check(&mut self, raw: Option<&Pose>, filtered: &Filtered, at: TimeNs) {
         let Some(raw) = raw else { return };
         let before = self.raw.replace(*raw);
         let is_repeated = before.is_some_and(|before| {

@@ -17,7 +17,7 @@ const TURN_BACK_S: f64 = 2.0;
 /// A vehicle within this of the height of its reference, or above it, has not sunk. m
 const LEVEL_M: f64 = 0.1;
 
-/// What is remembered of the mission to judge its progress.
+/// Progress of the mission so far.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Progress {
     /// Time in which the controller steered, braking included. s

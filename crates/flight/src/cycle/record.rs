@@ -26,7 +26,7 @@ pub enum Topic {
     Inbox,
     /// Newest raw pose of the tick.
     Raw,
-    /// Pose after the outlier filter, with its verdicts.
+    /// Pose after the outlier filter, and what it accepted.
     Filtered,
     /// State estimate.
     State,
@@ -177,10 +177,10 @@ impl Outcome {
         if let Some(findings) = self.findings {
             sink.put(Topic::Monitor, &MonitorRecord { step, findings })?;
         }
-        if let Some(ruling) = &self.ruling {
-            sink.put(Topic::Phase, &PhaseRecord { step, phase: ruling.phase })?;
-            if !ruling.faults.is_empty() {
-                let faults = ruling.faults.iter().collect();
+        if let Some(decision) = &self.decision {
+            sink.put(Topic::Phase, &PhaseRecord { step, phase: decision.phase })?;
+            if !decision.faults.is_empty() {
+                let faults = decision.faults.iter().collect();
                 sink.put(Topic::Fault, &FaultRecord { step, faults })?;
             }
         }
@@ -244,9 +244,9 @@ pub struct FilteredRecord {
     /// What the filter lets through.
     #[serde(flatten)]
     pub pose: PoseRecord,
-    /// Judgement of x, y and z.
+    /// Whether x, y and z were accepted.
     pub position: Acceptance,
-    /// Judgement of theta.
+    /// Whether theta was accepted.
     pub heading: Acceptance,
 }
 

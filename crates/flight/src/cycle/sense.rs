@@ -75,7 +75,7 @@ where
         Some(self.assign_to_states(observed, inbox.now, [is_position_new, is_heading_new]))
     }
 
-    /// The filter's verdict on `sighting`, the first one of its tick or a further one.
+    /// Result of the filter for `sighting`, the first one of its tick or a further one.
     fn filtered(
         &mut self,
         sighting: Option<&Sighting>,
@@ -88,7 +88,7 @@ where
             if is_first { self.filter.update(raw) } else { self.filter.update_again(raw) };
         let filtered = self.confirm_heading(raw, filtered);
         let filtered = self.check_heading(filtered);
-        self.plausibility.judge(raw, &filtered, measured_at);
+        self.plausibility.check(raw, &filtered, measured_at);
         filtered
     }
 
@@ -136,8 +136,8 @@ where
 
     /// Whether the estimate of a flight rests on too few headings to refuse one by it.
     fn has_few_headings(&self) -> bool {
-        let is_judged = self.mhe.is_started() && !self.is_carried;
-        is_judged && self.memory.headings < HEADINGS_MIN
+        let is_checked = self.mhe.is_started() && !self.is_carried;
+        is_checked && self.memory.headings < HEADINGS_MIN
     }
 
     /// Accepts a refused heading that is the one of an estimate that rests on enough headings.
@@ -156,8 +156,8 @@ where
     /// repeated for long enough.
     fn check_heading(&mut self, filtered: Filtered) -> Filtered {
         let is_flying = self.supervisor.phase() == Phase::Flying && !self.is_carried;
-        let is_judged = is_flying && self.mhe.is_started();
-        let Some(o) = filtered.o.filter(|_| is_judged && filtered.heading == Acceptance::Accepted)
+        let is_checked = is_flying && self.mhe.is_started();
+        let Some(o) = filtered.o.filter(|_| is_checked && filtered.heading == Acceptance::Accepted)
         else {
             return filtered;
         };

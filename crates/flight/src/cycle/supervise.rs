@@ -1,4 +1,4 @@
-//! From estimate, poses and reports to the ruling of the supervisor.
+//! From estimate, poses and reports to the decision of the supervisor.
 //!
 //! Owns how the [`Evidence`] of a tick is collected, and the inputs of each monitor.
 
@@ -27,7 +27,7 @@ impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    /// Rules on this tick; who may steer. `None`: nobody, as in the recording of another controller.
+    /// Decides on this tick; who may steer. `None`: nobody, as in the recording of another controller.
     pub(super) fn supervise(&mut self, inbox: &Inbox, out: &mut Outcome) -> Option<Pilot> {
         if inbox.flown.is_some() {
             return None;
@@ -42,7 +42,7 @@ where
         let holds_here = |is_so: fn(&Walls, &Vector3<f64>) -> bool| {
             self.planner.walls().zip(pose).is_some_and(|(walls, at)| is_so(walls, &pos_w(&at)))
         };
-        let ruling = self.supervisor.rule(&Evidence {
+        let decision = self.supervisor.decide(&Evidence {
             t_ns: inbox.now.0,
             skipped: inbox.skipped,
             pose_age_s: self.pose_age_s(inbox),
@@ -85,9 +85,9 @@ where
             has_estimator_failed: self.memory.has_estimator_failed,
             has_controller_failed: self.memory.has_controller_failed,
         });
-        out.ruling = Some(ruling);
-        self.planner.brake(ruling.is_braking);
-        ruling.pilot
+        out.decision = Some(decision);
+        self.planner.brake(decision.is_braking);
+        decision.pilot
     }
 
     /// Estimated motion, and how far it has gone away from its reference, for the monitors of progress and for `out`;

@@ -74,7 +74,7 @@ fn in_an_outage_the_sticks_of_the_controller_are_limited_and_those_of_a_person_a
         at[pose::X] += 0.01 * (0.1 * step as f64).sin();
         inbox.sightings.push(Sighting { pose: Some(at), ..sighting(now, 0) });
         cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
-        if !out.ruling.unwrap().may_steer() {
+        if !out.decision.unwrap().may_steer() {
             break;
         }
         let largest = if cycle.link_is_up() { &mut largest_up } else { &mut largest_down };
@@ -166,10 +166,10 @@ fn a_hand_back_while_poses_are_stale_holds_and_does_not_end_the_flight_by_the_di
         hand,
         |step| !UNSEEN.contains(&step),
         |step, _, out| {
-            let ruling = out.ruling.unwrap();
-            assert_eq!(ruling.phase, Phase::Flying, "{step}: {ruling:?}");
+            let decision = out.decision.unwrap();
+            assert_eq!(decision.phase, Phase::Flying, "{step}: {decision:?}");
             if step > HAND.end {
-                assert!(!ruling.may_steer(), "{step}: the poses are stale");
+                assert!(!decision.may_steer(), "{step}: the poses are stale");
             }
         },
     );
@@ -188,7 +188,7 @@ fn after_a_hand_back_the_mission_goes_on_from_the_vehicle() {
         |_| true,
         |step, cycle, out| {
             let is_by_hand = HAND.contains(&step);
-            assert_eq!(cycle.memory.is_on_mission, !is_by_hand, "{step}: {:?}", out.ruling);
+            assert_eq!(cycle.memory.is_on_mission, !is_by_hand, "{step}: {:?}", out.decision);
             if let Some(reference) = out.reference.filter(|_| !is_by_hand) {
                 let pred_w = Vector2::new(out.s_pred[motion::X], out.s_pred[motion::Y]);
                 off_m.push((reference.fixed_rows::<2>(pose::X) - pred_w).norm());

@@ -1,6 +1,6 @@
 //! Where the vehicle would be if the link monitor is wrong.
 //!
-//! Owns the worst case of a command outage: while the commands are judged to be lost, other states apply all of
+//! Owns the worst case of a command outage: while the commands are taken to be lost, other states apply all of
 //! them. The supervisor lands if one of them leaves the room: the motion capture may see another object.
 
 use horizon_model::Model;
@@ -11,7 +11,7 @@ use nalgebra::SVector;
 #[derive(Debug, Clone)]
 pub(super) struct WorstCase<const NS: usize, const NP: usize> {
     /// The parameter before the flight. An object that follows no commands has lowered the gains of the estimate
-    /// before the outage is judged.
+    /// before the outage is detected.
     p_prior: SVector<f64, NP>,
     /// With the estimate of the parameter, and with the parameter before the flight.
     s: Option<[SVector<f64, NS>; 2]>,
@@ -24,7 +24,7 @@ impl<const NS: usize, const NP: usize> WorstCase<NS, NP> {
         Self { p_prior, s: None, for_s: 0.0 }
     }
 
-    /// One period of `dt_s` with the link as judged; `u_meant` would have been applied in it.
+    /// One period of `dt_s` with the state of the link as detected; `u_meant` would have been applied in it.
     pub(super) fn follow<M>(
         &mut self,
         model: &M,

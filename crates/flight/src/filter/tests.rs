@@ -161,7 +161,7 @@ fn several_frames_a_period_loosen_the_limits_no_faster_than_one() {
             };
             (0..1000).map_while(&mut is_held).count()
         });
-        // The last frame of a period is judged by the hold that its first one has lengthened.
+        // The last frame of a period is checked by the hold that its first one has lengthened.
         let is_as_long = |periods: &usize| (held[0] - 1..=held[0]).contains(periods);
         assert!(held[0] > 5 && held.iter().all(is_as_long), "{held:?}");
     }

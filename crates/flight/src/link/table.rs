@@ -51,7 +51,7 @@ pub struct LinkTable {
     /// the vehicle, or a push. Missing: that of the gate. 1, 0.1..=1
     #[serde(default)]
     pub outage_stick_max: Option<f64>,
-    /// The filter that the dead time is learnt from. Missing: those that the link is judged by
+    /// The filter that the dead time is learnt from. Missing: those that the link is tested by
     #[serde(default)]
     pub dead_time: Option<DeadTimeTable>,
     /// What the heading shows of the link. Missing: nothing
@@ -65,8 +65,8 @@ pub struct LinkTable {
 
 /// The filter of the dead time, as written in a file; what is not here is that of [`LinkTable`].
 ///
-/// An outage is judged by motion that the filter does not take for its own: coarse and quick. A dead time stays what it
-/// is: fine and slow.
+/// An outage is detected by a coarse and quick filter, which does not follow it; a dead time, which is constant, by a
+/// fine and slow one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DeadTimeTable {

@@ -64,18 +64,18 @@ impl Flight {
         flight
     }
 
-    /// Flies `steps` with `pitch`, of which the vehicle hears or not; the verdict of every step.
-    fn fly(&mut self, steps: usize, pitch: f64, is_heard: bool) -> Vec<LinkVerdict> {
+    /// Flies `steps` with `pitch`, of which the vehicle hears or not; the decision of every step.
+    fn fly(&mut self, steps: usize, pitch: f64, is_heard: bool) -> Vec<LinkDecision> {
         self.fly_as(steps, pitch, if is_heard { pitch } else { 0.0 })
     }
 
-    /// Flies `steps` with `pitch` sent and `pitch_real` applied; the verdict of every step.
-    fn fly_as(&mut self, steps: usize, pitch: f64, pitch_real: f64) -> Vec<LinkVerdict> {
+    /// Flies `steps` with `pitch` sent and `pitch_real` applied; the decision of every step.
+    fn fly_as(&mut self, steps: usize, pitch: f64, pitch_real: f64) -> Vec<LinkDecision> {
         self.fly_with(stick::PITCH, steps, pitch, pitch_real)
     }
 
     /// As [`Flight::fly_as`], with the stick `axis`.
-    fn fly_with(&mut self, axis: usize, steps: usize, sent: f64, real: f64) -> Vec<LinkVerdict> {
+    fn fly_with(&mut self, axis: usize, steps: usize, sent: f64, real: f64) -> Vec<LinkDecision> {
         let (mut u, mut u_real) = (Sticks::zeros(), Sticks::zeros());
         u[axis] = sent;
         u_real[axis] = real;
@@ -96,19 +96,19 @@ impl Flight {
 #[test]
 fn an_outage_and_its_end_are_found_with_their_moments() {
     let mut flight = Flight::new();
-    assert!(flight.fly(200, 0.3, true).iter().all(|verdict| !verdict.state.is_down()));
+    assert!(flight.fly(200, 0.3, true).iter().all(|decision| !decision.state.is_down()));
     for (is_heard, steps_max) in [(false, 40), (true, 40)] {
-        let verdicts = flight.fly(100, 0.3, is_heard);
-        let found = verdicts.iter().position(|verdict| verdict.changed).unwrap();
-        let LinkVerdict { state, onset_steps, .. } = verdicts[found];
+        let decisions = flight.fly(100, 0.3, is_heard);
+        let found = decisions.iter().position(|decision| decision.changed).unwrap();
+        let LinkDecision { state, onset_steps, .. } = decisions[found];
         let is_down = state.is_down();
         println!("heard {is_heard}: found after {} steps, onset {onset_steps}", found + 1);
         assert_eq!(is_down, !is_heard);
         assert!(found < steps_max, "{found}");
         // A tenth of a second of noise before the change may look like it.
         assert!((found + 1).abs_diff(onset_steps as usize) <= 5, "{found}, {onset_steps}");
-        assert_eq!(verdicts.iter().filter(|verdict| verdict.changed).count(), 1);
-        assert!(verdicts[found..].iter().all(|verdict| verdict.state.is_down() == is_down));
+        assert_eq!(decisions.iter().filter(|decision| decision.changed).count(), 1);
+        assert!(decisions[found..].iter().all(|decision| decision.state.is_down() == is_down));
     }
 }
 
@@ -174,17 +174,17 @@ fn an_outage_is_no_delay() {
 #[test]
 fn a_held_command_is_distinguished_from_a_released_one() {
     let mut flight = Flight::new();
-    assert!(flight.fly(200, 0.4, true).iter().all(|verdict| verdict.state == LinkState::Up));
+    assert!(flight.fly(200, 0.4, true).iter().all(|decision| decision.state == LinkState::Up));
     // The drone goes on with 0.4 while it is ordered to brake.
     let mut held = Vec::new();
     for _ in 0..80 {
         held.extend(flight.fly_as(1, -0.4, 0.4));
     }
-    let found = held.iter().position(|verdict| verdict.changed).unwrap();
+    let found = held.iter().position(|decision| decision.changed).unwrap();
     assert!(found < 50, "{found}");
     assert_eq!(held[found].state, LinkState::Held);
     assert!((found + 1).abs_diff(held[found].onset_steps as usize) <= 8, "{:?}", held[found]);
-    assert!(held[found..].iter().all(|verdict| verdict.state == LinkState::Held));
+    assert!(held[found..].iter().all(|decision| decision.state == LinkState::Held));
     let back = flight.fly(100, -0.4, true);
     assert_eq!(back.last().unwrap().state, LinkState::Up);
 }
@@ -193,30 +193,30 @@ fn a_held_command_is_distinguished_from_a_released_one() {
 fn a_turn_shows_an_outage_and_its_end() {
     let mut flight = Flight::new();
     let up = flight.fly_with(stick::YAW, 400, 0.5, 0.5);
-    assert!(up.iter().all(|verdict| verdict.state == LinkState::Up));
+    assert!(up.iter().all(|decision| decision.state == LinkState::Up));
     let lost = flight.fly_with(stick::YAW, 150, 0.5, 0.0);
-    let found = lost.iter().position(|verdict| verdict.changed).unwrap();
+    let found = lost.iter().position(|decision| decision.changed).unwrap();
     println!("outage after {} steps, onset {}", found + 1, lost[found].onset_steps);
     assert!(found < 100 && lost[found].state == LinkState::Released, "{:?}", lost[found]);
     assert!((found + 1).abs_diff(lost[found].onset_steps as usize) <= 5, "{:?}", lost[found]);
     let back = flight.fly_with(stick::YAW, 100, 0.5, 0.5);
-    let found = back.iter().position(|verdict| verdict.changed).unwrap();
+    let found = back.iter().position(|decision| decision.changed).unwrap();
     println!("end after {} steps", found + 1);
     assert!(found < 40 && back[99].state == LinkState::Up, "{found} {:?}", back[99]);
     // The drone goes on turning while it is ordered to turn back.
     let held = flight.fly_with(stick::YAW, 60, -0.5, 0.5);
-    assert!(held.iter().any(|verdict| verdict.state == LinkState::Held), "{:?}", held[59]);
+    assert!(held.iter().any(|decision| decision.state == LinkState::Held), "{:?}", held[59]);
 }
 
 #[test]
 fn an_outage_of_the_horizontal_sticks_ends_with_a_turn() {
     let mut flight = Flight::new();
     flight.fly(100, 0.3, true);
-    assert!(flight.fly(60, 0.3, false).iter().any(|verdict| verdict.state.is_down()));
+    assert!(flight.fly(60, 0.3, false).iter().any(|decision| decision.state.is_down()));
     let rest = flight.fly(100, 0.0, false);
-    assert!(rest.iter().all(|verdict| verdict.state.is_down()), "the sticks rest");
+    assert!(rest.iter().all(|decision| decision.state.is_down()), "the sticks rest");
     let turn = flight.fly_with(stick::YAW, 50, 0.4, 0.4);
-    let found = turn.iter().position(|verdict| !verdict.state.is_down()).unwrap();
+    let found = turn.iter().position(|decision| !decision.state.is_down()).unwrap();
     assert!(found < 40, "{found}");
 }
 
@@ -230,8 +230,11 @@ fn a_wrong_heading_is_no_evidence() {
             let is_turned = k % 2 == 1;
             flight.turned_rad = if is_turned { turned_rad } else { 0.0 };
             let steps = if is_turned { [5, 10, longest][k % 3] } else { 100 };
-            let verdicts = flight.fly_with(stick::YAW, steps, 0.2, 0.2);
-            assert!(verdicts.iter().all(|verdict| !verdict.state.is_down()), "{turned_rad}, {k}");
+            let decisions = flight.fly_with(stick::YAW, steps, 0.2, 0.2);
+            assert!(
+                decisions.iter().all(|decision| !decision.state.is_down()),
+                "{turned_rad}, {k}"
+            );
         }
     }
 }
@@ -242,8 +245,8 @@ fn without_its_settings_the_heading_says_nothing() {
     let settings = LinkSettings::try_from(&LinkTable { turn: None, ..table() }).unwrap();
     flight.monitor = LinkMonitor::new(&settings, DT_S);
     flight.fly(100, 0.0, true);
-    let verdicts = flight.fly_with(stick::YAW, 100, 0.5, 0.0);
-    let (first, last) = (verdicts[0].score, verdicts[99].score);
+    let decisions = flight.fly_with(stick::YAW, 100, 0.5, 0.0);
+    let (first, last) = (decisions[0].score, decisions[99].score);
     assert!((first + table().outage_evidence).abs() < 1e-9, "{first}");
     assert!((first - last).abs() < 1e-12, "{first} {last}");
 }
@@ -251,13 +254,13 @@ fn without_its_settings_the_heading_says_nothing() {
 #[test]
 fn the_score_is_positive_exactly_while_the_link_is_down() {
     let mut flight = Flight::new();
-    let mut verdicts = flight.fly(100, 0.3, true);
-    verdicts.extend(flight.fly(100, 0.3, false));
-    verdicts.extend(flight.fly(100, 0.3, true));
-    assert!(verdicts.iter().any(|verdict| verdict.state.is_down()));
-    for verdict in verdicts {
-        assert_eq!(verdict.score > 0.0, verdict.state.is_down(), "{verdict:?}");
-        assert_eq!(verdict.onset_steps > 0, verdict.changed, "{verdict:?}");
+    let mut decisions = flight.fly(100, 0.3, true);
+    decisions.extend(flight.fly(100, 0.3, false));
+    decisions.extend(flight.fly(100, 0.3, true));
+    assert!(decisions.iter().any(|decision| decision.state.is_down()));
+    for decision in decisions {
+        assert_eq!(decision.score > 0.0, decision.state.is_down(), "{decision:?}");
+        assert_eq!(decision.onset_steps > 0, decision.changed, "{decision:?}");
     }
 }
 
@@ -265,14 +268,14 @@ fn the_score_is_positive_exactly_while_the_link_is_down() {
 fn sticks_in_the_dead_zone_say_nothing_and_an_outage_fades() {
     let mut flight = Flight::new();
     let quiet = flight.fly(500, 0.06, true);
-    for verdict in &quiet {
-        assert!((verdict.score + table().outage_evidence).abs() < 1e-12, "{verdict:?}");
+    for decision in &quiet {
+        assert!((decision.score + table().outage_evidence).abs() < 1e-12, "{decision:?}");
     }
     flight.fly(100, 0.3, true);
-    assert!(flight.fly(60, 0.3, false).iter().any(|verdict| verdict.state.is_down()));
+    assert!(flight.fly(60, 0.3, false).iter().any(|decision| decision.state.is_down()));
     // The vehicle comes to rest, still deaf.
-    let verdicts = flight.fly(700, 0.0, false);
-    let faded = verdicts.iter().position(|verdict| !verdict.state.is_down()).unwrap();
+    let decisions = flight.fly(700, 0.0, false);
+    let faded = decisions.iter().position(|decision| !decision.state.is_down()).unwrap();
     // Evidence that was left when the sticks were released shifts it by a second.
     let faded_s = faded as f64 * DT_S;
     assert!((faded_s - table().forget_s).abs() < 1.0, "{faded_s} s");
@@ -282,14 +285,14 @@ fn sticks_in_the_dead_zone_say_nothing_and_an_outage_fades() {
 fn an_outage_that_every_probe_confirms_lasts_long() {
     let mut flight = Flight::new();
     flight.fly(100, 0.3, true);
-    assert!(flight.fly(60, 0.3, false).iter().any(|verdict| verdict.state.is_down()));
+    assert!(flight.fly(60, 0.3, false).iter().any(|decision| decision.state.is_down()));
     for probe in 0..30 {
         let sign = if probe % 2 == 0 { 1.0 } else { -1.0 };
-        let verdicts = flight.fly(50, 0.25 * sign, false);
-        assert!(verdicts.iter().all(|verdict| verdict.state.is_down()), "probe {probe}");
+        let decisions = flight.fly(50, 0.25 * sign, false);
+        assert!(decisions.iter().all(|decision| decision.state.is_down()), "probe {probe}");
     }
-    let verdicts = flight.fly(100, 0.25, true);
-    let found = verdicts.iter().position(|verdict| !verdict.state.is_down()).unwrap();
+    let decisions = flight.fly(100, 0.25, true);
+    let found = decisions.iter().position(|decision| !decision.state.is_down()).unwrap();
     assert!(found < 50, "{found} steps");
 }
 
@@ -301,8 +304,8 @@ fn missing_rows_are_no_evidence() {
     observed.o = Pose::repeat(f64::NAN);
     // Neither before the first pose nor after it.
     for o in [observed, Observed::full(Pose::zeros()), observed, observed, observed] {
-        let verdict = monitor.update(&u, &o, &parameter());
-        assert!((verdict.score + table().outage_evidence).abs() < 1e-12, "{verdict:?}");
+        let decision = monitor.update(&u, &o, &parameter());
+        assert!((decision.score + table().outage_evidence).abs() < 1e-12, "{decision:?}");
     }
     let seen = monitor.update(&u, &Observed::full(Pose::zeros()), &parameter());
     assert!(seen.score > -table().outage_evidence, "{seen:?}");
@@ -319,7 +322,7 @@ fn the_direction_of_flight_is_the_heading_and_its_offset() {
         let mut u = Sticks::zeros();
         u[stick::PITCH] = if k < 5 { 0.0 } else { 0.3 };
         s = Lagged::default().step(&s, &u, &p, DT_S);
-        let verdict = monitor.update(&u, &Observed::full(Lagged::default().observe(&s)), &p);
-        assert!(!verdict.state.is_down(), "{k}: {verdict:?}");
+        let decision = monitor.update(&u, &Observed::full(Lagged::default().observe(&s)), &p);
+        assert!(!decision.state.is_down(), "{k}: {decision:?}");
     }
 }

@@ -15,7 +15,7 @@ const SPEED_FORGET_S: f64 = 4.0;
 /// Least displacement by the drone with which the poses are compared. m
 const FLOWN_MIN_M: f64 = 0.6;
 /// Displacement by the drone over that by the inputs with which the drone's unit is ours. 1
-const WITNESS_RATIO: std::ops::RangeInclusive<f64> = 0.4..=2.5;
+const UNIT_RATIO: std::ops::RangeInclusive<f64> = 0.4..=2.5;
 /// Turn between poses and drone that does not count: the rigid body of the mocap may be turned to the vehicle. rad
 const TURN_RAD: f64 = 0.785;
 /// Difference between poses and drone that does not count: of displacements a fraction of the drone's, of speeds the
@@ -104,11 +104,10 @@ impl Displacements {
             let flown_m = self.flown_d_m[frame].norm();
             // A drone with another unit differs from the inputs more than the poses do.
             let is_nearer = (flown_m - inputs_m).abs() <= (poses_m - inputs_m).abs();
-            let is_witness = flown_m >= FLOWN_MIN_M
-                && WITNESS_RATIO.contains(&(flown_m / inputs_m))
-                && is_nearer;
+            let is_comparable =
+                flown_m >= FLOWN_MIN_M && UNIT_RATIO.contains(&(flown_m / inputs_m)) && is_nearer;
             let difference_m = (poses_m - flown_m).abs() - TOLERANCE * flown_m;
-            is_witness.then(|| difference_m.max(drone.difference_m))
+            is_comparable.then(|| difference_m.max(drone.difference_m))
         };
         let [fixed, turning] = &self.drone;
         Some(difference_m(FIXED, fixed)?.min(difference_m(TURNING, turning)?))

@@ -131,7 +131,7 @@ impl HeadingMonitor {
         {
             return (Agreement::Unknown, error_rad);
         }
-        (self.doubt.judge(error_rad, self.limit_rad, self.dt_s), error_rad)
+        (self.doubt.update(error_rad, self.limit_rad, self.dt_s), error_rad)
     }
 }
 

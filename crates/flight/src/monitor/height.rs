@@ -15,7 +15,7 @@ const FORGET_S: f64 = 30.0;
 /// Limit of the difference without forgetting, since the take-off, over `limit_m`. 1
 const WHOLE_FLIGHT_RATIO: f64 = 1.5;
 /// Rise by the drone that shows that it reports its height. m
-const WITNESS_RISE_M: f64 = 0.3;
+const SHOWN_RISE_M: f64 = 0.3;
 
 /// Least change of the drone's height from one report to the next, 0.1 s later, that is a step of the surface below: no
 /// vehicle climbs at 3.5 m/s. m
@@ -50,7 +50,7 @@ pub(super) struct HeightMonitor {
     /// Height of the surface below the vehicle over the floor: the sum of its steps. m
     floor_m: f64,
     /// Whether the drone's height has risen in this flight.
-    is_witness: bool,
+    has_shown_height: bool,
     /// Newest difference of both heights. m
     error_m: f64,
     doubt: Doubt,
@@ -69,7 +69,7 @@ impl HeightMonitor {
             self.drone_height_on_ground_m = Some(height_m);
         }
         (self.before, self.floor_m) = (None, 0.0);
-        self.is_witness = false;
+        self.has_shown_height = false;
         self.error_m = 0.0;
         self.doubt = Doubt::default();
     }
@@ -85,13 +85,13 @@ impl HeightMonitor {
         self.unseen_s = 0.0;
         self.floor_m += self.floor_step_m(z_m, height_m);
         let rise_m = z_m - self.offset_on_ground_m - height_on_ground_m;
-        let is_first = !self.is_witness && height_m - height_on_ground_m >= WITNESS_RISE_M;
-        self.is_witness |= is_first;
-        if !self.is_witness {
+        let is_first = !self.has_shown_height && height_m - height_on_ground_m >= SHOWN_RISE_M;
+        self.has_shown_height |= is_first;
+        if !self.has_shown_height {
             return (Agreement::Unknown, 0.0);
         }
         let excess_m = z_m - height_m - offset_m;
-        let reads_low = is_first && rise_m >= WITNESS_RISE_M && excess_m.abs() <= OFFSET_MAX_M;
+        let reads_low = is_first && rise_m >= SHOWN_RISE_M && excess_m.abs() <= OFFSET_MAX_M;
         let shift_m = if reads_low { excess_m } else { 0.0 };
         let offset_m = offset_m + shift_m;
         self.offset_on_ground_m += shift_m;
@@ -108,8 +108,8 @@ impl HeightMonitor {
         self.offset_m = Some(offset_m + followed_m * (1.0 - (-self.dt_s / FORGET_S).exp()));
         let of_flight_m = z_m - height_m - self.offset_on_ground_m;
         let error_of_flight_m = least_m(of_flight_m, of_flight_m - self.floor_m).abs();
-        let judged_m = maximum(error_of_flight_m / WHOLE_FLIGHT_RATIO, self.error_m);
-        (self.doubt.judge(judged_m, self.limit_m, self.dt_s), self.error_m)
+        let compared_m = maximum(error_of_flight_m / WHOLE_FLIGHT_RATIO, self.error_m);
+        (self.doubt.update(compared_m, self.limit_m, self.dt_s), self.error_m)
     }
 
     /// Takes a tick in flight in which one of both heights is missing.
@@ -153,7 +153,7 @@ mod tests {
     const DT_S: f64 = 0.02;
 
     #[test]
-    fn a_height_that_reads_low_from_the_take_off_on_is_a_witness_of_what_follows() {
+    fn a_height_that_reads_low_from_the_take_off_on_is_compared_with_what_follows() {
         let found = |by_drone_m: fn(f64) -> f64| {
             let mut monitor = at_rest();
             let mut found = Agreement::Unknown;
@@ -237,7 +237,7 @@ mod tests {
         }
     }
 
-    /// Judges with a limit of 0.5 m, at rest at z = 0 with the drone's own height at 0.25 m.
+    /// A monitor with a limit of 0.5 m, at rest at z = 0 with the drone's own height at 0.25 m.
     fn at_rest() -> HeightMonitor {
         let mut monitor = HeightMonitor::new(0.5, DT_S);
         monitor.rest(&sample(Some(0.0), Some(0.25)));
@@ -252,8 +252,8 @@ mod tests {
     }
 
     #[test]
-    fn a_drone_is_a_witness_from_the_least_rise_on_and_stays_one() {
-        let rise_m = 0.25 + WITNESS_RISE_M;
+    fn a_drone_counts_from_the_least_rise_on_and_goes_on_to_count() {
+        let rise_m = 0.25 + SHOWN_RISE_M;
         for (height_m, expected) in [
             (rise_m - 1e-9, Agreement::Unknown),
             (rise_m + 1e-9, Agreement::Agrees),

@@ -84,12 +84,12 @@ impl HiddenSpeed {
         self.hidden_mps.unwrap_or_default()
     }
 
-    /// Whether the drone denies that it moved along an axis that is still: it reports its velocity in m/s, as far as
-    /// known, and no hidden speed within [`RECENT_S`].
-    pub(super) fn is_denied(&self) -> bool {
+    /// Whether the drone reports that it did not move along an axis that is still: it reports its velocity in m/s, as
+    /// far as known, and no hidden speed within [`RECENT_S`].
+    pub(super) fn reports_no_motion(&self) -> bool {
         let fits = self.poses_m < COMPARED_M || self.flown_m >= FIT_MIN * self.poses_m;
-        let is_witness = self.hidden_mps.is_some() && self.has_reported && fits;
-        is_witness && self.since_hidden_s > RECENT_S
+        let reports_speed = self.hidden_mps.is_some() && self.has_reported && fits;
+        reports_speed && self.since_hidden_s > RECENT_S
     }
 
     /// Follows the velocity by the poses; without a pose it stays as it was.
@@ -148,8 +148,8 @@ mod tests {
     }
 
     #[test]
-    fn a_drone_denies_motion_by_a_small_speed_and_not_by_none_or_by_silence() {
-        for (reported, is_denied) in [
+    fn a_drone_reports_no_motion_by_a_small_speed_and_not_by_none_or_by_silence() {
+        for (reported, is_at_rest) in [
             (None, false),
             (Some([0.0, 0.0]), false),
             (Some([0.0, -0.1]), true),
@@ -157,22 +157,26 @@ mod tests {
             (Some([0.18, 0.0]), true),
             (Some([0.181, 0.0]), false),
         ] {
-            assert_eq!(beside_a_still_pose(reported).is_denied(), is_denied, "{reported:?}");
+            assert_eq!(
+                beside_a_still_pose(reported).reports_no_motion(),
+                is_at_rest,
+                "{reported:?}"
+            );
         }
         let mut silent = beside_a_still_pose(Some([0.1, 0.0]));
         silent.update(&sample(Some(0.0), None));
-        assert!(!silent.is_denied(), "no fresh report");
+        assert!(!silent.reports_no_motion(), "no fresh report");
     }
 
     #[test]
     fn a_hidden_speed_counts_for_a_second() {
         let mut hidden = beside_a_still_pose(Some([0.5, 0.0]));
-        let mut is_denied = || {
+        let mut is_at_rest = || {
             hidden.update(&sample(Some(0.0), Some([0.1, 0.0])));
-            hidden.is_denied()
+            hidden.reports_no_motion()
         };
-        assert_eq!([is_denied(), is_denied(), is_denied(), is_denied()], [false; 4], "1.0 s");
-        assert!(is_denied(), "1.25 s");
+        assert_eq!([is_at_rest(), is_at_rest(), is_at_rest(), is_at_rest()], [false; 4], "1.0 s");
+        assert!(is_at_rest(), "1.25 s");
     }
 
     #[test]
@@ -187,14 +191,14 @@ mod tests {
     }
 
     #[test]
-    fn a_drone_that_reports_less_than_half_of_the_speed_is_no_witness() {
-        for (reported_mps, is_denied) in [(0.24, false), (0.26, true)] {
+    fn a_drone_that_reports_less_than_half_of_the_speed_does_not_count() {
+        for (reported_mps, is_at_rest) in [(0.24, false), (0.26, true)] {
             let mut hidden = HiddenSpeed::new(0.02);
             for k in 0..100_u32 {
                 let x_m = 0.5 * 0.02 * f64::from(k);
                 hidden.update(&sample(Some(x_m), Some([0.0, reported_mps])));
             }
-            assert_eq!(hidden.is_denied(), is_denied, "{reported_mps} m/s beside 0.5 m/s");
+            assert_eq!(hidden.reports_no_motion(), is_at_rest, "{reported_mps} m/s beside 0.5 m/s");
         }
     }
 
@@ -212,12 +216,12 @@ mod tests {
 
     #[test]
     fn a_short_distance_does_not_show_that_the_drone_reports_too_little() {
-        for (ticks, is_denied) in [(12, true), (20, false)] {
+        for (ticks, is_at_rest) in [(12, true), (20, false)] {
             let mut hidden = HiddenSpeed::new(0.02);
             for k in 0..ticks {
                 hidden.update(&sample(Some(0.01 * f64::from(k)), Some([0.05, 0.0])));
             }
-            assert_eq!(hidden.is_denied(), is_denied, "{hidden:?}");
+            assert_eq!(hidden.reports_no_motion(), is_at_rest, "{hidden:?}");
         }
     }
 
@@ -225,13 +229,13 @@ mod tests {
     fn distances_are_forgotten_within_a_quarter_of_a_minute() {
         // 10 s at 0.5 m/s with a tenth of it reported, then all of it: distances that are kept fit again after 8 s,
         // those that are forgotten in 15 s after 4.9 s.
-        for (again_ticks, is_denied) in [(225, false), (275, true)] {
+        for (again_ticks, is_at_rest) in [(225, false), (275, true)] {
             let mut hidden = HiddenSpeed::new(0.02);
             for k in 0..500 + again_ticks {
                 let reported_mps = if k < 500 { 0.05 } else { 0.5 };
                 hidden.update(&sample(Some(0.01 * f64::from(k)), Some([reported_mps, 0.0])));
             }
-            assert_eq!(hidden.is_denied(), is_denied, "{again_ticks}: {hidden:?}");
+            assert_eq!(hidden.reports_no_motion(), is_at_rest, "{again_ticks}: {hidden:?}");
         }
     }
 }

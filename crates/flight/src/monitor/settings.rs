@@ -17,10 +17,10 @@ pub struct MonitorTable {
     /// drone's velocity is not looked at. m, 0.2..=5
     #[serde(deserialize_with = "crate::present")]
     pub displacement_m: Option<f64>,
-    /// Difference between the heights by the poses and by the drone, judged as `displacement_m`. m, 0.2..=5
+    /// Difference between the heights by the poses and by the drone, compared as `displacement_m`. m, 0.2..=5
     #[serde(deserialize_with = "crate::present")]
     pub height_m: Option<f64>,
-    /// Difference between the turns by the poses and by the drone, forgotten within 15 s, judged likewise; missing:
+    /// Difference between the turns by the poses and by the drone, forgotten within 15 s, compared likewise; missing:
     /// 0.6; `null`: not compared. rad, 0.2..=1.5
     #[serde(default = "usual_heading_rad")]
     pub heading_rad: Option<f64>,

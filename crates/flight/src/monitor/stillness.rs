@@ -27,7 +27,7 @@ const ROWS: [usize; 3] = [pose::X, pose::Y, pose::Z];
 /// dead zone. With it a vehicle of half the nominal gain moves 5 cm in 0.4 s. 1
 const INPUT_MIN: f64 = 0.2;
 /// How long the inputs must have been so large: longer than the error of the dead time. s
-const ASKED_MIN_S: f64 = 0.4;
+const LARGE_MIN_S: f64 = 0.4;
 /// Time for which a pose may be still without inputs. s
 const QUIET_S: f64 = 5.0;
 /// [`QUIET_S`] in an outage: if the poses become those of another object at rest, this looks like an outage. s
@@ -37,7 +37,7 @@ const QUIET_IN_OUTAGE_S: f64 = 2.4;
 const FLOWN_MPS: f64 = 0.3;
 /// Time constant of the low-pass filtered inputs that the inputs along one axis are compared with: constant inputs
 /// along an axis that stands still may hold the vehicle against wind. s
-const LEAN_S: f64 = 4.0;
+const MEAN_INPUT_S: f64 = 4.0;
 /// Least component of the inputs' change along an axis, over its length, with which that axis must move: heading and
 /// direction of flight may be wrong by 0.3 rad each. 1
 const ALONG_MIN: f64 = 0.6;
@@ -106,7 +106,7 @@ pub(super) struct FrozenMonitor {
     theta_rad: f64,
     /// Inputs after the lag, world frame: along x, y and z. 1
     u_lagged_w: Vector3<f64>,
-    /// `u_lagged_w`, low-pass filtered with [`LEAN_S`]. 1
+    /// `u_lagged_w`, low-pass filtered with [`MEAN_INPUT_S`]. 1
     u_mean_w: Vector3<f64>,
     all: Contradiction,
     rows: [Contradiction; ROWS.len()],
@@ -116,28 +116,27 @@ pub(super) struct FrozenMonitor {
 #[derive(Debug, Clone, Copy, Default)]
 struct Contradiction {
     /// For how long the inputs have been large. s
-    asked_s: f64,
-    /// Whether the inputs were large for [`ASKED_MIN_S`] since the pose or axis has been still.
+    large_s: f64,
+    /// Whether the inputs were large for [`LARGE_MIN_S`] since the pose or axis has been still.
     is_found: bool,
 }
 
-/// Signs of a contradiction in a tick.
+/// Inputs, pose and report of the drone in a tick, for the pose or for one axis.
 #[derive(Debug, Clone, Copy)]
 struct Signs {
-    /// The inputs are large.
-    is_asked: bool,
-    /// The pose, or the axis, is still.
+    has_large_input: bool,
     is_still: bool,
-    /// The drone denies that it followed the inputs.
-    is_denied: bool,
+    /// The drone reports that it has not followed the inputs.
+    reports_no_motion: bool,
 }
 
 impl Contradiction {
-    /// Takes a period of `dt_s`. While the drone denies that it followed the inputs, no contradiction begins, and one
-    /// that was found stays.
-    fn update(&mut self, Signs { is_asked, is_still, is_denied }: Signs, dt_s: f64) {
-        self.asked_s = if is_asked { self.asked_s + dt_s } else { 0.0 };
-        let is_new = !is_denied && self.asked_s >= ASKED_MIN_S;
+    /// Takes a period of `dt_s`. While the drone reports that it has not followed the inputs, no contradiction begins,
+    /// and one that was found stays.
+    fn update(&mut self, signs: Signs, dt_s: f64) {
+        let Signs { has_large_input, is_still, reports_no_motion } = signs;
+        self.large_s = if has_large_input { self.large_s + dt_s } else { 0.0 };
+        let is_new = !reports_no_motion && self.large_s >= LARGE_MIN_S;
         // The contradiction stays found during the hold that follows, in which the sticks are neutral.
         self.is_found = is_still && (self.is_found || is_new);
     }
@@ -151,8 +150,8 @@ impl FrozenMonitor {
     /// Takes a tick in which the pose has been still as long as `still` tells; for how long this contradicts inputs or
     /// drone, as of [`Findings::frozen_s`](super::Findings::frozen_s). s
     ///
-    /// One axis alone counts if the inputs along it have changed, unless the drone denies that it followed inputs along
-    /// x and y: then these were lost. If it denies that in an outage, the throttle was lost, too.
+    /// One axis alone counts if the inputs along it have changed, unless the drone reports that it has not followed
+    /// inputs along x and y: then these were lost. If it reports that in an outage, the throttle was lost, too.
     pub(super) fn update(
         &mut self,
         still: &Still,
@@ -160,14 +159,15 @@ impl FrozenMonitor {
         velocity: Agreement,
     ) -> Option<f64> {
         self.hidden.update(sample);
-        self.ask(sample);
+        self.follow_inputs(sample);
         let signs = Signs {
-            is_asked: self.u_lagged_w.norm() > INPUT_MIN,
+            has_large_input: self.u_lagged_w.norm() > INPUT_MIN,
             is_still: still.all_s.is_some(),
-            is_denied: false,
+            reports_no_motion: false,
         };
         self.all.update(signs, self.dt_s);
-        let is_denied = self.hidden.is_denied();
+        let reports_no_motion = self.hidden.reports_no_motion();
+        let is_throttle_lost = reports_no_motion && !sample.link_is_up;
         let change = self.u_lagged_w - self.u_mean_w;
         let least = INPUT_MIN.max(ALONG_MIN * change.norm());
         let mut longest_s = None;
@@ -175,9 +175,9 @@ impl FrozenMonitor {
             let still_s = still.rows_s[row];
             let is_height = ROWS[row] == pose::Z;
             let signs = Signs {
-                is_asked: change[row].abs() > least,
-                is_still: still_s.is_some() && !(is_height && is_denied && !sample.link_is_up),
-                is_denied: is_denied && !is_height,
+                has_large_input: change[row].abs() > least,
+                is_still: still_s.is_some() && !(is_height && is_throttle_lost),
+                reports_no_motion: reports_no_motion && !is_height,
             };
             contradiction.update(signs, self.dt_s);
             longest_s = longest(still_s.filter(|_| contradiction.is_found), longest_s);
@@ -193,13 +193,14 @@ impl FrozenMonitor {
     }
 
     /// Follows the inputs after the lag of a typical vehicle.
-    fn ask(&mut self, sample: &Sample) {
+    fn follow_inputs(&mut self, sample: &Sample) {
         self.theta_rad = sample.pose.map_or(self.theta_rad, |pose| pose[pose::THETA]);
         let is_heard = sample.link_is_up || self.hidden.mps() >= FLOWN_MPS;
         let u = if is_heard { sample.u_applied } else { Sticks::zeros() };
         let u_w = inputs_w(&u, self.theta_rad).push(excess(u[stick::THROTTLE], DEAD_THROTTLE));
         self.u_lagged_w += (u_w - self.u_lagged_w) * (1.0 - decay(self.dt_s));
-        self.u_mean_w += (self.u_lagged_w - self.u_mean_w) * (1.0 - (-self.dt_s / LEAN_S).exp());
+        self.u_mean_w +=
+            (self.u_lagged_w - self.u_mean_w) * (1.0 - (-self.dt_s / MEAN_INPUT_S).exp());
     }
 }
 

@@ -180,7 +180,7 @@ fn wrong_reports_are_no_disagreement() {
 fn one_report_is_none_after_a_smaller_doubt_either() {
     let mut doubt = Doubt::default();
     let mut last = |error: f64, ticks: usize| {
-        (0..ticks).map(|_| doubt.judge(error, 1.0, 0.02)).last().unwrap()
+        (0..ticks).map(|_| doubt.update(error, 1.0, 0.02)).last().unwrap()
     };
     assert_eq!(last(1.5, 15), Agreement::Doubtful);
     assert_eq!(last(0.0, 20), Agreement::Agrees);
@@ -207,7 +207,7 @@ fn a_flight_that_is_as_it_seems_raises_no_alarm_in_any_frame_of_the_drone() {
 }
 
 #[test]
-fn a_drone_without_velocities_is_no_witness() {
+fn a_drone_without_velocities_does_not_count() {
     type Report = fn([f64; 2]) -> Option<[f64; 2]>;
     let reports: [Report; 2] = [|_| None, |_| Some([0.0, 0.0])];
     for report in reports {
@@ -258,7 +258,7 @@ fn a_drift_that_begins_before_the_axes_are_known_is_refused() {
 }
 
 #[test]
-fn a_drone_in_another_unit_is_no_witness() {
+fn a_drone_in_another_unit_does_not_count() {
     let wrong = Wrong { report: |v| Some(v.map(|v| 10.0 * v)), ..RIGHT };
     for tenth in 1..100 {
         let found = Flight::new().fly(f64::from(tenth) * 0.1, &wrong).velocity;
@@ -267,7 +267,7 @@ fn a_drone_in_another_unit_is_no_witness() {
 }
 
 #[test]
-fn nothing_is_judged_while_poses_are_missing_and_the_way_of_the_vehicle_is_no_error_after() {
+fn nothing_is_compared_while_poses_are_missing_and_the_way_of_the_vehicle_is_no_error_after() {
     let mut flight = Flight::new();
     flight.fly(8.0, &RIGHT);
     let drone =

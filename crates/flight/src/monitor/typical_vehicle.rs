@@ -1,6 +1,6 @@
 //! A typical vehicle: the motion that the monitors expect of any Tello under its inputs.
 //!
-//! Owns one first-order model per direction. Estimated parameters do not enter it: the monitors must judge as well if
+//! Owns one first-order model per direction. Estimated parameters do not enter it: the monitors must work as well if
 //! the estimate is wrong.
 
 use horizon_model::rows::{Sticks, stick};

@@ -146,7 +146,7 @@ impl VelocityMonitor {
                 hypothesis.begin_motion();
             }
         }
-        self.judge(moved[self.best_age].is_pose, motions[self.best_age].is_some())
+        self.agreement(moved[self.best_age].is_pose, motions[self.best_age].is_some())
     }
 
     /// Compares the displacement by the poses with the drone's velocity for each age of the reports; the motions, of
@@ -196,7 +196,7 @@ impl VelocityMonitor {
 
     /// The agreement, and the difference at the best age of the reports, at which this period `is_pose` and the drone's
     /// displacement `is_known`. m
-    fn judge(&mut self, is_pose: bool, is_known: bool) -> (Agreement, f64) {
+    fn agreement(&mut self, is_pose: bool, is_known: bool) -> (Agreement, f64) {
         if !is_pose {
             self.doubt.wait(self.dt_s);
         }
@@ -206,7 +206,7 @@ impl VelocityMonitor {
             // The next pose includes the displacement since the one before.
             (true, false) => (Agreement::Unknown, error_m.unwrap_or_default()),
             (true, true) => match error_m.or_else(|| self.difference_m()) {
-                Some(error_m) => (self.doubt.judge(error_m, self.limit_m, self.dt_s), error_m),
+                Some(error_m) => (self.doubt.update(error_m, self.limit_m, self.dt_s), error_m),
                 None => (Agreement::Unknown, 0.0),
             },
         }

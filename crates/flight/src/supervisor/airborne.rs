@@ -8,7 +8,7 @@ use horizon_model::rows::pose;
 use super::evidence::{DroneReport, Evidence, Phase};
 use super::fault::Fault;
 use super::{DOWN_HOLD_S, Supervisor, TakeOffSeen, elapsed_s, exceeds};
-use crate::drone::{ALONE_HOLD, TAKE_OFF_TAIL, TAKE_OFF_UNSEEN, denies_standing};
+use crate::drone::{ALONE_HOLD, TAKE_OFF_TAIL, TAKE_OFF_UNSEEN, contradicts_standing};
 
 /// Fraction of `airborne_height_m` below which a vehicle looks grounded.
 const DOWN_HEIGHT_FRACTION: f64 = 0.5;
@@ -30,7 +30,7 @@ const ORDER_OBEYED_RISE_M: f64 = 0.15;
 /// Whether a vehicle that lands is down, by poses and drone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Ground {
-    /// One witness reports the vehicle in the air, or neither can tell.
+    /// One source reports the vehicle in the air, or both report nothing.
     Unconfirmed,
     /// The poses show it down, and the drone reports nothing.
     ByPose,
@@ -69,8 +69,8 @@ impl Supervisor {
     /// which it cannot.
     fn drone_is_airborne(&self, e: &Evidence) -> Option<bool> {
         let height_m = e.drone.and_then(|drone| drone.height_m);
-        let is_denied = denies_standing(height_m, self.drone_ground_m);
-        self.drone_says_flying(e).filter(|is_flying| *is_flying || !is_denied)
+        let is_contradicted = contradicts_standing(height_m, self.drone_ground_m);
+        self.drone_says_flying(e).filter(|is_flying| *is_flying || !is_contradicted)
     }
 
     /// Whether the vehicle is so high that a take-off is complete: by a fresh pose; without one, whether the drone
@@ -119,7 +119,7 @@ impl Supervisor {
         self.take_off_ordered_ns.is_none_or(|ordered_ns| elapsed_s(ordered_ns, e.t_ns) >= tail_s)
     }
 
-    /// Which witness shows the vehicle down, if neither witness denies it. A vehicle that is carried never flew.
+    /// Which source shows the vehicle down, if neither source contradicts it. A vehicle that is carried never flew.
     fn ground(&self, e: &Evidence) -> Ground {
         if self.is_carried {
             return Ground::ByBoth;
@@ -150,21 +150,21 @@ impl Supervisor {
         self.timers.down_by_both.update(ground == Ground::ByBoth, e.t_ns);
     }
 
-    /// Whether the landing is confirmed: by both witnesses for 1 s, or by one of them alone for longer.
+    /// Whether the landing is confirmed: by both sources for 1 s, or by one of them alone for longer.
     pub(super) fn is_down(&self, e: &Evidence) -> bool {
         self.timers.down_by_both.has_lasted(e.t_ns, DOWN_HOLD_S)
             || self.timers.down_by_any.has_lasted(e.t_ns, ALONE_HOLD.seconds())
     }
 
-    /// Names the witness that confirmed the landing alone, if one did.
-    pub(super) fn note_missing_witness(&mut self, e: &Evidence) {
+    /// Notes the source that confirmed the landing alone, if one did.
+    pub(super) fn note_confirmation(&mut self, e: &Evidence) {
         let by_both = self.timers.down_by_both.has_lasted(e.t_ns, DOWN_HOLD_S);
         let ground = self.ground(e);
         self.ended_by.set(Fault::LandedByPose, !by_both && ground == Ground::ByPose);
         self.ended_by.set(Fault::LandedByDrone, !by_both && ground == Ground::ByDrone);
     }
 
-    /// Whether the landing was not confirmed in time. While one witness shows the vehicle down, its longer time is
+    /// Whether the landing was not confirmed in time. While one source shows the vehicle down, its longer time is
     /// awaited.
     pub(super) fn is_landing_overdue(&self, e: &Evidence) -> bool {
         let phase_s = elapsed_s(self.phase_since_ns, e.t_ns);

@@ -148,8 +148,8 @@ mod tests {
             bench.pass(5, &blocked);
             assert!(bench.run(14, &clear).may_steer());
         }
-        let ruling = bench.run(9, &blocked);
-        assert!(faults(ruling).contains(&Fault::BlockedLong), "{ruling:?}");
+        let decision = bench.run(9, &blocked);
+        assert!(faults(decision).contains(&Fault::BlockedLong), "{decision:?}");
         assert_eq!(bench.run(20, &clear).phase, Phase::Landing);
         let mut seldom = Bench::flying();
         for _ in 0..20 {

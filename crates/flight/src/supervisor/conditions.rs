@@ -86,8 +86,8 @@ impl Supervisor {
             Fault::MocapRough => is_up && e.is_pose_rough,
             Fault::MocapUnsettled => is_idle && !e.is_pose_settled,
             Fault::MocapUndated => is_idle && e.incidents.is_mocap_undated,
-            Fault::WitnessDoubtful => self.worst_agreement(e) >= Agreement::Doubtful,
-            Fault::WitnessDisagrees => self.agreement(e) >= Agreement::Disagrees,
+            Fault::PoseDoubtful => self.worst_agreement(e) >= Agreement::Doubtful,
+            Fault::PoseInconsistent => self.agreement(e) >= Agreement::Disagrees,
             Fault::HeadingWrong => self.is_heading_wrong(e),
             Fault::StartMisplaced => is_idle && !self.may_start(e),
             Fault::PlanBlocked => self.is_blocked(e),
@@ -130,7 +130,7 @@ impl Supervisor {
     }
 
     /// The worse of both agreements of poses and drone, velocity and height: the drone's velocity counts in flight,
-    /// since it is judged by what it showed in level flight, its height from the take-off on.
+    /// since it is compared by what it showed in level flight, its height from the take-off on.
     fn agreement(&self, e: &Evidence) -> Agreement {
         let is_up = self.is_taking_off_or_flying();
         let height = if is_up { e.findings.height } else { Agreement::Unknown };

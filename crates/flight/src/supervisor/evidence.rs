@@ -108,14 +108,14 @@ pub struct EstimatedMotion {
     pub rate: Pose,
 }
 
-/// A command outage as judged by the motion.
+/// A command outage as detected from the motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outage {
-    /// How long it has been judged to last. s
+    /// How long it has lasted since its onset. s
     pub for_s: f64,
     /// Whether the drone goes on with the command of its beginning, in place of none.
     pub is_held: bool,
-    /// Motion of the vehicle if the judgement is wrong and all commands were applied unseen: with the newest estimate
+    /// Motion of the vehicle if the detection is wrong and all commands were applied unseen: with the newest estimate
     /// of the parameter, and with the parameter before the flight.
     pub unseen: [EstimatedMotion; 2],
 }
@@ -163,7 +163,7 @@ impl Incidents {
     }
 }
 
-/// Everything that a ruling rests on, at one tick. An age of NaN counts as too old.
+/// Everything that a decision rests on, at one tick. An age of NaN counts as too old.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(clippy::struct_excessive_bools, reason = "unrelated observations, not a state")]
 pub struct Evidence {
@@ -258,7 +258,7 @@ pub struct Evidence {
 /// What the supervisor decides for one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[must_use]
-pub struct Ruling {
+pub struct Decision {
     /// Phase after the tick.
     pub phase: Phase,
     /// Whose sticks pass; `None`: neutral sticks.
@@ -275,7 +275,7 @@ pub struct Ruling {
     pub pose_is_airborne: Option<bool>,
 }
 
-impl Ruling {
+impl Decision {
     /// Whether the sticks of a pilot pass.
     pub fn may_steer(&self) -> bool {
         self.pilot.is_some()

@@ -40,9 +40,11 @@ pub enum Fault {
     /// be dated.
     MocapUndated,
     /// The poses differ from the drone's own velocity, height or turn by more than their errors.
-    WitnessDoubtful,
+    #[serde(rename = "witness_doubtful")]
+    PoseDoubtful,
     /// The poses differ from the drone's own measurements by so much, or for so long, that they cannot be flown by.
-    WitnessDisagrees,
+    #[serde(rename = "witness_disagrees")]
+    PoseInconsistent,
     /// The vehicle moves in another direction than commanded, or turns otherwise by the poses than by the drone's own
     /// heading: the heading is wrong.
     HeadingWrong,
@@ -88,7 +90,7 @@ pub enum Fault {
     /// A command outage lasts longer than `failsafe.outage_s`, or `failsafe.outage_alone_s` while nothing confirms it.
     OutageLong,
     /// For 0.5 s the drone has not confirmed an outage, and the vehicle would have left the room if its commands act
-    /// against the judgement of the link monitor.
+    /// although the link monitor finds them lost.
     OutageUnsafe,
     /// The drone has not reported yet, or before the take-off not for `drone_silent_s`.
     DroneUnheard,
@@ -128,7 +130,7 @@ pub enum Fault {
     PersonGone,
     /// A timer released a key or a stick in the person's place.
     InputExpired,
-    /// The landing is confirmed by the poses alone: the drone did not report, or its height denied it.
+    /// The landing is confirmed by the poses alone: the drone did not report, or its height contradicted it.
     LandedByPose,
     /// The landing is confirmed by the drone alone: there was no pose, or it came to the floor by a jump.
     LandedByDrone,
@@ -196,8 +198,8 @@ impl Fault {
             Self::MocapRough => "mocap rough",
             Self::MocapUnsettled => "mocap unsettled",
             Self::MocapUndated => "mocap undated",
-            Self::WitnessDoubtful => "mocap and drone differ",
-            Self::WitnessDisagrees => "mocap and drone disagree",
+            Self::PoseDoubtful => "mocap and drone differ",
+            Self::PoseInconsistent => "mocap and drone disagree",
             Self::HeadingWrong => "heading wrong",
             Self::StartMisplaced => "start misplaced",
             Self::PlanBlocked => "plan blocked",
@@ -264,7 +266,7 @@ impl Fault {
             }
             Self::MocapStale
             | Self::MocapFrozen
-            | Self::WitnessDoubtful
+            | Self::PoseDoubtful
             | Self::EstimatorFailed
             | Self::FenceNear => (Reaction::Hold, Reaction::Note),
             // A silent drone may still obey, and a person who sees it can judge that. A mission does not bind a person.
@@ -275,7 +277,7 @@ impl Fault {
             Self::MocapLost
             | Self::MocapJumped
             | Self::MocapRough
-            | Self::WitnessDisagrees
+            | Self::PoseInconsistent
             | Self::HeadingWrong
             | Self::FenceLeft
             | Self::ObstacleEntered

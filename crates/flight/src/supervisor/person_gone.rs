@@ -49,9 +49,9 @@ mod tests {
             assert!(bench.run(ticks, &e).may_steer(), "{ticks} ticks of 0.1 s: {e:?}");
             assert!(bench.tick(&steered).may_steer());
             assert!(bench.run(ticks, &e).may_steer(), "a stick begins the time anew");
-            let ruling = bench.tick(&e);
+            let decision = bench.tick(&e);
             let expected = other.into_iter().chain([Fault::PersonGone]).collect::<Vec<_>>();
-            assert_eq!((ruling.phase, faults(ruling)), (Phase::Landing, expected));
+            assert_eq!((decision.phase, faults(decision)), (Phase::Landing, expected));
         }
         for away in [outside, fast] {
             let mut bench = Bench::flying();

@@ -140,24 +140,24 @@ impl Bench {
         Self { supervisor: Supervisor::new(settings, start), t_ns: -7_000_000_000 }
     }
 
-    pub(super) fn tick(&mut self, e: &Evidence) -> Ruling {
-        let ruling = self.supervisor.rule(&Evidence { t_ns: self.t_ns, ..*e });
-        assert_eq!(self.supervisor.phase(), ruling.phase);
+    pub(super) fn tick(&mut self, e: &Evidence) -> Decision {
+        let decision = self.supervisor.decide(&Evidence { t_ns: self.t_ns, ..*e });
+        assert_eq!(self.supervisor.phase(), decision.phase);
         self.t_ns += TICK_NS;
-        ruling
+        decision
     }
 
-    /// Ticks with the same evidence for `ticks` tenths of a second; the last ruling comes back.
-    pub(super) fn run(&mut self, ticks: u32, e: &Evidence) -> Ruling {
+    /// Ticks with the same evidence for `ticks` tenths of a second; the last decision comes back.
+    pub(super) fn run(&mut self, ticks: u32, e: &Evidence) -> Decision {
         self.pass(ticks - 1, e);
         self.tick(e)
     }
 
-    /// The same when the rulings do not matter beyond what always holds.
+    /// The same when the decisions do not matter beyond what always holds.
     pub(super) fn pass(&mut self, ticks: u32, e: &Evidence) {
         for _ in 0..ticks {
-            let ruling = self.tick(e);
-            assert!(!ruling.may_steer() || ruling.phase == Phase::Flying, "{ruling:?}");
+            let decision = self.tick(e);
+            assert!(!decision.may_steer() || decision.phase == Phase::Flying, "{decision:?}");
         }
     }
 
@@ -215,42 +215,42 @@ pub(super) fn with_drone(e: Evidence, change: impl FnOnce(&mut DroneReport)) -> 
     Evidence { drone: Some(drone), ..e }
 }
 
-pub(super) fn faults(ruling: Ruling) -> Vec<Fault> {
-    ruling.faults.iter().collect()
+pub(super) fn faults(decision: Decision) -> Vec<Fault> {
+    decision.faults.iter().collect()
 }
 
 #[test]
 fn a_whole_flight_goes_through_every_phase() {
     let mut bench = Bench::new(Start::Grounded);
-    let ruling = bench.run(30, &CALM);
-    assert_eq!((ruling.phase, ruling.order, ruling.may_steer()), (Phase::Idle, None, false));
-    let ruling = bench.tick(&asks_to_fly(CALM));
-    assert_eq!((ruling.phase, ruling.order), (Phase::TakingOff, Some(DroneOrder::TakeOff)));
-    let ruling = bench.run(20, &CALM);
-    assert_eq!((ruling.phase, ruling.order), (Phase::TakingOff, None));
-    let ruling = bench.tick(&ALOFT);
-    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
+    let decision = bench.run(30, &CALM);
+    assert_eq!((decision.phase, decision.order, decision.may_steer()), (Phase::Idle, None, false));
+    let decision = bench.tick(&asks_to_fly(CALM));
+    assert_eq!((decision.phase, decision.order), (Phase::TakingOff, Some(DroneOrder::TakeOff)));
+    let decision = bench.run(20, &CALM);
+    assert_eq!((decision.phase, decision.order), (Phase::TakingOff, None));
+    let decision = bench.tick(&ALOFT);
+    assert_eq!((decision.phase, decision.may_steer()), (Phase::Flying, false));
     assert!(!bench.run(14, &ALOFT).may_steer(), "1.4 s after the take-off");
     assert!(bench.tick(&ALOFT).may_steer(), "1.5 s after the take-off");
 
     let done = Evidence { is_mission_done: true, ..ALOFT };
-    let ruling = bench.run(20, &done);
-    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true), "done for 1.9 s");
-    let ruling = bench.tick(&done);
+    let decision = bench.run(20, &done);
+    assert_eq!((decision.phase, decision.may_steer()), (Phase::Flying, true), "done for 1.9 s");
+    let decision = bench.tick(&done);
     assert_eq!(
-        (ruling.phase, ruling.order),
+        (decision.phase, decision.order),
         (Phase::Landing, Some(DroneOrder::Land)),
         "done for 2.0 s"
     );
-    assert!(!ruling.may_steer() && ruling.faults.is_empty());
+    assert!(!decision.may_steer() && decision.faults.is_empty());
 
-    let ruling = bench.run(10, &CALM);
-    assert_eq!(ruling.phase, Phase::Landing, "down for 0.9 s");
-    let ruling = bench.tick(&CALM);
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landed, None), "down for 1.0 s");
-    assert!(ruling.faults.is_empty());
-    let ruling = bench.run(100, &asks_to_fly(CALM));
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landed, None));
+    let decision = bench.run(10, &CALM);
+    assert_eq!(decision.phase, Phase::Landing, "down for 0.9 s");
+    let decision = bench.tick(&CALM);
+    assert_eq!((decision.phase, decision.order), (Phase::Landed, None), "down for 1.0 s");
+    assert!(decision.faults.is_empty());
+    let decision = bench.run(100, &asks_to_fly(CALM));
+    assert_eq!((decision.phase, decision.order), (Phase::Landed, None));
 }
 
 #[test]
@@ -276,17 +276,17 @@ fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
         (with_drone(CALM, |drone| drone.is_flying = true), Fault::DroneAloft),
     ] {
         let mut bench = Bench::new(Start::Grounded);
-        let ruling = bench.run(5, &asks_to_fly(e));
-        assert_eq!((ruling.phase, ruling.order), (Phase::Idle, None), "{fault:?}");
-        assert!(ruling.faults.contains(fault), "{fault:?} is not in {:?}", ruling.faults);
+        let decision = bench.run(5, &asks_to_fly(e));
+        assert_eq!((decision.phase, decision.order), (Phase::Idle, None), "{fault:?}");
+        assert!(decision.faults.contains(fault), "{fault:?} is not in {:?}", decision.faults);
         // Nothing of it stays: nothing has happened yet.
-        let ruling = bench.tick(&asks_to_fly(CALM));
+        let decision = bench.tick(&asks_to_fly(CALM));
         assert_eq!(
-            (ruling.phase, ruling.order),
+            (decision.phase, decision.order),
             (Phase::TakingOff, Some(DroneOrder::TakeOff)),
             "{fault:?}"
         );
-        assert!(ruling.faults.is_empty(), "{:?}", ruling.faults);
+        assert!(decision.faults.is_empty(), "{:?}", decision.faults);
     }
 }
 
@@ -294,9 +294,13 @@ fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
 fn a_stale_position_means_neutral_sticks_and_control_resumes() {
     let mut bench = Bench::flying();
     for pose_age_s in [Some(0.26), Some(1.0), None] {
-        let ruling = bench.tick(&Evidence { pose_age_s, ..ALOFT });
-        assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false), "{pose_age_s:?}");
-        assert_eq!(faults(ruling), [Fault::MocapStale], "{pose_age_s:?}");
+        let decision = bench.tick(&Evidence { pose_age_s, ..ALOFT });
+        assert_eq!(
+            (decision.phase, decision.may_steer()),
+            (Phase::Flying, false),
+            "{pose_age_s:?}"
+        );
+        assert_eq!(faults(decision), [Fault::MocapStale], "{pose_age_s:?}");
         assert!(bench.tick(&ALOFT).may_steer());
     }
 }
@@ -320,17 +324,25 @@ fn landing_faults_end_the_flight_for_good() {
         (asks_to_land(ALOFT), Fault::OperatorStop),
     ] {
         for mut bench in [Bench::flying(), Bench::taking_off()] {
-            let ruling = bench.tick(&e);
+            let decision = bench.tick(&e);
             assert_eq!(
-                (ruling.phase, ruling.order),
+                (decision.phase, decision.order),
                 (Phase::Landing, Some(DroneOrder::Land)),
                 "{fault:?}"
             );
-            assert!(ruling.faults.contains(fault) && !ruling.may_steer(), "{:?}", ruling.faults);
-            let ruling = bench.run(50, &asks_to_fly(ALOFT));
-            assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Landing, false), "{fault:?}");
+            assert!(
+                decision.faults.contains(fault) && !decision.may_steer(),
+                "{:?}",
+                decision.faults
+            );
+            let decision = bench.run(50, &asks_to_fly(ALOFT));
+            assert_eq!(
+                (decision.phase, decision.may_steer()),
+                (Phase::Landing, false),
+                "{fault:?}"
+            );
             // What ended the flight stays, what came along with it does not.
-            assert_eq!(faults(ruling), [fault]);
+            assert_eq!(faults(decision), [fault]);
         }
     }
 }
@@ -338,32 +350,32 @@ fn landing_faults_end_the_flight_for_good() {
 #[test]
 fn mild_faults_are_noted_and_the_flight_goes_on() {
     let mut bench = Bench::flying();
-    let ruling = bench.run(50, &with_drone(ALOFT, |drone| drone.battery_pct = 29));
-    assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::BatteryLow]));
-    let ruling = bench.tick(&Evidence { has_controller_failed: true, ..ALOFT });
-    assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::ControllerFailed]));
+    let decision = bench.run(50, &with_drone(ALOFT, |drone| drone.battery_pct = 29));
+    assert_eq!((decision.may_steer(), faults(decision)), (true, vec![Fault::BatteryLow]));
+    let decision = bench.tick(&Evidence { has_controller_failed: true, ..ALOFT });
+    assert_eq!((decision.may_steer(), faults(decision)), (true, vec![Fault::ControllerFailed]));
     let expired = Incidents { has_input_expired: true, ..NO_INCIDENTS };
-    let ruling = bench.tick(&Evidence { incidents: expired, ..ALOFT });
-    assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::InputExpired]));
-    let ruling = bench.tick(&Evidence { has_estimator_failed: true, ..ALOFT });
-    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
-    assert_eq!(faults(ruling), [Fault::EstimatorFailed]);
+    let decision = bench.tick(&Evidence { incidents: expired, ..ALOFT });
+    assert_eq!((decision.may_steer(), faults(decision)), (true, vec![Fault::InputExpired]));
+    let decision = bench.tick(&Evidence { has_estimator_failed: true, ..ALOFT });
+    assert_eq!((decision.phase, decision.may_steer()), (Phase::Flying, false));
+    assert_eq!(faults(decision), [Fault::EstimatorFailed]);
 }
 
 #[test]
 fn what_never_came_is_missed_from_the_first_tick() {
     let mut bench = Bench::new(Start::Airborne);
-    let ruling = bench.run(11, &Evidence { pose_age_s: None, ..ALOFT });
-    assert_eq!((ruling.phase, faults(ruling)), (Phase::Flying, vec![Fault::MocapStale]));
-    let ruling = bench.tick(&Evidence { pose_age_s: None, ..ALOFT });
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
+    let decision = bench.run(11, &Evidence { pose_age_s: None, ..ALOFT });
+    assert_eq!((decision.phase, faults(decision)), (Phase::Flying, vec![Fault::MocapStale]));
+    let decision = bench.tick(&Evidence { pose_age_s: None, ..ALOFT });
+    assert_eq!((decision.phase, decision.order), (Phase::Landing, Some(DroneOrder::Land)));
 
     let mut bench = Bench::new(Start::Airborne);
-    let ruling = bench.run(21, &Evidence { drone: None, ..ALOFT });
-    assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![Fault::DroneUnheard]));
-    let ruling = bench.tick(&Evidence { drone: None, ..ALOFT });
-    assert_eq!(ruling.phase, Phase::Landing);
-    assert_eq!(faults(ruling), [Fault::DroneUnheard, Fault::DroneSilent]);
+    let decision = bench.run(21, &Evidence { drone: None, ..ALOFT });
+    assert_eq!((decision.may_steer(), faults(decision)), (true, vec![Fault::DroneUnheard]));
+    let decision = bench.tick(&Evidence { drone: None, ..ALOFT });
+    assert_eq!(decision.phase, Phase::Landing);
+    assert_eq!(faults(decision), [Fault::DroneUnheard, Fault::DroneSilent]);
 }
 
 #[test]
@@ -374,9 +386,9 @@ fn solvers_may_fail_a_few_ticks_in_a_row_but_no_more() {
         assert_eq!(bench.run(3, &failed).phase, Phase::Flying);
         assert_eq!(bench.run(6, &ALOFT).phase, Phase::Flying);
         assert_eq!(bench.run(3, &failed).phase, Phase::Flying);
-        let ruling = bench.tick(&failed);
-        assert_eq!(ruling.phase, Phase::Landing);
-        assert!(ruling.faults.contains(Fault::SolverFailing), "{:?}", ruling.faults);
+        let decision = bench.tick(&failed);
+        assert_eq!(decision.phase, Phase::Landing);
+        assert!(decision.faults.contains(Fault::SolverFailing), "{:?}", decision.faults);
     }
 }
 
@@ -387,7 +399,7 @@ fn a_failed_plan_of_long_ago_does_not_count() {
     let failed = Evidence { has_controller_failed: true, ..ALOFT };
     let stale = Evidence { pose_age_s: Some(0.5), ..failed };
     assert_eq!(faults(bench.tick(&stale)), [Fault::MocapStale, Fault::ControllerFailed]);
-    let ruling = bench.run(20, &stale);
-    assert_eq!((ruling.phase, faults(ruling)), (Phase::Flying, vec![Fault::MocapStale]));
+    let decision = bench.run(20, &stale);
+    assert_eq!((decision.phase, faults(decision)), (Phase::Flying, vec![Fault::MocapStale]));
     assert!(bench.tick(&failed).may_steer());
 }

@@ -217,7 +217,7 @@ impl Contender {
             if out.phase() != Phase::Flying {
                 let reached_all = row.targets_reached == self.reference.targets_count;
                 let is_done = measures.hover.as_ref().map_or(reached_all, Hover::is_done);
-                let faults = out.ruling.map(|ruling| ruling.faults).filter(|_| !is_done);
+                let faults = out.decision.map(|decision| decision.faults).filter(|_| !is_done);
                 let faults = faults.unwrap_or_default().ending_flight(Pilot::Controller);
                 row.landed_by.extend(faults.iter());
                 break if is_done { Ending::Missed } else { Ending::Landed };

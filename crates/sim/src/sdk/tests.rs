@@ -222,7 +222,7 @@ fn sticks_call_a_landing_off_or_do_not() {
 }
 
 #[test]
-fn a_drone_that_denies_flying_counts_no_motor_time() {
+fn a_drone_that_reports_no_flight_counts_no_motor_time() {
     for (flying, expected_s) in [(FlyingFlag::Right, 4.0), (FlyingFlag::Standing, 0.0)] {
         let bench = Bench::hovering_as(|drone| drone.status.flying = flying);
         let time_s = bench.world.truth().motor_s.trunc();

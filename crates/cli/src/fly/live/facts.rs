@@ -155,10 +155,13 @@ impl Facts {
             step: out.step,
             t_s: inbox.now.seconds(),
             phase: Some(out.phase()),
-            pilot: out.ruling.and_then(|ruling| ruling.pilot),
+            pilot: out.decision.and_then(|decision| decision.pilot),
             is_by_hand: inbox.manual.is_some(),
             operator: inbox.operator,
-            faults: out.ruling.map(|ruling| ruling.faults.iter().collect()).unwrap_or_default(),
+            faults: out
+                .decision
+                .map(|decision| decision.faults.iter().collect())
+                .unwrap_or_default(),
             estimate: out.pose_hat().map(Into::into),
             velocity_w: velocities.map(|[total, _]| total),
             disturbance_w: velocities.map(|[_, drift]| drift),

@@ -96,7 +96,7 @@ fn a_flight_is_a_success_if_it_landed_after_its_last_target() {
 }
 
 #[test]
-fn a_landing_that_one_witness_alone_reports_says_so() {
+fn a_landing_that_one_source_alone_reports_says_so() {
     let first = |faults: &[Fault]| {
         let text = summary(Phase::Landed, faults).to_string();
         text.lines().next().unwrap().to_owned()

@@ -19,9 +19,9 @@ fn a_pose_is_as_much_too_far_as_a_vehicle_does_not_fly() {
     for (ms, jump_m) in [(20, 0.46), (250, 0.0), (1000, -1.5)] {
         let mut plausibility = Plausibility::default();
         let accepted = |o| filtered(o, Acceptance::Accepted, Acceptance::Accepted);
-        plausibility.judge(Some(&HERE), &accepted(HERE), at(0));
+        plausibility.check(Some(&HERE), &accepted(HERE), at(0));
         assert_eq!(plausibility.jump_m(), None, "the first");
-        plausibility.judge(Some(&there), &accepted(there), at(ms));
+        plausibility.check(Some(&there), &accepted(there), at(ms));
         let found_m = plausibility.jump_m().unwrap();
         assert!((found_m - jump_m).abs() < 1e-9, "{ms} ms: {found_m} m");
         plausibility.open();
@@ -36,7 +36,7 @@ fn a_position_that_was_repeated_is_as_old_as_when_it_was_measured() {
         let o = HERE + Pose::new(x_m, 0.0, 0.0, 0.0);
         plausibility.open();
         let seen = filtered(o, Acceptance::Accepted, Acceptance::Accepted);
-        plausibility.judge(Some(&o), &seen, at(ms));
+        plausibility.check(Some(&o), &seen, at(ms));
         plausibility.jump_m()
     };
     let least_m = (0..=80).filter_map(|k| see(0.0, 20 * k)).fold(0.0, f64::min);
@@ -53,7 +53,7 @@ fn a_drop_is_what_the_largest_descent_of_a_tick_exceeds_a_vehicles() {
     let mut plausibility = Plausibility::default();
     let mut see = |dz_m: f64, ms| {
         let o = HERE + Pose::new(0.0, 0.0, dz_m, 0.0);
-        plausibility.judge(
+        plausibility.check(
             Some(&o),
             &filtered(o, Acceptance::Accepted, Acceptance::Accepted),
             at(ms),
@@ -68,7 +68,7 @@ fn a_drop_is_what_the_largest_descent_of_a_tick_exceeds_a_vehicles() {
     plausibility.open();
     assert_eq!(plausibility.drop_m(), None);
     let up = HERE + Pose::new(0.0, 0.0, 0.5, 0.0);
-    plausibility.judge(
+    plausibility.check(
         Some(&up),
         &filtered(up, Acceptance::Accepted, Acceptance::Accepted),
         at(80),
@@ -84,7 +84,7 @@ fn what_jumps_between_two_positions_tells_nothing_of_the_commands_for_a_second()
         let o = HERE + Pose::new(x_m, 0.0, 0.0, 0.0);
         plausibility.open();
         let accepted = filtered(o, Acceptance::Accepted, Acceptance::Accepted);
-        plausibility.judge(Some(&o), &accepted, at(ms));
+        plausibility.check(Some(&o), &accepted, at(ms));
         plausibility.steady(&observed).is_present
     };
     // 1.9 m/s and 3 m/s for 20 ms are steady, 0.25 m are not.
@@ -108,7 +108,7 @@ fn an_object_in_two_positions_is_rough_and_one_that_is_moved_at_times_is_not() {
                 HERE + Pose::new(0.2 * (k / period_ticks % 2) as f64, 1e-9 * *k as f64, 0.0, 0.0);
             plausibility.open();
             let seen = filtered(o, Acceptance::Accepted, Acceptance::Accepted);
-            plausibility.judge(Some(&o), &seen, at(20 * k));
+            plausibility.check(Some(&o), &seen, at(20 * k));
             plausibility.is_rough()
         })
     };
@@ -130,7 +130,7 @@ fn many_small_steps_beyond_a_vehicles_speed_are_rough() {
                 + Pose::new(step_m * (k / period_ticks % 2) as f64, 1e-9 * *k as f64, 0.0, 0.0);
             plausibility.open();
             let seen = filtered(o, Acceptance::Accepted, Acceptance::Accepted);
-            plausibility.judge(Some(&o), &seen, at(20 * k));
+            plausibility.check(Some(&o), &seen, at(20 * k));
             plausibility.is_rough()
         })
     };
@@ -152,7 +152,7 @@ fn a_jump_counts_for_fifty_ticks_with_four_others() {
             x_m += if [1, 10, 20, 30, last].contains(&k) { 0.2 } else { 0.0 };
             let o = HERE + Pose::new(x_m, 1e-9 * k as f64, 0.0, 0.0);
             let seen = filtered(o, Acceptance::Accepted, Acceptance::Accepted);
-            plausibility.judge(Some(&o), &seen, at(20 * k));
+            plausibility.check(Some(&o), &seen, at(20 * k));
         }
         assert_eq!(plausibility.is_rough(), is_rough, "{last}");
     }
@@ -161,7 +161,7 @@ fn a_jump_counts_for_fifty_ticks_with_four_others() {
 #[test]
 fn refused_poses_are_not_the_vehicles_and_time_goes_on() {
     let mut plausibility = Plausibility::default();
-    plausibility.judge(
+    plausibility.check(
         Some(&HERE),
         &filtered(HERE, Acceptance::Accepted, Acceptance::Accepted),
         at(0),
@@ -169,15 +169,15 @@ fn refused_poses_are_not_the_vehicles_and_time_goes_on() {
     let there = HERE + Pose::new(0.6, 0.0, 0.0, 0.0);
     for k in 1..4 {
         let held = filtered(HERE, Acceptance::Held, Acceptance::Held);
-        plausibility.judge(Some(&there), &held, at(20 * k));
+        plausibility.check(Some(&there), &held, at(20 * k));
         assert_eq!(plausibility.jump_m(), None);
     }
     let seen = filtered(there, Acceptance::Accepted, Acceptance::Accepted);
-    plausibility.judge(Some(&there), &seen, at(80));
+    plausibility.check(Some(&there), &seen, at(80));
     assert!((plausibility.jump_m().unwrap() - 0.44).abs() < 1e-9);
     plausibility.restart();
     plausibility.open();
-    plausibility.judge(
+    plausibility.check(
         Some(&HERE),
         &filtered(HERE, Acceptance::Accepted, Acceptance::Held),
         at(100),
@@ -191,7 +191,7 @@ fn shift_m(x_m: &[f64]) -> f64 {
     for (x_m, ms) in x_m.iter().zip((0..).step_by(20)) {
         let o = HERE + Pose::new(*x_m, 0.0, 0.0, 0.0);
         let seen = filtered(o, Acceptance::Accepted, Acceptance::Accepted);
-        plausibility.judge(Some(&o), &seen, at(ms));
+        plausibility.check(Some(&o), &seen, at(ms));
     }
     plausibility.shift_m()
 }
@@ -218,18 +218,18 @@ fn only_equal_poses_in_a_row_are_repetitions() {
     let mut plausibility = Plausibility::default();
     let seen = filtered(HERE, Acceptance::Accepted, Acceptance::Accepted);
     for _ in 0..3 {
-        plausibility.judge(Some(&HERE), &seen, at(0));
-        plausibility.judge(None, &seen, at(0));
+        plausibility.check(Some(&HERE), &seen, at(0));
+        plausibility.check(None, &seen, at(0));
     }
     assert!(!plausibility.is_repeated());
-    plausibility.judge(Some(&HERE), &seen, at(0));
+    plausibility.check(Some(&HERE), &seen, at(0));
     assert!(plausibility.is_repeated());
     // Height and heading that go on do not make a position a new one.
     let turned = HERE + Pose::new(0.0, 0.0, 0.1, 0.1);
-    plausibility.judge(Some(&turned), &seen, at(0));
+    plausibility.check(Some(&turned), &seen, at(0));
     assert!(plausibility.is_repeated());
     let moved = HERE + Pose::new(1e-4, 0.0, 0.0, 0.0);
     let seen = filtered(moved, Acceptance::Accepted, Acceptance::Accepted);
-    plausibility.judge(Some(&moved), &seen, at(0));
+    plausibility.check(Some(&moved), &seen, at(0));
     assert!(!plausibility.is_repeated());
 }

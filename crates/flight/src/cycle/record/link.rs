@@ -4,7 +4,7 @@ use horizon_model::rows::stick;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::LinkVerdict;
+use crate::LinkDecision;
 use crate::cycle::DeadTimeChange;
 
 /// Whether the sent sticks of a step act.
@@ -30,13 +30,13 @@ pub struct LinkRecord {
 }
 
 impl LinkRecord {
-    /// The record of `verdict` and of the corrections of the dead times in step `step`.
-    pub(super) fn new(step: u64, verdict: &LinkVerdict, change: Option<DeadTimeChange>) -> Self {
+    /// The record of `decision` and of the corrections of the dead times in step `step`.
+    pub(super) fn new(step: u64, decision: &LinkDecision, change: Option<DeadTimeChange>) -> Self {
         let change_s = |axis: usize| change.map(|change| change.change_s[axis]);
         Self {
             step,
-            is_down: verdict.state.is_down(),
-            score: verdict.score,
+            is_down: decision.state.is_down(),
+            score: decision.score,
             dead_time_change_s: change_s(stick::PITCH),
             dead_time_error_s: change.and_then(|change| change.error).map(|error| error.mean_s),
             throttle_change_s: change_s(stick::THROTTLE),

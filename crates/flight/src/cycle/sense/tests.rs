@@ -104,7 +104,7 @@ fn a_position_that_is_repeated_is_no_news_whatever_the_height_does() {
         inbox.sightings.push(seen);
         let mut out = cycle.new_outcome();
         cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
-        out.ruling.unwrap().faults.contains(crate::Fault::MocapFrozen)
+        out.decision.unwrap().faults.contains(crate::Fault::MocapFrozen)
     });
     let found: Vec<bool> = found.collect();
     // Three repetitions, then `stale_s`, 0.5 s.
@@ -120,7 +120,7 @@ fn late_sightings_alone_are_silence_and_a_timely_one_ends_it() {
     ages_ns.push(&[100_000_000]);
     let outcomes = fly(&ages_ns);
     let is_stale =
-        |step: usize| outcomes[step].ruling.unwrap().faults.contains(crate::Fault::MocapStale);
+        |step: usize| outcomes[step].decision.unwrap().faults.contains(crate::Fault::MocapStale);
     // The newest pose is that of step 9; `stale_s` is 0.5 s.
     assert!((0..=34).all(|step| !is_stale(step)) && (35..40).all(is_stale));
     assert!(outcomes[20].raw.is_none() && outcomes[40].raw.is_some() && !is_stale(40));
@@ -293,7 +293,7 @@ fn the_age_of_a_pose_is_that_of_its_older_part() {
     let stale = (0..60).map(|_| {
         let out = shown.show(Some(at(3.0)), None);
         assert_eq!(out.filtered.unwrap().position, Acceptance::Accepted);
-        out.ruling.unwrap().faults.contains(crate::Fault::MocapStale)
+        out.decision.unwrap().faults.contains(crate::Fault::MocapStale)
     });
     let stale: Vec<bool> = stale.collect();
     assert_eq!(stale.iter().position(|is_stale| *is_stale), Some(25));

@@ -38,7 +38,7 @@ fn flying() -> DroneStatus {
 }
 
 fn faults(out: &Outcome) -> crate::FaultSet {
-    out.ruling.unwrap().faults
+    out.decision.unwrap().faults
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Integrals, tolerances, and which witness counts.
+//! Integrals, tolerances, and which drone is compared.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -108,8 +108,8 @@ fn directions_differ_beyond_the_turn_of_the_vehicles_own_axes() {
         let got_m = difference_m(length_m, turn_rad, length_m).unwrap();
         assert!((got_m - expected_m).abs() < 1e-12, "{length_m} m, {turn_rad} rad: {got_m} m");
     }
-    for (inputs_m, is_witness) in [(-0.01, false), (0.01, true), (0.79, true), (0.81, false)] {
+    for (inputs_m, is_compared) in [(-0.01, false), (0.01, true), (0.79, true), (0.81, false)] {
         let found = difference_m(0.6, 0.0, inputs_m).is_some();
-        assert_eq!(found, is_witness, "drone at 0.6 m, poses at 1.2 m, inputs at {inputs_m} m");
+        assert_eq!(found, is_compared, "drone at 0.6 m, poses at 1.2 m, inputs at {inputs_m} m");
     }
 }

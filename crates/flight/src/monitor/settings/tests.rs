@@ -63,7 +63,7 @@ fn a_key_that_is_missing_or_unknown_is_refused_save_the_newest() {
 }
 
 #[test]
-fn logs_without_monitors_are_judged_by_the_settings_of_the_usual_flight() {
+fn logs_without_monitors_are_checked_by_the_settings_of_the_usual_flight() {
     let text = include_str!("../../../../../configs/fly.json");
     let document: Value = serde_json::from_str(text).unwrap();
     assert_eq!(read(&document["cycle"]["monitors"]), Ok(MonitorTable::default()));

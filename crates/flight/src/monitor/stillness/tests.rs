@@ -171,7 +171,7 @@ fn is_frozen_after_a_corner(
 }
 
 #[test]
-fn lost_commands_are_no_frozen_axis_if_the_drone_denies_to_have_followed_them() {
+fn lost_commands_are_no_frozen_axis_if_the_drone_reports_no_motion() {
     let silent = |_| None;
     let small = |v_mps: [f64; 2]| Some(v_mps.map(|mps| 0.1 * mps));
     let turned = |[first_mps, second_mps]: [f64; 2]| Some([-second_mps, first_mps]);
@@ -180,7 +180,7 @@ fn lost_commands_are_no_frozen_axis_if_the_drone_denies_to_have_followed_them() 
         assert!(!is_frozen_after_a_corner(true, true, report), "right");
         assert!(is_frozen_after_a_corner(true, false, report), "frozen");
     }
-    // No witness: none, or one in another unit.
+    // No speed by the drone, or one in another unit.
     for report in [silent, small] {
         assert!(is_frozen_after_a_corner(false, true, report));
         assert!(is_frozen_after_a_corner(true, false, report));
@@ -353,10 +353,10 @@ fn all_rows_are_still_as_long_as_the_one_that_stopped_last_and_windows_add_the_l
 
 #[test]
 fn inputs_contradict_from_their_least_time_on_and_a_denial_neither_begins_nor_ends_that() {
-    const ASKED: Signs = Signs { is_asked: true, is_still: true, is_denied: false };
-    const QUIET: Signs = Signs { is_asked: false, ..ASKED };
-    const DENIED: Signs = Signs { is_denied: true, ..ASKED };
-    const MOVED: Signs = Signs { is_still: false, ..ASKED };
+    const LARGE: Signs = Signs { has_large_input: true, is_still: true, reports_no_motion: false };
+    const QUIET: Signs = Signs { is_asked: false, ..LARGE };
+    const AT_REST: Signs = Signs { reports_no_motion: true, ..LARGE };
+    const MOVED: Signs = Signs { is_still: false, ..LARGE };
     let found = |ticks: &[Signs]| {
         let mut contradiction = Contradiction::default();
         for signs in ticks {
@@ -365,13 +365,13 @@ fn inputs_contradict_from_their_least_time_on_and_a_denial_neither_begins_nor_en
         contradiction.is_found
     };
     for (ticks, expected) in [
-        (&[ASKED][..], false),
-        (&[ASKED, ASKED], true),
-        (&[ASKED, QUIET, ASKED], false),
-        (&[ASKED, ASKED, QUIET], true),
-        (&[DENIED, DENIED, DENIED], false),
-        (&[ASKED, ASKED, DENIED], true),
-        (&[ASKED, ASKED, MOVED], false),
+        (&[LARGE][..], false),
+        (&[LARGE, LARGE], true),
+        (&[LARGE, QUIET, LARGE], false),
+        (&[LARGE, LARGE, QUIET], true),
+        (&[AT_REST, AT_REST, AT_REST], false),
+        (&[LARGE, LARGE, AT_REST], true),
+        (&[LARGE, LARGE, MOVED], false),
         (&[MOVED, MOVED, QUIET], false),
     ] {
         assert_eq!(found(ticks), expected, "{ticks:?}");

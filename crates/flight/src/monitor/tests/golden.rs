@@ -199,7 +199,7 @@ fn stillness_is_found_when_it_was_recorded() {
 fn doubt_adds_up_to_disagreement_and_is_forgiven_slowly() {
     let mut doubt = Doubt::default();
     let mut on = |error: f64, times: usize| {
-        (0..times).map(|_| doubt.judge(error, 1.0, 0.25)).last().unwrap()
+        (0..times).map(|_| doubt.update(error, 1.0, 0.25)).last().unwrap()
     };
     assert_eq!(on(1.0, 1), Agreement::Agrees);
     assert_eq!(on(1.01, 5), Agreement::Doubtful);

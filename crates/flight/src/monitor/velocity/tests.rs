@@ -158,7 +158,7 @@ fn along_sides(scale: f64, late: usize, drift_mps: f64) -> (f64, Option<f64>) {
 }
 
 #[test]
-fn a_drone_whose_reports_are_late_or_of_another_scale_is_a_witness_all_the_same() {
+fn a_drone_whose_reports_are_late_or_of_another_scale_counts_all_the_same() {
     for (scale, late_s) in
         [(1.0, 0.0), (0.8, 0.0), (1.2, 0.0), (1.4, 0.0), (1.0, 0.3), (1.0, 0.5), (0.85, 0.9)]
     {

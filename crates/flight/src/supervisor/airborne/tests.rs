@@ -1,4 +1,4 @@
-//! Landings that one witness alone confirms, and witnesses that do not count.
+//! Landings that one source alone confirms, and sources that do not count.
 
 use horizon_model::rows::Pose;
 
@@ -27,52 +27,52 @@ fn landings(bench: &mut Bench, ticks: u32, e: &Evidence) -> usize {
 }
 
 #[test]
-fn a_landing_is_ordered_until_one_witness_alone_has_lasted_and_the_other_is_named() {
+fn a_landing_is_ordered_until_one_source_alone_has_lasted_and_the_other_is_named() {
     for (e, fault) in [(MUTE, Fault::LandedByPose), (BLIND, Fault::LandedByDrone)] {
         let mut bench = Bench::landing();
         assert_eq!(landings(&mut bench, 100, &e), 20);
         assert_eq!(bench.supervisor.phase(), Phase::Landing, "longer than the time for a landing");
-        let ruling = bench.tick(&e);
-        assert_eq!((ruling.phase, ruling.order), (Phase::Landed, None));
-        let witnesses = [Fault::LandedByPose, Fault::LandedByDrone];
-        let is_named = |ruling: Ruling| witnesses.map(|fault| ruling.faults.contains(fault));
-        assert_eq!(is_named(ruling), witnesses.map(|one| one == fault));
-        assert_eq!(is_named(bench.run(50, &CALM)), is_named(ruling), "to the end");
+        let decision = bench.tick(&e);
+        assert_eq!((decision.phase, decision.order), (Phase::Landed, None));
+        let sources = [Fault::LandedByPose, Fault::LandedByDrone];
+        let is_named = |decision: Decision| sources.map(|fault| decision.faults.contains(fault));
+        assert_eq!(is_named(decision), sources.map(|one| one == fault));
+        assert_eq!(is_named(bench.run(50, &CALM)), is_named(decision), "to the end");
         // Both report so for a second: nothing is missing.
         let mut bench = Bench::landing();
         bench.pass(50, &e);
-        let ruling = bench.run(11, &CALM);
-        assert_eq!((ruling.phase, is_named(ruling)), (Phase::Landed, [false, false]));
-        // The one that was missing comes back and denies it.
+        let decision = bench.run(11, &CALM);
+        assert_eq!((decision.phase, is_named(decision)), (Phase::Landed, [false, false]));
+        // The one that was missing comes back and contradicts it.
         let mut bench = Bench::landing();
         bench.pass(99, &e);
-        let denies = if fault == Fault::LandedByPose {
+        let contradicts = if fault == Fault::LandedByPose {
             with_drone(CALM, |drone| drone.is_flying = true)
         } else {
             Evidence { pose: ALOFT.pose, ..CALM }
         };
-        assert_eq!(bench.tick(&denies).phase, Phase::LandingUnconfirmed, "10 s");
+        assert_eq!(bench.tick(&contradicts).phase, Phase::LandingUnconfirmed, "10 s");
         assert_eq!(landings(&mut bench, 100, &e), 20);
     }
 }
 
 #[test]
-fn a_pose_that_came_to_the_floor_by_a_jump_is_no_witness() {
+fn a_pose_that_came_to_the_floor_by_a_jump_does_not_count() {
     let aside = Evidence { jump_m: Some(1.51), ..MUTE };
     let down = Evidence { drop_m: Some(0.31), ..MUTE };
     let near = Evidence { jump_m: Some(1.5), drop_m: Some(0.3), ..MUTE };
     for (jump, counts) in [(aside, false), (down, false), (near, true)] {
         let mut bench = Bench::landing();
         assert_eq!(bench.tick(&jump).pose_is_airborne, counts.then_some(false));
-        let ruling = bench.run(200, &MUTE);
-        assert_eq!(ruling.pose_is_airborne, counts.then_some(false));
+        let decision = bench.run(200, &MUTE);
+        assert_eq!(decision.pose_is_airborne, counts.then_some(false));
         let phase = if counts { Phase::Landed } else { Phase::LandingUnconfirmed };
-        assert_eq!(ruling.phase, phase, "{jump:?}");
+        assert_eq!(decision.phase, phase, "{jump:?}");
         // The drone alone decides, later than with a pose.
         let mut bench = Bench::landing();
         bench.pass(1, &jump);
-        let ruling = bench.run(11, &CALM);
-        assert_eq!(ruling.phase == Phase::Landed, counts, "{jump:?}");
+        let decision = bench.run(11, &CALM);
+        assert_eq!(decision.phase == Phase::Landed, counts, "{jump:?}");
         // Back in the air it is the vehicle again.
         let mut bench = Bench::landing();
         bench.pass(1, &jump);
@@ -85,16 +85,16 @@ fn a_pose_that_came_to_the_floor_by_a_jump_is_no_witness() {
 fn a_jump_in_flight_discredits_the_pose_for_the_landing() {
     let mut bench = Bench::flying();
     bench.pass(1, &CALM);
-    let ruling = bench.tick(&Evidence { jump_m: Some(9.0), ..CALM });
-    assert_eq!(ruling.phase, Phase::Landing);
+    let decision = bench.tick(&Evidence { jump_m: Some(9.0), ..CALM });
+    assert_eq!(decision.phase, Phase::Landing);
     assert_eq!(bench.run(200, &MUTE).phase, Phase::LandingUnconfirmed);
 }
 
 #[test]
-fn a_drone_that_stands_in_the_air_by_its_own_height_is_no_witness() {
+fn a_drone_that_stands_in_the_air_by_its_own_height_does_not_count() {
     let blind = |height_m| stands_at(BLIND, height_m);
     for (e, ticks, phase) in [
-        // 1.1 m above the ground: it denies its flight, and nothing confirms the landing.
+        // 1.1 m above the ground: it reports no flight, and nothing confirms the landing.
         (blind(Some(1.3)), 150, Phase::LandingUnconfirmed),
         (blind(Some(0.7)), 150, Phase::LandingUnconfirmed),
         // 0.4 m: a height that drifts.
@@ -106,8 +106,8 @@ fn a_drone_that_stands_in_the_air_by_its_own_height_is_no_witness() {
         (stands_at(CALM, Some(1.3)), 101, Phase::Landed),
         (stands_at(CALM, Some(0.6)), 11, Phase::Landed),
     ] {
-        let ruling = landing_from_0_2_m().run(ticks, &e);
-        assert_eq!(ruling.phase, phase, "{ticks} ticks of {e:?}");
+        let decision = landing_from_0_2_m().run(ticks, &e);
+        assert_eq!(decision.phase, phase, "{ticks} ticks of {e:?}");
     }
 }
 
@@ -126,10 +126,10 @@ fn a_low_drone_that_says_it_flies_is_not_down() {
 fn what_is_carried_waits_for_its_first_pose_and_needs_no_drone() {
     let mut bench = Bench::new(Start::Carried);
     let unseen = Evidence { pose_age_s: None, drone: None, ..ALOFT };
-    let ruling = bench.run(100, &unseen);
-    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
-    let ruling = bench.run(100, &with_drone(ALOFT, |drone| drone.is_flying = false));
-    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true));
+    let decision = bench.run(100, &unseen);
+    assert_eq!((decision.phase, decision.may_steer()), (Phase::Flying, false));
+    let decision = bench.run(100, &with_drone(ALOFT, |drone| drone.is_flying = false));
+    assert_eq!((decision.phase, decision.may_steer()), (Phase::Flying, true));
     assert_eq!(bench.run(12, &asks_to_land(ALOFT)).phase, Phase::Landed);
 }
 
@@ -158,7 +158,7 @@ fn all_who_can_tell_have_to_agree_that_the_vehicle_is_down() {
         (Some(1.1), None, None),
         (None, Some(true), None),
         (None, None, None),
-        // One witness alone confirms later.
+        // One source alone confirms later.
         (Some(0.1), None, Some(101)),
         (None, Some(false), Some(101)),
         // Rise of 0.25 m, half of `airborne_height_m`.

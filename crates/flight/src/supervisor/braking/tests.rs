@@ -14,22 +14,22 @@ fn fast() -> Evidence {
 fn braking() -> Bench {
     let mut bench = Bench::flying();
     bench.pass(1, &Evidence { speed_mps: 1.0, ..ALOFT });
-    let ruling = bench.tick(&fast());
-    assert_eq!((ruling.phase, ruling.pilot), (Phase::Flying, Some(Pilot::Controller)));
-    assert!(ruling.is_braking);
-    assert_eq!(faults(ruling), [Fault::DroneSilent]);
+    let decision = bench.tick(&fast());
+    assert_eq!((decision.phase, decision.pilot), (Phase::Flying, Some(Pilot::Controller)));
+    assert!(decision.is_braking);
+    assert_eq!(faults(decision), [Fault::DroneSilent]);
     bench
 }
 
 #[test]
 fn it_lands_when_it_is_slow_or_has_braked_for_long_enough() {
-    let ruling = braking().tick(&Evidence { speed_mps: 0.2, ..fast() });
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
+    let decision = braking().tick(&Evidence { speed_mps: 0.2, ..fast() });
+    assert_eq!((decision.phase, decision.order), (Phase::Landing, Some(DroneOrder::Land)));
     // 0.1 s a tick.
     let mut bench = braking();
     assert_eq!(bench.run(14, &fast()).phase, Phase::Flying);
-    let ruling = bench.tick(&fast());
-    assert_eq!((ruling.phase, ruling.is_braking), (Phase::Landing, false));
+    let decision = bench.tick(&fast());
+    assert_eq!((decision.phase, decision.is_braking), (Phase::Landing, false));
 }
 
 #[test]
@@ -53,9 +53,9 @@ fn it_lands_at_once_when_the_controller_may_no_longer_steer() {
 fn a_flight_that_brakes_ends_even_if_its_reason_goes_away() {
     let mut bench = braking();
     let again = Evidence { speed_mps: 1.0, ..ALOFT };
-    let ruling = bench.tick(&again);
-    assert!(ruling.is_braking && ruling.may_steer());
-    assert_eq!(faults(ruling), [Fault::DroneSilent], "it stays the reason");
+    let decision = bench.tick(&again);
+    assert!(decision.is_braking && decision.may_steer());
+    assert_eq!(faults(decision), [Fault::DroneSilent], "it stays the reason");
     assert_eq!(bench.tick(&ALOFT).phase, Phase::Landing);
 }
 
@@ -65,8 +65,8 @@ fn a_speed_just_above_the_limit_is_braked_on_and_so_is_one_before_a_wall_that_a_
         Evidence { speed_mps: SLOW_MPS.next_up(), ..fast() },
         Evidence { is_plan_clear: Some(false), ..fast() },
     ] {
-        let ruling = braking().tick(&e);
-        assert_eq!((ruling.phase, ruling.is_braking), (Phase::Flying, true), "{e:?}");
+        let decision = braking().tick(&e);
+        assert_eq!((decision.phase, decision.is_braking), (Phase::Flying, true), "{e:?}");
     }
 }
 
@@ -79,8 +79,8 @@ fn a_mission_that_is_done_lands_a_vehicle_at_rest_and_brakes_one_that_a_person_h
     bench.pass(20, &by_hand);
     let hold = (TABLE.finish_hold_s * 10.0).round();
     let is_braking = |bench: &mut Bench| {
-        let ruling = bench.tick(&fast);
-        (ruling.phase, ruling.is_braking)
+        let decision = bench.tick(&fast);
+        (decision.phase, decision.is_braking)
     };
     for _ in 0..100 {
         match is_braking(&mut bench) {
@@ -91,8 +91,8 @@ fn a_mission_that_is_done_lands_a_vehicle_at_rest_and_brakes_one_that_a_person_h
             }
         }
     }
-    let ruling = bench.tick(&done);
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
+    let decision = bench.tick(&done);
+    assert_eq!((decision.phase, decision.order), (Phase::Landing, Some(DroneOrder::Land)));
     let mut bench = Bench::flying();
     let ticks = (0..100).take_while(|_| bench.tick(&done).phase == Phase::Flying).count();
     assert!((ticks as f64 - hold).abs() <= 1.0, "{ticks} ticks for {hold}");

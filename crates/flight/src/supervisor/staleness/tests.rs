@@ -14,9 +14,9 @@ fn a_still_pose_takes_the_commands_and_then_the_flight() {
     ] {
         let findings = Findings { frozen_s: Some(still_s), ..NOTHING_FOUND };
         let e = Evidence { findings, ..ALOFT };
-        let ruling = Bench::flying().tick(&e);
-        assert_eq!((ruling.phase, ruling.may_steer()), (phase, may_steer), "{still_s}");
-        assert_eq!(faults(ruling), expected, "{still_s}");
+        let decision = Bench::flying().tick(&e);
+        assert_eq!((decision.phase, decision.may_steer()), (phase, may_steer), "{still_s}");
+        assert_eq!(faults(decision), expected, "{still_s}");
     }
     // In the climb it is still although the drone reports its rise, from 0.2 m to 0.6 m.
     let still = |height_m| {
@@ -33,8 +33,8 @@ fn a_still_pose_takes_the_commands_and_then_the_flight() {
     }
     // On the ground everything is still.
     let still = Evidence { findings: Findings { still_s: Some(9.0), ..NOTHING_FOUND }, ..CALM };
-    let ruling = Bench::new(Start::Grounded).tick(&asks_to_fly(still));
-    assert_eq!(ruling.phase, Phase::TakingOff);
+    let decision = Bench::new(Start::Grounded).tick(&asks_to_fly(still));
+    assert_eq!(decision.phase, Phase::TakingOff);
 }
 
 #[test]
@@ -43,17 +43,17 @@ fn a_frozen_stream_is_named_once_its_pose_is_stale() {
         |pose_age_s| Evidence { pose_age_s: Some(pose_age_s), is_pose_repeated: true, ..ALOFT };
     let mut bench = Bench::flying();
     assert!(bench.tick(&frozen(0.2)).may_steer());
-    let ruling = bench.tick(&frozen(0.3));
-    assert_eq!(faults(ruling), [Fault::MocapStale, Fault::MocapFrozen]);
-    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
+    let decision = bench.tick(&frozen(0.3));
+    assert_eq!(faults(decision), [Fault::MocapStale, Fault::MocapFrozen]);
+    assert_eq!((decision.phase, decision.may_steer()), (Phase::Flying, false));
     assert_eq!(bench.tick(&frozen(1.1)).phase, Phase::Landing);
 }
 
 #[test]
 fn jumps_and_shifts_within_the_limits_are_good() {
     for e in [Evidence { jump_m: Some(1.5), ..ALOFT }, Evidence { shift_m: 1.5, ..ALOFT }] {
-        let ruling = Bench::flying().tick(&e);
-        assert_eq!((ruling.may_steer(), faults(ruling)), (true, vec![]));
+        let decision = Bench::flying().tick(&e);
+        assert_eq!((decision.may_steer(), faults(decision)), (true, vec![]));
     }
 }
 
@@ -61,9 +61,13 @@ fn jumps_and_shifts_within_the_limits_are_good() {
 fn poses_that_were_shifted_by_more_than_the_limit_or_by_no_number_end_the_flight() {
     for shift_m in [1.5_f64.next_up(), f64::INFINITY, f64::NAN] {
         for mut bench in [Bench::flying(), Bench::taking_off()] {
-            let ruling = bench.tick(&Evidence { shift_m, ..ALOFT });
-            assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Landing, false), "{shift_m}");
-            assert_eq!(faults(ruling), [Fault::MocapJumped], "{shift_m}");
+            let decision = bench.tick(&Evidence { shift_m, ..ALOFT });
+            assert_eq!(
+                (decision.phase, decision.may_steer()),
+                (Phase::Landing, false),
+                "{shift_m}"
+            );
+            assert_eq!(faults(decision), [Fault::MocapJumped], "{shift_m}");
         }
     }
 }

@@ -26,11 +26,11 @@ fn a_person_takes_over_at_once_and_hands_back_at_once() {
 #[test]
 fn a_person_flies_on_without_a_pose_and_who_hands_back_blind_is_landed() {
     let mut bench = Bench::flying();
-    let ruling = bench.run(300, &by_hand(blind(ALOFT)));
-    assert_eq!((ruling.phase, ruling.pilot), (Phase::Flying, Some(Pilot::Person)));
-    assert!(ruling.faults.contains(Fault::MocapLost), "{:?}", ruling.faults);
-    let ruling = bench.tick(&blind(ALOFT));
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
+    let decision = bench.run(300, &by_hand(blind(ALOFT)));
+    assert_eq!((decision.phase, decision.pilot), (Phase::Flying, Some(Pilot::Person)));
+    assert!(decision.faults.contains(Fault::MocapLost), "{:?}", decision.faults);
+    let decision = bench.tick(&blind(ALOFT));
+    assert_eq!((decision.phase, decision.order), (Phase::Landing, Some(DroneOrder::Land)));
 }
 
 #[test]
@@ -43,9 +43,9 @@ fn no_fault_that_blinds_or_warns_the_controller_takes_the_sticks_from_a_person()
         with_drone(ALOFT, |drone| drone.age_s = 5.0),
         failed,
     ] {
-        let ruling = Bench::flying().run(50, &by_hand(e));
-        assert_eq!((ruling.phase, ruling.pilot), (Phase::Flying, Some(Pilot::Person)), "{e:?}");
-        assert!(!ruling.faults.is_empty(), "{e:?}");
+        let decision = Bench::flying().run(50, &by_hand(e));
+        assert_eq!((decision.phase, decision.pilot), (Phase::Flying, Some(Pilot::Person)), "{e:?}");
+        assert!(!decision.faults.is_empty(), "{e:?}");
     }
 }
 
@@ -56,8 +56,8 @@ fn an_empty_battery_late_ticks_and_the_order_to_land_end_a_flight_by_hand() {
         Evidence { skipped: 11, ..ALOFT },
         asks_to_land(ALOFT),
     ] {
-        let ruling = Bench::flying().run(11, &by_hand(e));
-        assert_eq!((ruling.phase, ruling.pilot), (Phase::Landing, None), "{e:?}");
+        let decision = Bench::flying().run(11, &by_hand(e));
+        assert_eq!((decision.phase, decision.pilot), (Phase::Landing, None), "{e:?}");
     }
 }
 
@@ -71,15 +71,15 @@ fn a_take_off_without_a_pose_needs_a_person_who_asks_for_it() {
         (Operator::Wait, true, Phase::Idle),
     ] {
         let mut bench = Bench::new(Start::Grounded);
-        let ruling = bench.tick(&Evidence { operator, is_by_hand, ..on_the_ground });
-        assert_eq!(ruling.phase, phase, "{operator:?}, by hand: {is_by_hand}");
+        let decision = bench.tick(&Evidence { operator, is_by_hand, ..on_the_ground });
+        assert_eq!(decision.phase, phase, "{operator:?}, by hand: {is_by_hand}");
     }
     // The drone's word confirms it, and a person needs no time to settle.
     let mut bench = Bench::new(Start::Grounded);
     let fly = Evidence { operator: Operator::FlyByHand, ..by_hand(on_the_ground) };
     assert_eq!(bench.tick(&fly).order, Some(DroneOrder::TakeOff));
-    let ruling = bench.tick(&with_drone(fly, |drone| drone.is_flying = true));
-    assert_eq!((ruling.phase, ruling.pilot), (Phase::Flying, Some(Pilot::Person)));
+    let decision = bench.tick(&with_drone(fly, |drone| drone.is_flying = true));
+    assert_eq!((decision.phase, decision.pilot), (Phase::Flying, Some(Pilot::Person)));
 }
 
 #[test]
@@ -115,16 +115,16 @@ fn the_emergency_stop_works_in_every_phase_at_once() {
         Bench::new(Start::Carried),
     ] {
         let before = bench.supervisor.phase();
-        let ruling = bench.tick(&asks_for_emergency_stop(ALOFT));
+        let decision = bench.tick(&asks_for_emergency_stop(ALOFT));
         assert_eq!(
-            (ruling.phase, ruling.order),
+            (decision.phase, decision.order),
             (Phase::MotorsStopped, Some(DroneOrder::EmergencyStop)),
             "{before:?}"
         );
-        assert!(ruling.pilot.is_none() && ruling.faults.contains(Fault::OperatorEmergencyStop));
+        assert!(decision.pilot.is_none() && decision.faults.contains(Fault::OperatorEmergencyStop));
         // Never taken back, whatever is asked for.
-        let ruling = bench.run(3, &by_hand(asks_to_fly(ALOFT)));
-        assert_eq!((ruling.phase, ruling.pilot), (Phase::MotorsStopped, None), "{before:?}");
+        let decision = bench.run(3, &by_hand(asks_to_fly(ALOFT)));
+        assert_eq!((decision.phase, decision.pilot), (Phase::MotorsStopped, None), "{before:?}");
     }
 }
 

@@ -59,8 +59,8 @@ fn nobody_steers_a_drone_that_takes_no_sticks_unless_its_report_is_old() {
             true,
         ),
     ] {
-        let ruling = Bench::new(Start::Airborne).run(3, &e);
-        assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, may_steer));
+        let decision = Bench::new(Start::Airborne).run(3, &e);
+        assert_eq!((decision.phase, decision.may_steer()), (Phase::Flying, may_steer));
     }
 }
 
@@ -75,8 +75,8 @@ fn take_off_is_not_ordered_again_unless_the_drone_says_that_it_is_down() {
         let mut bench = Bench::taking_off();
         bench.pass(20, &CALM);
         for _ in 0..30 {
-            let ruling = bench.tick(&e);
-            assert_ne!(ruling.order, Some(DroneOrder::TakeOff), "{e:?}");
+            let decision = bench.tick(&e);
+            assert_ne!(decision.order, Some(DroneOrder::TakeOff), "{e:?}");
         }
     }
 }
@@ -89,8 +89,8 @@ fn a_drone_that_flew_and_stands_again_in_the_take_off_is_landed_and_never_ordere
     // A report that was wrong for a moment counts no more.
     assert_eq!(bench.tick(&spinning()).phase, Phase::TakingOff);
     assert_eq!(bench.run(10, &CALM).phase, Phase::TakingOff);
-    let ruling = bench.tick(&CALM);
-    assert_eq!((ruling.phase, faults(ruling)), (Phase::Landing, vec![Fault::NotFlying]));
+    let decision = bench.tick(&CALM);
+    assert_eq!((decision.phase, faults(decision)), (Phase::Landing, vec![Fault::NotFlying]));
     assert_eq!(ticks_until(&mut bench, Some(DroneOrder::TakeOff), &CALM), None);
 }
 
@@ -100,11 +100,11 @@ fn a_drone_that_rose_and_never_reported_it_is_landed_when_its_report_cannot_be_l
     bench.pass(1, &Evidence { pose: Some(at_height(0.26)), ..CALM });
     // 4 s after the order its report counts, and has to last for a second.
     for _ in 0..48 {
-        let ruling = bench.tick(&CALM);
-        assert_eq!((ruling.phase, ruling.order), (Phase::TakingOff, None));
+        let decision = bench.tick(&CALM);
+        assert_eq!((decision.phase, decision.order), (Phase::TakingOff, None));
     }
-    let ruling = bench.run(2, &CALM);
-    assert_eq!((ruling.phase, faults(ruling)), (Phase::Landing, vec![Fault::NotFlying]));
+    let decision = bench.run(2, &CALM);
+    assert_eq!((decision.phase, faults(decision)), (Phase::Landing, vec![Fault::NotFlying]));
 }
 
 #[test]
@@ -132,11 +132,14 @@ fn a_take_off_that_is_not_confirmed_in_time_ends_in_landing() {
     for (e, ticks) in [(spinning(), 31), (low, 80)] {
         let mut bench = Bench::taking_off();
         assert_eq!(bench.run(ticks - 1, &e).phase, Phase::TakingOff, "{ticks}");
-        let ruling = bench.tick(&e);
-        assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
-        assert_eq!(faults(ruling), [Fault::TakeOffTimeout]);
-        let ruling = bench.run(20, &CALM);
-        assert_eq!((ruling.phase, faults(ruling)), (Phase::Landed, vec![Fault::TakeOffTimeout]));
+        let decision = bench.tick(&e);
+        assert_eq!((decision.phase, decision.order), (Phase::Landing, Some(DroneOrder::Land)));
+        assert_eq!(faults(decision), [Fault::TakeOffTimeout]);
+        let decision = bench.run(20, &CALM);
+        assert_eq!(
+            (decision.phase, faults(decision)),
+            (Phase::Landed, vec![Fault::TakeOffTimeout])
+        );
     }
 }
 
@@ -155,8 +158,8 @@ fn a_drone_that_flies_and_is_not_seen_to_stay_down_is_given_its_time() {
 fn a_take_off_confirmed_at_the_last_moment_is_good() {
     let mut bench = Bench::taking_off();
     bench.pass(79, &Evidence { pose: Some(at_height(0.4)), ..spinning() });
-    let ruling = bench.tick(&ALOFT);
-    assert_eq!((ruling.phase, ruling.faults.is_empty()), (Phase::Flying, true));
+    let decision = bench.tick(&ALOFT);
+    assert_eq!((decision.phase, decision.faults.is_empty()), (Phase::Flying, true));
 }
 
 #[test]
@@ -174,8 +177,8 @@ fn the_rise_above_the_ground_decides_what_is_airborne() {
         let ground = Evidence { pose: Some(at_height(0.25)), ..CALM };
         bench.pass(1, &asks_to_fly(ground));
         let e = with_drone(ground, |drone| drone.is_flying = is_flying);
-        let ruling = bench.tick(&Evidence { pose: height_m.map(at_height), ..e });
-        assert_eq!(ruling.phase, phase, "{height_m:?} m, flying {is_flying}");
+        let decision = bench.tick(&Evidence { pose: height_m.map(at_height), ..e });
+        assert_eq!(decision.phase, phase, "{height_m:?} m, flying {is_flying}");
     }
 }
 
@@ -235,8 +238,8 @@ fn landing_is_ordered_every_half_second_until_the_vehicle_is_down() {
 #[test]
 fn an_operator_who_changes_his_mind_still_lands() {
     let mut bench = Bench::landing();
-    let ruling = bench.run(30, &asks_to_fly(ALOFT));
-    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Landing, false));
+    let decision = bench.run(30, &asks_to_fly(ALOFT));
+    assert_eq!((decision.phase, decision.may_steer()), (Phase::Landing, false));
 }
 
 #[test]
@@ -263,11 +266,11 @@ fn a_silent_drone_is_down_when_it_is_back_at_the_ground() {
         bench.pass(30, &ALOFT);
         let silent = with_drone(ALOFT, |drone| drone.age_s = 3.0);
         assert_eq!(bench.run(20, &silent).phase, Phase::Landing);
-        let ruling = bench.run(101, &Evidence { pose: Some(at_height(height_m)), ..silent });
-        assert_eq!(ruling.phase, phase, "{height_m} m");
+        let decision = bench.run(101, &Evidence { pose: Some(at_height(height_m)), ..silent });
+        assert_eq!(decision.phase, phase, "{height_m} m");
         let is_alone = phase == Phase::Landed;
-        assert_eq!(ruling.faults.contains(Fault::LandedByPose), is_alone);
-        assert!(ruling.faults.contains(Fault::DroneSilent));
+        assert_eq!(decision.faults.contains(Fault::LandedByPose), is_alone);
+        assert!(decision.faults.contains(Fault::DroneSilent));
     }
 }
 
@@ -290,17 +293,17 @@ fn a_running_take_off_is_not_mistaken_for_a_landing() {
 #[test]
 fn a_landing_that_is_not_confirmed_is_a_fault_and_goes_on() {
     let mut bench = Bench::landing();
-    let ruling = bench.run(99, &ALOFT);
-    assert_eq!(ruling.phase, Phase::Landing, "9.9 s");
-    let ruling = bench.tick(&ALOFT);
-    assert_eq!(ruling.phase, Phase::LandingUnconfirmed, "10.0 s");
-    assert_eq!(faults(ruling), [Fault::LandingTimeout, Fault::OperatorStop]);
+    let decision = bench.run(99, &ALOFT);
+    assert_eq!(decision.phase, Phase::Landing, "9.9 s");
+    let decision = bench.tick(&ALOFT);
+    assert_eq!(decision.phase, Phase::LandingUnconfirmed, "10.0 s");
+    assert_eq!(faults(decision), [Fault::LandingTimeout, Fault::OperatorStop]);
     for _ in 0..4 {
         assert_eq!(ticks_until(&mut bench, Some(DroneOrder::Land), &asks_to_fly(ALOFT)), Some(5));
     }
-    let ruling = bench.run(11, &CALM);
-    assert_eq!((ruling.phase, ruling.order), (Phase::LandingUnconfirmed, None));
-    assert_eq!(faults(ruling), [Fault::LandingTimeout, Fault::OperatorStop]);
+    let decision = bench.run(11, &CALM);
+    assert_eq!((decision.phase, decision.order), (Phase::LandingUnconfirmed, None));
+    assert_eq!(faults(decision), [Fault::LandingTimeout, Fault::OperatorStop]);
     assert_eq!(ticks_until(&mut bench, Some(DroneOrder::Land), &CALM), None);
 }
 
@@ -308,8 +311,8 @@ fn a_landing_that_is_not_confirmed_is_a_fault_and_goes_on() {
 fn a_landing_confirmed_at_the_last_moment_is_good() {
     let mut bench = Bench::landing();
     bench.pass(89, &ALOFT);
-    let ruling = bench.run(11, &CALM);
-    assert_eq!((ruling.phase, faults(ruling)), (Phase::Landed, vec![Fault::OperatorStop]));
+    let decision = bench.run(11, &CALM);
+    assert_eq!((decision.phase, faults(decision)), (Phase::Landed, vec![Fault::OperatorStop]));
 }
 
 #[test]
@@ -319,12 +322,12 @@ fn without_a_guardian_or_after_a_standstill_nothing_takes_off_and_what_flies_is_
     {
         let mut bench = Bench::new(Start::Grounded);
         bench.pass(1, &CALM);
-        let ruling = bench.tick(&Evidence { incidents, ..asks_to_fly(CALM) });
-        assert_eq!((ruling.phase, ruling.order), (Phase::Idle, None), "{fault:?}");
-        assert_eq!(faults(ruling), [fault]);
-        let ruling = bench.tick(&Evidence { incidents, ..asks_to_fly(spinning()) });
+        let decision = bench.tick(&Evidence { incidents, ..asks_to_fly(CALM) });
+        assert_eq!((decision.phase, decision.order), (Phase::Idle, None), "{fault:?}");
+        assert_eq!(faults(decision), [fault]);
+        let decision = bench.tick(&Evidence { incidents, ..asks_to_fly(spinning()) });
         assert_eq!(
-            (ruling.phase, ruling.order),
+            (decision.phase, decision.order),
             (Phase::Landing, Some(DroneOrder::Land)),
             "{fault:?}"
         );
@@ -335,8 +338,8 @@ fn without_a_guardian_or_after_a_standstill_nothing_takes_off_and_what_flies_is_
 fn an_operator_can_land_a_drone_that_flies_without_an_order() {
     let mut bench = Bench::new(Start::Grounded);
     assert_eq!(bench.run(10, &spinning()).phase, Phase::Idle);
-    let ruling = bench.tick(&asks_to_land(spinning()));
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
+    let decision = bench.tick(&asks_to_land(spinning()));
+    assert_eq!((decision.phase, decision.order), (Phase::Landing, Some(DroneOrder::Land)));
     let old = with_drone(spinning(), |drone| drone.age_s = 2.01);
     let mut bench = Bench::new(Start::Grounded);
     assert_eq!(bench.tick(&asks_to_land(old)).phase, Phase::Idle);

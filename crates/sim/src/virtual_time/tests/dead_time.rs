@@ -87,7 +87,7 @@ fn sticks_that_act_later_than_can_be_corrected_land_the_vehicle() {
     for mut flight in [laps(0.5, 1, true), throttle_alone] {
         let landing = (0..1500).find_map(|_| {
             let ticked = flight.tick().unwrap();
-            let faults = ticked.ruling.unwrap().faults.iter().collect();
+            let faults = ticked.decision.unwrap().faults.iter().collect();
             (ticked.phase() == Phase::Landing).then_some(faults)
         });
         assert_eq!(landing, Some(vec![Fault::DeadTimeLong]));

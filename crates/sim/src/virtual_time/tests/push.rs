@@ -39,7 +39,7 @@ fn flown(fault: InjectedFault, seed: u64, is_rigid_body: bool) -> (Vec<Flown>, V
         let height_m = flight.true_pose()[pose::Z];
         let out = flight.tick().unwrap();
         if out.phase() != Phase::Flying {
-            return (ticks, out.ruling.unwrap().faults.iter().collect());
+            return (ticks, out.decision.unwrap().faults.iter().collect());
         }
         let is_outage = out.link.is_some_and(|link| link.state.is_down());
         ticks.push(Flown { height_m, u_sent: out.u_sent, is_outage });

@@ -1,5 +1,5 @@
 use horizon_model::{Kinematic, Lagged, Model};
-use tello_flight::{FaultSet, LinkState, LinkVerdict, Ruling};
+use tello_flight::{Decision, FaultSet, LinkDecision, LinkState};
 
 use super::*;
 
@@ -28,7 +28,7 @@ fn the_ruling_of_the_tick_is_shown_as_it_is() {
         set.set(fault, true);
     }
     let mut out = outcome();
-    out.ruling = Some(Ruling {
+    out.decision = Some(Decision {
         phase: Phase::Flying,
         pilot: Some(Pilot::Person),
         is_braking: false,
@@ -77,7 +77,7 @@ fn a_link_is_down_in_both_ways_of_losing_it() {
         [(LinkState::Up, false), (LinkState::Released, true), (LinkState::Held, true)]
     {
         let mut out = outcome();
-        out.link = Some(LinkVerdict { state, score: -1.5, changed: false, onset_steps: 0 });
+        out.link = Some(LinkDecision { state, score: -1.5, changed: false, onset_steps: 0 });
         let link = facts(&Inbox::new(), &out).link;
         assert_eq!(link, Some(LinkFact { is_down, score: -1.5 }), "{state:?}");
     }

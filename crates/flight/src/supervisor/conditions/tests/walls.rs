@@ -17,9 +17,9 @@ fn who_comes_near_in_a_take_off_ends_it() {
         for k in 0..3 {
             assert!(!bench.tick(&near(e(before + k))).phase.is_over(), "0.{k} s");
         }
-        let ruling = bench.tick(&near(e(before + 3)));
-        assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
-        assert_eq!(faults(ruling), [Fault::ObstacleApproaches]);
+        let decision = bench.tick(&near(e(before + 3)));
+        assert_eq!((decision.phase, decision.order), (Phase::Landing, Some(DroneOrder::Land)));
+        assert_eq!(faults(decision), [Fault::ObstacleApproaches]);
     }
     let unseen = Evidence { is_obstacle_unseen: true, ..CALM };
     assert_eq!(Bench::taking_off().run(4, &unseen).phase, Phase::Landing);
@@ -33,9 +33,9 @@ fn a_vehicle_that_would_leave_the_room_brakes_and_control_goes_on_when_it_can_st
     // 0.8 s at 1 m/s: from 2.2 m on it would come to rest behind the wall at 3 m.
     let mut bench = Bench::flying();
     assert!(bench.tick(&moving(2.1, 1.0)).may_steer());
-    let ruling = bench.tick(&moving(2.3, 1.0));
-    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, false));
-    assert_eq!(faults(ruling), [Fault::FenceNear]);
+    let decision = bench.tick(&moving(2.3, 1.0));
+    assert_eq!((decision.phase, decision.may_steer()), (Phase::Flying, false));
+    assert_eq!(faults(decision), [Fault::FenceNear]);
     assert!(bench.tick(&moving(2.6, 0.4)).may_steer(), "slow enough");
     assert!(bench.tick(&moving(2.9, -1.0)).may_steer(), "on its way in");
 }
@@ -49,16 +49,16 @@ fn a_plan_that_knows_the_walls_decides_in_place_of_the_distance_to_rest() {
         let mut bench = Bench::flying();
         assert!(bench.tick(&moving(2.1, 1.0)).may_steer());
         assert!(bench.tick(&clear).may_steer(), "the plan stops inside");
-        let ruling = bench.tick(&blocked);
-        assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true));
-        assert!(ruling.is_braking);
-        assert_eq!(faults(ruling), [Fault::PlanBlocked]);
+        let decision = bench.tick(&blocked);
+        assert_eq!((decision.phase, decision.may_steer()), (Phase::Flying, true));
+        assert!(decision.is_braking);
+        assert_eq!(faults(decision), [Fault::PlanBlocked]);
         // 0.1 s a tick: it brakes for 0.4 s, then the plan follows the mission again.
         for _ in 0..3 {
             assert!(bench.tick(&clear).is_braking);
         }
-        let ruling = bench.tick(&after);
-        assert_eq!((ruling.may_steer(), ruling.is_braking), (goes_on, false), "{after:?}");
+        let decision = bench.tick(&after);
+        assert_eq!((decision.may_steer(), decision.is_braking), (goes_on, false), "{after:?}");
     }
 }
 
@@ -67,12 +67,15 @@ fn an_obstacle_that_is_not_seen_brakes_until_it_is() {
     let mut bench = Bench::flying();
     let unseen = Evidence { is_obstacle_unseen: true, ..moving(0.0, 1.0) };
     for _ in 0..10 {
-        let ruling = bench.tick(&unseen);
-        assert!(ruling.is_braking && ruling.may_steer(), "{ruling:?}");
-        assert_eq!(faults(ruling), [Fault::ObstacleUnseen]);
+        let decision = bench.tick(&unseen);
+        assert!(decision.is_braking && decision.may_steer(), "{decision:?}");
+        assert_eq!(faults(decision), [Fault::ObstacleUnseen]);
     }
-    let ruling = bench.tick(&moving(0.0, 0.0));
-    assert!(ruling.may_steer() && !ruling.is_braking && ruling.faults.is_empty(), "{ruling:?}");
+    let decision = bench.tick(&moving(0.0, 0.0));
+    assert!(
+        decision.may_steer() && !decision.is_braking && decision.faults.is_empty(),
+        "{decision:?}"
+    );
     let by_hand = Evidence { is_by_hand: true, operator: Operator::FlyByHand, ..unseen };
     assert!(!bench.tick(&by_hand).is_braking, "a person flies by sight");
 }
@@ -86,24 +89,24 @@ fn by_hand_the_distance_to_rest_warns_whatever_a_plan_would_do() {
         operator: Operator::FlyByHand,
         ..moving(2.3, 1.0)
     };
-    let ruling = bench.tick(&by_hand);
-    assert!(ruling.may_steer(), "a warning alone");
-    assert_eq!(faults(ruling), [Fault::FenceNear]);
+    let decision = bench.tick(&by_hand);
+    assert!(decision.may_steer(), "a warning alone");
+    assert_eq!(faults(decision), [Fault::FenceNear]);
 }
 
 #[test]
 fn behind_the_wall_the_flight_ends() {
-    let ruling = Bench::flying().tick(&moving(3.01, -1.0));
-    assert_eq!((ruling.phase, ruling.order), (Phase::Landing, Some(DroneOrder::Land)));
-    assert!(ruling.faults.contains(Fault::FenceLeft), "{:?}", ruling.faults);
+    let decision = Bench::flying().tick(&moving(3.01, -1.0));
+    assert_eq!((decision.phase, decision.order), (Phase::Landing, Some(DroneOrder::Land)));
+    assert!(decision.faults.contains(Fault::FenceLeft), "{:?}", decision.faults);
 }
 
 #[test]
 fn an_old_pose_behind_the_wall_is_no_proof() {
     let old = Evidence { pose_age_s: Some(0.5), ..moving(3.01, 0.0) };
-    let ruling = Bench::flying().tick(&old);
-    assert_eq!(ruling.phase, Phase::Flying);
-    assert!(!ruling.may_steer() && !ruling.faults.contains(Fault::FenceLeft));
+    let decision = Bench::flying().tick(&old);
+    assert_eq!(decision.phase, Phase::Flying);
+    assert!(!decision.may_steer() && !decision.faults.contains(Fault::FenceLeft));
 }
 
 #[test]
@@ -119,6 +122,6 @@ fn without_a_room_there_are_no_walls() {
 #[test]
 fn what_is_carried_may_be_carried_out_of_the_room() {
     let mut bench = Bench::new(Start::Carried);
-    let ruling = bench.run(10, &moving(5.0, 1.0));
-    assert_eq!((ruling.phase, ruling.may_steer()), (Phase::Flying, true));
+    let decision = bench.run(10, &moving(5.0, 1.0));
+    assert_eq!((decision.phase, decision.may_steer()), (Phase::Flying, true));
 }
