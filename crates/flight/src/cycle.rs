@@ -174,7 +174,8 @@ where
         out.clear(inbox.step);
         self.catch_up(inbox, watch);
         let seen = self.sense(inbox, out);
-        self.planner.follow(inbox.obstacle_w, out.filtered.and_then(|filtered| filtered.o));
+        self.planner
+            .follow_obstacle(inbox.obstacle_w, out.filtered.and_then(|filtered| filtered.o));
 
         if self.pipeline == Pipeline::SameTick {
             self.estimate(seen.as_ref(), JUST_ENDED, watch, out);

@@ -13,7 +13,7 @@
 //! | `commanded.rs`  | velocity that sticks ask for                                        |
 //! | `link.rs`       | whether the sent sticks act                                         |
 //! | `monitor.rs`    | whether motion capture, drone and commands tell of one motion       |
-//! | `reference.rs`  | target list, reach test, clipping (thesis equation 4.20)            |
+//! | `targets.rs`    | target list, reach test, clipping (thesis equation 4.20)            |
 //! | `obstacle.rs`   | what stands in the room                                             |
 //! | `mission.rs`    | what to fly, and the reference over the horizon                     |
 //! | `path.rs`       | curves through space and how fast they can be flown                 |
@@ -38,9 +38,9 @@ mod mission;
 mod monitor;
 mod obstacle;
 mod path;
-mod reference;
 mod sighting;
 mod supervisor;
+mod targets;
 pub mod time;
 mod trajectory;
 
@@ -62,13 +62,13 @@ pub use monitor::{
 };
 pub use obstacle::{Obstacle, ObstacleTable, SignedDistance, obstacles};
 pub use path::Heading;
-pub use reference::{TargetTable, Targets, clip_target};
 pub use sighting::Sighting;
 pub use supervisor::{
     Decision, DroneReport, EstimatedMotion, Evidence, FailsafeTable, Fault, FaultSet, Incidents,
-    Operator, Outage, Phase, Pilot, Reaction, Room, RoomTable, Start, Supervisor,
+    Operator, Outage, Phase, Pilot, PlanClearance, Reaction, Room, RoomTable, Start, Supervisor,
     SupervisorSettings, SupervisorTable,
 };
+pub use targets::{TargetTable, Targets, clip_target};
 
 /// An optional value whose key is required: serde lets the key of an `Option` be missing.
 ///

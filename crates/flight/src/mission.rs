@@ -30,13 +30,14 @@ use horizon_model::rows::Pose;
 use horizon_model::setting::{SettingError, positive};
 
 use crate::Obstacle;
-use crate::reference::Targets;
+use crate::targets::Targets;
 
 pub use build::falling_times;
 pub use csv::{CsvError, CsvErrors, parse_csv};
 pub use speed::SPEED_AS_WRITTEN;
 pub(crate) use survey::Demand;
 pub use survey::{Part, Survey};
+pub(crate) use table::near;
 pub use table::{
     CircleTable, Direction, FollowTable, LimitTable, MissionTable, PointsTable, SplineTable,
     StartTable, TIMED_COUNT, TrajectoryTable, WaitTable, WaypointTable,

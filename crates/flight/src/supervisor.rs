@@ -32,7 +32,8 @@ mod settling;
 mod staleness;
 
 pub use self::evidence::{
-    Decision, DroneReport, EstimatedMotion, Evidence, Incidents, Operator, Outage, Phase, Start,
+    Decision, DroneReport, EstimatedMotion, Evidence, Incidents, Operator, Outage, Phase,
+    PlanClearance, Start,
 };
 pub use self::fault::{Fault, FaultSet, Pilot, Reaction};
 pub(crate) use self::geofence::CLIMB_MAX_M;

@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 use tello_flight::drone::DroneOrder;
 use tello_flight::{
     Agreement, Decision, DroneReport, EstimatedMotion, Evidence, FailsafeTable, Fault, Findings,
-    Incidents, Operator, Outage, Phase, Pilot, Reaction, RoomTable, Start, Supervisor,
-    SupervisorSettings, SupervisorTable,
+    Incidents, Operator, Outage, Phase, Pilot, PlanClearance, Reaction, RoomTable, Start,
+    Supervisor, SupervisorSettings, SupervisorTable,
 };
 
 const STALE_S: f64 = 0.25;
@@ -95,9 +95,13 @@ fn evidence(
         pose_age_s,
         pose,
         motion: pose.map(|pose| EstimatedMotion { pose, rate }),
-        is_plan_clear: (flag(0) != flag(1)).then_some(flag(2)),
+        plan: match (flag(0) != flag(1), flag(2)) {
+            (false, _) => PlanClearance::Unknown,
+            (true, true) => PlanClearance::Clear,
+            (true, false) => PlanClearance::Blocked,
+        },
         is_obstacle_unseen: flag(0) && flag(1) && flag(3),
-        is_start_barred: flag(1) && flag(2) && flag(3),
+        is_take_off_blocked: flag(1) && flag(2) && flag(3),
         is_approached: flag(1) && flag(3),
         may_be_approached: flag(2) && flag(3),
         reference_behind_w: (flag(0) && flag(3)).then(Vector3::zeros),
@@ -156,7 +160,10 @@ fn assert_may_take_off(before: Phase, sees: bool, e: &Evidence) {
         |drone: DroneReport| drone.battery_pct >= 30 && (is_by_sight || drone.age_s <= 2.0);
     assert!(e.drone.is_some_and(is_able), "takes off without a drone that can: {before:?}, {e:?}");
     let is_seen_by_person = before == Phase::Idle && is_by_sight;
-    assert!(!e.is_start_barred || is_seen_by_person, "takes off into something: {before:?}, {e:?}");
+    assert!(
+        !e.is_take_off_blocked || is_seen_by_person,
+        "takes off into something: {before:?}, {e:?}"
+    );
 }
 
 /// What a decision must never break, seen from the phase before it.

@@ -10,7 +10,7 @@ use horizon_model::rows::{Sticks, pose, stick};
 use super::{Cycle, Inbox, JUST_ENDED_AFTER_PUSH, Watch};
 use crate::drone::CONTROL_SILENCE_NEUTRAL;
 
-/// Periods without a tick that are made up for, 4 s: after one the sender has landed the drone.
+/// Largest number of missed periods that are caught up, 4 s: the sender lands the drone after 1 s of silence.
 const SKIPPED_MAX: u64 = 200;
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
@@ -26,7 +26,7 @@ where
             self.fifo.push(&if is_repeated { *self.fifo.newest() } else { Sticks::zeros() });
             self.monitor_missed(self.fifo.applied(JUST_ENDED_AFTER_PUSH));
             self.planner.skip();
-            self.planner.follow(None, None);
+            self.planner.follow_obstacle(None, None);
             if self.mhe.is_started() {
                 let missing = Observed::missing();
                 let (u_applied, _) = self.follow_link(JUST_ENDED_AFTER_PUSH, &missing);
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pause_of_any_length_is_made_up_for_in_a_bounded_time() {
+    fn a_pause_of_any_length_is_caught_up_in_a_bounded_time() {
         assert!(!acts(u64::MAX, 1));
     }
 }

@@ -16,7 +16,7 @@ use nalgebra::{SMatrix, SVector};
 use super::baseline::Baseline;
 use super::committed::Committed;
 use super::walls::{Clearance, PlanWalls, Walls};
-use crate::{Mission, Reference, clip_target};
+use crate::{Mission, PlanClearance, Reference, clip_target};
 pub(super) use known::Known;
 
 /// Age of a plan at which its sticks are reduced to `1/e`, thesis section 4.3.9. ticks
@@ -58,8 +58,8 @@ where
     walls: Option<Walls>,
     /// Clearance of the newest plan.
     clearance: Option<Clearance>,
-    /// Whether the newest plan stays inside of the room and out of obstacles that do not move.
-    is_clear: bool,
+    /// Whether the newest solve gave a plan that stays inside of the room and out of obstacles that do not move.
+    is_newest_clear: bool,
     /// Whether the plan brings the vehicle to rest, whatever the mission.
     is_braking: bool,
     /// Where the vehicle is held after braking; `None` before it is slow. World frame. m, rad
@@ -99,7 +99,7 @@ where
             lag: None,
             walls: None,
             clearance: None,
-            is_clear: true,
+            is_newest_clear: true,
             is_braking: false,
             rest: None,
         }
@@ -160,7 +160,7 @@ where
         self.predict_start(known);
         self.fill_given(known);
         self.begin_walls(known);
-        self.refer(mission, known);
+        self.fill_references(mission, known);
         match self.lag {
             Some(_) => self.mpc.shift(),
             None => self.mpc.reset(),
@@ -171,7 +171,7 @@ where
             // After a late or failed solve the shifted plan goes on.
             lag => lag.map(|lag| lag.saturating_add(1)),
         };
-        (self.clearance, self.is_clear) = self.find_clearance();
+        (self.clearance, self.is_newest_clear) = self.find_clearance();
         solved
     }
 
@@ -220,41 +220,47 @@ where
     }
 
     /// Fills the references of the plan.
-    fn refer(&mut self, mission: &Mission, known: &Known<'_, NS, NP>) {
+    fn fill_references(&mut self, mission: &Mission, known: &Known<'_, NS, NP>) {
+        let from = self.model.observe(&self.s_0);
+        if self.is_braking {
+            let rest = self.rest(&from);
+            self.refer_to(&angle::nearest_turn(&rest, &from, &M::OBSERVATION));
+        } else if mission.is_pointwise() {
+            let target = angle::nearest_turn(mission.target(), &from, &M::OBSERVATION);
+            self.refer_to(&clip_target(&target, &from, self.baseline.max_target_distance));
+        } else {
+            self.refer_to_path(mission, known, &from);
+        }
+    }
+
+    /// The reference of the whole plan is `at`, at rest.
+    fn refer_to(&mut self, at: &Pose) {
+        self.s_ref.fill(self.model.moving(at, &Pose::zeros(), &self.s_0));
+    }
+
+    /// The references are those of the path of `mission`, for a plan that begins at the pose `from`.
+    fn refer_to_path(&mut self, mission: &Mission, known: &Known<'_, NS, NP>, from: &Pose) {
         // A plan for the next tick begins one step more after the estimate, at which the mission is.
         let since_estimate = usize::try_from(-known.from_ahead).unwrap_or(0);
-        let first = since_estimate + known.fifo.known_steps();
-        let s_0 = self.s_0;
-        let from = self.model.observe(&s_0);
-        let near = |at: &Pose| angle::nearest_turn(at, &from, &M::OBSERVATION);
-        if self.is_braking {
-            let rest = near(&self.rest(&from, &s_0));
-            self.s_ref.fill(self.model.moving(&rest, &Pose::zeros(), &s_0));
-            return;
-        }
-        if mission.is_pointwise() {
-            let distance_max = self.baseline.max_target_distance;
-            let target = clip_target(&near(mission.target()), &from, distance_max);
-            self.s_ref.fill(self.model.moving(&target, &Pose::zeros(), &s_0));
-            return;
-        }
-        mission.fill(first, self.mpc.settings().stage_steps(), &mut self.references);
+        let first_ahead = since_estimate + known.fifo.known_steps();
+        mission.fill(first_ahead, self.mpc.settings().stage_steps(), &mut self.references);
         // The heading is continuous over the horizon: one turn fits all.
-        let turn = self
-            .references
-            .first()
-            .map_or(0.0, |first| near(&first.pose)[pose::THETA] - first.pose[pose::THETA]);
+        let turn_rad = self.references.first().map_or(0.0, |first| {
+            angle::nearest_turn(&first.pose, from, &M::OBSERVATION)[pose::THETA]
+                - first.pose[pose::THETA]
+        });
         for (s_ref, reference) in self.s_ref.iter_mut().zip(&self.references) {
             let mut at = reference.pose;
-            at[pose::THETA] += turn;
-            *s_ref = self.model.moving(&at, &reference.rate, &s_0);
+            at[pose::THETA] += turn_rad;
+            *s_ref = self.model.moving(&at, &reference.rate, &self.s_0);
         }
     }
 
     /// Reference of a braking vehicle at `from`: its own pose, or once it is slow the pose at which it is held, so that
     /// it does not drift on.
-    fn rest(&mut self, from: &Pose, s_0: &SVector<f64, NS>) -> Pose {
-        let next = self.model.observe(&self.model.step(s_0, &Sticks::zeros(), &self.p, self.dt_s));
+    fn rest(&mut self, from: &Pose) -> Pose {
+        let next =
+            self.model.observe(&self.model.step(&self.s_0, &Sticks::zeros(), &self.p, self.dt_s));
         let is_slow = (pos_w(&next) - pos_w(from)).norm() < REST_MPS * self.dt_s;
         let is_near = |rest: &Pose| (pos_w(rest) - pos_w(from)).norm() < REST_M;
         self.rest = self.rest.filter(is_near).or_else(|| is_slow.then_some(*from));
@@ -279,13 +285,14 @@ where
         self.walls.as_ref()
     }
 
-    /// Whether the newest plan stays inside of the room and out of obstacles that do not move; true without a plan.
-    /// `None`: plans know no walls, or the newest one is too old.
-    pub(super) fn is_clear(&self) -> Option<bool> {
-        self.walls.as_ref()?;
+    /// Whether the newest plan stays inside of the room and out of obstacles that do not move.
+    pub(super) fn plan_clearance(&self) -> PlanClearance {
         match self.lag {
-            None => Some(true),
-            Some(lag) => (lag <= CLEAR_LAG_MAX).then_some(self.is_clear),
+            _ if self.walls.is_none() => PlanClearance::Unknown,
+            None => PlanClearance::Clear,
+            Some(lag) if lag > CLEAR_LAG_MAX => PlanClearance::Unknown,
+            Some(_) if self.is_newest_clear => PlanClearance::Clear,
+            Some(_) => PlanClearance::Blocked,
         }
     }
 
@@ -348,9 +355,11 @@ where
 
     /// Follows the moving obstacle by a period, in which its position was measured at `obstacle_w` or not at all,
     /// beside the vehicle at `vehicle`, world frame. m
-    pub(super) fn follow(&mut self, obstacle_w: Option<[f64; 3]>, vehicle: Option<Pose>) {
+    pub(super) fn follow_obstacle(&mut self, obstacle_w: Option<[f64; 3]>, vehicle: Option<Pose>) {
         let vehicle_w = vehicle.as_ref().map(pos_w);
-        self.walls.iter_mut().for_each(|walls| walls.follow(obstacle_w, vehicle_w, self.dt_s));
+        self.walls
+            .iter_mut()
+            .for_each(|walls| walls.follow_obstacle(obstacle_w, vehicle_w, self.dt_s));
     }
 
     /// Forgets the plan.

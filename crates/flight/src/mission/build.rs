@@ -8,11 +8,10 @@ use horizon_model::setting::{SettingError, finite, in_range, not_negative};
 use super::follower::Follower;
 use super::table::{
     CircleTable, Direction, FollowTable, LIMIT_MIN, LimitTable, PointsTable, SplineTable,
-    TIMED_COUNT, TrajectoryTable, WaypointTable, check_apart, check_waypoints, repeat,
+    TIMED_COUNT, TrajectoryTable, WaypointTable, at_least, check_apart, check_waypoints, repeat,
 };
 use super::timed_path::{TimedPath, Waypoint, leave};
 use crate::path::{self, Heading, Limits, Path};
-use crate::reference::at_least;
 use crate::trajectory::Trajectory;
 
 /// Longest path. m

@@ -14,7 +14,7 @@ use super::carrot::Carrot;
 use super::table::FollowTable;
 use super::timed_path::{TimedPath, Waypoint};
 use crate::path::Limits;
-use crate::reference::pose_distance;
+use crate::targets::pose_distance;
 use crate::trajectory::{Moment, Trajectory};
 
 /// Arc length along the trajectory within which a vehicle that was held up is looked for. m

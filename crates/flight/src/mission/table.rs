@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use strum::VariantNames;
 
 use crate::path::{Heading, Limits};
-use crate::reference::{TargetTable, at_least, near};
+use crate::targets::TargetTable;
 
 /// What to fly.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema, VariantNames)]
@@ -365,6 +365,26 @@ pub(super) fn check_apart(k: usize, at: &Pose, before: &Pose) -> Result<(), Sett
 
 /// Smallest limit with which a path comes to an end. m/s, m/s^2, rad/s
 pub(super) const LIMIT_MIN: f64 = 0.01;
+
+/// Least distance within which a pose can count as reached: the estimate has noise. m and rad
+const NEAR_MIN: f64 = 0.02;
+
+/// `value` if it is a distance that a vehicle can keep.
+///
+/// # Errors
+/// It is below 0.02 or not finite.
+pub(crate) fn near(key: &str, value: f64) -> Result<f64, SettingError> {
+    at_least(NEAR_MIN, key, value)
+}
+
+/// `value` if it is finite and not below `min`.
+///
+/// # Errors
+/// It is below or not finite.
+pub(super) fn at_least(min: f64, key: &str, value: f64) -> Result<f64, SettingError> {
+    let refusal = || SettingError::new(key, value, format!("finite and >= {min}"));
+    (value.is_finite() && value >= min).then_some(value).ok_or_else(refusal)
+}
 
 /// Largest number of laps.
 const LAPS_MAX: u32 = 100;

@@ -2,7 +2,7 @@
 
 use horizon_model::rows::Pose;
 
-use crate::reference::pose_distance;
+use crate::targets::pose_distance;
 use crate::trajectory::Trajectory;
 
 /// A pose that has to be reached.

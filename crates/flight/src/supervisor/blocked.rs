@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use super::braking::ControlMode;
 use super::condition_timer::elapsed_s;
-use super::evidence::Evidence;
+use super::evidence::{Evidence, PlanClearance};
 use super::{BRAKE_S, Supervisor};
 
 /// How long plans may be blocked in sum, a fifth of the time without a blocked one subtracted. s
@@ -58,7 +58,7 @@ impl Supervisor {
 
     /// Updates when and for how long plans were blocked.
     pub(super) fn remember_blocked(&mut self, e: &Evidence) {
-        if self.control != ControlMode::Off && e.is_plan_clear == Some(false) {
+        if self.control != ControlMode::Off && e.plan == PlanClearance::Blocked {
             self.blocked_ns = Some(e.t_ns);
         }
         self.timers.blocked.update(self.is_blocked(e), e.t_ns);
@@ -140,8 +140,8 @@ mod tests {
 
     #[test]
     fn plans_that_are_blocked_again_and_again_end_the_flight() {
-        let blocked = Evidence { is_plan_clear: Some(false), ..ALOFT };
-        let clear = Evidence { is_plan_clear: Some(true), ..ALOFT };
+        let blocked = Evidence { plan: PlanClearance::Blocked, ..ALOFT };
+        let clear = Evidence { plan: PlanClearance::Clear, ..ALOFT };
         let mut bench = Bench::flying();
         for _ in 0..4 {
             // Known a tick later, blocked for 0.8 s in sum, then clear for a second: 0.6 s remain of each.

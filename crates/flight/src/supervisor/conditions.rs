@@ -3,7 +3,7 @@
 //! Owns the condition of every fault. What follows from a fault stands in `fault.rs`.
 
 use super::braking::ControlMode;
-use super::evidence::{Evidence, Operator, Outage, Phase};
+use super::evidence::{Evidence, Operator, Outage, Phase, PlanClearance};
 use super::fault::{Fault, FaultSet};
 use super::{DOWN_HOLD_S, FLYING_UNORDERED_S, LeakyTimer, Supervisor, elapsed_s, exceeds};
 use crate::monitor::{Agreement, Findings};
@@ -291,7 +291,7 @@ impl Supervisor {
     /// that know the walls steers, this does not count: during a hold wind carries the vehicle on, and after the hold
     /// the controller plans anew.
     fn would_leave(&self, e: &Evidence) -> bool {
-        if !e.is_by_hand && e.is_plan_clear.is_some() {
+        if !e.is_by_hand && e.plan != PlanClearance::Unknown {
             return false;
         }
         self.room.zip(e.motion).is_some_and(|(room, motion)| room.is_left_by(&motion))

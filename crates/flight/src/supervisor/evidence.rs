@@ -120,6 +120,17 @@ pub struct Outage {
     pub unseen: [EstimatedMotion; 2],
 }
 
+/// Whether a plan stays inside of the room and out of obstacles that do not move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PlanClearance {
+    /// It does, or there is no plan yet.
+    Clear,
+    /// It does not.
+    Blocked,
+    /// Plans know no walls, or the newest one is too old.
+    Unknown,
+}
+
 /// What the drone reports of itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(clippy::struct_excessive_bools, reason = "reports of separate things, not a state")]
@@ -178,14 +189,13 @@ pub struct Evidence {
     pub pose: Option<Pose>,
     /// The newest estimate; `None` if there is none.
     pub motion: Option<EstimatedMotion>,
-    /// Whether the newest plan stays inside of the room and out of obstacles that do not move, true before the first
-    /// plan; `None` where plans know no walls or the newest one is too old.
-    pub is_plan_clear: Option<bool>,
+    /// Whether the newest plan stays inside of the room and out of obstacles that do not move.
+    pub plan: PlanClearance,
     /// Whether there is a moving obstacle whose position has been unknown for half a second, or always.
     pub is_obstacle_unseen: bool,
     /// Whether the vehicle stands inside of an obstacle, or would climb into one in its take-off, or the moving
     /// obstacle comes near; false after the take-off.
-    pub is_start_barred: bool,
+    pub is_take_off_blocked: bool,
     /// Whether the moving obstacle, by its present velocity, comes within the margin of the newest accepted pose during
     /// a landing.
     pub is_approached: bool,

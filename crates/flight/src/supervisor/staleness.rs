@@ -37,7 +37,7 @@ impl Supervisor {
     /// Whether the vehicle stands where one may take off, as far as that is known.
     pub(super) fn may_start(&self, e: &Evidence) -> bool {
         let is_in_room = self.room.zip(e.pose).is_none_or(|(room, at)| room.may_start_at(&at));
-        is_in_room && !e.is_start_barred && !self.was_obstacle_near(e)
+        is_in_room && !e.is_take_off_blocked && !self.was_obstacle_near(e)
     }
 
     /// Whether the newest pose is too old to steer by, or there is none.

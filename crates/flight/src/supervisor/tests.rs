@@ -62,9 +62,9 @@ pub(super) const TICK_NS: i64 = 100_000_000; // 0.1 s
 
 /// Nothing wrong, on the ground, nothing asked.
 pub(super) const CALM: Evidence = Evidence {
-    is_plan_clear: None,
+    plan: PlanClearance::Unknown,
     is_obstacle_unseen: false,
-    is_start_barred: false,
+    is_take_off_blocked: false,
     is_approached: false,
     may_be_approached: false,
     reference_behind_w: None,
@@ -269,7 +269,7 @@ fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
         (Evidence { has_estimator_failed: true, ..CALM }, Fault::EstimatorFailed),
         (Evidence { pose: Some(at(3.1, 0.1)), ..CALM }, Fault::StartMisplaced),
         (Evidence { pose: Some(at(0.0, 1.3)), ..CALM }, Fault::StartMisplaced),
-        (Evidence { is_start_barred: true, ..CALM }, Fault::StartMisplaced),
+        (Evidence { is_take_off_blocked: true, ..CALM }, Fault::StartMisplaced),
         (Evidence { is_pose_settled: false, ..CALM }, Fault::MocapUnsettled),
         (Evidence { is_obstacle_unseen: true, ..CALM }, Fault::ObstacleUnseen),
         (Evidence { incidents: UNDATED, ..CALM }, Fault::MocapUndated),

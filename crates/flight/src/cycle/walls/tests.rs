@@ -105,7 +105,7 @@ fn the_margin_of_what_moves_grows_with_its_acceleration_from_now_on() {
     let gap_m = margins_m.into_iter().zip(expected_m).map(|(found, right)| found - right);
     assert!(gap_m.into_iter().all(|gap_m| gap_m.abs() < 1e-12), "{margins_m:?}");
     // 0.6 m from its surface: nearer than its margin of 0.64 m after 1 s, though not after 0.5 s.
-    walls.follow(Some([0.0, 0.0, 1.0]), None, 0.02);
+    walls.follow_obstacle(Some([0.0, 0.0, 1.0]), None, 0.02);
     let at = Pose::new(0.8, 0.0, 1.5, 0.0);
     let active = |ahead_s| walls.clearance([(at, ahead_s)].into_iter()).0.unwrap().active;
     assert_eq!([active(0.5), active(1.0)], [0, 1]);
@@ -164,7 +164,7 @@ fn what_moves_is_where_it_is_when_the_plan_comes_there() {
     let moving = ObstacleTable::Moving { radius_m: 0.2 };
     let mut walls = Walls::new(Some(&TABLE), None, &[moving]).unwrap().unwrap();
     for k in 0..100 {
-        walls.follow(Some([0.02 * f64::from(k), 0.0, 1.0]), None, 0.02);
+        walls.follow_obstacle(Some([0.02 * f64::from(k), 0.0, 1.0]), None, 0.02);
     }
     let mut distance_m = |lead_s, ahead_s| {
         walls.begin_after(lead_s, Matrix3::zeros());
@@ -183,7 +183,7 @@ fn one_who_walks_past_may_turn_and_one_who_stands_does_not() {
         let mut walls =
             Walls::new(Some(&TABLE), None, std::slice::from_ref(&moving)).unwrap().unwrap();
         for k in 0..100 {
-            walls.follow(
+            walls.follow_obstacle(
                 Some([0.02 * speed_mps * f64::from(k), 1e-4 * f64::from(k % 2), 1.0]),
                 None,
                 0.02,
@@ -221,7 +221,7 @@ fn a_path_is_blocked_by_an_obstacle_that_moves_between_its_ends_or_over_one_of_t
         |walls: &Walls, x_m: f64| walls.is_path_blocked(&Vector3::new(x_m, 0.0, 1.3), &to_w);
     assert!(!is_blocked(&walls, 2.0), "nobody knows where it is");
     for _ in 0..100 {
-        walls.follow(Some([1.0, 0.3, 0.0]), None, 0.02);
+        walls.follow_obstacle(Some([1.0, 0.3, 0.0]), None, 0.02);
     }
     // Behind it, inside of it twice, driven on by it, and on the far side of the reference.
     let blocked = [(3.0, true), (1.0, true), (0.8, true), (0.3, false), (-3.0, false)];
@@ -229,7 +229,7 @@ fn a_path_is_blocked_by_an_obstacle_that_moves_between_its_ends_or_over_one_of_t
         assert_eq!(is_blocked(&walls, x_m), is_expected, "{x_m} m");
     }
     for _ in 0..100 {
-        walls.follow(Some([-0.2, 0.0, 0.0]), None, 0.02);
+        walls.follow_obstacle(Some([-0.2, 0.0, 0.0]), None, 0.02);
     }
     assert!(is_blocked(&walls, 2.0), "it stands where the vehicle is to be");
 }
@@ -238,19 +238,19 @@ fn a_path_is_blocked_by_an_obstacle_that_moves_between_its_ends_or_over_one_of_t
 fn an_obstacle_that_comes_near_within_four_seconds_bars_a_start_and_one_that_passes_or_leaves_does_not()
  {
     let moving = ObstacleTable::Moving { radius_m: 0.3 };
-    let is_barred = |aside_m: f64, away_m: f64, speed_mps: f64| {
+    let is_blocked = |aside_m: f64, away_m: f64, speed_mps: f64| {
         let mut walls =
             Walls::new(Some(&TABLE), None, std::slice::from_ref(&moving)).unwrap().unwrap();
         for k in 0..100 {
             let x_m = -away_m + speed_mps * 0.02 * f64::from(k - 99);
-            walls.follow(Some([x_m, aside_m, 1.0]), None, 0.02);
+            walls.follow_obstacle(Some([x_m, aside_m, 1.0]), None, 0.02);
         }
-        walls.bars_start(&Vector3::zeros())
+        walls.blocks_take_off(&Vector3::zeros())
     };
-    assert!(is_barred(0.0, 0.3, 0.0) && !is_barred(0.0, 0.5, 0.0), "it stands");
-    assert!(is_barred(0.0, 4.2, 1.0) && !is_barred(0.0, 4.6, 1.0), "it comes");
-    assert!(is_barred(0.35, 2.0, 1.0) && !is_barred(0.5, 2.0, 1.0), "it passes");
-    assert!(!is_barred(0.0, 1.0, -1.0), "it leaves");
+    assert!(is_blocked(0.0, 0.3, 0.0) && !is_blocked(0.0, 0.5, 0.0), "it stands");
+    assert!(is_blocked(0.0, 4.2, 1.0) && !is_blocked(0.0, 4.6, 1.0), "it comes");
+    assert!(is_blocked(0.35, 2.0, 1.0) && !is_blocked(0.5, 2.0, 1.0), "it passes");
+    assert!(!is_blocked(0.0, 1.0, -1.0), "it leaves");
 }
 
 #[test]
@@ -258,7 +258,7 @@ fn a_vehicle_stays_down_inside_of_an_obstacle_and_below_one_that_its_climb_meets
     let shelf = |low_m| ObstacleTable::Box { x_m: [0.0, 1.0], y_m: [0.0, 1.0], z_m: [low_m, 2.4] };
     let is_blocked = |obstacle: ObstacleTable, x_m: f64, z_m: f64| {
         let walls = Walls::new(Some(&TABLE), None, &[obstacle]).unwrap().unwrap();
-        walls.bars_start(&Vector3::new(x_m, 0.5, z_m))
+        walls.blocks_take_off(&Vector3::new(x_m, 0.5, z_m))
     };
     assert!(is_blocked(shelf(-0.1), 0.5, 0.05), "inside");
     assert!(is_blocked(shelf(1.3), 0.5, 0.05) && !is_blocked(shelf(1.4), 0.5, 0.05), "above");
@@ -281,8 +281,9 @@ fn an_obstacle_of_any_thickness_in_the_climb_keeps_the_vehicle_down() {
     ] {
         for obstacle in [shelf(z_m), disc(z_m)] {
             let walls = Walls::new(Some(&TABLE), None, std::slice::from_ref(&obstacle));
-            let bars_start = walls.unwrap().unwrap().bars_start(&Vector3::new(0.5, 0.5, 0.05));
-            assert_eq!(bars_start, is_barred, "{obstacle:?}");
+            let blocks_take_off =
+                walls.unwrap().unwrap().blocks_take_off(&Vector3::new(0.5, 0.5, 0.05));
+            assert_eq!(blocks_take_off, is_barred, "{obstacle:?}");
         }
     }
 }

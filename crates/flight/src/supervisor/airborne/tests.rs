@@ -258,6 +258,6 @@ fn a_take_off_is_repeated_only_while_the_drone_stands_where_it_stood_and_nobody_
     }
     let noisy = moved(Pose::new(0.015, 0.02, 0.015, 0.14));
     assert_eq!(repeated(noisy, CALM), 2);
-    let near = Evidence { is_start_barred: true, ..CALM };
+    let near = Evidence { is_take_off_blocked: true, ..CALM };
     assert_eq!((repeated(near, near), repeated(near, CALM)), (0, 2));
 }

@@ -63,7 +63,7 @@ fn a_flight_that_brakes_ends_even_if_its_reason_goes_away() {
 fn a_speed_just_above_the_limit_is_braked_on_and_so_is_one_before_a_wall_that_a_plan_meets() {
     for e in [
         Evidence { speed_mps: SLOW_MPS.next_up(), ..fast() },
-        Evidence { is_plan_clear: Some(false), ..fast() },
+        Evidence { plan: PlanClearance::Blocked, ..fast() },
     ] {
         let decision = braking().tick(&e);
         assert_eq!((decision.phase, decision.is_braking), (Phase::Flying, true), "{e:?}");

@@ -42,8 +42,8 @@ fn a_vehicle_that_would_leave_the_room_brakes_and_control_goes_on_when_it_can_st
 
 #[test]
 fn a_plan_that_knows_the_walls_decides_in_place_of_the_distance_to_rest() {
-    let clear = Evidence { is_plan_clear: Some(true), ..moving(2.3, 1.0) };
-    let blocked = Evidence { is_plan_clear: Some(false), ..moving(0.0, 1.0) };
+    let clear = Evidence { plan: PlanClearance::Clear, ..moving(2.3, 1.0) };
+    let blocked = Evidence { plan: PlanClearance::Blocked, ..moving(0.0, 1.0) };
     // Without a plan that knows the walls the distance to rest decides.
     for (after, goes_on) in [(clear, true), (moving(2.3, 1.0), false), (moving(2.3, 0.2), true)] {
         let mut bench = Bench::flying();
@@ -84,7 +84,7 @@ fn an_obstacle_that_is_not_seen_brakes_until_it_is() {
 fn by_hand_the_distance_to_rest_warns_whatever_a_plan_would_do() {
     let mut bench = Bench::flying();
     let by_hand = Evidence {
-        is_plan_clear: Some(true),
+        plan: PlanClearance::Clear,
         is_by_hand: true,
         operator: Operator::FlyByHand,
         ..moving(2.3, 1.0)

@@ -1,4 +1,4 @@
-//! Where to go: a list of poses to reach, and a target that is never too far away.
+//! A list of target poses, and the target that the thesis' controller is given, clipped to a distance.
 
 use horizon_model::angle::unwrap_near;
 use horizon_model::rows::{Pose, pose};
@@ -7,7 +7,7 @@ use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::mission::FollowTable;
+use crate::mission::{FollowTable, near};
 
 /// `o_ref`, moved along the straight line to `o_0` until it is at most `distance_max` away,
 /// thesis equation 4.20.
@@ -31,28 +31,6 @@ pub(crate) fn pose_distance(target: &Pose, at: &Pose) -> f64 {
     let mut displacement = target - at;
     displacement[pose::THETA] = unwrap_near(displacement[pose::THETA], 0.0);
     displacement.norm()
-}
-
-/// Smallest distance that counts as being there: an estimate trembles. m and rad
-const NEAR_MIN: f64 = 0.02;
-
-/// `value` if it is a distance that a vehicle can keep.
-///
-/// # Errors
-/// It is below 0.02 or not finite.
-pub(crate) fn near(key: &str, value: f64) -> Result<f64, SettingError> {
-    at_least(NEAR_MIN, key, value)
-}
-
-/// `value` if it is finite and not below `min`.
-///
-/// # Errors
-/// It is below or not finite.
-pub(crate) fn at_least(min: f64, key: &str, value: f64) -> Result<f64, SettingError> {
-    if value.is_finite() && value >= min {
-        return Ok(value);
-    }
-    Err(SettingError::new(key, value, format!("finite and >= {min}")))
 }
 
 /// A list of targets as written in JSON.
