@@ -19,6 +19,8 @@
 //! | `path.rs`       | curves through space and how fast they can be flown                 |
 //! | `trajectory.rs` | poses over time                                                     |
 //! | `supervisor.rs` | phases of a flight, faults and their reactions                      |
+//! | `forgetting.rs` | exponential decay, leaky sum                                        |
+//! | `ring.rs`       | ring buffer                                                         |
 //! | `gate.rs`       | limits of the sticks, the last code before the wire                 |
 //! | `sighting.rs`   | what motion capture reports                                         |
 //! | `drone.rs`      | what the drone reports, and what it is ordered                      |
@@ -31,6 +33,7 @@ mod commanded;
 pub mod cycle;
 pub mod drone;
 mod filter;
+mod forgetting;
 pub mod gate;
 pub mod jitter;
 mod link;
@@ -38,6 +41,7 @@ mod mission;
 mod monitor;
 mod obstacle;
 mod path;
+mod ring;
 mod sighting;
 mod supervisor;
 mod targets;

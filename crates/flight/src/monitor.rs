@@ -35,6 +35,8 @@ use height::HeightMonitor;
 use stillness::{FrozenMonitor, StillnessMonitor};
 use velocity::VelocityMonitor;
 
+use crate::forgetting::{FORGIVEN_RATIO, LeakySum};
+
 /// How two sources of one quantity compare.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize, JsonSchema,
@@ -223,8 +225,9 @@ const FORGET_S: f64 = 15.0;
 #[derive(Debug, Clone, Default)]
 #[expect(clippy::struct_field_names, reason = "the postfix is the unit")]
 struct Doubt {
-    /// For how long the difference has been beyond the limit in sum, [`FORGIVEN`] of the other time subtracted.
-    doubtful_s: f64,
+    /// For how long the difference has been beyond the limit in sum, [`FORGIVEN_RATIO`] of the other time subtracted:
+    /// the vehicle stops while in doubt, and the difference may fade; doubt that returns adds up. s
+    doubtful_s: LeakySum,
     /// For how long the difference has been beyond twice the limit without a break.
     large_s: f64,
     /// Time without a pose since the latest comparison, and between the two comparisons before.
@@ -237,9 +240,6 @@ const DOUBT_MAX_S: f64 = 1.5;
 const DOUBT_LARGE_MAX_S: f64 = 0.3;
 /// Time between two reports of the drone: one wrong report alone is no large difference. s
 const REPORT_S: f64 = 0.11;
-/// Fraction of the time of agreement that is subtracted from the doubt. The vehicle stops while in doubt, and the
-/// difference may fade: doubt that returns must add up. 1
-const FORGIVEN: f64 = 0.2;
 
 /// Longest time without a pose that one comparison may count for, that of a source of 4 Hz. s
 const WAITED_MAX_S: f64 = 0.24;
@@ -259,15 +259,16 @@ impl Doubt {
         let counted_s = dt_s + before_s.min(now_s);
         // False for NaN.
         if error <= limit {
-            self.doubtful_s = (self.doubtful_s - FORGIVEN * counted_s).max(0.0);
+            self.doubtful_s.forgive(FORGIVEN_RATIO * counted_s);
             self.large_s = 0.0;
             return Agreement::Agrees;
         }
-        self.doubtful_s += counted_s;
+        self.doubtful_s.add(counted_s);
         self.large_s = if error <= 2.0 * limit { 0.0 } else { self.large_s + counted_s };
         let is_large = self.large_s > REPORT_S;
         let patience_s = if is_large { DOUBT_LARGE_MAX_S } else { DOUBT_MAX_S };
-        if self.doubtful_s < patience_s { Agreement::Doubtful } else { Agreement::Disagrees }
+        let is_short = self.doubtful_s.value() < patience_s;
+        if is_short { Agreement::Doubtful } else { Agreement::Disagrees }
     }
 }
 

@@ -44,6 +44,7 @@ use self::braking::ControlMode;
 use self::condition_timer::{HoldTimer, LeakyTimer, ReportTimer, elapsed_s, exceeds};
 use self::settling::Settling;
 use crate::drone::{DroneOrder, LAND_PERIOD};
+use crate::forgetting::LeakySum;
 
 /// Take-off is ordered again when the drone still reports to be grounded after this time: the order
 /// may be lost, but a drone spinning up must not receive the order twice. s
@@ -149,9 +150,9 @@ pub struct Supervisor {
     /// The drone's own height there. m
     drone_ground_m: Option<f64>,
     /// Ticks in which a solver failed, less what those without a failure made up for.
-    failures: f64,
+    failures: LeakySum,
     /// Periods missed and not yet forgiven.
-    late_periods: f64,
+    late_periods: LeakySum,
     /// What the controller did in the tick before.
     control: ControlMode,
     /// What ended the flight.
@@ -183,8 +184,8 @@ impl Supervisor {
             end_ordered_ns: None,
             ground_height_m: None,
             drone_ground_m: None,
-            failures: 0.0,
-            late_periods: 0.0,
+            failures: LeakySum::default(),
+            late_periods: LeakySum::default(),
             control: ControlMode::Off,
             ended_by: FaultSet::default(),
         }

@@ -16,6 +16,7 @@ use horizon_model::rows::{Pose, Sticks, pos_w, pose, stick};
 use nalgebra::Vector3;
 
 use crate::commanded::inputs_w;
+use crate::forgetting::decay;
 
 /// The vehicle has moved when it is further away from `x_0`. m
 const MOVED_M: f64 = 0.4;
@@ -57,7 +58,7 @@ impl Immobility {
         // The direction of flight is psi = theta + theta_0. theta_0 hardly changes within T: it turns q about z and
         // leaves |q|, all that is compared.
         let u_w = inputs_w(u_sent, self.theta_rad).push(THROTTLE * u_sent[stick::THROTTLE]);
-        self.pressed_w_s = (-dt_s / FORGETTING_S).exp() * self.pressed_w_s + dt_s * u_w;
+        self.pressed_w_s = decay(dt_s, FORGETTING_S) * self.pressed_w_s + dt_s * u_w;
     }
 
     /// Forgets all inputs: a person steers.

@@ -21,6 +21,7 @@ use nalgebra::Vector2;
 
 use super::pose_plausibility::SPEED_MAX_MPS;
 use crate::commanded::inputs_w;
+use crate::ring::Ring;
 
 /// Ages of the positions that are compared, and of the inputs. periods
 const AGE_STOPPED: usize = 6;
@@ -52,9 +53,8 @@ const STEP_M: f64 = 0.05;
 #[derive(Debug, Clone)]
 pub(super) struct Impact {
     dt_s: f64,
-    /// Position and applied input of a period, by its number modulo the length. m, 1
-    ring: [(Option<Vector2<f64>>, Vector2<f64>); AGE_INPUTS + 1],
-    newest: usize,
+    /// Position, if there was a pose, and applied input of each period. m, 1
+    ring: Ring<(Option<Vector2<f64>>, Vector2<f64>)>,
     ticks: u32,
     /// Periods since a step that no vehicle makes.
     since_jump: usize,
@@ -66,8 +66,8 @@ pub(super) struct Impact {
 impl Impact {
     /// Nothing was seen yet. `dt_s` > 0 is the period.
     pub(super) fn new(dt_s: f64) -> Self {
-        let ring = [(None, Vector2::zeros()); AGE_INPUTS + 1];
-        Self { dt_s, ring, newest: 0, ticks: 0, since_jump: usize::MAX, spacing: 1, since_gap: 0 }
+        let ring = Ring::new((None, Vector2::zeros()), AGE_INPUTS + 1);
+        Self { dt_s, ring, ticks: 0, since_jump: usize::MAX, spacing: 1, since_gap: 0 }
     }
 
     /// A period has ended in which `u_applied` was applied at the heading `theta_rad`; `seen` is the new pose in it, if
@@ -75,9 +75,8 @@ impl Impact {
     ///
     /// Real time: no allocation, constant cost.
     pub(super) fn see(&mut self, seen: Option<&Pose>, u_applied: &Sticks, theta_rad: f64) {
-        self.newest = (self.newest + 1) % self.ring.len();
         let position_w = seen.map(|seen| pos_w(seen).xy());
-        self.ring[self.newest] = (position_w, inputs_w(u_applied, theta_rad));
+        self.ring.push((position_w, inputs_w(u_applied, theta_rad)));
         let has_jumped = position_w.is_some() && self.has_jumped();
         self.since_jump = if has_jumped { 0 } else { self.since_jump.saturating_add(1) };
         self.since_gap = self.since_gap.saturating_add(1);
@@ -145,8 +144,7 @@ impl Impact {
 
     /// The position that is exactly so old, less than the length of the ring.
     fn position_at(&self, age: usize) -> Option<Vector2<f64>> {
-        let count = self.ring.len();
-        self.ring[(self.newest + count - age) % count].0
+        self.ring.back(age).0
     }
 }
 

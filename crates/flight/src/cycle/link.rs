@@ -9,6 +9,7 @@ use horizon_model::rows::{Sticks, lag, pose, stick};
 use nalgebra::SVector;
 
 use super::dead_time::{DeadTime, DeadTimeChange};
+use crate::ring::Ring;
 use crate::{LinkDecision, LinkMonitor, LinkState};
 
 /// Least length of the ring of sticks, in which the held command is found: longer than the monitor takes to notice an
@@ -25,9 +26,8 @@ pub(super) struct Link {
     stick_max: f64,
     /// Steps that the estimator can amend.
     window_steps: usize,
-    /// Ring of the sticks that would have been applied with the link up.
-    meant: Vec<Sticks>,
-    newest: usize,
+    /// The sticks that would have been applied with the link up.
+    meant: Ring<Sticks>,
     state: LinkState,
     /// For how long the link has been in that state; the largest number before the first change. steps
     state_steps: usize,
@@ -44,7 +44,7 @@ impl Link {
         window_steps: usize,
         dt_s: f64,
     ) -> Self {
-        let meant = vec![Sticks::zeros(); window_steps.max(HELD_STEPS)];
+        let meant = Ring::new(Sticks::zeros(), window_steps.max(HELD_STEPS));
         Self {
             dt_s,
             monitor,
@@ -52,7 +52,6 @@ impl Link {
             stick_max,
             window_steps,
             meant,
-            newest: 0,
             state: LinkState::Up,
             state_steps: usize::MAX,
             held: Sticks::zeros(),
@@ -86,9 +85,8 @@ impl Link {
 
     /// Replaces the remembered sticks of the newest `steps` steps: `u_meant(back)` would have been applied.
     pub(super) fn recall(&mut self, steps: usize, u_meant: impl Fn(usize) -> Sticks) {
-        let len = self.meant.len();
-        for back in 0..steps.min(len) {
-            self.meant[(self.newest + len - back) % len] = u_meant(back);
+        for back in 0..steps.min(self.meant.len()) {
+            self.meant.replace(back, u_meant(back));
         }
     }
 
@@ -113,8 +111,7 @@ impl Link {
         observed: &Observed<{ pose::COUNT }>,
         p: &SVector<f64, { lag::COUNT }>,
     ) -> (LinkDecision, Option<usize>) {
-        self.newest = (self.newest + 1) % self.meant.len();
-        self.meant[self.newest] = *u_meant;
+        self.meant.push(*u_meant);
         let decision = self.monitor.update(u_meant, observed, p);
         if self.is_up() && decision.state.is_down() {
             self.dead_time.note_outage();
@@ -124,7 +121,7 @@ impl Link {
         self.state_steps = self.state_steps.saturating_add(1);
         if decision.changed {
             self.state_steps = since_steps;
-            self.held = self.meant(since_steps.min(self.meant.len() - 1));
+            self.held = self.meant.back(since_steps.min(self.meant.len() - 1));
         }
         (decision, decision.changed.then_some(since_steps.min(self.window_steps)))
     }
@@ -136,7 +133,7 @@ impl Link {
 
     /// The applied sticks `back` steps before the newest, by the newest decision.
     pub(super) fn applied(&self, back: usize) -> Sticks {
-        self.instead().unwrap_or_else(|| self.meant(back))
+        self.instead().unwrap_or_else(|| self.meant.back(back))
     }
 
     /// What acts in place of all that is sent; `None` while the link is up.
@@ -156,11 +153,6 @@ impl Link {
         } else {
             u_plan.map(|u| u.clamp(-self.stick_max, self.stick_max))
         }
-    }
-
-    fn meant(&self, back: usize) -> Sticks {
-        let len = self.meant.len();
-        self.meant[(self.newest + len - back % len) % len]
     }
 }
 

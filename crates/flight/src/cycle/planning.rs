@@ -16,6 +16,7 @@ use nalgebra::{SMatrix, SVector};
 use super::baseline::Baseline;
 use super::committed::Committed;
 use super::walls::{Clearance, PlanWalls, Walls};
+use crate::forgetting::decay;
 use crate::{Mission, PlanClearance, Reference, clip_target};
 pub(super) use known::Known;
 
@@ -323,7 +324,7 @@ where
             let [at, after] = self.committed.open_stages[axis].map(|stage| plan[stage][axis]);
             (1.0 - fraction) * at + fraction * after
         });
-        self.stick_for(&(effect * (-f64::from(lag) / PLAN_DECAY_TICKS).exp()))
+        self.stick_for(&(effect * decay(f64::from(lag), PLAN_DECAY_TICKS)))
     }
 
     /// The planned sticks of the whole horizon, by step.

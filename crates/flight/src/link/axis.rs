@@ -10,6 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{DeadTimeError, LinkTable, likelihood};
+use crate::forgetting::decay;
 
 /// Rows of the filter's state. The unit of the axis is rad or m.
 mod row {
@@ -173,7 +174,7 @@ impl Axis {
         dt_s: f64,
     ) {
         let AxisCommand { asked, rate } = command;
-        let fraction = 1.0 - (-dt_s / tau_s).exp();
+        let fraction = 1.0 - decay(dt_s, tau_s);
         let keep = keep_factors(table, &self.noise, dt_s);
         let mut f = SMatrix::from_diagonal(&keep);
         f[(row::RATE, row::RATE)] = 1.0 - fraction;
@@ -231,10 +232,10 @@ fn stationary_sd(table: &LinkTable, noise: &Noise) -> State {
 
 /// What is left of each row after a period by itself.
 fn keep_factors(table: &LinkTable, noise: &Noise, dt_s: f64) -> State {
-    let mut keep = State::repeat((-dt_s / table.adapt_s).exp());
+    let mut keep = State::repeat(decay(dt_s, table.adapt_s));
     (keep[row::VALUE], keep[row::RATE]) = (1.0, 1.0);
-    keep[row::D] = (-dt_s / noise.decay_s).exp();
-    keep[row::DEAD_TIME] = (-dt_s / noise.dead_time_adapt_s).exp();
+    keep[row::D] = decay(dt_s, noise.decay_s);
+    keep[row::DEAD_TIME] = decay(dt_s, noise.dead_time_adapt_s);
     keep
 }
 

@@ -10,6 +10,7 @@ use horizon_model::rows::{lag, pose};
 use nalgebra::{SMatrix, SVector, Vector2};
 
 use super::{DeadTimeError, LinkTable, likelihood};
+use crate::forgetting::decay;
 
 /// Rows of the filter's state.
 mod row {
@@ -92,7 +93,7 @@ impl Hypothesis {
             + turned_w_mps * self.s[row::HEADING]
             - rate_w_mps2 * self.s[row::DEAD_TIME]
             - v_w_mps;
-        let fraction = 1.0 - (-dt_s / p[lag::TAU_H]).exp();
+        let fraction = 1.0 - decay(dt_s, p[lag::TAU_H]);
         let free = fraction * (1.0 + self.s[row::RATE]);
         let limit = (p[lag::A_MAX] * dt_s / (free * missing_w_mps).norm()).min(1.0);
         // The limit counts as a known factor: exact enough for a variance.
@@ -184,10 +185,10 @@ fn stationary_sd(table: &LinkTable) -> State {
 
 /// What is left of each row after a period by itself.
 fn keep_factors(table: &LinkTable, dt_s: f64) -> State {
-    let mut keep = State::repeat((-dt_s / table.adapt_s).exp());
-    keep[row::DEAD_TIME] = (-dt_s / table.dead_time_adapt_s.unwrap_or(table.adapt_s)).exp();
+    let mut keep = State::repeat(decay(dt_s, table.adapt_s));
+    keep[row::DEAD_TIME] = decay(dt_s, table.dead_time_adapt_s.unwrap_or(table.adapt_s));
     (keep[row::X], keep[row::Y], keep[row::V_X], keep[row::V_Y]) = (1.0, 1.0, 1.0, 1.0);
-    let kept = (-dt_s / table.decay_s).exp();
+    let kept = decay(dt_s, table.decay_s);
     (keep[row::D_X], keep[row::D_Y]) = (kept, kept);
     keep
 }

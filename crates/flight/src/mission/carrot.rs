@@ -1,4 +1,4 @@
-//! A reference on the straight line from where the vehicle is to a pose where it should be.
+//! Point that leads the vehicle on the straight line to a pose (carrot, path following).
 //!
 //! Owns the motion along that line: from rest to rest, within the limits of a path. When it begins,
 //! and what happens at its end, is `follower.rs`.
@@ -27,7 +27,7 @@ pub(super) struct Carrot {
     /// Largest change of `pace`. 1/s^2
     growth: f64,
     /// Fraction of the pace that the lag of the vehicle allows. 1, 0..=1
-    pub allowed: f64,
+    allowed: f64,
 }
 
 impl Carrot {
@@ -52,6 +52,11 @@ impl Carrot {
             growth: limits.accel_mps2 / length,
             allowed: 1.0,
         }
+    }
+
+    /// The reference with the fraction `allowed` of its pace, 0..=1, from the next period on.
+    pub(super) fn with_allowed_pace(self, allowed: f64) -> Self {
+        Self { allowed, ..self }
     }
 
     /// The reference one period later, with the pace that is allowed now.

@@ -4,8 +4,6 @@
 //! reached. A path off the trajectory is `carrot.rs`. Trajectories are never changed: only the time on them runs
 //! slower.
 
-use std::mem::swap;
-
 use horizon_model::rows::{Pose, pose};
 use horizon_model::setting::SettingError;
 
@@ -24,10 +22,10 @@ const RESUME_WINDOW_M: f64 = 1.0;
 /// acceleration, nothing is left for more pace. 1/s
 const PACE_GROWTH_MIN: f64 = 0.1;
 
-/// Times `start.within`: how far from the first waypoint the vehicle may be while it settles, but within its reach. The
-/// plan sees the path before the reference sets off, and begins to speed up for it. A vehicle that swings about the
-/// waypoint gets going, too, and shows its dead times on the path.
-const SETTLE_LEAVE: f64 = 2.0;
+/// Largest distance from the first waypoint while the vehicle settles, over `start.within`; at most the reach of that
+/// waypoint. The plan has the path in its horizon before the reference sets off, and begins to speed up for it. A
+/// vehicle that oscillates about the waypoint sets off, too: its motion along the path shows its dead times. 1
+const SETTLE_LEAVE_RATIO: f64 = 2.0;
 
 /// Speed below which a trajectory stands still, whatever the pace. m/s
 const STANDSTILL_MPS: f64 = 1e-3;
@@ -65,9 +63,9 @@ const START: PathTime = PathTime { at_s: 0.0, pace: 1.0 };
 /// A reference along a trajectory.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Follower {
-    path: TimedPath,
-    /// Path with tighter corners, for a vehicle that has missed a waypoint; then the path until there.
-    other: Option<TimedPath>,
+    normal: TimedPath,
+    /// Path with tighter corners, from the first missed waypoint on; `None`: `normal` goes on.
+    careful: Option<TimedPath>,
     has_missed: bool,
     follow: FollowTable,
     limits: Limits,
@@ -77,8 +75,9 @@ pub(super) struct Follower {
     time: PathTime,
     /// Pace that the lag of the vehicle allows.
     pace_max: f64,
-    /// Node up to which the vehicle has come.
-    passed: usize,
+    /// Node of the trajectory up to which the vehicle has come.
+    vehicle_node: usize,
+    /// Number of waypoints reached.
     reached: usize,
 }
 
@@ -99,8 +98,8 @@ impl Follower {
         let follow = follow.check().map_err(|error| error.under("follow"))?.clone();
         let settle_periods = horizon_model::steps(follow.start.settle_s, dt_s);
         Ok(Self {
-            path,
-            other: careful,
+            normal: path,
+            careful,
             has_missed: false,
             follow,
             limits,
@@ -109,9 +108,14 @@ impl Follower {
             stage: FollowStage::Unplaced,
             time: START,
             pace_max: 1.0,
-            passed: 0,
+            vehicle_node: 0,
             reached: 0,
         })
+    }
+
+    /// The path that is flown.
+    fn path(&self) -> &TimedPath {
+        self.careful.as_ref().filter(|_| self.has_missed).unwrap_or(&self.normal)
     }
 
     /// See [`super::Mission::advance`].
@@ -121,11 +125,13 @@ impl Follower {
         }
         match self.stage {
             FollowStage::Unplaced => self.approach(pose_hat, self.carrot(pose_hat)),
-            FollowStage::Approach(carrot) => self.approach(pose_hat, self.led(carrot, pose_hat)),
+            FollowStage::Approach(carrot) => {
+                self.approach(pose_hat, self.advanced(carrot, pose_hat))
+            }
             FollowStage::Settle { left } => self.settle(pose_hat, left),
             FollowStage::Run => self.run(pose_hat),
             FollowStage::Return(carrot) => {
-                let carrot = self.led(carrot, pose_hat);
+                let carrot = self.advanced(carrot, pose_hat);
                 self.stage = FollowStage::Return(carrot);
                 if carrot.is_arrived() && self.is_at_next(pose_hat) {
                     self.set_off_again();
@@ -140,10 +146,9 @@ impl Follower {
     }
 
     /// `carrot` one period later, the vehicle at `pose_hat`.
-    fn led(&self, carrot: Carrot, pose_hat: &Pose) -> Carrot {
-        let mut moved = carrot.after(self.dt_s);
-        moved.allowed = self.allowed_pace(moved.lag_m(pose_hat));
-        moved
+    fn advanced(&self, carrot: Carrot, pose_hat: &Pose) -> Carrot {
+        let moved = carrot.after(self.dt_s);
+        moved.with_allowed_pace(self.allowed_pace(moved.lag_m(pose_hat)))
     }
 
     /// Settling begins where the vehicle is close enough, `carrot` arrived or not.
@@ -155,13 +160,13 @@ impl Follower {
     }
 
     fn first_distance(&self, pose_hat: &Pose) -> f64 {
-        pose_distance(&self.path.waypoints[0].pose, pose_hat)
+        pose_distance(&self.path().waypoints[0].pose, pose_hat)
     }
 
     /// Distance to the first waypoint at which a vehicle that settles has left it.
     fn settle_leave(&self) -> f64 {
         let FollowTable { start, reach, .. } = &self.follow;
-        (SETTLE_LEAVE * start.within).min(reach.max(start.within))
+        (SETTLE_LEAVE_RATIO * start.within).min(reach.max(start.within))
     }
 
     /// `left` periods are missing until the reference sets off.
@@ -178,14 +183,18 @@ impl Follower {
         };
     }
 
+    /// Moves the reference along the trajectory, and `vehicle_node` up to the reference at most.
     fn run(&mut self, pose_hat: &Pose) {
         self.time = self.after(self.time, self.pace_max);
-        let now = self.path.trajectory.node_before(self.time.at_s);
-        let between = (self.passed..=now).rev();
-        self.passed = self.path.trajectory.nearest(between, pose_hat).unwrap_or(self.passed);
-        let lag_m = self.path.trajectory.arc_at_m(self.time.at_s)
-            - self.path.trajectory.arc_beside_m(self.passed, pose_hat);
-        let aside_m = self.path.trajectory.aside_m(self.passed, pose_hat);
+        let Self { time, vehicle_node, .. } = *self;
+        let trajectory = self.trajectory();
+        let reference_node = trajectory.node_before(time.at_s);
+        let between = (vehicle_node..=reference_node).rev();
+        let vehicle_node = trajectory.nearest(between, pose_hat).unwrap_or(vehicle_node);
+        let lag_m =
+            trajectory.arc_at_m(time.at_s) - trajectory.arc_beside_m(vehicle_node, pose_hat);
+        let aside_m = trajectory.aside_m(vehicle_node, pose_hat);
+        self.vehicle_node = vehicle_node;
         let aside_pace = self.follow.wait.aside_m.map_or(1.0, |ends_m| falling(aside_m, ends_m));
         self.pace_max = self.allowed_pace(lag_m).min(aside_pace);
         if self.is_finished() {
@@ -213,20 +222,17 @@ impl Follower {
     /// Whether the vehicle has left the next waypoint behind. The last one cannot be missed: the
     /// reference stays there.
     fn has_missed_next(&self) -> bool {
-        let is_last = self.reached + 1 == self.path.waypoints.len();
-        let is_past = self.passed >= self.next().leave;
-        !is_last && (is_past || self.time.at_s >= self.path.trajectory.end_s())
+        let is_last = self.reached + 1 == self.path().waypoints.len();
+        let is_past = self.vehicle_node >= self.next().leave;
+        !is_last && (is_past || self.time.at_s >= self.path().trajectory.end_s())
     }
 
     /// From the missed waypoint, which is reached now, on along the trajectory from rest. A vehicle that has missed one
     /// corner would miss others, and each return costs seconds: from the first one on corners are tighter.
     fn set_off_again(&mut self) {
-        if let Some(other) = self.other.as_mut().filter(|_| !self.has_missed) {
-            swap(&mut self.path, other);
-            self.has_missed = true;
-        }
+        self.has_missed = true;
         let node = self.next().node;
-        self.go_to(node, self.path.trajectory.nodes()[node].at_s, 0.0);
+        self.go_to(node, self.path().trajectory.nodes()[node].at_s, 0.0);
         self.reached += 1;
         self.stage = FollowStage::Run;
     }
@@ -245,45 +251,47 @@ impl Follower {
         }
     }
 
-    /// Goes to the point of the trajectory that is nearest to the vehicle.
+    /// Goes to the point of the trajectory that is nearest to the vehicle: within [`RESUME_WINDOW_M`] behind
+    /// `vehicle_node` and ahead of the reference, between the waypoint reached last and the next one.
     fn resume_run(&mut self, pose_hat: &Pose, velocity_hat: &Pose) {
-        let now = self.path.trajectory.node_before(self.time.at_s);
-        let mut first = self.path.waypoints[self.reached - 1].node.min(self.passed);
-        while self.path.length_m(first, self.passed) > RESUME_WINDOW_M {
+        let path = self.path();
+        let reference_node = path.trajectory.node_before(self.time.at_s);
+        let mut first = path.waypoints[self.reached - 1].node.min(self.vehicle_node);
+        while path.length_m(first, self.vehicle_node) > RESUME_WINDOW_M {
             first += 1;
         }
         let mut last = self.next().node.max(first);
-        while last > now && self.path.length_m(now, last) > RESUME_WINDOW_M {
+        while last > reference_node && path.length_m(reference_node, last) > RESUME_WINDOW_M {
             last -= 1;
         }
         // From the reference outwards: a trajectory that stands still is not begun again.
-        let around = (first..=last.min(now)).rev().chain(now + 1..=last);
-        let Some(node) = self.path.trajectory.nearest(around, pose_hat) else { return };
-        let found = self.path.trajectory.nodes()[node];
+        let around = (first..=last.min(reference_node)).rev().chain(reference_node + 1..=last);
+        let Some(node) = path.trajectory.nearest(around, pose_hat) else { return };
+        let found = path.trajectory.nodes()[node];
         let vel_w = found.vel_w();
         let speed2 = vel_w.norm_squared();
         let along = vel_w.dot(&velocity_hat.fixed_rows::<3>(pose::X));
         let pace = if speed2 < STANDSTILL_MPS.powi(2) { 1.0 } else { along / speed2 };
-        let at_s = if node == now { self.time.at_s } else { found.at_s };
+        let at_s = if node == reference_node { self.time.at_s } else { found.at_s };
         self.go_to(node, at_s, pace.clamp(0.0, 1.0));
     }
 
     /// Puts the reference to `at_s`, the vehicle beside `node`.
     fn go_to(&mut self, node: usize, at_s: f64, pace: f64) {
         self.time = PathTime { at_s, pace };
-        self.passed = node;
+        self.vehicle_node = node;
         self.pace_max = 1.0;
     }
 
     /// The time one period later.
     fn after(&self, time: PathTime, pace_max: f64) -> PathTime {
         let pace = if time.pace < pace_max {
-            let growth = self.pace_growth(&self.path.trajectory.at(time.at_s), time.pace);
+            let growth = self.pace_growth(&self.path().trajectory.at(time.at_s), time.pace);
             (time.pace + self.dt_s * growth).min(pace_max)
         } else {
             pace_max
         };
-        PathTime { at_s: (time.at_s + self.dt_s * pace).min(self.path.trajectory.end_s()), pace }
+        PathTime { at_s: (time.at_s + self.dt_s * pace).min(self.path().trajectory.end_s()), pace }
     }
 
     /// Largest growth of `pace` with which the reference keeps its acceleration. 1/s
@@ -342,17 +350,17 @@ impl Follower {
 
     /// Time from the beginning of the trajectory to its end, with the time to settle. s
     pub(super) fn planned_s(&self) -> f64 {
-        self.follow.start.settle_s + self.path.trajectory.end_s()
+        self.follow.start.settle_s + self.path().trajectory.end_s()
     }
 
     fn reference(&self, time: PathTime) -> Reference {
-        let at = self.path.trajectory.at(time.at_s);
+        let at = self.path().trajectory.at(time.at_s);
         Reference { pose: at.pose, rate: time.pace * at.rate }
     }
 
     /// The waypoint to reach, the last one when all are reached.
     pub(super) fn next(&self) -> &Waypoint {
-        &self.path.waypoints[self.reached.min(self.path.waypoints.len() - 1)]
+        &self.path().waypoints[self.reached.min(self.path().waypoints.len() - 1)]
     }
 
     pub(super) fn reached(&self) -> usize {
@@ -360,7 +368,7 @@ impl Follower {
     }
 
     pub(super) fn waypoints(&self) -> &[Waypoint] {
-        &self.path.waypoints
+        &self.path().waypoints
     }
 
     /// See [`super::Mission::is_returning`].
@@ -369,11 +377,11 @@ impl Follower {
     }
 
     pub(super) fn is_finished(&self) -> bool {
-        self.reached == self.path.waypoints.len()
+        self.reached == self.path().waypoints.len()
     }
 
     pub(super) fn trajectory(&self) -> &Trajectory {
-        &self.path.trajectory
+        &self.path().trajectory
     }
 }
 

@@ -19,8 +19,10 @@ use horizon_model::rows::{Pose, pose};
 use nalgebra::Complex;
 
 use super::Sample;
-use super::typical_vehicle::decay;
+use super::typical_vehicle::lag_decay;
 use crate::commanded::inputs_w;
+use crate::forgetting::decay;
+use crate::ring::Ring;
 
 /// Time constant with which motion is forgotten. s
 const FORGET_S: f64 = 4.0;
@@ -62,9 +64,8 @@ pub(super) struct DirectionMonitor {
     v_u_w: Complex<f64>,
     /// `y`: what is left of the velocity at the beginning of the comparison, over that velocity; 0 from rest. 1
     decay: f64,
-    /// Ring of the newest velocities, as long as the shift.
-    ring: Vec<Velocities>,
-    newest: usize,
+    /// The newest velocities, as long as the shift.
+    ring: Ring<Velocities>,
     count: usize,
     /// Without a shift, with a later and with an earlier motion.
     sums: [Sums; 3],
@@ -137,7 +138,7 @@ struct Turn {
 
 impl Sums {
     fn add(&mut self, [v_u_w, v_o_w]: [Complex<f64>; 2], y: f64, dt_s: f64) {
-        let keep = (-dt_s / FORGET_S).exp();
+        let keep = decay(dt_s, FORGET_S);
         *self = Self {
             time_s: self.time_s * keep + dt_s,
             v_u_w: self.v_u_w * keep + v_u_w * dt_s,
@@ -174,7 +175,7 @@ impl Sums {
 impl DirectionMonitor {
     pub(super) fn new(limit_rad: f64, dt_s: f64) -> Self {
         let length = horizon_model::steps(SHIFT_S, dt_s) + 1;
-        Self { limit_rad, dt_s, ring: vec![Velocities::default(); length], ..Self::default() }
+        Self { limit_rad, dt_s, ring: Ring::new(Velocities::default(), length), ..Self::default() }
     }
 
     /// Takes a tick on the ground: the motion has not followed its inputs yet.
@@ -240,7 +241,7 @@ impl DirectionMonitor {
     fn ask(&mut self, sample: &Sample) {
         let [x, y] = inputs_w(&sample.u_applied, self.theta_rad).into();
         let asked_w = Complex::new(x, y);
-        let keep = decay(self.dt_s);
+        let keep = lag_decay(self.dt_s);
         self.v_u_w += (asked_w - self.v_u_w) * (1.0 - keep);
         self.decay *= keep;
         self.since.count += 1;
@@ -268,13 +269,12 @@ impl DirectionMonitor {
     }
 
     fn add(&mut self, now: Velocities, decay: f64) {
-        self.newest = (self.newest + 1) % self.ring.len();
-        self.ring[self.newest] = now;
+        self.ring.push(now);
         self.count = self.count.saturating_add(1);
         let [unshifted, later, earlier] = &mut self.sums;
         unshifted.add([now.v_u_w, now.v_o_w], decay, self.dt_s);
         if self.count >= self.ring.len() {
-            let oldest = self.ring[(self.newest + 1) % self.ring.len()];
+            let oldest = self.ring.back(self.ring.len() - 1);
             later.add([oldest.v_u_w, now.v_o_w], decay, self.dt_s);
             earlier.add([now.v_u_w, oldest.v_o_w], decay, self.dt_s);
         }

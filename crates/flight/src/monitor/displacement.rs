@@ -7,8 +7,9 @@
 use nalgebra::Complex;
 
 use super::FORGET_S;
-use super::typical_vehicle::decay;
+use super::typical_vehicle::lag_decay;
 use super::velocity::{FIXED, FRAMES, TURNING, shortened};
+use crate::forgetting::decay;
 
 /// Time constant with which a difference between speeds is forgotten. s
 const SPEED_FORGET_S: f64 = 4.0;
@@ -67,12 +68,12 @@ impl Displacements {
         asked_w_mps: Complex<f64>,
         dt_s: f64,
     ) {
-        let keep = (-dt_s / FORGET_S).exp();
+        let keep = decay(dt_s, FORGET_S);
         let remember =
             |displacement_m| shortened(displacement_m * keep, DISPLACEMENT_DRIFT_MPS * dt_s);
-        let keep_difference = (-dt_s / SPEED_FORGET_S).exp();
-        let smooth = 1.0 - (-dt_s / SPEED_TAU_S).exp();
-        self.followed_w_mps += (asked_w_mps - self.followed_w_mps) * (1.0 - decay(dt_s));
+        let keep_difference = decay(dt_s, SPEED_FORGET_S);
+        let smooth = 1.0 - decay(dt_s, SPEED_TAU_S);
+        self.followed_w_mps += (asked_w_mps - self.followed_w_mps) * (1.0 - lag_decay(dt_s));
         self.inputs_w_m = remember(self.inputs_w_m) + self.followed_w_mps * dt_s;
         self.poses_w_m = remember(self.poses_w_m) + moved_w_m;
         self.poses_w_mps += (moved_w_m / dt_s - self.poses_w_mps) * smooth;

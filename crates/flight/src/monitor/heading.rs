@@ -11,6 +11,7 @@ use horizon_model::rows::pose;
 
 use super::typical_vehicle::{YAW_LAG_S, yaw_rate_radps};
 use super::{Agreement, Doubt, FORGET_S, Sample};
+use crate::forgetting::decay;
 
 /// Least turn by the drone that shows its sense of rotation. rad
 const TURN_MIN_RAD: f64 = 0.3;
@@ -100,10 +101,9 @@ impl HeadingMonitor {
             self.rest();
             return (Agreement::Unknown, 0.0);
         }
-        let keep = (-self.dt_s / FORGET_S).exp();
+        let keep = decay(self.dt_s, FORGET_S);
         let target_radps = yaw_rate_radps(&sample.u_applied);
-        self.asked_radps +=
-            (target_radps - self.asked_radps) * (1.0 - (-self.dt_s / YAW_LAG_S).exp());
+        self.asked_radps += (target_radps - self.asked_radps) * (1.0 - decay(self.dt_s, YAW_LAG_S));
         let turns = &mut self.turns;
         turns.drone = turns.drone * keep + turned_rad;
         turns.inputs = turns.inputs * keep + self.asked_radps * self.dt_s;

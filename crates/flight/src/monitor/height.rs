@@ -9,6 +9,7 @@ use horizon_model::check::maximum;
 use horizon_model::rows::pose;
 
 use super::{Agreement, Doubt, Sample};
+use crate::forgetting::decay;
 
 /// Time within which a difference is forgotten. s
 const FORGET_S: f64 = 30.0;
@@ -105,7 +106,7 @@ impl HeightMonitor {
         self.error_m = error_m.abs();
         // One wrong report must not shift the offset for the rest of the flight.
         let followed_m = error_m.clamp(-2.0 * self.limit_m, 2.0 * self.limit_m);
-        self.offset_m = Some(offset_m + followed_m * (1.0 - (-self.dt_s / FORGET_S).exp()));
+        self.offset_m = Some(offset_m + followed_m * (1.0 - decay(self.dt_s, FORGET_S)));
         let of_flight_m = z_m - height_m - self.offset_on_ground_m;
         let error_of_flight_m = least_m(of_flight_m, of_flight_m - self.floor_m).abs();
         let compared_m = maximum(error_of_flight_m / WHOLE_FLIGHT_RATIO, self.error_m);

@@ -8,6 +8,7 @@ use horizon_model::rows::{Pose, pose};
 use nalgebra::Vector2;
 
 use super::Sample;
+use crate::forgetting::decay;
 
 /// Time constant of the low-pass filter of the velocity by the poses. s
 const FILTER_S: f64 = 0.1;
@@ -73,7 +74,7 @@ impl HiddenSpeed {
         }
         let speed_mps = self.velocity_w_mps.norm();
         if let Some(drone_mps) = drone_mps.filter(|_| speed_mps >= COMPARED_MPS) {
-            let keep = (-self.dt_s / DISTANCE_FORGET_S).exp();
+            let keep = decay(self.dt_s, DISTANCE_FORGET_S);
             self.poses_m = self.poses_m * keep + speed_mps * self.dt_s;
             self.flown_m = self.flown_m * keep + drone_mps * self.dt_s;
         }
@@ -99,9 +100,9 @@ impl HiddenSpeed {
         let before = self.before.replace(*now).unwrap_or(*now);
         let moved_w_m =
             Vector2::new(now[pose::X] - before[pose::X], now[pose::Y] - before[pose::Y]);
-        let part = 1.0 - (-self.since_pose_s / FILTER_S).exp();
-        self.velocity_w_mps += (moved_w_m / self.since_pose_s - self.velocity_w_mps) * part;
-        let kept_mps = self.poses_mps * (-self.since_pose_s / FORGET_S).exp();
+        let smooth = 1.0 - decay(self.since_pose_s, FILTER_S);
+        self.velocity_w_mps += (moved_w_m / self.since_pose_s - self.velocity_w_mps) * smooth;
+        let kept_mps = self.poses_mps * decay(self.since_pose_s, FORGET_S);
         self.poses_mps = kept_mps.max(self.velocity_w_mps.norm());
         self.since_pose_s = 0.0;
     }

@@ -7,9 +7,11 @@ use horizon_model::rows::{Pose, Sticks, pose, stick};
 use nalgebra::Vector3;
 
 use super::hidden_speed::HiddenSpeed;
-use super::typical_vehicle::{DEAD_THROTTLE, decay};
+use super::typical_vehicle::{DEAD_THROTTLE, lag_decay};
 use super::{Agreement, Sample};
 use crate::commanded::{excess, inputs_w};
+use crate::forgetting::decay;
+use crate::ring::Ring;
 
 /// Blocks whose means are compared.
 const BLOCKS: usize = 4;
@@ -198,9 +200,8 @@ impl FrozenMonitor {
         let is_heard = sample.link_is_up || self.hidden.mps() >= FLOWN_MPS;
         let u = if is_heard { sample.u_applied } else { Sticks::zeros() };
         let u_w = inputs_w(&u, self.theta_rad).push(excess(u[stick::THROTTLE], DEAD_THROTTLE));
-        self.u_lagged_w += (u_w - self.u_lagged_w) * (1.0 - decay(self.dt_s));
-        self.u_mean_w +=
-            (self.u_lagged_w - self.u_mean_w) * (1.0 - (-self.dt_s / MEAN_INPUT_S).exp());
+        self.u_lagged_w += (u_w - self.u_lagged_w) * (1.0 - lag_decay(self.dt_s));
+        self.u_mean_w += (self.u_lagged_w - self.u_mean_w) * (1.0 - decay(self.dt_s, MEAN_INPUT_S));
     }
 }
 
@@ -210,9 +211,8 @@ struct Window {
     still_m: f64,
     length_s: f64,
     dt_s: f64,
-    /// Ring of the newest poses, a whole number of blocks.
-    poses: Vec<Pose>,
-    newest: usize,
+    /// The newest poses, a whole number of blocks.
+    poses: Ring<Pose>,
     count: usize,
     /// For how long each row has been still; `None`: it moves. s
     still_s: [Option<f64>; ROWS.len()],
@@ -221,8 +221,8 @@ struct Window {
 impl Window {
     fn new(still_m: f64, length_s: f64, dt_s: f64) -> Self {
         let block = horizon_model::steps(length_s / BLOCKS as f64, dt_s).max(2);
-        let poses = vec![Pose::zeros(); BLOCKS * block];
-        Self { still_m, length_s, dt_s, poses, newest: 0, count: 0, still_s: [None; ROWS.len()] }
+        let poses = Ring::new(Pose::zeros(), BLOCKS * block);
+        Self { still_m, length_s, dt_s, poses, count: 0, still_s: [None; ROWS.len()] }
     }
 
     fn restart(&mut self) {
@@ -231,8 +231,7 @@ impl Window {
     }
 
     fn observe(&mut self, pose: &Pose) {
-        self.newest = (self.newest + 1) % self.poses.len();
-        self.poses[self.newest] = *pose;
+        self.poses.push(*pose);
         self.count = self.count.saturating_add(1);
         let is_full = self.count >= self.poses.len();
         self.still_s = std::array::from_fn(|at| {
@@ -251,10 +250,7 @@ impl Window {
     fn spread_m(&self, row: usize) -> f64 {
         let block = self.poses.len() / BLOCKS;
         let mean = |at: usize| {
-            let values = (0..block).map(|k| {
-                let back = at * block + k;
-                self.poses[(self.newest + self.poses.len() - back) % self.poses.len()][row]
-            });
+            let values = (0..block).map(|k| self.poses.back(at * block + k)[row]);
             values.sum::<f64>() / block as f64
         };
         let (low, high) =

@@ -7,6 +7,7 @@ use horizon_model::rows::{Sticks, stick};
 use nalgebra::Complex;
 
 use crate::commanded::{commanded_mps, excess};
+use crate::forgetting::decay;
 
 /// Velocity per input, after the dead zone. m/s
 const GAIN_MPS: f64 = 1.9;
@@ -33,8 +34,8 @@ pub(super) fn yaw_rate_radps(u: &Sticks) -> f64 {
 }
 
 /// Fraction of a deviation of the velocity in x and y that remains after `dt_s`. 1
-pub(super) fn decay(dt_s: f64) -> f64 {
-    (-dt_s / LAG_S).exp()
+pub(super) fn lag_decay(dt_s: f64) -> f64 {
+    decay(dt_s, LAG_S)
 }
 
 #[cfg(test)]
@@ -53,11 +54,5 @@ mod tests {
             "{}",
             yaw_rate_radps(&u)
         );
-    }
-
-    #[test]
-    fn a_third_of_a_velocity_is_left_after_the_lag() {
-        assert!((decay(LAG_S) - (-1.0_f64).exp()).abs() < 1e-12);
-        assert!((decay(0.02).powi(30) - decay(LAG_S)).abs() < 1e-12);
     }
 }

@@ -18,6 +18,8 @@ use self::report_age::{MOTION_MIN, ReportAge, Sums};
 use super::displacement::Displacements;
 use super::typical_vehicle::velocity_w_mps;
 use super::{Agreement, Doubt, FORGET_S, Sample};
+use crate::forgetting::decay;
+use crate::ring::Ring;
 
 /// Ages that reports may have, ascending, and the index of the least one. s
 const AGES_S: [f64; 9] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8];
@@ -51,9 +53,8 @@ pub(super) struct VelocityMonitor {
     before: Option<Pose>,
     /// Time since the newest pose. s
     since_pose_s: f64,
-    /// Ring of the newest displacements, as long as the largest age.
-    moved: Vec<PoseDisplacement>,
-    newest: usize,
+    /// The newest displacements, as long as the largest age.
+    moved: Ring<PoseDisplacement>,
     /// Comparison with the drone's reports of each of [`AGES_S`].
     ages: [ReportAge; AGES_S.len()],
     /// Index of the age that explains the motion best, and whether the motion has shown it well.
@@ -115,7 +116,7 @@ impl VelocityMonitor {
         Self {
             limit_m,
             dt_s,
-            moved: vec![at_rest; steps(AGES_S[AGES_S.len() - 1], dt_s) + 1],
+            moved: Ring::new(at_rest, steps(AGES_S[AGES_S.len() - 1], dt_s) + 1),
             ..Self::default()
         }
     }
@@ -137,7 +138,7 @@ impl VelocityMonitor {
         let speed_mps = reported_mps.map(|[first_mps, second_mps]| first_mps.hypot(second_mps));
         self.has_shown_speed |= speed_mps.is_some_and(|speed_mps| speed_mps > 0.0);
         self.speed_mps = speed_mps.filter(|_| self.has_shown_speed);
-        let moved = AGES_S.map(|age_s| self.moved_ago(age_s));
+        let moved = AGES_S.map(|age_s| self.moved.back(steps(age_s, self.dt_s)));
         let motions = self.compare(&moved, reported_mps);
         self.add_displacements(sample, &motions, moved[NEWEST].theta_rad);
         self.learn(&motions);
@@ -156,7 +157,7 @@ impl VelocityMonitor {
         moved: &[PoseDisplacement; AGES_S.len()],
         reported_mps: Option<[f64; 2]>,
     ) -> [Option<MotionSample>; AGES_S.len()] {
-        let keep = (-self.dt_s / FORGET_S).exp();
+        let keep = decay(self.dt_s, FORGET_S);
         let mut motions = [None; AGES_S.len()];
         for ((hypothesis, moved), motion) in self.ages.iter_mut().zip(moved).zip(&mut motions) {
             hypothesis.forget(keep);
@@ -226,15 +227,8 @@ impl VelocityMonitor {
             _ => Complex::default(),
         };
         let theta_rad = self.before.map_or(0.0, |at| at[pose::THETA]);
-        self.newest = (self.newest + 1) % self.moved.len();
-        self.moved[self.newest] =
-            PoseDisplacement { moved_w_m, in_s, theta_rad, is_pose: sample.pose.is_some() };
-    }
-
-    /// The displacement of the period `age_s` ago.
-    fn moved_ago(&self, age_s: f64) -> PoseDisplacement {
-        let count = self.moved.len();
-        self.moved[(self.newest + count - steps(age_s, self.dt_s)) % count]
+        let is_pose = sample.pose.is_some();
+        self.moved.push(PoseDisplacement { moved_w_m, in_s, theta_rad, is_pose });
     }
 
     /// Learns the axes, and the age of the reports, from a motion that does not contradict those found so far. Once

@@ -10,7 +10,7 @@ use super::fault::Fault;
 use super::{DOWN_HOLD_S, Supervisor, TakeOffSeen, elapsed_s, exceeds};
 use crate::drone::{ALONE_HOLD, TAKE_OFF_TAIL, TAKE_OFF_UNSEEN, contradicts_standing};
 
-/// Fraction of `airborne_height_m` below which a vehicle looks grounded.
+/// Fraction of `airborne_height_m` below which a vehicle looks grounded. 1
 const DOWN_HEIGHT_FRACTION: f64 = 0.5;
 
 /// Largest drop of an accepted pose beyond that of a descent at 2 m/s. Real flights reach 0.11 m

@@ -1,5 +1,7 @@
 //! Limits, and for how long a condition holds.
 
+use crate::forgetting::{FORGIVEN_RATIO, LeakySum};
+
 /// Whether `value` is above `limit`, in the same unit; NaN is.
 pub(super) fn exceeds(value: f64, limit: f64) -> bool {
     value.is_nan() || value > limit
@@ -39,13 +41,10 @@ impl HoldTimer {
     }
 }
 
-/// Part of the time in which a condition did not hold that is taken off the time in which it did.
-const FORGIVEN: f64 = 0.2;
-
-/// Times for how long a condition has held in sum, [`FORGIVEN`] of the time subtracted in which it did not.
+/// Times for how long a condition has held in sum, [`FORGIVEN_RATIO`] of the time subtracted in which it did not.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct LeakyTimer {
-    sum_s: f64,
+    sum_s: LeakySum,
     /// Time of the update before. ns
     at_ns: Option<i64>,
 }
@@ -59,13 +58,16 @@ impl LeakyTimer {
     /// Notes at `t_ns` how much the time counts in which the condition holds; 0: it does not hold.
     pub(super) fn update_weighted(&mut self, weight: f64, t_ns: i64) {
         let period_s = self.at_ns.replace(t_ns).map_or(0.0, |at_ns| elapsed_s(at_ns, t_ns));
-        let rate = if weight > 0.0 { weight } else { -FORGIVEN };
-        self.sum_s = (self.sum_s + rate * period_s).max(0.0);
+        if weight > 0.0 {
+            self.sum_s.add(weight * period_s);
+        } else {
+            self.sum_s.forgive(FORGIVEN_RATIO * period_s);
+        }
     }
 
     /// Whether the sum is above `for_s`.
     pub(super) fn exceeds(self, for_s: f64) -> bool {
-        self.sum_s > for_s
+        self.sum_s.value() > for_s
     }
 }
 

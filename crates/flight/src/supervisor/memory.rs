@@ -8,13 +8,15 @@ use horizon_model::rows::pose;
 use super::conditions::is_confirmed;
 use super::evidence::{Evidence, Phase};
 use super::{Supervisor, TakeOffSeen, exceeds};
+use crate::forgetting::LeakySum;
 use crate::time::SpanNs;
 
-/// Missed periods subtracted from their sum at each tick: one missed period in eleven never ends a flight.
+/// Missed periods subtracted from their sum at each tick: one missed period in eleven never ends a flight. periods per
+/// tick
 const LATE_FORGIVEN: f64 = 0.1;
 
 /// Failures subtracted from their sum at each tick without a failure, off the ground: one failed solve in three never
-/// ends a flight.
+/// ends a flight. failures per tick
 const FAILURE_FORGIVEN: f64 = 0.5;
 
 /// Difference between the headings of vehicle and reference above which the controller has lost the heading. rad
@@ -40,12 +42,13 @@ impl Supervisor {
     /// Updates the failures of solvers and the missed periods.
     fn remember_failures(&mut self, e: &Evidence) {
         let has_failed = e.has_estimator_failed || self.is_without_plan(e);
-        self.failures = match self.phase {
-            _ if has_failed => self.failures + 1.0,
-            Phase::Idle => 0.0,
-            _ => (self.failures - FAILURE_FORGIVEN).max(0.0),
-        };
-        self.late_periods = (self.late_periods - LATE_FORGIVEN).max(0.0) + e.skipped as f64;
+        match self.phase {
+            _ if has_failed => self.failures.add(1.0),
+            Phase::Idle => self.failures = LeakySum::default(),
+            _ => self.failures.forgive(FAILURE_FORGIVEN),
+        }
+        self.late_periods.forgive(LATE_FORGIVEN);
+        self.late_periods.add(e.skipped as f64);
     }
 
     /// Updates the heights on the ground, and what has been seen of the take-off.

@@ -38,7 +38,7 @@ fn a_velocity_that_decays_is_left_out_of_direction_and_correlation() {
     let mut sums = Sums::default();
     for k in 0..200_u32 {
         let t_s = f64::from(k) * 0.02;
-        let (u, y) = (Complex::new((5.0 * t_s).sin(), (3.0 * t_s).cos()), decay(t_s));
+        let (u, y) = (Complex::new((5.0 * t_s).sin(), (3.0 * t_s).cos()), lag_decay(t_s));
         sums.add([u, gain * u + before * y], y, 0.02);
     }
     let Turn { angle_rad, correlation2 } = sums.turn(true).unwrap();
@@ -54,7 +54,7 @@ fn a_turn_is_found_with_a_source_of_4_hz_and_with_one_that_misses_frames() {
         (0..500).map(|k| (k, f64::from(k) * 0.02)).find_map(|(k, t_s)| {
             let asked = Complex::new((1.3 * t_s).sin(), (0.9 * t_s).cos()) * 0.6;
             let target = 1.9 * asked * Complex::from_polar(1.0, turn_rad);
-            v += (target - v) * (1.0 - decay(0.02));
+            v += (target - v) * (1.0 - lag_decay(0.02));
             at += v * 0.02;
             let mut u_applied = Sticks::zeros();
             (u_applied[stick::PITCH], u_applied[stick::ROLL]) = (asked.re, -asked.im);
@@ -108,7 +108,7 @@ fn after_an_outage_the_decay_of_a_velocity_is_summed() {
     see(true, Some(Pose::zeros()));
     see(true, None);
     let sum = see(true, Some(Pose::zeros()));
-    let keep = decay(0.02);
+    let keep = lag_decay(0.02);
     assert!((sum - 0.02 * (keep * keep + keep * keep * keep)).abs() < 1e-3, "{sum}");
 }
 
@@ -132,7 +132,7 @@ fn a_vehicle_that_flies_against_its_inputs_is_found_though_it_looks_like_an_outa
         (0..150).map(|k| (k, f64::from(k) * 0.02)).find_map(|(k, t_s)| {
             let mut u_applied = Sticks::zeros();
             u_applied[stick::PITCH] = if t_s < 1.0 { 0.0 } else { 0.5 };
-            v += (1.9 * u_applied[stick::PITCH] * turn_rad.cos() - v) * (1.0 - decay(0.02));
+            v += (1.9 * u_applied[stick::PITCH] * turn_rad.cos() - v) * (1.0 - lag_decay(0.02));
             x += v * 0.02;
             let pose = Some(Pose::new(x, 0.0, 1.0, 0.0));
             let link_is_up = !(80..130).contains(&k);

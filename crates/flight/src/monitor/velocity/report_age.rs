@@ -5,6 +5,7 @@
 use nalgebra::Complex;
 
 use super::{FIXED, FRAMES, MotionSample, VELOCITY_DRIFT_MPS, shortened};
+use crate::forgetting::decay;
 
 /// Time constant with which motion that showed the axes is forgotten. s
 const AXES_FORGET_S: f64 = 30.0;
@@ -154,7 +155,7 @@ pub(super) struct Sums {
 impl Sums {
     pub(super) fn add(&mut self, motion: &MotionSample, dt_s: f64) {
         let MotionSample { moved_w_m, moved_in_s, ref seen_d_mps, .. } = *motion;
-        let keep = (-dt_s / AXES_FORGET_S).exp();
+        let keep = decay(dt_s, AXES_FORGET_S);
         self.time_s = self.time_s * keep + dt_s;
         self.moved_w_m = self.moved_w_m * keep + moved_w_m;
         self.moved_squares = self.moved_squares * keep + moved_w_m.norm_sqr() / moved_in_s;

@@ -6,7 +6,7 @@ use horizon_model::rows::{Sticks, stick};
 
 use super::*;
 use crate::monitor::DroneMotion;
-use crate::monitor::typical_vehicle::decay;
+use crate::monitor::typical_vehicle::lag_decay;
 
 const DT_S: f64 = 0.02;
 
@@ -29,7 +29,7 @@ fn swaying(turn_rad: f64, poses_mps: f64, count: u32) -> VelocityMonitor {
         let sample = Sample { pose, drone: Some(drone), u_applied, link_is_up: true };
         monitor.update(&sample);
         let asked_mps = velocity_w_mps(&sample.u_applied, 0.0).re;
-        v_mps += (asked_mps - v_mps) * (1.0 - decay(DT_S));
+        v_mps += (asked_mps - v_mps) * (1.0 - lag_decay(DT_S));
     }
     monitor
 }
@@ -143,7 +143,7 @@ fn along_sides(scale: f64, late: usize, drift_mps: f64) -> (f64, Option<f64>) {
     };
     for k in 0..2000 {
         let side = Complex::from_polar(1.2, FRAC_PI_2 * f64::from(k / 200));
-        v_mps += (side - v_mps) * (1.0 - decay(DT_S));
+        v_mps += (side - v_mps) * (1.0 - lag_decay(DT_S));
         let by_drone_mps = reported(&mut earlier_mps, v_mps);
         let (_, error_m) = see(&mut monitor, &mut at_w, v_mps * DT_S, by_drone_mps);
         largest_m = largest_m.max(error_m);
