@@ -1,6 +1,7 @@
 //! What sticks ask for along the floor, without dead time and lag.
 
 use horizon_model::rows::{Sticks, stick};
+use horizon_model::world_from_sticks;
 use nalgebra::Vector2;
 
 /// What is left of a stick above its dead zone, with the stick's sign. 1
@@ -10,7 +11,7 @@ pub(crate) fn excess(u: f64, dead: f64) -> f64 {
 
 /// Pitch and roll as a vector along the floor in the direction of flight `psi_rad`, world frame. 1
 pub(crate) fn inputs_w(u: &Sticks, psi_rad: f64) -> Vector2<f64> {
-    world_from_sticks(u[stick::PITCH], u[stick::ROLL], psi_rad)
+    world_from_sticks(psi_rad.sin_cos(), u[stick::PITCH], u[stick::ROLL])
 }
 
 /// Velocity along the floor that the sticks ask for in the direction of flight `psi_rad`, world frame. m/s
@@ -19,13 +20,7 @@ pub(crate) fn inputs_w(u: &Sticks, psi_rad: f64) -> Vector2<f64> {
 pub fn commanded_mps(u: &Sticks, psi_rad: f64, lambda_h_mps: f64, dead_h: f64) -> Vector2<f64> {
     let forward_mps = lambda_h_mps * excess(u[stick::PITCH], dead_h);
     let right_mps = lambda_h_mps * excess(u[stick::ROLL], dead_h);
-    world_from_sticks(forward_mps, right_mps, psi_rad)
-}
-
-/// Pitch leads forward, roll to the right.
-fn world_from_sticks(forward: f64, right: f64, psi_rad: f64) -> Vector2<f64> {
-    let (sin, cos) = psi_rad.sin_cos();
-    Vector2::new(cos * forward + sin * right, sin * forward - cos * right)
+    world_from_sticks(psi_rad.sin_cos(), forward_mps, right_mps)
 }
 
 #[cfg(test)]

@@ -356,7 +356,7 @@ impl<'a> LiveWatch<'a> {
             estimate_ns: self.estimate.0,
             plan_ns: self.plan.0,
             sent_ns: self.sent.0,
-            way_ns: self.sticks_latency.0,
+            socket_latency_ns: self.sticks_latency.0,
             tick_ns: self.clock.now().since(self.begin).0,
         }
     }

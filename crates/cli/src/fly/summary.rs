@@ -171,14 +171,14 @@ impl Tally {
     }
 
     pub(super) fn add(&mut self, tick: &TickRecord) {
-        let Timing { late_ns, estimate_ns, plan_ns, sent_ns, way_ns, .. } = tick.timing;
+        let Timing { late_ns, estimate_ns, plan_ns, sent_ns, socket_latency_ns, .. } = tick.timing;
         let (out, ms) = (&tick.out, |ns: i64| ns as f64 * 1e-6);
         self.ticks += 1;
         self.jitter.add(&tick.timing);
         self.late_ticks += u64::from(ms(late_ns) > LATE_TICK_MS);
         self.missed_periods += tick.inbox.skipped;
         // How long its sticks took is known a tick later.
-        self.answer_ms.extend(self.set_out_ms.take().map(|set_out_ms| set_out_ms + ms(way_ns)));
+        self.answer_ms.extend(self.set_out_ms.take().map(|set_out_ms| set_out_ms + ms(socket_latency_ns)));
         if out.controller.is_some() && out.estimator.is_some() {
             self.solve_ms.push(ms(estimate_ns + plan_ns));
             let newest = tick.inbox.sightings.last().filter(|_| self.is_same_tick);

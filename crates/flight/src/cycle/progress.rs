@@ -5,11 +5,11 @@ use horizon_model::rows::{Pose, pose};
 
 use crate::Mission;
 
-/// The mission may take so many times as long as planned before its overtime counts.
-const PLANNED_MAX: f64 = 2.0;
+/// Duration of the mission over the planned one from which on its overtime counts. 1
+const PLANNED_RATIO_MAX: f64 = 2.0;
 
-/// What counts of the distance to a reference that the vehicle cannot get to.
-const BLOCKED: f64 = 0.5;
+/// Factor on the distance while the moving obstacle blocks the path to the reference. 1
+const BLOCKED_FACTOR: f64 = 0.5;
 
 /// A reference that turns back to a missed waypoint leaves a vehicle that flies on: dead time and braking. s
 const TURN_BACK_S: f64 = 2.0;
@@ -24,8 +24,8 @@ pub(super) struct Progress {
     flown_s: f64,
     /// Number of targets reached.
     targets_reached: usize,
-    /// Least distance and turn since the reference was chosen. m, rad
-    least: Option<(f64, f64)>,
+    /// Least distance and turn since the reference was chosen; `None` before the first.
+    least: Option<Least>,
     /// Whether the moving obstacle was in the path to the reference.
     was_blocked: bool,
     /// Whether the reference led back to a missed waypoint, and until when that counts, in `flown_s`. s
@@ -33,6 +33,13 @@ pub(super) struct Progress {
     turns_until_s: f64,
     /// Greatest height since the vehicle was last level with its reference. World frame. m
     top_m: Option<f64>,
+}
+
+/// Least distance from the reference, and least angle to its heading. m, rad
+#[derive(Debug, Clone, Copy)]
+struct Least {
+    distance_m: f64,
+    turn_rad: f64,
 }
 
 /// By how much the vehicle has gone away from its reference: distance and turn less the least ones since the reference,
@@ -60,7 +67,7 @@ impl Progress {
         if mission.is_finished() {
             return f64::NEG_INFINITY;
         }
-        self.flown_s - PLANNED_MAX * mission.planned_s()
+        self.flown_s - PLANNED_RATIO_MAX * mission.planned_s()
     }
 
     /// The reference was chosen anew, for a vehicle that may be far away from it.
@@ -83,38 +90,63 @@ impl Progress {
     ) -> Tracking {
         let target = mission.is_pointwise().then(|| *mission.target());
         let Some(reference) = mission.reference().or(target) else { return Tracking::default() };
-        let is_blocked = is_path_blocked(&reference);
-        let was_blocked = std::mem::replace(&mut self.was_blocked, is_blocked);
         if target.is_some() && self.targets_reached != mission.targets_reached() {
             self.targets_reached = mission.targets_reached();
             self.resume();
         }
-        let was_returning = std::mem::replace(&mut self.was_returning, mission.is_returning());
-        if self.was_returning && !was_returning {
+        self.note_return(mission.is_returning());
+        let apart_w = reference - pose_hat;
+        let now = Least {
+            distance_m: apart_w.fixed_rows::<3>(pose::X).norm(),
+            turn_rad: wrap(apart_w[pose::THETA]).abs(),
+        };
+        let is_blocked = is_path_blocked(&reference);
+        let least = self.least_since_choice(now, is_blocked);
+        let factor = if is_blocked { BLOCKED_FACTOR } else { 1.0 };
+        let below_m = apart_w[pose::Z];
+        Tracking {
+            away_m: factor * (now.distance_m - least.distance_m),
+            turned_rad: now.turn_rad - least.turn_rad,
+            below_m,
+            sunk_m: self.sunk_m(pose_hat[pose::Z], below_m),
+        }
+    }
+
+    /// Notes whether the reference leads back to a missed waypoint. For [`TURN_BACK_S`] from then on the present
+    /// distance is the least one.
+    fn note_return(&mut self, is_returning: bool) {
+        let was_returning = std::mem::replace(&mut self.was_returning, is_returning);
+        if is_returning && !was_returning {
             self.turns_until_s = self.flown_s + TURN_BACK_S;
         }
-        if let Some((least_m, _)) = &mut self.least
+        if let Some(least) = &mut self.least
             && self.flown_s < self.turns_until_s
         {
-            *least_m = f64::INFINITY;
+            least.distance_m = f64::INFINITY;
         }
-        let apart_w = reference - pose_hat;
-        let (now_m, now_rad) =
-            (apart_w.fixed_rows::<3>(pose::X).norm(), wrap(apart_w[pose::THETA]).abs());
-        let (before_m, before_rad) = self.least.unwrap_or((now_m, now_rad));
-        let before_m = if was_blocked && !is_blocked { now_m } else { before_m };
-        let (least_m, least_rad) = (before_m.min(now_m), before_rad.min(now_rad));
-        let counted = if is_blocked { BLOCKED } else { 1.0 };
-        self.least = Some((least_m, least_rad));
-        let (z_m, below_m) = (pose_hat[pose::Z], apart_w[pose::Z]);
+    }
+
+    /// Least distance and turn since the reference was chosen, of those before and `now`; the distance only since the
+    /// moving obstacle has left the path.
+    fn least_since_choice(&mut self, now: Least, is_blocked: bool) -> Least {
+        let was_blocked = std::mem::replace(&mut self.was_blocked, is_blocked);
+        let mut before = self.least.unwrap_or(now);
+        if was_blocked && !is_blocked {
+            before.distance_m = now.distance_m;
+        }
+        let least = Least {
+            distance_m: before.distance_m.min(now.distance_m),
+            turn_rad: before.turn_rad.min(now.turn_rad),
+        };
+        self.least = Some(least);
+        least
+    }
+
+    /// By how much a vehicle at the height `z_m` (world frame), `below_m` below its reference, has sunk. m
+    fn sunk_m(&mut self, z_m: f64, below_m: f64) -> f64 {
         let top_m = self.top_m.filter(|_| below_m > LEVEL_M).map_or(z_m, |top_m| top_m.max(z_m));
         self.top_m = Some(top_m);
-        Tracking {
-            away_m: counted * (now_m - least_m),
-            turned_rad: now_rad - least_rad,
-            below_m,
-            sunk_m: below_m.min(top_m - z_m),
-        }
+        below_m.min(top_m - z_m)
     }
 }
 

@@ -17,9 +17,9 @@ pub struct Timing {
     /// From its begin to when its sticks were handed over to the link. ns
     #[serde(default)]
     pub sent_ns: i64,
-    /// How long the sticks of the tick before took from there to the socket. ns
-    #[serde(default)]
-    pub way_ns: i64,
+    /// From the hand-over of the sticks of the tick before to the socket. ns
+    #[serde(default, rename = "way_ns")]
+    pub socket_latency_ns: i64,
     /// From its begin to its end. ns
     pub tick_ns: i64,
 }

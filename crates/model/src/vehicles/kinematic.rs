@@ -7,6 +7,7 @@
 use crate::model::{HessianKind, HessianRequest, InputHessian, Model, ParameterHessian};
 use crate::row::Row;
 use crate::vehicles::rows::{Pose, Sticks, gain, pose, stick};
+use crate::vehicles::world_from_sticks;
 use crate::{Matrix, Vector};
 
 /// Thesis equation 4.1: `x' = lambda_h (sin psi roll + cos psi pitch)`,
@@ -29,9 +30,8 @@ pub(super) type ByParameter = Matrix<{ pose::COUNT }, { gain::COUNT }>;
 /// `[q1, q2]` of thesis equations 4.17-4.18; the derivative of `[q1, q2]` by `psi` is `[-q2, q1]`.
 #[inline]
 fn heading_rows(s: &Pose, u: &Sticks, theta_0: f64) -> [f64; 2] {
-    let (sin, cos) = (s[pose::THETA] + theta_0).sin_cos();
-    let (roll, pitch) = (u[stick::ROLL], u[stick::PITCH]);
-    [cos * pitch + sin * roll, sin * pitch - cos * roll]
+    let heading = (s[pose::THETA] + theta_0).sin_cos();
+    world_from_sticks(heading, u[stick::PITCH], u[stick::ROLL]).into()
 }
 
 impl Model<{ pose::COUNT }, { stick::COUNT }, { pose::COUNT }, { gain::COUNT }> for Kinematic {

@@ -58,7 +58,7 @@ fn an_answer_is_as_old_as_its_frame_when_the_sticks_are_at_the_socket() {
         tally.add(&first);
         assert_eq!(tally.summary().answer_ms, None, "the way is known a tick later");
         let mut second = tick();
-        second.timing.way_ns = 500_000;
+        second.timing.socket_latency_ns = 500_000;
         tally.add(&second);
         tally.add(&tick());
         let summary = tally.summary();

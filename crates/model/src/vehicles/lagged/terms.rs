@@ -10,6 +10,7 @@ use super::smooth::{Excess, Fraction, Limit, fraction, limit, limit_second};
 use super::{Lagged, LaggedShape, dead_of};
 use crate::model::{HessianKind, HessianRequest, InputHessian};
 use crate::vehicles::rows::{Motion, Sticks, lag, motion, stick};
+use crate::vehicles::world_from_sticks;
 
 /// Parameter, rows [`lag`].
 pub(super) type Parameter = Vector<{ lag::COUNT }>;
@@ -122,7 +123,7 @@ impl Terms {
         let before_s = (0.5 * (dt_s - shape.period_s)).max(0.0);
         let heading = (s[motion::THETA] + p[lag::THETA_0]).sin_cos();
         let lags = Lags::cached_or_new(model, p, dt_s);
-        let asked_w_mps = p[lag::LAMBDA_H] * world(heading, pitch.value, roll.value);
+        let asked_w_mps = p[lag::LAMBDA_H] * world_from_sticks(heading, pitch.value, roll.value);
         let missing_w_mps = asked_w_mps - Vector2::new(s[motion::V_X], s[motion::V_Y]);
         let change_w_mps = lags.fraction_h.value * missing_w_mps;
         let per_limit2 = (p[lag::A_MAX] * dt_s).powi(-2);
@@ -205,8 +206,8 @@ impl Terms {
     #[inline]
     pub(super) fn next_by_parameter(&self, p: &Parameter) -> ByParameter {
         let fraction = self.lags.fraction_h.value;
-        let along = world(self.heading, self.pitch.value, self.roll.value);
-        let shrunk = world(self.heading, self.pitch.by_dead, self.roll.by_dead);
+        let along = world_from_sticks(self.heading, self.pitch.value, self.roll.value);
+        let shrunk = world_from_sticks(self.heading, self.pitch.by_dead, self.roll.by_dead);
         let by_limit = -2.0 * self.limit.by_ratio2 * self.ratio2 / p[lag::A_MAX];
         let mut j = Matrix::zeros();
         set(&mut j, lag::LAMBDA_H, self.limited(fraction * along));
@@ -281,8 +282,8 @@ impl Terms {
                 * self.lags.fraction_a.value
                 * p[lag::LAMBDA_A];
             for (i, by_value) in [
-                (stick::ROLL, by_change.dot(&world(self.heading, 0.0, scale))),
-                (stick::PITCH, by_change.dot(&world(self.heading, scale, 0.0))),
+                (stick::ROLL, by_change.dot(&world_from_sticks(self.heading, 0.0, scale))),
+                (stick::PITCH, by_change.dot(&world_from_sticks(self.heading, scale, 0.0))),
                 (stick::YAW, turn),
                 (stick::THROTTLE, climb),
             ] {
@@ -308,8 +309,8 @@ impl Terms {
     fn change_by_stick(&self, p: &Parameter) -> [(usize, Vector2<f64>); 2] {
         let scale = self.lags.fraction_h.value * p[lag::LAMBDA_H];
         [
-            (stick::ROLL, world(self.heading, 0.0, scale * self.roll.by_stick)),
-            (stick::PITCH, world(self.heading, scale * self.pitch.by_stick, 0.0)),
+            (stick::ROLL, world_from_sticks(self.heading, 0.0, scale * self.roll.by_stick)),
+            (stick::PITCH, world_from_sticks(self.heading, scale * self.pitch.by_stick, 0.0)),
         ]
     }
 
@@ -320,12 +321,6 @@ impl Terms {
         let by_factor = 2.0 * self.limit.by_ratio2 * self.per_limit2 * e.dot(&by);
         self.limit.factor * by + by_factor * e
     }
-}
-
-/// World direction of `forward` and `right` for the sine and cosine of psi.
-#[inline]
-fn world((sin, cos): (f64, f64), forward: f64, right: f64) -> Vector2<f64> {
-    Vector2::new(cos * forward + sin * right, sin * forward - cos * right)
 }
 
 /// The matrix with the eigenvectors of the symmetric `h` and the absolute values of its eigenvalues.

@@ -117,7 +117,7 @@ fn times_are_milliseconds_and_the_worst_is_taken_of_each() {
         estimate_ns: 2_000_400,
         plan_ns: 500_000,
         sent_ns: 9_000_000,
-        way_ns: 9_000_000,
+        socket_latency_ns: 9_000_000,
         tick_ns: 3_500_000,
     };
     let one = Times::from(&timing);

@@ -76,13 +76,13 @@ fn the_absolute_value_of_a_matrix_is_that_of_its_eigenvalues() {
 #[test]
 fn a_quarter_turn_is_the_derivative_of_a_direction_by_the_heading() {
     for psi in [-2.0, 0.0, 1.0, 3.0] {
-        let direction = |x: &Vector1<f64>| world(x[0].sin_cos(), 0.8, -0.3);
+        let direction = |x: &Vector1<f64>| world_from_sticks(x[0].sin_cos(), 0.8, -0.3);
         let x = Vector1::new(psi);
         let gap = jacobian_gap(direction, &x, &quarter_turn(direction(&x)));
         assert!(gap < 1e-9, "gap {gap:e} at {psi}");
     }
     // To the right of +x is -y.
-    assert_eq!(world((0.0, 1.0), 0.0, 1.0), Vector2::new(0.0, -1.0));
+    assert_eq!(world_from_sticks((0.0, 1.0), 0.0, 1.0), Vector2::new(0.0, -1.0));
 }
 
 #[test]
