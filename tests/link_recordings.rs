@@ -168,7 +168,8 @@ fn watch(params: &PlantParams, profile: Profile, seed: u64, u_sent: &[Sticks], s
         // An outage that has just ended may still be noticed: its commands act on for a dead time.
         let recent = decision.onset_steps as usize + 50;
         let is_false = lost_at.is_none_or(|lost_at| lost_at + recent < k);
-        sum.false_alarms += usize::from(decision.changed && decision.state.is_down() && is_false);
+        sum.false_alarms +=
+            usize::from(decision.has_changed && decision.state.is_down() && is_false);
 
         let link_is_up = radio.step();
         if link_is_up != link_was_up {
@@ -325,7 +326,7 @@ impl Agreement {
             self.lost += usize::from(*is_lost_now);
             self.found += usize::from(*is_lost_now && decision.state.is_down());
             self.wrong += usize::from(!is_lost_now && decision.state.is_down());
-            if decision.changed && decision.state.is_down() {
+            if decision.has_changed && decision.state.is_down() {
                 let from = k.saturating_sub(decision.onset_steps as usize + 50);
                 let is_near = is_lost[from..(k + 50).min(last)].contains(&true);
                 self.alarms += 1;

@@ -6,23 +6,23 @@
 //! decided elsewhere. Equations: `docs/control.md`.
 
 mod axis;
-mod branch;
-mod hypothesis;
+mod horizontal;
 mod likelihood;
+mod link_hypothesis;
 mod table;
 
 use axis::Axis;
 pub use axis::{HeightTable, TurnTable};
-use branch::{Asked, Branch};
 use horizon_estim::Observed;
 use horizon_model::rows::{Sticks, lag, pose};
+use link_hypothesis::{Commanded, LinkHypothesis};
 use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 pub use table::{DeadTimeTable, LinkSettings, LinkTable};
 
-/// Part of the evidence for an outage from which on the motion is in doubt.
-const DOUBT: f64 = 0.3;
+/// Evidence for an outage, over that which the decision takes, from which on the motion shows no dead time. 1
+const DOUBT_RATIO: f64 = 0.3;
 
 /// Which commands the vehicle follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -44,7 +44,7 @@ impl LinkState {
         self != Self::Up
     }
 
-    /// The two others.
+    /// The two others; of a link that is down, its return first.
     fn others(self) -> [Self; 2] {
         let [up, released, held] = Self::ALL;
         match self {
@@ -65,9 +65,9 @@ pub struct LinkDecision {
     /// the return. 1
     pub score: f64,
     /// Whether `state` has changed in this step.
-    pub changed: bool,
+    pub has_changed: bool,
     /// After how many of the latest periods the change fits the motion best: in so many of them, this
-    /// step's included, the new decision already held. 0 unless `changed`.
+    /// step's included, the new decision already held. 0 unless `has_changed`.
     pub onset_steps: u32,
 }
 
@@ -104,7 +104,7 @@ pub struct LinkMonitor {
     tables: Tables,
     dt_s: f64,
     /// `None` until a complete pose has been seen.
-    test: Option<Test>,
+    test: Option<SequentialTest>,
 }
 
 /// Settings of the link's filter and of the dead time's.
@@ -117,21 +117,21 @@ struct Tables {
 
 /// The test in progress.
 #[derive(Debug, Clone)]
-struct Test {
+struct SequentialTest {
     /// The motion if the link stays as it is.
-    present: Branch,
-    /// The motion if it changed.
-    others: [Other; 2],
+    present: LinkHypothesis,
+    /// The motion if it changed, in the order of [`LinkState::others`].
+    alternatives: [Alternative; 2],
     /// The newest heading. rad
     theta_rad: f64,
     /// What was commanded in the period before.
-    asked: Asked,
+    commanded: Commanded,
 }
 
 /// The motion if the link changed some steps ago.
 #[derive(Debug, Clone)]
-struct Other {
-    branch: Branch,
+struct Alternative {
+    hypothesis: LinkHypothesis,
     /// Log likelihood ratio to the present state since then, >= 0.
     evidence: f64,
     steps: u32,
@@ -152,13 +152,13 @@ impl LinkMonitor {
     pub fn dead_time_errors(&self) -> Option<DeadTimeErrors> {
         let test = self.test.as_ref()?;
         let is_doubted = test
-            .others
+            .alternatives
             .iter()
-            .any(|other| other.evidence > DOUBT * self.tables.link.outage_evidence);
+            .any(|other| other.evidence > DOUBT_RATIO * self.tables.link.outage_evidence);
         let is_known = test.present.state == LinkState::Up && !is_doubted;
-        let Branch { hypothesis, dead_time, turn, height, .. } = &test.present;
+        let LinkHypothesis { horizontal, dead_time, turn, height, .. } = &test.present;
         is_known.then(|| DeadTimeErrors {
-            horizontal: dead_time.as_ref().unwrap_or(hypothesis).dead_time_error(),
+            horizontal: dead_time.as_ref().unwrap_or(horizontal).dead_time_error(),
             throttle: height.as_ref().map(Axis::dead_time_error),
             yaw: height.as_ref().and(turn.as_ref()).map(Axis::dead_time_error),
         })
@@ -176,8 +176,8 @@ impl LinkMonitor {
     pub fn correct_dead_time(&mut self, longer_s: &Sticks) {
         let Some(test) = &mut self.test else { return };
         test.present.correct_dead_time(longer_s);
-        for other in &mut test.others {
-            other.branch.correct_dead_time(longer_s);
+        for other in &mut test.alternatives {
+            other.hypothesis.correct_dead_time(longer_s);
         }
     }
 
@@ -198,11 +198,11 @@ impl LinkMonitor {
     ) -> LinkDecision {
         let Self { tables, dt_s, test } = self;
         let Some(test) = test else {
-            *test = Test::start(tables, observed);
+            *test = SequentialTest::start(tables, observed);
             return LinkDecision {
                 state: LinkState::Up,
                 score: -tables.link.outage_evidence,
-                changed: false,
+                has_changed: false,
                 onset_steps: 0,
             };
         };
@@ -212,15 +212,15 @@ impl LinkMonitor {
     }
 }
 
-impl Other {
-    /// The change from `present` to `state`, which begins now, `asked` being commanded.
-    fn begin(present: &Branch, state: LinkState, asked: Asked) -> Self {
-        Self { branch: present.changed_to(state, asked), evidence: 0.0, steps: 0 }
+impl Alternative {
+    /// The change from `present` to `state`, which begins now, with `commanded` in the period before.
+    fn begin(present: &LinkHypothesis, state: LinkState, commanded: Commanded) -> Self {
+        Self { hypothesis: present.changed_to(state, commanded), evidence: 0.0, steps: 0 }
     }
 
     /// How much more the evidence is than a change from `present` takes.
     fn excess(&self, table: &LinkTable) -> f64 {
-        let needed = match self.branch.state {
+        let needed = match self.hypothesis.state {
             LinkState::Up => table.return_evidence,
             LinkState::Released | LinkState::Held => table.outage_evidence,
         };
@@ -228,20 +228,22 @@ impl Other {
     }
 }
 
-impl Test {
+impl SequentialTest {
     fn start(tables: &Tables, observed: &Observed<{ pose::COUNT }>) -> Option<Self> {
         let rows = [pose::X, pose::Y, pose::THETA];
         let is_complete = rows.iter().all(|row| observed.is_present[*row]);
-        let (present, asked) = (Branch::start(tables, observed), Asked::default());
+        let (present, commanded) = (LinkHypothesis::start(tables, observed), Commanded::default());
         is_complete.then(|| Self {
-            others: present.state.others().map(|other| Other::begin(&present, other, asked)),
+            alternatives: LinkState::Up
+                .others()
+                .map(|state| Alternative::begin(&present, state, commanded)),
             present,
             theta_rad: observed.o[pose::THETA],
-            asked,
+            commanded,
         })
     }
 
-    /// Moves all branches through a period.
+    /// Moves all hypotheses through a period.
     fn predict(
         &mut self,
         tables: &Tables,
@@ -249,22 +251,22 @@ impl Test {
         p: &SVector<f64, { lag::COUNT }>,
         dt_s: f64,
     ) {
-        let asked = Asked::of(u_applied, self.theta_rad, p);
-        let sent = asked.after(self.asked, dt_s);
-        self.asked = asked;
+        let commanded = Commanded::of(u_applied, self.theta_rad, p);
+        let sent = commanded.after(self.commanded, dt_s);
+        self.commanded = commanded;
         self.present.predict(tables, &sent, p, dt_s);
-        for other in &mut self.others {
-            other.branch.predict(tables, &sent, p, dt_s);
+        for other in &mut self.alternatives {
+            other.hypothesis.predict(tables, &sent, p, dt_s);
             other.steps = other.steps.saturating_add(1);
         }
     }
 
-    /// Weighs all branches by what was seen.
+    /// Adds the log likelihood ratios of what was observed.
     fn compare(&mut self, tables: &Tables, observed: &Observed<{ pose::COUNT }>, dt_s: f64) {
         let present = self.present.correct(tables, observed, dt_s);
-        for other in &mut self.others {
-            other.evidence += other.branch.correct(tables, observed, dt_s) - present;
-            if other.branch.state == LinkState::Up {
+        for other in &mut self.alternatives {
+            other.evidence += other.hypothesis.correct(tables, observed, dt_s) - present;
+            if other.hypothesis.state == LinkState::Up {
                 other.evidence += tables.link.return_evidence * dt_s / tables.link.forget_s;
             }
         }
@@ -273,25 +275,33 @@ impl Test {
         }
     }
 
+    /// Changes to the alternative with the largest evidence if that suffices, and begins anew each alternative that
+    /// fits worse than the present hypothesis: it has not happened yet.
     fn decide(&mut self, table: &LinkTable) -> LinkDecision {
-        let [first, second] = self.others.each_ref().map(|other| other.excess(table));
-        let best = usize::from(second > first);
-        let changed = first.max(second) > 0.0;
-        let onset_steps = if changed { self.others[best].steps } else { 0 };
-        if changed {
-            self.present.clone_from(&self.others[best].branch);
+        let [first, second] = &self.alternatives;
+        let best = if second.excess(table) > first.excess(table) { second } else { first };
+        let change = (best.excess(table) > 0.0).then_some(best.steps);
+        if change.is_some() {
+            self.present.clone_from(&best.hypothesis);
         }
         let state = self.present.state;
-        for (other, to) in self.others.iter_mut().zip(state.others()) {
-            // A change that fits worse than none has not happened yet: it may begin now.
-            if changed || other.evidence <= 0.0 {
-                *other = Other::begin(&self.present, to, self.asked);
+        for (other, to) in self.alternatives.iter_mut().zip(state.others()) {
+            if change.is_some() || other.evidence <= 0.0 {
+                *other = Alternative::begin(&self.present, to, self.commanded);
             }
         }
-        let [first, second] = self.others.each_ref().map(|other| other.excess(table));
-        // While the link is down, the first alternative is its return.
-        let score = if state.is_down() { -first } else { first.max(second) };
-        LinkDecision { state, score, changed, onset_steps }
+        LinkDecision {
+            state,
+            score: self.score(table),
+            has_changed: change.is_some(),
+            onset_steps: change.unwrap_or(0),
+        }
+    }
+
+    /// See [`LinkDecision::score`].
+    fn score(&self, table: &LinkTable) -> f64 {
+        let [first, second] = self.alternatives.each_ref().map(|other| other.excess(table));
+        if self.present.state.is_down() { -first } else { first.max(second) }
     }
 }
 

@@ -178,7 +178,8 @@ impl Tally {
         self.late_ticks += u64::from(ms(late_ns) > LATE_TICK_MS);
         self.missed_periods += tick.inbox.skipped;
         // How long its sticks took is known a tick later.
-        self.answer_ms.extend(self.set_out_ms.take().map(|set_out_ms| set_out_ms + ms(socket_latency_ns)));
+        self.answer_ms
+            .extend(self.set_out_ms.take().map(|set_out_ms| set_out_ms + ms(socket_latency_ns)));
         if out.controller.is_some() && out.estimator.is_some() {
             self.solve_ms.push(ms(estimate_ns + plan_ns));
             let newest = tick.inbox.sightings.last().filter(|_| self.is_same_tick);

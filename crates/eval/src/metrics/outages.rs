@@ -58,9 +58,9 @@ mod tests {
     /// Outages, and how long they lasted. s
     fn of(ticks: &[(Phase, LinkState, bool)]) -> (u64, String) {
         let mut outages = OutageCounter::default();
-        for (phase, state, changed) in ticks {
-            let (state, changed) = (*state, *changed);
-            let link = Some(LinkDecision { state, score: 0.0, changed, onset_steps: 0 });
+        for (phase, state, has_changed) in ticks {
+            let (state, has_changed) = (*state, *has_changed);
+            let link = Some(LinkDecision { state, score: 0.0, has_changed, onset_steps: 0 });
             outages.add(&Outcome { link, ..out(0, *phase) }, DT_S);
         }
         let Outages { count, down_s } = outages.outages();

@@ -193,7 +193,7 @@ impl DeadTime {
     ///
     /// Throttle and yaw take the step of roll and pitch as long as they have no error of their own. During a return
     /// they take it if they had the same correction.
-    pub(super) fn follow(&mut self, errors: Option<DeadTimeErrors>) -> bool {
+    pub(super) fn correct(&mut self, errors: Option<DeadTimeErrors>) -> bool {
         let Self { dt_s, sd_prior_s, steps_max, horizontal, throttle, yaw, outages } = self;
         if horizontal.steps >= 0 && *outages < OUTAGES_MAX {
             *outages = 0;
@@ -202,11 +202,12 @@ impl DeadTime {
             error.filter(|error| error.sd_s <= EXCITED_MAX * *sd_prior_s)
         };
         let is_returning = *outages >= OUTAGES_MAX;
-        let before = horizontal.steps;
+        let steps_before = horizontal.steps;
         let step = if is_returning {
             horizontal.step_back()
         } else {
-            horizontal.follow(excited(errors.map(|all| all.horizontal)), *steps_max, *dt_s)
+            let error = excited(errors.map(|all| all.horizontal));
+            horizontal.step_towards(error, *steps_max, *dt_s)
         };
         let mut is_changed = step != 0;
         let own = [
@@ -215,13 +216,13 @@ impl DeadTime {
         ];
         for (axis, error) in own {
             let error = excited(error);
-            let is_separate = error.is_some() || (is_returning && axis.steps != before);
-            if !is_separate && step != 0 {
+            let takes_step = error.is_none() && (!is_returning || axis.steps == steps_before);
+            if takes_step && step != 0 {
                 // The error so far is that of another dead time.
                 axis.error = None;
                 axis.steps += step;
             }
-            is_changed |= axis.follow(error, *steps_max, *dt_s) != 0;
+            is_changed |= axis.step_towards(error, *steps_max, *dt_s) != 0;
         }
         is_changed
     }
@@ -229,7 +230,7 @@ impl DeadTime {
 
 impl Correction {
     /// Makes the step that `error` asks for if it may be made: -1, 0 or 1. steps
-    fn follow(&mut self, error: Option<DeadTimeError>, steps_max: i32, dt_s: f64) -> i32 {
+    fn step_towards(&mut self, error: Option<DeadTimeError>, steps_max: i32, dt_s: f64) -> i32 {
         self.periods_since = self.periods_since.saturating_add(1);
         let Some(error) = error else {
             self.short_periods = self.short_periods.saturating_sub(1);

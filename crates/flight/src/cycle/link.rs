@@ -64,7 +64,7 @@ impl Link {
         if self.is_up() && self.dead_time.finish_return() {
             self.monitor.restart();
         }
-        if !self.dead_time.follow(self.monitor.dead_time_errors()) {
+        if !self.dead_time.correct(self.monitor.dead_time_errors()) {
             return false;
         }
         let before_steps = *fifo.dead_time_steps();
@@ -119,11 +119,11 @@ impl Link {
         self.state = decision.state;
         let since_steps = decision.onset_steps as usize;
         self.state_steps = self.state_steps.saturating_add(1);
-        if decision.changed {
+        if decision.has_changed {
             self.state_steps = since_steps;
             self.held = self.meant.back(since_steps.min(self.meant.len() - 1));
         }
-        (decision, decision.changed.then_some(since_steps.min(self.window_steps)))
+        (decision, decision.has_changed.then_some(since_steps.min(self.window_steps)))
     }
 
     /// For how many steps the newest decision holds; sticks before were applied by another decision.

@@ -64,25 +64,27 @@ where
         for ((rows, at), is_new) in GROUPS.into_iter().zip(measured_at).zip(is_new) {
             let Some(at) = at.filter(|_| is_new) else { continue };
             let age = Age::of(now.since(at).seconds().max(0.0), self.dt_s, self.mhe.window().len());
-            let (rate, moved) = if age.back == 0 {
+            let (rate_then, moved_since) = if age.back == 0 {
                 (rate_at_tick, Pose::zeros())
             } else {
-                let moved = self.moved_since(age.back) + rate_at_tick * self.dt_s;
-                (self.rate_before(age.back), moved)
+                let moved_since = self.moved_since(age.back) + rate_at_tick * self.dt_s;
+                (self.rate_before(age.back), moved_since)
             };
-            let o = observed.o + rate * age.rest_s;
-            let at_tick = o + moved;
+            // As measured at the state of `age.back` periods ago, and as it would be at the tick.
+            let o = observed.o + rate_then * age.rest_s;
+            let at_tick = o + moved_since;
             for row in rows {
                 seen.newest.o[*row] = o[*row];
                 seen.newest.is_present[*row] &= age.back == 0;
                 seen.at_tick.o[*row] = at_tick[*row];
             }
-            if age.back > 0 {
+            // The newest state of the window is that of a period ago.
+            if let Some(window_age) = age.back.checked_sub(1) {
                 let mut earlier = Observed { o, is_present: [false; pose::COUNT] };
                 for row in rows {
                     earlier.is_present[*row] = true;
                 }
-                let added = self.mhe.observe_earlier(age.back - 1, &earlier);
+                let added = self.mhe.observe_earlier(window_age, &earlier);
                 debug_assert!(added.is_ok(), "filtered poses are finite: {added:?}");
             }
         }

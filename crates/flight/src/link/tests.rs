@@ -99,7 +99,7 @@ fn an_outage_and_its_end_are_found_with_their_moments() {
     assert!(flight.fly(200, 0.3, true).iter().all(|decision| !decision.state.is_down()));
     for (is_heard, steps_max) in [(false, 40), (true, 40)] {
         let decisions = flight.fly(100, 0.3, is_heard);
-        let found = decisions.iter().position(|decision| decision.changed).unwrap();
+        let found = decisions.iter().position(|decision| decision.has_changed).unwrap();
         let LinkDecision { state, onset_steps, .. } = decisions[found];
         let is_down = state.is_down();
         println!("heard {is_heard}: found after {} steps, onset {onset_steps}", found + 1);
@@ -107,7 +107,7 @@ fn an_outage_and_its_end_are_found_with_their_moments() {
         assert!(found < steps_max, "{found}");
         // A tenth of a second of noise before the change may look like it.
         assert!((found + 1).abs_diff(onset_steps as usize) <= 5, "{found}, {onset_steps}");
-        assert_eq!(decisions.iter().filter(|decision| decision.changed).count(), 1);
+        assert_eq!(decisions.iter().filter(|decision| decision.has_changed).count(), 1);
         assert!(decisions[found..].iter().all(|decision| decision.state.is_down() == is_down));
     }
 }
@@ -145,11 +145,11 @@ fn a_dead_time_far_from_the_link_s_starts_again_from_it() {
     let mut flight = Flight::new();
     flight.fly(100, 0.3, true);
     let [before, after] = [0.0, 0.5].map(|longer_s| {
-        let branch = &mut flight.monitor.test.as_mut().unwrap().present;
-        branch.dead_time.as_mut().unwrap().correct_dead_time(longer_s);
+        let hypothesis = &mut flight.monitor.test.as_mut().unwrap().present;
+        hypothesis.dead_time.as_mut().unwrap().correct_dead_time(longer_s);
         flight.fly(1, 0.3, true);
-        let branch = &flight.monitor.test.as_ref().unwrap().present;
-        branch.dead_time.as_ref() == Some(&branch.hypothesis)
+        let hypothesis = &flight.monitor.test.as_ref().unwrap().present;
+        hypothesis.dead_time.as_ref() == Some(&hypothesis.horizontal)
     });
     assert_eq!((before, after), (false, true));
 }
@@ -180,7 +180,7 @@ fn a_held_command_is_distinguished_from_a_released_one() {
     for _ in 0..80 {
         held.extend(flight.fly_as(1, -0.4, 0.4));
     }
-    let found = held.iter().position(|decision| decision.changed).unwrap();
+    let found = held.iter().position(|decision| decision.has_changed).unwrap();
     assert!(found < 50, "{found}");
     assert_eq!(held[found].state, LinkState::Held);
     assert!((found + 1).abs_diff(held[found].onset_steps as usize) <= 8, "{:?}", held[found]);
@@ -195,12 +195,12 @@ fn a_turn_shows_an_outage_and_its_end() {
     let up = flight.fly_with(stick::YAW, 400, 0.5, 0.5);
     assert!(up.iter().all(|decision| decision.state == LinkState::Up));
     let lost = flight.fly_with(stick::YAW, 150, 0.5, 0.0);
-    let found = lost.iter().position(|decision| decision.changed).unwrap();
+    let found = lost.iter().position(|decision| decision.has_changed).unwrap();
     println!("outage after {} steps, onset {}", found + 1, lost[found].onset_steps);
     assert!(found < 100 && lost[found].state == LinkState::Released, "{:?}", lost[found]);
     assert!((found + 1).abs_diff(lost[found].onset_steps as usize) <= 5, "{:?}", lost[found]);
     let back = flight.fly_with(stick::YAW, 100, 0.5, 0.5);
-    let found = back.iter().position(|decision| decision.changed).unwrap();
+    let found = back.iter().position(|decision| decision.has_changed).unwrap();
     println!("end after {} steps", found + 1);
     assert!(found < 40 && back[99].state == LinkState::Up, "{found} {:?}", back[99]);
     // The drone goes on turning while it is ordered to turn back.
@@ -260,7 +260,7 @@ fn the_score_is_positive_exactly_while_the_link_is_down() {
     assert!(decisions.iter().any(|decision| decision.state.is_down()));
     for decision in decisions {
         assert_eq!(decision.score > 0.0, decision.state.is_down(), "{decision:?}");
-        assert_eq!(decision.onset_steps > 0, decision.changed, "{decision:?}");
+        assert_eq!(decision.onset_steps > 0, decision.has_changed, "{decision:?}");
     }
 }
 

@@ -27,7 +27,7 @@ fn corrected(change_s: f64, error_s: f64, sd_s: f64) -> i32 {
     for period in 0..250_u32 {
         let before = steps(&dead_time)[stick::ROLL];
         let left_s = error_s - f64::from(before) * DT_S;
-        let is_changed = dead_time.follow(Some(common(left_s, sd_s)));
+        let is_changed = dead_time.correct(Some(common(left_s, sd_s)));
         let step = steps(&dead_time)[stick::ROLL] - before;
         assert_eq!(is_changed, step != 0);
         assert!(step.abs() <= 1 && (step == 0 || period % PERIODS_BETWEEN == 4));
@@ -65,7 +65,7 @@ fn corrected_each(errors_s: [f64; 3], sd_s: f64) -> [i32; stick::COUNT] {
         let [pitch, throttle, yaw] = [stick::PITCH, stick::THROTTLE, stick::YAW];
         let left_s = |axis: usize, error_s: f64| error_s - steps[axis] * DT_S;
         let own = |axis, error_s| Some(DeadTimeError { mean_s: left_s(axis, error_s), sd_s });
-        dead_time.follow(Some(DeadTimeErrors {
+        dead_time.correct(Some(DeadTimeErrors {
             horizontal: DeadTimeError { mean_s: left_s(pitch, errors_s[0]), sd_s: 0.01 },
             throttle: own(throttle, errors_s[1]),
             yaw: own(yaw, errors_s[2]),
@@ -89,10 +89,10 @@ fn throttle_and_yaw_follow_roll_and_pitch_until_their_own_motion_shows_their_dea
 fn what_was_known_of_an_axis_is_forgotten_when_it_follows_the_others() {
     let mut dead_time = dead_time(0.3);
     let own = |mean_s| Some(DeadTimeError { mean_s, sd_s: 0.01 });
-    dead_time.follow(Some(DeadTimeErrors { yaw: own(0.01), ..common(0.0, 0.01) }));
+    dead_time.correct(Some(DeadTimeErrors { yaw: own(0.01), ..common(0.0, 0.01) }));
     assert_eq!(dead_time.change().unwrap().yaw_error, own(0.01));
     for _ in 0..PERIODS_BETWEEN {
-        dead_time.follow(Some(common(0.05, 0.01)));
+        dead_time.correct(Some(common(0.05, 0.01)));
     }
     let change = dead_time.change().unwrap();
     assert_eq!((change.steps, change.yaw_error), ([1; stick::COUNT], None));
@@ -103,7 +103,7 @@ fn an_axis_that_follows_is_limited_but_keeps_pace_when_the_others_return() {
     let mut dead_time = dead_time(0.3);
     let mut follow = |mean_s: f64| {
         for _ in 0..PERIODS_BETWEEN {
-            dead_time.follow(Some(common(mean_s, 0.01)));
+            dead_time.correct(Some(common(mean_s, 0.01)));
         }
         steps(&dead_time)
     };
@@ -123,7 +123,7 @@ fn a_dead_time_is_too_long_when_much_is_left_of_the_largest_correction() {
     let followed = |change_s: f64, errors: DeadTimeErrors| {
         let mut dead_time = dead_time(change_s);
         for _ in 0..100 {
-            dead_time.follow(Some(errors));
+            dead_time.correct(Some(errors));
         }
         dead_time.is_too_long()
     };
@@ -149,7 +149,7 @@ fn what_is_left_is_reported_with_the_correction() {
     assert_eq!((change.steps, change.error, change.found_s()), ([0; 4], None, None));
     let own = |mean_s| Some(DeadTimeError { mean_s, sd_s: 0.02 });
     let errors = DeadTimeErrors { throttle: own(0.01), ..common(0.05, 0.02) };
-    let stepped = (0..5).filter(|_| dead_time.follow(Some(errors))).count();
+    let stepped = (0..5).filter(|_| dead_time.correct(Some(errors))).count();
     let change = dead_time.change().unwrap();
     assert_eq!((stepped, change.steps), (1, [1, 1, 1, 0]));
     assert!((change.error.unwrap().mean_s - 0.03).abs() < 1e-12);
@@ -157,7 +157,7 @@ fn what_is_left_is_reported_with_the_correction() {
     let expected_s = Sticks::new(0.05, 0.05, 0.05, 0.01);
     assert!((change.found_s().unwrap() - expected_s).amax() < 1e-12, "{change:?}");
     // Motion that shows nothing leaves it.
-    assert!(!dead_time.follow(None));
+    assert!(!dead_time.correct(None));
     assert_eq!(dead_time.change(), Some(change));
     assert_eq!(self::dead_time(0.0).change(), None);
 }
@@ -170,25 +170,25 @@ fn a_dead_time_that_was_shortened_finish_return_when_the_link_goes_down_again_an
     }
     assert!(!dead_time.finish_return(), "nothing was shortened");
     for _ in 0..SHORT_PERIODS + 15 {
-        dead_time.follow(Some(common(-0.1, 0.02)));
+        dead_time.correct(Some(common(-0.1, 0.02)));
     }
     assert_eq!(steps(&dead_time)[stick::ROLL], -4);
     for _ in 0..OUTAGES_MAX - 1 {
         dead_time.note_outage();
-        assert!(!dead_time.follow(None));
+        assert!(!dead_time.correct(None));
     }
     dead_time.note_outage();
-    let changes = (0..100).filter(|_| dead_time.follow(None)).count();
+    let changes = (0..100).filter(|_| dead_time.correct(None)).count();
     assert_eq!((steps(&dead_time)[stick::ROLL], changes), (0, 4));
-    assert!(!dead_time.follow(Some(common(-0.1, 0.02))), "it waits for the new filter");
+    assert!(!dead_time.correct(Some(common(-0.1, 0.02))), "it waits for the new filter");
     assert!(dead_time.finish_return() && !dead_time.finish_return());
     // A longer one stays.
     for _ in 0..20 {
-        dead_time.follow(Some(common(0.1, 0.02)));
+        dead_time.correct(Some(common(0.1, 0.02)));
     }
     for _ in 0..20 {
         dead_time.note_outage();
-        dead_time.follow(None);
+        dead_time.correct(None);
     }
     assert_eq!(steps(&dead_time)[stick::ROLL], 4);
 }
@@ -198,7 +198,7 @@ fn a_gust_that_looks_like_an_early_answer_shortens_nothing() {
     let mut dead_time = dead_time(0.3);
     for mean_s in [-0.13, 0.05, -0.13] {
         for _ in 0..SHORT_PERIODS - 1 {
-            dead_time.follow(Some(common(mean_s, 0.02)));
+            dead_time.correct(Some(common(mean_s, 0.02)));
             assert!(steps(&dead_time)[stick::ROLL] >= -SHORT_STEPS);
         }
     }

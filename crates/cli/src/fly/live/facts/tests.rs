@@ -77,7 +77,7 @@ fn a_link_is_down_in_both_ways_of_losing_it() {
         [(LinkState::Up, false), (LinkState::Released, true), (LinkState::Held, true)]
     {
         let mut out = outcome();
-        out.link = Some(LinkDecision { state, score: -1.5, changed: false, onset_steps: 0 });
+        out.link = Some(LinkDecision { state, score: -1.5, has_changed: false, onset_steps: 0 });
         let link = facts(&Inbox::new(), &out).link;
         assert_eq!(link, Some(LinkFact { is_down, score: -1.5 }), "{state:?}");
     }

@@ -1,17 +1,17 @@
-//! The motion under one state of the link: horizontally, in heading and in height.
+//! One hypothesis of the test: the motion under one state of the link, horizontally, in heading and in height.
 
 use horizon_estim::Observed;
 use horizon_model::rows::{Sticks, lag, pose, stick};
 use nalgebra::{SVector, Vector2};
 
 use super::axis::{Axis, AxisCommand};
-use super::hypothesis::{HorizontalCommand, Hypothesis};
+use super::horizontal::{Horizontal, HorizontalCommand};
 use super::{LinkState, Tables};
 use crate::commanded::{commanded_mps, excess};
 
-/// What the sticks ask for.
+/// Velocities that the sticks command.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Asked {
+pub(super) struct Commanded {
     /// Velocity, world frame. m/s
     v_w_mps: Vector2<f64>,
     /// Turn. rad/s
@@ -20,7 +20,7 @@ pub(super) struct Asked {
     climb_mps: f64,
 }
 
-/// What the sticks ask for in one period, and how that changes.
+/// Velocities that the sticks command in one period, and their derivatives by time.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Commands {
     horizontal: HorizontalCommand,
@@ -30,35 +30,35 @@ pub(super) struct Commands {
 
 /// The motion under one state of the link.
 #[derive(Debug, Clone)]
-pub(super) struct Branch {
+pub(super) struct LinkHypothesis {
     pub(super) state: LinkState,
-    pub(super) hypothesis: Hypothesis,
-    /// Filter of the motion for the dead time. `None`: `hypothesis` finds it.
-    pub(super) dead_time: Option<Hypothesis>,
+    pub(super) horizontal: Horizontal,
+    /// Filter of the horizontal motion for the dead time. `None`: `horizontal` finds it.
+    pub(super) dead_time: Option<Horizontal>,
     /// `None`: the heading is not used.
     pub(super) turn: Option<Axis>,
     /// The height, for the dead time of the throttle. `None`: it is that of the others.
     pub(super) height: Option<Axis>,
-    /// What is commanded while a command is held.
-    held: Asked,
+    /// Velocities that are commanded while a command is held.
+    held: Commanded,
 }
 
-impl Branch {
+impl LinkHypothesis {
     /// The motion while the link is up, from the pose `observed` on.
     pub(super) fn start(tables: &Tables, observed: &Observed<{ pose::COUNT }>) -> Self {
         let (link, o) = (&tables.link, &observed.o);
         let pos_w = Vector2::new(o[pose::X], o[pose::Y]);
         Self {
             state: LinkState::Up,
-            hypothesis: Hypothesis::new(link, pos_w),
-            dead_time: tables.dead_time.as_ref().map(|table| Hypothesis::new(table, pos_w)),
+            horizontal: Horizontal::new(link, pos_w),
+            dead_time: tables.dead_time.as_ref().map(|table| Horizontal::new(table, pos_w)),
             turn: link.turn.map(|own| Axis::new(link, own.noise(link), o[pose::THETA])),
             height: link.height.map(|own| Axis::new(link, own.noise(), o[pose::Z])),
-            held: Asked::default(),
+            held: Commanded::default(),
         }
     }
 
-    /// Moves through a period in which `sent` was asked for.
+    /// Moves through a period in which `sent` was commanded.
     pub(super) fn predict(
         &mut self,
         tables: &Tables,
@@ -71,9 +71,9 @@ impl Branch {
             LinkState::Released => Commands::default(),
             LinkState::Held => self.held.constant(),
         };
-        self.hypothesis.predict(&tables.link, &commands.horizontal, p, dt_s);
-        if let (Some(hypothesis), Some(table)) = (&mut self.dead_time, &tables.dead_time) {
-            hypothesis.predict(table, &commands.horizontal, p, dt_s);
+        self.horizontal.predict(&tables.link, &commands.horizontal, p, dt_s);
+        if let (Some(filter), Some(table)) = (&mut self.dead_time, &tables.dead_time) {
+            filter.predict(table, &commands.horizontal, p, dt_s);
         }
         if let Some(turn) = &mut self.turn {
             turn.predict(&tables.link, commands.turn, p[lag::TAU_A], dt_s);
@@ -90,10 +90,10 @@ impl Branch {
         observed: &Observed<{ pose::COUNT }>,
         dt_s: f64,
     ) -> f64 {
-        let horizontal = self.hypothesis.correct(&tables.link, observed);
-        if let (Some(hypothesis), Some(table)) = (&mut self.dead_time, &tables.dead_time) {
-            hypothesis.correct(table, observed);
-            hypothesis.keep_to(&self.hypothesis);
+        let log_likelihood = self.horizontal.correct(&tables.link, observed);
+        if let (Some(filter), Some(table)) = (&mut self.dead_time, &tables.dead_time) {
+            filter.correct(table, observed);
+            filter.keep_to(&self.horizontal);
         }
         let seen = |row: usize| observed.is_present[row].then(|| observed.o[row]);
         let correct = |axis: &mut Option<Axis>, row| {
@@ -101,13 +101,13 @@ impl Branch {
         };
         correct(&mut self.height, pose::Z);
         let turn = correct(&mut self.turn, pose::THETA);
-        horizontal + turn.unwrap_or(0.0)
+        log_likelihood + turn.unwrap_or(0.0)
     }
 
     pub(super) fn correct_dead_time(&mut self, longer_s: &Sticks) {
-        self.hypothesis.correct_dead_time(longer_s[stick::PITCH]);
-        if let Some(hypothesis) = &mut self.dead_time {
-            hypothesis.correct_dead_time(longer_s[stick::PITCH]);
+        self.horizontal.correct_dead_time(longer_s[stick::PITCH]);
+        if let Some(filter) = &mut self.dead_time {
+            filter.correct_dead_time(longer_s[stick::PITCH]);
         }
         if let Some(turn) = &mut self.turn {
             turn.correct_dead_time(longer_s[stick::YAW]);
@@ -118,13 +118,13 @@ impl Branch {
     }
 
     /// The motion if the link changes to `state` now, `held` being commanded.
-    pub(super) fn changed_to(&self, state: LinkState, held: Asked) -> Self {
+    pub(super) fn changed_to(&self, state: LinkState, held: Commanded) -> Self {
         Self { state, held, ..self.clone() }
     }
 }
 
-impl Asked {
-    /// What `u_applied` ask for, heading for `theta_rad`, with the parameter `p`.
+impl Commanded {
+    /// Velocities that `u_applied` command, heading for `theta_rad`, with the parameter `p`.
     pub(super) fn of(u_applied: &Sticks, theta_rad: f64, p: &SVector<f64, { lag::COUNT }>) -> Self {
         let psi_rad = theta_rad + p[lag::THETA_0];
         Self {
@@ -138,7 +138,7 @@ impl Asked {
         self.after(self, 1.0)
     }
 
-    /// The commands of a period of `dt_s` before which `before` was asked for.
+    /// The commands of a period of `dt_s` before which `before` was commanded.
     pub(super) fn after(self, before: Self, dt_s: f64) -> Commands {
         Commands {
             horizontal: HorizontalCommand {
@@ -174,18 +174,18 @@ mod tests {
     }
 
     /// Evidence of a second of flight by `u_applied` for the link in `state`, `held` being commanded.
-    fn log_likelihood(state: LinkState, u_applied: &Sticks, held: Asked) -> f64 {
+    fn log_likelihood(state: LinkState, u_applied: &Sticks, held: Commanded) -> f64 {
         let (tables, p, model) =
             (Tables { link: table(), dead_time: None }, parameter(), Lagged::default());
         let mut s = model.at_rest(&Pose::new(0.3, -0.2, 1.0, 0.4));
         let seen = |s: &Motion| Observed::full(model.observe(s));
-        let mut branch = Branch::start(&tables, &seen(&s)).changed_to(state, held);
-        let asked = Asked::of(u_applied, 0.4, &p);
+        let mut hypothesis = LinkHypothesis::start(&tables, &seen(&s)).changed_to(state, held);
+        let commanded = Commanded::of(u_applied, 0.4, &p);
         let mut sum = 0.0;
         for _ in 0..50 {
             s = model.step(&s, u_applied, &p, DT_S);
-            branch.predict(&tables, &asked.constant(), &p, DT_S);
-            sum += branch.correct(&tables, &seen(&s), DT_S);
+            hypothesis.predict(&tables, &commanded.constant(), &p, DT_S);
+            sum += hypothesis.correct(&tables, &seen(&s), DT_S);
         }
         sum
     }
@@ -198,7 +198,7 @@ mod tests {
             .flat_map(|stick| [0.5, -0.5].map(|u| (stick, u)))
         {
             let u_applied = full(stick, u);
-            let asked = Asked::of(&u_applied, 0.4, &p);
+            let commanded = Commanded::of(&u_applied, 0.4, &p);
             let mut s = model.at_rest(&Pose::new(0.0, 0.0, 1.0, 0.4));
             for _ in 0..2000 {
                 s = model.step(&s, &u_applied, &p, DT_S);
@@ -206,10 +206,10 @@ mod tests {
             let next = model.step(&s, &u_applied, &p, DT_S);
             let rate = (model.observe(&next) - model.observe(&s)) / DT_S;
             let off = [
-                rate[pose::X] - asked.v_w_mps.x,
-                rate[pose::Y] - asked.v_w_mps.y,
-                rate[pose::Z] - asked.climb_mps,
-                rate[pose::THETA] - asked.omega_radps,
+                rate[pose::X] - commanded.v_w_mps.x,
+                rate[pose::Y] - commanded.v_w_mps.y,
+                rate[pose::Z] - commanded.climb_mps,
+                rate[pose::THETA] - commanded.omega_radps,
             ];
             // The model rounds its dead zone.
             assert!(off.iter().all(|off| off.abs() < 1e-4), "stick {stick}: {off:?}");
@@ -219,7 +219,7 @@ mod tests {
     #[test]
     fn commands_change_by_the_difference_to_the_period_before() {
         let p = parameter();
-        let (before, now) = (Asked::default(), Asked::of(&Sticks::repeat(0.5), 0.4, &p));
+        let (before, now) = (Commanded::default(), Commanded::of(&Sticks::repeat(0.5), 0.4, &p));
         let Commands { horizontal, turn, climb } = now.after(before, DT_S);
         assert_eq!(horizontal.asked_w_mps, now.v_w_mps);
         assert_eq!(horizontal.rate_w_mps2, now.v_w_mps / DT_S);
@@ -232,7 +232,8 @@ mod tests {
     fn motion_by_the_sticks_speaks_for_a_link_that_is_up_or_holds_them() {
         for stick in [stick::ROLL, stick::PITCH, stick::YAW] {
             let u_applied = full(stick, 0.6);
-            let [same, other] = [u_applied, -u_applied].map(|u| Asked::of(&u, 0.4, &parameter()));
+            let [same, other] =
+                [u_applied, -u_applied].map(|u| Commanded::of(&u, 0.4, &parameter()));
             let up = log_likelihood(LinkState::Up, &u_applied, other);
             let released = log_likelihood(LinkState::Released, &u_applied, other);
             let held = log_likelihood(LinkState::Held, &u_applied, same);

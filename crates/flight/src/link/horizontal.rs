@@ -3,7 +3,7 @@
 //! Owns a Kalman filter of position, driven velocity and disturbance, together with what the vehicle
 //! model may have wrong: the errors of gain, heading, dead time and lag are states that scale known
 //! directions of the command. This distinguishes a wrong model from a lost command, which no plausible error
-//! explains. Which hypothesis wins is decided one file up.
+//! explains. Which hypothesis is accepted is decided in `link.rs`.
 
 use horizon_estim::Observed;
 use horizon_model::rows::{lag, pose};
@@ -53,12 +53,12 @@ pub(super) struct HorizontalCommand {
 
 /// Mean and covariance under one hypothesis.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Hypothesis {
+pub(super) struct Horizontal {
     s: State,
     covariance: SMatrix<f64, { row::COUNT }, { row::COUNT }>,
 }
 
-impl Hypothesis {
+impl Horizontal {
     /// The model is right, the vehicle at `pos_w`, and its velocity unknown.
     pub(super) fn new(table: &LinkTable, pos_w: Vector2<f64>) -> Self {
         let mut s = State::zeros();
@@ -207,12 +207,12 @@ mod tests {
 
     /// Largest gap of the covariance after a period to that by differences of the mean, and of the velocity's
     /// derivative by the dead time.
-    fn gap(start: &Hypothesis, command: &HorizontalCommand) -> (f64, f64) {
+    fn gap(start: &Horizontal, command: &HorizontalCommand) -> (f64, f64) {
         let (table, p) = (table(), parameter());
         let predicted = |s: &State| {
-            let mut hypothesis = Hypothesis { s: *s, ..start.clone() };
-            hypothesis.predict(&table, command, &p, DT_S);
-            hypothesis
+            let mut filter = Horizontal { s: *s, ..start.clone() };
+            filter.predict(&table, command, &p, DT_S);
+            filter
         };
         let by_state = differences::jacobian(|s| predicted(s).s, &start.s);
         let (keep, sd) = (keep_factors(&table, DT_S), stationary_sd(&table));
@@ -227,7 +227,7 @@ mod tests {
 
     #[test]
     fn the_covariance_is_propagated_by_the_jacobian_of_the_mean() {
-        let mut start = Hypothesis::new(&table(), Vector2::zeros());
+        let mut start = Horizontal::new(&table(), Vector2::zeros());
         let root = SMatrix::<f64, { row::COUNT }, { row::COUNT }>::from_fn(|i, j| {
             (0.7 * i as f64 + 1.3 * j as f64).sin()
         });
@@ -263,10 +263,10 @@ mod tests {
             rate_w_mps2: Vector2::new(2.0, 0.0),
         };
         let predicted = |row: usize, error: f64| {
-            let mut hypothesis = Hypothesis::new(&table, Vector2::zeros());
-            hypothesis.s[row] = error;
-            hypothesis.predict(&table, &command, &p, DT_S);
-            hypothesis.s
+            let mut filter = Horizontal::new(&table, Vector2::zeros());
+            filter.s[row] = error;
+            filter.predict(&table, &command, &p, DT_S);
+            filter.s
         };
         let right = predicted(row::GAIN, 0.0);
         let change = |row, error| predicted(row, error) - right;
@@ -281,23 +281,23 @@ mod tests {
             assert!((drift_m - expected_m).abs() < 1e-12, "{drift_m}");
         }
         let sideways = HorizontalCommand { asked_w_mps: Vector2::new(0.0, 0.4), ..command };
-        let mut hypothesis = Hypothesis::new(&table, Vector2::zeros());
-        hypothesis.s[row::HEADING] = 0.1;
-        hypothesis.predict(&table, &sideways, &p, DT_S);
-        assert!(hypothesis.s[row::V_X] < -1e-4, "counter-clockwise: {hypothesis:?}");
+        let mut filter = Horizontal::new(&table, Vector2::zeros());
+        filter.s[row::HEADING] = 0.1;
+        filter.predict(&table, &sideways, &p, DT_S);
+        assert!(filter.s[row::V_X] < -1e-4, "counter-clockwise: {filter:?}");
     }
 
     #[test]
     fn a_longer_assumed_dead_time_leaves_a_smaller_error() {
-        let mut hypothesis = Hypothesis::new(&table(), Vector2::zeros());
-        hypothesis.s[row::DEAD_TIME] = 0.03;
-        hypothesis.correct_dead_time(0.02);
-        assert!((hypothesis.dead_time_error().mean_s - 0.01).abs() < 1e-12);
+        let mut filter = Horizontal::new(&table(), Vector2::zeros());
+        filter.s[row::DEAD_TIME] = 0.03;
+        filter.correct_dead_time(0.02);
+        assert!((filter.dead_time_error().mean_s - 0.01).abs() < 1e-12);
     }
 
     #[test]
     fn a_finer_dead_time_is_kept_within_the_standard_deviation_of_the_coarse_one() {
-        let coarse = Hypothesis::new(&table(), Vector2::zeros());
+        let coarse = Horizontal::new(&table(), Vector2::zeros());
         let mut fine = coarse.clone();
         fine.s[row::DEAD_TIME] = -0.9 * table().sd_dead_time_s;
         let kept = fine.clone();
