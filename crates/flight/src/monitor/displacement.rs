@@ -39,13 +39,13 @@ pub(super) struct Displacements {
     /// Velocity by the poses, low-pass filtered. m/s
     poses_w_mps: Complex<f64>,
     /// By the drone in each frame. m
-    pub(super) flown_d_m: [Complex<f64>; FRAMES],
+    pub(super) drone_d_m: [Complex<f64>; FRAMES],
     /// Speed by the drone in each kind of axes, those that are fixed and those that turn with the body.
-    drone: [DroneSpeed; 2],
+    drone_speeds: [DroneSpeed; 2],
     /// By the inputs of a typical vehicle. m
     pub(super) inputs_w_m: Complex<f64>,
     /// Velocity that follows the inputs, after the lag. m/s
-    pub(super) followed_w_mps: Complex<f64>,
+    pub(super) inputs_w_mps: Complex<f64>,
 }
 
 /// Speed by the drone in one kind of axes.
@@ -63,9 +63,9 @@ impl Displacements {
     /// Adds a period.
     pub(super) fn add(
         &mut self,
-        moved_w_m: Complex<f64>,
-        seen_d_mps: &[Complex<f64>; FRAMES],
-        asked_w_mps: Complex<f64>,
+        poses_w_m: Complex<f64>,
+        drone_d_mps: &[Complex<f64>; FRAMES],
+        commanded_w_mps: Complex<f64>,
         dt_s: f64,
     ) {
         let keep = decay(dt_s, FORGET_S);
@@ -73,18 +73,18 @@ impl Displacements {
             |displacement_m| shortened(displacement_m * keep, DISPLACEMENT_DRIFT_MPS * dt_s);
         let keep_difference = decay(dt_s, SPEED_FORGET_S);
         let smooth = 1.0 - decay(dt_s, SPEED_TAU_S);
-        self.followed_w_mps += (asked_w_mps - self.followed_w_mps) * (1.0 - lag_decay(dt_s));
-        self.inputs_w_m = remember(self.inputs_w_m) + self.followed_w_mps * dt_s;
-        self.poses_w_m = remember(self.poses_w_m) + moved_w_m;
-        self.poses_w_mps += (moved_w_m / dt_s - self.poses_w_mps) * smooth;
+        self.inputs_w_mps += (commanded_w_mps - self.inputs_w_mps) * (1.0 - lag_decay(dt_s));
+        self.inputs_w_m = remember(self.inputs_w_m) + self.inputs_w_mps * dt_s;
+        self.poses_w_m = remember(self.poses_w_m) + poses_w_m;
+        self.poses_w_mps += (poses_w_m / dt_s - self.poses_w_mps) * smooth;
         let by_poses_mps = self.poses_w_mps.norm();
-        for (flown_d_m, seen_d_mps) in self.flown_d_m.iter_mut().zip(seen_d_mps) {
-            *flown_d_m = remember(*flown_d_m) + seen_d_mps * dt_s;
+        for (drone_d_m, drone_d_mps) in self.drone_d_m.iter_mut().zip(drone_d_mps) {
+            *drone_d_m = remember(*drone_d_m) + drone_d_mps * dt_s;
         }
-        for (drone, seen_d_mps) in
-            self.drone.iter_mut().zip([seen_d_mps[FIXED], seen_d_mps[TURNING]])
+        for (drone, drone_d_mps) in
+            self.drone_speeds.iter_mut().zip([drone_d_mps[FIXED], drone_d_mps[TURNING]])
         {
-            drone.velocity_d_mps += (seen_d_mps - drone.velocity_d_mps) * smooth;
+            drone.velocity_d_mps += (drone_d_mps - drone.velocity_d_mps) * smooth;
             let by_drone_mps = drone.velocity_d_mps.norm();
             let tolerance_mps = (TOLERANCE * by_poses_mps.max(by_drone_mps)).max(TOLERANCE_MPS);
             drone.excess_mps = ((by_poses_mps - by_drone_mps).abs() - tolerance_mps).max(0.0);
@@ -94,7 +94,7 @@ impl Displacements {
 
     /// Whether the speeds by poses and by drone agree, in one kind of axes at least.
     pub(super) fn speeds_agree(&self) -> bool {
-        self.drone.iter().any(|drone| drone.excess_mps <= 0.0)
+        self.drone_speeds.iter().any(|drone| drone.excess_mps <= 0.0)
     }
 
     /// Difference of poses and drone by lengths and speeds, less a tolerance; `None` if the drone does not agree with
@@ -102,26 +102,26 @@ impl Displacements {
     pub(super) fn difference_m(&self) -> Option<f64> {
         let (inputs_m, poses_m) = (self.inputs_w_m.norm(), self.poses_w_m.norm());
         let difference_m = |frame: usize, drone: &DroneSpeed| {
-            let flown_m = self.flown_d_m[frame].norm();
+            let drone_m = self.drone_d_m[frame].norm();
             // A drone with another unit differs from the inputs more than the poses do.
-            let is_nearer = (flown_m - inputs_m).abs() <= (poses_m - inputs_m).abs();
+            let is_nearer = (drone_m - inputs_m).abs() <= (poses_m - inputs_m).abs();
             let is_comparable =
-                flown_m >= FLOWN_MIN_M && UNIT_RATIO.contains(&(flown_m / inputs_m)) && is_nearer;
-            let difference_m = (poses_m - flown_m).abs() - TOLERANCE * flown_m;
+                drone_m >= FLOWN_MIN_M && UNIT_RATIO.contains(&(drone_m / inputs_m)) && is_nearer;
+            let difference_m = (poses_m - drone_m).abs() - TOLERANCE * drone_m;
             is_comparable.then(|| difference_m.max(drone.difference_m))
         };
-        let [fixed, turning] = &self.drone;
+        let [fixed, turning] = &self.drone_speeds;
         Some(difference_m(FIXED, fixed)?.min(difference_m(TURNING, turning)?))
     }
 
-    /// Difference of the displacement by the poses and `flown_w_m` by the drone, world frame, less a tolerance; `None`
+    /// Difference of the displacement by the poses and `drone_w_m` by the drone, world frame, less a tolerance; `None`
     /// unless the drone's difference from the inputs is half of that of the poses at most. m
-    pub(super) fn vector_difference_m(&self, flown_w_m: Complex<f64>) -> Option<f64> {
-        let turn_rad = (self.poses_w_m * flown_w_m.conj()).arg().clamp(-TURN_RAD, TURN_RAD);
+    pub(super) fn vector_difference_m(&self, drone_w_m: Complex<f64>) -> Option<f64> {
+        let turn_rad = (self.poses_w_m * drone_w_m.conj()).arg().clamp(-TURN_RAD, TURN_RAD);
         let turned_w_m = self.poses_w_m * Complex::from_polar(1.0, -turn_rad);
         let is_nearer =
-            (flown_w_m - self.inputs_w_m).norm() <= 0.5 * (turned_w_m - self.inputs_w_m).norm();
-        is_nearer.then(|| (turned_w_m - flown_w_m).norm() - TOLERANCE * flown_w_m.norm())
+            (drone_w_m - self.inputs_w_m).norm() <= 0.5 * (turned_w_m - self.inputs_w_m).norm();
+        is_nearer.then(|| (turned_w_m - drone_w_m).norm() - TOLERANCE * drone_w_m.norm())
     }
 }
 

@@ -46,7 +46,7 @@ pub(super) struct HiddenSpeed {
     poses_mps: f64,
     /// Distances by the poses and by the drone while the poses moved. m
     poses_m: f64,
-    flown_m: f64,
+    drone_m: f64,
     /// Whether the drone has reported any motion.
     has_reported: bool,
     /// Newest hidden speed; `None` without a fresh report. m/s
@@ -76,7 +76,7 @@ impl HiddenSpeed {
         if let Some(drone_mps) = drone_mps.filter(|_| speed_mps >= COMPARED_MPS) {
             let keep = decay(self.dt_s, DISTANCE_FORGET_S);
             self.poses_m = self.poses_m * keep + speed_mps * self.dt_s;
-            self.flown_m = self.flown_m * keep + drone_mps * self.dt_s;
+            self.drone_m = self.drone_m * keep + drone_mps * self.dt_s;
         }
     }
 
@@ -88,7 +88,7 @@ impl HiddenSpeed {
     /// Whether the drone reports that it did not move along an axis that is still: it reports its velocity in m/s, as
     /// far as known, and no hidden speed within [`RECENT_S`].
     pub(super) fn reports_no_motion(&self) -> bool {
-        let fits = self.poses_m < COMPARED_M || self.flown_m >= FIT_MIN * self.poses_m;
+        let fits = self.poses_m < COMPARED_M || self.drone_m >= FIT_MIN * self.poses_m;
         let reports_speed = self.hidden_mps.is_some() && self.has_reported && fits;
         reports_speed && self.since_hidden_s > RECENT_S
     }

@@ -7,6 +7,9 @@
 //! counts. Before one kind fits, the drone's velocity is not compared along axes: the drone may report none. Reports
 //! may be late (a Tello's by 0.2 to 0.9 s beside its accelerometer, by others' reports) and of another scale: the age
 //! that explains the motion best is used, and kept once the motion has shown it well.
+//!
+//! Names here and in `displacement.rs`: `poses_*` is by the poses, `drone_*` by the drone, `inputs_*` by the inputs of a
+//! typical vehicle; `_w` is in the world frame, `_d` in each of the kinds of axes that the drone's may be.
 
 mod report_age;
 
@@ -74,7 +77,7 @@ pub(super) struct VelocityMonitor {
 #[derive(Debug, Clone, Copy, Default)]
 struct PoseDisplacement {
     /// `m`: displacement since the newest pose before; zero without a pose. m
-    moved_w_m: Complex<f64>,
+    poses_w_m: Complex<f64>,
     /// `T`: time that it took. s
     in_s: f64,
     /// Heading of the newest pose. rad
@@ -86,11 +89,11 @@ struct PoseDisplacement {
 #[derive(Debug, Clone, Copy)]
 struct MotionSample {
     /// `m`: displacement by the poses. m
-    moved_w_m: Complex<f64>,
+    poses_w_m: Complex<f64>,
     /// `T`: time that it took. s
-    moved_in_s: f64,
+    in_s: f64,
     /// `w`: velocity by the drone in each frame. m/s
-    seen_d_mps: [Complex<f64>; FRAMES],
+    drone_d_mps: [Complex<f64>; FRAMES],
     /// Whether there is a pose at the end of the period.
     is_pose: bool,
 }
@@ -98,8 +101,8 @@ struct MotionSample {
 impl MotionSample {
     /// Whether the poses have moved further than any vehicle.
     fn is_jump(&self) -> bool {
-        let most_mps = self.seen_d_mps[FIXED].norm() + JUMP_MPS;
-        self.moved_w_m.norm() > most_mps * self.moved_in_s + JUMP_M
+        let most_mps = self.drone_d_mps[FIXED].norm() + JUMP_MPS;
+        self.poses_w_m.norm() > most_mps * self.in_s + JUMP_M
     }
 }
 
@@ -178,16 +181,16 @@ impl VelocityMonitor {
         motions: &[Option<MotionSample>; AGES_S.len()],
         theta_rad: f64,
     ) {
-        if let Some(MotionSample { moved_w_m, seen_d_mps, .. }) = motions[self.best_age] {
+        if let Some(MotionSample { poses_w_m, drone_d_mps, .. }) = motions[self.best_age] {
             let scale = self.ages[self.best_age].scale();
-            let asked_w_mps = velocity_w_mps(&sample.u_applied, theta_rad);
-            let flown_d_mps = seen_d_mps.map(|v| v * scale);
-            self.displacements.add(moved_w_m, &flown_d_mps, asked_w_mps, self.dt_s);
+            let commanded_w_mps = velocity_w_mps(&sample.u_applied, theta_rad);
+            let scaled_d_mps = drone_d_mps.map(|v| v * scale);
+            self.displacements.add(poses_w_m, &scaled_d_mps, commanded_w_mps, self.dt_s);
         }
         if let Some(motion) = motions[NEWEST] {
             let by_inputs = MotionSample {
-                moved_w_m: self.displacements.followed_w_mps * self.dt_s,
-                moved_in_s: self.dt_s,
+                poses_w_m: self.displacements.inputs_w_mps * self.dt_s,
+                in_s: self.dt_s,
                 is_pose: true,
                 ..motion
             };
@@ -220,7 +223,7 @@ impl VelocityMonitor {
         let before = self.before;
         self.before = sample.pose.or(before);
         self.since_pose_s = if sample.pose.is_some() { 0.0 } else { in_s };
-        let moved_w_m = match (sample.pose, before) {
+        let poses_w_m = match (sample.pose, before) {
             (Some(now), Some(before)) => {
                 Complex::new(now[pose::X] - before[pose::X], now[pose::Y] - before[pose::Y])
             }
@@ -228,7 +231,7 @@ impl VelocityMonitor {
         };
         let theta_rad = self.before.map_or(0.0, |at| at[pose::THETA]);
         let is_pose = sample.pose.is_some();
-        self.moved.push(PoseDisplacement { moved_w_m, in_s, theta_rad, is_pose });
+        self.moved.push(PoseDisplacement { poses_w_m, in_s, theta_rad, is_pose });
     }
 
     /// Learns the axes, and the age of the reports, from a motion that does not contradict those found so far. Once
@@ -272,7 +275,7 @@ impl VelocityMonitor {
             .filter(|&frame| self.sums_by_inputs.variance(frame) >= MOTION_MIN)
             .filter_map(|frame| {
                 let axes = self.sums_by_inputs.rotation(frame)?;
-                self.displacements.vector_difference_m(axes * self.displacements.flown_d_m[frame])
+                self.displacements.vector_difference_m(axes * self.displacements.drone_d_m[frame])
             })
             .min_by(f64::total_cmp);
         [by_length_m, by_vector_m].into_iter().flatten().max_by(f64::total_cmp)
@@ -287,11 +290,11 @@ impl VelocityMonitor {
 impl PoseDisplacement {
     /// The motion of the period, with the velocity that the drone reports. m/s
     fn beside(&self, [first_mps, second_mps]: [f64; 2]) -> MotionSample {
-        let seen_d_mps = frames(Complex::new(first_mps, second_mps), self.theta_rad);
+        let drone_d_mps = frames(Complex::new(first_mps, second_mps), self.theta_rad);
         MotionSample {
-            moved_w_m: self.moved_w_m,
-            moved_in_s: self.in_s,
-            seen_d_mps,
+            poses_w_m: self.poses_w_m,
+            in_s: self.in_s,
+            drone_d_mps,
             is_pose: self.is_pose,
         }
     }

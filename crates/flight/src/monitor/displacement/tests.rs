@@ -10,9 +10,9 @@ const DT_S: f64 = 0.02;
 fn displacements(poses: f64, [fixed, turning]: [f64; 2], asked: f64, count: u32) -> Displacements {
     let mut displacements = Displacements::default();
     let along = |v_mps: f64| Complex::new(0.6 * v_mps, -0.8 * v_mps);
-    let seen_d_mps = [along(fixed), Complex::default(), along(turning), Complex::default()];
+    let drone_d_mps = [along(fixed), Complex::default(), along(turning), Complex::default()];
     for _ in 0..count {
-        displacements.add(along(poses) * DT_S, &seen_d_mps, along(asked), DT_S);
+        displacements.add(along(poses) * DT_S, &drone_d_mps, along(asked), DT_S);
     }
     displacements
 }
@@ -39,8 +39,8 @@ fn displacements_are_integrals_over_the_last_15_s_less_what_the_drone_may_be_wro
         let displacements = displacements(0.5, [0.9, 0.3], 1.2, count);
         for (got_m, expected_m) in [
             (displacements.poses_w_m.norm(), shown_m(|_| 0.5, count)),
-            (displacements.flown_d_m[FIXED].norm(), shown_m(|_| 0.9, count)),
-            (displacements.flown_d_m[TURNING].norm(), shown_m(|_| 0.3, count)),
+            (displacements.drone_d_m[FIXED].norm(), shown_m(|_| 0.9, count)),
+            (displacements.drone_d_m[TURNING].norm(), shown_m(|_| 0.3, count)),
             // The vehicle follows its inputs with a lag of 0.6 s.
             (displacements.inputs_w_m.norm(), shown_m(|k| 1.2 * step(k, 0.6), count)),
         ] {
@@ -67,14 +67,14 @@ fn speeds_differ_beyond_a_quarter_of_the_larger_one_and_0_1_mps() {
 
 #[test]
 fn displacements_differ_if_drone_and_inputs_agree_in_both_kinds_of_axes() {
-    let difference_m = |poses_m: f64, flown_m: [f64; 2], inputs_m: f64, speeds_m: [f64; 2]| {
+    let difference_m = |poses_m: f64, drone_m: [f64; 2], inputs_m: f64, speeds_m: [f64; 2]| {
         let drone =
             speeds_m.map(|difference_m| DroneSpeed { difference_m, ..DroneSpeed::default() });
         let (poses_w_m, inputs_w_m) = (Complex::from(poses_m), Complex::from(inputs_m));
         let mut displacements =
             Displacements { poses_w_m, drone, inputs_w_m, ..Displacements::default() };
-        (displacements.flown_d_m[FIXED], displacements.flown_d_m[TURNING]) =
-            (flown_m[0].into(), flown_m[1].into());
+        (displacements.drone_d_m[FIXED], displacements.drone_d_m[TURNING]) =
+            (drone_m[0].into(), drone_m[1].into());
         displacements.difference_m()
     };
     let none = [0.0; 2];
@@ -92,10 +92,10 @@ fn displacements_differ_if_drone_and_inputs_agree_in_both_kinds_of_axes() {
 #[test]
 fn directions_differ_beyond_the_turn_of_the_vehicles_own_axes() {
     let difference_m = |length_m: f64, turn_rad: f64, inputs_m: f64| {
-        let flown_w_m = Complex::from_polar(length_m, turn_rad);
+        let drone_w_m = Complex::from_polar(length_m, turn_rad);
         let inputs_w_m = Complex::from_polar(inputs_m, turn_rad);
         Displacements { poses_w_m: Complex::new(1.2, 0.0), inputs_w_m, ..Displacements::default() }
-            .vector_difference_m(flown_w_m)
+            .vector_difference_m(drone_w_m)
     };
     for (length_m, turn_rad, expected_m) in [
         (1.0, 0.0, 0.2 - 0.25),

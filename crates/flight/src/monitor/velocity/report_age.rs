@@ -38,8 +38,8 @@ pub(super) struct ReportAge {
     /// `x` by frame: displacement by the poses less that by the drone. m
     error_m: [Complex<f64>; FRAMES],
     /// Displacement by the drone since the newest pose, by frame, and its time. m, s
-    flown_d_m: [Complex<f64>; FRAMES],
-    flown_s: f64,
+    drone_d_m: [Complex<f64>; FRAMES],
+    drone_s: f64,
     /// Whether the drone was silent since the newest pose: its displacement since then is not known.
     was_silent: bool,
 }
@@ -71,24 +71,24 @@ impl ReportAge {
 
     /// Integrates the difference over a period in each frame that fits.
     pub(super) fn compare(&mut self, motion: &MotionSample, dt_s: f64) {
-        self.flown_s += dt_s;
-        for (flown_d_m, seen_d_mps) in self.flown_d_m.iter_mut().zip(&motion.seen_d_mps) {
-            *flown_d_m += seen_d_mps * dt_s;
+        self.drone_s += dt_s;
+        for (drone_d_m, drone_d_mps) in self.drone_d_m.iter_mut().zip(&motion.drone_d_mps) {
+            *drone_d_m += drone_d_mps * dt_s;
         }
-        for ((error_m, fit), seen_d_mps) in
-            self.error_m.iter_mut().zip(&self.axes).zip(&motion.seen_d_mps)
+        for ((error_m, fit), drone_d_mps) in
+            self.error_m.iter_mut().zip(&self.axes).zip(&motion.drone_d_mps)
         {
             if let Some(Fit { axes, .. }) = fit {
-                *error_m = shortened(*error_m, VELOCITY_DRIFT_MPS * dt_s) + motion.moved_w_m
-                    - axes * seen_d_mps * dt_s;
+                *error_m = shortened(*error_m, VELOCITY_DRIFT_MPS * dt_s) + motion.poses_w_m
+                    - axes * drone_d_mps * dt_s;
             }
         }
     }
 
     /// Begins the next motion after a pose.
     pub(super) fn begin_motion(&mut self) {
-        self.flown_d_m = [Complex::default(); FRAMES];
-        self.flown_s = 0.0;
+        self.drone_d_m = [Complex::default(); FRAMES];
+        self.drone_s = 0.0;
     }
 
     /// The least difference; `None` before a frame fits. m
@@ -99,8 +99,8 @@ impl ReportAge {
 
     /// Learns the axes from a motion between two poses. Known axes stay while there is too little motion to show any.
     pub(super) fn learn(&mut self, motion: &MotionSample) {
-        let seen_d_mps = self.flown_d_m.map(|flown_d_m| flown_d_m / self.flown_s);
-        self.sums.add(&MotionSample { seen_d_mps, ..*motion }, self.flown_s);
+        let drone_d_mps = self.drone_d_m.map(|drone_d_m| drone_d_m / self.drone_s);
+        self.sums.add(&MotionSample { drone_d_mps, ..*motion }, self.drone_s);
         let is_well_known = self.is_well_known();
         for (frame, axes) in self.axes.iter_mut().enumerate() {
             if self.sums.variance(frame) < MOTION_MIN {
@@ -141,46 +141,46 @@ impl ReportAge {
 pub(super) struct Sums {
     time_s: f64,
     /// Displacement by the poses. m
-    moved_w_m: Complex<f64>,
+    poses_w_m: Complex<f64>,
     /// Of each frame: the displacement by the drone. m
-    flown_d_m: [Complex<f64>; FRAMES],
+    drone_d_m: [Complex<f64>; FRAMES],
     /// Of each frame: displacement by the poses times conjugate velocity by the drone. m^2/s
     products: [Complex<f64>; FRAMES],
     /// Squared speed by the drone. m^2/s
     squares: f64,
     /// Squared speed by the poses. m^2/s
-    pub(super) moved_squares: f64,
+    pub(super) poses_squares: f64,
 }
 
 impl Sums {
     pub(super) fn add(&mut self, motion: &MotionSample, dt_s: f64) {
-        let MotionSample { moved_w_m, moved_in_s, ref seen_d_mps, .. } = *motion;
+        let MotionSample { poses_w_m, in_s, ref drone_d_mps, .. } = *motion;
         let keep = decay(dt_s, AXES_FORGET_S);
         self.time_s = self.time_s * keep + dt_s;
-        self.moved_w_m = self.moved_w_m * keep + moved_w_m;
-        self.moved_squares = self.moved_squares * keep + moved_w_m.norm_sqr() / moved_in_s;
-        self.squares = self.squares * keep + seen_d_mps[FIXED].norm_sqr() * dt_s;
-        let sums = self.flown_d_m.iter_mut().zip(&mut self.products);
-        for ((flown_d_m, product), seen_d_mps) in sums.zip(seen_d_mps) {
-            *flown_d_m = *flown_d_m * keep + seen_d_mps * dt_s;
-            *product = *product * keep + moved_w_m * seen_d_mps.conj();
+        self.poses_w_m = self.poses_w_m * keep + poses_w_m;
+        self.poses_squares = self.poses_squares * keep + poses_w_m.norm_sqr() / in_s;
+        self.squares = self.squares * keep + drone_d_mps[FIXED].norm_sqr() * dt_s;
+        let sums = self.drone_d_m.iter_mut().zip(&mut self.products);
+        for ((drone_d_m, product), drone_d_mps) in sums.zip(drone_d_mps) {
+            *drone_d_m = *drone_d_m * keep + drone_d_mps * dt_s;
+            *product = *product * keep + poses_w_m * drone_d_mps.conj();
         }
     }
 
     /// Integral of the squared deviation of the drone's velocity from its mean. m^2/s
     pub(super) fn variance(&self, frame: usize) -> f64 {
-        self.squares - self.flown_d_m[frame].norm_sqr() / self.time_s.max(f64::MIN_POSITIVE)
+        self.squares - self.drone_d_m[frame].norm_sqr() / self.time_s.max(f64::MIN_POSITIVE)
     }
 
     /// The axes of `frame` in the world, and how well they explain the motion; `None` if they do not fit it.
     fn fit(&self, frame: usize) -> Option<Fit> {
         let time_s = self.time_s.max(f64::MIN_POSITIVE);
-        let flown_d_m = self.flown_d_m[frame];
-        let covariance = self.products[frame] - self.moved_w_m * flown_d_m.conj() / time_s;
+        let drone_d_m = self.drone_d_m[frame];
+        let covariance = self.products[frame] - self.poses_w_m * drone_d_m.conj() / time_s;
         let variance = self.variance(frame);
-        let moved_variance = self.moved_squares - self.moved_w_m.norm_sqr() / time_s;
+        let poses_variance = self.poses_squares - self.poses_w_m.norm_sqr() / time_s;
         let axes = covariance / variance;
-        let determination = covariance.norm_sqr() / (variance * moved_variance);
+        let determination = covariance.norm_sqr() / (variance * poses_variance);
         let [low, high] = SCALE;
         let fits = (low..=high).contains(&axes.norm()) && determination >= DETERMINATION_MIN;
         fits.then_some(Fit { axes, determination })
@@ -203,9 +203,9 @@ mod tests {
             let t_s = f64::from(k) * 0.02;
             let by_drone_mps = Complex::new((2.0 * t_s).sin(), (3.0 * t_s).cos()) * 0.5;
             let motion = MotionSample {
-                moved_w_m: axes * by_drone_mps * 0.02,
-                moved_in_s: 0.02,
-                seen_d_mps: [by_drone_mps, by_drone_mps.conj(), by_drone_mps, by_drone_mps.conj()],
+                poses_w_m: axes * by_drone_mps * 0.02,
+                in_s: 0.02,
+                drone_d_mps: [by_drone_mps, by_drone_mps.conj(), by_drone_mps, by_drone_mps.conj()],
                 is_pose: true,
             };
             age.compare(&motion, 0.02);
@@ -239,10 +239,10 @@ mod tests {
 
     #[test]
     fn what_a_silent_drone_flew_is_unknown_up_to_the_next_pose() {
-        let mut age = ReportAge { flown_s: 1.0, ..ReportAge::default() };
-        assert!(age.note_report(true, false) && age.flown_s > 0.0);
+        let mut age = ReportAge { drone_s: 1.0, ..ReportAge::default() };
+        assert!(age.note_report(true, false) && age.drone_s > 0.0);
         assert!(!age.note_report(false, false));
-        assert!(age.flown_s <= 0.0, "the motion begins anew");
+        assert!(age.drone_s <= 0.0, "the motion begins anew");
         assert!(!age.note_report(true, false), "it is heard again, in the middle of a motion");
         assert!(!age.note_report(true, true), "the motion that this pose ends was not heard whole");
         assert!(age.note_report(true, false));

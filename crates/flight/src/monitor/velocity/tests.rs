@@ -64,10 +64,10 @@ fn inputs_and_reports_are_turned_by_the_heading() {
         velocity_w_mps(&sample.u_applied, FRAC_PI_2),
         Complex::new(1.9 * 0.13, 1.9 * 0.43)
     ));
-    let seen_d_mps = frames(Complex::new(0.3, 0.1), FRAC_PI_2);
+    let drone_d_mps = frames(Complex::new(0.3, 0.1), FRAC_PI_2);
     let expected = [(0.3, 0.1), (0.3, -0.1), (-0.1, 0.3), (0.1, 0.3)];
-    for (seen_d_mps, (x, y)) in seen_d_mps.into_iter().zip(expected) {
-        assert!(close(seen_d_mps, Complex::new(x, y)), "{seen_d_mps}");
+    for (drone_d_mps, (x, y)) in drone_d_mps.into_iter().zip(expected) {
+        assert!(close(drone_d_mps, Complex::new(x, y)), "{drone_d_mps}");
     }
 }
 
@@ -83,14 +83,14 @@ fn after_a_circle() -> (VelocityMonitor, Complex<f64>) {
     (monitor, at_w)
 }
 
-/// A tick in which the poses move by `moved_w_m`, and the drone reports a velocity.
+/// A tick in which the poses move by `poses_w_m`, and the drone reports a velocity.
 fn see(
     monitor: &mut VelocityMonitor,
     at_w: &mut Complex<f64>,
-    moved_w_m: Complex<f64>,
+    poses_w_m: Complex<f64>,
     by_drone_mps: Complex<f64>,
 ) -> (Agreement, f64) {
-    *at_w += moved_w_m;
+    *at_w += poses_w_m;
     let drone = DroneMotion {
         horizontal_d_mps: Some([by_drone_mps.re, by_drone_mps.im]),
         height_m: None,
@@ -119,10 +119,10 @@ fn what_a_vehicle_can_move_in_a_period_is_no_step() {
     // 0.5 m/s by the drone: (0.5 + 1) m/s for 0.02 s and 0.03 m.
     for (moved_m, is_jump) in [(0.059, false), (0.061, true)] {
         let (mut monitor, mut at_w) = after_a_circle();
-        let before = monitor.ages[0].sums.moved_squares;
-        let moved_w_m = Complex::new(moved_m, 0.0);
-        see(&mut monitor, &mut at_w, moved_w_m, Complex::new(0.5, 0.0));
-        let is_learnt = monitor.ages[0].sums.moved_squares > before;
+        let before = monitor.ages[0].sums.poses_squares;
+        let poses_w_m = Complex::new(moved_m, 0.0);
+        see(&mut monitor, &mut at_w, poses_w_m, Complex::new(0.5, 0.0));
+        let is_learnt = monitor.ages[0].sums.poses_squares > before;
         assert_eq!(is_learnt, !is_jump, "{moved_m} m");
     }
 }
