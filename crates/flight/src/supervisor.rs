@@ -40,7 +40,9 @@ pub(crate) use self::geofence::CLIMB_MAX_M;
 pub use self::geofence::{Room, RoomTable};
 pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 
-use self::braking::ControlMode;
+use self::airborne::LandingConfirmation;
+use self::blocked::Blockage;
+use self::braking::{ControlMode, MovingObstacleTimes};
 use self::condition_timer::{HoldTimer, LeakyTimer, ReportTimer, elapsed_s, exceeds};
 use self::settling::Settling;
 use crate::drone::{DroneOrder, LAND_PERIOD};
@@ -60,8 +62,9 @@ const FLYING_UNORDERED_S: f64 = 1.0;
 const DOWN_HOLD_S: f64 = 1.0;
 
 /// Whether the drone has shown that it received the order to take off, the surest sign last.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 enum TakeOffSeen {
+    #[default]
     No,
     /// The height of the drone or its poses rose.
     Measured,
@@ -69,13 +72,30 @@ enum TakeOffSeen {
     Reported,
 }
 
+/// The order to take off, what has shown that the drone received it, and the heights before.
+#[derive(Debug, Clone, Default)]
+struct TakeOff {
+    /// When the take-off was ordered last. ns
+    ordered_ns: Option<i64>,
+    seen: TakeOffSeen,
+    /// Height of the poses on the ground. m
+    ground_m: Option<f64>,
+    /// Height by the drone on the ground. m
+    drone_ground_m: Option<f64>,
+}
+
+/// What is wrong at a tick, under the pilot whose reactions count.
+#[derive(Debug, Clone, Copy)]
+struct Assessment {
+    pilot: Pilot,
+    faults: FaultSet,
+    /// The strongest reaction to `faults` under `pilot`.
+    reaction: Reaction,
+}
+
 /// For how long each of these conditions has held.
 #[derive(Debug, Clone, Default)]
 struct Timers {
-    /// While landing, poses or drone show the vehicle on the ground, and neither contradicts it.
-    down_by_any: HoldTimer,
-    /// While landing, poses and drone show the vehicle on the ground.
-    down_by_both: HoldTimer,
     /// In flight the drone reports that it stands.
     reports_standing: ReportTimer,
     /// The drone calls its charge critical.
@@ -129,26 +149,12 @@ pub struct Supervisor {
     began_ns: Option<i64>,
     settling: Settling,
     timers: Timers,
-    /// Whether the pose came to the ground by a jump: then it does not confirm a landing.
-    is_pose_displaced: bool,
-    /// Where an obstacle at rest has been between the vehicle and its reference.
-    stuck: Option<blocked::Stuck>,
-    /// When the moving obstacle last came near. ns
-    obstacle_came_ns: Option<i64>,
-    /// When it last came near, or walked so near that it could. ns
-    obstacle_near_ns: Option<i64>,
-    /// When a plan that was flown led out of the room or into an obstacle. ns
-    blocked_ns: Option<i64>,
-    /// What has shown so far that the order to take off was received.
-    take_off_seen: TakeOffSeen,
-    /// When the take-off was ordered last. ns
-    take_off_ordered_ns: Option<i64>,
+    take_off: TakeOff,
+    landing: LandingConfirmation,
+    blockage: Blockage,
+    moving_obstacle: MovingObstacleTimes,
     /// When landing or a stop of the motors was ordered. ns
     end_ordered_ns: Option<i64>,
-    /// Height on the ground, before the take-off. m
-    ground_height_m: Option<f64>,
-    /// The drone's own height there. m
-    drone_ground_m: Option<f64>,
     /// Ticks in which a solver failed, less what those without a failure made up for.
     failures: LeakySum,
     /// Periods missed and not yet forgiven.
@@ -174,16 +180,11 @@ impl Supervisor {
             began_ns: None,
             settling: Settling::default(),
             timers: Timers::default(),
-            is_pose_displaced: false,
-            stuck: None,
-            obstacle_came_ns: None,
-            obstacle_near_ns: None,
-            blocked_ns: None,
-            take_off_seen: TakeOffSeen::No,
-            take_off_ordered_ns: None,
+            take_off: TakeOff::default(),
+            landing: LandingConfirmation::default(),
+            blockage: Blockage::default(),
+            moving_obstacle: MovingObstacleTimes::default(),
             end_ordered_ns: None,
-            ground_height_m: None,
-            drone_ground_m: None,
             failures: LeakySum::default(),
             late_periods: LeakySum::default(),
             control: ControlMode::Off,
@@ -205,28 +206,47 @@ impl Supervisor {
     /// Real time: no allocation, constant cost.
     pub fn decide(&mut self, e: &Evidence) -> Decision {
         self.remember(e);
-        let pilot = self.reacting_pilot(e);
-        let faults = self.faults(e);
-        let reaction = faults.reaction(pilot);
-        self.remember_braking(e, faults, pilot);
-        let has_braked = self.has_braked(e, faults, pilot);
-        let next = self.next_phase(e, reaction, has_braked);
+        let found = self.assess(e);
+        self.remember_braking(e, &found);
+        let next = self.next_phase(e, &found);
         if next != self.phase {
-            self.phase = next;
-            self.phase_since_ns = e.t_ns;
-            match next {
-                Phase::Flying => self.settling.rise(e.t_ns),
-                Phase::Landing | Phase::LandingUnconfirmed | Phase::MotorsStopped => {
-                    if next == Phase::MotorsStopped {
-                        self.end_ordered_ns = None;
-                    }
-                    self.ended_by = self.ended_by.union(faults.ending_flight(pilot));
-                }
-                Phase::Landed => self.note_confirmation(e),
-                Phase::TakingOff => self.settling.stand(e.pose),
-                Phase::Idle => {}
-            }
+            self.enter(next, e, &found);
         }
+        self.decision(e, &found)
+    }
+
+    /// What is wrong, by the evidence and the memory of this tick.
+    fn assess(&self, e: &Evidence) -> Assessment {
+        let (pilot, faults) = (self.reacting_pilot(e), self.faults(e));
+        Assessment { pilot, faults, reaction: faults.reaction(pilot) }
+    }
+
+    /// Begins the phase `next`.
+    fn enter(&mut self, next: Phase, e: &Evidence, found: &Assessment) {
+        self.phase = next;
+        self.phase_since_ns = e.t_ns;
+        match next {
+            Phase::Flying => self.settling.rise(e.t_ns),
+            Phase::Landing | Phase::LandingUnconfirmed | Phase::MotorsStopped => {
+                if next == Phase::MotorsStopped {
+                    self.end_ordered_ns = None;
+                }
+                self.note_ending(found);
+            }
+            Phase::Landed => self.note_confirmation(e),
+            Phase::TakingOff => self.settling.stand(e.pose),
+            Phase::Idle => {}
+        }
+    }
+
+    /// Notes the present faults that end a flight.
+    fn note_ending(&mut self, found: &Assessment) {
+        self.ended_by = self.ended_by.union(found.faults.ending_flight(found.pilot));
+    }
+
+    /// Who steers, and what is ordered, in the phase of this tick.
+    fn decision(&mut self, e: &Evidence, found: &Assessment) -> Decision {
+        let Assessment { pilot, faults, reaction } = *found;
         let is_steerable = self.phase == Phase::Flying && self.takes_sticks(e);
         let is_braking =
             is_steerable && (self.timers.braking.holds() || reaction == Reaction::Brake);
@@ -252,7 +272,8 @@ impl Supervisor {
         if e.is_by_hand && is_meant { Pilot::Person } else { Pilot::Controller }
     }
 
-    fn next_phase(&self, e: &Evidence, reaction: Reaction, has_braked: bool) -> Phase {
+    fn next_phase(&self, e: &Evidence, found: &Assessment) -> Phase {
+        let reaction = found.reaction;
         let asks_to_fly = matches!(e.operator, Operator::Fly | Operator::FlyByHand);
         let asks_to_land = e.operator == Operator::Land || e.incidents.ends_flight();
         match self.phase {
@@ -267,7 +288,7 @@ impl Supervisor {
             Phase::Idle if asks_to_fly && reaction < Reaction::StayDown => Phase::TakingOff,
             Phase::TakingOff | Phase::Flying if reaction == Reaction::Land => Phase::Landing,
             Phase::TakingOff if reaction == Reaction::BrakeAndLand => Phase::Landing,
-            Phase::Flying if has_braked => Phase::Landing,
+            Phase::Flying if self.has_braked(e, found) => Phase::Landing,
             Phase::TakingOff if self.is_take_off_complete(e) => Phase::Flying,
             Phase::Landing if self.is_down(e) => Phase::Landed,
             Phase::Landing if self.is_landing_overdue(e) => Phase::LandingUnconfirmed,
@@ -293,12 +314,12 @@ impl Supervisor {
         };
         match self.phase {
             Phase::TakingOff
-                if self.take_off_ordered_ns.is_none()
-                    || (is_due(self.take_off_ordered_ns, TAKE_OFF_RETRY_S)
+                if self.take_off.ordered_ns.is_none()
+                    || (is_due(self.take_off.ordered_ns, TAKE_OFF_RETRY_S)
                         && self.may_repeat_take_off(e)
                         && reaction < Reaction::StayDown) =>
             {
-                self.take_off_ordered_ns = Some(e.t_ns);
+                self.take_off.ordered_ns = Some(e.t_ns);
                 Some(DroneOrder::TakeOff)
             }
             Phase::Landing | Phase::LandingUnconfirmed | Phase::MotorsStopped

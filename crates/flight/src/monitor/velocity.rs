@@ -8,8 +8,8 @@
 //! may be late (a Tello's by 0.2 to 0.9 s beside its accelerometer, by others' reports) and of another scale: the age
 //! that explains the motion best is used, and kept once the motion has shown it well.
 //!
-//! Names here and in `displacement.rs`: `poses_*` is by the poses, `drone_*` by the drone, `inputs_*` by the inputs of a
-//! typical vehicle; `_w` is in the world frame, `_d` in each of the kinds of axes that the drone's may be.
+//! Names here and in `displacement.rs`: `poses_*` is by the poses, `drone_*` by the drone, `inputs_*` by the inputs
+//! of a typical vehicle; `_w` is in the world frame, `_d` in each of the kinds of axes that the drone's may be.
 
 mod report_age;
 

@@ -5,6 +5,7 @@
 
 use horizon_model::rows::pose;
 
+use super::condition_timer::HoldTimer;
 use super::evidence::{DroneReport, Evidence, Phase};
 use super::fault::Fault;
 use super::{DOWN_HOLD_S, Supervisor, TakeOffSeen, elapsed_s, exceeds};
@@ -40,6 +41,17 @@ enum Ground {
     ByBoth,
 }
 
+/// For how long a vehicle that lands has been shown on the ground.
+#[derive(Debug, Clone, Default)]
+pub(super) struct LandingConfirmation {
+    /// By poses or drone, and neither contradicts it.
+    by_any: HoldTimer,
+    /// By poses and drone.
+    by_both: HoldTimer,
+    /// Whether the pose came to the ground by a jump: then it does not confirm a landing.
+    is_pose_displaced: bool,
+}
+
 impl Supervisor {
     /// Whether the drone flies by its own fresh report.
     pub(super) fn drone_says_flying(&self, e: &Evidence) -> Option<bool> {
@@ -53,7 +65,7 @@ impl Supervisor {
 
     /// Height above the ground by a fresh position. m
     fn rise_m(&self, e: &Evidence) -> Option<f64> {
-        let rise_m = e.pose?[pose::Z] - self.ground_height_m?;
+        let rise_m = e.pose?[pose::Z] - self.take_off.ground_m?;
         (rise_m.is_finite() && !self.is_pose_stale(e)).then_some(rise_m)
     }
 
@@ -62,14 +74,14 @@ impl Supervisor {
     pub(super) fn pose_is_airborne(&self, e: &Evidence) -> Option<bool> {
         let limit_m = DOWN_HEIGHT_FRACTION * self.table.airborne_height_m;
         let is_airborne = self.rise_m(e)? >= limit_m;
-        (is_airborne || !self.is_pose_displaced).then_some(is_airborne)
+        (is_airborne || !self.landing.is_pose_displaced).then_some(is_airborne)
     }
 
     /// Whether the drone flies by its own fresh report; `None` without one, or if it reports to stand at a height at
     /// which it cannot.
     fn drone_is_airborne(&self, e: &Evidence) -> Option<bool> {
         let height_m = e.drone.and_then(|drone| drone.height_m);
-        let is_contradicted = contradicts_standing(height_m, self.drone_ground_m);
+        let is_contradicted = contradicts_standing(height_m, self.take_off.drone_ground_m);
         self.drone_says_flying(e).filter(|is_flying| *is_flying || !is_contradicted)
     }
 
@@ -85,7 +97,8 @@ impl Supervisor {
     /// Whether the vehicle is off the ground by the drone's own fresh height.
     pub(super) fn drone_has_risen(&self, e: &Evidence) -> bool {
         let height_m = self.fresh_report(e).and_then(|drone| drone.height_m);
-        let rise_m = height_m.zip(self.drone_ground_m).map(|(at_m, ground_m)| at_m - ground_m);
+        let rise_m =
+            height_m.zip(self.take_off.drone_ground_m).map(|(at_m, ground_m)| at_m - ground_m);
         rise_m.is_some_and(|rise_m| rise_m > CLIMB_MIN_M)
     }
 
@@ -106,7 +119,7 @@ impl Supervisor {
     /// stood, and nobody has come near.
     pub(super) fn may_repeat_take_off(&self, e: &Evidence) -> bool {
         self.drone_says_flying(e) == Some(false)
-            && self.take_off_seen == TakeOffSeen::No
+            && self.take_off.seen == TakeOffSeen::No
             && elapsed_s(self.phase_since_ns, e.t_ns) < TAKE_OFF_PATIENCE_S
             && !self.settling.was_moved()
             && self.may_start(e)
@@ -114,9 +127,9 @@ impl Supervisor {
 
     /// Whether the time in which an ordered take-off may still be in progress is over.
     pub(super) fn is_past_take_off(&self, e: &Evidence) -> bool {
-        let is_seen = self.take_off_seen != TakeOffSeen::No;
+        let is_seen = self.take_off.seen != TakeOffSeen::No;
         let tail_s = if is_seen { TAKE_OFF_TAIL } else { TAKE_OFF_UNSEEN }.seconds();
-        self.take_off_ordered_ns.is_none_or(|ordered_ns| elapsed_s(ordered_ns, e.t_ns) >= tail_s)
+        self.take_off.ordered_ns.is_none_or(|ordered_ns| elapsed_s(ordered_ns, e.t_ns) >= tail_s)
     }
 
     /// Which source shows the vehicle down, if neither source contradicts it. A vehicle that is carried never flew.
@@ -141,24 +154,24 @@ impl Supervisor {
             excess_m.is_some_and(|excess_m| exceeds(excess_m, limit_m))
         };
         let has_jumped = jumped_m(e.jump_m, self.table.jump_m) || jumped_m(e.drop_m, DROP_MAX_M);
-        self.is_pose_displaced |= has_jumped && self.phase != Phase::Idle;
-        self.is_pose_displaced &= self.pose_is_airborne(e) != Some(true);
+        self.landing.is_pose_displaced |= has_jumped && self.phase != Phase::Idle;
+        self.landing.is_pose_displaced &= self.pose_is_airborne(e) != Some(true);
         let is_landing =
             matches!(self.phase, Phase::Landing | Phase::LandingUnconfirmed | Phase::MotorsStopped);
         let ground = if is_landing { self.ground(e) } else { Ground::Unconfirmed };
-        self.timers.down_by_any.update(ground != Ground::Unconfirmed, e.t_ns);
-        self.timers.down_by_both.update(ground == Ground::ByBoth, e.t_ns);
+        self.landing.by_any.update(ground != Ground::Unconfirmed, e.t_ns);
+        self.landing.by_both.update(ground == Ground::ByBoth, e.t_ns);
     }
 
     /// Whether the landing is confirmed: by both sources for 1 s, or by one of them alone for longer.
     pub(super) fn is_down(&self, e: &Evidence) -> bool {
-        self.timers.down_by_both.has_lasted(e.t_ns, DOWN_HOLD_S)
-            || self.timers.down_by_any.has_lasted(e.t_ns, ALONE_HOLD.seconds())
+        self.landing.by_both.has_lasted(e.t_ns, DOWN_HOLD_S)
+            || self.landing.by_any.has_lasted(e.t_ns, ALONE_HOLD.seconds())
     }
 
     /// Notes the source that confirmed the landing alone, if one did.
     pub(super) fn note_confirmation(&mut self, e: &Evidence) {
-        let by_both = self.timers.down_by_both.has_lasted(e.t_ns, DOWN_HOLD_S);
+        let by_both = self.landing.by_both.has_lasted(e.t_ns, DOWN_HOLD_S);
         let ground = self.ground(e);
         self.ended_by.set(Fault::LandedByPose, !by_both && ground == Ground::ByPose);
         self.ended_by.set(Fault::LandedByDrone, !by_both && ground == Ground::ByDrone);
@@ -170,7 +183,7 @@ impl Supervisor {
         let phase_s = elapsed_s(self.phase_since_ns, e.t_ns);
         self.phase == Phase::Landing
             && phase_s >= self.table.landing_timeout_s
-            && !self.timers.down_by_any.holds()
+            && !self.landing.by_any.holds()
     }
 }
 

@@ -23,10 +23,19 @@ const STANDS_M: f64 = 0.1;
 /// How long the straight path may be free in between: a vehicle may oscillate before an edge. s
 const FREE_S: f64 = 0.3;
 
+/// What has blocked the vehicle lately.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Blockage {
+    /// When a plan that was flown led out of the room or into an obstacle. ns
+    plan_ns: Option<i64>,
+    /// An obstacle at rest between the vehicle and its reference; `None`: there is none.
+    stuck: Option<Stuck>,
+}
+
 /// Since when, and for which positions of vehicle and reference, an obstacle at rest has been between both while the
 /// reference stood. World frame. m, ns
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Stuck {
+struct Stuck {
     at_w: Vector3<f64>,
     reference_w: Vector3<f64>,
     since_ns: i64,
@@ -41,12 +50,12 @@ impl Supervisor {
             self.control != ControlMode::Off && !e.is_by_hand && !self.timers.braking.holds();
         let is_free = e.outage.is_none() && !e.is_obstacle_unseen;
         let Some(motion) = e.motion.filter(|_| is_meant && is_free) else {
-            self.stuck = None;
+            self.blockage.stuck = None;
             return;
         };
         let at_w = pos_w(&motion.pose);
-        let before = self.stuck.filter(|stuck| (at_w - stuck.at_w).norm() <= STUCK_M);
-        self.stuck = match e.reference_behind_w {
+        let before = self.blockage.stuck.filter(|stuck| (at_w - stuck.at_w).norm() <= STUCK_M);
+        self.blockage.stuck = match e.reference_behind_w {
             Some(reference_w) => {
                 let stands = |stuck: &Stuck| (reference_w - stuck.reference_w).norm() <= STANDS_M;
                 let new = Stuck { at_w, reference_w, since_ns: e.t_ns, newest_ns: e.t_ns };
@@ -59,20 +68,21 @@ impl Supervisor {
     /// Updates when and for how long plans were blocked.
     pub(super) fn remember_blocked(&mut self, e: &Evidence) {
         if self.control != ControlMode::Off && e.plan == PlanClearance::Blocked {
-            self.blocked_ns = Some(e.t_ns);
+            self.blockage.plan_ns = Some(e.t_ns);
         }
         self.timers.blocked.update(self.is_blocked(e), e.t_ns);
     }
 
     /// Whether a plan that was flown just now leads out of the room or into an obstacle.
     pub(super) fn is_blocked(&self, e: &Evidence) -> bool {
-        self.is_flying() && self.blocked_ns.is_some_and(|at_ns| elapsed_s(at_ns, e.t_ns) < BRAKE_S)
+        self.is_flying()
+            && self.blockage.plan_ns.is_some_and(|at_ns| elapsed_s(at_ns, e.t_ns) < BRAKE_S)
     }
 
     /// Whether plans were blocked for too long in sum, or the vehicle does not get past an obstacle.
     pub(super) fn is_blocked_long(&self, e: &Evidence) -> bool {
         let is_stuck = |stuck: Stuck| elapsed_s(stuck.since_ns, e.t_ns) >= STUCK_S;
-        self.timers.blocked.exceeds(BLOCKED_MAX_S) || self.stuck.is_some_and(is_stuck)
+        self.timers.blocked.exceeds(BLOCKED_MAX_S) || self.blockage.stuck.is_some_and(is_stuck)
     }
 }
 

@@ -5,10 +5,10 @@
 //! ([`Reaction::BrakeAndLand`]) gives the time, and so does a mission that is done: a person may have handed the
 //! vehicle back far from the last target.
 
-use super::Supervisor;
 use super::condition_timer::elapsed_s;
 use super::evidence::{Evidence, Phase};
-use super::fault::{Fault, FaultSet, Pilot, Reaction};
+use super::fault::{Fault, Pilot, Reaction};
+use super::{Assessment, Supervisor};
 
 /// A vehicle that is slower lands at once. m/s
 const SLOW_MPS: f64 = 0.2;
@@ -45,35 +45,46 @@ impl ControlMode {
     }
 }
 
+/// When the moving obstacle was near last. ns
+#[derive(Debug, Clone, Default)]
+pub(super) struct MovingObstacleTimes {
+    /// It came near.
+    came_ns: Option<i64>,
+    /// It came near, or walked so near that it could.
+    near_ns: Option<i64>,
+}
+
 impl Supervisor {
     /// Remembers when the vehicle began to brake: from then on the flight ends, whatever comes later.
-    pub(super) fn remember_braking(&mut self, e: &Evidence, faults: FaultSet, pilot: Pilot) {
-        let has_to_land = faults.reaction(pilot) == Reaction::BrakeAndLand || self.is_held_out(e);
+    pub(super) fn remember_braking(&mut self, e: &Evidence, found: &Assessment) {
+        let has_to_land = found.reaction == Reaction::BrakeAndLand || self.is_held_out(e);
         if self.phase == Phase::Flying && has_to_land {
             self.timers.braking.update(true, e.t_ns);
-            self.ended_by = self.ended_by.union(faults.ending_flight(pilot));
+            self.note_ending(found);
         }
     }
 
     /// Notes whether the moving obstacle comes near, or walks so near that it could.
     pub(super) fn remember_obstacle(&mut self, e: &Evidence) {
         if e.is_approached {
-            self.obstacle_came_ns = Some(e.t_ns);
+            self.moving_obstacle.came_ns = Some(e.t_ns);
         }
         if e.is_approached || e.may_be_approached {
-            self.obstacle_near_ns = Some(e.t_ns);
+            self.moving_obstacle.near_ns = Some(e.t_ns);
         }
     }
 
     /// Whether the moving obstacle came near within [`KEEPS_AWAY_S`] before `t_ns`: the vehicle may still evade it, or
     /// return.
     pub(crate) fn was_approached(&self, t_ns: i64) -> bool {
-        self.obstacle_came_ns.is_some_and(|came_ns| elapsed_s(came_ns, t_ns) < KEEPS_AWAY_S)
+        self.moving_obstacle.came_ns.is_some_and(|came_ns| elapsed_s(came_ns, t_ns) < KEEPS_AWAY_S)
     }
 
     /// Whether the moving obstacle was near within the last [`KEEPS_AWAY_S`].
     pub(super) fn was_obstacle_near(&self, e: &Evidence) -> bool {
-        self.obstacle_near_ns.is_some_and(|near_ns| elapsed_s(near_ns, e.t_ns) < KEEPS_AWAY_S)
+        self.moving_obstacle
+            .near_ns
+            .is_some_and(|near_ns| elapsed_s(near_ns, e.t_ns) < KEEPS_AWAY_S)
     }
 
     /// Whether the mission has been done for long enough. A landing evades nothing: an obstacle that was near, or is
@@ -91,7 +102,8 @@ impl Supervisor {
 
     /// Whether a vehicle that has to land brakes no longer: it is slow, or braked long enough, or the controller may
     /// not steer.
-    pub(super) fn has_braked(&self, e: &Evidence, faults: FaultSet, pilot: Pilot) -> bool {
+    pub(super) fn has_braked(&self, e: &Evidence, found: &Assessment) -> bool {
+        let Assessment { pilot, faults, .. } = *found;
         let is_fast = e.speed_mps > SLOW_MPS;
         let forbids = |one: Reaction| one >= Reaction::Hold && one != Reaction::BrakeAndLand;
         let may_brake = self.control != ControlMode::Off

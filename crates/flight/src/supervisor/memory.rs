@@ -56,13 +56,13 @@ impl Supervisor {
         let says_flying = self.drone_says_flying(e);
         let is_standing = self.phase == Phase::Idle && says_flying != Some(true);
         if is_standing && !self.is_pose_stale(e) {
-            self.ground_height_m = e.pose.map(|at| at[pose::Z]);
+            self.take_off.ground_m = e.pose.map(|at| at[pose::Z]);
         }
         if is_standing && let Some(drone) = e.drone {
-            self.drone_ground_m = drone.height_m;
+            self.take_off.drone_ground_m = drone.height_m;
         }
-        if self.take_off_ordered_ns.is_some() {
-            self.take_off_seen = self.take_off_seen.max(match says_flying {
+        if self.take_off.ordered_ns.is_some() {
+            self.take_off.seen = self.take_off.seen.max(match says_flying {
                 Some(true) => TakeOffSeen::Reported,
                 _ if self.has_risen(e) => TakeOffSeen::Measured,
                 _ => TakeOffSeen::No,
@@ -75,7 +75,7 @@ impl Supervisor {
         let reported_ns = e.drone.map(|drone| e.t_ns - SpanNs::from_seconds(drone.age_s).0);
         self.timers.flying_unordered.update(self.is_aloft_unasked(e), reported_ns);
         // After a report that the drone flies, a report that it stands is newer. Before, it may be an old one.
-        let counts = match (self.phase, self.take_off_seen) {
+        let counts = match (self.phase, self.take_off.seen) {
             (Phase::TakingOff | Phase::Flying, TakeOffSeen::Reported) => true,
             (Phase::TakingOff, TakeOffSeen::Measured) | (Phase::Flying, _) => {
                 self.is_past_take_off(e)

@@ -141,10 +141,10 @@ impl Bench {
     }
 
     pub(super) fn tick(&mut self, e: &Evidence) -> Decision {
-        let decision = self.supervisor.decide(&Evidence { t_ns: self.t_ns, ..*e });
-        assert_eq!(self.supervisor.phase(), decision.phase);
+        let out = self.supervisor.decide(&Evidence { t_ns: self.t_ns, ..*e });
+        assert_eq!(self.supervisor.phase(), out.phase);
         self.t_ns += TICK_NS;
-        decision
+        out
     }
 
     /// Ticks with the same evidence for `ticks` tenths of a second; the last decision comes back.
@@ -156,8 +156,8 @@ impl Bench {
     /// The same when the decisions do not matter beyond what always holds.
     pub(super) fn pass(&mut self, ticks: u32, e: &Evidence) {
         for _ in 0..ticks {
-            let decision = self.tick(e);
-            assert!(!decision.may_steer() || decision.phase == Phase::Flying, "{decision:?}");
+            let out = self.tick(e);
+            assert!(!out.may_steer() || out.phase == Phase::Flying, "{out:?}");
         }
     }
 
@@ -215,42 +215,38 @@ pub(super) fn with_drone(e: Evidence, change: impl FnOnce(&mut DroneReport)) -> 
     Evidence { drone: Some(drone), ..e }
 }
 
-pub(super) fn faults(decision: Decision) -> Vec<Fault> {
-    decision.faults.iter().collect()
+pub(super) fn faults(out: Decision) -> Vec<Fault> {
+    out.faults.iter().collect()
 }
 
 #[test]
 fn a_whole_flight_goes_through_every_phase() {
     let mut bench = Bench::new(Start::Grounded);
-    let decision = bench.run(30, &CALM);
-    assert_eq!((decision.phase, decision.order, decision.may_steer()), (Phase::Idle, None, false));
-    let decision = bench.tick(&asks_to_fly(CALM));
-    assert_eq!((decision.phase, decision.order), (Phase::TakingOff, Some(DroneOrder::TakeOff)));
-    let decision = bench.run(20, &CALM);
-    assert_eq!((decision.phase, decision.order), (Phase::TakingOff, None));
-    let decision = bench.tick(&ALOFT);
-    assert_eq!((decision.phase, decision.may_steer()), (Phase::Flying, false));
+    let out = bench.run(30, &CALM);
+    assert_eq!((out.phase, out.order, out.may_steer()), (Phase::Idle, None, false));
+    let out = bench.tick(&asks_to_fly(CALM));
+    assert_eq!((out.phase, out.order), (Phase::TakingOff, Some(DroneOrder::TakeOff)));
+    let out = bench.run(20, &CALM);
+    assert_eq!((out.phase, out.order), (Phase::TakingOff, None));
+    let out = bench.tick(&ALOFT);
+    assert_eq!((out.phase, out.may_steer()), (Phase::Flying, false));
     assert!(!bench.run(14, &ALOFT).may_steer(), "1.4 s after the take-off");
     assert!(bench.tick(&ALOFT).may_steer(), "1.5 s after the take-off");
 
     let done = Evidence { is_mission_done: true, ..ALOFT };
-    let decision = bench.run(20, &done);
-    assert_eq!((decision.phase, decision.may_steer()), (Phase::Flying, true), "done for 1.9 s");
-    let decision = bench.tick(&done);
-    assert_eq!(
-        (decision.phase, decision.order),
-        (Phase::Landing, Some(DroneOrder::Land)),
-        "done for 2.0 s"
-    );
-    assert!(!decision.may_steer() && decision.faults.is_empty());
+    let out = bench.run(20, &done);
+    assert_eq!((out.phase, out.may_steer()), (Phase::Flying, true), "done for 1.9 s");
+    let out = bench.tick(&done);
+    assert_eq!((out.phase, out.order), (Phase::Landing, Some(DroneOrder::Land)), "done for 2.0 s");
+    assert!(!out.may_steer() && out.faults.is_empty());
 
-    let decision = bench.run(10, &CALM);
-    assert_eq!(decision.phase, Phase::Landing, "down for 0.9 s");
-    let decision = bench.tick(&CALM);
-    assert_eq!((decision.phase, decision.order), (Phase::Landed, None), "down for 1.0 s");
-    assert!(decision.faults.is_empty());
-    let decision = bench.run(100, &asks_to_fly(CALM));
-    assert_eq!((decision.phase, decision.order), (Phase::Landed, None));
+    let out = bench.run(10, &CALM);
+    assert_eq!(out.phase, Phase::Landing, "down for 0.9 s");
+    let out = bench.tick(&CALM);
+    assert_eq!((out.phase, out.order), (Phase::Landed, None), "down for 1.0 s");
+    assert!(out.faults.is_empty());
+    let out = bench.run(100, &asks_to_fly(CALM));
+    assert_eq!((out.phase, out.order), (Phase::Landed, None));
 }
 
 #[test]
@@ -276,17 +272,17 @@ fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
         (with_drone(CALM, |drone| drone.is_flying = true), Fault::DroneAloft),
     ] {
         let mut bench = Bench::new(Start::Grounded);
-        let decision = bench.run(5, &asks_to_fly(e));
-        assert_eq!((decision.phase, decision.order), (Phase::Idle, None), "{fault:?}");
-        assert!(decision.faults.contains(fault), "{fault:?} is not in {:?}", decision.faults);
+        let out = bench.run(5, &asks_to_fly(e));
+        assert_eq!((out.phase, out.order), (Phase::Idle, None), "{fault:?}");
+        assert!(out.faults.contains(fault), "{fault:?} is not in {:?}", out.faults);
         // Nothing of it stays: nothing has happened yet.
-        let decision = bench.tick(&asks_to_fly(CALM));
+        let out = bench.tick(&asks_to_fly(CALM));
         assert_eq!(
-            (decision.phase, decision.order),
+            (out.phase, out.order),
             (Phase::TakingOff, Some(DroneOrder::TakeOff)),
             "{fault:?}"
         );
-        assert!(decision.faults.is_empty(), "{:?}", decision.faults);
+        assert!(out.faults.is_empty(), "{:?}", out.faults);
     }
 }
 
@@ -294,13 +290,9 @@ fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
 fn a_stale_position_means_neutral_sticks_and_control_resumes() {
     let mut bench = Bench::flying();
     for pose_age_s in [Some(0.26), Some(1.0), None] {
-        let decision = bench.tick(&Evidence { pose_age_s, ..ALOFT });
-        assert_eq!(
-            (decision.phase, decision.may_steer()),
-            (Phase::Flying, false),
-            "{pose_age_s:?}"
-        );
-        assert_eq!(faults(decision), [Fault::MocapStale], "{pose_age_s:?}");
+        let out = bench.tick(&Evidence { pose_age_s, ..ALOFT });
+        assert_eq!((out.phase, out.may_steer()), (Phase::Flying, false), "{pose_age_s:?}");
+        assert_eq!(faults(out), [Fault::MocapStale], "{pose_age_s:?}");
         assert!(bench.tick(&ALOFT).may_steer());
     }
 }
@@ -324,25 +316,17 @@ fn landing_faults_end_the_flight_for_good() {
         (asks_to_land(ALOFT), Fault::OperatorStop),
     ] {
         for mut bench in [Bench::flying(), Bench::taking_off()] {
-            let decision = bench.tick(&e);
+            let out = bench.tick(&e);
             assert_eq!(
-                (decision.phase, decision.order),
+                (out.phase, out.order),
                 (Phase::Landing, Some(DroneOrder::Land)),
                 "{fault:?}"
             );
-            assert!(
-                decision.faults.contains(fault) && !decision.may_steer(),
-                "{:?}",
-                decision.faults
-            );
-            let decision = bench.run(50, &asks_to_fly(ALOFT));
-            assert_eq!(
-                (decision.phase, decision.may_steer()),
-                (Phase::Landing, false),
-                "{fault:?}"
-            );
+            assert!(out.faults.contains(fault) && !out.may_steer(), "{:?}", out.faults);
+            let out = bench.run(50, &asks_to_fly(ALOFT));
+            assert_eq!((out.phase, out.may_steer()), (Phase::Landing, false), "{fault:?}");
             // What ended the flight stays, what came along with it does not.
-            assert_eq!(faults(decision), [fault]);
+            assert_eq!(faults(out), [fault]);
         }
     }
 }
@@ -350,32 +334,32 @@ fn landing_faults_end_the_flight_for_good() {
 #[test]
 fn mild_faults_are_noted_and_the_flight_goes_on() {
     let mut bench = Bench::flying();
-    let decision = bench.run(50, &with_drone(ALOFT, |drone| drone.battery_pct = 29));
-    assert_eq!((decision.may_steer(), faults(decision)), (true, vec![Fault::BatteryLow]));
-    let decision = bench.tick(&Evidence { has_controller_failed: true, ..ALOFT });
-    assert_eq!((decision.may_steer(), faults(decision)), (true, vec![Fault::ControllerFailed]));
+    let out = bench.run(50, &with_drone(ALOFT, |drone| drone.battery_pct = 29));
+    assert_eq!((out.may_steer(), faults(out)), (true, vec![Fault::BatteryLow]));
+    let out = bench.tick(&Evidence { has_controller_failed: true, ..ALOFT });
+    assert_eq!((out.may_steer(), faults(out)), (true, vec![Fault::ControllerFailed]));
     let expired = Incidents { has_input_expired: true, ..NO_INCIDENTS };
-    let decision = bench.tick(&Evidence { incidents: expired, ..ALOFT });
-    assert_eq!((decision.may_steer(), faults(decision)), (true, vec![Fault::InputExpired]));
-    let decision = bench.tick(&Evidence { has_estimator_failed: true, ..ALOFT });
-    assert_eq!((decision.phase, decision.may_steer()), (Phase::Flying, false));
-    assert_eq!(faults(decision), [Fault::EstimatorFailed]);
+    let out = bench.tick(&Evidence { incidents: expired, ..ALOFT });
+    assert_eq!((out.may_steer(), faults(out)), (true, vec![Fault::InputExpired]));
+    let out = bench.tick(&Evidence { has_estimator_failed: true, ..ALOFT });
+    assert_eq!((out.phase, out.may_steer()), (Phase::Flying, false));
+    assert_eq!(faults(out), [Fault::EstimatorFailed]);
 }
 
 #[test]
 fn what_never_came_is_missed_from_the_first_tick() {
     let mut bench = Bench::new(Start::Airborne);
-    let decision = bench.run(11, &Evidence { pose_age_s: None, ..ALOFT });
-    assert_eq!((decision.phase, faults(decision)), (Phase::Flying, vec![Fault::MocapStale]));
-    let decision = bench.tick(&Evidence { pose_age_s: None, ..ALOFT });
-    assert_eq!((decision.phase, decision.order), (Phase::Landing, Some(DroneOrder::Land)));
+    let out = bench.run(11, &Evidence { pose_age_s: None, ..ALOFT });
+    assert_eq!((out.phase, faults(out)), (Phase::Flying, vec![Fault::MocapStale]));
+    let out = bench.tick(&Evidence { pose_age_s: None, ..ALOFT });
+    assert_eq!((out.phase, out.order), (Phase::Landing, Some(DroneOrder::Land)));
 
     let mut bench = Bench::new(Start::Airborne);
-    let decision = bench.run(21, &Evidence { drone: None, ..ALOFT });
-    assert_eq!((decision.may_steer(), faults(decision)), (true, vec![Fault::DroneUnheard]));
-    let decision = bench.tick(&Evidence { drone: None, ..ALOFT });
-    assert_eq!(decision.phase, Phase::Landing);
-    assert_eq!(faults(decision), [Fault::DroneUnheard, Fault::DroneSilent]);
+    let out = bench.run(21, &Evidence { drone: None, ..ALOFT });
+    assert_eq!((out.may_steer(), faults(out)), (true, vec![Fault::DroneUnheard]));
+    let out = bench.tick(&Evidence { drone: None, ..ALOFT });
+    assert_eq!(out.phase, Phase::Landing);
+    assert_eq!(faults(out), [Fault::DroneUnheard, Fault::DroneSilent]);
 }
 
 #[test]
@@ -386,9 +370,9 @@ fn solvers_may_fail_a_few_ticks_in_a_row_but_no_more() {
         assert_eq!(bench.run(3, &failed).phase, Phase::Flying);
         assert_eq!(bench.run(6, &ALOFT).phase, Phase::Flying);
         assert_eq!(bench.run(3, &failed).phase, Phase::Flying);
-        let decision = bench.tick(&failed);
-        assert_eq!(decision.phase, Phase::Landing);
-        assert!(decision.faults.contains(Fault::SolverFailing), "{:?}", decision.faults);
+        let out = bench.tick(&failed);
+        assert_eq!(out.phase, Phase::Landing);
+        assert!(out.faults.contains(Fault::SolverFailing), "{:?}", out.faults);
     }
 }
 
@@ -399,7 +383,7 @@ fn a_failed_plan_of_long_ago_does_not_count() {
     let failed = Evidence { has_controller_failed: true, ..ALOFT };
     let stale = Evidence { pose_age_s: Some(0.5), ..failed };
     assert_eq!(faults(bench.tick(&stale)), [Fault::MocapStale, Fault::ControllerFailed]);
-    let decision = bench.run(20, &stale);
-    assert_eq!((decision.phase, faults(decision)), (Phase::Flying, vec![Fault::MocapStale]));
+    let out = bench.run(20, &stale);
+    assert_eq!((out.phase, faults(out)), (Phase::Flying, vec![Fault::MocapStale]));
     assert!(bench.tick(&failed).may_steer());
 }

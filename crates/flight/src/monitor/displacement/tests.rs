@@ -58,7 +58,7 @@ fn speeds_differ_beyond_a_quarter_of_the_larger_one_and_0_1_mps() {
             ((fast - slow) * seen - (0.25 * fast * seen).max(0.1)).max(0.0)
         };
         let expected_m = integral_m(excess_mps, 4.0, 200);
-        for got in displacements(poses, [drone; 2], 0.0, 200).drone {
+        for got in displacements(poses, [drone; 2], 0.0, 200).drone_speeds {
             let got_m = got.difference_m;
             assert!((got_m - expected_m).abs() < 1e-9, "{got_m}, {expected_m} m");
         }

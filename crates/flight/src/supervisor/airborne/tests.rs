@@ -196,7 +196,7 @@ fn the_ruling_tells_what_the_pose_says_of_the_height() {
 fn the_drone_has_risen_by_a_fresh_height_above_that_on_the_ground() {
     let risen = |ground_m: Option<f64>, height_m: Option<f64>, age_s: f64| {
         let mut supervisor = Bench::new(Start::Grounded).supervisor;
-        supervisor.drone_ground_m = ground_m;
+        supervisor.take_off.drone_ground_m = ground_m;
         let e = with_drone(ALOFT, |drone| (drone.height_m, drone.age_s) = (height_m, age_s));
         supervisor.drone_has_risen(&e)
     };
@@ -212,7 +212,7 @@ fn the_drone_has_risen_by_a_fresh_height_above_that_on_the_ground() {
 fn a_height_that_is_no_number_is_none_and_the_drone_decides() {
     for (z_m, ground_m) in [(f64::NAN, Some(0.1)), (1.1, Some(f64::NAN)), (1.1, None)] {
         let mut supervisor = Bench::new(Start::Grounded).supervisor;
-        supervisor.ground_height_m = ground_m;
+        supervisor.take_off.ground_m = ground_m;
         for is_flying in [false, true] {
             let e = Evidence { pose: Some(at_height(z_m)), ..ALOFT };
             let e = with_drone(e, |drone| drone.is_flying = is_flying);
@@ -226,13 +226,13 @@ fn a_height_that_is_no_number_is_none_and_the_drone_decides() {
 fn a_take_off_is_over_four_seconds_after_its_newest_order_or_eight_if_it_was_not_seen() {
     let mut supervisor = Bench::new(Start::Grounded).supervisor;
     assert!(supervisor.is_past_take_off(&CALM), "none was ordered");
-    supervisor.take_off_ordered_ns = Some(-1_000_000_000);
+    supervisor.take_off.ordered_ns = Some(-1_000_000_000);
     for (seen, past_ns) in [
         (TakeOffSeen::No, 7_000_000_000),
         (TakeOffSeen::Measured, 3_000_000_000),
         (TakeOffSeen::Reported, 3_000_000_000),
     ] {
-        supervisor.take_off_seen = seen;
+        supervisor.take_off.seen = seen;
         for (t_ns, is_past) in [(past_ns - 1, false), (past_ns, true)] {
             let found = supervisor.is_past_take_off(&Evidence { t_ns, ..CALM });
             assert_eq!(found, is_past, "{seen:?}, {t_ns} ns");

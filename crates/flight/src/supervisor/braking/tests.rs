@@ -108,7 +108,7 @@ fn a_fault_that_holds_the_sticks_ends_the_braking_by_a_landing() {
 fn a_vehicle_that_has_nothing_to_land_for_never_has_braked() {
     let bench = Bench::flying();
     let slow = Evidence { t_ns: bench.t_ns, speed_mps: 0.0, ..ALOFT };
-    assert!(!bench.supervisor.has_braked(&slow, FaultSet::default(), Pilot::Controller));
+    assert!(!bench.supervisor.has_braked(&slow, &bench.supervisor.assess(&slow)));
 }
 
 #[test]

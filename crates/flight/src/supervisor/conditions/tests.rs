@@ -27,8 +27,8 @@ fn moving(x_m: f64, x_mps: f64) -> Evidence {
 
 /// The fault that `e` shows after 0.5 s in flight, and what then holds.
 fn after(e: &Evidence) -> (Phase, bool, Vec<Fault>) {
-    let decision = Bench::flying().run(5, e);
-    (decision.phase, decision.may_steer(), faults(decision))
+    let out = Bench::flying().run(5, e);
+    (out.phase, out.may_steer(), faults(out))
 }
 
 #[test]
@@ -84,9 +84,9 @@ fn a_vehicle_that_swings_is_landed_after_four_seconds_in_sum() {
             bench.pass(steps, &error(0.61));
             bench.pass(pause + 1, &error(0.59));
         }
-        let decision = bench.tick(&ALOFT);
-        assert_eq!(decision.phase != Phase::Flying, lands, "{steps} of {pause}: {decision:?}");
-        assert_eq!(decision.faults.contains(Fault::TrackingLost), lands);
+        let out = bench.tick(&ALOFT);
+        assert_eq!(out.phase != Phase::Flying, lands, "{steps} of {pause}: {out:?}");
+        assert_eq!(out.faults.contains(Fault::TrackingLost), lands);
     }
     // Fast swings count up to four times.
     for (mps, steps) in [(1.2, 10), (3.0, 10), (0.85, 20)] {
@@ -112,8 +112,8 @@ fn a_lost_reference_and_too_much_speed_land_after_a_third_of_a_second() {
     {
         let mut bench = Bench::flying();
         assert!(bench.run(3, &e).may_steer(), "{fault:?} for 0.2 s");
-        let decision = bench.tick(&e);
-        assert_eq!((decision.phase, faults(decision)), (Phase::Landing, vec![fault]));
+        let out = bench.tick(&e);
+        assert_eq!((out.phase, faults(out)), (Phase::Landing, vec![fault]));
         let mut bench = Bench::flying();
         bench.pass(3, &e);
         bench.pass(1, &ALOFT);
@@ -142,8 +142,8 @@ fn a_vehicle_that_turns_away_from_its_reference_while_commands_act_lands_after_o
     };
     let mut bench = Bench::flying();
     assert!(bench.run(15, &turned).may_steer(), "1.4 s");
-    let decision = bench.tick(&turned);
-    assert_eq!((decision.phase, faults(decision)), (Phase::Landing, vec![Fault::TrackingLost]));
+    let out = bench.tick(&turned);
+    assert_eq!((out.phase, faults(out)), (Phase::Landing, vec![Fault::TrackingLost]));
     for held in [
         Evidence { turned_rad: Some(1.0), ..turned },
         Evidence { is_by_hand: true, ..turned },
@@ -151,8 +151,8 @@ fn a_vehicle_that_turns_away_from_its_reference_while_commands_act_lands_after_o
     ] {
         assert_eq!(Bench::flying().run(20, &held).phase, Phase::Flying, "{held:?}");
     }
-    let decision = Bench::flying().run(16, &spinning(-0.31));
-    assert_eq!((decision.phase, faults(decision)), (Phase::Landing, vec![Fault::TrackingLost]));
+    let out = Bench::flying().run(16, &spinning(-0.31));
+    assert_eq!((out.phase, faults(out)), (Phase::Landing, vec![Fault::TrackingLost]));
 }
 
 #[test]
@@ -211,15 +211,15 @@ fn a_drone_that_flies_already_is_landed_and_not_ordered_to_take_off() {
         [asks_to_fly(flies), Evidence { operator: Operator::FlyByHand, is_by_hand: true, ..flies }]
     {
         let mut bench = Bench::new(Start::Grounded);
-        let decision = bench.run(10, &e);
-        assert_eq!((decision.phase, decision.order), (Phase::Idle, None));
-        assert_eq!(faults(decision), [Fault::DroneAloft]);
+        let out = bench.run(10, &e);
+        assert_eq!((out.phase, out.order), (Phase::Idle, None));
+        assert_eq!(faults(out), [Fault::DroneAloft]);
         // A report that was wrong for a moment counts no more.
         assert_eq!(bench.tick(&CALM).phase, Phase::Idle);
         assert_eq!(bench.run(10, &e).phase, Phase::Idle);
-        let decision = bench.tick(&e);
-        assert_eq!((decision.phase, decision.order), (Phase::Landing, Some(DroneOrder::Land)));
-        assert_eq!(faults(decision), [Fault::DroneAloft, Fault::TookOffUnasked]);
+        let out = bench.tick(&e);
+        assert_eq!((out.phase, out.order), (Phase::Landing, Some(DroneOrder::Land)));
+        assert_eq!(faults(out), [Fault::DroneAloft, Fault::TookOffUnasked]);
     }
 }
 
@@ -230,8 +230,8 @@ fn a_drone_that_stands_while_control_flies_it_ends_the_flight_after_a_second() {
     assert_eq!(bench.run(10, &stands).phase, Phase::Flying);
     assert_eq!(bench.tick(&ALOFT).phase, Phase::Flying, "one word to the contrary starts anew");
     assert_eq!(bench.run(10, &stands).phase, Phase::Flying);
-    let decision = bench.tick(&stands);
-    assert_eq!((decision.phase, faults(decision)), (Phase::Landing, vec![Fault::NotFlying]));
+    let out = bench.tick(&stands);
+    assert_eq!((out.phase, faults(out)), (Phase::Landing, vec![Fault::NotFlying]));
 }
 
 #[test]
@@ -262,9 +262,9 @@ fn a_drone_that_falls_at_the_end_of_its_climb_is_known_to_stand_after_a_second()
     }
     assert!(ticks < 20, "its report confirms the take-off, long before the end of the climb");
     let fallen = with_drone(CALM, |drone| drone.is_flying = false);
-    let decision = bench.run(11, &fallen);
-    assert_eq!(decision.phase, Phase::Landing);
-    assert!(faults(decision).contains(&Fault::NotFlying), "{:?}", faults(decision));
+    let out = bench.run(11, &fallen);
+    assert_eq!(out.phase, Phase::Landing);
+    assert!(faults(out).contains(&Fault::NotFlying), "{:?}", faults(out));
 }
 
 #[test]
@@ -344,8 +344,8 @@ fn a_dead_time_that_is_too_long_lands_after_three_seconds() {
     let late = Evidence { is_dead_time_long: true, ..ALOFT };
     let mut bench = Bench::flying();
     assert!(bench.run(30, &late).may_steer(), "for 2.9 s");
-    let decision = bench.tick(&late);
-    assert_eq!((decision.phase, faults(decision)), (Phase::Landing, vec![Fault::DeadTimeLong]));
+    let out = bench.tick(&late);
+    assert_eq!((out.phase, faults(out)), (Phase::Landing, vec![Fault::DeadTimeLong]));
     let by_hand = Evidence { is_by_hand: true, ..late };
     assert_eq!(faults(Bench::flying().run(60, &by_hand)), [], "a person sees it");
 }
@@ -377,16 +377,16 @@ fn either_of_the_motions_that_an_outage_hides_may_have_left_the_room() {
 fn limits_themselves_are_still_good() {
     let e = Evidence { pose_age_s: Some(0.25), ..CALM };
     let e = with_drone(e, |drone| (drone.age_s, drone.battery_pct) = (2.0, 30));
-    let decision = Bench::new(Start::Grounded).tick(&asks_to_fly(e));
-    assert_eq!((decision.phase, faults(decision)), (Phase::TakingOff, vec![]));
+    let out = Bench::new(Start::Grounded).tick(&asks_to_fly(e));
+    assert_eq!((out.phase, faults(out)), (Phase::TakingOff, vec![]));
     let mut bench = Bench::flying();
     let e = Evidence { pose_age_s: Some(1.0), ..ALOFT };
-    let decision = bench.tick(&with_drone(e, |drone| drone.battery_pct = 10));
-    assert_eq!(decision.phase, Phase::Flying);
-    assert_eq!(faults(decision), [Fault::MocapStale, Fault::BatteryLow]);
+    let out = bench.tick(&with_drone(e, |drone| drone.battery_pct = 10));
+    assert_eq!(out.phase, Phase::Flying);
+    assert_eq!(faults(out), [Fault::MocapStale, Fault::BatteryLow]);
     // Ten periods at once, by `late_periods_max`.
-    let decision = Bench::flying().tick(&Evidence { skipped: 10, ..ALOFT });
-    assert_eq!((decision.may_steer(), faults(decision)), (true, vec![]));
+    let out = Bench::flying().tick(&Evidence { skipped: 10, ..ALOFT });
+    assert_eq!((out.may_steer(), faults(out)), (true, vec![]));
 }
 
 #[test]
@@ -399,9 +399,9 @@ fn a_charge_that_is_critical_for_a_second_lands_the_drone() {
         assert_eq!(bench.run(10, &critical).phase, Phase::Flying);
         bench.pass(1, &ALOFT);
         assert_eq!(bench.run(10, &critical).phase, Phase::Flying, "a sag begins anew");
-        let decision = bench.tick(&critical);
-        assert_eq!((decision.phase, decision.order), (Phase::Landing, Some(DroneOrder::Land)));
-        assert!(decision.faults.contains(Fault::BatteryCritical), "{:?}", decision.faults);
+        let out = bench.tick(&critical);
+        assert_eq!((out.phase, out.order), (Phase::Landing, Some(DroneOrder::Land)));
+        assert!(out.faults.contains(Fault::BatteryCritical), "{:?}", out.faults);
     }
     let least = with_drone(ALOFT, |drone| drone.battery_pct = 10);
     assert_eq!(Bench::flying().run(30, &least).phase, Phase::Flying, "the limit itself");
