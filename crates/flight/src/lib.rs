@@ -69,8 +69,8 @@ pub use path::Heading;
 pub use sighting::Sighting;
 pub use supervisor::{
     Decision, DroneReport, EstimatedMotion, Evidence, FailsafeTable, Fault, FaultSet, Incidents,
-    Operator, Outage, Phase, Pilot, PlanClearance, Reaction, Room, RoomTable, Start, Supervisor,
-    SupervisorSettings, SupervisorTable,
+    ObstacleEvidence, Operator, Outage, Phase, Pilot, PlanClearance, PoseEvidence, Reaction, Room,
+    RoomTable, Start, Supervisor, SupervisorSettings, SupervisorTable, TrackingEvidence,
 };
 pub use targets::{TargetTable, Targets, clip_target};
 

@@ -1,6 +1,7 @@
 //! What stands in the room, or moves in it: boxes and upright cylinders.
 //!
-//! Owns their signed distance and its gradient. What follows from being near stands in `cycle/walls.rs` and `cycle/walls/questions.rs`.
+//! Owns their signed distance and its gradient. What follows from being near stands in
+//! `cycle/walls.rs` and `cycle/walls/questions.rs`.
 
 use horizon_model::rows::pose;
 use horizon_model::setting::{SettingError, in_range, positive};

@@ -32,8 +32,8 @@ mod settling;
 mod staleness;
 
 pub use self::evidence::{
-    Decision, DroneReport, EstimatedMotion, Evidence, Incidents, Operator, Outage, Phase,
-    PlanClearance, Start,
+    Decision, DroneReport, EstimatedMotion, Evidence, Incidents, ObstacleEvidence, Operator,
+    Outage, Phase, PlanClearance, PoseEvidence, Start, TrackingEvidence,
 };
 pub use self::fault::{Fault, FaultSet, Pilot, Reaction};
 pub(crate) use self::geofence::CLIMB_MAX_M;

@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 use tello_flight::drone::DroneOrder;
 use tello_flight::{
     Agreement, Decision, DroneReport, EstimatedMotion, Evidence, FailsafeTable, Fault, Findings,
-    Incidents, Operator, Outage, Phase, Pilot, PlanClearance, Reaction, RoomTable, Start,
-    Supervisor, SupervisorSettings, SupervisorTable,
+    Incidents, ObstacleEvidence, Operator, Outage, Phase, Pilot, PlanClearance, PoseEvidence,
+    Reaction, RoomTable, Start, Supervisor, SupervisorSettings, SupervisorTable, TrackingEvidence,
 };
 
 const STALE_S: f64 = 0.25;
@@ -100,18 +100,22 @@ fn evidence(
             (true, true) => PlanClearance::Clear,
             (true, false) => PlanClearance::Blocked,
         },
-        is_obstacle_unseen: flag(0) && flag(1) && flag(3),
-        is_take_off_blocked: flag(1) && flag(2) && flag(3),
-        is_approached: flag(1) && flag(3),
-        may_be_approached: flag(2) && flag(3),
-        reference_behind_w: (flag(0) && flag(3)).then(Vector3::zeros),
-        is_in_obstacle: flag(0) && flag(1) && flag(2),
-        is_pose_repeated: flag(2),
-        jump_m: (flag(1) && flag(2)).then_some(2.0),
-        shift_m: if flag(0) && flag(2) { 2.0 } else { 0.0 },
-        is_pose_rough: flag(1) && flag(2) && flag(0),
-        drop_m: None,
-        is_pose_settled: !(flag(1) && flag(3)),
+        obstacles: ObstacleEvidence {
+            is_unseen: flag(0) && flag(1) && flag(3),
+            blocks_take_off: flag(1) && flag(2) && flag(3),
+            is_approached: flag(1) && flag(3),
+            may_be_approached: flag(2) && flag(3),
+            reference_behind_w: (flag(0) && flag(3)).then(Vector3::zeros),
+            is_vehicle_inside: flag(0) && flag(1) && flag(2),
+        },
+        poses: PoseEvidence {
+            is_repeated: flag(2),
+            jump_m: (flag(1) && flag(2)).then_some(2.0),
+            shift_m: if flag(0) && flag(2) { 2.0 } else { 0.0 },
+            is_rough: flag(1) && flag(2) && flag(0),
+            drop_m: None,
+            is_settled: !(flag(1) && flag(3)),
+        },
         findings: findings(flag),
         outage: pose.filter(|_| flag(0) && flag(1) && flag(3)).map(|pose| Outage {
             for_s: 7.0,
@@ -119,15 +123,17 @@ fn evidence(
             unseen: [EstimatedMotion { pose, rate }; 2],
         }),
         is_dead_time_long: flag(1) && flag(3),
-        pressed_s: if flag(2) && flag(3) { 9.0 } else { 0.0 },
-        has_hit: flag(3) && flag(5),
-        tracking_m: flag(0).then_some(2.0),
-        velocity_error_mps: flag(2).then_some(2.0),
-        turned_rad: flag(2).then_some(2.0),
-        below_m: flag(1).then_some(0.5),
-        sunk_m: flag(1).then_some(0.5),
+        tracking: TrackingEvidence {
+            pressed_s: if flag(2) && flag(3) { 9.0 } else { 0.0 },
+            has_hit: flag(3) && flag(5),
+            away_m: flag(0).then_some(2.0),
+            velocity_error_mps: flag(2).then_some(2.0),
+            turned_rad: flag(2).then_some(2.0),
+            below_m: flag(1).then_some(0.5),
+            sunk_m: flag(1).then_some(0.5),
+            overtime_s: if flag(1) { 61.0 } else { 0.0 },
+        },
         speed_mps: if flag(3) { 4.0 } else { 0.0 },
-        overtime_s: if flag(1) { 61.0 } else { 0.0 },
         drone: drone_age_s.map(|age_s| DroneReport {
             age_s,
             is_flying: drone % 2 == 1,
@@ -161,7 +167,7 @@ fn assert_may_take_off(before: Phase, sees: bool, e: &Evidence) {
     assert!(e.drone.is_some_and(is_able), "takes off without a drone that can: {before:?}, {e:?}");
     let is_seen_by_person = before == Phase::Idle && is_by_sight;
     assert!(
-        !e.is_take_off_blocked || is_seen_by_person,
+        !e.obstacles.blocks_take_off || is_seen_by_person,
         "takes off into something: {before:?}, {e:?}"
     );
 }
@@ -294,8 +300,8 @@ fn long_random_flights_break_no_invariant_and_visit_every_phase() {
         .filter(|e| {
             !matches!(e.operator, Operator::Land | Operator::EmergencyStop)
                 && e.skipped == 0
-                && e.jump_m.is_none()
-                && e.shift_m < 1.0
+                && e.poses.jump_m.is_none()
+                && e.poses.shift_m < 1.0
                 && e.pose.is_none_or(|at| at[pose::X] < 1.0 && at[pose::Z].is_finite())
                 && e.pose_age_s.is_some_and(|age_s| age_s < 1.0)
                 && e.drone.is_some_and(|drone| drone.age_s < 1.0 && drone.battery_pct > 30)

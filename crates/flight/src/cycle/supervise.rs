@@ -13,8 +13,8 @@ use super::{COMING, Cycle, Inbox, JUST_ENDED, Outcome};
 use crate::drone::DroneStatus;
 use crate::time::TimeNs;
 use crate::{
-    DroneMotion, DroneReport, EstimatedMotion, Evidence, Findings, LinkState, Outage, Phase, Pilot,
-    Sample,
+    DroneMotion, DroneReport, EstimatedMotion, Evidence, Findings, LinkState, ObstacleEvidence,
+    Outage, Phase, Pilot, PoseEvidence, Sample, TrackingEvidence,
 };
 
 /// Age beyond which a report of the drone is too old for the monitors. s
@@ -38,10 +38,6 @@ where
         let outage = self.outage();
         let (motion, tracking) = self.follow_motion(inbox.now, out).unzip();
         let pose = out.filtered.and_then(|filtered| filtered.o);
-        let may_stand = matches!(self.supervisor.phase(), Phase::Idle | Phase::TakingOff);
-        let holds_here = |is_so: fn(&Walls, &Vector3<f64>) -> bool| {
-            self.planner.walls().zip(pose).is_some_and(|(walls, at)| is_so(walls, &pos_w(&at)))
-        };
         let decision = self.supervisor.decide(&Evidence {
             t_ns: inbox.now.0,
             skipped: inbox.skipped,
@@ -49,31 +45,13 @@ where
             pose,
             motion,
             plan: self.planner.plan_clearance(),
-            is_obstacle_unseen: self.planner.walls().is_some_and(Walls::is_moving_unseen),
-            is_take_off_blocked: may_stand && holds_here(Walls::blocks_take_off),
-            is_approached: holds_here(Walls::is_approached),
-            may_be_approached: holds_here(Walls::may_be_approached),
-            reference_behind_w: self.reference_behind_w(motion.as_ref()),
-            is_in_obstacle: holds_here(Walls::is_in_obstacle),
-            is_pose_repeated: self.is_frozen(),
-            jump_m: self.plausibility.jump_m(),
-            shift_m: self.plausibility.shift_m(),
-            is_pose_rough: self.plausibility.is_rough(),
-            drop_m: self.plausibility.drop_m(),
-            is_pose_settled: self.start.is_settled(),
+            obstacles: self.obstacle_evidence(pose, motion.as_ref()),
+            poses: self.pose_evidence(),
             findings,
             outage,
             is_dead_time_long: self.link.as_ref().is_some_and(Link::is_dead_time_long),
-            tracking_m: out.tracking_m,
-            velocity_error_mps: motion
-                .and_then(|motion| self.velocity_error_mps(&motion, inbox.now)),
-            turned_rad: tracking.map(|tracking| tracking.turned_rad),
-            below_m: tracking.map(|tracking| tracking.below_m),
-            sunk_m: tracking.map(|tracking| tracking.sunk_m),
-            pressed_s: out.pressed_s,
-            has_hit: self.impact.has_hit(),
+            tracking: self.tracking_evidence(motion.as_ref(), tracking, inbox.now),
             speed_mps: out.speed_mps,
-            overtime_s: self.progress.overtime_s(&self.mission),
             drone: self.memory.drone.as_ref().map(|status| drone_report(status, inbox.now)),
             operator: inbox.operator,
             incidents: inbox.incidents,
@@ -88,6 +66,57 @@ where
         out.decision = Some(decision);
         self.planner.brake(decision.is_braking);
         decision.pilot
+    }
+
+    /// Obstacles beside the newest accepted pose, and in the path of the estimated motion.
+    fn obstacle_evidence(
+        &self,
+        pose: Option<Pose>,
+        motion: Option<&EstimatedMotion>,
+    ) -> ObstacleEvidence {
+        let may_stand = matches!(self.supervisor.phase(), Phase::Idle | Phase::TakingOff);
+        let holds_here = |is_so: fn(&Walls, &Vector3<f64>) -> bool| {
+            self.planner.walls().zip(pose).is_some_and(|(walls, at)| is_so(walls, &pos_w(&at)))
+        };
+        ObstacleEvidence {
+            is_unseen: self.planner.walls().is_some_and(Walls::is_moving_unseen),
+            blocks_take_off: may_stand && holds_here(Walls::blocks_take_off),
+            is_approached: holds_here(Walls::is_approached),
+            may_be_approached: holds_here(Walls::may_be_approached),
+            reference_behind_w: self.reference_behind_w(motion),
+            is_vehicle_inside: holds_here(Walls::is_in_obstacle),
+        }
+    }
+
+    /// How plausible the newest poses are.
+    fn pose_evidence(&self) -> PoseEvidence {
+        PoseEvidence {
+            is_repeated: self.is_frozen(),
+            jump_m: self.plausibility.jump_m(),
+            shift_m: self.plausibility.shift_m(),
+            is_rough: self.plausibility.is_rough(),
+            drop_m: self.plausibility.drop_m(),
+            is_settled: self.start.is_settled(),
+        }
+    }
+
+    /// The estimated motion beside its reference, of which `tracking` tells how far it has gone away.
+    fn tracking_evidence(
+        &self,
+        motion: Option<&EstimatedMotion>,
+        tracking: Option<Tracking>,
+        now: TimeNs,
+    ) -> TrackingEvidence {
+        TrackingEvidence {
+            away_m: tracking.map(|tracking| tracking.away_m),
+            velocity_error_mps: motion.and_then(|motion| self.velocity_error_mps(motion, now)),
+            turned_rad: tracking.map(|tracking| tracking.turned_rad),
+            below_m: tracking.map(|tracking| tracking.below_m),
+            sunk_m: tracking.map(|tracking| tracking.sunk_m),
+            pressed_s: self.immobility.pressed_s(),
+            has_hit: self.impact.has_hit(),
+            overtime_s: self.progress.overtime_s(&self.mission),
+        }
     }
 
     /// Estimated motion, and how far it has gone away from its reference, for the monitors of progress and for `out`;

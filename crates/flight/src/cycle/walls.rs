@@ -27,8 +27,8 @@ const BEYOND_MARGIN_M: f64 = 1.0;
 /// Least distance of a plan from all surfaces from which on no [`Clearance`] is reported. m
 const CLEARANCE_MAX_M: f64 = 1.0;
 
-/// A position of the moving obstacle that is nearer to the vehicle is that of the vehicle's markers: two rigid bodies do
-/// not come so near to each other. m
+/// A position of the moving obstacle that is nearer to the vehicle is that of the vehicle's markers: two rigid bodies
+/// do not come so near to each other. m
 const MARKER_CONFUSION_M: f64 = 0.25;
 
 /// The room and what stands in it, as the plan sees them.

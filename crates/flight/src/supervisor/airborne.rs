@@ -153,7 +153,8 @@ impl Supervisor {
         let jumped_m = |excess_m: Option<f64>, limit_m| {
             excess_m.is_some_and(|excess_m| exceeds(excess_m, limit_m))
         };
-        let has_jumped = jumped_m(e.jump_m, self.table.jump_m) || jumped_m(e.drop_m, DROP_MAX_M);
+        let has_jumped =
+            jumped_m(e.poses.jump_m, self.table.jump_m) || jumped_m(e.poses.drop_m, DROP_MAX_M);
         self.landing.is_pose_displaced |= has_jumped && self.phase != Phase::Idle;
         self.landing.is_pose_displaced &= self.pose_is_airborne(e) != Some(true);
         let is_landing =

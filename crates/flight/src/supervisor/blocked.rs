@@ -48,14 +48,14 @@ impl Supervisor {
     pub(super) fn remember_stuck(&mut self, e: &Evidence) {
         let is_meant =
             self.control != ControlMode::Off && !e.is_by_hand && !self.timers.braking.holds();
-        let is_free = e.outage.is_none() && !e.is_obstacle_unseen;
+        let is_free = e.outage.is_none() && !e.obstacles.is_unseen;
         let Some(motion) = e.motion.filter(|_| is_meant && is_free) else {
             self.blockage.stuck = None;
             return;
         };
         let at_w = pos_w(&motion.pose);
         let before = self.blockage.stuck.filter(|stuck| (at_w - stuck.at_w).norm() <= STUCK_M);
-        self.blockage.stuck = match e.reference_behind_w {
+        self.blockage.stuck = match e.obstacles.reference_behind_w {
             Some(reference_w) => {
                 let stands = |stuck: &Stuck| (reference_w - stuck.reference_w).norm() <= STANDS_M;
                 let new = Stuck { at_w, reference_w, since_ns: e.t_ns, newest_ns: e.t_ns };
@@ -100,7 +100,9 @@ mod tests {
         let pose = Pose::new(x_m, 0.0, 1.0, 0.0);
         let motion = Some(EstimatedMotion { pose, rate: Pose::zeros() });
         let reference_behind_w = Some(Vector3::new(to_m, 0.0, 1.0));
-        Evidence { motion, reference_behind_w, speed_mps: 0.1, ..ALOFT }
+        with_obstacles(Evidence { motion, speed_mps: 0.1, ..ALOFT }, |it| {
+            it.reference_behind_w = reference_behind_w
+        })
     }
 
     /// Ticks of 0.1 s until `of` ends the flight; `None` in 10 s.
@@ -117,7 +119,7 @@ mod tests {
         let seldom_free = |k| {
             let is_free = k % 7 > 3;
             let reference_behind_w = stuck(k).reference_behind_w.filter(|_| !is_free);
-            Evidence { reference_behind_w, ..stuck(k) }
+            with_obstacles(stuck(k), |it| it.reference_behind_w = reference_behind_w)
         };
         assert!(ends_at(seldom_free).is_some());
     }
@@ -133,7 +135,7 @@ mod tests {
             "the reference moves"
         );
         assert_eq!(ends_at(|k| Evidence { is_by_hand: true, ..stuck(k) }), None, "a person steers");
-        assert_eq!(ends_at(|k| Evidence { is_obstacle_unseen: true, ..stuck(k) }), None);
+        assert_eq!(ends_at(|k| with_obstacles(stuck(k), |it| it.is_unseen = true)), None);
         assert_eq!(ends_at(|k| Evidence { outage: Some(outage), ..stuck(k) }), None, "an outage");
         assert_eq!(ends_at(|k| Evidence { motion: None, ..stuck(k) }), None);
         // Held for a second in every two, in which nothing is steered.
@@ -143,7 +145,7 @@ mod tests {
         let often_free = |k| {
             let is_free = k % 10 > 4;
             let reference_behind_w = stuck(k).reference_behind_w.filter(|_| !is_free);
-            Evidence { reference_behind_w, ..stuck(k) }
+            with_obstacles(stuck(k), |it| it.reference_behind_w = reference_behind_w)
         };
         assert_eq!(ends_at(often_free), None, "the path is free again");
     }

@@ -66,10 +66,10 @@ impl Supervisor {
 
     /// Notes whether the moving obstacle comes near, or walks so near that it could.
     pub(super) fn remember_obstacle(&mut self, e: &Evidence) {
-        if e.is_approached {
+        if e.obstacles.is_approached {
             self.moving_obstacle.came_ns = Some(e.t_ns);
         }
-        if e.is_approached || e.may_be_approached {
+        if e.obstacles.is_approached || e.obstacles.may_be_approached {
             self.moving_obstacle.near_ns = Some(e.t_ns);
         }
     }
@@ -90,9 +90,9 @@ impl Supervisor {
     /// Whether the mission has been done for long enough. A landing evades nothing: an obstacle that was near, or is
     /// not seen, is let past first.
     fn is_held_out(&self, e: &Evidence) -> bool {
-        let let_past_s = if e.is_approached {
+        let let_past_s = if e.obstacles.is_approached {
             LET_PAST_S + LET_PAST_AGAIN_S
-        } else if self.was_obstacle_near(e) || e.is_obstacle_unseen {
+        } else if self.was_obstacle_near(e) || e.obstacles.is_unseen {
             LET_PAST_S
         } else {
             0.0

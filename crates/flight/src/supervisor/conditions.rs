@@ -83,8 +83,8 @@ impl Supervisor {
             Fault::MocapLost => self.is_pose_lost(e),
             Fault::MocapFrozen => self.is_pose_frozen(e),
             Fault::MocapJumped => is_up && self.has_pose_jumped(e),
-            Fault::MocapRough => is_up && e.is_pose_rough,
-            Fault::MocapUnsettled => is_idle && !e.is_pose_settled,
+            Fault::MocapRough => is_up && e.poses.is_rough,
+            Fault::MocapUnsettled => is_idle && !e.poses.is_settled,
             Fault::MocapUndated => is_idle && e.incidents.is_mocap_undated,
             Fault::PoseDoubtful => self.worst_agreement(e) >= Agreement::Doubtful,
             Fault::PoseInconsistent => self.agreement(e) >= Agreement::Disagrees,
@@ -92,8 +92,10 @@ impl Supervisor {
             Fault::StartMisplaced => is_idle && !self.may_start(e),
             Fault::PlanBlocked => self.is_blocked(e),
             Fault::BlockedLong => self.is_blocked_long(e),
-            Fault::ObstacleEntered => is_up && e.is_in_obstacle && !self.is_pose_stale(e),
-            Fault::ObstacleUnseen => e.is_obstacle_unseen && !is_carried,
+            Fault::ObstacleEntered => {
+                is_up && e.obstacles.is_vehicle_inside && !self.is_pose_stale(e)
+            }
+            Fault::ObstacleUnseen => e.obstacles.is_unseen && !is_carried,
             Fault::ObstacleApproaches => timers.obstacle_near.has_lasted(e.t_ns, OBSTACLE_NEAR_S),
             Fault::FenceNear => is_up && self.would_leave(e),
             Fault::FenceLeft => is_up && self.is_outside(e),
@@ -161,9 +163,10 @@ impl Supervisor {
     fn is_immobile(&self, e: &Evidence) -> bool {
         let is_outage = self.outage(e).is_some();
         // In an outage the inputs drive nothing.
-        let has_hit = e.has_hit && !is_outage;
+        let has_hit = e.tracking.has_hit && !is_outage;
         let pressed_max_s = self.table.failsafe.pressed_s;
-        let is_pressed = pressed_max_s.is_some_and(|limit_s| exceeds(e.pressed_s, limit_s));
+        let is_pressed =
+            pressed_max_s.is_some_and(|limit_s| exceeds(e.tracking.pressed_s, limit_s));
         let stands_s = if is_outage { STANDS_IN_OUTAGE_S } else { STANDS_S };
         let stands = self.timers.standing_below_reference.has_lasted(e.t_ns, stands_s);
         self.is_flying() && !e.is_by_hand && (has_hit || is_pressed || stands)
@@ -190,14 +193,14 @@ impl Supervisor {
     }
 
     fn is_mission_overdue(&self, e: &Evidence) -> bool {
-        self.is_flying() && exceeds(e.overtime_s, self.table.failsafe.overtime_s)
+        self.is_flying() && exceeds(e.tracking.overtime_s, self.table.failsafe.overtime_s)
     }
 
     /// Whether the vehicle has gone too far away from its reference, or has come down too far below it.
     pub(super) fn is_off_reference(&self, e: &Evidence) -> bool {
         let limit_m = self.table.failsafe.tracking_m;
-        e.tracking_m.is_some_and(|error_m| exceeds(error_m, limit_m))
-            || e.sunk_m.is_some_and(|sunk_m| exceeds(sunk_m, SUNK_M))
+        e.tracking.away_m.is_some_and(|error_m| exceeds(error_m, limit_m))
+            || e.tracking.sunk_m.is_some_and(|sunk_m| exceeds(sunk_m, SUNK_M))
     }
 
     /// Updates for how long the velocity of a vehicle that follows its reference was far from that of the reference,
@@ -209,7 +212,7 @@ impl Supervisor {
         let follows_mission =
             self.is_flying() && self.control == ControlMode::Mission && e.outage.is_none();
         let is_off = |error_mps: &f64| exceeds(*error_mps, VELOCITY_OFF_REFERENCE_MPS);
-        let weight = e.velocity_error_mps.filter(is_off).filter(|_| follows_mission).map_or(
+        let weight = e.tracking.velocity_error_mps.filter(is_off).filter(|_| follows_mission).map_or(
             0.0,
             |error_mps| {
                 (error_mps / VELOCITY_OFF_REFERENCE_MPS)
@@ -224,9 +227,9 @@ impl Supervisor {
     pub(super) fn seems_to_stand(&self, e: &Evidence) -> bool {
         let follows_mission = self.control == ControlMode::Mission;
         let is_asked = !e.is_by_hand && (follows_mission || e.outage.is_some());
-        let is_new = !self.is_pose_stale(e) && !e.is_pose_repeated;
+        let is_new = !self.is_pose_stale(e) && !e.poses.is_repeated;
         let is_still = is_new && e.findings.still_s.is_some();
-        let is_below = e.below_m.is_some_and(|below_m| exceeds(below_m, STANDS_BELOW_M));
+        let is_below = e.tracking.below_m.is_some_and(|below_m| exceeds(below_m, STANDS_BELOW_M));
         self.is_flying() && is_asked && is_still && is_below
     }
 

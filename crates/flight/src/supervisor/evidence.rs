@@ -174,6 +174,70 @@ impl Incidents {
     }
 }
 
+/// Obstacles beside a position of the vehicle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "unrelated observations, not a state")]
+pub struct ObstacleEvidence {
+    /// Whether there is a moving obstacle whose position has been unknown for half a second, or always.
+    pub is_unseen: bool,
+    /// Whether the vehicle stands inside of an obstacle, or would climb into one in its take-off, or the moving
+    /// obstacle comes near; false after the take-off.
+    pub blocks_take_off: bool,
+    /// Whether the moving obstacle, by its present velocity, comes within the margin of the newest accepted pose during
+    /// a landing.
+    pub is_approached: bool,
+    /// Whether the moving obstacle could come within the margin during a landing if it turned towards the vehicle.
+    pub may_be_approached: bool,
+    /// Position of the reference if the straight path there leads through an obstacle that does not move and the moving
+    /// obstacle is not in it; else `None`. World frame. m
+    pub reference_behind_w: Option<Vector3<f64>>,
+    /// Whether the newest accepted pose is inside of an obstacle that does not move.
+    pub is_vehicle_inside: bool,
+}
+
+/// How plausible the poses of the motion capture are by themselves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoseEvidence {
+    /// Whether the newest poses, three at least, repeat one position in flight; false on the ground.
+    pub is_repeated: bool,
+    /// How much further the pose of this tick is from the one before than a vehicle flies in the time
+    /// between; `None` if no pose was accepted. m
+    pub jump_m: Option<f64>,
+    /// Length of the sum of all steps since the take-off that were further than a vehicle flies: a step and its return
+    /// cancel. m
+    pub shift_m: f64,
+    /// Whether poses have jumped again and again lately, in whatever direction.
+    pub is_rough: bool,
+    /// How much deeper the pose of this tick is below the one before than a vehicle descends in the time
+    /// between; `None` if no pose was accepted. m
+    pub drop_m: Option<f64>,
+    /// Whether the poses on the ground have agreed for long enough for a take-off.
+    pub is_settled: bool,
+}
+
+/// Motion of the vehicle beside its reference, its inputs and the planned time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrackingEvidence {
+    /// By how much the vehicle has gone away from its reference: its distance less the least one since the mission
+    /// began or was resumed. m
+    pub away_m: Option<f64>,
+    /// Difference between its horizontal velocity and that of its reference; `None` for constant targets. m/s
+    pub velocity_error_mps: Option<f64>,
+    /// By how much its heading has turned away from that of its reference: the difference less the least one since the
+    /// mission began or was resumed. rad
+    pub turned_rad: Option<f64>,
+    /// Height of its reference over it. m
+    pub below_m: Option<f64>,
+    /// By how much it has come down below its reference; 0 beside an obstacle. m
+    pub sunk_m: Option<f64>,
+    /// Integral of the inputs in one direction that have not moved the vehicle. s of full deflection
+    pub pressed_s: f64,
+    /// Whether the vehicle came to rest at once while its inputs drove it on.
+    pub has_hit: bool,
+    /// By how much the flight of the mission is longer than twice its planned time; negative before. s
+    pub overtime_s: f64,
+}
+
 /// Everything that a decision rests on, at one tick. An age of NaN counts as too old.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(clippy::struct_excessive_bools, reason = "unrelated observations, not a state")]
@@ -191,62 +255,20 @@ pub struct Evidence {
     pub motion: Option<EstimatedMotion>,
     /// Whether the newest plan stays inside of the room and out of obstacles that do not move.
     pub plan: PlanClearance,
-    /// Whether there is a moving obstacle whose position has been unknown for half a second, or always.
-    pub is_obstacle_unseen: bool,
-    /// Whether the vehicle stands inside of an obstacle, or would climb into one in its take-off, or the moving
-    /// obstacle comes near; false after the take-off.
-    pub is_take_off_blocked: bool,
-    /// Whether the moving obstacle, by its present velocity, comes within the margin of the newest accepted pose during
-    /// a landing.
-    pub is_approached: bool,
-    /// Whether the moving obstacle could come within the margin during a landing if it turned towards the vehicle.
-    pub may_be_approached: bool,
-    /// Position of the reference if the straight path there leads through an obstacle that does not move and the moving
-    /// obstacle is not in it; else `None`. World frame. m
-    pub reference_behind_w: Option<Vector3<f64>>,
-    /// Whether the newest accepted pose is inside of an obstacle that does not move.
-    pub is_in_obstacle: bool,
-    /// Whether the newest poses, three at least, repeat one position in flight; false on the ground.
-    pub is_pose_repeated: bool,
-    /// How much further the pose of this tick is from the one before than a vehicle flies in the time
-    /// between; `None` if no pose was accepted. m
-    pub jump_m: Option<f64>,
-    /// Length of the sum of all steps since the take-off that were further than a vehicle flies: a step and its return
-    /// cancel. m
-    pub shift_m: f64,
-    /// Whether poses have jumped again and again lately, in whatever direction.
-    pub is_pose_rough: bool,
-    /// How much deeper the pose of this tick is below the one before than a vehicle descends in the time
-    /// between; `None` if no pose was accepted. m
-    pub drop_m: Option<f64>,
-    /// Whether the poses on the ground have agreed for long enough for a take-off.
-    pub is_pose_settled: bool,
+    /// Obstacles and the vehicle.
+    pub obstacles: ObstacleEvidence,
+    /// Whether the poses are plausible.
+    pub poses: PoseEvidence,
     /// What the monitors found.
     pub findings: Findings,
     /// The present command outage.
     pub outage: Option<Outage>,
     /// Whether the sticks act later than the dead times may be corrected.
     pub is_dead_time_long: bool,
-    /// By how much the vehicle has gone away from its reference: its distance less the least one since the mission
-    /// began or was resumed. m
-    pub tracking_m: Option<f64>,
-    /// Difference between its horizontal velocity and that of its reference; `None` for constant targets. m/s
-    pub velocity_error_mps: Option<f64>,
-    /// By how much its heading has turned away from that of its reference: the difference less the least one since the
-    /// mission began or was resumed. rad
-    pub turned_rad: Option<f64>,
-    /// Height of its reference over it. m
-    pub below_m: Option<f64>,
-    /// By how much it has come down below its reference; 0 beside an obstacle. m
-    pub sunk_m: Option<f64>,
-    /// Integral of the inputs in one direction that have not moved the vehicle. s of full deflection
-    pub pressed_s: f64,
-    /// Whether the vehicle came to rest at once while its inputs drove it on.
-    pub has_hit: bool,
+    /// The vehicle beside its reference.
+    pub tracking: TrackingEvidence,
     /// Speed by the estimate. m/s
     pub speed_mps: f64,
-    /// By how much the flight of the mission is longer than twice its planned time; negative before. s
-    pub overtime_s: f64,
     /// Newest report of the drone; `None` before the first.
     pub drone: Option<DroneReport>,
     /// What the operator asks for.

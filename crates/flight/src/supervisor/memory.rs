@@ -114,7 +114,7 @@ impl Supervisor {
             e.motion.is_some_and(|motion| motion.rate[pose::THETA].abs() > TURNING_RADPS);
         let heading_counts = is_left_to_controller && (e.outage.is_none() || is_turning);
         let is_heading_off = heading_counts
-            && e.turned_rad.is_some_and(|rad| exceeds(rad, HEADING_OFF_REFERENCE_RAD));
+            && e.tracking.turned_rad.is_some_and(|rad| exceeds(rad, HEADING_OFF_REFERENCE_RAD));
         self.timers.heading_off_reference.update(is_heading_off, e.t_ns);
         let is_fast = is_flying && exceeds(e.speed_mps, self.table.failsafe.speed_mps);
         self.timers.too_fast.update(is_fast, e.t_ns);

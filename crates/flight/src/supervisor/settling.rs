@@ -93,7 +93,7 @@ impl Supervisor {
     /// evade.
     pub(super) fn remember_settling(&mut self, e: &Evidence) {
         let pose = e.pose.filter(|_| !self.is_pose_stale(e));
-        let is_endangered = e.is_approached || e.is_obstacle_unseen;
+        let is_endangered = e.obstacles.is_approached || e.obstacles.is_unseen;
         self.settling.note(e.t_ns, pose, is_endangered, self.table.settle_s);
         let obeys = self.settling.is_over() && self.takes_sticks(e);
         let is_helpless = self.phase == Phase::TakingOff || self.phase == Phase::Flying && !obeys;
@@ -148,7 +148,7 @@ mod tests {
     fn a_vehicle_that_is_approached_is_steered_when_its_climb_has_ended_and_stays_so() {
         let mut bench = Bench::taking_off();
         bench.pass(2, &ALOFT);
-        let near = Evidence { is_approached: true, ..ALOFT };
+        let near = with_obstacles(ALOFT, |it| it.is_approached = true);
         let after = (0..60).find(|_| bench.tick(&near).may_steer());
         assert_eq!(after, Some(1), "0.3 s after its height was first seen");
         let rises = Evidence { pose: Some(Pose::new(0.0, 0.0, 1.3, 0.0)), ..ALOFT };
@@ -160,7 +160,7 @@ mod tests {
         let mut bench = Bench::taking_off();
         let blind = Evidence { pose: CALM.pose, pose_age_s: Some(0.6), ..ALOFT };
         assert_eq!(bench.tick(&blind).phase, Phase::Flying, "by the drone's word");
-        bench.pass(8, &Evidence { is_approached: true, ..blind });
+        bench.pass(8, &with_obstacles(blind, |it| it.is_approached = true));
         for k in 0..3 {
             let rising = Some(Pose::new(0.0, 0.0, 0.5 + 0.04 * f64::from(k), 0.0));
             assert!(!bench.tick(&Evidence { pose: rising, ..ALOFT }).may_steer(), "tick {k}");

@@ -18,7 +18,7 @@ impl Supervisor {
     /// Whether the stream repeats an old pose, or its poses have stood still for longer than `stale_s`.
     pub(super) fn is_pose_frozen(&self, e: &Evidence) -> bool {
         let is_still = self.still_s(e).is_some_and(|still_s| exceeds(still_s, self.table.stale_s));
-        is_still || (self.is_pose_stale(e) && e.is_pose_repeated)
+        is_still || (self.is_pose_stale(e) && e.poses.is_repeated)
     }
 
     /// For how long the poses have stood still while the vehicle moved: in flight, or in a climb that the drone
@@ -31,13 +31,14 @@ impl Supervisor {
     /// Whether the poses have jumped further than `jump_m`, at once or in several steps.
     pub(super) fn has_pose_jumped(&self, e: &Evidence) -> bool {
         let limit_m = self.table.jump_m;
-        e.jump_m.is_some_and(|jump_m| exceeds(jump_m, limit_m)) || exceeds(e.shift_m, limit_m)
+        e.poses.jump_m.is_some_and(|jump_m| exceeds(jump_m, limit_m))
+            || exceeds(e.poses.shift_m, limit_m)
     }
 
     /// Whether the vehicle stands where one may take off, as far as that is known.
     pub(super) fn may_start(&self, e: &Evidence) -> bool {
         let is_in_room = self.room.zip(e.pose).is_none_or(|(room, at)| room.may_start_at(&at));
-        is_in_room && !e.is_take_off_blocked && !self.was_obstacle_near(e)
+        is_in_room && !e.obstacles.blocks_take_off && !self.was_obstacle_near(e)
     }
 
     /// Whether the newest pose is too old to steer by, or there is none.

@@ -1,3 +1,4 @@
+mod changes;
 mod hands;
 mod orders;
 
@@ -5,6 +6,8 @@ use horizon_model::rows::Pose;
 
 use super::*;
 use crate::monitor::{Agreement, Findings};
+
+pub(super) use changes::{with_drone, with_obstacles, with_poses, with_tracking};
 
 pub(super) const TABLE: SupervisorTable = SupervisorTable {
     stale_s: 0.25,
@@ -62,36 +65,42 @@ pub(super) const TICK_NS: i64 = 100_000_000; // 0.1 s
 
 /// Nothing wrong, on the ground, nothing asked.
 pub(super) const CALM: Evidence = Evidence {
-    plan: PlanClearance::Unknown,
-    is_obstacle_unseen: false,
-    is_take_off_blocked: false,
-    is_approached: false,
-    may_be_approached: false,
-    reference_behind_w: None,
-    is_in_obstacle: false,
     t_ns: 0,
     skipped: 0,
     pose_age_s: Some(0.01),
     pose: Some(Pose::new(0.0, 0.0, 0.1, 0.0)),
     motion: None,
-    is_pose_repeated: false,
-    jump_m: None,
-    shift_m: 0.0,
-    is_pose_rough: false,
-    drop_m: None,
-    is_pose_settled: true,
+    plan: PlanClearance::Unknown,
+    obstacles: ObstacleEvidence {
+        is_unseen: false,
+        blocks_take_off: false,
+        is_approached: false,
+        may_be_approached: false,
+        reference_behind_w: None,
+        is_vehicle_inside: false,
+    },
+    poses: PoseEvidence {
+        is_repeated: false,
+        jump_m: None,
+        shift_m: 0.0,
+        is_rough: false,
+        drop_m: None,
+        is_settled: true,
+    },
     findings: NOTHING_FOUND,
     outage: None,
     is_dead_time_long: false,
-    tracking_m: Some(0.1),
-    velocity_error_mps: Some(0.1),
-    turned_rad: Some(0.1),
-    below_m: Some(0.1),
-    sunk_m: Some(0.1),
-    pressed_s: 0.0,
-    has_hit: false,
+    tracking: TrackingEvidence {
+        away_m: Some(0.1),
+        velocity_error_mps: Some(0.1),
+        turned_rad: Some(0.1),
+        below_m: Some(0.1),
+        sunk_m: Some(0.1),
+        pressed_s: 0.0,
+        has_hit: false,
+        overtime_s: -30.0,
+    },
     speed_mps: 0.1,
-    overtime_s: -30.0,
     drone: Some(REPORT),
     operator: Operator::Wait,
     incidents: NO_INCIDENTS,
@@ -209,12 +218,6 @@ pub(super) fn at(x_m: f64, height_m: f64) -> Pose {
     Pose::new(x_m, 0.0, height_m, 0.0)
 }
 
-pub(super) fn with_drone(e: Evidence, change: impl FnOnce(&mut DroneReport)) -> Evidence {
-    let mut drone = e.drone.unwrap();
-    change(&mut drone);
-    Evidence { drone: Some(drone), ..e }
-}
-
 pub(super) fn faults(out: Decision) -> Vec<Fault> {
     out.faults.iter().collect()
 }
@@ -265,9 +268,9 @@ fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
         (Evidence { has_estimator_failed: true, ..CALM }, Fault::EstimatorFailed),
         (Evidence { pose: Some(at(3.1, 0.1)), ..CALM }, Fault::StartMisplaced),
         (Evidence { pose: Some(at(0.0, 1.3)), ..CALM }, Fault::StartMisplaced),
-        (Evidence { is_take_off_blocked: true, ..CALM }, Fault::StartMisplaced),
-        (Evidence { is_pose_settled: false, ..CALM }, Fault::MocapUnsettled),
-        (Evidence { is_obstacle_unseen: true, ..CALM }, Fault::ObstacleUnseen),
+        (with_obstacles(CALM, |it| it.blocks_take_off = true), Fault::StartMisplaced),
+        (with_poses(CALM, |it| it.is_settled = false), Fault::MocapUnsettled),
+        (with_obstacles(CALM, |it| it.is_unseen = true), Fault::ObstacleUnseen),
         (Evidence { incidents: UNDATED, ..CALM }, Fault::MocapUndated),
         (with_drone(CALM, |drone| drone.is_flying = true), Fault::DroneAloft),
     ] {
@@ -304,10 +307,10 @@ fn landing_faults_end_the_flight_for_good() {
         (Evidence { pose_age_s: Some(f64::NAN), ..ALOFT }, Fault::MocapLost),
         (with_drone(ALOFT, |drone| drone.age_s = 2.01), Fault::DroneSilent),
         (with_drone(ALOFT, |drone| drone.age_s = f64::NAN), Fault::DroneSilent),
-        (Evidence { jump_m: Some(1.51), ..ALOFT }, Fault::MocapJumped),
-        (Evidence { jump_m: Some(f64::NAN), ..ALOFT }, Fault::MocapJumped),
-        (Evidence { shift_m: 1.51, ..ALOFT }, Fault::MocapJumped),
-        (Evidence { is_pose_rough: true, ..ALOFT }, Fault::MocapRough),
+        (with_poses(ALOFT, |it| it.jump_m = Some(1.51)), Fault::MocapJumped),
+        (with_poses(ALOFT, |it| it.jump_m = Some(f64::NAN)), Fault::MocapJumped),
+        (with_poses(ALOFT, |it| it.shift_m = 1.51), Fault::MocapJumped),
+        (with_poses(ALOFT, |it| it.is_rough = true), Fault::MocapRough),
         (Evidence { pose: Some(at(3.01, 1.1)), ..ALOFT }, Fault::FenceLeft),
         (Evidence { pose: Some(at(0.0, f64::NAN)), ..ALOFT }, Fault::FenceLeft),
         (Evidence { skipped: 11, ..ALOFT }, Fault::TicksLate),

@@ -58,9 +58,12 @@ fn a_landing_is_ordered_until_one_source_alone_has_lasted_and_the_other_is_named
 
 #[test]
 fn a_pose_that_came_to_the_floor_by_a_jump_does_not_count() {
-    let aside = Evidence { jump_m: Some(1.51), ..MUTE };
-    let down = Evidence { drop_m: Some(0.31), ..MUTE };
-    let near = Evidence { jump_m: Some(1.5), drop_m: Some(0.3), ..MUTE };
+    let aside = with_poses(MUTE, |it| it.jump_m = Some(1.51));
+    let down = with_poses(MUTE, |it| it.drop_m = Some(0.31));
+    let near = with_poses(MUTE, |it| {
+        it.jump_m = Some(1.5);
+        it.drop_m = Some(0.3);
+    });
     for (jump, counts) in [(aside, false), (down, false), (near, true)] {
         let mut bench = Bench::landing();
         assert_eq!(bench.tick(&jump).pose_is_airborne, counts.then_some(false));
@@ -85,7 +88,7 @@ fn a_pose_that_came_to_the_floor_by_a_jump_does_not_count() {
 fn a_jump_in_flight_discredits_the_pose_for_the_landing() {
     let mut bench = Bench::flying();
     bench.pass(1, &CALM);
-    let decision = bench.tick(&Evidence { jump_m: Some(9.0), ..CALM });
+    let decision = bench.tick(&with_poses(CALM, |it| it.jump_m = Some(9.0)));
     assert_eq!(decision.phase, Phase::Landing);
     assert_eq!(bench.run(200, &MUTE).phase, Phase::LandingUnconfirmed);
 }
@@ -258,6 +261,6 @@ fn a_take_off_is_repeated_only_while_the_drone_stands_where_it_stood_and_nobody_
     }
     let noisy = moved(Pose::new(0.015, 0.02, 0.015, 0.14));
     assert_eq!(repeated(noisy, CALM), 2);
-    let near = Evidence { is_take_off_blocked: true, ..CALM };
+    let near = with_obstacles(CALM, |it| it.blocks_take_off = true);
     assert_eq!((repeated(near, near), repeated(near, CALM)), (0, 2));
 }

@@ -37,7 +37,7 @@ fn it_lands_at_once_when_the_controller_may_no_longer_steer() {
     for e in [
         Evidence { pose_age_s: Some(0.26), ..fast() },
         Evidence { speed_mps: f64::NAN, ..fast() },
-        Evidence { jump_m: Some(1.51), ..fast() },
+        with_poses(fast(), |it| it.jump_m = Some(1.51)),
         asks_to_land(fast()),
         Evidence { is_by_hand: true, ..fast() },
     ] {
@@ -114,9 +114,9 @@ fn a_vehicle_that_has_nothing_to_land_for_never_has_braked() {
 #[test]
 fn an_obstacle_that_comes_near_is_let_past_before_the_landing_for_a_minute_at_most() {
     let done = Evidence { is_mission_done: true, ..ALOFT };
-    let comes = Evidence { is_approached: true, ..done };
-    let walks = Evidence { may_be_approached: true, ..done };
-    let hidden = Evidence { is_obstacle_unseen: true, ..done };
+    let comes = with_obstacles(done, |it| it.is_approached = true);
+    let walks = with_obstacles(done, |it| it.may_be_approached = true);
+    let hidden = with_obstacles(done, |it| it.is_unseen = true);
     let ends_after = |evidence: &dyn Fn(usize) -> Evidence| {
         let mut bench = Bench::flying();
         let flies = |k: &usize| bench.tick(&evidence(*k)).phase == Phase::Flying;
@@ -145,7 +145,7 @@ fn nobody_takes_off_where_the_moving_obstacle_was_near_within_four_seconds() {
     let stays_down =
         |bench: &mut Bench, e: &Evidence| faults(bench.tick(e)).contains(&Fault::StartMisplaced);
     assert!(!stays_down(&mut bench, &CALM));
-    assert!(stays_down(&mut bench, &Evidence { may_be_approached: true, ..CALM }));
+    assert!(stays_down(&mut bench, &with_obstacles(CALM, |it| it.may_be_approached = true)));
     // 0.1 s a tick.
     let free_after = (0..50).find(|_| !stays_down(&mut bench, &CALM));
     assert_eq!(free_after, Some(39), "4 s");

@@ -68,7 +68,7 @@ fn a_wrong_direction_and_an_overdue_mission_land() {
     assert!(turned.2.contains(&Fault::HeadingWrong), "{turned:?}");
     let wrong = found(|findings| findings.is_direction_wrong = true);
     assert_eq!(after(&wrong), (Phase::Landing, false, vec![Fault::HeadingWrong]));
-    let late = |overtime_s| Evidence { overtime_s, ..ALOFT };
+    let late = |overtime_s| with_tracking(ALOFT, |it| it.overtime_s = overtime_s);
     assert_eq!(after(&late(60.0)), (Phase::Flying, true, vec![]));
     assert_eq!(after(&late(60.1)), (Phase::Landing, false, vec![Fault::MissionOverdue]));
     assert_eq!(after(&late(f64::NAN)).0, Phase::Landing);
@@ -76,7 +76,7 @@ fn a_wrong_direction_and_an_overdue_mission_land() {
 
 #[test]
 fn a_vehicle_that_swings_is_landed_after_four_seconds_in_sum() {
-    let error = |mps: f64| Evidence { velocity_error_mps: Some(mps), ..ALOFT };
+    let error = |mps: f64| with_tracking(ALOFT, |it| it.velocity_error_mps = Some(mps));
     for (steps, pause, lands) in [(39, 0, false), (41, 0, true), (10, 20, true), (10, 60, false)] {
         let mut bench = Bench::flying();
         // Swings of a second between pauses, or one of four.
@@ -104,9 +104,9 @@ fn a_vehicle_that_swings_is_landed_after_four_seconds_in_sum() {
 
 #[test]
 fn a_lost_reference_and_too_much_speed_land_after_a_third_of_a_second() {
-    let far = Evidence { tracking_m: Some(1.01), ..ALOFT };
+    let far = with_tracking(ALOFT, |it| it.away_m = Some(1.01));
     let fast = Evidence { speed_mps: 3.01, ..ALOFT };
-    let sunk = Evidence { sunk_m: Some(0.46), ..ALOFT };
+    let sunk = with_tracking(ALOFT, |it| it.sunk_m = Some(0.46));
     for (e, fault) in
         [(far, Fault::TrackingLost), (sunk, Fault::TrackingLost), (fast, Fault::TooFast)]
     {
@@ -119,7 +119,10 @@ fn a_lost_reference_and_too_much_speed_land_after_a_third_of_a_second() {
         bench.pass(1, &ALOFT);
         assert!(bench.run(3, &e).may_steer(), "{fault:?}, begun anew");
     }
-    let near = Evidence { tracking_m: Some(1.0), sunk_m: Some(0.45), speed_mps: 3.0, ..ALOFT };
+    let near = with_tracking(Evidence { speed_mps: 3.0, ..ALOFT }, |it| {
+        it.away_m = Some(1.0);
+        it.sunk_m = Some(0.45);
+    });
     assert_eq!(after(&near), (Phase::Flying, true, vec![]));
     let by_hand = Evidence { is_by_hand: true, ..far };
     assert_eq!(after(&by_hand), (Phase::Flying, true, vec![]), "a person has no reference");
@@ -128,13 +131,10 @@ fn a_lost_reference_and_too_much_speed_land_after_a_third_of_a_second() {
 #[test]
 fn a_vehicle_that_turns_away_from_its_reference_while_commands_act_lands_after_one_and_a_half_seconds()
  {
-    let turned = Evidence { turned_rad: Some(1.01), ..ALOFT };
+    let turned = with_tracking(ALOFT, |it| it.turned_rad = Some(1.01));
     let spinning = |yaw_radps: f64| {
-        let mut e = Evidence {
-            outage: Some(outage(1.0, false, 0.0)),
-            turned_rad: Some(1.01),
-            ..moving(0.0, 0.0)
-        };
+        let lost = Evidence { outage: Some(outage(1.0, false, 0.0)), ..moving(0.0, 0.0) };
+        let mut e = with_tracking(lost, |it| it.turned_rad = Some(1.01));
         if let Some(motion) = &mut e.motion {
             motion.rate[pose::THETA] = yaw_radps;
         }
@@ -145,7 +145,7 @@ fn a_vehicle_that_turns_away_from_its_reference_while_commands_act_lands_after_o
     let out = bench.tick(&turned);
     assert_eq!((out.phase, faults(out)), (Phase::Landing, vec![Fault::TrackingLost]));
     for held in [
-        Evidence { turned_rad: Some(1.0), ..turned },
+        with_tracking(turned, |it| it.turned_rad = Some(1.0)),
         Evidence { is_by_hand: true, ..turned },
         spinning(0.3),
     ] {
@@ -188,10 +188,8 @@ fn a_vehicle_that_may_have_left_unseen_is_landed_unless_the_drone_contradicts_it
     // 0.8 s at 1 m/s: from 2.2 m on it would come to rest behind the wall at 3 m.
     let at = |x_m| Evidence { outage: Some(outage(1.0, false, x_m)), ..ALOFT };
     let seen = Findings { velocity: Agreement::Agrees, ..NOTHING_FOUND };
-    let contradicted = Evidence { findings: seen, ..at(2.3) };
-    for (e, found) in
-        [(at(2.1), vec![]), (at(2.3), vec![Fault::OutageUnsafe]), (contradicted, vec![])]
-    {
+    let rests = Evidence { findings: seen, ..at(2.3) };
+    for (e, found) in [(at(2.1), vec![]), (at(2.3), vec![Fault::OutageUnsafe]), (rests, vec![])] {
         let mut bench = Bench::flying();
         assert!(bench.run(5, &e).may_steer(), "the drone has just begun to move");
         assert_eq!(faults(bench.run(1, &e)), found);
@@ -285,23 +283,11 @@ fn the_drone_confirms_an_outage_by_a_speed_up_to_the_limit_and_not_by_one_that_i
 }
 
 #[test]
-fn a_vehicle_inside_of_an_obstacle_lands_if_a_fresh_pose_says_so() {
-    let inside = Evidence { is_in_obstacle: true, ..ALOFT };
-    assert_eq!(after(&inside), (Phase::Landing, false, vec![Fault::ObstacleEntered]));
-    let stale = Evidence { pose_age_s: Some(0.26), ..inside };
-    assert_eq!(after(&stale), (Phase::Flying, false, vec![Fault::MocapStale]));
-    let by_hand = Evidence { is_by_hand: true, ..inside };
-    assert_eq!(after(&by_hand).0, Phase::Flying);
-    let mut grounded = Bench::new(Start::Grounded);
-    assert_eq!(faults(grounded.run(9, &Evidence { is_in_obstacle: true, ..CALM })), []);
-}
-
-#[test]
 fn large_inputs_that_move_nothing_land_the_vehicle() {
-    let hit = Evidence { has_hit: true, ..ALOFT };
+    let hit = with_tracking(ALOFT, |it| it.has_hit = true);
     assert_eq!(after(&hit), (Phase::Landing, false, vec![Fault::Immobile]));
-    let held = Evidence { pressed_s: 2.21, ..ALOFT };
-    assert_eq!(after(&Evidence { pressed_s: 2.2, ..ALOFT }).0, Phase::Flying);
+    let held = with_tracking(ALOFT, |it| it.pressed_s = 2.21);
+    assert_eq!(after(&with_tracking(ALOFT, |it| it.pressed_s = 2.2)).0, Phase::Flying);
     assert_eq!(after(&held), (Phase::Landing, false, vec![Fault::Immobile]));
     let by_hand = Evidence { is_by_hand: true, ..held };
     assert_eq!(faults(Bench::flying().run(9, &by_hand)), [], "a person may press on");
@@ -314,22 +300,22 @@ fn large_inputs_that_move_nothing_land_the_vehicle() {
 #[test]
 fn a_vehicle_that_stands_still_below_its_reference_lands() {
     let findings = Findings { still_s: Some(0.8), ..NOTHING_FOUND };
-    let stands = Evidence { findings, below_m: Some(0.21), ..ALOFT };
+    let stands = with_tracking(Evidence { findings, ..ALOFT }, |it| it.below_m = Some(0.21));
     let mut bench = Bench::flying();
     assert_eq!(faults(bench.run(12, &stands)), []);
     assert_eq!(faults(bench.tick(&stands)), [Fault::Immobile]);
     // A plan that brakes does not climb.
-    let waits = Evidence { is_obstacle_unseen: true, ..stands };
+    let waits = with_obstacles(stands, |it| it.is_unseen = true);
     assert_eq!(faults(Bench::flying().run(50, &waits)), [Fault::ObstacleUnseen]);
     let in_outage = Evidence { outage: Some(outage(1.0, true, 0.0)), ..stands };
     let mut bench = Bench::flying();
     assert!(!bench.run(24, &in_outage).faults.contains(Fault::Immobile));
     assert!(bench.tick(&in_outage).faults.contains(Fault::Immobile));
     for flies in [
-        Evidence { below_m: Some(0.2), ..stands },
-        Evidence { below_m: None, ..stands },
+        with_tracking(stands, |it| it.below_m = Some(0.2)),
+        with_tracking(stands, |it| it.below_m = None),
         Evidence { findings: NOTHING_FOUND, ..stands },
-        Evidence { is_pose_repeated: true, ..stands },
+        with_poses(stands, |it| it.is_repeated = true),
         Evidence { pose_age_s: Some(0.26), ..stands },
         Evidence { is_by_hand: true, ..stands },
         // A hold, in which nothing is asked of it.
@@ -352,7 +338,7 @@ fn a_dead_time_that_is_too_long_lands_after_three_seconds() {
 
 #[test]
 fn an_error_or_a_speed_or_an_outage_that_is_no_number_ends_the_flight() {
-    let astray = Evidence { tracking_m: Some(f64::NAN), ..ALOFT };
+    let astray = with_tracking(ALOFT, |it| it.away_m = Some(f64::NAN));
     let fast = Evidence { speed_mps: f64::NAN, ..ALOFT };
     let long = Evidence { outage: Some(outage(f64::NAN, false, 0.0)), ..ALOFT };
     for (e, fault) in

@@ -39,8 +39,9 @@ fn a_still_pose_takes_the_commands_and_then_the_flight() {
 
 #[test]
 fn a_frozen_stream_is_named_once_its_pose_is_stale() {
-    let frozen =
-        |pose_age_s| Evidence { pose_age_s: Some(pose_age_s), is_pose_repeated: true, ..ALOFT };
+    let frozen = |pose_age_s| {
+        with_poses(Evidence { pose_age_s: Some(pose_age_s), ..ALOFT }, |it| it.is_repeated = true)
+    };
     let mut bench = Bench::flying();
     assert!(bench.tick(&frozen(0.2)).may_steer());
     let decision = bench.tick(&frozen(0.3));
@@ -51,7 +52,9 @@ fn a_frozen_stream_is_named_once_its_pose_is_stale() {
 
 #[test]
 fn jumps_and_shifts_within_the_limits_are_good() {
-    for e in [Evidence { jump_m: Some(1.5), ..ALOFT }, Evidence { shift_m: 1.5, ..ALOFT }] {
+    for e in
+        [with_poses(ALOFT, |it| it.jump_m = Some(1.5)), with_poses(ALOFT, |it| it.shift_m = 1.5)]
+    {
         let decision = Bench::flying().tick(&e);
         assert_eq!((decision.may_steer(), faults(decision)), (true, vec![]));
     }
@@ -61,7 +64,7 @@ fn jumps_and_shifts_within_the_limits_are_good() {
 fn poses_that_were_shifted_by_more_than_the_limit_or_by_no_number_end_the_flight() {
     for shift_m in [1.5_f64.next_up(), f64::INFINITY, f64::NAN] {
         for mut bench in [Bench::flying(), Bench::taking_off()] {
-            let decision = bench.tick(&Evidence { shift_m, ..ALOFT });
+            let decision = bench.tick(&with_poses(ALOFT, |it| it.shift_m = shift_m));
             assert_eq!(
                 (decision.phase, decision.may_steer()),
                 (Phase::Landing, false),
@@ -92,19 +95,19 @@ fn a_pose_is_stale_above_the_limit_without_an_age_or_with_none_that_is_a_number(
 fn what_is_asked_of_poses_before_a_take_off_is_not_asked_in_flight_and_jumps_only_there() {
     let undated = UNDATED;
     let pose = Some(at(2.9, 2.0));
-    let e = Evidence { pose, is_pose_settled: false, incidents: undated, ..ALOFT };
+    let e = with_poses(Evidence { pose, incidents: undated, ..ALOFT }, |it| it.is_settled = false);
     assert_eq!(faults(Bench::flying().tick(&e)), []);
     // On the ground the vehicle may be put elsewhere by hand.
     let [put_aside, shifted] =
-        [Evidence { jump_m: Some(9.0), ..CALM }, Evidence { shift_m: 9.0, ..CALM }];
-    for e in [put_aside, shifted, Evidence { shift_m: f64::NAN, ..CALM }] {
+        [with_poses(CALM, |it| it.jump_m = Some(9.0)), with_poses(CALM, |it| it.shift_m = 9.0)];
+    for e in [put_aside, shifted, with_poses(CALM, |it| it.shift_m = f64::NAN)] {
         assert_eq!(faults(Bench::new(Start::Grounded).tick(&e)), [], "{e:?}");
     }
 }
 
 #[test]
 fn a_repeated_pose_that_is_fresh_is_not_frozen() {
-    let e = Evidence { pose_age_s: Some(0.25), is_pose_repeated: true, ..ALOFT };
+    let e = with_poses(Evidence { pose_age_s: Some(0.25), ..ALOFT }, |it| it.is_repeated = true);
     assert_eq!(faults(Bench::flying().tick(&e)), []);
 }
 

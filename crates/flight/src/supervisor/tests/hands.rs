@@ -39,7 +39,7 @@ fn no_fault_that_blinds_or_warns_the_controller_takes_the_sticks_from_a_person()
     for e in [
         blind(ALOFT),
         Evidence { pose: Some(at(3.5, 1.1)), ..ALOFT },
-        Evidence { jump_m: Some(9.0), ..ALOFT },
+        with_poses(ALOFT, |it| it.jump_m = Some(9.0)),
         with_drone(ALOFT, |drone| drone.age_s = 5.0),
         failed,
     ] {

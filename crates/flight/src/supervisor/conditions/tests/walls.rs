@@ -4,7 +4,7 @@ use super::*;
 
 #[test]
 fn who_comes_near_in_a_take_off_ends_it() {
-    let near = |e| Evidence { is_approached: true, ..e };
+    let near = |e| with_obstacles(e, |it| it.is_approached = true);
     let deaf = with_drone(ALOFT, |drone| drone.takes_sticks = false);
     // On the ground, in the climb, and before the drone obeys.
     for (before, e) in [(0, CALM), (1, ALOFT), (40, deaf)] {
@@ -21,7 +21,7 @@ fn who_comes_near_in_a_take_off_ends_it() {
         assert_eq!((decision.phase, decision.order), (Phase::Landing, Some(DroneOrder::Land)));
         assert_eq!(faults(decision), [Fault::ObstacleApproaches]);
     }
-    let unseen = Evidence { is_obstacle_unseen: true, ..CALM };
+    let unseen = with_obstacles(CALM, |it| it.is_unseen = true);
     assert_eq!(Bench::taking_off().run(4, &unseen).phase, Phase::Landing);
     let by_hand = Evidence { is_by_hand: true, ..near(CALM) };
     assert_eq!(Bench::taking_off().run(9, &by_hand).phase, Phase::TakingOff, "a person sees it");
@@ -65,7 +65,7 @@ fn a_plan_that_knows_the_walls_decides_in_place_of_the_distance_to_rest() {
 #[test]
 fn an_obstacle_that_is_not_seen_brakes_until_it_is() {
     let mut bench = Bench::flying();
-    let unseen = Evidence { is_obstacle_unseen: true, ..moving(0.0, 1.0) };
+    let unseen = with_obstacles(moving(0.0, 1.0), |it| it.is_unseen = true);
     for _ in 0..10 {
         let decision = bench.tick(&unseen);
         assert!(decision.is_braking && decision.may_steer(), "{decision:?}");
@@ -124,4 +124,17 @@ fn what_is_carried_may_be_carried_out_of_the_room() {
     let mut bench = Bench::new(Start::Carried);
     let decision = bench.run(10, &moving(5.0, 1.0));
     assert_eq!((decision.phase, decision.may_steer()), (Phase::Flying, true));
+}
+
+#[test]
+fn a_vehicle_inside_of_an_obstacle_lands_if_a_fresh_pose_says_so() {
+    let inside = with_obstacles(ALOFT, |it| it.is_vehicle_inside = true);
+    assert_eq!(after(&inside), (Phase::Landing, false, vec![Fault::ObstacleEntered]));
+    let stale = Evidence { pose_age_s: Some(0.26), ..inside };
+    assert_eq!(after(&stale), (Phase::Flying, false, vec![Fault::MocapStale]));
+    let by_hand = Evidence { is_by_hand: true, ..inside };
+    assert_eq!(after(&by_hand).0, Phase::Flying);
+    let mut grounded = Bench::new(Start::Grounded);
+    let below = with_obstacles(CALM, |it| it.is_vehicle_inside = true);
+    assert_eq!(faults(grounded.run(9, &below)), []);
 }
