@@ -31,8 +31,8 @@ pub enum Fault {
     /// A pose further than `jump_m` from any possible flight was accepted, at once or in several steps: another object,
     /// or new axes.
     MocapJumped,
-    /// Too many accepted poses of the newest 12 s were further from the one before than a vehicle flies
-    /// (`pose_plausibility.rs`): an object that is found in two places, or noise.
+    /// Too many accepted poses of the newest 12 s were further from the pose before than a vehicle flies
+    /// (`pose_plausibility.rs`). The object is found in two places, or the poses are noise.
     MocapRough,
     /// Before the take-off the poses of the last `standing.for_s` do not agree.
     MocapUnsettled,
@@ -53,9 +53,9 @@ pub enum Fault {
     StartMisplaced,
     /// The plan leads outside of the room or into an obstacle that does not move, or did so just now.
     PlanBlocked,
-    /// Plans were blocked for more than 3 s in sum, a fifth of the time without a blocked plan subtracted: the
-    /// controller does not keep the vehicle on its plans. Or for 3 s an obstacle that does not move was between the
-    /// vehicle and a reference that stood, and the vehicle stayed within 0.4 m.
+    /// The vehicle does not get on, by one of two signs. Plans were blocked for more than 3 s in sum, a fifth of the
+    /// time without a blocked plan subtracted. For 3 s the vehicle stayed within 0.4 m, with an obstacle that does not
+    /// move between the vehicle and a reference that stood.
     BlockedLong,
     /// The vehicle is inside of an obstacle that does not move.
     ObstacleEntered,
@@ -68,20 +68,25 @@ pub enum Fault {
     FenceNear,
     /// The vehicle is outside of the room.
     FenceLeft,
-    /// The vehicle does not follow its reference. For 0.3 s its distance exceeded the least one so far by more than
-    /// `failsafe.tracking_m`, or it had come down below the reference by more than 0.45 m, not within 0.6 m of an
-    /// obstacle: it sinks or is pulled down. Or for 4 s in sum, a fifth of the other time subtracted, its velocity
-    /// differed by more than 0.6 m/s: it oscillates. Or for 1.5 s its heading differed by more than 1 rad; in an
-    /// outage this counts only while the vehicle turns.
+    /// The vehicle does not follow its reference, by one of four signs:
+    ///
+    /// - For 0.3 s its distance exceeds the least one so far by more than `failsafe.tracking_m`.
+    /// - For 0.3 s it is by more than 0.45 m lower than it was, and below the reference: it sinks or is pulled down.
+    ///   Within 0.6 m of an obstacle this does not count.
+    /// - For 4 s in sum, a fifth of the other time subtracted, its velocity differs by more than 0.6 m/s: it
+    ///   oscillates.
+    /// - For 1.5 s its heading differs by more than 1 rad. In an outage this counts only while the vehicle turns.
     TrackingLost,
-    /// Inputs of `failsafe.pressed_s` in one direction have moved nothing: the vehicle is held, caught or blocked. Or
-    /// it came to rest at once while its inputs drove it on: it has hit something. Or it stands still below its
-    /// reference, for 1.2 s while it is steered, for 2.4 s in an outage.
+    /// The vehicle does not move, by one of three signs:
+    ///
+    /// - Inputs of `failsafe.pressed_s` in one direction have moved nothing: it is held, caught or blocked.
+    /// - It came to rest at once while its inputs drove it on: it has hit something.
+    /// - It stands still below its reference, for 1.2 s while it is steered, for 2.4 s in an outage.
     Immobile,
     /// For 0.3 s the vehicle is faster than `failsafe.speed_mps`.
     TooFast,
-    /// For 3 s roll and pitch act more than 0.08 s later than the largest correction of their dead time allows for, or
-    /// throttle or yaw more than 0.15 s.
+    /// For 3 s an axis has acted later than the largest correction of its dead time allows for: roll and pitch by more
+    /// than 0.08 s, throttle or yaw by more than 0.15 s.
     DeadTimeLong,
     /// The mission takes much longer than planned.
     MissionOverdue,
@@ -89,8 +94,8 @@ pub enum Fault {
     OutageHeld,
     /// A command outage lasts longer than `failsafe.outage_s`, or `failsafe.outage_alone_s` while nothing confirms it.
     OutageLong,
-    /// For 0.5 s the drone has not confirmed an outage, and the vehicle would have left the room if its commands act
-    /// although the link monitor finds them lost.
+    /// For 0.5 s the drone has not confirmed an outage that the link monitor has found. If its commands act
+    /// nevertheless, the vehicle has left the room.
     OutageUnsafe,
     /// The drone has not reported yet, or before the take-off not for `drone_silent_s`.
     DroneUnheard,
@@ -100,7 +105,7 @@ pub enum Fault {
     TookOffUnasked,
     /// The drone has not reported for longer than `drone_silent_s`.
     DroneSilent,
-    /// The drone reports for a second that it stands, in flight or after it flew in the take-off: it landed by itself,
+    /// The drone reports for a second that it stands, in flight or after it flew in the take-off. It landed by itself,
     /// fell or was caught.
     NotFlying,
     /// The battery is below `battery_low_pct` or above 100 %, or the drone calls it low.
@@ -116,7 +121,7 @@ pub enum Fault {
     SolverFailing,
     /// The loop missed more than `late_periods_max` periods in a short time.
     TicksLate,
-    /// The take-off was not confirmed within `take_off_timeout_s`, or the drone has reported to fly for 3 s and has not
+    /// The take-off was not confirmed within `take_off_timeout_s`. Or the drone has reported to fly for 3 s and has not
     /// risen: it is held.
     TakeOffTimeout,
     /// The landing was not confirmed within `landing_timeout_s`.
