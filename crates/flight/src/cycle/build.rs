@@ -112,7 +112,7 @@ where
         monitors: Monitors::new(&monitors, dt_s),
         progress: Progress::default(),
         immobility: Immobility::default(),
-        impact: Impact::new(dt_s),
+        impact: Impact::new(),
         start: StandingStart::new(cycle.standing).map_err(under("cycle.standing"))?,
         supervisor: Supervisor::new(supervisor, table.start),
         hand_over: HandOver::default(),

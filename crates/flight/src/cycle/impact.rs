@@ -19,12 +19,13 @@
 use horizon_model::rows::{Pose, Sticks, pos_w};
 use nalgebra::Vector2;
 
+use super::DT_S;
 use super::pose_plausibility::SPEED_MAX_MPS;
 use crate::commanded::inputs_w;
 use crate::ring::Ring;
 
-/// Ages of the positions that are compared, and of the inputs: 0.12 s, 0.2 s, 0.4 s and 0.8 s of the equations at the
-/// period of 20 ms. periods
+/// Ages of the positions that are compared, and of the inputs, in periods of [`DT_S`]: 0.12 s, 0.2 s, 0.4 s and 0.8 s
+/// of the equations. periods
 const AGE_STOPPED: usize = 6;
 const AGE_BEFORE_STOP: usize = 10;
 const AGE_APPROACH: usize = 20;
@@ -53,7 +54,6 @@ const STEP_M: f64 = 0.05;
 /// The newest positions and inputs.
 #[derive(Debug, Clone)]
 pub(super) struct Impact {
-    dt_s: f64,
     /// Position, if there was a pose, and applied input of each period. m, 1
     ring: Ring<(Option<Vector2<f64>>, Vector2<f64>)>,
     ticks: u32,
@@ -65,10 +65,10 @@ pub(super) struct Impact {
 }
 
 impl Impact {
-    /// Nothing was seen yet. `dt_s` > 0 is the period.
-    pub(super) fn new(dt_s: f64) -> Self {
+    /// Nothing was seen yet.
+    pub(super) fn new() -> Self {
         let ring = Ring::new((None, Vector2::zeros()), AGE_INPUTS + 1);
-        Self { dt_s, ring, ticks: 0, since_jump: usize::MAX, spacing: 1, since_gap: 0 }
+        Self { ring, ticks: 0, since_jump: usize::MAX, spacing: 1, since_gap: 0 }
     }
 
     /// A period has ended in which `u_applied` was applied at the heading `theta_rad`; `seen` is the new pose in it, if
@@ -124,7 +124,7 @@ impl Impact {
         let Some(((to_w, _), (from_w, age))) = self.position(0).zip(self.position(1)) else {
             return false;
         };
-        let (step_w, time_s) = (to_w - from_w, self.dt_s * age as f64);
+        let (step_w, time_s) = (to_w - from_w, DT_S * age as f64);
         let bounce_mps = if age > BOUNCE_AGE_MAX { 0.0 } else { BOUNCE_MPS };
         let leads_back =
             |v: Vector2<f64>| -step_w.dot(&v) > (bounce_mps * time_s + BOUNCE_M) * v.norm();
@@ -135,7 +135,7 @@ impl Impact {
     /// Mean velocity between two ages. m/s
     fn velocity(&self, newer: usize, older: usize) -> Option<Vector2<f64>> {
         let ((to_w, newer), (from_w, older)) = (self.position(newer)?, self.position(older)?);
-        Some((to_w - from_w) / (self.dt_s * (older - newer) as f64))
+        Some((to_w - from_w) / (DT_S * (older - newer) as f64))
     }
 
     /// The first position that is at least so old, and its age.
@@ -155,8 +155,6 @@ mod tests {
 
     use super::*;
 
-    const DT_S: f64 = 0.02;
-
     /// First time at which a vehicle along x has hit something, if its speed is `speed_mps(t)` and its pitch
     /// `pitch(t)`, with a pose in each tick for which there `is_pose`. s
     fn hit_s(
@@ -164,7 +162,7 @@ mod tests {
         pitch: impl Fn(f64) -> f64,
         is_pose: impl Fn(u32) -> bool,
     ) -> Option<f64> {
-        let (mut impact, mut x_m) = (Impact::new(DT_S), 0.0);
+        let (mut impact, mut x_m) = (Impact::new(), 0.0);
         (0..250).find_map(|k| {
             let t_s = f64::from(k) * DT_S;
             x_m += speed_mps(t_s) * DT_S;
