@@ -15,7 +15,7 @@ use super::immobility::Immobility;
 use super::impact::Impact;
 use super::link::Link;
 use super::mission_checks;
-use super::planning::Planner;
+use super::planning::{Planner, StickBounds};
 use super::pose_plausibility::Plausibility;
 use super::progress::Progress;
 use super::settled_poses::StandingStart;
@@ -144,9 +144,10 @@ where
 {
     let (settings, baseline) = cycle.mpc.check::<M, NS, NP>()?;
     check_correction::<M, NS, NP>(cycle)?;
-    let (u_lb, u_ub) = (*settings.u_lb(), *settings.u_ub());
+    let bounds = StickBounds { lower: *settings.u_lb(), upper: *settings.u_ub() };
     let effect = |u: &Sticks| model.effect(u, p_prior).as_slice().to_vec();
-    let by_effect = MpcTable { u_lb: effect(&u_lb), u_ub: effect(&u_ub), ..cycle.mpc.mpc() };
+    let (u_lb, u_ub) = (effect(&bounds.lower), effect(&bounds.upper));
+    let by_effect = MpcTable { u_lb, u_ub, ..cycle.mpc.mpc() };
     let mut settings = by_effect.check::<M, NS, { stick::COUNT }, { pose::COUNT }, NP>()?;
     let given_steps = given_steps(fifo.nominal_steps());
     let given_max = given_steps_max(cycle.link.as_ref(), fifo, dt_s);
@@ -163,7 +164,7 @@ where
     }
     let settings = settings.with_constraints(walls.as_ref().map_or(0, Walls::count));
     let mpc = Mpc::new(model.core(), settings, dt_s)?;
-    let planner = Planner::new(*model, (mpc, baseline), (u_lb, u_ub), fifo, dt_s);
+    let planner = Planner::new(*model, (mpc, baseline), bounds, fifo, dt_s);
     Ok(planner.within(walls))
 }
 

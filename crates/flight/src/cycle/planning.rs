@@ -31,6 +31,13 @@ const CLEAR_LAG_MAX: u32 = 5;
 const REST_MPS: f64 = 0.1;
 const REST_M: f64 = 0.5;
 
+/// Bounds of the sticks of a plan. 1
+#[derive(Debug, Clone, Copy)]
+pub(super) struct StickBounds {
+    pub(super) lower: Sticks,
+    pub(super) upper: Sticks,
+}
+
 /// Controller with its references, constraints and newest plan.
 #[derive(Debug)]
 pub(super) struct Planner<M, const NS: usize, const NP: usize, const NR: usize>
@@ -41,8 +48,7 @@ where
     dt_s: f64,
     mpc: Mpc<M, NS, { stick::COUNT }, { pose::COUNT }, NP, NR>,
     baseline: Baseline<NP>,
-    u_lb: Sticks,
-    u_ub: Sticks,
+    bounds: StickBounds,
     committed: Committed,
     /// Committed effective inputs of the newest plan, by step; as long as the horizon.
     u_given: Vec<Sticks>,
@@ -71,13 +77,13 @@ impl<M, const NS: usize, const NP: usize, const NR: usize> Planner<M, NS, NP, NR
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
 {
-    /// A planner without a plan. `u_lb` and `u_ub` are bounds of the sticks; model and bounds of `mpc` are those of
+    /// A planner without a plan. `bounds` are those of the sticks; model and bounds of `mpc` are those of
     /// effective inputs. A stage of `mpc` begins where the nominal
     /// [`given_steps`](super::committed::given_steps) end.
     pub(super) fn new(
         model: M,
         (mpc, baseline): (Mpc<M, NS, { stick::COUNT }, { pose::COUNT }, NP, NR>, Baseline<NP>),
-        (u_lb, u_ub): (Sticks, Sticks),
+        bounds: StickBounds,
         fifo: &InputFifo<{ stick::COUNT }>,
         dt_s: f64,
     ) -> Self {
@@ -89,8 +95,7 @@ where
             dt_s,
             mpc,
             baseline,
-            u_lb,
-            u_ub,
+            bounds,
             committed,
             u_given,
             references: vec![Reference::default(); stages],
@@ -336,8 +341,9 @@ where
     /// Sticks that have the effective input `effect`, within their bounds.
     fn stick_for(&self, effect: &Sticks) -> Sticks {
         let stick = self.model.input_for(effect, &self.p);
+        let StickBounds { lower, upper } = &self.bounds;
         // `clamp` keeps NaN: the gate refuses it.
-        Sticks::from_fn(|axis, _| stick[axis].clamp(self.u_lb[axis], self.u_ub[axis]))
+        Sticks::from_fn(|axis, _| stick[axis].clamp(lower[axis], upper[axis]))
     }
 
     /// Whether there is a plan whose horizon has not passed yet.

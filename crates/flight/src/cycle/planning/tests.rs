@@ -39,7 +39,8 @@ fn planner(fifo: &InputFifo<4>) -> Planner<Kinematic, 4, 4, 4> {
     let table = table(HORIZON_STEPS, Vec::new());
     let mpc = Mpc::new(Kinematic, table.check::<Kinematic, 4, 4, 4, 4>().unwrap(), DT_S).unwrap();
     let baseline = Baseline { max_target_distance: 100.0, p_correction: SVector::zeros() };
-    let bounds = (Sticks::repeat(-STICK_MAX), Sticks::repeat(STICK_MAX));
+    let bounds =
+        StickBounds { lower: Sticks::repeat(-STICK_MAX), upper: Sticks::repeat(STICK_MAX) };
     Planner::new(Kinematic, (mpc, baseline), bounds, fifo, DT_S)
 }
 
