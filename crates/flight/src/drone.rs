@@ -51,7 +51,7 @@ const STANDING_RISE_MAX_M: f64 = 0.4;
 
 /// Whether the drone's own height contradicts that it stands; `ground_m` is its height before the take-off. A
 /// height that is missing, or did not rise, contradicts nothing.
-pub fn contradicts_standing(height_m: Option<f64>, ground_m: Option<f64>) -> bool {
+pub fn denies_standing(height_m: Option<f64>, ground_m: Option<f64>) -> bool {
     let rise_m = height_m.zip(ground_m).map(|(height_m, ground_m)| height_m - ground_m);
     // Heights are whole decimetres: 0.4 m is within.
     rise_m.is_some_and(|rise_m| rise_m > STANDING_RISE_MAX_M + 1e-6)

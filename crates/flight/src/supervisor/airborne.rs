@@ -9,7 +9,7 @@ use super::condition_timer::HoldTimer;
 use super::evidence::{DroneReport, Evidence, Phase};
 use super::fault::Fault;
 use super::{DOWN_HOLD_S, Supervisor, TakeOffSeen, elapsed_s, exceeds};
-use crate::drone::{ALONE_HOLD, TAKE_OFF_TAIL, TAKE_OFF_UNSEEN, contradicts_standing};
+use crate::drone::{ALONE_HOLD, TAKE_OFF_TAIL, TAKE_OFF_UNSEEN, denies_standing};
 
 /// Fraction of `airborne_height_m` below which a vehicle looks grounded. 1
 const DOWN_HEIGHT_FRACTION: f64 = 0.5;
@@ -81,7 +81,7 @@ impl Supervisor {
     /// which it cannot.
     fn drone_is_airborne(&self, e: &Evidence) -> Option<bool> {
         let height_m = e.drone.and_then(|drone| drone.height_m);
-        let is_contradicted = contradicts_standing(height_m, self.take_off.drone_ground_m);
+        let is_contradicted = denies_standing(height_m, self.take_off.drone_ground_m);
         self.drone_says_flying(e).filter(|is_flying| *is_flying || !is_contradicted)
     }
 

@@ -9,19 +9,19 @@
 //! - From the first landing on there is no take-off and no stick packet but those neutral ones: any
 //!   command may cancel a landing. Nothing stands between two landings; the request for a connection goes
 //!   out directly before the neutral sticks.
-//! - A landing ends when both sources, status and pose, report that the drone is down, or one of them for
+//! - A landing ends when both witnesses, status and pose, report that the drone is down, or one of them for
 //!   10 s while the other reports nothing.
 //! - An emergency stop is allowed in any state. Nothing but another emergency stop follows it, and a landing if
 //!   the drone still flies 0.6 s later: that the binary protocol obeys an emergency stop was never verified.
 
 mod airborne;
-mod airborne_sources;
 mod binary;
 mod guard;
 mod inbound;
 mod messages;
 mod sending;
 mod text;
+mod witness;
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -31,10 +31,10 @@ use tello_flight::gate::Approved;
 
 use super::LinkCounters;
 use crate::clock::{SpanNs, TimeNs};
-use airborne_sources::{AirborneSources, Rest};
 use binary::BinaryTalk;
 use messages::Talk;
 use text::TextTalk;
+use witness::{Rest, Witnesses};
 
 pub(super) use guard::last_words;
 pub use messages::Message;
@@ -88,7 +88,7 @@ pub struct Session {
     take_off: Option<TakeOff>,
     /// Whether a take-off was ordered, a deflected stick sent, or the drone ever reported that it flies.
     may_have_flown: bool,
-    sources: AirborneSources,
+    witnesses: Witnesses,
     /// When the session is over whatever the drone reports; `None` until it is stopped.
     over_at: Option<TimeNs>,
     counters: Arc<LinkCounters>,
@@ -125,11 +125,11 @@ enum SessionPhase {
     /// The landing is repeated until the drone has been down for a while.
     Landing { again_at: TimeNs, at_rest: Option<Rest> },
     /// The landing ended, and with it the flight: only another landing or an emergency stop may be
-    /// ordered. The landing is resumed, at `again_at` or later, if a source reports that the drone is airborne.
+    /// ordered. The landing is resumed, at `again_at` or later, if a witness reports that the drone is airborne.
     Landed { again_at: TimeNs },
     /// The emergency stop is repeated until the drone has been down for a while.
     EmergencyStop(EmergencyStop),
-    /// The motors are stopped: only another emergency stop may be ordered. The emergency stop begins anew if a source
+    /// The motors are stopped: only another emergency stop may be ordered. The emergency stop begins anew if a witness
     /// reports that the drone is airborne.
     MotorsStopped,
 }
@@ -174,7 +174,7 @@ impl Session {
             phase: SessionPhase::Quiet,
             take_off: None,
             may_have_flown: false,
-            sources: AirborneSources::default(),
+            witnesses: Witnesses::default(),
             over_at: None,
             counters,
             outbox: Vec::with_capacity(8),
@@ -307,7 +307,7 @@ impl Session {
     /// take-off is sent once, and only to a drone that reported in the last 2 s that it stands; another one is
     /// sent only if it reports the same when the first must show. There is none once a landing was ordered, be it
     /// by the watchdog. An emergency stop is sent three times at once after neutral sticks, then every 0.2 s until the
-    /// drone has been down for 1 s by both sources, or for 10 s by one; from 0.6 s on every other emergency stop is a
+    /// drone has been down for 1 s to both witnesses, or for 10 s to one; from 0.6 s on every other emergency stop is a
     /// landing while it is not. An emergency stop ends whatever went on before it, and no other order follows it.
     /// Real time: constant; allocates only if the outbox grows.
     pub fn order(&mut self, order: DroneOrder, now: TimeNs) {

@@ -1,4 +1,4 @@
-//! The end of a flight at the socket: a drone that reports no flight, and a system that refuses to send.
+//! The end of a flight at the socket: a drone that denies its flight, and a system that refuses to send.
 
 use std::time::Duration;
 
@@ -55,7 +55,7 @@ fn is_neutral(packet: HostPacket) -> bool {
 }
 
 #[tokio::test]
-async fn a_drone_that_reports_no_flight_is_landed_until_the_pose_is_on_the_floor() {
+async fn a_drone_that_denies_its_flight_is_landed_until_the_pose_is_on_the_floor() {
     let drone = UdpSocket::bind("127.0.0.1:0").await.unwrap();
     let (client, link) = bind(drone.local_addr().unwrap().to_string());
     let (stopper, stop) = Stopper::new();

@@ -61,7 +61,7 @@ fn the_sequence_ends_when_status_and_pose_agree_that_the_drone_is_down() {
             bench.receive(now_ms, &status(now_ms < 1_000));
         }
         if now_ms % 20 == 0 {
-            // The status reports no flight from a second before the drone is down.
+            // The status denies the flight a second before the drone is down.
             bench.observe_pose(now_ms, Some(now_ms < 2_000));
         }
         bench.run(now_ms, now_ms);
@@ -195,7 +195,7 @@ fn a_stopped_session_repeats_the_emergency_stop_until_the_drone_lies_still() {
 }
 
 #[test]
-fn a_drone_that_is_down_by_one_source_alone_is_landed_beside_the_emergency_stops_for_10_s() {
+fn a_drone_that_is_down_by_one_witness_alone_is_landed_beside_the_emergency_stops_for_10_s() {
     for (says, sees) in [(Some(false), None), (None, Some(false))] {
         let mut bench = Bench::connected();
         bench.order(10, DroneOrder::EmergencyStop);
