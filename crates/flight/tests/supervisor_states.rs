@@ -80,6 +80,30 @@ fn findings(flag: impl Fn(u8) -> bool) -> Findings {
     }
 }
 
+fn obstacles(flag: impl Fn(u8) -> bool) -> ObstacleEvidence {
+    ObstacleEvidence {
+        is_unseen: flag(0) && flag(1) && flag(3),
+        blocks_take_off: flag(1) && flag(2) && flag(3),
+        is_approached: flag(1) && flag(3),
+        may_be_approached: flag(2) && flag(3),
+        reference_behind_w: (flag(0) && flag(3)).then(Vector3::zeros),
+        is_vehicle_inside: flag(0) && flag(1) && flag(2),
+    }
+}
+
+fn tracking(flag: impl Fn(u8) -> bool) -> TrackingEvidence {
+    TrackingEvidence {
+        pressed_s: if flag(2) && flag(3) { 9.0 } else { 0.0 },
+        has_hit: flag(3) && flag(5),
+        away_m: flag(0).then_some(2.0),
+        velocity_error_mps: flag(2).then_some(2.0),
+        turned_rad: flag(2).then_some(2.0),
+        below_m: flag(1).then_some(0.5),
+        sunk_m: flag(1).then_some(0.5),
+        overtime_s: if flag(1) { 61.0 } else { 0.0 },
+    }
+}
+
 fn evidence(
     pose_age_s: Option<f64>,
     place: Option<[f64; 2]>,
@@ -100,14 +124,7 @@ fn evidence(
             (true, true) => PlanClearance::Clear,
             (true, false) => PlanClearance::Blocked,
         },
-        obstacles: ObstacleEvidence {
-            is_unseen: flag(0) && flag(1) && flag(3),
-            blocks_take_off: flag(1) && flag(2) && flag(3),
-            is_approached: flag(1) && flag(3),
-            may_be_approached: flag(2) && flag(3),
-            reference_behind_w: (flag(0) && flag(3)).then(Vector3::zeros),
-            is_vehicle_inside: flag(0) && flag(1) && flag(2),
-        },
+        obstacles: obstacles(flag),
         poses: PoseEvidence {
             is_repeated: flag(2),
             jump_m: (flag(1) && flag(2)).then_some(2.0),
@@ -123,16 +140,7 @@ fn evidence(
             unseen: [EstimatedMotion { pose, rate }; 2],
         }),
         is_dead_time_long: flag(1) && flag(3),
-        tracking: TrackingEvidence {
-            pressed_s: if flag(2) && flag(3) { 9.0 } else { 0.0 },
-            has_hit: flag(3) && flag(5),
-            away_m: flag(0).then_some(2.0),
-            velocity_error_mps: flag(2).then_some(2.0),
-            turned_rad: flag(2).then_some(2.0),
-            below_m: flag(1).then_some(0.5),
-            sunk_m: flag(1).then_some(0.5),
-            overtime_s: if flag(1) { 61.0 } else { 0.0 },
-        },
+        tracking: tracking(flag),
         speed_mps: if flag(3) { 4.0 } else { 0.0 },
         drone: drone_age_s.map(|age_s| DroneReport {
             age_s,
@@ -173,18 +181,18 @@ fn assert_may_take_off(before: Phase, sees: bool, e: &Evidence) {
 }
 
 /// What a decision must never break, seen from the phase before it.
-fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, decision: Decision) {
-    let case = || format!("{before:?}, {e:?}, {decision:?}");
+fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, out: Decision) {
+    let case = || format!("{before:?}, {e:?}, {out:?}");
     let is_fresh = e.pose_age_s.is_some_and(|age_s| age_s <= STALE_S);
     let is_inside = e.pose.is_none_or(|at| at[pose::X] <= 3.0 && at[pose::Z].is_finite());
     let asks_to_end =
         matches!(e.operator, Operator::Land | Operator::EmergencyStop) || e.incidents.ends_flight();
-    if decision.may_steer() {
-        assert_eq!(decision.phase, Phase::Flying, "steers outside of a flight: {}", case());
+    if out.may_steer() {
+        assert_eq!(out.phase, Phase::Flying, "steers outside of a flight: {}", case());
         assert!(!asks_to_end, "steers against orders: {}", case());
-        assert_eq!(decision.order, None, "steers beside an order: {}", case());
+        assert_eq!(out.order, None, "steers beside an order: {}", case());
     }
-    match decision.pilot {
+    match out.pilot {
         Some(Pilot::Controller) => {
             assert!(is_fresh && !e.has_estimator_failed, "steers on stale data: {}", case());
             assert!(is_inside, "steers behind the wall: {}", case());
@@ -194,39 +202,30 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, decision: Decision
         None => {}
     }
     if e.operator == Operator::EmergencyStop {
-        assert_eq!(decision.phase, Phase::MotorsStopped, "does not stop: {}", case());
+        assert_eq!(out.phase, Phase::MotorsStopped, "does not stop: {}", case());
     }
-    if decision.order == Some(DroneOrder::EmergencyStop) {
-        assert_eq!(decision.phase, Phase::MotorsStopped, "{}", case());
+    if out.order == Some(DroneOrder::EmergencyStop) {
+        assert_eq!(out.phase, Phase::MotorsStopped, "{}", case());
     }
-    if decision.order == Some(DroneOrder::TakeOff) {
-        assert_eq!(decision.phase, Phase::TakingOff, "{}", case());
+    if out.order == Some(DroneOrder::TakeOff) {
+        assert_eq!(out.phase, Phase::TakingOff, "{}", case());
         assert!(!has_landed, "takes off after a landing: {}", case());
         assert!(!asks_to_end, "takes off against orders: {}", case());
         assert_may_take_off(before, is_fresh && is_inside, e);
     }
-    if decision.order == Some(DroneOrder::Land) {
-        assert!(matches!(decision.phase, Phase::Landing | Phase::LandingUnconfirmed), "{}", case());
+    if out.order == Some(DroneOrder::Land) {
+        assert!(matches!(out.phase, Phase::Landing | Phase::LandingUnconfirmed), "{}", case());
     }
     let is_on_the_way = matches!(before, Phase::TakingOff | Phase::Flying);
     let pilot = if e.is_by_hand { Pilot::Person } else { Pilot::Controller };
-    let must_land = decision.faults.reaction(pilot) == Reaction::Land;
+    let must_land = out.faults.reaction(pilot) == Reaction::Land;
     if is_on_the_way && must_land {
-        assert_eq!(
-            (decision.phase, decision.order),
-            (Phase::Landing, Some(DroneOrder::Land)),
-            "{}",
-            case()
-        );
+        assert_eq!((out.phase, out.order), (Phase::Landing, Some(DroneOrder::Land)), "{}", case());
     }
-    let must_brake = decision.faults.reaction(pilot) == Reaction::BrakeAndLand;
+    let must_brake = out.faults.reaction(pilot) == Reaction::BrakeAndLand;
     if is_on_the_way && must_brake {
-        let is_flown = decision.phase == Phase::Flying && decision.pilot == Some(Pilot::Controller);
-        assert!(
-            decision.phase == Phase::Landing || (is_flown && decision.is_braking),
-            "{}",
-            case()
-        );
+        let is_flown = out.phase == Phase::Flying && out.pilot == Some(Pilot::Controller);
+        assert!(out.phase == Phase::Landing || (is_flown && out.is_braking), "{}", case());
     }
     let may_follow: &[Phase] = match before {
         _ if e.operator == Operator::EmergencyStop => &[Phase::MotorsStopped],
@@ -238,9 +237,9 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, decision: Decision
         Phase::LandingUnconfirmed => &[Phase::LandingUnconfirmed],
         Phase::MotorsStopped => &[Phase::MotorsStopped],
     };
-    assert!(may_follow.contains(&decision.phase), "no such transition: {}", case());
+    assert!(may_follow.contains(&out.phase), "no such transition: {}", case());
     if !is_fresh {
-        assert!(decision.faults.contains(Fault::MocapStale), "stale and not noted: {}", case());
+        assert!(out.faults.contains(Fault::MocapStale), "stale and not noted: {}", case());
     }
 }
 

@@ -126,7 +126,7 @@ impl Follower {
         match self.stage {
             FollowStage::Unplaced => self.approach(pose_hat, self.carrot(pose_hat)),
             FollowStage::Approach(carrot) => {
-                self.approach(pose_hat, self.advanced(carrot, pose_hat))
+                self.approach(pose_hat, self.advanced(carrot, pose_hat));
             }
             FollowStage::Settle { left } => self.settle(pose_hat, left),
             FollowStage::Run => self.run(pose_hat),

@@ -101,7 +101,7 @@ mod tests {
         let motion = Some(EstimatedMotion { pose, rate: Pose::zeros() });
         let reference_behind_w = Some(Vector3::new(to_m, 0.0, 1.0));
         with_obstacles(Evidence { motion, speed_mps: 0.1, ..ALOFT }, |it| {
-            it.reference_behind_w = reference_behind_w
+            it.reference_behind_w = reference_behind_w;
         })
     }
 
@@ -118,7 +118,7 @@ mod tests {
         assert!((30..=32).contains(&at), "{at}");
         let seldom_free = |k| {
             let is_free = k % 7 > 3;
-            let reference_behind_w = stuck(k).reference_behind_w.filter(|_| !is_free);
+            let reference_behind_w = stuck(k).obstacles.reference_behind_w.filter(|_| !is_free);
             with_obstacles(stuck(k), |it| it.reference_behind_w = reference_behind_w)
         };
         assert!(ends_at(seldom_free).is_some());
@@ -144,7 +144,7 @@ mod tests {
         assert_eq!(ends_at(|k| Evidence { pose_age_s: pose_age_s(k), ..stuck(k) }), None, "a hold");
         let often_free = |k| {
             let is_free = k % 10 > 4;
-            let reference_behind_w = stuck(k).reference_behind_w.filter(|_| !is_free);
+            let reference_behind_w = stuck(k).obstacles.reference_behind_w.filter(|_| !is_free);
             with_obstacles(stuck(k), |it| it.reference_behind_w = reference_behind_w)
         };
         assert_eq!(ends_at(often_free), None, "the path is free again");

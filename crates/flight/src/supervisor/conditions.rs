@@ -212,14 +212,11 @@ impl Supervisor {
         let follows_mission =
             self.is_flying() && self.control == ControlMode::Mission && e.outage.is_none();
         let is_off = |error_mps: &f64| exceeds(*error_mps, VELOCITY_OFF_REFERENCE_MPS);
-        let weight = e.tracking.velocity_error_mps.filter(is_off).filter(|_| follows_mission).map_or(
-            0.0,
-            |error_mps| {
-                (error_mps / VELOCITY_OFF_REFERENCE_MPS)
-                    .powi(2)
-                    .min(VELOCITY_OFF_REFERENCE_WEIGHT_MAX)
-            },
-        );
+        let off_mps = e.tracking.velocity_error_mps.filter(is_off).filter(|_| follows_mission);
+        let weight = off_mps.map_or(0.0, |error_mps| {
+            let ratio2 = (error_mps / VELOCITY_OFF_REFERENCE_MPS).powi(2);
+            ratio2.min(VELOCITY_OFF_REFERENCE_WEIGHT_MAX)
+        });
         self.timers.velocity_off_reference.update_weighted(weight, e.t_ns);
     }
 

@@ -68,11 +68,11 @@ fn speeds_differ_beyond_a_quarter_of_the_larger_one_and_0_1_mps() {
 #[test]
 fn displacements_differ_if_drone_and_inputs_agree_in_both_kinds_of_axes() {
     let difference_m = |poses_m: f64, drone_m: [f64; 2], inputs_m: f64, speeds_m: [f64; 2]| {
-        let drone =
+        let drone_speeds =
             speeds_m.map(|difference_m| DroneSpeed { difference_m, ..DroneSpeed::default() });
         let (poses_w_m, inputs_w_m) = (Complex::from(poses_m), Complex::from(inputs_m));
         let mut displacements =
-            Displacements { poses_w_m, drone, inputs_w_m, ..Displacements::default() };
+            Displacements { poses_w_m, drone_speeds, inputs_w_m, ..Displacements::default() };
         (displacements.drone_d_m[FIXED], displacements.drone_d_m[TURNING]) =
             (drone_m[0].into(), drone_m[1].into());
         displacements.difference_m()

@@ -352,15 +352,15 @@ fn all_rows_are_still_as_long_as_the_one_that_stopped_last_and_windows_add_the_l
 }
 
 #[test]
-fn inputs_contradict_from_their_least_time_on_and_a_denial_neither_begins_nor_ends_that() {
+fn inputs_contradict_from_their_least_time_on_and_a_report_of_rest_neither_begins_nor_ends_that() {
     const LARGE: Signs = Signs { has_large_input: true, is_still: true, reports_no_motion: false };
-    const QUIET: Signs = Signs { is_asked: false, ..LARGE };
+    const QUIET: Signs = Signs { has_large_input: false, ..LARGE };
     const AT_REST: Signs = Signs { reports_no_motion: true, ..LARGE };
     const MOVED: Signs = Signs { is_still: false, ..LARGE };
     let found = |ticks: &[Signs]| {
         let mut contradiction = Contradiction::default();
         for signs in ticks {
-            contradiction.update(*signs, ASKED_MIN_S / 2.0);
+            contradiction.update(*signs, LARGE_MIN_S / 2.0);
         }
         contradiction.is_found
     };
