@@ -264,7 +264,7 @@ impl Seen {
         };
         *(if qp_count == 0 { &mut self.unplanned } else { &mut self.planned }) += 1;
         self.constrained += usize::from(out.clearance.is_some_and(|near| near.active > 0));
-        if let Some(link) = out.link.filter(|link| link.changed) {
+        if let Some(link) = out.link.filter(|link| link.has_changed) {
             *(if link.state.is_down() { &mut self.outages } else { &mut self.returns }) += 1;
         }
         self.by_hand +=

@@ -162,7 +162,8 @@ fn good_flights_are_neither_held_nor_blocked_nor_left() {
             flown += u64::from(decision.phase == Phase::Flying);
             near += u64::from(out.clearance.is_some_and(|near| near.active > 0));
             by_hand += u64::from(decision.pilot == Some(Pilot::Person));
-            outages += u64::from(out.link.is_some_and(|link| link.changed && link.state.is_down()));
+            outages +=
+                u64::from(out.link.is_some_and(|link| link.has_changed && link.state.is_down()));
         });
         let seen = format!("{profile:?}: {flown} {near} {by_hand} {outages}");
         let flights = seeds.len() as u64;

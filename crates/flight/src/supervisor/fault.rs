@@ -85,7 +85,7 @@ pub enum Fault {
     Immobile,
     /// For 0.3 s the vehicle is faster than `failsafe.speed_mps`.
     TooFast,
-    /// For 3 s an axis has acted later than the largest correction of its dead time allows for: roll and pitch by more
+    /// For 3 s an axis acts later than the largest correction of its dead time allows for: roll and pitch by more
     /// than 0.08 s, throttle or yaw by more than 0.15 s.
     DeadTimeLong,
     /// The mission takes much longer than planned.
