@@ -5,7 +5,7 @@ mod problem;
 
 use crate::support;
 
-use horizon_control::{Mpc, MpcProblem, MpcSettings, QpKind, SolverTable, Stop};
+use horizon_control::{Mpc, MpcProblem, MpcSettings, QpKind, SolverTable, SqpStop};
 use horizon_model::Kinematic;
 use horizon_model::check::{amax, maximum};
 use horizon_model::rows::{Pose, Sticks};
@@ -99,7 +99,7 @@ fn every_reference_problem_is_solved_from_zero_inputs() {
         worst.iterations_max = worst.iterations_max.max(report.iterations);
         worst.iterations_sum += report.iterations;
         worst.qp_iterations_sum += report.qp_iterations;
-        assert_eq!(report.stop, Stop::CostTolerance, "{qp:?}, line {line}: {report:?}");
+        assert_eq!(report.stop, SqpStop::CostTolerance, "{qp:?}, line {line}: {report:?}");
         assert!(
             gap <= COST_TOLERANCE,
             "{qp:?}, line {line}: {gap:e} above the reference, {report:?}"

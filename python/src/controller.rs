@@ -1,6 +1,6 @@
 //! Model predictive controller of any model.
 
-use horizon_control::{InputCost, MpcProblem, MpcTable, SolveError, SolverTable};
+use horizon_control::{InputCost, MpcProblem, MpcTable, SolverTable, SqpError};
 use horizon_model::expression::Dimensions;
 use horizon_model::setting::SettingError;
 use nalgebra::SVector;
@@ -23,7 +23,7 @@ pub(crate) struct Mpc {
 
 /// A controller of any dimensions; vectors may be shorter than those of the model.
 trait AnyMpc: Send + Sync {
-    fn solve(&mut self, ask: &AnyAsk<'_>) -> Result<Ended, SolveError>;
+    fn solve(&mut self, ask: &AnyAsk<'_>) -> Result<Ended, SqpError>;
     fn shift(&mut self);
     fn plan(&self, inputs: usize) -> Vec<f64>;
     fn states(&self, states: usize) -> Vec<f64>;
@@ -61,7 +61,7 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize, cons
 where
     M: AnyModel<NS, NU, NO, NP>,
 {
-    fn solve(&mut self, ask: &AnyAsk<'_>) -> Result<Ended, SolveError> {
+    fn solve(&mut self, ask: &AnyAsk<'_>) -> Result<Ended, SqpError> {
         self.s_ref.clear();
         self.s_ref.extend(ask.reference.iter().map(|row| padded::<NS>(row)));
         if let [all] = self.s_ref[..] {

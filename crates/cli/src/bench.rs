@@ -109,7 +109,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         let settings = TelloSettings::try_from(&table).map_err(|error| error.under("tello"))?;
         let _lock = Lock::take(&table)?;
         let mut link = BenchConnection::bind(&settings, check.place)?;
-        let verdict = run_check(check, &mut link, &console, (&table, &arguments.report))?;
+        let verdict = run_check(check, &mut link, &console, &table, &arguments.report)?;
         drop(emulator);
         if verdict == Verdict::Bad {
             return Ok(verdict);
@@ -178,7 +178,8 @@ fn run_check(
     check: &Check,
     link: &mut BenchConnection,
     console: &Console,
-    (table, report): (&TelloTable, &Path),
+    table: &TelloTable,
+    report: &Path,
 ) -> Result<Verdict> {
     let number = CHECKS.iter().position(|other| other.name == check.name).unwrap_or_default() + 1;
     stdio::note(described(number, check));

@@ -10,9 +10,11 @@ mod drill;
 #[cfg(feature = "live")]
 mod foxglove_server;
 mod guardian;
+mod link_diagnosis;
 mod live;
 mod lock;
 mod log_thread;
+mod loop_times;
 mod preflight;
 #[cfg(feature = "ros2")]
 mod ros2_publisher;
@@ -43,7 +45,7 @@ use tello_eval::flight_log::TickRecord;
 use tello_eval::parameter_file;
 use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{Mission, Phase, SPEED_AS_WRITTEN, Start};
-use tello_io::clock::{Clock, Role, SpanNs, request_priority};
+use tello_io::clock::{Clock, Role, request_priority};
 use tello_io::config::{self, FlyTable};
 use tello_io::log::Recorder;
 use tello_io::manual::{self, Inputs, KEYS_HELP, Person};
@@ -54,6 +56,7 @@ use self::control_loop::{ControlLoop, Orders};
 use self::drill::Drill;
 use self::live::Live;
 use self::log_thread::Notes;
+use self::loop_times::{GROUND_WAIT, LoopTimes};
 use self::simulator::start_simulator;
 use self::sources::Sources;
 use self::status::{Status, show_statuses};
@@ -67,9 +70,6 @@ use crate::{Verdict, stdio};
 
 pub(crate) use self::guardian::{Arguments as GuardianArguments, Guardian, run as guard};
 pub(crate) use self::lock::Lock;
-
-/// Longest wait on the ground for poses and for the drone.
-const GROUND_WAIT: SpanNs = SpanNs::from_ms(10_000);
 
 /// Longest wait at the end for the threads that use the terminal.
 const TERMINAL_JOIN_TIMEOUT: Duration = Duration::from_millis(500);
@@ -207,7 +207,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         Drill::check(&table.tello.address)?;
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let summary = runtime.block_on(fly(arguments, &table, &flight, (cycle, orders)))?;
+    let summary = runtime.block_on(fly(arguments, &table, &flight, cycle, orders))?;
     drop(emulator);
     // Flight and log are what is judged, not whether the summary can be written.
     stdio::report(&summary, arguments.json)
@@ -219,7 +219,8 @@ async fn fly(
     arguments: &Arguments,
     table: &FlyTable,
     flight: &FlightTable,
-    (cycle, orders): (Box<dyn cycle::Tick>, Orders),
+    cycle: Box<dyn cycle::Tick>,
+    orders: Orders,
 ) -> Result<Summary> {
     let clock = Clock::start();
     // Before anything moves: from here on every way to end the program lands the drone first.
@@ -251,15 +252,10 @@ async fn fly(
     let control = ControlLoop {
         clock,
         cycle,
-        period: SpanNs::from_seconds(flight.cycle.dt_s),
-        solver_time: SpanNs::from_seconds(flight.cycle.deadline_s),
-        ground_wait: GROUND_WAIT,
-        // Poses may have to agree twice.
-        settling_max: SpanNs::from_seconds((2.0 * flight.cycle.standing.for_s + 1.0).max(3.0)),
+        times: LoopTimes::of(table, flight)?,
         is_carried: arguments.dry_run,
         feed,
         moving_feed,
-        frame_wait: config::frame_wait(table)?,
         drone,
         recorder,
         status,
@@ -271,22 +267,22 @@ async fn fly(
 
     note_unseen(arguments, table, &mocap_counters);
     let status_line = show(picture, statuses)?;
-    let threads = Threads::start((sources, tello, control), guardian, table.real_time.core)?;
+    let threads = Threads::start(sources, tello, control, guardian, table.real_time.core)?;
     // After all threads, which would inherit it. The control thread reports a refusal.
     request_priority(Role::Sender).ok();
     let (end, recorder, links) = threads.run_to_end(arguments.drill).await?;
     let summary = close_log(recorder, &tally);
     // Every record is seen: viewers receive the last one.
     drop(view);
-    let left = leave_screen(status_line, (inputs, screen));
-    let has_waited_in_vain = end.phase == Phase::Idle || end.is_dry_run_without_frames;
+    let left = leave_screen(status_line, inputs, screen);
+    let has_waited_in_vain = end.phase == Phase::Idle || (arguments.dry_run && !end.has_frames);
     if has_waited_in_vain && !asks_to_land.load(Ordering::Relaxed) {
         links.and(left)?;
         let packets = drone_counters.packets.get();
         bail!(take_off_refusal(table, GROUND_WAIT, end.faults_last, &mocap_counters, packets));
     }
-    let summary = summary.with_end(&end, (&mocap_counters, table.mocap.object()), &drone_counters);
-    vehicle::remember(arguments, flight, (&summary, &end), clock);
+    let summary = summary.with_end(&end, &mocap_counters, table.mocap.object(), &drone_counters);
+    vehicle::remember(arguments, flight, &summary, &end, clock);
     conclude(summary, links, left)
 }
 
@@ -329,7 +325,8 @@ fn close_log(recorder: Recorder<TickRecord>, tally: &Mutex<Tally>) -> Summary {
 /// program may take: a terminal that hangs takes no summary.
 fn leave_screen(
     picture: JoinHandle<()>,
-    (inputs, screen): (Inputs, Option<Screen>),
+    inputs: Inputs,
+    screen: Option<Screen>,
 ) -> Result<Duration> {
     let leave = move || {
         let picture = picture.join();
@@ -382,6 +379,6 @@ fn watch(
     }
     let (live, briefing, watched) = Live::new(flight)?;
     let picture = screen.map(|screen| screen.picture(briefing.clone(), watched.clone()));
-    let open = |address| View::open(address, (briefing, watched), person.remote(clock), clock);
+    let open = |address| View::open(address, briefing, watched, person.remote(clock), clock);
     Ok((Some(live), picture, arguments.view.map(open).transpose()?))
 }

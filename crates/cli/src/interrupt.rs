@@ -58,7 +58,7 @@ impl Interrupt {
 }
 
 /// The second does not wait for the work.
-#[expect(clippy::exit, reason = "who asks twice does not want to wait for anything")]
+#[expect(clippy::exit, reason = "a second Ctrl-C ends at once")]
 fn leave() {
     std::process::exit(130)
 }

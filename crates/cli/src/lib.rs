@@ -10,6 +10,7 @@ mod convert;
 mod excite;
 mod fly;
 mod ident;
+mod init;
 mod install;
 mod interrupt;
 mod log;
@@ -58,7 +59,7 @@ enum Command {
     Bench(bench::Arguments),
     Mocap(mocap::Arguments),
     Merge(merge::Arguments),
-    Init(install::InitArguments),
+    Init(init::Arguments),
     Completions(install::CompletionsArguments),
     Man(install::ManArguments),
 }
@@ -68,7 +69,7 @@ fn thread_count() -> RangedU64ValueParser<usize> {
     RangedU64ValueParser::new().range(0..=1024)
 }
 
-/// How a command that ran to its end went.
+/// Result of a command that ran to its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Verdict {
     /// Done as asked.
@@ -99,7 +100,7 @@ pub fn run() -> ExitCode {
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Mocap(arguments) => mocap::run(&arguments),
         Command::Merge(arguments) => merge::run(&arguments),
-        Command::Init(arguments) => install::init(&arguments),
+        Command::Init(arguments) => init::run(&arguments),
         Command::Completions(arguments) => install::complete(&arguments),
         Command::Man(arguments) => install::man(&arguments),
     };

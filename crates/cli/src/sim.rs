@@ -172,7 +172,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     }
 }
 
-/// What is flown with the settings in `config`, or the built-in ones: an error names all mistakes of the files.
+/// Flight by the settings in `config`, or the built-in ones: an error names all mistakes of the files.
 fn flight(arguments: &Arguments, config: Option<&Path>, start: Start) -> Result<FlightTable> {
     let mission = arguments.mission.as_deref();
     let (fly, table) = config::fly(config, mission)?;
@@ -235,7 +235,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
         }
         Ok(rows)
     };
-    in_parts(arguments, (Kind::Batch, settings, count), fly, |rows| {
+    in_parts(arguments, Kind::Batch, settings, count, fly, |rows| {
         let flown = batch::by_contender(rows);
         if let Some(place) = &place {
             draw(place, &names(arguments), &contenders, &flown)?;
@@ -252,7 +252,7 @@ fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Ver
     let fly = |seeds, watch: &Watch<'_>| {
         campaign::fly(&flight, sim, seeds, arguments.family, watch.0, watch.1)
     };
-    in_parts(arguments, (Kind::Campaign, settings, count), fly, |rows| {
+    in_parts(arguments, Kind::Campaign, settings, count, fly, |rows| {
         print_campaign(&Campaign::of(rows), arguments.json)
     })
 }
@@ -263,7 +263,9 @@ struct Watch<'a>(&'a (dyn Fn() -> bool + Sync), &'a (dyn Fn() + Sync));
 /// Flies `count` seeds, or those of the part that is asked for; writes the part, or shows the rows. Bad after Ctrl-C.
 fn in_parts<T: Seeded + Send>(
     arguments: &Arguments,
-    (kind, settings, count): (Kind, Value, u64),
+    kind: Kind,
+    settings: Value,
+    count: u64,
     fly: impl FnOnce(Range<u64>, &Watch<'_>) -> Result<Vec<T>> + Send,
     show: impl FnOnce(Vec<T>) -> Result<Verdict>,
 ) -> Result<Verdict> {
@@ -328,7 +330,7 @@ pub(crate) fn print_batches(
     }
 }
 
-/// What the two controllers of a batch are called: their settings files.
+/// Names of the two controllers of a batch: their settings files.
 fn names(arguments: &Arguments) -> [String; 2] {
     let name = |path: &PathBuf| path.display().to_string();
     [&arguments.config, &arguments.against]

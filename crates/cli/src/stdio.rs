@@ -15,7 +15,7 @@ use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use serde::Serialize;
 
-/// What a pipe that has room takes without a wait: `PIPE_BUF` of Linux. bytes
+/// Bytes that a pipe with room takes without a wait: `PIPE_BUF` of Linux. bytes
 const PIECE: usize = 4096;
 
 /// Longest wait of a flight until a piece of its summary is read.
@@ -36,7 +36,7 @@ pub(crate) fn never_wait() {
     }));
 }
 
-/// What a command was asked for, on the standard output: one JSON object, or a text for people.
+/// Result of a command on the standard output: one JSON object, or a text for people.
 ///
 /// # Errors
 /// As [`line()`].
@@ -71,7 +71,7 @@ fn printable(text: &str) -> String {
     text.replace(is_obeyed, "\u{fffd}")
 }
 
-/// The same without an end of the line.
+/// As [`note`], without an end of the line.
 pub(crate) fn note_raw(text: impl Display) {
     if NEVER_WAITS.load(Ordering::Relaxed) {
         put(io::stderr().as_fd(), text.to_string().as_bytes(), PollTimeout::ZERO).ok();

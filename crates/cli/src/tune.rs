@@ -94,7 +94,7 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// What came of it.
+/// Result of the search.
 #[derive(Debug, Serialize)]
 struct Summary {
     /// The number of tries, and whether Ctrl-C ended them.
@@ -103,7 +103,7 @@ struct Summary {
     /// Cost of the configuration as it was, and of the best. s
     cost_before: f64,
     cost: f64,
-    /// What the cost weighs.
+    /// Weights of the cost.
     weights: Weights,
     /// Every number, before and after.
     numbers: Vec<Number>,
@@ -118,7 +118,7 @@ struct Number {
     after: f64,
 }
 
-/// What all trials have in common.
+/// Setup of all trials.
 struct Setup<'a> {
     /// The flight's settings before.
     document: Value,
@@ -176,7 +176,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let mut summary = setup.summary(&trials, first, best)?;
     if best.cost < first.cost {
         let flight = config::from_value(&setup.flight(&best.x)?)?;
-        summary.written = save(&out, arguments.force, (&mut table, flight))?;
+        summary.written = save(&out, arguments.force, &mut table, flight)?;
     }
     print(&summary, arguments.json)?;
     let is_good = best.cost < first.cost && !summary.is_interrupted;
@@ -278,7 +278,8 @@ fn mission_beside(out: &Path) -> PathBuf {
 fn save(
     out: &Path,
     is_replaced: bool,
-    (table, flight): (&mut config::FlyTable, FlightTable),
+    table: &mut config::FlyTable,
+    flight: FlightTable,
 ) -> Result<Vec<PathBuf>> {
     let mission = mission_beside(out);
     let name = mission.file_name().context("--out needs a file name")?;

@@ -28,7 +28,7 @@ pub mod qp;
 
 pub use constraint::{Excess, SoftConstraints, StateBounds};
 pub use mpc::{
-    InputCost, Mpc, MpcBuilder, MpcProblem, MpcReport, MpcSettings, MpcTable, QpKind, SolveError,
-    SolverTable, Stop,
+    InputCost, Mpc, MpcBuilder, MpcProblem, MpcReport, MpcSettings, MpcTable, QpKind, SolverTable,
+    SqpError, SqpStop,
 };
 pub use predictor::predict;

@@ -25,7 +25,7 @@ use self::cost::{Cost, CostContext};
 use self::expansion::Expansion;
 use self::prepared::Prepared;
 use self::report::all_finite_of;
-pub use self::report::{MpcProblem, MpcReport, SolveError, Stop};
+pub use self::report::{MpcProblem, MpcReport, SqpError, SqpStop};
 pub use self::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverTable};
 use crate::SoftConstraints;
 use crate::horizon::Horizon;
@@ -122,9 +122,9 @@ where
     /// the cost of the plan never increases; read the plan with [`Mpc::plan`].
     ///
     /// # Errors
-    /// The plan stays as it was. [`SolveError::NotFinite`], [`SolveError::Horizon`], [`SolveError::Given`] and
-    /// [`SolveError::Inside`]: `problem` does not fit the horizon, a mistake of the caller. [`SolveError::Cost`] and
-    /// [`SolveError::Derivative`]: the roll-out of the present plan, or the model along it, is not finite;
+    /// The plan stays as it was. [`SqpError::NotFinite`], [`SqpError::Horizon`], [`SqpError::Given`] and
+    /// [`SqpError::Inside`]: `problem` does not fit the horizon, a mistake of the caller. [`SqpError::Cost`] and
+    /// [`SqpError::Derivative`]: the roll-out of the present plan, or the model along it, is not finite;
     /// [`Mpc::reset`] it.
     ///
     /// Real time: no allocation of ours, one in Clarabel's timers per subproblem that it gets. Each
@@ -133,14 +133,14 @@ where
         &mut self,
         problem: &MpcProblem<'_, NS, NU, NP>,
         is_late: &mut dyn FnMut() -> bool,
-    ) -> Result<MpcReport, SolveError> {
+    ) -> Result<MpcReport, SqpError> {
         self.solve_with(problem, None, is_late)
     }
 
     /// [`Mpc::solve`] with `constraints` on the states after each stage, whose penalties add to the cost.
     ///
     /// # Errors
-    /// As [`Mpc::solve`], more constraints than [`MpcSettings::with_constraints`], and [`SolveError::Constraint`]: a
+    /// As [`Mpc::solve`], more constraints than [`MpcSettings::with_constraints`], and [`SqpError::Constraint`]: a
     /// constraint along the present plan is not finite, or its weight is negative.
     ///
     /// Real time: as [`Mpc::solve`]; linear in the constraints that count.
@@ -149,7 +149,7 @@ where
         problem: &MpcProblem<'_, NS, NU, NP>,
         constraints: Option<&dyn SoftConstraints<NS>>,
         is_late: &mut dyn FnMut() -> bool,
-    ) -> Result<MpcReport, SolveError> {
+    ) -> Result<MpcReport, SqpError> {
         problem.check(&self.settings)?;
         self.check_constraints(constraints)?;
         let context = CostContext { u_before: problem.u_before, s_ref: problem.s_ref, constraints };
@@ -157,7 +157,7 @@ where
         let cost_start = self.roll_out(problem, &context, Trial::Linearized);
         if !cost_start.is_finite() {
             self.check_excesses(&self.trial, &context)?;
-            return Err(SolveError::Cost { cost: cost_start });
+            return Err(SqpError::Cost { cost: cost_start });
         }
         self.take_trial();
         let improved = self.improve(problem, &context, cost_start, is_late);
@@ -178,22 +178,22 @@ where
         context: &CostContext<'_, NS, NU>,
         cost_start: f64,
         is_late: &mut dyn FnMut() -> bool,
-    ) -> Result<MpcReport, SolveError> {
+    ) -> Result<MpcReport, SqpError> {
         let solver = self.settings.solver;
         let (mut cost, mut iterations) = (cost_start, 0);
         let (mut qp_iterations, mut qp_fallbacks) = (0, 0);
         let stop = loop {
             if iterations == solver.iterations_max {
-                break Stop::IterationLimit;
+                break SqpStop::IterationLimit;
             }
             if is_late() {
-                break Stop::Late;
+                break SqpStop::Late;
             }
             if let Err(error) = self.fill_gradients(context) {
-                break if iterations == 0 { return Err(error) } else { Stop::QpUnsolved };
+                break if iterations == 0 { return Err(error) } else { SqpStop::QpUnsolved };
             }
             if self.gain_max() <= solver.cost_tolerance * cost {
-                break Stop::CostTolerance;
+                break SqpStop::CostTolerance;
             }
             let (solved, decrease) = match self.find_step(problem, is_late) {
                 Ok(found) => found,
@@ -202,7 +202,7 @@ where
                     if iterations == 0 {
                         self.check_derivatives()?;
                     }
-                    break if unsolved.is_late() { Stop::Late } else { Stop::QpUnsolved };
+                    break if unsolved.is_late() { SqpStop::Late } else { SqpStop::QpUnsolved };
                 }
             };
             qp_iterations += solved.iterations;
@@ -211,15 +211,19 @@ where
             let is_optimal = decrease <= solver.cost_tolerance * cost;
             let is_last = iterations + 1 == solver.iterations_max;
             let trial = if is_last { Trial::Costed } else { Trial::Linearized };
-            let Some(lower) = self.search_line(problem, context, (cost, decrease), trial) else {
+            let Some(lower) = self.search_line(problem, context, cost, decrease, trial) else {
                 let rounding = self.cost.rounding(cost, &self.plan, context.s_ref);
                 let is_optimal_to_rounding = is_optimal || decrease <= rounding;
-                break if is_optimal_to_rounding { Stop::CostTolerance } else { Stop::Stalled };
+                break if is_optimal_to_rounding {
+                    SqpStop::CostTolerance
+                } else {
+                    SqpStop::Stalled
+                };
             };
             cost = lower;
             iterations += 1;
             if is_optimal {
-                break Stop::CostTolerance;
+                break SqpStop::CostTolerance;
             }
         };
         Ok(MpcReport { stop, iterations, qp_iterations, qp_fallbacks, cost_start, cost })
@@ -253,13 +257,13 @@ where
     /// stage, in the unit of each row, and is moved into the bounds.
     ///
     /// # Errors
-    /// The plan stays as it was. [`SolveError::Plan`]: not one input for each stage; [`SolveError::NotFinite`].
+    /// The plan stays as it was. [`SqpError::Plan`]: not one input for each stage; [`SqpError::NotFinite`].
     ///
     /// Real time: no allocation, cost linear in the number of stages.
-    pub fn set_plan(&mut self, u: &[Vector<NU>]) -> Result<(), SolveError> {
+    pub fn set_plan(&mut self, u: &[Vector<NU>]) -> Result<(), SqpError> {
         let stages = self.plan.steps();
         if u.len() != stages {
-            return Err(SolveError::Plan { given: u.len(), stages });
+            return Err(SqpError::Plan { given: u.len(), stages });
         }
         all_finite_of("u", u)?;
         self.reset();
@@ -326,10 +330,10 @@ where
             s = match trial {
                 Trial::Costed => model.step(&s, u, problem.p, *stage_s),
                 Trial::Linearized => {
-                    let driven = model.linearize_by_input(&s, u, problem.p, *stage_s);
-                    let by_state = resized(&driven.by_state);
-                    *stage = Stage { by_state, by_input: resized(&driven.by_input) };
-                    driven.s_next
+                    let linearized = model.linearize_by_input(&s, u, problem.p, *stage_s);
+                    let by_state = resized(&linearized.by_state);
+                    *stage = Stage { by_state, by_input: resized(&linearized.by_input) };
+                    linearized.s_next
                 }
             };
             *s_next = s;
@@ -341,7 +345,7 @@ where
     ///
     /// # Errors
     /// A constraint is not finite, or its weight is negative.
-    fn fill_gradients(&mut self, context: &CostContext<'_, NS, NU>) -> Result<(), SolveError> {
+    fn fill_gradients(&mut self, context: &CostContext<'_, NS, NU>) -> Result<(), SqpError> {
         self.cost.gradient(&self.plan, context, &mut self.expansion.gradient);
         self.fill_penalties(context)?;
         self.expansion.fill_gradients();
@@ -351,14 +355,14 @@ where
     /// Checks that the linear dynamics along the plan are finite.
     ///
     /// # Errors
-    /// [`SolveError::Derivative`] with the first stage where they are not.
-    fn check_derivatives(&self) -> Result<(), SolveError> {
+    /// [`SqpError::Derivative`] with the first stage where they are not.
+    fn check_derivatives(&self) -> Result<(), SqpError> {
         let is_finite = |Stage { by_state, by_input }: &Stage<NR, NU>| {
             by_state.iter().chain(by_input).all(|entry| entry.is_finite())
         };
         match self.expansion.stages.iter().position(|stage| !is_finite(stage)) {
             None => Ok(()),
-            Some(stage) => Err(SolveError::Derivative { stage }),
+            Some(stage) => Err(SqpError::Derivative { stage }),
         }
     }
 

@@ -240,8 +240,7 @@ impl<const NS: usize, const NU: usize> Qp<NS, NU> {
         }
     }
 
-    /// The next problem begins later, by as much as a stage where `is_moved`: that stage becomes what the next one
-    /// was.
+    /// Shifts the warm start by one stage: stage `k` takes the working set of stage `k + 1` where `is_moved(k)`.
     ///
     /// Real time: no allocation of ours; at most one call of `is_moved` per stage.
     pub fn shift(&mut self, is_moved: impl Fn(usize) -> bool) {

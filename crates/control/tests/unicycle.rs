@@ -1,6 +1,6 @@
 //! The controller knows no vehicle: it steers a planar unicycle to a place beside it.
 
-use horizon_control::{InputCost, Mpc, MpcProblem, MpcTable, QpKind, SolverTable, Stop};
+use horizon_control::{InputCost, Mpc, MpcProblem, MpcTable, QpKind, SolverTable, SqpStop};
 use horizon_model::check::amax;
 use horizon_model::check::{Point, model_gap};
 use horizon_model::{Model, Row};
@@ -146,7 +146,7 @@ fn a_unicycle_parks_beside_where_it_stood_within_its_bounds() {
             given_steps: [0; 2],
         };
         let report = mpc.solve(&problem, &mut || false).unwrap();
-        assert_eq!(report.stop, Stop::CostTolerance, "step {step}: {report:?}");
+        assert_eq!(report.stop, SqpStop::CostTolerance, "step {step}: {report:?}");
         let u = mpc.plan()[0];
         assert!((-0.5..=0.8).contains(&u[SPEED]), "step {step}: {u}");
         assert!((-1.2..=1.2).contains(&u[TURN]), "step {step}: {u}");

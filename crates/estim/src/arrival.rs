@@ -1,14 +1,14 @@
 //! Arrival cost: the information of the steps that left the window on its oldest state and the parameter.
 //!
-//! Owns the quadratic that stands for those steps, how it takes up one more of them and how it forgets.
+//! Owns the quadratic that stands for those steps, the marginalization of one more of them and forgetting.
 //! When a step leaves the window is decided in `mhe.rs`; the elimination is that of `chain.rs`.
 //! Derivation: `docs/model.md`, section 4, "Arrival cost".
 
-use horizon_model::Model;
-use horizon_model::setting::{SettingError, positive, vector, weight};
-use horizon_model::{Matrix, Vector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use horizon_model::setting::{SettingError, positive, vector, weight};
+use horizon_model::{Matrix, Model, Vector};
 
 use crate::back_substitution::BackSubstitute;
 use crate::chain::{Block, Eliminated, NeighbourBlocks};
@@ -17,9 +17,9 @@ use crate::partition::Partition;
 use crate::product::{mul, tr_mul};
 use crate::reduced_system::ReducedSystem;
 use crate::residual::{Curvature, Iterate, Residuals};
-use crate::trajectory::Prior;
+use crate::window_problem::Prior;
 
-/// What becomes of a step that leaves the window, as written in a file.
+/// Treatment of a step that leaves the window, as written in a file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ArrivalTable {
@@ -78,16 +78,16 @@ impl ArrivalTable {
 pub(crate) struct Arrival<const NS: usize, const NP: usize> {
     partition: Option<Partition<NS, NP>>,
     c_0: Vector<NS>,
-    /// What one step leaves of the information, in (0, 1].
-    keep: f64,
+    /// Fraction of the information that is left after one step. 1, in (0, 1]
+    forgetting_factor: f64,
     s_mean: Vector<NS>,
     p_mean: Vector<NP>,
     /// `D` of `docs/model.md`, section 4: `H[s, s]`, symmetric.
-    by_state: Matrix<NS, NS>,
+    hessian_ss: Matrix<NS, NS>,
     /// `B`: `H[s, p]`.
-    by_state_parameter: Matrix<NS, NP>,
+    hessian_sp: Matrix<NS, NP>,
     /// `C`: `H[p, p]`, symmetric.
-    by_parameter: Matrix<NP, NP>,
+    hessian_pp: Matrix<NP, NP>,
 }
 
 impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
@@ -103,12 +103,12 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
         Self {
             partition,
             c_0,
-            keep: (-dt_s / forget_s).exp(),
+            forgetting_factor: (-dt_s / forget_s).exp(),
             s_mean: Vector::zeros(),
             p_mean: Vector::zeros(),
-            by_state: Matrix::zeros(),
-            by_state_parameter: Matrix::zeros(),
-            by_parameter: Matrix::zeros(),
+            hessian_ss: Matrix::zeros(),
+            hessian_sp: Matrix::zeros(),
+            hessian_pp: Matrix::zeros(),
         }
     }
 
@@ -116,9 +116,9 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     pub(crate) fn start(&mut self, s_0: &Vector<NS>, prior: &Prior<NP>) {
         self.s_mean = *s_0;
         self.p_mean = prior.p_prior;
-        self.by_state = Matrix::from_diagonal(&self.c_0.component_mul(&self.c_0));
-        self.by_state_parameter = Matrix::zeros();
-        self.by_parameter = prior.information();
+        self.hessian_ss = Matrix::from_diagonal(&self.c_0.component_mul(&self.c_0));
+        self.hessian_sp = Matrix::zeros();
+        self.hessian_pp = prior.information();
     }
 
     /// `Gamma` at `(s, p)`.
@@ -131,8 +131,8 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     fn gradient(&self, s: &Vector<NS>, p: &Vector<NP>) -> (Vector<NS>, Vector<NP>) {
         let (ds, dp) = (s - self.s_mean, p - self.p_mean);
         (
-            mul(&self.by_state, &ds) + mul(&self.by_state_parameter, &dp),
-            tr_mul(&self.by_state_parameter, &ds) + mul(&self.by_parameter, &dp),
+            mul(&self.hessian_ss, &ds) + mul(&self.hessian_sp, &dp),
+            tr_mul(&self.hessian_sp, &ds) + mul(&self.hessian_pp, &dp),
         )
     }
 
@@ -141,8 +141,8 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     /// # Errors
     /// `H[s, s]` is not positive definite.
     pub(crate) fn information(&self) -> Result<Matrix<NP, NP>, NotPositive> {
-        let root = Cholesky::new(self.by_state)?.forward(self.by_state_parameter);
-        Ok(self.by_parameter - root.transpose() * root)
+        let root = Cholesky::new(self.hessian_ss)?.forward(self.hessian_sp);
+        Ok(self.hessian_pp - root.transpose() * root)
     }
 
     /// Adds gradient and curvature at `(s, p)` to the block of the oldest state and to the parameter block.
@@ -154,18 +154,18 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
         p: &Vector<NP>,
     ) {
         let (by_s, by_p) = self.gradient(s, p);
-        block.diagonal += self.by_state;
-        block.border += self.by_state_parameter;
+        block.diagonal += self.hessian_ss;
+        block.border += self.hessian_sp;
         block.gradient += by_s;
-        parameter_block.hessian += self.by_parameter;
+        parameter_block.hessian += self.hessian_pp;
         parameter_block.gradient += by_p;
     }
 
     /// Takes up the oldest step of `iterate` and becomes a cost of the state after it.
     ///
     /// The oldest state is eliminated exactly from the arrival cost, its observation and its
-    /// transition, all linearized at `iterate`, robust weights included. Then the result fades towards
-    /// the prior on the parameter. While the parameter is held its information neither grows nor fades:
+    /// transition, all linearized at `iterate`, robust weights included. Then the result is forgotten in favour of
+    /// the prior on the parameter, by one step. While the parameter is held its information stays constant:
     /// the step is taken up as if the parameter were known, and the arrival cost keeps its marginal.
     ///
     /// Where nothing determines the state after the step (its transition refused by a redescending
@@ -194,40 +194,47 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     where
         M: Model<NS, NU, NO, NP>,
     {
-        let (mut block, mut next, mut parameter_block) =
-            (Block::zeros(), Block::zeros(), ReducedSystem::zeros());
-        self.add_to(&mut block, &mut parameter_block, &iterate.s[0], iterate.p);
-        let mut marginal = parameter_block;
-        if parameter_is_held {
-            Eliminated::zeros().eliminate_after(None, &block, 0.0, &mut marginal)?;
-        }
-        residuals.add_observation(iterate, 0, Curvature::Reweighted, &mut block);
-        let neighbours = NeighbourBlocks {
-            block: &mut block,
-            next: &mut next,
-            parameter_block: &mut parameter_block,
-        };
+        let mut oldest = OldestStep::zeros();
+        let OldestStep { block, next, parameter_block, .. } = &mut oldest;
+        self.add_to(block, parameter_block, &iterate.s[0], iterate.p);
+        residuals.add_observation(iterate, 0, Curvature::Reweighted, block);
+        let neighbours = NeighbourBlocks { block, next, parameter_block };
         residuals.add_transition(iterate, 0, Curvature::Reweighted, neighbours);
         if parameter_is_held {
-            block.border = Matrix::zeros();
-            next.border = Matrix::zeros();
-            parameter_block = marginal;
-        }
-        let fading = (!parameter_is_held).then(|| {
+            oldest.block.border = Matrix::zeros();
+            oldest.next.border = Matrix::zeros();
+            oldest.parameter_block = self.marginal_of_parameter(&iterate.s[0], iterate.p)?;
+        } else {
             let mut prior_system = ReducedSystem::zeros();
             prior.add_to(&mut prior_system, iterate.p);
-            Fading { keep: self.keep, prior: prior_system }
-        });
-        let folded = match &self.partition {
-            Some(partition) => partition.fold(&block, &next, &parameter_block, fading.as_ref())?,
-            None => fold(&block, next, parameter_block, fading.as_ref())?,
+            oldest.forgetting =
+                Some(Forgetting { factor: self.forgetting_factor, prior: prior_system });
+        }
+        let marginal = match &self.partition {
+            Some(partition) => partition.marginalize(&oldest)?,
+            None => marginalize(oldest)?,
         };
-        self.s_mean = iterate.s[1] + folded.s_step;
-        self.p_mean = iterate.p + folded.p_step;
-        self.by_state = folded.block.diagonal;
-        self.by_state_parameter = folded.block.border;
-        self.by_parameter = folded.parameter_block.hessian;
+        self.s_mean = iterate.s[1] + marginal.s_step;
+        self.p_mean = iterate.p + marginal.p_step;
+        self.hessian_ss = marginal.block.diagonal;
+        self.hessian_sp = marginal.block.border;
+        self.hessian_pp = marginal.parameter_block.hessian;
         Ok(())
+    }
+
+    /// `Gamma` at `(s, p)` with the state eliminated.
+    ///
+    /// # Errors
+    /// `H[s, s]` is not positive definite.
+    fn marginal_of_parameter(
+        &self,
+        s: &Vector<NS>,
+        p: &Vector<NP>,
+    ) -> Result<ReducedSystem<NP>, NotPositive> {
+        let (mut block, mut marginal) = (Block::zeros(), ReducedSystem::zeros());
+        self.add_to(&mut block, &mut marginal, s, p);
+        Eliminated::zeros().eliminate_after(None, &block, 0.0, &mut marginal)?;
+        Ok(marginal)
     }
 }
 
@@ -238,18 +245,42 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     }
 }
 
-/// How information on the parameter fades towards its prior.
+/// Normal equations of a step that leaves the window.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Fading<const NP: usize> {
-    /// Part of the information that a step leaves, in (0, 1].
-    pub(crate) keep: f64,
-    /// Gradient and curvature of the prior.
+pub(crate) struct OldestStep<const NS: usize, const NP: usize> {
+    /// Rows of the oldest state, which is eliminated.
+    pub(crate) block: Block<NS, NP>,
+    /// Rows of the state after it.
+    pub(crate) next: Block<NS, NP>,
+    /// Rows of the parameter.
+    pub(crate) parameter_block: ReducedSystem<NP>,
+    /// `None`: nothing is forgotten.
+    pub(crate) forgetting: Option<Forgetting<NP>>,
+}
+
+impl<const NS: usize, const NP: usize> OldestStep<NS, NP> {
+    fn zeros() -> Self {
+        Self {
+            block: Block::zeros(),
+            next: Block::zeros(),
+            parameter_block: ReducedSystem::zeros(),
+            forgetting: None,
+        }
+    }
+}
+
+/// Exponential forgetting of information in favour of the prior on the parameter.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Forgetting<const NP: usize> {
+    /// Fraction of the information that is left after one step. 1, in (0, 1]
+    pub(crate) factor: f64,
+    /// Gradient and Hessian of the prior.
     pub(crate) prior: ReducedSystem<NP>,
 }
 
-/// A quadratic in the steps of a state and of the parameter, and where it is least.
+/// Quadratic in the steps of a state and of the parameter, the state before eliminated, and its minimum.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Folded<const NS: usize, const NP: usize> {
+pub(crate) struct Marginal<const NS: usize, const NP: usize> {
     /// Rows of the state; the block before it is not part of it.
     pub(crate) block: Block<NS, NP>,
     /// Rows of the parameter.
@@ -258,7 +289,7 @@ pub(crate) struct Folded<const NS: usize, const NP: usize> {
     pub(crate) p_step: Vector<NP>,
 }
 
-impl<const NS: usize, const NP: usize> Folded<NS, NP> {
+impl<const NS: usize, const NP: usize> Marginal<NS, NP> {
     pub(crate) fn zeros() -> Self {
         Self {
             block: Block::zeros(),
@@ -269,28 +300,26 @@ impl<const NS: usize, const NP: usize> Folded<NS, NP> {
     }
 }
 
-/// Eliminates the state of `block` from the equations of two neighbours, and fades: `L L' = H^_00`, then `D`, `B`, `C`,
-/// `g_s` and `g_p` of `docs/model.md`, section 4.
+/// Eliminates the oldest state, then forgets: `L L' = H^_00`, then `D`, `B`, `C`, `g_s` and `g_p` of `docs/model.md`,
+/// section 4.
 ///
 /// # Errors
 /// The matrix is not positive definite.
-pub(crate) fn fold<const NS: usize, const NP: usize>(
-    block: &Block<NS, NP>,
-    mut next: Block<NS, NP>,
-    mut parameter_block: ReducedSystem<NP>,
-    fading: Option<&Fading<NP>>,
-) -> Result<Folded<NS, NP>, NotPositive> {
+pub(crate) fn marginalize<const NS: usize, const NP: usize>(
+    oldest: OldestStep<NS, NP>,
+) -> Result<Marginal<NS, NP>, NotPositive> {
+    let OldestStep { block, mut next, mut parameter_block, forgetting } = oldest;
     let mut state = Eliminated::zeros();
     // `L`, `B_0` and `y`; the parameter's block loses `B_0' B_0` and `B_0' y`.
-    state.eliminate_after(None, block, 0.0, &mut parameter_block)?;
+    state.eliminate_after(None, &block, 0.0, &mut parameter_block)?;
     // `A`, and `A' A`, `A' B_0` and `A' y` of the next state.
-    state.take_from(&mut next);
-    if let Some(Fading { keep, prior }) = fading {
-        next.diagonal *= *keep;
-        next.border *= *keep;
-        next.gradient *= *keep;
-        parameter_block.hessian += (prior.hessian - parameter_block.hessian) * (1.0 - keep);
-        parameter_block.gradient += (prior.gradient - parameter_block.gradient) * (1.0 - keep);
+    state.eliminate_from(&mut next);
+    if let Some(Forgetting { factor, prior }) = forgetting {
+        next.diagonal *= factor;
+        next.border *= factor;
+        next.gradient *= factor;
+        parameter_block.hessian += (prior.hessian - parameter_block.hessian) * (1.0 - factor);
+        parameter_block.gradient += (prior.gradient - parameter_block.gradient) * (1.0 - factor);
     }
     // Only the lower triangles were computed as they should be: rounding must not add up above.
     next.diagonal.fill_upper_triangle_with_lower_triangle();
@@ -299,7 +328,7 @@ pub(crate) fn fold<const NS: usize, const NP: usize>(
     state.eliminate_after(None, &next, 0.0, &mut reduced)?;
     let p_step = Cholesky::new(reduced.hessian)?.solve(-reduced.gradient);
     let (s_step, _) = state.step(&p_step, &Vector::zeros());
-    Ok(Folded { block: next, parameter_block, s_step, p_step })
+    Ok(Marginal { block: next, parameter_block, s_step, p_step })
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
 
 use crate::ident::Ident;
-use crate::levenberg::{SolveError, Stop};
+use crate::levenberg::{LmError, LmStop};
 
 #[cfg(test)]
 mod coverage;
@@ -51,7 +51,7 @@ pub struct Resample<const NP: usize> {
     /// Cost of the resample at `p`. 1
     pub cost: f64,
     /// Why its solve stopped.
-    pub stop: Stop,
+    pub stop: LmStop,
 }
 
 /// Identifies again with each of `resamples` of `seed`; results in the order of `resamples`.
@@ -74,7 +74,7 @@ pub fn bootstrap<M, const NS: usize, const NU: usize, const NO: usize, const NP:
     resamples: &[u64],
     is_stopped: &(dyn Fn() -> bool + Sync),
     on_done: &(dyn Fn(&Resample<NP>) + Sync),
-) -> Result<Vec<Resample<NP>>, SolveError>
+) -> Result<Vec<Resample<NP>>, LmError>
 where
     M: Model<NS, NU, NO, NP> + Send + Sync,
 {
@@ -85,7 +85,7 @@ where
         worker.restart_at(ident);
         worker.set_multiplicities(&multiplicities(seed, index, ident.pieces()));
         let report = worker.solve(&mut || is_stopped())?;
-        if report.stop == Stop::Late {
+        if report.stop == LmStop::Late {
             return Ok(None);
         }
         let p = *worker.parameter();
@@ -96,7 +96,7 @@ where
     // A clone holds every state and costs as much as an iteration: few stripes, but enough of them to
     // keep every thread busy to the end.
     let stripe = resamples.len().div_ceil(4 * rayon::current_num_threads()).max(1);
-    let done: Result<Vec<Vec<_>>, SolveError> = resamples
+    let done: Result<Vec<Vec<_>>, LmError> = resamples
         .par_chunks(stripe)
         .map(|stripe| {
             let mut worker = ident.clone();

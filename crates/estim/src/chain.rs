@@ -5,10 +5,9 @@
 //! chain once, so the cost is linear in its length. The entries of the blocks are computed in `residual.rs`; the
 //! parameter's box is `reduced_system.rs`.
 
-use horizon_model::{Matrix, Vector};
 use std::borrow::Borrow;
 
-use horizon_model::transpose;
+use horizon_model::{Matrix, Vector, transpose};
 
 use crate::back_substitution::{BackSubstitute, back_substitute};
 use crate::cholesky::{Cholesky, NotPositive};
@@ -121,9 +120,9 @@ impl<const NS: usize, const NP: usize> Eliminated<NS, NP> {
         Ok(())
     }
 
-    /// Subtracts the contribution of this state from the block of the next one.
+    /// Eliminates this state from the block of the next one: subtracts `A' A`, `A' B` and `A' y`.
     #[inline]
-    pub(crate) fn take_from(&self, next: &mut Block<NS, NP>) {
+    pub(crate) fn eliminate_from(&self, next: &mut Block<NS, NP>) {
         let before = self.factor.forward_rows(next.before);
         sub_square_lower(&mut next.diagonal, &before);
         sub_outer(&mut next.border, &before, &self.border);

@@ -28,7 +28,7 @@ use search::{Search, SearchStop};
 use thiserror::Error;
 
 use crate::ident::{Ident, Piece, PieceError};
-use crate::levenberg::SolveError;
+use crate::levenberg::LmError;
 use crate::recording::Recording;
 
 pub use settings::{DelaySettings, DelayTable};
@@ -62,7 +62,7 @@ pub enum DelayError {
     Piece(#[from] PieceError),
     /// The model is not finite where a candidate leads.
     #[error(transparent)]
-    Solve(#[from] SolveError),
+    Solve(#[from] LmError),
     /// A group names a row that no input has.
     #[error("input row {row}: expected 0..={}", inputs - 1)]
     Row {

@@ -17,9 +17,9 @@ use horizon_model::{Matrix, Vector};
 use thiserror::Error;
 
 use crate::cholesky::NotPositive;
-use crate::levenberg::{self, IterateScale, LmSettings, SolveError, SolveReport};
+use crate::levenberg::{self, IterateScale, LmError, LmSettings, SolveReport};
 use crate::residual::{Curvature, Observed, Residuals};
-use crate::trajectory::Prior;
+use crate::window_problem::Prior;
 pub use builder::IdentBuilder;
 use segment::{Segment, Terms};
 pub use settings::{IdentSettings, IdentTable};
@@ -214,11 +214,11 @@ where
     ///
     /// # Errors
     /// A residual or a derivative is not finite at the current iterate.
-    pub fn solve(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<SolveReport, SolveError> {
+    pub fn solve(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<SolveReport, LmError> {
         let solver = self.solver;
         self.known = None;
         if !self.is_near {
-            self.settle();
+            self.reoptimize_states();
         }
         levenberg::solve(self, &solver, is_late)
     }
@@ -232,7 +232,7 @@ where
         &mut self,
         cost_tolerance: fn(f64) -> f64,
         is_late: &mut dyn FnMut() -> bool,
-    ) -> Result<SolveReport, SolveError> {
+    ) -> Result<SolveReport, LmError> {
         let far = self.solver;
         self.solver = far.near(cost_tolerance(far.cost_tolerance()));
         let report = self.solve(is_late);

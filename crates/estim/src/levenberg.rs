@@ -1,7 +1,7 @@
 //! Levenberg-Marquardt: the loop of thesis section 3.2.2.
 //!
 //! Owns damping, acceptance and termination. What is minimized, how it is linearized and how the
-//! damped equations are factorized belongs to a [`Problem`]; time enters only as the caller's answer
+//! damped equations are factorized belongs to a [`LeastSquares`]; time enters only as the caller's answer
 //! to "is it late?".
 
 use horizon_model::setting::{SettingError, in_range};
@@ -76,7 +76,7 @@ impl LmSettings {
 #[serde(rename_all = "snake_case")]
 #[must_use]
 #[non_exhaustive]
-pub enum Stop {
+pub enum LmStop {
     /// The last step lowered the cost by less than the tolerance, or no more than that is to be
     /// expected of another.
     CostTolerance,
@@ -90,7 +90,7 @@ pub enum Stop {
     DampingLimit,
 }
 
-impl Stop {
+impl LmStop {
     /// Name in logs, that of the variant in snake case.
     pub fn name(self) -> &'static str {
         match self {
@@ -108,7 +108,7 @@ impl Stop {
 #[must_use]
 pub struct SolveReport {
     /// Why it stopped.
-    pub stop: Stop,
+    pub stop: LmStop,
     /// Steps tried, rejected ones included; at most [`LmTable::iterations_max`].
     pub iterations: u32,
     /// Steps tried that did not lower the cost, part of `iterations`.
@@ -122,14 +122,14 @@ pub struct SolveReport {
 impl SolveReport {
     /// Whether the iterate is optimal within the tolerances, not only the best before a limit.
     pub fn is_converged(&self) -> bool {
-        matches!(self.stop, Stop::CostTolerance | Stop::StepTolerance)
+        matches!(self.stop, LmStop::CostTolerance | LmStop::StepTolerance)
     }
 }
 
 /// What makes a solve impossible. No iterate is to be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
-pub enum SolveError {
+pub enum LmError {
     /// A residual or a derivative at the start is not finite.
     #[error("{block} is not finite at window step {k}")]
     NonFinite {
@@ -160,8 +160,8 @@ pub(crate) struct Step {
     pub(crate) iterate_norm: f64,
 }
 
-/// A least-squares problem that holds a current iterate and a candidate.
-pub(crate) trait Problem {
+/// Least-squares problem with a current iterate and a candidate.
+pub(crate) trait LeastSquares {
     /// Lower bound of the decrease that is assumed to remain after an accepted step, as a fraction of the decrease that
     /// the quadratic model predicted for the step. 0 where the next solve continues from this iterate anyway. 1
     const REMAINING_DECREASE_MIN: f64 = 1e-3;
@@ -170,7 +170,7 @@ pub(crate) trait Problem {
     ///
     /// # Errors
     /// Something is not finite there.
-    fn linearize(&mut self) -> Result<IterateScale, SolveError>;
+    fn linearize(&mut self) -> Result<IterateScale, LmError>;
 
     /// Sets the candidate to the minimum of the damped quadratic model of the last linearization.
     ///
@@ -245,7 +245,7 @@ impl Damping {
     /// Damping may hold back a single row with a unit far from those of the others, so a damped step alone proves no
     /// convergence. The undamped step is tried once per solve: after its failure the convergence of damped steps
     /// counts.
-    fn confirm(&mut self, stop: Stop) -> Option<Stop> {
+    fn confirm(&mut self, stop: LmStop) -> Option<LmStop> {
         if !(self.has_to_confirm && self.value > 0.0) {
             return Some(stop);
         }
@@ -267,7 +267,7 @@ enum Attempt {
         remaining: f64,
     },
     Rejected,
-    Converged(Stop),
+    Converged(LmStop),
 }
 
 /// Minimizes `problem` from its current iterate; the best iterate found is left in it.
@@ -280,15 +280,15 @@ enum Attempt {
 ///
 /// # Errors
 /// The problem is not finite at the start, or has a derivative that is not finite where it leads.
-pub(crate) fn solve<P: Problem>(
+pub(crate) fn solve<P: LeastSquares>(
     problem: &mut P,
     settings: &LmSettings,
     is_late: &mut dyn FnMut() -> bool,
-) -> Result<SolveReport, SolveError> {
+) -> Result<SolveReport, LmError> {
     let start = problem.linearize()?;
     let mut damping = Damping::new(settings, start.diagonal_max);
     let mut report = SolveReport {
-        stop: Stop::IterationLimit,
+        stop: LmStop::IterationLimit,
         iterations: 0,
         rejected: 0,
         cost_start: start.cost,
@@ -297,7 +297,7 @@ pub(crate) fn solve<P: Problem>(
     let mut is_linearized = true;
     while report.iterations < settings.iterations_max {
         if is_late() {
-            report.stop = Stop::Late;
+            report.stop = LmStop::Late;
             break;
         }
         if !is_linearized {
@@ -307,20 +307,20 @@ pub(crate) fn solve<P: Problem>(
         report.iterations += 1;
         let stop = match attempt(problem, settings, damping.value, report.cost) {
             Attempt::Accepted { cost, gain_ratio, remaining } => {
-                let drop = report.cost - cost;
+                let decrease = report.cost - cost;
                 report.cost = cost;
                 is_linearized = false;
-                if drop.min(remaining) > settings.cost_tolerance * cost {
+                if decrease.min(remaining) > settings.cost_tolerance * cost {
                     damping.adapt(gain_ratio);
                     None
                 } else {
-                    damping.confirm(Stop::CostTolerance)
+                    damping.confirm(LmStop::CostTolerance)
                 }
             }
             Attempt::Rejected => {
                 report.rejected += 1;
                 damping.grow();
-                damping.is_at_limit().then_some(Stop::DampingLimit)
+                damping.is_at_limit().then_some(LmStop::DampingLimit)
             }
             Attempt::Converged(stop) => damping.confirm(stop),
         };
@@ -337,27 +337,36 @@ pub(crate) fn solve<P: Problem>(
 /// The decrease that remains after the step is estimated without another step. With the quadratic model's Hessian `H`,
 /// the true one `H + E` and the step `d`, the error of the predicted decrease is `eta = d' E d / 2`, and the gradient
 /// after the step is `E d`: the next step gains about `d' E H^-1 E d / 2 <= |eta|` if `E` is semidefinite and the
-/// iteration contracts. If `E` is indefinite, `eta` may vanish by chance: [`Problem::REMAINING_DECREASE_MIN`] is a
+/// iteration contracts. If `E` is indefinite, `eta` may vanish by chance: [`LeastSquares::REMAINING_DECREASE_MIN`] is a
 /// lower bound. Along a direction of curvature `l`, the damping `mu` holds back `mu^2 |d|^2 / (2 l)`, less than half of
 /// `mu |d|^2` where `l` exceeds `mu`.
-fn attempt<P: Problem>(problem: &mut P, settings: &LmSettings, damping: f64, cost: f64) -> Attempt {
+fn attempt<P: LeastSquares>(
+    problem: &mut P,
+    settings: &LmSettings,
+    damping: f64,
+    cost: f64,
+) -> Attempt {
     let Ok(step) = problem.try_step(damping) else { return Attempt::Rejected };
-    let damped = damping * step.norm * step.norm;
+    let damping_term = damping * step.norm * step.norm;
     if step.norm <= settings.step_tolerance * step.iterate_norm {
-        return Attempt::Converged(Stop::StepTolerance);
+        return Attempt::Converged(LmStop::StepTolerance);
     }
     if step.decrease <= f64::EPSILON * cost {
         // The decrease is lost in the rounding of the cost.
-        return Attempt::Converged(Stop::CostTolerance);
+        return Attempt::Converged(LmStop::CostTolerance);
     }
     let candidate = problem.candidate_cost();
     let gain_ratio = (cost - candidate) / step.decrease;
     // False for a NaN.
     if gain_ratio > GAIN_ACCEPTED {
         problem.accept();
-        let misjudged =
+        let model_error =
             (cost - candidate - step.decrease).abs().max(P::REMAINING_DECREASE_MIN * step.decrease);
-        Attempt::Accepted { cost: candidate, gain_ratio, remaining: misjudged + 0.5 * damped }
+        Attempt::Accepted {
+            cost: candidate,
+            gain_ratio,
+            remaining: model_error + 0.5 * damping_term,
+        }
     } else {
         Attempt::Rejected
     }

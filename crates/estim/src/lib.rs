@@ -26,7 +26,7 @@ mod product;
 mod recording;
 mod reduced_system;
 mod residual;
-mod trajectory;
+mod window_problem;
 
 pub use arrival::{ArrivalSettings, ArrivalTable};
 pub use bootstrap::{
@@ -38,9 +38,9 @@ pub use delay::{
     Flights, ProfilePoint, Span,
 };
 pub use ident::{Ident, IdentBuilder, IdentSettings, IdentTable, Piece, PieceError};
-pub use levenberg::{LmSettings, LmTable, SolveError, SolveReport, Stop};
+pub use levenberg::{LmError, LmSettings, LmStop, LmTable, SolveReport};
 pub use loss::{Loss, LossTable};
 pub use mhe::{Mhe, MheBuilder, MheError, MheSettings, MheTable};
 pub use recording::{Recording, cut};
 pub use residual::{Curvature, Observed, Residuals};
-pub use trajectory::{Prior, Trajectory};
+pub use window_problem::{Prior, WindowProblem};

@@ -1,7 +1,7 @@
 //! Moving horizon estimator, thesis sections 3.1.4 and 4.3.8.
 //!
 //! Owns the window: how it grows, shifts and is warm started. The problem over the window is
-//! `trajectory.rs`, its solution `levenberg.rs`. Which observations are accepted and which inputs were
+//! `window_problem.rs`, its solution `levenberg.rs`. Which observations are accepted and which inputs were
 //! applied is the caller's.
 
 mod builder;
@@ -15,10 +15,10 @@ use thiserror::Error;
 
 use crate::arrival::{ArrivalSettings, ArrivalTable};
 use crate::cholesky::Cholesky;
-use crate::levenberg::{LmSettings, LmTable, SolveError, SolveReport};
+use crate::levenberg::{LmError, LmSettings, LmTable, SolveReport};
 use crate::loss::{Loss, LossTable};
 use crate::residual::{Observed, Residuals};
-use crate::trajectory::{Prior, Trajectory};
+use crate::window_problem::{Prior, WindowProblem};
 pub use builder::MheBuilder;
 
 /// Moving horizon estimator, as written in a file. Weights multiply residuals: the thesis' appendix D
@@ -91,8 +91,8 @@ impl MheTable {
     where
         M: Model<NS, NU, NO, NP>,
     {
-        let bounds = (self.p_lb.as_slice(), self.p_ub.as_slice());
-        let prior = Prior::check(&M::PARAMETER, &self.c_p, &self.p_prior, bounds)?;
+        let Self { c_p, p_prior, p_lb, p_ub, .. } = self;
+        let prior = Prior::check(&M::PARAMETER, c_p, p_prior, p_lb, p_ub)?;
         let arrival = self.arrival.check::<M, NS, NU, NO, NP>();
         let arrival = arrival.map_err(|error| error.under("carried").under("arrival"))?;
         if let ArrivalSettings::Carried { .. } = arrival {
@@ -133,13 +133,13 @@ pub enum MheError {
     },
     /// The problem over the window is not finite.
     #[error(transparent)]
-    Solve(#[from] SolveError),
+    Solve(#[from] LmError),
 }
 
 /// Estimator of the states of the last `window_steps` steps and of the parameter.
 #[derive(Debug, Clone)]
 pub struct Mhe<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
-    trajectory: Trajectory<M, NS, NU, NO, NP>,
+    problem: WindowProblem<M, NS, NU, NO, NP>,
     settings: MheSettings<NS, NO, NP>,
     is_started: bool,
 }
@@ -166,8 +166,8 @@ where
             transition_loss: settings.transition_loss,
         };
         let MheSettings { prior, arrival, window_steps, .. } = settings;
-        let trajectory = Trajectory::new(residuals, prior, arrival, window_steps);
-        Ok(Self { trajectory, settings, is_started: false })
+        let problem = WindowProblem::new(residuals, prior, arrival, window_steps);
+        Ok(Self { problem, settings, is_started: false })
     }
 
     /// Starts, or starts again, at rest where `o` was observed, with the prior parameter.
@@ -183,9 +183,9 @@ where
     pub fn start(&mut self, o: &Vector<NO>) -> Result<Vector<NO>, MheError> {
         self.is_started = false;
         finite("observation", o)?;
-        let s = self.trajectory.model().at_rest(o);
+        let s = self.problem.model().at_rest(o);
         self.start_at(&s)?;
-        Ok(o - self.trajectory.model().observe(&s))
+        Ok(o - self.problem.model().observe(&s))
     }
 
     /// Starts at the state `s`, NS rows in the units of [`Model::STATE`]; [`Mhe::start`] finds one from an observation.
@@ -198,11 +198,11 @@ where
     pub fn start_at(&mut self, s: &Vector<NS>) -> Result<(), MheError> {
         self.is_started = false;
         finite("state", s)?;
-        let model = self.trajectory.model();
+        let model = self.problem.model();
         finite("observation of the state", &model.observe(s))?;
         finite("derivative", &model.observe_by_state(s))?;
-        self.trajectory.set_prior(self.settings.prior.p_prior);
-        self.trajectory.start(*s);
+        self.problem.set_prior(self.settings.prior.p_prior);
+        self.problem.start(*s);
         self.is_started = true;
         Ok(())
     }
@@ -250,13 +250,13 @@ where
             return Err(MheError::NonFinite { what: "observation", k });
         }
         if k > self.settings.window_steps {
-            self.trajectory.pop();
+            self.problem.pop();
         }
-        self.trajectory.push(u_applied, observed);
-        let solved = self.trajectory.solve(&self.settings.solver, is_late);
+        self.problem.push(u_applied, observed);
+        let solved = self.problem.solve(&self.settings.solver, is_late);
         self.is_started = solved.is_ok();
         if self.is_started && self.settings.shift_prior {
-            self.trajectory.set_prior(*self.trajectory.parameter());
+            self.problem.set_prior(*self.problem.parameter());
         }
         solved.map_err(MheError::from)
     }
@@ -282,7 +282,7 @@ where
             return Err(MheError::NonFinite { what: "observation", k });
         }
         if back <= self.settings.window_steps {
-            self.trajectory.observe(k, observed);
+            self.problem.observe(k, observed);
         }
         Ok(())
     }
@@ -311,7 +311,7 @@ where
             return Err(MheError::NonFinite { what: "input", k: in_window - 1 - age });
         }
         for age in 0..steps {
-            self.trajectory.amend(in_window - 1 - age, &u_applied(age));
+            self.problem.amend(in_window - 1 - age, &u_applied(age));
         }
         Ok(())
     }
@@ -323,18 +323,18 @@ where
     ///
     /// Real time: no allocation, constant cost.
     pub fn hold_parameter(&mut self, is_held: bool) {
-        self.trajectory.hold_parameter(is_held);
+        self.problem.hold_parameter(is_held);
     }
 
     /// The newest state estimate, NS rows in the units of [`Model::STATE`]; the state at rest observed as zero before
     /// the start; not to be used after an error of [`Self::update`] that loses the window, when it may be NaN.
     pub fn s_hat(&self) -> &Vector<NS> {
-        self.trajectory.newest()
+        self.problem.newest()
     }
 
     /// The parameter estimate, NP rows in the units of [`Model::PARAMETER`]; the prior before the first update.
     pub fn p_hat(&self) -> &Vector<NP> {
-        self.trajectory.parameter()
+        self.problem.parameter()
     }
 
     /// Covariance of the parameter by the carried arrival cost, in the units of its weights: what the steps before
@@ -342,7 +342,7 @@ where
     ///
     /// Real time: no allocation, two factorizations.
     pub fn parameter_covariance(&self) -> Option<Matrix<NP, NP>> {
-        let root = Cholesky::new(self.trajectory.information()?).ok()?.forward(Matrix::identity());
+        let root = Cholesky::new(self.problem.information()?).ok()?.forward(Matrix::identity());
         Some(root.transpose() * root)
     }
 
@@ -353,13 +353,13 @@ where
     ///
     /// Real time: no allocation, one factorization and two triangular solves per decoupled subsystem.
     pub fn state_covariance(&self) -> Option<Matrix<NS, NS>> {
-        self.trajectory.newest_covariance().ok()
+        self.problem.newest_covariance().ok()
     }
 
     /// The states of the window, the oldest first and the newest last: at most `window_steps` + 1, in the units of
     /// [`Model::STATE`].
     pub fn window(&self) -> &[Vector<NS>] {
-        self.trajectory.states()
+        self.problem.states()
     }
 }
 

@@ -6,13 +6,12 @@
 //! sizes known at compile time make an elimination fast: each subsystem has blocks of its own sizes, which the model
 //! states ([`Model::subsystems`]).
 
-use horizon_model::{Matrix, Vector};
 use std::fmt::Debug;
 
-use horizon_model::subsystem::{cut, pick, put};
-use horizon_model::{Model, VisitSubsystems};
+use horizon_model::subsystem::{scatter, select_rows, submatrix};
+use horizon_model::{Matrix, Model, Vector, VisitSubsystems};
 
-use crate::arrival::{Fading, Folded, fold};
+use crate::arrival::{Forgetting, Marginal, OldestStep, marginalize};
 use crate::back_substitution::{LongElimination, back_substitute};
 use crate::chain::{Block, Eliminated, eliminate};
 use crate::cholesky::NotPositive;
@@ -103,22 +102,17 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
         self.subsystems.iter().for_each(|one| one.back_substitute_long(p_step, steps));
     }
 
-    /// As [`fold`].
+    /// As [`marginalize`], subsystem by subsystem.
     ///
     /// # Errors
     /// The matrix is not positive definite.
-    pub(crate) fn fold(
+    pub(crate) fn marginalize(
         &self,
-        block: &Block<NS, NP>,
-        next: &Block<NS, NP>,
-        parameter_block: &ReducedSystem<NP>,
-        fading: Option<&Fading<NP>>,
-    ) -> Result<Folded<NS, NP>, NotPositive> {
-        let mut folded = Folded::zeros();
-        for one in &self.subsystems {
-            one.fold((block, next, parameter_block, fading), &mut folded)?;
-        }
-        Ok(folded)
+        oldest: &OldestStep<NS, NP>,
+    ) -> Result<Marginal<NS, NP>, NotPositive> {
+        let mut whole = Marginal::zeros();
+        self.subsystems.iter().try_for_each(|one| one.put_marginal(oldest, &mut whole))?;
+        Ok(whole)
     }
 }
 
@@ -148,7 +142,12 @@ impl<const NS: usize, const NP: usize> VisitSubsystems for Collected<NS, NP> {
         self.parameters.extend(parameters);
         let rows = Vec::with_capacity(self.len_max);
         let one_by_one = LongElimination::new(0);
-        self.subsystems.push(Box::new(Subsystem { states, parameters, rows, one_by_one }));
+        self.subsystems.push(Box::new(SubsystemElimination {
+            states,
+            parameters,
+            rows,
+            one_by_one,
+        }));
     }
 }
 
@@ -181,10 +180,10 @@ trait Eliminate<const NS: usize, const NP: usize>: Debug + Send + Sync {
 
     fn back_substitute_long(&self, p_step: &Vector<NP>, steps: &mut [Vector<NS>]);
 
-    fn fold(
+    fn put_marginal(
         &self,
-        equations: ToFold<'_, NS, NP>,
-        whole: &mut Folded<NS, NP>,
+        oldest: &OldestStep<NS, NP>,
+        whole: &mut Marginal<NS, NP>,
     ) -> Result<(), NotPositive>;
 
     fn boxed(&self) -> Box<dyn Eliminate<NS, NP>>;
@@ -196,13 +195,9 @@ impl<const NS: usize, const NP: usize> Clone for Box<dyn Eliminate<NS, NP>> {
     }
 }
 
-/// Arguments of [`fold`].
-type ToFold<'a, const NS: usize, const NP: usize> =
-    (&'a Block<NS, NP>, &'a Block<NS, NP>, &'a ReducedSystem<NP>, Option<&'a Fading<NP>>);
-
-/// One decoupled subsystem.
+/// Elimination of one decoupled subsystem.
 #[derive(Debug, Clone)]
-struct Subsystem<const S: usize, const P: usize> {
+struct SubsystemElimination<const S: usize, const P: usize> {
     states: &'static [usize; S],
     parameters: &'static [usize; P],
     rows: Vec<Eliminated<S, P>>,
@@ -211,7 +206,7 @@ struct Subsystem<const S: usize, const P: usize> {
 }
 
 impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate<NS, NP>
-    for Subsystem<S, P>
+    for SubsystemElimination<S, P>
 {
     fn eliminate(
         &mut self,
@@ -228,9 +223,9 @@ impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate
     }
 
     fn back_substitute(&self, p_step: &Vector<NP>, steps: &mut [Vector<NS>]) {
-        let p_step = pick(p_step, self.parameters);
+        let p_step = select_rows(p_step, self.parameters);
         back_substitute(&self.rows, &p_step, steps.len(), |k, step| {
-            put(&step, self.states, &[0], &mut steps[k]);
+            scatter(&step, self.states, &[0], &mut steps[k]);
         });
     }
 
@@ -242,7 +237,7 @@ impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate
     ) -> Result<(), NotPositive> {
         let row = self.rows.get(last).ok_or(NotPositive)?;
         let covariance = row.covariance(&self.reduced_system(reduced).hessian)?;
-        put(&covariance, self.states, self.states, whole);
+        scatter(&covariance, self.states, self.states, whole);
         Ok(())
     }
 
@@ -262,28 +257,32 @@ impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate
     }
 
     fn back_substitute_long(&self, p_step: &Vector<NP>, steps: &mut [Vector<NS>]) {
-        let p_step = pick(p_step, self.parameters);
+        let p_step = select_rows(p_step, self.parameters);
         back_substitute(self.one_by_one.rows(), &p_step, steps.len(), |k, step| {
-            put(&step, self.states, &[0], &mut steps[k]);
+            scatter(&step, self.states, &[0], &mut steps[k]);
         });
     }
 
-    fn fold(
+    fn put_marginal(
         &self,
-        (block, next, parameter_block, fading): ToFold<'_, NS, NP>,
-        whole: &mut Folded<NS, NP>,
+        oldest: &OldestStep<NS, NP>,
+        whole: &mut Marginal<NS, NP>,
     ) -> Result<(), NotPositive> {
         let Self { states, parameters, .. } = self;
-        let own = |block| of_block(block, states, parameters);
-        let fading = fading
-            .map(|fading| Fading { keep: fading.keep, prior: self.reduced_system(&fading.prior) });
-        let folded =
-            fold(&own(block), own(next), self.reduced_system(parameter_block), fading.as_ref())?;
-        put(&folded.block.diagonal, states, states, &mut whole.block.diagonal);
-        put(&folded.block.border, states, parameters, &mut whole.block.border);
-        self.put_reduced_system(&folded.parameter_block, &mut whole.parameter_block);
-        put(&folded.s_step, states, &[0], &mut whole.s_step);
-        put(&folded.p_step, parameters, &[0], &mut whole.p_step);
+        let forgetting = oldest.forgetting.as_ref().map(|Forgetting { factor, prior }| {
+            Forgetting { factor: *factor, prior: self.reduced_system(prior) }
+        });
+        let marginal = marginalize(OldestStep {
+            block: of_block(&oldest.block, states, parameters),
+            next: of_block(&oldest.next, states, parameters),
+            parameter_block: self.reduced_system(&oldest.parameter_block),
+            forgetting,
+        })?;
+        scatter(&marginal.block.diagonal, states, states, &mut whole.block.diagonal);
+        scatter(&marginal.block.border, states, parameters, &mut whole.block.border);
+        self.put_reduced_system(&marginal.parameter_block, &mut whole.parameter_block);
+        scatter(&marginal.s_step, states, &[0], &mut whole.s_step);
+        scatter(&marginal.p_step, parameters, &[0], &mut whole.p_step);
         Ok(())
     }
 
@@ -292,12 +291,12 @@ impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate
     }
 }
 
-impl<const S: usize, const P: usize> Subsystem<S, P> {
+impl<const S: usize, const P: usize> SubsystemElimination<S, P> {
     /// The rows of `whole` that belong to this subsystem, with zero decrease.
     fn reduced_system<const NP: usize>(&self, whole: &ReducedSystem<NP>) -> ReducedSystem<P> {
         ReducedSystem {
-            hessian: cut(&whole.hessian, self.parameters, self.parameters),
-            gradient: pick(&whole.gradient, self.parameters),
+            hessian: submatrix(&whole.hessian, self.parameters, self.parameters),
+            gradient: select_rows(&whole.gradient, self.parameters),
             decrease: 0.0,
         }
     }
@@ -308,8 +307,8 @@ impl<const S: usize, const P: usize> Subsystem<S, P> {
         parameter_block: &ReducedSystem<P>,
         whole: &mut ReducedSystem<NP>,
     ) {
-        put(&parameter_block.hessian, self.parameters, self.parameters, &mut whole.hessian);
-        put(&parameter_block.gradient, self.parameters, &[0], &mut whole.gradient);
+        scatter(&parameter_block.hessian, self.parameters, self.parameters, &mut whole.hessian);
+        scatter(&parameter_block.gradient, self.parameters, &[0], &mut whole.gradient);
         whole.decrease += parameter_block.decrease;
     }
 }
@@ -322,10 +321,10 @@ fn of_block<const NS: usize, const NP: usize, const S: usize, const P: usize>(
     parameters: &[usize; P],
 ) -> Block<S, P> {
     Block {
-        diagonal: cut(&whole.diagonal, states, states),
-        before: cut(&whole.before, states, states),
-        border: cut(&whole.border, states, parameters),
-        gradient: pick(&whole.gradient, states),
+        diagonal: submatrix(&whole.diagonal, states, states),
+        before: submatrix(&whole.before, states, states),
+        border: submatrix(&whole.border, states, parameters),
+        gradient: select_rows(&whole.gradient, states),
     }
 }
 

@@ -1,8 +1,8 @@
-//! Residual blocks of a trajectory and their derivatives.
+//! Residual blocks of a sequence of states and their derivatives.
 //!
 //! Owns what an observation and a transition cost and how they enter a [`Chain`]. Weights multiply
 //! residuals; a cost is half the sum of `rho`. The prior on the parameter and the iteration live in
-//! `trajectory.rs`.
+//! `window_problem.rs`.
 
 use horizon_model::{Linearized, Model, transpose};
 use nalgebra::SVector;
@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::chain::{Block, Chain, NeighbourBlocks};
-use crate::levenberg::SolveError;
+use crate::levenberg::LmError;
 use crate::loss::Loss;
 use crate::product::{add_mul_sparse, add_sparse, outer, sub_scaled_sparse, tr_mul};
 
@@ -154,7 +154,7 @@ where
         iterate: &Iterate<'_, NS, NU, NO, NP>,
         curvature: Curvature,
         chain: &mut Chain<NS, NP>,
-    ) -> Result<f64, SolveError> {
+    ) -> Result<f64, LmError> {
         let prepared = Self { model: self.model.prepared(iterate.p, self.dt_s), ..*self };
         let mut cost = 0.0;
         for (k, block) in chain.blocks_mut().iter_mut().enumerate() {
@@ -261,8 +261,8 @@ where
 
 /// `cost`, unless the residual block behind it is not finite.
 #[inline]
-pub(crate) fn finite(cost: f64, block: &'static str, k: usize) -> Result<f64, SolveError> {
-    if cost.is_finite() { Ok(cost) } else { Err(SolveError::NonFinite { block, k }) }
+pub(crate) fn finite(cost: f64, block: &'static str, k: usize) -> Result<f64, LmError> {
+    if cost.is_finite() { Ok(cost) } else { Err(LmError::NonFinite { block, k }) }
 }
 
 #[cfg(test)]

@@ -37,7 +37,7 @@ mod worst_case;
 
 use std::fmt::Debug;
 
-use horizon_control::{MpcReport, Stop, predict};
+use horizon_control::{MpcReport, SqpStop, predict};
 use horizon_estim::{Mhe, MheError, Observed};
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::{InputFifo, Model};
@@ -370,7 +370,7 @@ where
         let solved = self.planner.plan(&known, &self.mission, &mut || watch.is_late());
         watch.mark(TickStage::Planned);
         // Late is no failure until the plan is older than its horizon.
-        let is_late = matches!(&solved, Ok(report) if report.stop == Stop::Late);
+        let is_late = matches!(&solved, Ok(report) if report.stop == SqpStop::Late);
         let has_new_plan = solved.as_ref().is_ok_and(MpcReport::has_new_plan);
         let goes_on = is_late && self.planner.has_usable_plan();
         self.memory.has_controller_failed = !(has_new_plan || goes_on);

@@ -148,7 +148,7 @@ fn read_points(path: &Path, table: &mut MissionTable) -> Result<()> {
     Ok(())
 }
 
-/// Everything that the ticks of a flight depend on.
+/// Settings and mission of a flight: all that its ticks depend on. Checks nothing.
 pub fn flight(table: &FlyTable, mission: MissionTable, start: Start) -> FlightTable {
     FlightTable { start, mission, cycle: table.cycle.clone(), protocol: table.tello.protocol }
 }

@@ -46,7 +46,7 @@ pub const CONFIG: &str = "config.json";
 /// Encoding of records that are read again.
 const JSON: &str = "json";
 
-/// What a log states about itself before its first message.
+/// Statements of a log about itself, before its first message.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Head {
     /// Wall-clock time of `TimeNs(0)`. ns since 1970-01-01 UTC

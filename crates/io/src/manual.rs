@@ -57,7 +57,7 @@ pub enum Ask {
     EmergencyStop,
 }
 
-/// What the person at the controls wants in one tick.
+/// Wishes of the person at the controls in one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Hand {
     /// The strongest order since the last tick.
@@ -104,7 +104,7 @@ impl Person {
         self.emergency.clone()
     }
 
-    /// What the person wants at `now`; called once per tick.
+    /// Wishes of the person at `now`; called once per tick.
     ///
     /// Real time: no allocation, at most the queued events; never waits.
     pub fn poll(&mut self, now: TimeNs) -> Hand {

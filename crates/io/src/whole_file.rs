@@ -128,7 +128,7 @@ pub fn is_there(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok()
 }
 
-/// What [`write()`] refuses of `path`, before the work whose result it shall take. Leaves nothing behind.
+/// Checks what [`write()`] would refuse of `path`, before the work whose result it shall take. Leaves nothing behind.
 ///
 /// # Errors
 /// `path` exists and `is_replaced` is false, and as [`probe`].

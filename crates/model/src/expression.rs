@@ -108,7 +108,8 @@ impl Program {
         self.dimensions
     }
 
-    /// Number of terms of the step with its Jacobians by state and parameter.
+    /// Number of registers of the compiled step with its Jacobians by state and parameter: variables, constants and
+    /// results. 1
     pub fn terms(&self) -> usize {
         self.linearize.registers()
     }

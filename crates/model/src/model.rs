@@ -75,7 +75,7 @@ pub struct HessianRequest<'a, const NS: usize, const NU: usize, const NP: usize>
     pub dt_s: f64,
     /// [`Model::step_by_input`] at these arguments, from which terms may be reused.
     pub by_input: &'a Matrix<NS, NU>,
-    /// Weight of each row of the step; in a controller, the costate of the next state.
+    /// Weight of each row of the step; in a controller, the costate of the next state. 1 / unit of the row
     pub w: &'a Vector<NS>,
     /// Which Hessian is asked for.
     pub kind: HessianKind,

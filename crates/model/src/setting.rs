@@ -1,15 +1,18 @@
-//! Checked settings: what a refused value looks like.
+//! Checks of settings values, and the refusal of a value.
 //!
 //! Tables are read from JSON unchecked and turned into settings by `TryFrom`; a settings value is
 //! the proof that the table was valid. Every refusal names key, value and rule.
 
-use crate::Vector;
 use std::fmt::{Debug, Display};
 use std::ops::RangeInclusive;
 
 use thiserror::Error;
 
+use crate::Vector;
 use crate::row::{Domain, Row};
+
+/// Range of weights. 1 / unit of the row
+const WEIGHTS: RangeInclusive<f64> = 1e-6..=1e6;
 
 /// A setting that breaks its rule, e.g. `mhe.window_steps = 1: expected 2..=200`.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -51,6 +54,14 @@ pub fn in_range<T: PartialOrd + Display + Copy + Debug>(
     } else {
         Err(SettingError::new(key, value, format!("{range:?}")))
     }
+}
+
+/// `value` if it is finite.
+///
+/// # Errors
+/// The value is infinite or NaN.
+pub fn finite(key: &str, value: f64) -> Result<f64, SettingError> {
+    if value.is_finite() { Ok(value) } else { Err(SettingError::new(key, value, "finite")) }
 }
 
 /// `value` if it is finite and positive.
@@ -103,8 +114,6 @@ pub fn weight_or_zero(key: &str, value: f64) -> Result<f64, SettingError> {
     }
 }
 
-const WEIGHTS: RangeInclusive<f64> = 1e-6..=1e6;
-
 /// `values` as a vector whose rows are `rows`, each entry accepted by `check`.
 ///
 /// `check` is one of this module's functions, or a closure with a range; it sees the key of the
@@ -131,14 +140,6 @@ pub fn vector<const N: usize>(
         v[i] = check(&format!("{key}[{i}]"), *value)?;
     }
     Ok(v)
-}
-
-/// `value` if it is finite.
-///
-/// # Errors
-/// The value is infinite or NaN.
-pub fn finite(key: &str, value: f64) -> Result<f64, SettingError> {
-    if value.is_finite() { Ok(value) } else { Err(SettingError::new(key, value, "finite")) }
 }
 
 /// Bounds as two vectors with `lo <= hi` in every row, both in the domain of the row.

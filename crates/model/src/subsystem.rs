@@ -2,8 +2,9 @@
 //!
 //! Owns no solver: elimination by subsystems belongs to the estimator.
 
-use crate::{Matrix, Vector};
 use std::array;
+
+use crate::{Matrix, Vector};
 
 /// Rows that are decoupled from the others: their values after a step depend on these rows alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,16 +44,16 @@ impl VisitSubsystems for Vec<Subsystem> {
 ///
 /// Real time: no allocation, R copies.
 #[inline]
-pub fn pick<const N: usize, const R: usize>(v: &Vector<N>, rows: &[usize; R]) -> Vector<R> {
+pub fn select_rows<const N: usize, const R: usize>(v: &Vector<N>, rows: &[usize; R]) -> Vector<R> {
     Vector::from_fn(|row, _| v[rows[row]])
 }
 
-/// Writes `part`, R x C, to the entries of `whole`, M x N, at `rows` and `columns`: the inverse of [`cut`]. The other
-/// entries stay. Each index is below M or N.
+/// Writes `part`, R x C, to the entries of `whole`, M x N, at `rows` and `columns`: the inverse of [`submatrix`]. The
+/// other entries stay. Each index is below M or N.
 ///
 /// Real time: no allocation, `R C` copies.
 #[inline]
-pub fn put<const M: usize, const N: usize, const R: usize, const C: usize>(
+pub fn scatter<const M: usize, const N: usize, const R: usize, const C: usize>(
     part: &Matrix<R, C>,
     rows: &[usize; R],
     columns: &[usize; C],
@@ -70,7 +71,7 @@ pub fn put<const M: usize, const N: usize, const R: usize, const C: usize>(
 ///
 /// Real time: no allocation, `R C` copies.
 #[inline]
-pub fn cut<const M: usize, const N: usize, const R: usize, const C: usize>(
+pub fn submatrix<const M: usize, const N: usize, const R: usize, const C: usize>(
     m: &Matrix<M, N>,
     rows: &[usize; R],
     columns: &[usize; C],
@@ -84,22 +85,21 @@ pub fn cut<const M: usize, const N: usize, const R: usize, const C: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Matrix, Vector};
 
     #[test]
-    fn what_is_put_back_is_what_was_cut_and_nothing_else_moves() {
+    fn a_submatrix_is_scattered_back_to_its_rows_and_nothing_else_moves() {
         let whole = Matrix::<4, 3>::from_fn(|i, j| (10 * i + j) as f64);
         let (rows, columns) = ([1, 3], [0, 2]);
-        let part = cut(&whole, &rows, &columns);
+        let part = submatrix(&whole, &rows, &columns);
         assert_eq!(part, Matrix::<2, 2>::new(10.0, 12.0, 30.0, 32.0));
         let mut changed = whole;
-        put(&-part, &rows, &columns, &mut changed);
+        scatter(&-part, &rows, &columns, &mut changed);
         for (i, j) in (0..4).flat_map(|i| (0..3).map(move |j| (i, j))) {
             let sign = if rows.contains(&i) && columns.contains(&j) { -1.0 } else { 1.0 };
             assert!((changed[(i, j)] - sign * whole[(i, j)]).abs() < 1e-15, "{i}, {j}");
         }
         let column = whole.column(2).into_owned();
-        assert_eq!(pick(&column, &rows), Vector::from([12.0, 32.0]));
+        assert_eq!(select_rows(&column, &rows), Vector::from([12.0, 32.0]));
     }
 
     #[test]

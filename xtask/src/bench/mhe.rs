@@ -10,7 +10,7 @@ use std::fs;
 use anyhow::{Context, Result, ensure};
 use horizon_estim::{
     ArrivalSettings, ArrivalTable, LmSettings, LmTable, Loss, LossTable, Mhe, MheSettings,
-    Observed, Prior, Residuals, Trajectory,
+    Observed, Prior, Residuals, WindowProblem,
 };
 use horizon_model::rows::{Pose, Sticks};
 use horizon_model::{Bounds, Kinematic};
@@ -102,7 +102,7 @@ pub(crate) fn estimator(window_steps: usize) -> Result<Estimator> {
 }
 
 /// The window as a problem at its cold start.
-fn trajectory(window: &Window) -> Trajectory<Kinematic, 4, 4, 4, 4> {
+fn problem(window: &Window) -> WindowProblem<Kinematic, 4, 4, 4, 4> {
     let residuals = Residuals {
         model: Kinematic,
         dt_s: DT_S,
@@ -117,16 +117,16 @@ fn trajectory(window: &Window) -> Trajectory<Kinematic, 4, 4, 4, 4> {
         bounds: Bounds { lo: P_LB.into(), hi: P_UB.into() },
     };
     let arrival = ArrivalSettings::Fixed;
-    let mut trajectory = Trajectory::new(residuals, prior, arrival, window.steps.len());
-    trajectory.start(window.s_0);
-    window.steps.iter().for_each(|(u, observed)| trajectory.push(u, observed));
-    trajectory
+    let mut problem = WindowProblem::new(residuals, prior, arrival, window.steps.len());
+    problem.start(window.s_0);
+    window.steps.iter().for_each(|(u, observed)| problem.push(u, observed));
+    problem
 }
 
 /// The cost of a window as far down as it goes.
 fn least_cost(window: &Window) -> Result<f64> {
     let settings = LmSettings::try_from(&solver(1e-14))?;
-    Ok(trajectory(window).solve(&settings, &mut || false)?.cost)
+    Ok(problem(window).solve(&settings, &mut || false)?.cost)
 }
 
 /// The first identification flight, inputs shifted to where they act: the first pose, then the steps.
@@ -158,9 +158,9 @@ fn cold(bench: &Bench, peer: Option<&Peer>) -> Result<Comparison> {
     let ours = || {
         let clock = Clock::start();
         let solved = windows.iter().map(|window| {
-            let mut trajectory = trajectory(window);
+            let mut problem = problem(window);
             let start = clock.now();
-            let report = trajectory.solve(&settings, &mut || false)?;
+            let report = problem.solve(&settings, &mut || false)?;
             let us = clock.now().since(start).seconds() * 1e6;
             Ok(Solve { us, iterations: report.iterations, cost: report.cost, kkt: f64::NAN })
         });

@@ -34,7 +34,7 @@ impl Display for Place {
     }
 }
 
-/// What the drone's reports prove.
+/// Proof by the drone's reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Proof {
     /// Nothing: eyes, or the table of velocities.
@@ -103,7 +103,7 @@ pub(super) struct Check {
     pub(super) name: &'static str,
     pub(super) place: Place,
     pub(super) assumption: &'static str,
-    /// What the owner does.
+    /// Task of the owner.
     pub(super) todo: &'static str,
     pub(super) steps: &'static [Step],
     pub(super) proof: Proof,

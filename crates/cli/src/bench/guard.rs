@@ -37,7 +37,7 @@ impl Guard {
         Ok(Self { heartbeat, process: Some(process), ..Self::absent() })
     }
 
-    /// What the bench does from here on.
+    /// Sets the duty of the bench from here on.
     pub(super) fn set(&mut self, duty: Duty, now: TimeNs) {
         self.duty = duty;
         self.turn(now);

@@ -71,7 +71,7 @@ pub(super) struct Event {
     pub(super) what: What,
 }
 
-/// What happened.
+/// An event of the bench.
 #[derive(Debug, Clone, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum What {
@@ -184,7 +184,7 @@ impl Motor {
     }
 }
 
-/// What a datagram at the command socket says.
+/// Meaning of a datagram at the command socket.
 pub(super) fn read(bytes: &[u8], protocol: Protocol) -> What {
     match DronePacket::decode(bytes) {
         Ok(DronePacket::Status { status, .. }) => {
@@ -220,7 +220,7 @@ pub(super) fn read(bytes: &[u8], protocol: Protocol) -> What {
     }
 }
 
-/// What a datagram at the state socket says: the drone flies high above the floor, and its motors run then, or while
+/// Meaning of a datagram at the state socket: the drone flies high above the floor, and its motors run then, or while
 /// their time grows.
 pub(super) fn read_state(bytes: &[u8], motor: &mut Motor, now: TimeNs) -> What {
     let Some(line) = StateLine::decode(bytes) else {

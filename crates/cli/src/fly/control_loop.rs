@@ -28,34 +28,27 @@ use tokio::sync::oneshot;
 pub(super) use self::orders::Orders;
 use self::orders::meaning;
 use super::drill::Drill;
+use super::loop_times::LoopTimes;
 use super::status::{STATUS_PERIOD, Status};
 use crate::stdio;
 
-/// How long the loop goes on after the flight, so that the log shows the drone on the ground.
+/// Time that the loop goes on after the flight, so that the log shows the drone on the ground.
 const SETTLE: SpanNs = SpanNs::from_ms(500);
 
-/// How long a drone that says it flies is ordered to land while its landing is unconfirmed.
+/// Time in which a drone that reports to fly is ordered to land while its landing is unconfirmed.
 const SETTLE_UNCONFIRMED: SpanNs = SpanNs::from_ms(15_000);
 
 /// Everything that the control thread talks to.
 pub(super) struct ControlLoop {
     pub(super) clock: Clock,
     pub(super) cycle: Box<dyn Tick>,
-    pub(super) period: SpanNs,
-    /// Time for the solvers inside a period.
-    pub(super) solver_time: SpanNs,
-    /// How long to wait on the ground for mocap and drone.
-    pub(super) ground_wait: SpanNs,
-    /// How long the poses of a drone that stands may take to agree.
-    pub(super) settling_max: SpanNs,
+    pub(super) times: LoopTimes,
     /// Whether the vehicle is carried by hand: no take-off is waited for.
     pub(super) is_carried: bool,
     /// Poses; it gets whether the vehicle may be in the air.
     pub(super) feed: MocapFeed,
     /// Places of the obstacle that moves, if one does.
     pub(super) moving_feed: Option<MocapFeed>,
-    /// How long a tick waits for its frame at most.
-    pub(super) frame_wait: SpanNs,
     pub(super) drone: DroneLink,
     pub(super) recorder: Recorder<TickRecord>,
     pub(super) status: Producer<Status>,
@@ -63,7 +56,7 @@ pub(super) struct ControlLoop {
     pub(super) asks_to_land: Arc<AtomicBool>,
     /// The person at the controls.
     pub(super) person: Person,
-    /// What is asked of the vehicle.
+    /// Orders to the vehicle.
     pub(super) orders: Orders,
     /// A failure on order.
     pub(super) drill: Option<Drill>,
@@ -137,17 +130,17 @@ pub(super) struct LoopEnd {
     pub(super) faults_last: FaultSet,
     /// Every fault that was present at some time after the take-off was ordered.
     pub(super) faults: FaultSet,
-    /// What ended the flight.
+    /// Faults that ended the flight.
     pub(super) ended_by: FaultSet,
-    /// Whether this was a dry run to which the mocap never gave a frame.
-    pub(super) is_dry_run_without_frames: bool,
+    /// Whether the mocap ever gave a frame.
+    pub(super) has_frames: bool,
     /// Orders that the link did not take; the supervisor repeats them.
     pub(super) orders_lost: u64,
     /// Sightings that a tick had no room for.
     pub(super) sightings_dropped: u64,
     /// Records that the logger could not take.
     pub(super) records_dropped: u64,
-    /// What the estimator found until the flying phase ended; `None` if it did not fly.
+    /// Parameter estimate at the end of the flying phase; `None` if it did not fly.
     pub(super) found: Option<ParameterEstimate>,
 }
 
@@ -169,13 +162,14 @@ impl ControlLoop {
     /// # Errors
     /// The operating system refuses to sleep.
     pub(super) fn run(mut self) -> LoopResult {
+        let LoopTimes { period, ground_wait, frame_wait, .. } = self.times;
         let arrival = Arc::clone(&self.feed.arrival);
-        let mut ticker = Ticker::new(self.clock, self.period).with_frames(arrival, self.frame_wait);
+        let mut ticker = Ticker::new(self.clock, period).with_frames(arrival, frame_wait);
         let mut record = TickRecord::with_buffers(&self.cycle.new_outcome());
-        let mut end = LoopEnd { is_dry_run_without_frames: self.is_carried, ..LoopEnd::default() };
-        let mut end_condition = EndCondition::new(self.ground_wait);
+        let mut end = LoopEnd::default();
+        let mut end_condition = EndCondition::new(ground_wait);
         let mut is_drilled = false;
-        let period_ns = self.period.duration().as_nanos().max(1);
+        let period_ns = period.duration().as_nanos().max(1);
         let status_ticks = (STATUS_PERIOD.as_nanos() / period_ns).max(1);
         for step in 0.. {
             if let Some(drill) = self.drill {
@@ -186,27 +180,19 @@ impl ControlLoop {
             record.inbox.skipped = beat.skipped;
             end.sightings_dropped += self.fill(&mut record.inbox, &end);
             end_condition.receive(record.inbox.drone);
-            end.is_dry_run_without_frames &= record.inbox.sightings.is_empty();
+            end.has_frames |= !record.inbox.sightings.is_empty();
             let has_lost_order = self.tick(&mut record, beat);
             end.orders_lost += u64::from(has_lost_order);
             ticker.follow(&record.inbox.sightings);
 
-            let was_flying = end.phase == Phase::Flying;
-            end.note(record.out.decision);
-            if was_flying && end.phase != Phase::Flying {
-                end.found = self.cycle.parameter_estimate();
-            }
-            // A carried vehicle is not steered, and may be carried for hours.
-            let is_in_flight = is_flight_phase(end.phase) && !self.is_carried;
-            for feed in iter::once(&self.feed).chain(&self.moving_feed) {
-                feed.airborne.store(is_in_flight, Ordering::Relaxed);
-            }
+            self.note_outcome(&record.out, &mut end);
             if u128::from(step).is_multiple_of(status_ticks) {
                 // If the ring is full this line is dropped: the display needs a recent one only.
                 self.status.push(Status::of(&record)).ok();
             }
-            let is_in_vain = end.is_dry_run_without_frames
-                && record.inbox.now.since(TimeNs(0)) > self.ground_wait;
+            let is_in_vain = self.is_carried
+                && !end.has_frames
+                && record.inbox.now.since(TimeNs(0)) > ground_wait;
             let pose_is_airborne = record.out.pose_is_airborne();
             let is_over =
                 end_condition.update(&record.inbox, end.phase, pose_is_airborne) || is_in_vain;
@@ -222,10 +208,24 @@ impl ControlLoop {
         Ok((end, self.recorder))
     }
 
-    /// Puts into the inbox what arrived since the last tick; the number of sightings that found no room.
+    /// Notes the outcome of a tick, and tells the readers of the mocap whether the vehicle may be in the air.
+    fn note_outcome(&self, out: &Outcome, end: &mut LoopEnd) {
+        let was_flying = end.phase == Phase::Flying;
+        end.note(out.decision);
+        if was_flying && end.phase != Phase::Flying {
+            end.found = self.cycle.parameter_estimate();
+        }
+        // A carried vehicle is not steered, and may be carried for hours.
+        let is_in_flight = is_flight_phase(end.phase) && !self.is_carried;
+        for feed in iter::once(&self.feed).chain(&self.moving_feed) {
+            feed.airborne.store(is_in_flight, Ordering::Relaxed);
+        }
+    }
+
+    /// Puts into the inbox what arrived since the last tick. Returns the number of sightings that were dropped.
     fn fill(&mut self, inbox: &mut Inbox, before: &LoopEnd) -> u64 {
         let mut dropped = 0;
-        // The newest count: what does not fit is older than what does.
+        // A full inbox drops its oldest sighting.
         while let Ok(sighting) = self.feed.sightings.pop() {
             if inbox.sightings.len() == SIGHTINGS_MAX {
                 inbox.sightings.remove(0);
@@ -239,9 +239,8 @@ impl ControlLoop {
         let by_signal = self.asks_to_land.load(Ordering::Relaxed).then_some(Operator::Land);
         let by_hand = hand.ask.map(|ask| meaning(ask, &hand));
         // Before the first tick nothing is known of the poses.
-        let judged = (before.phase, before.faults_last);
         if inbox.step > 0
-            && self.orders.lapse(inbox.now, judged, [self.ground_wait, self.settling_max])
+            && self.orders.lapse(inbox.now, before.phase, before.faults_last, &self.times)
         {
             self.person.note_lapsed_take_off();
         }
@@ -260,9 +259,9 @@ impl ControlLoop {
         dropped
     }
 
-    /// One tick with its times; whether the link did not take its order.
+    /// One tick with its times. Returns whether the link did not take its order.
     fn tick(&mut self, record: &mut TickRecord, beat: Beat) -> bool {
-        let late_at = beat.due.after(self.solver_time);
+        let late_at = beat.due.after(self.times.solver_time);
         let mut watch = LiveWatch::new(self.clock, late_at, &self.drone);
         self.cycle.tick(&record.inbox, &mut watch, &mut record.out);
         record.inbox.late_at_poll = watch.late_at_poll;
@@ -289,9 +288,10 @@ impl EndCondition {
     }
 
     fn update(&mut self, inbox: &Inbox, phase: Phase, pose_is_airborne: Option<bool>) -> bool {
-        // A person who holds the sticks may take time.
-        let is_person_at_it = phase == Phase::Idle && inbox.manual.is_some();
-        if matches!(phase, Phase::TakingOff | Phase::Flying | Phase::Landing) || is_person_at_it {
+        // A person who holds the sticks may take time before the take-off.
+        let person_holds_sticks = phase == Phase::Idle && inbox.manual.is_some();
+        if matches!(phase, Phase::TakingOff | Phase::Flying | Phase::Landing) || person_holds_sticks
+        {
             self.went_on_at = inbox.now;
         }
         let has_waited = inbox.now.since(self.went_on_at);

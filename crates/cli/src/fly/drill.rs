@@ -15,7 +15,7 @@ use tokio::task::AbortHandle;
 /// How long a thread stands still.
 const STALL: Duration = Duration::from_secs(3);
 
-/// What fails.
+/// Kind of failure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Failure {
     /// The control thread stands still.
@@ -30,7 +30,7 @@ enum Failure {
     MainPanics,
 }
 
-/// What fails, and when after the start: `control-stalls@9`.
+/// Failure and its time after the start: `control-stalls@9`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Drill {
     failure: Failure,

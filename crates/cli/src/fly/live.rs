@@ -27,7 +27,7 @@ use tello_flight::cycle::{FlightTable, Inbox, Outcome, Timing};
 /// How often there are new facts. s
 const EVERY_S: f64 = 0.04;
 
-/// What "lately" means for the worst times and the rate of the poses. s
+/// Window of the worst times and of the rate of the poses. s
 const LATELY_S: f64 = 1.0;
 
 /// How often a place is added to the trail, and how many it has: a minute. s
@@ -37,7 +37,7 @@ const TRAIL_POINTS: usize = 600;
 /// Most points of the reference path.
 const REFERENCE_POINTS: usize = 400;
 
-/// What stays the same in a flight.
+/// Facts that stay the same in a flight.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Briefing {
     /// Version and revision of the program.
@@ -80,7 +80,7 @@ pub(super) struct Live {
     has_log_failed: bool,
 }
 
-/// What is kept of a tick for a while.
+/// Values of a recent tick.
 #[derive(Debug, Clone, Copy)]
 struct Recent {
     times: Times,

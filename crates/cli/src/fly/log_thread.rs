@@ -35,7 +35,7 @@ const FLUSH_PERIOD: Duration = Duration::from_secs(1);
 /// Ticks between two records of the links: a second at 50 Hz.
 const STREAM_EVERY_TICKS: u64 = 50;
 
-/// What the log's thread does with a record beside keeping it.
+/// Receivers of a record beside the log.
 pub(super) struct Notes {
     pub(super) tally: Arc<Mutex<Tally>>,
     /// For viewers, if there shall be any.

@@ -6,11 +6,12 @@
 
 mod battery;
 mod inspection;
+mod log;
 mod question;
 
 use std::fmt::{self, Display, Formatter};
 use std::io::{self, IsTerminal};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use horizon_model::rows::{Pose, pose};
@@ -22,15 +23,14 @@ use tello_io::tello::{DroneFacts, DroneStatus};
 use tello_sim::NominalFlight;
 
 use self::battery::battery_check;
+use self::log::{log_check, log_dir};
 use self::question::confirm;
 use super::Arguments;
 use super::control_loop::Orders;
-use super::take_off_refusal::{drone_trouble, misnumbered, mocap_trouble, too_old, wrong_rate};
+use super::link_diagnosis::{drone_trouble, misnumbered, mocap_trouble, too_old, wrong_rate};
+use super::loop_times::GROUND_WAIT;
 use super::vehicle::is_on_this_machine;
 use crate::stdio;
-
-/// What a log must find free: a flight of a quarter of an hour takes less. bytes
-const LOG_BYTES: u64 = 200_000_000;
 
 /// A first target that is further away is one in another unit or another room: the vehicle would set off for it. m
 const TO_FIRST_MAX_M: f64 = 50.0;
@@ -41,32 +41,32 @@ const BESIDE_MIN_M: f64 = 0.6;
 /// Fewest frames within the age at which a pose is stale: one of them may be missing.
 const FRAMES_MIN: f64 = 2.0;
 
-/// What was found, without judgement.
+/// Findings of the inspection, without judgement.
 #[derive(Debug, Clone)]
 struct Found {
-    /// How the mocap stream did while it was looked at.
+    /// Report of the mocap stream during the inspection.
     stream: StreamReport,
     /// Frame rate that it announces, or that is set. Hz
     announced_hz: Option<f64>,
-    /// What may be wrong with it if there is no pose.
+    /// Message on the mocap stream if there is no pose.
     mocap_trouble: String,
     /// The newest pose.
     at: Option<Pose>,
     /// The newest pose of the obstacle that moves.
     moving_at: Option<Pose>,
     drone: Option<DroneStatus>,
-    /// What may be wrong with it if it has no status.
+    /// Message on the drone if it has no status.
     drone_trouble: String,
     facts: DroneFacts,
     /// Where the log goes.
     log_dir: PathBuf,
     /// Room for it; `None` if the system does not report it. bytes
     disk_free: Option<u64>,
-    /// What the system refuses to a thread that asks for real time.
+    /// Refusals of the system to a thread that asks for real time.
     refusals: Vec<String>,
     has_keys: bool,
     device: Option<String>,
-    /// What becomes of the mission in the simulator, if it does not get to its end there.
+    /// Simulated flight of the mission, if it does not reach its end.
     unfinished: Option<NominalFlight>,
     /// Whether nobody is asked: with `--yes`.
     is_unasked: bool,
@@ -116,15 +116,10 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
         bail!("a real drone takes off only when asked: press Enter on a terminal, or give --yes");
     }
     refuse_built_in_room(table)?;
-    let log_dir = match arguments.log.as_deref().and_then(Path::parent) {
-        None => &table.log.dir,
-        Some(here) if here == Path::new("") => Path::new("."),
-        Some(folder) => folder,
-    };
     let has_keys = !arguments.no_keys && io::stdin().is_terminal();
     // Before the inspection, whose findings must be new when the person reads them.
     let nominal = NominalFlight::fly(flight);
-    let mut found = inspection::inspect(table, log_dir, has_keys)?;
+    let mut found = inspection::inspect(table, log_dir(arguments, table), has_keys)?;
     if found.drone.is_some_and(|status| status.is_flying) {
         stdio::note("the drone says that it flies: it is landed, without a question");
         return Ok(Orders::to_wait());
@@ -132,19 +127,36 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
     found.unfinished = nominal.ok().filter(|flight| !flight.is_finished());
     found.is_unasked = arguments.yes;
     let checks = checks(&found, table, flight)?;
+    show(&checks)?;
+    ask(arguments, table, &checks)
+}
+
+/// Shows the list.
+///
+/// # Errors
+/// Waiting mends nothing.
+fn show(checks: &[Check]) -> Result<()> {
     stdio::note("pre-flight");
-    for check in &checks {
+    for check in checks {
         stdio::note(check);
     }
     if let Some(check) = checks.iter().find(|check| check.readiness == Readiness::Never) {
         bail!("not started: {}", check.reason);
     }
+    Ok(())
+}
+
+/// Asks whether to fly, unless that was answered on the command line.
+///
+/// # Errors
+/// The person declines.
+fn ask(arguments: &Arguments, table: &FlyTable, checks: &[Check]) -> Result<Orders> {
     if !arguments.yes {
-        return confirm(&table.tello.address, &checks).map(|()| Orders::to_fly());
+        return confirm(&table.tello.address, checks).map(|()| Orders::to_fly());
     }
     let failed = checks.iter().filter(|check| check.readiness == Readiness::Bad).count();
     if failed > 0 {
-        let wait_s = super::GROUND_WAIT.seconds();
+        let wait_s = GROUND_WAIT.seconds();
         stdio::note(format_args!("takes off once all checks pass, within {wait_s} s at most"));
     }
     Ok(Orders::to_fly())
@@ -342,20 +354,6 @@ fn reported(facts: &DroneFacts) -> String {
     .into_iter()
     .flatten()
     .collect()
-}
-
-fn log_check(found: &Found) -> Check {
-    let folder = found.log_dir.display();
-    let Some(free) = found.disk_free else {
-        let reason = format!("{folder}: the system does not say how much is free");
-        return check("log", Readiness::Note, reason);
-    };
-    let reason = format!("{folder}: {} MB free", free / 1_000_000);
-    if free < LOG_BYTES {
-        check("log", Readiness::Note, reason + ", which a long flight may fill")
-    } else {
-        check("log", Readiness::Good, reason)
-    }
 }
 
 fn real_time_check(refusals: &[String]) -> Check {

@@ -21,7 +21,7 @@ const LINES_SKIPPED: u32 = 10;
 /// Columns of output that is no terminal, such as a file.
 pub(super) const WIDE: usize = 200;
 
-/// What the status line shows of a tick.
+/// Values of a tick on the status line.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Status {
     phase: Phase,
@@ -60,7 +60,7 @@ impl Status {
 }
 
 impl Status {
-    /// What is shown on `width` columns: parts in the order of their weight, up to the first that does not fit.
+    /// Text on `width` columns: parts in the order of their weight, up to the first that does not fit.
     pub(super) fn line(&self, width: usize) -> String {
         let mut line = format!("{:<9}", self.phase.name());
         for part in self.parts() {

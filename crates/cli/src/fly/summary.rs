@@ -18,7 +18,7 @@ use tello_io::mocap::{MocapCounters, Sighting, StreamReport};
 use tello_io::tello::LinkCounters;
 
 use super::control_loop::LoopEnd;
-use super::take_off_refusal::hidden;
+use super::link_diagnosis::hidden;
 
 /// Fractions of the quantiles of a summary.
 const SPREAD: [f64; 4] = [0.5, 0.95, 0.999, 1.0];
@@ -226,7 +226,8 @@ impl Summary {
     pub(super) fn with_end(
         self,
         end: &LoopEnd,
-        (mocap, object): (&MocapCounters, &str),
+        mocap: &MocapCounters,
+        object: &str,
         drone: &LinkCounters,
     ) -> Self {
         let faults = &end.faults_last;

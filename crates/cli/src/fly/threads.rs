@@ -34,7 +34,9 @@ impl Threads {
     /// # Errors
     /// The system gives no thread.
     pub(super) fn start(
-        (sources, link, control): (Sources, DroneClient, ControlLoop),
+        sources: Sources,
+        link: DroneClient,
+        control: ControlLoop,
         guardian: Option<Guardian>,
         core: Option<usize>,
     ) -> Result<Self> {

@@ -69,7 +69,7 @@ impl Screen {
         Ok(screen)
     }
 
-    /// What draws `watched` on it.
+    /// The drawing of `watched` on this screen.
     pub(super) fn picture(&self, briefing: Briefing, watched: Watched) -> Picture {
         let messages = self.messages.as_ref().map(Messages::newest);
         let palette = Palette::new(!Colored::ansi_color_disabled_memoized());
@@ -84,7 +84,7 @@ impl Drop for Screen {
     }
 }
 
-/// What draws a flight.
+/// Drawing of a flight.
 #[derive(Debug)]
 pub(super) struct Picture {
     watched: Watched,
@@ -92,7 +92,7 @@ pub(super) struct Picture {
     view: View,
 }
 
-/// What is in the picture.
+/// Content of the picture.
 #[derive(Debug)]
 struct View {
     briefing: Briefing,

@@ -47,7 +47,8 @@ pub(super) fn is_on_this_machine(table: &FlyTable) -> bool {
 pub(super) fn remember(
     arguments: &Arguments,
     flight: &FlightTable,
-    (summary, end): (&Summary, &LoopEnd),
+    summary: &Summary,
+    end: &LoopEnd,
     clock: Clock,
 ) {
     let Some(path) = arguments.vehicle.as_deref() else { return };

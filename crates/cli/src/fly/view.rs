@@ -48,7 +48,8 @@ impl View {
     /// The address is taken or not of this machine; no random numbers; no thread.
     pub(super) fn open(
         address: Option<SocketAddr>,
-        (briefing, facts): (Briefing, Watched),
+        briefing: Briefing,
+        facts: Watched,
         remote: Remote,
         clock: Clock,
     ) -> Result<Self> {

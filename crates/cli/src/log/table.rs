@@ -17,7 +17,7 @@ use tello_io::whole_file;
 /// Names of the columns of each channel.
 type Columns = BTreeMap<String, Vec<String>>;
 
-/// What became of a log.
+/// Result of a log.
 #[derive(Debug)]
 pub(super) struct Tables {
     /// A line about each table.

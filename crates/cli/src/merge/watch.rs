@@ -68,7 +68,7 @@ fn look(folder: &Path, parts: &mut PartSet) -> Result<bool> {
     Ok(parts.count() > before)
 }
 
-/// How far all parts are together.
+/// Progress of all parts together.
 struct Progress {
     noun: &'static str,
     parts: u64,

@@ -15,7 +15,7 @@ use tokio::task::JoinSet;
 
 use super::rate::is_wrong;
 use super::source::{self, SourceArgument};
-use super::watch::{self, WAY_MIN_M, unit_doubt};
+use super::watch::{self, DISPLACEMENT_MIN_M, unit_doubt};
 use crate::{Verdict, stdio};
 
 /// Fewer frames do not tell a rate.
@@ -47,13 +47,13 @@ pub(super) struct Arguments {
     json: bool,
 }
 
-/// What was found.
+/// All sources that were found.
 #[derive(Debug, Serialize)]
 struct Found {
     sources: Vec<FoundSource>,
 }
 
-/// What one source showed.
+/// One source with its objects.
 #[derive(Debug, Serialize)]
 struct FoundSource {
     kind: &'static str,
@@ -75,7 +75,7 @@ struct FoundSource {
     objects: Vec<FoundObject>,
 }
 
-/// What one object showed.
+/// One object of a source.
 #[derive(Debug, Serialize)]
 struct FoundObject {
     name: String,
@@ -86,7 +86,7 @@ struct FoundObject {
     position_w_m: Option<[f64; 3]>,
     /// Distance from its first place to the furthest one. m
     moved_m: f64,
-    /// What to write into the settings of a flight.
+    /// Settings to write for a flight.
     settings: MocapTable,
 }
 
@@ -203,7 +203,7 @@ impl Found {
         if seen.iter().all(|object| object.name == first.name) {
             return Drone::Is(first);
         }
-        let mut moved = seen.iter().filter(|object| object.moved_m >= WAY_MIN_M);
+        let mut moved = seen.iter().filter(|object| object.moved_m >= DISPLACEMENT_MIN_M);
         match moved.next() {
             Some(first) if moved.all(|object| object.name == first.name) => Drone::Is(first),
             _ => {

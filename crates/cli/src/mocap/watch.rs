@@ -1,6 +1,6 @@
 //! `tello-ctl mocap watch`: where one object is in our frame, where up is and which way it points.
 
-mod conclusion;
+mod advice;
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -15,15 +15,15 @@ use tello_io::mocap::{
     Axes, Axis, MocapSettings, MocapTable, Survey, SurveyTrack, TrackReport, survey,
 };
 
-use self::conclusion::print_end;
+use self::advice::print_advice;
 use super::rate;
 use super::source::{self, SourceArgument};
 use crate::{Verdict, stdio};
 
-/// Shorter ways do not tell a direction. m
-pub(super) const WAY_MIN_M: f64 = 0.1;
+/// Shortest displacement that tells a direction. m
+pub(super) const DISPLACEMENT_MIN_M: f64 = 0.1;
 
-/// Further from the origin is no vehicle in a room. m
+/// Largest distance of a vehicle in a room from the origin, along one axis. m
 const PLACE_MAX_M: f64 = 100.0;
 
 /// Watch one object: its pose in our frame, where up is, which way it points, rate, age and gaps.
@@ -53,7 +53,7 @@ pub(super) struct Arguments {
     json: bool,
 }
 
-/// What was seen.
+/// Result of watching one object.
 #[derive(Debug, Serialize)]
 struct Watched {
     object: String,
@@ -61,11 +61,12 @@ struct Watched {
     report: TrackReport,
     /// Newest pose; null if it was not seen.
     now: Option<Seen>,
-    /// The longest way from the first place; null if it was too short to tell a direction.
-    way: Option<Way>,
+    /// Displacement from the first to the furthest place; null if it was too short to tell a direction.
+    #[serde(rename = "way")]
+    displacement: Option<Displacement>,
     /// Why there is no connection, or why it was given up.
     trouble: Option<String>,
-    /// What was refused.
+    /// Refused messages.
     #[serde(skip)]
     refused: Option<String>,
     /// The settings that this was read with.
@@ -88,9 +89,9 @@ struct Seen {
     age_s: f64,
 }
 
-/// A straight way.
+/// Displacement of the object, from its first to its furthest place.
 #[derive(Debug, Clone, Copy, Serialize)]
-struct Way {
+struct Displacement {
     length_m: f64,
     /// The axis of the source that comes nearest, and how far it is off.
     source_axis: Axis,
@@ -98,9 +99,9 @@ struct Way {
     /// The axis of the object, as the source defined it, that comes nearest.
     object_axis: Axis,
     object_off_deg: f64,
-    /// Angle of the way above the floor in our frame; 90 is up.
+    /// Angle of the displacement above the floor in our frame; 90 is up.
     climb_deg: f64,
-    /// Angle between the way and the nose by these settings.
+    /// Angle between the displacement and the nose by these settings.
     #[serde(skip)]
     nose_off_deg: f64,
 }
@@ -131,7 +132,7 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
     if arguments.json {
         stdio::line(json!(watched))?;
     } else {
-        print_end(&watched, &survey)?;
+        print_advice(&watched, &survey)?;
     }
     Ok(if watched.now.is_some() { Verdict::Good } else { Verdict::Bad })
 }
@@ -171,7 +172,7 @@ pub(super) fn is_doubled(report: &TrackReport) -> bool {
     20 * report.doubled > report.frames
 }
 
-/// What was refused of a source; `None`: nothing.
+/// Refused messages of a source; `None`: none.
 fn refused(survey: &Survey) -> Option<String> {
     survey.refused.map(|why| format!("{} malformed: {why}", survey.malformed))
 }
@@ -183,16 +184,16 @@ fn longest(track: &SurveyTrack, axes: &Axes) -> Option<Vector3<f64>> {
     Some(furthest_w - first_w)
 }
 
-/// How far an object got from its first place; 0 if it was not seen. m
+/// Largest distance of an object from its first place; 0 if it was not seen. m
 pub(super) fn moved_m(track: &SurveyTrack, axes: &Axes) -> f64 {
-    longest(track, axes).map_or(0.0, |way| way.norm())
+    longest(track, axes).map_or(0.0, |displacement| displacement.norm())
 }
 
-fn way(track: &SurveyTrack, axes: &Axes) -> Option<Way> {
+fn displacement(track: &SurveyTrack, axes: &Axes) -> Option<Displacement> {
     let ([first, _], furthest) = (track.places?, track.furthest?);
-    let way = longest(track, axes)?;
-    let length_m = way.norm();
-    if length_m < WAY_MIN_M {
+    let displacement_w = longest(track, axes)?;
+    let length_m = displacement_w.norm();
+    if length_m < DISPLACEMENT_MIN_M {
         return None;
     }
     let raw = Vector3::from(furthest.pos_v) - Vector3::from(first.pos_v);
@@ -200,14 +201,14 @@ fn way(track: &SurveyTrack, axes: &Axes) -> Option<Way> {
     let in_object = Matrix3::from_row_slice(&first.matrix).transpose() * raw;
     let (object_axis, object_off) = Axis::nearest(&in_object);
     let ([..], [nose_x, _, _, nose_y, _, _, nose_z, ..]) = axes.place(&first);
-    Some(Way {
+    Some(Displacement {
         length_m,
         source_axis,
         source_off_deg: source_off.to_degrees(),
         object_axis,
         object_off_deg: object_off.to_degrees(),
-        climb_deg: (way.z / length_m).clamp(-1.0, 1.0).asin().to_degrees(),
-        nose_off_deg: way.angle(&Vector3::new(nose_x, nose_y, nose_z)).to_degrees(),
+        climb_deg: (displacement_w.z / length_m).clamp(-1.0, 1.0).asin().to_degrees(),
+        nose_off_deg: displacement_w.angle(&Vector3::new(nose_x, nose_y, nose_z)).to_degrees(),
     })
 }
 
@@ -219,7 +220,7 @@ fn watched(table: &MocapTable, settings: &MocapSettings, survey: &Survey, now: T
         object: object.to_owned(),
         report,
         now: track.and_then(|track| seen(track, &axes, now)),
-        way: track.and_then(|track| way(track, &axes)),
+        displacement: track.and_then(|track| displacement(track, &axes)),
         trouble: survey.trouble.clone(),
         refused: refused(survey),
         settings: table.clone(),
@@ -249,7 +250,7 @@ fn line(survey: &Survey, object: &str, axes: &Axes, now: TimeNs) -> String {
 mod tests {
     use tello_io::mocap::{FrameTable, Placement, Unit};
 
-    use super::conclusion::axes_with_up;
+    use super::advice::axes_with_up;
     use super::*;
 
     /// A track that began at the origin, level, and got to a place.
@@ -277,14 +278,14 @@ mod tests {
     #[test]
     fn a_lift_in_a_source_whose_y_points_up_is_recognized() {
         let track = track_to([0.01, 0.5, -0.02]);
-        let lifted = way(&track, &Axes::ours()).unwrap();
+        let lifted = displacement(&track, &Axes::ours()).unwrap();
         assert_eq!((lifted.source_axis, lifted.object_axis), (Axis::Y, Axis::Y));
         assert!(lifted.climb_deg.abs() < 5.0 && lifted.source_off_deg < 5.0, "{lifted:?}");
         // With the settings that it suggests, up is right.
         let table = FrameTable { axes: Some(axes_with_up(Axis::Y)), ..FrameTable::default() };
         let axes = Axes::new(Some(&table), Unit::Metre).unwrap();
-        assert!(way(&track, &axes).unwrap().climb_deg > 85.0);
-        assert!(way(&track_to([0.05, 0.0, 0.0]), &Axes::ours()).is_none(), "too short");
+        assert!(displacement(&track, &axes).unwrap().climb_deg > 85.0);
+        assert!(displacement(&track_to([0.05, 0.0, 0.0]), &Axes::ours()).is_none(), "too short");
     }
 
     #[test]

@@ -93,7 +93,7 @@ impl Weights {
         flown.iter().map(|flown| self.cost_of(flown)).sum::<f64>() / flown.len() as f64
     }
 
-    /// What one flight costs. A short one that a fault ended has had no time to go wrong: it and one
+    /// Cost of one flight. A short one that a fault ended has had no time to go wrong: it and one
     /// that never began cost as much as any flight can.
     fn cost_of(&self, flown: &Flown) -> f64 {
         let begun = flown.row.by_truth.as_ref().filter(|_| flown.row.ending != Ending::Landed);

@@ -18,7 +18,7 @@ const X_TOLERANCE: f64 = 1e-3;
 pub(super) struct Trial {
     /// Fractions of the ranges. 1, 0..=1
     pub x: Vec<f64>,
-    /// What the batch cost. s
+    /// Cost of the batch. s
     pub cost: f64,
 }
 

@@ -106,7 +106,7 @@ fn what_is_written_is_the_flight_that_was_best_with_its_mission_beside_it() {
     let mut flight = config::flight(&table, mission, Start::Airborne);
     flight.cycle.mpc.c_u[0] *= 2.0;
     let out = folder.join("best.json");
-    let written = save(&out, false, (&mut table, flight.clone())).unwrap();
+    let written = save(&out, false, &mut table, flight.clone()).unwrap();
     assert_eq!(written, [out.clone(), folder.join("best.mission.json")]);
     let (again, mission) = config::fly(Some(&out), None).unwrap();
     assert_eq!(config::flight(&again, mission, Start::Airborne), flight);

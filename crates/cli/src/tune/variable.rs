@@ -13,7 +13,7 @@ pub(super) struct Range {
     hi: f64,
 }
 
-/// How the search sees a range.
+/// Scale of a range in the search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Scale {
     Linear,

@@ -39,8 +39,8 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
     pub(super) fn new(settings: &MpcSettings<NS, NU>) -> Self {
         let squared = |weights: &Vector<NS>| weights.component_mul(weights);
         let input = settings.c_u.component_mul(&settings.c_u);
-        let states = [squared(&settings.c_s), squared(&settings.c_s_end)];
-        Self::of_squares(settings.input_cost, settings.stage_steps(), input, states)
+        let (state, end) = (squared(&settings.c_s), squared(&settings.c_s_end));
+        Self::of_squares(settings.input_cost, settings.stage_steps(), input, state, end)
     }
 
     /// The cost with the steps of each stage, and the squared weights of the inputs of a step, of the state after a
@@ -49,7 +49,8 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
         kind: InputCost,
         stage_steps: &[u32],
         input: Vector<NU>,
-        [stage, end]: [Vector<NS>; 2],
+        state: Vector<NS>,
+        end: Vector<NS>,
     ) -> Self {
         let mut before = 1.0;
         let mut weigh = |steps: &u32| {
@@ -61,7 +62,7 @@ impl<const NS: usize, const NU: usize> Cost<NS, NU> {
             }
         };
         let input: Vec<_> = stage_steps.iter().map(&mut weigh).collect();
-        let mut state: Vec<_> = stage_steps.iter().map(|steps| stage * f64::from(*steps)).collect();
+        let mut state: Vec<_> = stage_steps.iter().map(|steps| state * f64::from(*steps)).collect();
         if let Some(last) = state.last_mut() {
             *last = end;
         }
@@ -176,8 +177,8 @@ mod tests {
     const UNEVEN: [u32; STEPS] = [1, 3, 2];
 
     fn cost(kind: InputCost, stages: [u32; STEPS]) -> Cost<2, 1> {
-        let states = [[1.0, 9.0], [100.0, 25.0]].map(Vector::from);
-        Cost::of_squares(kind, &stages, Vector::from([4.0]), states)
+        let (state, end) = (Vector::from([1.0, 9.0]), Vector::from([100.0, 25.0]));
+        Cost::of_squares(kind, &stages, Vector::from([4.0]), state, end)
     }
 
     fn cases() -> impl Iterator<Item = (InputCost, Cost<2, 1>)> {

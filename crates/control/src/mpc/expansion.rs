@@ -34,12 +34,12 @@ pub(super) struct Expansion<const NR: usize, const NU: usize> {
     pub(super) du: Vec<Vector<NU>>,
 }
 
-/// Predicted decrease of the cost by a step. 1
+/// Predicted decrease of the cost by a step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Gain {
-    /// First order: minus the directional derivative along the step.
+    /// Minus the directional derivative along the step. 1
     pub(super) descent: f64,
-    /// Second order: the decrease of the quadratic model.
+    /// Predicted decrease of the quadratic model. 1
     pub(super) decrease: f64,
 }
 

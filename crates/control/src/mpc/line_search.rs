@@ -23,12 +23,13 @@ where
     /// Backtracking line search: takes the longest of the step, its half, its quarter, .. that satisfies the sufficient
     /// decrease condition on the true cost. Returns the new cost; `None` leaves the plan unchanged.
     ///
-    /// `decrease` is the decrease that the quadratic model predicts for the whole step.
+    /// `cost` is the cost of the plan, `decrease` the predicted decrease of the quadratic model by the whole step. 1
     pub(super) fn search_line(
         &mut self,
         problem: &MpcProblem<'_, NS, NU, NP>,
         context: &CostContext<'_, NS, NU>,
-        (cost, decrease): (f64, f64),
+        cost: f64,
+        decrease: f64,
         trial: Trial,
     ) -> Option<f64> {
         let mut step_length = 1.0;
@@ -117,7 +118,7 @@ mod tests {
             self.with(|mpc, problem, context| {
                 mpc.expansion.du.fill(step(throttle));
                 let before = mpc.plan.u[0][stick::THROTTLE];
-                let lower = mpc.search_line(problem, context, (cost, decrease), Trial::Costed)?;
+                let lower = mpc.search_line(problem, context, cost, decrease, Trial::Costed)?;
                 Some((lower, (mpc.plan.u[0][stick::THROTTLE] - before) / throttle))
             })
         }

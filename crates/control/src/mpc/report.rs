@@ -39,15 +39,15 @@ impl<const NS: usize, const NU: usize, const NP: usize> MpcProblem<'_, NS, NU, N
     ///
     /// # Errors
     /// The first entry that does not fit or is not finite.
-    pub(super) fn check(&self, settings: &MpcSettings<NS, NU>) -> Result<(), SolveError> {
+    pub(super) fn check(&self, settings: &MpcSettings<NS, NU>) -> Result<(), SqpError> {
         let (given, stages) = (self.s_ref.len(), settings.stage_steps().len());
         if given != stages {
-            return Err(SolveError::Horizon { given, stages });
+            return Err(SqpError::Horizon { given, stages });
         }
         let horizon_steps = settings.horizon_steps();
         let given_max = self.u_given.len().min(horizon_steps);
         if let Some(row) = self.given_steps.iter().position(|steps| *steps > given_max) {
-            return Err(SolveError::Given {
+            return Err(SqpError::Given {
                 row,
                 given_steps: self.given_steps[row],
                 given: self.u_given.len(),
@@ -56,7 +56,7 @@ impl<const NS: usize, const NU: usize, const NP: usize> MpcProblem<'_, NS, NU, N
         }
         let is_inside = |steps: &usize| !settings.is_boundary(*steps);
         if let Some(row) = self.given_steps.iter().position(is_inside) {
-            return Err(SolveError::Inside { row, given_steps: self.given_steps[row] });
+            return Err(SqpError::Inside { row, given_steps: self.given_steps[row] });
         }
         all_finite("s_0", self.s_0)?;
         all_finite("p", self.p)?;
@@ -66,20 +66,20 @@ impl<const NS: usize, const NU: usize, const NP: usize> MpcProblem<'_, NS, NU, N
     }
 }
 
-fn all_finite<const N: usize>(what: &'static str, v: &Vector<N>) -> Result<(), SolveError> {
+fn all_finite<const N: usize>(what: &'static str, v: &Vector<N>) -> Result<(), SqpError> {
     match v.iter().position(|value| !value.is_finite()) {
         None => Ok(()),
-        Some(row) => Err(SolveError::NotFinite { what, at: None, row, value: v[row] }),
+        Some(row) => Err(SqpError::NotFinite { what, at: None, row, value: v[row] }),
     }
 }
 
 pub(super) fn all_finite_of<const N: usize>(
     what: &'static str,
     vectors: &[Vector<N>],
-) -> Result<(), SolveError> {
+) -> Result<(), SqpError> {
     for (k, v) in vectors.iter().enumerate() {
         if let Some(row) = v.iter().position(|value| !value.is_finite()) {
-            return Err(SolveError::NotFinite { what, at: Some(k), row, value: v[row] });
+            return Err(SqpError::NotFinite { what, at: Some(k), row, value: v[row] });
         }
     }
     Ok(())
@@ -94,7 +94,7 @@ fn index(at: Option<usize>) -> String {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[must_use]
 #[non_exhaustive]
-pub enum Stop {
+pub enum SqpStop {
     /// The predicted relative decrease of the cost is below the tolerance, or lost in the rounding of the cost: the
     /// plan is optimal.
     CostTolerance,
@@ -109,7 +109,7 @@ pub enum Stop {
     Stalled,
 }
 
-impl Stop {
+impl SqpStop {
     /// Name in logs, that of the variant in snake case.
     pub fn name(self) -> &'static str {
         match self {
@@ -127,7 +127,7 @@ impl Stop {
 #[must_use]
 pub struct MpcReport {
     /// Why it stopped.
-    pub stop: Stop,
+    pub stop: SqpStop,
     /// Accepted steps, at most one per quadratic subproblem.
     pub iterations: u32,
     /// Iterations of all quadratic subproblems, see [`QpKind`](super::QpKind).
@@ -143,14 +143,14 @@ pub struct MpcReport {
 impl MpcReport {
     /// Whether the plan was improved for this problem or found optimal. Otherwise it is still the previous plan.
     pub fn has_new_plan(&self) -> bool {
-        self.iterations > 0 || self.stop == Stop::CostTolerance
+        self.iterations > 0 || self.stop == SqpStop::CostTolerance
     }
 }
 
 /// What makes a solve impossible. The plan stays as it was.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
-pub enum SolveError {
+pub enum SqpError {
     /// An entry of the problem is infinite or NaN.
     #[error("{what}{}[{row}] = {value} is not finite", index(*at))]
     NotFinite {

@@ -2,7 +2,7 @@
 
 use super::Mpc;
 use super::cost::CostContext;
-use super::report::SolveError;
+use super::report::SqpError;
 use crate::constraint::{Excess, SoftConstraints};
 use crate::horizon::Horizon;
 use crate::qp::Penalty;
@@ -18,14 +18,14 @@ where
     /// Checks that the settings have a place for each of the constraints.
     ///
     /// # Errors
-    /// [`SolveError::Constraints`].
+    /// [`SqpError::Constraints`].
     pub(super) fn check_constraints(
         &self,
         constraints: Option<&dyn SoftConstraints<NS>>,
-    ) -> Result<(), SolveError> {
+    ) -> Result<(), SqpError> {
         let (given, max) =
             (constraints.map_or(0, SoftConstraints::count), self.settings.constraints_max);
-        if given > max { Err(SolveError::Constraints { given, max }) } else { Ok(()) }
+        if given > max { Err(SqpError::Constraints { given, max }) } else { Ok(()) }
     }
 
     /// The penalties of the plan under trial. 1
@@ -40,11 +40,11 @@ where
     /// Linearizes the constraints along the plan.
     ///
     /// # Errors
-    /// [`SolveError::Constraint`].
+    /// [`SqpError::Constraint`].
     pub(super) fn fill_penalties(
         &mut self,
         context: &CostContext<'_, NS, NU>,
-    ) -> Result<(), SolveError> {
+    ) -> Result<(), SqpError> {
         let mut penalties = std::mem::take(&mut self.expansion.penalties);
         penalties.clear();
         let mut is_valid = true;
@@ -60,17 +60,17 @@ where
     /// Checks that every constraint along `plan` that is near is finite, with a weight that is not negative.
     ///
     /// # Errors
-    /// [`SolveError::Constraint`] for the first that is not.
+    /// [`SqpError::Constraint`] for the first that is not.
     pub(super) fn check_excesses(
         &self,
         plan: &Horizon<NS, NU>,
         context: &CostContext<'_, NS, NU>,
-    ) -> Result<(), SolveError> {
+    ) -> Result<(), SqpError> {
         let mut checked = Ok(());
         self.visit_excesses(plan, context, |(stage, constraint), squared_weight, excess| {
             if let (Ok(()), Some((what, value))) = (&checked, invalid_field(squared_weight, excess))
             {
-                checked = Err(SolveError::Constraint { constraint, stage, what, value });
+                checked = Err(SqpError::Constraint { constraint, stage, what, value });
             }
         });
         checked

@@ -71,7 +71,7 @@ impl Case {
         }
     }
 
-    fn solve_while(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<MpcReport, SolveError> {
+    fn solve_while(&mut self, is_late: &mut dyn FnMut() -> bool) -> Result<MpcReport, SqpError> {
         let Self { mpc, s_0, p, u_before, s_ref, u_given, given_steps } = self;
         let given_steps = *given_steps;
         mpc.solve(&MpcProblem { s_0, p, u_before, s_ref, u_given, given_steps }, is_late)
@@ -131,7 +131,7 @@ fn a_linear_system_without_active_bounds_gets_the_closed_form_regulator() {
         given_steps: [0; 1],
     };
     let report = mpc.solve(&problem, &mut || false).unwrap();
-    assert_eq!(report.stop, Stop::CostTolerance);
+    assert_eq!(report.stop, SqpStop::CostTolerance);
 
     let square = |w: [f64; 2]| Matrix::from_diagonal(&Vector::from(w).map(|w: f64| w * w));
     let weights = (0.25, square([2.0, 0.3]), square([9.0, 4.0]));
@@ -239,11 +239,11 @@ fn a_step_that_overshoots_is_shortened() {
     // The linear model asks for u = 100 / (100 + 0.01). That leads to 41 instead of 1, its half to
     // 5.5, its quarter to 0.87: only the quarter lowers the cost.
     let (report, u) = solve_steep(1.0, 1);
-    assert_eq!(report.stop, Stop::IterationLimit);
+    assert_eq!(report.stop, SqpStop::IterationLimit);
     assert!((u - 25.0 / 100.01).abs() < 1e-8, "{u}");
 
     let (report, u) = solve_steep(1.0, 50);
-    assert_eq!(report.stop, Stop::CostTolerance, "{report:?}");
+    assert_eq!(report.stop, SqpStop::CostTolerance, "{report:?}");
     // Without input cost u + 40 u^3 = 1; its weight of 1e-4 of the state's moves u by less.
     assert!((u + 40.0 * u.powi(3) - 1.0).abs() < 1e-4, "{u}");
 }
@@ -251,7 +251,7 @@ fn a_step_that_overshoots_is_shortened() {
 #[test]
 fn a_step_that_does_not_lower_the_cost_is_not_taken() {
     let (report, u) = solve_steep(-1.0, 50);
-    assert_eq!((report.stop, report.iterations), (Stop::Stalled, 0), "{report:?}");
+    assert_eq!((report.stop, report.iterations), (SqpStop::Stalled, 0), "{report:?}");
     assert_eq!(u.to_bits(), 0.0_f64.to_bits());
     assert!(!report.has_new_plan());
 }
@@ -321,7 +321,7 @@ fn an_optimal_plan_is_a_new_plan_without_any_step() {
     let mut case = Case::new(&table(13, 0.8));
     case.s_ref.fill(case.s_0);
     let report = case.solve();
-    assert_eq!((report.stop, report.iterations), (Stop::CostTolerance, 0), "{report:?}");
+    assert_eq!((report.stop, report.iterations), (SqpStop::CostTolerance, 0), "{report:?}");
     assert!(report.has_new_plan());
     assert_eq!(*case.mpc.plan(), [Sticks::zeros(); 13]);
 }
@@ -331,7 +331,7 @@ fn a_subproblem_cut_short_leaves_the_plan_alone() {
     let solver = SolverTable { qp_iterations_max: 2, ..table(1, 1.0).solver };
     let mut case = Case::new(&MpcTable { solver, ..table(13, 0.8) });
     let report = case.solve();
-    assert_eq!((report.stop, report.iterations, report.qp_iterations), (Stop::QpUnsolved, 0, 2));
+    assert_eq!((report.stop, report.iterations, report.qp_iterations), (SqpStop::QpUnsolved, 0, 2));
     assert!(!report.has_new_plan());
     assert_eq!(report.cost.to_bits(), report.cost_start.to_bits());
     assert_eq!(*case.mpc.plan(), [Sticks::zeros(); 13]);
@@ -370,7 +370,7 @@ fn a_wrong_number_of_references_is_refused() {
     let mut case = Case::new(&table(3, 0.8));
     case.s_ref.pop();
     let error = case.solve_while(&mut || false).unwrap_err();
-    assert_eq!(error, SolveError::Horizon { given: 2, stages: 3 });
+    assert_eq!(error, SqpError::Horizon { given: 2, stages: 3 });
     assert_eq!(error.to_string(), "2 references for a horizon of 3 stages");
 }
 
@@ -379,7 +379,7 @@ fn the_iteration_limit_is_an_outcome() {
     let solver = SolverTable { iterations_max: 2, ..table(1, 1.0).solver };
     let mut case = Case::new(&MpcTable { solver, ..table(13, 0.8) });
     let report = case.solve();
-    assert_eq!((report.stop, report.iterations), (Stop::IterationLimit, 2));
+    assert_eq!((report.stop, report.iterations), (SqpStop::IterationLimit, 2));
     assert!(report.has_new_plan());
 }
 

@@ -146,13 +146,14 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
         for k in (0..=from).rev() {
             let of_stage = of_stage(problem.penalties, k);
             let working = Working {
+                k,
                 active: self.active_steps(problem, k),
                 penalties: &problem.penalties[of_stage.clone()],
                 penalized: &self.penalized[of_stage],
             };
             let (before, after) = self.values.split_at_mut(k + 1);
-            let into = (&mut self.policies[k], &mut before[k]);
-            eliminate(k, problem, &self.curvature, &working, into, &after[0])?;
+            let (policy, value) = (&mut self.policies[k], &mut before[k]);
+            eliminate(problem, &self.curvature, &working, &after[0], policy, value)?;
         }
         Ok(())
     }

@@ -52,11 +52,11 @@ impl<const NS: usize, const NU: usize> Clarabel<NS, NU> {
         let bounds = vec![Bounds { lo: Vector::zeros(), hi: Vector::from_element(1.0) }; steps];
         let slacks = limits.penalties_max;
         let shape = (steps * (NS + 2 * NU + slacks), steps * (NS + NU + slacks));
-        let quadratic = by_columns((shape.1, shape.1), |entry| {
+        let quadratic = by_columns(shape.1, shape.1, |entry| {
             curvature_entries(curvature, &bounds, slacks, entry);
         });
-        let constraint = by_columns(shape, |entry| {
-            constraint_entries(&stages, &bounds, (&[], slacks), entry);
+        let constraint = by_columns(shape.0, shape.1, |entry| {
+            constraint_entries(&stages, &bounds, &[], slacks, entry);
         });
         let linear = vec![0.0; shape.1];
         let bound = vec![0.0; shape.0];
@@ -96,9 +96,9 @@ impl<const NS: usize, const NU: usize> Clarabel<NS, NU> {
             });
             self.solver.update_P(&self.quadratic)?;
         }
-        let slacks = (problem.penalties, self.penalties_max);
         self.constraint.clear();
-        constraint_entries(problem.stages, problem.bounds, slacks, |_, _, value| {
+        let Problem { stages, bounds, penalties, .. } = *problem;
+        constraint_entries(stages, bounds, penalties, self.penalties_max, |_, _, value| {
             self.constraint.push(value);
         });
         self.linear.clear();
@@ -220,7 +220,8 @@ fn curvature_entries<const NS: usize, const NU: usize>(
 fn constraint_entries<const NS: usize, const NU: usize>(
     stages: &[Stage<NS, NU>],
     bounds: &[Bounds<NU>],
-    (penalties, slacks): (&[Penalty<NS>], usize),
+    penalties: &[Penalty<NS>],
+    slacks: usize,
     mut visit: impl FnMut(usize, usize, f64),
 ) {
     let box_row = stages.len() * NS;
@@ -259,7 +260,8 @@ fn constraint_entries<const NS: usize, const NU: usize>(
 
 /// The sparse matrix whose entries `visit_all` visits column by column, rows ascending.
 fn by_columns(
-    (rows, cols): (usize, usize),
+    rows: usize,
+    cols: usize,
     visit_all: impl FnOnce(&mut dyn FnMut(usize, usize, f64)),
 ) -> CscMatrix<f64> {
     let mut starts = vec![0; cols + 1];

@@ -9,10 +9,10 @@ use horizon_model::{Bounds, Row};
 use nalgebra::{DMatrix, DVector};
 
 use super::*;
-use crate::levenberg::{LmSettings, LmTable, Problem, solve};
+use crate::levenberg::{LeastSquares, LmSettings, LmTable, solve};
 use crate::loss::Loss;
 use crate::residual::Observed;
-use crate::trajectory::Trajectory;
+use crate::window_problem::WindowProblem;
 
 const NS: usize = 3;
 const NU: usize = 1;
@@ -81,7 +81,7 @@ const C_P: Parameter = Parameter::new(2.0, 5.0);
 const P_PRIOR: Parameter = Parameter::new(1.0, 0.0);
 const S_0: State = State::new(0.3, 0.0, 0.0);
 
-type Window = Trajectory<Cart, NS, NU, NO, NP>;
+type Window = WindowProblem<Cart, NS, NU, NO, NP>;
 
 fn residuals() -> Residuals<Cart, NS, NU, NO, NP> {
     Residuals {
@@ -102,40 +102,40 @@ fn prior() -> Prior<NP> {
 /// A window that is about to see its first step.
 fn started(window: usize, forget_s: f64) -> Window {
     let settings = ArrivalSettings::Carried { c_0: C_0, forget_s };
-    let mut trajectory = Trajectory::new(residuals(), prior(), settings, window);
-    trajectory.start(S_0);
-    trajectory
+    let mut problem = WindowProblem::new(residuals(), prior(), settings, window);
+    problem.start(S_0);
+    problem
 }
 
 /// A window of four steps that has seen `steps` of the recording.
 fn flown(steps: usize, forget_s: f64) -> Window {
-    let mut trajectory = started(4, forget_s);
-    go_on(&mut trajectory, 0..steps);
-    trajectory
+    let mut problem = started(4, forget_s);
+    go_on(&mut problem, 0..steps);
+    problem
 }
 
 /// Shows a window of four steps more of the recording.
-fn go_on(trajectory: &mut Window, steps: Range<usize>) {
+fn go_on(problem: &mut Window, steps: Range<usize>) {
     for k in steps {
         let (u, observed) = recorded(k);
-        update(trajectory, 4, u, &observed);
+        update(problem, 4, u, &observed);
     }
 }
 
 /// One update of a window of at most `window` steps. The problem is quadratic: one iteration solves it.
-fn update(trajectory: &mut Window, window: usize, u: Vector<NU>, observed: &Observed<NO>) {
+fn update(problem: &mut Window, window: usize, u: Vector<NU>, observed: &Observed<NO>) {
     let table = LmTable {
         damping_start: 0.0,
         cost_tolerance: 0.0,
         step_tolerance: 1e-15,
         iterations_max: 1,
     };
-    if trajectory.states().len() > window {
-        trajectory.pop();
+    if problem.states().len() > window {
+        problem.pop();
     }
-    trajectory.push(&u, observed);
+    problem.push(&u, observed);
     let settings = LmSettings::try_from(&table).unwrap();
-    let report = solve(trajectory, &settings, &mut || false).unwrap();
+    let report = solve(problem, &settings, &mut || false).unwrap();
     assert!(report.cost >= 0.0, "{report:?}");
 }
 
@@ -191,30 +191,30 @@ impl Kalman {
 #[test]
 fn the_information_on_the_parameter_is_the_schur_complement() {
     let mut arrival = Arrival::<NS, NP>::new(C_0, NEVER_S, DT_S, None);
-    arrival.by_state = Matrix::from_row_slice(&[4.0, 1.0, 0.0, 1.0, 3.0, 0.5, 0.0, 0.5, 2.0]);
-    arrival.by_state_parameter = Matrix::from_row_slice(&[1.0, 0.0, -0.5, 0.3, 0.2, 1.0]);
-    arrival.by_parameter = Matrix::from_row_slice(&[5.0, 0.4, 0.4, 6.0]);
-    let inverse = arrival.by_state.try_inverse().unwrap();
-    let expected = arrival.by_parameter
-        - arrival.by_state_parameter.transpose() * inverse * arrival.by_state_parameter;
+    arrival.hessian_ss = Matrix::from_row_slice(&[4.0, 1.0, 0.0, 1.0, 3.0, 0.5, 0.0, 0.5, 2.0]);
+    arrival.hessian_sp = Matrix::from_row_slice(&[1.0, 0.0, -0.5, 0.3, 0.2, 1.0]);
+    arrival.hessian_pp = Matrix::from_row_slice(&[5.0, 0.4, 0.4, 6.0]);
+    let inverse = arrival.hessian_ss.try_inverse().unwrap();
+    let expected =
+        arrival.hessian_pp - arrival.hessian_sp.transpose() * inverse * arrival.hessian_sp;
     assert!(amax(&(arrival.information().unwrap() - expected)) < 1e-12);
 }
 
 #[test]
 fn a_carried_arrival_makes_the_estimator_a_kalman_filter() {
     for window in 2..=10 {
-        let mut trajectory = started(window, NEVER_S);
+        let mut problem = started(window, NEVER_S);
         let mut kalman = Kalman::new(&C_P);
         for k in 0..300 {
             let (u, observed) = recorded(k);
-            update(&mut trajectory, window, u, &observed);
+            update(&mut problem, window, u, &observed);
             kalman.update(u, &observed);
-            let s_gap = amax(&(trajectory.newest() - kalman.mean.fixed_rows::<NS>(0)));
-            let p_gap = amax(&(trajectory.parameter() - kalman.mean.fixed_rows::<NP>(NS)));
+            let s_gap = amax(&(problem.newest() - kalman.mean.fixed_rows::<NS>(0)));
+            let p_gap = amax(&(problem.parameter() - kalman.mean.fixed_rows::<NP>(NS)));
             assert!(s_gap < 1e-9, "window {window}, step {k}: state gap {s_gap:e}");
             assert!(p_gap < 1e-9, "window {window}, step {k}: parameter gap {p_gap:e}");
-            trajectory.linearize().unwrap();
-            let covariance = trajectory.information_of_parameter().try_inverse().unwrap();
+            problem.linearize().unwrap();
+            let covariance = problem.information_of_parameter().try_inverse().unwrap();
             let expected = kalman.covariance.fixed_view::<NP, NP>(NS, NS);
             let gap = amax(&(covariance - expected)) / amax(expected);
             assert!(gap < 1e-9, "window {window}, step {k}: covariance gap {gap:e}");
@@ -230,24 +230,24 @@ fn joint(s: &State, p: &Parameter) -> Vector<ALL> {
 /// The information matrix of state and parameter.
 fn information(arrival: &Arrival<NS, NP>) -> Matrix<ALL, ALL> {
     let mut h = Matrix::<ALL, ALL>::zeros();
-    h.fixed_view_mut::<NS, NS>(0, 0).copy_from(&arrival.by_state);
-    h.fixed_view_mut::<NS, NP>(0, NS).copy_from(&arrival.by_state_parameter);
-    h.fixed_view_mut::<NP, NS>(NS, 0).copy_from(&arrival.by_state_parameter.transpose());
-    h.fixed_view_mut::<NP, NP>(NS, NS).copy_from(&arrival.by_parameter);
+    h.fixed_view_mut::<NS, NS>(0, 0).copy_from(&arrival.hessian_ss);
+    h.fixed_view_mut::<NS, NP>(0, NS).copy_from(&arrival.hessian_sp);
+    h.fixed_view_mut::<NP, NS>(NS, 0).copy_from(&arrival.hessian_sp.transpose());
+    h.fixed_view_mut::<NP, NP>(NS, NS).copy_from(&arrival.hessian_pp);
     h
 }
 
 /// Information about the parameter while nothing else is known of the state.
 fn marginal(arrival: &Arrival<NS, NP>) -> Matrix<NP, NP> {
-    let by_state = arrival.by_state.try_inverse().unwrap();
-    let b = arrival.by_state_parameter;
-    arrival.by_parameter - b.transpose() * by_state * b
+    let hessian_ss = arrival.hessian_ss.try_inverse().unwrap();
+    let b = arrival.hessian_sp;
+    arrival.hessian_pp - b.transpose() * hessian_ss * b
 }
 
 #[test]
 fn the_gradient_and_the_curvature_meet_their_numeric_twins() {
-    let trajectory = flown(50, 10.0);
-    let arrival = trajectory.arrival();
+    let problem = flown(50, 10.0);
+    let arrival = problem.arrival();
     let split =
         |x: &Vector<ALL>| (x.fixed_rows::<NS>(0).into_owned(), x.fixed_rows::<NP>(NS).into_owned());
     let cost = |x: &Vector<ALL>| {
@@ -268,59 +268,59 @@ fn the_gradient_and_the_curvature_meet_their_numeric_twins() {
     };
     let gap = jacobian_gap(gradient, &joint(&s, &p), &information(arrival));
     assert!(gap < 1e-8, "curvature gap {gap:e}");
-    assert_eq!((block.diagonal, parameter_block.hessian), (arrival.by_state, arrival.by_parameter));
+    assert_eq!((block.diagonal, parameter_block.hessian), (arrival.hessian_ss, arrival.hessian_pp));
 }
 
 #[test]
 fn a_held_parameter_is_a_known_one() {
-    let mut trajectory = started(4, 10.0);
-    trajectory.hold_parameter(true);
+    let mut problem = started(4, 10.0);
+    problem.hold_parameter(true);
     let mut kalman = Kalman::new(&Parameter::repeat(f64::INFINITY));
     for k in 0..200 {
         let (u, observed) = recorded(k);
-        update(&mut trajectory, 4, u, &observed);
+        update(&mut problem, 4, u, &observed);
         kalman.update(u, &observed);
-        let gap = amax(&(trajectory.newest() - kalman.mean.fixed_rows::<NS>(0)));
+        let gap = amax(&(problem.newest() - kalman.mean.fixed_rows::<NS>(0)));
         assert!(gap < 1e-9, "step {k}: state gap {gap:e}");
-        assert_eq!(trajectory.parameter(), &P_PRIOR, "step {k}");
+        assert_eq!(problem.parameter(), &P_PRIOR, "step {k}");
     }
-    let gap = amax(&(marginal(trajectory.arrival()) - prior().information()));
+    let gap = amax(&(marginal(problem.arrival()) - prior().information()));
     assert!(gap < 1e-12, "the prior's information moved by {gap:e}");
-    trajectory.hold_parameter(false);
-    go_on(&mut trajectory, 200..400);
-    let moved = amax(&(trajectory.parameter() - P_PRIOR));
+    problem.hold_parameter(false);
+    go_on(&mut problem, 200..400);
+    let moved = amax(&(problem.parameter() - P_PRIOR));
     assert!(moved > 0.1, "the parameter moved by {moved} only");
 }
 
 #[test]
 fn what_is_known_of_a_parameter_outlasts_its_holding() {
-    let mut trajectory = flown(100, 10.0);
-    trajectory.pop();
-    let (p, known) = (*trajectory.parameter(), marginal(trajectory.arrival()));
-    let p_mean = trajectory.arrival().p_mean;
-    trajectory.hold_parameter(true);
-    go_on(&mut trajectory, 100..200);
-    assert_eq!(trajectory.parameter(), &p);
-    let gap = amax(&(marginal(trajectory.arrival()) - known)) / amax(&known);
+    let mut problem = flown(100, 10.0);
+    problem.pop();
+    let (p, known) = (*problem.parameter(), marginal(problem.arrival()));
+    let p_mean = problem.arrival().p_mean;
+    problem.hold_parameter(true);
+    go_on(&mut problem, 100..200);
+    assert_eq!(problem.parameter(), &p);
+    let gap = amax(&(marginal(problem.arrival()) - known)) / amax(&known);
     assert!(gap < 1e-12, "information moved by {gap:e}");
-    let gap = amax(&(trajectory.arrival().p_mean - p_mean));
+    let gap = amax(&(problem.arrival().p_mean - p_mean));
     assert!(gap < 1e-12, "mean moved by {gap:e}");
 }
 
 #[test]
 fn forgetting_mixes_the_information_of_the_window_with_the_prior() {
     let forget_s = 2.0;
-    let keep = (-DT_S / forget_s).exp();
+    let factor = (-DT_S / forget_s).exp();
     let kept = flown(50, NEVER_S);
     let mut forgetting = kept.arrival().clone();
-    forgetting.keep = keep;
+    forgetting.forgetting_factor = factor;
     let mut never = kept.arrival().clone();
     let iterate = kept.iterate();
     forgetting.carry(&residuals(), &iterate, &prior(), false);
     never.carry(&residuals(), &iterate, &prior(), false);
     let mut prior_information = Matrix::<ALL, ALL>::zeros();
     prior_information.fixed_view_mut::<NP, NP>(NS, NS).copy_from(&prior().information());
-    let expected = information(&never) * keep + prior_information * (1.0 - keep);
+    let expected = information(&never) * factor + prior_information * (1.0 - factor);
     let gap = amax(&(information(&forgetting) - expected)) / amax(&expected);
     assert!(gap < 1e-14, "information gap {gap:e}");
     let (s, p) = (State::new(0.1, 0.2, 0.3), Parameter::new(2.0, -1.0));
@@ -329,7 +329,7 @@ fn forgetting_mixes_the_information_of_the_window_with_the_prior() {
         joint(&by_s, &by_p)
     };
     let by_prior = prior().information() * (p - P_PRIOR);
-    let expected = at(&never) * keep + joint(&State::zeros(), &by_prior) * (1.0 - keep);
+    let expected = at(&never) * factor + joint(&State::zeros(), &by_prior) * (1.0 - factor);
     let gap = amax(&(at(&forgetting) - expected)) / amax(&expected);
     // The mean is the solution of equations whose condition is about 1e5.
     assert!(gap < 1e-10, "gradient gap {gap:e}");
@@ -337,15 +337,15 @@ fn forgetting_mixes_the_information_of_the_window_with_the_prior() {
 
 #[test]
 fn hours_leave_it_symmetric_and_positive() {
-    let mut trajectory = started(2, 20.0);
+    let mut problem = started(2, 20.0);
     let floor = prior().information() * (1.0 - (-DT_S / 20.0_f64).exp());
     for k in 0..100_000 {
         let (u, observed) = recorded(k);
-        update(&mut trajectory, 2, u, &observed);
+        update(&mut problem, 2, u, &observed);
         if k % 1000 != 999 {
             continue;
         }
-        let arrival = trajectory.arrival();
+        let arrival = problem.arrival();
         let h = information(arrival);
         assert_eq!(h, h.transpose(), "step {k}");
         let lowest = h.symmetric_eigenvalues().min();
@@ -360,12 +360,12 @@ fn hours_leave_it_symmetric_and_positive() {
 
 #[test]
 fn a_refused_transition_begins_again() {
-    let trajectory = flown(50, 10.0);
-    let mut arrival = trajectory.arrival().clone();
+    let problem = flown(50, 10.0);
+    let mut arrival = problem.arrival().clone();
     let refusing = Residuals { transition_loss: Loss::Tukey { scale: 1.0 }, ..residuals() };
     // The second state is a kilometre from where the model leads.
-    let s = [trajectory.states()[0], State::new(1e3, 0.0, 0.0)];
-    let iterate = Iterate { s: &s, ..trajectory.iterate() };
+    let s = [problem.states()[0], State::new(1e3, 0.0, 0.0)];
+    let iterate = Iterate { s: &s, ..problem.iterate() };
     arrival.carry(&refusing, &iterate, &prior(), false);
     assert_eq!((arrival.s_mean, arrival.p_mean), (s[1], P_PRIOR));
     assert_eq!(marginal(&arrival), prior().information());

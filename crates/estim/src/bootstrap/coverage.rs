@@ -13,7 +13,7 @@ use thiserror::Error;
 use super::{Laplace, Spread, bootstrap};
 use crate::cholesky::NotPositive;
 use crate::ident::Ident;
-use crate::levenberg::SolveError;
+use crate::levenberg::LmError;
 
 /// What makes a trial impossible.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
@@ -21,7 +21,7 @@ use crate::levenberg::SolveError;
 pub(super) enum TrialError {
     /// A resample leads to where the model is not finite.
     #[error(transparent)]
-    Solve(#[from] SolveError),
+    Solve(#[from] LmError),
     /// Neither data nor prior tell anything about some parameter.
     #[error(transparent)]
     NotPositive(#[from] NotPositive),

@@ -48,7 +48,7 @@ pub(super) fn solved(pieces: Vec<Piece<4, 4>>) -> Ident<Kinematic, 4, 4, 4, 4> {
         .unwrap();
     let mut ident = Ident::new(Kinematic, &settings, DT_S, pieces).unwrap();
     let report = ident.solve(&mut || false).unwrap();
-    assert!(report.stop != Stop::IterationLimit, "{report:?}");
+    assert!(report.stop != LmStop::IterationLimit, "{report:?}");
     ident
 }
 

@@ -1,7 +1,6 @@
 //! The search for the dead times of all groups at once.
 
-use horizon_model::Model;
-use horizon_model::Vector;
+use horizon_model::{Model, Vector};
 
 use super::descent::Descent;
 use super::profile::{LocalMinimum, rises};
@@ -11,22 +10,22 @@ use super::{
 };
 use crate::bootstrap::{NORMAL_HALF_WIDTH, interval_variance};
 use crate::ident::Ident;
-use crate::levenberg::Stop;
+use crate::levenberg::LmStop;
 
 /// Half the 95 % point of chi squared with one degree of freedom: a rise of a profile by more than this many residual
-/// variances is no effect of chance (likelihood ratio test).
+/// variances is no effect of chance (likelihood ratio test). 1
 const CHI2_95_HALF: f64 = 1.92;
 
-/// A scan of a profile ends where its cost is this many significant rises above its least.
+/// A scan of a profile ends where its cost is this many significant rises above its least. 1
 pub(super) const SCAN_END_FACTOR: f64 = 100.0;
 
-/// Relative cost tolerance of the solves of a scan: enough to see where the minimum is.
+/// Relative cost tolerance of the solves of a scan: enough to see where the minimum is. 1
 pub(super) const COST_TOLERANCE_SCAN: f64 = 1e-3;
 
-/// Relative cost tolerance of the other solves: a wrong dead time adds only a small part to the cost.
+/// Relative cost tolerance of the other solves: a wrong dead time adds only a small part to the cost. 1
 pub(super) const COST_TOLERANCE_SOLVE: f64 = 1e-7;
 
-/// With fewer pieces their scatter is too uncertain for a standard deviation of its own.
+/// Number of pieces below which their scatter is too uncertain for a standard deviation of its own. 1
 const PIECES_MIN: f64 = 10.0;
 
 /// Profile of one group and its minimum.
@@ -41,6 +40,13 @@ pub(super) struct GroupProfile {
 struct DeadTimeUncertainty<const NP: usize> {
     spread: DelaySpread,
     influence: DelayInfluence<NP>,
+}
+
+/// An identification solved at the present dead times.
+struct Solved<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+    ident: Ident<M, NS, NU, NO, NP>,
+    /// Cost of the solution. 1
+    cost: f64,
 }
 
 /// The last Newton step of a group.
@@ -96,55 +102,70 @@ where
             (0..self.groups.len()).map(|group| self.dead_time_of(group)).collect();
         let start_cost = self.solve()?;
         let start = self.ident.clone();
-        let mut descent = self.descend(start_cost)?;
-        if (descent.has_diverged() || self.ident.is_extreme())
-            && self.start_from_prior(descent.cost)?
-        {
-            let start_cost = self.solve()?;
-            descent = self.descend(start_cost)?;
-        }
-        let has_diverged = descent.has_diverged();
-        let Descent { profiles, mut cost, .. } = descent;
-        // The iterate at the dead times that are kept.
-        let mut kept = self.ident.clone();
-        let mut judged = Vec::with_capacity(profiles.len());
-        for (group, profile) in profiles.into_iter().enumerate() {
-            let (uncertainty, verdict) = if has_diverged {
-                (None, DelayVerdict::Undecided)
-            } else {
-                self.decide(group, &profile, cost, &kept)?
-            };
-            let GroupProfile { curve, at_s: mut dead_time_s } = profile;
-            if verdict != DelayVerdict::Minimum {
-                if has_diverged {
-                    self.ident.restart_at(&start);
-                }
-                dead_time_s = starts_s[group];
-                self.put(group, dead_time_s);
-                cost = self.solve()?;
-                kept.restart_at(self.ident);
-            }
-            let uncertainty = uncertainty.map(|of| (of.spread, of.influence));
-            let (spread, influence) = uncertainty.unzip();
-            let rows = self.groups[group].to_vec();
-            judged.push(DelayProfile { rows, curve, dead_time_s, spread, influence, verdict });
+        let descent = self.descend(start_cost)?;
+        let descent = self.restart_if_diverged(descent)?;
+        let diverged_from = descent.has_diverged().then_some(&start);
+        let mut solved = Solved { ident: self.ident.clone(), cost: descent.cost };
+        let mut judged = Vec::with_capacity(descent.profiles.len());
+        for (group, profile) in descent.profiles.into_iter().enumerate() {
+            let start_s = starts_s[group];
+            judged.push(self.judge_group(group, profile, start_s, diverged_from, &mut solved)?);
         }
         self.solve()?;
         Ok(judged)
     }
 
-    /// Verdict on the minimum of a group's profile, and its uncertainty if there is a minimum; arguments as in
+    /// Descends once more from the prior after a descent that diverged or ended at an extreme parameter, if a solve
+    /// from the prior costs less.
+    fn restart_if_diverged(&mut self, descent: Descent) -> Result<Descent, SearchStop> {
+        let is_suspect = descent.has_diverged() || self.ident.is_extreme();
+        if !(is_suspect && self.start_from_prior(descent.cost)?) {
+            return Ok(descent);
+        }
+        let start_cost = self.solve()?;
+        self.descend(start_cost)
+    }
+
+    /// Judges the minimum of a group's profile. Without a minimum the group returns to `start_s`, which is solved in
+    /// `solved`, after a descent that diverged from the iterate `diverged_from`.
+    fn judge_group(
+        &mut self,
+        group: usize,
+        profile: GroupProfile,
+        start_s: f64,
+        diverged_from: Option<&Ident<M, NS, NU, NO, NP>>,
+        solved: &mut Solved<M, NS, NU, NO, NP>,
+    ) -> Result<DelayProfile<NP>, SearchStop> {
+        let (uncertainty, verdict) = match diverged_from {
+            Some(_) => (None, DelayVerdict::Undecided),
+            None => self.decide(group, &profile, solved)?,
+        };
+        let GroupProfile { curve, at_s: mut dead_time_s } = profile;
+        if verdict != DelayVerdict::Minimum {
+            if let Some(start) = diverged_from {
+                self.ident.restart_at(start);
+            }
+            dead_time_s = start_s;
+            self.put(group, dead_time_s);
+            solved.cost = self.solve()?;
+            solved.ident.restart_at(self.ident);
+        }
+        let (spread, influence) = uncertainty.map(|of| (of.spread, of.influence)).unzip();
+        let rows = self.groups[group].to_vec();
+        Ok(DelayProfile { rows, curve, dead_time_s, spread, influence, verdict })
+    }
+
+    /// Verdict on the minimum of a group's profile, and its uncertainty if there is a minimum; `solved` as in
     /// [`Search::uncertainty`].
     fn decide(
         &mut self,
         group: usize,
         profile: &GroupProfile,
-        cost: f64,
-        solved: &Ident<M, NS, NU, NO, NP>,
+        solved: &Solved<M, NS, NU, NO, NP>,
     ) -> Result<(Option<DeadTimeUncertainty<NP>>, DelayVerdict), SearchStop> {
         let GroupProfile { curve, at_s } = profile;
-        let (uncertainty, verdict) = self.uncertainty(group, *at_s, cost, solved)?;
-        let significant = self.significant_rise(cost);
+        let (uncertainty, verdict) = self.uncertainty(group, *at_s, solved)?;
+        let significant = self.significant_rise(solved.cost);
         let [left, right] = rises(curve, *at_s).map(|rise| rise > significant);
         let is_decided = match verdict {
             DelayVerdict::Minimum => left && right,
@@ -196,18 +217,18 @@ where
     }
 
     /// Uncertainty of the dead time `at_s` of one group by solves one period to either side. In `solved` all groups
-    /// are solved at their dead times, with the cost `cost`; this is the iterate before and after.
+    /// are solved at their dead times; this is the iterate before and after.
     fn uncertainty(
         &mut self,
         group: usize,
         at_s: f64,
-        cost: f64,
-        solved: &Ident<M, NS, NU, NO, NP>,
+        solved: &Solved<M, NS, NU, NO, NP>,
     ) -> Result<(Option<DeadTimeUncertainty<NP>>, DelayVerdict), SearchStop> {
         let width_s = self.flights.dt_s;
         if at_s < width_s || at_s > self.settings.dead_time_max_s - width_s {
             return Ok((None, DelayVerdict::EndOfRange));
         }
+        let Solved { ident: solved, cost } = solved;
         self.put(group, at_s - width_s);
         let left = self.solve()?;
         let left_pieces = self.ident.piece_costs();
@@ -219,7 +240,7 @@ where
         let parameter_by_dead_time = (self.ident.parameter() - left_parameter) / (2.0 * width_s);
         self.put(group, at_s);
         self.ident.restart_at(solved);
-        let curvature = (left - 2.0 * cost + right) / (width_s * width_s);
+        let curvature = (left - 2.0 * *cost + right) / (width_s * width_s);
         if curvature.is_nan() || curvature <= 0.0 {
             return Ok((None, DelayVerdict::Undecided));
         }
@@ -228,7 +249,7 @@ where
         let counted = gradients.iter().zip(self.ident.multiplicities());
         let scatter: f64 =
             counted.map(|(gradient, count)| f64::from(*count) * gradient * gradient).sum();
-        let variance = 2.0 * cost / self.ident.degrees_of_freedom();
+        let variance = 2.0 * *cost / self.ident.degrees_of_freedom();
         let std_white_s = (variance / curvature).sqrt();
         let pieces: f64 = self.ident.multiplicities().iter().map(|count| f64::from(*count)).sum();
         let mut std_s = scatter.sqrt() / curvature;
@@ -273,7 +294,7 @@ where
             self.ident.set_inputs(piece, u)?;
         }
         let report = self.ident.solve_near(cost_tolerance, &mut *self.is_late)?;
-        if report.stop == Stop::Late { Err(SearchStop::Late) } else { Ok(report.cost) }
+        if report.stop == LmStop::Late { Err(SearchStop::Late) } else { Ok(report.cost) }
     }
 
     /// Gradient of the profile of each group at the present dead times, which are solved.

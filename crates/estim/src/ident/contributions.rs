@@ -81,8 +81,7 @@ where
     /// Twice the cost over this is the mean square of what a residual would be with nothing fitted:
     /// 1 where weights are inverse deviations of independent residuals.
     pub fn degrees_of_freedom(&self) -> f64 {
-        // Transitions are as many as the states less one: what is left are the observations, the
-        // first states held by a weight, and the states that these have to pay for.
+        // K + 1 states are NS (K + 1) unknowns, and K transitions NS K residuals: together minus NS.
         let c_o = &self.terms.residuals.c_o;
         let held = self.terms.c_0.iter().filter(|weight| **weight > 0.0).count() as f64;
         let of_piece = |(segment, count): (&Segment<NS, NU, NO, NP>, &u32)| {

@@ -1,18 +1,18 @@
 //! The functions that Levenberg-Marquardt needs of an identification: elimination of the states, steps, costs.
 //!
 //! Owns the sums over pieces, always in the order of the pieces, and the choice between the exact
-//! curvature and Gauss-Newton's. One piece is `segment.rs`, its back substitution and roll-out after a step
+//! curvature and Gauss-Newton's. One piece is `segment.rs`, the re-optimization of its states after a step
 //! `variable_projection.rs`.
 
-use horizon_model::Model;
-use horizon_model::Vector;
 use rayon::prelude::*;
+
+use horizon_model::{Model, Vector};
 
 use super::Ident;
 use super::segment::{Contribution, Segment, Terms};
 use super::variable_projection::{Scratch, Start, TOLERANCE_MIN};
 use crate::cholesky::NotPositive;
-use crate::levenberg::{IterateScale, Problem, SolveError, Step};
+use crate::levenberg::{IterateScale, LeastSquares, LmError, Step};
 use crate::reduced_system::ReducedSystem;
 use crate::residual::Curvature;
 
@@ -88,32 +88,33 @@ where
 
     /// Moves the states of each piece that counts to their minimum at the present parameter: from states as noisy as
     /// their observations, the first step of the parameter may end far away.
-    pub(super) fn settle(&mut self) {
-        let (p, tolerance) = (self.p, self.settle_tolerance());
+    pub(super) fn reoptimize_states(&mut self) {
+        let (p, tolerance) = (self.p, self.inner_tolerance());
         self.map_counted(|terms, curvature, segment, scratch| {
             segment.s_candidate.clone_from(&segment.s);
             let cost = segment.contribution(terms, &p).cost;
             let start = Start { cost, expected: f64::NAN, damping: 0.0, tolerance };
-            if segment.settle(terms, &p, curvature, start, scratch) < cost {
+            if segment.reoptimize_states(terms, &p, curvature, start, scratch) < cost {
                 segment.accept();
             }
         });
     }
 
     /// Sets the candidate of each piece that counts to the damped step for `p_candidate` and returns their
-    /// contributions: the step lengths of the damped step, the costs after its states are settled.
-    fn follow(&mut self, p_candidate: &Vector<NP>, damping: f64) -> Vec<Contribution> {
-        let (p_step, tolerance) = (p_candidate - self.p, self.settle_tolerance());
+    /// contributions: the step lengths of the damped step, the costs after its states are re-optimized.
+    fn set_candidates(&mut self, p_candidate: &Vector<NP>, damping: f64) -> Vec<Contribution> {
+        let (p_step, tolerance) = (p_candidate - self.p, self.inner_tolerance());
         self.map_counted(|terms, curvature, segment, scratch| {
             let expected = segment.back_substitute(&p_step);
             let mut contribution = segment.contribution(terms, p_candidate);
             let start = Start { cost: contribution.cost, expected, damping, tolerance };
-            contribution.cost = segment.settle(terms, p_candidate, curvature, start, scratch);
+            contribution.cost =
+                segment.reoptimize_states(terms, p_candidate, curvature, start, scratch);
             contribution
         })
     }
 
-    fn settle_tolerance(&self) -> f64 {
+    fn inner_tolerance(&self) -> f64 {
         self.solver.cost_tolerance().max(TOLERANCE_MIN)
     }
 
@@ -139,12 +140,12 @@ where
     }
 }
 
-impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Problem
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> LeastSquares
     for Ident<M, NS, NU, NO, NP>
 where
     M: Model<NS, NU, NO, NP> + Sync,
 {
-    fn linearize(&mut self) -> Result<IterateScale, SolveError> {
+    fn linearize(&mut self) -> Result<IterateScale, LmError> {
         if let Some(known) = self.known {
             return Ok(known);
         }
@@ -171,7 +172,7 @@ where
         self.is_tried = true;
         let (p_candidate, decrease) = self.minimize(damping)?;
         self.p_candidate = p_candidate;
-        let contributions = self.follow(&p_candidate, damping);
+        let contributions = self.set_candidates(&p_candidate, damping);
         self.cost_candidate = self.prior.cost(&p_candidate);
         let mut step_squared = (p_candidate - self.p).norm_squared();
         let mut iterate_squared = self.p.norm_squared();

@@ -10,7 +10,7 @@ use horizon_model::{Matrix, Vector};
 use crate::back_substitution::{EliminationFront, LongChain};
 use crate::chain::{Block, NeighbourBlocks};
 use crate::cholesky::NotPositive;
-use crate::levenberg::SolveError;
+use crate::levenberg::LmError;
 use crate::reduced_system::ReducedSystem;
 use crate::residual::{Curvature, Iterate, Observed, Residuals, finite};
 
@@ -117,7 +117,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         &self,
         terms: &Terms<M, NS, NU, NO, NP>,
         p: &Vector<NP>,
-    ) -> Result<(f64, f64), SolveError>
+    ) -> Result<(f64, f64), LmError>
     where
         M: Model<NS, NU, NO, NP>,
     {

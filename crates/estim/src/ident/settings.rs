@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::levenberg::{LmSettings, LmTable};
 use crate::loss::{Loss, LossTable};
 use crate::residual::Curvature;
-use crate::trajectory::Prior;
+use crate::window_problem::Prior;
 
 /// Identification, as written in a file. Weights multiply residuals: the thesis' appendix prints
 /// their squares.
@@ -70,8 +70,8 @@ impl IdentTable {
     where
         M: Model<NS, NU, NO, NP>,
     {
-        let bounds = (self.p_lb.as_slice(), self.p_ub.as_slice());
-        let prior = Prior::check(&M::PARAMETER, &self.c_p, &self.p_prior, bounds)?;
+        let Self { c_p, p_prior, p_lb, p_ub, .. } = self;
+        let prior = Prior::check(&M::PARAMETER, c_p, p_prior, p_lb, p_ub)?;
         Ok(IdentSettings {
             c_o: vector("C_o", &self.c_o, &M::OBSERVATION, weight_or_zero)?,
             c_s: vector("C_s", &self.c_s, &M::STATE, weight)?,

@@ -14,7 +14,7 @@ use sparse::Sparse;
 
 use super::variable_projection::{Scratch, Start, TOLERANCE_MIN};
 use super::*;
-use crate::levenberg::{LmTable, Problem, Stop};
+use crate::levenberg::{LeastSquares, LmStop, LmTable};
 use crate::loss::LossTable;
 
 type Vehicle = Ident<Kinematic, 4, 4, 4, 4>;
@@ -180,7 +180,7 @@ fn profile(ident: &Vehicle, p: Vector<4>) -> f64 {
 }
 
 #[test]
-fn the_states_are_led_back_to_the_minimum_of_a_moved_parameter() {
+fn the_states_are_reoptimized_for_a_moved_parameter() {
     let mut ident = vehicle(&table(), pieces(1, 30, 0.02));
     assert!(solve(&mut ident).cost > 0.0);
     let p = ident.parameter() + Vector::from([0.2, -0.1, 0.1, 0.3]);
@@ -191,14 +191,22 @@ fn the_states_are_led_back_to_the_minimum_of_a_moved_parameter() {
         segment.s_candidate.clone_from(&segment.s);
         let cost = segment.contribution(terms, &p).cost;
         let start = Start { cost, expected: f64::NAN, damping: 0.0, tolerance: TOLERANCE_MIN };
-        let settled =
-            segment.settle(terms, &p, curvature, start, &mut Scratch::of::<Kinematic, 4, 4, 4>(30));
+        let reoptimized = segment.reoptimize_states(
+            terms,
+            &p,
+            curvature,
+            start,
+            &mut Scratch::of::<Kinematic, 4, 4, 4>(30),
+        );
         assert!(cost > 1.01 * expected, "{cost} where {expected} is the least");
         // It ends when a step gains less than 1e-4, and the next one would gain far less.
-        let gap = settled / expected - 1.0;
+        let gap = reoptimized / expected - 1.0;
         assert!(gap.abs() < 1e-4, "{curvature:?}: gap {gap:e}, {cost} before");
         let left = segment.contribution(terms, &p).cost;
-        assert!((left - settled).abs() < 1e-12 * settled, "{left} is left of {settled}");
+        assert!(
+            (left - reoptimized).abs() < 1e-12 * reoptimized,
+            "{left} is left of {reoptimized}"
+        );
     }
 }
 
@@ -283,7 +291,7 @@ fn a_late_solve_leaves_its_best_iterate() {
             polls > 2
         })
         .unwrap();
-    assert_eq!((report.stop, report.iterations, polls), (Stop::Late, 2, 3));
+    assert_eq!((report.stop, report.iterations, polls), (LmStop::Late, 2, 3));
     assert!(report.cost < report.cost_start);
 }
 

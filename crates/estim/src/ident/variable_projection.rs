@@ -1,21 +1,20 @@
-//! The states of one piece that belong to a given parameter.
+//! The optimal states of one piece at a given parameter p.
 //!
-//! Owns the minimization over the states alone. A transition that weighs much makes the states follow
-//! the parameter along a narrow curve; a linear step of both at once leaves it after a short way and
-//! is rejected, or creeps. Led back by a few steps of their own, the states leave a cost over the
-//! parameter that is nearly a parabola (variable projection).
+//! Owns the minimization over the states alone, the inner problem of variable projection (Golub and Pereyra 1973, here
+//! with a nonlinear inner problem). With a large weight on the transitions the optimal states depend strongly and
+//! nonlinearly on p. A joint Gauss-Newton step of states and p is then accurate only if it is short: longer ones are
+//! rejected. After the states are re-optimized for p, the cost as a function of p alone is nearly quadratic.
 
-use horizon_model::{Linearized, Model, ParameterHessian, Row, VisitSubsystems};
-use horizon_model::{Matrix, Vector};
+use horizon_model::{Linearized, Matrix, Model, ParameterHessian, Row, Vector, VisitSubsystems};
 
 use super::segment::{Segment, Terms};
 use crate::back_substitution::LongChain;
 use crate::cholesky::NotPositive;
-use crate::levenberg::{self, IterateScale, LmSettings, Problem, SolveError, Step};
+use crate::levenberg::{self, IterateScale, LeastSquares, LmError, LmSettings, Step};
 use crate::reduced_system::ReducedSystem;
 use crate::residual::{Curvature, Iterate, Residuals};
 
-/// Memory for [`Segment::settle`], for one piece after the other.
+/// Memory for [`Segment::reoptimize_states`], for one piece after the other.
 #[derive(Debug)]
 pub(super) struct Scratch<const NS: usize> {
     s: Vec<Vector<NS>>,
@@ -28,12 +27,12 @@ impl<const NS: usize> Scratch<NS> {
     where
         M: Model<NS, NU, NO, NP>,
     {
-        let chain = LongChain::of::<Given<'_, M, NP>, NU, NO>(len_max);
+        let chain = LongChain::of::<FixedParameter<'_, M, NP>, NU, NO>(len_max);
         Self { s: Vec::with_capacity(len_max), chain }
     }
 }
 
-/// A candidate before its states are led back.
+/// A candidate before its states are re-optimized.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Start {
     /// Cost of the candidate. 1
@@ -42,8 +41,8 @@ pub(super) struct Start {
     pub(super) expected: f64,
     /// Damping of the step that led to it. 1
     pub(super) damping: f64,
-    /// How much of a piece's cost the last step may have gained; and how far the cost may be off the prediction
-    /// of the linear step, without being led back. 1, relative
+    /// Cost tolerance of the inner problem, and largest error of `expected` at which the states are not re-optimized.
+    /// Both are relative to the cost. 1
     pub(super) tolerance: f64,
 }
 
@@ -54,11 +53,11 @@ pub(super) const TOLERANCE_MIN: f64 = 1e-4;
 const STEPS_MAX: u32 = 8;
 
 impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment<NS, NU, NO, NP> {
-    /// Leads the candidate to the minimum over the states with `p` and returns what it costs there.
+    /// Moves the candidate to the minimum over the states at `p` and returns its cost. 1
     ///
-    /// A candidate that is not finite stays as it is, and so does one that costs what was expected: its
-    /// states follow the parameter well enough.
-    pub(super) fn settle<M>(
+    /// A candidate whose cost is not finite stays as it is, and so does one whose cost is as expected: its states are
+    /// near enough to the optimal ones.
+    pub(super) fn reoptimize_states<M>(
         &mut self,
         terms: &Terms<M, NS, NU, NO, NP>,
         p: &Vector<NP>,
@@ -75,7 +74,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
         let Residuals { model, dt_s, c_o, c_s, observation_loss, transition_loss } =
             &terms.residuals;
         let residuals = Residuals {
-            model: Given { model: model.prepared(p, *dt_s), p },
+            model: FixedParameter { model: model.prepared(p, *dt_s), p },
             dt_s: *dt_s,
             c_o: *c_o,
             c_s: *c_s,
@@ -83,7 +82,7 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
             transition_loss: *transition_loss,
         };
         scratch.s.clone_from(&self.s_candidate);
-        let mut settling = Settling {
+        let mut inner = InnerProblem {
             terms: Terms { residuals, c_0: terms.c_0 },
             segment: self,
             scratch,
@@ -91,13 +90,13 @@ impl<const NS: usize, const NU: usize, const NO: usize, const NP: usize> Segment
             cost,
         };
         let solver = LmSettings::of_part(damping, tolerance, STEPS_MAX);
-        levenberg::solve(&mut settling, &solver, &mut || false).map_or(cost, |report| report.cost)
+        levenberg::solve(&mut inner, &solver, &mut || false).map_or(cost, |report| report.cost)
     }
 }
 
-/// A piece's candidate as a problem over its states alone.
-struct Settling<'a, M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
-    terms: Terms<Given<'a, M, NP>, NS, NU, NO, 0>,
+/// The inner problem: a piece's candidate as a function of its states alone.
+struct InnerProblem<'a, M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+    terms: Terms<FixedParameter<'a, M, NP>, NS, NU, NO, 0>,
     segment: &'a mut Segment<NS, NU, NO, NP>,
     scratch: &'a mut Scratch<NS>,
     curvature: Curvature,
@@ -106,11 +105,11 @@ struct Settling<'a, M, const NS: usize, const NU: usize, const NO: usize, const 
 }
 
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
-    Settling<'_, M, NS, NU, NO, NP>
+    InnerProblem<'_, M, NS, NU, NO, NP>
 where
     M: Model<NS, NU, NO, NP>,
 {
-    /// Eliminates the states; what they are expected to gain.
+    /// Eliminates the states. Returns the predicted decrease of the cost. 1
     fn eliminate(&mut self, curvature: Curvature, damping: f64) -> Result<f64, NotPositive> {
         let Segment { s_candidate: s, u, o, s_rest, .. } = &*self.segment;
         let iterate = Iterate { s, u, o, p: &Vector::zeros() };
@@ -123,14 +122,14 @@ where
     }
 }
 
-impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Problem
-    for Settling<'_, M, NS, NU, NO, NP>
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> LeastSquares
+    for InnerProblem<'_, M, NS, NU, NO, NP>
 where
     M: Model<NS, NU, NO, NP>,
 {
     const REMAINING_DECREASE_MIN: f64 = 0.0;
 
-    fn linearize(&mut self) -> Result<IterateScale, SolveError> {
+    fn linearize(&mut self) -> Result<IterateScale, LmError> {
         // Derivatives are formed where they are eliminated, and the damping is absolute.
         Ok(IterateScale { cost: self.cost, diagonal_max: 1.0 })
     }
@@ -181,15 +180,15 @@ impl<V: VisitSubsystems> VisitSubsystems for WithoutParameters<'_, V> {
     }
 }
 
-/// A model at one parameter: nothing of it is left to identify.
+/// A model at one fixed parameter, with no parameter of its own.
 #[derive(Debug, Clone, Copy)]
-struct Given<'a, M, const NP: usize> {
+struct FixedParameter<'a, M, const NP: usize> {
     model: M,
     p: &'a Vector<NP>,
 }
 
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Model<NS, NU, NO, 0>
-    for Given<'_, M, NP>
+    for FixedParameter<'_, M, NP>
 where
     M: Model<NS, NU, NO, NP>,
 {

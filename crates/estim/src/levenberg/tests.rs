@@ -53,13 +53,13 @@ impl<const N: usize> Curve<N> {
     }
 }
 
-impl<const N: usize> Problem for Curve<N> {
-    fn linearize(&mut self) -> Result<IterateScale, SolveError> {
+impl<const N: usize> LeastSquares for Curve<N> {
+    fn linearize(&mut self) -> Result<IterateScale, LmError> {
         let mut parameter_block = ReducedSystem::zeros();
         for (k, point) in self.data.iter().enumerate() {
             let (r, j) = (self.residual(&self.b, *point), self.gradient(*point));
             if !r.is_finite() {
-                return Err(SolveError::NonFinite { block: "curve", k });
+                return Err(LmError::NonFinite { block: "curve", k });
             }
             parameter_block.gradient += j * r;
             parameter_block.hessian += j * j.transpose();
@@ -309,11 +309,11 @@ fn every_limit_has_its_own_stop_and_keeps_the_best_iterate() {
         (report.stop, report.iterations)
     };
     let slow = LmSettings { damping_start: 1.0, ..settings() };
-    assert_eq!(stop(slow, 0), (Stop::Late, 0));
-    assert_eq!(stop(slow, 3), (Stop::Late, 3));
-    assert_eq!(stop(LmSettings { iterations_max: 2, ..slow }, 9), (Stop::IterationLimit, 2));
-    assert_eq!(stop(LmSettings { cost_tolerance: 0.1, ..slow }, 99).0, Stop::CostTolerance);
-    assert_eq!(stop(LmSettings { step_tolerance: 0.1, ..slow }, 99).0, Stop::StepTolerance);
+    assert_eq!(stop(slow, 0), (LmStop::Late, 0));
+    assert_eq!(stop(slow, 3), (LmStop::Late, 3));
+    assert_eq!(stop(LmSettings { iterations_max: 2, ..slow }, 9), (LmStop::IterationLimit, 2));
+    assert_eq!(stop(LmSettings { cost_tolerance: 0.1, ..slow }, 99).0, LmStop::CostTolerance);
+    assert_eq!(stop(LmSettings { step_tolerance: 0.1, ..slow }, 99).0, LmStop::StepTolerance);
 }
 
 #[test]
@@ -323,7 +323,7 @@ fn a_curve_without_descent_ends_at_the_damping_limit() {
     let mut curve = Curve::new(kink, &[(0.0, 0.0)], [1.0]);
     let no_tolerance = LmSettings { step_tolerance: 0.0, ..settings() };
     let report = solve(&mut curve, &no_tolerance, &mut || false).unwrap();
-    assert_eq!(report.stop, Stop::DampingLimit, "{report:?}");
+    assert_eq!(report.stop, LmStop::DampingLimit, "{report:?}");
     assert_eq!(report.rejected, report.iterations);
     assert_eq!(report.cost.to_bits(), report.cost_start.to_bits());
 }
@@ -350,14 +350,14 @@ fn a_setting_out_of_range_is_named() {
 #[test]
 fn the_name_of_each_reason_to_stop_is_that_of_serde() {
     let all = [
-        Stop::CostTolerance,
-        Stop::StepTolerance,
-        Stop::IterationLimit,
-        Stop::Late,
-        Stop::DampingLimit,
+        LmStop::CostTolerance,
+        LmStop::StepTolerance,
+        LmStop::IterationLimit,
+        LmStop::Late,
+        LmStop::DampingLimit,
     ];
     // The schema has one entry for each variant, in their order.
-    let schema = serde_json::to_value(schemars::schema_for!(Stop)).unwrap();
+    let schema = serde_json::to_value(schemars::schema_for!(LmStop)).unwrap();
     let variants = schema["oneOf"].as_array().unwrap();
     assert_eq!(variants.len(), all.len(), "{variants:?}");
     for (stop, variant) in all.into_iter().zip(variants) {

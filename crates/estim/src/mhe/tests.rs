@@ -9,7 +9,7 @@ mod start;
 
 use super::*;
 use crate::arrival::ArrivalTable;
-use crate::levenberg::Stop;
+use crate::levenberg::LmStop;
 
 const DT_S: f64 = 0.02;
 const WINDOW: usize = 30;
@@ -97,7 +97,7 @@ fn the_window_grows_and_then_shifts() {
     for k in 0..40 {
         s = Kinematic.step(&s, &sticks(k), &truth(), DT_S);
         let stop = mhe.update(&sticks(k), &Observed::full(s), &mut || false).unwrap().stop;
-        assert_ne!(stop, Stop::IterationLimit);
+        assert_ne!(stop, LmStop::IterationLimit);
         assert_eq!(mhe.window().len(), WINDOW.min(k as usize + 1) + 1);
         assert_eq!(mhe.window().last(), Some(mhe.s_hat()));
         if mhe.window().len() == before.len() {
@@ -287,7 +287,7 @@ fn a_late_solve_is_a_prediction() {
     let u = sticks(50);
     let far = Observed::full(s + Pose::repeat(0.5));
     let report = mhe.update(&u, &far, &mut || true).unwrap();
-    assert_eq!((report.stop, report.iterations), (Stop::Late, 0));
+    assert_eq!((report.stop, report.iterations), (LmStop::Late, 0));
     assert_eq!(*mhe.s_hat(), Kinematic.step(&s_hat, &u, &p_hat, DT_S));
 }
 

@@ -8,7 +8,7 @@ use crate::chain::Chain;
 use crate::levenberg::{LmSettings, LmTable, solve};
 use crate::loss::Loss;
 use crate::residual::{Observed, Residuals};
-use crate::trajectory::{Prior, Trajectory};
+use crate::window_problem::{Prior, WindowProblem};
 
 use super::*;
 
@@ -16,7 +16,7 @@ const DT_S: f64 = 0.02;
 const WINDOW: usize = 6;
 
 type Parameter = Vector<{ lag::COUNT }>;
-type Window = Trajectory<Lagged, { motion::COUNT }, 4, { pose::COUNT }, { lag::COUNT }>;
+type Window = WindowProblem<Lagged, { motion::COUNT }, 4, { pose::COUNT }, { lag::COUNT }>;
 
 fn window() -> Window {
     let p_prior = Parameter::from([1.9, 0.89, 1.4, -0.06, 0.64, 0.25, 0.12, 0.07, 0.12, 0.08, 1.1]);
@@ -32,7 +32,7 @@ fn window() -> Window {
         Bounds { lo: p_prior - Parameter::repeat(0.05), hi: p_prior + Parameter::repeat(0.1) };
     let prior = Prior { c_p: Parameter::repeat(30.0), p_prior, bounds };
     let arrival = ArrivalSettings::Carried { c_0: Motion::repeat(20.0), forget_s: 2.0 };
-    let mut window = Trajectory::new(residuals, prior, arrival, WINDOW);
+    let mut window = WindowProblem::new(residuals, prior, arrival, WINDOW);
     window.start(Motion::zeros());
     window
 }

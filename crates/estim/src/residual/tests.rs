@@ -176,5 +176,5 @@ fn a_residual_that_is_not_finite_is_named() {
         .accumulate(&Iterate { s: &s, u: &u, o: &o, p: &p }, Curvature::GaussNewton, &mut chain)
         .unwrap_err();
     // State 3 is not observed; the first block that meets it is the transition into it.
-    assert_eq!(error, SolveError::NonFinite { block: "r_dyn", k: 3 });
+    assert_eq!(error, LmError::NonFinite { block: "r_dyn", k: 3 });
 }

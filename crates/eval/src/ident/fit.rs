@@ -7,8 +7,8 @@ use std::borrow::Cow;
 
 use anyhow::{Context, Result};
 use horizon_estim::{
-    DelayInfluence, DelayProfile, DelaySettings, Flights, Ident, Laplace, SolveReport, Span,
-    Spread, Stop,
+    DelayInfluence, DelayProfile, DelaySettings, Flights, Ident, Laplace, LmStop, SolveReport,
+    Span, Spread,
 };
 use horizon_model::rows::{pose, stick};
 use horizon_model::setting::{SettingError, in_range, vector};
@@ -128,7 +128,7 @@ where
         };
         let mut fit = self.assemble_fit(&solved, solve_seconds, &delay, bootstrap);
         let traces = self.traces();
-        let has_converged = !matches!(solved.stop, Stop::IterationLimit | Stop::DampingLimit);
+        let has_converged = !matches!(solved.stop, LmStop::IterationLimit | LmStop::DampingLimit);
         Ok(FitResult {
             parameter_file: self.judge(&mut fit, &traces, has_converged)?,
             fit,
@@ -237,7 +237,7 @@ where
             observer.is_stopped()
         })?;
         observer.end();
-        if report.stop == Stop::Late {
+        if report.stop == LmStop::Late {
             return Err(Stopped("the estimate was found").into());
         }
         Ok(report)

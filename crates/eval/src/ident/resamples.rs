@@ -9,7 +9,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use horizon_estim::{Spread, Stop};
+use horizon_estim::{LmStop, Spread};
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -81,18 +81,18 @@ pub(super) struct ResampleRow {
     pub(super) p: Vec<f64>,
     /// Cost of the estimate. 1
     pub(super) cost: f64,
-    /// Why its solve stopped, see [`Stop::name`].
+    /// Why its solve stopped, see [`LmStop::name`].
     pub(super) stop: String,
 }
 
 impl ResampleRow {
-    pub(super) fn new(index: u64, p: &[f64], cost: f64, stop: Stop) -> Self {
+    pub(super) fn new(index: u64, p: &[f64], cost: f64, stop: LmStop) -> Self {
         Self { index, p: p.to_vec(), cost, stop: stop.name().to_owned() }
     }
 
     /// Whether its solve ended at a limit in place of a minimum.
     pub(super) fn is_unconverged(&self) -> bool {
-        [Stop::IterationLimit.name(), Stop::DampingLimit.name()].contains(&self.stop.as_str())
+        [LmStop::IterationLimit.name(), LmStop::DampingLimit.name()].contains(&self.stop.as_str())
     }
 }
 
@@ -289,7 +289,7 @@ mod tests {
     }
 
     fn rows<const N: usize>(indices: [u64; N]) -> [ResampleRow; N] {
-        indices.map(|index| ResampleRow::new(index, &[1.0 / 3.0], 2.0, Stop::CostTolerance))
+        indices.map(|index| ResampleRow::new(index, &[1.0 / 3.0], 2.0, LmStop::CostTolerance))
     }
 
     #[test]
@@ -304,7 +304,7 @@ mod tests {
         let mut file = empty();
         file.add(rows([0, 1]));
         assert!(file.to_string().ends_with("as of one piece\n"), "{file}");
-        file.add([ResampleRow::new(2, &[0.5], 2.0, Stop::CostTolerance)]);
+        file.add([ResampleRow::new(2, &[0.5], 2.0, LmStop::CostTolerance)]);
         assert!(file.to_string().contains("95 % interval"), "{file}");
     }
 

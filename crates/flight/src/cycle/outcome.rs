@@ -29,7 +29,7 @@ pub enum SolveFailure {
     /// The estimator's reason.
     Estimator(horizon_estim::MheError),
     /// The controller's reason.
-    Controller(horizon_control::SolveError),
+    Controller(horizon_control::SqpError),
 }
 
 impl Display for SolveFailure {
@@ -72,8 +72,8 @@ impl From<Result<horizon_estim::SolveReport, horizon_estim::MheError>> for Solve
     }
 }
 
-impl From<Result<horizon_control::MpcReport, horizon_control::SolveError>> for Solve {
-    fn from(solved: Result<horizon_control::MpcReport, horizon_control::SolveError>) -> Self {
+impl From<Result<horizon_control::MpcReport, horizon_control::SqpError>> for Solve {
+    fn from(solved: Result<horizon_control::MpcReport, horizon_control::SqpError>) -> Self {
         match solved {
             Ok(report) => Self::Done(SolveFigures {
                 stop: report.stop.name(),

@@ -8,7 +8,7 @@ mod known;
 
 use std::iter::repeat_n;
 
-use horizon_control::{Mpc, MpcProblem, MpcReport, SoftConstraints, SolveError, predict};
+use horizon_control::{Mpc, MpcProblem, MpcReport, SoftConstraints, SqpError, predict};
 use horizon_model::rows::{Pose, Sticks, pos_w, pose, stick};
 use horizon_model::{InputFifo, Model, angle};
 use nalgebra::{SMatrix, SVector};
@@ -159,7 +159,7 @@ where
         known: &Known<'_, NS, NP>,
         mission: &Mission,
         is_late: &mut dyn FnMut() -> bool,
-    ) -> Result<MpcReport, SolveError> {
+    ) -> Result<MpcReport, SqpError> {
         if self.committed.dead_time_steps != *known.fifo.dead_time_steps() {
             self.committed = Committed::new(known.fifo.dead_time_steps(), self.mpc.settings());
         }
@@ -210,7 +210,7 @@ where
         &mut self,
         known: &Known<'_, NS, NP>,
         is_late: &mut dyn FnMut() -> bool,
-    ) -> Result<MpcReport, SolveError> {
+    ) -> Result<MpcReport, SqpError> {
         let problem = MpcProblem {
             s_0: &self.s_0,
             p: &self.p,

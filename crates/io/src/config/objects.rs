@@ -96,7 +96,7 @@ impl<'de> IntoDeserializer<'de, Error> for Objects<'de> {
     }
 }
 
-/// What is left of an array.
+/// Rest of an array.
 struct Entries<'a>(std::slice::Iter<'a, Value>);
 
 impl<'de> SeqAccess<'de> for Entries<'de> {

@@ -5,6 +5,7 @@
 //! a replacement is not the file's mistake: its value is replaced and not noted.
 
 mod malformed_json;
+mod repair;
 mod serde_messages;
 mod templates;
 
@@ -29,6 +30,7 @@ use super::{
 };
 use crate::tello::TelloSettings;
 use malformed_json::finite_text;
+use repair::{other_wrong, replace};
 use serde_messages::{named_places, plain, single_key};
 use templates::{fly_template, mission_template};
 
@@ -93,26 +95,40 @@ impl Error for Problems {}
 struct Refusal {
     place: Place,
     text: String,
-    /// What the value is replaced by that was missing.
-    missing: Option<String>,
-    /// Mistakes that are found together, or in another file, in place of the text.
-    together: Vec<SettingProblem>,
+    kind: RefusalKind,
+}
+
+enum RefusalKind {
+    /// The value at the place is wrong.
+    Value,
+    /// The table at the place has no such key.
+    Missing(String),
+    /// Mistakes that are found together, or in another file; they stand in place of the text.
+    Together(Vec<SettingProblem>),
 }
 
 impl From<SettingError> for Refusal {
     fn from(error: SettingError) -> Self {
-        let text = error.to_string();
-        Self { place: Place::of_key(&error.key), text, missing: None, together: Vec::new() }
+        let (place, text) = (Place::of_key(&error.key), error.to_string());
+        Self { place, text, kind: RefusalKind::Value }
+    }
+}
+
+impl RefusalKind {
+    /// Of these mistakes; without any the text counts.
+    fn together(problems: Vec<SettingProblem>) -> Self {
+        if problems.is_empty() { Self::Value } else { Self::Together(problems) }
     }
 }
 
 impl Refusal {
-    /// What has to be replaced: what is missing, what is refused, or the whole table of another kind.
+    /// Place of the value to replace: the missing one, the refused one, or the whole table of another kind.
     fn target(&self) -> Place {
-        match (&self.missing, self.place.0.last()) {
-            (Some(key), _) if key == "kind" => self.place.clone(),
-            (Some(key), _) => self.place.with(key),
-            (None, Some(Step::Key(key))) if key == "kind" => {
+        match (&self.kind, self.place.0.last()) {
+            (RefusalKind::Missing(key), _) if key != "kind" => self.place.with(key),
+            (RefusalKind::Value | RefusalKind::Together(_), Some(Step::Key(key)))
+                if key == "kind" =>
+            {
                 self.place.head(self.place.0.len() - 1)
             }
             _ => self.place.clone(),
@@ -126,7 +142,7 @@ impl Refusal {
             let rest = message.strip_prefix(start)?;
             rest.split('`').next().map(str::to_owned)
         };
-        let missing = named("missing field `");
+        let missing = named("missing field `").map(RefusalKind::Missing);
         if let Some(unknown) = named("unknown field `")
             && place.0.last() != Some(&Step::Key(unknown.clone()))
         {
@@ -134,7 +150,7 @@ impl Refusal {
         }
         let key = place.to_string();
         let text = if key.is_empty() { message } else { format!("{key}: {message}") };
-        Self { place, text, missing, together: Vec::new() }
+        Self { place, text, kind: missing.unwrap_or(RefusalKind::Value) }
     }
 }
 
@@ -251,15 +267,17 @@ fn check_mission(path: &Path, table: &MissionTable) -> Result<(), Refusal> {
             place: Some((*line, *column)),
             text: text.clone(),
         };
-        let together = mistakes.map(problem).collect();
+        let kind = RefusalKind::together(mistakes.map(problem).collect());
         let text = format!("{place}: {error:#}");
-        return Err(Refusal { place, text, missing: None, together });
+        return Err(Refusal { place, text, kind });
     }
     Mission::new(&read, DT_S).map(drop).map_err(|error| {
-        let together = late_rows(path, table);
-        let all = Place::of_key("trajectory.points.rows");
-        let place = if together.is_empty() { place_of(&error) } else { all };
-        Refusal { place, text: error.to_string(), missing: None, together }
+        let kind = RefusalKind::together(late_rows(path, table));
+        let place = match &kind {
+            RefusalKind::Together(_) => Place::of_key("trajectory.points.rows"),
+            RefusalKind::Value | RefusalKind::Missing(_) => place_of(&error),
+        };
+        Refusal { place, text: error.to_string(), kind }
     })
 }
 
@@ -283,6 +301,7 @@ fn late_rows(path: &Path, table: &MissionTable) -> Vec<SettingProblem> {
     falling_times(rows).map(problem).collect()
 }
 
+/// All mistakes of a file.
 fn of_file<T: DeserializeOwned>(
     path: &Path,
     template: impl Fn(&Value) -> Option<Value>,
@@ -299,7 +318,7 @@ fn of_file<T: DeserializeOwned>(
         }
     };
     let mut found = Problems::default();
-    let (text, mut replaced) = finite_text(text, &file, &mut found);
+    let (text, replaced) = finite_text(text, &file, &mut found);
     let mut value: Value = match serde_json::from_str(&text) {
         Ok(value) => value,
         Err(error) => {
@@ -310,85 +329,68 @@ fn of_file<T: DeserializeOwned>(
     if let Some(settings) = value.as_object_mut() {
         settings.remove(SCHEMA);
     }
-    let template = template(&value);
     found.list.extend(doubles(&text).into_iter().map(|(place, at)| SettingProblem {
         file: file.clone(),
         place: Some(at),
         text: format!("{place} occurs twice"),
     }));
-    for _ in 0..REPLACED_MAX {
-        let refused = match from_value::<T>(&value) {
-            Ok(table) => check(&table).err(),
-            Err(error) => Some(Refusal::of_shape(&error)),
-        };
-        let Some(refusal) = refused.filter(|_| found.list.len() < PROBLEMS_MAX) else { break };
+    let template = template(&value);
+    Search { file, text, value, template, replaced, found }.run(check)
+}
+
+/// Search for the mistakes of one file: each refused value is noted and replaced by that of a valid file.
+struct Search {
+    file: String,
+    text: String,
+    /// The settings with the replacements so far.
+    value: Value,
+    /// A valid file; `None`: nothing can be replaced.
+    template: Option<Value>,
+    /// Places of the replacements.
+    replaced: Vec<Place>,
+    found: Problems,
+}
+
+impl Search {
+    /// Reads and checks until nothing is refused, nothing can be replaced, or a limit is reached.
+    fn run<T: DeserializeOwned>(mut self, check: impl Fn(&T) -> Result<(), Refusal>) -> Problems {
+        for _ in 0..REPLACED_MAX {
+            let refused = match from_value::<T>(&self.value) {
+                Ok(table) => check(&table).err(),
+                Err(error) => Some(Refusal::of_shape(&error)),
+            };
+            let refused = refused.filter(|_| self.found.list.len() < PROBLEMS_MAX);
+            if !refused.is_some_and(|refusal| self.repair(refusal)) {
+                break;
+            }
+        }
+        self.found
+    }
+
+    /// Notes a refusal, unless it follows from a replacement, and replaces its value. Returns whether a value was
+    /// replaced.
+    fn repair(&mut self, refusal: Refusal) -> bool {
         let target = refusal.target();
-        let names = template.as_ref().map_or_else(Vec::new, |template| {
+        let names = self.template.as_ref().map_or_else(Vec::new, |template| {
             named_places(&refusal.text, &refusal.place, template)
         });
         let touches = |place: &Place| place.contains(&target) || target.contains(place);
-        if !replaced.iter().any(|place| touches(place) || names.contains(place)) {
-            if refusal.together.is_empty() {
-                let place = refusal.place.in_text(&text);
-                let text = single_key(&refusal.text, target.of(&value));
-                found.list.push(SettingProblem { file: file.clone(), place, text });
+        if !self.replaced.iter().any(|place| touches(place) || names.contains(place)) {
+            if let RefusalKind::Together(problems) = refusal.kind {
+                self.found.list.extend(problems);
+            } else {
+                let place = refusal.place.in_text(&self.text);
+                let text = single_key(&refusal.text, target.of(&self.value));
+                self.found.list.push(SettingProblem { file: self.file.clone(), place, text });
             }
-            found.list.extend(refusal.together);
         }
-        let Some(template) = &template else { break };
-        let wrong = other_wrong(&refusal.place, &names, &value, template).unwrap_or(target);
-        let Some(place) = replace(&mut value, template, &wrong) else { break };
-        replaced.push(place);
+        let Some(template) = &self.template else { return false };
+        let wrong = other_wrong(&refusal.place, &names, &self.value, template).unwrap_or(target);
+        let replaced = replace(&mut self.value, template, &wrong);
+        let is_replaced = replaced.is_some();
+        self.replaced.extend(replaced);
+        is_replaced
     }
-    found
-}
-
-/// The value that is wrong if it is not the one that is refused: a rule may name another one. That which is refused is
-/// named first.
-fn other_wrong(refused: &Place, names: &[Place], value: &Value, template: &Value) -> Option<Place> {
-    let (first, others) = names.split_first()?;
-    if first != refused || first.of(value) != first.of(template) {
-        return None;
-    }
-    let is_wrong =
-        |place: &&Place| place.of(value).is_some_and(|it| Some(it) != place.of(template));
-    others.iter().find(is_wrong).cloned()
-}
-
-/// Puts what `template` has at `place` there, or at the next level outside that it has; what it has not at the
-/// level above is removed. Where that was, unless nothing changed.
-fn replace(value: &mut Value, template: &Value, place: &Place) -> Option<Place> {
-    for count in (1..=place.0.len()).rev() {
-        let (outside, here) = (place.head(count - 1), place.head(count));
-        let Some(Step::Key(key)) = place.0.get(count - 1) else {
-            if let (Some(valid), Some(old)) = (here.of(template), here.of_mut(value))
-                && old != valid
-            {
-                *old = valid.clone();
-                return Some(here);
-            }
-            continue;
-        };
-        let Some(Value::Object(parent)) = outside.of_mut(value) else { continue };
-        match here.of(template) {
-            Some(valid) if parent.get(key) != Some(valid) => {
-                parent.insert(key.clone(), valid.clone());
-                return Some(here);
-            }
-            None if outside.of(template).is_some() && parent.remove(key).is_some() => {
-                // Nothing is left of an alternative of another kind: the valid one takes its place.
-                if parent.is_empty()
-                    && let Some(Value::Object(valid)) = outside.of(template)
-                {
-                    parent.clone_from(valid);
-                    return Some(outside);
-                }
-                return Some(here);
-            }
-            _ => {}
-        }
-    }
-    None
 }
 
 #[cfg(test)]

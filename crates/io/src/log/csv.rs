@@ -44,7 +44,7 @@ const STEPS_BACK_MAX: u64 = 50;
 /// A recorded flight.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CsvFlight {
-    /// What was recorded, by ascending step. Steps may be missing.
+    /// Recorded rows by ascending step. Steps may be missing.
     pub rows: Vec<CsvRow>,
     /// Lines that were left out, in file order.
     pub skipped: Vec<Skipped>,
@@ -52,7 +52,7 @@ pub struct CsvFlight {
     pub decimals: usize,
 }
 
-/// What was recorded of one step.
+/// Recorded values of one step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct CsvRow {
     /// Periods since the start of the recording.
@@ -272,7 +272,7 @@ impl CsvRow {
     }
 }
 
-/// What a line is about.
+/// Subject of a line.
 #[derive(Clone, Copy)]
 enum Tag {
     Pos,

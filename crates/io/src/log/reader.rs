@@ -94,7 +94,7 @@ impl LogReader {
         Self::from_source(path, Box::new(file))
     }
 
-    /// The same from any source; `path` is for messages.
+    /// Opens a log from any source; `path` is for messages.
     ///
     /// # Errors
     /// [`LogError::Read`] or [`LogError::NotALog`].
@@ -104,7 +104,7 @@ impl LogReader {
         if is_torn { Err(log.not_a_log()) } else { Ok(log) }
     }
 
-    /// The same, but its first chunk may be damaged.
+    /// Opens a log whose first chunk may be damaged.
     pub(super) fn begin(path: &Path, source: Box<dyn Read + Send>) -> Result<Self, LogError> {
         let mut log = Self {
             path: path.to_owned(),

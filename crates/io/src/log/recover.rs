@@ -21,7 +21,7 @@ use super::reader::read_error;
 use super::writer::{chunked, metadata, write_error};
 use super::{Ending, LogError, LogReader};
 
-/// What was saved.
+/// Result of a recovery.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Recovered {
     /// Messages in the new log.
@@ -105,7 +105,7 @@ fn state(from: &Path) -> Result<(bool, Option<LogError>), LogError> {
     }
 }
 
-/// What a first way through the file finds.
+/// Result of the first pass through the file.
 struct Index {
     /// Schemas and channels of the whole file by opcode and number. The chunk that tells of a channel may be damaged;
     /// the file's own index tells of it again.
@@ -139,7 +139,7 @@ impl Index {
     }
 }
 
-/// What was met on the way through a file.
+/// Result of a pass through the file.
 struct Walked {
     damaged: Vec<ChunkHeader>,
     /// As of [`Recovered`].

@@ -85,7 +85,7 @@ impl LogWriter {
         Self::create_of_profile("", path, head, channels)
     }
 
-    /// The same for channels of ROS 2 messages alone: programs of ROS read no file with others.
+    /// Creates a log with channels of ROS 2 messages alone: programs of ROS read no file with others.
     ///
     /// # Errors
     /// As [`LogWriter::create`].
@@ -165,7 +165,7 @@ impl LogWriter {
         written
     }
 
-    /// The same for a message that is bytes already, in the form of its channel.
+    /// Appends a message that is bytes already, in the form of its channel.
     ///
     /// # Errors
     /// As [`LogWriter::write`].

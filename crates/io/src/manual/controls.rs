@@ -32,11 +32,11 @@ pub struct Event {
     pub at: TimeNs,
     /// From where.
     pub source: Source,
-    /// What was done.
+    /// Action.
     pub act: Act,
 }
 
-/// What a person can do.
+/// Action of a person.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Act {
     /// An order to the drone.
@@ -110,7 +110,7 @@ pub struct Controls {
     terminal: Panel,
     device: Panel,
     remote: Panel,
-    /// What the person used last while steering; `None`: the controller steers.
+    /// Source that the person used last while steering; `None`: the controller steers.
     steering: Option<Source>,
     /// When the source that steered was lost.
     lost_at: Option<TimeNs>,
@@ -190,7 +190,7 @@ impl Controls {
         }
     }
 
-    /// What the person wants at `now`; called once per tick.
+    /// Wishes of the person at `now`; called once per tick.
     ///
     /// The sticks follow the asked deflection `d` as `u <- u + (1 - exp(-dt / smoothing_s)) (d - u)`: the
     /// published program's `u <- c d + (1 - c) u` with `c` from the time that really passed.
@@ -220,7 +220,7 @@ impl Controls {
         Hand { ask, sticks: self.steering.map(|_| self.u), has_expired: false }
     }
 
-    /// What was let go in the person's place since the last call.
+    /// Release in the person's place since the last call.
     pub(super) fn take_note(&mut self) -> Option<Note> {
         let panels = [&mut self.terminal, &mut self.device, &mut self.remote];
         // All are asked: a note that stays would be shown later.

@@ -46,7 +46,7 @@ impl Layout {
         Self { settings, ranges: ranges.collect(), is_ctrl: false, is_down }
     }
 
-    /// What `event` means; `None` if nothing.
+    /// Action of `event`; `None` without a meaning.
     pub(super) fn act(&mut self, event: &EventSummary) -> Option<Act> {
         match event {
             EventSummary::Key(_, code, value) => self.key(*code, *value),

@@ -11,14 +11,14 @@ use super::{Act, Ask, Direction};
 pub const KEYS_HELP: &str = "keys: T take off, R or Q land, Backspace EMERGENCY STOP, E by hand, \
 C automatic; W/S forward, back, A/D left, right, I/K up, down, J/L turn";
 
-/// What Backspace sends: alone in its corner, found without looking, and no beginning of anything
+/// Code of Backspace: alone in its corner, found without looking, and no beginning of anything
 /// longer as Escape is.
 const BACKSPACE: u32 = 0x7f;
 
-/// What Backspace sends on some terminals: Ctrl-H.
+/// Code of Backspace on some terminals: Ctrl-H.
 const BACKSPACE_OLD: u32 = 0x08;
 
-/// What Ctrl-C sends where the terminal does not turn it into a signal.
+/// Code of Ctrl-C where the terminal does not turn it into a signal.
 const INTERRUPT: u32 = 0x03;
 
 const ESCAPE: u8 = 0x1b;
@@ -42,7 +42,7 @@ pub(super) enum KeyMotion {
     Release,
 }
 
-/// What moving the key of the ASCII character `code` does; `None` for a key without a meaning.
+/// Action of moving the key of the ASCII character `code`; `None` for a key without a meaning.
 pub(super) fn act(code: u32, is_ctrl: bool, motion: KeyMotion) -> Option<Act> {
     let key = char::from_u32(code)?.to_ascii_lowercase();
     if let Some(direction) = direction(key) {
@@ -85,7 +85,7 @@ fn direction(key: char) -> Option<Direction> {
     })
 }
 
-/// What a byte of the terminal completes.
+/// Input that a byte of the terminal completes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Typed {
     /// A key with a meaning moved.
@@ -130,7 +130,7 @@ struct Sequence {
 }
 
 impl Decoder {
-    /// What `byte` completes, if it completes anything.
+    /// Input that `byte` completes, if any.
     ///
     /// Backspace and Ctrl-C are understood at any place, in a broken sequence as well: they stop the motors and land
     /// the drone.

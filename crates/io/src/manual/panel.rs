@@ -126,7 +126,7 @@ impl Panel {
         }
     }
 
-    /// What was let go since the last call.
+    /// Release since the last call.
     pub(super) fn take_note(&mut self) -> Option<Note> {
         self.note.take()
     }

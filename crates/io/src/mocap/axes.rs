@@ -58,9 +58,10 @@ pub enum Axis {
 }
 
 /// A unit of length.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Unit {
     /// Metre.
+    #[default]
     #[serde(rename = "m")]
     Metre,
     /// Centimetre.
@@ -99,8 +100,8 @@ pub struct Axes {
     world_from_source: Matrix3<f64>,
     /// Columns: nose, left and top in the object's axes.
     object_from_body: Matrix3<f64>,
-    /// Length of the source's unit. m
-    metres: f64,
+    /// Unit of the source's positions.
+    unit: Unit,
 }
 
 impl Axis {
@@ -180,19 +181,24 @@ impl Axes {
             return Err(SettingError::new("frame.nose", nose, rule));
         }
         let object_from_body = Matrix3::from_columns(&[nose, left, z]);
-        let metres = table.unit.unwrap_or(usual).metres();
-        Ok(Self { world_from_source, object_from_body, metres })
+        let unit = table.unit.unwrap_or(usual);
+        Ok(Self { world_from_source, object_from_body, unit })
     }
 
     /// The mapping of a source that counts as we do.
     pub fn ours() -> Self {
-        let unit = Matrix3::identity();
-        Self { world_from_source: unit, object_from_body: unit, metres: 1.0 }
+        let identity = Matrix3::identity();
+        Self { world_from_source: identity, object_from_body: identity, unit: Unit::Metre }
+    }
+
+    /// Unit of the source's positions.
+    pub(super) fn unit(&self) -> Unit {
+        self.unit
     }
 
     /// Position of a placement of the source in the world frame, m, and its rotation from body to world, row by row, 1.
     pub fn place(&self, at: &Placement) -> ([f64; 3], [f64; 9]) {
-        let pos_w = self.world_from_source * Vector3::from(at.pos_v) * self.metres;
+        let pos_w = self.world_from_source * Vector3::from(at.pos_v) * self.unit.metres();
         let rotation = Matrix3::from_row_slice(&at.matrix);
         let matrix = self.world_from_source * rotation * self.object_from_body;
         (pos_w.into(), rows_of(&matrix))

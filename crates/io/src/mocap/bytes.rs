@@ -4,7 +4,7 @@
 
 #![deny(clippy::indexing_slicing)]
 
-/// What is left to read. Cheap to copy, so that a caller can look ahead.
+/// Bytes left to read. Cheap to copy, so that a caller can look ahead.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bytes<'a>(&'a [u8]);
 
@@ -99,7 +99,7 @@ impl<'a> Bytes<'a> {
         Some(*array)
     }
 
-    /// What was not read.
+    /// Bytes that were not read.
     pub(super) fn rest(self) -> &'a [u8] {
         self.0
     }

@@ -38,7 +38,7 @@ const PAUSE_MIN: Duration = Duration::from_millis(200);
 const BACK_OFF_MIN: Duration = Duration::from_millis(100);
 const BACK_OFF_MAX: Duration = Duration::from_secs(2);
 
-/// What the control thread holds of the mocap link.
+/// Receiving end of the mocap link, for the control thread.
 #[derive(Debug)]
 pub struct MocapFeed {
     /// New sightings, oldest first. Never blocks.

@@ -50,17 +50,17 @@ pub mod id {
     pub const REQUEST_NEXT_FRAME: u32 = 100_008;
 }
 
-/// What a pose cannot do without.
+/// Messages without which there is no pose.
 const NEEDED: [u32; 3] = [id::SUBJECT_INFO, id::FRAME_INFO, id::GLOBAL_SEGMENTS];
 
-/// What is asked for if it is offered, beside [`NEEDED`].
+/// Messages that are requested if they are offered, beside [`NEEDED`].
 const USEFUL: [u32; 3] = [id::STREAM_INFO, id::LATENCY_INFO, id::APPLICATION_INFO];
 
 /// The packets of a server.
 #[derive(Debug, Default)]
 pub(super) struct DatastreamProtocol {
     packets: Packets,
-    /// What to send next.
+    /// Bytes to send next.
     requests: Vec<u8>,
     reader: Reader,
 }
@@ -84,7 +84,7 @@ struct Subject {
 /// Content of one packet beside its subjects and segments.
 #[derive(Default)]
 struct Contents {
-    /// What the server offers, if this is its greeting.
+    /// Offer of the server, if this is its greeting.
     offer: Option<Offer>,
     is_y_up: bool,
     number: Option<u32>,

@@ -1,39 +1,41 @@
 //! When a frame was measured, from its number.
 //!
-//! Bytes that a stalled network delivers late carry old frames, though they have just arrived. Frame numbers keep
-//! pace with time, so that one straight line leads from the numbers to our clock: the arrival of each frame with
-//! the shortest delay. A frame above the line is late by its distance. The shortest delay itself, some
-//! milliseconds, stays unknown.
+//! One-way clock synchronization: the frame numbers are the source's clock. Bytes that a stalled network delivers
+//! late carry old frames, though they have just arrived. Delays are never negative, so the lower envelope of the
+//! arrivals over the numbers is a straight line, the arrival with the minimum delay. Its offset and its skew (the
+//! relative error of its period) are estimated from the lowest arrivals, as in Moon, Skelly and Towsley 1999,
+//! "Estimation and removal of clock skew from network delay measurements". A frame above the line is late by its
+//! distance. The minimum delay itself, some milliseconds, cannot be observed one way.
 //!
-//! The line is learned on the ground ([`ground`]) and held in flight ([`flight`]): a line that is learned anew
-//! while the stream is late would make old poses look fresh. In flight its offset follows the drift of the two
-//! clocks, its pace the last thousandths of the source's rate; a frame that no line explains has no known time.
+//! The line is estimated on the ground ([`calibration`]) and held in flight ([`held_line`]): a line that is estimated
+//! anew while the stream is late would make old poses look fresh. In flight the offset follows the drift of the two
+//! clocks, and the period the last thousandths of the source's rate. A frame that no line explains has no known time.
 
 mod arrivals;
 mod bounds;
-mod change;
-mod earlier;
-mod flight;
-mod ground;
+mod calibration;
+mod held_line;
 mod line_confirmation;
 mod pace_meter;
+mod rate_change;
+mod shorter_delay;
 
-use flight::Flight;
-use ground::Ground;
+use calibration::Calibration;
+use held_line::HeldLine;
 pub(super) use pace_meter::PaceMeter;
 
 use crate::clock::{SpanNs, TimeNs};
 
-/// What the clocks of mocap system and host may drift apart per unit of time: 100 us per second. 1
-const DRIFT: f64 = 100e-6;
+/// Largest skew of the clocks of mocap system and host: 100 us per second. 1
+const SKEW_MAX: f64 = 100e-6;
 
-/// What they usually drift apart: a line that frames keep touching from below rises by no more. 1
-const DRIFT_USUAL: f64 = 5e-6;
+/// Usual skew of the clocks: a line that is touched by frames from above rises by no more. 1
+const SKEW_USUAL: f64 = 5e-6;
 
-/// A line that no frame has touched for so long may be too low, and rises by [`DRIFT`]. ns
+/// A line that no frame has touched for so long may be too low, and rises with [`SKEW_MAX`]. ns
 const UNTOUCHED_NS: f64 = 10e9;
 
-/// Most of that drift which is made up for at once, after a long silence or lateness. ns
+/// Largest drift that is corrected at once, after a long silence or lateness. ns
 const DRIFT_MAX_NS: f64 = 20e6;
 
 /// Distance from the line beyond which a frame is of another count. ns
@@ -42,19 +44,19 @@ const SAME_COUNT_NS: f64 = 5e9;
 /// The frame numbers of one source against our clock.
 #[derive(Debug)]
 pub(super) struct FrameClock {
-    ground: Ground,
-    /// The line of the flight; `None` on the ground.
-    flight: Option<Flight>,
+    calibration: Calibration,
+    /// The line in flight; `None` on the ground.
+    held: Option<HeldLine>,
 }
 
-/// A frame and when it was sent, by our clock, shortest delay included.
+/// Frame number and its time of arrival less the age that the source reports, by our clock.
 #[derive(Debug, Clone, Copy)]
 struct Arrival {
     number: i64,
     at: TimeNs,
 }
 
-/// When each frame arrives with the shortest delay: `offset + period (number - origin)`.
+/// Arrival of each frame with the minimum delay: `offset + period (number - origin)`.
 #[derive(Debug, Clone, Copy)]
 struct Line {
     origin: i64,
@@ -69,28 +71,27 @@ struct Line {
 }
 
 impl FrameClock {
-    /// A clock on the ground that has seen nothing. All of its memory.
+    /// A clock on the ground without a frame. Allocates here only.
     pub(super) fn new() -> Self {
-        Self { ground: Ground::new(), flight: None }
+        Self { calibration: Calibration::new(), held: None }
     }
 
-    /// Whether the vehicle may be in the air: what was learned on the ground is held until it is not,
-    /// and forgotten then.
+    /// Whether the vehicle may be in the air: the line of the ground is held for as long, and forgotten then.
     pub(super) fn set_airborne(&mut self, is_airborne: bool) {
-        if is_airborne == self.flight.is_some() {
+        if is_airborne == self.held.is_some() {
             return;
         }
-        self.flight = is_airborne.then(|| Flight::new(&self.ground));
+        self.held = is_airborne.then(|| HeldLine::new(&self.calibration));
         if !is_airborne {
-            self.ground.forget();
+            self.calibration.forget();
         }
     }
 
-    /// A connection ended. On the ground the next one is learned anew; in flight it has to go on with
-    /// the same count.
+    /// A connection ended. On the ground the line of the next one is estimated anew; in flight the next one has to go
+    /// on with the same count.
     pub(super) fn restart(&mut self) {
-        if self.flight.is_none() {
-            self.ground.forget();
+        if self.held.is_none() {
+            self.calibration.forget();
         }
     }
 
@@ -99,7 +100,7 @@ impl FrameClock {
     ///
     /// `None`: unknown. So on the ground without a rate, or while the numbers do not keep pace with
     /// time as announced; in flight without a line from before, more than 5 s later than the line predicts,
-    /// or so much earlier that neither jitter and drift nor a shorter way ([`earlier`]) explain it.
+    /// or so much earlier that neither jitter and drift nor a shorter delay ([`shorter_delay`]) explain it.
     pub(super) fn measured_at(
         &mut self,
         number: i64,
@@ -107,20 +108,20 @@ impl FrameClock {
         sent_at: TimeNs,
     ) -> Option<TimeNs> {
         let arrival = Arrival { number, at: sent_at };
-        match &mut self.flight {
-            Some(flight) => flight.measured_at(arrival, rate_hz, self.ground.arrivals_mut()),
-            None => self.ground.measured_at(arrival, rate_hz),
+        match &mut self.held {
+            Some(held) => held.measured_at(arrival, rate_hz, self.calibration.arrivals_mut()),
+            None => self.calibration.measured_at(arrival, rate_hz),
         }
     }
 
     /// Whether frames have times, at a pace that their arrivals confirmed on the ground.
     pub(super) fn is_confirmed(&self) -> bool {
-        self.ground.is_confirmed()
+        self.calibration.is_confirmed()
     }
 
     /// Frame numbers per second as measured on the ground; `None` before two seconds. Hz
     pub(super) fn count_hz(&self) -> Option<f64> {
-        self.ground.count_hz()
+        self.calibration.count_hz()
     }
 }
 
@@ -154,13 +155,13 @@ impl Line {
         at.since(self.as_of).0.max(0) as f64
     }
 
-    /// The line at `at` if the source's clock is slower than ours by [`DRIFT_USUAL`], and by [`DRIFT`] after
+    /// The line at `at` if the source's clock is slower than ours by [`SKEW_USUAL`], and by [`SKEW_MAX`] after
     /// [`UNTOUCHED_NS`] without a frame on the line.
     fn drifted(self, at: TimeNs) -> Self {
         let age_ns = self.age_ns(at);
         let untouched_ns = at.since(self.touched_at).0 as f64 - UNTOUCHED_NS;
         let fast_ns = untouched_ns.clamp(0.0, age_ns);
-        let drift_ns = DRIFT * fast_ns + DRIFT_USUAL * (age_ns - fast_ns);
+        let drift_ns = SKEW_MAX * fast_ns + SKEW_USUAL * (age_ns - fast_ns);
         let drift_ns = drift_ns.min(DRIFT_MAX_NS);
         Self { offset_ns: self.offset_ns + drift_ns, as_of: self.as_of.max(at), ..self }
     }

@@ -181,7 +181,7 @@ struct Pick<'a> {
     on_frame: &'a mut dyn FnMut(Frame),
 }
 
-/// What the frame so far has of the object.
+/// Poses of the object in the frame so far.
 #[derive(Default)]
 struct Found {
     pose: Option<Pose>,

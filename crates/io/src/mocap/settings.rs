@@ -139,7 +139,7 @@ impl MocapTable {
         self.parts().object
     }
 
-    /// The same source for another object.
+    /// Settings of this source for another object.
     #[must_use]
     pub fn of_object(&self, name: &str) -> Self {
         let mut other = self.clone();

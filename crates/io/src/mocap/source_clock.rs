@@ -8,7 +8,7 @@ use super::frame_clock::FrameClock;
 use super::source::Frame;
 use crate::clock::{SpanNs, TimeNs};
 
-/// What stamps count per second. Hz
+/// Counts of a stamp per second. Hz
 const STAMPS_HZ: f64 = 1e6;
 
 /// A stamp that is back by less is one of a coarse or noisy clock, and passed over on the ground. us

@@ -15,7 +15,7 @@ use crate::clock::{SpanNs, TimeNs};
 /// Periods between two sightings beyond which something is missing.
 pub(super) const GAP_PERIODS: f64 = 2.5;
 
-/// What became of the bytes of the source. Made by one task, read by others.
+/// Counters of the bytes and frames of a source. Written by one task, read by others.
 #[derive(Debug, Default)]
 pub struct MocapCounters {
     /// Connections made, or sockets opened.
@@ -105,7 +105,7 @@ pub struct StreamReport {
     pub overflow: u64,
 }
 
-/// What frames without a pose had in place of it. Counts of frames.
+/// Numbers of frames without a pose of the object, by reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SincePose {
     /// Other objects only.
@@ -149,7 +149,7 @@ impl MocapCounters {
         [&self.other_object, &self.unnamed, &self.doubled].map(Counter::get)
     }
 
-    /// What the frames since the newest pose had in place of it.
+    /// Numbers of frames since the newest pose, by reason.
     pub fn since_pose(&self) -> SincePose {
         let [other_object, unnamed, doubled] = self.without_pose();
         let [other_before, unnamed_before, doubled_before] =

@@ -33,7 +33,7 @@ pub struct MocapStream {
     order: FrameOrder,
 }
 
-/// What the frames so far tell about the next one.
+/// Order of the frames so far, against which the next one is checked.
 #[derive(Debug)]
 struct FrameOrder {
     last_frame: Option<i64>,

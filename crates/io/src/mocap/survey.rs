@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use tokio::time::{sleep, timeout};
 
-use super::axes::Placement;
+use super::axes::{Placement, Unit};
 use super::client::CONNECT_TIMEOUT;
 use super::protocol::{Absence, BodyProtocol, Head, Name, OBJECTS_MAX, Taker};
 use super::wire::{CHUNK_BYTES, Wire};
@@ -26,7 +26,7 @@ const LOOK: Duration = Duration::from_millis(100);
 /// Pause before a new connection.
 const BACK_OFF: Duration = Duration::from_millis(200);
 
-/// What a source showed.
+/// Objects, frames and faults of a source.
 #[derive(Debug, Clone, Default)]
 pub struct Survey {
     /// Objects by name; `#` and the identity for one without a name.
@@ -43,6 +43,8 @@ pub struct Survey {
     pub trouble: Option<String>,
     /// Frame rate that the source announces; 0 if it does not. Hz
     pub announced_hz: f64,
+    /// Unit of the source's positions.
+    unit: Unit,
 }
 
 /// Takes the bodies of a frame until the frame is there.
@@ -76,8 +78,8 @@ impl Taker for Collect<'_> {
     }
 
     fn frame(&mut self, head: Head) {
-        self.survey.announced_hz = head.rate_hz;
-        let objects = &mut self.survey.objects;
+        let Survey { objects, announced_hz, unit, .. } = &mut *self.survey;
+        *announced_hz = head.rate_hz;
         if head.absence != Absence::Unknown {
             // What is known and not in the frame is not seen.
             let may_be_before = head.absence == Absence::LostUnlessBefore;
@@ -91,7 +93,8 @@ impl Taker for Collect<'_> {
         }
         for (name, at) in self.bodies.drain(..) {
             if objects.len() < OBJECTS_MAX || objects.contains_key(&name) {
-                objects.entry(name).or_default().take(self.now, at, head);
+                let track = objects.entry(name).or_insert_with(|| SurveyTrack::new(*unit));
+                track.take(self.now, at, head);
             }
         }
     }
@@ -110,7 +113,7 @@ pub async fn survey(
     duration: Duration,
     mut on_look: impl FnMut(&Survey, TimeNs),
 ) -> Survey {
-    let mut survey = Survey::default();
+    let mut survey = Survey { unit: settings.axes().unit(), ..Survey::default() };
     // An end by time is the end that is meant.
     timeout(duration, read(settings, clock, &mut survey, &mut on_look)).await.ok();
     survey
@@ -147,7 +150,7 @@ async fn read(
     }
 }
 
-/// What reads one connection after the other.
+/// Reader of one connection after the other.
 struct Reader {
     protocol: Box<dyn BodyProtocol>,
     counters: MocapCounters,

@@ -14,7 +14,7 @@ use super::settings::Transport;
 /// More than the largest datagram.
 pub(super) const CHUNK_BYTES: usize = 1 << 16;
 
-/// What bytes come from.
+/// Socket of a source.
 #[derive(Debug)]
 pub(super) enum Wire {
     Tcp(TcpStream),

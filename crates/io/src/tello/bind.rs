@@ -28,7 +28,7 @@ pub enum LinkError {
     /// Any other refusal of the operating system.
     #[error("cannot {doing}: {source}")]
     Socket {
-        /// What was attempted.
+        /// Attempted action.
         doing: &'static str,
         /// The system's answer.
         source: io::Error,

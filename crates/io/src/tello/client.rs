@@ -69,7 +69,7 @@ impl DroneLink {
     /// neutral ones before each LAND.
     ///
     /// `pose_is_airborne`: what a fresh pose of the motion capture shows, in the air or on the floor;
-    /// `None` if there is no fresh pose. It is the second witness, beside the drone's status, of whether
+    /// `None` if there is no fresh pose. It is the second source, beside the drone's status, of whether
     /// a landing has ended.
     pub fn send(&self, approved: Approved, pose_is_airborne: Option<bool>) {
         let at = self.clock.now();
@@ -252,7 +252,7 @@ impl DroneClient {
     }
 }
 
-/// What became of the packets that were to be sent.
+/// Result of sending packets.
 struct Sent {
     /// Whether there were any packets.
     any: bool,

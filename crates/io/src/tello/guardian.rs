@@ -16,7 +16,7 @@ use std::thread;
 use std::time::Duration;
 
 use super::Protocol;
-use super::session::last_words;
+use super::session::landing_packets;
 use crate::clock::{Clock, SpanNs, TimeNs};
 
 pub(super) use heartbeat::BEAT_PERIOD;
@@ -40,7 +40,7 @@ const HEARD: u8 = b'h';
 /// Longest wait of the guardian for a sender that reads nothing.
 const CHANNEL_WRITE_TIMEOUT: Duration = Duration::from_millis(10);
 
-/// What the sender does: the byte of its heartbeat.
+/// Duty of the sender: the byte of its heartbeat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Duty {
@@ -104,7 +104,7 @@ pub struct Guardian {
     has_ordered_landing: bool,
 }
 
-/// What was read from the channel.
+/// Result of a read from the channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Received {
     Beat,
@@ -227,7 +227,7 @@ impl Guardian {
 
     /// Levels the sticks, since a drone may keep the last ones while it lands, and orders the landing.
     fn send_landing(&mut self) {
-        for packet in last_words(self.post.protocol, self.sent) {
+        for packet in landing_packets(self.post.protocol, self.sent) {
             // A socket that takes nothing now may do so at the next repetition.
             self.post.socket.send_to(&packet, self.post.address).ok();
         }

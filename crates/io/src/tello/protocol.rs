@@ -77,7 +77,7 @@ mod id {
     pub(super) const ASK_TILT_LIMIT: u16 = 0x1059;
 }
 
-/// What changes the phase of a flight and is acknowledged.
+/// Command that changes the phase of a flight and is acknowledged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
     /// Start the motors and climb to about 1 m.
@@ -95,7 +95,7 @@ impl Action {
     }
 }
 
-/// What the host may set and the drone confirms.
+/// Setting of the drone, which the drone confirms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Setting {
     /// Highest altitude.
@@ -199,17 +199,18 @@ pub(super) fn from_tenths(tenths: i16) -> f64 {
 
 /// Writes one frame over the content of `to`.
 fn write_frame<const N: usize>(
-    head: (u8, u16),
+    kind: u8,
+    id: u16,
     sequence: u16,
     payload: &[u8; N],
     to: &mut Vec<u8>,
 ) {
     const { assert!(N + OVERHEAD_BYTES <= FRAME_BYTES_MAX) };
-    write_any_frame(head, sequence, payload, to);
+    write_any_frame(kind, id, sequence, payload, to);
 }
 
-/// The same for a payload of any length that is short enough.
-fn write_any_frame((kind, id): (u8, u16), sequence: u16, payload: &[u8], to: &mut Vec<u8>) {
+/// As [`write_frame`], for a payload of any length that is short enough.
+fn write_any_frame(kind: u8, id: u16, sequence: u16, payload: &[u8], to: &mut Vec<u8>) {
     #[expect(clippy::cast_possible_truncation, reason = "callers keep to 13 bits")]
     let size = ((payload.len() + OVERHEAD_BYTES) as u16) << 3;
     let [size_low, size_high] = size.to_le_bytes();

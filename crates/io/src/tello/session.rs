@@ -1,7 +1,8 @@
 //! What is sent to the drone, and when: handshake, sticks, orders and the watchdog.
 //!
-//! Pure: datagrams, approvals, whether a pose is in the air, and moments come in, messages to send come out. The
-//! two protocols are `binary` and `text` behind `talk`; what is safe to send is the same for both and decided here:
+//! No clock and no socket; the session counts into shared counters. Datagrams, approvals, whether a pose is in the air,
+//! and moments come in, messages to send come out. The two protocols are `binary` and `text` behind `talk`; what is
+//! safe to send is the same for both and decided here:
 //!
 //! - Sticks are repeated only while the control thread approves new ones; they become neutral 100 ms
 //!   after it falls silent, and a landing after 1 s.
@@ -9,19 +10,19 @@
 //! - From the first landing on there is no take-off and no stick packet but those neutral ones: any
 //!   command may cancel a landing. Nothing stands between two landings; the request for a connection goes
 //!   out directly before the neutral sticks.
-//! - A landing ends when both witnesses, status and pose, report that the drone is down, or one of them for
+//! - A landing ends when both sources, status and pose, report that the drone is down, or one of them for
 //!   10 s while the other reports nothing.
 //! - An emergency stop is allowed in any state. Nothing but another emergency stop follows it, and a landing if
 //!   the drone still flies 0.6 s later: that the binary protocol obeys an emergency stop was never verified.
 
 mod airborne;
 mod binary;
+mod down_detection;
 mod guard;
 mod inbound;
 mod messages;
 mod sending;
 mod text;
-mod witness;
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -32,11 +33,11 @@ use tello_flight::gate::Approved;
 use super::LinkCounters;
 use crate::clock::{SpanNs, TimeNs};
 use binary::BinaryTalk;
+use down_detection::{AirborneSources, Rest};
 use messages::Talk;
 use text::TextTalk;
-use witness::{Rest, Witnesses};
 
-pub(super) use guard::last_words;
+pub(super) use guard::landing_packets;
 pub use messages::Message;
 pub use text::{STATE_PORT, TOF_FLYING_M};
 
@@ -88,7 +89,7 @@ pub struct Session {
     take_off: Option<TakeOff>,
     /// Whether a take-off was ordered, a deflected stick sent, or the drone ever reported that it flies.
     may_have_flown: bool,
-    witnesses: Witnesses,
+    sources: AirborneSources,
     /// When the session is over whatever the drone reports; `None` until it is stopped.
     over_at: Option<TimeNs>,
     counters: Arc<LinkCounters>,
@@ -125,11 +126,11 @@ enum SessionPhase {
     /// The landing is repeated until the drone has been down for a while.
     Landing { again_at: TimeNs, at_rest: Option<Rest> },
     /// The landing ended, and with it the flight: only another landing or an emergency stop may be
-    /// ordered. The landing is resumed, at `again_at` or later, if a witness reports that the drone is airborne.
+    /// ordered. The landing is resumed, at `again_at` or later, if a source reports that the drone is airborne.
     Landed { again_at: TimeNs },
     /// The emergency stop is repeated until the drone has been down for a while.
     EmergencyStop(EmergencyStop),
-    /// The motors are stopped: only another emergency stop may be ordered. The emergency stop begins anew if a witness
+    /// The motors are stopped: only another emergency stop may be ordered. The emergency stop begins anew if a source
     /// reports that the drone is airborne.
     MotorsStopped,
 }
@@ -174,14 +175,14 @@ impl Session {
             phase: SessionPhase::Quiet,
             take_off: None,
             may_have_flown: false,
-            witnesses: Witnesses::default(),
+            sources: AirborneSources::default(),
             over_at: None,
             counters,
             outbox: Vec::with_capacity(8),
         }
     }
 
-    /// What to send now, oldest first. Real time: no allocation.
+    /// Messages to send now, oldest first. Real time: no allocation.
     pub fn drain(&mut self) -> std::vec::Drain<'_, Message> {
         self.outbox.drain(..)
     }
@@ -303,12 +304,16 @@ impl Session {
         self.advance(now);
     }
 
-    /// Sends an order. A landing is repeated until it is over, each time directly after neutral sticks. A
-    /// take-off is sent once, and only to a drone that reported in the last 2 s that it stands; another one is
-    /// sent only if it reports the same when the first must show. There is none once a landing was ordered, be it
-    /// by the watchdog. An emergency stop is sent three times at once after neutral sticks, then every 0.2 s until the
-    /// drone has been down for 1 s to both witnesses, or for 10 s to one; from 0.6 s on every other emergency stop is a
-    /// landing while it is not. An emergency stop ends whatever went on before it, and no other order follows it.
+    /// Sends an order.
+    ///
+    /// - Landing: repeated until it is over, each time directly after neutral sticks.
+    /// - Take-off: sent once, and only to a drone that reported in the last 2 s that it stands. A second take-off is
+    ///   sent only if the drone reports the same when the first one must show. None is sent after a landing was
+    ///   ordered, by the watchdog or otherwise.
+    /// - Emergency stop: sent three times at once after neutral sticks, then every 0.2 s until the drone has been down
+    ///   for 1 s to both sources, or for 10 s to one. From 0.6 s on, while the drone is not down, every other
+    ///   emergency stop is a landing. It ends all that went on before it, and no other order follows it.
+    ///
     /// Real time: constant; allocates only if the outbox grows.
     pub fn order(&mut self, order: DroneOrder, now: TimeNs) {
         match order {

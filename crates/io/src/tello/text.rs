@@ -67,7 +67,7 @@ pub enum Command {
     Setting,
 }
 
-/// What the host can ask for.
+/// Query of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Query {
     /// Charge. %

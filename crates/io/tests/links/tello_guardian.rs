@@ -115,7 +115,7 @@ async fn host(
         Blow::Blocked => thread::sleep(Duration::from_secs(2)),
         Blow::None => {}
     }
-    // Motion capture sees a drone on the floor: the landing at the end needs two witnesses to be short.
+    // Motion capture sees a drone on the floor: the landing at the end needs two sources to be short.
     let pose_is_airborne = (blow == Blow::None).then_some(false);
     for _ in 0..for_s * 50 {
         link.send(approved, pose_is_airborne);

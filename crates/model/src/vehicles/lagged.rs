@@ -52,7 +52,7 @@ pub struct LaggedShape {
     pub decay_h_s: f64,
     /// Time in which the vertical disturbance velocity decays. s, > 0
     pub decay_v_s: f64,
-    /// Width of the rounded corners of the dead zones. 1 (stick), > 0.
+    /// Width of the rounded corners of the dead zones. 1 (stick), > 0
     pub dead_width: f64,
     /// Width of the rounded corner of the acceleration limit, in squared acceleration over squared
     /// limit. 1, > 0
@@ -96,19 +96,19 @@ impl Default for LaggedShape {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Lagged {
     shape: LaggedShape,
-    zone: Zone,
+    input_kind: InputKind,
     /// Lag factors of a prepared step.
     lags: Option<Lags>,
 }
 
-/// What the inputs of the model are.
+/// Kind of the inputs of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-enum Zone {
-    /// Sticks.
+enum InputKind {
+    /// Sticks, with dead zones.
     #[default]
-    Dead,
-    /// Effective inputs.
-    Passed,
+    Sticks,
+    /// Effective inputs, behind the dead zones.
+    Effective,
 }
 
 impl Lagged {
@@ -293,7 +293,7 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
     }
 
     fn core(&self) -> Self {
-        Self { zone: Zone::Passed, ..*self }
+        Self { input_kind: InputKind::Effective, ..*self }
     }
 
     #[inline]
@@ -308,9 +308,9 @@ impl Model<{ motion::COUNT }, { stick::COUNT }, { pose::COUNT }, { lag::COUNT }>
 
     #[inline]
     fn input_for(&self, effect: &Sticks, p: &Parameter) -> Sticks {
-        match self.zone {
-            Zone::Passed => *effect,
-            Zone::Dead => Sticks::from_fn(|row, _| {
+        match self.input_kind {
+            InputKind::Effective => *effect,
+            InputKind::Sticks => Sticks::from_fn(|row, _| {
                 smooth::stick_for(effect[row], p[dead_of(row)], self.shape.dead_width)
             }),
         }
@@ -321,18 +321,18 @@ impl Lagged {
     /// Effective input of one stick `u`, its excess over the dead zone, with derivatives.
     #[inline]
     fn excess(&self, u: f64, dead: f64) -> Excess {
-        match self.zone {
-            Zone::Dead => excess(u, dead, self.shape.dead_width),
-            Zone::Passed => Excess { value: u, by_stick: 1.0, by_dead: 0.0 },
+        match self.input_kind {
+            InputKind::Sticks => excess(u, dead, self.shape.dead_width),
+            InputKind::Effective => Excess { value: u, by_stick: 1.0, by_dead: 0.0 },
         }
     }
 
     /// Second derivative of the effective input by the stick `u`.
     #[inline]
     fn excess_second(&self, u: f64, dead: f64) -> f64 {
-        match self.zone {
-            Zone::Dead => excess_second(u, dead, self.shape.dead_width),
-            Zone::Passed => 0.0,
+        match self.input_kind {
+            InputKind::Sticks => excess_second(u, dead, self.shape.dead_width),
+            InputKind::Effective => 0.0,
         }
     }
 }

@@ -22,7 +22,7 @@ pub(super) struct Ending {
     pub(super) is_down: bool,
 }
 
-/// What an ending sends.
+/// Order of an ending.
 pub(super) enum EndingOrder {
     Land,
     EmergencyStop,

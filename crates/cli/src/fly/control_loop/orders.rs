@@ -4,6 +4,8 @@ use tello_flight::{Fault, FaultSet, Operator, Phase};
 use tello_io::clock::{SpanNs, TimeNs};
 use tello_io::manual::{Ask, Hand};
 
+use crate::fly::loop_times::LoopTimes;
+
 /// The orders of the person at the controls and of signals.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::fly) struct Orders {
@@ -39,19 +41,20 @@ impl Orders {
         self.strongest = self.strongest.max(order);
     }
 
-    /// Drops an order to take off that was not obeyed for `ground_wait`, or whose drone is moved, by `faults` of the
-    /// newest tick: its poses disagree after they have agreed, or for longer than `settling_max`. Returns whether there
+    /// Drops an order to take off that was not obeyed for the ground wait, or whose drone is moved, by `faults` of the
+    /// newest tick: its poses disagree after they have agreed, or for longer than they may take. Returns whether there
     /// was one. No other order is taken back. A fault that is mended later must not start a drone beside which the
     /// person stands.
     pub(super) fn lapse(
         &mut self,
         now: TimeNs,
-        (phase, faults): (Phase, FaultSet),
-        [ground_wait, settling_max]: [SpanNs; 2],
+        phase: Phase,
+        faults: FaultSet,
+        times: &LoopTimes,
     ) -> bool {
-        let is_late = now.since(self.take_off_at) > ground_wait;
+        let is_late = now.since(self.take_off_at) > times.ground_wait;
         let is_pending = phase == Phase::Idle && is_take_off(self.strongest);
-        let lapses = is_pending && (is_late || self.is_moved(now, faults, settling_max));
+        let lapses = is_pending && (is_late || self.is_moved(now, faults, times.settling_max));
         if lapses {
             self.strongest = Operator::Wait;
         }
@@ -89,7 +92,13 @@ mod tests {
 
     use super::*;
 
-    const LIMITS: [SpanNs; 2] = [SpanNs::from_ms(10_000), SpanNs::from_ms(3000)];
+    const TIMES: LoopTimes = LoopTimes {
+        period: SpanNs::from_ms(20),
+        solver_time: SpanNs::from_ms(15),
+        ground_wait: SpanNs::from_ms(10_000),
+        settling_max: SpanNs::from_ms(3000),
+        frame_wait: SpanNs(0),
+    };
 
     #[test]
     fn a_take_off_with_the_sticks_held_is_one_by_hand() {
@@ -115,7 +124,7 @@ mod tests {
     fn an_order_to_take_off_lapses_on_the_ground_and_no_other_does() {
         let at = |s: i64| TimeNs(0).after(SpanNs::from_ms(1000 * s));
         let calm = FaultSet::default();
-        let lapses = |orders: &mut Orders, now, phase| orders.lapse(now, (phase, calm), LIMITS);
+        let lapses = |orders: &mut Orders, now, phase| orders.lapse(now, phase, calm, &TIMES);
         let mut orders = Orders::to_fly();
         assert!(!lapses(&mut orders, at(10), Phase::Idle) && orders.strongest == Operator::Fly);
         assert!(lapses(&mut orders, at(11), Phase::Idle) && orders.strongest == Operator::Wait);
@@ -145,7 +154,7 @@ mod tests {
         let unsettled = of(&[Fault::MocapUnsettled]);
         let stale = of(&[Fault::MocapUnsettled, Fault::MocapStale]);
         let lapses =
-            |orders: &mut Orders, ms, faults| orders.lapse(at(ms), (Phase::Idle, faults), LIMITS);
+            |orders: &mut Orders, ms, faults| orders.lapse(at(ms), Phase::Idle, faults, &TIMES);
         // Poses come after 5 s, and settle within three.
         let mut orders = Orders::to_fly();
         assert!(!lapses(&mut orders, 20, stale) && !lapses(&mut orders, 5000, stale));

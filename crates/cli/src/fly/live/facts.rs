@@ -10,12 +10,12 @@ use tello_io::tello::DroneStatus;
 use tello_eval::predicted_trajectory::Ahead;
 use tello_eval::view_numbers::{PosW, to_thousandths};
 
-/// What there is to see of a tick.
+/// Facts of one tick, for viewers.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub(in crate::fly) struct Facts {
     /// Ticks since the start of the log.
     pub(in crate::fly) step: u64,
-    /// Since the start of the log. s
+    /// Time since the start of the log. s
     pub(in crate::fly) t_s: f64,
     /// Part of the flight; `None` before the first tick.
     pub(in crate::fly) phase: Option<Phase>,
@@ -25,15 +25,15 @@ pub(in crate::fly) struct Facts {
     pub(in crate::fly) is_by_hand: bool,
     /// The strongest order so far.
     pub(in crate::fly) operator: Operator,
-    /// What is wrong.
+    /// Present faults.
     pub(in crate::fly) faults: Vec<Fault>,
     /// Newest pose that the filter accepted.
     pub(in crate::fly) measured: Option<Spot>,
     /// The estimate.
     pub(in crate::fly) estimate: Option<Spot>,
-    /// By the estimate, x, y, z in the world frame; `None` for a model without it. m/s
+    /// Estimated velocity x, y, z in the world frame; `None` for a model without it. m/s
     pub(in crate::fly) velocity_w: Option<[f64; 3]>,
-    /// The part of it that is disturbance, world frame. m/s
+    /// Part of the velocity that is disturbance, world frame. m/s
     pub(in crate::fly) disturbance_w: Option<[f64; 3]>,
     /// The place to be reached next.
     pub(in crate::fly) target: Spot,
@@ -45,17 +45,17 @@ pub(in crate::fly) struct Facts {
     pub(in crate::fly) reference: Option<Spot>,
     /// Distance and height from the reference path. m
     pub(in crate::fly) offset: Option<[f64; 2]>,
-    /// What was sent.
+    /// Sent sticks.
     pub(in crate::fly) sticks: SticksFact,
     /// Whether sent sticks act; `None` without a link monitor.
     pub(in crate::fly) link: Option<LinkFact>,
     /// The last status of the drone.
     pub(in crate::fly) drone: Option<DroneFact>,
-    /// How the poses come.
+    /// Facts of the mocap stream.
     pub(in crate::fly) mocap: MocapFact,
-    /// Of this tick.
+    /// Times of this tick.
     pub(in crate::fly) times: Times,
-    /// The longest of each lately.
+    /// Largest value of each time in the last second.
     pub(in crate::fly) worst: Times,
     /// Whether the log has failed: nothing is recorded any more.
     pub(in crate::fly) has_log_failed: bool,
@@ -83,20 +83,20 @@ pub(in crate::fly) struct Spot {
     pub(in crate::fly) theta: f64,
 }
 
-/// Sticks with their rows by name. 1
+/// Sticks with their rows by name.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub(in crate::fly) struct SticksFact {
-    /// To the right.
+    /// Roll, positive to the right. 1
     pub(in crate::fly) roll: f64,
-    /// Forward.
+    /// Pitch, positive forward. 1
     pub(in crate::fly) pitch: f64,
-    /// Counter-clockwise from above.
+    /// Yaw, positive counter-clockwise from above. 1
     pub(in crate::fly) yaw: f64,
-    /// Up.
+    /// Throttle, positive upwards. 1
     pub(in crate::fly) throttle: f64,
 }
 
-/// What the link monitor says.
+/// Result of the link monitor.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(in crate::fly) struct LinkFact {
     /// Whether sent sticks do not act.
@@ -120,12 +120,12 @@ pub(in crate::fly) struct DroneFact {
     pub(in crate::fly) height_m: Option<f64>,
 }
 
-/// How the poses come.
+/// Facts of the mocap stream.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub(in crate::fly) struct MocapFact {
-    /// Since the newest pose was measured; `None` before the first. s
+    /// Time since the newest pose was measured; `None` before the first. s
     pub(in crate::fly) age_s: Option<f64>,
-    /// Poses in the last second.
+    /// Poses in the last second. Hz
     pub(in crate::fly) rate_hz: f64,
     /// Frames without a pose so far.
     pub(in crate::fly) unseen: u64,
@@ -137,18 +137,18 @@ pub(in crate::fly) struct MocapFact {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 #[expect(clippy::struct_field_names, reason = "the unit of each")]
 pub(in crate::fly) struct Times {
-    /// From when it was due to when it began. ms
+    /// Time from the due moment of the tick to its begin. ms
     pub(in crate::fly) late_ms: f64,
-    /// Of the estimator. ms
+    /// Time of the estimator. ms
     pub(in crate::fly) estimate_ms: f64,
-    /// Of the controller. ms
+    /// Time of the controller. ms
     pub(in crate::fly) plan_ms: f64,
-    /// From its begin to its end. ms
+    /// Time from the begin of the tick to its end. ms
     pub(in crate::fly) tick_ms: f64,
 }
 
 impl Facts {
-    /// What inbox and outcome of a tick say by themselves; the rest is empty.
+    /// Facts of inbox and outcome of one tick; the rest is empty.
     pub(super) fn of(inbox: &Inbox, out: &Outcome, ahead: Ahead) -> Self {
         let velocities = velocities(out);
         Self {
@@ -209,7 +209,7 @@ impl From<Sticks> for SticksFact {
 }
 
 impl DroneFact {
-    /// What `status` says at `now`.
+    /// Facts of `status` at `now`.
     pub(super) fn of(status: &DroneStatus, now: TimeNs) -> Self {
         Self {
             age_s: now.since(status.received_at).seconds(),

@@ -4,6 +4,7 @@ use tello_io::clock::TimeNs;
 use tello_io::config;
 use tello_io::tello::protocol::Version;
 
+use super::log::LOG_BYTES;
 use super::question::question;
 use super::*;
 

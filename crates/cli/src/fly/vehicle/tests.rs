@@ -53,13 +53,13 @@ fn left(path: &Path, phase: Phase, missed: usize, has_flown: bool) -> Option<Par
         faults_last: FaultSet::default(),
         faults: FaultSet::default(),
         ended_by: FaultSet::default(),
-        is_dry_run_without_frames: false,
+        has_frames: true,
         orders_lost: 0,
         sightings_dropped: 0,
         records_dropped: 0,
         found: has_flown.then(|| found(&flight)),
     };
-    remember(&arguments, &flight, (&summary, &end), Clock::start());
+    remember(&arguments, &flight, &summary, &end, Clock::start());
     path.exists().then(|| ParameterFile::read(path).unwrap())
 }
 

@@ -29,7 +29,7 @@ pub(super) const PAGE: &str = include_str!("page.html");
 pub(super) const STYLE: &str = include_str!("page.css");
 pub(super) const SCRIPT: &str = concat!(include_str!("draw.js"), include_str!("page.js"));
 
-/// What the script does at last where a flight is live.
+/// Last lines of the script of a live flight.
 const BEGIN: &str = "listen();\nconnect();\n";
 
 /// Nothing from anywhere but the files of the page, and a socket back to here.
@@ -39,7 +39,7 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; c
 /// For connections that are not yet web sockets: each has one request and its answer.
 const REQUESTS: ConnectionLimit = ConnectionLimit { count: 24, time: Some(Duration::from_secs(3)) };
 
-/// What is shown, and to whom orders go.
+/// Shown facts, and the receiver of orders.
 #[derive(Debug, Clone)]
 pub(super) struct Shown {
     pub(super) briefing: Briefing,

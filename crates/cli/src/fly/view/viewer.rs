@@ -39,7 +39,7 @@ const FACTS_IN_TRANSIT_MAX: u32 = 4;
 /// Longest time that a viewer may take to receive a message, or be silent.
 const VIEWER_TIMEOUT: SpanNs = SpanNs::from_ms(5_000);
 
-/// The same for a viewer that may give orders: it may hold the drone, and be gone without a word.
+/// Timeout of a viewer that may give orders: it may hold the drone, and be gone without a word.
 const OPERATOR_TIMEOUT: SpanNs = SpanNs::from_ms(1_500);
 
 /// Longest time between two pings.
@@ -51,7 +51,7 @@ const CLOSE_TIME: Duration = Duration::from_secs(1);
 const NOT_ADMITTED: &str =
     "this page may only look: open it by the address that the program printed";
 
-/// What a viewer may send.
+/// Message of a viewer.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum FromViewer {
@@ -61,7 +61,7 @@ enum FromViewer {
     Order(PageOrder),
 }
 
-/// What is sent to a viewer.
+/// Message to a viewer.
 #[derive(Debug, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum ToViewer<'a> {
@@ -173,7 +173,6 @@ impl<'a> ViewerConnection<'a> {
         let Shown { briefing, facts, is_over, .. } = &**self.shown;
         let (mut facts, mut is_over) = (facts.clone(), is_over.clone());
         let mut answered = self.answered.subscribe();
-        let mut asked = 0_u32;
         // The log's thread may end before the flight: orders are taken all the same.
         let mut goes_on = true;
         let trail = facts.borrow().trail.clone();
@@ -181,15 +180,12 @@ impl<'a> ViewerConnection<'a> {
         let age_s = (now().since(TimeNs(0)).seconds() - facts.borrow().t_s).max(0.0);
         let mut is_there =
             self.report(&mut out, &ToViewer::Briefing { briefing, trail: &trail, age_s }).await;
-        let (mut heard, mut heard_at) = (0_u32, now());
+        let mut pings = Pings::new(now());
         facts.mark_changed();
         while is_there {
-            let count = *answered.borrow_and_update();
-            let in_transit = asked.wrapping_sub(count);
-            if count != heard || in_transit == 0 {
-                (heard, heard_at) = (count, now());
-            }
-            let left = SpanNs(self.time_limit().0 - now().since(heard_at).0);
+            pings.receive(*answered.borrow_and_update(), now());
+            let in_transit = pings.in_transit();
+            let left = SpanNs(self.time_limit().0 - now().since(pings.answered_at).0);
             is_there = tokio::select! {
                 biased;
                 // An error: the flight is gone altogether.
@@ -213,15 +209,13 @@ impl<'a> ViewerConnection<'a> {
                 changed = facts.changed(), if goes_on && in_transit < FACTS_IN_TRANSIT_MAX => {
                     goes_on = changed.is_ok();
                     let newest = Arc::clone(&facts.borrow_and_update());
-                    asked = asked.wrapping_add(1);
                     self.report(&mut out, &ToViewer::Facts(&newest)).await
-                        && self.send(&mut out, Message::Ping(Bytes::new())).await
+                        && self.ping(&mut out, &mut pings).await
                 }
                 answer = answered.changed(), if in_transit > 0 => answer.is_ok(),
                 // A viewer without news is asked all the same: one that is gone must not hold the drone.
                 () = sleep(PING_EVERY), if in_transit == 0 => {
-                    asked = asked.wrapping_add(1);
-                    self.send(&mut out, Message::Ping(Bytes::new())).await
+                    self.ping(&mut out, &mut pings).await
                 }
             };
         }
@@ -242,6 +236,11 @@ impl<'a> ViewerConnection<'a> {
         }
     }
 
+    async fn ping(&self, out: &mut SplitSink<WebSocket, Message>, pings: &mut Pings) -> bool {
+        pings.sent = pings.sent.wrapping_add(1);
+        self.send(out, Message::Ping(Bytes::new())).await
+    }
+
     /// Whether the viewer takes it.
     async fn send(&self, out: &mut SplitSink<WebSocket, Message>, message: Message) -> bool {
         let sent = timeout(self.time_limit().duration(), out.send(message)).await;
@@ -249,7 +248,34 @@ impl<'a> ViewerConnection<'a> {
     }
 }
 
-/// How much a viewer may still send in this second.
+/// Pings to a viewer, one after each message of facts, and its answers.
+#[derive(Debug)]
+struct Pings {
+    sent: u32,
+    answered: u32,
+    /// Time of the newest answer, or the newest at which none was awaited.
+    answered_at: TimeNs,
+}
+
+impl Pings {
+    fn new(now: TimeNs) -> Self {
+        Self { sent: 0, answered: 0, answered_at: now }
+    }
+
+    /// Takes the number of answers so far.
+    fn receive(&mut self, answered: u32, now: TimeNs) {
+        if answered != self.answered || answered == self.sent {
+            (self.answered, self.answered_at) = (answered, now);
+        }
+    }
+
+    /// Pings without an answer so far.
+    fn in_transit(&self) -> u32 {
+        self.sent.wrapping_sub(self.answered)
+    }
+}
+
+/// Number of messages that a viewer may still send in this second.
 #[derive(Debug)]
 struct Allowance {
     since: TimeNs,

@@ -19,7 +19,7 @@ struct Entries {
 }
 
 /// The answer to a problem without fault, once `spoil` has changed it.
-fn check(spoil: impl FnOnce(&mut Entries)) -> Result<(), SolveError> {
+fn check(spoil: impl FnOnce(&mut Entries)) -> Result<(), SqpError> {
     let mut entries = Entries {
         s_0: Pose::zeros(),
         p: Pose::zeros(),
@@ -39,18 +39,18 @@ fn an_ask_needs_a_reference_for_each_stage_and_given_inputs_that_end_with_one() 
     assert_eq!(check(|_| ()), Ok(()));
     assert_eq!(
         check(|problem| problem.s_ref.truncate(2)),
-        Err(SolveError::Horizon { given: 2, stages: 3 })
+        Err(SqpError::Horizon { given: 2, stages: 3 })
     );
     assert_eq!(
         check(|problem| problem.s_ref.clear()),
-        Err(SolveError::Horizon { given: 0, stages: 3 })
+        Err(SqpError::Horizon { given: 0, stages: 3 })
     );
     assert_eq!(
         check(|problem| problem.given_steps[2] = 2),
-        Err(SolveError::Inside { row: 2, given_steps: 2 })
+        Err(SqpError::Inside { row: 2, given_steps: 2 })
     );
     let refused = |row, given_steps, given| {
-        Err(SolveError::Given { row, given_steps, given, horizon_steps: 4 })
+        Err(SqpError::Given { row, given_steps, given, horizon_steps: 4 })
     };
     assert_eq!(check(|problem| problem.given_steps[3] = 4), refused(3, 4, 3));
     let many = |given_steps| {
@@ -68,7 +68,7 @@ fn every_number_has_to_be_finite_and_the_first_that_is_not_is_named() {
     let mut bad = Pose::zeros();
     bad[2] = f64::INFINITY;
     let value = f64::INFINITY;
-    let refused = |what, at| Err(SolveError::NotFinite { what, at, row: 2, value });
+    let refused = |what, at| Err(SqpError::NotFinite { what, at, row: 2, value });
     assert_eq!(check(|problem| problem.s_0 = bad), refused("s_0", None));
     assert_eq!(check(|problem| problem.p = bad), refused("p", None));
     assert_eq!(check(|problem| problem.u_before = bad), refused("u_before", None));
@@ -90,11 +90,11 @@ fn a_plan_is_new_if_it_was_improved_or_found_optimal() {
         cost: 1.0,
     };
     for (stop, is_new_at_once) in [
-        (Stop::CostTolerance, true),
-        (Stop::IterationLimit, false),
-        (Stop::Late, false),
-        (Stop::QpUnsolved, false),
-        (Stop::Stalled, false),
+        (SqpStop::CostTolerance, true),
+        (SqpStop::IterationLimit, false),
+        (SqpStop::Late, false),
+        (SqpStop::QpUnsolved, false),
+        (SqpStop::Stalled, false),
     ] {
         assert_eq!(report(stop, 0).has_new_plan(), is_new_at_once, "{stop:?}");
         assert!(report(stop, 1).has_new_plan(), "{stop:?}");

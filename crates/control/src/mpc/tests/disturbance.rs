@@ -37,7 +37,7 @@ fn no_input_of_a_plan_against_the_wind_can_gain() {
         given_steps: [0; 4],
     };
     let report = mpc.solve(&problem, &mut || false).unwrap();
-    assert_eq!(report.stop, Stop::CostTolerance, "{report:?}");
+    assert_eq!(report.stop, SqpStop::CostTolerance, "{report:?}");
     let plan = mpc.plan().to_vec();
     let least = cost(&plan, &s_0, &s_ref);
     assert!((least - report.cost).abs() < 1e-12 * least, "{least} beside {report:?}");

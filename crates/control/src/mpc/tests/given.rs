@@ -28,7 +28,7 @@ fn the_plan_behind_given_inputs_is_that_of_a_later_start() {
             case.u_given = committed(4);
             case.given_steps = [GIVEN; 4];
             let report = case.solve();
-            assert_eq!(report.stop, Stop::CostTolerance, "{report:?}");
+            assert_eq!(report.stop, SqpStop::CostTolerance, "{report:?}");
             assert_eq!(report.qp_fallbacks, 0);
             assert_eq!(case.mpc.plan()[..GIVEN], case.u_given);
 
@@ -36,7 +36,7 @@ fn the_plan_behind_given_inputs_is_that_of_a_later_start() {
             later.s_ref.fill(case.s_ref[0]);
             later.u_before = case.u_given[GIVEN - 1];
             later.s_0 = case.mpc.planned_states()[GIVEN - 1];
-            assert_eq!(later.solve().stop, Stop::CostTolerance);
+            assert_eq!(later.solve().stop, SqpStop::CostTolerance);
             for (k, (u, later)) in case.mpc.plan()[GIVEN..].iter().zip(later.mpc.plan()).enumerate()
             {
                 // The outer iteration ends at a relative drop of 1e-12: inputs to its square root.
@@ -58,7 +58,7 @@ fn each_axis_has_its_own_given_inputs_and_both_solvers_agree_on_the_rest() {
             case.u_given = committed(9);
             case.given_steps = [8, 9, 0, 3];
             let report = case.solve();
-            assert_eq!(report.stop, Stop::CostTolerance, "{report:?}");
+            assert_eq!(report.stop, SqpStop::CostTolerance, "{report:?}");
             for (k, u) in case.mpc.plan().iter().enumerate() {
                 for (i, value) in u.iter().enumerate() {
                     if k < case.given_steps[i] {
@@ -86,7 +86,7 @@ fn what_is_no_longer_given_returns_into_the_box() {
         assert!(case.solve().has_new_plan());
         case.given_steps = [0; 4];
         // Even if there is no time to solve anything.
-        assert_eq!(case.solve_while(&mut || true).unwrap().stop, Stop::Late);
+        assert_eq!(case.solve_while(&mut || true).unwrap().stop, SqpStop::Late);
         let largest = case.mpc.plan().iter().map(amax).fold(0.0, maximum);
         assert!(largest <= 0.35, "{largest}");
 
@@ -104,7 +104,7 @@ fn a_plan_that_is_given_whole_has_nothing_to_decide() {
         case.u_given = committed(5);
         case.given_steps = [5; 4];
         let report = case.solve();
-        assert_eq!((report.stop, report.iterations), (Stop::CostTolerance, 0), "{report:?}");
+        assert_eq!((report.stop, report.iterations), (SqpStop::CostTolerance, 0), "{report:?}");
         assert_eq!(case.mpc.plan(), case.u_given);
     }
 }

@@ -63,7 +63,7 @@ fn second_derivatives_lead_to_the_same_optimum_in_few_iterations() {
         let (exact, _) = turn_back(QpKind::Riccati, angle);
         // Clarabel gets the subproblems without second derivatives.
         let (linear, _) = turn_back(QpKind::Clarabel, angle);
-        assert_eq!(exact.stop, Stop::CostTolerance, "{exact:?}");
+        assert_eq!(exact.stop, SqpStop::CostTolerance, "{exact:?}");
         assert!(exact.cost <= linear.cost * (1.0 + 1e-6), "{exact:?} beside {linear:?}");
         exact_iterations += exact.iterations;
         linear_iterations += linear.iterations;
@@ -79,7 +79,7 @@ fn a_converged_plan_is_optimal_without_another_iteration() {
     });
     let first = case.solve();
     let second = case.solve();
-    assert_eq!((second.stop, second.iterations), (Stop::CostTolerance, 0), "{second:?}");
+    assert_eq!((second.stop, second.iterations), (SqpStop::CostTolerance, 0), "{second:?}");
     assert!(first.qp_iterations > 0);
     assert_eq!(second.qp_iterations, 0, "{second:?}");
 }

@@ -43,7 +43,7 @@ impl Model<1, 1, 1, 0> for Spoilt {
 
 const STAGES: usize = 5;
 
-fn solve(spoilt: Spoilt, s_0: f64) -> (Result<MpcReport, SolveError>, [Vec<Vector1<f64>>; 2]) {
+fn solve(spoilt: Spoilt, s_0: f64) -> (Result<MpcReport, SqpError>, [Vec<Vector1<f64>>; 2]) {
     let settings = MpcSettings::builder(STAGES).build(&spoilt).unwrap();
     let mut mpc = Mpc::<_, 1, 1, 1, 0, 1>::new(spoilt, settings, 0.1).unwrap();
     mpc.plan.u.fill(Vector1::new(0.25));
@@ -61,12 +61,12 @@ fn a_derivative_that_is_not_finite_is_an_error_that_names_its_stage() {
         // The plan passes 0.3 in stage 3.
         let (report, [before, after]) = solve(Spoilt { by_state, by_input }, 0.26);
         let error = report.unwrap_err();
-        assert_eq!(error, SolveError::Derivative { stage: 2 });
+        assert_eq!(error, SqpError::Derivative { stage: 2 });
         assert_eq!(error.to_string(), "a derivative of the model is not finite in stage 2");
         assert_eq!(before, after);
     }
     let (report, _) = solve(Spoilt { by_state: 1.0, by_input: 1.0 }, 0.26);
-    assert_eq!(report.unwrap().stop, Stop::CostTolerance);
+    assert_eq!(report.unwrap().stop, SqpStop::CostTolerance);
 }
 
 #[test]
@@ -118,7 +118,7 @@ fn a_constraint_that_is_not_finite_or_has_a_negative_weight_is_an_error_that_nam
         assert_eq!(mpc.plan(), before);
         // The next problem is answered.
         let good = mpc.solve_with(&problem, Some(&Wrong(GOOD)), &mut || false).unwrap();
-        assert_eq!(good.stop, Stop::CostTolerance);
+        assert_eq!(good.stop, SqpStop::CostTolerance);
     }
 }
 

@@ -60,7 +60,7 @@ fn both_solvers_plan_the_same_around_a_pole() {
             let mut case = case(qp, 40);
             (solve_with(&mut case, &POLE), case.mpc.plan().to_vec())
         });
-    assert_eq!((riccati.stop, interior.stop), (Stop::CostTolerance, Stop::CostTolerance));
+    assert_eq!((riccati.stop, interior.stop), (SqpStop::CostTolerance, SqpStop::CostTolerance));
     assert!((riccati.cost / interior.cost - 1.0).abs() < 1e-7, "{riccati:?}, {interior:?}");
     for (a, b) in by_riccati.iter().zip(&by_interior) {
         assert!(amax(&(a - b)) < 2e-3, "{a} beside {b}");

@@ -55,7 +55,7 @@ fn both_solvers_plan_the_same_over_stages() {
                 case.s_ref.truncate(10);
                 (case.solve(), case.mpc.plan().to_vec())
             });
-        assert_eq!((riccati.stop, interior.stop), (Stop::CostTolerance, Stop::CostTolerance));
+        assert_eq!((riccati.stop, interior.stop), (SqpStop::CostTolerance, SqpStop::CostTolerance));
         assert!((riccati.cost / interior.cost - 1.0).abs() < 1e-8, "{riccati:?}, {interior:?}");
         for (a, b) in by_riccati.iter().zip(&by_interior) {
             // Costs that agree to 1e-9 leave inputs off by the square root of that.
@@ -80,7 +80,7 @@ fn given_inputs_act_as_their_mean_over_a_stage() {
     assert!(plan.iter().all(|u| amax(u) <= 0.8));
     case.given_steps = [7, 5, 1, 0];
     let refused = case.solve_while(&mut || false).unwrap_err();
-    assert_eq!(refused, SolveError::Inside { row: 1, given_steps: 5 });
+    assert_eq!(refused, SqpError::Inside { row: 1, given_steps: 5 });
 }
 
 #[test]

@@ -56,7 +56,7 @@ fn a_plan_that_does_not_fit_is_refused_and_one_beyond_the_bounds_moved() {
     assert!(case.solve().has_new_plan());
     let before = case.mpc.plan().to_vec();
     let refused = case.mpc.set_plan(&[Sticks::zeros(); 2]);
-    assert_eq!(refused, Err(SolveError::Plan { given: 2, stages: 3 }));
+    assert_eq!(refused, Err(SqpError::Plan { given: 2, stages: 3 }));
     let refused = case.mpc.set_plan(&[Sticks::zeros(), Sticks::repeat(f64::NAN), Sticks::zeros()]);
     let expected = "u[1][0] = NaN is not finite";
     assert_eq!(refused.unwrap_err().to_string(), expected);

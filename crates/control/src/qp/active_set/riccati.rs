@@ -70,6 +70,8 @@ impl<const NS: usize, const NU: usize> Policy<NS, NU> {
 /// The working set at a stage.
 #[derive(Debug)]
 pub(super) struct Working<'a, const NS: usize, const NU: usize> {
+    /// The stage.
+    pub(super) k: usize,
     /// The step of an input at an active bound, `None` for an input at inactive bounds.
     pub(super) active: [Option<f64>; NU],
     /// The penalties on `ds_{k+1}`.
@@ -78,7 +80,7 @@ pub(super) struct Working<'a, const NS: usize, const NU: usize> {
     pub(super) penalized: &'a [bool],
 }
 
-/// Fills in the policy of step `k` and the value before it, from the value after it.
+/// Fills in the policy of the stage of `working` and the value before it, from the value after it.
 ///
 /// The gradient by `du` is `H du + S ds + C dv + h`. Letters as in `docs/model.md`, section 5: `f` for inputs at
 /// inactive bounds, `c` for those of the working set, `+` for what is after the step.
@@ -87,16 +89,17 @@ pub(super) struct Working<'a, const NS: usize, const NU: usize> {
 /// A pivot is not positive, or not finite.
 #[inline]
 pub(super) fn eliminate<const NS: usize, const NU: usize>(
-    k: usize,
     problem: &Problem<'_, NS, NU>,
     curvature: &CostHessian<NS, NU>,
     working: &Working<'_, NS, NU>,
-    (policy, value): (&mut Policy<NS, NU>, &mut Value<NS, NU>),
     next: &Value<NS, NU>,
+    policy: &mut Policy<NS, NU>,
+    value: &mut Value<NS, NU>,
 ) -> Result<(), Reason> {
+    let k = working.k;
     let Stage { by_state: a, by_input: b } = &problem.stages[k];
     let coupling = curvature.coupling.get(k);
-    let (hessian_next, gradient_next) = at_next_state(k, problem, curvature, working, next); // P+ and p+
+    let (hessian_next, gradient_next) = at_next_state(problem, curvature, working, next); // P+ and p+
     // Sums: `P+ B + W+`, `H` and `h`.
     let mut by_next_state_input = mul_sparse(&hessian_next, b);
     let mut by_input = Matrix::from_diagonal(&curvature.diagonal.u[k]);
@@ -153,7 +156,6 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
 /// Hessian and gradient by `ds_{k+1}` of its own cost and all that follows.
 #[inline]
 fn at_next_state<const NS: usize, const NU: usize>(
-    k: usize,
     problem: &Problem<'_, NS, NU>,
     curvature: &CostHessian<NS, NU>,
     working: &Working<'_, NS, NU>,
@@ -161,9 +163,9 @@ fn at_next_state<const NS: usize, const NU: usize>(
 ) -> (Matrix<NS, NS>, Vector<NS>) {
     let mut hessian = next.by_state;
     for i in 0..NS {
-        hessian[(i, i)] += curvature.diagonal.s[k][i];
+        hessian[(i, i)] += curvature.diagonal.s[working.k][i];
     }
-    let mut gradient = next.gradient + problem.gradient.s[k];
+    let mut gradient = next.gradient + problem.gradient.s[working.k];
     let penalties = working.penalties.iter().zip(working.penalized);
     for (penalty, _) in penalties.filter(|(_, is_active)| **is_active) {
         let weighted = penalty.gradient * penalty.squared_weight;

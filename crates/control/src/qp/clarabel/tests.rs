@@ -50,13 +50,13 @@ fn zeros_in_the_data_do_not_change_the_shape() {
 #[test]
 fn sparse_matrices_are_well_formed() {
     let case = case(2, true);
-    let constraint = by_columns((STEPS * 7, STEPS * 5), |entry| {
-        constraint_entries(&case.stages, &case.bounds, (&[], 0), entry);
+    let constraint = by_columns(STEPS * 7, STEPS * 5, |entry| {
+        constraint_entries(&case.stages, &case.bounds, &[], 0, entry);
     });
     assert!(constraint.check_format().is_ok());
     // Rows at their bounds, then full blocks for all but the first state, then one -1 per state.
     assert_eq!(constraint.nnz(), STEPS * (2 * 2 + 3 * 2 + 3) + (STEPS - 1) * 9);
-    let curvature = by_columns((STEPS * 5, STEPS * 5), |entry| {
+    let curvature = by_columns(STEPS * 5, STEPS * 5, |entry| {
         curvature_entries(&case.curvature, &case.bounds, 0, entry);
     });
     assert!(curvature.check_format().is_ok() && curvature.is_triu());

@@ -115,7 +115,7 @@ fn a_derivative_by_the_parameter_that_is_not_finite_is_refused() {
             *s = Pose::repeat(aside * f64::from(k));
         }
         let error = piece.measure(&terms(loss), &p).unwrap_err();
-        assert_eq!(error, SolveError::NonFinite { block: "derivative", k: 0 }, "{name}");
+        assert_eq!(error, LmError::NonFinite { block: "derivative", k: 0 }, "{name}");
     }
 }
 
@@ -126,7 +126,7 @@ fn a_residual_that_is_not_finite_is_named_with_its_step() {
         let mut piece = linear_piece();
         piece.u[7][stick::THROTTLE] = bad;
         let error = piece.measure(&terms, &p).unwrap_err();
-        assert_eq!(error, SolveError::NonFinite { block: "residual", k: 7 });
+        assert_eq!(error, LmError::NonFinite { block: "residual", k: 7 });
     }
 }
 

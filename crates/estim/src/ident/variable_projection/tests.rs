@@ -32,12 +32,12 @@ fn piece() -> Segment<4, 4, 4, 4> {
     piece
 }
 
-/// Cost after the candidate was led back, and the candidate.
-fn settled(cost: f64, expected: f64, tolerance: f64) -> (f64, Vec<Pose>) {
+/// Cost after the states were re-optimized, and the candidate.
+fn reoptimized(cost: f64, expected: f64, tolerance: f64) -> (f64, Vec<Pose>) {
     let (mut piece, terms, p) = (piece(), terms(), P.into());
     let start = Start { cost, expected, damping: 0.0, tolerance };
     let scratch = &mut Scratch::of::<Kinematic, 4, 4, 4>(10);
-    let cost = piece.settle(&terms, &p, Curvature::Exact, start, scratch);
+    let cost = piece.reoptimize_states(&terms, &p, Curvature::Exact, start, scratch);
     (cost, piece.s_candidate)
 }
 
@@ -45,22 +45,22 @@ fn settled(cost: f64, expected: f64, tolerance: f64) -> (f64, Vec<Pose>) {
 fn a_candidate_that_costs_what_was_expected_or_is_not_finite_stays() {
     let before = piece().s_candidate;
     let cost = piece().contribution(&terms(), &P.into()).cost;
-    let (after, s) = settled(cost, 1.009 * cost, 0.01);
+    let (after, s) = reoptimized(cost, 1.009 * cost, 0.01);
     assert!((after - cost).abs() <= 0.0 && s == before, "{after}");
     for bad in [f64::NAN, f64::INFINITY] {
-        let (after, s) = settled(bad, cost, 0.01);
+        let (after, s) = reoptimized(bad, cost, 0.01);
         assert!(!after.is_finite() && s == before, "{after}");
     }
     // Off by more than the tolerance, to either side, or nothing was expected.
     for expected in [1.011 * cost, 0.989 * cost, f64::NAN] {
-        let (after, s) = settled(cost, expected, 0.01);
+        let (after, s) = reoptimized(cost, expected, 0.01);
         assert!(after < 0.5 * cost && s != before, "{after} of {cost}");
     }
 }
 
 #[test]
-fn a_candidate_that_was_led_back_leaves_no_gradient_by_its_states() {
-    let (least, s) = settled(piece().contribution(&terms(), &P.into()).cost, f64::NAN, 1e-12);
+fn reoptimized_states_have_no_gradient() {
+    let (least, s) = reoptimized(piece().contribution(&terms(), &P.into()).cost, f64::NAN, 1e-12);
     let cost = |s: &[Pose]| {
         let mut piece = piece();
         piece.s_candidate = s.to_vec();
@@ -82,13 +82,13 @@ fn a_candidate_that_was_led_back_leaves_no_gradient_by_its_states() {
 #[test]
 fn a_model_at_one_parameter_has_its_derivatives_and_nothing_to_identify() {
     let p = Vector::from(P);
-    let given = Given { model: Kinematic, p: &p };
+    let fixed = FixedParameter { model: Kinematic, p: &p };
     let (s, u) = (Pose::new(0.4, -1.0, 1.2, 2.0), Sticks::new(0.3, -0.6, 0.2, 0.5));
-    let gap = model_gap(&given, &Point { s, u, p: Vector::zeros(), dt_s: DT_S });
+    let gap = model_gap(&fixed, &Point { s, u, p: Vector::zeros(), dt_s: DT_S });
     assert!(gap.gap < 1e-8, "{gap}");
-    assert_eq!(given.step(&s, &u, &Vector::zeros(), DT_S), Kinematic.step(&s, &u, &p, DT_S));
+    assert_eq!(fixed.step(&s, &u, &Vector::zeros(), DT_S), Kinematic.step(&s, &u, &p, DT_S));
     let w = Vector::from([1.0, -0.5, 0.3, 2.0]);
-    let second = given.hessian_by_parameter(&s, &u, &Vector::zeros(), DT_S, &w).unwrap();
+    let second = fixed.hessian_by_parameter(&s, &u, &Vector::zeros(), DT_S, &w).unwrap();
     assert!(amax(&second.by_state) > 1e-4, "{second:?}");
 }
 
@@ -111,7 +111,7 @@ fn the_subsystems_of_a_model_stay_without_their_parameters() {
 
     let (mut whole, mut without) = (Seen::default(), Seen::default());
     Lagged::subsystems(&mut whole);
-    <Given<'_, Lagged, 11> as Model<11, 4, 4, 0>>::subsystems(&mut without);
+    <FixedParameter<'_, Lagged, 11> as Model<11, 4, 4, 0>>::subsystems(&mut without);
     assert_eq!(whole.0.iter().map(|group| group.2).collect::<Vec<_>>(), [8, 3]);
     for group in &mut whole.0 {
         group.2 = 0;

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use super::super::*;
-use crate::levenberg::Problem;
+use crate::levenberg::LeastSquares;
 
 const DT_S: f64 = 0.02;
 const FORGET_S: f64 = 60.0;
@@ -161,8 +161,8 @@ fn gain_and_heading_of_a_new_vehicle_are_found_in_ten_seconds_and_kept_at_hover(
     assert!(heading.abs() < 0.02, "heading off by {heading} rad");
 
     // At hover there is no new information. The old one fades, and the prior comes back in its place.
-    flight.mhe.trajectory.linearize().unwrap();
-    let gathered = flight.mhe.trajectory.information_of_parameter();
+    flight.mhe.problem.linearize().unwrap();
+    let gathered = flight.mhe.problem.information_of_parameter();
     let hover_steps = 3000;
     for _ in 0..hover_steps {
         flight.step(&Sticks::zeros(), &Sticks::zeros());
@@ -210,9 +210,9 @@ fn an_amendment_is_finite_and_ends_with_the_window() {
     let bad = |age: usize| if age == 3 { Sticks::repeat(f64::NAN) } else { Sticks::zeros() };
     let error = flight.mhe.amend(20, bad).unwrap_err();
     assert_eq!(error.to_string(), "input is not finite at window step 1");
-    assert_eq!(flight.mhe.trajectory.iterate().u, twin.trajectory.iterate().u);
+    assert_eq!(flight.mhe.problem.iterate().u, twin.problem.iterate().u);
     flight.mhe.amend(20, |age| Sticks::repeat(age as f64)).unwrap();
-    let ages: Vec<_> = flight.mhe.trajectory.iterate().u.iter().map(|u| u[stick::PITCH]).collect();
+    let ages: Vec<_> = flight.mhe.problem.iterate().u.iter().map(|u| u[stick::PITCH]).collect();
     assert_eq!(ages, [4.0, 3.0, 2.0, 1.0, 0.0]);
 }
 

@@ -19,11 +19,11 @@ pub struct Skipped {
     pub line: usize,
     /// First characters of the line.
     pub text: String,
-    /// What is wrong with it.
+    /// Its mistake.
     pub why: SkipReason,
 }
 
-/// What is wrong with a line.
+/// Mistake of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SkipReason {

@@ -27,7 +27,7 @@ pub struct Segment {
     pub segment: u32,
 }
 
-/// What a client asks of the server.
+/// Request of a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Request {
     /// One frame.

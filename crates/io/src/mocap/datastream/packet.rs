@@ -5,7 +5,7 @@
 use crate::mocap::SourceError;
 use crate::mocap::bytes::Bytes;
 
-/// What every packet begins with.
+/// First bytes of every packet.
 pub const MAGIC: u32 = 0x1A2B_0001;
 
 /// Longest packet that is read, with its head: a hundred subjects of a hundred segments fit. bytes

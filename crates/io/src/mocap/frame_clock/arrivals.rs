@@ -1,14 +1,13 @@
-//! The newest arrivals of one count, thinned, and the straight line that they make.
+//! The newest arrivals of one count, thinned, and their lower envelope.
 //!
 //! Delays are never negative, so that the arrivals of a healthy stream lie on a straight line or above
-//! it, and the line is their lower envelope. Its pace is measured between the lowest arrivals of the
+//! it, and the line is their lower envelope. Its period is measured between the lowest arrivals of the
 //! first and of the last third of a window, as in Tukey's resistant line with minima in place of
 //! medians: one punctual frame in each is enough, whatever the others do. The lowest arrival of the
 //! second third tells whether the line is straight.
 
 use super::{Arrival, Line};
-use crate::clock::SpanNs;
-use crate::clock::TimeNs;
+use crate::clock::{SpanNs, TimeNs};
 
 /// How far back arrivals count.
 const WINDOW: SpanNs = SpanNs::from_ms(30_000);
@@ -40,8 +39,8 @@ pub(super) struct MeasuredPace {
     pub(super) period_ns: f64,
     /// Time between them. ns
     pub(super) span_ns: f64,
-    /// How far above their line the lowest arrival of the second third is; infinite if there is none. ns
-    pub(super) bow_ns: f64,
+    /// Distance of the lowest arrival of the second third above the line; infinite if there is none. ns
+    pub(super) curvature_ns: f64,
 }
 
 impl Arrivals {
@@ -76,7 +75,7 @@ impl Arrivals {
         true
     }
 
-    /// What the arrivals measure, beginning with the pace of `line`; `None` while the window is shorter
+    /// Line through the lowest arrivals, beginning with the period of `line`; `None` while the window is shorter
     /// than `least`.
     pub(super) fn pace(&self, mut line: Line, least: SpanNs) -> Option<MeasuredPace> {
         let (first, last) = (self.kept.first()?, self.kept.last()?);
@@ -96,9 +95,9 @@ impl Arrivals {
         }
         let line = Line::through(early, line.period_ns);
         let between = self.kept.iter().filter(|one| !is_early(one) && !is_recent(one));
-        let bow_ns = between.map(|one| line.late_ns(*one)).fold(f64::INFINITY, f64::min);
+        let curvature_ns = between.map(|one| line.late_ns(*one)).fold(f64::INFINITY, f64::min);
         let span_ns = recent.at.since(early.at).0 as f64;
-        Some(MeasuredPace { early, recent, period_ns: line.period_ns, span_ns, bow_ns })
+        Some(MeasuredPace { early, recent, period_ns: line.period_ns, span_ns, curvature_ns })
     }
 }
 
@@ -159,7 +158,10 @@ mod tests {
         let least = SpanNs::from_ms(900);
         assert!(window(80).pace(line(), least).is_none());
         let pace = window(90).pace(line(), least).unwrap();
-        assert!((pace.period_ns - 1e7).abs() < 1e-3 && (pace.bow_ns - 4e6).abs() < 1.0, "{pace:?}");
+        assert!(
+            (pace.period_ns - 1e7).abs() < 1e-3 && (pace.curvature_ns - 4e6).abs() < 1.0,
+            "{pace:?}"
+        );
         assert!(Arrivals::new().pace(line(), SpanNs(0)).is_none(), "nothing has arrived");
     }
 }

@@ -1,13 +1,13 @@
-//! Between which values the time per frame number lies, by all that was measured.
+//! Bounds of the time per frame number, by all measurements so far.
 
-use super::DRIFT_USUAL;
+use super::SKEW_USUAL;
 
 /// Largest difference between a rate and its nominal value, such as 59.94 Hz that is called 60, or 240 Hz
 /// with 241 in the settings. 1
 pub(super) const DEVIATION_MAX: f64 = 5e-3;
 
-/// What a flight may learn: beyond that limit, since the ground measures in two seconds with jitter. 1
-const LEARNED_MAX: f64 = 8e-3;
+/// Largest correction in flight: beyond [`DEVIATION_MAX`], since the ground measures in two seconds with jitter. 1
+const CORRECTION_MAX: f64 = 8e-3;
 
 /// Error of a measured pace by the jitter of two arrivals, times the span between them. ns
 pub(super) const JITTER_NS: f64 = 10e6;
@@ -20,15 +20,15 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// What an announced period leaves open.
+    /// Bounds around an announced period.
     pub(super) fn around(nominal_ns: f64) -> Self {
-        let deviation_ns = nominal_ns * LEARNED_MAX;
+        let deviation_ns = nominal_ns * CORRECTION_MAX;
         Self { min_ns: nominal_ns - deviation_ns, max_ns: nominal_ns + deviation_ns }
     }
 
     /// Takes in a period that was measured over a span, unless it contradicts all before it.
     pub(super) fn narrow(&mut self, measured_ns: f64, span_ns: f64) {
-        let error_ns = measured_ns * (JITTER_NS / span_ns + DRIFT_USUAL);
+        let error_ns = measured_ns * (JITTER_NS / span_ns + SKEW_USUAL);
         let min_ns = self.min_ns.max(measured_ns - error_ns);
         let max_ns = self.max_ns.min(measured_ns + error_ns);
         if min_ns <= max_ns {

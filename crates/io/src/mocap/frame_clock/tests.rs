@@ -1,7 +1,7 @@
-mod change;
 mod hour;
 mod learned_pace;
 mod pace;
+mod rate_change;
 
 use proptest::prelude::*;
 
@@ -200,7 +200,7 @@ fn a_line_that_was_learned_in_a_busy_moment_comes_down_in_the_climb() {
 }
 
 #[test]
-fn a_way_that_becomes_shorter_in_flight_is_followed_and_a_stall_behind_it_is_seen() {
+fn a_delay_that_becomes_shorter_in_flight_is_followed_and_a_stall_behind_it_is_seen() {
     let mut clock = FrameClock::new();
     for number in 0..ON_GROUND {
         late_after_ms(&mut clock, number, 80.0 + jitter_ms(number));
@@ -223,8 +223,8 @@ fn a_way_that_becomes_shorter_in_flight_is_followed_and_a_stall_behind_it_is_see
 
 #[test]
 fn numbers_that_run_ahead_in_flight_cannot_hide_a_delay() {
-    // For the climb, and until neither jitter nor a way that is shorter by 0.25 s explains it any more; from one number
-    // per frame to 1.05, each frame seems to come a millisecond earlier.
+    // For the climb, and until neither jitter nor a delay shorter by 0.25 s explains it any more; from one number per
+    // frame to 1.05, each frame seems to come a millisecond earlier.
     for (pace, hidden_max_ms) in [(1.05, 220.0), (1.015, 350.0), (1.008, 330.0)] {
         let mut clock = flying();
         let known = in_flight(600).filter(|number| {

@@ -95,7 +95,7 @@ pub struct RigidBody {
     pub is_tracked: bool,
 }
 
-/// What stands at the end of a frame. Times are in ticks of the server's clock.
+/// Fields at the end of a frame. Times are in ticks of the server's clock.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FrameEnd {
     /// Seconds since the server's start, or of a recording. s

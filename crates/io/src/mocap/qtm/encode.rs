@@ -37,7 +37,8 @@ pub fn parameters(rate_hz: f64, up: &str, bodies: &[&str], to: &mut Vec<u8>) {
     text(kind::XML, &document, to);
 }
 
-/// Appends a frame; positions are in millimetres, `time_us` in us; `None` for a body that is not seen.
+/// Appends a frame; positions are in millimetres, `time_us` is in us since the start of the measurement; `None` for a
+/// body that is not seen.
 pub fn frame(number: u32, time_us: u64, bodies: &[Option<Placement>], to: &mut Vec<u8>) {
     packet(kind::DATA, to, |to| {
         to.extend(time_us.to_le_bytes());

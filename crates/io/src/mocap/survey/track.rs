@@ -1,4 +1,4 @@
-//! How the frames of one object came.
+//! Rate, gaps, jitter and age of the frames of one object.
 //!
 //! Frames that arrive together, as they do over Wi-Fi or from a bridge that collects them, have arrival times
 //! that tell nothing of the rate. So the steps of time stamps count if the source sends any, else those of frame
@@ -7,7 +7,7 @@
 use serde::Serialize;
 use tello_flight::cycle::SIGHTING_AGE_MAX;
 
-use super::super::axes::Placement;
+use super::super::axes::{Placement, Unit};
 use super::super::frame_clock::PaceMeter;
 use super::super::protocol::Head;
 use super::super::statistics::GAP_PERIODS;
@@ -20,10 +20,10 @@ const SILENCE: SpanNs = SIGHTING_AGE_MAX;
 /// Largest factor between the rate by stamps and that of the arrivals, of stamps in seconds. 1
 const STAMPS_FACTOR_MAX: f64 = 1.5;
 
-/// Two places of one frame further apart are those of two objects. In the unit of the source, m or mm
-const ONE_PLACE: f64 = 0.1;
+/// Two places of one frame further apart are those of two objects. m
+const ONE_PLACE_M: f64 = 0.1;
 
-/// How the frames of one object came.
+/// Frames of one object: rate, gaps, jitter, age, and its places.
 #[derive(Debug, Clone, Default)]
 pub struct SurveyTrack {
     /// Frames of the source since it was there first.
@@ -43,6 +43,8 @@ pub struct SurveyTrack {
     silences: u64,
     latency_sum_s: f64,
     latency_max_s: f64,
+    /// Unit of `places` and `furthest`.
+    unit: Unit,
     /// First and newest place, in the axes and the unit of the source.
     pub places: Option<[Placement; 2]>,
     /// The place that was furthest from the first one.
@@ -79,7 +81,12 @@ pub struct TrackReport {
 }
 
 impl SurveyTrack {
-    /// What the frames so far add up to.
+    /// No frame yet of a source whose positions are in `unit`.
+    pub(super) fn new(unit: Unit) -> Self {
+        Self { unit, ..Self::default() }
+    }
+
+    /// Numbers of the frames so far.
     pub fn report(&self) -> TrackReport {
         let frames = self.frames;
         let rate = |period_s: f64| if period_s > 0.0 { 1.0 / period_s } else { 0.0 };
@@ -103,7 +110,7 @@ impl SurveyTrack {
         }
     }
 
-    /// The same at `now`: silence since the newest frame counts as a gap.
+    /// [`SurveyTrack::report`] at `now`: silence since the newest frame counts as a gap.
     pub fn report_at(&self, now: TimeNs) -> TrackReport {
         let report = self.report();
         let wait_s = self.last.map_or(0.0, |(then, _)| now.since(then).seconds());
@@ -127,7 +134,7 @@ impl SurveyTrack {
         Some((&self.stamps, 1.0 / usual_s))
     }
 
-    /// The same by frame numbers, if they move.
+    /// Steps and rate by frame numbers, if they move.
     fn by_numbers(&self) -> Option<(&Intervals, f64)> {
         let usual = self.numbers.usual()?;
         let count_hz = self.pace.hz().or_else(|| {
@@ -147,23 +154,32 @@ impl SurveyTrack {
         self.frames += 1;
         self.pace.take(head.number, now);
         if let Some((then, before)) = self.last.replace((now, head)) {
-            let wait_s = now.since(then).seconds();
-            let number = head.number.saturating_sub(before.number);
-            // A number that is back begins another count.
-            let mut is_gap = number > 0 && self.numbers.take(number as f64);
-            if let (Some(stamp), Some(before)) = (head.stamp, before.stamp) {
-                let step = SpanNs(stamp.0.saturating_sub(before.0));
-                let is_back = step.seconds() <= -SILENCE.seconds();
-                is_gap |= !is_back && self.stamps.take(step.seconds());
-            }
-            self.waits.take(wait_s);
-            let is_silence = self.is_silence(wait_s);
-            let has_steps = self.numbers.count > 0 || self.stamps.count > 0;
-            self.silences += u64::from(is_silence && !is_gap && has_steps);
+            self.take_steps(now.since(then).seconds(), before, head);
         }
         self.latency_sum_s += head.latency.seconds();
         self.latency_max_s = self.latency_max_s.max(head.latency.seconds());
-        let Some(at) = at else { return };
+        if let Some(at) = at {
+            self.take_place(now, at);
+        }
+    }
+
+    /// Takes in the steps of number, stamp and arrival from the frame `before`, which came `wait_s` earlier.
+    fn take_steps(&mut self, wait_s: f64, before: Head, head: Head) {
+        let number = head.number.saturating_sub(before.number);
+        // A number that is back begins another count.
+        let mut is_gap = number > 0 && self.numbers.take(number as f64);
+        if let (Some(stamp), Some(before)) = (head.stamp, before.stamp) {
+            let step = SpanNs(stamp.0.saturating_sub(before.0));
+            let is_back = step.seconds() <= -SILENCE.seconds();
+            is_gap |= !is_back && self.stamps.take(step.seconds());
+        }
+        self.waits.take(wait_s);
+        let is_silence = self.is_silence(wait_s);
+        let has_steps = self.numbers.count > 0 || self.stamps.count > 0;
+        self.silences += u64::from(is_silence && !is_gap && has_steps);
+    }
+
+    fn take_place(&mut self, now: TimeNs, at: Placement) {
         self.seen += 1;
         self.seen_at = Some(now);
         let [first, _] = *self.places.get_or_insert([at; 2]);
@@ -180,7 +196,9 @@ impl SurveyTrack {
 
     /// Whether a place is not the newest one.
     fn is_elsewhere(&self, at: Option<Placement>) -> bool {
-        self.places.zip(at).is_some_and(|([_, newest], at)| apart(&newest, &at) > ONE_PLACE)
+        self.places
+            .zip(at)
+            .is_some_and(|([_, newest], at)| self.unit.metres() * apart(&newest, &at) > ONE_PLACE_M)
     }
 }
 
@@ -193,6 +211,8 @@ fn apart(a: &Placement, b: &Placement) -> f64 {
 mod tests {
     use super::super::super::protocol::Absence;
     use super::*;
+
+    const MATRIX: [f64; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 
     fn at_s(seconds: f64) -> TimeNs {
         TimeNs(0).after(SpanNs::from_seconds(seconds))
@@ -270,7 +290,6 @@ mod tests {
 
     #[test]
     fn a_second_place_in_a_frame_is_counted_and_changes_no_rate() {
-        const MATRIX: [f64; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         let place = |x_m: f64| Some(Placement { pos_v: [x_m, 0.0, 1.0], matrix: MATRIX });
         let mut track = SurveyTrack::default();
         for number in 0..200_i64 {
@@ -293,6 +312,25 @@ mod tests {
         let report = track.report();
         assert_eq!((report.doubled, report.frames), (0, 21), "{report:?}");
         assert!((report.rate_hz - 100.0).abs() < 6.0, "{report:?}");
+    }
+
+    #[test]
+    fn two_objects_of_one_name_are_a_tenth_of_a_metre_apart_in_every_unit() {
+        for unit in [Unit::Metre, Unit::Centimetre, Unit::Millimetre] {
+            for (apart_m, is_doubled) in [(0.001, false), (0.099, false), (0.101, true)] {
+                let place =
+                    |x_m: f64| Placement { pos_v: [x_m / unit.metres(); 3], matrix: MATRIX };
+                let mut track = SurveyTrack::new(unit);
+                for number in 0..20_i64 {
+                    for x_m in [1.0, 1.0 + apart_m / 3.0_f64.sqrt()] {
+                        let now = at_s(number as f64 / 100.0);
+                        track.take(now, Some(place(x_m)), head(number, None));
+                    }
+                }
+                let report = track.report();
+                assert_eq!(report.doubled > 0, is_doubled, "{apart_m} m, {unit:?}: {report:?}");
+            }
+        }
     }
 
     #[test]

@@ -13,7 +13,7 @@ pub mod kind {
     pub const TYPE: i32 = -2;
 }
 
-/// What a cookie begins with, up to the second part of the version.
+/// Begin of a cookie, up to the second part of the version.
 pub(super) const COOKIE_BEGIN: &[u8] = b"vrpn: ver. 07.";
 pub(super) const COOKIE_BYTES: usize = 24;
 pub(super) const HEAD_BYTES: usize = 24;

@@ -29,7 +29,7 @@ const START_TIME: Duration = Duration::from_secs(10);
 /// How long a guardian that does not read may hold up the end.
 const END_TIME: Duration = Duration::from_millis(500);
 
-/// What the sender has to know before it sends.
+/// Report of the guardian that the sender reads before it sends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GuardianReport {
     /// Nothing to report.
@@ -85,7 +85,7 @@ impl Heartbeat {
         Ok(Self { channel: Some(channel), ..Self::default() })
     }
 
-    /// What the sender does at `now`. To be called at least every 40 ms.
+    /// Reports the duty of the sender at `now`. To be called at least every 40 ms.
     pub fn beat(&mut self, duty: Duty, now: TimeNs) {
         let is_news =
             self.last.is_none_or(|(last, at)| last != duty || now.since(at) >= REPEAT_AFTER);
@@ -101,7 +101,7 @@ impl Heartbeat {
         self.last = Some((duty, now));
     }
 
-    /// What the guardian has reported up to `now`.
+    /// Newest report of the guardian up to `now`.
     pub fn report(&mut self, now: TimeNs) -> GuardianReport {
         let Some(channel) = &mut self.channel else { return GuardianReport::Continue };
         let mut bytes = [0; 64];

@@ -49,7 +49,7 @@ pub enum DronePacket {
     },
     /// Answer to a setting, with its sequence number.
     SettingAck {
-        /// What was set.
+        /// Setting that was set.
         setting: Setting,
         /// Its number.
         sequence: u16,
@@ -58,7 +58,7 @@ pub enum DronePacket {
     Answer {
         /// Its number.
         sequence: u16,
-        /// What it tells.
+        /// Its content.
         answer: Answer,
     },
     /// Asks for the host's date and time.
@@ -103,32 +103,32 @@ impl DronePacket {
                 to.extend_from_slice(&video_port.to_le_bytes());
             }
             Self::Status { sequence, ref status } => {
-                write_frame((KIND_STATUS, id::FLIGHT_STATUS), sequence, &status.to_bytes(), to);
+                write_frame(KIND_STATUS, id::FLIGHT_STATUS, sequence, &status.to_bytes(), to);
             }
             Self::Ack { action, sequence } => {
-                write_frame((KIND_REPLY, action.id()), sequence, &[0], to);
+                write_frame(KIND_REPLY, action.id(), sequence, &[0], to);
             }
             Self::SettingAck { setting: Setting::AltitudeLimit, sequence } => {
-                write_frame((KIND_REPLY, id::ALTITUDE_LIMIT), sequence, &[0], to);
+                write_frame(KIND_REPLY, id::ALTITUDE_LIMIT, sequence, &[0], to);
             }
             Self::Answer { sequence, ref answer } => {
-                let head = (KIND_REPLY, answer.query().id());
-                write_any_frame(head, sequence, &answer.payload(), to);
+                let id = answer.query().id();
+                write_any_frame(KIND_REPLY, id, sequence, &answer.payload(), to);
             }
             Self::DateTimeRequest { sequence } => {
-                write_frame((KIND_REQUEST, id::DATE_TIME), sequence, &[0, 0], to);
+                write_frame(KIND_REQUEST, id::DATE_TIME, sequence, &[0, 0], to);
             }
             Self::LogHeader { sequence, header_id } => {
                 let [low, high] = header_id.to_le_bytes();
-                write_frame((KIND_STATUS, id::LOG_HEADER), sequence, &[low, high, 0, 0, 0, 0], to);
+                write_frame(KIND_STATUS, id::LOG_HEADER, sequence, &[low, high, 0, 0, 0, 0], to);
             }
             Self::LogData { sequence, tick, yaw_rad } => {
                 let payload = flight_log::imu_payload(tick, yaw_rad);
-                write_frame((KIND_STATUS, id::LOG_DATA), sequence, &payload, to);
+                write_frame(KIND_STATUS, id::LOG_DATA, sequence, &payload, to);
             }
             Self::WifiStrength { sequence, strength_pct, disturbance } => {
                 let payload = [strength_pct, disturbance];
-                write_frame((KIND_STATUS, id::WIFI_STRENGTH), sequence, &payload, to);
+                write_frame(KIND_STATUS, id::WIFI_STRENGTH, sequence, &payload, to);
             }
         }
     }

@@ -96,34 +96,34 @@ impl HostPacket {
                 let TimeOfDay { hour, minute, second, millisecond } = time;
                 let [ms_low, ms_high] = millisecond.to_le_bytes();
                 let payload = [w0, w1, w2, w3, w4, w5, hour, minute, second, ms_low, ms_high];
-                write_frame((KIND_STICKS, id::STICKS), 0, &payload, to);
+                write_frame(KIND_STICKS, id::STICKS, 0, &payload, to);
             }
             Self::Action { action: Action::TakeOff, sequence } => {
-                write_frame((KIND_SET, id::TAKE_OFF), sequence, &[], to);
+                write_frame(KIND_SET, id::TAKE_OFF, sequence, &[], to);
             }
             Self::Action { action: Action::Land, sequence } => {
-                write_frame((KIND_SET, id::LAND), sequence, &[LAND], to);
+                write_frame(KIND_SET, id::LAND, sequence, &[LAND], to);
             }
             Self::EmergencyStop => {
                 to.clear();
                 to.extend_from_slice(EMERGENCY);
             }
             Self::CancelLanding { sequence } => {
-                write_frame((KIND_SET, id::LAND), sequence, &[CANCEL_LANDING], to);
+                write_frame(KIND_SET, id::LAND, sequence, &[CANCEL_LANDING], to);
             }
             Self::DateTime { sequence, time } => {
-                write_frame((KIND_DATA, id::DATE_TIME), sequence, &date_time_payload(&time), to);
+                write_frame(KIND_DATA, id::DATE_TIME, sequence, &date_time_payload(&time), to);
             }
             Self::LogHeaderAck { sequence, header_id } => {
                 let [low, high] = header_id.to_le_bytes();
-                write_frame((KIND_DATA, id::LOG_HEADER), sequence, &[0, low, high], to);
+                write_frame(KIND_DATA, id::LOG_HEADER, sequence, &[0, low, high], to);
             }
             Self::AltitudeLimit { sequence, limit_m } => {
                 let payload = limit_m.to_le_bytes();
-                write_frame((KIND_SET, id::ALTITUDE_LIMIT), sequence, &payload, to);
+                write_frame(KIND_SET, id::ALTITUDE_LIMIT, sequence, &payload, to);
             }
             Self::Query { sequence, query } => {
-                write_frame((KIND_GET, query.id()), sequence, &[], to);
+                write_frame(KIND_GET, query.id(), sequence, &[], to);
             }
         }
     }

@@ -142,11 +142,11 @@ fn every_truncation_and_every_flipped_bit_is_an_error() {
 #[test]
 fn a_correct_frame_with_a_wrong_payload_says_so() {
     let mut written = Vec::new();
-    write_frame((0x88, id::FLIGHT_STATUS), 0, &[0; 23], &mut written);
+    write_frame(0x88, id::FLIGHT_STATUS, 0, &[0; 23], &mut written);
     let error = DronePacket::decode(&written).unwrap_err();
     assert_eq!(error, PacketError::Payload { id: id::FLIGHT_STATUS, length: 23 });
     assert_eq!(error.to_string(), "message 0x0056 does not fit its payload of 23 bytes");
-    write_frame((0x68, id::LAND), 0, &[2], &mut written);
+    write_frame(0x68, id::LAND, 0, &[2], &mut written);
     let error = HostPacket::decode(&written).unwrap_err();
     assert_eq!(error, PacketError::Payload { id: id::LAND, length: 1 });
 }
@@ -167,11 +167,11 @@ proptest! {
         short: [u8; 3], word: [u8; 11], status: [u8; 24],
     ) {
         let mut frame = Vec::new();
-        write_frame((0x88, id), 7, &short, &mut frame);
+        write_frame(0x88, id, 7, &short, &mut frame);
         check_frame(&frame)?;
-        write_frame((0x88, id), 7, &word, &mut frame);
+        write_frame(0x88, id, 7, &word, &mut frame);
         check_frame(&frame)?;
-        write_frame((0x88, id), 7, &status, &mut frame);
+        write_frame(0x88, id, 7, &status, &mut frame);
         check_frame(&frame)?;
     }
 }

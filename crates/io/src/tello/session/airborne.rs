@@ -2,7 +2,7 @@
 
 use tello_flight::drone::TAKE_OFF_UNSEEN;
 
-use super::witness::Rest;
+use super::down_detection::Rest;
 use super::{
     DroneOrder, EMERGENCY_REST, LAND_REST, LAST_LANDING_TIME, Session, SessionPhase, TAKE_OFF_TIME,
     TakeOff,
@@ -10,36 +10,36 @@ use super::{
 use crate::clock::TimeNs;
 
 impl Session {
-    /// What a fresh pose of the motion capture shows: in the air, on the floor, or `None` if there is no
+    /// Takes what a fresh pose of the motion capture shows: in the air, on the floor, or `None` if there is no
     /// fresh pose. To be called in every period of the control loop.
     ///
-    /// A landing ends only when both witnesses, status and pose, report that the drone is down, or one of them
+    /// A landing ends only when both sources, status and pose, report that the drone is down, or one of them
     /// for 10 s while the other reports nothing. "On the floor" counts for 0.5 s. "In the air" counts until the
     /// opposite is seen, or until there was no fresh pose for 2 s.
     pub fn observe_pose(&mut self, is_airborne: Option<bool>, now: TimeNs) {
-        self.witnesses.observe_pose(is_airborne, now);
+        self.sources.observe_pose(is_airborne, now);
         self.note_rest(now);
     }
 
-    /// Whether the drone may be in the air by its witnesses and by what was sent to it: if in doubt, yes. Our sticks
+    /// Whether the drone may be in the air by status and pose and by what was sent to it: if in doubt, yes. Our sticks
     /// and landings are a reason to doubt only if it ever acknowledged the connection.
     pub(super) fn may_be_airborne(&self, now: TimeNs) -> bool {
         let seen = if self.may_have_flown || !self.may_steer() {
             let has_ended =
                 matches!(self.phase, SessionPhase::Landed { .. } | SessionPhase::MotorsStopped);
-            // One witness that reports "down" has to last before it ends a landing.
-            let is_certain = has_ended || !self.witnesses.is_alone(now);
-            self.witnesses.is_airborne(now).map(|is_airborne| is_airborne || !is_certain)
+            // One source that reports "down" has to last before it ends a landing.
+            let is_certain = has_ended || !self.sources.is_alone(now);
+            self.sources.is_airborne(now).map(|is_airborne| is_airborne || !is_certain)
         } else {
             // Carried by hand before the flight: a pose in the air is no reason to land.
-            self.witnesses.status(now)
+            self.sources.status(now)
         };
         self.may_be_taking_off(now) || seen.unwrap_or_else(|| self.is_airborne_in_doubt())
     }
 
     /// The same where neither status nor pose is available.
     fn is_airborne_in_doubt(&self) -> bool {
-        let last_status = self.witnesses.last_status();
+        let last_status = self.sources.last_status();
         match self.phase {
             SessionPhase::Landed { .. } | SessionPhase::MotorsStopped => false,
             SessionPhase::Quiet => last_status == Some(true),
@@ -60,7 +60,7 @@ impl Session {
             self.talk.take_off_repeat_after().is_some_and(|after| now.since(at) >= after)
         };
         let is_first_or_lost = self.take_off.is_none_or(may_be_lost);
-        self.may_steer() && self.witnesses.status(now) == Some(false) && is_first_or_lost
+        self.may_steer() && self.sources.status(now) == Some(false) && is_first_or_lost
     }
 
     /// Until then "not flying" does not mean landed.
@@ -71,15 +71,15 @@ impl Session {
     }
 
     /// Ends a landing or an emergency stop when the drone has been down for long enough, and resumes it when a
-    /// witness reports that the drone is airborne again: the witness may have been missing before.
+    /// source reports that the drone is airborne again: the source may have been missing before.
     pub(super) fn note_rest(&mut self, now: TimeNs) {
-        let is_airborne = self.witnesses.is_airborne(now) == Some(true);
+        let is_airborne = self.sources.is_airborne(now) == Some(true);
         if let Some(take_off) = &mut self.take_off {
             take_off.was_seen |= is_airborne;
         }
         let is_taking_off = self.may_be_taking_off(now);
-        let witnesses = self.witnesses;
-        let rest = |before| witnesses.rest(before, now).filter(|_| !is_taking_off);
+        let sources = self.sources;
+        let rest = |before| sources.rest(before, now).filter(|_| !is_taking_off);
         let is_over =
             |rest: Option<Rest>, hold| rest.is_some_and(|rest| now >= rest.is_over_at(hold));
         match &mut self.phase {
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn without_any_witness_what_was_sent_decides() {
+    fn without_any_source_what_was_sent_decides() {
         let steered =
             SessionPhase::Steered { approved: approved(0.5), approved_at: ms(0), again_at: ms(0) };
         let landing = SessionPhase::Landing { again_at: ms(0), at_rest: None };

@@ -25,7 +25,7 @@ pub(super) struct BinaryTalk {
     utc_start_ns: i64,
     /// Highest altitude that the drone has yet to confirm. m
     altitude_limit_m: Option<u16>,
-    /// What is to be asked, until it is answered.
+    /// Queries to be sent, until they are answered.
     queries: [Option<Query>; Query::ALL.len()],
     /// How often it was asked.
     asked: u8,

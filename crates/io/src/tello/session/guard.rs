@@ -1,4 +1,4 @@
-//! What a session leaves to the guardian: what it does, and what to send when it is gone.
+//! Hand-over of a session to the guardian: its present duty, and the packets that land the drone.
 
 use horizon_model::rows::Sticks;
 
@@ -9,11 +9,11 @@ use super::super::text::Command;
 use super::{DroneOrder, Message, Session};
 use crate::clock::{TimeNs, TimeOfDay};
 
-/// Packets that need no session, what a guardian sends in `protocol`: all sticks at rest, and the order to land.
+/// Packets that a guardian sends without a session: neutral sticks and the order to land, in `protocol`.
 ///
 /// `landings` counts the orders before. Each has a number of its own, from the largest downwards: a drone may take a
 /// known number for a copy of a landing that the neutral sticks have just cancelled.
-pub(in crate::tello) fn last_words(protocol: Protocol, landings: u32) -> [Vec<u8>; 2] {
+pub(in crate::tello) fn landing_packets(protocol: Protocol, landings: u32) -> [Vec<u8>; 2] {
     let u = Sticks::zeros();
     let messages = match protocol {
         Protocol::Binary => {
@@ -33,8 +33,8 @@ pub(in crate::tello) fn last_words(protocol: Protocol, landings: u32) -> [Vec<u8
 }
 
 impl Session {
-    /// What the guardian has to go on with if [`Session::advance`] is not called any more: nothing in a dry
-    /// run. An emergency stop counts as a landing: neutral sticks and LAND are its next step.
+    /// Duty that the guardian goes on with if [`Session::advance`] is not called any more: none in a dry run. An
+    /// emergency stop counts as a landing: neutral sticks and LAND are its next step.
     pub(in crate::tello) fn duty(&self, now: TimeNs) -> Duty {
         if self.is_dry_run || !self.may_be_airborne(now) {
             Duty::Idle
@@ -70,10 +70,10 @@ mod tests {
     use crate::tello::protocol::VIDEO_PORT;
 
     #[test]
-    fn the_last_words_are_neutral_sticks_and_a_landing_in_either_protocol() {
-        assert_eq!(last_words(Protocol::Text, 0), [&b"rc 0 0 0 0"[..], &b"land"[..]]);
+    fn the_landing_packets_are_neutral_sticks_and_a_landing_in_either_protocol() {
+        assert_eq!(landing_packets(Protocol::Text, 0), [&b"rc 0 0 0 0"[..], &b"land"[..]]);
         for (landings, expected) in [(0, u16::MAX), (1, u16::MAX - 1), (59, u16::MAX - 59)] {
-            let packets = last_words(Protocol::Binary, landings);
+            let packets = landing_packets(Protocol::Binary, landings);
             let [neutral, land] = packets.map(|bytes| HostPacket::decode(&bytes).unwrap());
             assert!(matches!(neutral, HostPacket::Sticks { u, .. } if u == Sticks::zeros()));
             assert_eq!(land, HostPacket::Action { action: Action::Land, sequence: expected });

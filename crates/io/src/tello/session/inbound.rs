@@ -1,4 +1,4 @@
-//! What the drone sends, and what it changes: the link, and the word of one of the two witnesses.
+//! Messages of the drone, and what they change: the link, and the report of one of the two sources.
 
 use std::sync::atomic::Ordering;
 
@@ -50,7 +50,7 @@ impl Session {
             Received::Acknowledged => self.counters.acks.count(),
             Received::Fact(answer) => self.counters.note(answer),
             Received::Status(status) => {
-                self.witnesses.receive_status(&status, self.may_have_flown, now);
+                self.sources.receive_status(&status, self.may_have_flown, now);
                 self.may_have_flown |= status.is_flying;
                 // A drone that reports knows us, should every answer be lost, or go to another port: state lines of
                 // the text SDK come in SDK mode only, in which it takes sticks.

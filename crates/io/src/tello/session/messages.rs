@@ -30,7 +30,7 @@ impl Message {
     }
 }
 
-/// What a datagram of the drone means.
+/// Meaning of a datagram of the drone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Received {
     /// The drone is there, and nothing else.

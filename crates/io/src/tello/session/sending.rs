@@ -1,6 +1,6 @@
 //! What a decision puts on the wire: sticks, a landing with its neutral sticks, the emergency-stop sequence.
 
-use super::witness::Rest;
+use super::down_detection::Rest;
 use super::{
     Approved, CONNECT_PERIOD, DroneOrder, EMERGENCY_COPIES, EMERGENCY_LAND_AFTER, EMERGENCY_PERIOD,
     EmergencyStop, Link, Session, SessionPhase,
@@ -82,8 +82,8 @@ mod tests {
     use std::sync::Arc;
 
     use super::super::Message;
+    use super::super::down_detection::AirborneSources;
     use super::super::tests::{approved, ms};
-    use super::super::witness::Witnesses;
     use super::*;
     use crate::tello::LinkCounters;
     use crate::tello::protocol::{Action, HostPacket};
@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     fn every_other_step_lands_once_its_time_is_over_and_none_is_at_rest() {
-        let mut down = Witnesses::default();
+        let mut down = AirborneSources::default();
         down.observe_pose(Some(false), ms(0));
         let alone = down.rest(None, ms(0));
         let stop = |at_rest, is_landing_next| EmergencyStop {

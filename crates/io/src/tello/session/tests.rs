@@ -1,10 +1,10 @@
+mod down_detection;
 mod emergency_stop;
 mod guard;
 mod landing;
 mod queries;
 mod silence;
 mod text;
-mod witnesses;
 
 use horizon_model::rows::Sticks;
 use tello_flight::gate::{Gate, GateTable};
@@ -119,7 +119,7 @@ impl Bench {
         status
     }
 
-    /// Both witnesses report that the drone is down.
+    /// Both sources report that the drone is down.
     fn stand(&mut self, now_ms: i64) {
         self.observe_pose(now_ms, Some(false));
         self.receive(now_ms, &status(false));

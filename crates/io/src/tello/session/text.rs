@@ -28,7 +28,7 @@ const TAKE_OFF_MAX: SpanNs = SpanNs::from_ms(12_000);
 /// on the floor reports 0.1 or 0.3 m. m
 pub const TOF_FLYING_M: std::ops::RangeInclusive<f64> = 0.31..=10.0;
 
-/// What the replies and the state lines have reported so far.
+/// Newest reports of replies and state lines.
 #[derive(Debug, Default)]
 pub(super) struct TextTalk {
     /// Where the state line is to go, if not to the usual port.

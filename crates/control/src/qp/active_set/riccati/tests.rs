@@ -82,10 +82,10 @@ impl Step {
             second_derivatives: &self.second_derivatives,
             penalties: &self.penalties,
         };
-        let working = Working { active, penalties: &self.penalties, penalized: &PENALIZED };
+        let working = Working { k: 0, active, penalties: &self.penalties, penalized: &PENALIZED };
         let (mut policy, mut value) = (Policy::zeros(), Value::zeros());
-        let into = (&mut policy, &mut value);
-        eliminate(0, &problem, &self.curvature, &working, into, &self.next)?;
+        let (curvature, next) = (&self.curvature, &self.next);
+        eliminate(&problem, curvature, &working, next, &mut policy, &mut value)?;
         Ok((policy, value))
     }
 

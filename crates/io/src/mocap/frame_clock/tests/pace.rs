@@ -95,7 +95,7 @@ fn stalls_and_bursts_on_the_ground_are_no_other_pace() {
 }
 
 #[test]
-fn a_stream_that_stays_late_on_the_ground_is_believed_again_after_the_window() {
+fn a_stream_that_stays_late_on_the_ground_is_accepted_again_after_the_window() {
     let mut clock = FrameClock::new();
     for number in 0..4000 {
         let behind_ms = if number < 500 { 0.0 } else { 400.0 };

@@ -30,7 +30,7 @@ proptest! {
         raw[10..12].fill(0);
         raw[19..].fill(0);
         let mut frame = Vec::new();
-        write_frame((0x88, id::FLIGHT_STATUS), sequence, &raw, &mut frame);
+        write_frame(0x88, id::FLIGHT_STATUS, sequence, &raw, &mut frame);
         let mut written = Vec::new();
         DronePacket::decode(&frame).unwrap().encode(&mut written);
         prop_assert_eq!(written, frame);

@@ -23,7 +23,7 @@ fn the_long_form_of_the_time_is_read() {
 #[test]
 fn a_word_beyond_full_deflection_is_refused() {
     let mut written = Vec::new();
-    write_frame((0x60, id::STICKS), 0, &[0; 11], &mut written);
+    write_frame(0x60, id::STICKS, 0, &[0; 11], &mut written);
     let error = HostPacket::decode(&written).unwrap_err();
     assert_eq!(error, PacketError::Payload { id: id::STICKS, length: 11 });
 }

@@ -5,7 +5,7 @@ use super::*;
 fn answers_are_read_as_they_are_laid_out_and_no_others() {
     let mut written = Vec::new();
     let mut read = |id, payload: &[u8]| {
-        write_any_frame((0xB0, id), 7, payload, &mut written);
+        write_any_frame(0xB0, id, 7, payload, &mut written);
         match DronePacket::decode(&written) {
             Ok(DronePacket::Answer { sequence: 7, answer }) => Some(answer),
             Err(PacketError::Unread { .. }) => None,

@@ -195,7 +195,7 @@ fn a_stopped_session_repeats_the_emergency_stop_until_the_drone_lies_still() {
 }
 
 #[test]
-fn a_drone_that_is_down_by_one_witness_alone_is_landed_beside_the_emergency_stops_for_10_s() {
+fn a_drone_that_is_down_by_one_source_alone_is_landed_beside_the_emergency_stops_for_10_s() {
     for (says, sees) in [(Some(false), None), (None, Some(false))] {
         let mut bench = Bench::connected();
         bench.order(10, DroneOrder::EmergencyStop);

@@ -23,7 +23,7 @@ impl Text {
         bench.session.advance(ms(0));
         bench.reply(0, "ok");
         bench.fly(0, 4_000, |_| 7);
-        assert_eq!(bench.session.witnesses.last_status(), Some(false), "{:?}", bench.session);
+        assert_eq!(bench.session.sources.last_status(), Some(false), "{:?}", bench.session);
         bench.sent.clear();
         bench
     }

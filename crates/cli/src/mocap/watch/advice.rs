@@ -1,15 +1,15 @@
-//! What a watched object shows: words for people.
+//! Printed advice on axes, nose, unit and rate after an object was watched.
 
 use anyhow::Result;
 use tello_io::mocap::{Axis, FrameTable, Survey, TrackReport};
 
-use super::{WAY_MIN_M, Watched, Way, is_doubled, unit_doubt};
+use super::{DISPLACEMENT_MIN_M, Displacement, Seen, Watched, is_doubled, unit_doubt};
 use crate::stdio;
 
-/// A body that stands on the floor leans less than this. deg
+/// Largest tilt of a body that stands on the floor. deg
 const TILT_MAX_DEG: f64 = 20.0;
 
-/// A way that was carried nose first is off the heading by less. deg
+/// Largest angle between nose and displacement of an object that was carried nose first. deg
 const NOSE_OFF_MAX_DEG: f64 = 30.0;
 
 /// Axes whose third is the given one, right-handed.
@@ -24,30 +24,39 @@ pub(super) fn axes_with_up(up: Axis) -> [Axis; 3] {
     }
 }
 
-/// What to conclude, for people.
-pub(super) fn print_end(watched: &Watched, survey: &Survey) -> Result<()> {
-    let Some(now) = watched.now else {
-        let names: Vec<String> = survey.objects.keys().map(|name| format!("{name:?}")).collect();
-        stdio::line(format_args!("{:?} was not seen.", watched.object))?;
-        if let Some(trouble) = &watched.trouble {
-            stdio::line(format_args!("The connection: {trouble}."))?;
-        }
-        if let Some(refused) = &watched.refused {
-            stdio::line(format_args!("Refused: {refused}."))?;
-        }
-        return if names.is_empty() {
-            stdio::line("There are no objects. tello-ctl mocap list HOST tries every protocol.")
-        } else {
-            stdio::line(format_args!("There are: {}", names.join(", ")))
-        };
-    };
-    let doubled = watched.report.doubled;
+/// Prints the advice.
+pub(super) fn print_advice(watched: &Watched, survey: &Survey) -> Result<()> {
+    let Some(now) = watched.now else { return print_unseen(watched, survey) };
     if is_doubled(&watched.report) {
         return stdio::line(format_args!(
-            "Two objects are called {:?}, in {doubled} frames: rename one; what is above is of both.",
-            watched.object
+            "Two objects are called {:?}, in {} frames: rename one; the numbers above mix both objects.",
+            watched.object, watched.report.doubled
         ));
     }
+    print_stream(watched, &now)?;
+    print_displacement(watched)?;
+    print_settings(watched)
+}
+
+/// The object was not seen: reasons, and the objects that are there.
+fn print_unseen(watched: &Watched, survey: &Survey) -> Result<()> {
+    let names: Vec<String> = survey.objects.keys().map(|name| format!("{name:?}")).collect();
+    stdio::line(format_args!("{:?} was not seen.", watched.object))?;
+    if let Some(trouble) = &watched.trouble {
+        stdio::line(format_args!("The connection: {trouble}."))?;
+    }
+    if let Some(refused) = &watched.refused {
+        stdio::line(format_args!("Refused: {refused}."))?;
+    }
+    if names.is_empty() {
+        stdio::line("There are no objects. tello-ctl mocap list HOST tries every protocol.")
+    } else {
+        stdio::line(format_args!("There are: {}", names.join(", ")))
+    }
+}
+
+/// Tilt, refused poses, gaps and unit.
+fn print_stream(watched: &Watched, now: &Seen) -> Result<()> {
     if now.tilt_deg > TILT_MAX_DEG {
         stdio::line(format_args!(
             "Its top leans {:.0} degrees from up: if the vehicle stands level, the axes are wrong, or the object was \
@@ -65,17 +74,24 @@ pub(super) fn print_end(watched: &Watched, survey: &Survey) -> Result<()> {
     if let Some(doubt) = unit_doubt([now.x_m, now.y_m, now.z_m], watched.settings.has_frame()) {
         stdio::line(doubt)?;
     }
-    match watched.way {
+    Ok(())
+}
+
+/// Axes and nose by the displacement.
+fn print_displacement(watched: &Watched) -> Result<()> {
+    match watched.displacement {
         None => stdio::line(format_args!(
-            "It did not move by {WAY_MIN_M} m. Lift it straight up to check the axes, carry it nose first to check the \
+            "It did not move by {DISPLACEMENT_MIN_M} m. Lift it straight up to check the axes, carry it nose first to check the \
              nose. If it was lifted, the source is in another unit than these settings say."
-        ))?,
-        Some(way) => {
-            for line in way_lines(&way, watched.settings.has_frame())? {
-                stdio::line(line)?;
-            }
-        }
+        )),
+        Some(displacement) => displacement_lines(&displacement, watched.settings.has_frame())?
+            .into_iter()
+            .try_for_each(stdio::line),
     }
+}
+
+/// The settings that were used, and the rate to write into them.
+fn print_settings(watched: &Watched) -> Result<()> {
     let settings = serde_json::to_string(&watched.settings)?;
     stdio::line(format_args!("Settings that were used: \"mocap\": {settings}"))?;
     if let Some(rate_hz) = watched.suggested_rate_hz {
@@ -87,9 +103,9 @@ pub(super) fn print_end(watched: &Watched, survey: &Survey) -> Result<()> {
     Ok(())
 }
 
-/// What the way tells of axes and nose; `has_frame`: the settings of the source have axes.
-fn way_lines(way: &Way, has_frame: bool) -> Result<Vec<String>> {
-    let Way {
+/// Advice on axes and nose by the displacement; `has_frame`: the settings of the source have axes.
+fn displacement_lines(displacement: &Displacement, has_frame: bool) -> Result<Vec<String>> {
+    let Displacement {
         length_m,
         source_axis,
         source_off_deg,
@@ -97,7 +113,7 @@ fn way_lines(way: &Way, has_frame: bool) -> Result<Vec<String>> {
         object_off_deg,
         climb_deg,
         nose_off_deg,
-    } = *way;
+    } = *displacement;
     let mut lines = vec![format!(
         "It moved {length_m:.2} m: along {} of the source (off by {source_off_deg:.0} degrees), along {} of the object \
          (off by {object_off_deg:.0}), {climb_deg:.0} degrees above the floor by these settings.",
@@ -125,14 +141,9 @@ fn way_lines(way: &Way, has_frame: bool) -> Result<Vec<String>> {
         }
         return Ok(lines);
     }
-    let frame = |axes, nose| {
-        let (axes, nose) = (Some(axes), nose);
-        serde_json::to_string(&FrameTable { axes, nose, unit: None })
-    };
-    lines.push(format!(
-        "If you lifted it, up is wrong: write \"frame\": {}",
-        frame(axes_with_up(source_axis), None)?
-    ));
+    let frame = FrameTable { axes: Some(axes_with_up(source_axis)), nose: None, unit: None };
+    let frame = serde_json::to_string(&frame)?;
+    lines.push(format!("If you lifted it, up is wrong: write \"frame\": {frame}"));
     if climb_deg.abs() < 30.0 && !is_nose_right {
         lines.push(format!(
             "If you carried it nose first, the nose is {:?}: write \"nose\": {:?} into \"frame\".",
@@ -147,8 +158,8 @@ fn way_lines(way: &Way, has_frame: bool) -> Result<Vec<String>> {
 mod tests {
     use tello_io::mocap::{Axes, Placement, Unit};
 
+    use super::super::displacement;
     use super::super::tests::track_to;
-    use super::super::way;
     use super::*;
 
     #[test]
@@ -168,8 +179,8 @@ mod tests {
     #[test]
     fn a_nose_that_is_right_is_called_right() {
         let words = |pos_v: [f64; 3], has_frame: bool| {
-            let way = way(&track_to(pos_v), &Axes::ours()).unwrap();
-            way_lines(&way, has_frame).unwrap().join("\n")
+            let displacement = displacement(&track_to(pos_v), &Axes::ours()).unwrap();
+            displacement_lines(&displacement, has_frame).unwrap().join("\n")
         };
         for has_frame in [false, true] {
             let ahead = words([1.0, 0.1, 0.0], has_frame);

@@ -7,11 +7,11 @@ fn init_with(words: &[&str]) -> Result<Verdict> {
     let words = ["tello-ctl", "init"].iter().chain(words);
     let arguments = crate::Arguments::try_parse_from(words)?;
     let crate::Command::Init(arguments) = &arguments.command else { bail!("another command") };
-    init(arguments)
+    run(arguments)
 }
 
 fn empty_folder(name: &str) -> PathBuf {
-    let dir = std::env::temp_dir().join(format!("tello-ctl-install-{}-{name}", std::process::id()));
+    let dir = std::env::temp_dir().join(format!("tello-ctl-init-{}-{name}", std::process::id()));
     drop(fs::remove_dir_all(&dir));
     dir
 }

@@ -2,17 +2,17 @@
 //!
 //! Let P be the time per number of the line and P (1 + e) the true one. Frames then seem to be later by e per
 //! second, 4 ms if 240 Hz are announced as 241, and are refused after some ten seconds. A delay that grows
-//! steadily looks the same, so that the pace is learned only where all of this holds: the arrivals of the last
-//! seconds lie on one straight line; a line through them and through the first arrival explains them; its pace
-//! is between the bounds which ground and flight left so far ([`Bounds`]). With T of a healthy stream a growth of
-//! more than 10 ms / T (`JITTER_NS` of `bounds.rs`) is none of those, and stays visible.
+//! steadily looks the same, so the skew e is corrected only where all of this holds: the arrivals of the last seconds
+//! lie on one straight line; a line through them and through the first arrival explains them; its period is between
+//! the bounds that ground and flight left so far ([`Bounds`]). After T of a healthy stream a growth of more than
+//! 10 ms / T (`JITTER_NS` of `bounds.rs`) is outside of these bounds: its frames are reported as late.
 
 use super::arrivals::{Arrivals, MeasuredPace};
 use super::bounds::Bounds;
-use super::change::RateChange;
-use super::earlier::ShorterWay;
-use super::ground::Ground;
-use super::{Arrival, DRIFT, Line, SAME_COUNT_NS};
+use super::calibration::Calibration;
+use super::rate_change::RateChange;
+use super::shorter_delay::ShorterDelay;
+use super::{Arrival, Line, SAME_COUNT_NS, SKEW_MAX};
 use crate::clock::{SpanNs, TimeNs};
 
 /// Distance from the line that jitter explains: within it a frame of a flight is on time. ns
@@ -28,24 +28,24 @@ const CLIMB_ON_TIME_NS: f64 = 250e6;
 /// Shortest window that tells a pace in flight.
 const WINDOW_MIN: SpanNs = SpanNs::from_ms(5_000);
 
-/// How far a straight line is from the lowest arrivals in its middle at most: as a fraction of what it corrects. 1
-const BOW_MAX: f64 = 0.25;
+/// Largest curvature of a line that counts as straight, as a fraction of the correction. 1
+const CURVATURE_RATIO_MAX: f64 = 0.25;
 
-/// The same, of a correction of a few milliseconds. ns
-const BOW_NS: f64 = 0.5e6;
+/// Curvature that is accepted at any correction. ns
+const CURVATURE_SLACK_NS: f64 = 0.5e6;
 
-/// An anchor that is further above a line was late itself. ns
-const ANCHOR_LATE_NS: f64 = 3e6;
+/// Largest delay of the anchor above the line of the newest arrivals: with a larger one the anchor was late. ns
+const ANCHOR_DELAY_MAX_NS: f64 = 3e6;
 
 /// Smaller changes of the pace are left to the drift, which the offset follows. 1
-const CHANGE_MIN: f64 = 1.2 * DRIFT;
+const CHANGE_MIN: f64 = 1.2 * SKEW_MAX;
 
-/// And those which jitter explains. ns
+/// Smaller changes of the time between anchor and newest arrival are explained by jitter. ns
 const CHANGE_MIN_NS: f64 = 3e6;
 
-/// The line that was learned before the take-off, as far as it followed the source's clock.
+/// The line of the ground, corrected for drift and skew since the take-off.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Flight {
+pub(super) struct HeldLine {
     /// `None`: no frame had a time before the take-off, so none has one in flight.
     line: Option<Line>,
     /// The line at the take-off, later that at the end of [`CLIMB_NS`]: frames far below it are of
@@ -57,23 +57,23 @@ pub(super) struct Flight {
     /// The arrival that periods are measured from.
     anchor: Option<Arrival>,
     change: RateChange,
-    shorter: ShorterWay,
+    shorter: ShorterDelay,
     /// Number of the newest frame with a known time.
     newest: i64,
 }
 
-impl Flight {
-    /// A flight that begins with what the ground taught.
-    pub(super) fn new(ground: &Ground) -> Self {
-        let (line, newest) = (ground.line(), ground.newest());
+impl HeldLine {
+    /// A flight that begins with the line of the ground.
+    pub(super) fn new(calibration: &Calibration) -> Self {
+        let (line, newest) = (calibration.line(), calibration.newest());
         Self {
             line,
             begin: line.map(|line| line.from(newest)),
             is_climbing: true,
-            bounds: ground.bounds(),
+            bounds: calibration.bounds(),
             anchor: None,
-            change: RateChange::new(ground.announced_hz()),
-            shorter: ShorterWay::default(),
+            change: RateChange::new(calibration.announced_hz()),
+            shorter: ShorterDelay::default(),
             newest,
         }
     }
@@ -95,7 +95,7 @@ impl Flight {
             return Some(self.begin_on(line, arrival, arrivals));
         }
         if !is_possible {
-            let line = self.shorter.observe(arrival, [self.begin?, drifted], self.newest)?;
+            let line = self.shorter.observe(arrival, self.begin?, drifted, self.newest)?;
             return Some(self.begin_on(line, arrival, arrivals));
         }
         self.shorter.restart();
@@ -104,7 +104,7 @@ impl Flight {
             let line = drifted.lowered_to(arrival);
             self.line = Some(line);
             if arrivals.keep(arrival, line) {
-                self.learn(arrivals);
+                self.correct_skew(arrivals);
             }
         }
         Some(drifted.measured_at(arrival))
@@ -129,28 +129,28 @@ impl Flight {
             (*begin, self.is_climbing) = (drifted.from(arrival.number), false);
         }
         let early_ns = if self.is_climbing { CLIMB_ON_TIME_NS } else { ON_TIME_NS };
-        let early_max_ns = early_ns + DRIFT * begin.age_ns(arrival.at);
+        let early_max_ns = early_ns + SKEW_MAX * begin.age_ns(arrival.at);
         let is_late = drifted.late_ns(arrival) > SAME_COUNT_NS;
         Some(!is_late && begin.late_ns(arrival) >= -early_max_ns)
     }
 
-    /// Takes in the pace of the arrivals, if it is one that the source's rate explains.
-    fn learn(&mut self, arrivals: &Arrivals) {
+    /// Takes over the period of the arrivals, if the source's rate explains it.
+    fn correct_skew(&mut self, arrivals: &Arrivals) {
         let (Some(line), Some(begin), Some(bounds)) =
             (&mut self.line, &mut self.begin, &mut self.bounds)
         else {
             return;
         };
         let Some(pace) = arrivals.pace(*line, WINDOW_MIN) else { return };
-        let MeasuredPace { early, recent, period_ns, span_ns, bow_ns } = pace;
+        let MeasuredPace { early, recent, period_ns, span_ns, curvature_ns } = pace;
         let corrected_ns = (period_ns / line.period_ns - 1.0).abs() * span_ns;
-        let bow_max_ns = BOW_NS.max(BOW_MAX * corrected_ns);
-        // The lowest arrivals are not straight, or their pace is outside of what T seconds measured.
-        if bow_ns.abs() > bow_max_ns || !bounds.contain(period_ns) {
+        let curvature_max_ns = CURVATURE_SLACK_NS.max(CURVATURE_RATIO_MAX * corrected_ns);
+        // The lowest arrivals are not straight, or their period is outside of the bounds.
+        if curvature_ns.abs() > curvature_max_ns || !bounds.contain(period_ns) {
             return;
         }
         let anchor = self.anchor.get_or_insert(early);
-        if Line::through(early, period_ns).late_ns(*anchor) > ANCHOR_LATE_NS {
+        if Line::through(early, period_ns).late_ns(*anchor) > ANCHOR_DELAY_MAX_NS {
             // The anchor arrived late.
             *anchor = early;
         }
@@ -158,7 +158,7 @@ impl Flight {
         let anchored_period_ns = anchor.period_to_ns(recent);
         let apart_ns = (period_ns / anchored_period_ns - 1.0).abs() * span_ns;
         // The recent arrivals do not agree with the anchor, or the pace since the anchor is outside of the same bounds.
-        if apart_ns > bow_max_ns || !bounds.contain(anchored_period_ns) {
+        if apart_ns > curvature_max_ns || !bounds.contain(anchored_period_ns) {
             return;
         }
         let anchored_span_ns = recent.at.since(anchor.at).0 as f64;
@@ -186,16 +186,16 @@ mod tests {
     const PERIOD_NS: f64 = 20e6;
 
     /// A flight that took off at 10 s with the line through that moment.
-    fn flight() -> Flight {
+    fn flight() -> HeldLine {
         let line = Line::through(Arrival { number: 500, at: TimeNs(10_000_000_000) }, PERIOD_NS);
-        Flight {
+        HeldLine {
             line: Some(line),
             begin: Some(line),
             is_climbing: true,
             bounds: None,
             anchor: None,
             change: RateChange::new(50.0),
-            shorter: ShorterWay::default(),
+            shorter: ShorterDelay::default(),
             newest: 500,
         }
     }
@@ -206,7 +206,7 @@ mod tests {
         Arrival { number: 500 + 50 * after_s, at: TimeNs(at) }
     }
 
-    fn is_taken(flight: &mut Flight, arrival: Arrival) -> bool {
+    fn is_taken(flight: &mut HeldLine, arrival: Arrival) -> bool {
         flight.measured_at(arrival, 50.0, &mut Arrivals::new()).is_some()
     }
 
@@ -248,7 +248,7 @@ mod tests {
 
     #[test]
     fn without_a_line_from_the_ground_no_frame_has_a_time() {
-        let mut flight = Flight { line: None, begin: None, ..flight() };
+        let mut flight = HeldLine { line: None, begin: None, ..flight() };
         assert!(!is_taken(&mut flight, frame(1, 0)));
     }
 }

@@ -72,7 +72,7 @@ fn until(end_ms: i64) -> Vec<i64> {
 }
 
 #[test]
-fn a_landing_ends_when_both_witnesses_say_down_and_by_one_alone_10_s_later() {
+fn a_landing_ends_when_both_sources_say_down_and_by_one_alone_10_s_later() {
     let down_from = |from_ms| move |now_ms| Some(now_ms < from_ms);
     let silent = |_| None;
     for is_text in [false, true] {
@@ -84,7 +84,7 @@ fn a_landing_ends_when_both_witnesses_say_down_and_by_one_alone_10_s_later() {
         assert_eq!(both, until(4_000), "the status is last");
         let late = |now_ms| (now_ms >= 5_100).then_some(false);
         assert_eq!(landings(is_text, down_from(3_100), late), until(5_000), "the pose comes back");
-        assert_eq!(landings(is_text, silent, silent), until(19_999), "no witness");
+        assert_eq!(landings(is_text, silent, silent), until(19_999), "no source");
         let denies = landings(is_text, |_| Some(false), |_| Some(true));
         assert_eq!(denies, until(19_999), "it denies the flight while the pose hovers");
         let sticks = landings(is_text, |_| Some(true), |_| Some(false));
@@ -100,7 +100,7 @@ fn a_pose_in_the_air_holds_for_2_s_of_lost_mocap_and_one_on_the_floor_for_half_a
     // Both agree for 0.3 s of the 0.5 s.
     let floor_once = |now_ms| (now_ms == 3_000).then_some(false);
     assert_eq!(landings(false, denies, floor_once), until(3_000));
-    // The status ends with the poses: no witness is left.
+    // The status ends with the poses: no source is left.
     assert_eq!(landings(false, |_| None, floor_once), until(19_999));
     let flies = |now_ms| (now_ms < 2_000).then_some(true);
     let landings = landings(false, flies, |now_ms| (now_ms == 3_000).then_some(false));
@@ -115,7 +115,7 @@ fn one_pose_on_the_floor_ends_no_landing() {
 }
 
 #[test]
-fn a_status_that_stands_in_the_air_by_its_own_height_is_no_witness() {
+fn a_status_that_stands_in_the_air_by_its_own_height_is_no_source() {
     // Ground, flight and landing by the height of the status. dm
     for (ground_dm, last_dm, sees_floor, end_ms) in [
         (2, 13, false, 39_999),
@@ -185,7 +185,7 @@ fn a_landing_is_resumed_when_the_pose_comes_back_in_the_air() {
     for is_text in [false, true] {
         assert_eq!(landings(is_text, |_| Some(false), back), resumed);
     }
-    // Not more often than any landing, however often the witness changes its report.
+    // Not more often than any landing, however often the source changes its report.
     let flickers = |now_ms: i64| Some(now_ms % 1_000 < 400);
     let landings = landings(false, |_| Some(false), flickers);
     assert!(landings.windows(2).all(|pair| pair[1] - pair[0] >= 500), "{landings:?}");
@@ -282,7 +282,7 @@ fn a_drone_that_was_last_heard_standing_and_never_flew_does_not_hold_up_the_stop
 #[test]
 fn a_pose_in_the_air_counts_for_2_s_after_it_was_lost() {
     let mut bench = Bench::connected();
-    let airborne = |bench: &Bench, now_ms| bench.session.witnesses.is_airborne(ms(now_ms));
+    let airborne = |bench: &Bench, now_ms| bench.session.sources.is_airborne(ms(now_ms));
     bench.observe_pose(1_000, Some(true));
     bench.observe_pose(2_999, None);
     assert_eq!(airborne(&bench, 2_999), Some(true));

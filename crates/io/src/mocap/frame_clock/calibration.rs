@@ -1,13 +1,13 @@
-//! What the arrivals on the ground tell of a source's frame numbers: their pace and their offset.
+//! Offset and skew of a source's frame numbers, estimated from the arrivals on the ground.
 //!
 //! The announced rate stands unless the arrivals contradict it. A count of every n-th frame, or of n messages a
-//! frame, is a rate that differs by a whole factor, and is believed. So is a rate that is wrong by some
-//! thousandths, once the window is long enough to tell. Any other pace may as well be a delay that grows, and is not.
-//! What is measured in a few seconds is less exact than a right announcement, and replaces it only after a long window.
+//! frame, is a rate that differs by a whole factor, and is accepted. So is a rate that is wrong by some thousandths,
+//! once the window is long enough to tell. Any other pace may as well be a delay that grows, and is refused. A rate
+//! that is measured in a few seconds is less exact than a right announcement, and replaces it only after a long window.
 
 use super::arrivals::Arrivals;
 use super::bounds::{Bounds, DEVIATION_MAX, JITTER_NS};
-use super::{Arrival, DRIFT, Line, SAME_COUNT_NS};
+use super::{Arrival, Line, SAME_COUNT_NS, SKEW_MAX};
 use crate::clock::{SpanNs, TimeNs};
 
 /// Shortest window that tells a pace.
@@ -25,9 +25,9 @@ const JITTER_MIN_NS: f64 = 3e6;
 /// Time between two arrivals from which on a measured pace that differs from the nominal one is better. ns
 const SPAN_MEASURED_NS: f64 = 3e9;
 
-/// The arrivals of one count, thinned, and what they tell.
+/// The arrivals of one count, thinned, and the line that they make.
 #[derive(Debug)]
-pub(super) struct Ground {
+pub(super) struct Calibration {
     arrivals: Arrivals,
     newest: i64,
     announced_hz: f64,
@@ -37,10 +37,10 @@ pub(super) struct Ground {
     pace: Pace,
 }
 
-/// Judgement of the announced rate by the arrivals.
+/// Comparison of the announced rate with the arrivals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Pace {
-    /// Nothing yet: it is believed.
+    /// Not compared yet: the announced rate counts.
     Announced,
     /// The numbers keep pace with time, perhaps by a whole factor.
     Confirmed,
@@ -50,7 +50,7 @@ enum Pace {
     Contradicted(f64),
 }
 
-impl Ground {
+impl Calibration {
     pub(super) fn new() -> Self {
         Self {
             arrivals: Arrivals::new(),
@@ -87,12 +87,12 @@ impl Ground {
         self.announced_hz
     }
 
-    /// Within which a flight may learn the time per number; `None`: not at all.
+    /// Bounds within which a flight may correct the time per number; `None`: not at all.
     pub(super) fn bounds(&self) -> Option<Bounds> {
         let line = self.line.filter(|_| !matches!(self.pace, Pace::Contradicted(_)))?;
         let mut bounds = Bounds::around(self.nominal_ns);
         let pace = self.arrivals.pace(line, WINDOW_MIN);
-        if let Some(pace) = pace.filter(|pace| pace.bow_ns.abs() <= JITTER_NS) {
+        if let Some(pace) = pace.filter(|pace| pace.curvature_ns.abs() <= JITTER_NS) {
             bounds.narrow(pace.period_ns, pace.span_ns);
         }
         Some(bounds)
@@ -131,7 +131,7 @@ impl Ground {
         });
         self.newest = arrival.number;
         let is_new_span = self.arrivals.keep(arrival, line);
-        let period_ns = if is_new_span { self.judge(line) } else { line.period_ns };
+        let period_ns = if is_new_span { self.estimate_period(line) } else { line.period_ns };
         let line = self.envelope(Line { period_ns, as_of: arrival.at, ..line });
         self.line = Some(line);
         let is_known = !matches!(self.pace, Pace::Contradicted(_));
@@ -139,7 +139,7 @@ impl Ground {
     }
 
     /// The time per number that follows from the arrivals, and with it the pace. ns
-    fn judge(&mut self, line: Line) -> f64 {
+    fn estimate_period(&mut self, line: Line) -> f64 {
         let Some(pace) = self.arrivals.pace(line, WINDOW_MIN) else { return line.period_ns };
         let (measured_ns, span_ns) = (pace.period_ns, pace.span_ns);
         let announced_ns = 1e9 / self.announced_hz;
@@ -148,10 +148,10 @@ impl Ground {
         let whole = if is_slower { factor.round() } else { factor.recip().round() };
         let nominal_ns = if is_slower { announced_ns * whole } else { announced_ns / whole };
         let deviation = (measured_ns / nominal_ns - 1.0).abs();
-        let jitter = pace.bow_ns.abs().clamp(JITTER_MIN_NS, JITTER_NS) / span_ns;
+        let jitter = pace.curvature_ns.abs().clamp(JITTER_MIN_NS, JITTER_NS) / span_ns;
         // A rate that is not positive makes a factor that is not, or NaN.
         if whole <= FACTOR_MAX && factor > 0.0 && deviation <= DEVIATION_MAX + jitter {
-            // A flight learns no pace beyond the limit: so a flight begins once jitter does not hide one.
+            // A flight corrects no pace beyond the limit: so a flight begins once jitter does not hide one.
             let is_within = deviation + jitter <= DEVIATION_MAX;
             self.pace = if is_within { Pace::Confirmed } else { Pace::Doubtful(measured_ns) };
             self.nominal_ns = nominal_ns;
@@ -165,7 +165,7 @@ impl Ground {
 
     /// `line` at the height of the lowest arrival, drift allowed for.
     fn envelope(&self, line: Line) -> Line {
-        let drift_ns = |since: TimeNs| DRIFT * line.as_of.since(since).0 as f64;
+        let drift_ns = |since: TimeNs| SKEW_MAX * line.as_of.since(since).0 as f64;
         let level_ns = |one: &Arrival| line.late_ns(*one) + drift_ns(one.at);
         let lowest_ns = self.arrivals.iter().map(level_ns).fold(f64::INFINITY, f64::min);
         Line { offset_ns: line.offset_ns + lowest_ns, ..line }
@@ -177,17 +177,17 @@ mod tests {
     use super::*;
 
     /// After `seconds` of a count with `count_hz` numbers a second that is announced as one of `announced_hz`.
-    fn counted(announced_hz: f64, count_hz: f64, seconds: f64) -> (Ground, Option<TimeNs>) {
-        let mut ground = Ground::new();
+    fn counted(announced_hz: f64, count_hz: f64, seconds: f64) -> (Calibration, Option<TimeNs>) {
+        let mut calibration = Calibration::new();
         let mut measured_at = None;
         #[expect(clippy::cast_possible_truncation, reason = "some thousand frames")]
         let frames = (seconds * count_hz).round() as i64;
         for number in 0..=frames {
             #[expect(clippy::cast_possible_truncation, reason = "some seconds")]
             let at = TimeNs((1e9 * number as f64 / count_hz).round() as i64);
-            measured_at = ground.measured_at(Arrival { number, at }, announced_hz);
+            measured_at = calibration.measured_at(Arrival { number, at }, announced_hz);
         }
-        (ground, measured_at)
+        (calibration, measured_at)
     }
 
     #[test]
@@ -200,26 +200,26 @@ mod tests {
             (f64::NAN, false),
             (-100.0, false),
         ] {
-            let (mut ground, _) = counted(100.0, 100.0, 3.0);
+            let (mut calibration, _) = counted(100.0, 100.0, 3.0);
             let at = TimeNs(3_010_000_000);
-            let measured_at = ground.measured_at(Arrival { number: 301, at }, rate_hz);
+            let measured_at = calibration.measured_at(Arrival { number: 301, at }, rate_hz);
             assert_eq!(measured_at.is_some(), is_known, "{rate_hz} Hz");
-            assert!(!ground.is_confirmed(), "{rate_hz} Hz");
+            assert!(!calibration.is_confirmed(), "{rate_hz} Hz");
         }
     }
 
     #[test]
     fn a_pace_is_confirmed_after_two_seconds() {
         assert!(!counted(100.0, 100.0, 1.99).0.is_confirmed());
-        let (ground, measured_at) = counted(100.0, 100.0, 2.0);
-        assert!(ground.is_confirmed() && ground.bounds().is_some());
+        let (calibration, measured_at) = counted(100.0, 100.0, 2.0);
+        assert!(calibration.is_confirmed() && calibration.bounds().is_some());
         assert_eq!(measured_at, Some(TimeNs(2_000_000_000)));
-        assert!((ground.count_hz().unwrap() - 100.0).abs() < 1e-6);
+        assert!((calibration.count_hz().unwrap() - 100.0).abs() < 1e-6);
     }
 
     #[test]
-    fn a_whole_factor_up_to_eight_is_believed_and_another_pace_is_not() {
-        for (announced_hz, count_hz, is_believed) in [
+    fn a_whole_factor_up_to_eight_is_accepted_and_another_pace_is_not() {
+        for (announced_hz, count_hz, is_accepted) in [
             (50.0, 400.0, true),
             (50.0, 450.0, false),
             (400.0, 50.0, true),
@@ -227,12 +227,12 @@ mod tests {
             (100.0, 100.4, true),
             (100.0, 130.0, false),
         ] {
-            let (ground, measured_at) = counted(announced_hz, count_hz, 6.0);
+            let (calibration, measured_at) = counted(announced_hz, count_hz, 6.0);
             let trouble = format!("{count_hz} of {announced_hz} Hz");
-            assert_eq!(ground.is_confirmed(), is_believed, "{trouble}");
-            assert_eq!(measured_at.is_some(), is_believed, "{trouble}");
-            assert_eq!(ground.bounds().is_some(), is_believed, "{trouble}");
-            assert!((ground.count_hz().unwrap() / count_hz - 1.0).abs() < 1e-3, "{trouble}");
+            assert_eq!(calibration.is_confirmed(), is_accepted, "{trouble}");
+            assert_eq!(measured_at.is_some(), is_accepted, "{trouble}");
+            assert_eq!(calibration.bounds().is_some(), is_accepted, "{trouble}");
+            assert!((calibration.count_hz().unwrap() / count_hz - 1.0).abs() < 1e-3, "{trouble}");
         }
     }
 }

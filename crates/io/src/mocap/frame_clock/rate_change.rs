@@ -10,27 +10,28 @@
 use super::line_confirmation::LineConfirmation;
 use super::{Arrival, Line};
 
-/// Distance from the new line within which they are. ns
+/// Largest distance of a frame from the new line. ns
 const NEAR_NS: f64 = 20e6;
 
-/// The rate that frames announce, and the line of another one.
+/// The announced rate, and the line of another one.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RateChange {
     announced_hz: f64,
-    next: Option<Next>,
+    candidate: Option<Candidate>,
 }
 
+/// The line of a newly announced rate.
 #[derive(Debug, Clone, Copy)]
-struct Next {
+struct Candidate {
     announced_hz: f64,
-    /// Of its line; `None`: a frame was not where it should have been.
+    /// Of the line; `None`: a frame was too far from it.
     confirmation: Option<LineConfirmation>,
 }
 
 impl RateChange {
-    /// No change as yet of what was announced on the ground.
+    /// No change yet of the rate that was announced on the ground.
     pub(super) fn new(announced_hz: f64) -> Self {
-        Self { announced_hz, next: None }
+        Self { announced_hz, candidate: None }
     }
 
     /// Takes in a frame that comes after the number `before` on `line`; the line of a new rate, once that is
@@ -44,11 +45,11 @@ impl RateChange {
         is_on_time: bool,
     ) -> Option<Line> {
         if rate_hz.total_cmp(&self.announced_hz).is_eq() || rate_hz <= 0.0 {
-            self.next = None;
+            self.candidate = None;
             return None;
         }
-        let is_same = |next: &Next| next.announced_hz.total_cmp(&rate_hz).is_eq();
-        let mut next = self.next.filter(is_same).unwrap_or_else(|| {
+        let is_same = |one: &Candidate| one.announced_hz.total_cmp(&rate_hz).is_eq();
+        let mut candidate = self.candidate.filter(is_same).unwrap_or_else(|| {
             let from = line.from(before);
             let period_ns = from.period_ns * self.announced_hz / rate_hz;
             let line = Line { period_ns, ..from };
@@ -58,17 +59,17 @@ impl RateChange {
             let is_within = (-period_ns..=late_max_ns + NEAR_NS).contains(&late_ns);
             let shift_ns = if is_within { late_ns.min(late_max_ns) } else { 0.0 };
             let line = Line { offset_ns: line.offset_ns + shift_ns, ..line };
-            Next {
+            Candidate {
                 announced_hz: rate_hz,
                 confirmation: Some(LineConfirmation::begin(line, arrival.at)),
             }
         });
         let is_near =
             |confirmation: &LineConfirmation| confirmation.late_ns(arrival).abs() <= NEAR_NS;
-        next.confirmation =
-            next.confirmation.filter(is_near).map(|confirmation| confirmation.with(arrival));
-        self.next = Some(next);
-        let confirmed = next.confirmation?.confirmed(arrival).filter(|_| !is_on_time)?;
+        candidate.confirmation =
+            candidate.confirmation.filter(is_near).map(|confirmation| confirmation.with(arrival));
+        self.candidate = Some(candidate);
+        let confirmed = candidate.confirmation?.confirmed(arrival).filter(|_| !is_on_time)?;
         *self = Self::new(rate_hz);
         Some(confirmed)
     }

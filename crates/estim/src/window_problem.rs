@@ -1,18 +1,17 @@
-//! One trajectory as a least-squares problem: its states and the parameter.
+//! The least-squares problem over a window: its states and the parameter.
 //!
 //! Owns the current iterate, the candidate, the prior on the parameter (thesis equation 3.43) and its
 //! box. The first state is either fixed or free under an arrival cost (`arrival.rs`). The blocks along
-//! the trajectory are `residual.rs`, the loop is `levenberg.rs`. When time steps come and go is
+//! the window are `residual.rs`, the loop is `levenberg.rs`. When time steps come and go is
 //! decided in `mhe.rs`.
 
 use horizon_model::setting::{SettingError, bounds, in_range, vector, weight_or_zero};
-use horizon_model::{Bounds, Model, Row};
-use horizon_model::{Matrix, Vector};
+use horizon_model::{Bounds, Matrix, Model, Row, Vector};
 
 use crate::arrival::{Arrival, ArrivalSettings};
 use crate::chain::{Block, Chain};
 use crate::cholesky::NotPositive;
-use crate::levenberg::{self, IterateScale, LmSettings, Problem, SolveError, SolveReport, Step};
+use crate::levenberg::{self, IterateScale, LeastSquares, LmError, LmSettings, SolveReport, Step};
 use crate::partition::Partition;
 use crate::reduced_system::ReducedSystem;
 use crate::residual::{Curvature, Iterate, Observed, Residuals};
@@ -37,7 +36,8 @@ impl<const NP: usize> Prior<NP> {
         rows: &[Row; NP],
         c_p: &[f64],
         p_prior: &[f64],
-        (p_lb, p_ub): (&[f64], &[f64]),
+        p_lb: &[f64],
+        p_ub: &[f64],
     ) -> Result<Self, SettingError> {
         let (lo, hi) = bounds(("p_lb", p_lb), ("p_ub", p_ub), rows)?;
         let p_prior = vector("p_prior", p_prior, rows, |_, value| Ok(value))?;
@@ -69,9 +69,9 @@ impl<const NP: usize> Prior<NP> {
     }
 }
 
-/// The problem of thesis equations 3.42-3.45 for one trajectory.
+/// The problem of thesis equations 3.42-3.45 over one window.
 #[derive(Debug, Clone)]
-pub struct Trajectory<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
+pub struct WindowProblem<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> {
     residuals: Residuals<M, NS, NU, NO, NP>,
     prior: Prior<NP>,
     /// What is known of `s[0]` and, the prior included, of `p`; without it `s[0]` is fixed.
@@ -92,11 +92,11 @@ pub struct Trajectory<M, const NS: usize, const NU: usize, const NO: usize, cons
 }
 
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
-    Trajectory<M, NS, NU, NO, NP>
+    WindowProblem<M, NS, NU, NO, NP>
 where
     M: Model<NS, NU, NO, NP>,
 {
-    /// A trajectory of the one state `at_rest(0)`, with room for `steps_max` steps: more of them
+    /// A window of the one state `at_rest(0)`, with room for `steps_max` steps: more of them
     /// allocate.
     pub fn new(
         residuals: Residuals<M, NS, NU, NO, NP>,
@@ -117,7 +117,7 @@ where
         if arrival.is_some() {
             chain = chain.partitioned(Partition::of::<M, NU, NO>(states_max));
         }
-        let mut trajectory = Self {
+        let mut problem = Self {
             residuals,
             prior,
             arrival,
@@ -131,8 +131,8 @@ where
             chain,
             reduced: ReducedSystem::zeros(),
         };
-        trajectory.start(s_0);
-        trajectory
+        problem.start(s_0);
+        problem
     }
 
     /// Minimizes from the current iterate by Levenberg-Marquardt; the best iterate found is left.
@@ -145,12 +145,12 @@ where
         &mut self,
         settings: &LmSettings,
         is_late: &mut dyn FnMut() -> bool,
-    ) -> Result<SolveReport, SolveError> {
+    ) -> Result<SolveReport, LmError> {
         levenberg::solve(self, settings, is_late)
     }
 
     /// Forgets all steps and what the arrival cost carries, and starts at the state `s_0` with the prior parameter. The
-    /// prior and [`Trajectory::hold_parameter`] stay.
+    /// prior and [`WindowProblem::hold_parameter`] stay.
     ///
     /// | name  | shape | unit                                    |
     /// |-------|-------|-----------------------------------------|
@@ -179,7 +179,7 @@ where
     /// | `u`        | NU    | that of each row of [`Model::INPUT`]       |
     /// | `observed` | NO    | that of each row of [`Model::OBSERVATION`] |
     ///
-    /// Real time: no allocation while there are at most `steps_max` steps of [`Trajectory::new`].
+    /// Real time: no allocation while there are at most `steps_max` steps of [`WindowProblem::new`].
     pub fn push(&mut self, u: &Vector<NU>, observed: &Observed<NO>) {
         let s_next = self.residuals.model.step(self.newest(), u, &self.p, self.residuals.dt_s);
         self.s.push(s_next);
@@ -233,7 +233,7 @@ where
     }
 
     /// Whether the parameter is held from now on: solutions leave it where it is, and steps that the arrival cost takes
-    /// up tell nothing of it. It is not held at first; [`Trajectory::start`] does not change that.
+    /// up tell nothing of it. It is not held at first; [`WindowProblem::start`] does not change that.
     ///
     /// Real time: no allocation.
     pub fn hold_parameter(&mut self, is_held: bool) {
@@ -296,14 +296,14 @@ where
     }
 }
 
-impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Problem
-    for Trajectory<M, NS, NU, NO, NP>
+impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> LeastSquares
+    for WindowProblem<M, NS, NU, NO, NP>
 where
     M: Model<NS, NU, NO, NP>,
 {
     const REMAINING_DECREASE_MIN: f64 = 0.0;
 
-    fn linearize(&mut self) -> Result<IterateScale, SolveError> {
+    fn linearize(&mut self) -> Result<IterateScale, LmError> {
         self.chain.clear(self.s.len());
         let iterate = Iterate { s: &self.s, u: &self.u, o: &self.o, p: &self.p };
         // Little but its observation determines a free state that has just been added.
@@ -324,7 +324,7 @@ where
         } else {
             let is_broken = |block: &Block<NS, NP>| !block.diagonal.trace().is_finite();
             let k = self.chain.blocks_mut().iter().position(is_broken).unwrap_or(0);
-            Err(SolveError::NonFinite { block: "derivative", k })
+            Err(LmError::NonFinite { block: "derivative", k })
         }
     }
 
@@ -369,7 +369,7 @@ where
 
 #[cfg(test)]
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
-    Trajectory<M, NS, NU, NO, NP>
+    WindowProblem<M, NS, NU, NO, NP>
 {
     pub(crate) fn arrival(&self) -> &Arrival<NS, NP> {
         self.arrival.as_ref().unwrap()
@@ -379,7 +379,7 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
         Iterate { s: &self.s, u: &self.u, o: &self.o, p: &self.p }
     }
 
-    /// The trajectory whose elimination ignores the groups of the model.
+    /// The problem whose elimination ignores the subsystems of the model.
     pub(crate) fn undivided(self) -> Self {
         let chain = Chain::new(self.s.len());
         Self { arrival: self.arrival.map(Arrival::undivided), chain, ..self }
