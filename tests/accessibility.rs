@@ -1,4 +1,4 @@
-//! Both pages as those meet them who do not see well, or use no mouse: judged by axe-core, which we did not write.
+//! Accessibility of both pages, checked by axe-core.
 
 use std::fs;
 use std::path::Path;
@@ -23,7 +23,7 @@ fn axe() -> Option<String> {
     Some(fs::read_to_string(Path::new(package.trim()).join("axe.min.js")).unwrap())
 }
 
-/// What axe-core finds in the open page: its rule, how serious it is, and the first places.
+/// Violations that axe-core finds in the open page: the rule, its severity, and the first places.
 fn violations(browser: &mut Browser, axe: &str) -> Value {
     browser.evaluates(axe);
     browser.evaluates(

@@ -13,7 +13,7 @@ fn folder(name: &str) -> PathBuf {
     program::folder(&format!("batch-{name}"))
 }
 
-/// What a batch of `count` flights prints.
+/// Output of a batch of `count` flights.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn batch(folder: &Path, count: &str, more: &[&str]) -> Value {
     let arguments = ["sim", "--batch", count, "--seed", "11", "--json"];

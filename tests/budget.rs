@@ -1,4 +1,4 @@
-//! What a tick may cost: heap calls, counted.
+//! Budget of a tick: heap calls, counted.
 //!
 //! Zero, but for the subproblems that Clarabel solves: all of them, or the few that the stage-wise solver leaves and
 //! its report counts. Clarabel allocates for its own bookkeeping in every solve; that number is recorded here and may
@@ -28,7 +28,7 @@ const HEAP_CALLS_PER_QP: usize = 2;
 /// Ticks flown.
 const TICKS: usize = 1_000;
 
-/// What the ticks of a flight went through.
+/// Events in the ticks of a flight.
 #[derive(Debug, Default)]
 struct Seen {
     planned: usize,
@@ -160,7 +160,7 @@ fn a_tick_calls_the_heap_only_inside_clarabel() {
     }
 }
 
-/// What a flight is about was seen in it, and in no other one.
+/// Asserts that the events of `case` happened in its flight, and no others.
 fn assert_happened(case: &Case, seen: &Seen) {
     let name = case.name;
     if name == "outages" {

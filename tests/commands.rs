@@ -76,7 +76,7 @@ fn start_flight(folder: &Path, more: &[&str], seconds: u64) -> Child {
     child
 }
 
-/// What Ctrl-C does on a terminal.
+/// Sends the signal of Ctrl-C on a terminal.
 fn interrupt(child: &Child) {
     signal(child, "-INT");
 }

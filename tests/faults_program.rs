@@ -1,16 +1,16 @@
 //! Parts of the program, or the way to it, fail while it flies an emulated drone over real sockets: judged by
 //! the emulator.
 
-#[path = "faults_program/dead.rs"]
-mod dead;
-#[path = "faults_program/hose.rs"]
-mod hose;
+#[path = "faults_program/killed.rs"]
+mod killed;
+#[path = "faults_program/stalling_proxy.rs"]
+mod stalling_proxy;
 use crate::program;
 use crate::rig;
 #[path = "faults_program/orders.rs"]
 mod orders;
-#[path = "faults_program/tap.rs"]
-mod tap;
+#[path = "faults_program/recording_proxy.rs"]
+mod recording_proxy;
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -25,8 +25,8 @@ use tello_io::clock::{Clock, TimeNs};
 use tello_io::log::LogReader;
 use tello_sim::{Cause, DronePhase, Emulator};
 
-use hose::{Flow, Hose};
-use tap::Tap;
+use recording_proxy::RecordingProxy;
+use stalling_proxy::{Flow, StallingProxy};
 
 /// When the part fails: the drone is in the air and steered. s
 const DRILL_AT_S: u64 = 9;
@@ -40,10 +40,10 @@ const ERRORS: &str = "errors.txt";
 /// The program, and the drone that it flies.
 struct Bench {
     emulator: Emulator,
-    /// What the poses come through.
-    hose: Hose,
-    /// What the sticks go through.
-    tap: Tap,
+    /// Proxy of the poses.
+    mocap_proxy: StallingProxy,
+    /// Proxy of the packets to the drone.
+    drone_proxy: RecordingProxy,
     child: Child,
     folder: PathBuf,
 }
@@ -88,14 +88,15 @@ impl Bench {
         out: Stdio,
         errors: Stdio,
     ) -> Self {
-        let mut hose = None;
-        let through_hose = |relay| hose.insert(Hose::start(relay)).address;
-        let (folder, emulator) = rig::start(&format!("faults-{name}"), through_hose);
-        let (hose, tap) = (hose.unwrap(), Tap::start(emulator.drone_address()));
+        let mut mocap_proxy = None;
+        let through_proxy = |relay| mocap_proxy.insert(StallingProxy::start(relay)).address;
+        let (folder, emulator) = rig::start(&format!("faults-{name}"), through_proxy);
+        let (mocap_proxy, drone_proxy) =
+            (mocap_proxy.unwrap(), RecordingProxy::start(emulator.drone_address()));
         let settings = folder.join("fly.json");
         let mut table: Value =
             serde_json::from_str(&fs::read_to_string(&settings).unwrap()).unwrap();
-        table["tello"]["address"] = tap.address.to_string().into();
+        table["tello"]["address"] = drone_proxy.address.to_string().into();
         fs::write(&settings, table.to_string()).unwrap();
         let mut command = if let Some((program, argument)) = starter {
             let mut command = Command::new(program);
@@ -105,17 +106,17 @@ impl Bench {
             fly(&folder, more)
         };
         let child = command.arg("--yes").stdout(out).stderr(errors).spawn().unwrap();
-        Self { emulator, hose, tap, child, folder }
+        Self { emulator, mocap_proxy, drone_proxy, child, folder }
     }
 
-    /// Sends a signal to the program; when, by the clock of the tap.
+    /// Sends a signal to the program; when, by the clock of the proxy.
     fn send(&self, signal: Signal) -> TimeNs {
-        let at = self.tap.clock.now();
+        let at = self.drone_proxy.clock.now();
         kill(Pid::from_raw(self.child.id().cast_signed()), signal).unwrap();
         at
     }
 
-    /// What the program, and its guardian, wrote to the standard error.
+    /// Standard error of the program and its guardian.
     fn errors(&self) -> String {
         let folder = self.folder.with_file_name(format!(
             "{}-errors",
@@ -198,15 +199,15 @@ impl Bench {
     }
 
     /// The drone stands in the end, nothing moved it after its first landing, and the log is closed.
-    fn assert_ends_on_the_ground(mut self) -> (Tap, PathBuf) {
+    fn assert_ends_on_the_ground(mut self) -> (RecordingProxy, PathBuf) {
         self.wait_for(DronePhase::Grounded, 30.0);
         let status = self.child.wait().unwrap();
         assert!(status.code().is_some_and(|code| code != 0), "{status:?}");
         let truth = self.emulator.truth();
         assert_eq!(truth.phase, DronePhase::Grounded, "{truth:?}");
-        self.tap.assert_only_landings(TimeNs(0), 1);
+        self.drone_proxy.assert_only_landings(TimeNs(0), 1);
         assert_is_complete(&self.folder);
-        (self.tap, self.folder)
+        (self.drone_proxy, self.folder)
     }
 }
 
@@ -258,7 +259,7 @@ fn a_sender_that_is_gone_is_replaced_by_a_landing() {
 fn assert_silence(name: &str, flow: Flow) {
     let bench = Bench::start(name, &[]);
     bench.wait_until_it_flies();
-    bench.hose.set(flow);
+    bench.mocap_proxy.set(flow);
     let after_s = bench.wait_for(DronePhase::Landing(Cause::Order), 10.0);
     let speed_mps = bench.speed_mps();
     assert!((1.8..2.6).contains(&after_s), "{flow:?}: landing after {after_s} s");

@@ -17,7 +17,7 @@ const SECOND: usize = 50;
 /// The longest wrong heading of the recordings. samples
 const WRONG_HEADING_MAX: usize = 73;
 
-/// What flew: text and code of the thesis differ, and this is what the recordings show.
+/// Filter of the recorded flights: text and code of the thesis differ, and the recordings show this one.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn published() -> FilterTable {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/thesis/fly.json");

@@ -1,4 +1,4 @@
-//! What an installation needs: help, completions, manual pages, first settings.
+//! Commands for an installation: help, completions, manual pages, first settings.
 
 use std::fs;
 

@@ -114,7 +114,7 @@ impl Tally {
     }
 }
 
-/// What came of simulated flights.
+/// Results of simulated flights.
 #[derive(Debug, Default)]
 struct Outcome {
     steps: usize,

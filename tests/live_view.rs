@@ -130,10 +130,10 @@ fn idle_and_half_sent_connections_keep_nobody_from_the_page_and_its_orders() {
     let land_s = clock.now().seconds();
     println!("page after {page_s:.2} s, landing after {land_s:.2} s");
     assert!(land_s < 4.0, "{land_s:.2} s to a landing");
-    // He has a seat: those who crowd do not get it.
+    // The operator's slot is reserved.
     pilot.until("landed", |facts| facts["phase"] == "landed");
 
-    // The slow are shown out by themselves.
+    // Connections without a complete request are closed by the timeout.
     for mut stream in half_sent.into_iter().chain(idle) {
         stream.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
         let end = stream.read(&mut [0; 64]);

@@ -20,7 +20,7 @@ use tello_io::mocap::natnet::packet::Version;
 use tello_io::mocap::{
     Body, MocapSettings, MocapTable, matrix_of_angles, quaternion_of_matrix, survey,
 };
-use tello_sim::mocap::Shot;
+use tello_sim::mocap::MocapFrame;
 use tello_sim::{MocapAddresses, MocapServers, NatnetServer};
 
 const OBJECT: &str = "tello";
@@ -65,7 +65,7 @@ fn truth(body: &Body<'_>) -> Read {
     Read { position: body.pos_v.to_vec(), quaternion }
 }
 
-/// What the foreign client reads.
+/// Frames that the foreign client reads.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn foreign(
     python: &std::ffi::OsStr,
@@ -94,7 +94,7 @@ fn foreign(
     Read { position: numbers("position"), quaternion: numbers("quaternion") }
 }
 
-/// What our client reads of `objects`.
+/// Frames of `objects` that the client of this program reads.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn ours<const N: usize>(mocap: &Value, objects: [&str; N]) -> [Read; N] {
     let table: MocapTable = serde_json::from_value(mocap.clone()).unwrap();
@@ -127,12 +127,12 @@ fn serve_with(
     let server = {
         let is_over = Arc::clone(&is_over);
         thread::spawn(move || {
-            for frame in 0.. {
+            for number in 0.. {
                 if is_over.load(Ordering::Relaxed) {
                     return;
                 }
-                let shot = Shot { frame, rate_hz: 100.0, object: OBJECT, body: Some(BODY) };
-                servers.push_with(Some(shot), other);
+                let frame = MocapFrame { number, rate_hz: 100.0, object: OBJECT, body: Some(BODY) };
+                servers.push_with(Some(frame), other);
                 thread::sleep(Duration::from_millis(10));
             }
         })

@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 use tello_io::mocap::Body;
-use tello_sim::mocap::Shot;
+use tello_sim::mocap::MocapFrame;
 use tello_sim::{MocapAddresses, MocapServers};
 
 const OBJECT: &str = "tello";
@@ -29,12 +29,12 @@ const QUATERNION: [f64; 4] = [0.0641, 0.0912, 0.1534, 0.9819];
 
 /// Sends the body at 100 Hz, or leaves it out, until it is stopped.
 fn serve(mut servers: MocapServers, is_seen: &AtomicBool, is_over: &AtomicBool) {
-    for frame in 0.. {
+    for number in 0.. {
         if is_over.load(Ordering::Relaxed) {
             return;
         }
         let body = is_seen.load(Ordering::Relaxed).then_some(BODY);
-        servers.push(Some(Shot { frame, rate_hz: 100.0, object: OBJECT, body }));
+        servers.push(Some(MocapFrame { number, rate_hz: 100.0, object: OBJECT, body }));
         thread::sleep(Duration::from_millis(10));
     }
 }

@@ -14,7 +14,7 @@ use recorded::{DT_S, dead_time_s, logs, read};
 /// Height from which on the vehicle flies. m
 const FLYING_M: f64 = 0.35;
 
-/// What the monitors of the built-in settings found in a recording, step by step. The recordings have no
+/// Results of the monitors with the built-in settings on a recording, step by step. The recordings have no
 /// reports of the drone.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn watch(path: &Path) -> Vec<Findings> {

@@ -1,4 +1,4 @@
-//! What a received packet may cost: no heap beyond its own length, and none for frames of bodies that are known.
+//! Budget of a received packet: no heap beyond its own length, and none for frames of bodies that are known.
 //!
 //! An announced length is a claim: a program that trusts it gives a stranger the machine's memory. One test,
 //! since a second thread would count into the first one's region.

@@ -31,7 +31,7 @@ struct Flight {
     /// Sticks as they act by the built-in dead times, and by the thesis'.
     applied: Vec<Sticks>,
     applied_thesis: Vec<Sticks>,
-    /// What the forecasts are judged by, and what was known at each step.
+    /// Smoothed motion, by which the forecasts are judged, and the motion known at each step.
     smoothed: MotionTrack,
     causal: MotionTrack,
     is_lost: Vec<bool>,

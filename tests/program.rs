@@ -15,7 +15,7 @@ pub(crate) fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// What the program did, started in `folder`.
+/// Output of the program, started in `folder`.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 pub(crate) fn tello_ctl(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_tello-ctl"))

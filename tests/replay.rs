@@ -103,7 +103,7 @@ fn a_log_without_flight_cannot_pass() {
     assert!(text(&output).contains("no tick"), "{}", text(&output));
 }
 
-/// What `--json` calls the result.
+/// Name of the result in `--json`.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn finding(log: &Path) -> String {
     let output = replay(&[log, Path::new("--json")]);

@@ -19,7 +19,7 @@ use program::{config_file, folder, tello_ctl, text};
 /// Index of one second among the horizons.
 const ONE_SECOND: usize = 2;
 
-/// What `replay` says of recordings, against the thesis' settings.
+/// Report of `replay` on recordings, against the thesis' settings.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn report(folder: &Path, logs: &[PathBuf]) -> Value {
     let thesis = config_file("thesis/fly.json");

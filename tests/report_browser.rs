@@ -12,7 +12,7 @@ use crate::program::{folder, tello_ctl, text};
 use crate::report_page::{assert_equal, numbers, report};
 use crate::{chromium, support};
 
-/// What Chromium says of `page` in `folder`, started with `arguments`; it may talk to nobody.
+/// Output of Chromium for `page` in `folder`, started with `arguments` and without a network.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 fn open(chromium: &OsString, folder: &Path, page: &str, arguments: &[&str]) -> Output {
     let output = Command::new("timeout")
@@ -36,7 +36,7 @@ fn console(output: &Output) -> Vec<String> {
     stderr.lines().filter(|line| line.contains("CONSOLE")).map(str::to_owned).collect()
 }
 
-/// What the labels and cursors of the open page say: times of the cursors with their places, and labels.
+/// Labels and cursors of the open page: times of the cursors with their places, and labels.
 fn shown(dom: &str) -> (Vec<(&str, &str)>, Vec<&str>) {
     let attribute = |tag: &'_ str, name: &str| -> Option<(usize, usize)> {
         let begin = tag.find(&format!(" {name}=\""))? + name.len() + 3;

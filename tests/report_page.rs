@@ -1,4 +1,4 @@
-//! What `tello-ctl report` wrote: its JSON, and the numbers of its page.
+//! Output of `tello-ctl report`: its JSON, and the numbers of its page.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::program::{tello_ctl, text};
 
-/// What `report --json` says of `arguments`, run in `folder`.
+/// Output of `report --json` with `arguments`, run in `folder`.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 pub(crate) fn report(folder: &Path, arguments: &[&str]) -> Value {
     let output = tello_ctl(folder, &[&["report", "--json"], arguments].concat());

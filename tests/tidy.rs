@@ -57,7 +57,7 @@ const LIBRARY: &[&str] = &["horizon-model", "horizon-estim", "horizon-control"];
 /// A simulated flight is flown, logged and judged.
 const BELOW_SIM: &[&str] =
     &["horizon-model", "horizon-estim", "tello-flight", "tello-io", "tello-eval"];
-/// What the program is made of.
+/// Crates of the program.
 const APPLICATION: &[&str] = &[
     "horizon-model",
     "horizon-estim",
@@ -82,7 +82,7 @@ const EVERY_CRATE: &[&str] = &[
 /// people's client.
 const OWN_WORKSPACES: [&str; 2] = ["fuzz/Cargo.toml", "tests/clients/tello_edu/Cargo.toml"];
 
-/// What is not below the tick, however far: no runtime, socket, file or system call.
+/// Crates that the tick does not depend on, however indirectly: no runtime, socket, file or system call.
 const NOT_BELOW_FLIGHT: [&str; 9] =
     ["tokio", "mcap", "socket2", "nix", "mio", "evdev", "rtrb", "thread-priority", "tello-io"];
 
@@ -120,7 +120,7 @@ const PURE: [&str; 30] = [
     "crates/io/src/mocap/vrpn/",
 ];
 
-/// What a pure file never names. `std::{` would hide the others from this search.
+/// Names that a pure file never has. `std::{` would hide the others from this search.
 const IMPURE: [&str; 10] = [
     "tokio",
     "async",
@@ -266,7 +266,7 @@ fn workspaces_of_their_own_have_the_lints_of_the_workspace() -> io::Result<()> {
     Ok(())
 }
 
-/// What `cargo run` of the README runs.
+/// `cargo run` of the README runs the program.
 #[test]
 fn the_program_is_the_only_binary_of_the_default_members() -> io::Result<()> {
     let arguments = ["metadata", "--no-deps", "--offline", "--format-version", "1"];

@@ -12,7 +12,7 @@ mod cases;
 
 use cases::{MISSIONS, SETTINGS};
 
-/// What `check` prints about `file`: all of `expected` once, and so many mistakes.
+/// Asserts that `check` prints all of `expected` about `file` once, and as many mistakes.
 fn refuses(folder: &Path, file: &str, expected: &[&str]) {
     let output = tello_ctl(folder, &["check", file]);
     let printed = text(&output);

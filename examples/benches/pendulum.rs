@@ -134,7 +134,7 @@ fn compiled() -> Result<Compiled<4, 1, 2, 1>, Box<dyn Error>> {
     Compiled::new(Box::leak(Box::new(program))).ok_or_else(|| "the program is too large".into())
 }
 
-/// What a flight took and where it ended.
+/// Times and iterations of both solvers in a flight, and its last state.
 #[derive(Debug, Clone, Copy)]
 struct Flight {
     mpc_s: f64,

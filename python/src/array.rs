@@ -18,7 +18,7 @@ pub(crate) fn vector(
     checked(name, values.as_array().to_vec(), count)
 }
 
-/// The same of numbers that are one's own.
+/// These numbers, checked as by [`vector`].
 ///
 /// # Errors
 /// As [`vector`].
@@ -47,7 +47,7 @@ pub(crate) fn matrix(
     Ok(rows)
 }
 
-/// The same with `N` columns and `rows` rows.
+/// The rows of a matrix argument with `N` columns and `rows` rows, all finite.
 ///
 /// # Errors
 /// As [`matrix`].

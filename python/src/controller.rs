@@ -32,7 +32,7 @@ trait AnyMpc: Send + Sync {
 /// Cost, iterations and whether the plan is new.
 type Ended = (f64, u32, bool);
 
-/// What the controller is asked.
+/// Arguments of a solve.
 struct AnyAsk<'a> {
     s: &'a [f64],
     p: &'a [f64],

@@ -47,7 +47,7 @@ pub(crate) struct Environments {
     are_over: Vec<bool>,
 }
 
-/// What the environments have in common.
+/// Rules that are common to the environments.
 struct Rules {
     targets: Vec<Target>,
     /// How many targets at the end repeat, if they follow one another by the step; else one follows another that was
@@ -76,7 +76,7 @@ struct Environment {
     reached: usize,
 }
 
-/// What a step came to.
+/// Result of a step.
 #[derive(Clone, Copy, Default)]
 struct Outcome {
     reward: f64,
@@ -87,7 +87,7 @@ struct Outcome {
     reached: usize,
 }
 
-/// What a step of all environments shows: observations, rewards, terminated, truncated, distances, links, corners.
+/// Result of a step of all environments: observations, rewards, terminated, truncated, distances, links, corners.
 type Stepped<'py> = (
     Bound<'py, PyArray2<f32>>,
     Bound<'py, PyArray1<f64>>,
@@ -342,7 +342,7 @@ impl Environments {
         ))
     }
 
-    /// What the last step showed of the vehicles.
+    /// Observation of the vehicles after the last step.
     fn observe<'py>(&self, py: Python<'py>) -> PyResult<Seen<'py>> {
         let shown = |environment: &Environment| environment.drone.shown();
         let shown: Vec<Shown> = py.detach(|| self.vehicles.par_iter().map(shown).collect());

@@ -21,7 +21,7 @@ pub(crate) struct Expression {
     id: Id,
 }
 
-/// What stands beside an expression: another one, or a number.
+/// Second operand of an expression: another expression, or a number.
 #[derive(FromPyObject)]
 pub(crate) enum Operand {
     /// An expression.
@@ -92,12 +92,12 @@ fn without_modulo(has_modulo: bool) -> PyResult<()> {
     }
 }
 
-/// What a traced model cannot do, and what to do instead.
+/// Error of an operation that a traced model does not have, with a replacement.
 fn refusal(what: &str, instead: &str) -> PyErr {
     PyTypeError::new_err(format!("a traced model cannot {what}: {instead}"))
 }
 
-/// What Python's `>=` and `<=` are, which `NumPy`'s `minimum`, `maximum` and `clip` call.
+/// Description of `>=` and `<=`, which `NumPy`'s `minimum`, `maximum` and `clip` call.
 const OR_EQUAL: &str = "compare by >= or <=, as numpy's minimum, maximum and clip do";
 
 #[pymethods]

@@ -1,4 +1,4 @@
-//! What the program's commands do: batches, flights with a log, identification, replay, report.
+//! Commands of the program: batches, flights with a log, identification, replay, report.
 //!
 //! Settings come as JSON objects with the keys that differ from the built-in ones; results go as the JSON that the
 //! commands print with `--json`.
@@ -212,7 +212,7 @@ pub(crate) fn report(
 ) -> PyResult<String> {
     long_call::run(py, |stop| {
         reports::replaces_a_page(&out)?;
-        let page = reports::of(&logs, &against, &out)?;
+        let page = reports::page_of(&logs, &against, &out)?;
         stop.check()?;
         whole_file::write_contents(&out, true, &page.html)?;
         Ok(serde_json::to_string(&page.report)?)

@@ -13,7 +13,7 @@ use crate::settings::{self, Rows};
 use crate::sizes::{Handle, visit};
 use crate::{TelloError, array, raised};
 
-/// What identification found.
+/// Result of an identification.
 pub(crate) struct Found {
     parameter: Vec<f64>,
     /// Standard deviation of each parameter by the Laplace approximation; NaN if it is not determined.

@@ -16,7 +16,7 @@
 //! | `logs.rs`        | logs as columns                                              |
 //! | `flights.rs`     | what the program's commands do                               |
 //!
-//! What people call, with its documentation, is in `tello_ctl/*.py`.
+//! The public interface, with its documentation, is in `tello_ctl/*.py`.
 
 mod array;
 mod controller;

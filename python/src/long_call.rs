@@ -42,7 +42,7 @@ impl Observer for Stop {
 /// Runs `work` on a thread of its own; other Python threads go on meanwhile.
 ///
 /// # Errors
-/// What `work` returns, or the exception of a signal handler: `KeyboardInterrupt`.
+/// Result of `work`, or the exception of a signal handler: `KeyboardInterrupt`.
 pub(crate) fn run<T: Send>(
     py: Python<'_>,
     work: impl FnOnce(&Stop) -> Result<T> + Send,

@@ -132,7 +132,7 @@ fn kept(program: Program) -> &'static Program {
     program
 }
 
-/// What a function of a model returned, as expressions.
+/// Result of a model's function, as expressions.
 fn ids(
     tracer: &Tracer,
     function: &str,

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use tello_flight::Sighting;
 use tello_flight::cycle::{self, FlightTable, Inbox, Operator, Outcome, Tick, Unwatched};
 use tello_flight::drone::DroneStatus;
-use tello_flight::time::TimeNs;
+use tello_flight::time::{SpanNs, TimeNs};
 use tello_io::clock::TimeOfDay;
 use tello_io::tello::protocol::HostPacket;
 use tello_sim::{DT_S, MocapReport, SimTable, Truth, World};
@@ -23,13 +23,11 @@ pub(crate) const CHUNK: usize = 64;
 /// Ticks between two reports of a drone.
 const STATUS_EVERY: u64 = 5;
 
-/// Period of the simulator. ns
-const DT_NS: i64 = 20_000_000;
-
-/// The drone does not care what time it is.
+/// Time of day in stick packets, which the simulated drone ignores.
 const MIDNIGHT: TimeOfDay = TimeOfDay { hour: 0, minute: 0, second: 0, millisecond: 0 };
 
-/// What a step of all drones shows: measured poses, their ages, true poses, true velocities, whether commands arrive.
+/// Observations of all drones after a step: measured poses, their ages, true poses, true velocities, whether commands
+/// arrive.
 pub(crate) type Seen<'py> = (
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray1<f64>>,
@@ -53,7 +51,7 @@ pub(crate) struct Drone {
     age_steps: u32,
 }
 
-/// What a step shows of one drone.
+/// Observation of one drone after a step.
 #[derive(Clone, Copy)]
 pub(crate) struct Shown {
     measured: Pose,
@@ -111,7 +109,7 @@ impl Drone {
     }
 }
 
-/// What all drones show, as arrays.
+/// Observations of all drones, as arrays.
 pub(crate) fn seen<'py>(py: Python<'py>, shown: &[Shown]) -> PyResult<Seen<'py>> {
     let poses = |of: fn(&Shown) -> &Pose| {
         let rows: Vec<f64> = shown.iter().flat_map(|shown| of(shown).iter().copied()).collect();
@@ -186,7 +184,7 @@ impl Simulators {
         seen(py, &shown)
     }
 
-    /// What the last step showed.
+    /// Observations after the last step.
     fn observe<'py>(&self, py: Python<'py>) -> PyResult<Seen<'py>> {
         let shown = |drone: &Drone| drone.shown();
         let drones = self.drones.par_iter().with_min_len(CHUNK);
@@ -224,9 +222,9 @@ impl Controller {
         Ok(Self { cycle: Mutex::new(cycle), inbox, out, step: 0 })
     }
 
-    /// The sticks after a tick with this pose, if there is a new one, and what the drone says of its own motion.
-    fn act(&mut self, measured: Option<Pose>, drone: &Witness) -> Sticks {
-        let now = TimeNs(self.step.cast_signed().saturating_mul(DT_NS));
+    /// The sticks after a tick with this pose, if there is a new one, and the drone's report of its own motion.
+    fn act(&mut self, measured: Option<Pose>, drone: &OwnMotion) -> Sticks {
+        let now = TimeNs(self.step.cast_signed().saturating_mul(SpanNs::from_seconds(DT_S).0));
         self.inbox.open(self.step, now);
         if let Some(pose) = measured {
             let frame = self.step.cast_signed();
@@ -245,18 +243,18 @@ impl Controller {
     }
 }
 
-/// What a drone reports of itself.
-struct Witness {
+/// Motion of a drone by its own report.
+struct OwnMotion {
     pose: Pose,
-    /// World axes. m/s and rad/s
-    velocity: Pose,
+    /// World frame. m/s, rad/s
+    velocity_w: Pose,
 }
 
-impl Witness {
+impl OwnMotion {
     /// A status in flight, in the steps of the wire.
     fn status(&self, now: TimeNs) -> DroneStatus {
         let in_tenths = |value: f64| (value * 10.0).round() * 0.1;
-        let Self { pose, velocity } = self;
+        let Self { pose, velocity_w } = self;
         DroneStatus {
             received_at: now,
             is_flying: true,
@@ -268,9 +266,9 @@ impl Witness {
             battery_v: None,
             height_m: Some(in_tenths(pose[pose::Z])),
             velocity_d_mps: Some([
-                in_tenths(velocity[pose::X]),
-                in_tenths(-velocity[pose::Y]),
-                in_tenths(-velocity[pose::Z]),
+                in_tenths(velocity_w[pose::X]),
+                in_tenths(-velocity_w[pose::Y]),
+                in_tenths(-velocity_w[pose::Z]),
             ]),
             heading_rad: Some(pose[pose::THETA]),
             flight_mode: None,
@@ -317,8 +315,8 @@ impl Controllers {
         let measured = array::fixed_rows("measured", &measured, self.controllers.len())?;
         let poses = array::fixed_rows("pose", &pose, self.controllers.len())?;
         let velocities = array::fixed_rows("velocity", &velocity, self.controllers.len())?;
-        let own = |(pose, velocity): (Pose, Pose)| Witness { pose, velocity };
-        let drones: Vec<Witness> = poses.into_iter().zip(velocities).map(own).collect();
+        let own = |(pose, velocity_w): (Pose, Pose)| OwnMotion { pose, velocity_w };
+        let drones: Vec<OwnMotion> = poses.into_iter().zip(velocities).map(own).collect();
         let is_new: Vec<bool> = is_new.as_array().iter().copied().collect();
         if is_new.len() != measured.len() {
             let message =

@@ -13,7 +13,7 @@ use tello_flight::cycle::{ModelKind, WithModel};
 
 use crate::TelloError;
 
-/// What solvers that move between threads ask of a model.
+/// Model for solvers that move between threads.
 pub(crate) trait AnyModel<const NS: usize, const NU: usize, const NO: usize, const NP: usize>:
     Model<NS, NU, NO, NP> + Send + Sync + 'static
 {
@@ -28,7 +28,7 @@ where
 
 /// Something to do with a model once its dimensions are types. `NR`: controllable states.
 pub(crate) trait Visit {
-    /// What comes of it.
+    /// Result.
     type Out;
 
     /// Does it.
@@ -182,7 +182,7 @@ impl<V: Visit> WithModel for Visiting<V> {
 /// [`SIZES`] and the function that picks one of them, from one list.
 macro_rules! sizes {
     ($(($ns:literal, $nu:literal, $no:literal, $np:literal)),+) => {
-        /// What solvers are built for, the smallest first; the last one is the largest.
+        /// Sizes that solvers are built for, the smallest first; the last one is the largest.
         pub(crate) const SIZES: &[Size] = &[$(Size::new($ns, $nu, $no, $np)),+];
 
         fn visit_program<V: Visit>(program: &'static Program, visit: V) -> PyResult<V::Out> {

@@ -175,7 +175,7 @@ impl Story {
         pairs.map(|pair| amax(&(pair[1].u_sent - pair[0].u_sent))).fold(0.0, maximum)
     }
 
-    /// What holds in every flight.
+    /// Asserts the rules of every flight.
     pub(crate) fn assert_sound(&self) {
         let landing_at_s =
             self.first(0.0, |moment| moment.landings > 0 || moment.emergency_stops > 0);

@@ -1,4 +1,4 @@
-//! What keeps a drone on the ground, and what happens to one that does not rise straight.
+//! Conditions that keep a drone on the ground, and reactions to a drone that does not rise straight.
 
 use tello_flight::{Fault, Phase, Pilot};
 use tello_sim::{InjectedFault, ScriptedFault};

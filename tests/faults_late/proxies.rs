@@ -1,5 +1,5 @@
-//! What stands between the program and the emulator: a mocap link that falls behind, and a radio link that
-//! notes what goes over it.
+//! Proxies between the program and the emulator: a mocap link that falls behind, and a radio link that
+//! records its packets.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
@@ -98,7 +98,7 @@ fn release(
     }
 }
 
-/// What the drone was sent, and when.
+/// Packets sent to the drone, with their times.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Received {
     /// The last sticks that were not neutral.

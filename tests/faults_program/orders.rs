@@ -57,10 +57,10 @@ fn signals_in_flight_land_the_drone() {
         bench.wait_for(DronePhase::Flying, 30.0);
         sleep(Duration::from_secs(1));
         let pid = bench.child.id().to_string();
-        let ordered_at = bench.tap.clock.now();
+        let ordered_at = bench.drone_proxy.clock.now();
         assert!(Command::new("kill").args([name, &*pid]).status().unwrap().success());
         bench.wait_for(DronePhase::Landing(Cause::Order), 2.0);
-        assert!(bench.tap.landing_s(ordered_at).unwrap() < 0.5, "{name}");
+        assert!(bench.drone_proxy.landing_s(ordered_at).unwrap() < 0.5, "{name}");
     }
     for (_, bench) in benches {
         bench.assert_ends_on_the_ground();
@@ -76,7 +76,7 @@ fn a_log_that_reaches_the_limit_of_a_file_ends_alone() {
     let mut bench = Bench::start_with("limit", limit, &["--json"], out, errors);
     bench.wait_until_it_flies();
     assert!(fs::metadata(bench.folder.join("flight.mcap")).unwrap().len() == 150_000);
-    assert!(bench.tap.is_steered());
+    assert!(bench.drone_proxy.is_steered());
     // To the end of its mission: the summary is that of a flight with a log, the exit code says that there is none.
     bench.wait_for(DronePhase::Grounded, 90.0);
     assert_eq!(bench.child.wait().unwrap().code(), Some(1), "{}", bench.errors());
@@ -106,7 +106,7 @@ fn a_pipe_that_nobody_reads_keeps_neither_the_log_nor_the_program() {
         writer.write_all(&[b'x'; 4096]).unwrap();
     }
     sleep(Duration::from_secs(3));
-    assert!(bench.tap.is_steered());
+    assert!(bench.drone_proxy.is_steered());
     bench.send(Signal::SIGINT);
     bench.wait_for(DronePhase::Grounded, 20.0);
     let clock = Clock::start();
@@ -127,7 +127,10 @@ fn a_second_flight_of_the_same_drone_is_refused_and_disturbs_nothing() {
     let text = String::from_utf8_lossy(&second.stderr).into_owned();
     assert_eq!(second.status.code(), Some(2), "{text}");
     assert!(text.contains(&format!("process {}", bench.child.id())), "{text}");
-    assert!(bench.tap.is_steered() && bench.emulator.truth().received.landings == packets.landings);
+    assert!(
+        bench.drone_proxy.is_steered()
+            && bench.emulator.truth().received.landings == packets.landings
+    );
     bench.send(Signal::SIGINT);
     bench.assert_ends_on_the_ground();
 }

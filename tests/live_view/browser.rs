@@ -114,7 +114,7 @@ impl Browser {
         self.call("Emulation.setEmulatedMedia", &json!({ "features": features }));
     }
 
-    /// What an expression is in the page.
+    /// Value of an expression in the page.
     pub(crate) fn evaluates(&mut self, expression: &str) -> Value {
         let call = json!({ "expression": expression, "returnByValue": true });
         self.call("Runtime.evaluate", &call)["result"]["value"].take()

@@ -8,7 +8,7 @@ use serde::Deserialize;
 pub(crate) struct Problem {
     /// Length of the horizon. steps
     pub(crate) horizon_steps: usize,
-    /// What the input weight multiplies.
+    /// Quantity that the input weight multiplies.
     pub(crate) input_cost: InputCost,
     /// Parameter. Rows of `Kinematic`
     pub(crate) p: [f64; 4],

@@ -54,17 +54,26 @@ fn doc(source: &str, fault: &str) -> String {
     lines.collect::<Vec<_>>().into_iter().rev().collect::<Vec<_>>().join(" ")
 }
 
+/// The row of the fault `name` in the table of `page`, and its entry in the list below, if there is one.
+fn conditions(page: &str, name: &str) -> String {
+    let (row, entry) = (format!("| `{name}` |"), format!("- `{name}`"));
+    let row = page.lines().find(|line| line.starts_with(&row));
+    let mut below = page.lines().skip_while(|line| !line.starts_with(&entry));
+    let entry = below.next();
+    let rest = below.take_while(|line| line.starts_with("  "));
+    row.into_iter().chain(entry).chain(rest).collect::<Vec<_>>().join(" ")
+}
+
 #[test]
 fn descriptions_of_a_fault_quote_the_values_of_its_constants() -> io::Result<()> {
     let (safety, faults) =
         (document("docs/safety.md")?, document("crates/flight/src/supervisor/fault.rs")?);
     for (fault, file, constants) in QUOTED {
         let source = document(&format!("crates/flight/src/{file}"))?;
-        let row = format!("| `{}` |", snake_case(fault));
-        let row = safety.lines().find(|line| line.starts_with(&row)).unwrap_or_default();
+        let text = conditions(&safety, &snake_case(fault));
         for name in constants {
             let quantity = quantity(&source, name).unwrap_or_else(|| panic!("{name} in {file}"));
-            assert!(quotes(row, &quantity), "docs/safety.md, {fault}: {name} is {quantity}");
+            assert!(quotes(&text, &quantity), "docs/safety.md, {fault}: {name} is {quantity}");
             assert!(quotes(&doc(&faults, fault), &quantity), "{fault}: {name} is {quantity}");
         }
     }
@@ -77,5 +86,8 @@ fn a_quantity_is_found_as_a_whole() {
     assert_eq!(quantity("const A: f64 = 0.6;", "A"), None);
     assert!(quotes("for 3 s,\n more", "3 s") && quotes("or 3\n s", "3 s"));
     assert!(!["1.3 s", "3 steps", "3 s/m"].iter().any(|text| quotes(text, "3 s")));
+    let page = "| `a` | no | - |\n| `b` | for 3 s | land |\n\n- `b`: 2 s\n  - 1 s\n- `c`: 4 s\n";
+    assert_eq!(conditions(page, "b"), "| `b` | for 3 s | land | - `b`: 2 s   - 1 s");
+    assert_eq!(conditions(page, "a"), "| `a` | no | - |");
     assert_eq!(doc("    /// No.\n    B,\n    /// For\n    /// 3 s.\n    A,\n", "A"), " For  3 s.");
 }

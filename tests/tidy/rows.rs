@@ -20,7 +20,7 @@ pub(crate) const KERNELS: [&str; 11] = [
     "python/src/",
 ];
 
-/// What has places in time, along a path, in a list or in bytes, and not rows.
+/// Variables whose index is a place in time, along a path, in a list or in bytes, and no row.
 const SEQUENCES: [&str; 25] = [
     "self.s",
     "self.s_candidate",

@@ -40,7 +40,7 @@ pub(crate) struct Arguments {
     update: bool,
 }
 
-/// What a database says of our dependencies.
+/// Advisories of a database on our dependencies.
 #[derive(Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Facts {
@@ -92,7 +92,7 @@ struct Locked {
     version: Version,
 }
 
-/// What is wrong with the packages of a lock file.
+/// Findings about the packages of a lock file.
 #[derive(Debug, Default, PartialEq)]
 struct Findings {
     vulnerable: Vec<String>,

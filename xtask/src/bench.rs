@@ -60,7 +60,7 @@ enum Part {
     Growth,
 }
 
-/// What the parts have in common.
+/// Context that is common to the parts.
 #[derive(Debug)]
 struct Bench {
     data: PathBuf,
@@ -68,7 +68,7 @@ struct Bench {
     workshop: Workshop,
 }
 
-/// What a part found: a table in markdown, and lines of the raw file.
+/// Result of a part: a table in markdown, and lines of the raw file.
 #[derive(Debug)]
 struct Findings {
     table: String,

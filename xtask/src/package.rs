@@ -49,7 +49,7 @@ pub(crate) struct Arguments {
     licences: bool,
 }
 
-/// What is packed, whatever the format.
+/// Contents of a package of any format.
 struct Contents {
     version: &'static str,
     /// The program, for systems with our C library or a newer one.
@@ -253,7 +253,7 @@ fn is_installed(program: &str) -> bool {
     Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
 }
 
-/// What a program prints.
+/// Standard output of a program.
 pub(crate) fn output(command: &mut Command) -> Result<String> {
     let output = command.output().with_context(|| format!("cannot start {command:?}"))?;
     let complaint = String::from_utf8_lossy(&output.stderr);

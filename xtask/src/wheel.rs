@@ -6,16 +6,6 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 
-/// What the tests of the package need beside it.
-const TEST_PACKAGES: [&str; 6] = [
-    "pytest==9.2.0",
-    "pandas==3.1.1",
-    "gymnasium==1.4.0",
-    "mcap==1.6.0",
-    "nbclient==0.11.0",
-    "ipykernel==7.4.0",
-];
-
 /// Build the Python package as a wheel and test it in a fresh environment.
 ///
 /// The wheel goes to target/wheels. Needs Python 3.9 or newer with venv, and the network.
@@ -48,7 +38,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     let fresh = environment(&root.join("target/wheel-test"))?;
     call(Command::new(fresh.join("pip")).args(["install", "--quiet"]).arg(&wheel))?;
-    call(Command::new(fresh.join("pip")).args(["install", "--quiet"]).args(TEST_PACKAGES))?;
+    let requirements = root.join("python/tests/requirements.txt");
+    call(Command::new(fresh.join("pip")).args(["install", "--quiet", "-r"]).arg(requirements))?;
     // From another folder: the sources of the package must not stand in for the wheel.
     call(
         Command::new(fresh.join("python"))

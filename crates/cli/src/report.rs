@@ -44,7 +44,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     report::replaces_a_page(&arguments.out)?;
-    let page = report::of(&arguments.logs, &arguments.against, &arguments.out)?;
+    let page = report::page_of(&arguments.logs, &arguments.against, &arguments.out)?;
     whole_file::write_contents(&arguments.out, true, &page.html)?;
     if let Some(dir) = &arguments.figures {
         page.save_figures(dir)?;

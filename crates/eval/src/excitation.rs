@@ -47,7 +47,7 @@ const Y: [Tone; 4] = [
     tone(23.0, 0.076, 0.50),
 ];
 
-/// The same upwards and downwards; 0.6 m/s and 1.3 m/s^2 at most. m
+/// Largest distance from the middle upwards and downwards; 0.6 m/s and 1.3 m/s^2 at most. m
 const HALF_HEIGHT_M: f64 = 0.36;
 const Z: [Tone; 3] = [tone(11.0, 0.198, 1.55), tone(17.0, 0.128, 4.77), tone(29.0, 0.075, 1.69)];
 
@@ -86,7 +86,7 @@ pub struct Excitation {
     /// Largest distance of the reference from the centre along x and y; the vehicle passes it by some 0.3 m. A smaller
     /// one is flown with shorter periods, a larger one with longer ones. m, 0.3..=4
     pub half_width_m: f64,
-    /// The same upwards and downwards. m, 0.1..=1
+    /// Largest distance from the middle upwards and downwards. m, 0.1..=1
     pub half_height_m: f64,
     /// Duration. s, 20..=600
     pub duration_s: f64,

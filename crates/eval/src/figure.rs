@@ -89,7 +89,7 @@ impl Place {
     /// Writes `figure` as SVG and PNG in place of those that are there, and returns their paths.
     ///
     /// # Errors
-    /// What the file system refuses, with the path; a figure that cannot be painted.
+    /// An error of the file system, with the path; a figure that cannot be painted.
     pub fn save(&self, figure: &Figure) -> Result<[PathBuf; 2]> {
         let paths = self.paths();
         let png = figure.png().with_context(|| paths[1].display().to_string())?;

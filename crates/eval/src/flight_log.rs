@@ -33,7 +33,7 @@ const SIMULATED: &str = "simulated.json";
 /// Keys of earlier settings that are no more, each with the pointer to its parent.
 const NO_MORE: [(&str, &str); 1] = [("/cycle/monitors", "unproven_stick_max")];
 
-/// What one tick leaves in the log.
+/// Record of one tick in the log.
 #[derive(Debug, Clone)]
 pub struct TickRecord {
     /// The inputs of the tick.
@@ -66,7 +66,7 @@ pub fn create(
     create_with(path, flight, started_unix_ns, shape, BTreeMap::new())
 }
 
-/// The same for a flight of a simulated vehicle.
+/// Creates the log of a flight of a simulated vehicle, marked as such; arguments as [`create`].
 ///
 /// # Errors
 /// As [`LogWriter::create`].
@@ -80,7 +80,7 @@ pub fn create_simulated(
     create_with(path, flight, started_unix_ns, shape, mark)
 }
 
-/// The same for a flight that is repeated.
+/// Creates the log of a repeated flight, marked as such; arguments as [`create`].
 ///
 /// # Errors
 /// As [`LogWriter::create`].

@@ -1,4 +1,4 @@
-//! Recordings in, numbers and pictures out.
+//! Evaluation of flights: recordings in; metrics, identified parameters, figures and reports out.
 //!
 //! | file                      | owns                                                                  |
 //! |---------------------------|-----------------------------------------------------------------------|

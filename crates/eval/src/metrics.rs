@@ -1,4 +1,4 @@
-//! What a flight was worth: the definitions behind the thesis' section 5.2.
+//! Metrics of a flight: the definitions behind the thesis' section 5.2.
 //!
 //! The clock of `finish_s`, and with it all samples, starts when the controller has reached its first
 //! target; for a path that is when it has settled there (`start.settle_s`), so waiting at the start is
@@ -66,7 +66,7 @@ pub struct Lap {
     pub distance_max_m: f64,
 }
 
-/// What is gathered tick by tick between start and end.
+/// Samples of the ticks between start and end.
 #[derive(Debug, Clone, Default)]
 struct Samples {
     distances_m: Vec<f64>,

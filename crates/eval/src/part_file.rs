@@ -22,7 +22,7 @@ use crate::REVISION;
 /// First field of a part file.
 const FORMAT: &str = "tello-ctl part 1";
 
-/// What the rows of a part are.
+/// Kind of the rows of a part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
@@ -218,7 +218,7 @@ pub fn is_part(path: &Path) -> Result<bool> {
     Ok(parse_header(&text_of(path)?).is_ok())
 }
 
-/// What the rows of the part at `path` are.
+/// Kind of the rows of the part at `path`.
 ///
 /// # Errors
 /// A file that cannot be read or is no part.

@@ -60,7 +60,7 @@ pub struct Loaded {
     pub is_simulated: bool,
     /// Every step of [`PERIOD_S`], the missing ones included. What is not accepted is not observed.
     pub recording: Recording<{ stick::COUNT }, { pose::COUNT }>,
-    /// What was left out and why.
+    /// Parts that were left out, and why.
     pub skipped: Vec<String>,
 }
 
@@ -127,7 +127,7 @@ pub(crate) struct KnownFlights {
 }
 
 impl KnownFlights {
-    /// Those of `logs`, at their places.
+    /// The flights of `logs`, at their places.
     pub(crate) fn of(logs: &[Loaded]) -> Self {
         let mut known = Self::default();
         for log in logs {
@@ -257,7 +257,7 @@ pub fn begins_as_mcap(path: &Path) -> io::Result<Option<bool>> {
     Ok((!head.is_empty()).then(|| head == MCAP_MAGIC))
 }
 
-/// The same of a file with a flight, which an empty one is not.
+/// Whether a file with a flight, which an empty file is not, begins as MCAP files do.
 pub(crate) fn is_mcap(path: &Path) -> Result<bool> {
     begins_as_mcap(path)
         .with_context(|| format!("cannot read {}", path.display()))?
@@ -290,7 +290,7 @@ fn because(error: anyhow::Error, skipped: &[String]) -> anyhow::Error {
     if skipped.is_empty() { error } else { anyhow::anyhow!("{error}; {}", skipped.join("; ")) }
 }
 
-/// What a file says about one step.
+/// Input and observation of one step of a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Sample {
     step: u64,
@@ -352,7 +352,7 @@ fn note(skipped: &mut Vec<String>, count: usize, noun: &str, which: &str) {
     }
 }
 
-/// What there is of `o`; a missing observation otherwise.
+/// Observation of `o`; a missing one if there is none.
 fn observed(o: Option<Pose>) -> Observed<{ pose::COUNT }> {
     o.map_or_else(Observed::missing, Observed::full)
 }

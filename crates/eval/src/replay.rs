@@ -36,7 +36,7 @@ pub struct Options<'a> {
 /// Watches a log of ours while it is repeated: gets the settings, and each tick with its logged times.
 pub type Watch<'a> = &'a mut dyn FnMut(&FlightTable, &TickRecord) -> Result<()>;
 
-/// What a replay found.
+/// Result of a replay.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Replayed {
@@ -47,7 +47,7 @@ pub enum Replayed {
 }
 
 impl Replayed {
-    /// What a log of ours amounts to, in a line; `None` for recordings of others.
+    /// Conclusion about a log of this program, in a line; `None` for other recordings.
     pub fn verdict(&self) -> Option<String> {
         match self {
             Self::Compared(report) => Some(report.verdict()),

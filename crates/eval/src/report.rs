@@ -1,7 +1,6 @@
 //! Recorded flights as one page, figures and numbers.
 //!
-//! What is measured is `report/quantity.rs`, when a flight was good `report/verdict.rs`,
-//! how it looks `report/page.rs`.
+//! The quantities are in `report/quantity.rs`, the judgement in `report/verdict.rs`, the layout in `report/page.rs`.
 
 mod flight;
 mod group;
@@ -54,7 +53,7 @@ pub struct FlightsReport {
     comparison: Option<Comparison>,
     /// Files that could not be used, and copies of others.
     pub unusable: Vec<Unusable>,
-    /// What each number means.
+    /// Definition of each number.
     definitions: BTreeMap<&'static str, &'static str>,
     /// The page.
     page: PathBuf,
@@ -83,11 +82,12 @@ impl Display for Unusable {
     }
 }
 
-/// The page of the flights in `logs` and, beside them, in `against`, which may be empty.
+/// The page of the flights in `logs` and, beside them, in `against`, which may be empty; `page` is the path where the
+/// page will be saved, for relative links.
 ///
 /// # Errors
 /// A path does not exist, or no flight of a group can be used.
-pub fn of(logs: &[PathBuf], against: &[PathBuf], page: &Path) -> Result<Page> {
+pub fn page_of(logs: &[PathBuf], against: &[PathBuf], page: &Path) -> Result<Page> {
     let mut unusable = Vec::new();
     let mut groups = vec![read(logs, &mut unusable)?];
     if !against.is_empty() {
@@ -184,7 +184,7 @@ fn checksum(path: &Path) -> Result<[u8; 32]> {
     Ok(sum.finalize().into())
 }
 
-/// What the flights in `paths` are called together.
+/// Common name of the flights in `paths`.
 fn name_of(paths: &[PathBuf]) -> String {
     let name = |path: &Path| {
         let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());

@@ -39,7 +39,7 @@ const BATTERY_KIND: [u8; 3] = [2, 1, 3];
 pub enum RosTopic {
     /// Estimated pose.
     Pose,
-    /// The same as the frame `tello` in the frame `world`.
+    /// Estimated pose as the frame `tello` in the frame `world`.
     Transform,
     /// Estimated velocity along the axes of the world, of models that have one.
     Velocity,
@@ -126,7 +126,7 @@ struct FaultNames {
     faults: Vec<String>,
 }
 
-/// What of an inbox is published.
+/// Field of an inbox that is published.
 #[derive(Deserialize)]
 struct DroneOnly {
     drone: Option<DroneStatus>,

@@ -247,7 +247,7 @@ impl Plots {
 }
 
 impl LastLogged {
-    /// What is new since the tick before.
+    /// Changes since the tick before, as messages.
     fn news(&mut self, out: &Outcome) -> Vec<(Level, String)> {
         let mut news = Vec::new();
         let now = Self {

@@ -61,7 +61,7 @@ pub fn denies_standing(height_m: Option<f64>, ground_m: Option<f64>) -> bool {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Protocol {
-    /// What the vendor's app speaks: sticks of 660 steps, and a status that reports whether it flies.
+    /// Protocol of the vendor's app: sticks of 660 steps, and a status that reports whether it flies.
     Binary,
     /// The documented SDK: sticks of 100 steps, and a state line that does not report it.
     Text,
@@ -113,7 +113,7 @@ pub struct DroneStatus {
     pub flight_mode: Option<u8>,
 }
 
-/// What changes the phase of a flight.
+/// Order that changes the phase of a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DroneOrder {
     /// Start the motors and climb to about 1 m.

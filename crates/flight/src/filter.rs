@@ -127,7 +127,7 @@ impl TryFrom<&FilterTable> for FilterSettings {
     }
 }
 
-/// What became of a group of rows, position or heading, of one sample.
+/// Acceptance of a group of rows, position or heading, of one sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Acceptance {

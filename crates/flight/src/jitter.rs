@@ -56,7 +56,7 @@ impl Histogram {
         self.max_us = self.max_us.max(us);
     }
 
-    /// What `fraction` of the ticks did not exceed, at the resolution of the bins; zero without any. us
+    /// Quantile of the ticks at `fraction`, at the resolution of the bins; zero without any. us
     ///
     /// Real time: no allocation, one pass over the bins.
     pub fn quantile_us(&self, fraction: f64) -> i64 {

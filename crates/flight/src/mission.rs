@@ -1,4 +1,4 @@
-//! What a flight is for: targets, paths and trajectories, and how far they are flown.
+//! Mission of a flight: targets, paths and trajectories, and how far they are flown.
 //!
 //! Owns the reference that the controller is given, now and over its horizon. It reads no clock and
 //! no file: time is the number of [`Mission::advance`] calls, a CSV file comes in as rows.
@@ -46,7 +46,7 @@ pub use table::{
 /// Distance between the points of an outline that is a curve. m
 const OUTLINE_SPACING_M: f64 = 0.02;
 
-/// What a vehicle takes to a constant target, or to the beginning of a path. s
+/// Time that a vehicle takes to a constant target, or to the beginning of a path. s
 const TARGET_S: f64 = 15.0;
 
 /// Where the vehicle should be, and how fast.
@@ -218,7 +218,7 @@ impl Mission {
         }
     }
 
-    /// What the mission is like, before it is flown. Allocates.
+    /// Statistics of the mission as planned: length, time, extent, speeds. Allocates.
     pub fn survey(&self) -> Survey {
         match &self.0 {
             Kind::Targets(targets) => Survey::of_targets(targets.poses(), self.planned_s()),

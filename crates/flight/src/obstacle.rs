@@ -1,4 +1,4 @@
-//! What stands in the room, or moves in it: boxes and upright cylinders.
+//! Obstacles that stand in the room, or move in it: boxes and upright cylinders.
 //!
 //! Owns their signed distance and its gradient. What follows from being near stands in
 //! `cycle/walls.rs` and `cycle/walls/questions.rs`.

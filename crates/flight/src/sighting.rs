@@ -1,4 +1,4 @@
-//! What motion capture reports of the vehicle, whatever system it comes from.
+//! Report of the motion capture on the vehicle, from any system.
 
 use horizon_model::rows::Pose;
 use schemars::JsonSchema;

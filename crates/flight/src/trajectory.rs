@@ -106,7 +106,7 @@ impl Trajectory {
         &self.nodes
     }
 
-    /// What is in the middle between two nodes: where a step between standing poses is fastest.
+    /// Nodes in the middle between two nodes: there a step between standing poses is fastest.
     pub(crate) fn middles(&self) -> impl Iterator<Item = Node> {
         self.nodes.windows(2).map(|pair| {
             let Moment { pose, rate, .. } = between(pair, 0.5);

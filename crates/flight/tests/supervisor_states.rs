@@ -180,7 +180,7 @@ fn assert_may_take_off(before: Phase, sees: bool, e: &Evidence) {
     );
 }
 
-/// What a decision must never break, seen from the phase before it.
+/// Rules that a decision must never break, seen from the phase before it.
 fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, out: Decision) {
     let case = || format!("{before:?}, {e:?}, {out:?}");
     let is_fresh = e.pose_age_s.is_some_and(|age_s| age_s <= STALE_S);

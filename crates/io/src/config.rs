@@ -47,11 +47,11 @@ pub struct FlyTable {
     pub manual: ManualTable,
     /// Where logs go.
     pub log: LogTable,
-    /// What the control thread asks of the system.
+    /// Requests of the control thread to the operating system.
     pub real_time: RealTimeTable,
 }
 
-/// What the control thread asks of the system, beside a real-time priority and memory that stays.
+/// Requests of the control thread to the operating system, beside a real-time priority and locked memory.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(extend("required" = ["core"]))]
@@ -77,7 +77,7 @@ pub struct LogTable {
     pub dir: PathBuf,
 }
 
-/// What runs when no file is named: parts of the program, and examples of every key.
+/// Settings for a run without files: parts of the program, and examples of every key.
 const BUILT_IN_FLY: &str = include_str!("../../../configs/fly.json");
 const BUILT_IN_MISSION: &str = include_str!("../../../configs/missions/square.json");
 

@@ -1,4 +1,4 @@
-//! What the program writes on its standard error while a picture has the terminal.
+//! Messages to the standard error while a picture has the terminal.
 //!
 //! Owns the standard error from [`Messages::hold`] on: it goes into a queue of the last lines, from there to
 //! the code that draws them, and at the end to where it belonged. It refuses to draw.

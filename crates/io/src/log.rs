@@ -155,7 +155,7 @@ pub enum LogError {
     Encode {
         /// Topic of the record.
         topic: String,
-        /// What is wrong with it.
+        /// Error of the encoder.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// The thread that writes the log could not be started.
@@ -190,7 +190,7 @@ pub enum LogError {
     NotALog {
         /// The file.
         path: PathBuf,
-        /// What it is instead, and what to do.
+        /// Kind of the file, and what to do.
         why: String,
     },
     /// A message is not of the type that the reader expects.

@@ -12,7 +12,7 @@ use anyhow::{Result, bail};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use tello_flight::{MissionTable, ObstacleTable, RoomTable, Start};
 use tello_io::config;
-use tello_sim::contact::{Beside, fly_beside};
+use tello_sim::contact::{ContactFlight, fly_to_contact};
 use tello_sim::plant::RIGID_BODY;
 use tello_sim::{PasserTable, Profile, SimTable};
 
@@ -58,22 +58,22 @@ fn main() -> Result<()> {
             flight.cycle.obstacles.push(ObstacleTable::Moving { radius_m: 0.2 });
             sim.passer = Some(PASSER);
         }
-        let flown: Result<Vec<Beside>> = (first..first + count)
+        let flown: Result<Vec<ContactFlight>> = (first..first + count)
             .into_par_iter()
-            .map(|seed| fly_beside(&flight, &sim, has_faults, seed))
+            .map(|seed| fly_to_contact(&flight, &sim, has_faults, seed))
             .collect();
         print(scene, first, &flown?);
     }
     Ok(())
 }
 
-fn print(scene: &str, first: u64, flown: &[Beside]) {
+fn print(scene: &str, first: u64, flown: &[ContactFlight]) {
     let finished = flown.iter().filter(|one| one.is_finished).count();
-    let mut verdicts: BTreeMap<_, u32> = BTreeMap::new();
+    let mut contacts: BTreeMap<_, u32> = BTreeMap::new();
     for contact in flown.iter().filter_map(|one| one.contact) {
-        *verdicts.entry((contact.touched, contact.verdict)).or_default() += 1;
+        *contacts.entry((contact.touched, contact.avoidability)).or_default() += 1;
     }
-    println!("{scene}: {} flights, {finished} finished, contacts {verdicts:?}", flown.len());
+    println!("{scene}: {} flights, {finished} finished, contacts {contacts:?}", flown.len());
     for (one, seed) in flown.iter().zip(first..) {
         let Some(contact) = one.contact else { continue };
         println!("seed {seed}: {contact:?}, {:?}", one.families);

@@ -24,7 +24,7 @@ const TIME_LIMIT_S: f64 = 60.0;
 /// Passes of the timed ticks; each tick counts with its shortest time.
 const PASSES: usize = 15;
 
-/// What stands beside the square from (-2, -3) to (-0.5, -1.5), whose first side leads along y.
+/// Obstacles beside the square from (-2, -3) to (-0.5, -1.5), whose first side leads along y.
 struct Scene {
     name: &'static str,
     room: Option<RoomTable>,

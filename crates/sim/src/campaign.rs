@@ -24,7 +24,7 @@ use crate::virtual_time::VirtualFlight;
 use crate::{DroneTable, ScriptedFault, SimTable};
 pub use family::Family;
 pub(crate) use family::{Draw, draw};
-use judge::{End, Judge, Look, Reaction, Violation};
+use judge::{End, Judge, Reaction, TickView, Violation};
 use table::FamilyRow;
 use tello_flight::cycle::FlightTable;
 
@@ -59,8 +59,10 @@ pub struct Campaign {
     flights: Vec<CampaignRow>,
 }
 
-/// The flights of `seeds`, in their order, on all threads; with faults of all families or of `only`. Fewer if
-/// `is_interrupted`. `on_flown` is called after every one.
+/// Flies a campaign: one simulated flight per seed, with faults of all families or of `only`. Rows in the order of
+/// `seeds`; fewer if `is_interrupted`. `on_flown` is called after every flight.
+///
+/// Cost: up to 240 s of virtual time per seed, on all threads.
 ///
 /// # Errors
 /// A setting that breaks its rule.
@@ -113,7 +115,7 @@ fn fly_one(
         let out = virtual_flight.tick()?;
         let (phase, decision) = (out.phase(), out.decision);
         let truth = virtual_flight.truth();
-        judge.look(&Look {
+        judge.update(&TickView {
             now_s,
             faults: decision.map_or(FaultSet::default(), |decision| decision.faults),
             wire: virtual_flight.wire(),

@@ -43,7 +43,7 @@ const FALSE_RAD: f64 = 0.3;
 /// its disturbance velocity. s
 const NO_POSE_S: f64 = 1.0;
 
-/// What was touched.
+/// Kind of surface that was touched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Touched {
     /// A wall of the room.
@@ -75,14 +75,14 @@ pub struct Contact {
     /// With what.
     pub touched: Touched,
     /// Whether braking would have helped.
-    pub verdict: Avoidability,
+    pub avoidability: Avoidability,
     /// Time from the newest moment from which braking helps to the contact; `None` if there is none. s, > 0
     pub ahead_s: Option<f64>,
 }
 
-/// One flight beside walls and obstacles.
+/// Result of one flight beside walls and obstacles.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Beside {
+pub struct ContactFlight {
     /// Families of the faults in the flight; empty without faults.
     pub families: Vec<Family>,
     /// Whether all targets of the mission were reached.
@@ -99,7 +99,7 @@ struct Moment {
     knowledge: Knowledge,
 }
 
-/// What the program could know of the pose.
+/// Knowledge of the pose that the program could have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Knowledge {
     True,
@@ -111,12 +111,12 @@ enum Knowledge {
 ///
 /// # Errors
 /// A setting that breaks its rule.
-pub fn fly_beside(
+pub fn fly_to_contact(
     flight: &FlightTable,
     settings: &SimTable,
     has_faults: bool,
     seed: u64,
-) -> Result<Beside> {
+) -> Result<ContactFlight> {
     let drawn = has_faults.then(|| draw(seed, settings, None));
     let (families, sim) =
         drawn.map_or((Vec::new(), settings.clone()), |Draw { families, sim, .. }| (families, sim));
@@ -133,13 +133,13 @@ pub fn fly_beside(
         }
         let contact = watch.contact(virtual_flight.world());
         if contact.is_some() {
-            return Ok(Beside { families, is_finished, contact });
+            return Ok(ContactFlight { families, is_finished, contact });
         }
     }
-    Ok(Beside { families, is_finished, contact: None })
+    Ok(ContactFlight { families, is_finished, contact: None })
 }
 
-/// What stands and moves around a flight.
+/// Room, obstacles and second object of a flight.
 #[derive(Debug)]
 struct Scene {
     around: Surroundings,
@@ -148,7 +148,7 @@ struct Scene {
 }
 
 impl Scene {
-    /// What the vehicle touches in `world`.
+    /// Surface that the vehicle touches in `world`.
     fn touched(&self, world: &World) -> Option<Touched> {
         let truth = world.truth();
         if truth.phase == DronePhase::Grounded {
@@ -166,7 +166,7 @@ impl Scene {
 
     /// Whether the vehicle keeps clear up to `until`, if it brakes from now on.
     fn is_clear_by_braking(&self, world: &World, until: u64) -> bool {
-        let plant = world.drone.plant();
+        let plant = world.drone().plant();
         let (dead_time_s, accel_mps2) = plant.limits();
         // The velocity when the first stick acts: by the sticks in transit.
         let mut then = world.clone();
@@ -200,7 +200,7 @@ fn steer(world: &mut World, u: Sticks) {
     world.advance();
 }
 
-/// What is remembered of a flight to judge its contact by.
+/// History of a flight, by which its contact is judged.
 #[derive(Debug)]
 struct Watch {
     scene: Scene,
@@ -232,9 +232,9 @@ impl Watch {
     fn remember(&mut self, world: &World) {
         let (step, truth) = (world.step(), world.truth());
         self.truths.push(truth.pose);
-        for shot in world.shots().filter(|shot| shot.object == self.object) {
-            let Some(body) = shot.body else { continue };
-            let taken = u64::from(shot.frame);
+        for frame in world.frames().filter(|frame| frame.object == self.object) {
+            let Some(body) = frame.body else { continue };
+            let taken = u64::from(frame.number);
             let was = self.truths[usize::try_from(taken).unwrap_or(0).min(self.truths.len() - 1)];
             let [dx, dy, dz] = std::array::from_fn(|i| body.pos_v[i] - was[pose::X + i]);
             let is_near = dx.hypot(dy).hypot(dz) <= FALSE_M;
@@ -273,7 +273,7 @@ impl Watch {
         let until = at + steps(CLEAR_S);
         let helps = |one: &&Moment| self.scene.is_clear_by_braking(&one.world, until);
         let last = self.moments.iter().rev().find(helps);
-        let verdict = match last {
+        let avoidability = match last {
             None => Avoidability::Unavoidable,
             Some(last) if self.changes_between(last.step, at) => Avoidability::TooLate,
             Some(Moment { knowledge: Knowledge::True, .. }) => Avoidability::Avoidable,
@@ -281,7 +281,7 @@ impl Watch {
             Some(Moment { knowledge: Knowledge::None, .. }) => Avoidability::NoPose,
         };
         let ahead_s = last.map(|last| (at - last.step) as f64 * DT_S);
-        Some(Contact { at_s: at as f64 * DT_S, touched, verdict, ahead_s })
+        Some(Contact { at_s: at as f64 * DT_S, touched, avoidability, ahead_s })
     }
 
     /// Whether a fault begins or the obstacle turns after `from`, up to `to`.

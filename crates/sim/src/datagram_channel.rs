@@ -11,12 +11,12 @@ use crate::random::{Purpose, Random};
 
 /// Shape of the delays, an assumption: 95 % below 2.8 medians, one in 200 above 5.
 const DELAY_SIGMA: f64 = 0.63;
-/// What is held back lets this much time of later datagrams pass. s
+/// Time for which a reordered datagram is held back, so that later ones pass it. s
 const HELD_BACK_S: f64 = 0.1;
 /// Datagrams in transit; what is sent beyond is lost.
 const IN_TRANSIT_MAX: usize = 256;
 
-/// What happens to datagrams in each direction. Times are for one way: a round trip takes 0.044 s in
+/// Loss, delay and order of datagrams in each direction. Times are for one way: a round trip takes 0.044 s in
 /// the median and 0.228 s at worst (TelloPy's documentation).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -81,7 +81,7 @@ impl<T: Clone> Air<T> {
         }
     }
 
-    /// What arrived first until `now_s` and was not taken yet.
+    /// Oldest datagram that arrived until `now_s` and was not taken yet.
     pub(crate) fn receive(&mut self, now_s: f64) -> Option<T> {
         let arrivals = self.in_transit.iter().enumerate().filter(|(_, (at_s, _))| *at_s <= now_s);
         let (first, _) = arrivals.min_by(|(_, (a_s, _)), (_, (b_s, _))| a_s.total_cmp(b_s))?;

@@ -1,4 +1,4 @@
-//! What the faults on order make of a measured pose.
+//! Distortion of a measured pose by injected faults.
 //!
 //! Owns the noise of these faults and their order: first another object takes the drone's place, then
 //! what is wrong about the measurement acts on it. When the result arrives is `frame_lag`'s.
@@ -169,7 +169,7 @@ impl Distortion {
     }
 }
 
-/// What a walker has moved since the onset, after `elapsed_s`; zero of another fault.
+/// Displacement of a walker since the onset, after `elapsed_s`; zero of another fault.
 fn walked(present: &Present, elapsed_s: f64) -> Pose {
     let InjectedFault::MocapWalker { radius_m, speed_mps, .. } = present.fault else {
         return Pose::zeros();

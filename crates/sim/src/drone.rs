@@ -1,4 +1,4 @@
-//! What the drone does by itself: take-off, landing, its own safety.
+//! Firmware of the simulated drone: take-off, landing, its own safety.
 //!
 //! Owns the phases of a flight, the latched sticks, the silence watchdog and the battery. How the
 //! vehicle moves is [`crate::plant`]'s, how orders arrive is in `wire`'s.
@@ -45,15 +45,15 @@ pub enum DronePhase {
 /// Why the drone lands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cause {
-    /// It was ordered to.
+    /// An order to land.
     Order,
-    /// It heard nothing for 15 s. Whatever it hears calls this landing off.
+    /// No packet for 15 s. Any packet calls this landing off.
     Silence,
     /// The charge is low.
     Battery,
 }
 
-/// What an order to land is answered with.
+/// Answer to an order to land.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum LandAnswer {
     /// It lands, or stands already.
@@ -112,7 +112,7 @@ pub struct Drone {
     /// Sticks as last received; they act until replaced.
     u_latched: Sticks,
     /// Applied sticks before the present outage of the link.
-    u_through: Sticks,
+    u_received: Sticks,
     /// Since anything was heard. s
     silent_s: f64,
     battery_pct: f64,
@@ -122,7 +122,7 @@ pub struct Drone {
     /// Since the first order to land of this flight. s
     first_land_s: Option<f64>,
     /// Orders to land of this flight.
-    lands: u32,
+    landing_orders: u32,
     /// Whether sticks are heard and not obeyed.
     are_sticks_stuck: bool,
     /// Whether orders to land are refused.
@@ -145,14 +145,14 @@ impl Drone {
             phase,
             phase_s: 0.0,
             u_latched: Sticks::zeros(),
-            u_through: Sticks::zeros(),
+            u_received: Sticks::zeros(),
             silent_s: 0.0,
             battery_pct,
             firmware,
             motor_s: 0.0,
             received: ReceivedOrders::default(),
             first_land_s: None,
-            lands: 0,
+            landing_orders: 0,
             are_sticks_stuck: false,
             refuses_land: false,
         }
@@ -163,9 +163,9 @@ impl Drone {
         self.link_is_up = self.radio.step();
         let is_held = !self.link_is_up && self.radio.is_held();
         if !is_held {
-            self.u_through = self.u_latched;
+            self.u_received = self.u_latched;
         }
-        let (u, is_obeyed) = (self.u_through, self.link_is_up || is_held);
+        let (u, is_obeyed) = (self.u_received, self.link_is_up || is_held);
         match self.phase {
             DronePhase::Grounded => self.plant.step_grounded(),
             DronePhase::TakingOff if self.phase_s < SPIN_UP_S => self.plant.step_grounded(),
@@ -303,9 +303,9 @@ impl Drone {
     /// Lands, unless the switches of [`crate::LandingTable`] or a fault keep it from that.
     pub(crate) fn receive_land(&mut self) -> LandAnswer {
         if self.phase != DronePhase::Grounded {
-            self.lands = self.lands.saturating_add(1);
+            self.landing_orders = self.landing_orders.saturating_add(1);
             self.first_land_s.get_or_insert(0.0);
-            if self.is_deaf_to(self.lands) {
+            if self.is_deaf_to(self.landing_orders) {
                 return LandAnswer::Unheard;
             }
             if self.firmware.landing.is_refused || self.refuses_land {
@@ -317,7 +317,7 @@ impl Drone {
 
     /// Whether an order to land would be refused or not heard, by the switches or a fault.
     pub(crate) fn ignores_land(&self) -> bool {
-        let is_unheard = self.is_deaf_to(self.lands.saturating_add(1));
+        let is_unheard = self.is_deaf_to(self.landing_orders.saturating_add(1));
         is_unheard || self.firmware.landing.is_refused || self.refuses_land
     }
 
@@ -386,7 +386,7 @@ impl Drone {
         self.phase = phase;
         self.phase_s = 0.0;
         if phase == DronePhase::Grounded {
-            (self.first_land_s, self.lands) = (None, 0);
+            (self.first_land_s, self.landing_orders) = (None, 0);
         }
     }
 

@@ -1,4 +1,4 @@
-//! What the drone reports of its motion, right or not.
+//! Reports of the drone on its motion, right or not.
 //!
 //! Owns the switches of [`StatusTable`]: what a real drone reports is not verified. The fields that carry
 //! it are `wire`'s and `sdk`'s.
@@ -13,11 +13,11 @@ use crate::drone::{DronePhase, Truth};
 use crate::firmware::{Axes, FlyingFlag, HeadingReport, Measured, StatusTable, VelocityReport};
 use crate::plant::{STANDING_M, Velocity};
 
-/// What a report is made of, as it was in some step.
+/// Quantities of one step that a report is made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Sample {
     velocity: Velocity,
-    /// What the drone's own measurement of it differs by, world x and y. m/s
+    /// Error of the drone's own measurement of the velocity, world x and y. m/s
     own_error_w_mps: [f64; 2],
     /// Continuous. rad
     theta: f64,
@@ -111,7 +111,7 @@ impl Reporter {
         reported
     }
 
-    /// What was so `late_s` ago, or at the start.
+    /// Quantities of `late_s` ago, or of the start.
     fn sample(&self, late_s: f64) -> Option<&Sample> {
         let newest = self.history.len().saturating_sub(1);
         self.history.get(newest.saturating_sub(steps(late_s, DT_S)))

@@ -26,7 +26,7 @@ use thiserror::Error;
 use crate::drone::Truth;
 use crate::fault::InjectedFault;
 use crate::frames;
-use crate::mocap::Shot;
+use crate::mocap::MocapFrame;
 use crate::world::World;
 use drone::DronePort;
 pub use mocap::{MocapAddresses, MocapServers};
@@ -48,7 +48,7 @@ pub enum EmulatorError {
         what: &'static str,
         /// The address as asked for.
         address: SocketAddr,
-        /// What the system sends.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The system gives no clock to tick by.
@@ -146,7 +146,7 @@ impl Drop for Emulator {
     }
 }
 
-/// What the thread owns.
+/// State of the thread that advances the world.
 struct WorldThread {
     clock: Clock,
     ticker: Ticker,
@@ -174,10 +174,10 @@ impl WorldThread {
                 continue;
             }
             // The sockets only take what they can at once: the world is not held up.
-            let passer = world.shot_of_passer();
-            self.servers.push_with(world.shots(), passer.and_then(|shot| shot.body));
-            if let Some(shot) = passer {
-                self.servers.push_to_relay(&shot);
+            let passer = world.frame_of_passer();
+            self.servers.push_with(world.frames(), passer.and_then(|frame| frame.body));
+            if let Some(frame) = passer {
+                self.servers.push_to_relay(&frame);
             }
         }
         Ok(())
@@ -188,12 +188,12 @@ impl WorldThread {
         let (rate_hz, step) = {
             let world = self.world.lock();
             let rate_hz = world.mocap_rate_hz();
-            for (shot, change) in world.moving_shots() {
-                if u64::from(shot.frame) == world.step() {
+            for (frame, change) in world.moving_frames() {
+                if u64::from(frame.number) == world.step() {
                     continue;
                 }
-                for number in frames::numbers(shot.frame, rate_hz) {
-                    self.servers.push([frames::moved(shot, number, rate_hz, &change)]);
+                for number in frames::numbers(frame.number, rate_hz) {
+                    self.servers.push([frames::moved(frame, number, rate_hz, &change)]);
                 }
             }
             (rate_hz, world.step())
@@ -204,13 +204,14 @@ impl WorldThread {
             let offset = SpanNs::from_seconds(frames::offset_s(number, step, rate_hz));
             std::thread::sleep(due.after(offset).since(self.clock.now()).duration());
             let world = self.world.lock();
-            let of_step = |(shot, _): &(Shot<'_>, _)| shot.frame == step;
-            let as_frame = |(shot, change)| frames::moved(shot, number, rate_hz, &change);
-            let passer = world.shot_of_passer().map(|shot| Shot { frame: number, rate_hz, ..shot });
-            let other = passer.and_then(|shot| shot.body);
-            self.servers.push_with(world.moving_shots().filter(of_step).map(as_frame), other);
-            if let Some(shot) = passer {
-                self.servers.push_to_relay(&shot);
+            let of_step = |(frame, _): &(MocapFrame<'_>, _)| frame.number == step;
+            let as_frame = |(frame, change)| frames::moved(frame, number, rate_hz, &change);
+            let passer =
+                world.frame_of_passer().map(|frame| MocapFrame { number, rate_hz, ..frame });
+            let other = passer.and_then(|frame| frame.body);
+            self.servers.push_with(world.moving_frames().filter(of_step).map(as_frame), other);
+            if let Some(frame) = passer {
+                self.servers.push_to_relay(&frame);
             }
         }
     }

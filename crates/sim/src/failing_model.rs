@@ -24,12 +24,12 @@ pub enum FailingPart {
     Nothing,
     /// The model of the controller: it plans on [`Model::core`].
     Controller,
-    /// That of the estimator.
+    /// The estimator's model.
     Estimator,
 }
 
 thread_local! {
-    /// What fails in this thread.
+    /// Part of the model that fails in this thread.
     pub static FAILING_PART: Cell<FailingPart> = const { Cell::new(FailingPart::Nothing) };
 }
 

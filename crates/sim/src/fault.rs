@@ -121,12 +121,12 @@ pub enum InjectedFault {
         /// Length of each outage. s, > 0
         lost_s: f64,
     },
-    /// What the mocap sends arrives late. After the fault all that is on its way arrives at once.
+    /// Frames of the mocap arrive late. After the fault all frames in transit arrive at once.
     MocapLag {
         /// Age on arrival. s
         delay_s: f64,
     },
-    /// What the mocap sends arrives later and later.
+    /// Frames of the mocap arrive later and later.
     MocapLagRamp {
         /// Growth of the age. s/s
         growth: f64,

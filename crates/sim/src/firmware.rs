@@ -13,7 +13,7 @@ const LATE_MAX_S: f64 = 60.0;
 /// From here on a stick counts as fully deflected. 1
 const GESTURE: f64 = 0.95;
 
-/// What the simulated drone is like beside the way it flies.
+/// Firmware properties of the drone, and its radio link.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DroneTable {
@@ -29,19 +29,19 @@ pub struct DroneTable {
     pub reply_to: ReplyTo,
     /// Datagrams on their way, in either direction.
     pub air: AirTable,
-    /// What it makes of the order to stop the motors.
+    /// Reaction to the order to stop the motors.
     pub emergency: EmergencyTable,
-    /// What it makes of the order to land.
+    /// Reaction to the order to land.
     pub landing: LandingTable,
     /// Whether it lands after 15 s in which it heard nothing; if not, the last sticks act for ever.
     pub lands_on_silence: bool,
-    /// What acts while commands get lost by chance.
+    /// Inputs that act while commands get lost by chance.
     pub outage: OutageBehaviour,
     /// Whether all sticks at full deflection, pitch back and throttle down, stop its motors.
     pub stops_at_gesture: bool,
     /// Charge below which it reports that its battery is low, below half of it critical. %, 0..=100
     pub warns_below_pct: u8,
-    /// What it reports of itself.
+    /// Status reports.
     pub status: StatusTable,
 }
 
@@ -55,7 +55,7 @@ pub struct EmergencyTable {
     pub text: bool,
 }
 
-/// What an order to land does.
+/// Reaction to an order to land.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LandingTable {
@@ -84,7 +84,7 @@ pub enum CancelledBy {
     AnySticks,
 }
 
-/// What acts on a vehicle whose commands get lost by chance.
+/// Inputs of a vehicle whose commands get lost by chance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OutageBehaviour {
@@ -96,13 +96,13 @@ pub enum OutageBehaviour {
     Mixed,
 }
 
-/// What the drone reports of its motion, in both protocols.
+/// Reports of the drone on its motion, in both protocols.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StatusTable {
-    /// Whether it reports that it flies.
+    /// Report of flying or standing.
     pub flying: FlyingFlag,
-    /// Age of what it reports of flying, in addition to the period of the status. s, 0..=60
+    /// Age of the report of flying or standing, in addition to the period of the status. s, 0..=60
     pub flying_late_s: f64,
     /// Velocity.
     pub velocity: VelocityReport,
@@ -134,7 +134,7 @@ impl HeadingReport {
         Self { is_present: true, is_mirrored: false, drift_radps: 0.0, late_s: 0.0 };
 }
 
-/// What the drone reports of flying.
+/// Report of flying or standing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FlyingFlag {

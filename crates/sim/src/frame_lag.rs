@@ -10,11 +10,11 @@ use tello_io::mocap::{Body, format_line};
 
 use crate::DT_S;
 use crate::fault::{Faults, InjectedFault};
-use crate::mocap::Shot;
+use crate::mocap::MocapFrame;
 
 /// A frame that was taken.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Frame {
+pub(crate) struct TakenFrame {
     pub(crate) step: u64,
     /// Whether another object is seen in place of the drone.
     pub(crate) is_other: bool,
@@ -24,12 +24,12 @@ pub(crate) struct Frame {
     pub(crate) change: Pose,
 }
 
-/// What is on its way, and what arrives now.
+/// Frames in transit, and frames that arrive in the present step.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Lag {
-    on_its_way: VecDeque<Frame>,
-    arrived: Vec<Frame>,
-    /// What a slow link may carry before the next frame. bytes
+    on_its_way: VecDeque<TakenFrame>,
+    arrived: Vec<TakenFrame>,
+    /// Bytes that a slow link may carry before the next frame.
     credit: f64,
     line: Vec<u8>,
 }
@@ -39,7 +39,7 @@ impl Lag {
     /// `object`.
     pub(crate) fn advance(
         &mut self,
-        taken: Option<Frame>,
+        taken: Option<TakenFrame>,
         step: u64,
         faults: &Faults,
         object: &str,
@@ -77,28 +77,31 @@ impl Lag {
         }
     }
 
-    /// What arrives in the present step, oldest first.
-    pub(crate) fn shots<'a>(&'a self, object: &'a str) -> impl Iterator<Item = Shot<'a>> {
-        self.moving(object).map(|(shot, _)| shot)
+    /// Frames that arrive in the present step, oldest first.
+    pub(crate) fn frames<'a>(&'a self, object: &'a str) -> impl Iterator<Item = MocapFrame<'a>> {
+        self.moving(object).map(|(frame, _)| frame)
     }
 
-    /// The same, each with how its pose changes in a step.
-    pub(crate) fn moving<'a>(&'a self, object: &'a str) -> impl Iterator<Item = (Shot<'a>, Pose)> {
-        self.arrived.iter().map(move |frame| (frame.shot(object), frame.change))
+    /// Frames that arrive in the present step, each with the change of its pose in a step. m, rad
+    pub(crate) fn moving<'a>(
+        &'a self,
+        object: &'a str,
+    ) -> impl Iterator<Item = (MocapFrame<'a>, Pose)> {
+        self.arrived.iter().map(move |frame| (frame.sent(object), frame.change))
     }
 
     /// Length of a frame as a line of the text relay.
-    fn bytes(&mut self, frame: &Frame, object: &str) -> f64 {
+    fn bytes(&mut self, frame: &TakenFrame, object: &str) -> f64 {
         self.line.clear();
-        let Shot { frame, rate_hz, object, body } = frame.shot(object);
-        format_line(frame.into(), rate_hz, object, body.as_ref(), &mut self.line);
+        let MocapFrame { number, rate_hz, object, body } = frame.sent(object);
+        format_line(number.into(), rate_hz, object, body.as_ref(), &mut self.line);
         self.line.len() as f64
     }
 }
 
-impl Frame {
-    /// The simulated drone flies level.
-    fn shot<'a>(&self, object: &'a str) -> Shot<'a> {
+impl TakenFrame {
+    /// The frame as sent, under the name `object`. The simulated drone flies level.
+    fn sent<'a>(&self, object: &'a str) -> MocapFrame<'a> {
         let object = if self.is_other { "wand" } else { object };
         let body = self.pose.map(|o| Body {
             name: object.as_bytes(),
@@ -106,8 +109,8 @@ impl Frame {
             angles: [0.0, 0.0, o[pose::THETA]],
         });
         // u32 lasts for two years at 50 Hz.
-        let frame = u32::try_from(self.step).unwrap_or(u32::MAX);
-        Shot { frame, rate_hz: 1.0 / DT_S, object, body }
+        let number = u32::try_from(self.step).unwrap_or(u32::MAX);
+        MocapFrame { number, rate_hz: 1.0 / DT_S, object, body }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The frames of a motion capture that is faster or slower than the steps of the world.
 //!
-//! Frame i shows the room at i / rate, in the step before that time: the shot of the step, moved on as the drone moves
+//! Frame i shows the room at i / rate, in the step before that time: the frame of the step, moved on as the drone moves
 //! in the present step. No noise is drawn, so that the world is the same at every rate.
 
 use std::ops::Range;
@@ -9,7 +9,7 @@ use horizon_model::rows::{Pose, pose};
 use tello_io::mocap::ABOUT_Z;
 
 use crate::DT_S;
-use crate::mocap::Shot;
+use crate::mocap::MocapFrame;
 
 /// Numbers of the frames in a step.
 pub(crate) fn numbers(step: u32, rate_hz: f64) -> Range<u32> {
@@ -35,17 +35,22 @@ pub(crate) fn offset_s(number: u32, step: u32, rate_hz: f64) -> f64 {
     (f64::from(number) / rate_hz - f64::from(step) * DT_S).clamp(0.0, DT_S)
 }
 
-/// `shot` of a step as the frame `number`, where the pose that it shows changes by `change` in a step.
-pub(crate) fn moved<'a>(shot: Shot<'a>, number: u32, rate_hz: f64, change: &Pose) -> Shot<'a> {
-    let fraction = offset_s(number, shot.frame, rate_hz) / DT_S;
-    let body = shot.body.map(|mut body| {
+/// The frame `number`: `frame` of a step, moved on where its pose changes by `change` in a step.
+pub(crate) fn moved<'a>(
+    frame: MocapFrame<'a>,
+    number: u32,
+    rate_hz: f64,
+    change: &Pose,
+) -> MocapFrame<'a> {
+    let fraction = offset_s(number, frame.number, rate_hz) / DT_S;
+    let body = frame.body.map(|mut body| {
         for (axis, row) in [pose::X, pose::Y, pose::Z].into_iter().enumerate() {
             body.pos_v[axis] += fraction * change[row];
         }
         body.angles[ABOUT_Z] += fraction * change[pose::THETA];
         body
     });
-    Shot { frame: number, rate_hz, body, ..shot }
+    MocapFrame { number, rate_hz, body, ..frame }
 }
 
 #[cfg(test)]
@@ -80,13 +85,13 @@ mod tests {
     #[test]
     fn a_frame_goes_on_with_the_change_of_the_step() {
         let body = Body { name: b"tello", pos_v: [1.0, 2.0, 3.0], angles: [0.0, 0.0, 0.5] };
-        let shot = Shot { frame: 3, rate_hz: 50.0, object: "tello", body: Some(body) };
+        let frame = MocapFrame { number: 3, rate_hz: 50.0, object: "tello", body: Some(body) };
         let change = Pose::new(0.02, 0.0, -0.04, 0.1);
         // Frames 12 to 15 of 200 Hz are those of step 3.
         assert_eq!(numbers(3, 200.0), 12..16);
-        let moved = moved(shot, 13, 200.0, &change);
+        let moved = moved(frame, 13, 200.0, &change);
         let body = moved.body.unwrap();
-        assert_eq!((moved.frame, moved.rate_hz), (13, 200.0));
+        assert_eq!((moved.number, moved.rate_hz), (13, 200.0));
         let expected = [1.005, 2.0, 2.99, 0.525];
         let [x, y, z] = body.pos_v;
         for (value, expected) in [x, y, z, body.angles[ABOUT_Z]].into_iter().zip(expected) {

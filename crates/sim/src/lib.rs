@@ -35,7 +35,6 @@ mod second_object;
 mod seeds;
 pub mod self_test;
 pub mod virtual_time;
-mod wire;
 mod world;
 
 use std::path::Path;

@@ -67,7 +67,7 @@ pub fn fly(flight: &FlightTable, sim: &SimTable, seed: u64, path: &Path) -> Resu
     fly_until(flight, sim, seed, path, &|| false)
 }
 
-/// The same, given up without a log once `is_stopped` returns true.
+/// Flies and writes a log as [`fly`]; gives up without a log once `is_stopped` returns true.
 ///
 /// # Errors
 /// As [`fly`]; the flight was stopped.
@@ -87,7 +87,7 @@ pub fn fly_until(
     Ok(Logged { log: path.to_owned(), ..logged })
 }
 
-/// The same, with the log at `path` whether it is finished or not.
+/// Flies as [`fly_until`]; the log is at `path` whether it is finished or not.
 fn fly_into(
     path: &Path,
     flight: &FlightTable,

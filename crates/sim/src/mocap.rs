@@ -1,4 +1,4 @@
-//! What the motion capture makes of the true pose.
+//! Measurement of the true pose by the motion capture.
 //!
 //! Owns noise, stalls, lost poses and heading flips with the rates and lengths counted in real
 //! recordings of the thesis. Each kind of fault is a small state machine with its own random
@@ -13,7 +13,7 @@ use tello_io::mocap::Body;
 use crate::profile::Profile;
 use crate::random::{Purpose, Random};
 
-/// What the stream reports about one step.
+/// Report of the stream about one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum MocapReport {
     /// A pose, true or not; heading in `(-pi, pi]`.
@@ -26,12 +26,12 @@ pub enum MocapReport {
 
 /// One frame of the motion capture, before it becomes bytes of one protocol or another.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shot<'a> {
-    /// Frame number.
-    pub frame: u32,
+pub struct MocapFrame<'a> {
+    /// Number of the frame.
+    pub number: u32,
     /// Frames per second. Hz
     pub rate_hz: f64,
-    /// Name of the object that this shot is of.
+    /// Name of the object that this frame is of.
     pub object: &'a str,
     /// The object, by the same name; `None` if it is not seen.
     pub body: Option<Body<'a>>,
@@ -82,7 +82,7 @@ const LONG_STALLS: [(f64, u32, u32); 4] =
     [(0.40, 6, 13), (0.40, 14, 17), (0.13, 19, 27), (0.07, 44, 46)];
 /// Fraction of lost poses that last one step, and the mean of what exceeds two steps in the others, in steps.
 const ZERO_LENGTH: (f64, f64) = (0.70, 5.0);
-/// The same for heading flips.
+/// Fraction of heading flips that last one step, and the mean of what exceeds two steps in the others, in steps.
 const FLIP_LENGTH: (f64, f64) = (0.45, 6.0);
 /// Smallest heading flip; the largest is half a turn. rad
 const FLIP_MIN_RAD: f64 = 0.3;

@@ -15,7 +15,7 @@ use tello_flight::{Fault, ObstacleTable, Start};
 use crate::batch::{Contender, Ending};
 use crate::{Profile, SimTable};
 
-/// What becomes of a mission in the simulator.
+/// Result of a mission in the simulator.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct NominalFlight {
     /// Targets that were reached.

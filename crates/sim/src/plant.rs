@@ -66,25 +66,25 @@ pub struct Plant {
     external: External,
 }
 
-/// What acts on the vehicle from outside.
+/// External action on the vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) enum External {
     /// Nothing.
     #[default]
     None,
-    /// It moves with this velocity, whatever it flies.
+    /// The vehicle moves with this velocity, whatever its inputs.
     Held {
         /// World x, y, z. m/s
         velocity_w_mps: [f64; 3],
     },
-    /// It is carried on with this velocity.
+    /// The vehicle is carried on with this velocity.
     Pushed {
         /// World x, y, z. m/s
         velocity_w_mps: [f64; 3],
     },
 }
 
-/// What the parameters make of a step, computed once.
+/// Constants of a step, computed once from the parameters.
 #[derive(Debug, Clone, Copy)]
 struct Factors {
     /// Fraction of the way to its target that each velocity covers in a step. 1

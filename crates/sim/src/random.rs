@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// What a stream is for. The number selects the stream and must never be reused.
+/// Purpose of a stream. The number selects the stream and must never be reused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
     /// Spread of the vehicle's parameters over flights.
@@ -36,7 +36,7 @@ pub enum Purpose {
     Downlink = 11,
     /// Faults of a campaign.
     Campaign = 12,
-    /// What acts during an outage of the command link.
+    /// Inputs that act during an outage of the command link.
     Outage = 13,
     /// Noise of the faults on order.
     FaultNoise = 14,

@@ -23,7 +23,7 @@ const STICKS_REST_S: f64 = 0.5;
 #[derive(Debug, Clone)]
 pub(crate) struct Sdk {
     version: SdkVersion,
-    /// What is being done and answered when it is done.
+    /// Command that is being executed, answered at its end.
     running: Option<Running>,
     /// Since sticks were heard. s
     since_sticks_s: f64,
@@ -82,6 +82,7 @@ impl Sdk {
         }
     }
 
+    /// Counts a command and obeys it: sticks, both stops and a landing at any time, others when none is running.
     /// `None` if this version of the SDK does not know the command.
     fn obey(
         &mut self,
@@ -89,36 +90,61 @@ impl Sdk {
         drone: &mut Drone,
         replies: &mut Vec<String>,
     ) -> Option<()> {
-        match command {
-            Command::TakeOff => drone.count_order(DroneOrder::TakeOff),
-            Command::Land => drone.count_order(DroneOrder::Land),
-            Command::EmergencyStop => drone.count_order(DroneOrder::EmergencyStop),
-            Command::Sticks(_) => drone.count_sticks(),
-            _ => {}
-        }
         let mut reply = |text: &str| replies.push(text.into());
         match command {
-            Command::Sticks(u) => self.steer(u, drone),
-            Command::EmergencyStop if !drone.obeys_text_emergency() => {}
-            Command::EmergencyStop => {
-                self.running = None;
-                drone.stop_motors();
+            Command::Sticks(u) => {
+                drone.count_sticks();
+                self.steer(u, drone);
             }
-            Command::Land if self.running == Some(Running::Land) => {}
-            Command::Land => self.land(drone, reply),
+            Command::EmergencyStop => {
+                drone.count_order(DroneOrder::EmergencyStop);
+                if drone.obeys_text_emergency() {
+                    self.running = None;
+                    drone.stop_motors();
+                }
+            }
+            Command::Land => {
+                drone.count_order(DroneOrder::Land);
+                if self.running != Some(Running::Land) {
+                    self.land(drone, reply);
+                }
+            }
             Command::Stop => {
                 self.running = None;
                 drone.steer(Sticks::zeros());
                 reply("ok");
             }
-            // One command at a time: the drone does not listen to the others.
-            _ if self.running == Some(Running::Land) => {}
+            _ => return self.obey_alone(command, drone, reply),
+        }
+        Some(())
+    }
+
+    /// Obeys a command that does not act beside a running one, which is ignored then, or refused if it would move the
+    /// drone; during a landing the drone ignores it. `None` if this version of the SDK does not know the command.
+    fn obey_alone(
+        &mut self,
+        command: Command,
+        drone: &mut Drone,
+        mut reply: impl FnMut(&str),
+    ) -> Option<()> {
+        let is_movement = matches!(
+            command,
             Command::TakeOff | Command::Go { .. } | Command::Turn { .. } | Command::Flip
-                if self.running.is_some() || self.since_sticks_s < STICKS_REST_S =>
-            {
-                reply("error Not joystick");
-            }
-            _ if self.running.is_some() => {}
+        );
+        if command == Command::TakeOff {
+            drone.count_order(DroneOrder::TakeOff);
+        }
+        if self.running == Some(Running::Land) {
+            return Some(());
+        }
+        if is_movement && (self.running.is_some() || self.since_sticks_s < STICKS_REST_S) {
+            reply("error Not joystick");
+            return Some(());
+        }
+        if self.running.is_some() {
+            return Some(());
+        }
+        match command {
             Command::Enter | Command::Setting => reply("ok"),
             Command::StreamOn => reply("error No video"),
             Command::TakeOff => match drone.truth().phase {
@@ -141,6 +167,7 @@ impl Sdk {
                 self.state_port = state;
                 reply("ok");
             }
+            Command::Sticks(_) | Command::EmergencyStop | Command::Land | Command::Stop => {}
         }
         Some(())
     }

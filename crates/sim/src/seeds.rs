@@ -7,7 +7,7 @@ use std::ops::Range;
 use anyhow::Result;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
-/// What `fly` makes of each of `seeds`, in their order, on all threads. Once `is_interrupted` no further seed is
+/// Results of `fly` for each of `seeds`, in their order, on all threads. Once `is_interrupted` no further seed is
 /// begun, and those are left out. `on_flown` is called after every one.
 ///
 /// # Errors

@@ -3,9 +3,9 @@
 //! The simulated vehicle is not the model: its dead zones and its limit have sharp corners, its
 //! disturbance is noise. What comes back is what a real identification can hope for.
 
+mod display;
 mod next_flight;
 
-use std::fmt::{self, Display, Formatter};
 use std::fs;
 use std::path::PathBuf;
 
@@ -25,7 +25,7 @@ use crate::batch::Flown;
 use crate::plant::{NOMINAL, PlantParams, PlantTable};
 use crate::random::{Purpose, Random};
 use crate::seeds::fly_each;
-use crate::{DT_S, ManualFlight, MocapReport, Profile, logged_flight};
+use crate::{ManualFlight, MocapReport, Profile, logged_flight};
 
 pub use next_flight::FlownNext;
 
@@ -36,7 +36,8 @@ const FLIGHT_STEPS: usize = 4600;
 /// A dead time that is so near has been found, however sure it claims to be. s
 const DEAD_TIME_TOLERANCE_S: f64 = 0.005;
 
-/// The same for a parameter, part of its truth: the model rounds the corners of the vehicle.
+/// Mean error with which a parameter has been found, as a fraction of its truth: the model rounds the corners of the
+/// vehicle. 1
 const RELATIVE_TOLERANCE: f64 = 0.03;
 
 /// A mean error beyond so many of its claimed deviations is none of chance.
@@ -56,7 +57,7 @@ pub enum Source {
 /// Of automatic flights so large a part of the intervals has to hold the truth.
 const COVERAGE_MIN: f64 = 0.9;
 
-/// What the self-test found.
+/// Result of the self-test.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct SelfTest {
     /// Simulated identifications that were finished.
@@ -68,7 +69,7 @@ pub struct SelfTest {
     /// Runs whose parameters the built-in flight would refuse, so that `ident` writes none.
     pub refused: usize,
     /// Each parameter and each dead time, of the runs that are not refused.
-    pub rows: Vec<Row>,
+    pub rows: Vec<SelfTestRow>,
     /// Of automatic flights: the built-in mission flown by the vehicles of these runs with the built-in parameters, and
     /// with the identified ones.
     pub flown: Option<[FlownNext; 2]>,
@@ -78,9 +79,11 @@ pub struct SelfTest {
 
 /// How well one number was found.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Row {
+pub struct SelfTestRow {
     /// Name.
     pub name: String,
+    #[serde(skip)]
+    kind: FoundKind,
     /// Truth of the first of these runs. In the unit of the parameter
     pub truth: f64,
     /// Estimate of the first of these runs. In the unit of the parameter
@@ -95,13 +98,26 @@ pub struct Row {
     pub coverage: Option<f64>,
 }
 
-/// One number of one run: truth, estimate, claimed deviation and interval.
+/// Kind of an identified number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum FoundKind {
+    Parameter,
+    DeadTime,
+}
+
+/// One number of one run: truth, estimate, claimed deviation and 95 % interval.
 struct Found {
+    kind: FoundKind,
     name: String,
     truth: f64,
     estimate: f64,
     std: Option<f64>,
-    interval: [f64; 2],
+    interval: Option<[f64; 2]>,
+}
+
+/// The interval between these ends; `None` without an end.
+fn interval(lower: f64, upper: f64) -> Option<[f64; 2]> {
+    (lower <= upper).then_some([lower, upper])
 }
 
 /// Identifies `runs` vehicles of the simulator's spread with the settings `table`, from flights by hand or, with a
@@ -212,11 +228,12 @@ fn automatic(seed: u64, mission: &MissionTable) -> Result<Loaded> {
 /// Every number of a fit beside its truth.
 fn found(truth: &PlantTable, fit: &FitReport) -> Vec<Found> {
     let parameters = fit.parameters.iter().map(|row| Found {
+        kind: FoundKind::Parameter,
         name: row.name.to_owned(),
         truth: truth_of(truth, row.name),
         estimate: row.value,
         std: Some(row.std),
-        interval: [row.lower, row.upper],
+        interval: interval(row.lower, row.upper),
     });
     let axis = |sticks: &str| match sticks {
         "yaw" => &truth.yaw,
@@ -224,11 +241,12 @@ fn found(truth: &PlantTable, fit: &FitReport) -> Vec<Found> {
         _ => &truth.horizontal,
     };
     let delays = fit.delay.iter().map(|row| Found {
+        kind: FoundKind::DeadTime,
         name: format!("dead time {}", row.sticks),
         truth: axis(&row.sticks).dead_time_s,
         estimate: row.dead_time_s,
         std: row.std_s,
-        interval: [row.lower_s.unwrap_or(f64::NAN), row.upper_s.unwrap_or(f64::NAN)],
+        interval: row.lower_s.zip(row.upper_s).and_then(|(lower, upper)| interval(lower, upper)),
     });
     parameters.chain(delays).collect()
 }
@@ -263,8 +281,7 @@ struct Identified {
 impl Found {
     /// Whether the interval holds the truth; `None` without an interval.
     fn holds(&self) -> Option<bool> {
-        let [lower, upper] = self.interval;
-        (lower <= upper).then(|| (lower..=upper).contains(&self.truth))
+        self.interval.map(|[lower, upper]| (lower..=upper).contains(&self.truth))
     }
 }
 
@@ -284,16 +301,18 @@ impl SelfTest {
         let accepted: Vec<&[Found]> = identified.iter().map(|run| run.found.as_slice()).collect();
         let refused = runs.len() - accepted.len();
         let rows_count = accepted.first().map_or(0, |run| run.len());
-        let rows: Vec<Row> = (0..rows_count)
+        let rows: Vec<SelfTestRow> = (0..rows_count)
             .filter_map(|row| {
                 let column: Vec<&Found> = accepted.iter().filter_map(|run| run.get(row)).collect();
-                Row::of(&column)
+                SelfTestRow::of(&column)
             })
             .collect();
         let doubt = ERROR_MAX_STD / (accepted.len().max(1) as f64).sqrt();
-        let is_found = |row: &Row| {
-            let is_dead_time = row.name.starts_with("dead time");
-            let enough = if is_dead_time { DEAD_TIME_TOLERANCE_S } else { 0.0 };
+        let is_found = |row: &SelfTestRow| {
+            let enough = match row.kind {
+                FoundKind::Parameter => 0.0,
+                FoundKind::DeadTime => DEAD_TIME_TOLERANCE_S,
+            };
             let enough = enough.max(RELATIVE_TOLERANCE * row.truth.abs());
             row.error_mean.abs() <= enough.max(doubt * row.std_mean.unwrap_or(0.0))
         };
@@ -314,7 +333,7 @@ impl SelfTest {
     }
 }
 
-impl Row {
+impl SelfTestRow {
     fn of(column: &[&Found]) -> Option<Self> {
         let first = column.first()?;
         let count = column.len() as f64;
@@ -323,6 +342,7 @@ impl Row {
         let std_mean = mean(&|found| found.std.unwrap_or(f64::NAN));
         Some(Self {
             name: first.name.clone(),
+            kind: first.kind,
             truth: first.truth,
             estimate: first.estimate,
             error_mean: mean(&|found| found.estimate - found.truth),
@@ -331,52 +351,6 @@ impl Row {
             coverage: fraction(column.iter().filter_map(|found| found.holds())),
         })
     }
-}
-
-impl Display for SelfTest {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let seconds = FLIGHT_STEPS as f64 * DT_S;
-        match self.source {
-            Source::ByHand => {
-                let runs = self.runs;
-                write!(f, "{runs} runs of {FLIGHTS} simulated flights of {seconds:.0} s")?;
-            }
-            Source::Automatic => {
-                write!(f, "{} runs of one automatic flight", self.runs)?;
-            }
-        }
-        writeln!(f, ", {} refused", self.refused)?;
-        writeln!(
-            f,
-            "{:<22} {:>9} {:>9} {:>10} {:>9} {:>9} {:>8}",
-            "first run:", "truth", "estimate", "mean error", "rms", "claimed", "in 95 %"
-        )?;
-        for row in &self.rows {
-            writeln!(
-                f,
-                "{:<22} {:>9.4} {:>9.4} {:>10.4} {:>9.4} {:>9} {:>6} %",
-                row.name,
-                row.truth,
-                row.estimate,
-                row.error_mean,
-                row.error_rms,
-                or_dash(row.std_mean, 4),
-                or_dash(row.coverage.map(|part| 100.0 * part), 0)
-            )?;
-        }
-        writeln!(f, "in 95 % intervals: {:.1} % of all", 100.0 * self.coverage)?;
-        for (flown, by) in self.flown.iter().flatten().zip(["built-in", "identified"]) {
-            writeln!(f, "with {by} parameters: {flown}")?;
-        }
-        writeln!(f, "{}", if self.is_passed { "passed" } else { "FAILED" })
-    }
-}
-
-/// A number with so many decimals; a dash if there is none.
-fn or_dash(number: Option<f64>, decimals: usize) -> String {
-    number
-        .filter(|number| number.is_finite())
-        .map_or_else(|| "-".to_owned(), |number| format!("{number:.decimals$}"))
 }
 
 #[cfg(test)]

@@ -30,7 +30,7 @@ pub struct VirtualFlight {
     relay: MocapStream,
     relay_counters: MocapCounters,
     inbox: Inbox,
-    /// What arrived since the last tick; more than of one period after a stall.
+    /// Observations and reports since the last tick; of more than one period after a stall.
     arrived: Arrived,
     u_hand: Option<Sticks>,
     out: Outcome,
@@ -44,11 +44,11 @@ pub struct VirtualFlight {
     seed: u64,
     /// Bytes on their way.
     bytes: Vec<u8>,
-    /// What the last tick put on the wire.
+    /// Packets that the last tick sent to the drone.
     wire: Vec<HostPacket>,
 }
 
-/// What waits for the next tick.
+/// Observations and reports that wait for the next tick.
 #[derive(Debug, Default)]
 struct Arrived {
     sightings: Vec<Sighting>,
@@ -67,7 +67,8 @@ impl VirtualFlight {
         Self::with_cycle(cycle::build(flight)?, flight, sim, seed)
     }
 
-    /// The same with a cycle of the caller's, which [`cycle::build_with`] makes for another model than `flight` names.
+    /// The flight of `seed` with a cycle of the caller's, which [`cycle::build_with`] makes for another model than
+    /// `flight` names.
     ///
     /// # Errors
     /// As [`VirtualFlight::new`].
@@ -188,7 +189,7 @@ impl VirtualFlight {
         &self.inbox
     }
 
-    /// What the estimator knows of the parameter, as [`Tick::parameter_estimate`].
+    /// Parameter estimate of the flight, as [`Tick::parameter_estimate`].
     pub fn parameter_estimate(&self) -> Option<ParameterEstimate> {
         self.cycle.parameter_estimate()
     }
@@ -203,7 +204,7 @@ impl VirtualFlight {
         self.passer.map(|passer| passer.place(self.inbox.step, self.seed))
     }
 
-    /// What the person at the controls asks for from now on; at first, to fly.
+    /// Sets the operator's request from now on; at first it is to fly.
     pub fn set_operator(&mut self, operator: Operator) {
         self.inbox.operator = operator;
     }
@@ -213,8 +214,7 @@ impl VirtualFlight {
         self.u_hand = u_hand;
     }
 
-    /// What the last tick put on the wire to the drone, oldest first; whether it arrives is another
-    /// matter.
+    /// Packets that the last tick sent to the drone, oldest first, whether they arrive or not.
     pub fn wire(&self) -> &[HostPacket] {
         &self.wire
     }

@@ -5,6 +5,7 @@
 //! and real time. The bytes of the drone are `wire`'s.
 
 mod start;
+mod wire;
 
 use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, Sticks, pose};
@@ -18,8 +19,8 @@ use crate::drone::{Drone, Truth};
 use crate::drone_status::Reporter;
 use crate::fault::{Faults, InjectedFault, Present, ScriptedFault};
 use crate::firmware::DroneTable;
-use crate::frame_lag::{Frame, Lag};
-use crate::mocap::{Mocap, MocapReport, Shot};
+use crate::frame_lag::{Lag, TakenFrame};
+use crate::mocap::{Mocap, MocapFrame, MocapReport};
 use crate::plant::{External, Plant, PlantParams, PlantTable, VariationTable};
 use crate::profile::Profile;
 use crate::radio::Radio;
@@ -27,6 +28,7 @@ use crate::random::{Purpose, Random};
 use crate::second_object::PasserTable;
 use crate::{DT_S, frames, held_by_hand};
 pub use start::SimStart;
+pub(crate) use wire::whole_percent;
 
 /// Settings of the simulator.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -43,11 +45,11 @@ pub struct SimTable {
     pub object: String,
     /// Charge at the start. %, 0..=100
     pub battery_pct: f64,
-    /// The drone beside the way it flies, and the air around it.
+    /// Firmware properties of the drone, and its radio link.
     pub drone: DroneTable,
     /// Nominal vehicle.
     pub plant: PlantTable,
-    /// What is different about the vehicle of every seed.
+    /// Deviations that the vehicle of every seed has from the nominal one.
     pub variation: VariationTable,
     /// Faults on order, beside those of the profile.
     pub faults: Vec<ScriptedFault>,
@@ -65,13 +67,13 @@ pub struct SimTable {
 /// One simulated flight.
 #[derive(Debug, Clone)]
 pub struct World {
-    pub(crate) drone: Drone,
-    pub(crate) faults: Faults,
-    pub(crate) firmware: DroneTable,
-    pub(crate) seed: u64,
-    pub(crate) reporter: Reporter,
+    drone: Drone,
+    faults: Faults,
+    firmware: DroneTable,
+    seed: u64,
+    reporter: Reporter,
     /// Whether the drone knows a host: not after it started anew.
-    pub(crate) is_connected: bool,
+    is_connected: bool,
     is_rebooting: bool,
     mocap: Mocap,
     distortion: Distortion,
@@ -147,12 +149,42 @@ impl World {
         self.observe();
     }
 
+    /// The simulated drone.
+    pub(crate) fn drone(&self) -> &Drone {
+        &self.drone
+    }
+
+    /// The simulated drone, for hosts of the text SDK.
+    pub(crate) fn drone_mut(&mut self) -> &mut Drone {
+        &mut self.drone
+    }
+
+    /// Firmware properties of the drone.
+    pub(crate) fn firmware(&self) -> &DroneTable {
+        &self.firmware
+    }
+
+    /// Seed of the flight.
+    pub(crate) fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    /// Whether the drone knows a host.
+    pub(crate) fn is_connected(&self) -> bool {
+        self.is_connected
+    }
+
+    /// Sets whether the drone knows a host.
+    pub(crate) fn set_connected(&mut self, is_connected: bool) {
+        self.is_connected = is_connected;
+    }
+
     /// Steps since the start.
     pub fn step(&self) -> u64 {
         self.step
     }
 
-    /// What the motion capture reports about the present step.
+    /// Report of the motion capture about the present step.
     pub fn report(&self) -> MocapReport {
         self.report
     }
@@ -189,14 +221,14 @@ impl World {
         self.is_deaf() || !self.is_connected || self.drone.ignores_land()
     }
 
-    /// What arrives from the motion capture in the present step, oldest first: without a fault of the
-    /// connection what it sees in this step, and nothing while it is silent.
-    pub fn shots(&self) -> impl Iterator<Item = Shot<'_>> {
-        self.lag.shots(&self.object)
+    /// Frames that arrive from the motion capture in the present step, oldest first. Without a fault of the connection
+    /// it is the frame of this step, and none while the motion capture is silent.
+    pub fn frames(&self) -> impl Iterator<Item = MocapFrame<'_>> {
+        self.lag.frames(&self.object)
     }
 
-    /// The same, each with how its pose changes in a step.
-    pub(crate) fn moving_shots(&self) -> impl Iterator<Item = (Shot<'_>, Pose)> {
+    /// Frames of [`World::frames`], each with the change of its pose in a step. m, rad
+    pub(crate) fn moving_frames(&self) -> impl Iterator<Item = (MocapFrame<'_>, Pose)> {
         self.lag.moving(&self.object)
     }
 
@@ -217,20 +249,20 @@ impl World {
         change
     }
 
-    /// What the motion capture sees of the second object in the present step, if there is one and it is not
-    /// hidden: its true place, at once.
-    pub(crate) fn shot_of_passer(&self) -> Option<Shot<'_>> {
+    /// Frame of the second object in the present step, with its true place and no delay; `None` if there is no second
+    /// object, or it is hidden.
+    pub(crate) fn frame_of_passer(&self) -> Option<MocapFrame<'_>> {
         const NAME: &str = "passer";
         let pos_v = self.passer?.seen(self.step, self.seed)?;
-        let frame = u32::try_from(self.step).ok()?;
+        let number = u32::try_from(self.step).ok()?;
         let body = Some(Body { name: NAME.as_bytes(), pos_v, angles: [0.0; 3] });
-        Some(Shot { frame, rate_hz: 1.0 / DT_S, object: NAME, body })
+        Some(MocapFrame { number, rate_hz: 1.0 / DT_S, object: NAME, body })
     }
 
-    /// Appends what arrives from the relay in the present step, a line for each of [`World::shots`].
+    /// Appends the lines that arrive from the relay in the present step, one for each of [`World::frames`].
     pub fn relay_line(&self, to: &mut Vec<u8>) {
-        for Shot { frame, rate_hz, object, body } in self.shots() {
-            format_line(frame.into(), rate_hz, object, body.as_ref(), to);
+        for MocapFrame { number, rate_hz, object, body } in self.frames() {
+            format_line(number.into(), rate_hz, object, body.as_ref(), to);
         }
     }
 
@@ -250,7 +282,7 @@ impl World {
             MocapReport::Silent => None,
         };
         let is_other = faults.is_on(InjectedFault::MocapOther, *step);
-        let taken = pose.map(|pose| Frame { step: *step, is_other, pose, change });
+        let taken = pose.map(|pose| TakenFrame { step: *step, is_other, pose, change });
         let taken = taken.filter(|_| frames::is_in_step(*step, self.mocap_rate_hz));
         self.lag.advance(taken, *step, faults, &self.object);
     }

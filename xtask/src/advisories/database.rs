@@ -25,7 +25,7 @@ struct Entry {
     is_withdrawn: bool,
 }
 
-/// What the clone in `folder` says of the crates `names`.
+/// Advisories of the clone in `folder` on the crates `names`.
 ///
 /// # Errors
 /// No advisories in the folder, or a file in an unknown format.

@@ -21,7 +21,7 @@ pub(super) struct Solve {
     pub(super) kkt: f64,
 }
 
-/// What makes one pass of a program over all problems.
+/// One pass of a program over all problems.
 type Run<'a> = Box<dyn FnMut() -> Result<Vec<Solve>> + 'a>;
 
 /// A program that takes part.
@@ -41,13 +41,13 @@ impl<'a> Program<'a> {
         Self { name: name.into(), goal: None, run: Box::new(run) }
     }
 
-    /// The same with a goal.
+    /// This program with a goal.
     pub(super) fn with_goal(self, goal: Option<f64>) -> Self {
         Self { goal, ..self }
     }
 }
 
-/// What a program did in all of its passes.
+/// Times and results of a program in all of its passes.
 #[derive(Debug)]
 struct Measured {
     name: String,

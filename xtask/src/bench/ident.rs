@@ -210,7 +210,7 @@ fn heard(mut command: Command) -> Result<(f64, Value)> {
     Ok((seconds, output))
 }
 
-/// What both programs call alike.
+/// Reads the keys that both programs have.
 fn read(seconds: f64, output: &Value, steps: u64) -> Result<Run> {
     let cost = output["cost"].as_f64().context("a program that names no cost")?;
     Ok(Run { seconds, steps, iterations: number(output, "iterations")?, cost })

@@ -1,7 +1,7 @@
 //! Estimator and controller of the vehicle that flies by default, with the settings that it flies with.
 //!
 //! Owns the flight: a lagged vehicle with noise goes round a square of 1.5 m, steered by converged solves.
-//! What it is asked and what is seen of it are recorded once. There is no peer: the published
+//! The requests and observations are recorded once. There is no peer: the published
 //! ones know the kinematic vehicle.
 
 use std::path::Path;

@@ -31,7 +31,7 @@ const DEAD_STEPS: usize = 30;
 /// Relative drop of the cost at which a solve ends.
 const TOLERANCE: f64 = 1e-6;
 
-/// What the peer is asked for; the wide trust region saves it an iteration, as small damping does us.
+/// Options of the peer; the wide trust region saves it an iteration, as small damping does in this solver.
 const CERES: [&str; 2] = ["sparse_normal_cholesky", "1e8"];
 
 /// Our time over that of Ceres that was aimed at.

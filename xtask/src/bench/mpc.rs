@@ -28,7 +28,7 @@ pub(crate) const DT_S: f64 = 0.02;
 /// Relative drop of the cost at which a solve ends.
 const TOLERANCE: f64 = 1e-6;
 
-/// The same for solves to the last digits: the projected gradient is then below 1e-6.
+/// Relative drop of the cost at which a solve to the last digits ends: the projected gradient is then below 1e-6.
 const TIGHT: f64 = 1e-13;
 
 pub(super) const C_U: [f64; 4] = [1.2, 1.2, 0.8, 0.8];
@@ -125,7 +125,7 @@ pub(crate) fn controller(
     controller_of(horizon_steps, input_cost, (cost_tolerance, 100))
 }
 
-/// The same with a limit of iterations.
+/// A controller whose solves end at a relative drop of the cost or a number of iterations.
 ///
 /// # Errors
 /// A setting that breaks its rule.
@@ -267,7 +267,7 @@ fn ours(
     Ok(solves)
 }
 
-/// What a peer found, in our own words.
+/// Answers of a peer as solves of this program.
 fn judged(cases: &[Case], answers: &[Answer]) -> Vec<Solve> {
     let judged = cases.iter().zip(answers).map(|(case, answer)| {
         let u: Vec<Sticks> =
@@ -306,7 +306,7 @@ fn judge(case: &Case, u: &[Sticks]) -> (f64, f64) {
 pub(super) mod tests {
     use super::*;
 
-    /// The same problems with targets ten times as far away.
+    /// These problems with targets ten times as far away.
     pub(crate) fn far(cases: &[Case]) -> Vec<Case> {
         let far = |case: &Case| Case { s_ref: case.s_0 + 10.0 * (case.s_ref - case.s_0), ..*case };
         cases.iter().map(far).collect()

@@ -22,7 +22,7 @@ pub(super) struct Peer {
     script: Option<PathBuf>,
 }
 
-/// What the scripts of the peers import, as Python's package index names it.
+/// Packages that the scripts of the peers import, as Python's package index names them.
 const PACKAGES: [&str; 6] =
     ["numpy==2.2.6", "scipy==1.15.3", "osqp==1.0.4", "piqp==0.6.2", "daqp==0.7.2", "casadi==3.7.2"];
 
@@ -116,7 +116,7 @@ impl Workshop {
     }
 }
 
-/// What a peer says of one problem: time, iterations and cost, then the solution if it gives one.
+/// Answer of a peer to one problem: time, iterations and cost, then the solution if it gives one.
 #[derive(Debug)]
 pub(super) struct Answer {
     pub(super) solve: Solve,

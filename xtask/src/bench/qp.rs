@@ -183,7 +183,7 @@ impl Subproblem {
         }
     }
 
-    /// What a peer needs to know of it.
+    /// Appends the problem in the text format of the peers.
     fn write(&self, text: &mut String) -> Result<()> {
         let Case { p, s_0, s_ref, .. } = self.case;
         [p, s_0, s_ref].iter().try_for_each(|row| write_row(text, row))?;
@@ -218,7 +218,7 @@ fn solve_all(subproblems: &[Subproblem]) -> Result<Vec<Solve>> {
     solve_each(subproblems, |_| ())
 }
 
-/// The same; `see` gets the step that solves each.
+/// Solves `subproblems` as [`solve_all`]; `see` gets the step that solves each.
 fn solve_each(subproblems: &[Subproblem], mut see: impl FnMut(&[Sticks])) -> Result<Vec<Solve>> {
     let steps = subproblems.first().map_or(0, |subproblem| subproblem.u.len());
     let mut diagonal = Horizon::zeros(steps);

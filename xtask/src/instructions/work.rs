@@ -19,7 +19,7 @@ const HORIZON_STEPS: usize = 50;
 /// Work for `cargo xtask instructions`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// What is solved.
+    /// Kind of problem.
     kind: Kind,
     /// How long, in units of the run.
     length: u32,
@@ -60,7 +60,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
 }
 
-/// What acts and what is seen of a vehicle that swings from side to side, with errors of centimetres.
+/// Inputs and observed poses of a vehicle that swings from side to side, with errors of centimetres.
 fn steps(count: u32) -> impl Iterator<Item = (Sticks, Pose)> {
     let mut s = Pose::new(0.0, 0.0, 1.0, 3.0);
     (0..count).map(move |k| {

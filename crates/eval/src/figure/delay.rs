@@ -91,7 +91,7 @@ pub struct ShiftRow {
     pub moved: Vec<f64>,
     /// Cumulative input, thesis equation 5.1, as sent. In the unit of `row`
     pub cumulative: Vec<f64>,
-    /// The same, `dead_time_s` later. In the unit of `row`
+    /// Cumulative input, `dead_time_s` later. In the unit of `row`
     pub shifted: Vec<f64>,
     /// The dead time. s
     pub dead_time_s: f64,

@@ -47,7 +47,7 @@ impl Color {
         Self { red, green, blue, opacity: 1.0 }
     }
 
-    /// The same colour, seen through.
+    /// This colour with an opacity.
     pub(super) const fn faded(self, opacity: f32) -> Self {
         Self { opacity, ..self }
     }
@@ -94,7 +94,7 @@ pub(super) struct Text {
     pub color: Color,
 }
 
-/// What a figure is made of, in the order of painting.
+/// Elements of a figure, in the order of painting.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Element {
     /// Polylines of one look.

@@ -19,9 +19,9 @@ const HEIGHT_PX: f64 = 132.0;
 pub struct FitRow {
     /// Name and unit; observations of an angle are drawn on the turn of the estimate.
     pub row: Row,
-    /// What was seen at each sample, NaN where nothing was. In the unit of its label
+    /// Observation at each sample, NaN where there is none. In the unit of its label
     pub observed: Vec<f64>,
-    /// What the fit says, NaN where it says nothing. In the unit of its label
+    /// Estimate at each sample, NaN where there is none. In the unit of its label
     pub estimated: Vec<f64>,
     /// Open-loop simulation of each piece, NaN where there is none. In the unit of its label
     pub simulated: Vec<f64>,

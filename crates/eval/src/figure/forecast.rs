@@ -24,7 +24,7 @@ pub struct ForecastLine<'a> {
     pub points: Vec<(f64, f64)>,
 }
 
-/// What is predicted.
+/// Panel of one predicted quantity.
 #[derive(Debug, Clone)]
 pub struct ForecastPanel<'a> {
     /// Name and unit.

@@ -1,5 +1,5 @@
-//! What changed over the time of a flight: lines in panels, and what was true from when to when as bars in a panel of
-//! its own, or as bands behind all lines.
+//! Figures over the time of a flight: lines in panels, and intervals in which a condition held as bars in a panel of
+//! their own, or as bands behind all lines.
 
 use super::axis::Axis;
 use super::drawing::{
@@ -42,7 +42,7 @@ pub struct TimePanel<'a> {
     pub lines: Vec<TimeLine<'a>>,
 }
 
-/// What was true for some of the time.
+/// Intervals in which a condition held.
 #[derive(Debug, Clone)]
 pub struct TimeBars {
     /// Condition that held, as in the label of the bar.
@@ -51,7 +51,7 @@ pub struct TimeBars {
     pub spans_s: Vec<(f64, f64)>,
 }
 
-/// What of a flight is drawn over its time, besides the lines.
+/// Intervals that are drawn over the time of a flight, besides the lines.
 #[derive(Debug, Clone, Default)]
 pub struct TimeSpans {
     /// Below the panels, a row of bars for each.

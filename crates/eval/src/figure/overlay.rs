@@ -1,4 +1,4 @@
-//! What a page needs to make a figure interactive: where its panels are, and the data in them.
+//! Data that make a figure interactive on a page: places of its panels, and their samples.
 //!
 //! Owns the shape of that data. The figure itself stays as it is; `report/page.js` draws on top of it.
 
@@ -47,7 +47,7 @@ pub(super) struct OverTime {
     pub bars: Vec<(String, Vec<(f64, f64)>)>,
 }
 
-/// What was true from when to when, and its look.
+/// Intervals in which a condition held, and their look.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Band {
     /// Condition that held, as in the legend.

@@ -39,7 +39,7 @@ pub(super) struct Area {
     bottom: f64,
 }
 
-/// What stands below a panel.
+/// Labels below a panel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Below<'a> {
     /// Nothing: the panel below has the same x axis.

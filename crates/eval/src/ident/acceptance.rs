@@ -32,7 +32,7 @@ pub fn flight_settings(model: ModelKind, path: Option<&Path>) -> Result<Option<F
 pub(super) struct Accepted {
     /// In the unit of the row.
     value: f64,
-    /// It is the prior, which has no deviation by these logs.
+    /// Whether the number is the prior, which has no deviation by these logs.
     is_prior: bool,
 }
 

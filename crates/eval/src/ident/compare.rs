@@ -75,7 +75,7 @@ pub struct Errors {
 
 /// A flight that predictions are held against.
 pub(super) struct Judged {
-    /// What was recorded.
+    /// Recorded inputs and poses.
     pub(super) recording: Recording<{ stick::COUNT }, { pose::COUNT }>,
     /// Smoothed motion.
     pub(super) smoothed: MotionTrack,

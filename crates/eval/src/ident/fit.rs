@@ -71,7 +71,7 @@ struct Identification<'a, M, const NS: usize, const NP: usize> {
     dead_time_s: Inputs,
     recordings: Vec<Cow<'a, Flight>>,
     spans: Vec<Span>,
-    /// What errors of the searched dead times do to the parameter.
+    /// Effect of errors of the searched dead times on the parameter.
     influences: Vec<DelayInfluence<NP>>,
     /// Steps with lost commands, by log.
     steps_lost: Vec<usize>,
@@ -300,8 +300,9 @@ where
     fn parameter_rows(&self, spread: &Spread<NP>, laplace: &Spread<NP>) -> Vec<ParameterRow> {
         let [lower, upper] = &self.bounds;
         let row = |row: usize| {
+            // The bootstrap resamples logs, not the prior: its spread says nothing of a row that the prior sets.
             let is_prior = super::verdict::is_set_by_prior(laplace.std[row], self.prior_std[row]);
-            let spread = if is_prior { laplace } else { spread }; // resamples of the logs keep the prior
+            let spread = if is_prior { laplace } else { spread };
             let value = self.ident.parameter()[row];
             ParameterRow {
                 name: M::PARAMETER[row].name,

@@ -1,4 +1,4 @@
-//! What is fitted to what, and what comes of it: rows of names and numbers instead of types.
+//! Task and result of an identification: rows of names and numbers instead of types.
 
 use std::fmt;
 use std::ops::Range;
@@ -14,7 +14,7 @@ use super::table::IdentFileTable;
 use crate::parameter_file::ParameterFile;
 use crate::recordings::Loaded;
 
-/// What is to be fitted to what.
+/// Task of an identification: settings and logs.
 pub struct Job<'a> {
     /// Name of the settings in messages and results: that of their file.
     pub name: &'a str,
@@ -59,7 +59,7 @@ pub struct FitResult {
 pub struct Resampled {
     /// As they are kept: at the dead times of all pieces.
     pub file: ResampleFile,
-    /// Those that were asked for, each at its own dead times. Unit of each row
+    /// Estimates of the requested resamples, each at its own dead times. Unit of each row
     pub(super) estimates: Vec<Vec<f64>>,
 }
 
@@ -83,8 +83,8 @@ pub(super) struct Trace {
     pub(super) steps: Range<usize>,
     /// States, one value per step; no rows if they are not kept. Unit of each row
     pub(super) s: Vec<Vec<f64>>,
-    /// What the model says from the first state of the piece and the applied inputs alone: observed rows, one
-    /// value per step; no rows if they are not kept. Unit of each row
+    /// Simulation from the first state of the piece and the applied inputs alone: observed rows, one value per step; no
+    /// rows if they are not kept. Unit of each row
     pub(super) simulated: Vec<Vec<f64>>,
     /// Weighted residuals of the transitions, one value fewer than steps; no rows if they are not kept. 1
     pub(super) transition_residuals: Vec<Vec<f64>>,

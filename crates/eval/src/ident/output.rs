@@ -1,4 +1,4 @@
-//! What an identification leaves on the disk: parameters, report, estimates, figures.
+//! Files of an identification: parameters, report, estimates, figures.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -22,7 +22,7 @@ use super::pictures;
 /// its estimates alone.
 ///
 /// # Errors
-/// The disk refuses, with the name of the file.
+/// A file cannot be written; the error names it.
 pub fn write(dir: &Path, job: &Job<'_>, result: &FitResult) -> Result<Vec<PathBuf>> {
     let mut written = Vec::new();
     if let (Some(Resampled { file, .. }), Some(plan)) = (&result.resamples, job.bootstrap) {

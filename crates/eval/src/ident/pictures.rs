@@ -139,7 +139,7 @@ fn save_shift(dir: &Path, job: &Job<'_>, result: &FitResult) -> Result<()> {
     Ok(())
 }
 
-/// What the estimate leaves of the observations and of the transitions.
+/// Figures of the residuals of observations and transitions.
 fn save_residuals(dir: &Path, job: &Job<'_>, result: &FitResult) -> Result<()> {
     type Pick = fn(&Trace) -> &Vec<Vec<f64>>;
     let kinds: [(&str, &[Row], Pick); 2] = [
@@ -175,10 +175,11 @@ fn save_bootstrap(dir: &Path, result: &FitResult) -> Result<()> {
     Ok(())
 }
 
-/// Prediction error over horizon, in `figures` of `out`.
+/// Saves the figure of the prediction error over the horizon in `figures` of `out`, as SVG and PNG; returns the paths.
+/// `dt_s` is the period of the comparison. s
 ///
 /// # Errors
-/// The disk refuses.
+/// A file cannot be written.
 pub fn save_prediction(out: &Path, comparison: &Comparison, dt_s: f64) -> Result<[PathBuf; 2]> {
     type Pick = fn(&crate::forecast::HorizonErrors) -> f64;
     let quantities: [(Row, Pick); 3] = [

@@ -1,4 +1,4 @@
-//! What an identification found: one object for scripts, a table for people.
+//! Result of an identification: one object for scripts, a table for people.
 
 use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
@@ -41,7 +41,7 @@ pub struct FileUsed {
     pub sha256: String,
     /// Steps in it.
     pub steps: usize,
-    /// What of it was left out and why.
+    /// Parts of the log that were left out, and why.
     pub skipped: Vec<String>,
 }
 
@@ -82,7 +82,7 @@ pub struct FitReport {
     pub bootstrap: Option<Bootstrap>,
     /// Whether deviations, intervals and covariance are those of the bootstrap.
     pub is_resampled: bool,
-    /// What a person should know before using the estimate.
+    /// Warnings to read before using the estimate.
     pub verdict: Vec<String>,
     /// Why a flight would refuse the parameters; then no parameter file is written.
     pub refused: Option<String>,
@@ -126,15 +126,15 @@ pub struct DelayRow {
     pub upper_s: Option<f64>,
 }
 
-/// What the likelihood says about a dead time.
+/// Minimum of the cost over a dead time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DelayMinimum {
     /// The cost has a minimum inside of the searched range.
     Minimum,
-    /// It is least at an end of the range.
+    /// The cost is least at an end of the range.
     EndOfRange,
-    /// It does not decide.
+    /// The cost does not decide.
     Undecided,
 }
 
@@ -148,7 +148,7 @@ impl From<DelayVerdict> for DelayMinimum {
     }
 }
 
-/// What the resamples say.
+/// Statistics of the resamples.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Bootstrap {
     /// Resamples finished.

@@ -20,7 +20,7 @@ use tello_io::whole_file::write_json;
 use crate::REVISION;
 use crate::part_file::{self, Kind, PartHeader, PartNumber, Seeded};
 
-/// What is asked of the bootstrap.
+/// Plan of the bootstrap: resamples, seed, and files of parts.
 #[derive(Debug, Clone)]
 pub struct BootstrapPlan {
     /// Number of resamples.

@@ -1,4 +1,4 @@
-//! What a person should know before using an estimate, in words.
+//! Warnings about an estimate, in words.
 
 use crate::figure;
 use horizon_model::Row;
@@ -45,7 +45,7 @@ pub(super) fn is_resampled(distinct: usize, pieces: usize, parameters: usize) ->
 /// Standard deviation beyond which a dead time says nothing. s
 const DEAD_TIME_STD_MAX_S: f64 = 0.1;
 
-/// What the words are about.
+/// Results of an identification that the warnings are about.
 pub(super) struct Evidence<'a> {
     pub(super) parameters: &'a [ParameterRow],
     /// Standard deviation that the prior gives each parameter; infinite without a prior.

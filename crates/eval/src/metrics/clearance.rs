@@ -26,7 +26,7 @@ pub struct LeastClearance {
 }
 
 impl Surroundings {
-    /// Those of settings.
+    /// The surroundings that settings name.
     ///
     /// # Errors
     /// A room or an obstacle that breaks its rule.

@@ -1,5 +1,5 @@
-//! What a flight was to follow, seen by the judge: an outline, targets in order, and how near is
-//! there.
+//! Reference of a flight, by which it is judged: an outline or targets in order, and the distance at which a target
+//! counts as reached.
 
 use horizon_model::angle::unwrap_near;
 use horizon_model::rows::{Pose, pose};

@@ -40,59 +40,95 @@ pub(super) fn samples(
     skipped: &mut Vec<String>,
 ) -> Result<Vec<Sample>> {
     skipped.extend(flight.notes);
-    let repeats = flight.decimals <= ROUNDED_DECIMALS;
-    let mut filter = is_raw(&flight.rows).then(|| PoseFilter::new(filter));
-    let (mut stalled, mut lost, mut positions_held, mut headings_held) = (0, 0, 0, 0);
-    let mut headings = 0;
-    let (mut newest, mut step) = (None, None);
-    let mut seen: Option<(u64, Pose)> = None;
-    let sample = |row: &CsvRow| {
-        let is_stalled = !repeats && row.pos.is_some() && row.pos == newest;
-        let is_lost = !is_stalled && row.pos.as_ref().is_some_and(is_at_origin);
-        stalled += usize::from(is_stalled);
-        lost += usize::from(is_lost);
-        newest = row.pos.or(newest);
-        let raw = row.pos.filter(|_| !is_stalled && !is_lost);
-        let o = match &mut filter {
-            None => observed(raw),
-            Some(filter) => {
-                // The limits of the filter grow while there is nothing to see.
-                let gap = step.map_or(0, |step| row.step - step - 1).min(GAP_STEPS_MAX);
-                for _ in 0..gap {
-                    filter.update(None);
-                }
-                let filtered = filter.update(raw.as_ref());
-                positions_held += usize::from(filtered.position == Acceptance::Held);
-                headings_held += usize::from(
-                    filtered.position == Acceptance::Accepted
-                        && filtered.heading == Acceptance::Held,
-                );
-                let is_new = |acceptance| acceptance == Acceptance::Accepted;
-                headings += usize::from(is_new(filtered.heading));
-                filtered.o.map_or_else(Observed::missing, |o| {
-                    accepted(o, is_new(filtered.position), is_new(filtered.heading))
-                })
-            }
-        };
-        step = Some(row.step);
-        let now = o.is_present[pose::X].then_some((row.step, o.o));
-        let has_jumped = seen.zip(now).is_some_and(|(before, now)| is_jump(before, now));
-        if seen.map(|(_, before)| before) != now.map(|(_, now)| now) {
-            // A stream that stalls repeats a pose, and the vehicle has flown on.
-            seen = now.or(seen);
-        }
-        Sample { step: row.step, u: row.input, o, has_jumped }
+    let mut reader = RowReader {
+        repeats: flight.decimals <= ROUNDED_DECIMALS,
+        filter: is_raw(&flight.rows).then(|| PoseFilter::new(filter)),
+        counts: RowCounts::default(),
+        newest: None,
+        step: None,
+        seen: None,
     };
-    let samples = flight.rows.iter().map(sample).collect();
+    let samples = flight.rows.iter().map(|row| reader.take(row)).collect();
+    let counts = reader.counts;
     let is_in_degrees = |o: Pose| o[pose::THETA].abs() > TURNS_MAX_RAD;
-    if headings_held > headings && flight.rows.iter().filter_map(|row| row.pos).any(is_in_degrees) {
+    let is_mostly_held = counts.headings_held > counts.headings;
+    if is_mostly_held && flight.rows.iter().filter_map(|row| row.pos).any(is_in_degrees) {
+        let RowCounts { headings_held, headings, .. } = counts;
         bail!("{headings_held} headings jump, {headings} do not: theta is in rad");
     }
-    note(skipped, stalled, "pose", "repeated while the stream stalled");
-    note(skipped, lost, "pose", "of a lost object");
-    note(skipped, positions_held, "pose", "not accepted by the filter");
-    note(skipped, headings_held, "heading", "not accepted by the filter");
+    note(skipped, counts.stalled, "pose", "repeated while the stream stalled");
+    note(skipped, counts.lost, "pose", "of a lost object");
+    note(skipped, counts.positions_held, "pose", "not accepted by the filter");
+    note(skipped, counts.headings_held, "heading", "not accepted by the filter");
     Ok(samples)
+}
+
+/// Rows of a recording, counted by what became of them.
+#[derive(Default)]
+struct RowCounts {
+    /// Poses that repeat the one before while the stream stalls.
+    stalled: usize,
+    /// Poses at the origin: the object is lost.
+    lost: usize,
+    /// Positions that the filter held, and headings of accepted positions that it held.
+    positions_held: usize,
+    headings_held: usize,
+    /// Headings that the filter accepted.
+    headings: usize,
+}
+
+/// Reader of rows by ascending step, with its memory of the rows before.
+struct RowReader {
+    /// Whether a pose that repeats the one before may be a new one.
+    repeats: bool,
+    /// Filter of a raw recording.
+    filter: Option<PoseFilter>,
+    counts: RowCounts,
+    /// Newest pose as recorded. m, rad
+    newest: Option<Pose>,
+    /// Step of the row before.
+    step: Option<u64>,
+    /// Newest observed pose that differs from the one before, and its step. m, rad
+    seen: Option<(u64, Pose)>,
+}
+
+impl RowReader {
+    /// The sample of the next row.
+    fn take(&mut self, row: &CsvRow) -> Sample {
+        let is_stalled = !self.repeats && row.pos.is_some() && row.pos == self.newest;
+        let is_lost = !is_stalled && row.pos.as_ref().is_some_and(is_at_origin);
+        self.counts.stalled += usize::from(is_stalled);
+        self.counts.lost += usize::from(is_lost);
+        self.newest = row.pos.or(self.newest);
+        let o = self.observe(row, row.pos.filter(|_| !is_stalled && !is_lost));
+        self.step = Some(row.step);
+        let now = o.is_present[pose::X].then_some((row.step, o.o));
+        let has_jumped = self.seen.zip(now).is_some_and(|(before, now)| is_jump(before, now));
+        if self.seen.map(|(_, before)| before) != now.map(|(_, now)| now) {
+            // A stream that stalls repeats a pose, and the vehicle has flown on.
+            self.seen = now.or(self.seen);
+        }
+        Sample { step: row.step, u: row.input, o, has_jumped }
+    }
+
+    /// The observation of `row`, whose pose is `raw`: of a raw recording what the filter accepts.
+    fn observe(&mut self, row: &CsvRow, raw: Option<Pose>) -> Observed<{ pose::COUNT }> {
+        let Some(filter) = &mut self.filter else { return observed(raw) };
+        // The limits of the filter grow while there is nothing to see.
+        let gap = self.step.map_or(0, |step| row.step - step - 1).min(GAP_STEPS_MAX);
+        for _ in 0..gap {
+            filter.update(None);
+        }
+        let filtered = filter.update(raw.as_ref());
+        let is_new = |acceptance| acceptance == Acceptance::Accepted;
+        self.counts.positions_held += usize::from(filtered.position == Acceptance::Held);
+        self.counts.headings_held +=
+            usize::from(is_new(filtered.position) && filtered.heading == Acceptance::Held);
+        self.counts.headings += usize::from(is_new(filtered.heading));
+        filtered.o.map_or_else(Observed::missing, |o| {
+            accepted(o, is_new(filtered.position), is_new(filtered.heading))
+        })
+    }
 }
 
 /// The rows of a filtered pose that are new.

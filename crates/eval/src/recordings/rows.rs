@@ -32,15 +32,15 @@ const LINES_SHOWN: usize = 3;
 /// A recording by rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RowFlight {
-    /// What was recorded, by ascending step. Steps may be missing.
+    /// Rows by ascending step. Steps may be missing.
     pub rows: Vec<CsvRow>,
     /// Most digits behind the point of any value in the original.
     pub decimals: usize,
-    /// What was left out of the original and why.
+    /// Parts of the original that were left out, and why.
     pub notes: Vec<String>,
 }
 
-/// What a converted recording says about its original.
+/// Facts about the original of a converted recording.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct Document {
     /// Name of the file.
@@ -164,7 +164,7 @@ fn time_of(step: u64) -> TimeNs {
     TimeNs(0).after(SpanNs::from_seconds(step as f64 * PERIOD_S))
 }
 
-/// What every record has.
+/// Step, which every record has.
 #[derive(Deserialize)]
 struct Step {
     step: u64,

@@ -9,7 +9,7 @@ fn flight_filter() -> FilterSettings {
     (&config::fly(None, None).unwrap().0.cycle.filter).try_into().unwrap()
 }
 
-/// What is loaded from the text of a CSV file.
+/// Recording loaded from the text of a CSV file.
 fn read(text: &str) -> Result<Loaded> {
     static COUNT: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
     let number = COUNT.fetch_add(1, std::sync::atomic::Ordering::Relaxed);

@@ -18,7 +18,7 @@ use super::rows::{GainRecord, tear};
 use super::{PERIOD_S, Sample, note};
 use crate::flight_log::is_replay;
 
-/// What one tick left in the log.
+/// Record of one tick in the log.
 #[derive(Debug, Clone, Default)]
 pub struct TickRow {
     /// Periods since the start of the log, those without a tick included.
@@ -55,7 +55,7 @@ pub struct TickRow {
     pub obstacle_w: Option<[f64; 3]>,
 }
 
-/// What of an inbox places its tick in time.
+/// Fields of an inbox that place its tick in time.
 #[derive(Deserialize)]
 struct InboxHead {
     step: u64,
@@ -66,13 +66,13 @@ struct InboxHead {
     obstacle_w: Option<[f64; 3]>,
 }
 
-/// What of a sighting tells its age.
+/// Field of a sighting that gives its age.
 #[derive(Deserialize)]
 struct SightingHead {
     measured_at: TimeNs,
 }
 
-/// What of a target is not its pose.
+/// Fields of a target beside its pose.
 #[derive(Deserialize)]
 struct TargetHead {
     targets_reached: usize,

@@ -16,7 +16,7 @@ use super::{Options, Watch};
 use crate::flight_log::{self, TickRecord};
 use crate::{REVISION, parameter_file};
 
-/// What the comparison amounts to. The first that holds, in this order.
+/// Conclusion of a comparison: the first that holds, in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Finding {
@@ -32,10 +32,10 @@ enum Finding {
     Equal,
 }
 
-/// What the comparison found.
+/// Result of a comparison.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ReplayReport {
-    /// What it amounts to.
+    /// Conclusion.
     finding: Finding,
     /// Whether every record of every compared channel is equal, the log complete and the flight real.
     pub(super) is_equal: bool,
@@ -125,7 +125,7 @@ struct Replay {
     now: TickJson,
     out: Option<DrawnLog>,
     report: ReplayReport,
-    /// That of the tick that comes next.
+    /// Step of the next tick.
     next_step: u64,
 }
 

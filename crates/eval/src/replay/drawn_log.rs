@@ -1,6 +1,6 @@
-//! What `--out` writes: the ticks as in the log of a flight, and its scene for viewers.
+//! Log that `--out` writes: the ticks as in the log of a flight, and its scene for viewers.
 //!
-//! Owns the two together; what each of them writes is `flight_log` and `scene`.
+//! Owns the two together; the records of each are in `flight_log` and `scene`.
 
 use std::path::{Path, PathBuf};
 

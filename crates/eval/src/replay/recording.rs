@@ -30,7 +30,7 @@ use crate::{REVISION, parameter_file};
 /// The forecast that needs no estimator.
 const CONSTANT_VELOCITY: &str = "constant velocity";
 
-/// What filter and estimator made of the recordings.
+/// Errors of filter and estimator on the recordings.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ForecastReport {
     /// How far ahead the forecasts look. s
@@ -43,7 +43,7 @@ pub struct ForecastReport {
     revision: &'static str,
 }
 
-/// What filter and estimator made of one recording.
+/// Errors of filter and estimator on one recording.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 struct Flight {
     /// File name without its ending.
@@ -216,7 +216,7 @@ impl Flight {
 /// A recording after its way through one cycle; the rows are its steps, the skipped ones included.
 struct Pass {
     counts: Counts,
-    /// What the filter accepted.
+    /// Observations that the filter accepted.
     o: Vec<Observed<{ pose::COUNT }>>,
     forecasts: Vec<Forecast>,
 }
@@ -263,7 +263,7 @@ impl Pass {
     }
 }
 
-/// What the filter accepted in a tick.
+/// Observation that the filter accepted in a tick.
 fn accepted(out: &Outcome) -> Observed<{ pose::COUNT }> {
     let Some((filtered, o)) = out.filtered.and_then(|filtered| Some((filtered, filtered.o?)))
     else {

@@ -40,7 +40,7 @@ pub(super) struct Flight {
     pub name: String,
     /// Period of the loop. s
     pub dt_s: f64,
-    /// What was recorded, tick by tick.
+    /// Record of each tick.
     pub ticks: Vec<TickRow>,
     /// Corners of the line to follow, of one lap; empty if the recording names none. m, rad
     pub outline: Vec<Pose>,
@@ -54,7 +54,7 @@ pub(super) struct Flight {
     pub reached: [usize; 2],
     /// Skipped parts of the recording and other remarks.
     pub notes: Vec<String>,
-    /// What it is in place of a flight: such a log is not judged.
+    /// Kind of a log that is no flight and is not judged.
     pub unjudged: Option<&'static str>,
 }
 

@@ -54,7 +54,7 @@ pub(super) struct Group {
     pub name: String,
     /// Flights with a line to follow.
     pub judged_count: usize,
-    /// Those of them that were good.
+    /// Number of good flights among them.
     pub good_count: usize,
     /// Quantiles over the samples of all flights.
     pub numbers: Spreads,
@@ -80,7 +80,7 @@ pub(super) struct Paired {
 /// Two groups flight by flight.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Comparison {
-    /// What makes two flights a pair: `name` or `order`.
+    /// Rule by which two flights are a pair: `name` or `order`.
     pub paired_by: &'static str,
     pub differences: Vec<Paired>,
 }
@@ -217,7 +217,7 @@ impl Group {
     }
 }
 
-/// Those of `looked` that count as flights: replays and dry runs do only if there is nothing else.
+/// The flights of `looked`: replays and dry runs count only if there is nothing else.
 fn counted(looked: &[Looked]) -> impl Iterator<Item = &Looked> {
     let has_flights = looked.iter().any(|one| one.flight.unjudged.is_none());
     looked.iter().filter(move |one| !has_flights || one.flight.unjudged.is_none())

@@ -1,4 +1,4 @@
-//! What is measured of a flight, and what many such numbers amount to.
+//! Quantities of a flight, and their statistics over many flights.
 //!
 //! Owns the definitions, in words and in code. The definitions are those that give the thesis' published
 //! numbers on the thesis' flights, where the text and the numbers agree.
@@ -83,7 +83,7 @@ pub(super) const OF_FLIGHT: [OfFlight; 7] = [
     (Quantity::SolveMs, "median", |spread| spread.median),
 ];
 
-/// What was measured of one flight.
+/// Measured quantities of one flight.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Measured {
     pub numbers: Numbers,
@@ -118,7 +118,7 @@ impl Quantity {
         }
     }
 
-    /// What exactly is measured.
+    /// Definition of the quantity.
     pub(super) fn definition(self) -> &'static str {
         match self {
             Self::FinishS => {

@@ -27,7 +27,7 @@ fn a_group_without_a_flight_says_what_is_wrong_with_each_of_its_own_files() {
 #[test]
 fn a_path_that_does_not_exist_is_refused() {
     let missing = PathBuf::from("/nonexistent/flight.mcap");
-    assert!(of(&[missing], &[], Path::new("page.html")).is_err());
+    assert!(page_of(&[missing], &[], Path::new("page.html")).is_err());
 }
 
 #[test]

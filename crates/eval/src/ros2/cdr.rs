@@ -95,7 +95,7 @@ impl Cdr {
 mod tests {
     use super::*;
 
-    /// What `write` leaves behind the head and a first byte.
+    /// Bytes that `write` appends after the head and a first byte.
     fn after_a_byte(write: impl FnOnce(&mut Cdr)) -> Vec<u8> {
         let mut cdr = Cdr::new();
         cdr.byte(9);

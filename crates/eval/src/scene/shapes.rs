@@ -73,15 +73,15 @@ pub(super) fn entity(ns: u64, frame_id: &str, id: &str) -> SceneEntity {
     }
 }
 
-/// What a scene is made of, added to an entity.
+/// Shapes of a scene, added to an entity.
 pub(super) trait Shapes: Sized {
-    /// The same for ever.
+    /// This entity, shown for ever.
     fn staying(self) -> Self;
-    /// The same with a line of 2 px.
+    /// This entity with a line of 2 px.
     fn line(self, points: Vec<Point3>, color: Color) -> Self;
-    /// The same with a box of size x, y, z around its origin. m
+    /// This entity with a box of size x, y, z around its origin. m
     fn cube(self, size_m: [f64; 3], color: Color) -> Self;
-    /// The same with a ball of this diameter. m
+    /// This entity with a ball of this diameter. m
     fn sphere(self, at: &Row, diameter_m: f64, color: Color) -> Self;
 }
 

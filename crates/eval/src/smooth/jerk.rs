@@ -46,7 +46,7 @@ impl From<Vector3<f64>> for Estimate {
     }
 }
 
-/// What the forward recursion leaves of one step for the backward one.
+/// Prediction and update of one step by the forward recursion, for the backward one.
 #[derive(Debug, Clone, Copy)]
 struct Step {
     s_pred: Vector3<f64>,

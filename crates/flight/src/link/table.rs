@@ -54,7 +54,7 @@ pub struct LinkTable {
     /// The filter that the dead time is learnt from. Missing: those that the link is tested by
     #[serde(default)]
     pub dead_time: Option<DeadTimeTable>,
-    /// What the heading shows of the link. Missing: nothing
+    /// Detection of outages by the heading. Missing: none
     #[serde(default)]
     pub turn: Option<TurnTable>,
     /// What the height shows of the throttle's dead time. With it throttle and yaw are corrected by their own errors,

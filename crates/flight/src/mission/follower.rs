@@ -30,7 +30,7 @@ const SETTLE_LEAVE_RATIO: f64 = 2.0;
 /// Speed below which a trajectory stands still, whatever the pace. m/s
 const STANDSTILL_MPS: f64 = 1e-3;
 
-/// What the reference does.
+/// Motion of the reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum FollowStage {
     /// Stands at the first waypoint; it is not known yet where the vehicle is.

@@ -33,7 +33,7 @@ const WAIT_STOP_M: f64 = 0.3;
 /// is carried out of a curve; the slower reference asks for less.
 const ASIDE_M: [f64; 2] = [0.05, 0.25];
 
-/// What a vehicle can do at most, by its identified parameters.
+/// Largest speed and acceleration of a vehicle, by its identified parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Fastest {
     speed_mps: f64,

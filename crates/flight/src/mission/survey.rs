@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::Obstacle;
 use crate::trajectory::{Node, Trajectory};
 
-/// What a mission is like as planned.
+/// Statistics of a planned mission.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Survey {
     /// Length of the path, or of the straight lines between targets. m

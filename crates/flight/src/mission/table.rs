@@ -9,7 +9,7 @@ use strum::VariantNames;
 use crate::path::{Heading, Limits};
 use crate::targets::TargetTable;
 
-/// What to fly.
+/// Mission, as written in a file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema, VariantNames)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 #[strum(serialize_all = "snake_case")]

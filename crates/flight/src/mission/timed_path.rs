@@ -1,4 +1,4 @@
-//! What a reference moves along: a trajectory and the waypoints on it.
+//! Path of a reference: a trajectory and the waypoints on it.
 
 use horizon_model::rows::Pose;
 
@@ -21,7 +21,7 @@ pub(super) struct Waypoint {
 /// A trajectory and the waypoints on it.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct TimedPath {
-    /// What the reference moves along.
+    /// Trajectory of the reference.
     pub trajectory: Trajectory,
     /// At least two: the first at the beginning, the last at the end.
     pub waypoints: Vec<Waypoint>,

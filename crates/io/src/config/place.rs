@@ -65,7 +65,7 @@ impl Place {
         })
     }
 
-    /// The same to be changed.
+    /// The value at this place, to be changed.
     pub(super) fn of_mut<'a>(&self, value: &'a mut Value) -> Option<&'a mut Value> {
         self.0.iter().try_fold(value, |value, step| match step {
             Step::Key(key) => value.get_mut(key),

@@ -21,7 +21,7 @@ const CHUNK_BYTES: usize = 8 + 8 + 8;
 /// How many times its size on the disk a log may unpack to, beyond [`RECORD_BYTES_MAX`]. Ours reach 30.
 const RATIO_MAX: u64 = 200;
 
-/// What the chunks in the first `packed` bytes of a file may unpack to. bytes
+/// Largest unpacked size of the chunks in the first `packed` bytes of a file. bytes
 pub(super) fn unpacked_max(packed: u64) -> u64 {
     packed.saturating_mul(RATIO_MAX).saturating_add(RECORD_BYTES_MAX as u64)
 }
@@ -36,7 +36,7 @@ pub(super) struct Framing {
     /// Beginning of a record that is not complete yet.
     begun: [u8; HEAD_BYTES + CHUNK_BYTES],
     begun_bytes: usize,
-    /// What all chunks so far unpack to. bytes
+    /// Unpacked size of all chunks so far. bytes
     unpacked: u64,
     refusal: Option<String>,
     /// Whether the footer was met.
@@ -165,7 +165,7 @@ mod tests {
         bytes
     }
 
-    /// What is admitted of a file in pieces of `step` bytes, and the refusal.
+    /// Bytes admitted of a file in pieces of `step` bytes, and the refusal.
     fn admit(file: &[u8], step: usize) -> (usize, Option<String>) {
         let mut framing = Framing::new();
         let mut admitted = 0;

@@ -78,7 +78,7 @@ pub enum Ending {
         last: Option<TimeNs>,
         /// How far the file was read. bytes
         bytes: u64,
-        /// What was found there.
+        /// Reason.
         why: String,
     },
 }

@@ -111,7 +111,7 @@ impl LogWriter {
         Self::into_sink(path, Box::new(Disk(file)), chunked().profile(profile), head, channels)
     }
 
-    /// The same into any sink; `path` is for messages.
+    /// Creates a log in any sink; `path` is for messages.
     pub(super) fn into_sink(
         path: &Path,
         sink: Box<dyn Write + Send>,

@@ -1,4 +1,4 @@
-//! What a person's keys and sticks mean: a function of the events and of time.
+//! Interpretation of a person's keys and sticks: a function of the events and of time.
 //!
 //! Owns who steers, the smoothing of the sticks and what happens when the pilot changes or a device is
 //! lost. Which keys are down, and for how long, is `manual::panel`. It refuses to know where an event comes

@@ -11,14 +11,13 @@ use super::{Act, Ask, Direction};
 pub const KEYS_HELP: &str = "keys: T take off, R or Q land, Backspace EMERGENCY STOP, E by hand, \
 C automatic; W/S forward, back, A/D left, right, I/K up, down, J/L turn";
 
-/// Code of Backspace: alone in its corner, found without looking, and no beginning of anything
-/// longer as Escape is.
+/// Byte of Backspace. The key is found without looking, and begins no longer sequence as Escape does.
 const BACKSPACE: u32 = 0x7f;
 
-/// Code of Backspace on some terminals: Ctrl-H.
+/// Byte of Backspace on some terminals: Ctrl-H.
 const BACKSPACE_OLD: u32 = 0x08;
 
-/// Code of Ctrl-C where the terminal does not turn it into a signal.
+/// Byte of Ctrl-C where the terminal does not turn it into a signal.
 const INTERRUPT: u32 = 0x03;
 
 const ESCAPE: u8 = 0x1b;

@@ -1,4 +1,4 @@
-//! What the reader threads have in common: when to read, where events go, when to end.
+//! Common parts of the reader threads: when to read, where events go, when to end.
 
 use std::os::fd::BorrowedFd;
 use std::sync::Arc;

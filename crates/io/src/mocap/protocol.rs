@@ -1,4 +1,4 @@
-//! What every mocap protocol has in common: bytes in, bodies and frames out.
+//! Interface of every mocap protocol: bytes in, bodies and frames out.
 //!
 //! Owns the interface: a protocol hands over each body of a frame by name, then the frame. [`Picked`] takes one body
 //! and turns it into our frame; a survey takes all. What a new protocol takes is listed in `ARCHITECTURE.md`.

@@ -1,4 +1,4 @@
-//! What comes of a mocap source: frames of one object, or a reason to refuse a message or to give the connection up.
+//! Output of a mocap source: frames of one object, or a reason to refuse a message or to give the connection up.
 
 use horizon_model::rows::Pose;
 use thiserror::Error;

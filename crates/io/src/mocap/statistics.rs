@@ -64,7 +64,7 @@ pub struct MocapCounters {
     unopened: Mutex<Option<String>>,
 }
 
-/// What a stream was worth up to now.
+/// Statistics of a stream up to now.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
 pub struct StreamReport {
     /// Frames received.

@@ -1,4 +1,4 @@
-//! What a mocap source has: its objects, and how well their frames come.
+//! Survey of a mocap source: its objects, and how well their frames come.
 //!
 //! Reads a source for all of its objects, for people and for checks before a flight. A flight reads one object by
 //! [`super::MocapClient`].

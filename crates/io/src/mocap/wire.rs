@@ -1,4 +1,4 @@
-//! What bytes of a mocap source come from: a connection, a port of ours, or the ports of a NatNet server.
+//! Transport of a mocap source: a connection, a local port, or the ports of a NatNet server.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4};

@@ -12,9 +12,9 @@ use tello_io::clock::{Clock, TimeNs};
 use tello_io::tello::protocol::{Action, DronePacket, FlightStatus, HostPacket};
 use tello_io::tello::{DroneClient, Guardian, Protocol, TelloSettings, TelloTable, WatchEnd};
 
-/// What happens to the sender half a second after the sticks began.
+/// Failure of the sender, half a second after the sticks began.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Blow {
+enum SenderFailure {
     /// Its task is gone.
     Killed,
     /// Something blocks its thread for two seconds.
@@ -23,9 +23,9 @@ enum Blow {
     None,
 }
 
-/// Packets that reached the drone, with their times, until `for_s` after the blow.
+/// Packets that reached the drone, with their times, until `for_s` after the failure.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
-fn fly(blow: Blow, for_s: u64) -> (TimeNs, Vec<(TimeNs, HostPacket)>) {
+fn fly(failure: SenderFailure, for_s: u64) -> (TimeNs, Vec<(TimeNs, HostPacket)>) {
     let drone = UdpSocket::bind("127.0.0.1:0").unwrap();
     drone.set_read_timeout(Some(Duration::from_millis(20))).unwrap();
     let table = TelloTable {
@@ -37,14 +37,14 @@ fn fly(blow: Blow, for_s: u64) -> (TimeNs, Vec<(TimeNs, HostPacket)>) {
         interface: None,
     };
     let clock = Clock::start();
-    let (last_blow, blown) = mpsc::channel();
+    let (failed_at, failure_time) = mpsc::channel();
     let host = thread::spawn(move || {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-        let guardian = runtime.block_on(host(&table, clock, blow, for_s, &last_blow));
+        let guardian = runtime.block_on(host(&table, clock, failure, for_s, &failed_at));
         // With it goes a sender that was blocked.
         drop(runtime);
         // The drone of a sender without a last message is landed for 15 s.
-        assert_eq!(guardian.join().unwrap(), if blow == Blow::None { 0 } else { 60 });
+        assert_eq!(guardian.join().unwrap(), if failure == SenderFailure::None { 0 } else { 60 });
     });
     let mut heard = Vec::new();
     let mut bytes = [0; 2048];
@@ -68,7 +68,7 @@ fn fly(blow: Blow, for_s: u64) -> (TimeNs, Vec<(TimeNs, HostPacket)>) {
                 drone.send_to(&bytes, from).unwrap();
             }
         }
-        if blow == Blow::None && is_landing(&packet) {
+        if failure == SenderFailure::None && is_landing(&packet) {
             let mut bytes = Vec::new();
             let status = FlightStatus::new(false);
             DronePacket::Status { sequence: 1, status }.encode(&mut bytes);
@@ -77,16 +77,16 @@ fn fly(blow: Blow, for_s: u64) -> (TimeNs, Vec<(TimeNs, HostPacket)>) {
         heard.push((clock.now(), packet));
     }
     host.join().unwrap();
-    (blown.recv().unwrap(), heard)
+    (failure_time.recv().unwrap(), heard)
 }
 
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 async fn host(
     table: &TelloTable,
     clock: Clock,
-    blow: Blow,
+    failure: SenderFailure,
     for_s: u64,
-    last_blow: &mpsc::Sender<TimeNs>,
+    failed_at: &mpsc::Sender<TimeNs>,
 ) -> thread::JoinHandle<u32> {
     let settings = TelloSettings::try_from(table).unwrap();
     let (mut client, link) = DroneClient::bind(&settings, clock, false).unwrap();
@@ -109,20 +109,20 @@ async fn host(
         link.send(approved, None);
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
-    last_blow.send(clock.now()).unwrap();
-    match blow {
-        Blow::Killed => task.abort(),
-        Blow::Blocked => thread::sleep(Duration::from_secs(2)),
-        Blow::None => {}
+    failed_at.send(clock.now()).unwrap();
+    match failure {
+        SenderFailure::Killed => task.abort(),
+        SenderFailure::Blocked => thread::sleep(Duration::from_secs(2)),
+        SenderFailure::None => {}
     }
     // Motion capture sees a drone on the floor: the landing at the end needs two sources to be short.
-    let pose_is_airborne = (blow == Blow::None).then_some(false);
+    let pose_is_airborne = (failure == SenderFailure::None).then_some(false);
     for _ in 0..for_s * 50 {
         link.send(approved, pose_is_airborne);
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     drop(stopper);
-    if blow == Blow::None {
+    if failure == SenderFailure::None {
         task.await.unwrap().unwrap();
     }
     guardian
@@ -148,10 +148,10 @@ fn landed_at(heard: &[(TimeNs, HostPacket)]) -> TimeNs {
 #[test]
 #[ignore = "15 to 20 s of real time: .ci/run all runs it"]
 fn a_sender_that_died_is_replaced_at_once_by_landings_behind_neutral_sticks() {
-    let (blown_at, heard) = fly(Blow::Killed, 1);
+    let (failure_time_at, heard) = fly(SenderFailure::Killed, 1);
     assert!(deflected(&heard, TimeNs(0)) > 10, "never steered");
-    let after_s = landed_at(&heard).since(blown_at).seconds();
-    assert!(after_s < 0.3, "landed {after_s} s after the blow");
+    let after_s = landed_at(&heard).since(failure_time_at).seconds();
+    assert!(after_s < 0.3, "landed {after_s} s after the failure");
     let begin = heard.iter().position(|(_, packet)| is_landing(packet)).unwrap();
     let landings = &heard[begin - 1..];
     assert_eq!(landings.len(), 2 * 60);
@@ -160,27 +160,27 @@ fn a_sender_that_died_is_replaced_at_once_by_landings_behind_neutral_sticks() {
         assert!(matches!(neutral, HostPacket::Sticks { u, .. } if u.amax() == 0.0), "{pair:?}");
         assert!(is_landing(land), "{pair:?}");
     }
-    let last_s = landings.last().unwrap().0.since(blown_at).seconds();
+    let last_s = landings.last().unwrap().0.since(failure_time_at).seconds();
     assert!((14.0..17.0).contains(&last_s), "the last landing after {last_s} s");
 }
 
 #[test]
 #[ignore = "15 to 20 s of real time: .ci/run all runs it"]
 fn a_sender_that_comes_back_goes_on_with_the_landing_and_never_steers_again() {
-    let (blown_at, heard) = fly(Blow::Blocked, 2);
+    let (failure_time_at, heard) = fly(SenderFailure::Blocked, 2);
     let landed_at = landed_at(&heard);
-    let after_s = landed_at.since(blown_at).seconds();
-    assert!((0.2..0.5).contains(&after_s), "landed {after_s} s after the blow");
+    let after_s = landed_at.since(failure_time_at).seconds();
+    assert!((0.2..0.5).contains(&after_s), "landed {after_s} s after the failure");
     assert_eq!(deflected(&heard, landed_at), 0, "steers after the landing");
     let late = heard
         .iter()
-        .filter(|(at, packet)| at.since(blown_at).seconds() > 2.5 && is_landing(packet));
+        .filter(|(at, packet)| at.since(failure_time_at).seconds() > 2.5 && is_landing(packet));
     assert!(late.count() >= 1, "the sender does not repeat the landing");
 }
 
 #[test]
 fn a_sender_that_lives_is_left_alone() {
-    let (_, heard) = fly(Blow::None, 2);
+    let (_, heard) = fly(SenderFailure::None, 2);
     assert!(deflected(&heard, TimeNs(0)) > 50, "never steered");
     let during = heard.iter().position(|(_, packet)| is_landing(packet)).unwrap_or(heard.len());
     // All but what follows the end of the program.

@@ -96,7 +96,7 @@ pub struct FlightRow {
     pub outages: Outages,
     /// How near the flight came to the limits of the monitors.
     pub monitors: Largest,
-    /// What went wrong in the solvers.
+    /// Failures of the solvers.
     pub solvers: SolverCounts,
 }
 
@@ -236,7 +236,7 @@ impl Contender {
     }
 }
 
-/// What is measured of a flight while it lasts.
+/// Measurements of a flight while it lasts.
 struct FlightMeasures {
     truth: Judge,
     estimate: Judge,

@@ -1,4 +1,4 @@
-//! What the laps of many flights amount to, lap by lap: whether what a flight learns makes its later laps better.
+//! Statistics of the laps of many flights, lap by lap: whether a flight's learning improves its later laps.
 
 use std::fmt::{self, Display, Formatter};
 

@@ -17,7 +17,7 @@ use super::table::{Batch, LINES, is_valid};
 /// Two batches over the same seeds, and their differences by the true pose.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Comparison {
-    /// What the two are called, for people: the names of their settings files.
+    /// Names of the two batches, for people: those of their settings files.
     pub names: [String; 2],
     /// Figures of the batch with the settings of `--config`.
     pub config: Batch,

@@ -1,4 +1,4 @@
-//! What many flights amount to: the table of a batch.
+//! Table of a batch: statistics of many flights.
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter};
@@ -71,7 +71,7 @@ pub struct Batch {
     pub outages_per_flight: f64,
     /// Time without link per flight, as the link monitor saw it. s
     pub down_s_per_flight: f64,
-    /// What went wrong in the solvers, all flights together.
+    /// Failures of the solvers, all flights together.
     pub solvers: SolverCounts,
     /// Each flight, in the order of the seeds.
     pub flights: Vec<FlightRow>,
@@ -83,7 +83,7 @@ pub struct FlightSpread {
     /// Quartiles of the time from first to last target over all flights; without finish it is the time limit, 120 s
     /// or of a long mission more. s
     pub finish_quartiles_s: [f64; 3],
-    /// The same from entering the reach of the first target. s
+    /// Quartiles over flights of the time from entering the reach of the first target. s
     pub since_entry_quartiles_s: [f64; 3],
     /// Horizontal distance to the outline, all samples of all flights: median, 95 %, largest. m
     pub pooled_distance_m: [f64; 3],

@@ -127,7 +127,7 @@ pub enum Family {
     HeadingReport,
 }
 
-/// What a flight drew.
+/// Families and settings that a flight drew.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Draw {
     /// In the order of their draw, without repetitions.
@@ -191,7 +191,7 @@ impl Draw {
     }
 }
 
-/// What a family changes in the world.
+/// Change that a family makes to the world.
 enum Effect {
     Fault(InjectedFault),
     /// Sets a switch, with values that are drawn.

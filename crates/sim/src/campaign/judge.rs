@@ -44,7 +44,7 @@ pub(super) enum End {
     Undefined,
 }
 
-/// What no flight may do.
+/// Rule that a flight broke.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
 )]
@@ -60,8 +60,8 @@ pub(super) enum Violation {
     NoEnd,
 }
 
-/// What is measured of a flight from the moment on in which the first fault can be observed: it is
-/// there, and the vehicle flies.
+/// Times and distances of a flight from the moment in which the first fault can be observed: the fault is
+/// present, and the vehicle flies.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub(super) struct Reaction {
     /// Until the program reported a fault in flight that it had not reported before. s
@@ -79,9 +79,9 @@ pub(super) struct Reaction {
     pub outside_m: f64,
 }
 
-/// What is known of a flight since its first fault can be observed.
+/// Measurements since the first fault can be observed.
 #[derive(Debug)]
-struct Since {
+struct SinceFault {
     at_s: f64,
     from: Pose,
     /// Faults that were reported before.
@@ -93,9 +93,9 @@ struct Since {
     reaction: Reaction,
 }
 
-/// What one tick showed.
+/// Program, wire and true drone after one tick.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Look<'a> {
+pub(super) struct TickView<'a> {
     pub(super) now_s: f64,
     /// Reported by the program.
     pub(super) faults: FaultSet,
@@ -106,12 +106,12 @@ pub(super) struct Look<'a> {
     pub(super) ignores: [bool; 2],
 }
 
-/// What is remembered of a flight to judge it by.
+/// Running judgement of a flight.
 #[derive(Debug, Default)]
 pub(super) struct Judge {
     room: Option<Room>,
     onset_s: f64,
-    /// Time of the look before. s
+    /// Time of the tick before. s
     now_s: f64,
     /// When the drone last ignored its orders. s
     deaf_s: f64,
@@ -126,7 +126,7 @@ pub(super) struct Judge {
     found: BTreeSet<Violation>,
     /// Faults reported in flight before anything was wrong.
     known: FaultSet,
-    since: Option<Since>,
+    since: Option<SinceFault>,
 }
 
 impl Judge {
@@ -134,33 +134,33 @@ impl Judge {
         Self { room, onset_s, deaf_s: f64::NEG_INFINITY, ..Self::default() }
     }
 
-    pub(super) fn look(&mut self, look: &Look<'_>) {
-        self.has_flown |= look.truth.phase == DronePhase::Flying;
-        self.begin(look);
-        self.read(look.wire);
-        let [ignores_sticks, ignores_land] = look.ignores;
+    pub(super) fn update(&mut self, tick: &TickView<'_>) {
+        self.has_flown |= tick.truth.phase == DronePhase::Flying;
+        self.begin(tick);
+        self.read(tick.wire);
+        let [ignores_sticks, ignores_land] = tick.ignores;
         // An order that was sent while the drone ignored orders has to be sent again.
         let is_deaf = ignores_sticks || (self.has_received_land && ignores_land);
-        let is_soon = look.now_s - self.deaf_s <= LAND_PERIOD.seconds();
-        self.is_ignored = is_deaf || (self.is_ignored && is_soon && look.wire.is_empty());
-        self.deaf_s = if is_deaf { look.now_s } else { self.deaf_s };
-        self.measure_excess(&look.truth, look.now_s - self.now_s);
-        self.now_s = look.now_s;
+        let is_soon = tick.now_s - self.deaf_s <= LAND_PERIOD.seconds();
+        self.is_ignored = is_deaf || (self.is_ignored && is_soon && tick.wire.is_empty());
+        self.deaf_s = if is_deaf { tick.now_s } else { self.deaf_s };
+        self.measure_excess(&tick.truth, tick.now_s - self.now_s);
+        self.now_s = tick.now_s;
         if let Some(since) = &mut self.since {
-            since.look(look);
+            since.update(tick);
         }
     }
 
     /// Notes since when the first fault can be observed.
-    fn begin(&mut self, look: &Look<'_>) {
-        let Look { now_s, faults, truth, .. } = *look;
+    fn begin(&mut self, tick: &TickView<'_>) {
+        let TickView { now_s, faults, truth, .. } = *tick;
         if truth.phase != DronePhase::Flying {
             return;
         }
         if now_s < self.onset_s {
             self.known = faults;
         } else if self.since.is_none() && !self.has_received_land {
-            self.since = Some(Since {
+            self.since = Some(SinceFault {
                 at_s: now_s,
                 from: truth.pose,
                 known: self.known,
@@ -211,7 +211,7 @@ impl Judge {
         }
     }
 
-    /// What was measured; `None` if nothing could be observed in flight.
+    /// Reaction to the first fault; `None` if no fault could be observed in flight.
     pub(super) fn reaction(&self) -> Option<Reaction> {
         self.since.as_ref().map(|since| since.reaction)
     }
@@ -240,14 +240,24 @@ impl Judge {
     }
 }
 
-impl Since {
-    fn look(&mut self, look: &Look<'_>) {
-        let Look { now_s, faults, wire, truth, .. } = *look;
-        let so_far_s = now_s - self.at_s;
-        let reaction = &mut self.reaction;
+impl SinceFault {
+    /// Takes one tick.
+    fn update(&mut self, tick: &TickView<'_>) {
+        let TickView { now_s, faults, wire, truth, .. } = *tick;
         if faults.iter().any(|fault| !self.known.contains(fault)) {
-            reaction.detected_s.get_or_insert(so_far_s);
+            self.reaction.detected_s.get_or_insert(now_s - self.at_s);
         }
+        self.read_sticks(wire, now_s);
+        self.note_reaction(tick);
+        if !matches!(truth.phase, DronePhase::Grounded) {
+            let way = truth.pose - self.from;
+            let way_m = way[pose::X].hypot(way[pose::Y]).hypot(way[pose::Z]);
+            self.reaction.travelled_m = self.reaction.travelled_m.max(way_m);
+        }
+    }
+
+    /// Notes when the first sticks that are not neutral were sent, and the present run of neutral ones.
+    fn read_sticks(&mut self, wire: &[HostPacket], now_s: f64) {
         for packet in wire {
             let HostPacket::Sticks { u, .. } = packet else { continue };
             if u.amax() > 0.0 {
@@ -258,6 +268,11 @@ impl Since {
                 self.neutral = Some((since_s, ticks + 1));
             }
         }
+    }
+
+    /// Notes the first neutral sticks, and the first order to land or to stop the motors.
+    fn note_reaction(&mut self, tick: &TickView<'_>) {
+        let TickView { now_s, faults, wire, .. } = *tick;
         let is_ended =
             wire.iter().any(|packet| is_land(packet) || *packet == HostPacket::EmergencyStop);
         let is_neutral = self.steered_s.is_some()
@@ -265,18 +280,13 @@ impl Since {
         if is_neutral || is_ended {
             let neutral_at_s = self.neutral.map_or(now_s, |(since_s, _)| since_s);
             let steered_s = self.steered_s.unwrap_or(now_s);
-            reaction.neutral_s.get_or_insert((neutral_at_s - steered_s).max(0.0));
+            self.reaction.neutral_s.get_or_insert((neutral_at_s - steered_s).max(0.0));
         }
-        if is_ended && reaction.land_s.is_none() {
-            reaction.land_s = Some(so_far_s);
+        if is_ended && self.reaction.land_s.is_none() {
+            self.reaction.land_s = Some(now_s - self.at_s);
             let is_stopped = wire.contains(&HostPacket::EmergencyStop);
             let is_by_fault = !faults.ending_flight(Pilot::Controller).is_empty();
-            reaction.is_mission_over = !is_stopped && !is_by_fault;
-        }
-        if !matches!(truth.phase, DronePhase::Grounded) {
-            let way = truth.pose - self.from;
-            let way_m = way[pose::X].hypot(way[pose::Y]).hypot(way[pose::Z]);
-            reaction.travelled_m = reaction.travelled_m.max(way_m);
+            self.reaction.is_mission_over = !is_stopped && !is_by_fault;
         }
     }
 }

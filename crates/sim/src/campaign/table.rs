@@ -1,4 +1,4 @@
-//! What each family of faults came to.
+//! Results by family of faults.
 
 use std::fmt::{self, Formatter};
 
@@ -18,11 +18,11 @@ use super::judge::Reaction;
 pub(super) struct FamilyRow {
     family: Family,
     flights: usize,
-    /// Those in which the first fault could be observed while the vehicle flew.
+    /// Flights in which the first fault could be observed while the vehicle flew.
     observable: usize,
-    /// Those of them in which the program reported a fault afterwards.
+    /// Observable flights in which the program reported a fault afterwards.
     detected: usize,
-    /// Those of them in which a landing was ordered before the mission was over.
+    /// Observable flights in which a landing was ordered before the mission was over.
     landed: usize,
     /// Until neutral sticks, for those detected: median and largest. s
     neutral_s: Option<[f64; 2]>,

@@ -20,7 +20,7 @@ fn beside(x_m: f64) -> (FlightTable, SimTable) {
 /// A vehicle that flies along x with full deflection from -2 m on, after `count` steps.
 fn flown(sim: &SimTable, count: u64) -> World {
     let mut world = World::new(sim, 1).unwrap();
-    let u = world.drone.plant().sticks_towards(0.06, [1.0, 0.0]);
+    let u = world.drone().plant().sticks_towards(0.06, [1.0, 0.0]);
     (0..count).for_each(|_| steer(&mut world, u));
     world
 }
@@ -51,7 +51,7 @@ fn a_contact_is_avoidable_unless_the_last_fault_comes_too_late_or_the_pose_is_fa
         let mut watch = Watch::new(Scene { around, passer: None, seed: 1 }, &sim);
         watch.onsets.extend(onset);
         let mut world = World::new(&sim, 1).unwrap();
-        let u = world.drone.plant().sticks_towards(0.06, [1.0, 0.0]);
+        let u = world.drone().plant().sticks_towards(0.06, [1.0, 0.0]);
         loop {
             watch.remember(&world);
             if error_m > FALSE_M {
@@ -65,13 +65,13 @@ fn a_contact_is_avoidable_unless_the_last_fault_comes_too_late_or_the_pose_is_fa
         }
     };
     let free = judged(None, 0.0);
-    assert_eq!((free.touched, free.verdict), (Touched::Wall, Avoidability::Avoidable));
+    assert_eq!((free.touched, free.avoidability), (Touched::Wall, Avoidability::Avoidable));
     let ahead_s = free.ahead_s.unwrap();
     assert!((0.6..2.0).contains(&ahead_s), "{free:?}");
     let at = steps(free.at_s);
-    assert_eq!(judged(Some(at - 5), 0.0).verdict, Avoidability::TooLate);
-    assert_eq!(judged(Some(at - steps(ahead_s) - 20), 0.0).verdict, Avoidability::Avoidable);
-    assert_eq!(judged(None, 1.0).verdict, Avoidability::FalsePose);
+    assert_eq!(judged(Some(at - 5), 0.0).avoidability, Avoidability::TooLate);
+    assert_eq!(judged(Some(at - steps(ahead_s) - 20), 0.0).avoidability, Avoidability::Avoidable);
+    assert_eq!(judged(None, 1.0).avoidability, Avoidability::FalsePose);
 }
 
 #[test]
@@ -95,6 +95,6 @@ fn a_standing_vehicle_is_run_over_and_no_braking_avoids_it() {
         }
     };
     assert_eq!(contact.touched, Touched::Obstacle);
-    assert_eq!(contact.verdict, Avoidability::Unavoidable);
+    assert_eq!(contact.avoidability, Avoidability::Unavoidable);
     assert!((1.5..2.1).contains(&contact.at_s), "{contact:?}");
 }

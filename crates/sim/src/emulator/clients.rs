@@ -25,7 +25,7 @@ pub(super) struct Clients<S> {
 #[derive(Debug)]
 struct Client<S> {
     stream: TcpStream,
-    /// What the socket did not take yet.
+    /// Bytes that the socket did not take yet.
     backlog: Vec<u8>,
     state: S,
 }
@@ -61,7 +61,7 @@ impl<S: Default> Clients<S> {
         self.connected.retain_mut(|client| client.receive(&mut handle).is_ok());
     }
 
-    /// The same, and sends what the sockets did not take before.
+    /// Receives as `receive`, and sends the bytes that the sockets did not take before.
     pub(super) fn listen(&mut self, handle: impl FnMut(&mut S, &[u8]) -> io::Result<()>) {
         self.receive(handle);
         self.send(|_, _| ());

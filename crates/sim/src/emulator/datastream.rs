@@ -14,9 +14,9 @@ use tello_io::mocap::datastream::{encode, id};
 
 use super::clients::Clients;
 use super::mocap::Port;
-use crate::mocap::Shot;
+use crate::mocap::MocapFrame;
 
-/// What can be sent.
+/// Identifiers of the data that can be sent.
 const OFFERED: [u32; 9] = [
     id::STREAM_INFO,
     id::SUBJECT_INFO,
@@ -42,7 +42,7 @@ pub(super) struct DatastreamPort {
     clients: Clients<Session>,
 }
 
-/// What one client wants.
+/// Subscription of one client.
 #[derive(Debug, Default)]
 struct Session {
     packets: Packets,
@@ -68,9 +68,9 @@ impl Port for DatastreamPort {
         self.clients.listen(Session::receive);
     }
 
-    /// Sends `shot` to whom it is due, with a second object.
-    fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
-        self.clients.send(|session, to| session.send(shot, other, to));
+    /// Sends `frame` to whom it is due, with a second object.
+    fn send(&mut self, frame: &MocapFrame<'_>, other: Option<Body<'_>>) {
+        self.clients.send(|session, to| session.send(frame, other, to));
     }
 }
 
@@ -116,14 +116,14 @@ impl Session {
         if is_clear && result.is_ok() { Ok(()) } else { Err(io::ErrorKind::InvalidData.into()) }
     }
 
-    /// Appends the packet of `shot`, if it is due.
-    fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>, to: &mut Vec<u8>) {
+    /// Appends the packet of `frame`, if it is due.
+    fn send(&mut self, frame: &MocapFrame<'_>, other: Option<Body<'_>>, to: &mut Vec<u8>) {
         if !self.wants_every_frame && self.frames_due == 0 {
             return;
         }
         self.frames_due = self.frames_due.saturating_sub(1);
         let Self { wanted, pings, .. } = self;
-        let Shot { frame, rate_hz, object, body } = *shot;
+        let MocapFrame { number, rate_hz, object, body } = *frame;
         // Subjects from 1 on; a lost one is named, and has no segments.
         let seen: Vec<(u32, Body<'_>)> = [(SUBJECT, body), (OTHER, other)]
             .into_iter()
@@ -142,7 +142,7 @@ impl Session {
                             count = 2;
                         }
                     }
-                    id::FRAME_INFO => packet.frame_info(frame),
+                    id::FRAME_INFO => packet.frame_info(number),
                     // The simulated room sees without delay.
                     id::LATENCY_INFO => packet.latency_info(&[("Simulation", 0.0)]),
                     id::APPLICATION_INFO => packet.application_info(),
@@ -198,7 +198,11 @@ mod tests {
         let body = Body { name: b"tello", pos_v: [1.0, 2.0, 3.0], angles: [0.0; 3] };
         let body = is_seen.then_some(body);
         let mut bytes = Vec::new();
-        session.send(&Shot { frame: 1, rate_hz: 50.0, object: "tello", body }, None, &mut bytes);
+        session.send(
+            &MocapFrame { number: 1, rate_hz: 50.0, object: "tello", body },
+            None,
+            &mut bytes,
+        );
         let objects = objects(bytes.get(8..).unwrap_or_default());
         objects.map(|object| object.unwrap().0).collect()
     }

@@ -23,7 +23,7 @@ const PACKETS_MAX: usize = 64;
 const STATUS_STEPS: u64 = 5;
 /// Steps between two reports of the radio link.
 const WIFI_STEPS: u64 = 50;
-/// What the drone reports about its radio link. %
+/// Strength of the radio link that the drone reports. %
 const WIFI_STRENGTH_PCT: u8 = 90;
 /// Number of the only log that the drone offers.
 const LOG_HEADER_ID: u16 = 1;
@@ -61,7 +61,7 @@ impl DronePort {
     pub(super) fn bind(address: SocketAddr, world: &World) -> io::Result<Self> {
         let socket = UdpSocket::bind(address)?;
         socket.set_nonblocking(true)?;
-        let (table, seed) = (world.firmware, world.seed);
+        let (table, seed) = (*world.firmware(), world.seed());
         Ok(Self {
             socket,
             table,
@@ -93,7 +93,7 @@ impl DronePort {
             };
             self.uplink.send((self.inbound[..length].to_vec(), from), now_s);
         }
-        if !world.is_connected {
+        if !world.is_connected() {
             (self.mode, self.host, self.sends_log) = (Mode::Undecided, None, false);
             self.theta_start = world.truth().pose[pose::THETA];
         }
@@ -112,7 +112,7 @@ impl DronePort {
             Mode::Binary => self.report_binary(world),
             Mode::Text(sdk) => {
                 let mut replies = Vec::new();
-                sdk.advance(&mut world.drone, &mut replies);
+                sdk.advance(world.drone_mut(), &mut replies);
                 let line = world.step().is_multiple_of(STATUS_STEPS).then(|| {
                     let mut bytes = Vec::new();
                     sdk.state_line(&world.reported()).encode(&mut bytes);
@@ -144,7 +144,7 @@ impl DronePort {
             } else {
                 return;
             }
-            world.is_connected = true;
+            world.set_connected(true);
         }
         self.host = Some(self.answer_to(from));
         match &mut self.mode {
@@ -154,7 +154,7 @@ impl DronePort {
             Mode::Text(_) if !datagram.is_ascii() => {}
             Mode::Text(sdk) => {
                 let mut replies = Vec::new();
-                sdk.receive(datagram, &mut world.drone, &mut replies);
+                sdk.receive(datagram, world.drone_mut(), &mut replies);
                 self.reply(replies, world);
             }
         }
@@ -167,7 +167,7 @@ impl DronePort {
         }
     }
 
-    /// What is not understood is not answered.
+    /// Handles one packet of the binary protocol; an unknown one is not answered.
     fn take_packet(&mut self, datagram: &[u8], world: &mut World) {
         let Ok(packet) = HostPacket::decode(datagram) else { return };
         self.sends_log |= matches!(packet, HostPacket::LogHeaderAck { .. });
@@ -206,7 +206,7 @@ impl DronePort {
         }
     }
 
-    /// What a drone asks of a new host.
+    /// Asks a new host for the date and time.
     fn greet(&mut self, world: &World) {
         let sequence = self.count();
         self.send_packet(&DronePacket::DateTimeRequest { sequence }, world);

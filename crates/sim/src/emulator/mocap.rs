@@ -13,7 +13,7 @@ use super::natnet::{NatnetPort, NatnetServer};
 use super::object_stream::ObjectStreamPort;
 use super::qtm::QtmPort;
 use super::vrpn::VrpnPort;
-use crate::mocap::Shot;
+use crate::mocap::MocapFrame;
 
 /// Where the emulated motion capture speaks; what is `None` is silent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -46,8 +46,8 @@ pub(super) trait Port: Debug + Send {
     /// Hears the clients and answers them.
     fn receive(&mut self) {}
 
-    /// Sends `shot` to whom it is due, with a second object.
-    fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>);
+    /// Sends `frame` to whom it is due, with a second object.
+    fn send(&mut self, frame: &MocapFrame<'_>, other: Option<Body<'_>>);
 }
 
 impl MocapServers {
@@ -82,15 +82,16 @@ impl MocapServers {
         self.addresses
     }
 
-    /// Hears the clients and sends them `shots`; nothing but greetings if there are none.
-    pub fn push<'a>(&mut self, shots: impl IntoIterator<Item = Shot<'a>>) {
-        self.push_with(shots, None);
+    /// Hears the clients and sends them `frames`; nothing but greetings if there are none.
+    pub fn push<'a>(&mut self, frames: impl IntoIterator<Item = MocapFrame<'a>>) {
+        self.push_with(frames, None);
     }
 
-    /// The same with a second object in each shot, but not by the relay, which has a line for each object.
+    /// Hears the clients and sends them `frames`, with a second object in each frame; not by the relay, which has a
+    /// line for each object.
     pub fn push_with<'a>(
         &mut self,
-        shots: impl IntoIterator<Item = Shot<'a>>,
+        frames: impl IntoIterator<Item = MocapFrame<'a>>,
         other: Option<Body<'_>>,
     ) {
         if let Some(relay) = &mut self.relay {
@@ -99,10 +100,10 @@ impl MocapServers {
         for port in &mut self.ports {
             port.receive();
         }
-        for shot in shots {
-            self.push_to_relay(&shot);
+        for frame in frames {
+            self.push_to_relay(&frame);
             for port in &mut self.ports {
-                port.send(&shot, other);
+                port.send(&frame, other);
             }
         }
         // What the sockets did not take before.
@@ -112,18 +113,17 @@ impl MocapServers {
     }
 
     /// Sends a line of another object than the vehicle.
-    pub(crate) fn push_to_relay(&mut self, shot: &Shot<'_>) {
+    pub(crate) fn push_to_relay(&mut self, frame: &MocapFrame<'_>) {
         if let Some(relay) = &mut self.relay {
             self.line.clear();
-            let Shot { frame, rate_hz, object, body } = shot;
-            let frame = i64::from(*frame);
-            format_line(frame, *rate_hz, object, body.as_ref(), &mut self.line);
+            let MocapFrame { number, rate_hz, object, body } = frame;
+            format_line(i64::from(*number), *rate_hz, object, body.as_ref(), &mut self.line);
             relay.send(|(), to| to.extend_from_slice(&self.line));
         }
     }
 }
 
-/// What `bind` makes of the address, if there is one.
+/// Result of `bind` for the address, if there is one.
 fn open<T>(
     what: &'static str,
     address: Option<SocketAddr>,
@@ -147,7 +147,7 @@ fn add<P: Port + 'static>(
     Ok(())
 }
 
-/// Names of what a shot shows.
+/// Names of what a frame shows.
 pub(super) fn names(object: &str, other: Option<Body<'_>>) -> Vec<String> {
     let other = other.map(|other| String::from_utf8_lossy(other.name).into_owned());
     std::iter::once(object.to_owned()).chain(other).collect()

@@ -11,7 +11,7 @@ use tello_io::mocap::natnet::packet::{FrameEnd, RigidBody, ServerInfo, Version, 
 use tello_io::mocap::{Body, matrix_of_angles, quaternion_of_matrix};
 
 use super::mocap::{Port, names};
-use crate::mocap::Shot;
+use crate::mocap::MocapFrame;
 
 /// Where the server is, and what it speaks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,7 +50,7 @@ pub(super) struct NatnetPort {
     socket: UdpSocket,
     server: NatnetServer,
     clients: Vec<Client>,
-    /// Rate and objects of the newest shot.
+    /// Rate and objects of the newest frame.
     room: Option<(f64, Vec<String>)>,
     bytes: Vec<u8>,
 }
@@ -97,13 +97,13 @@ impl Port for NatnetPort {
         }
     }
 
-    /// Sends `shot` to whom it is due, with a second object.
-    fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
-        let Shot { frame, rate_hz, object, body } = *shot;
+    /// Sends `frame` to whom it is due, with a second object.
+    fn send(&mut self, frame: &MocapFrame<'_>, other: Option<Body<'_>>) {
+        let MocapFrame { number, rate_hz, object, body } = *frame;
         self.room = Some((rate_hz, names(object, other)));
         let mut bodies = vec![rigid(OBJECT_ID, body)];
         bodies.extend(other.map(|other| rigid(OTHER_ID, Some(other))));
-        let timestamp_s = f64::from(frame) / rate_hz;
+        let timestamp_s = f64::from(number) / rate_hz;
         let now = horizon_model::whole(timestamp_s * TICKS_PER_S as f64) as u64 + 1;
         // The simulated room sees without delay.
         let end = FrameEnd {
@@ -114,7 +114,7 @@ impl Port for NatnetPort {
             has_new_models: false,
         };
         self.bytes.clear();
-        encode::frame(self.server.version, frame.cast_signed(), &bodies, &end, &mut self.bytes);
+        encode::frame(self.server.version, number.cast_signed(), &bodies, &end, &mut self.bytes);
         // A datagram that the system does not take is lost, as on any network.
         if let Some(group) = self.server.group {
             self.socket.send_to(&self.bytes, group).ok();

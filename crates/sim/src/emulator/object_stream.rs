@@ -7,7 +7,7 @@ use tello_io::mocap::Body;
 use tello_io::mocap::object_stream::encode_block;
 
 use super::mocap::Port;
-use crate::mocap::Shot;
+use crate::mocap::MocapFrame;
 
 /// The largest block that Tracker can be set to.
 const BLOCK_BYTES: usize = 1024;
@@ -34,11 +34,11 @@ impl ObjectStreamPort {
 }
 
 impl Port for ObjectStreamPort {
-    /// Sends the block of `shot`, with a second object.
-    fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
+    /// Sends the block of `frame`, with a second object.
+    fn send(&mut self, frame: &MocapFrame<'_>, other: Option<Body<'_>>) {
         self.block.clear();
-        let bodies: Vec<Body<'_>> = shot.body.into_iter().chain(other).collect();
-        encode_block(shot.frame, &bodies, BLOCK_BYTES, &mut self.block);
+        let bodies: Vec<Body<'_>> = frame.body.into_iter().chain(other).collect();
+        encode_block(frame.number, &bodies, BLOCK_BYTES, &mut self.block);
         // A datagram that the system does not take is lost, as on any network.
         self.socket.send_to(&self.block, self.target).ok();
     }
@@ -48,7 +48,7 @@ impl Port for ObjectStreamPort {
 mod tests {
     use tello_io::mocap::object_stream::Block;
 
-    use super::super::mocap::tests::{ANY, VEHICLE, WAND, shot};
+    use super::super::mocap::tests::{ANY, VEHICLE, WAND, frame};
     use super::*;
 
     #[test]
@@ -56,18 +56,18 @@ mod tests {
         let listener = UdpSocket::bind(ANY).unwrap();
         let (_, mut port) = ObjectStreamPort::open(listener.local_addr().unwrap()).unwrap();
         let mut bytes = [0; 2 * BLOCK_BYTES];
-        for (frame, body, other, names) in [
+        for (number, body, other, names) in [
             (1, Some(VEHICLE), None, &["tello"][..]),
             (2, Some(VEHICLE), Some(WAND), &["tello", "wand"]),
             (3, None, Some(WAND), &["wand"]),
             (4, None, None, &[]),
         ] {
-            port.send(&shot(frame, body), other);
+            port.send(&frame(number, body), other);
             let count = listener.recv(&mut bytes).unwrap();
             let block = Block::parse(&bytes[..count]).unwrap();
             let found: Vec<_> = block.objects().map(|body| str::from_utf8(body.name)).collect();
             assert_eq!(found, names.iter().copied().map(Ok).collect::<Vec<_>>());
-            assert_eq!(block.frame, frame);
+            assert_eq!(block.frame, number);
         }
     }
 
@@ -75,8 +75,8 @@ mod tests {
     fn a_host_that_does_not_listen_holds_up_nothing() {
         let gone = UdpSocket::bind(ANY).unwrap().local_addr().unwrap();
         let (_, mut port) = ObjectStreamPort::open(gone).unwrap();
-        for frame in 0..10 {
-            port.send(&shot(frame, Some(VEHICLE)), None);
+        for number in 0..10 {
+            port.send(&frame(number, Some(VEHICLE)), None);
         }
         let six = ObjectStreamPort::open((Ipv6Addr::LOCALHOST, 9).into());
         // A machine without IPv6 has none.

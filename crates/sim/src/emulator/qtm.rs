@@ -11,7 +11,7 @@ use tello_io::mocap::{Body, Placement, matrix_of_angles};
 
 use super::clients::Clients;
 use super::mocap::{Port, names};
-use crate::mocap::Shot;
+use crate::mocap::MocapFrame;
 
 const MM_PER_M: f64 = 1e3;
 
@@ -22,11 +22,11 @@ const EVENT_CONNECTED: u8 = 1;
 #[derive(Debug)]
 pub(super) struct QtmPort {
     clients: Clients<Session>,
-    /// Rate and objects of the newest shot.
+    /// Rate and objects of the newest frame.
     room: Option<(f64, Vec<String>)>,
 }
 
-/// What one client wants.
+/// Subscription of one client.
 #[derive(Debug, Default)]
 struct Session {
     packets: Packets,
@@ -53,7 +53,7 @@ impl Port for QtmPort {
         let room = &self.room;
         self.clients.send(|session, to| {
             to.append(&mut session.answers);
-            // Before the first shot it is not known what is in the room.
+            // Before the first frame it is not known what is in the room.
             if let Some((rate_hz, names)) = room
                 && std::mem::take(&mut session.wants_parameters)
             {
@@ -63,9 +63,9 @@ impl Port for QtmPort {
         });
     }
 
-    /// Sends `shot` to whom it is due, with a second object.
-    fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
-        let Shot { frame, rate_hz, object, body } = *shot;
+    /// Sends `frame` to whom it is due, with a second object.
+    fn send(&mut self, frame: &MocapFrame<'_>, other: Option<Body<'_>>) {
+        let MocapFrame { number, rate_hz, object, body } = *frame;
         self.room = Some((rate_hz, names(object, other)));
         let place = |body: Body<'_>| Placement {
             pos_v: body.pos_v.map(|m| m * MM_PER_M),
@@ -73,10 +73,10 @@ impl Port for QtmPort {
         };
         let mut places = vec![body.map(place)];
         places.extend(other.map(|other| Some(place(other))));
-        let time_us = horizon_model::whole(1e6 * f64::from(frame) / rate_hz) as u64;
+        let time_us = horizon_model::whole(1e6 * f64::from(number) / rate_hz) as u64;
         self.clients.send(|session, to| {
             if std::mem::take(&mut session.wants_frame) || session.wants_every_frame {
-                encode::frame(frame, time_us, &places, to);
+                encode::frame(number, time_us, &places, to);
             }
         });
     }

@@ -65,7 +65,7 @@ impl Host {
         DronePacket::decode(&bytes[..length]).unwrap()
     }
 
-    /// What `pick` finds first in the coming packets; ten seconds bring about 100.
+    /// First of the coming packets that `pick` takes; ten seconds bring about 100.
     fn find<T>(&self, pick: impl Fn(DronePacket) -> Option<T>) -> T {
         (0..100).find_map(|_| pick(self.receive())).expect("no such packet within ten seconds")
     }
@@ -227,7 +227,7 @@ fn a_stopped_emulator_gives_its_ports_back() {
     Emulator::start(world, drone_address, relay_on(relay)).unwrap().stop().unwrap();
 }
 
-/// What a host in the text SDK receives within 5 s.
+/// Datagram that a host in the text SDK receives within 5 s.
 fn text_reply(socket: &UdpSocket) -> Vec<u8> {
     let mut bytes = [0; 2048];
     let length = socket.recv(&mut bytes).unwrap();

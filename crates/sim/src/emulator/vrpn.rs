@@ -12,7 +12,7 @@ use tello_io::mocap::{Body, matrix_of_angles, quaternion_of_matrix};
 
 use super::clients::Clients;
 use super::mocap::{Port, names};
-use crate::mocap::Shot;
+use crate::mocap::MocapFrame;
 
 /// Our numbers for the tracker, for a second one and for the types.
 const TRACKER: i32 = 0;
@@ -61,10 +61,10 @@ impl Port for VrpnPort {
         self.clients.listen(Session::receive);
     }
 
-    /// Sends `shot` to all, with a second object.
-    fn send(&mut self, shot: &Shot<'_>, other: Option<Body<'_>>) {
-        let Shot { frame, rate_hz, object, body } = *shot;
-        let time_s = f64::from(frame) / rate_hz;
+    /// Sends `frame` to all, with a second object.
+    fn send(&mut self, frame: &MocapFrame<'_>, other: Option<Body<'_>>) {
+        let MocapFrame { number, rate_hz, object, body } = *frame;
+        let time_s = f64::from(number) / rate_hz;
         let pose = |body: Body<'_>| {
             let quaternion = quaternion_of_matrix(&matrix_of_angles(body.angles));
             encode::pose(0, body.pos_v, quaternion)

@@ -16,7 +16,7 @@ const TIME_MAX_S: f64 = 1e3;
 const TIME_MIN_S: f64 = crate::DT_S;
 /// Fastest link: more than a relay sends. 1/s
 const BYTES_PER_S_MAX: f64 = 1e9;
-/// What counts as above zero.
+/// Smallest value accepted as positive. In the unit of the value
 const SMALL: f64 = 1e-6;
 
 impl InjectedFault {
@@ -239,6 +239,26 @@ mod tests {
                 assert_eq!(fault(at).check().unwrap_err().key, key, "{at}");
             }
         }
+    }
+
+    #[test]
+    fn keys_of_messages_are_the_keys_of_the_settings() {
+        for (key, fault, [least, _]) in RULES {
+            let written = serde_json::to_value(fault(least)).unwrap();
+            let value = written.pointer(&format!("/{}", key.replace('.', "/")));
+            assert!(value.is_some(), "{key}: {written}");
+            let (name, _) = key.split_once('.').unwrap();
+            for (field, _) in written[name].as_object().unwrap().iter().filter(|(_, v)| !is_flag(v))
+            {
+                let key = format!("{name}.{field}");
+                assert!(RULES.iter().any(|(rule, ..)| *rule == key), "no rule for {key}");
+            }
+        }
+    }
+
+    /// Whether a value has no range: true, false, or several of them.
+    fn is_flag(value: &serde_json::Value) -> bool {
+        value.is_boolean() || value[0].is_boolean()
     }
 
     #[test]

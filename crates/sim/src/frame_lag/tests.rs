@@ -10,9 +10,9 @@ fn arrivals(fault: Option<InjectedFault>) -> Vec<Vec<u64>> {
     for step in 0..500 {
         faults.begin(step, &Pose::zeros());
         let pose = Some(Pose::new(1.0, -2.0, 1.2, 0.3));
-        let taken = Frame { step, is_other: false, pose, change: Pose::zeros() };
+        let taken = TakenFrame { step, is_other: false, pose, change: Pose::zeros() };
         lag.advance(Some(taken), step, &faults, "tello");
-        arrived.push(lag.shots("tello").map(|shot| u64::from(shot.frame)).collect());
+        arrived.push(lag.frames("tello").map(|frame| u64::from(frame.number)).collect());
     }
     arrived
 }
@@ -59,9 +59,9 @@ fn a_ramp_makes_the_frames_older_and_older() {
 
 #[test]
 fn a_slow_link_carries_its_bytes_and_no_more() {
-    let line = |frame: &Frame| Lag::default().bytes(frame, "tello");
+    let line = |frame: &TakenFrame| Lag::default().bytes(frame, "tello");
     let pose = Some(Pose::new(1.0, -2.0, 1.2, 0.3));
-    let frame = Frame { step: 200, is_other: false, pose, change: Pose::zeros() };
+    let frame = TakenFrame { step: 200, is_other: false, pose, change: Pose::zeros() };
     let bytes_per_s = 0.8 * 50.0 * line(&frame);
     let arrivals = arrivals(Some(InjectedFault::MocapSlowLink { bytes_per_s }));
     assert_complete(&arrivals);

@@ -1,4 +1,4 @@
-//! What differs between vehicles and between flights.
+//! Parameters of the plant and their spread.
 //!
 //! Owns the plant's numbers, their validity and their spread over flights. The equations are one file
 //! up.

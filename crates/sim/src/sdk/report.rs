@@ -1,13 +1,13 @@
-//! What the drone reports of itself in the text SDK, in the units of the SDK.
+//! Status of the drone in the text SDK, in the units of the SDK.
 
 use horizon_model::rows::pose;
 use tello_io::tello::text::{Field, Query, StateLine};
 
 use crate::drone::{DronePhase, Truth};
 use crate::firmware::SdkVersion;
-use crate::wire::whole_percent;
+use crate::world::whole_percent;
 
-/// What the distance sensor reads on the floor. cm
+/// Reading of the distance sensor on the floor. cm
 const TOF_FLOOR_CM: f64 = 10.0;
 /// Temperatures of a drone that has flown a little. degrees Celsius
 const TEMPERATURES: (f64, f64) = (61.0, 63.0);
@@ -48,7 +48,7 @@ fn yaw_deg(truth: &Truth, theta_start: f64) -> f64 {
     (yaw_deg - 360.0 * (yaw_deg / 360.0).round()).trunc() + 0.0
 }
 
-/// What drones with mission pads report while they look for none.
+/// State line of a drone with mission pads that looks for none.
 fn no_pad() -> StateLine {
     let away = -200.0;
     let mut line = StateLine::default()

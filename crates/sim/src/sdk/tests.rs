@@ -45,14 +45,14 @@ impl Bench {
     }
 
     fn send(&mut self, text: &str) -> Vec<String> {
-        self.sdk.receive(text.as_bytes(), &mut self.world.drone, &mut self.replies);
+        self.sdk.receive(text.as_bytes(), self.world.drone_mut(), &mut self.replies);
         std::mem::take(&mut self.replies)
     }
 
     fn wait(&mut self, steps: u32) -> Vec<String> {
         for _ in 0..steps {
             self.world.advance();
-            self.sdk.advance(&mut self.world.drone, &mut self.replies);
+            self.sdk.advance(self.world.drone_mut(), &mut self.replies);
         }
         std::mem::take(&mut self.replies)
     }

@@ -7,12 +7,14 @@ use crate::batch::source;
 
 fn number(name: &str, truth: f64, estimate: f64, std: Option<f64>) -> Found {
     let half = 1.96 * std.unwrap_or(f64::NAN);
+    let is_dead_time = name.starts_with("dead time");
     Found {
+        kind: if is_dead_time { FoundKind::DeadTime } else { FoundKind::Parameter },
         name: name.to_owned(),
         truth,
         estimate,
         std,
-        interval: [estimate - half, estimate + half],
+        interval: interval(estimate - half, estimate + half),
     }
 }
 
@@ -43,8 +45,11 @@ fn every_parameter_of_the_model_has_its_own_truth() {
 
 #[test]
 fn an_interval_holds_its_ends_and_none_holds_nothing() {
-    let with = |interval| Found { interval, ..number("tau_h", 1.0, 1.0, None) };
-    for (interval, holds) in [
+    let with = |[lower, upper]: [f64; 2]| Found {
+        interval: interval(lower, upper),
+        ..number("tau_h", 1.0, 1.0, None)
+    };
+    for (ends, holds) in [
         ([0.5, 1.5], Some(true)),
         ([1.0, 1.5], Some(true)),
         ([0.5, 1.0], Some(true)),
@@ -52,23 +57,23 @@ fn an_interval_holds_its_ends_and_none_holds_nothing() {
         ([f64::NEG_INFINITY, 0.9], Some(false)),
         ([f64::NAN, f64::NAN], None),
     ] {
-        assert_eq!(with(interval).holds(), holds, "{interval:?}");
+        assert_eq!(with(ends).holds(), holds, "{ends:?}");
     }
 }
 
 #[test]
 fn a_row_sums_the_errors_of_all_runs() {
     let runs = [number("tau_h", 1.0, 1.3, Some(0.1)), number("tau_h", 2.0, 1.9, Some(0.3))];
-    let row = Row::of(&runs.iter().collect::<Vec<_>>()).unwrap();
+    let row = SelfTestRow::of(&runs.iter().collect::<Vec<_>>()).unwrap();
     assert_eq!((row.name.as_str(), row.truth, row.estimate), ("tau_h", 1.0, 1.3));
     assert!((row.error_mean - 0.1).abs() < 1e-12, "{row:?}");
     assert!((row.error_rms - 0.05_f64.sqrt()).abs() < 1e-12, "{row:?}");
     assert!(row.std_mean.is_some_and(|std| (std - 0.2).abs() < 1e-12), "{row:?}");
     assert_eq!(row.coverage, Some(0.5));
-    assert_eq!(Row::of(&[]), None);
+    assert_eq!(SelfTestRow::of(&[]), None);
     // One run that claims nothing leaves no mean of the claims.
     let silent = [number("tau_h", 1.0, 1.3, Some(0.1)), number("tau_h", 1.0, 1.3, None)];
-    let row = Row::of(&silent.iter().collect::<Vec<_>>()).unwrap();
+    let row = SelfTestRow::of(&silent.iter().collect::<Vec<_>>()).unwrap();
     assert_eq!((row.std_mean, row.coverage), (None, Some(0.0)));
 }
 

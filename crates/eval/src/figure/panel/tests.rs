@@ -9,7 +9,7 @@ fn panel() -> Panel {
     Panel::bare(area, Axis { low: 0.0, high: 10.0 }, Axis { low: 0.0, high: 1.0 })
 }
 
-/// What is drawn on an empty figure.
+/// Elements that `draw` adds to an empty figure.
 fn drawn(draw: impl FnOnce(&Panel, &mut Figure)) -> Vec<Element> {
     let mut figure = Figure::begin("", &[]);
     let before = figure.elements.len();

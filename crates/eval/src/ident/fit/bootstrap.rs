@@ -70,7 +70,7 @@ where
         Ok((Resampled { file, estimates }, report))
     }
 
-    /// What the dead times of a resample, to first order, add to its estimate at those of all pieces.
+    /// Correction of a resample's estimate, to first order, for its dead times in place of those of all pieces.
     fn by_dead_times(&self, seed: u64, resample: u64) -> SVector<f64, NP> {
         let counts = horizon_estim::multiplicities(seed, resample, self.spans.len());
         let moved = |influence: &DelayInfluence<NP>| {

@@ -59,7 +59,7 @@ fn without_a_piece_the_lost_steps_are_counted_and_the_turned_object_is_suggested
     assert!(message.contains("(piece_steps_min)") && message.contains("(--turn)"), "{message}");
 }
 
-/// What is prepared of one log of 40 steps.
+/// Preparation of one log of 40 steps.
 fn prepared(table: &IdentFileTable) -> (bool, Flight, Vec<bool>) {
     let recording = flight(40, &[20]);
     let logs = [Loaded {

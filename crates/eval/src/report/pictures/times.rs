@@ -14,7 +14,7 @@ use crate::report::verdict::is_faulty;
 /// The sum of inputs begins anew at the state so often, so that both fit on one axis. s
 const SUM_S: f64 = 5.0;
 
-/// What it is called when the link monitor judges that sent sticks have no effect.
+/// Label of the intervals in which the link monitor judges that sent sticks have no effect.
 const LINK_DOWN: &str = "sticks do not act";
 
 fn is_link_down(tick: &TickRow) -> bool {

@@ -1,4 +1,4 @@
-//! What is wrong with a CSV flight log, line by line and as a whole.
+//! Defects of a CSV flight log, line by line and as a whole.
 
 use std::fmt::{Display, Formatter};
 use std::io;
@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use super::{STEPS_AHEAD_MAX, STEPS_BACK_MAX, VALUES};
 
-/// What a line of the format is, for messages.
+/// Format of a line, for messages.
 const LINE_FORMAT: &str = "a line is TAG,STEP and four values (docs/configuration.md, `ident`): pos x, y, z in m, \
                                theta in rad; input roll, pitch, yaw, throttle from -1 to 1; STEP counts periods of 0.02 s";
 
@@ -72,7 +72,7 @@ pub enum CsvError {
     Defect {
         /// The file.
         path: PathBuf,
-        /// What is wrong with all of it.
+        /// Defect of the file.
         defect: CsvDefect,
     },
 }

@@ -24,7 +24,7 @@ pub(super) struct Frames {
     bytes: u64,
     /// Where the next record begins. bytes
     at: u64,
-    /// What all chunks so far unpack to. bytes
+    /// Unpacked size of all chunks so far. bytes
     unpacked: u64,
     /// Bytes so far that hold no record that can be read.
     pub(super) unread_bytes: u64,

@@ -53,7 +53,7 @@ fn units_are_metres_behind_the_mapping() {
     assert!((pose[pose::X] - 1.5).abs() < 1e-12, "{pose}");
 }
 
-/// What is wrong with a table.
+/// Reason to refuse a table.
 fn refusal(axes: [Axis; 3], nose: Option<Axis>) -> String {
     Axes::new(Some(&table(axes, nose, None)), Unit::Metre).unwrap_err().to_string()
 }

@@ -37,7 +37,7 @@ pub(super) fn body() -> Body<'static> {
     Body { name: b"tello", pos_v: [1.0, -2.0, 1.3], angles: [0.0; 3] }
 }
 
-/// What a client for `tello` makes of `pieces`.
+/// Frames, requests and result of a client for `tello`.
 struct Received {
     frames: Vec<Frame>,
     requests: Vec<u8>,

@@ -113,7 +113,7 @@ fn none(version: Version, to: &mut Vec<u8>) {
     sized(version, to, |_| ());
 }
 
-/// What `fill` appends, behind its size where the version has it.
+/// Appends the bytes of `fill`, behind their size where the version has it.
 fn sized(version: Version, to: &mut Vec<u8>, fill: impl FnOnce(&mut Vec<u8>)) {
     let mut inner = Vec::new();
     fill(&mut inner);

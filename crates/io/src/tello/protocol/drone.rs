@@ -1,4 +1,4 @@
-//! What the drone sends to the host.
+//! Packets from the drone to the host.
 
 #![deny(clippy::indexing_slicing)]
 

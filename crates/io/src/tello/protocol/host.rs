@@ -1,4 +1,4 @@
-//! What the host sends to the drone.
+//! Packets from the host to the drone.
 
 #![deny(clippy::indexing_slicing)]
 

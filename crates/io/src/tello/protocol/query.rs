@@ -1,4 +1,4 @@
-//! What the host may ask, and what the drone answers: facts that do not change in a flight.
+//! Queries of the host and answers of the drone: facts that do not change in a flight.
 
 #![deny(clippy::indexing_slicing)]
 

@@ -1,4 +1,4 @@
-//! What the families draw.
+//! Draws of the families.
 
 use super::*;
 

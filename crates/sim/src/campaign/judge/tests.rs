@@ -47,7 +47,7 @@ impl Bench {
     fn tick(&mut self, x_m: f64, speed_mps: f64, wire: &[HostPacket]) {
         let truth = self.truth(x_m, speed_mps);
         let Self { now_s, faults, ignores, .. } = *self;
-        self.judge.look(&Look { now_s, faults, wire, truth, ignores });
+        self.judge.update(&TickView { now_s, faults, wire, truth, ignores });
         self.now_s += DT_S;
     }
 

@@ -37,7 +37,7 @@ impl Bench {
         self.host.send(&bytes).unwrap();
     }
 
-    /// What arrives in so many steps.
+    /// Datagrams that arrive in `steps` steps.
     fn step(&mut self, steps: u32) -> Vec<Vec<u8>> {
         let mut received = Vec::new();
         for _ in 0..steps {
@@ -52,7 +52,7 @@ impl Bench {
         received
     }
 
-    /// The same as packets.
+    /// Packets that arrive in `steps` steps.
     fn packets(&mut self, steps: u32) -> Vec<DronePacket> {
         self.step(steps).iter().map(|bytes| DronePacket::decode(bytes).unwrap()).collect()
     }
@@ -127,7 +127,7 @@ fn a_text_host_is_no_host_of_packets_until_the_drone_starts_anew() {
     bench.send(&CONNECT);
     bench.host.send(b"\xcc\x60 no text").unwrap();
     assert!(bench.step(20).is_empty());
-    bench.world.is_connected = false;
+    bench.world.set_connected(false);
     bench.send(&CONNECT);
     let ack = DronePacket::ConnAck { video_port: 6038 };
     assert!(bench.packets(1).contains(&ack));

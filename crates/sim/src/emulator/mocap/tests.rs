@@ -19,8 +19,8 @@ pub(in crate::emulator) const VEHICLE: Body<'_> =
 pub(in crate::emulator) const WAND: Body<'_> =
     Body { name: b"wand", pos_v: [0.5, 0.25, 0.75], angles: [0.0, 0.0, -1.0] };
 
-pub(in crate::emulator) fn shot(frame: u32, body: Option<Body<'_>>) -> Shot<'_> {
-    Shot { frame, rate_hz: 100.0, object: "tello", body }
+pub(in crate::emulator) fn frame(number: u32, body: Option<Body<'_>>) -> MocapFrame<'_> {
+    MocapFrame { number, rate_hz: 100.0, object: "tello", body }
 }
 
 /// The side of a client: sockets that do not wait.
@@ -121,10 +121,10 @@ impl Viewer {
 
 /// Shows `viewer` thirty frames of the vehicle beside the wand, and then one without the vehicle.
 pub(in crate::emulator) fn watch(servers: &mut MocapServers, viewer: &mut Viewer) {
-    for frame in 1..=31 {
-        let body = (frame < 31).then_some(VEHICLE);
-        servers.push_with([shot(frame, body)], Some(WAND));
-        viewer.turn(TimeNs(0).after(SpanNs::from_ms(10 * i64::from(frame))));
+    for number in 1..=31 {
+        let body = (number < 31).then_some(VEHICLE);
+        servers.push_with([frame(number, body)], Some(WAND));
+        viewer.turn(TimeNs(0).after(SpanNs::from_ms(10 * i64::from(number))));
     }
     // A loaded machine may deliver the last frame late.
     for _ in 0..20 {
@@ -192,7 +192,7 @@ fn the_relay_has_a_line_for_each_frame_and_for_the_vehicle_alone() {
     vehicle.assert_sees(31, None);
     assert_eq!(vehicle.sightings.len(), 31);
     assert!(wand.sightings.is_empty());
-    servers.push_to_relay(&Shot { object: "wand", ..shot(40, Some(WAND)) });
+    servers.push_to_relay(&MocapFrame { object: "wand", ..frame(40, Some(WAND)) });
     wand.turn(TimeNs(0));
     wand.assert_sees(40, Some(WAND));
 }

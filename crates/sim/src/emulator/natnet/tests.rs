@@ -1,6 +1,6 @@
 use tello_io::mocap::natnet::packet::{number, server_info};
 
-use super::super::mocap::tests::{ANY, VEHICLE, Viewer, WAND, shot, watch};
+use super::super::mocap::tests::{ANY, VEHICLE, Viewer, WAND, frame, watch};
 use super::super::{MocapAddresses, MocapServers};
 use super::*;
 
@@ -53,10 +53,10 @@ fn who_asks_receives_version_and_ticks_and_later_the_rate() {
     let info = server_info(body).unwrap();
     assert_eq!((info.version, info.group), (Version { major: 4, minor: 1 }, None));
     assert_eq!(info.ticks_per_s, TICKS_PER_S);
-    // Before the first shot it is not known what is in the room.
+    // Before the first frame it is not known what is in the room.
     assert!(ask(&mut server, &client, id::REQUEST, b"FrameRate").is_empty());
     assert!(ask(&mut server, &client, id::REQUEST_MODELDEF, b"").is_empty());
-    server.send(&shot(1, Some(VEHICLE)), None);
+    server.send(&frame(1, Some(VEHICLE)), None);
     arrived(&client);
     let answers = ask(&mut server, &client, id::REQUEST, b"FrameRate\0");
     let [(id::RESPONSE, body)] = &answers[..] else { panic!("{answers:?}") };
@@ -68,7 +68,7 @@ fn who_asks_receives_version_and_ticks_and_later_the_rate() {
 #[test]
 fn frames_go_to_whom_has_asked_within_ten_seconds() {
     let (mut server, client) = bench();
-    let slow = Shot { rate_hz: 1.0, ..shot(1, Some(VEHICLE)) };
+    let slow = MocapFrame { rate_hz: 1.0, ..frame(1, Some(VEHICLE)) };
     server.send(&slow, None);
     assert!(arrived(&client).is_empty(), "it has not asked");
     ask(&mut server, &client, id::KEEPALIVE, b"");

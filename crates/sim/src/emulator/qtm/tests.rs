@@ -2,7 +2,7 @@ use super::super::mocap::tests::{ANY, Viewer, WAND, watch};
 use super::super::{MocapAddresses, MocapServers};
 use super::*;
 
-/// What a session answers to `command`: kinds and texts.
+/// Answers of a session to `command`: kinds and texts.
 fn answers(session: &mut Session, command: &str) -> Vec<(u32, String)> {
     let mut bytes = Vec::new();
     encode::text(kind::COMMAND, command, &mut bytes);

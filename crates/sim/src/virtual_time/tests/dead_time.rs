@@ -7,13 +7,13 @@ use horizon_model::rows::{Sticks, stick};
 use tello_flight::{Fault, MissionTable, Phase, Start};
 use tello_io::config;
 
-/// What the dead times of a vehicle are longer by at the end of four laps of the square, about 30 s, if its own
+/// Estimated excess of the dead times of a vehicle at the end of four laps of the square, about 30 s, if its own
 /// are longer by `longer_s` than the nominal ones. s
 fn found_s(longer_s: f64, seed: u64, is_rigid_body: bool) -> f64 {
     each_found_s(laps(longer_s, seed, is_rigid_body))[stick::PITCH]
 }
 
-/// The same of each stick at the end of `flight`. s
+/// Estimated excess of the dead time of each stick at the end of `flight`. s
 fn each_found_s(mut flight: VirtualFlight) -> Sticks {
     for _ in 0..3000 {
         if flight.tick().unwrap().phase() != Phase::Flying {

@@ -12,7 +12,7 @@ use crate::{InjectedFault, ScriptedFault};
 /// Height of the square. m
 const HEIGHT_M: f64 = 1.3;
 
-/// What is seen of a tick.
+/// Record of one tick.
 struct Flown {
     height_m: f64,
     u_sent: Sticks,

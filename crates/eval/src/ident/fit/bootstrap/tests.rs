@@ -32,7 +32,7 @@ fn log(sha256: &str) -> Loaded {
 
 type LaggedIdentification<'a> = Identification<'a, Lagged, { motion::COUNT }, { lag::COUNT }>;
 
-/// What `of` returns of an identification with these settings and logs.
+/// Result of `of` for an identification with these settings and logs.
 fn identification<T>(
     table: &IdentFileTable,
     logs: &[Loaded],

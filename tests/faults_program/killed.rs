@@ -14,13 +14,13 @@ fn a_killed_program_is_replaced_by_its_guardian() {
     let guardian = bench.guardian();
     let killed_at = bench.send(Signal::SIGKILL);
     bench.wait_for(DronePhase::Landing(Cause::Order), 2.0);
-    let after_s = bench.tap.landing_s(killed_at).unwrap();
+    let after_s = bench.drone_proxy.landing_s(killed_at).unwrap();
     assert!(after_s < GUARDED_S, "landing after {after_s} s");
     bench.child.wait().unwrap();
     bench.wait_for(DronePhase::Grounded, 20.0);
     Bench::wait_until_gone(guardian, 17.0);
-    bench.tap.assert_only_landings(killed_at, 55);
-    bench.tap.assert_neutral_before_landings(killed_at);
+    bench.drone_proxy.assert_only_landings(killed_at, 55);
+    bench.drone_proxy.assert_neutral_before_landings(killed_at);
     assert!(bench.errors().contains("its guardian orders the drone"), "{}", bench.errors());
 }
 
@@ -30,12 +30,12 @@ fn a_stopped_program_is_landed_and_goes_on_with_the_landing_when_it_goes_on() {
     bench.wait_until_it_flies();
     let stopped_at = bench.send(Signal::SIGSTOP);
     bench.wait_for(DronePhase::Landing(Cause::Order), 2.0);
-    let after_s = bench.tap.landing_s(stopped_at).unwrap();
+    let after_s = bench.drone_proxy.landing_s(stopped_at).unwrap();
     assert!(after_s < GUARDED_S, "landing after {after_s} s");
     sleep(Duration::from_secs(1));
     bench.send(Signal::SIGCONT);
-    let (tap, folder) = bench.assert_ends_on_the_ground();
-    tap.assert_only_landings(stopped_at, 5);
+    let (drone_proxy, folder) = bench.assert_ends_on_the_ground();
+    drone_proxy.assert_only_landings(stopped_at, 5);
     let (_, link) = last_link(&folder);
     assert_eq!(link["guardian_landings"], 1, "{link}");
     let faults = faults(&folder);
@@ -54,8 +54,8 @@ fn a_stop_that_is_too_short_to_be_noticed_costs_no_flight() {
         sleep(Duration::from_millis(100));
         bench.send(Signal::SIGCONT);
         sleep(Duration::from_secs(1));
-        assert_eq!(bench.tap.landing_s(stopped_at), None);
-        assert!(bench.tap.is_steered());
+        assert_eq!(bench.drone_proxy.landing_s(stopped_at), None);
+        assert!(bench.drone_proxy.is_steered());
     }
     bench.send(Signal::SIGINT);
     bench.assert_ends_on_the_ground();
@@ -65,10 +65,10 @@ fn a_stop_that_is_too_short_to_be_noticed_costs_no_flight() {
 fn a_program_that_loses_its_guardian_lands() {
     let bench = Bench::start("unguarded", &[]);
     bench.wait_until_it_flies();
-    let killed_at = bench.tap.clock.now();
+    let killed_at = bench.drone_proxy.clock.now();
     kill(bench.guardian(), Signal::SIGKILL).unwrap();
     bench.wait_for(DronePhase::Landing(Cause::Order), 2.0);
-    assert!(bench.tap.landing_s(killed_at).unwrap() < GUARDED_S);
+    assert!(bench.drone_proxy.landing_s(killed_at).unwrap() < GUARDED_S);
     let (_, folder) = bench.assert_ends_on_the_ground();
     let (_, link) = last_link(&folder);
     assert_eq!(link["guardians_lost"], 1);
@@ -81,10 +81,10 @@ fn a_program_whose_guardian_is_stopped_lands() {
     let bench = Bench::start("deaf", &[]);
     bench.wait_until_it_flies();
     let guardian = bench.guardian();
-    let stopped_at = bench.tap.clock.now();
+    let stopped_at = bench.drone_proxy.clock.now();
     kill(guardian, Signal::SIGSTOP).unwrap();
     bench.wait_for(DronePhase::Landing(Cause::Order), 2.0);
-    let after_s = bench.tap.landing_s(stopped_at).unwrap();
+    let after_s = bench.drone_proxy.landing_s(stopped_at).unwrap();
     assert!(after_s < 1.5 * GUARDED_S, "landing after {after_s} s");
     let (_, folder) = bench.assert_ends_on_the_ground();
     let (_, link) = last_link(&folder);
@@ -118,7 +118,7 @@ fn a_program_whose_guardian_is_stopped_on_the_ground_does_not_take_off() {
     assert!(errors.contains("did not take off: ") && errors.contains("guardian lost"), "{errors}");
     assert!(!errors.contains("operator stop") && !errors.contains("not ready"), "{errors}");
     assert_eq!(bench.emulator.truth().phase, DronePhase::Grounded);
-    assert!(!bench.tap.is_taken_off(), "took off without a guardian");
+    assert!(!bench.drone_proxy.is_taken_off(), "took off without a guardian");
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn what_ends_a_terminal_and_its_programs_does_not_end_the_guardian() {
     let killed_at = bench.send(Signal::SIGKILL);
     bench.child.wait().unwrap();
     bench.wait_for(DronePhase::Landing(Cause::Order), 2.0);
-    assert!(bench.tap.landing_s(killed_at).unwrap() < GUARDED_S);
+    assert!(bench.drone_proxy.landing_s(killed_at).unwrap() < GUARDED_S);
 }
 
 #[test]
@@ -181,10 +181,10 @@ fn twenty_kills_and_twenty_stops_are_landed_in_time() {
                 sleep(Duration::from_millis(2000 + 7 * i));
                 let at = bench.send(signal);
                 sleep(Duration::from_secs(1));
-                let after_s = bench.tap.landing_s(at).unwrap_or(f64::INFINITY);
+                let after_s = bench.drone_proxy.landing_s(at).unwrap_or(f64::INFINITY);
                 bench.send(Signal::SIGKILL);
                 bench.child.wait().unwrap();
-                bench.tap.assert_only_landings(at, 1);
+                bench.drone_proxy.assert_only_landings(at, 1);
                 after_s
             })
             .collect();

@@ -10,10 +10,10 @@ use tello_io::tello::protocol::{
     Action, Answer, DronePacket, FlightStatus, HostPacket, Query, Setting, Version,
 };
 
+use super::World;
 use crate::DT_S;
 use crate::drone::{LandAnswer, Truth};
 use crate::fault::InjectedFault;
-use crate::world::World;
 
 /// Firmware with which a Tello was often sold.
 const VERSION: &[u8] = b"01.04.91.01";
@@ -127,7 +127,7 @@ impl World {
         self.faults.is_on(InjectedFault::DroneMute, self.step()) || !self.is_connected
     }
 
-    /// What a drone from the shop tells of itself, and from which charge on this one warns.
+    /// Answers of a drone from the shop, with the battery threshold of this one.
     fn fact(&self, query: Query) -> Option<Answer> {
         Some(match query {
             Query::Version => Answer::Version(Version::read(VERSION)?),

@@ -1,4 +1,4 @@
-//! A TCP server between a mocap server and its client that breaks without closing the connection.
+//! A TCP proxy between a mocap server and its client that stalls without closing the connection.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -20,14 +20,14 @@ pub(crate) enum Flow {
 }
 
 /// The server; its threads end with the connections.
-pub(crate) struct Hose {
+pub(crate) struct StallingProxy {
     pub(crate) address: SocketAddr,
     flow: Arc<AtomicU8>,
 }
 
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
-impl Hose {
-    /// A server whose clients get what `source` says.
+impl StallingProxy {
+    /// A proxy whose clients receive the bytes of `source`.
     pub(crate) fn start(source: SocketAddr) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();

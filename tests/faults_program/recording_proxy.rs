@@ -1,4 +1,4 @@
-//! A way to the drone that writes down what the program, or its guardian, sends to it and when.
+//! A UDP proxy before the drone that records the packets of the program, or its guardian, with their times.
 
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::{Arc, Mutex};
@@ -7,15 +7,15 @@ use std::thread;
 use tello_io::clock::{Clock, SpanNs, TimeNs};
 use tello_io::tello::protocol::{Action, HostPacket};
 
-/// What was sent, by the clock of the tap; its threads end with the test.
-pub(crate) struct Tap {
+/// Proxy that records the packets to the drone, by its clock; its threads end with the test.
+pub(crate) struct RecordingProxy {
     pub(crate) address: SocketAddr,
     pub(crate) clock: Clock,
     sent: Arc<Mutex<Vec<(TimeNs, HostPacket)>>>,
 }
 
 #[expect(clippy::unwrap_used, clippy::expect_used, reason = "a test may panic")]
-impl Tap {
+impl RecordingProxy {
     /// A port whose packets go to `drone`, and back.
     pub(crate) fn start(drone: SocketAddr) -> Self {
         let any_port = "127.0.0.1:0";
@@ -49,7 +49,7 @@ impl Tap {
         Self { address, clock, sent }
     }
 
-    /// What was sent after `from`.
+    /// Packets sent after `from`.
     fn since(&self, from: TimeNs) -> Vec<(TimeNs, HostPacket)> {
         let sent = self.sent.lock().unwrap();
         sent.iter().filter(|(at, _)| *at > from).copied().collect()
