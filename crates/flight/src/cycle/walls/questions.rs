@@ -39,10 +39,9 @@ impl Walls {
         self.distance_to_fixed_m(at_w) < BESIDE_M
     }
 
-    /// Whether the moving obstacle keeps the vehicle from getting from `at_w` to `to_w`, world frame, m: it is between
-    /// both and nearer than 0.6 m to the straight path, or within the margin of an end. For an obstacle with the
-    /// acceleration `a` both limits are larger by `(a - obstacle_accel_mps2) T^2 / 2`, `T` = [`PATH_REACH_S`]
-    /// (`docs/control.md`, section 3).
+    /// Whether the moving obstacle keeps the vehicle from getting from `at_w` to `to_w`, world frame, m: it is nearer
+    /// than 0.6 m to the straight path or one of its ends. For an obstacle with the acceleration `a` the limit is larger
+    /// by `(a - obstacle_accel_mps2) T^2 / 2`, `T` = [`PATH_REACH_S`] (`docs/control.md`, section 3).
     pub(in crate::cycle) fn is_path_blocked(
         &self,
         at_w: &Vector3<f64>,
@@ -51,10 +50,8 @@ impl Walls {
         let Some(moving_w) = self.moving.position(0.0) else { return false };
         let along = nearest_along(at_w, to_w, &moving_w);
         let nearest_w = at_w + along.clamp(0.0, 1.0) * (to_w - at_w);
-        let is_between = (0.0..=1.0).contains(&along);
         let more_mps2 = self.shown_accel_mps2() - self.table.obstacle_accel_mps2;
-        let limit_m = if is_between { BESIDE_M } else { self.table.margin_m };
-        let limit_m = limit_m + 0.5 * more_mps2.max(0.0) * PATH_REACH_S.powi(2);
+        let limit_m = BESIDE_M + 0.5 * more_mps2.max(0.0) * PATH_REACH_S.powi(2);
         self.moving_obstacles()
             .any(|it| it.distance_from(&nearest_w, Some(&moving_w)).distance_m < limit_m)
     }

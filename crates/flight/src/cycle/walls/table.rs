@@ -12,7 +12,7 @@ pub struct WallTable {
     pub weight: f64,
     /// Distance of the planned pose from walls and obstacles. m, 0..=1
     pub margin_m: f64,
-    /// Radius of the vehicle: the plan keeps further away by it from obstacles that do not move, whose surface is given.
+    /// Radius of the vehicle, which the plan adds to the margin of obstacles that do not move: their surface is given.
     /// m, 0..=0.5; 0 in older settings and logs
     #[serde(default)]
     pub vehicle_radius_m: f64,

@@ -213,7 +213,7 @@ fn a_vehicle_in_flight_is_inside_of_obstacles_that_do_not_move_alone() {
 }
 
 #[test]
-fn a_path_is_blocked_by_an_obstacle_that_moves_between_its_ends_or_over_one_of_them() {
+fn a_path_is_blocked_by_an_obstacle_that_moves_between_its_ends_or_beside_one_of_them() {
     let moving = ObstacleTable::Moving { radius_m: 0.5 };
     let mut walls = Walls::new(Some(&TABLE), None, &[moving, POLE]).unwrap().unwrap();
     let to_w = Vector3::new(0.0, 0.0, 1.0);
@@ -221,10 +221,10 @@ fn a_path_is_blocked_by_an_obstacle_that_moves_between_its_ends_or_over_one_of_t
         |walls: &Walls, x_m: f64| walls.is_path_blocked(&Vector3::new(x_m, 0.0, 1.3), &to_w);
     assert!(!is_blocked(&walls, 2.0), "nobody knows where it is");
     for _ in 0..100 {
-        walls.follow_obstacle(Some([1.0, 0.3, 0.0]), None, 0.02);
+        walls.follow_obstacle(Some([1.2, 0.3, 0.0]), None, 0.02);
     }
-    // Behind it, inside of it twice, driven on by it, and on the far side of the reference.
-    let blocked = [(3.0, true), (1.0, true), (0.8, true), (0.3, false), (-3.0, false)];
+    // Behind it, inside of it, driven on by it within 0.6 m and beyond, and on the far side of the reference.
+    let blocked = [(3.0, true), (1.0, true), (0.3, true), (0.05, false), (-3.0, false)];
     for (x_m, is_expected) in blocked {
         assert_eq!(is_blocked(&walls, x_m), is_expected, "{x_m} m");
     }

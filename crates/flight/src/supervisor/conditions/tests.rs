@@ -81,7 +81,7 @@ fn a_vehicle_that_swings_is_landed_after_four_seconds_in_sum() {
         let mut bench = Bench::flying();
         // Swings of a second between pauses, or one of four.
         for _ in 0..if pause == 0 { 1 } else { 12 } {
-            bench.pass(steps, &error(0.61));
+            bench.pass(steps, &error(0.603));
             bench.pass(pause + 1, &error(0.59));
         }
         let out = bench.tick(&ALOFT);
