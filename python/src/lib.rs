@@ -42,9 +42,14 @@ create_exception!(
     "What tello_ctl was given is wrong: an argument, a setting or a file. The message names it and the way out."
 );
 
-/// Any error of the crates below, as a Python exception with its causes.
+/// Any error of the crates below, as a Python exception with its causes, each once.
 fn raised(error: impl Into<anyhow::Error>) -> PyErr {
-    TelloError::new_err(format!("{:#}", error.into()))
+    let error = error.into();
+    let text = error.chain().skip(1).fold(error.to_string(), |text, cause| {
+        let cause = cause.to_string();
+        if text.ends_with(&cause) { text } else { format!("{text}: {cause}") }
+    });
+    TelloError::new_err(text)
 }
 
 #[pyo3::pymodule]

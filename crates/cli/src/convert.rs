@@ -19,7 +19,7 @@ use tello_io::log::csv::{self, CsvRow};
 use tello_io::log::{CONFIG, LogReader};
 use tello_io::whole_file;
 
-use crate::{Verdict, stdio};
+use crate::{Verdict, interrupt, stdio};
 
 /// Most digits behind the point that say something of a number.
 const DECIMALS_MAX: u8 = 17;
@@ -132,6 +132,7 @@ struct Converted {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
+    interrupt::leave_no_unfinished_file()?;
     let (inputs, unnamed) = recordings::find(&arguments.inputs)?;
     if let (Some(out), [_, _, ..]) = (&arguments.out, &inputs[..]) {
         bail!("{} recordings do not fit into {}: give --out-dir", inputs.len(), out.display());

@@ -182,11 +182,17 @@ fn identify<'a>(
         keeps_estimates: out.is_some() && position == 0,
     };
     let jobs: Vec<Job<'_>> = tables.iter().enumerate().map(job).collect();
+    let new_dir = out.filter(|dir| !dir.exists());
     if let Some(dir) = out.filter(|_| arguments.part.is_none()) {
         fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
     }
     let before = out.map(ident::results).unwrap_or_default();
-    let fits = Fits::all(arguments, &jobs, &recordings.judged, interrupt)?;
+    let fits = Fits::all(arguments, &jobs, &recordings.judged, interrupt).inspect_err(|_| {
+        // What holds a result stays.
+        if let Some(dir) = new_dir {
+            fs::remove_dir(dir).ok();
+        }
+    })?;
     note_left(out.filter(|_| arguments.shard.is_none()), &before);
     let are_good = fits.are_good(arguments);
     stdio::report(&fits.report(recordings, clock), arguments.json)?;

@@ -108,8 +108,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             return Err(refusal(arguments, problems));
         }
     }
+    let fly = dir.join("fly.json").display().to_string();
+    let quote = if fly.contains(char::is_whitespace) { "'" } else { "" };
     stdio::line(format_args!(
-        "wrote fly.json, sim.json, {missions} and their schemas to {0}\nnext: tello-ctl check {0}/fly.json",
+        "wrote fly.json, sim.json, {missions} and their schemas to {}\nnext: tello-ctl check {quote}{fly}{quote}",
         dir.display()
     ))?;
     if kind == MocapKind::Natnet {

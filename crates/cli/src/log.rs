@@ -19,7 +19,7 @@ use tello_io::clock::CivilTime;
 use tello_io::log::{Ending, LogReader, Recovered, recover};
 use tello_io::whole_file;
 
-use crate::{Verdict, stdio};
+use crate::{Verdict, interrupt, stdio};
 
 /// Look into logs, mend torn ones, and turn them into tables.
 #[derive(Debug, Args)]
@@ -29,8 +29,8 @@ use crate::{Verdict, stdio};
   tello-ctl log csv logs/today.mcap --out-dir today      a table for each channel
   tello-ctl log ros2 logs/today.mcap -o poses.mcap       the flight as ROS 2 messages
 
-Exit codes: 0 done, 1 info, csv and ros2: the log is torn or a record unreadable; recover: bytes behind the end of
-the log were not read, 2 could not run.")]
+Exit codes: 0 done, 1 info, csv and ros2: the log is torn or a record unreadable; recover: no message was
+saved, or bytes behind the end of the log were not read, 2 could not run.")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -88,6 +88,7 @@ enum Command {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
+    interrupt::leave_no_unfinished_file()?;
     match &arguments.command {
         Command::Info { file, json } => {
             let info = Info::of(file)?;
@@ -96,7 +97,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         }
         Command::Recover { file, out } => {
             refuse_unreadable(file)?;
-            ensure!(!out.exists(), "{} exists already: choose another name", out.display());
+            ensure!(
+                !whole_file::is_there(out),
+                "{} exists already: choose another name",
+                out.display()
+            );
             let recovered = whole_file::write(out, false, |part| Ok(recover(file, part)?))?;
             report_recovered(file, out, recovered)
         }
@@ -154,7 +159,8 @@ fn report_recovered(file: &Path, out: &Path, recovered: Recovered) -> Result<Ver
     let (file, out) = (file.display(), out.display());
     stdio::line(format_args!("{file} was {state}: {messages} messages are in {out}"))?;
     if rest_bytes == 0 {
-        return Ok(Verdict::Good);
+        let is_saved = messages > 0 || !was_torn;
+        return Ok(if is_saved { Verdict::Good } else { Verdict::Bad });
     }
     stdio::note(format_args!(
         "{rest_bytes} bytes behind its end are not read, perhaps another log: `tail -c {rest_bytes} {file} > REST.mcap` \

@@ -11,7 +11,7 @@ use tello_flight::cycle::FlightTable;
 use tello_io::whole_file;
 
 use crate::fly::Playback;
-use crate::{Verdict, stdio};
+use crate::{Verdict, interrupt, stdio};
 
 /// Run recorded flights through the loop again: compare, or see how far ahead the estimator sees.
 ///
@@ -69,6 +69,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     if let (Some(log), Some(page)) = (out, view) {
         ensure!(log != page, "--out and --view are both {}: choose two names", log.display());
     }
+    interrupt::leave_no_unfinished_file()?;
     let replayed = match view {
         Some(page) => played(logs, &options, page)?,
         None => replay::run(logs, &options, None)?,

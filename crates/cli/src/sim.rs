@@ -24,7 +24,7 @@ use self::part::Target;
 pub(crate) use self::world::{WorldArguments, resolve};
 use crate::interrupt::Interrupt;
 use crate::progress::Seeds;
-use crate::{Verdict, stdio};
+use crate::{Verdict, interrupt, stdio};
 
 /// Most flights in a figure: more are a blot.
 const FIGURE_FLIGHTS_MAX: usize = 30;
@@ -191,6 +191,7 @@ fn fly_one(arguments: &Arguments, sim: &SimTable, path: &Path) -> Result<Verdict
         (Start::Airborne, sim.clone())
     };
     let flight = flight(arguments, arguments.config.as_deref(), start)?;
+    interrupt::leave_no_unfinished_file()?;
     let logged = logged_flight::fly(&flight, &sim, seed, path)?;
     stdio::report(&logged, arguments.json)?;
     Ok(if arguments.campaign || logged.is_success() { Verdict::Good } else { Verdict::Bad })

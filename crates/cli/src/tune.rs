@@ -39,7 +39,7 @@ use crate::{Verdict, stdio};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   tello-ctl tune configs/fly.json --over-log cycle.mpc.C_u[0]+cycle.mpc.C_u[1]=0.1..10
-  tello-ctl tune configs/fly.json --over cycle.mpc.max_target_distance=0.2..1 --profile outages
+  tello-ctl tune configs/fly.json --over cycle.mpc.C_u[3]=1..10 --profile outages
   tello-ctl sim --batch 200 --seed 1001 --config configs/fly.tuned.json --against configs/fly.json
 
 Exit codes: 0 tuned, 1 nothing better was found or Ctrl-C came first, 2 could not run.")]
@@ -173,6 +173,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         return Err(Stopped("the first try was over").into());
     };
     let best = search::best(&trials).unwrap_or(first);
+    if trials.iter().all(|trial| trial.cost.to_bits() == first.cost.to_bits()) {
+        let keys: Vec<&str> = setup.variables.iter().map(Variable::name).collect();
+        stdio::note(format_args!(
+            "note: every try costs the same: this mission does not depend on {}",
+            keys.join(", ")
+        ));
+    }
     let mut summary = setup.summary(&trials, first, best)?;
     if best.cost < first.cost {
         let flight = config::from_value(&setup.flight(&best.x)?)?;

@@ -178,6 +178,9 @@ pub fn write<T: Seeded>(path: &Path, header: &PartHeader, rows: &[T]) -> Result<
     text += &tail_of(&text);
     let (_, again) = parse::<T>(&text)?;
     ensure!(again == rows, "{}: a row does not survive its JSON form", path.display());
+    // Another process may have written its part meanwhile: there is no --force for parts.
+    let is_there = whole_file::is_there(path);
+    ensure!(!is_there, "{} exists already: choose another name", path.display());
     whole_file::write_contents(path, false, text)
 }
 

@@ -5,13 +5,13 @@
 //! decided by the caller.
 
 pub(crate) mod from_rows;
+pub(crate) mod known_flights;
 pub mod rows;
 pub mod ticks;
 
 use std::cmp::Ordering;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fs;
-use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
@@ -29,6 +29,7 @@ use tello_io::log::{LogReader, csv};
 use tello_io::config;
 use tello_io::whole_file::{self, RECORDING_BYTES_MAX};
 
+use self::known_flights::Motions;
 use crate::flight_log;
 
 /// Period of every recording. s
@@ -42,9 +43,6 @@ const EXTENSIONS: [&str; 3] = ["log", "csv", "mcap"];
 
 /// Longest gap in a recording that is bridged with missing observations: one second. steps
 pub const GAP_STEPS_MAX: u64 = 50;
-
-/// Positions on end by which a flight is known: a third of a second.
-const MOTION_POSES: usize = 16;
 
 /// No room is so large. m and rad
 const POSE_MAX: f64 = 1000.0;
@@ -62,6 +60,8 @@ pub struct Loaded {
     pub recording: Recording<{ stick::COUNT }, { pose::COUNT }>,
     /// Parts that were left out, and why.
     pub skipped: Vec<String>,
+    /// Hashes of its runs of positions, by which a copy is known.
+    pub motions: BTreeSet<u64>,
 }
 
 /// A log that was not used.
@@ -74,7 +74,7 @@ pub struct FileSkipped {
 }
 
 /// The recordings in `paths`, files and folders, in the order of [`find`]; and the files that cannot
-/// be used, with the reason.
+/// be used, with the reason. Of the copies of a flight one is used.
 ///
 /// | kind of file | an observation is | an input is |
 /// |---|---|---|
@@ -91,93 +91,32 @@ pub fn load(paths: &[PathBuf]) -> Result<(Vec<Loaded>, Vec<FileSkipped>)> {
     let filter = &config::fly(None, None)?.0.cycle.filter;
     let filter = filter.try_into().map_err(|error: SettingError| error.under("cycle.filter"))?;
     let (files, mut unusable) = find(paths)?;
-    let load = |path| load_one(path, filter).map(|log| (motions(&log.recording), log));
-    let results: Vec<Result<(BTreeSet<u64>, Loaded)>> =
-        files.par_iter().map(|path| load(path)).collect();
-    let (mut known, mut loaded) = (KnownFlights::default(), Vec::with_capacity(files.len()));
+    let results: Vec<Result<Loaded>> =
+        files.par_iter().map(|path| load_one(path, filter)).collect();
+    let mut read = Vec::with_capacity(files.len());
     for (path, result) in files.into_iter().zip(results) {
         match result {
-            Ok((motions, log)) => {
-                if let Some(first) = known.place_of(&log.sha256, &motions) {
-                    // Twice the same flight would count as two.
-                    let Loaded { path: first, sha256, .. }: &Loaded = &loaded[first];
-                    let what = if *sha256 == log.sha256 { "bytes" } else { "poses" };
-                    let why = format!("its {what} are those of {}", first.display());
-                    unusable.push(FileSkipped { path, why });
-                } else {
-                    known.push(&log.sha256, motions);
-                    loaded.push(log);
-                }
-            }
+            Ok(log) => read.push(log),
             Err(error) => unusable.push(FileSkipped { path, why: format!("{error:#}") }),
         }
     }
+    // Twice the same flight would count as two.
+    let known: Vec<_> = read.iter().map(|log| (log.sha256.as_str(), &log.motions)).collect();
+    let originals = known_flights::originals(&known);
+    let why = |(log, original): (&Loaded, &Option<usize>)| {
+        let original: &Loaded = &read[(*original)?];
+        let what = if original.sha256 == log.sha256 { "bytes" } else { "poses" };
+        Some(format!("its {what} are those of {}", original.path.display()))
+    };
+    let whys: Vec<_> = read.iter().zip(&originals).map(why).collect();
+    let mut loaded = Vec::with_capacity(read.len());
+    for (log, why) in read.into_iter().zip(whys) {
+        match why {
+            None => loaded.push(log),
+            Some(why) => unusable.push(FileSkipped { path: log.path, why }),
+        }
+    }
     Ok((loaded, unusable))
-}
-
-/// Flights, by which one is known again in another file, such as a converted or a recovered copy.
-#[derive(Debug, Default)]
-pub(crate) struct KnownFlights {
-    /// The first flight with each of these bytes.
-    by_bytes: BTreeMap<String, usize>,
-    /// The first flight with each of these [`motions`].
-    by_motion: BTreeMap<u64, usize>,
-    /// Number of the motions of each flight.
-    motions: Vec<usize>,
-}
-
-impl KnownFlights {
-    /// The flights of `logs`, at their places.
-    pub(crate) fn of(logs: &[Loaded]) -> Self {
-        let mut known = Self::default();
-        for log in logs {
-            known.push(&log.sha256, motions(&log.recording));
-        }
-        known
-    }
-
-    /// The place of the flight of `log`.
-    pub(crate) fn place_of_log(&self, log: &Loaded) -> Option<usize> {
-        self.place_of(&log.sha256, &motions(&log.recording))
-    }
-
-    fn push(&mut self, sha256: &str, motions: BTreeSet<u64>) {
-        let place = self.motions.len();
-        self.motions.push(motions.len());
-        self.by_bytes.entry(sha256.to_owned()).or_insert(place);
-        for motion in motions {
-            self.by_motion.entry(motion).or_insert(place);
-        }
-    }
-
-    /// The place of the flight that has these bytes, or most of the motions of the shorter one.
-    fn place_of(&self, sha256: &str, motions: &BTreeSet<u64>) -> Option<usize> {
-        let mut shared: BTreeMap<usize, usize> = BTreeMap::new();
-        for place in motions.iter().filter_map(|motion| self.by_motion.get(motion)) {
-            *shared.entry(*place).or_default() += 1;
-        }
-        let is_same = |(place, shared): (usize, usize)| {
-            (2 * shared > motions.len().min(self.motions[place])).then_some(place)
-        };
-        self.by_bytes.get(sha256).copied().or_else(|| shared.into_iter().find_map(is_same))
-    }
-}
-
-/// The hashes of all runs of [`MOTION_POSES`] positions on end, repeated ones left out. Noise makes each run its own.
-fn motions(recording: &Recording<{ stick::COUNT }, { pose::COUNT }>) -> BTreeSet<u64> {
-    let is_seen = |o: &&Observed<{ pose::COUNT }>| (pose::X..=pose::Z).all(|row| o.is_present[row]);
-    let micrometres = |o: &Observed<{ pose::COUNT }>| {
-        #[expect(clippy::cast_possible_truncation, reason = "at most 1e9")]
-        [pose::X, pose::Y, pose::Z].map(|row| (1e6 * o.o[row]).round() as i64)
-    };
-    let mut places: Vec<[i64; 3]> = recording.o.iter().filter(is_seen).map(micrometres).collect();
-    places.dedup();
-    let hash = |run: &[[i64; 3]]| {
-        let mut hasher = DefaultHasher::new();
-        run.hash(&mut hasher);
-        hasher.finish()
-    };
-    places.windows(MOTION_POSES).map(hash).collect()
 }
 
 /// The files that `paths` name, each once: a file as it is, of a folder every recording by its name,
@@ -266,7 +205,7 @@ pub(crate) fn is_mcap(path: &Path) -> Result<bool> {
 
 fn load_one(path: &Path, filter: FilterSettings) -> Result<Loaded> {
     let bytes = whole_file::read(path, RECORDING_BYTES_MAX).context("it cannot be read")?;
-    let (mut skipped, mut is_simulated) = (Vec::new(), false);
+    let (mut skipped, mut is_simulated, mut motions) = (Vec::new(), false, Motions::new());
     let samples = if bytes.is_empty() {
         bail!("it is empty");
     } else if bytes.starts_with(MCAP_MAGIC) {
@@ -275,14 +214,17 @@ fn load_one(path: &Path, filter: FilterSettings) -> Result<Loaded> {
         if rows::is_recording(&log) {
             from_rows::samples(rows::of_log(&mut log)?, filter, &mut skipped)?
         } else {
-            ticks::samples(&mut log, &mut skipped)?
+            let ticks = ticks::of_recording(&mut log, &mut skipped)?;
+            motions = known_flights::of_ticks(&ticks);
+            ticks.iter().map(ticks::sample).collect()
         }
     } else {
         from_rows::samples(csv::flight(&bytes)?.into(), filter, &mut skipped)?
     };
     let recording = assemble(&samples, &mut skipped).map_err(|error| because(error, &skipped))?;
+    motions.append(&mut known_flights::of_recording(&recording));
     let sha256 = format!("{:x}", Sha256::digest(&bytes));
-    Ok(Loaded { path: path.to_owned(), sha256, is_simulated, recording, skipped })
+    Ok(Loaded { path: path.to_owned(), sha256, is_simulated, recording, skipped, motions })
 }
 
 /// An error with what was left out of the file, which may have caused it.
@@ -345,7 +287,7 @@ fn assemble(
 }
 
 /// Notes that `count` of `noun`, which is singular, were left out, if any were.
-fn note(skipped: &mut Vec<String>, count: usize, noun: &str, which: &str) {
+pub(crate) fn note(skipped: &mut Vec<String>, count: usize, noun: &str, which: &str) {
     if count > 0 {
         let plural = if count == 1 { "" } else { "s" };
         skipped.push(format!("{count} {noun}{plural} {which}"));

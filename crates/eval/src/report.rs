@@ -10,7 +10,6 @@ mod quantity;
 mod verdict;
 
 use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
 use std::fmt::{self, Display, Formatter};
 use std::fs;
 use std::io::{self, Read as _};
@@ -29,6 +28,7 @@ use sha2::{Digest, Sha256};
 use tello_io::whole_file;
 
 use crate::REVISION;
+use crate::recordings::known_flights::{self, Motions};
 use crate::recordings::{self, FileSkipped};
 
 /// The page, its figures and its numbers.
@@ -140,7 +140,7 @@ const HEAD_BYTES: u64 = 1024;
 
 /// The flights in `paths`; those that cannot be used go to `unusable`.
 fn read(paths: &[PathBuf], unusable: &mut Vec<Unusable>) -> Result<Group> {
-    let known = unusable.len();
+    let before = unusable.len();
     let (files, unnamed) = recordings::find(paths)?;
     let unnamed = unnamed.into_iter();
     unusable.extend(unnamed.map(|FileSkipped { path: file, why }| Unusable { file, why }));
@@ -149,39 +149,49 @@ fn read(paths: &[PathBuf], unusable: &mut Vec<Unusable>) -> Result<Group> {
         let looked = Looked::at(Flight::read(file)?);
         Ok((checksum(file)?, looked))
     };
-    let results: Vec<Result<([u8; 32], Looked)>> = files.par_iter().map(read).collect();
-    let mut looked = Vec::with_capacity(files.len());
-    let mut seen: BTreeMap<[u8; 32], PathBuf> = BTreeMap::new();
+    let results: Vec<Result<(String, Looked)>> = files.par_iter().map(read).collect();
+    let mut seen = Vec::with_capacity(files.len());
     for (file, result) in files.into_iter().zip(results) {
         match result {
-            Ok((sum, one)) => match seen.entry(sum) {
-                // A copy is no second flight.
-                Entry::Occupied(first) => {
-                    let why = format!("the same bytes as {}", first.get().display());
-                    unusable.push(Unusable { file, why });
-                }
-                Entry::Vacant(place) => {
-                    place.insert(file);
-                    looked.push(one);
-                }
-            },
+            Ok((sum, one)) => seen.push((file, sum, one)),
             Err(error) => unusable.push(Unusable { file, why: format!("{error:#}") }),
         }
     }
+    // A copy is no second flight. A replay has the poses of its log and is none.
+    let motions = |one: &Looked| match one.flight.unjudged {
+        None => known_flights::of_ticks(&one.flight.ticks),
+        Some(_) => Motions::new(),
+    };
+    let motions: Vec<Motions> = seen.par_iter().map(|(_, _, one)| motions(one)).collect();
+    let known: Vec<_> =
+        seen.iter().zip(&motions).map(|((_, sum, _), motions)| (sum.as_str(), motions)).collect();
+    let originals = known_flights::originals(&known);
+    let first: Vec<_> = seen.iter().map(|(file, sum, _)| (file.clone(), sum.clone())).collect();
+    let mut looked = Vec::with_capacity(seen.len());
+    for ((file, sum, one), original) in seen.into_iter().zip(originals) {
+        match original.map(|original| &first[original]) {
+            Some((original, its_sum)) => {
+                let what = if *its_sum == sum { "bytes" } else { "poses" };
+                let why = format!("the same {what} as {}", original.display());
+                unusable.push(Unusable { file, why });
+            }
+            None => looked.push(one),
+        }
+    }
     if looked.is_empty() {
-        let why: Vec<String> = unusable[known..].iter().map(Unusable::to_string).collect();
+        let why: Vec<String> = unusable[before..].iter().map(Unusable::to_string).collect();
         bail!("there is no flight to report: {}", why.join("; "));
     }
     Ok(Group::of(name_of(paths), looked))
 }
 
-/// SHA-256 of the bytes of a file.
-fn checksum(path: &Path) -> Result<[u8; 32]> {
+/// SHA-256 of the bytes of a file, hexadecimal.
+fn checksum(path: &Path) -> Result<String> {
     let mut sum = Sha256::new();
     fs::File::open(path)
         .and_then(|mut file| io::copy(&mut file, &mut sum))
         .with_context(|| format!("cannot read {}", path.display()))?;
-    Ok(sum.finalize().into())
+    Ok(format!("{:x}", sum.finalize()))
 }
 
 /// Common name of the flights in `paths`.

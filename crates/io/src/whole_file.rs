@@ -9,7 +9,18 @@ use std::os::unix::fs::{DirBuilderExt as _, FileTypeExt as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
+use parking_lot::Mutex;
 use serde::Serialize;
+
+/// Every [`Part`] of this program that is not finished.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// Removes the files of this program that are not finished: it is about to end without dropping their [`Part`]s.
+pub fn remove_unfinished() {
+    for part in UNFINISHED.lock().drain(..) {
+        fs::remove_file(part).ok();
+    }
+}
 
 /// Lets `fill` create and fill a file beside `path`, which then takes the name `path`; returns the result of `fill`. A
 /// link is followed. Into a device or pipe the bytes of the file are copied.
@@ -61,7 +72,9 @@ impl Part {
     /// `path` is no file name.
     pub fn of(path: &Path) -> Result<Self> {
         let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-        Ok(Self { part: Some(part_of(&path)?), path })
+        let part = part_of(&path)?;
+        UNFINISHED.lock().push(part.clone());
+        Ok(Self { part: Some(part), path })
     }
 
     /// Where to create it.
@@ -79,7 +92,9 @@ impl Part {
         fs::rename(self.path(), &self.path).with_context(|| {
             format!("cannot write {}: it cannot be renamed", self.path.display())
         })?;
-        self.part = None;
+        if let Some(part) = self.part.take() {
+            forget(&part);
+        }
         Ok(())
     }
 
@@ -111,8 +126,14 @@ impl Drop for Part {
         if let Some(part) = &self.part {
             // What could not be created is not there, and what could not be written stays unfinished.
             fs::remove_file(part).ok();
+            forget(part);
         }
     }
+}
+
+/// The file is not unfinished any more.
+fn forget(part: &Path) {
+    UNFINISHED.lock().retain(|unfinished| unfinished != part);
 }
 
 /// Refuses a file that is there.
@@ -259,12 +280,14 @@ mod tests {
         assert_eq!(fs::read_to_string(&path).unwrap(), "third");
         fs::remove_file(&path).unwrap();
         let late = write(&path, false, |part| {
+            assert!(UNFINISHED.lock().iter().any(|unfinished| unfinished == part));
             write(&path, false, fill("another process"))?;
             Ok(fs::write(part, "late")?)
         });
         assert!(late.unwrap_err().to_string().contains("another process"));
         assert_eq!(fs::read_to_string(&path).unwrap(), "another process");
         assert_eq!(names(&folder), ["a.txt"]);
+        assert!(!UNFINISHED.lock().iter().any(|part| part.starts_with(&folder)));
         // A link to nothing is a name that is taken, too.
         let link = folder.join("link");
         std::os::unix::fs::symlink(folder.join("missing"), &link).unwrap();

@@ -6,6 +6,7 @@
 mod display;
 mod next_flight;
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::PathBuf;
 
@@ -198,6 +199,7 @@ fn simulate(seed: u64, mission: Option<&MissionTable>) -> Result<(PlantTable, Ve
             is_simulated: true,
             recording: Recording { u: flown.u_sent, o },
             skipped: Vec::new(),
+            motions: BTreeSet::new(),
         })
     };
     let logs = match mission {

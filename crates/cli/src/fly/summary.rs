@@ -29,6 +29,7 @@ pub(super) struct Tally {
     track: FlownTrack,
     dt_s: f64,
     outages: OutageCounter,
+    by_hand_s: f64,
     targets_count: usize,
     targets_reached: usize,
     ticks: u64,
@@ -75,6 +76,8 @@ pub(super) struct Summary {
     pub(super) jitter: Jitter,
     /// Commands lost in flight, as the motion showed.
     pub(super) outages: Outages,
+    /// How long a person steered in flight: figures along the path are not the controller's alone. s
+    pub(super) by_hand_s: f64,
     /// How the mocap stream did.
     pub(super) mocap: StreamReport,
     /// What frames had in place of a pose when poses were lost; null if they were not, or the frames do not show it.
@@ -157,6 +160,7 @@ impl Tally {
             targets_count: reference.targets_count,
             dt_s: flight.cycle.dt_s,
             outages: OutageCounter::default(),
+            by_hand_s: 0.0,
             track: FlownTrack::new(reference, flight.cycle.dt_s),
             targets_reached: 0,
             ticks: 0,
@@ -189,11 +193,18 @@ impl Tally {
         self.outages.add(out, self.dt_s);
         self.targets_reached = out.targets_reached;
         // A landing is no part of the mission.
+        self.add_hand(out.phase(), tick.inbox.manual.is_some());
         if out.phase() == Phase::Flying
             && let Some(pose_hat) = out.pose_hat()
         {
             let now_s = tick.inbox.now.seconds();
             self.track.add(now_s, &pose_hat, &out.u_sent, out.targets_reached);
+        }
+    }
+
+    fn add_hand(&mut self, phase: Phase, is_by_hand: bool) {
+        if is_by_hand && phase == Phase::Flying {
+            self.by_hand_s += self.dt_s;
         }
     }
 
@@ -210,6 +221,7 @@ impl Tally {
             metrics: self.track.metrics(),
             laps: self.track.laps(),
             outages: self.outages.outages(),
+            by_hand_s: self.by_hand_s,
             ticks: self.ticks,
             late_ticks: self.late_ticks,
             missed_periods: self.missed_periods,
@@ -359,6 +371,9 @@ impl Summary {
         let Outages { count, down_s } = self.outages;
         if count > 0 {
             writeln!(f, "link down     {count} times, {down_s:.2} s together")?;
+        }
+        if self.by_hand_s > 0.0 {
+            writeln!(f, "by hand       {:.2} s in flight", self.by_hand_s)?;
         }
         writeln!(f, "mocap         {}", self.mocap)?;
         if let Some(hidden) = &self.hidden {

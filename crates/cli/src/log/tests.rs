@@ -42,3 +42,13 @@ fn only_a_torn_log_is_bad() {
     let torn = Ending::Torn { messages: 3, last: None, bytes: 99, why: "no footer".into() };
     assert_eq!(whole(file, Some(torn)), Verdict::Bad);
 }
+
+#[test]
+fn a_recovery_that_saves_nothing_is_bad() {
+    let verdict = |messages, was_torn| {
+        let recovered = Recovered { messages, was_torn, ..Recovered::default() };
+        report_recovered(Path::new("a"), Path::new("b"), recovered).unwrap()
+    };
+    assert_eq!(verdict(0, true), Verdict::Bad);
+    assert_eq!([verdict(1, true), verdict(0, false)], [Verdict::Good; 2]);
+}

@@ -130,7 +130,7 @@ async fn listen(tables: Vec<MocapTable>, seconds: Duration) -> Result<Vec<FoundS
     for (index, table) in tables.into_iter().enumerate() {
         let settings = MocapSettings::try_from(&table).map_err(|error| error.under("mocap"))?;
         tasks.spawn(async move {
-            let survey = survey(&settings, clock, seconds, |_, _| ()).await;
+            let survey = survey(&settings, clock, watch::end(seconds), |_, _| ()).await;
             (index, found(&table, &settings, survey, clock.now()))
         });
     }

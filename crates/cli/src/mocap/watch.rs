@@ -14,6 +14,8 @@ use tello_io::clock::{Clock, TimeNs};
 use tello_io::mocap::{
     Axes, Axis, MocapSettings, MocapTable, Survey, SurveyTrack, TrackReport, survey,
 };
+use tokio::signal::ctrl_c;
+use tokio::time::timeout;
 
 use self::advice::print_advice;
 use super::rate;
@@ -45,7 +47,7 @@ pub(super) struct Arguments {
     /// Settings of `tello-ctl fly`, for their source, object and axes [default: the built-in configs/fly.json].
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// How long to watch.
+    /// How long to watch; Ctrl-C ends it before.
     #[arg(long, value_name = "SECONDS", default_value_t = 10.0)]
     seconds: f64,
     /// Print one JSON object at the end, in place of a line twice a second.
@@ -119,7 +121,7 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
     let (clock, axes) = (Clock::start(), settings.axes());
     let mut shown_at: Option<TimeNs> = None;
     let mut result = Ok(());
-    let survey = survey(&settings, clock, seconds, |survey, now| {
+    let survey = survey(&settings, clock, end(seconds), |survey, now| {
         let is_due = shown_at.is_none_or(|at| now.since(at).seconds() >= 0.5);
         if is_due && !arguments.json && result.is_ok() {
             shown_at = Some(now);
@@ -143,6 +145,11 @@ pub(super) fn duration(seconds: f64) -> Result<Duration> {
         bail!("--seconds {seconds} is not within 0.1 and 86400");
     }
     Ok(Duration::from_secs_f64(seconds))
+}
+
+/// The end of the time to listen, or Ctrl-C: what was seen until then is reported.
+pub(super) async fn end(after: Duration) {
+    timeout(after, ctrl_c()).await.ok();
 }
 
 /// The object of the settings among those of a source.

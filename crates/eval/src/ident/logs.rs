@@ -10,7 +10,8 @@ use horizon_model::{Lagged, Model as _};
 use super::inverted_sticks::inverted_axis;
 use super::report::FileUsed;
 use super::table::IdentFileTable;
-use crate::recordings::{self, FileSkipped, KnownFlights, Loaded};
+use crate::recordings::known_flights::KnownFlights;
+use crate::recordings::{self, FileSkipped, Loaded};
 
 /// The usable logs in `paths`, which are files and folders, and those that are not with the reason.
 ///

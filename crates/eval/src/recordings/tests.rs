@@ -1,7 +1,9 @@
 use std::f64::consts::TAU;
 use std::os::unix::ffi::OsStrExt as _;
 
-use tello_flight::cycle::PoseRecord;
+use tello_flight::cycle::{Inbox, PoseRecord, Topic};
+use tello_io::clock::TimeNs;
+use tello_io::log::{Channel, Head, LogWriter};
 
 use super::*;
 
@@ -78,12 +80,12 @@ fn a_copy_of_a_recording_does_not_count_twice() {
     }
     let (loaded, unusable) = load(std::slice::from_ref(&dir)).unwrap();
     let names: Vec<_> = loaded.iter().map(|log| log.path.clone()).collect();
-    assert_eq!(names, [dir.join("1.log"), dir.join("4.log")]);
-    let copy = |name, what| FileSkipped {
+    assert_eq!(names, [dir.join("3.log"), dir.join("4.log")], "the longer one");
+    let copy = |name| FileSkipped {
         path: dir.join(name),
-        why: format!("its {what} are those of {}", dir.join("1.log").display()),
+        why: format!("its poses are those of {}", dir.join("3.log").display()),
     };
-    assert_eq!(unusable, [copy("2.log", "bytes"), copy("3.log", "poses")]);
+    assert_eq!(unusable, [copy("1.log"), copy("2.log")]);
     fs::remove_dir_all(dir).unwrap();
 }
 
@@ -284,4 +286,46 @@ fn a_pose_keeps_its_rows_in_a_record() {
     let read: PoseRecord = serde_json::from_str(&json).unwrap();
     let bits = |pose: Pose| pose.map(f64::to_bits);
     assert_eq!(bits(read.pose()), bits(pose), "{json}");
+}
+
+/// A log with an inbox and an estimate of each of these steps, by hand in step 3.
+fn ticks_of(name: &str, steps: &[u64]) -> (Vec<ticks::TickRow>, Vec<String>) {
+    let path = std::env::temp_dir().join(format!("tello-ctl-ticks-{}-{name}", std::process::id()));
+    let topics = [Topic::Inbox, Topic::State];
+    let schema = schemars::schema_for!(PoseRecord);
+    let channels = topics.map(|topic| Channel {
+        topic: topic.name(),
+        schema_name: "Any",
+        schema: schema.clone().into(),
+    });
+    let mut log = LogWriter::create(&path, &Head::default(), &channels).unwrap();
+    let mut inbox = Inbox::new();
+    for step in steps {
+        let now = TimeNs(20_000_000 * i64::try_from(*step).unwrap());
+        inbox.open(*step, now);
+        inbox.manual = (*step == 3).then_some([0.0; stick::COUNT]);
+        log.write(Topic::Inbox.name(), now, &inbox).unwrap();
+        let pose = PoseRecord::new(*step, &Pose::new(*step as f64, 0.0, 1.0, 0.0));
+        log.write(Topic::State.name(), now, &pose).unwrap();
+    }
+    log.finish().unwrap();
+    let mut notes = Vec::new();
+    let ticks = ticks::read(&mut LogReader::open(&path).unwrap(), &mut notes).unwrap();
+    fs::remove_file(path).unwrap();
+    (ticks, notes)
+}
+
+#[test]
+fn a_tick_that_comes_again_counts_once_and_one_that_is_missing_is_known() {
+    let (ticks, notes) = ticks_of("twice", &[0, 1, 1, 2, 0, 1, 2, 3, 4, 7]);
+    let periods: Vec<u64> = ticks.iter().map(|tick| tick.period).collect();
+    assert_eq!(periods, [0, 1, 2, 3, 4, 7]);
+    let missing: Vec<u64> = ticks.iter().map(|tick| tick.missing_before).collect();
+    assert_eq!(missing, [0, 0, 0, 0, 0, 2]);
+    assert_eq!(notes, ["2 ticks missing", "4 ticks repeated"]);
+    assert!(ticks::is_repetition(&notes[1]) && !ticks::is_repetition(&notes[0]));
+    let by_hand: Vec<bool> = ticks.iter().map(|tick| tick.is_by_hand).collect();
+    assert_eq!(by_hand, [false, false, false, true, false, false]);
+    let x = |tick: &ticks::TickRow| tick.estimate.unwrap()[pose::X];
+    assert!(ticks.iter().all(|tick| (x(tick) - tick.period as f64).abs() < 1e-9));
 }

@@ -5,7 +5,7 @@ use horizon_estim::Observed;
 use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
 use nalgebra::SVector;
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, IgnoredAny};
 use tello_flight::cycle::{
     FilteredRecord, LinkRecord, PhaseRecord, PoseRecord, SticksRecord, Timing, Topic,
 };
@@ -23,6 +23,10 @@ use crate::flight_log::is_replay;
 pub struct TickRow {
     /// Periods since the start of the log, those without a tick included.
     pub period: u64,
+    /// Ticks between the one before and this one that the log lacks.
+    pub missing_before: u64,
+    /// Whether a person steered.
+    pub is_by_hand: bool,
     /// Raw pose that arrived in the tick. m, rad
     pub raw: Option<Pose>,
     /// Last accepted pose, and whether position and heading are new. m, rad
@@ -64,6 +68,8 @@ struct InboxHead {
     sightings: Vec<SightingHead>,
     #[serde(rename = "obstacle", default)]
     obstacle_w: Option<[f64; 3]>,
+    #[serde(default)]
+    manual: Option<IgnoredAny>,
 }
 
 /// Field of a sighting that gives its age.
@@ -90,36 +96,57 @@ impl InboxHead {
     }
 }
 
-/// Every tick of the log; `skipped` gets the reasons of records that cannot be read.
+const REPEATED: &str = "repeated";
+
+/// Whether a note on what is not in a log is that of ticks that came again: it may hold two flights.
+pub fn is_repetition(note: &str) -> bool {
+    note.ends_with(REPEATED)
+}
+
+/// Every tick of the log, the first one of each step; `skipped` gets the reasons of records that cannot be read.
 ///
 /// # Errors
 /// The disk fails.
 pub fn read(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<TickRow>> {
     let mut ticks: Vec<TickRow> = Vec::new();
     let (mut periods_skipped, mut unreadable, mut misplaced) = (0, 0, 0);
-    let (mut missing, mut next_step) = (0, 0);
+    let (mut missing, mut repeated, mut next_step) = (0, 0, 0);
+    // Time of the tick whose records come, and whether they count.
     let mut open = None;
     while let Some(message) = log.next_message()? {
         let Some(topic) = Topic::named(message.topic) else { continue };
         if topic == Topic::Inbox {
-            open = None;
+            let before = open.take();
             let Some(inbox) = decode::<InboxHead>(&message, &mut unreadable) else { continue };
-            open = Some(message.t);
-            missing += inbox.step.saturating_sub(next_step);
-            next_step = inbox.step + 1;
+            if inbox.step < next_step {
+                repeated += 1;
+                open = before.filter(|(t, _)| *t == message.t).or(Some((message.t, false)));
+                continue;
+            }
+            open = Some((message.t, true));
+            let missing_before = inbox.step - next_step;
+            missing += missing_before;
+            next_step = inbox.step.saturating_add(1);
             periods_skipped += inbox.skipped;
-            let (period, mocap_age_s) = (inbox.step + periods_skipped, inbox.mocap_age_s());
-            let obstacle_w = inbox.obstacle_w;
-            ticks.push(TickRow { period, mocap_age_s, obstacle_w, ..TickRow::default() });
+            ticks.push(TickRow {
+                period: inbox.step + periods_skipped,
+                missing_before,
+                is_by_hand: inbox.manual.is_some(),
+                mocap_age_s: inbox.mocap_age_s(),
+                obstacle_w: inbox.obstacle_w,
+                ..TickRow::default()
+            });
             continue;
         }
         // Without its inbox a tick has no place in time: it is missing.
-        match ticks.last_mut() {
-            Some(tick) if open == Some(message.t) => tick.take(topic, &message, &mut unreadable),
+        match (ticks.last_mut(), open.filter(|(t, _)| *t == message.t)) {
+            (Some(tick), Some((_, true))) => tick.take(topic, &message, &mut unreadable),
+            (_, Some((_, false))) => {}
             _ => misplaced += 1,
         }
     }
     note(skipped, usize::try_from(missing).unwrap_or(usize::MAX), "tick", "missing");
+    note(skipped, repeated, "tick", REPEATED);
     note(skipped, unreadable, "record", "that cannot be read");
     note(skipped, misplaced, "record", "of missing ticks");
     skipped.extend(tear(log));
@@ -188,11 +215,11 @@ const CLIMB_MPS: f64 = 0.1;
 /// Ticks over which a climb is measured.
 const CLIMB_TICKS: usize = 10;
 
-/// The samples of the [`commanded`] ticks.
+/// The [`commanded`] ticks of a log whose period is that of every recording.
 ///
 /// # Errors
 /// As [`commanded`]; the log is none of a flight, or its period is another.
-pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<Sample>> {
+pub(super) fn of_recording(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<TickRow>> {
     let config = log.head().documents.get(CONFIG).map_or("", String::as_str);
     let config: serde_json::Value = serde_json::from_str(config).unwrap_or_default();
     match config.pointer("/cycle/dt_s").and_then(serde_json::Value::as_f64) {
@@ -200,8 +227,12 @@ pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<
         Some(dt_s) => bail!("its period is {dt_s} s, not {PERIOD_S} s"),
         None => bail!("it carries no settings of a flight"),
     }
-    let ticks = commanded(log, skipped)?;
-    let sample = |tick: &TickRow| Sample {
+    commanded(log, skipped)
+}
+
+/// What a tick observed.
+pub(super) fn sample(tick: &TickRow) -> Sample {
+    Sample {
         step: tick.period,
         u: tick.u_sent,
         o: tick
@@ -211,8 +242,7 @@ pub(super) fn samples(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<
             }),
         // In flight the filter and the supervisor have judged it.
         has_jumped: false,
-    };
-    Ok(ticks.iter().map(sample).collect())
+    }
 }
 
 /// The ticks of a log in which nothing but commands moves the vehicle: from the first command of the flying

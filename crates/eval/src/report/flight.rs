@@ -18,7 +18,7 @@ use crate::flight_log;
 use crate::metrics::{Corner, ReferencePath, Surroundings, corners};
 use crate::recordings::rows::{self, RowFlight};
 use crate::recordings::ticks::{self, TickRow};
-use crate::recordings::{PERIOD_S, is_mcap};
+use crate::recordings::{PERIOD_S, is_mcap, note};
 
 /// A recording of the thesis is finished if it ends within this of its last target, no pilot having taken
 /// over before: the larger of the thesis' required distances (section 5.2.4). m
@@ -50,6 +50,8 @@ pub(super) struct Flight {
     pub corners: Vec<Corner>,
     /// Ticks from the first target to the last; without targets, every tick in flight.
     pub judged: Range<usize>,
+    /// What the ticks that count lack, in words: times and distances are not those of the whole flight.
+    pub gaps: Vec<String>,
     /// Targets reached, and how many there are to reach.
     pub reached: [usize; 2],
     /// Skipped parts of the recording and other remarks.
@@ -86,6 +88,13 @@ impl Flight {
         count > 0 && reached == count
     }
 
+    /// Whether its numbers are those of the controller over all ticks that count.
+    pub(super) fn is_measurable(&self) -> bool {
+        self.unjudged.is_none()
+            && self.gaps.is_empty()
+            && !self.judged_ticks().iter().any(|tick| tick.is_by_hand)
+    }
+
     /// Time of a tick since the start of the recording. s
     pub(super) fn time_s(&self, tick: &TickRow) -> f64 {
         tick.period as f64 * self.dt_s
@@ -119,11 +128,19 @@ impl Flight {
             .or_else(|| ticks.iter().rposition(is_flying))
             .map_or(0, |last| last + 1);
         let reached = ticks.iter().map(|tick| tick.targets_reached).max().unwrap_or(0);
+        let judged = begin.unwrap_or(end)..end;
+        let behind = (end + usize::from(is_hover)).min(ticks.len());
+        let mut gaps = gaps(&ticks, &(judged.start..behind));
+        gaps.extend(notes.iter().filter(|note| ticks::is_repetition(note)).cloned());
+        if judged.is_empty() && reached == reference.targets_count {
+            gaps.push("no tick of the part that counts".to_owned());
+        }
         Ok(Self {
             path: PathBuf::new(),
             name: String::new(),
             dt_s: settings.cycle.dt_s,
-            judged: begin.unwrap_or(end)..end,
+            gaps,
+            judged,
             reached: [reached, reference.targets_count],
             ticks,
             corners: reference.corners(),
@@ -176,6 +193,7 @@ impl Flight {
             path: PathBuf::new(),
             name: String::new(),
             dt_s: PERIOD_S,
+            gaps: Vec::new(),
             judged,
             reached: if has_line { reached } else { [0, 0] },
             outline: if has_line { targets.clone() } else { Vec::new() },
@@ -186,6 +204,18 @@ impl Flight {
             unjudged: None,
         }
     }
+}
+
+/// What is missing of `ticks` in the range `judged` and before it begins, in words.
+fn gaps(ticks: &[TickRow], judged: &Range<usize>) -> Vec<String> {
+    let counted = ticks.get(judged.clone()).unwrap_or_default();
+    let missing = counted.iter().fold(0, |sum: u64, tick| sum.saturating_add(tick.missing_before));
+    let without_pose = counted.iter().filter(|tick| tick.estimate.is_none()).count();
+    let mut gaps = Vec::new();
+    let missing = usize::try_from(missing).unwrap_or(usize::MAX);
+    note(&mut gaps, missing, "tick", "missing where it counts");
+    note(&mut gaps, without_pose, "tick", "without an estimate where it counts");
+    gaps
 }
 
 /// For how long the place of an obstacle that moves counts. periods
@@ -283,6 +313,21 @@ mod tests {
         let flight = flight(&[(0.1, first), (0.4, second), (0.5, [0.5, 0.0]), (0.6, [0.6, 0.0])]);
         assert_eq!((flight.judged.clone(), flight.reached), (0..2, [1, 2]));
         assert!(!flight.is_finished() && flight.notes[0].contains("0.04 s"), "{:?}", flight.notes);
+    }
+
+    #[test]
+    fn gaps_are_what_the_ticks_that_count_lack() {
+        let tick = |missing_before: u64| TickRow {
+            missing_before,
+            estimate: (missing_before != 7).then(Pose::zeros),
+            ..TickRow::default()
+        };
+        let ticks = [1, 0, 20, 7, 300].map(tick);
+        assert_eq!(gaps(&ticks, &(1..2)), [""; 0]);
+        assert_eq!(
+            gaps(&ticks, &(1..4)),
+            ["27 ticks missing where it counts", "1 tick without an estimate where it counts"]
+        );
     }
 
     #[test]

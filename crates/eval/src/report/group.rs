@@ -217,14 +217,17 @@ impl Group {
     }
 }
 
-/// The flights of `looked`: replays and dry runs count only if there is nothing else.
+/// Those of `looked` whose numbers count. Flights by hand, or with ticks missing in the part that counts, do only if
+/// there are no others; replays and dry runs only if there is nothing else.
 fn counted(looked: &[Looked]) -> impl Iterator<Item = &Looked> {
-    let has_flights = looked.iter().any(|one| one.flight.unjudged.is_none());
-    looked.iter().filter(move |one| !has_flights || one.flight.unjudged.is_none())
+    let rank = |one: &Looked| (one.flight.unjudged.is_none(), one.flight.is_measurable());
+    let first = looked.iter().map(rank).max();
+    looked.iter().filter(move |one| Some(rank(one)) == first)
 }
 
 impl Comparison {
-    /// Pairs flights of the same name; if there are none, flights of the same place in their groups.
+    /// Pairs flights of the same name, those of one name in their order; if there are none, flights of the same place
+    /// in their groups.
     pub(super) fn of(ours: &Group, theirs: &Group) -> Self {
         let rows = |group: &Group| -> Vec<FlightRow> {
             group.counted().map(|one| one.row.clone()).collect()
@@ -235,7 +238,12 @@ impl Comparison {
     fn of_rows(ours: &[FlightRow], theirs: &[FlightRow]) -> Self {
         let by_name: Vec<(&FlightRow, &FlightRow)> = ours
             .iter()
-            .filter_map(|row| Some((row, theirs.iter().find(|other| other.name == row.name)?)))
+            .enumerate()
+            .filter_map(|(place, row)| {
+                let before = ours[..place].iter().filter(|other| other.name == row.name).count();
+                let mut namesakes = theirs.iter().filter(|other| other.name == row.name);
+                Some((row, namesakes.nth(before)?))
+            })
             .collect();
         let (paired_by, pairs) = if by_name.is_empty() {
             ("order", ours.iter().zip(theirs).collect())
@@ -297,6 +305,11 @@ mod tests {
         let Paired { pairs, difference, interval, .. } = differences[0];
         assert_eq!((paired_by, pairs, interval), ("name", 2, [-1.0; 2]));
         assert!((difference + 1.0).abs() < 1e-12, "{difference}");
+        let ours = group(&[("x", 8.0), ("x", 10.0), ("x", 30.0)]);
+        let theirs = group(&[("x", 9.0), ("x", 11.0)]);
+        let of_namesakes = Comparison::of_rows(&ours.flights, &theirs.flights).differences;
+        assert_eq!((of_namesakes[0].pairs, of_namesakes[0].interval), (2, [-1.0; 2]));
+        let ours = group(&[("1", 10.0), ("2", 12.0)]);
         let strangers = group(&[("x", 8.0), ("y", 10.0)]);
         let Comparison { paired_by, differences } =
             Comparison::of_rows(&ours.flights, &strangers.flights);

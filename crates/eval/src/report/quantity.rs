@@ -123,7 +123,8 @@ impl Quantity {
         match self {
             Self::FinishS => {
                 "From the tick in which the first target is reached to the tick in which the last is, both \
-                 included, one period each. Only flights that reached every target; one number per flight."
+                 included, one period each. Only flights that reached every target, none of it by hand, whose log lacks no \
+                 tick; one number per flight."
             }
             Self::SpeedMps => {
                 "Norm of the difference of two successive poses over x, y and z, by the time between them. All \
@@ -188,7 +189,7 @@ impl Measured {
         measured.times(flight);
         let [_, targets_count] = flight.reached;
         // At its only target a flight begins and ends.
-        if flight.is_finished() && targets_count > 1 {
+        if flight.is_finished() && flight.is_measurable() && targets_count > 1 {
             let ticks = flight.judged_ticks();
             if let (Some(first), Some(last)) = (ticks.first(), ticks.last()) {
                 let finish_s = flight.time_s(last) - flight.time_s(first) + flight.dt_s;

@@ -70,9 +70,12 @@ fn a_copy_of_a_log_is_no_second_flight() {
         let name = folder.join(name).with_extension(log.extension().unwrap_or_default());
         fs::copy(&log, name).unwrap();
     }
+    let bytes = fs::read(&log).unwrap();
+    fs::write(folder.join("torn.mcap"), &bytes[..bytes.len() - 100]).unwrap();
     let mut unusable = Vec::new();
     let group = read(std::slice::from_ref(&folder), &mut unusable).unwrap();
-    assert_eq!((group.flights.len(), unusable.len()), (1, 1));
+    assert_eq!((group.flights.len(), unusable.len()), (1, 2), "{unusable:?}");
+    assert!(unusable[1].why.starts_with("the same poses as "), "{unusable:?}");
     let (file, line) = (unusable[0].file.display().to_string(), unusable[0].to_string());
     assert!(line.starts_with(&format!("{file}: the same bytes as ")), "{line}");
     let why = format!("{file} is empty");

@@ -23,7 +23,7 @@ pub(super) enum Judgement {
     Good,
     /// Not so.
     Bad,
-    /// There was no line to follow, or it is none that flew.
+    /// There was no line to follow, it is none that flew, or its log lacks a part of it.
     NotJudged,
 }
 
@@ -85,7 +85,15 @@ pub(super) fn judge(
     if flight.ticks.last().is_some_and(|tick| tick.phase == Some(Phase::LandingUnconfirmed)) {
         reasons.push("was not confirmed to have landed".to_owned());
     }
-    (if reasons.is_empty() { Judgement::Good } else { Judgement::Bad }, reasons)
+    if !reasons.is_empty() {
+        return (Judgement::Bad, reasons);
+    }
+    if !flight.gaps.is_empty() {
+        // The rest may have been worse.
+        let gaps = flight.gaps.join(" and ");
+        return (Judgement::NotJudged, vec![format!("its log has {gaps}")]);
+    }
+    (Judgement::Good, reasons)
 }
 
 /// Outages of the commands in flight; `None` without a link monitor.
@@ -135,6 +143,12 @@ pub(super) fn remarks(
         let times = if count == 1 { "once" } else { &format!("{count} times") };
         remarks.push(format!("commands did not act {times}, {down_s:.2} s together"));
     }
+    let by_hand = |tick: &&TickRow| tick.is_by_hand && tick.phase == Some(Phase::Flying);
+    if let Some(first) = flight.ticks.iter().find(by_hand) {
+        let lasted_s = flight.ticks.iter().filter(by_hand).count() as f64 * flight.dt_s;
+        let first_s = flight.time_s(first);
+        remarks.push(format!("by hand for {lasted_s:.2} s, first at {first_s:.2} s"));
+    }
     // The poses of a flight that begins in the air do not tell where the ground is: they confirm no landing.
     let begins_in_air = flight.ticks.first().is_some_and(|tick| tick.phase == Some(Phase::Flying));
     for FaultTime { name, first_s, ticks } in faults {
@@ -179,6 +193,7 @@ mod tests {
             targets: vec![],
             corners: vec![],
             judged: 0..is_down.len(),
+            gaps: vec![],
             reached: [reached, 2],
             notes: vec![],
             unjudged: None,
@@ -233,6 +248,36 @@ mod tests {
         assert_eq!(of_phases(&[Phase::Flying, Phase::Landed]), Vec::<String>::new());
         let from_ground = of_phases(&[Phase::Idle, Phase::Flying, Phase::Landed]);
         assert_eq!(from_ground, ["the drone alone confirmed the landing"]);
+    }
+
+    #[test]
+    fn a_flight_whose_log_lacks_a_part_is_not_called_good() {
+        let gap = |reached| {
+            let gaps = vec!["27 ticks missing".to_owned()];
+            judge(
+                &Flight { gaps, ..flight(reached, &[]) },
+                &Measured::default(),
+                &Spreads::default(),
+            )
+        };
+        let why = "its log has 27 ticks missing";
+        assert_eq!(gap(2), (Judgement::NotJudged, vec![why.to_owned()]));
+        assert_eq!(gap(1).0, Judgement::Bad, "what is there is enough");
+    }
+
+    #[test]
+    fn a_flight_by_hand_is_remarked_and_has_no_time() {
+        let mut by_hand = flight(2, &[false; 4]);
+        assert!(Measured::of(&by_hand).numbers.contains_key(&Quantity::FinishS));
+        for tick in &mut by_hand.ticks[1..3] {
+            tick.is_by_hand = true;
+        }
+        let measured = Measured::of(&by_hand);
+        assert!(!measured.numbers.contains_key(&Quantity::FinishS) && !by_hand.is_measurable());
+        let remarks = remarks(&by_hand, &measured, None, &[]);
+        assert_eq!(remarks, ["by hand for 0.04 s, first at 0.02 s"]);
+        by_hand.judged = 3..4;
+        assert!(by_hand.is_measurable(), "the hand was before");
     }
 
     #[test]

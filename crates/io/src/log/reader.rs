@@ -262,6 +262,9 @@ impl LogReader {
     pub(super) fn not_a_log(self) -> LogError {
         let why = match self.ending {
             _ if self.bytes == 0 => "it is empty".to_owned(),
+            Some(Ending::Torn { why, .. }) if why.contains("compression") => {
+                format!("{why} (`mcap compress --compression zstd` makes a log of it)")
+            }
             Some(Ending::Torn { why, .. }) => format!(
                 "{why} (`tello-ctl convert` makes a log from a CSV flight log; `tello-ctl log recover` saves what is \
                  left of a damaged one)"

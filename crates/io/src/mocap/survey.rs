@@ -104,18 +104,20 @@ impl Taker for Collect<'_> {
     }
 }
 
-/// Reads a source for `duration`, and calls `on_look` about ten times a second with what there is so far.
+/// Reads a source until `end`, and calls `on_look` about ten times a second with what there is so far.
 ///
 /// A source that cannot be read is no error: [`Survey::trouble`] states why.
 pub async fn survey(
     settings: &MocapSettings,
     clock: Clock,
-    duration: Duration,
+    end: impl Future<Output = ()>,
     mut on_look: impl FnMut(&Survey, TimeNs),
 ) -> Survey {
     let mut survey = Survey { unit: settings.axes().unit(), ..Survey::default() };
-    // An end by time is the end that is meant.
-    timeout(duration, read(settings, clock, &mut survey, &mut on_look)).await.ok();
+    tokio::select! {
+        () = end => {}
+        () = read(settings, clock, &mut survey, &mut on_look) => {}
+    }
     survey
 }
 

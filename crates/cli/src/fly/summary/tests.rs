@@ -48,6 +48,22 @@ fn a_tick_is_late_beyond_five_milliseconds() {
 }
 
 #[test]
+fn time_by_hand_in_flight_is_named() {
+    let mut tally = tally(Pipeline::SameTick);
+    for (phase, is_by_hand) in [
+        (Phase::Flying, false),
+        (Phase::Flying, true),
+        (Phase::Flying, true),
+        (Phase::Landing, true),
+    ] {
+        tally.add_hand(phase, is_by_hand);
+    }
+    let summary = tally.summary();
+    assert!(summary.to_string().contains("\nby hand       0.04 s in flight\n"), "{summary}");
+    assert!(!Summary::default().to_string().contains("by hand"));
+}
+
+#[test]
 fn an_answer_is_as_old_as_its_frame_when_the_sticks_are_at_the_socket() {
     for (pipeline, expected_ms) in
         [(Pipeline::SameTick, Some([5.5; 4])), (Pipeline::NextTick, None)]

@@ -5,6 +5,7 @@
 //! is disconnected.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use axum::body::Bytes;
@@ -87,13 +88,15 @@ impl ToViewer<'_> {
 pub(super) struct ViewerConnection<'a> {
     shown: &'a Arc<Shown>,
     slot: &'a ViewerSlot,
+    /// Pings sent so far.
+    sent: AtomicU32,
     /// Pings answered so far.
     answered: watch::Sender<u32>,
 }
 
 impl<'a> ViewerConnection<'a> {
     pub(super) fn new(shown: &'a Arc<Shown>, slot: &'a ViewerSlot) -> Self {
-        Self { shown, slot, answered: watch::Sender::new(0) }
+        Self { shown, slot, sent: AtomicU32::new(0), answered: watch::Sender::new(0) }
     }
 
     /// Shows and listens until either side has enough.
@@ -126,7 +129,8 @@ impl<'a> ViewerConnection<'a> {
                 }
                 Message::Binary(_) => break Some("not a message of the page"),
                 Message::Pong(_) => {
-                    self.answered.send_modify(|count| *count = count.wrapping_add(1));
+                    let sent = self.sent.load(Ordering::Relaxed);
+                    self.answered.send_if_modified(|answered| count_answer(answered, sent));
                 }
                 Message::Ping(_) => {}
                 Message::Close(_) => break None,
@@ -238,6 +242,7 @@ impl<'a> ViewerConnection<'a> {
 
     async fn ping(&self, out: &mut SplitSink<WebSocket, Message>, pings: &mut Pings) -> bool {
         pings.sent = pings.sent.wrapping_add(1);
+        self.sent.store(pings.sent, Ordering::Relaxed);
         self.send(out, Message::Ping(Bytes::new())).await
     }
 
@@ -246,6 +251,14 @@ impl<'a> ViewerConnection<'a> {
         let sent = timeout(self.time_limit().duration(), out.send(message)).await;
         sent.is_ok_and(|sent| sent.is_ok())
     }
+}
+
+/// Counts a pong of a viewer that has answered so many of the pings sent; whether it is an answer. A pong that nothing
+/// asked for is permitted (RFC 6455, 5.5.3) and answers nothing.
+fn count_answer(answered: &mut u32, sent: u32) -> bool {
+    let is_answer = *answered != sent;
+    *answered = answered.wrapping_add(u32::from(is_answer));
+    is_answer
 }
 
 /// Pings to a viewer, one after each message of facts, and its answers.
@@ -312,6 +325,15 @@ mod tests {
         for bad in ["", "land", r#"{"order":"fly_away"}"#, r#"{"order":"land","token":"x"}"#, "[]"]
         {
             assert_eq!(parsed(bad), None, "{bad}");
+        }
+    }
+
+    #[test]
+    fn an_answer_to_nothing_does_not_count() {
+        let mut answered = 0;
+        for (sent, expected) in [(0, 0), (0, 0), (1, 1), (1, 1), (3, 2), (3, 3), (3, 3)] {
+            count_answer(&mut answered, sent);
+            assert_eq!(answered, expected);
         }
     }
 

@@ -1,3 +1,5 @@
+use std::collections::BTreeSet;
+
 use horizon_estim::Observed;
 use horizon_model::rows::Pose;
 
@@ -68,6 +70,7 @@ fn prepared(table: &IdentFileTable) -> (bool, Flight, Vec<bool>) {
         is_simulated: false,
         recording,
         skipped: vec![],
+        motions: BTreeSet::new(),
     }];
     let job = Job {
         name: "ident.json",

@@ -1,3 +1,5 @@
+use std::collections::BTreeSet;
+
 use horizon_estim::{Observed, Recording};
 use horizon_model::rows::{Pose, Sticks};
 
@@ -12,6 +14,7 @@ fn log(theta: f64) -> Loaded {
         is_simulated: false,
         recording,
         skipped: vec!["c".into()],
+        motions: BTreeSet::new(),
     }
 }
 

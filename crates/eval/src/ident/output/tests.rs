@@ -1,3 +1,5 @@
+use std::collections::BTreeSet;
+
 use horizon_estim::{Observed, Recording};
 use horizon_model::rows::{Pose, Sticks, pose};
 use horizon_model::{Kinematic, Model, Row};
@@ -33,6 +35,7 @@ fn log(path: &str) -> Loaded {
         is_simulated: false,
         recording,
         skipped: Vec::new(),
+        motions: BTreeSet::new(),
     }
 }
 

@@ -14,6 +14,7 @@ fn looked(name: &str, finish_s: Option<f64>, distance_m: f64) -> Looked {
         targets: vec![],
         corners: vec![],
         judged: 0..0,
+        gaps: vec![],
         reached: [0, 0],
         notes: vec![],
         unjudged: None,

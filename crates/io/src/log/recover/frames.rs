@@ -49,7 +49,12 @@ impl Frames {
     /// The next record that can be read; of a chunk, its head can.
     pub(super) fn next(&mut self) -> io::Result<Option<Frame>> {
         while !self.is_ended && self.at < self.bytes {
-            let frame = self.frame(self.at)?;
+            let mut frame = self.frame(self.at)?;
+            if let Some(torn) = &frame
+                && self.reaches_another_log(torn)?
+            {
+                frame = None;
+            }
             let behind = frame.as_ref().map(|frame| self.at + frame.bytes());
             if let (Some(frame), Some(behind)) = (frame, behind) {
                 if self.check(&frame) {
@@ -87,6 +92,25 @@ impl Frames {
         }
         self.file.read_exact_at(&mut next, behind)?;
         Ok(next == MAGIC)
+    }
+
+    /// Whether the length of `frame`, which begins the rest of the file, reaches into another log behind a tear: a log
+    /// begins in it, and its checksum, if it has one, does not hold.
+    fn reaches_another_log(&self, frame: &Frame) -> io::Result<bool> {
+        let begins = |bytes: &[u8]| bytes.starts_with(MAGIC) && bytes.ends_with(&[op::HEADER]);
+        let has_log = |bytes: &[u8]| bytes.windows(MAGIC.len() + 1).any(begins);
+        // The first bytes of the other log may be the last ones of the frame.
+        let last = frame.data.len().saturating_sub(MAGIC.len());
+        let mut seam = frame.data.get(last..).unwrap_or_default().to_vec();
+        let mut behind = [0; MAGIC.len()];
+        self.file.read_at(&mut behind, self.at + frame.bytes())?;
+        seam.extend(behind);
+        let is_sound = || match frame.opcode {
+            op::CHUNK => records(&frame.data).is_ok(),
+            op::ATTACHMENT => is_attachment(&frame.data),
+            _ => false,
+        };
+        Ok((has_log(&frame.data) || has_log(&seam)) && !is_sound())
     }
 
     /// Bytes behind the end of the log, now that it was met.
@@ -135,11 +159,11 @@ impl Frames {
         }
     }
 
-    /// Where the next whole chunk begins behind the broken frame; if none does, the end of the file or the beginning
-    /// of another one in it.
+    /// Where the next whole chunk begins behind the beginning of the broken frame; if none does, the end of the file or
+    /// the beginning of another one in it, which may be where the frame should be.
     fn resumption(&self) -> io::Result<u64> {
         let mut window = vec![0; WINDOW_BYTES];
-        let mut at = self.at + 1;
+        let mut at = self.at;
         loop {
             let read = match self.file.read_at(&mut window, at) {
                 Err(error) if error.kind() == ErrorKind::Interrupted => continue,
@@ -147,7 +171,8 @@ impl Frames {
             };
             let found = window.get(..read).unwrap_or_default();
             for (place, bytes) in (at..).zip(found.windows(MAGIC.len())) {
-                if bytes == MAGIC || bytes.starts_with(&[op::CHUNK]) && self.is_whole(place)? {
+                let is_chunk = place > self.at && bytes.starts_with(&[op::CHUNK]);
+                if bytes == MAGIC || is_chunk && self.is_whole(place)? {
                     return Ok(place);
                 }
             }

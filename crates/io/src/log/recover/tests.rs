@@ -126,6 +126,30 @@ fn of_two_logs_in_one_file_the_first_whose_end_is_damaged_takes_nothing_of_the_s
 }
 
 #[test]
+fn of_two_logs_in_one_file_the_first_torn_takes_nothing_of_the_second() {
+    let (once, flushes) = flight(120);
+    let (size, steps) = flushes[1];
+    let length = once[size + 1..size + 9].try_into().map(u64::from_le_bytes).unwrap();
+    let chunk = 9 + usize::try_from(length).unwrap();
+    // At the end of a frame; with a part of the next chunk, whose length reaches into the second log.
+    for (name, cut) in [
+        ("at a frame", 0),
+        ("in a length", 5),
+        ("in a chunk", chunk / 2),
+        ("at its end", chunk - 3),
+    ] {
+        let two = [&once[..size + cut], &once].concat();
+        let (copy, of_two) = recovered("torn-two", &two);
+        assert_eq!(counts(reader(copy).unwrap()).0, (0..steps).collect::<Vec<_>>(), "{name}");
+        let unread_bytes = cut as u64;
+        let (messages, rest_bytes) = (2 * steps, once.len() as u64);
+        let expected =
+            Recovered { messages, was_torn: true, unread_bytes, rest_bytes, ..of_two.clone() };
+        assert_eq!(of_two, expected, "{name}");
+    }
+}
+
+#[test]
 fn a_damaged_document_of_the_head_is_left_out_alone() {
     let (mut bytes, _) = flight(120);
     let document = b"\"dt_s\":0.02";
@@ -137,4 +161,13 @@ fn a_damaged_document_of_the_head_is_left_out_alone() {
     let mut expected = reader(flight(120).0).unwrap().head().clone();
     expected.documents.remove(crate::log::CONFIG).unwrap();
     assert_eq!(*reader(copy).unwrap().head(), expected);
+}
+
+#[test]
+fn a_log_of_another_compression_names_what_makes_a_log_of_it() {
+    let mut bytes = flight(60).0;
+    let at = bytes.windows(4).position(|window| window == b"zstd").unwrap();
+    bytes[at..at + 4].copy_from_slice(b"lz4x");
+    let refusal = reader(bytes).unwrap_err().to_string();
+    assert!(refusal.contains("mcap compress --compression zstd"), "{refusal}");
 }

@@ -1,3 +1,4 @@
+use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use horizon_estim::{Observed, Recording};
@@ -27,6 +28,7 @@ fn log(sha256: &str) -> Loaded {
         is_simulated: false,
         recording,
         skipped: Vec::new(),
+        motions: BTreeSet::new(),
     }
 }
 

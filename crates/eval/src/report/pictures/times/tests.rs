@@ -14,6 +14,7 @@ fn flight(ticks: Vec<TickRow>) -> Flight {
         outline: vec![],
         targets: vec![],
         corners: vec![],
+        gaps: vec![],
         reached: [0, 0],
         notes: vec![],
         unjudged: None,
