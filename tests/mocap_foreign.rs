@@ -101,7 +101,9 @@ fn ours<const N: usize>(mocap: &Value, objects: [&str; N]) -> [Read; N] {
     let settings = MocapSettings::try_from(&table).unwrap();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     let duration = Duration::from_secs(3);
-    let survey = runtime.block_on(survey(&settings, Clock::start(), duration, |_, _| ()));
+    let survey = runtime.block_on(async {
+        survey(&settings, Clock::start(), tokio::time::sleep(duration), |_, _| ()).await
+    });
     objects.map(|object| {
         let [_, newest] = survey.objects.get(object).and_then(|track| track.places).unwrap();
         let (pos_w, matrix) = settings.axes().place(&newest);

@@ -97,6 +97,7 @@ fn tracking(flag: impl Fn(u8) -> bool) -> TrackingEvidence {
         has_hit: flag(3) && flag(5),
         away_m: flag(0).then_some(2.0),
         velocity_error_mps: flag(2).then_some(2.0),
+        is_receding: flag(2),
         turned_rad: flag(2).then_some(2.0),
         below_m: flag(1).then_some(0.5),
         sunk_m: flag(1).then_some(0.5),

@@ -4,7 +4,7 @@
 
 use horizon_model::Model;
 use horizon_model::rows::{Pose, Sticks, pos_w, pose, stick};
-use nalgebra::{SVector, Vector3};
+use nalgebra::{SVector, Vector2, Vector3};
 
 use super::link::Link;
 use super::progress::Tracking;
@@ -107,9 +107,12 @@ where
         tracking: Option<Tracking>,
         now: TimeNs,
     ) -> TrackingEvidence {
+        let velocity_error_w = motion.and_then(|motion| self.velocity_error_w(motion, now));
         TrackingEvidence {
             away_m: tracking.map(|tracking| tracking.away_m),
-            velocity_error_mps: motion.and_then(|motion| self.velocity_error_mps(motion, now)),
+            velocity_error_mps: velocity_error_w.map(|(error_w, _)| error_w.norm()),
+            is_receding: velocity_error_w
+                .is_some_and(|(error_w, apart_w)| error_w.dot(&apart_w) > 0.0),
             turned_rad: tracking.map(|tracking| tracking.turned_rad),
             below_m: tracking.map(|tracking| tracking.below_m),
             sunk_m: tracking.map(|tracking| tracking.sunk_m),
@@ -146,15 +149,20 @@ where
         (is_behind && !walls.is_path_blocked(&at_w, &to_w)).then_some(to_w)
     }
 
-    /// Difference between the horizontal velocities of vehicle and reference; `None` if the reference is a constant
-    /// target, or if an obstacle is near or in the path, which may have to be evaded. m/s
-    fn velocity_error_mps(&self, motion: &EstimatedMotion, now: TimeNs) -> Option<f64> {
+    /// Horizontal differences between vehicle and reference, of the velocities and of the positions, world frame;
+    /// `None` if the reference is a constant target, or if an obstacle is near or in the path, which may have to be
+    /// evaded. m/s, m
+    fn velocity_error_w(
+        &self,
+        motion: &EstimatedMotion,
+        now: TimeNs,
+    ) -> Option<(Vector2<f64>, Vector2<f64>)> {
         let (at_w, to_w) = (pos_w(&motion.pose), pos_w(&self.mission.reference()?));
-        let error = motion.rate - self.mission.reference_rate()?;
+        let error_w = pos_w(&(motion.rate - self.mission.reference_rate()?));
         let is_evading = self.planner.walls().is_some_and(|walls| {
             walls.is_beside_obstacle(&at_w) || walls.is_path_blocked(&at_w, &to_w)
         });
-        (!is_evading && !self.waits_for_obstacle(now)).then(|| error[pose::X].hypot(error[pose::Y]))
+        (!is_evading && !self.waits_for_obstacle(now)).then(|| (error_w.xy(), (at_w - to_w).xy()))
     }
 
     /// Whether the mission is done and the moving obstacle came near within the last seconds: the vehicle, which waits

@@ -2,8 +2,8 @@
 //!
 //! Owns the distances that the controller's soft constraints (`plan_walls.rs`) need: of the planned pose from walls and
 //! obstacles, and of the position to which the vehicle would coast with neutral sticks from the walls, so that a
-//! flight that ends in neutral sticks tends to come to rest inside. Three predictions of the moving obstacle count. What
-//! the supervisor asks about positions and paths is `questions.rs`.
+//! flight that ends in neutral sticks tends to come to rest inside. Three predictions of the moving obstacle count. The
+//! supervisor's questions about positions and paths: `questions.rs`.
 
 mod plan_walls;
 mod questions;

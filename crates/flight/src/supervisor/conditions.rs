@@ -39,8 +39,9 @@ const SUNK_M: f64 = 0.45;
 /// around its reference: its velocity loop is weakly damped, or its dead time is much longer than the model's. m/s, s
 const VELOCITY_OFF_REFERENCE_MPS: f64 = 0.6;
 const VELOCITY_OFF_REFERENCE_S: f64 = 4.0;
-/// Largest factor by which that time counts: the square of the difference over [`VELOCITY_OFF_REFERENCE_MPS`]. 1
-const VELOCITY_OFF_REFERENCE_WEIGHT_MAX: f64 = 4.0;
+/// Largest factor by which that time counts while the vehicle recedes from its reference: the square of the difference
+/// over [`VELOCITY_OFF_REFERENCE_MPS`]. 1
+const RECEDING_WEIGHT_MAX: f64 = 2.0;
 
 /// A steered vehicle whose pose is still for so long below its reference stands on something: the effect of a throttle
 /// that acts shows within half of this time. s
@@ -204,7 +205,7 @@ impl Supervisor {
     }
 
     /// Updates for how long the velocity of a vehicle that follows its reference was far from that of the reference,
-    /// faster the farther it was. A person who steers resets the time.
+    /// faster while it receded. A person who steers resets the time.
     pub(super) fn remember_velocity_off_reference(&mut self, e: &Evidence) {
         if e.is_by_hand {
             self.timers.velocity_off_reference = LeakyTimer::default();
@@ -213,10 +214,11 @@ impl Supervisor {
             self.is_flying() && self.control == ControlMode::Mission && e.outage.is_none();
         let is_off = |error_mps: &f64| exceeds(*error_mps, VELOCITY_OFF_REFERENCE_MPS);
         let off_mps = e.tracking.velocity_error_mps.filter(is_off).filter(|_| follows_mission);
-        let weight = off_mps.map_or(0.0, |error_mps| {
-            let ratio2 = (error_mps / VELOCITY_OFF_REFERENCE_MPS).powi(2);
-            ratio2.min(VELOCITY_OFF_REFERENCE_WEIGHT_MAX)
-        });
+        let weight = |error_mps: f64| {
+            let squared = (error_mps / VELOCITY_OFF_REFERENCE_MPS).powi(2);
+            if e.tracking.is_receding { squared.min(RECEDING_WEIGHT_MAX) } else { 1.0 }
+        };
+        let weight = off_mps.map_or(0.0, weight);
         self.timers.velocity_off_reference.update_weighted(weight, e.t_ns);
     }
 

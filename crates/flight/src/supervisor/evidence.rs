@@ -223,6 +223,8 @@ pub struct TrackingEvidence {
     pub away_m: Option<f64>,
     /// Difference between its horizontal velocity and that of its reference; `None` for constant targets. m/s
     pub velocity_error_mps: Option<f64>,
+    /// Whether that difference leads away from the reference, as in a swing and not on the return to it.
+    pub is_receding: bool,
     /// By how much its heading has turned away from that of its reference: the difference less the least one since the
     /// mission began or was resumed. rad
     pub turned_rad: Option<f64>,

@@ -74,7 +74,7 @@ pub enum Fault {
     /// - For 0.3 s it is by more than 0.45 m lower than it was, and below the reference: it sinks or is pulled down.
     ///   Within 0.6 m of an obstacle this does not count.
     /// - For 4 s in sum, a fifth of the other time subtracted, its velocity differs by more than 0.6 m/s: it
-    ///   oscillates. Larger differences count by their square, at most fourfold.
+    ///   oscillates. What leads away from the reference counts by its square, at most twofold.
     /// - For 1.5 s its heading differs by more than 1 rad. In an outage this counts only while the vehicle turns.
     TrackingLost,
     /// The vehicle does not move, by one of three signs:

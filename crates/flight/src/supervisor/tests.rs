@@ -93,6 +93,7 @@ pub(super) const CALM: Evidence = Evidence {
     tracking: TrackingEvidence {
         away_m: Some(0.1),
         velocity_error_mps: Some(0.1),
+        is_receding: false,
         turned_rad: Some(0.1),
         below_m: Some(0.1),
         sunk_m: Some(0.1),

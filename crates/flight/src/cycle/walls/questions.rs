@@ -40,8 +40,8 @@ impl Walls {
     }
 
     /// Whether the moving obstacle keeps the vehicle from getting from `at_w` to `to_w`, world frame, m: it is nearer
-    /// than 0.6 m to the straight path or one of its ends. For an obstacle with the acceleration `a` the limit is larger
-    /// by `(a - obstacle_accel_mps2) T^2 / 2`, `T` = [`PATH_REACH_S`] (`docs/control.md`, section 3).
+    /// than 0.6 m to the straight path or one of its ends. For an obstacle with the acceleration `a` the limit grows by
+    /// `(a - obstacle_accel_mps2) T^2 / 2`, `T` = [`PATH_REACH_S`] (`docs/control.md`, section 3).
     pub(in crate::cycle) fn is_path_blocked(
         &self,
         at_w: &Vector3<f64>,
