@@ -90,7 +90,9 @@ mod tests {
         let kept: Vec<String> =
             all.iter().filter(|place| !is_missed(place)).map(ToString::to_string).collect();
         // What these do if they are missing is in `docs/configuration.md`.
-        assert_eq!(kept, ["cycle.mpc.stages", "real_time.frame_wait_s"], "of {} keys", all.len());
+        let expected =
+            ["cycle.mpc.stages", "cycle.mpc.walls.vehicle_radius_m", "real_time.frame_wait_s"];
+        assert_eq!(kept, expected, "of {} keys", all.len());
     }
 
     #[test]
