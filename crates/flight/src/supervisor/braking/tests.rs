@@ -157,3 +157,15 @@ fn a_drone_that_keeps_an_old_command_is_landed_at_once() {
     let held = Outage { for_s: 0.5, is_held: true, unseen };
     assert_eq!(braking().tick(&Evidence { outage: Some(held), ..fast() }).phase, Phase::Landing);
 }
+
+#[test]
+fn an_obstacle_came_near_in_the_four_seconds_after_it_did_and_not_by_walking_beside() {
+    let mut bench = Bench::flying();
+    bench.pass(1, &with_obstacles(ALOFT, |it| it.may_be_approached = true));
+    assert!(!bench.supervisor.was_approached(bench.t_ns), "it only walks near");
+    let came_ns = bench.t_ns;
+    bench.pass(1, &with_obstacles(ALOFT, |it| it.is_approached = true));
+    let after_ms = [0, 3999, 4000, 9000];
+    let found = after_ms.map(|ms| bench.supervisor.was_approached(came_ns + ms * 1_000_000));
+    assert_eq!(found, [true, true, false, false]);
+}
