@@ -103,8 +103,8 @@ impl Walls {
         let walls =
             room.into_iter().flat_map(|room| (0..Room::WALLS).map(move |i| Surface::Wall(room, i)));
         let may_accelerate = table.obstacle_accel_mps2 > 0.0;
-        let may_differ = |obstacle: &&Obstacle| may_accelerate && obstacle.is_moving();
-        let moving = || obstacles.iter().copied().filter(|obstacle| may_differ(&obstacle));
+        let moving =
+            || obstacles.iter().copied().filter(|obstacle| may_accelerate && obstacle.is_moving());
         let surfaces = walls
             .chain(obstacles.iter().copied().map(Surface::Obstacle))
             .chain(moving().map(Surface::MovingByMean))
