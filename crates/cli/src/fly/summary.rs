@@ -287,6 +287,9 @@ impl Display for Summary {
         let missing = self.missing_confirmation();
         let (phase, reason) = (self.phase.name(), Fault::ending_names(&self.ended_by));
         writeln!(f, "result        {phase}{missing}{reason}, {reached} of {count} targets")?;
+        for causes in self.ended_by.iter().filter_map(|fault| fault.likely_causes()) {
+            writeln!(f, "likely causes {causes}")?;
+        }
         self.write_accuracy(f)?;
         self.write_timing(f)?;
         self.write_events(f)?;

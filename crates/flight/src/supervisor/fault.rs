@@ -1,5 +1,7 @@
 //! What can go wrong in a flight, and the only place that decides what happens then.
 
+mod causes;
+
 use std::fmt::{self, Debug, Formatter};
 
 use schemars::JsonSchema;

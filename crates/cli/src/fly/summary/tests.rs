@@ -105,8 +105,10 @@ fn a_flight_is_a_success_if_it_landed_after_its_last_target() {
     assert!(!summary(Phase::LandingUnconfirmed, &[]).is_success());
     let by_fault = Summary { ended_by: vec![Fault::FenceLeft], ..landed.clone() };
     assert!(!by_fault.is_success());
-    let first = by_fault.to_string().lines().next().unwrap_or_default().to_owned();
-    assert!(first.contains("landed (outside of the room), "), "{first}");
+    let text = by_fault.to_string();
+    let lines: Vec<&str> = text.lines().take(2).collect();
+    assert!(lines[0].contains("landed (outside of the room), "), "{text}");
+    assert!(lines[1].starts_with("likely causes the mission is near a wall"), "{text}");
     let targets_reached = landed.targets_count - 1;
     assert!(!Summary { targets_reached, ..landed }.is_success());
 }

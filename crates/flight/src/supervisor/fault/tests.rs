@@ -108,3 +108,13 @@ fn what_ended_a_flight_early_is_named_behind_its_landing() {
     let two = names(&[Fault::TrackingLost, Fault::OperatorStop, Fault::FenceLeft]);
     assert_eq!(two, " (off the reference, outside of the room)");
 }
+
+#[test]
+fn a_fault_that_cuts_a_flight_short_says_what_leads_to_it() {
+    for fault in Fault::ALL {
+        let ends =
+            fault.reaction(Pilot::Controller) >= Reaction::BrakeAndLand && fault.ends_early();
+        let says_it_all = [Fault::BatteryCritical, Fault::OperatorEmergencyStop].contains(fault);
+        assert!(!ends || says_it_all || fault.likely_causes().is_some(), "{fault:?}");
+    }
+}

@@ -1,0 +1,78 @@
+//! What a person in the laboratory looks at first after a fault has ended a flight.
+
+use super::Fault;
+
+impl Fault {
+    /// What leads to the fault in practice, most frequent first, with the way out where it is not obvious; `None` for
+    /// faults that end no flight, or whose name says it all. The fault itself shows none of these causes.
+    pub fn likely_causes(self) -> Option<&'static str> {
+        Some(match self {
+            Self::MocapStale | Self::MocapLost => {
+                "markers hidden, the object outside of the tracked volume, the stream broken off"
+            }
+            Self::MocapFrozen => {
+                "the motion capture repeats a pose or tracks another object; the drone ignores its sticks"
+            }
+            Self::MocapJumped | Self::MocapRough => {
+                "markers swapped, hidden or reflected; the motion capture needs a new calibration"
+            }
+            Self::PoseDoubtful | Self::PoseInconsistent => {
+                "the poses drift or belong to another object; the drone's own velocity or height is wrong (a floor \
+                 without texture, dim light, furniture below)"
+            }
+            Self::HeadingWrong => {
+                "the rigid body is turned against the drone's nose; its heading drifts; sticks act late"
+            }
+            Self::ObstacleEntered | Self::PlanBlocked | Self::BlockedLong => {
+                "walls or obstacles leave too little room beside the mission (check --figure); a lower --speed"
+            }
+            Self::ObstacleUnseen | Self::ObstacleApproaches => {
+                "somebody comes near the vehicle; the markers of the moving obstacle are hidden"
+            }
+            Self::FenceNear | Self::FenceLeft => {
+                "the mission is near a wall of `room`; lost commands; a draught"
+            }
+            Self::TrackingLost | Self::MissionOverdue => {
+                "the parameters do not fit this drone (ident); it is pushed or held; lost commands; without light or \
+                 texture on the floor it does not hold its velocity"
+            }
+            Self::Immobile | Self::NotFlying => {
+                "the drone touches something, is held, or landed by itself"
+            }
+            Self::TooFast => {
+                "without light or texture on the floor the drone does not hold its velocity"
+            }
+            Self::DeadTimeLong => {
+                "Wi-Fi delays the sticks; the dead times of the parameters do not fit this drone (ident)"
+            }
+            Self::OutageHeld | Self::OutageLong | Self::OutageUnsafe => {
+                "Wi-Fi loses the sticks; the drone is pushed or held; another program steers it"
+            }
+            Self::DroneSilent => "Wi-Fi is interrupted; the drone is off",
+            Self::TookOffUnasked => "another program or a person started the drone",
+            Self::EstimatorFailed | Self::ControllerFailed | Self::SolverFailing => {
+                "poses or parameters far from those of a flying drone; report it with the log"
+            }
+            Self::TicksLate | Self::GuardianLost | Self::ProgramStalled => {
+                "the computer is overloaded or was suspended (real-time priority: docs/install.md)"
+            }
+            Self::TakeOffTimeout => {
+                "the drone refuses to start (battery, heat, tilt); another object is tracked in its place"
+            }
+            Self::LandingTimeout => "Wi-Fi is interrupted; another object is tracked in its place",
+            Self::PersonGone => "nobody steers: hand back to the controller or land",
+            Self::MocapUnsettled
+            | Self::MocapUndated
+            | Self::StartMisplaced
+            | Self::DroneUnheard
+            | Self::DroneAloft
+            | Self::BatteryLow
+            | Self::BatteryCritical
+            | Self::InputExpired
+            | Self::LandedByPose
+            | Self::LandedByDrone
+            | Self::OperatorStop
+            | Self::OperatorEmergencyStop => return None,
+        })
+    }
+}
