@@ -154,7 +154,7 @@ where
         self.check_constraints(constraints)?;
         let context = CostContext { u_before: problem.u_before, s_ref: problem.s_ref, constraints };
         self.take_given(problem);
-        let cost_start = self.roll_out(problem, &context, Trial::Linearized);
+        let cost_start = self.roll_out(problem, &context, RollOut::StatesAndDynamics);
         if !cost_start.is_finite() {
             self.check_excesses(&self.trial, &context)?;
             return Err(SqpError::Cost { cost: cost_start });
@@ -210,8 +210,8 @@ where
             // Judged by the predicted decrease: near the optimum a step may gain much although little is predicted.
             let is_optimal = decrease <= solver.cost_tolerance * cost;
             let is_last = iterations + 1 == solver.iterations_max;
-            let trial = if is_last { Trial::Costed } else { Trial::Linearized };
-            let Some(lower) = self.search_line(problem, context, cost, decrease, trial) else {
+            let roll_out = if is_last { RollOut::States } else { RollOut::StatesAndDynamics };
+            let Some(lower) = self.search_line(problem, context, cost, decrease, roll_out) else {
                 let rounding = self.cost.rounding(cost, &self.plan, context.s_ref);
                 let is_optimal_to_rounding = is_optimal || decrease <= rounding;
                 break if is_optimal_to_rounding {
@@ -313,13 +313,13 @@ where
         std::mem::swap(&mut self.expansion.stages, &mut self.trial_stages);
     }
 
-    /// Fills the states of the trial from its inputs, and with [`Trial::Linearized`] the linear dynamics. Returns the
+    /// Fills the states of the trial from its inputs, and with [`RollOut::StatesAndDynamics`] the linear dynamics. Returns the
     /// cost of the trial.
     fn roll_out(
         &mut self,
         problem: &MpcProblem<'_, NS, NU, NP>,
         context: &CostContext<'_, NS, NU>,
-        trial: Trial,
+        results: RollOut,
     ) -> f64 {
         let mut s = *problem.s_0;
         let mut prepared = Prepared::new(self.model);
@@ -327,9 +327,9 @@ where
         let steps = self.trial.u.iter().zip(&mut self.trial.s);
         for ((u, s_next), (stage, stage_s)) in steps.zip(stages) {
             let model = prepared.over(problem.p, *stage_s);
-            s = match trial {
-                Trial::Costed => model.step(&s, u, problem.p, *stage_s),
-                Trial::Linearized => {
+            s = match results {
+                RollOut::States => model.step(&s, u, problem.p, *stage_s),
+                RollOut::StatesAndDynamics => {
                     let linearized = model.linearize_by_input(&s, u, problem.p, *stage_s);
                     let by_state = resized(&linearized.by_state);
                     *stage = Stage { by_state, by_input: resized(&linearized.by_input) };
@@ -369,7 +369,9 @@ where
     /// Upper bound of the decrease that is still possible, see [`Cost::gain_max`].
     fn gain_max(&self) -> f64 {
         let gradients = self.expansion.reduced_gradient.iter().zip(&self.plan.u).zip(&self.bounds);
-        self.cost.gain_max(gradients.map(|((gradient, u), bounds)| bounds.open(gradient, u)))
+        self.cost.gain_max(
+            gradients.map(|((gradient, u), bounds)| bounds.projected_gradient(gradient, u)),
+        )
     }
 }
 
@@ -381,14 +383,14 @@ fn refusal<const NS: usize, const NU: usize>(
     SettingError::new("horizon_steps", settings.horizon_steps(), error.to_string())
 }
 
-/// What a roll-out fills.
+/// Results of a roll-out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Trial {
+enum RollOut {
     /// States.
-    Costed,
+    States,
     /// States and linear dynamics, which cost little more together: most trials become the plan, whose derivatives are
     /// then available.
-    Linearized,
+    StatesAndDynamics,
 }
 
 #[cfg(test)]

@@ -119,7 +119,7 @@ pub struct Unsolved {
 }
 
 impl Unsolved {
-    /// Whether it was given up because the caller was late.
+    /// Whether the solve was given up because the caller was late.
     pub fn is_late(self) -> bool {
         self.reason == Reason::Late
     }

@@ -91,7 +91,7 @@ pub(crate) struct Arrival<const NS: usize, const NP: usize> {
 }
 
 impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
-    /// An arrival cost that knows nothing; [`Arrival::start`] comes before all else.
+    /// An arrival cost without information; [`Arrival::start`] comes before all else.
     ///
     /// It takes the subsystems of `partition` one by one.
     pub(crate) fn new(
@@ -170,7 +170,7 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     ///
     /// Where nothing determines the state after the step (its transition refused by a redescending
     /// loss, for example) the arrival cost begins again there.
-    pub(crate) fn carry<M, const NU: usize, const NO: usize>(
+    pub(crate) fn absorb_oldest_step<M, const NU: usize, const NO: usize>(
         &mut self,
         residuals: &Residuals<M, NS, NU, NO, NP>,
         iterate: &Iterate<'_, NS, NU, NO, NP>,
@@ -179,12 +179,12 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
     ) where
         M: Model<NS, NU, NO, NP>,
     {
-        if self.try_carry(residuals, iterate, prior, parameter_is_held).is_err() {
+        if self.try_absorb_oldest_step(residuals, iterate, prior, parameter_is_held).is_err() {
             self.start(&iterate.s[1], prior);
         }
     }
 
-    fn try_carry<M, const NU: usize, const NO: usize>(
+    fn try_absorb_oldest_step<M, const NU: usize, const NO: usize>(
         &mut self,
         residuals: &Residuals<M, NS, NU, NO, NP>,
         iterate: &Iterate<'_, NS, NU, NO, NP>,
@@ -321,7 +321,7 @@ pub(crate) fn marginalize<const NS: usize, const NP: usize>(
         parameter_block.hessian += (prior.hessian - parameter_block.hessian) * (1.0 - factor);
         parameter_block.gradient += (prior.gradient - parameter_block.gradient) * (1.0 - factor);
     }
-    // Only the lower triangles were computed as they should be: rounding must not add up above.
+    // The elimination is exact in the lower triangles only: mirrored, rounding does not accumulate above.
     next.diagonal.fill_upper_triangle_with_lower_triangle();
     parameter_block.hessian.fill_upper_triangle_with_lower_triangle();
     let mut reduced = parameter_block;

@@ -173,7 +173,7 @@ impl<const NS: usize, const NP: usize> LongChain<NS, NP> {
     ) -> Result<(), NotPositive> {
         match self {
             Self::Whole(whole) => whole.eliminate(k, block, damping),
-            Self::Partition(partition) => partition.eliminate_one(k, block, damping),
+            Self::Partition(partition) => partition.eliminate_state(k, block, damping),
         }
     }
 
@@ -195,7 +195,7 @@ impl<const NS: usize, const NP: usize> LongChain<NS, NP> {
             Self::Whole(whole) => {
                 back_substitute(whole.rows(), p_step, steps.len(), |k, step| steps[k] = step);
             }
-            Self::Partition(partition) => partition.back_substitute_long(p_step, steps),
+            Self::Partition(partition) => partition.back_substitute_states(p_step, steps),
         }
     }
 }

@@ -95,14 +95,14 @@ pub struct ProfilePoint {
     pub cost: f64,
 }
 
-/// Profile of the cost over the dead time of one group of inputs.
+/// CostProfile of the cost over the dead time of one group of inputs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DelayProfile<const NP: usize> {
     /// Input rows of the group.
     pub rows: Vec<usize>,
-    /// Candidates and the minimum between them, by ascending dead time, with what they cost more than it: integrated
-    /// from the gradients while all groups moved from their start by the same time; it ends where it is far above its
-    /// least.
+    /// Points by ascending dead time: the candidates and the minimum between them. Costs are differences to the minimum,
+    /// integrated from gradients with all groups shifted together. The curve ends where the cost is far above the
+    /// minimum. s, 1
     pub curve: Vec<ProfilePoint>,
     /// Where the cost is least, the other groups at their best; where the search started unless there
     /// is a minimum. s
@@ -147,7 +147,7 @@ pub struct DelaySpread {
     pub upper_s: f64,
 }
 
-/// How the estimate of a dead time follows the pieces, and the parameter the dead time, to first order.
+/// First-order sensitivity of a dead time to the pieces, and of the parameter to the dead time.
 ///
 /// Gains and lags of an axis are estimated at its dead time: an error of the one is an error of the others.
 #[derive(Debug, Clone, PartialEq)]

@@ -53,7 +53,7 @@ pub enum PieceError {
         pieces: usize,
     },
     /// There is nothing to explain: two observations are one step.
-    #[error("piece {piece} has {steps} steps; it needs 2")]
+    #[error("piece {piece} has {steps} steps; it needs at least 2")]
     Short {
         /// Position among the pieces.
         piece: usize,
@@ -173,8 +173,10 @@ where
         }
     }
 
-    /// Starts from the iterate of `other`, which has the same pieces.
+    /// Starts from the iterate of `other`, a clone of this identification: only iterates are copied. Linear in the
+    /// number of steps.
     pub fn restart_at(&mut self, other: &Self) {
+        debug_assert_eq!(self.segments.len(), other.segments.len(), "other pieces");
         self.p = other.p;
         self.is_near = true;
         for (segment, other) in self.segments.iter_mut().zip(&other.segments) {

@@ -81,25 +81,25 @@ impl<const NS: usize, const NP: usize> Partition<NS, NP> {
     /// # Errors
     /// The damped matrix is not positive definite.
     #[inline]
-    pub(crate) fn eliminate_one(
+    pub(crate) fn eliminate_state(
         &mut self,
         k: usize,
         block: &Block<NS, NP>,
         damping: f64,
     ) -> Result<(), NotPositive> {
-        self.subsystems.iter_mut().try_for_each(|one| one.eliminate_one(k, block, damping))
+        self.subsystems.iter_mut().try_for_each(|one| one.eliminate_state(k, block, damping))
     }
 
-    /// The reduced system after [`Partition::eliminate_one`] of all states, `parameter_block` included.
+    /// The reduced system after [`Partition::eliminate_state`] of all states, `parameter_block` included.
     pub(crate) fn reduced(&self, parameter_block: &ReducedSystem<NP>) -> ReducedSystem<NP> {
         let mut reduced = ReducedSystem::zeros();
         self.subsystems.iter().for_each(|one| one.add_reduced(parameter_block, &mut reduced));
         reduced
     }
 
-    /// Steps of the states that [`Partition::eliminate_one`] eliminated, all subsystems together.
-    pub(crate) fn back_substitute_long(&self, p_step: &Vector<NP>, steps: &mut [Vector<NS>]) {
-        self.subsystems.iter().for_each(|one| one.back_substitute_long(p_step, steps));
+    /// Steps of the states that [`Partition::eliminate_state`] eliminated, all subsystems together.
+    pub(crate) fn back_substitute_states(&self, p_step: &Vector<NP>, steps: &mut [Vector<NS>]) {
+        self.subsystems.iter().for_each(|one| one.back_substitute_states(p_step, steps));
     }
 
     /// As [`marginalize`], subsystem by subsystem.
@@ -141,17 +141,18 @@ impl<const NS: usize, const NP: usize> VisitSubsystems for Collected<NS, NP> {
         self.states.extend(states);
         self.parameters.extend(parameters);
         let rows = Vec::with_capacity(self.len_max);
-        let one_by_one = LongElimination::new(0);
+        let state_by_state = LongElimination::new(0);
         self.subsystems.push(Box::new(SubsystemElimination {
             states,
             parameters,
             rows,
-            one_by_one,
+            state_by_state,
         }));
     }
 }
 
-/// A subsystem of any size within a system of `NS` states and `NP` parameters.
+/// A subsystem of any size within a system of `NS` states and `NP` parameters. Each method does for one
+/// subsystem what the method of [`Partition`] that calls it does for all.
 trait Eliminate<const NS: usize, const NP: usize>: Debug + Send + Sync {
     fn eliminate(
         &mut self,
@@ -169,7 +170,7 @@ trait Eliminate<const NS: usize, const NP: usize>: Debug + Send + Sync {
         whole: &mut Matrix<NS, NS>,
     ) -> Result<(), NotPositive>;
 
-    fn eliminate_one(
+    fn eliminate_state(
         &mut self,
         k: usize,
         block: &Block<NS, NP>,
@@ -178,7 +179,7 @@ trait Eliminate<const NS: usize, const NP: usize>: Debug + Send + Sync {
 
     fn add_reduced(&self, parameter_block: &ReducedSystem<NP>, reduced: &mut ReducedSystem<NP>);
 
-    fn back_substitute_long(&self, p_step: &Vector<NP>, steps: &mut [Vector<NS>]);
+    fn back_substitute_states(&self, p_step: &Vector<NP>, steps: &mut [Vector<NS>]);
 
     fn put_marginal(
         &self,
@@ -202,7 +203,7 @@ struct SubsystemElimination<const S: usize, const P: usize> {
     parameters: &'static [usize; P],
     rows: Vec<Eliminated<S, P>>,
     /// Used instead of `rows` by a chain that is eliminated block by block.
-    one_by_one: LongElimination<S, P>,
+    state_by_state: LongElimination<S, P>,
 }
 
 impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate<NS, NP>
@@ -241,24 +242,24 @@ impl<const S: usize, const P: usize, const NS: usize, const NP: usize> Eliminate
         Ok(())
     }
 
-    fn eliminate_one(
+    fn eliminate_state(
         &mut self,
         k: usize,
         block: &Block<NS, NP>,
         damping: f64,
     ) -> Result<(), NotPositive> {
-        self.one_by_one.eliminate(k, &of_block(block, self.states, self.parameters), damping)
+        self.state_by_state.eliminate(k, &of_block(block, self.states, self.parameters), damping)
     }
 
     fn add_reduced(&self, parameter_block: &ReducedSystem<NP>, reduced: &mut ReducedSystem<NP>) {
         let mut own = self.reduced_system(parameter_block);
-        own += self.one_by_one.reduced();
+        own += self.state_by_state.reduced();
         self.put_reduced_system(&own, reduced);
     }
 
-    fn back_substitute_long(&self, p_step: &Vector<NP>, steps: &mut [Vector<NS>]) {
+    fn back_substitute_states(&self, p_step: &Vector<NP>, steps: &mut [Vector<NS>]) {
         let p_step = select_rows(p_step, self.parameters);
-        back_substitute(self.one_by_one.rows(), &p_step, steps.len(), |k, step| {
+        back_substitute(self.state_by_state.rows(), &p_step, steps.len(), |k, step| {
             scatter(&step, self.states, &[0], &mut steps[k]);
         });
     }

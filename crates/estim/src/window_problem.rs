@@ -197,7 +197,12 @@ where
         }
         if let Some(arrival) = &mut self.arrival {
             let iterate = Iterate { s: &self.s, u: &self.u, o: &self.o, p: &self.p };
-            arrival.carry(&self.residuals, &iterate, &self.prior, self.parameter_is_held);
+            arrival.absorb_oldest_step(
+                &self.residuals,
+                &iterate,
+                &self.prior,
+                self.parameter_is_held,
+            );
         } else {
             self.o[1] = Observed::missing();
         }

@@ -25,7 +25,7 @@ impl<const N: usize> Bounds<N> {
     ///
     /// Real time: no allocation, one pass over the rows.
     #[inline]
-    pub fn open(&self, gradient: &Vector<N>, x: &Vector<N>) -> Vector<N> {
+    pub fn projected_gradient(&self, gradient: &Vector<N>, x: &Vector<N>) -> Vector<N> {
         Vector::from_fn(|i, _| {
             let is_open = if gradient[i] > 0.0 { x[i] > self.lo[i] } else { x[i] < self.hi[i] };
             if is_open { gradient[i] } else { 0.0 }
@@ -61,10 +61,11 @@ mod tests {
     #[test]
     fn what_leads_out_of_the_box_is_not_open() {
         let gradient = Vector::from([2.0, 2.0, -2.0]);
-        let open = |x: [f64; 3], sign: f64| bounds().open(&(gradient * sign), &x.into());
-        assert_eq!(open([-1.0, 0.5, 9.0], 1.0), Vector::from([0.0, 0.0, -2.0]));
-        assert_eq!(open([-1.0, 0.5, 9.0], -1.0), Vector::from([-2.0, 0.0, 2.0]));
-        assert_eq!(open([0.0, 0.5, 9.0], 1.0), Vector::from([2.0, 0.0, -2.0]));
+        let projected =
+            |x: [f64; 3], sign: f64| bounds().projected_gradient(&(gradient * sign), &x.into());
+        assert_eq!(projected([-1.0, 0.5, 9.0], 1.0), Vector::from([0.0, 0.0, -2.0]));
+        assert_eq!(projected([-1.0, 0.5, 9.0], -1.0), Vector::from([-2.0, 0.0, 2.0]));
+        assert_eq!(projected([0.0, 0.5, 9.0], 1.0), Vector::from([2.0, 0.0, -2.0]));
     }
 
     #[test]

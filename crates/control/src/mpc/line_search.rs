@@ -6,7 +6,7 @@ use horizon_model::Model;
 
 use super::cost::CostContext;
 use super::report::MpcProblem;
-use super::{Mpc, Trial};
+use super::{Mpc, RollOut};
 
 /// Constant of the sufficient decrease (Armijo) condition, Nocedal and Wright, Numerical Optimization, 2006, equation
 /// 3.4.
@@ -30,7 +30,7 @@ where
         context: &CostContext<'_, NS, NU>,
         cost: f64,
         decrease: f64,
-        trial: Trial,
+        results: RollOut,
     ) -> Option<f64> {
         let mut step_length = 1.0;
         for _ in 0..=HALVINGS_MAX {
@@ -39,7 +39,7 @@ where
                 let u = self.plan.u[k] + self.expansion.du[k] * step_length;
                 self.trial.u[k] = self.bounds[k].clamp(&u);
             }
-            let lower = self.roll_out(problem, context, trial);
+            let lower = self.roll_out(problem, context, results);
             if lower < cost && cost - lower >= SUFFICIENT_DECREASE * step_length * decrease {
                 self.take_trial();
                 return Some(lower);
@@ -102,7 +102,7 @@ mod tests {
                     *u = mpc.plan.u[k] + length * step(throttle);
                 }
                 mpc.bounds.fill(wide());
-                mpc.roll_out(problem, context, Trial::Costed)
+                mpc.roll_out(problem, context, RollOut::States)
             })
         }
 
@@ -118,7 +118,7 @@ mod tests {
             self.with(|mpc, problem, context| {
                 mpc.expansion.du.fill(step(throttle));
                 let before = mpc.plan.u[0][stick::THROTTLE];
-                let lower = mpc.search_line(problem, context, cost, decrease, Trial::Costed)?;
+                let lower = mpc.search_line(problem, context, cost, decrease, RollOut::States)?;
                 Some((lower, (mpc.plan.u[0][stick::THROTTLE] - before) / throttle))
             })
         }

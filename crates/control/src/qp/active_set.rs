@@ -225,9 +225,13 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
         }
     }
 
-    /// Corrects the working set: all wrong entries, or the one with the largest gap if `progress` has stalled.
+    /// Corrects the working set: all wrong entries, or the one with the largest gap if they have stalled.
     /// Returns the latest stage that was changed, `None` if every entry is right.
-    fn correct(&mut self, problem: &Problem<'_, NS, NU>, progress: &mut Progress) -> Option<usize> {
+    fn correct(
+        &mut self,
+        problem: &Problem<'_, NS, NU>,
+        stall: &mut StallDetector,
+    ) -> Option<usize> {
         let mut count = 0;
         let mut worst: Option<WrongEntry> = None;
         let mut latest = 0;
@@ -239,7 +243,7 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
             }
         }
         let worst = worst?;
-        if progress.has_stalled(count) {
+        if stall.has_stalled(count) {
             self.correct_entry(&worst);
             return Some(worst.k);
         }
@@ -263,7 +267,8 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
         self.fix_given(problem);
         self.penalized.clear();
         self.penalized.extend(problem.penalties.iter().map(|penalty| penalty.excess > 0.0));
-        let mut progress = Progress { fewest: usize::MAX, iterations_left: STALLED_ITERATIONS_MAX };
+        let mut stall =
+            StallDetector { fewest: usize::MAX, iterations_left: STALLED_ITERATIONS_MAX };
         let mut from = Some(self.working_set.len() - 1);
         let mut iterations = 0;
         while let Some(latest) = from {
@@ -274,7 +279,7 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
             self.backward_recursion(problem, latest)
                 .map_err(|reason| Unsolved { reason, iterations })?;
             self.roll_out(problem);
-            from = self.correct(problem, &mut progress);
+            from = self.correct(problem, &mut stall);
         }
         let is_finite = self.du.iter().all(|du| du.iter().all(|value| value.is_finite()));
         if is_finite {
@@ -320,16 +325,16 @@ enum Entry {
     Penalty(usize),
 }
 
-/// Progress of the iterations by the number of wrong entries of the working set.
+/// Detects by the number of wrong entries of the working set that the iterations make no progress.
 #[derive(Debug)]
-struct Progress {
+struct StallDetector {
     /// Smallest number of wrong entries so far.
     fewest: usize,
-    /// Iterations left without a new smallest number before the progress has stalled.
+    /// Iterations left without a new smallest number before they have stalled.
     iterations_left: u32,
 }
 
-impl Progress {
+impl StallDetector {
     /// Counts an iteration with `wrong_count` wrong entries. Returns whether their number has had no new minimum for
     /// more than [`STALLED_ITERATIONS_MAX`] iterations, so that only one entry may be corrected.
     fn has_stalled(&mut self, wrong_count: usize) -> bool {

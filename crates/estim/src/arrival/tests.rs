@@ -316,8 +316,8 @@ fn forgetting_mixes_the_information_of_the_window_with_the_prior() {
     forgetting.forgetting_factor = factor;
     let mut never = kept.arrival().clone();
     let iterate = kept.iterate();
-    forgetting.carry(&residuals(), &iterate, &prior(), false);
-    never.carry(&residuals(), &iterate, &prior(), false);
+    forgetting.absorb_oldest_step(&residuals(), &iterate, &prior(), false);
+    never.absorb_oldest_step(&residuals(), &iterate, &prior(), false);
     let mut prior_information = Matrix::<ALL, ALL>::zeros();
     prior_information.fixed_view_mut::<NP, NP>(NS, NS).copy_from(&prior().information());
     let expected = information(&never) * factor + prior_information * (1.0 - factor);
@@ -366,7 +366,7 @@ fn a_refused_transition_begins_again() {
     // The second state is a kilometre from where the model leads.
     let s = [problem.states()[0], State::new(1e3, 0.0, 0.0)];
     let iterate = Iterate { s: &s, ..problem.iterate() };
-    arrival.carry(&refusing, &iterate, &prior(), false);
+    arrival.absorb_oldest_step(&refusing, &iterate, &prior(), false);
     assert_eq!((arrival.s_mean, arrival.p_mean), (s[1], P_PRIOR));
     assert_eq!(marginal(&arrival), prior().information());
 }

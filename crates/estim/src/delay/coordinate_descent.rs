@@ -3,7 +3,7 @@
 use horizon_model::Model;
 
 use super::ProfilePoint;
-use super::profile::Profile;
+use super::profile::CostProfile;
 use super::search::{GroupProfile, Search, SearchStop};
 
 /// Passes over the groups.
@@ -32,7 +32,7 @@ where
         Ok(profiles)
     }
 
-    /// Profile of one group at fixed dead times of the others. The group is left at the lowest of the candidates and
+    /// CostProfile of one group at fixed dead times of the others. The group is left at the lowest of the candidates and
     /// the vertex of the parabola through the lowest candidate and its neighbours.
     fn minimize_along(
         &mut self,
@@ -45,19 +45,19 @@ where
         at.dedup_by(|a, b| (*a - *b).abs() < 1e-9);
         let mut points = Vec::with_capacity(at.len());
         for dead_time_s in at {
-            self.put(group, dead_time_s);
+            self.set_dead_time(group, dead_time_s);
             points.push(ProfilePoint { dead_time_s, cost: self.solve()? });
         }
-        let mut profile = Profile::new(points);
+        let mut profile = CostProfile::new(points);
         if let Some(dead_time_s) = profile.vertex_s() {
-            self.put(group, dead_time_s);
+            self.set_dead_time(group, dead_time_s);
             let vertex = ProfilePoint { dead_time_s, cost: self.solve()? };
             if vertex.cost < profile.lowest().cost {
                 profile.insert_lowest(vertex);
             }
         }
         let at_s = profile.lowest().dead_time_s;
-        self.put(group, at_s);
+        self.set_dead_time(group, at_s);
         self.solve()?;
         Ok(GroupProfile { curve: profile.above_lowest(), at_s })
     }

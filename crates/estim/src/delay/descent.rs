@@ -1,4 +1,4 @@
-//! From some dead times to the minimum of the profile of each group, and where a search begins again.
+//! Descent of all dead times to the minima of their profiles, and the restart of a search from the prior.
 //!
 //! With a wrong dead time the minimum of the cost may lie at a parameter far from the truth. A solve that begins there
 //! with the right dead time may stay in a local minimum there. A solve from the prior does not.
@@ -68,7 +68,7 @@ where
         let (found_s, found) = (*self.dead_time_s, self.ident.clone());
         let (mut least, mut best_s) = (cost * (1.0 - COST_TOLERANCE_SOLVE), None);
         for at_s in self.settings.grid().collect::<Vec<_>>() {
-            self.put_all(at_s);
+            self.restart_all_at(at_s);
             match self.solve_to(|of_settings| of_settings.max(COST_TOLERANCE_SCAN)) {
                 Ok(cost) if cost < least => (least, best_s) = (cost, Some(at_s)),
                 // A failure at one dead time is no failure of the others.
@@ -77,7 +77,7 @@ where
             }
         }
         if let Some(at_s) = best_s {
-            self.put_all(at_s);
+            self.restart_all_at(at_s);
         } else {
             *self.dead_time_s = found_s;
             self.ident.restart_at(&found);
@@ -86,8 +86,8 @@ where
     }
 
     /// Sets one dead time for all groups, and the iterate to its start from the prior.
-    fn put_all(&mut self, at_s: f64) {
-        (0..self.groups.len()).for_each(|group| self.put(group, at_s));
+    fn restart_all_at(&mut self, at_s: f64) {
+        (0..self.groups.len()).for_each(|group| self.set_dead_time(group, at_s));
         self.ident.start();
     }
 }

@@ -1,17 +1,17 @@
-//! Profile of the cost over the dead time of one group, and its minimum.
+//! CostProfile of the cost over the dead time of one group, and its minimum.
 
 use horizon_model::check::maximum;
 
 use super::ProfilePoint;
 
 /// Points of a profile by ascending dead time, with costs up to a constant.
-pub(super) struct Profile {
+pub(super) struct CostProfile {
     points: Vec<ProfilePoint>,
     /// Index of the point of least cost.
     lowest: usize,
 }
 
-impl Profile {
+impl CostProfile {
     /// The profile through `points`, of which there is at least one, by ascending dead time.
     pub(super) fn new(points: Vec<ProfilePoint>) -> Self {
         let mut lowest = 0;
@@ -72,9 +72,9 @@ pub(super) struct LocalMinimum {
     pub(super) curvature: Option<f64>,
 }
 
-/// Profile from the `gradients` at ascending candidates, by the trapezoidal rule, with the minimum between two
+/// CostProfile from the `gradients` at ascending candidates, by the trapezoidal rule, with the minimum between two
 /// candidates as a point of its own.
-pub(super) fn integrate(candidates_s: &[f64], gradients: &[f64]) -> (Profile, LocalMinimum) {
+pub(super) fn integrate(candidates_s: &[f64], gradients: &[f64]) -> (CostProfile, LocalMinimum) {
     let mut cost = 0.0;
     let first_s = candidates_s.first().copied().unwrap_or(0.0);
     let mut points = vec![ProfilePoint { dead_time_s: first_s, cost }];
@@ -84,7 +84,7 @@ pub(super) fn integrate(candidates_s: &[f64], gradients: &[f64]) -> (Profile, Lo
         cost += 0.5 * (left + right) * (right_s - left_s);
         points.push(ProfilePoint { dead_time_s: right_s, cost });
     }
-    let mut profile = Profile::new(points);
+    let mut profile = CostProfile::new(points);
     let lowest = profile.lowest;
     let ProfilePoint { dead_time_s: lowest_s, cost: least } = profile.lowest();
     // The gradient vanishes between the lowest candidate and the neighbour in the direction of descent.

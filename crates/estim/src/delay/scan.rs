@@ -85,7 +85,7 @@ where
             let next = scans.iter().map(|scan| scan.next_s(step_s, dead_time_max_s));
             let next: Vec<Option<f64>> = next.collect();
             for (group, (next_s, (start_s, _))) in next.iter().zip(starts).enumerate() {
-                self.put(group, next_s.unwrap_or(*start_s));
+                self.set_dead_time(group, next_s.unwrap_or(*start_s));
             }
             if next.iter().all(Option::is_none) {
                 return Ok(scans.into_iter().map(|scan| scan.points).collect());

@@ -28,7 +28,7 @@ pub(super) const COST_TOLERANCE_SOLVE: f64 = 1e-7;
 /// Number of pieces below which their scatter is too uncertain for a standard deviation of its own. 1
 const PIECES_MIN: f64 = 10.0;
 
-/// Profile of one group and its minimum.
+/// CostProfile of one group and its minimum.
 pub(super) struct GroupProfile {
     /// Candidates and their cost above the least, as in [`DelayProfile::curve`].
     pub(super) curve: Vec<ProfilePoint>,
@@ -146,7 +146,7 @@ where
                 self.ident.restart_at(start);
             }
             dead_time_s = start_s;
-            self.put(group, dead_time_s);
+            self.set_dead_time(group, dead_time_s);
             solved.cost = self.solve()?;
             solved.ident.restart_at(self.ident);
         }
@@ -186,7 +186,7 @@ where
         let mut round = 0;
         loop {
             for (group, minimum) in minima.iter().enumerate() {
-                self.put(group, minimum.at_s);
+                self.set_dead_time(group, minimum.at_s);
             }
             let cost = self.solve()?;
             for ((minimum, last), gradient) in
@@ -229,16 +229,16 @@ where
             return Ok((None, DelayVerdict::EndOfRange));
         }
         let Solved { ident: solved, cost } = solved;
-        self.put(group, at_s - width_s);
+        self.set_dead_time(group, at_s - width_s);
         let left = self.solve()?;
         let left_pieces = self.ident.piece_costs();
         let left_parameter = *self.ident.parameter();
         self.ident.restart_at(solved);
-        self.put(group, at_s + width_s);
+        self.set_dead_time(group, at_s + width_s);
         let right = self.solve()?;
         let right_pieces = self.ident.piece_costs();
         let parameter_by_dead_time = (self.ident.parameter() - left_parameter) / (2.0 * width_s);
-        self.put(group, at_s);
+        self.set_dead_time(group, at_s);
         self.ident.restart_at(solved);
         let curvature = (left - 2.0 * *cost + right) / (width_s * width_s);
         if curvature.is_nan() || curvature <= 0.0 {
@@ -277,7 +277,7 @@ where
     }
 
     /// Sets the dead time of the rows of a group.
-    pub(super) fn put(&mut self, group: usize, at_s: f64) {
+    pub(super) fn set_dead_time(&mut self, group: usize, at_s: f64) {
         for row in self.groups[group] {
             self.dead_time_s[*row] = at_s;
         }

@@ -50,14 +50,14 @@ impl At {
         let u = Inputs::from_fn(|i, _| 0.7 * (1.3 * i as f64 + variant).sin());
         let mut at = Self { mpc, s_0, s_ref: [s_ref; STAGES], u };
         at.gradient(&u);
-        let cost = at.cost(&u, Trial::Costed);
+        let cost = at.cost(&u, RollOut::States);
         assert!(cost > 0.1, "{cost}");
         at
     }
 
     /// Makes `u` the plan and expands it; the reduced gradient.
     pub(super) fn gradient(&mut self, u: &Inputs) -> Inputs {
-        self.cost(u, Trial::Linearized);
+        self.cost(u, RollOut::StatesAndDynamics);
         self.mpc.take_trial();
         self.with(|mpc, _, context| mpc.fill_gradients(context)).unwrap();
         let gradients = &self.mpc.expansion.reduced_gradient;
@@ -77,12 +77,12 @@ impl At {
     }
 
     /// Cost of the inputs `u` along the nonlinear model.
-    pub(super) fn cost(&mut self, u: &Inputs, trial: Trial) -> f64 {
+    pub(super) fn cost(&mut self, u: &Inputs, results: RollOut) -> f64 {
         self.with(|mpc, problem, context| {
             for (k, u) in u.as_slice().chunks(4).enumerate() {
                 mpc.trial.u[k].copy_from_slice(u);
             }
-            mpc.roll_out(problem, context, trial)
+            mpc.roll_out(problem, context, results)
         })
     }
 
@@ -127,7 +127,7 @@ fn the_reduced_gradient_away_from_the_optimum_meets_its_numeric_twin() {
         let gradient = at.gradient(&u);
         assert!(gradient.norm() > 1.0, "nothing to gain: {gradient}");
         let cell = std::cell::RefCell::new(&mut at);
-        let cost = |u: &Inputs| Vector1::new(cell.borrow_mut().cost(u, Trial::Costed));
+        let cost = |u: &Inputs| Vector1::new(cell.borrow_mut().cost(u, RollOut::States));
         let gap = jacobian_gap(cost, &u, &gradient.transpose());
         assert!(gap < 1e-7, "gap {gap:e} at theta = {theta}");
     }
@@ -138,12 +138,13 @@ fn the_predicted_decrease_with_second_derivatives_is_that_of_the_true_cost_to_se
     let mut missed = 0;
     for mut at in plans() {
         let (u, theta) = (at.u, at.s_0[motion::THETA]);
-        let cost = at.cost(&u, Trial::Costed);
+        let cost = at.cost(&u, RollOut::States);
         for direction in 0..8 {
             let du = Inputs::from_fn(|i, _| {
                 1e-3 * f64::from(direction * 5 + 1).mul_add(i as f64, 0.3).sin()
             });
-            let [ahead, behind] = [1.0, -1.0].map(|sign| at.cost(&(u + sign * du), Trial::Costed));
+            let [ahead, behind] =
+                [1.0, -1.0].map(|sign| at.cost(&(u + sign * du), RollOut::States));
             // Odd orders cancel in the sum, even ones in the difference.
             let (first, second) = (0.5 * (behind - ahead), ahead + behind - 2.0 * cost);
             let curved = |at: &mut At, kind| {

@@ -20,7 +20,7 @@ fn states_by_inputs(at: &mut At) -> ByInputs {
     let cell = std::cell::RefCell::new(at);
     let states = |u: &Inputs| {
         let mut at = cell.borrow_mut();
-        at.cost(u, Trial::Costed);
+        at.cost(u, RollOut::States);
         Vector::from_iterator(at.mpc.trial.s.iter().flat_map(|s| s.iter()).copied())
     };
     differences::jacobian(states, &u)

@@ -109,7 +109,7 @@ fn the_reduced_gradient_with_penalties_meets_its_numeric_twin() {
         };
         let at = Vector::<24>::from_fn(|i, _| 0.3 * (i as f64).sin());
         mpc.trial.u = plan(&at);
-        mpc.roll_out(&problem, &context, Trial::Linearized);
+        mpc.roll_out(&problem, &context, RollOut::StatesAndDynamics);
         mpc.take_trial();
         mpc.fill_gradients(&context).unwrap();
         let gradient = mpc.expansion.reduced_gradient.clone();
@@ -119,7 +119,7 @@ fn the_reduced_gradient_with_penalties_meets_its_numeric_twin() {
         let cost = |x: &Vector<24>| {
             let mut mpc = cell.borrow_mut();
             mpc.trial.u = plan(x);
-            Vector1::new(mpc.roll_out(&problem, &context, Trial::Costed))
+            Vector1::new(mpc.roll_out(&problem, &context, RollOut::States))
         };
         let gap = jacobian_gap(cost, &at, &gradient.transpose());
         assert!(gap < 1e-6, "gap {gap:e} at {pole:?}");
@@ -144,13 +144,13 @@ fn the_predicted_decrease_with_penalties_is_exact_for_a_linear_motion() {
     for direction in [-0.6, -0.2, 0.2, 0.6] {
         let before: Vec<Sticks> = (0..6).map(|k| sticks(k, 0.3)).collect();
         mpc.trial.u.clone_from(&before);
-        let cost = mpc.roll_out(&problem, &context, Trial::Linearized);
+        let cost = mpc.roll_out(&problem, &context, RollOut::StatesAndDynamics);
         mpc.take_trial();
         mpc.fill_gradients(&context).unwrap();
         mpc.expansion.du = (0..6).map(|k| sticks(k + 1, direction)).collect();
         let predicted = mpc.expansion.complete_step(&before, &bounds, false).decrease;
         mpc.trial.u = before.iter().zip(&mpc.expansion.du).map(|(u, du)| u + du).collect();
-        let decrease = cost - mpc.roll_out(&problem, &context, Trial::Costed);
+        let decrease = cost - mpc.roll_out(&problem, &context, RollOut::States);
         assert!(
             (predicted - decrease).abs() < 1e-9 * cost,
             "{predicted} instead of {decrease} of {cost}"

@@ -70,7 +70,7 @@ fn a_rise_is_the_highest_cost_on_its_side() {
 fn the_vertex_is_that_of_the_parabola() {
     let cost = |s: f64| 3.0 * (s - 0.31).powi(2) + 7.0;
     let parabola = |s: f64| ProfilePoint { dead_time_s: s, cost: cost(s) };
-    let mut profile = Profile::new([0.1, 0.2, 0.3, 0.36].map(parabola).to_vec());
+    let mut profile = CostProfile::new([0.1, 0.2, 0.3, 0.36].map(parabola).to_vec());
     let vertex_s = profile.vertex_s().unwrap();
     assert!((vertex_s - 0.31).abs() < 1e-12, "{vertex_s}");
     profile.insert_lowest(parabola(vertex_s));
@@ -79,5 +79,8 @@ fn the_vertex_is_that_of_the_parabola() {
     assert!(curve[3].cost.abs() <= 0.0 && curve[4].cost > 0.0, "{curve:?}");
     let flipped = |s: f64| ProfilePoint { dead_time_s: s, cost: -cost(s) };
     assert!(super::vertex_s(flipped(0.2), flipped(0.3), flipped(0.36)).is_none());
-    assert!(Profile::new([0.2, 0.3, 0.36].map(flipped).to_vec()).vertex_s().is_none(), "an end");
+    assert!(
+        CostProfile::new([0.2, 0.3, 0.36].map(flipped).to_vec()).vertex_s().is_none(),
+        "an end"
+    );
 }

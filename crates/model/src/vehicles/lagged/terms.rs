@@ -93,7 +93,7 @@ pub(super) struct Terms {
     /// Sine and cosine of psi. 1
     heading: (f64, f64),
     /// Horizontal velocity that the sticks ask for, `c`, world frame. m/s
-    asked_w_mps: Vector2<f64>,
+    commanded_w_mps: Vector2<f64>,
     /// How much of it is missing, `c - v`, world frame. m/s
     missing_w_mps: Vector2<f64>,
     /// Change of the horizontal velocity before the limit, `e`, world frame. m/s
@@ -123,8 +123,9 @@ impl Terms {
         let before_s = (0.5 * (dt_s - shape.period_s)).max(0.0);
         let heading = (s[motion::THETA] + p[lag::THETA_0]).sin_cos();
         let lags = Lags::cached_or_new(model, p, dt_s);
-        let asked_w_mps = p[lag::LAMBDA_H] * world_from_sticks(heading, pitch.value, roll.value);
-        let missing_w_mps = asked_w_mps - Vector2::new(s[motion::V_X], s[motion::V_Y]);
+        let commanded_w_mps =
+            p[lag::LAMBDA_H] * world_from_sticks(heading, pitch.value, roll.value);
+        let missing_w_mps = commanded_w_mps - Vector2::new(s[motion::V_X], s[motion::V_Y]);
         let change_w_mps = lags.fraction_h.value * missing_w_mps;
         let per_limit2 = (p[lag::A_MAX] * dt_s).powi(-2);
         let ratio2 = change_w_mps.norm_squared() * per_limit2;
@@ -137,7 +138,7 @@ impl Terms {
             throttle,
             lags,
             heading,
-            asked_w_mps,
+            commanded_w_mps,
             missing_w_mps,
             change_w_mps,
             per_limit2,
@@ -172,9 +173,13 @@ impl Terms {
     pub(super) fn next_by_state(&self) -> ByState {
         let fraction = self.lags.fraction_h.value;
         let mut j = Matrix::identity();
-        set(&mut j, motion::THETA, self.limited(fraction * quarter_turn(self.asked_w_mps)));
-        set(&mut j, motion::V_X, Vector2::x() - self.limited(fraction * Vector2::x()));
-        set(&mut j, motion::V_Y, Vector2::y() - self.limited(fraction * Vector2::y()));
+        set(
+            &mut j,
+            motion::THETA,
+            self.limited_derivative(fraction * quarter_turn(self.commanded_w_mps)),
+        );
+        set(&mut j, motion::V_X, Vector2::x() - self.limited_derivative(fraction * Vector2::x()));
+        set(&mut j, motion::V_Y, Vector2::y() - self.limited_derivative(fraction * Vector2::y()));
         j[(motion::V_Z, motion::V_Z)] = 1.0 - self.lags.fraction_v.value;
         j[(motion::OMEGA, motion::OMEGA)] = 1.0 - self.lags.fraction_a.value;
         j[(motion::D_X, motion::D_X)] = self.lags.keep_h;
@@ -192,7 +197,7 @@ impl Terms {
     pub(super) fn next_by_input(&self, p: &Parameter) -> ByInput {
         let mut j = Matrix::zeros();
         for (col, by_stick) in self.change_by_stick(p) {
-            set(&mut j, col, self.limited(by_stick));
+            set(&mut j, col, self.limited_derivative(by_stick));
         }
         j[(motion::V_Z, stick::THROTTLE)] =
             self.lags.fraction_v.value * p[lag::LAMBDA_V] * self.throttle.by_stick;
@@ -210,10 +215,18 @@ impl Terms {
         let shrunk = world_from_sticks(self.heading, self.pitch.by_dead, self.roll.by_dead);
         let by_limit = -2.0 * self.limit.by_ratio2 * self.ratio2 / p[lag::A_MAX];
         let mut j = Matrix::zeros();
-        set(&mut j, lag::LAMBDA_H, self.limited(fraction * along));
-        set(&mut j, lag::THETA_0, self.limited(fraction * quarter_turn(self.asked_w_mps)));
-        set(&mut j, lag::TAU_H, self.limited(self.lags.fraction_h.by_tau * self.missing_w_mps));
-        set(&mut j, lag::DEAD_H, self.limited(fraction * p[lag::LAMBDA_H] * shrunk));
+        set(&mut j, lag::LAMBDA_H, self.limited_derivative(fraction * along));
+        set(
+            &mut j,
+            lag::THETA_0,
+            self.limited_derivative(fraction * quarter_turn(self.commanded_w_mps)),
+        );
+        set(
+            &mut j,
+            lag::TAU_H,
+            self.limited_derivative(self.lags.fraction_h.by_tau * self.missing_w_mps),
+        );
+        set(&mut j, lag::DEAD_H, self.limited_derivative(fraction * p[lag::LAMBDA_H] * shrunk));
         set(&mut j, lag::A_MAX, by_limit * self.change_w_mps);
 
         j[(motion::V_Z, lag::LAMBDA_V)] = self.lags.fraction_v.value * self.throttle.value;
@@ -247,7 +260,7 @@ impl Terms {
         let h = if kind == HessianKind::Convexified { absolute(&h) } else { h };
         let fraction = self.lags.fraction_h.value;
         let states = [
-            (motion::THETA, fraction * quarter_turn(self.asked_w_mps)),
+            (motion::THETA, fraction * quarter_turn(self.commanded_w_mps)),
             (motion::V_X, -fraction * Vector2::x()),
             (motion::V_Y, -fraction * Vector2::y()),
         ];
@@ -255,23 +268,24 @@ impl Terms {
         let (mut by_state, mut by_input_state, mut by_input) =
             (Matrix::zeros(), Matrix::zeros(), Matrix::zeros());
         for (j, by_j) in states {
-            let turned = h * by_j;
+            let h_by_j = h * by_j;
             for (i, by_i) in &states {
-                by_state[(*i, j)] = turned.dot(by_i);
+                by_state[(*i, j)] = h_by_j.dot(by_i);
             }
             for (i, by_i) in &sticks {
-                by_input_state[(*i, j)] = turned.dot(by_i);
+                by_input_state[(*i, j)] = h_by_j.dot(by_i);
             }
         }
         for (j, by_j) in sticks {
-            let turned = h * by_j;
+            let h_by_j = h * by_j;
             for (i, by_i) in &sticks {
-                by_input[(*i, j)] = turned.dot(by_i);
+                by_input[(*i, j)] = h_by_j.dot(by_i);
             }
         }
         if kind == HessianKind::Exact {
-            let by_change = self.limited(w_h);
-            by_state[(motion::THETA, motion::THETA)] -= fraction * by_change.dot(&self.asked_w_mps);
+            let by_change = self.limited_derivative(w_h);
+            by_state[(motion::THETA, motion::THETA)] -=
+                fraction * by_change.dot(&self.commanded_w_mps);
             for (i, by_i) in sticks {
                 by_input_state[(i, motion::THETA)] += by_change.dot(&quarter_turn(by_i));
             }
@@ -316,7 +330,7 @@ impl Terms {
 
     /// Derivative of the limited change along the derivative `by` of the change before the limit.
     #[inline]
-    fn limited(&self, by: Vector2<f64>) -> Vector2<f64> {
+    fn limited_derivative(&self, by: Vector2<f64>) -> Vector2<f64> {
         let e = self.change_w_mps;
         let by_factor = 2.0 * self.limit.by_ratio2 * self.per_limit2 * e.dot(&by);
         self.limit.factor * by + by_factor * e

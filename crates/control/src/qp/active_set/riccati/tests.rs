@@ -176,7 +176,7 @@ fn the_policy_minimizes_the_cost_and_the_value_is_its_minimum() {
                 let gradient = differences::jacobian(cost, &chosen(&ds, &dv));
                 let inactive = (0..NU).filter(|i| active[*i].is_none());
                 let worst = inactive.map(|i| gradient[i].abs()).fold(0.0, maximum);
-                // Rounding over the increment of the differences.
+                // Rounding error divided by the step of the differences.
                 assert!(worst < 1e-8, "seed {seed}, {active:?}: gradient {worst:e}");
             }
         }

@@ -41,15 +41,20 @@ fn moved(terms: &Terms, e: &Vector2<f64>) -> Terms {
 fn the_limited_change_and_its_second_derivative_meet_their_numeric_twins() {
     for terms in all() {
         let e = terms.change_w_mps;
-        let exact =
-            Matrix2::from_columns(&[terms.limited(Vector2::x()), terms.limited(Vector2::y())]);
+        let exact = Matrix2::from_columns(&[
+            terms.limited_derivative(Vector2::x()),
+            terms.limited_derivative(Vector2::y()),
+        ]);
         // The limit is 0.022 m/s: third derivatives are of order 1e4, 1e-6 of them is left.
         let gap = jacobian_gap(|e| limited_change(&terms, e), &e, &exact);
         assert!(gap < 1e-6, "gap {gap:e} at {e}");
         let w = Vector2::new(0.7, -1.3);
         let gradient = |e: &Vector2<f64>| {
             let terms = moved(&terms, e);
-            Vector2::new(terms.limited(Vector2::x()).dot(&w), terms.limited(Vector2::y()).dot(&w))
+            Vector2::new(
+                terms.limited_derivative(Vector2::x()).dot(&w),
+                terms.limited_derivative(Vector2::y()).dot(&w),
+            )
         };
         let numeric = differences::jacobian(gradient, &e);
         let gap = amax(&(terms.limit_curvature(w, LIMIT_WIDTH) - numeric));
