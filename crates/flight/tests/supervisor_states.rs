@@ -32,6 +32,7 @@ fn settings() -> Result<SupervisorSettings, SettingError> {
         solver_failures_max: 1,
         late_periods_max: 10,
         finish_hold_s: 1.0,
+        land_from_m: Some(0.45),
         failsafe: FailsafeTable::default(),
     })
 }

@@ -21,6 +21,8 @@ pub(super) struct Committed {
     pub(super) steps_max: usize,
     /// [`given_steps`], to the nearest begin of a stage.
     pub(super) given_steps: [usize; stick::COUNT],
+    /// First step of the last stage that is given; none of an axis without given steps.
+    pub(super) last_given_steps: [usize; stick::COUNT],
     /// Stages of the first step that is not given, and of the one after it.
     pub(super) open_stages: [[usize; 2]; stick::COUNT],
     /// Part of a step by which the dead time exceeds whole steps. 1
@@ -36,12 +38,18 @@ impl Committed {
     ) -> Self {
         let steps = given_steps(dead_time_steps);
         let given_steps = steps.map(|step| settings.nearest_boundary(step));
+        let begin_of = |stage: usize| -> usize {
+            settings.stage_steps().iter().take(stage).map(|steps| *steps as usize).sum()
+        };
+        let last_given_steps =
+            given_steps.map(|step| begin_of(settings.stage_of(step.saturating_sub(1))));
         let open_stages =
             given_steps.map(|step| [step, step + 1].map(|step| settings.stage_of(step)));
         Self {
             dead_time_steps: *dead_time_steps,
             steps_max: steps.into_iter().max().unwrap_or(0),
             given_steps,
+            last_given_steps,
             open_stages,
             fraction: dead_time_steps.map(f64::fract),
             given_stages: open_stages.into_iter().map(|[open, _]| open).max().unwrap_or(0),

@@ -4,6 +4,7 @@
 //! fastest axis that is sent now acts, and the first inputs of the slower axes are committed: they are in transit
 //! already. The controller plans effective inputs; `Model::input_for` gives the sticks.
 
+mod brake;
 mod known;
 
 use std::iter::repeat_n;
@@ -18,6 +19,7 @@ use super::committed::Committed;
 use super::walls::{Clearance, PlanWalls, Walls};
 use crate::forgetting::decay;
 use crate::{Mission, PlanClearance, Reference, clip_target};
+use brake::Brake;
 pub(super) use known::Known;
 
 /// Age of a plan at which its sticks are reduced to `1/e`, thesis section 4.3.9. ticks
@@ -25,11 +27,6 @@ const PLAN_DECAY_TICKS: f64 = 10.0;
 
 /// Largest age of a plan at which its clearance from walls still counts. ticks
 const CLEAR_LAG_MAX: u32 = 5;
-
-/// A braking vehicle is held at its position once its speed is below the first value, until its distance from there
-/// exceeds the second. m/s, m
-const REST_MPS: f64 = 0.1;
-const REST_M: f64 = 0.5;
 
 /// Bounds of the sticks of a plan. 1
 #[derive(Debug, Clone, Copy)]
@@ -67,10 +64,8 @@ where
     clearance: Option<Clearance>,
     /// Whether the newest solve gave a plan that stays inside of the room and out of obstacles that do not move.
     is_newest_clear: bool,
-    /// Whether the plan brings the vehicle to rest, whatever the mission.
-    is_braking: bool,
-    /// Where the vehicle is held after braking; `None` before it is slow. World frame. m, rad
-    rest: Option<Pose>,
+    /// Brings the vehicle to rest, whatever the mission.
+    brake: Brake,
 }
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Planner<M, NS, NP, NR>
@@ -106,8 +101,7 @@ where
             walls: None,
             clearance: None,
             is_newest_clear: true,
-            is_braking: false,
-            rest: None,
+            brake: Brake::default(),
         }
     }
 
@@ -124,20 +118,20 @@ where
         Self { walls, ..self }
     }
 
-    /// Chooses whether plans bring the vehicle to rest, as near as they can, or follow the mission.
-    pub(super) fn brake(&mut self, is_braking: bool) {
-        self.is_braking = is_braking;
-        self.rest = self.rest.filter(|_| is_braking);
+    /// Chooses whether plans bring the vehicle to rest, as near as they can, or follow the mission. A vehicle that has
+    /// come to rest is brought down to the height `descends_to_m`, world frame. m
+    pub(super) fn brake(&mut self, is_braking: bool, descends_to_m: Option<f64>) {
+        self.brake.set(is_braking, descends_to_m);
     }
 
     /// Whether plans bring the vehicle to rest.
     pub(super) fn is_braking(&self) -> bool {
-        self.is_braking
+        self.brake.is_on()
     }
 
     /// Whether plans hold a vehicle that has braked at one position.
     pub(super) fn is_at_rest(&self) -> bool {
-        self.rest.is_some()
+        self.brake.is_at_rest()
     }
 
     /// Length of the plan. steps
@@ -189,10 +183,24 @@ where
     }
 
     /// Fills the committed inputs of the first steps of the plan.
+    ///
+    /// In an outage a brake goes on from the sticks that were sent: the cost of a change from those that act in their
+    /// place would let each plan begin with the same small step, and only first steps are ever sent.
     fn fill_given(&mut self, known: &Known<'_, NS, NP>) {
         let given = self.committed.given_steps_max();
+        let begin_ahead = known.begin_ahead();
         for (k, u) in self.u_given.iter_mut().take(given).enumerate() {
-            *u = self.model.effect(&known.applied(known.begin_ahead() + k.cast_signed()), &self.p);
+            let ahead = begin_ahead + k.cast_signed();
+            let mut sticks = known.applied(ahead);
+            if self.brake.is_on() {
+                let sent = known.fifo.applied(ahead);
+                for (axis, from) in self.committed.last_given_steps.into_iter().enumerate() {
+                    if k >= from {
+                        sticks[axis] = sent[axis];
+                    }
+                }
+            }
+            *u = self.model.effect(&sticks, &self.p);
         }
     }
 
@@ -205,6 +213,12 @@ where
         walls.begin_after(first as f64 * self.dt_s, covariance_w);
     }
 
+    /// The sticks before the first step of the plan, from which changes cost; see [`Planner::fill_given`].
+    fn before(&self, known: &Known<'_, NS, NP>) -> Sticks {
+        let ahead = known.begin_ahead() - 1;
+        if self.brake.is_on() { known.fifo.applied(ahead) } else { known.applied(ahead) }
+    }
+
     /// Solves for a plan from the start, committed inputs, walls and references that are filled in.
     fn solve(
         &mut self,
@@ -214,7 +228,7 @@ where
         let problem = MpcProblem {
             s_0: &self.s_0,
             p: &self.p,
-            u_before: &self.model.effect(&known.applied(known.begin_ahead() - 1), &self.p),
+            u_before: &self.model.effect(&self.before(known), &self.p),
             u_given: &self.u_given[..self.committed.given_steps_max()],
             given_steps: self.committed.given_steps,
             s_ref: &self.s_ref,
@@ -228,8 +242,11 @@ where
     /// Fills the references of the plan.
     fn fill_references(&mut self, mission: &Mission, known: &Known<'_, NS, NP>) {
         let from = self.model.observe(&self.s_0);
-        if self.is_braking {
-            let rest = self.rest(&from);
+        if self.brake.is_on() {
+            let next = self.model.step(&self.s_0, &Sticks::zeros(), &self.p, self.dt_s);
+            let coasting = self.model.coasting(&self.s_0, &self.p);
+            let next = self.model.observe(&next);
+            let rest = self.brake.reference(&from, &next, &coasting, self.dt_s);
             self.refer_to(&angle::nearest_turn(&rest, &from, &M::OBSERVATION));
         } else if mission.is_pointwise() {
             let target = angle::nearest_turn(mission.target(), &from, &M::OBSERVATION);
@@ -260,17 +277,6 @@ where
             at[pose::THETA] += turn_rad;
             *s_ref = self.model.moving(&at, &reference.rate, &self.s_0);
         }
-    }
-
-    /// Reference of a braking vehicle at `from`: its own pose, or once it is slow the pose at which it is held, so that
-    /// it does not drift on.
-    fn rest(&mut self, from: &Pose) -> Pose {
-        let next =
-            self.model.observe(&self.model.step(&self.s_0, &Sticks::zeros(), &self.p, self.dt_s));
-        let is_slow = (pos_w(&next) - pos_w(from)).norm() < REST_MPS * self.dt_s;
-        let is_near = |rest: &Pose| (pos_w(rest) - pos_w(from)).norm() < REST_M;
-        self.rest = self.rest.filter(is_near).or_else(|| is_slow.then_some(*from));
-        self.rest.unwrap_or(*from)
     }
 
     /// State when a stick of the slowest axis, sent now, begins to act, by the newest plan.

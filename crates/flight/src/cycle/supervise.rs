@@ -64,7 +64,7 @@ where
             has_controller_failed: self.memory.has_controller_failed,
         });
         out.decision = Some(decision);
-        self.planner.brake(decision.is_braking);
+        self.planner.brake(decision.is_braking, self.supervisor.descends_to_m());
         decision.pilot
     }
 
@@ -150,8 +150,8 @@ where
     }
 
     /// Horizontal differences between vehicle and reference, of the velocities and of the positions, world frame;
-    /// `None` if the reference is a constant target, or if an obstacle is near or in the path, which may have to be
-    /// evaded. m/s, m
+    /// `None` if the reference is a constant target, in the descent before a landing, or if an obstacle is near or in
+    /// the path, which may have to be evaded. m/s, m
     fn velocity_error_w(
         &self,
         motion: &EstimatedMotion,
@@ -162,7 +162,8 @@ where
         let is_evading = self.planner.walls().is_some_and(|walls| {
             walls.is_beside_obstacle(&at_w) || walls.is_path_blocked(&at_w, &to_w)
         });
-        (!is_evading && !self.waits_for_obstacle(now)).then(|| (error_w.xy(), (at_w - to_w).xy()))
+        let is_meant = is_evading || self.waits_for_obstacle(now) || self.is_descending();
+        (!is_meant).then(|| (error_w.xy(), (at_w - to_w).xy()))
     }
 
     /// Whether the mission is done and the moving obstacle came near within the last seconds: the vehicle, which waits
@@ -171,10 +172,15 @@ where
         self.mission.is_finished() && self.supervisor.was_approached(now.0)
     }
 
+    /// Whether the controller brings the vehicle down before a landing, away from the reference of the mission.
+    fn is_descending(&self) -> bool {
+        self.supervisor.descends_to_m().is_some()
+    }
+
     /// How the vehicle at `at` tracks its reference. What was before the flight does not count, nor how far the vehicle
     /// has come down beside an obstacle: a plan that evades the obstacle may lead down.
     fn track(&mut self, at: &Pose, now: TimeNs) -> Tracking {
-        if self.supervisor.phase() != Phase::Flying {
+        if self.supervisor.phase() != Phase::Flying || self.is_descending() {
             self.progress.resume();
             self.progress.restart_height();
         }

@@ -55,6 +55,10 @@ pub struct SupervisorTable {
     pub late_periods_max: u32,
     /// Hover at the last target before landing. s, 0..=3600
     pub finish_hold_s: f64,
+    /// Height above the ground to which the controller brings the vehicle down before it lands with neutral sticks;
+    /// null or missing: the vehicle lands from any height. m, 0.3..=2
+    #[serde(default)]
+    pub land_from_m: Option<f64>,
     /// Limits of a flight that goes on without a fault of a part.
     #[serde(default)]
     pub failsafe: FailsafeTable,
@@ -155,6 +159,9 @@ impl TryFrom<&SupervisorTable> for SupervisorSettings {
         in_range("solver_failures_max", table.solver_failures_max, 0..=1000)?;
         in_range("late_periods_max", table.late_periods_max, 0..=1000)?;
         in_range("finish_hold_s", table.finish_hold_s, 0.0..=3600.0)?;
+        if let Some(land_from_m) = table.land_from_m {
+            in_range("land_from_m", land_from_m, 0.3..=2.0)?;
+        }
         table.failsafe.check().map_err(|error| error.under("failsafe"))?;
         Ok(Self { table: table.clone(), room })
     }

@@ -25,6 +25,7 @@ pub(super) const TABLE: SupervisorTable = SupervisorTable {
     solver_failures_max: 3,
     late_periods_max: 10,
     finish_hold_s: 2.0,
+    land_from_m: None,
     failsafe: FailsafeTable {
         tracking_m: 1.0,
         speed_mps: 3.0,

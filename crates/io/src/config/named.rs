@@ -90,8 +90,12 @@ mod tests {
         let kept: Vec<String> =
             all.iter().filter(|place| !is_missed(place)).map(ToString::to_string).collect();
         // What these do if they are missing is in `docs/configuration.md`.
-        let expected =
-            ["cycle.mpc.stages", "cycle.mpc.walls.vehicle_radius_m", "real_time.frame_wait_s"];
+        let expected = [
+            "cycle.mpc.stages",
+            "cycle.mpc.walls.vehicle_radius_m",
+            "cycle.supervisor.land_from_m",
+            "real_time.frame_wait_s",
+        ];
         assert_eq!(kept, expected, "of {} keys", all.len());
     }
 

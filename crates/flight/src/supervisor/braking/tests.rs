@@ -4,7 +4,7 @@ use horizon_model::rows::Pose;
 
 use super::super::tests::*;
 use super::super::*;
-use super::SLOW_MPS;
+use super::{LOW_M, SLOW_MPS};
 
 /// Fast, and the drone silent for too long.
 fn fast() -> Evidence {
@@ -96,6 +96,36 @@ fn a_mission_that_is_done_lands_a_vehicle_at_rest_and_brakes_one_that_a_person_h
     let mut bench = Bench::flying();
     let ticks = (0..100).take_while(|_| bench.tick(&done).phase == Phase::Flying).count();
     assert!((ticks as f64 - hold).abs() <= 1.0, "{ticks} ticks for {hold}");
+}
+
+#[test]
+fn a_vehicle_comes_down_before_it_lands_unless_the_drone_is_silent() {
+    let done = Evidence { is_mission_done: true, speed_mps: 0.0, ..ALOFT };
+    let at = |z_m: f64, e: Evidence| Evidence { pose: Some(Pose::new(0.0, 0.0, z_m, 0.0)), ..e };
+    let descends = |e: &Evidence, ticks: u32| {
+        let mut bench = Bench::taking_off();
+        bench.supervisor.table.land_from_m = Some(0.45);
+        bench.pass(60, &ALOFT);
+        (0..200).find(|_| bench.tick(e).is_braking).expect("a brake");
+        let to_m = bench.supervisor.descends_to_m();
+        bench.pass(ticks, e);
+        (bench, to_m)
+    };
+    let (mut bench, to_m) = descends(&at(1.0, done), 70);
+    let to_m = to_m.unwrap();
+    assert!((to_m - 0.55).abs() < 1e-9, "above the ground at 0.1 m: {to_m} m");
+    assert_eq!(bench.tick(&at(to_m + LOW_M + 0.01, done)).phase, Phase::Flying);
+    let decision = bench.tick(&at(to_m + LOW_M, done));
+    assert_eq!((decision.phase, decision.order), (Phase::Landing, Some(DroneOrder::Land)));
+    // One that does not get down lands nevertheless, and so does one whose poses are not trusted.
+    let (mut bench, _) = descends(&at(1.0, done), 93);
+    assert_eq!(bench.run(3, &at(1.0, done)).phase, Phase::Landing);
+    let (mut bench, _) = descends(&at(1.0, done), 5);
+    let stale = Evidence { pose_age_s: Some(0.26), ..at(1.0, done) };
+    assert_eq!(bench.tick(&stale).phase, Phase::Landing);
+    let mut silent = braking();
+    silent.supervisor.table.land_from_m = Some(0.45);
+    assert_eq!(silent.tick(&Evidence { speed_mps: 0.1, ..fast() }).phase, Phase::Landing);
 }
 
 #[test]

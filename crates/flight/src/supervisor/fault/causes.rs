@@ -8,7 +8,7 @@ impl Fault {
     pub fn likely_causes(self) -> Option<&'static str> {
         Some(match self {
             Self::MocapStale | Self::MocapLost => {
-                "markers hidden, the object outside of the tracked volume, the stream broken off"
+                "markers hidden, the object outside of the tracked volume, the stream broken off or repeating a pose"
             }
             Self::MocapFrozen => {
                 "the motion capture repeats a pose or tracks another object; the drone ignores its sticks"
