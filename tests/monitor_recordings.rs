@@ -31,7 +31,7 @@ fn watch(path: &Path) -> Vec<Findings> {
         before = raw;
         let sample = Sample { pose, drone: None, u_applied: *u, link_is_up: true };
         if pose.is_some_and(|now| now[pose::Z] < FLYING_M) {
-            monitors.rest(&sample);
+            monitors.update_on_ground(&sample);
         } else {
             found.push(monitors.update(&sample));
         }

@@ -49,7 +49,7 @@ fn quotes(text: &str, quantity: &str) -> bool {
 
 /// The documentation before the variant `fault` of `source`.
 fn doc(source: &str, fault: &str) -> String {
-    let before = source.split(&format!("\n    {fault},")).next().unwrap_or_default();
+    let before = source.split(&format!("\n    {fault}: ")).next().unwrap_or_default();
     let lines = before.lines().rev().map_while(|line| line.trim().strip_prefix("///"));
     lines.collect::<Vec<_>>().into_iter().rev().collect::<Vec<_>>().join(" ")
 }
@@ -89,5 +89,8 @@ fn a_quantity_is_found_as_a_whole() {
     let page = "| `a` | no | - |\n| `b` | for 3 s | land |\n\n- `b`: 2 s\n  - 1 s\n- `c`: 4 s\n";
     assert_eq!(conditions(page, "b"), "| `b` | for 3 s | land | - `b`: 2 s   - 1 s");
     assert_eq!(conditions(page, "a"), "| `a` | no | - |");
-    assert_eq!(doc("    /// No.\n    B,\n    /// For\n    /// 3 s.\n    A,\n", "A"), " For  3 s.");
+    assert_eq!(
+        doc("    /// No.\n    B: 1;\n    /// For\n    /// 3 s.\n    A: 2;\n", "A"),
+        " For  3 s."
+    );
 }

@@ -11,7 +11,7 @@ use nalgebra::Vector2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use tello_flight::commanded_mps;
+use tello_flight::commanded_w_mps;
 
 use crate::smooth::MotionTrack;
 
@@ -116,7 +116,7 @@ fn implied_command(table: &OutageTable, track: &MotionTrack, k: usize) -> Vector
 }
 
 fn command(table: &OutageTable, u: &Sticks, theta_rad: f64) -> Vector2<f64> {
-    commanded_mps(u, theta_rad + table.theta_0_rad, table.lambda_h_mps, table.dead_h)
+    commanded_w_mps(u, theta_rad + table.theta_0_rad, table.lambda_h_mps, table.dead_h)
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! What sticks ask for along the floor, without dead time and lag.
+//! Velocity that sticks command along the floor, without dead time and lag.
 
 use horizon_model::rows::{Sticks, stick};
 use horizon_model::world_from_sticks;
@@ -14,10 +14,10 @@ pub(crate) fn inputs_w(u: &Sticks, psi_rad: f64) -> Vector2<f64> {
     world_from_sticks(psi_rad.sin_cos(), u[stick::PITCH], u[stick::ROLL])
 }
 
-/// Velocity along the floor that the sticks ask for in the direction of flight `psi_rad`, world frame. m/s
+/// `c`: velocity along the floor that the sticks command in the direction of flight `psi_rad`, world frame. m/s
 ///
 /// `lambda_h_mps` is the velocity of a full stick, `dead_h` the dead zone of roll and pitch (1).
-pub fn commanded_mps(u: &Sticks, psi_rad: f64, lambda_h_mps: f64, dead_h: f64) -> Vector2<f64> {
+pub fn commanded_w_mps(u: &Sticks, psi_rad: f64, lambda_h_mps: f64, dead_h: f64) -> Vector2<f64> {
     let forward_mps = lambda_h_mps * excess(u[stick::PITCH], dead_h);
     let right_mps = lambda_h_mps * excess(u[stick::ROLL], dead_h);
     world_from_sticks(psi_rad.sin_cos(), forward_mps, right_mps)
@@ -57,7 +57,7 @@ mod tests {
         for (u, expected) in [(0.6, 0.5), (-0.6, -0.5), (0.1, 0.0), (-0.05, -0.0)] {
             assert!((excess(u, 0.1) - expected).abs() < 1e-12, "{u}");
         }
-        let found_mps = commanded_mps(&sticks(0.6, -0.05), 0.0, 2.0, 0.1);
+        let found_mps = commanded_w_mps(&sticks(0.6, -0.05), 0.0, 2.0, 0.1);
         assert!(amax(&(found_mps - Vector2::new(1.0, 0.0))) < 1e-12, "{found_mps}");
     }
 }

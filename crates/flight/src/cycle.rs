@@ -27,7 +27,7 @@ mod progress;
 mod proposed_sticks;
 mod record;
 mod sense;
-mod settled_poses;
+mod standing_start;
 mod supervise;
 mod table;
 mod timing;
@@ -39,8 +39,8 @@ use std::fmt::Debug;
 
 use horizon_control::{MpcReport, SqpStop, predict};
 use horizon_estim::{Mhe, MheError, Observed};
+use horizon_model::InputFifo;
 use horizon_model::rows::{Pose, Sticks, pose, stick};
-use horizon_model::{InputFifo, Model};
 use nalgebra::SVector;
 
 use crate::drone::DroneStatus;
@@ -55,12 +55,12 @@ use hand_over::HandOver;
 use immobility::Immobility;
 use impact::Impact;
 use link::Link;
-use measurement_time::Seen;
+use measurement_time::TickObservations;
 pub use mission_checks::{misfits, notes, take_off_clearance};
 use planning::{Known, Planner};
 use pose_plausibility::Plausibility;
 use progress::Progress;
-use settled_poses::StandingStart;
+use standing_start::StandingStart;
 use worst_case::WorstCase;
 
 pub use crate::Operator;
@@ -73,14 +73,14 @@ pub use record::{Sink, Topic};
 pub use sense::{SIGHTING_AGE_MAX, is_flight_phase};
 pub use table::{CycleTable, DT_S, FlightTable, StandingTable};
 pub use timing::Timing;
-pub use vehicle::{ModelKind, WithModel};
+pub use vehicle::{ModelKind, Vehicle, WithModel};
 pub use walls::{Clearance, WallTable};
 
-/// The period whose sticks this tick decides, for [`InputFifo::applied`].
+/// The period whose sticks this tick decides. The `ahead` of a period, as of [`InputFifo::applied`], counts from it.
 const COMING: isize = 0;
 /// The period that ended with this tick, before the push of the tick.
 const JUST_ENDED: isize = -1;
-/// The period that ended with this tick, after the push, which moves the coming step on by one.
+/// The period that ended with this tick, after the push, which moves the coming period on by one.
 const JUST_ENDED_AFTER_PUSH: isize = -2;
 
 /// A cycle of any model: what flight, simulation and replay hold.
@@ -108,10 +108,7 @@ pub trait Tick: Send {
 
 /// Filter, estimator, predictor, controller, supervisor and gate around one vehicle model.
 #[derive(Debug)]
-pub struct Cycle<M, const NS: usize, const NP: usize, const NR: usize>
-where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-{
+pub struct Cycle<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> {
     model: M,
     dt_s: f64,
     pipeline: Pipeline,
@@ -130,7 +127,7 @@ where
     progress: Progress,
     immobility: Immobility,
     impact: Impact,
-    start: StandingStart,
+    standing_start: StandingStart,
     worst_case: WorstCase<NS, NP>,
     supervisor: Supervisor,
     hand_over: HandOver,
@@ -163,7 +160,7 @@ struct Memory {
 
 impl<M, const NS: usize, const NP: usize, const NR: usize> Tick for Cycle<M, NS, NP, NR>
 where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send,
+    M: Vehicle<NS, NP>,
 {
     /// Sense, estimate, supervise, plan, gate, remember.
     ///
@@ -183,15 +180,18 @@ where
         let pilot = self.supervise(inbox, out);
         let may_steer = pilot == Some(Pilot::Controller);
         self.note_mission(may_steer);
+        if may_steer {
+            self.progress.count_flown(self.dt_s);
+        }
         if self.pipeline == Pipeline::SameTick && may_steer {
-            self.aim();
+            self.advance_mission();
             self.plan(COMING, watch, out);
         }
 
         let u_proposed = self.proposed_sticks(pilot, inbox);
         let approved = self.pass_gate(pilot, &u_proposed, inbox);
         let u_sent = self.sent(approved, inbox);
-        self.note_pressed(pilot, &u_sent);
+        self.follow_immobility(pilot, &u_sent);
         self.fifo.push(&u_sent);
         (out.u_proposed, out.approved, out.u_sent) = (u_proposed, approved, u_sent);
         out.plan_lag = self.planner.lag();
@@ -203,7 +203,7 @@ where
         if !may_steer {
             self.planner.drop_plan();
         }
-        out.aim_at(&self.mission);
+        out.note_targets(&self.mission);
     }
 
     fn new_outcome(&self) -> Outcome {
@@ -225,21 +225,19 @@ where
     }
 }
 
-impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
-where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-{
-    /// Step 6 of thesis section 4.3.11: the newest state and the parameters, from the window that ends now.
+impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR> {
+    /// Step 6 of thesis section 4.3.11: the newest state and the parameters, from the window that ends with the period
+    /// `ahead` of the coming one.
     fn estimate(
         &mut self,
-        seen: Option<&Seen>,
-        applied_ahead: isize,
+        seen: Option<&TickObservations>,
+        ahead: isize,
         watch: &mut dyn Watch,
         out: &mut Outcome,
     ) {
-        let Some(Seen { newest, at_tick }) = seen else { return };
+        let Some(TickObservations { newest, at_tick }) = seen else { return };
         if self.mhe.is_started() {
-            let (u_applied, decision) = self.follow_link(applied_ahead, at_tick);
+            let (u_applied, decision) = self.follow_link(ahead, at_tick);
             (out.link, out.applied_instead) = (decision, self.link_instead());
             // A jump of the poses is no motion of the vehicle.
             let has_jumped = self.plausibility.has_jumped();
@@ -248,7 +246,7 @@ where
             }
             let solved = self.mhe.update(&u_applied, newest, &mut || watch.is_late());
             if self.memory.is_on_mission {
-                self.correct_dead_time(applied_ahead);
+                self.correct_dead_time(ahead);
             }
             // After the update, which still solves the corrected window with a free parameter.
             self.mhe.hold_parameter(has_jumped || !self.link_is_up());
@@ -294,7 +292,7 @@ where
         (u_applied, Some(decision))
     }
 
-    /// Corrects the dead times by the motion of this flight; `ahead` of the coming step is the period that ended last.
+    /// Corrects the dead times by the motion of this flight; `ahead` of the coming one is the period that ended last.
     fn correct_dead_time(&mut self, ahead: isize) {
         let Some(link) = &mut self.link else { return };
         let fifo = &mut self.fifo;
@@ -302,7 +300,7 @@ where
             return;
         }
         let steps = (self.mhe.window().len() - 1).min(link.state_steps());
-        link.recall(steps, |back| fifo.applied(ahead - back.cast_signed()));
+        link.rewrite_meant(steps, |back| fifo.applied(ahead - back.cast_signed()));
         assert_amended(&self.mhe.amend(steps, |age| link.applied(age)));
     }
 
@@ -315,22 +313,19 @@ where
         }
     }
 
-    /// Notes whether the controller follows the mission in this tick, and counts the time in which it steers. After
-    /// braking, or after others steered, the mission is resumed from where the vehicle is.
+    /// Notes whether the controller follows the mission in this tick. After braking, or after others steered, resumes
+    /// it from where the vehicle is.
     fn note_mission(&mut self, may_steer: bool) {
         let is_on_mission = may_steer && !self.planner.is_braking();
         let was_on_mission = std::mem::replace(&mut self.memory.is_on_mission, is_on_mission);
         if is_on_mission && !was_on_mission {
             self.resume();
         }
-        if may_steer {
-            self.progress.fly(self.dt_s);
-        }
     }
 
     /// Lets the mission go on from where the vehicle is now, at its present speed.
     fn resume(&mut self) {
-        self.progress.resume();
+        self.progress.reset_least();
         if let Some(motion) = self.motion() {
             self.mission.resume(&motion.pose, &motion.rate);
         }
@@ -346,7 +341,7 @@ where
     }
 
     /// Step 9 of thesis section 4.3.11: progress of the mission by the newest estimate; it waits for a braking vehicle.
-    fn aim(&mut self) {
+    fn advance_mission(&mut self) {
         if self.mhe.is_started() && !self.planner.is_braking() {
             self.mission.advance(&self.model.observe(self.mhe.s_hat()));
         }
@@ -354,8 +349,8 @@ where
 
     /// Steps 7 and 8 of thesis section 4.3.11: the plan that follows from the newest estimate.
     ///
-    /// `from_ahead` is the first period after that estimate, seen from the coming step.
-    fn plan(&mut self, from_ahead: isize, watch: &mut dyn Watch, out: &mut Outcome) {
+    /// `ahead` of the coming period is the first one after that estimate.
+    fn plan(&mut self, ahead: isize, watch: &mut dyn Watch, out: &mut Outcome) {
         if !self.mhe.is_started() {
             return;
         }
@@ -365,7 +360,7 @@ where
             covariance: self.planner.covariance(|| self.mhe.state_covariance()),
             fifo: &self.fifo,
             instead: self.link_instead(),
-            from_ahead,
+            ahead,
         };
         let solved = self.planner.plan(&known, &self.mission, &mut || watch.is_late());
         watch.mark(TickStage::Planned);

@@ -6,7 +6,7 @@ pub(crate) fn decay(dt_s: f64, tau_s: f64) -> f64 {
 }
 
 /// Fraction of the time in which a condition does not hold that is subtracted from the time in which it held. 1
-pub(crate) const FORGIVEN_RATIO: f64 = 0.2;
+pub(crate) const LEAK_RATIO: f64 = 0.2;
 
 /// Leaky sum, which never falls below zero.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -19,7 +19,7 @@ impl LeakySum {
     }
 
     /// Subtracts `amount`, down to zero.
-    pub(crate) fn forgive(&mut self, amount: f64) {
+    pub(crate) fn leak(&mut self, amount: f64) {
         self.0 = (self.0 - amount).max(0.0);
     }
 
@@ -42,9 +42,9 @@ mod tests {
     #[test]
     fn a_leaky_sum_stays_at_zero() {
         let mut sum = LeakySum::default();
-        sum.forgive(1.0);
+        sum.leak(1.0);
         sum.add(2.0);
-        sum.forgive(0.5);
+        sum.leak(0.5);
         assert!((sum.value() - 1.5).abs() < 1e-12);
     }
 }

@@ -40,8 +40,8 @@ pub struct Gate {
     stale_s: f64,
 }
 
-/// Sticks that passed the gate; in a flight nothing else reaches the socket.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Sticks that passed the gate; in a flight nothing else reaches the socket. By default neutral.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Approved(Sticks);
 
 impl Gate {
@@ -104,13 +104,6 @@ impl Approved {
     /// Real time: no allocation, constant cost.
     pub fn sticks(&self) -> Sticks {
         self.0
-    }
-}
-
-/// Neutral sticks.
-impl Default for Approved {
-    fn default() -> Self {
-        Self::neutral()
     }
 }
 

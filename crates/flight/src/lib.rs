@@ -2,7 +2,7 @@
 //!
 //! Owns the tick and what it is composed of, its settings and its records. A function here is a function
 //! of its arguments: no clock, socket, file, environment, thread or randomness, and no crate below it has
-//! sockets, files or a runtime. `tello-io` speaks its types, not the reverse.
+//! sockets, files or a runtime. `tello-io` uses its types, not the reverse.
 //!
 //! Cost: functions for a tick have a line *Real time* with their cost. A function without that line may allocate.
 //!
@@ -10,9 +10,9 @@
 //! |-----------------|---------------------------------------------------------------------|
 //! | `cycle.rs`      | one tick of the control loop, its settings and its log records      |
 //! | `filter.rs`     | outlier filter of the motion capture (thesis section 4.3.3)         |
-//! | `commanded.rs`  | velocity that sticks ask for                                        |
+//! | `commanded.rs`  | velocity that sticks command                                        |
 //! | `link.rs`       | whether the sent sticks act                                         |
-//! | `monitor.rs`    | whether motion capture, drone and commands tell of one motion       |
+//! | `monitor.rs`    | whether motion capture, drone and commands show one motion          |
 //! | `targets.rs`    | target list, reach test, clipping (thesis equation 4.20)            |
 //! | `obstacle.rs`   | what stands in the room                                             |
 //! | `mission.rs`    | what to fly, and the reference over the horizon                     |
@@ -50,7 +50,7 @@ mod trajectory;
 
 use serde::{Deserialize, Deserializer};
 
-pub use commanded::commanded_mps;
+pub use commanded::commanded_w_mps;
 pub use filter::{Acceptance, FilterSettings, FilterTable, Filtered, PoseFilter};
 pub use link::{
     DeadTimeError, DeadTimeErrors, DeadTimeTable, HeightTable, LinkDecision, LinkMonitor,
@@ -58,8 +58,8 @@ pub use link::{
 };
 pub use mission::{
     CircleTable, CsvError, CsvErrors, Direction, FollowTable, LimitTable, Mission, MissionTable,
-    Part, PointsTable, Reference, SPEED_AS_WRITTEN, SplineTable, StartTable, Survey, TIMED_COUNT,
-    TrajectoryTable, WaitTable, WaypointTable, falling_times, parse_csv,
+    PathPoint, PointsTable, Reference, SPEED_AS_WRITTEN, SplineTable, StartTable, Survey,
+    TIMED_COUNT, TrajectoryTable, WaitTable, WaypointTable, falling_times, parse_csv,
 };
 pub use monitor::{
     Agreement, DroneMotion, Findings, MonitorSettings, MonitorTable, Monitors, Sample,

@@ -11,7 +11,7 @@ mod likelihood;
 mod link_hypothesis;
 mod table;
 
-use axis::Axis;
+use axis::AxisFilter;
 pub use axis::{HeightTable, TurnTable};
 use horizon_estim::Observed;
 use horizon_model::rows::{Sticks, lag, pose};
@@ -44,7 +44,7 @@ impl LinkState {
         self != Self::Up
     }
 
-    /// The two others; of a link that is down, its return first.
+    /// The two other states; `Up` first if the link is down.
     fn others(self) -> [Self; 2] {
         let [up, released, held] = Self::ALL;
         match self {
@@ -146,7 +146,8 @@ impl LinkMonitor {
     }
 
     /// What is known of the error of each axis's dead time; `None` before the first complete pose, while the
-    /// link is down, and while so much speaks for an outage that what looks like a delay may be one.
+    /// link is down, and while the evidence for an outage exceeds [`DOUBT_RATIO`] of its threshold: an outage then
+    /// looks like a delay.
     ///
     /// Real time: no allocation, constant cost.
     pub fn dead_time_errors(&self) -> Option<DeadTimeErrors> {
@@ -159,8 +160,8 @@ impl LinkMonitor {
         let LinkHypothesis { horizontal, dead_time, turn, height, .. } = &test.present;
         is_known.then(|| DeadTimeErrors {
             horizontal: dead_time.as_ref().unwrap_or(horizontal).dead_time_error(),
-            throttle: height.as_ref().map(Axis::dead_time_error),
-            yaw: height.as_ref().and(turn.as_ref()).map(Axis::dead_time_error),
+            throttle: height.as_ref().map(AxisFilter::dead_time_error),
+            yaw: height.as_ref().and(turn.as_ref()).map(AxisFilter::dead_time_error),
         })
     }
 

@@ -26,7 +26,7 @@ mod tests;
 mod timed_path;
 
 use follower::Follower;
-use horizon_model::rows::Pose;
+use horizon_model::rows::{Pose, PoseRate};
 use horizon_model::setting::{SettingError, positive};
 
 use crate::Obstacle;
@@ -36,7 +36,7 @@ pub use build::falling_times;
 pub use csv::{CsvError, CsvErrors, parse_csv};
 pub use speed::SPEED_AS_WRITTEN;
 pub(crate) use survey::Demand;
-pub use survey::{Part, Survey};
+pub use survey::{PathPoint, Survey};
 pub(crate) use table::near;
 pub use table::{
     CircleTable, Direction, FollowTable, LimitTable, MissionTable, PointsTable, SplineTable,
@@ -55,7 +55,7 @@ pub struct Reference {
     /// Pose. theta is continuous over a mission: one turn fits all references of a horizon. m, rad
     pub pose: Pose,
     /// Derivative of `pose` by time. m/s, rad/s
-    pub rate: Pose,
+    pub rate: PoseRate,
 }
 
 impl Reference {
@@ -190,8 +190,9 @@ impl Mission {
         self.now().map(|reference| reference.pose)
     }
 
-    /// How it moves, likewise. World frame. m/s, rad/s
-    pub fn reference_rate(&self) -> Option<Pose> {
+    /// Rate of the reference; `None` before the first [`Mission::advance`], and for constant targets. World frame.
+    /// m/s, rad/s
+    pub fn reference_rate(&self) -> Option<PoseRate> {
         self.now().map(|reference| reference.rate)
     }
 
@@ -260,11 +261,8 @@ impl Mission {
     /// every 0.02 m. World frame. m, rad. Allocates.
     pub fn outline(&self) -> Vec<Pose> {
         match &self.0 {
-            Kind::Targets(targets) => targets.poses().to_vec(),
-            Kind::Path(follower) if follower.waypoints().len() > 2 => {
-                follower.waypoints().iter().map(|waypoint| waypoint.pose).collect()
-            }
-            Kind::Path(follower) => curve(follower),
+            Kind::Path(follower) if follower.waypoints().len() <= 2 => curve(follower),
+            _ => self.stops(),
         }
     }
 }

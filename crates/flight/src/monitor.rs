@@ -35,7 +35,7 @@ use height::HeightMonitor;
 use stillness::{FrozenMonitor, StillnessMonitor};
 use velocity::VelocityMonitor;
 
-use crate::forgetting::{FORGIVEN_RATIO, LeakySum};
+use crate::forgetting::{LEAK_RATIO, LeakySum};
 
 /// How two sources of one quantity compare.
 #[derive(
@@ -149,7 +149,7 @@ impl Monitors {
     /// refused, and is that of an earlier pose. Without a call the heading counts as measured.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn observe_heading(&mut self, is_its_own: bool) {
+    pub fn note_heading_measured(&mut self, is_its_own: bool) {
         if let Some(heading) = &mut self.heading {
             heading.observe(is_its_own);
         }
@@ -158,7 +158,7 @@ impl Monitors {
     /// Forgets the direction of the motion, since the poses have jumped or jump in the coming tick.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn skip_jump(&mut self) {
+    pub fn restart_direction_only(&mut self) {
         self.direction.restart();
     }
 
@@ -202,7 +202,7 @@ impl Monitors {
     /// Takes a tick on the ground, where all differences are zero. Axes of the drone that are known stay known.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn rest(&mut self, sample: &Sample) {
+    pub fn update_on_ground(&mut self, sample: &Sample) {
         self.stillness.restart();
         self.direction.rest();
         if let Some(velocity) = &mut self.velocity {
@@ -225,13 +225,14 @@ const FORGET_S: f64 = 15.0;
 #[derive(Debug, Clone, Default)]
 #[expect(clippy::struct_field_names, reason = "the postfix is the unit")]
 struct Doubt {
-    /// For how long the difference has been beyond the limit in sum, [`FORGIVEN_RATIO`] of the other time subtracted:
+    /// For how long the difference has been beyond the limit in sum, [`LEAK_RATIO`] of the other time subtracted:
     /// the vehicle stops while in doubt, and the difference may fade; doubt that returns adds up. s
     doubtful_s: LeakySum,
     /// For how long the difference has been beyond twice the limit without a break.
     large_s: f64,
-    /// Time without a pose since the latest comparison, and between the two comparisons before.
-    waited_s: [f64; 2],
+    /// Time without a pose since the latest comparison, and between the two before it. s
+    wait_s: f64,
+    wait_before_s: f64,
 }
 
 /// Sum of the doubt from which on it is disagreement. s
@@ -242,32 +243,31 @@ const DOUBT_LARGE_MAX_S: f64 = 0.3;
 const REPORT_S: f64 = 0.11;
 
 /// Longest time without a pose that one comparison may count for, that of a source of 4 Hz. s
-const WAITED_MAX_S: f64 = 0.24;
+const WAIT_MAX_S: f64 = 0.24;
 
 impl Doubt {
     /// Takes a period of `dt_s` without a pose. The next comparison counts for this time, too, as far as the comparison
     /// before came after as long a time: then poses usually come so rarely.
     fn wait(&mut self, dt_s: f64) {
-        let [now_s, _] = &mut self.waited_s;
-        *now_s = (*now_s + dt_s).min(WAITED_MAX_S);
+        self.wait_s = (self.wait_s + dt_s).min(WAIT_MAX_S);
     }
 
     /// Takes the difference `error` of a period of `dt_s`, in the unit of `limit`; a difference of NaN is in doubt.
     fn update(&mut self, error: f64, limit: f64, dt_s: f64) -> Agreement {
-        let [now_s, before_s] = self.waited_s;
-        self.waited_s = [0.0, now_s];
-        let counted_s = dt_s + before_s.min(now_s);
+        // A comparison stands for the shorter of the last two gaps.
+        let counted_s = dt_s + self.wait_before_s.min(self.wait_s);
+        (self.wait_s, self.wait_before_s) = (0.0, self.wait_s);
         // False for NaN.
         if error <= limit {
-            self.doubtful_s.forgive(FORGIVEN_RATIO * counted_s);
+            self.doubtful_s.leak(LEAK_RATIO * counted_s);
             self.large_s = 0.0;
             return Agreement::Agrees;
         }
         self.doubtful_s.add(counted_s);
         self.large_s = if error <= 2.0 * limit { 0.0 } else { self.large_s + counted_s };
         let is_large = self.large_s > REPORT_S;
-        let patience_s = if is_large { DOUBT_LARGE_MAX_S } else { DOUBT_MAX_S };
-        let is_short = self.doubtful_s.value() < patience_s;
+        let limit_s = if is_large { DOUBT_LARGE_MAX_S } else { DOUBT_MAX_S };
+        let is_short = self.doubtful_s.value() < limit_s;
         if is_short { Agreement::Doubtful } else { Agreement::Disagrees }
     }
 }

@@ -12,9 +12,9 @@ use crate::time::TimeNs;
 pub struct Sighting {
     /// Frame number of the mocap system.
     pub frame: i64,
-    /// When it was measured, as the frame number tells by the source's clock, which is learned on the
+    /// When it was measured, as the frame number shows by the source's clock, which is learned on the
     /// ground: [`Sighting::received_at`] less what this frame was slower than the fastest. If its number
-    /// does not tell, a time that is too old to be used. Its age counts from here.
+    /// does not show it, a time that is too old to be used. Its age counts from here.
     pub measured_at: TimeNs,
     /// When its bytes arrived.
     pub received_at: TimeNs,

@@ -25,6 +25,7 @@ mod conditions;
 mod evidence;
 mod fault;
 mod geofence;
+mod let_past;
 mod memory;
 mod person_gone;
 mod settings;
@@ -42,8 +43,9 @@ pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 
 use self::airborne::LandingConfirmation;
 use self::blocked::Blockage;
-use self::braking::{ControlMode, MovingObstacleTimes};
+use self::braking::ControlMode;
 use self::condition_timer::{HoldTimer, LeakyTimer, ReportTimer, elapsed_s, exceeds};
+use self::let_past::MovingObstacleTimes;
 use self::settling::Settling;
 use crate::drone::{DroneOrder, LAND_PERIOD};
 use crate::forgetting::LeakySum;
@@ -74,7 +76,7 @@ enum TakeOffSeen {
 
 /// The order to take off, what has shown that the drone received it, and the heights before.
 #[derive(Debug, Clone, Default)]
-struct TakeOff {
+struct TakeOffEvidence {
     /// When the take-off was ordered last. ns
     ordered_ns: Option<i64>,
     seen: TakeOffSeen,
@@ -98,7 +100,7 @@ struct Assessment {
 struct Timers {
     /// In flight the drone reports that it stands.
     reports_standing: ReportTimer,
-    /// The drone calls its charge critical.
+    /// The drone reports its charge as critical.
     battery_critical: ReportTimer,
     /// In the take-off the pose is still while the drone reports that it climbs.
     still_in_climb: HoldTimer,
@@ -149,15 +151,15 @@ pub struct Supervisor {
     began_ns: Option<i64>,
     settling: Settling,
     timers: Timers,
-    take_off: TakeOff,
+    take_off: TakeOffEvidence,
     landing: LandingConfirmation,
     blockage: Blockage,
     moving_obstacle: MovingObstacleTimes,
     /// When landing or a stop of the motors was ordered. ns
     end_ordered_ns: Option<i64>,
-    /// Ticks in which a solver failed, less what those without a failure made up for.
+    /// Ticks in which a solver failed, less half of those without a failure.
     failures: LeakySum,
-    /// Periods missed and not yet forgiven.
+    /// Periods missed, less a part of one for each tick.
     late_periods: LeakySum,
     /// What the controller did in the tick before.
     control: ControlMode,
@@ -180,7 +182,7 @@ impl Supervisor {
             began_ns: None,
             settling: Settling::default(),
             timers: Timers::default(),
-            take_off: TakeOff::default(),
+            take_off: TakeOffEvidence::default(),
             landing: LandingConfirmation::default(),
             blockage: Blockage::default(),
             moving_obstacle: MovingObstacleTimes::default(),
@@ -226,7 +228,7 @@ impl Supervisor {
         self.phase = next;
         self.phase_since_ns = e.t_ns;
         match next {
-            Phase::Flying => self.settling.rise(e.t_ns),
+            Phase::Flying => self.settling.confirm(e.t_ns),
             Phase::Landing | Phase::LandingUnconfirmed | Phase::MotorsStopped => {
                 if next == Phase::MotorsStopped {
                     self.end_ordered_ns = None;
@@ -234,7 +236,7 @@ impl Supervisor {
                 self.note_ending(found);
             }
             Phase::Landed => self.note_confirmation(e),
-            Phase::TakingOff => self.settling.stand(e.pose),
+            Phase::TakingOff => self.settling.begin(e.pose),
             Phase::Idle => {}
         }
     }
@@ -278,11 +280,11 @@ impl Supervisor {
         let asks_to_land = e.operator == Operator::Land || e.incidents.ends_flight();
         match self.phase {
             _ if reaction == Reaction::EmergencyStop => Phase::MotorsStopped,
-            Phase::Idle if asks_to_land && self.drone_says_flying(e) == Some(true) => {
+            Phase::Idle if asks_to_land && self.drone_reports_flying(e) == Some(true) => {
                 Phase::Landing
             }
             // On the ground no other fault orders a landing.
-            Phase::Idle if reaction == Reaction::Land && self.has_taken_off_unasked() => {
+            Phase::Idle if reaction == Reaction::Land && self.has_flown_before_order() => {
                 Phase::Landing
             }
             Phase::Idle if asks_to_fly && reaction < Reaction::StayDown => Phase::TakingOff,

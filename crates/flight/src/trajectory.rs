@@ -4,7 +4,7 @@
 //! `path/speed.rs`; how the time of a trajectory runs on is `mission/follower.rs`.
 
 use horizon_model::angle::unwrap_near;
-use horizon_model::rows::{Pose, pose};
+use horizon_model::rows::{Pose, PoseRate, pose};
 use nalgebra::Vector3;
 
 /// Time between nodes of a trajectory through given points. s
@@ -24,7 +24,7 @@ pub(crate) struct Node {
     /// Pose, theta continuous over the trajectory. m, rad
     pub pose: Pose,
     /// Derivative of `pose` by time. m/s, rad/s
-    pub rate: Pose,
+    pub rate: PoseRate,
 }
 
 /// A trajectory at one time.
@@ -33,7 +33,7 @@ pub(crate) struct Moment {
     /// Pose, theta continuous over the trajectory. m, rad
     pub pose: Pose,
     /// First derivative of `pose` by time. m/s, rad/s
-    pub rate: Pose,
+    pub rate: PoseRate,
     /// Second derivative of `pose` by time. m/s^2, rad/s^2
     pub accel: Pose,
 }

@@ -44,7 +44,7 @@ const PLACES: [Option<[f64; 2]>; 5] =
 const OPERATORS: [Operator; 5] =
     [Operator::Wait, Operator::Fly, Operator::FlyByHand, Operator::Land, Operator::EmergencyStop];
 
-/// All combinations of evidence at one moment, but for what the capture says beside the pose: that
+/// All combinations of evidence at one moment, but for what the capture shows beside the pose: that
 /// goes along with the flags.
 fn every_evidence() -> Vec<Evidence> {
     let ages_s = [None, Some(0.0), Some(0.5), Some(3.0), Some(f64::NAN)];
@@ -139,7 +139,7 @@ fn evidence(
         outage: pose.filter(|_| flag(0) && flag(1) && flag(3)).map(|pose| Outage {
             for_s: 7.0,
             is_held: flag(2),
-            unseen: [EstimatedMotion { pose, rate }; 2],
+            if_applied: [EstimatedMotion { pose, rate }; 2],
         }),
         is_dead_time_long: flag(1) && flag(3),
         tracking: tracking(flag),

@@ -5,15 +5,13 @@
 //! (`KinematicPublished`) and the shift of the prior in the estimator (`MheTable::shift_prior`).
 
 use horizon_estim::MheTable;
-use horizon_model::Model;
-use horizon_model::rows::{pose, stick};
 use horizon_model::setting::{SettingError, finite, in_range, positive, vector};
 use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::measurement_time::Seen;
-use super::{Cycle, CycleTable, JUST_ENDED_AFTER_PUSH, Outcome, PlanningTable, Watch};
+use super::measurement_time::TickObservations;
+use super::{Cycle, CycleTable, JUST_ENDED_AFTER_PUSH, Outcome, PlanningTable, Vehicle, Watch};
 
 /// Most by which an angle of the parameter is corrected: a plan whose heading is as wrong still converges. rad
 const TURN_MAX_RAD: f64 = 0.8;
@@ -53,10 +51,9 @@ impl<const NP: usize> Baseline<NP> {
     ///
     /// # Errors
     /// The first value that breaks its rule.
-    pub(super) fn new<M, const NS: usize>(table: &PlanningTable) -> Result<Self, SettingError>
-    where
-        M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-    {
+    pub(super) fn new<M: Vehicle<NS, NP>, const NS: usize>(
+        table: &PlanningTable,
+    ) -> Result<Self, SettingError> {
         Ok(Self {
             max_target_distance: positive("max_target_distance", table.max_target_distance)?,
             p_correction: vector("p_correction", &table.p_correction, &M::PARAMETER, finite)?,
@@ -70,12 +67,9 @@ impl<const NP: usize> Baseline<NP> {
 ///
 /// # Errors
 /// The first value that breaks its rule, with its key below `cycle.mpc`.
-pub(super) fn check_correction<M, const NS: usize, const NP: usize>(
+pub(super) fn check_correction<M: Vehicle<NS, NP>, const NS: usize, const NP: usize>(
     cycle: &CycleTable,
-) -> Result<(), SettingError>
-where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-{
+) -> Result<(), SettingError> {
     let MheTable { p_prior, p_lb, p_ub, .. } = &cycle.mhe;
     let rows = M::PARAMETER.iter().zip(&cycle.mpc.p_correction).enumerate();
     for (i, (row, correction)) in rows {
@@ -101,22 +95,19 @@ where
     Ok(())
 }
 
-impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
-where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-{
+impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR> {
     /// Plan and estimate of [`Pipeline::NextTick`], made after the sticks of this tick are sent: the plan by the
     /// estimate of the tick before.
     pub(super) fn solve_for_next_tick(
         &mut self,
         may_steer: bool,
-        seen: Option<&Seen>,
+        seen: Option<&TickObservations>,
         watch: &mut dyn Watch,
         out: &mut Outcome,
     ) {
         if may_steer {
             self.plan(JUST_ENDED_AFTER_PUSH, watch, out);
-            self.aim();
+            self.advance_mission();
         }
         self.estimate(seen, JUST_ENDED_AFTER_PUSH, watch, out);
     }

@@ -2,9 +2,9 @@
 
 use horizon_control::{Mpc, MpcTable};
 use horizon_estim::Mhe;
+use horizon_model::InputFifo;
 use horizon_model::rows::{Sticks, pose, stick};
 use horizon_model::setting::{SettingError, in_range};
-use horizon_model::{InputFifo, Model};
 use nalgebra::SVector;
 
 use super::baseline::check_correction;
@@ -18,10 +18,10 @@ use super::mission_checks;
 use super::planning::{Planner, StickBounds};
 use super::pose_plausibility::Plausibility;
 use super::progress::Progress;
-use super::settled_poses::StandingStart;
+use super::standing_start::StandingStart;
 use super::walls::Walls;
 use super::worst_case::WorstCase;
-use super::{Cycle, CycleTable, DT_S, FlightTable, Memory, ModelKind, Tick, WithModel};
+use super::{Cycle, CycleTable, DT_S, FlightTable, Memory, ModelKind, Tick, Vehicle, WithModel};
 use crate::gate::Gate;
 use crate::{
     FilterSettings, LinkMonitor, LinkSettings, LinkTable, Mission, MonitorSettings, Monitors,
@@ -42,36 +42,30 @@ struct Build<'a>(&'a FlightTable);
 impl WithModel for Build<'_> {
     type Output = Result<Box<dyn Tick>, SettingError>;
 
-    fn run<M, const NS: usize, const NP: usize, const NR: usize>(self, model: M) -> Self::Output
-    where
-        M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + 'static,
-    {
+    fn run<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize>(
+        self,
+        model: M,
+    ) -> Self::Output {
         build_with::<M, NS, NP, NR>(model, self.0)
     }
 }
 
 /// The cycle that `table` describes, but with `model` in place of the one that it names: for a model that settings
-/// cannot name. `NR` is the model's [`Model::CONTROLLABLE`]. A log of such a flight does not replay.
+/// cannot name. `NR` is the model's [`horizon_model::Model::CONTROLLABLE`]. A log of such a flight does not replay.
 ///
 /// # Errors
 /// The first setting that breaks its rule, with its full key.
-pub fn build_with<M, const NS: usize, const NP: usize, const NR: usize>(
+pub fn build_with<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize>(
     model: M,
     table: &FlightTable,
-) -> Result<Box<dyn Tick>, SettingError>
-where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + 'static,
-{
+) -> Result<Box<dyn Tick>, SettingError> {
     Ok(Box::new(cycle::<M, NS, NP, NR>(model, table)?))
 }
 
-pub(super) fn cycle<M, const NS: usize, const NP: usize, const NR: usize>(
+pub(super) fn cycle<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize>(
     model: M,
     table: &FlightTable,
-) -> Result<Cycle<M, NS, NP, NR>, SettingError>
-where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-{
+) -> Result<Cycle<M, NS, NP, NR>, SettingError> {
     let under = |section: &'static str| move |error: SettingError| error.under(section);
     let cycle = &table.cycle;
     let dt_s = cycle.dt_s;
@@ -113,7 +107,7 @@ where
         progress: Progress::default(),
         immobility: Immobility::default(),
         impact: Impact::new(),
-        start: StandingStart::new(cycle.standing).map_err(under("cycle.standing"))?,
+        standing_start: StandingStart::new(cycle.standing).map_err(under("cycle.standing"))?,
         supervisor: Supervisor::new(supervisor, table.start),
         hand_over: HandOver::default(),
         gate: Gate::new(&cycle.gate, table.protocol).map_err(under("cycle.gate"))?,
@@ -132,16 +126,13 @@ fn mission(table: &FlightTable, dt_s: f64) -> Result<Mission, SettingError> {
 
 /// The controller of what takes effect, with the bounds of the sticks seen through the expected
 /// parameter.
-fn planner<M, const NS: usize, const NP: usize, const NR: usize>(
+fn planner<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize>(
     model: &M,
     (cycle, walls): (&CycleTable, Option<Walls>),
     fifo: &InputFifo<{ stick::COUNT }>,
     p_prior: &SVector<f64, NP>,
     dt_s: f64,
-) -> Result<Planner<M, NS, NP, NR>, SettingError>
-where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-{
+) -> Result<Planner<M, NS, NP, NR>, SettingError> {
     let (settings, baseline) = cycle.mpc.check::<M, NS, NP>()?;
     check_correction::<M, NS, NP>(cycle)?;
     let bounds = StickBounds { lower: *settings.u_lb(), upper: *settings.u_ub() };
@@ -165,7 +156,7 @@ where
     let settings = settings.with_constraints(walls.as_ref().map_or(0, Walls::count));
     let mpc = Mpc::new(model.core(), settings, dt_s)?;
     let planner = Planner::new(*model, (mpc, baseline), bounds, fifo, dt_s);
-    Ok(planner.within(walls))
+    Ok(planner.with_walls(walls))
 }
 
 /// Bound of the steps between the shortest and the longest dead time, corrections included.
@@ -204,7 +195,7 @@ fn link(cycle: &CycleTable, dt_s: f64, model: &str) -> Result<Option<Link>, Sett
 }
 
 /// The gate refuses what control must never ask for; within its limits control must be free, or a
-/// saturated proposal would turn into neutral sticks without a word.
+/// saturated proposal would silently become neutral sticks.
 fn check_gate(cycle: &CycleTable) -> Result<(), SettingError> {
     let CycleTable { gate, mpc, supervisor, .. } = cycle;
     let widest = mpc.u_lb.iter().chain(&mpc.u_ub).fold(0.0_f64, |widest, u| widest.max(u.abs()));

@@ -4,28 +4,24 @@
 //! supervisor.
 
 use horizon_estim::Observed;
-use horizon_model::Model;
-use horizon_model::rows::{Sticks, pose, stick};
+use horizon_model::rows::Sticks;
 
-use super::{Cycle, Inbox, JUST_ENDED_AFTER_PUSH, Watch};
+use super::{Cycle, Inbox, JUST_ENDED_AFTER_PUSH, Vehicle, Watch};
 use crate::drone::CONTROL_SILENCE_NEUTRAL;
 
 /// Largest number of missed periods that are caught up, 4 s: the sender lands the drone after 1 s of silence.
 const SKIPPED_MAX: u64 = 200;
 
-impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
-where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-{
+impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR> {
     /// Catches up after missed periods: the sender repeated the last commands, then sent neutral ones.
     pub(super) fn catch_up(&mut self, inbox: &Inbox, watch: &mut dyn Watch) {
         for missed in 1..=inbox.skipped.min(SKIPPED_MAX) {
-            self.plausibility.open();
+            self.plausibility.begin_tick();
             self.filter.update(None);
             let is_repeated = missed as f64 * self.dt_s < CONTROL_SILENCE_NEUTRAL.seconds();
             self.fifo.push(&if is_repeated { *self.fifo.newest() } else { Sticks::zeros() });
             self.monitor_missed(self.fifo.applied(JUST_ENDED_AFTER_PUSH));
-            self.planner.skip();
+            self.planner.age_plan();
             self.planner.follow_obstacle(None, None);
             if self.mhe.is_started() {
                 let missing = Observed::missing();
@@ -33,8 +29,8 @@ where
                 let solved = self.mhe.update(&u_applied, &missing, &mut || watch.is_late());
                 self.memory.has_estimator_failed = solved.is_err();
                 if self.memory.is_on_mission {
-                    self.progress.fly(self.dt_s);
-                    self.aim();
+                    self.progress.count_flown(self.dt_s);
+                    self.advance_mission();
                 }
             }
         }
@@ -44,7 +40,7 @@ where
 #[cfg(test)]
 mod tests {
     use horizon_model::Lagged;
-    use horizon_model::rows::{lag, motion};
+    use horizon_model::rows::{lag, motion, stick};
 
     use super::*;
     use crate::cycle::Unwatched;

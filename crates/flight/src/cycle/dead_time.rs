@@ -65,7 +65,8 @@ impl DeadTimeChange {
     }
 }
 
-/// Correction of the dead times, whole periods.
+/// Correction of the dead times, whole periods. After [`OUTAGES_MAX`] outages a shortened dead time returns to the
+/// configured one.
 #[derive(Debug)]
 pub(super) struct DeadTime {
     dt_s: f64,
@@ -180,8 +181,8 @@ impl DeadTime {
         }
     }
 
-    /// Once a shortened dead time has returned to the configured one, allows corrections again; whether it does now.
-    pub(super) fn finish_return(&mut self) -> bool {
+    /// Ends a return that has reached the configured dead time: corrections are allowed again. Whether it ends now.
+    pub(super) fn end_return_if_done(&mut self) -> bool {
         let is_back = self.outages >= OUTAGES_MAX && self.horizontal.steps >= 0;
         if is_back {
             self.outages = 0;
@@ -198,29 +199,26 @@ impl DeadTime {
         if horizontal.steps >= 0 && *outages < OUTAGES_MAX {
             *outages = 0;
         }
+        let is_returning = *outages >= OUTAGES_MAX;
         let excited = |error: Option<DeadTimeError>| {
             error.filter(|error| error.sd_s <= EXCITED_MAX * *sd_prior_s)
         };
-        let is_returning = *outages >= OUTAGES_MAX;
+        let [error, throttle_error, yaw_error] = [
+            errors.map(|all| all.horizontal),
+            errors.and_then(|all| all.throttle),
+            errors.and_then(|all| all.yaw),
+        ]
+        .map(excited);
         let steps_before = horizontal.steps;
         let step = if is_returning {
             horizontal.step_back()
         } else {
-            let error = excited(errors.map(|all| all.horizontal));
             horizontal.step_towards(error, *steps_max, *dt_s)
         };
         let mut is_changed = step != 0;
-        let own = [
-            (throttle, errors.and_then(|all| all.throttle)),
-            (yaw, errors.and_then(|all| all.yaw)),
-        ];
-        for (axis, error) in own {
-            let error = excited(error);
-            let takes_step = error.is_none() && (!is_returning || axis.steps == steps_before);
-            if takes_step && step != 0 {
-                // The error so far is that of another dead time.
-                axis.error = None;
-                axis.steps += step;
+        for (axis, error) in [(throttle, throttle_error), (yaw, yaw_error)] {
+            if error.is_none() && (!is_returning || axis.steps == steps_before) {
+                axis.follow(step);
             }
             is_changed |= axis.step_towards(error, *steps_max, *dt_s) != 0;
         }
@@ -254,6 +252,14 @@ impl Correction {
         }
         self.error = Some(error);
         0
+    }
+
+    /// Makes the `step` of roll and pitch. The error so far is that of another dead time.
+    fn follow(&mut self, step: i32) {
+        if step != 0 {
+            self.error = None;
+            self.steps += step;
+        }
     }
 
     /// Makes a step back to the configured dead time, 0 or 1. The error so far is that of another dead time.

@@ -42,7 +42,7 @@ impl Immobility {
     /// Takes the estimate `pose_hat`, world frame. m, rad
     ///
     /// Real time: no allocation, constant cost.
-    pub(super) fn see(&mut self, pose_hat: &Pose) {
+    pub(super) fn observe_pose(&mut self, pose_hat: &Pose) {
         let at_w = pos_w(pose_hat);
         if self.begun_at_w.is_none_or(|from_w| (at_w - from_w).norm() > MOVED_M) {
             (self.begun_at_w, self.pressed_w_s) = (Some(at_w), Vector3::zeros());
@@ -54,7 +54,7 @@ impl Immobility {
     /// act.
     ///
     /// Real time: no allocation, constant cost.
-    pub(super) fn press(&mut self, u_sent: &Sticks, dt_s: f64) {
+    pub(super) fn add_input(&mut self, u_sent: &Sticks, dt_s: f64) {
         // The direction of flight is psi = theta + theta_0. theta_0 hardly changes within T: it turns q about z and
         // leaves |q|, all that is compared.
         let u_w = inputs_w(u_sent, self.theta_rad).push(THROTTLE * u_sent[stick::THROTTLE]);
@@ -82,8 +82,8 @@ mod tests {
     fn pressed_s(steps: u32, u: impl Fn(f64) -> Sticks, at: impl Fn(f64) -> Pose) -> f64 {
         let mut immobility = Immobility::default();
         for t_s in (0..steps).map(|step| DT_S * f64::from(step)) {
-            immobility.see(&at(t_s));
-            immobility.press(&u(t_s), DT_S);
+            immobility.observe_pose(&at(t_s));
+            immobility.add_input(&u(t_s), DT_S);
         }
         immobility.pressed_s()
     }
@@ -115,11 +115,11 @@ mod tests {
     fn what_was_before_a_person_steered_does_not_count() {
         let mut immobility = Immobility::default();
         for _ in 0..100 {
-            immobility.see(&Pose::zeros());
-            immobility.press(&along(stick::PITCH, 1.0), DT_S);
+            immobility.observe_pose(&Pose::zeros());
+            immobility.add_input(&along(stick::PITCH, 1.0), DT_S);
         }
         immobility.restart();
-        immobility.see(&Pose::zeros());
+        immobility.observe_pose(&Pose::zeros());
         assert!(immobility.pressed_s().abs() < 1e-12);
     }
 

@@ -11,8 +11,9 @@
 //! e' u_w >= 0.05    from t - 0.8 s to t: a brake may act 0.25 s earlier or 0.4 s later than it is taken to
 //! ```
 //!
-//! A step further than a vehicle flies, or back by more than it bounces, is one of the poses: until both positions are
-//! later, there is no stop. Where poses are missing, the poses behind them have to show it alone.
+//! A larger step than a vehicle flies, or a step back larger than a bounce, is an error of the poses, not a motion. No
+//! impact is found until both compared positions are newer than it. After missing poses, the poses behind the gap have
+//! to show the impact alone.
 //!
 //! The inputs are turned by the heading alone: `theta_0` turns them by less than a corner does.
 
@@ -41,13 +42,14 @@ const REMAINING_SPEED_RATIO: f64 = 0.25;
 /// Least input along the motion. 1
 const INPUT_MIN: f64 = 0.05;
 /// Poses for which all this must hold: one may be an outlier.
-const TICKS_MIN: u32 = 2;
+const STOPPED_POSES_MIN: u32 = 2;
 
-/// A step back that is longer is one of the poses: a vehicle that hits something bounces off slowly. Beyond so many
-/// periods only the second one counts: a step that looks like a stop leads back by little there. m/s, m, periods
-const BOUNCE_MPS: f64 = 0.5;
-const BOUNCE_M: f64 = 0.02;
-const BOUNCE_AGE_MAX: usize = 2;
+/// Largest step back of a vehicle, which bounces off slowly: rate times time plus offset. After a gap of more than
+/// [`BACK_STEP_AGE_MAX`] periods the offset alone: a step that looks like a stop leads back by little there. m/s, m,
+/// periods
+const BACK_STEP_MPS: f64 = 0.5;
+const BACK_STEP_M: f64 = 0.02;
+const BACK_STEP_AGE_MAX: usize = 2;
 /// Any step that exceeds [`SPEED_MAX_MPS`] by more. m
 const STEP_M: f64 = 0.05;
 
@@ -56,11 +58,13 @@ const STEP_M: f64 = 0.05;
 pub(super) struct Impact {
     /// Position, if there was a pose, and applied input of each period. m, 1
     ring: Ring<(Option<Vector2<f64>>, Vector2<f64>)>,
-    ticks: u32,
+    /// Newest poses in a row that show a stop.
+    stopped_poses: u32,
     /// Periods since a step that no vehicle makes.
     since_jump: usize,
-    /// Periods between the two newest positions, and since positions were missing.
-    spacing: usize,
+    /// Periods between the two newest positions.
+    pose_spacing: usize,
+    /// Periods since positions were missing.
     since_gap: usize,
 }
 
@@ -68,14 +72,19 @@ impl Impact {
     /// Nothing was seen yet.
     pub(super) fn new() -> Self {
         let ring = Ring::new((None, Vector2::zeros()), AGE_INPUTS + 1);
-        Self { ring, ticks: 0, since_jump: usize::MAX, spacing: 1, since_gap: 0 }
+        Self { ring, stopped_poses: 0, since_jump: usize::MAX, pose_spacing: 1, since_gap: 0 }
     }
 
     /// A period has ended in which `u_applied` was applied at the heading `theta_rad`; `seen` is the new pose in it, if
     /// there is one.
     ///
     /// Real time: no allocation, constant cost.
-    pub(super) fn see(&mut self, seen: Option<&Pose>, u_applied: &Sticks, theta_rad: f64) {
+    pub(super) fn observe_period(
+        &mut self,
+        seen: Option<&Pose>,
+        u_applied: &Sticks,
+        theta_rad: f64,
+    ) {
         let position_w = seen.map(|seen| pos_w(seen).xy());
         self.ring.push((position_w, inputs_w(u_applied, theta_rad)));
         let has_jumped = position_w.is_some() && self.has_jumped();
@@ -83,18 +92,18 @@ impl Impact {
         self.since_gap = self.since_gap.saturating_add(1);
         // A tick without a position decides nothing.
         if position_w.is_some() {
-            let before = self.spacing;
-            self.spacing = self.spacing();
-            if self.spacing > before + LATER {
+            let spacing = self.newest_spacing();
+            let before = std::mem::replace(&mut self.pose_spacing, spacing);
+            if self.pose_spacing > before + LATER {
                 self.since_gap = 0;
             }
-            self.ticks = if self.stops() { self.ticks + 1 } else { 0 };
+            self.stopped_poses = if self.stops() { self.stopped_poses + 1 } else { 0 };
         }
     }
 
     /// Whether the vehicle has hit something now.
     pub(super) fn has_hit(&self) -> bool {
-        self.ticks >= TICKS_MIN
+        self.stopped_poses >= STOPPED_POSES_MIN
     }
 
     fn stops(&self) -> bool {
@@ -114,20 +123,20 @@ impl Impact {
     }
 
     /// Periods between the newest position and the one before.
-    fn spacing(&self) -> usize {
+    fn newest_spacing(&self) -> usize {
         let count = self.ring.len();
         (1..count).find(|age| self.position_at(*age).is_some()).unwrap_or(count)
     }
 
-    /// Whether the newest step leads further than a vehicle flies, or back further than it bounces.
+    /// Whether the newest step is larger than a vehicle flies, or leads back further than it bounces.
     fn has_jumped(&self) -> bool {
         let Some(((to_w, _), (from_w, age))) = self.position(0).zip(self.position(1)) else {
             return false;
         };
         let (step_w, time_s) = (to_w - from_w, DT_S * age as f64);
-        let bounce_mps = if age > BOUNCE_AGE_MAX { 0.0 } else { BOUNCE_MPS };
+        let back_step_mps = if age > BACK_STEP_AGE_MAX { 0.0 } else { BACK_STEP_MPS };
         let leads_back =
-            |v: Vector2<f64>| -step_w.dot(&v) > (bounce_mps * time_s + BOUNCE_M) * v.norm();
+            |v: Vector2<f64>| -step_w.dot(&v) > (back_step_mps * time_s + BACK_STEP_M) * v.norm();
         step_w.norm() > SPEED_MAX_MPS * time_s + STEP_M
             || self.velocity(AGE_BEFORE_STOP, AGE_APPROACH).is_some_and(leads_back)
     }
@@ -170,7 +179,7 @@ mod tests {
             let pose = Pose::new(x_m + noise_m, 0.0, 1.0, 0.0);
             let mut u = Sticks::zeros();
             u[stick::PITCH] = pitch(t_s);
-            impact.see(Some(&pose).filter(|_| is_pose(k)), &u, 0.0);
+            impact.observe_period(Some(&pose).filter(|_| is_pose(k)), &u, 0.0);
             impact.has_hit().then_some(t_s)
         })
     }

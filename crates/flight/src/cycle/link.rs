@@ -61,7 +61,7 @@ impl Link {
     /// Corrects the dead times of `fifo` by the motion that [`Link::update`] has received, and subtracts each
     /// correction from the monitor's errors; whether there is a correction.
     pub(super) fn correct_dead_time(&mut self, fifo: &mut InputFifo<{ stick::COUNT }>) -> bool {
-        if self.is_up() && self.dead_time.finish_return() {
+        if self.is_up() && self.dead_time.end_return_if_done() {
             self.monitor.restart();
         }
         if !self.dead_time.correct(self.monitor.dead_time_errors()) {
@@ -84,7 +84,7 @@ impl Link {
     }
 
     /// Replaces the remembered sticks of the newest `steps` steps: `u_meant(back)` would have been applied.
-    pub(super) fn recall(&mut self, steps: usize, u_meant: impl Fn(usize) -> Sticks) {
+    pub(super) fn rewrite_meant(&mut self, steps: usize, u_meant: impl Fn(usize) -> Sticks) {
         for back in 0..steps.min(self.meant.len()) {
             self.meant.replace(back, u_meant(back));
         }
@@ -145,8 +145,8 @@ impl Link {
         }
     }
 
-    /// `u_plan` as it may be sent: limited while the link is down. Little of it acts then, or the outage is really a
-    /// hand or a push, against which full sticks would press.
+    /// `u_plan` as it may be sent: limited while the link is down. In an outage few commands act; if the outage is in
+    /// fact a hand or a push, full sticks would press against it.
     pub(super) fn limited(&self, u_plan: &Sticks) -> Sticks {
         if self.is_up() {
             *u_plan
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_meant_is_remembered_beyond_the_end_of_the_ring_and_can_be_recalled() {
+    fn what_was_meant_is_remembered_beyond_the_end_of_the_ring_and_can_be_rewritten() {
         let (mut link, p) = (link(0.1), parameter());
         let meant = |step: u32| Sticks::repeat(1e-3 * f64::from(step));
         for step in 0..200 {
@@ -189,7 +189,7 @@ mod tests {
         for back in 0..60 {
             assert_eq!(link.applied(back as usize), meant(199 - back), "{back} steps ago");
         }
-        link.recall(5, |_| Sticks::repeat(0.5));
+        link.rewrite_meant(5, |_| Sticks::repeat(0.5));
         assert_eq!(link.applied(4), Sticks::repeat(0.5));
         assert_eq!(link.applied(5), meant(194));
         assert_eq!(link.capacity_steps(), WINDOW_STEPS + 5);

@@ -4,17 +4,16 @@
 //! left of its age, less than a period, is corrected at the estimated rate of that time.
 
 use horizon_estim::Observed;
-use horizon_model::Model;
-use horizon_model::rows::{Pose, pose, stick};
+use horizon_model::rows::{Pose, PoseRate, pose};
 
-use super::{Cycle, JUST_ENDED};
+use super::{Cycle, JUST_ENDED, Vehicle};
 use crate::time::TimeNs;
 
 /// Rows that are measured together.
 const GROUPS: [&[usize]; 2] = [&[pose::X, pose::Y, pose::Z], &[pose::THETA]];
 
 /// What a tick has seen.
-pub(super) struct Seen {
+pub(super) struct TickObservations {
     /// The rows of the state at the tick.
     pub(super) newest: Observed<{ pose::COUNT }>,
     /// All new rows as they would be at the tick: the earlier ones moved on with the estimate.
@@ -39,10 +38,7 @@ impl Age {
     }
 }
 
-impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
-where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-{
+impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR> {
     /// Hands the rows that were measured a period ago or earlier to their own states in the window.
     ///
     /// A pose is not moved to the tick by the estimate that it makes: that is a feedback, from which the velocity
@@ -54,8 +50,8 @@ where
         observed: Observed<{ pose::COUNT }>,
         now: TimeNs,
         is_new: [bool; 2],
-    ) -> Seen {
-        let mut seen = Seen { newest: observed, at_tick: observed };
+    ) -> TickObservations {
+        let mut seen = TickObservations { newest: observed, at_tick: observed };
         if !self.uses_measurement_time || !self.mhe.is_started() || !is_new.contains(&true) {
             return seen;
         }
@@ -92,14 +88,14 @@ where
     }
 
     /// Mean rate in the period that ends with the tick, by the model. Rows of the pose per second
-    fn rate_at_tick(&self) -> Pose {
+    fn rate_at_tick(&self) -> PoseRate {
         let u_applied = self.link_instead().unwrap_or_else(|| self.fifo.applied(JUST_ENDED));
         self.rate_of(self.mhe.s_hat(), &u_applied)
     }
 
     /// Mean rate in the period before the state `back` >= 1 periods ago; zero before the first. Rows of the pose per
     /// second
-    fn rate_before(&self, back: usize) -> Pose {
+    fn rate_before(&self, back: usize) -> PoseRate {
         let window = self.mhe.window();
         let state = window.len() - back;
         let [s, s_before] = [state, state.saturating_sub(1)].map(|k| &window[k]);

@@ -46,10 +46,10 @@ const JUMP_GROWTH_MPS: f64 = 5.0;
 /// between two ticks from this speed. m/s
 const REPEATED_MPS: f64 = 0.5;
 /// Below this speed noise is what changes a position. If it has changed in each measurement for [`NOISE_S`], a position
-/// that is repeated to the bit for [`STUCK_S`] is that of a stream that has stopped. m/s, s, s
+/// that is repeated to the bit for [`STREAM_STUCK_S`] is that of a stream that has stopped. m/s, s, s
 const STILL_MPS: f64 = 0.1;
 const NOISE_S: f64 = 1.0;
-const STUCK_S: f64 = 0.3;
+const STREAM_STUCK_S: f64 = 0.3;
 
 /// Position and motion of one obstacle.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -84,7 +84,7 @@ impl RepeatedPositions {
         if !has_noise && speed_mps < STILL_MPS {
             self.changing_s = if is_repeated { 0.0 } else { self.changing_s + period_s };
         }
-        let stops = speed_mps > REPEATED_MPS || (has_noise && self.repeated_s >= STUCK_S);
+        let stops = speed_mps > REPEATED_MPS || (has_noise && self.repeated_s >= STREAM_STUCK_S);
         self.is_stuck = is_repeated && (stops || self.is_stuck);
         self.is_stuck
     }
@@ -98,8 +98,8 @@ struct ObstacleMotion {
     seen_w: Vector3<f64>,
     /// Velocity, world frame. m/s
     vel_w: Vector3<f64>,
-    /// `vel_w`, low-pass filtered with [`CHANGE_S`]. m/s
-    late_vel_w: Vector3<f64>,
+    /// `v_l`: `vel_w`, low-pass filtered with [`CHANGE_S`]. m/s
+    lagged_vel_w: Vector3<f64>,
     /// `vel_w`, low-pass filtered with [`MEAN_S`]. m/s
     mean_vel_w: Vector3<f64>,
     /// Mean square of the acceleration; zero at the first position. m^2/s^4
@@ -170,7 +170,7 @@ impl ObstacleMotion {
             pos_w,
             seen_w: pos_w,
             vel_w,
-            late_vel_w: vel_w,
+            lagged_vel_w: vel_w,
             mean_vel_w: vel_w,
             accel_squared: 0.0,
             unseen_s: 0.0,
@@ -198,14 +198,14 @@ impl ObstacleMotion {
         let fading =
             FADING.powi(i32::try_from(horizon_model::whole(gap_s / dt_s)).unwrap_or(i32::MAX));
         let vel_w = self.vel_w + innovation_w * ((1.0 - fading).powi(2) / gap_s);
-        let change_w = vel_w - self.late_vel_w;
+        let change_w = vel_w - self.lagged_vel_w;
         let squared = (change_w / CHANGE_S.max(gap_s)).norm_squared();
         let approach = |time_s: f64| (gap_s / time_s).min(1.0);
         Some(Self {
             pos_w: pos_w + innovation_w * (1.0 - fading.powi(2)),
             seen_w,
             vel_w,
-            late_vel_w: self.late_vel_w + change_w * approach(CHANGE_S),
+            lagged_vel_w: self.lagged_vel_w + change_w * approach(CHANGE_S),
             mean_vel_w: self.mean_vel_w + (vel_w - self.mean_vel_w) * approach(MEAN_S),
             accel_squared: self.accel_squared
                 + (squared - self.accel_squared) * approach(ACCEL_MEAN_S),

@@ -1,12 +1,13 @@
 //! Everything that a tick reports, in buffers that are filled again and again.
 
-use std::fmt::{self, Display, Formatter};
-
+use horizon_control::{MpcReport, SqpError};
+use horizon_estim::{MheError, SolveReport};
 use horizon_model::Row;
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use nalgebra::SVector;
 use schemars::JsonSchema;
 use serde::Serialize;
+use thiserror::Error;
 
 use super::dead_time::DeadTimeChange;
 use super::walls::Clearance;
@@ -24,21 +25,14 @@ pub enum Solve {
 }
 
 /// Why a solve left no iterate.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Error)]
 pub enum SolveFailure {
     /// The estimator's reason.
-    Estimator(horizon_estim::MheError),
+    #[error(transparent)]
+    Estimator(MheError),
     /// The controller's reason.
-    Controller(horizon_control::SqpError),
-}
-
-impl Display for SolveFailure {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Estimator(error) => error.fmt(f),
-            Self::Controller(error) => error.fmt(f),
-        }
-    }
+    #[error(transparent)]
+    Controller(SqpError),
 }
 
 /// Figures of a finished solve.
@@ -57,31 +51,25 @@ pub struct SolveFigures {
     pub qp_fallbacks: u32,
 }
 
-impl From<Result<horizon_estim::SolveReport, horizon_estim::MheError>> for Solve {
-    fn from(solved: Result<horizon_estim::SolveReport, horizon_estim::MheError>) -> Self {
+impl From<Result<SolveReport, MheError>> for Solve {
+    fn from(solved: Result<SolveReport, MheError>) -> Self {
         match solved {
-            Ok(report) => Self::Done(SolveFigures {
-                stop: report.stop.name(),
-                iterations: report.iterations,
-                cost_start: report.cost_start,
-                cost: report.cost,
-                qp_fallbacks: 0,
-            }),
+            Ok(SolveReport { stop, iterations, cost_start, cost, .. }) => {
+                let stop = stop.name();
+                Self::Done(SolveFigures { stop, iterations, cost_start, cost, qp_fallbacks: 0 })
+            }
             Err(error) => Self::Failed(SolveFailure::Estimator(error)),
         }
     }
 }
 
-impl From<Result<horizon_control::MpcReport, horizon_control::SqpError>> for Solve {
-    fn from(solved: Result<horizon_control::MpcReport, horizon_control::SqpError>) -> Self {
+impl From<Result<MpcReport, SqpError>> for Solve {
+    fn from(solved: Result<MpcReport, SqpError>) -> Self {
         match solved {
-            Ok(report) => Self::Done(SolveFigures {
-                stop: report.stop.name(),
-                iterations: report.iterations,
-                cost_start: report.cost_start,
-                cost: report.cost,
-                qp_fallbacks: report.qp_fallbacks,
-            }),
+            Ok(MpcReport { stop, iterations, cost_start, cost, qp_fallbacks, .. }) => {
+                let stop = stop.name();
+                Self::Done(SolveFigures { stop, iterations, cost_start, cost, qp_fallbacks })
+            }
             Err(error) => Self::Failed(SolveFailure::Controller(error)),
         }
     }
@@ -174,7 +162,7 @@ impl Outcome {
         self.decision.map_or(Phase::Idle, |decision| decision.phase)
     }
 
-    /// The order that the tick gives to the drone.
+    /// The order that the tick gives to the drone; `None`: no order.
     pub fn order(&self) -> Option<DroneOrder> {
         self.decision?.order
     }
@@ -212,7 +200,8 @@ impl Outcome {
         self.filtered = Some(*filtered);
     }
 
-    pub(super) fn aim_at(&mut self, mission: &Mission) {
+    /// Copies the target of `mission`, its number and the count of those reached.
+    pub(super) fn note_targets(&mut self, mission: &Mission) {
         self.target = *mission.target();
         self.targets_reached = mission.targets_reached();
         self.target_number = mission.targets_reached() + usize::from(!mission.is_finished());
@@ -304,7 +293,7 @@ mod tests {
         let mut mission = Mission::new(&serde_json::from_value(targets).unwrap(), 0.02).unwrap();
         let mut out = outcome();
         for (reached, number, x_m) in [(0, 1, 0.0), (1, 2, 1.0), (2, 2, 1.0)] {
-            out.aim_at(&mission);
+            out.note_targets(&mission);
             let found = (out.targets_reached, out.target_number, out.target);
             assert_eq!(found, (reached, number, Pose::new(x_m, 0.0, 1.0, 0.0)));
             let mut next = [Reference::default()];

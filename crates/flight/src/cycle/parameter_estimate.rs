@@ -1,10 +1,9 @@
 //! The parameter of the vehicle by the estimator, with its covariance.
 
 use horizon_estim::Mhe;
-use horizon_model::Model;
 use horizon_model::rows::{Sticks, pose, stick};
 
-use super::DeadTimeChange;
+use super::{DeadTimeChange, Vehicle};
 
 /// Estimate of the parameter of the model at the end of a flight.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,13 +20,10 @@ pub struct ParameterEstimate {
 impl ParameterEstimate {
     /// By the estimator and the correction of the dead times; `None` before the first estimate and with a fixed
     /// arrival.
-    pub(super) fn of<M, const NS: usize, const NP: usize>(
+    pub(super) fn of<M: Vehicle<NS, NP>, const NS: usize, const NP: usize>(
         mhe: &Mhe<M, NS, { stick::COUNT }, { pose::COUNT }, NP>,
         change: Option<DeadTimeChange>,
-    ) -> Option<Self>
-    where
-        M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-    {
+    ) -> Option<Self> {
         let covariance = mhe.is_started().then(|| mhe.parameter_covariance())??;
         let rows = covariance.row_iter().map(|row| row.iter().copied().collect()).collect();
         Some(Self {

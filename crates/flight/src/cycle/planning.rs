@@ -11,9 +11,10 @@ use std::iter::repeat_n;
 
 use horizon_control::{Mpc, MpcProblem, MpcReport, SoftConstraints, SqpError, predict};
 use horizon_model::rows::{Pose, Sticks, pos_w, pose, stick};
-use horizon_model::{InputFifo, Model, angle};
+use horizon_model::{InputFifo, angle};
 use nalgebra::{SMatrix, SVector};
 
+use super::Vehicle;
 use super::baseline::Baseline;
 use super::committed::Committed;
 use super::walls::{Clearance, PlanWalls, Walls};
@@ -37,10 +38,7 @@ pub(super) struct StickBounds {
 
 /// Controller with its references, constraints and newest plan.
 #[derive(Debug)]
-pub(super) struct Planner<M, const NS: usize, const NP: usize, const NR: usize>
-where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-{
+pub(super) struct Planner<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> {
     model: M,
     dt_s: f64,
     mpc: Mpc<M, NS, { stick::COUNT }, { pose::COUNT }, NP, NR>,
@@ -68,10 +66,7 @@ where
     brake: Brake,
 }
 
-impl<M, const NS: usize, const NP: usize, const NR: usize> Planner<M, NS, NP, NR>
-where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-{
+impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Planner<M, NS, NP, NR> {
     /// A planner without a plan. `bounds` are those of the sticks; model and bounds of `mpc` are those of
     /// effective inputs. A stage of `mpc` begins where the nominal
     /// [`given_steps`](super::committed::given_steps) end.
@@ -114,7 +109,7 @@ where
     }
 
     /// The planner with walls and obstacles.
-    pub(super) fn within(self, walls: Option<Walls>) -> Self {
+    pub(super) fn with_walls(self, walls: Option<Walls>) -> Self {
         Self { walls, ..self }
     }
 
@@ -177,7 +172,7 @@ where
 
     /// Predicts the state at the beginning of the plan, by the sticks that act until then.
     fn predict_start(&mut self, known: &Known<'_, NS, NP>) {
-        let inputs = (known.from_ahead..known.begin_ahead()).map(|ahead| known.applied(ahead));
+        let inputs = (known.ahead..known.begin_ahead()).map(|ahead| known.applied(ahead));
         self.s_0 = predict(&self.model, known.s_hat, known.p_hat, inputs, self.dt_s);
         self.p = known.p_hat + self.baseline.p_correction;
     }
@@ -246,26 +241,28 @@ where
             let next = self.model.step(&self.s_0, &Sticks::zeros(), &self.p, self.dt_s);
             let coasting = self.model.coasting(&self.s_0, &self.p);
             let next = self.model.observe(&next);
-            let rest = self.brake.reference(&from, &next, &coasting, self.dt_s);
-            self.refer_to(&angle::nearest_turn(&rest, &from, &M::OBSERVATION));
+            let at_rest = self.brake.reference(&from, &next, &coasting, self.dt_s);
+            self.set_constant_reference(&angle::nearest_turn(&at_rest, &from, &M::OBSERVATION));
         } else if mission.is_pointwise() {
             let target = angle::nearest_turn(mission.target(), &from, &M::OBSERVATION);
-            self.refer_to(&clip_target(&target, &from, self.baseline.max_target_distance));
+            self.set_constant_reference(&clip_target(
+                &target,
+                &from,
+                self.baseline.max_target_distance,
+            ));
         } else {
-            self.refer_to_path(mission, known, &from);
+            self.set_path_reference(mission, known, &from);
         }
     }
 
     /// The reference of the whole plan is `at`, at rest.
-    fn refer_to(&mut self, at: &Pose) {
+    fn set_constant_reference(&mut self, at: &Pose) {
         self.s_ref.fill(self.model.moving(at, &Pose::zeros(), &self.s_0));
     }
 
     /// The references are those of the path of `mission`, for a plan that begins at the pose `from`.
-    fn refer_to_path(&mut self, mission: &Mission, known: &Known<'_, NS, NP>, from: &Pose) {
-        // A plan for the next tick begins one step more after the estimate, at which the mission is.
-        let since_estimate = usize::try_from(-known.from_ahead).unwrap_or(0);
-        let first_ahead = since_estimate + known.fifo.known_steps();
+    fn set_path_reference(&mut self, mission: &Mission, known: &Known<'_, NS, NP>, from: &Pose) {
+        let first_ahead = known.periods_since_estimate() + known.fifo.known_steps();
         mission.fill(first_ahead, self.mpc.settings().stage_steps(), &mut self.references);
         // The heading is continuous over the horizon: one turn fits all.
         let turn_rad = self.references.first().map_or(0.0, |first| {
@@ -358,8 +355,8 @@ where
         self.lag.is_some_and(|lag| (lag as usize) < usable)
     }
 
-    /// Advances by a period without a new plan: the present plan ages.
-    pub(super) fn skip(&mut self) {
+    /// Advances by a period without a new plan.
+    pub(super) fn age_plan(&mut self) {
         if let Some(lag) = &mut self.lag {
             *lag = lag.saturating_add(1);
             self.mpc.shift();

@@ -1,12 +1,12 @@
 //! Settings of the planning: those of the controller, and what the thesis' baseline adds to them.
 
 use horizon_control::{InputCost, MpcSettings, MpcTable, SolverTable};
-use horizon_model::Model;
-use horizon_model::rows::{pose, stick};
+use horizon_model::rows::stick;
 use horizon_model::setting::SettingError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::Vehicle;
 use super::baseline::Baseline;
 use super::walls::WallTable;
 
@@ -69,12 +69,9 @@ impl PlanningTable {
     ///
     /// # Errors
     /// The first value that breaks its rule, with its key below this table.
-    pub(super) fn check<M, const NS: usize, const NP: usize>(
+    pub(super) fn check<M: Vehicle<NS, NP>, const NS: usize, const NP: usize>(
         &self,
-    ) -> Result<(MpcSettings<NS, { stick::COUNT }>, Baseline<NP>), SettingError>
-    where
-        M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-    {
+    ) -> Result<(MpcSettings<NS, { stick::COUNT }>, Baseline<NP>), SettingError> {
         let settings = self.mpc().check::<M, _, _, _, _>()?;
         let (u_lb, u_ub) = (settings.u_lb(), settings.u_ub());
         for i in 0..stick::COUNT {

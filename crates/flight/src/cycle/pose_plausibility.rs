@@ -2,6 +2,15 @@
 //!
 //! Owns the signs that a stream goes on and is wrong: it repeats one position to the last digit, or it is
 //! further away than a vehicle flies. The supervisor decides what follows from them.
+//!
+//! Poses are rough if so many ticks among so many have a step that exceeds the speed of a vehicle by so much:
+//!
+//! | rule       | excess   | ticks   | among     |
+//! |------------|----------|---------|-----------|
+//! | `QUICK`    | 0.1 m    | 5       | 50        |
+//! | `SLOW`     | 0.1 m    | 7       | 200       |
+//! | `SLOWEST`  | 0.1 m    | 8       | 600       |
+//! | `UNSTEADY` | 0.05 m   | 20      | 200       |
 
 use horizon_estim::Observed;
 use horizon_model::rows::{Pose, pos_w, pose};
@@ -27,12 +36,12 @@ const ROUGH_M: f64 = 0.1;
 /// The same of two positions that are nearer to each other, which takes many such steps. m
 const UNSTEADY_M: f64 = 0.05;
 
-/// For so many ticks, a second at 50 Hz, the poses after a rough one tell neither whether commands act nor how late
+/// For so many ticks, a second at 50 Hz, the poses after a rough one show neither whether commands act nor how late
 /// they do.
 const ROUGH_TICKS: u32 = 50;
 
-/// So many ticks among so many are no coincidence.
-struct Burst {
+/// So many events in so many ticks are no coincidence.
+struct EventRate {
     count: usize,
     ticks: u32,
 }
@@ -40,19 +49,25 @@ struct Burst {
 /// Rough ticks in quick, slow and very slow succession. Real flights have one within a second at most, and two in a
 /// whole flight (docs/benchmarks/2026-11-27-poses). A single outlier jumps there and back: two of them within a second,
 /// or three within four, do not count.
-const QUICK: Burst = Burst { count: 5, ticks: ROUGH_TICKS };
-const SLOW: Burst = Burst { count: 7, ticks: 4 * ROUGH_TICKS };
-const SLOWEST: Burst = Burst { count: 8, ticks: 12 * ROUGH_TICKS };
+const QUICK: EventRate = EventRate { count: 5, ticks: ROUGH_TICKS };
+const SLOW: EventRate = EventRate { count: 7, ticks: 4 * ROUGH_TICKS };
+const SLOWEST: EventRate = EventRate { count: 8, ticks: 12 * ROUGH_TICKS };
 
 /// Ticks with an excess above [`UNSTEADY_M`]: three within four seconds at most in those flights.
-const UNSTEADY: Burst = Burst { count: 20, ticks: 4 * ROUGH_TICKS };
+const UNSTEADY: EventRate = EventRate { count: 20, ticks: 4 * ROUGH_TICKS };
 
 /// How many ticks ago the newest events were, the newest first.
 #[derive(Debug, Clone)]
 struct Recent<const N: usize>([u32; N]);
 
+impl<const N: usize> Default for Recent<N> {
+    fn default() -> Self {
+        Self([u32::MAX; N])
+    }
+}
+
 impl<const N: usize> Recent<N> {
-    fn open(&mut self) {
+    fn begin_tick(&mut self) {
         self.0 = self.0.map(|ticks| ticks.saturating_add(1));
     }
 
@@ -71,8 +86,8 @@ impl<const N: usize> Recent<N> {
         self.0.first().copied().unwrap_or(u32::MAX)
     }
 
-    fn has(&self, burst: &Burst) -> bool {
-        self.0[burst.count - 1] < burst.ticks
+    fn has(&self, rate: &EventRate) -> bool {
+        self.0[rate.count - 1] < rate.ticks
     }
 }
 
@@ -85,7 +100,7 @@ struct Accepted {
 }
 
 /// The newest poses, seen one by one.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Plausibility {
     raw: Option<Pose>,
     repeats: u32,
@@ -99,35 +114,20 @@ pub(super) struct Plausibility {
     unsteady: Recent<{ UNSTEADY.count }>,
 }
 
-impl Default for Plausibility {
-    fn default() -> Self {
-        Self {
-            raw: None,
-            repeats: 0,
-            accepted: None,
-            jump_m: None,
-            drop_m: None,
-            shift_w: Vector3::zeros(),
-            rough: Recent([u32::MAX; _]),
-            unsteady: Recent([u32::MAX; _]),
-        }
-    }
-}
-
 impl Plausibility {
     /// A tick begins.
-    pub(super) fn open(&mut self) {
+    pub(super) fn begin_tick(&mut self) {
         (self.jump_m, self.drop_m) = (None, None);
-        self.rough.open();
-        self.unsteady.open();
+        self.rough.begin_tick();
+        self.unsteady.begin_tick();
     }
 
-    /// Whether poses have jumped within the last second: they then tell nothing about vehicle and commands.
+    /// Whether poses have jumped within the last second: they then show nothing about vehicle and commands.
     pub(super) fn has_jumped(&self) -> bool {
         self.rough.newest() < ROUGH_TICKS
     }
 
-    /// What of `observed` tells about the commands: nothing after a jump.
+    /// The rows of `observed` that show the commands: none after a jump.
     pub(super) fn steady(&self, observed: &Observed<{ pose::COUNT }>) -> Observed<{ pose::COUNT }> {
         let has_jumped = self.has_jumped();
         Observed { o: observed.o, is_present: observed.is_present.map(|it| it && !has_jumped) }
@@ -139,7 +139,7 @@ impl Plausibility {
     }
 
     /// Forgets by how much the poses were shifted: the vehicle stands, and may be carried.
-    pub(super) fn stand(&mut self) {
+    pub(super) fn reset_shift(&mut self) {
         self.shift_w = Vector3::zeros();
     }
 
@@ -194,7 +194,7 @@ impl Plausibility {
 
     /// Whether poses jump again and again, in whatever direction: an object that is found in two positions, or noise.
     pub(super) fn is_rough(&self) -> bool {
-        [QUICK, SLOW, SLOWEST].iter().any(|burst| self.rough.has(burst))
+        [QUICK, SLOW, SLOWEST].iter().any(|rate| self.rough.has(rate))
             || self.unsteady.has(&UNSTEADY)
     }
 

@@ -15,7 +15,7 @@ const BLOCKED_FACTOR: f64 = 0.5;
 const TURN_BACK_S: f64 = 2.0;
 
 /// A vehicle within this of the height of its reference, or above it, has not sunk. m
-const LEVEL_M: f64 = 0.1;
+const AT_HEIGHT_M: f64 = 0.1;
 
 /// Progress of the mission so far.
 #[derive(Debug, Clone, Default)]
@@ -58,7 +58,7 @@ pub(super) struct Tracking {
 
 impl Progress {
     /// Counts one period of `dt_s` in which the controller steered, braking included.
-    pub(super) fn fly(&mut self, dt_s: f64) {
+    pub(super) fn count_flown(&mut self, dt_s: f64) {
         self.flown_s += dt_s;
     }
 
@@ -71,17 +71,19 @@ impl Progress {
     }
 
     /// The reference was chosen anew, for a vehicle that may be far away from it.
-    pub(super) fn resume(&mut self) {
+    pub(super) fn reset_least(&mut self) {
         self.least = None;
     }
 
-    /// What the vehicle comes down now is no sinking: a person steers, or the flight is in another phase.
-    pub(super) fn restart_height(&mut self) {
+    /// Restarts distances and sinking at the present pose: a person steers, or the flight is in another phase.
+    pub(super) fn restart(&mut self) {
+        self.reset_least();
         self.top_m = None;
     }
 
-    /// How the vehicle at `pose_hat` tracks its reference. While the moving obstacle is in the path there, by
-    /// `is_path_blocked`, of the distance half counts; once it has gone, the distance of then is the least one.
+    /// How the vehicle at `pose_hat` tracks its reference. While the moving obstacle is in the path, by
+    /// `is_path_blocked`, the growth of the distance counts by half. When it leaves, the least distance is set to the
+    /// present one.
     pub(super) fn tracking(
         &mut self,
         mission: &Mission,
@@ -92,7 +94,7 @@ impl Progress {
         let Some(reference) = mission.reference().or(target) else { return Tracking::default() };
         if target.is_some() && self.targets_reached != mission.targets_reached() {
             self.targets_reached = mission.targets_reached();
-            self.resume();
+            self.reset_least();
         }
         self.note_return(mission.is_returning());
         let apart_w = reference - pose_hat;
@@ -122,6 +124,7 @@ impl Progress {
         if let Some(least) = &mut self.least
             && self.flown_s < self.turns_until_s
         {
+            // The next `min` takes the present distance.
             least.distance_m = f64::INFINITY;
         }
     }
@@ -144,7 +147,8 @@ impl Progress {
 
     /// By how much a vehicle at the height `z_m` (world frame), `below_m` below its reference, has sunk. m
     fn sunk_m(&mut self, z_m: f64, below_m: f64) -> f64 {
-        let top_m = self.top_m.filter(|_| below_m > LEVEL_M).map_or(z_m, |top_m| top_m.max(z_m));
+        let top_m =
+            self.top_m.filter(|_| below_m > AT_HEIGHT_M).map_or(z_m, |top_m| top_m.max(z_m));
         self.top_m = Some(top_m);
         below_m.min(top_m - z_m)
     }
@@ -172,7 +176,7 @@ mod tests {
         let away = far + Pose::new(2.0, 0.0, 0.0, 0.0);
         let away_m = progress.tracking(&mission, &away, |_| false).away_m;
         assert!((away_m - 2.0).abs() < 0.1, "{away_m} m");
-        progress.resume();
+        progress.reset_least();
         assert!(
             progress.tracking(&mission, &away, |_| false).away_m <= 0.0,
             "it may come back from there"
@@ -238,7 +242,7 @@ mod tests {
             let found_m = progress.tracking(&mission, &over(z_m), |_| false).sunk_m.max(0.0);
             assert!((found_m - sunk_m).abs() < 1e-9, "{z_m} m: {found_m} m");
         }
-        progress.restart_height();
+        progress.restart();
         for (z_m, sunk_m) in [(-0.8, 0.0), (-0.5, 0.0), (-0.7, 0.2)] {
             let found_m = progress.tracking(&mission, &over(z_m), |_| false).sunk_m;
             assert!((found_m - sunk_m).abs() < 1e-9, "{z_m} m: {found_m} m");
@@ -260,13 +264,13 @@ mod tests {
             if mission.targets_reached() == 1 && at[pose::Y] > -1.8 {
                 at += Pose::new(-0.3, 0.3, 0.0, 0.0);
             }
-            progress.fly(0.02);
+            progress.count_flown(0.02);
         }
         assert!(mission.is_returning());
         let mut away_m = |count: u32| {
             let ahead = (0..count).map(|_| {
                 at += Pose::new(0.02, 0.0, 0.0, 0.0);
-                progress.fly(0.02);
+                progress.count_flown(0.02);
                 progress.tracking(&mission, &at, |_| false).away_m
             });
             ahead.last().unwrap_or_default()
@@ -281,7 +285,7 @@ mod tests {
         let mut progress = Progress::default();
         let planned_s = mission.planned_s();
         assert!((20.0..40.0).contains(&planned_s), "{planned_s} s");
-        progress.fly(2.0 * planned_s + 3.0);
+        progress.count_flown(2.0 * planned_s + 3.0);
         assert!((progress.overtime_s(&mission) - 3.0).abs() < 1e-9);
     }
 }

@@ -1,17 +1,13 @@
 //! The sticks that the pilot of a tick proposes, the plan's or the person's, limited and blended; and those that are
 //! sent.
 
-use horizon_model::Model;
-use horizon_model::rows::{Sticks, pose, stick};
+use horizon_model::rows::Sticks;
 
-use super::{Cycle, Inbox};
+use super::{Cycle, Inbox, Vehicle};
 use crate::Pilot;
 use crate::gate::Approved;
 
-impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
-where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-{
+impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR> {
     /// The sticks that `pilot` proposes; neutral without one. Begins, advances or ends the hand-over between pilots.
     pub(super) fn proposed_sticks(&mut self, pilot: Option<Pilot>, inbox: &Inbox) -> Sticks {
         let u_pilot = match (pilot, inbox.manual) {
@@ -38,3 +34,6 @@ where
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

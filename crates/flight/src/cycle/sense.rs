@@ -3,13 +3,12 @@
 //! Owns how the sightings of a tick become the rows that the estimator may use.
 
 use horizon_estim::Observed;
-use horizon_model::Model;
 use horizon_model::angle::wrap;
-use horizon_model::rows::{Pose, pose, stick};
+use horizon_model::rows::{Pose, pose};
 use nalgebra::SVector;
 
-use super::measurement_time::Seen;
-use super::{Cycle, HeldObservations, Inbox, Outcome};
+use super::measurement_time::TickObservations;
+use super::{Cycle, HeldObservations, Inbox, Outcome, Vehicle};
 use crate::time::{SpanNs, TimeNs};
 use crate::{Acceptance, Filtered, Phase, Sighting};
 
@@ -42,27 +41,24 @@ fn is_late(sighting: &Sighting, now: TimeNs) -> bool {
     now.since(sighting.measured_at) > SIGHTING_AGE_MAX
 }
 
-impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
-where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-{
+impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR> {
     /// Steps 1 and 2 of thesis section 4.3.11: the rows of the raw observations that the estimator uses.
     ///
     /// `None` until the filter has seen its first valid pose.
-    pub(super) fn sense(&mut self, inbox: &Inbox, out: &mut Outcome) -> Option<Seen> {
+    pub(super) fn sense(&mut self, inbox: &Inbox, out: &mut Outcome) -> Option<TickObservations> {
         self.memory.drone = inbox.drone.or(self.memory.drone);
         (self.memory.o_seen, self.memory.o_repeated) = (None, None);
-        self.plausibility.open();
+        self.plausibility.begin_tick();
         if self.supervisor.phase() == Phase::Idle {
-            self.plausibility.stand();
+            self.plausibility.reset_shift();
         }
         // A late sighting is left out: it would lead the filter back to an earlier position.
         let timely = || inbox.sightings.iter().filter(|sighting| !is_late(sighting, inbox.now));
-        // The filter is updated in a tick without a sighting, too: its limits grow.
-        let nothing = timely().next().is_none().then_some(None);
+        // One turn with `None` if no sighting is timely: the limits of the filter grow in each tick.
+        let empty_turn = timely().next().is_none().then_some(None);
         let mut o = None;
         let [mut is_position_new, mut is_heading_new] = [false; 2];
-        for (k, sighting) in timely().map(Some).chain(nothing).enumerate() {
+        for (k, sighting) in timely().map(Some).chain(empty_turn).enumerate() {
             let measured_at = sighting.map_or(inbox.now, |sighting| sighting.measured_at);
             let filtered = self.filtered(sighting, k == 0, measured_at);
             out.observe(sighting, &filtered);
@@ -94,12 +90,12 @@ where
 
     /// Notes when and what was accepted; whether the stream does more than repeat itself.
     fn note_accepted(&mut self, filtered: &Filtered, measured_at: TimeNs) -> bool {
-        let is_new = !self.is_frozen();
+        let is_new = !self.is_stream_repeating();
         let has_heading = filtered.heading == Acceptance::Accepted;
         if filtered.position == Acceptance::Accepted && is_new {
             self.memory.position_at = Some(measured_at);
             self.memory.o_seen = filtered.o;
-            self.monitors.observe_heading(has_heading);
+            self.monitors.note_heading_measured(has_heading);
         } else if filtered.position == Acceptance::Accepted {
             self.memory.o_repeated = filtered.o;
         }
@@ -114,9 +110,9 @@ where
         let finite = raw.filter(|raw| raw.iter().all(|row| row.is_finite()));
         let Some(raw) = finite else { return };
         let is_other = match self.supervisor.phase() {
-            Phase::Idle => self.start.observe(raw, at),
+            Phase::Idle => self.standing_start.observe(raw, at),
             Phase::Flying if self.has_few_headings() => {
-                self.start.observe_in_flight(raw[pose::THETA], self.theta_hat_rad(), at)
+                self.standing_start.observe_in_flight(raw[pose::THETA], self.theta_hat_rad(), at)
             }
             _ => false,
         };
@@ -172,7 +168,7 @@ where
     }
 
     /// Whether the stream repeats itself while the vehicle flies. On the ground it may.
-    pub(super) fn is_frozen(&self) -> bool {
+    pub(super) fn is_stream_repeating(&self) -> bool {
         let is_in_flight = self.supervisor.phase() == Phase::Flying && !self.is_carried;
         is_in_flight && self.plausibility.is_repeated()
     }

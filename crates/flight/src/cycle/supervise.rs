@@ -2,14 +2,13 @@
 //!
 //! Owns how the [`Evidence`] of a tick is collected, and the inputs of each monitor.
 
-use horizon_model::Model;
-use horizon_model::rows::{Pose, Sticks, pos_w, pose, stick};
+use horizon_model::rows::{Pose, PoseRate, Sticks, pos_w, pose};
 use nalgebra::{SVector, Vector2, Vector3};
 
 use super::link::Link;
 use super::progress::Tracking;
 use super::walls::Walls;
-use super::{COMING, Cycle, Inbox, JUST_ENDED, Outcome};
+use super::{COMING, Cycle, Inbox, JUST_ENDED, Outcome, Vehicle};
 use crate::drone::DroneStatus;
 use crate::time::TimeNs;
 use crate::{
@@ -23,17 +22,14 @@ const REPORT_AGE_MAX_S: f64 = 0.5;
 /// Largest stick that counts as neutral: that of a released key decays towards zero and never reaches it. 1
 const HAND_NEUTRAL: f64 = 0.02;
 
-impl<M, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR>
-where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-{
+impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR> {
     /// Decides on this tick; who may steer. `None`: nobody, as in the recording of another controller.
     pub(super) fn supervise(&mut self, inbox: &Inbox, out: &mut Outcome) -> Option<Pilot> {
         if inbox.flown.is_some() {
             return None;
         }
         let findings = self.monitor(inbox);
-        self.note_pose(self.memory.o_seen, &self.fifo.applied(JUST_ENDED));
+        self.observe_impact(self.memory.o_seen, &self.fifo.applied(JUST_ENDED));
         out.findings = Some(findings);
         let outage = self.outage();
         let (motion, tracking) = self.follow_motion(inbox.now, out).unzip();
@@ -84,23 +80,23 @@ where
             is_approached: holds_here(Walls::is_approached),
             may_be_approached: holds_here(Walls::may_be_approached),
             reference_behind_w: self.reference_behind_w(motion),
-            is_vehicle_inside: holds_here(Walls::is_in_obstacle),
+            is_vehicle_inside: holds_here(Walls::is_in_fixed),
         }
     }
 
     /// How plausible the newest poses are.
     fn pose_evidence(&self) -> PoseEvidence {
         PoseEvidence {
-            is_repeated: self.is_frozen(),
+            is_repeated: self.is_stream_repeating(),
             jump_m: self.plausibility.jump_m(),
             shift_m: self.plausibility.shift_m(),
             is_rough: self.plausibility.is_rough(),
             drop_m: self.plausibility.drop_m(),
-            is_settled: self.start.is_settled(),
+            is_settled: self.standing_start.is_settled(),
         }
     }
 
-    /// The estimated motion beside its reference, of which `tracking` tells how far it has gone away.
+    /// The estimated motion beside its reference, of which `tracking` is how far it has gone away.
     fn tracking_evidence(
         &self,
         motion: Option<&EstimatedMotion>,
@@ -134,7 +130,7 @@ where
         out.speed_mps =
             known.map_or(0.0, |(motion, _)| motion.rate.fixed_rows::<3>(pose::X).norm());
         if let Some((motion, _)) = &known {
-            self.immobility.see(&motion.pose);
+            self.immobility.observe_pose(&motion.pose);
         }
         out.pressed_s = self.immobility.pressed_s();
         known
@@ -145,8 +141,8 @@ where
     fn reference_behind_w(&self, motion: Option<&EstimatedMotion>) -> Option<Vector3<f64>> {
         let (walls, at_w) = (self.planner.walls()?, pos_w(&motion?.pose));
         let to_w = pos_w(&self.mission.reference().unwrap_or(*self.mission.target()));
-        let is_behind = walls.is_path_through_obstacle(&at_w, &to_w);
-        (is_behind && !walls.is_path_blocked(&at_w, &to_w)).then_some(to_w)
+        let is_behind = walls.fixed_blocks_path(&at_w, &to_w);
+        (is_behind && !walls.moving_blocks_path(&at_w, &to_w)).then_some(to_w)
     }
 
     /// Horizontal differences between vehicle and reference, of the velocities and of the positions, world frame;
@@ -160,7 +156,7 @@ where
         let (at_w, to_w) = (pos_w(&motion.pose), pos_w(&self.mission.reference()?));
         let error_w = pos_w(&(motion.rate - self.mission.reference_rate()?));
         let is_evading = self.planner.walls().is_some_and(|walls| {
-            walls.is_beside_obstacle(&at_w) || walls.is_path_blocked(&at_w, &to_w)
+            walls.is_beside_fixed(&at_w) || walls.moving_blocks_path(&at_w, &to_w)
         });
         let is_meant = is_evading || self.waits_for_obstacle(now) || self.is_descending();
         (!is_meant).then(|| (error_w.xy(), (at_w - to_w).xy()))
@@ -181,16 +177,15 @@ where
     /// has come down beside an obstacle: a plan that evades the obstacle may lead down.
     fn track(&mut self, at: &Pose, now: TimeNs) -> Tracking {
         if self.supervisor.phase() != Phase::Flying || self.is_descending() {
-            self.progress.resume();
-            self.progress.restart_height();
+            self.progress.restart();
         }
         let (walls, at_w) = (self.planner.walls(), pos_w(at));
         let waits = self.waits_for_obstacle(now);
         let is_path_blocked = |to: &Pose| {
-            waits || walls.is_some_and(|walls| walls.is_path_blocked(&at_w, &pos_w(to)))
+            waits || walls.is_some_and(|walls| walls.moving_blocks_path(&at_w, &pos_w(to)))
         };
         let tracking = self.progress.tracking(&self.mission, at, is_path_blocked);
-        let is_beside = walls.is_some_and(|walls| walls.is_beside_obstacle(&at_w));
+        let is_beside = walls.is_some_and(|walls| walls.is_beside_fixed(&at_w));
         let sunk_m = if is_beside { 0.0 } else { tracking.sunk_m };
         Tracking { sunk_m, ..tracking }
     }
@@ -199,7 +194,7 @@ where
     fn monitor(&mut self, inbox: &Inbox) -> Findings {
         let sample = self.sample(self.memory.o_seen, self.fifo.applied(JUST_ENDED), inbox);
         if !self.is_monitored() {
-            self.monitors.rest(&sample);
+            self.monitors.update_on_ground(&sample);
             return Findings::default();
         }
         if let Some(repeated) = self.memory.o_repeated.filter(|_| sample.pose.is_none()) {
@@ -209,7 +204,7 @@ where
         if !self.plausibility.has_jumped() {
             return findings;
         }
-        self.monitors.skip_jump();
+        self.monitors.restart_direction_only();
         Findings { direction_error_rad: None, is_direction_wrong: false, ..findings }
     }
 
@@ -224,24 +219,23 @@ where
         if self.mhe.is_started() {
             self.follow_worst_case(&u_meant);
         }
-        self.note_pose(None, &u_meant);
+        self.observe_impact(None, &u_meant);
     }
 
-    /// Notes the pose `seen` after a period in which `u_applied` was applied, for the detection of an impact.
-    fn note_pose(&mut self, seen: Option<Pose>, u_applied: &Sticks) {
-        self.impact.see(seen.as_ref(), u_applied, self.theta_hat_rad());
+    /// Takes the pose `seen` after a period in which `u_applied` was applied to the detection of an impact.
+    fn observe_impact(&mut self, seen: Option<Pose>, u_applied: &Sticks) {
+        self.impact.observe_period(seen.as_ref(), u_applied, self.theta_hat_rad());
     }
 
-    /// Notes the inputs by which the controller should move the vehicle: those of the mission while the link is up.
-    /// Under a person's hand the monitors of progress begin anew.
-    pub(super) fn note_pressed(&mut self, pilot: Option<Pilot>, u_sent: &Sticks) {
+    /// Takes the inputs by which the controller should move the vehicle, those of the mission while the link is up, to
+    /// the detection of an immobile vehicle. While a person steers, this and the progress begin anew.
+    pub(super) fn follow_immobility(&mut self, pilot: Option<Pilot>, u_sent: &Sticks) {
         if pilot == Some(Pilot::Person) {
             self.immobility.restart();
             // After a hand-back the reference may wait: under a brake or a hold the mission is not resumed.
-            self.progress.resume();
-            self.progress.restart_height();
+            self.progress.restart();
         } else if (self.memory.is_on_mission || self.planner.is_at_rest()) && self.link_is_up() {
-            self.immobility.press(u_sent, self.dt_s);
+            self.immobility.add_input(u_sent, self.dt_s);
         }
     }
 
@@ -267,7 +261,7 @@ where
         self.follow_worst_case(&self.fifo.applied(JUST_ENDED));
         let (states, for_s) = self.worst_case.states()?;
         let is_held = self.link.as_ref().is_some_and(|link| link.state() == LinkState::Held);
-        Some(Outage { for_s, is_held, unseen: states.map(|s| self.motion_of(&s)) })
+        Some(Outage { for_s, is_held, if_applied: states.map(|s| self.motion_of(&s)) })
     }
 
     /// Follows the worst case of an outage by a period in which `u_meant` would have been applied.
@@ -288,7 +282,7 @@ where
     }
 
     /// Mean change of the pose per second, from the state `s` on, while `u` acts for a period.
-    pub(super) fn rate_of(&self, s: &SVector<f64, NS>, u: &Sticks) -> Pose {
+    pub(super) fn rate_of(&self, s: &SVector<f64, NS>, u: &Sticks) -> PoseRate {
         let s_next = self.model.step(s, u, self.mhe.p_hat(), self.dt_s);
         (self.model.observe(&s_next) - self.model.observe(s)) / self.dt_s
     }

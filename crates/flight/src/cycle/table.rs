@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::baseline::{HeldObservations, Pipeline};
 use super::planning_table::PlanningTable;
-pub use super::settled_poses::StandingTable;
+pub use super::standing_start::StandingTable;
 use super::vehicle::ModelKind;
 use crate::drone::Protocol;
 use crate::gate::GateTable;
@@ -69,7 +69,7 @@ pub struct CycleTable {
     pub obstacles: Vec<ObstacleTable>,
     /// Phases, faults and their reactions.
     pub supervisor: SupervisorTable,
-    /// Whether motion capture, drone and commands tell of one motion.
+    /// Whether motion capture, drone and commands show one motion.
     #[serde(default)]
     pub monitors: MonitorTable,
     /// Last check before the wire.

@@ -20,6 +20,17 @@ pub enum ModelKind {
     Lagged,
 }
 
+/// A model of the vehicle: its inputs are the sticks, its observations are poses.
+pub trait Vehicle<const NS: usize, const NP: usize>:
+    Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + Sync + 'static
+{
+}
+
+impl<M, const NS: usize, const NP: usize> Vehicle<NS, NP> for M where
+    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + Sync + 'static
+{
+}
+
 /// A computation for any vehicle model.
 pub trait WithModel {
     /// Result of the computation.
@@ -28,7 +39,7 @@ pub trait WithModel {
     /// The result for `model`, of whose states the first `NR` are controllable ([`Model::CONTROLLABLE`]).
     fn run<M, const NS: usize, const NP: usize, const NR: usize>(self, model: M) -> Self::Output
     where
-        M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + Sync + 'static;
+        M: Vehicle<NS, NP>;
 }
 
 impl ModelKind {
@@ -62,7 +73,7 @@ impl WithModel for Described {
 
     fn run<M, const NS: usize, const NP: usize, const NR: usize>(self, _model: M) -> Self::Output
     where
-        M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+        M: Vehicle<NS, NP>,
     {
         (M::NAME, &M::PARAMETER)
     }
@@ -82,7 +93,7 @@ mod tests {
             _model: M,
         ) -> Self::Output
         where
-            M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+            M: Vehicle<NS, NP>,
         {
             (NR, M::CONTROLLABLE)
         }

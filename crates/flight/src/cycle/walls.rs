@@ -52,22 +52,21 @@ pub(super) struct Walls {
 enum Surface {
     /// A wall of the room, by its number below [`Room::WALLS`].
     Wall(Room, usize),
-    /// An obstacle; the moving one is predicted by its present velocity.
-    Obstacle(Obstacle),
-    /// The moving obstacle once more, predicted by its low-pass filtered velocity.
-    MovingByMean(Obstacle),
-    /// The moving obstacle once more, predicted to stop.
-    MovingStops(Obstacle),
+    /// An obstacle that does not move.
+    Fixed(Obstacle),
+    /// The moving obstacle by one of its predictions.
+    Moving(Obstacle, Prediction),
 }
 
-impl Surface {
-    fn is_moving(&self) -> bool {
-        match self {
-            Self::Wall(..) => false,
-            Self::Obstacle(obstacle) => obstacle.is_moving(),
-            Self::MovingByMean(_) | Self::MovingStops(_) => true,
-        }
-    }
+/// Prediction of the moving obstacle.
+#[derive(Debug, Clone, Copy)]
+enum Prediction {
+    /// By its present velocity.
+    Velocity,
+    /// By its low-pass filtered velocity.
+    MeanVelocity,
+    /// It stops: [`STOP_S`].
+    Stop,
 }
 
 /// How near a plan comes to walls and obstacles.
@@ -103,12 +102,19 @@ impl Walls {
         let walls =
             room.into_iter().flat_map(|room| (0..Room::WALLS).map(move |i| Surface::Wall(room, i)));
         let may_accelerate = table.obstacle_accel_mps2 > 0.0;
-        let moving =
-            || obstacles.iter().copied().filter(|obstacle| may_accelerate && obstacle.is_moving());
+        let of = |obstacle: &Obstacle| {
+            if obstacle.is_moving() {
+                Surface::Moving(*obstacle, Prediction::Velocity)
+            } else {
+                Surface::Fixed(*obstacle)
+            }
+        };
+        let moving = obstacles.iter().find(|obstacle| may_accelerate && obstacle.is_moving());
+        let by = |prediction| moving.map(|moving| Surface::Moving(*moving, prediction));
         let surfaces = walls
-            .chain(obstacles.iter().copied().map(Surface::Obstacle))
-            .chain(moving().map(Surface::MovingByMean))
-            .chain(moving().map(Surface::MovingStops))
+            .chain(obstacles.iter().map(of))
+            .chain(by(Prediction::MeanVelocity))
+            .chain(by(Prediction::Stop))
             .collect();
         Ok(Some(Self {
             surfaces,
@@ -137,7 +143,7 @@ impl Walls {
 
     /// Whether there is a moving obstacle that is not seen; see [`MovingObstacle::is_unseen`].
     pub(super) fn is_moving_unseen(&self) -> bool {
-        self.moving.is_unseen() && self.moving_obstacles().next().is_some()
+        self.moving.is_unseen() && self.moving_obstacle().is_some()
     }
 
     /// The plan begins `lead_s` after now, at a position of this covariance. m^2
@@ -155,15 +161,18 @@ impl Walls {
         self.surfaces.len()
     }
 
-    fn obstacles(&self) -> impl Iterator<Item = &Obstacle> {
+    fn fixed_obstacles(&self) -> impl Iterator<Item = &Obstacle> {
         self.surfaces.iter().filter_map(|surface| match surface {
-            Surface::Obstacle(obstacle) => Some(obstacle),
-            Surface::Wall(..) | Surface::MovingByMean(_) | Surface::MovingStops(_) => None,
+            Surface::Fixed(obstacle) => Some(obstacle),
+            Surface::Wall(..) | Surface::Moving(..) => None,
         })
     }
 
-    fn moving_obstacles(&self) -> impl Iterator<Item = &Obstacle> {
-        self.obstacles().filter(|obstacle| obstacle.is_moving())
+    fn moving_obstacle(&self) -> Option<&Obstacle> {
+        self.surfaces.iter().find_map(|surface| match surface {
+            Surface::Moving(obstacle, _) => Some(obstacle),
+            Surface::Wall(..) | Surface::Fixed(_) => None,
+        })
     }
 
     /// Distance from `surface`, `ahead_s` after the beginning of the plan.
@@ -171,14 +180,14 @@ impl Walls {
         let ahead_s = self.lead_s + ahead_s;
         match surface {
             Surface::Wall(room, i) => room.wall_distance(*i, at_w),
-            Surface::Obstacle(obstacle) => {
-                obstacle.distance_from(at_w, self.moving.position(ahead_s).as_ref())
-            }
-            Surface::MovingStops(obstacle) => {
-                obstacle.distance_from(at_w, self.moving.position(ahead_s.min(STOP_S)).as_ref())
-            }
-            Surface::MovingByMean(obstacle) => {
-                obstacle.distance_from(at_w, self.moving.position_by_mean(ahead_s).as_ref())
+            Surface::Fixed(obstacle) => obstacle.distance(at_w),
+            Surface::Moving(obstacle, prediction) => {
+                let moving_w = match prediction {
+                    Prediction::Velocity => self.moving.position(ahead_s),
+                    Prediction::MeanVelocity => self.moving.position_by_mean(ahead_s),
+                    Prediction::Stop => self.moving.position(ahead_s.min(STOP_S)),
+                };
+                obstacle.distance_from(at_w, moving_w.as_ref())
             }
         }
     }
@@ -207,18 +216,6 @@ impl Walls {
         self.still_margin_m(self.covariance_w[(row, row)], ahead_s) - distance_m < -BEYOND_MARGIN_M
     }
 
-    /// Least distances from all surfaces and from those that do not move, m, and whether a surface is nearer than its
-    /// margin.
-    fn least_m(&self, at_w: &Vector3<f64>, ahead_s: f64) -> ([f64; 2], bool) {
-        let nothing = ([f64::INFINITY; 2], false);
-        self.surfaces.iter().fold(nothing, |([least_m, still_m], is_near), surface| {
-            let SignedDistance { distance_m, gradient_w } = self.distance(surface, at_w, ahead_s);
-            let still_m = if surface.is_moving() { still_m } else { still_m.min(distance_m) };
-            let is_near = is_near || distance_m < self.margin_m(surface, &gradient_w, ahead_s);
-            ([least_m.min(distance_m), still_m], is_near)
-        })
-    }
-
     /// Clearance of the poses of a plan, each with its time from the beginning in s, `None` if all are far away; and
     /// whether the poses stay inside of the room and out of the obstacles at rest. The moving obstacle does not count
     /// for the latter: the plan evades it, and the vehicle does not brake for it.
@@ -229,12 +226,18 @@ impl Walls {
         let mut found = Clearance { distance_m: f64::INFINITY, ahead_s: 0.0, active: 0 };
         let mut is_clear = true;
         for (at, ahead_s) in poses {
-            let ([distance_m, still_m], is_near) = self.least_m(&pos_w(&at), ahead_s);
-            is_clear &= still_m >= 0.0;
-            found.active += u32::from(is_near);
-            if distance_m < found.distance_m {
-                (found.distance_m, found.ahead_s) = (distance_m, ahead_s);
+            let at_w = pos_w(&at);
+            let mut is_near = false;
+            for surface in &self.surfaces {
+                let SignedDistance { distance_m, gradient_w } =
+                    self.distance(surface, &at_w, ahead_s);
+                is_near |= distance_m < self.margin_m(surface, &gradient_w, ahead_s);
+                is_clear &= distance_m >= 0.0 || matches!(surface, Surface::Moving(..));
+                if distance_m < found.distance_m {
+                    (found.distance_m, found.ahead_s) = (distance_m, ahead_s);
+                }
             }
+            found.active += u32::from(is_near);
         }
         ((found.distance_m < CLEARANCE_MAX_M).then_some(found), is_clear)
     }
@@ -244,10 +247,10 @@ impl Walls {
         let variance = gradient_w.dot(&(self.covariance_w * gradient_w));
         let margin_m = self.still_margin_m(variance, ahead_s);
         let shown_mps2 = match surface {
-            Surface::Obstacle(obstacle) if obstacle.is_moving() => self.shown_accel_mps2(),
-            Surface::MovingByMean(_) => 0.0,
-            Surface::Obstacle(_) => return margin_m + self.table.vehicle_radius_m,
-            Surface::Wall(..) | Surface::MovingStops(_) => return margin_m,
+            Surface::Wall(..) | Surface::Moving(_, Prediction::Stop) => return margin_m,
+            Surface::Fixed(_) => return margin_m + self.table.vehicle_radius_m,
+            Surface::Moving(_, Prediction::Velocity) => self.shown_accel_mps2(),
+            Surface::Moving(_, Prediction::MeanVelocity) => 0.0,
         };
         let least_mps2 = self.table.obstacle_accel_mps2;
         margin_m + 0.5 * least_mps2.max(shown_mps2) * (self.lead_s + ahead_s).powi(2)

@@ -3,9 +3,10 @@
 //! Owns the worst case of a command outage: while the commands are taken to be lost, other states apply all of
 //! them. The supervisor lands if one of them leaves the room: the motion capture may see another object.
 
-use horizon_model::Model;
-use horizon_model::rows::{Sticks, pose, stick};
+use horizon_model::rows::Sticks;
 use nalgebra::SVector;
+
+use super::Vehicle;
 
 /// The states that follow all commands, since an outage began.
 #[derive(Debug, Clone)]
@@ -25,16 +26,14 @@ impl<const NS: usize, const NP: usize> WorstCase<NS, NP> {
     }
 
     /// One period of `dt_s` with the state of the link as detected; `u_meant` would have been applied in it.
-    pub(super) fn follow<M>(
+    pub(super) fn follow(
         &mut self,
-        model: &M,
+        model: &impl Vehicle<NS, NP>,
         link_is_up: bool,
         (s_hat, p_hat): (&SVector<f64, NS>, &SVector<f64, NP>),
         u_meant: &Sticks,
         dt_s: f64,
-    ) where
-        M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-    {
+    ) {
         if link_is_up {
             (self.s, self.for_s) = (None, 0.0);
             return;
@@ -56,6 +55,7 @@ impl<const NS: usize, const NP: usize> WorstCase<NS, NP> {
 #[cfg(test)]
 mod tests {
     use horizon_model::Kinematic;
+    use horizon_model::rows::{pose, stick};
     use nalgebra::Vector4;
 
     use super::*;

@@ -32,7 +32,7 @@ type State = SVector<f64, { row::COUNT }>;
 
 /// Standard deviation of the rate before the first samples have shown it. unit/s
 const SD_START: f64 = 0.5;
-/// Time of nothing but outliers after which they are the value: it was turned, or had been wrong before. s
+/// Time after which consecutive outliers are accepted as the new value: it was turned, or had been wrong before. s
 const OUTLIERS_MAX_S: f64 = 0.5;
 
 /// What the heading shows of the link, as written in a file.
@@ -136,7 +136,7 @@ pub(super) struct AxisCommand {
 
 /// Mean and covariance under one hypothesis.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Axis {
+pub(super) struct AxisFilter {
     noise: Noise,
     s: State,
     covariance: SMatrix<f64, { row::COUNT }, { row::COUNT }>,
@@ -144,7 +144,7 @@ pub(super) struct Axis {
     outliers_s: f64,
 }
 
-impl Axis {
+impl AxisFilter {
     /// The model is right, the axis at `value`, and its rate unknown.
     pub(super) fn new(table: &LinkTable, noise: Noise, value: f64) -> Self {
         let mut s = State::zeros();

@@ -46,7 +46,7 @@ const SD_START_MPS: f64 = 0.5;
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct HorizontalCommand {
     /// Velocity. m/s
-    pub(super) asked_w_mps: Vector2<f64>,
+    pub(super) commanded_w_mps: Vector2<f64>,
     /// Derivative of the velocity by time. m/s^2
     pub(super) rate_w_mps2: Vector2<f64>,
 }
@@ -86,10 +86,10 @@ impl Horizontal {
         p: &SVector<f64, { lag::COUNT }>,
         dt_s: f64,
     ) {
-        let HorizontalCommand { asked_w_mps, rate_w_mps2 } = *command;
-        let turned_w_mps = Vector2::new(-asked_w_mps.y, asked_w_mps.x);
+        let HorizontalCommand { commanded_w_mps, rate_w_mps2 } = *command;
+        let turned_w_mps = Vector2::new(-commanded_w_mps.y, commanded_w_mps.x);
         let v_w_mps = Vector2::new(self.s[row::V_X], self.s[row::V_Y]);
-        let missing_w_mps = asked_w_mps * (1.0 + self.s[row::GAIN])
+        let missing_w_mps = commanded_w_mps * (1.0 + self.s[row::GAIN])
             + turned_w_mps * self.s[row::HEADING]
             - rate_w_mps2 * self.s[row::DEAD_TIME]
             - v_w_mps;
@@ -99,7 +99,8 @@ impl Horizontal {
         // The limit counts as a known factor: exact enough for a variance.
         let (free, fraction) = (limit * free, limit * fraction);
         let drive = |column: &State| {
-            let by_errors = asked_w_mps * column[row::GAIN] + turned_w_mps * column[row::HEADING]
+            let by_errors = commanded_w_mps * column[row::GAIN]
+                + turned_w_mps * column[row::HEADING]
                 - rate_w_mps2 * column[row::DEAD_TIME];
             let v = Vector2::new(column[row::V_X], column[row::V_Y]);
             v + free * (by_errors - v) + fraction * missing_w_mps * column[row::RATE]
@@ -243,7 +244,7 @@ mod tests {
         {
             let direction_w = Vector2::new(f64::cos(direction_rad), f64::sin(direction_rad));
             let command = HorizontalCommand {
-                asked_w_mps: 0.22 * direction_w,
+                commanded_w_mps: 0.22 * direction_w,
                 rate_w_mps2: Vector2::new(0.5 * direction_w.y, 0.3 - direction_w.x),
             };
             start.s = State::from(*s);
@@ -259,7 +260,7 @@ mod tests {
         let (table, p) = (table(), parameter());
         // From rest; what is asked for grows.
         let command = HorizontalCommand {
-            asked_w_mps: Vector2::new(0.4, 0.0),
+            commanded_w_mps: Vector2::new(0.4, 0.0),
             rate_w_mps2: Vector2::new(2.0, 0.0),
         };
         let predicted = |row: usize, error: f64| {
@@ -280,7 +281,7 @@ mod tests {
             let expected_m = DT_S * 0.2 * (-DT_S / table.decay_s).exp();
             assert!((drift_m - expected_m).abs() < 1e-12, "{drift_m}");
         }
-        let sideways = HorizontalCommand { asked_w_mps: Vector2::new(0.0, 0.4), ..command };
+        let sideways = HorizontalCommand { commanded_w_mps: Vector2::new(0.0, 0.4), ..command };
         let mut filter = Horizontal::new(&table, Vector2::zeros());
         filter.s[row::HEADING] = 0.1;
         filter.predict(&table, &sideways, &p, DT_S);

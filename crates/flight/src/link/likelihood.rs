@@ -1,4 +1,4 @@
-//! The likelihood of a sample whose noise has heavy tails.
+//! The likelihood of a sample whose noise has heavy tails (Huber, *Robust estimation of a location parameter*, 1964).
 
 /// Error, in standard deviations, from which on a sample counts linearly.
 const HUBER: f64 = 2.0;

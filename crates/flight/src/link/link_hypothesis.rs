@@ -4,16 +4,16 @@ use horizon_estim::Observed;
 use horizon_model::rows::{Sticks, lag, pose, stick};
 use nalgebra::{SVector, Vector2};
 
-use super::axis::{Axis, AxisCommand};
+use super::axis::{AxisCommand, AxisFilter};
 use super::horizontal::{Horizontal, HorizontalCommand};
 use super::{LinkState, Tables};
-use crate::commanded::{commanded_mps, excess};
+use crate::commanded::{commanded_w_mps, excess};
 
 /// Velocities that the sticks command.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Commanded {
-    /// Velocity, world frame. m/s
-    v_w_mps: Vector2<f64>,
+    /// `c`: velocity along the floor, world frame. m/s
+    commanded_w_mps: Vector2<f64>,
     /// Turn. rad/s
     omega_radps: f64,
     /// Climb. m/s
@@ -36,9 +36,9 @@ pub(super) struct LinkHypothesis {
     /// Filter of the horizontal motion for the dead time. `None`: `horizontal` finds it.
     pub(super) dead_time: Option<Horizontal>,
     /// `None`: the heading is not used.
-    pub(super) turn: Option<Axis>,
+    pub(super) turn: Option<AxisFilter>,
     /// The height, for the dead time of the throttle. `None`: it is that of the others.
-    pub(super) height: Option<Axis>,
+    pub(super) height: Option<AxisFilter>,
     /// Velocities that are commanded while a command is held.
     held: Commanded,
 }
@@ -52,8 +52,8 @@ impl LinkHypothesis {
             state: LinkState::Up,
             horizontal: Horizontal::new(link, pos_w),
             dead_time: tables.dead_time.as_ref().map(|table| Horizontal::new(table, pos_w)),
-            turn: link.turn.map(|own| Axis::new(link, own.noise(link), o[pose::THETA])),
-            height: link.height.map(|own| Axis::new(link, own.noise(), o[pose::Z])),
+            turn: link.turn.map(|own| AxisFilter::new(link, own.noise(link), o[pose::THETA])),
+            height: link.height.map(|own| AxisFilter::new(link, own.noise(), o[pose::Z])),
             held: Commanded::default(),
         }
     }
@@ -96,7 +96,7 @@ impl LinkHypothesis {
             filter.keep_to(&self.horizontal);
         }
         let seen = |row: usize| observed.is_present[row].then(|| observed.o[row]);
-        let correct = |axis: &mut Option<Axis>, row| {
+        let correct = |axis: &mut Option<AxisFilter>, row| {
             axis.as_mut().map(|axis| axis.correct(&tables.link, seen(row), dt_s))
         };
         correct(&mut self.height, pose::Z);
@@ -128,7 +128,7 @@ impl Commanded {
     pub(super) fn of(u_applied: &Sticks, theta_rad: f64, p: &SVector<f64, { lag::COUNT }>) -> Self {
         let psi_rad = theta_rad + p[lag::THETA_0];
         Self {
-            v_w_mps: commanded_mps(u_applied, psi_rad, p[lag::LAMBDA_H], p[lag::DEAD_H]),
+            commanded_w_mps: commanded_w_mps(u_applied, psi_rad, p[lag::LAMBDA_H], p[lag::DEAD_H]),
             omega_radps: p[lag::LAMBDA_A] * excess(u_applied[stick::YAW], p[lag::DEAD_A]),
             climb_mps: p[lag::LAMBDA_V] * excess(u_applied[stick::THROTTLE], p[lag::DEAD_V]),
         }
@@ -142,8 +142,8 @@ impl Commanded {
     pub(super) fn after(self, before: Self, dt_s: f64) -> Commands {
         Commands {
             horizontal: HorizontalCommand {
-                asked_w_mps: self.v_w_mps,
-                rate_w_mps2: (self.v_w_mps - before.v_w_mps) / dt_s,
+                commanded_w_mps: self.commanded_w_mps,
+                rate_w_mps2: (self.commanded_w_mps - before.commanded_w_mps) / dt_s,
             },
             turn: AxisCommand {
                 asked: self.omega_radps,
@@ -206,8 +206,8 @@ mod tests {
             let next = model.step(&s, &u_applied, &p, DT_S);
             let rate = (model.observe(&next) - model.observe(&s)) / DT_S;
             let off = [
-                rate[pose::X] - commanded.v_w_mps.x,
-                rate[pose::Y] - commanded.v_w_mps.y,
+                rate[pose::X] - commanded.commanded_w_mps.x,
+                rate[pose::Y] - commanded.commanded_w_mps.y,
                 rate[pose::Z] - commanded.climb_mps,
                 rate[pose::THETA] - commanded.omega_radps,
             ];
@@ -221,8 +221,8 @@ mod tests {
         let p = parameter();
         let (before, now) = (Commanded::default(), Commanded::of(&Sticks::repeat(0.5), 0.4, &p));
         let Commands { horizontal, turn, climb } = now.after(before, DT_S);
-        assert_eq!(horizontal.asked_w_mps, now.v_w_mps);
-        assert_eq!(horizontal.rate_w_mps2, now.v_w_mps / DT_S);
+        assert_eq!(horizontal.commanded_w_mps, now.commanded_w_mps);
+        assert_eq!(horizontal.rate_w_mps2, now.commanded_w_mps / DT_S);
         assert_eq!(turn, AxisCommand { asked: now.omega_radps, rate: now.omega_radps / DT_S });
         assert_eq!(climb, AxisCommand { asked: now.climb_mps, rate: now.climb_mps / DT_S });
         assert_eq!(now.constant(), now.after(now, 0.1));

@@ -240,7 +240,7 @@ fn a_wrong_heading_is_no_evidence() {
 }
 
 #[test]
-fn without_its_settings_the_heading_says_nothing() {
+fn without_its_settings_the_heading_shows_nothing() {
     let mut flight = Flight::new();
     let settings = LinkSettings::try_from(&LinkTable { turn: None, ..table() }).unwrap();
     flight.monitor = LinkMonitor::new(&settings, DT_S);

@@ -26,9 +26,9 @@ impl Display for CsvErrors {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("line {line}, column {column}: {text}")]
 pub struct CsvError {
-    /// From 1.
+    /// Line in the file, from 1.
     pub line: usize,
-    /// From 1, in characters.
+    /// Column in the line, in characters, from 1.
     pub column: usize,
     /// Value and rule.
     pub text: String,

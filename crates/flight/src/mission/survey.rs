@@ -22,14 +22,14 @@ pub struct Survey {
     #[serde(rename = "high_m")]
     pub high_w: [f64; 3],
     /// Where the reference is fastest; null for targets, which have no speed.
-    pub fastest: Option<Part>,
+    pub fastest: Option<PathPoint>,
     /// Where the reference is slowest, the first and the last fifth of the time not counted; null for targets.
-    pub slowest: Option<Part>,
+    pub slowest: Option<PathPoint>,
 }
 
 /// A point of a path, and the speed there.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Part {
+pub struct PathPoint {
     /// World x, y, z. m
     #[serde(rename = "at_m")]
     pub at_w: [f64; 3],
@@ -160,8 +160,8 @@ fn speed_mps(node: &Node) -> f64 {
     node.vel_w().norm()
 }
 
-fn part(node: &Node) -> Part {
-    Part { at_w: pos_w(&node.pose).into(), at_s: node.at_s, speed_mps: speed_mps(node) }
+fn part(node: &Node) -> PathPoint {
+    PathPoint { at_w: pos_w(&node.pose).into(), at_s: node.at_s, speed_mps: speed_mps(node) }
 }
 
 fn extent<'a>(poses: impl Iterator<Item = &'a Pose>) -> ([f64; 3], [f64; 3]) {

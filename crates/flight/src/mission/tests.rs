@@ -209,7 +209,7 @@ pub(super) fn missions_tell_what_they_are() {
 }
 
 #[test]
-fn a_reference_about_to_set_off_says_so_in_time() {
+fn a_reference_about_to_set_off_shows_it_in_time() {
     let mut mission = mission(&square(0.1));
     let first = mission.first_pose();
     for _ in 0..5 {

@@ -96,7 +96,7 @@ struct SincePose {
 /// One period of the motion.
 #[derive(Debug, Clone, Copy, Default)]
 struct Velocities {
-    /// Velocity that the inputs ask for, after the lag, over the gain. 1
+    /// Commanded velocity after the lag, over the gain. 1
     v_u_w: Complex<f64>,
     /// Velocity that the poses show. m/s
     v_o_w: Complex<f64>,
@@ -233,8 +233,8 @@ impl DirectionMonitor {
         self.right_s = if is_right { self.right_s + self.dt_s } else { 0.0 };
         self.is_shown |= self.right_s >= RIGHT_S;
         self.has_outage &= !self.is_shown;
-        let patience_s = if is_beyond(2.0 * self.limit_rad) { WRONG_LARGE_S } else { WRONG_S };
-        (error_rad, self.wrong_s >= patience_s)
+        let limit_s = if is_beyond(2.0 * self.limit_rad) { WRONG_LARGE_S } else { WRONG_S };
+        (error_rad, self.wrong_s >= limit_s)
     }
 
     /// The velocity that the inputs ask for follows them with the lag. Pitch leads forward, roll to the right.

@@ -8,7 +8,7 @@ use nalgebra::Complex;
 
 use super::FORGET_S;
 use super::typical_vehicle::lag_decay;
-use super::velocity::{FIXED, FRAMES, TURNING, shortened};
+use super::velocity::{AXES_KINDS, FIXED, TURNING, shortened};
 use crate::forgetting::decay;
 
 /// Time constant with which a difference between speeds is forgotten. s
@@ -38,8 +38,8 @@ pub(super) struct Displacements {
     pub(super) poses_w_m: Complex<f64>,
     /// Velocity by the poses, low-pass filtered. m/s
     poses_w_mps: Complex<f64>,
-    /// By the drone in each frame. m
-    pub(super) drone_d_m: [Complex<f64>; FRAMES],
+    /// By the drone in each kind of axes. m
+    pub(super) drone_d_m: [Complex<f64>; AXES_KINDS],
     /// Speed by the drone in each kind of axes, those that are fixed and those that turn with the body.
     drone_speeds: [DroneSpeed; 2],
     /// By the inputs of a typical vehicle. m
@@ -64,7 +64,7 @@ impl Displacements {
     pub(super) fn add(
         &mut self,
         poses_w_m: Complex<f64>,
-        drone_d_mps: &[Complex<f64>; FRAMES],
+        drone_d_mps: &[Complex<f64>; AXES_KINDS],
         commanded_w_mps: Complex<f64>,
         dt_s: f64,
     ) {
@@ -101,8 +101,8 @@ impl Displacements {
     /// the inputs better than the poses do, hardly moved, or has another unit. m
     pub(super) fn difference_m(&self) -> Option<f64> {
         let (inputs_m, poses_m) = (self.inputs_w_m.norm(), self.poses_w_m.norm());
-        let difference_m = |frame: usize, drone: &DroneSpeed| {
-            let drone_m = self.drone_d_m[frame].norm();
+        let difference_m = |kind: usize, drone: &DroneSpeed| {
+            let drone_m = self.drone_d_m[kind].norm();
             // A drone with another unit differs from the inputs more than the poses do.
             let is_nearer = (drone_m - inputs_m).abs() <= (poses_m - inputs_m).abs();
             let is_comparable =

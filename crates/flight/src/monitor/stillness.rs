@@ -149,7 +149,7 @@ impl FrozenMonitor {
         Self { dt_s, hidden: HiddenSpeed::new(dt_s), ..Self::default() }
     }
 
-    /// Takes a tick in which the pose has been still as long as `still` tells; for how long this contradicts inputs or
+    /// Takes a tick in which the pose has been still as long as `still` shows; for how long this contradicts inputs or
     /// drone, as of [`Findings::frozen_s`](super::Findings::frozen_s). s
     ///
     /// One axis alone counts if the inputs along it have changed, unless the drone reports that it has not followed

@@ -46,7 +46,7 @@ impl Flight {
     fn new() -> Self {
         let mut flight =
             Self { monitors: monitors(), k: 0, at: Pose::zeros(), velocity_mps: [0.0; 2] };
-        flight.monitors.rest(&flight.sample(&RIGHT, Sticks::zeros()));
+        flight.monitors.update_on_ground(&flight.sample(&RIGHT, Sticks::zeros()));
         for _ in 0..100 {
             flight.at[pose::Z] += 0.5 * DT_S;
             let sample = flight.sample(&RIGHT, Sticks::zeros());
@@ -267,7 +267,7 @@ fn a_drone_in_another_unit_does_not_count() {
 }
 
 #[test]
-fn nothing_is_compared_while_poses_are_missing_and_the_way_of_the_vehicle_is_no_error_after() {
+fn nothing_is_compared_while_poses_are_missing_and_the_displacement_is_no_error() {
     let mut flight = Flight::new();
     flight.fly(8.0, &RIGHT);
     let drone =
@@ -342,7 +342,7 @@ fn a_heading_that_is_not_the_poses_own_is_not_compared() {
             };
             let pose = Some(Pose::new(0.0, 0.0, 1.0, theta_rad));
             let is_step = (theta_rad - drone_rad).abs() > 1.0;
-            monitors.observe_heading(is_its_own || !is_step);
+            monitors.note_heading_measured(is_its_own || !is_step);
             let sample = Sample { pose, drone: Some(drone), u_applied, link_is_up: true };
             monitors.update(&sample).heading
         };

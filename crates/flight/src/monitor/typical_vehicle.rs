@@ -6,7 +6,7 @@
 use horizon_model::rows::{Sticks, stick};
 use nalgebra::Complex;
 
-use crate::commanded::{commanded_mps, excess};
+use crate::commanded::{commanded_w_mps, excess};
 use crate::forgetting::decay;
 
 /// Velocity per input, after the dead zone. m/s
@@ -22,9 +22,9 @@ pub(super) const DEAD_ZONE: f64 = 0.07;
 /// Dead zone of the throttle, across which a controller that holds its height jumps. 1
 pub(super) const DEAD_THROTTLE: f64 = 0.12;
 
-/// Velocity along the floor that `u` asks for at the heading `theta_rad`, world frame. m/s
+/// Commanded velocity along the floor by `u` at the heading `theta_rad`, world frame. m/s
 pub(super) fn velocity_w_mps(u: &Sticks, theta_rad: f64) -> Complex<f64> {
-    let [x_mps, y_mps] = commanded_mps(u, theta_rad, GAIN_MPS, DEAD_ZONE).into();
+    let [x_mps, y_mps] = commanded_w_mps(u, theta_rad, GAIN_MPS, DEAD_ZONE).into();
     Complex::new(x_mps, y_mps)
 }
 

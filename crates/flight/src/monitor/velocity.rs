@@ -29,8 +29,8 @@ const AGES_S: [f64; 9] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8];
 const NEWEST: usize = 0;
 
 /// Error of the drone's velocity that is not counted. Real flights drift by 0.07 to 0.08 m/s (standard deviation per
-/// axis, for 1.2 s): an error of that size, or of 0.05 m/s for 8 s, lands one simulated flight of 60 s in a hundred at
-/// most. m/s
+/// axis, for 1.2 s): with this allowance, drifts of that size, or of 0.05 m/s for 8 s, land at most 1 of 100
+/// simulated flights of 60 s. m/s
 const VELOCITY_DRIFT_MPS: f64 = 0.08;
 
 /// Speed by which the poses may exceed the drone's: a faster displacement is that of another object or an outlier, and
@@ -41,7 +41,7 @@ const JUMP_M: f64 = 0.03;
 
 /// Number of kinds of axes that the drone's may be: fixed or turning with the body, each right- or left-handed. Of both
 /// kinds the right-handed one comes first, at these indices.
-pub(super) const FRAMES: usize = 4;
+pub(super) const AXES_KINDS: usize = 4;
 pub(super) const FIXED: usize = 0;
 pub(super) const TURNING: usize = 2;
 
@@ -92,8 +92,8 @@ struct MotionSample {
     poses_w_m: Complex<f64>,
     /// `T`: time that it took. s
     in_s: f64,
-    /// `w`: velocity by the drone in each frame. m/s
-    drone_d_mps: [Complex<f64>; FRAMES],
+    /// `w`: velocity by the drone in each kind of axes. m/s
+    drone_d_mps: [Complex<f64>; AXES_KINDS],
     /// Whether there is a pose at the end of the period.
     is_pose: bool,
 }
@@ -271,11 +271,11 @@ impl VelocityMonitor {
     /// vectors along the axes that drone and inputs show; `None` if neither can be compared. m
     fn difference_m(&self) -> Option<f64> {
         let by_length_m = self.displacements.difference_m();
-        let by_vector_m = (0..FRAMES)
-            .filter(|&frame| self.sums_by_inputs.variance(frame) >= MOTION_MIN)
-            .filter_map(|frame| {
-                let axes = self.sums_by_inputs.rotation(frame)?;
-                self.displacements.vector_difference_m(axes * self.displacements.drone_d_m[frame])
+        let by_vector_m = (0..AXES_KINDS)
+            .filter(|&kind| self.sums_by_inputs.variance(kind) >= MOTION_MIN)
+            .filter_map(|kind| {
+                let axes = self.sums_by_inputs.rotation(kind)?;
+                self.displacements.vector_difference_m(axes * self.displacements.drone_d_m[kind])
             })
             .min_by(f64::total_cmp);
         [by_length_m, by_vector_m].into_iter().flatten().max_by(f64::total_cmp)
@@ -290,7 +290,7 @@ impl VelocityMonitor {
 impl PoseDisplacement {
     /// The motion of the period, with the velocity that the drone reports. m/s
     fn beside(&self, [first_mps, second_mps]: [f64; 2]) -> MotionSample {
-        let drone_d_mps = frames(Complex::new(first_mps, second_mps), self.theta_rad);
+        let drone_d_mps = in_axes_kinds(Complex::new(first_mps, second_mps), self.theta_rad);
         MotionSample {
             poses_w_m: self.poses_w_m,
             in_s: self.in_s,
@@ -300,8 +300,8 @@ impl PoseDisplacement {
     }
 }
 
-/// A velocity of the drone in each of the frames: fixed or turning with the body, right- or left-handed.
-fn frames(velocity_d_mps: Complex<f64>, theta_rad: f64) -> [Complex<f64>; FRAMES] {
+/// A velocity of the drone in each of the in_axes_kinds: fixed or turning with the body, right- or left-handed.
+fn in_axes_kinds(velocity_d_mps: Complex<f64>, theta_rad: f64) -> [Complex<f64>; AXES_KINDS] {
     let turn = Complex::from_polar(1.0, theta_rad);
     [velocity_d_mps, velocity_d_mps.conj(), velocity_d_mps * turn, velocity_d_mps.conj() * turn]
 }

@@ -23,7 +23,7 @@ const CLIMB_MIN_M: f64 = 0.35;
 
 /// Longest time after which an order to take off is repeated: a link that returns later must not start a drone beside
 /// which a person stands by then. s
-const TAKE_OFF_PATIENCE_S: f64 = 10.0;
+const TAKE_OFF_REPEAT_MAX_S: f64 = 10.0;
 
 /// Rise by the poses above which the drone has received the order to take off. m
 const ORDER_OBEYED_RISE_M: f64 = 0.15;
@@ -54,7 +54,7 @@ pub(super) struct LandingConfirmation {
 
 impl Supervisor {
     /// Whether the drone flies by its own fresh report.
-    pub(super) fn drone_says_flying(&self, e: &Evidence) -> Option<bool> {
+    pub(super) fn drone_reports_flying(&self, e: &Evidence) -> Option<bool> {
         self.fresh_report(e).map(|drone| drone.is_flying)
     }
 
@@ -82,7 +82,7 @@ impl Supervisor {
     fn drone_is_airborne(&self, e: &Evidence) -> Option<bool> {
         let height_m = e.drone.and_then(|drone| drone.height_m);
         let is_contradicted = denies_standing(height_m, self.take_off.drone_ground_m);
-        self.drone_says_flying(e).filter(|is_flying| *is_flying || !is_contradicted)
+        self.drone_reports_flying(e).filter(|is_flying| *is_flying || !is_contradicted)
     }
 
     /// Whether the vehicle is so high that a take-off is complete: by a fresh pose; without one, whether the drone
@@ -90,7 +90,7 @@ impl Supervisor {
     pub(super) fn is_take_off_complete(&self, e: &Evidence) -> bool {
         match self.rise_m(e) {
             Some(rise_m) => rise_m >= self.table.airborne_height_m,
-            None => self.drone_says_flying(e) == Some(true),
+            None => self.drone_reports_flying(e) == Some(true),
         }
     }
 
@@ -110,7 +110,7 @@ impl Supervisor {
     /// Whether a drone that takes off flies by its own report, and fresh poses and its height show no rise.
     pub(super) fn is_not_rising(&self, e: &Evidence) -> bool {
         self.phase == Phase::TakingOff
-            && self.drone_says_flying(e) == Some(true)
+            && self.drone_reports_flying(e) == Some(true)
             && self.rise_m(e).is_some()
             && !self.has_risen(e)
     }
@@ -118,9 +118,9 @@ impl Supervisor {
     /// Whether the order to take off may be sent again: the drone shows no sign of the first one, stands where it
     /// stood, and nobody has come near.
     pub(super) fn may_repeat_take_off(&self, e: &Evidence) -> bool {
-        self.drone_says_flying(e) == Some(false)
+        self.drone_reports_flying(e) == Some(false)
             && self.take_off.seen == TakeOffSeen::No
-            && elapsed_s(self.phase_since_ns, e.t_ns) < TAKE_OFF_PATIENCE_S
+            && elapsed_s(self.phase_since_ns, e.t_ns) < TAKE_OFF_REPEAT_MAX_S
             && !self.settling.was_moved()
             && self.may_start(e)
     }

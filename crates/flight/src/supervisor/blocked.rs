@@ -107,8 +107,8 @@ mod tests {
 
     /// Ticks of 0.1 s until `of` ends the flight; `None` in 10 s.
     fn ends_at(of: impl Fn(u32) -> Evidence) -> Option<u32> {
-        let mut bench = Bench::flying();
-        (0..100).find(|k| faults(bench.tick(&of(*k))).contains(&Fault::BlockedLong))
+        let mut fixture = Fixture::flying();
+        (0..100).find(|k| faults(fixture.tick(&of(*k))).contains(&Fault::BlockedLong))
     }
 
     #[test]
@@ -127,7 +127,8 @@ mod tests {
     #[test]
     fn a_vehicle_that_moves_on_or_waits_for_another_reason_is_not_stuck() {
         let stuck = |k| swings(k, 0.4, 1.0);
-        let outage = Outage { for_s: 0.1, is_held: false, unseen: [stuck(0).motion.unwrap(); 2] };
+        let outage =
+            Outage { for_s: 0.1, is_held: false, if_applied: [stuck(0).motion.unwrap(); 2] };
         assert_eq!(ends_at(|k| swings(k, 1.0, 2.0)), None, "it moves");
         assert_eq!(
             ends_at(|k| swings(k, 0.4, 1.0 + 0.02 * f64::from(k))),
@@ -154,19 +155,19 @@ mod tests {
     fn plans_that_are_blocked_again_and_again_end_the_flight() {
         let blocked = Evidence { plan: PlanClearance::Blocked, ..ALOFT };
         let clear = Evidence { plan: PlanClearance::Clear, ..ALOFT };
-        let mut bench = Bench::flying();
+        let mut fixture = Fixture::flying();
         for _ in 0..4 {
             // Known a tick later, blocked for 0.8 s in sum, then clear for a second: 0.6 s remain of each.
-            bench.pass(5, &blocked);
-            assert!(bench.run(14, &clear).may_steer());
+            fixture.pass(5, &blocked);
+            assert!(fixture.run(14, &clear).may_steer());
         }
-        let decision = bench.run(9, &blocked);
+        let decision = fixture.run(9, &blocked);
         assert!(faults(decision).contains(&Fault::BlockedLong), "{decision:?}");
-        assert_eq!(bench.run(20, &clear).phase, Phase::Landing);
-        let mut seldom = Bench::flying();
+        assert_eq!(fixture.run(20, &clear).phase, Phase::Landing);
+        let mut seldom = Fixture::flying();
         for _ in 0..20 {
             seldom.pass(5, &blocked);
-            assert!(seldom.run(60, &clear).may_steer(), "a fifth of the time is forgiven");
+            assert!(seldom.run(60, &clear).may_steer(), "a fifth of the time is subtracted");
         }
     }
 }

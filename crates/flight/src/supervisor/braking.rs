@@ -8,7 +8,6 @@
 
 use horizon_model::rows::pose;
 
-use super::condition_timer::elapsed_s;
 use super::evidence::{Evidence, Phase};
 use super::fault::{Fault, Pilot, Reaction};
 use super::{Assessment, Supervisor};
@@ -24,13 +23,6 @@ const LOW_M: f64 = 0.05;
 
 /// Longest descent before a landing: from 2.5 m at 0.4 m/s, and half as long again. s
 const DESCENT_MAX_S: f64 = 8.0;
-
-/// Longest wait at the end of a mission for an obstacle that was near, and how much longer while it comes near. s, s
-const LET_PAST_S: f64 = 60.0;
-const LET_PAST_AGAIN_S: f64 = 10.0;
-
-/// The obstacle was near until it has kept away for so long: a person who pauses or turns walks on. s
-const KEEPS_AWAY_S: f64 = 4.0;
 
 /// What the controller does with the vehicle in a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,59 +46,14 @@ impl ControlMode {
     }
 }
 
-/// When the moving obstacle was near last. ns
-#[derive(Debug, Clone, Default)]
-pub(super) struct MovingObstacleTimes {
-    /// It came near.
-    came_ns: Option<i64>,
-    /// It came near, or walked so near that it could.
-    near_ns: Option<i64>,
-}
-
 impl Supervisor {
-    /// Remembers when the vehicle began to brake: from then on the flight ends, whatever comes later.
+    /// Remembers when the vehicle began to brake: the flight then ends in any case.
     pub(super) fn remember_braking(&mut self, e: &Evidence, found: &Assessment) {
         let has_to_land = found.reaction == Reaction::BrakeAndLand || self.is_held_out(e);
         if self.phase == Phase::Flying && has_to_land {
             self.timers.braking.update(true, e.t_ns);
             self.note_ending(found);
         }
-    }
-
-    /// Notes whether the moving obstacle comes near, or walks so near that it could.
-    pub(super) fn remember_obstacle(&mut self, e: &Evidence) {
-        if e.obstacles.is_approached {
-            self.moving_obstacle.came_ns = Some(e.t_ns);
-        }
-        if e.obstacles.is_approached || e.obstacles.may_be_approached {
-            self.moving_obstacle.near_ns = Some(e.t_ns);
-        }
-    }
-
-    /// Whether the moving obstacle came near within [`KEEPS_AWAY_S`] before `t_ns`: the vehicle may still evade it, or
-    /// return.
-    pub(crate) fn was_approached(&self, t_ns: i64) -> bool {
-        self.moving_obstacle.came_ns.is_some_and(|came_ns| elapsed_s(came_ns, t_ns) < KEEPS_AWAY_S)
-    }
-
-    /// Whether the moving obstacle was near within the last [`KEEPS_AWAY_S`].
-    pub(super) fn was_obstacle_near(&self, e: &Evidence) -> bool {
-        self.moving_obstacle
-            .near_ns
-            .is_some_and(|near_ns| elapsed_s(near_ns, e.t_ns) < KEEPS_AWAY_S)
-    }
-
-    /// Whether the mission has been done for long enough. A landing evades nothing: an obstacle that was near, or is
-    /// not seen, is let past first.
-    fn is_held_out(&self, e: &Evidence) -> bool {
-        let let_past_s = if e.obstacles.is_approached {
-            LET_PAST_S + LET_PAST_AGAIN_S
-        } else if self.was_obstacle_near(e) || e.obstacles.is_unseen {
-            LET_PAST_S
-        } else {
-            0.0
-        };
-        self.timers.mission_done.has_lasted(e.t_ns, self.table.finish_hold_s + let_past_s)
     }
 
     /// Height, world frame, to which the controller brings the vehicle down before a landing for which it brakes; `None`:

@@ -1,6 +1,6 @@
 //! Limits, and for how long a condition holds.
 
-use crate::forgetting::{FORGIVEN_RATIO, LeakySum};
+use crate::forgetting::{LEAK_RATIO, LeakySum};
 
 /// Whether `value` is above `limit`, in the same unit; NaN is.
 pub(super) fn exceeds(value: f64, limit: f64) -> bool {
@@ -41,7 +41,7 @@ impl HoldTimer {
     }
 }
 
-/// Times for how long a condition has held in sum, [`FORGIVEN_RATIO`] of the time subtracted in which it did not.
+/// Times for how long a condition has held in sum, [`LEAK_RATIO`] of the time subtracted in which it did not.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct LeakyTimer {
     sum_s: LeakySum,
@@ -61,7 +61,7 @@ impl LeakyTimer {
         if weight > 0.0 {
             self.sum_s.add(weight * period_s);
         } else {
-            self.sum_s.forgive(FORGIVEN_RATIO * period_s);
+            self.sum_s.leak(LEAK_RATIO * period_s);
         }
     }
 

@@ -25,7 +25,7 @@ const OBSTACLE_NEAR_S: f64 = 0.3;
 const DEAD_TIME_LONG_S: f64 = 3.0;
 
 /// Largest speed, by the drone, of a vehicle that receives no commands and drifts with the wind. m/s
-const LEVEL_MPS: f64 = 0.35;
+const DRIFT_MAX_MPS: f64 = 0.35;
 
 /// How long an outage must be unconfirmed before the vehicle may be where its commands lead: after the link returns,
 /// the drone moves before the link monitor has decided. s
@@ -60,7 +60,7 @@ const BATTERY_CRITICAL_S: f64 = 1.0;
 
 /// Whether the drone confirms that its commands are lost: its velocity agrees with the poses, or it hardly moves.
 pub(super) fn is_confirmed(findings: &Findings) -> bool {
-    let is_slow = findings.drone_speed_mps.is_some_and(|v_mps| v_mps <= LEVEL_MPS);
+    let is_slow = findings.drone_speed_mps.is_some_and(|v_mps| v_mps <= DRIFT_MAX_MPS);
     findings.velocity == Agreement::Agrees || is_slow
 }
 
@@ -78,13 +78,13 @@ impl Supervisor {
     fn is_present(&self, fault: Fault, e: &Evidence) -> bool {
         let Self { table, timers, is_carried, .. } = self;
         let is_idle = self.phase == Phase::Idle;
-        let is_up = self.is_taking_off_or_flying();
+        let is_aloft = self.is_taking_off_or_flying();
         match fault {
             Fault::MocapStale => self.is_pose_stale(e),
             Fault::MocapLost => self.is_pose_lost(e),
             Fault::MocapFrozen => self.is_pose_frozen(e),
-            Fault::MocapJumped => is_up && self.has_pose_jumped(e),
-            Fault::MocapRough => is_up && e.poses.is_rough,
+            Fault::MocapJumped => is_aloft && self.has_pose_jumped(e),
+            Fault::MocapRough => is_aloft && e.poses.is_rough,
             Fault::MocapUnsettled => is_idle && !e.poses.is_settled,
             Fault::MocapUndated => is_idle && e.incidents.is_mocap_undated,
             Fault::PoseDoubtful => self.worst_agreement(e) >= Agreement::Doubtful,
@@ -94,12 +94,12 @@ impl Supervisor {
             Fault::PlanBlocked => self.is_blocked(e),
             Fault::BlockedLong => self.is_blocked_long(e),
             Fault::ObstacleEntered => {
-                is_up && e.obstacles.is_vehicle_inside && !self.is_pose_stale(e)
+                is_aloft && e.obstacles.is_vehicle_inside && !self.is_pose_stale(e)
             }
             Fault::ObstacleUnseen => e.obstacles.is_unseen && !is_carried,
             Fault::ObstacleApproaches => timers.obstacle_near.has_lasted(e.t_ns, OBSTACLE_NEAR_S),
-            Fault::FenceNear => is_up && self.would_leave(e),
-            Fault::FenceLeft => is_up && self.is_outside(e),
+            Fault::FenceNear => is_aloft && self.would_leave(e),
+            Fault::FenceLeft => is_aloft && self.is_outside(e),
             Fault::TrackingLost => self.has_lost_reference(e),
             Fault::Immobile => self.is_immobile(e),
             Fault::TooFast => timers.too_fast.has_lasted(e.t_ns, TOO_FAST_S),
@@ -109,8 +109,8 @@ impl Supervisor {
             Fault::OutageLong => self.is_outage_long(e),
             Fault::OutageUnsafe => self.is_outage_unsafe(e),
             Fault::DroneUnheard => self.is_drone_unheard(e) && !is_carried,
-            Fault::DroneAloft => self.is_aloft_unasked(e),
-            Fault::TookOffUnasked => self.has_taken_off_unasked(),
+            Fault::DroneAloft => self.reports_flight_before_order(e),
+            Fault::TookOffUnasked => self.has_flown_before_order(),
             Fault::DroneSilent => self.is_drone_silent(e) && !is_carried,
             Fault::NotFlying => timers.reports_standing.has_lasted(DOWN_HOLD_S) && !is_carried,
             Fault::BatteryLow => self.is_battery_low(e),
@@ -135,8 +135,8 @@ impl Supervisor {
     /// The worse of both agreements of poses and drone, velocity and height: the drone's velocity counts in flight,
     /// since it is compared by what it showed in level flight, its height from the take-off on.
     fn agreement(&self, e: &Evidence) -> Agreement {
-        let is_up = self.is_taking_off_or_flying();
-        let height = if is_up { e.findings.height } else { Agreement::Unknown };
+        let is_aloft = self.is_taking_off_or_flying();
+        let height = if is_aloft { e.findings.height } else { Agreement::Unknown };
         if self.is_flying() { height.max(e.findings.velocity) } else { height }
     }
 
@@ -189,7 +189,7 @@ impl Supervisor {
     fn is_outage_unsafe(&self, e: &Evidence) -> bool {
         self.timers.outage_unconfirmed.has_lasted(e.t_ns, OUTAGE_UNCONFIRMED_S)
             && self.room.zip(self.outage(e)).is_some_and(|(room, outage)| {
-                outage.unseen.iter().any(|motion| room.is_left_by(motion))
+                outage.if_applied.iter().any(|motion| room.is_left_by(motion))
             })
     }
 
@@ -260,13 +260,13 @@ impl Supervisor {
         self.fresh_report(e).is_none_or(|drone| drone.takes_sticks)
     }
 
-    /// Whether the drone reports that it flies and no take-off was ordered.
-    pub(super) fn is_aloft_unasked(&self, e: &Evidence) -> bool {
-        self.phase == Phase::Idle && !self.is_carried && self.drone_says_flying(e) == Some(true)
+    /// Whether the drone reports to fly and no take-off was ordered.
+    pub(super) fn reports_flight_before_order(&self, e: &Evidence) -> bool {
+        self.phase == Phase::Idle && !self.is_carried && self.drone_reports_flying(e) == Some(true)
     }
 
-    /// Whether the drone has reported so, before any order, for too long to be a mistake.
-    pub(super) fn has_taken_off_unasked(&self) -> bool {
+    /// Whether the drone has reported to fly, before any order to take off, for too long to be a mistake.
+    pub(super) fn has_flown_before_order(&self) -> bool {
         self.timers.flying_unordered.has_lasted(FLYING_UNORDERED_S)
     }
 

@@ -1,6 +1,6 @@
 //! Input and output of the supervisor at a tick.
 
-use horizon_model::rows::Pose;
+use horizon_model::rows::{Pose, PoseRate};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -105,7 +105,7 @@ pub struct EstimatedMotion {
     /// Pose, world frame. m, rad
     pub pose: Pose,
     /// Derivative of `pose` by time. m/s, rad/s
-    pub rate: Pose,
+    pub rate: PoseRate,
 }
 
 /// A command outage as detected from the motion.
@@ -115,9 +115,9 @@ pub struct Outage {
     pub for_s: f64,
     /// Whether the drone goes on with the command of its beginning, in place of none.
     pub is_held: bool,
-    /// Motion of the vehicle if the detection is wrong and all commands were applied unseen: with the newest estimate
-    /// of the parameter, and with the parameter before the flight.
-    pub unseen: [EstimatedMotion; 2],
+    /// Motion of the vehicle if the detection is wrong and all commands were applied: with the newest estimate of the
+    /// parameter, and with the parameter before the flight.
+    pub if_applied: [EstimatedMotion; 2],
 }
 
 /// Whether a plan stays inside of the room and out of obstacles that do not move.
@@ -145,9 +145,9 @@ pub struct DroneReport {
     pub height_m: Option<f64>,
     /// Battery charge. %
     pub battery_pct: u8,
-    /// Whether it calls its charge low, by its own threshold.
+    /// Whether it reports its charge as low, by its own threshold.
     pub is_battery_low: bool,
-    /// Whether it calls its charge critical.
+    /// Whether it reports its charge as critical.
     pub is_battery_critical: bool,
 }
 
@@ -193,6 +193,13 @@ pub struct ObstacleEvidence {
     pub reference_behind_w: Option<Vector3<f64>>,
     /// Whether the newest accepted pose is inside of an obstacle that does not move.
     pub is_vehicle_inside: bool,
+}
+
+impl ObstacleEvidence {
+    /// Whether the moving obstacle comes near, or may: its position is unknown.
+    pub(super) fn is_near_or_unseen(&self) -> bool {
+        self.is_approached || self.is_unseen
+    }
 }
 
 /// How plausible the poses of the motion capture are by themselves.

@@ -8,68 +8,91 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use strum::VariantArray;
 
-/// Something that is wrong at a tick.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    PartialOrd,
-    Ord,
-    Serialize,
-    Deserialize,
-    JsonSchema,
-    VariantArray,
-)]
-#[serde(rename_all = "snake_case")]
-pub enum Fault {
+/// Defines [`Fault`] by a row for each: name on terminals, reaction under the controller, reaction under a person.
+macro_rules! faults {
+    ($($(#[$meta:meta])* $fault:ident: $name:literal, $controller:ident, $person:ident;)+) => {
+        /// Something that is wrong at a tick.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+        #[derive(Serialize, Deserialize, JsonSchema, VariantArray)]
+        #[serde(rename_all = "snake_case")]
+        pub enum Fault {
+            $($(#[$meta])* $fault,)+
+        }
+
+        impl Fault {
+            /// Name on terminals.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$fault => $name,)+
+                }
+            }
+
+            /// Reaction to the fault under `pilot`. A new fault does not compile without its reactions.
+            ///
+            /// A person flies by sight: what makes the controller blind, or warns it of a wall, takes no
+            /// sticks from the person. It counts again when the person hands back.
+            ///
+            /// Real time: no allocation, constant cost.
+            pub fn reaction(self, pilot: Pilot) -> Reaction {
+                let (controller, person) = match self {
+                    $(Self::$fault => (Reaction::$controller, Reaction::$person),)+
+                };
+                match pilot {
+                    Pilot::Controller => controller,
+                    Pilot::Person => person,
+                }
+            }
+        }
+    };
+}
+
+faults! {
     /// The newest accepted position or heading is older than `stale_s`, or there never was one.
-    MocapStale,
+    MocapStale: "mocap stale", Hold, Note;
     /// No position, or no heading, was accepted for longer than `lost_s`.
-    MocapLost,
+    MocapLost: "mocap lost", Land, Note;
     /// The stream goes on and the poses stand still while the vehicle flies.
-    MocapFrozen,
+    MocapFrozen: "mocap frozen", Hold, Note;
     /// A pose further than `jump_m` from any possible flight was accepted, at once or in several steps: another object,
     /// or new axes.
-    MocapJumped,
+    MocapJumped: "mocap jumped", Land, Note;
     /// Too many accepted poses of the newest 12 s were further from the pose before than a vehicle flies
     /// (`pose_plausibility.rs`). The object is found in two places, or the poses are noise.
-    MocapRough,
+    MocapRough: "mocap rough", Land, Note;
     /// Before the take-off the poses of the last `standing.for_s` do not agree.
-    MocapUnsettled,
+    MocapUnsettled: "mocap unsettled", StayDown, Note;
     /// Before the take-off neither frame numbers nor time stamps have kept pace with time for two seconds: poses cannot
     /// be dated.
-    MocapUndated,
+    MocapUndated: "mocap undated", StayDown, Note;
     /// The poses differ from the drone's own velocity, height or turn by more than their errors.
     #[serde(rename = "witness_doubtful")]
-    PoseDoubtful,
+    PoseDoubtful: "mocap and drone differ", Hold, Note;
     /// The poses differ from the drone's own measurements by so much, or for so long, that they cannot be flown by.
     #[serde(rename = "witness_disagrees")]
-    PoseInconsistent,
+    PoseInconsistent: "mocap and drone disagree", Land, Note;
     /// The vehicle moves in another direction than commanded, or turns otherwise by the poses than by the drone's own
     /// heading: the heading is wrong.
-    HeadingWrong,
+    HeadingWrong: "heading wrong", Land, Note;
     /// Before the take-off the vehicle is outside of the room, high above its floor or inside of an obstacle: another
     /// object, other units or other axes.
-    StartMisplaced,
+    StartMisplaced: "start misplaced", StayDown, Note;
     /// The plan leads outside of the room or into an obstacle that does not move, or did so just now.
-    PlanBlocked,
-    /// The vehicle does not get on, by one of two signs. Plans were blocked for more than 3 s in sum, a fifth of the
+    PlanBlocked: "plan blocked", Brake, Note;
+    /// The vehicle makes no progress, by one of two signs. Plans were blocked for more than 3 s in sum, a fifth of the
     /// time without a blocked plan subtracted. For 3 s the vehicle stayed within 0.4 m, with an obstacle that does not
     /// move between the vehicle and a reference that stood.
-    BlockedLong,
+    BlockedLong: "blocked too long", BrakeAndLand, Note;
     /// The vehicle is inside of an obstacle that does not move.
-    ObstacleEntered,
+    ObstacleEntered: "inside of an obstacle", Land, Note;
     /// The position of the moving obstacle is unknown: plans cannot keep away from it.
-    ObstacleUnseen,
+    ObstacleUnseen: "obstacle unseen", Brake, Note;
     /// For 0.3 s in the take-off, until the drone obeys sticks, the moving obstacle comes near or its position is
     /// unknown.
-    ObstacleApproaches,
+    ObstacleApproaches: "obstacle approaches", Land, Note;
     /// Where plans know no walls, or by hand: the vehicle would come to rest outside of the room.
-    FenceNear,
+    FenceNear: "fence near", Hold, Note;
     /// The vehicle is outside of the room.
-    FenceLeft,
+    FenceLeft: "outside of the room", Land, Note;
     /// The vehicle does not follow its reference, by one of four signs:
     ///
     /// - For 0.3 s its distance exceeds the least one so far by more than `failsafe.tracking_m`.
@@ -78,74 +101,79 @@ pub enum Fault {
     /// - For 4 s in sum, a fifth of the other time subtracted, its velocity differs by more than 0.6 m/s: it
     ///   oscillates. What leads away from the reference counts by its square, at most twofold.
     /// - For 1.5 s its heading differs by more than 1 rad. In an outage this counts only while the vehicle turns.
-    TrackingLost,
+    TrackingLost: "off the reference", Land, Note;
     /// The vehicle does not move, by one of three signs:
     ///
     /// - Inputs of `failsafe.pressed_s` in one direction have moved nothing: it is held, caught or blocked.
     /// - It came to rest at once while its inputs drove it on: it has hit something.
     /// - It stands still below its reference, for 1.2 s while it is steered, for 2.4 s in an outage.
-    Immobile,
+    Immobile: "immobile", Land, Note;
     /// For 0.3 s the vehicle is faster than `failsafe.speed_mps`.
-    TooFast,
+    TooFast: "too fast", Land, Note;
     /// For 3 s an axis acts later than the largest correction of its dead time allows for: roll and pitch by more
     /// than 0.08 s, throttle or yaw by more than 0.15 s.
-    DeadTimeLong,
+    DeadTimeLong: "sticks act late", Land, Note;
     /// The mission takes much longer than planned.
-    MissionOverdue,
+    // A mission does not bind a person.
+    MissionOverdue: "mission overdue", BrakeAndLand, Note;
     /// In a command outage the drone goes on with an old command.
-    OutageHeld,
+    // A drone that keeps an old command ignores the brake; a drone that a draught carries obeys it.
+    OutageHeld: "old command held", Brake, Note;
     /// A command outage lasts longer than `failsafe.outage_s`, or `failsafe.outage_alone_s` while nothing confirms it.
-    OutageLong,
+    OutageLong: "outage too long", Land, Note;
     /// For 0.5 s the drone has not confirmed an outage that the link monitor has found. If its commands act
-    /// nevertheless, the vehicle has left the room.
-    OutageUnsafe,
+    /// nevertheless, the vehicle would be outside of the room by now.
+    OutageUnsafe: "outage near a wall", Land, Note;
     /// The drone has not reported yet, or before the take-off not for `drone_silent_s`.
-    DroneUnheard,
+    DroneUnheard: "drone unheard", StayDown, StayDown;
     /// Before the take-off the drone reports that it flies.
-    DroneAloft,
+    DroneAloft: "drone already flies", StayDown, StayDown;
     /// Before the take-off the drone has reported for a second that it flies: it took off without our order.
-    TookOffUnasked,
+    TookOffUnasked: "took off unasked", Land, Land;
     /// The drone has not reported for longer than `drone_silent_s`.
-    DroneSilent,
+    // A silent drone may still obey: a person who sees it can judge that.
+    DroneSilent: "drone silent", BrakeAndLand, Note;
     /// The drone reports for a second that it stands, in flight or after it flew in the take-off. It landed by itself,
     /// fell or was caught.
-    NotFlying,
-    /// The battery is below `battery_low_pct` or above 100 %, or the drone calls it low.
-    BatteryLow,
-    /// For 1 s the battery is below `battery_critical_pct`, or the drone calls it critical.
-    BatteryCritical,
+    NotFlying: "not flying", Land, Land;
+    /// The battery is below `battery_low_pct` or above 100 %, or the drone reports it as low.
+    BatteryLow: "battery low", StayDown, StayDown;
+    /// For 1 s the battery is below `battery_critical_pct`, or the drone reports it as critical.
+    BatteryCritical: "battery critical", BrakeAndLand, Land;
     /// The estimator has no estimate.
-    EstimatorFailed,
+    EstimatorFailed: "estimator failed", Hold, Note;
     /// The controller has no plan; the previous one goes on.
-    ControllerFailed,
-    /// Estimator or controller failed in more than `solver_failures_max` ticks; one without a failure makes up for half
-    /// a failure.
-    SolverFailing,
+    // The shifted plan goes on; SolverFailing is the limit.
+    ControllerFailed: "controller failed", Note, Note;
+    /// Estimator or controller failed in more than `solver_failures_max` ticks; a tick without a failure subtracts
+    /// half.
+    SolverFailing: "solver failing", Land, Note;
     /// The loop missed more than `late_periods_max` periods in a short time.
-    TicksLate,
+    TicksLate: "ticks late", Land, Land;
     /// The take-off was not confirmed within `take_off_timeout_s`. Or the drone has reported to fly for 3 s and has not
     /// risen: it is held.
-    TakeOffTimeout,
+    TakeOffTimeout: "take-off not confirmed", Land, Land;
     /// The landing was not confirmed within `landing_timeout_s`.
-    LandingTimeout,
+    LandingTimeout: "landing not confirmed", Land, Land;
     /// The guardian has ended or does not answer: nothing would land the drone of a program that dies.
-    GuardianLost,
+    GuardianLost: "guardian lost", Land, Land;
     /// Guardian or sender landed the drone because the program, or its control thread, stood still.
-    ProgramStalled,
+    ProgramStalled: "program stood still", Land, Land;
     /// The sticks that a person holds have been neutral for `failsafe.person_gone_s`, or for 5 s during which the
     /// vehicle was outside of the room or too fast: nobody steers.
-    PersonGone,
+    PersonGone: "person gone", Land, Land;
     /// A timer released a key or a stick in the person's place.
-    InputExpired,
+    // Sticks that were released are neutral already.
+    InputExpired: "key or stick expired", Note, Note;
     /// The landing is confirmed by the poses alone: the drone did not report, or its height contradicted it.
-    LandedByPose,
+    LandedByPose: "landed by the pose alone", Note, Note;
     /// The landing is confirmed by the drone alone: there was no pose, or it came to the floor by a jump.
-    LandedByDrone,
+    LandedByDrone: "landed by the drone alone", Note, Note;
     /// The operator asks to land.
-    OperatorStop,
+    OperatorStop: "operator stop", Land, Land;
     /// The operator asks for the motors to stop.
     #[serde(alias = "operator_cut")]
-    OperatorEmergencyStop,
+    OperatorEmergencyStop: "operator emergency stop", EmergencyStop, EmergencyStop;
 }
 
 /// Who steers.
@@ -172,7 +200,7 @@ pub enum Reaction {
     /// The controller brings the vehicle to rest, then the flight ends as by `Land`. For what leaves poses and
     /// controller trusted.
     BrakeAndLand,
-    /// The flight ends by landing at once, whatever comes later; a vehicle on the ground stays there.
+    /// The flight ends by landing at once, in any case; a vehicle on the ground stays there.
     Land,
     /// The motors stop at once and the vehicle falls.
     EmergencyStop,
@@ -194,124 +222,6 @@ impl Fault {
 
     /// All faults, in the order of their declaration.
     pub const ALL: &[Self] = Self::VARIANTS;
-
-    /// Name on terminals.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::MocapStale => "mocap stale",
-            Self::MocapLost => "mocap lost",
-            Self::MocapFrozen => "mocap frozen",
-            Self::MocapJumped => "mocap jumped",
-            Self::MocapRough => "mocap rough",
-            Self::MocapUnsettled => "mocap unsettled",
-            Self::MocapUndated => "mocap undated",
-            Self::PoseDoubtful => "mocap and drone differ",
-            Self::PoseInconsistent => "mocap and drone disagree",
-            Self::HeadingWrong => "heading wrong",
-            Self::StartMisplaced => "start misplaced",
-            Self::PlanBlocked => "plan blocked",
-            Self::BlockedLong => "blocked too long",
-            Self::ObstacleEntered => "inside of an obstacle",
-            Self::ObstacleUnseen => "obstacle unseen",
-            Self::ObstacleApproaches => "obstacle approaches",
-            Self::FenceNear => "fence near",
-            Self::FenceLeft => "outside of the room",
-            Self::TrackingLost => "off the reference",
-            Self::Immobile => "immobile",
-            Self::TooFast => "too fast",
-            Self::DeadTimeLong => "sticks act late",
-            Self::MissionOverdue => "mission overdue",
-            Self::OutageHeld => "old command held",
-            Self::OutageLong => "outage too long",
-            Self::OutageUnsafe => "outage near a wall",
-            Self::DroneUnheard => "drone unheard",
-            Self::DroneAloft => "drone already flies",
-            Self::TookOffUnasked => "took off unasked",
-            Self::DroneSilent => "drone silent",
-            Self::NotFlying => "not flying",
-            Self::BatteryLow => "battery low",
-            Self::BatteryCritical => "battery critical",
-            Self::EstimatorFailed => "estimator failed",
-            Self::ControllerFailed => "controller failed",
-            Self::SolverFailing => "solver failing",
-            Self::TicksLate => "ticks late",
-            Self::TakeOffTimeout => "take-off not confirmed",
-            Self::LandingTimeout => "landing not confirmed",
-            Self::GuardianLost => "guardian lost",
-            Self::ProgramStalled => "program stood still",
-            Self::PersonGone => "person gone",
-            Self::InputExpired => "key or stick expired",
-            Self::LandedByPose => "landed by the pose alone",
-            Self::LandedByDrone => "landed by the drone alone",
-            Self::OperatorStop => "operator stop",
-            Self::OperatorEmergencyStop => "operator emergency stop",
-        }
-    }
-
-    /// Reaction to the fault under `pilot`. No wildcard: a new fault does not compile without a reaction.
-    ///
-    /// A person flies by sight: what makes the controller blind, or warns it of a wall, takes no
-    /// sticks from the person. It counts again when the person hands back.
-    ///
-    /// Real time: no allocation, constant cost.
-    pub fn reaction(self, pilot: Pilot) -> Reaction {
-        let (controller, person) = match self {
-            // The shifted plan goes on, SolverFailing is the limit; sticks that were released are neutral already.
-            Self::ControllerFailed
-            | Self::InputExpired
-            | Self::LandedByPose
-            | Self::LandedByDrone => (Reaction::Note, Reaction::Note),
-            Self::BatteryLow | Self::DroneUnheard | Self::DroneAloft => {
-                (Reaction::StayDown, Reaction::StayDown)
-            }
-            Self::StartMisplaced | Self::MocapUnsettled | Self::MocapUndated => {
-                (Reaction::StayDown, Reaction::Note)
-            }
-            // A drone that keeps an old command ignores the brake; one that is carried by a draught does not.
-            Self::PlanBlocked | Self::ObstacleUnseen | Self::OutageHeld => {
-                (Reaction::Brake, Reaction::Note)
-            }
-            Self::MocapStale
-            | Self::MocapFrozen
-            | Self::PoseDoubtful
-            | Self::EstimatorFailed
-            | Self::FenceNear => (Reaction::Hold, Reaction::Note),
-            // A silent drone may still obey, and a person who sees it can judge that. A mission does not bind a person.
-            Self::DroneSilent | Self::MissionOverdue | Self::BlockedLong => {
-                (Reaction::BrakeAndLand, Reaction::Note)
-            }
-            Self::BatteryCritical => (Reaction::BrakeAndLand, Reaction::Land),
-            Self::MocapLost
-            | Self::MocapJumped
-            | Self::MocapRough
-            | Self::PoseInconsistent
-            | Self::HeadingWrong
-            | Self::FenceLeft
-            | Self::ObstacleEntered
-            | Self::ObstacleApproaches
-            | Self::TrackingLost
-            | Self::Immobile
-            | Self::TooFast
-            | Self::DeadTimeLong
-            | Self::OutageLong
-            | Self::OutageUnsafe
-            | Self::SolverFailing => (Reaction::Land, Reaction::Note),
-            Self::TookOffUnasked
-            | Self::NotFlying
-            | Self::TicksLate
-            | Self::TakeOffTimeout
-            | Self::LandingTimeout
-            | Self::GuardianLost
-            | Self::ProgramStalled
-            | Self::PersonGone
-            | Self::OperatorStop => (Reaction::Land, Reaction::Land),
-            Self::OperatorEmergencyStop => (Reaction::EmergencyStop, Reaction::EmergencyStop),
-        };
-        match pilot {
-            Pilot::Controller => controller,
-            Pilot::Person => person,
-        }
-    }
 }
 
 /// A set of faults.

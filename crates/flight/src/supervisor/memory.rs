@@ -13,11 +13,11 @@ use crate::time::SpanNs;
 
 /// Missed periods subtracted from their sum at each tick: one missed period in eleven never ends a flight. periods per
 /// tick
-const LATE_FORGIVEN: f64 = 0.1;
+const LATE_LEAK: f64 = 0.1;
 
 /// Failures subtracted from their sum at each tick without a failure, off the ground: one failed solve in three never
 /// ends a flight. failures per tick
-const FAILURE_FORGIVEN: f64 = 0.5;
+const FAILURE_LEAK: f64 = 0.5;
 
 /// Difference between the headings of vehicle and reference above which the controller has lost the heading. rad
 const HEADING_OFF_REFERENCE_RAD: f64 = 1.0;
@@ -45,16 +45,16 @@ impl Supervisor {
         match self.phase {
             _ if has_failed => self.failures.add(1.0),
             Phase::Idle => self.failures = LeakySum::default(),
-            _ => self.failures.forgive(FAILURE_FORGIVEN),
+            _ => self.failures.leak(FAILURE_LEAK),
         }
-        self.late_periods.forgive(LATE_FORGIVEN);
+        self.late_periods.leak(LATE_LEAK);
         self.late_periods.add(e.skipped as f64);
     }
 
     /// Updates the heights on the ground, and what has been seen of the take-off.
     fn remember_ground_and_take_off(&mut self, e: &Evidence) {
-        let says_flying = self.drone_says_flying(e);
-        let is_standing = self.phase == Phase::Idle && says_flying != Some(true);
+        let reports_flying = self.drone_reports_flying(e);
+        let is_standing = self.phase == Phase::Idle && reports_flying != Some(true);
         if is_standing && !self.is_pose_stale(e) {
             self.take_off.ground_m = e.pose.map(|at| at[pose::Z]);
         }
@@ -62,7 +62,7 @@ impl Supervisor {
             self.take_off.drone_ground_m = drone.height_m;
         }
         if self.take_off.ordered_ns.is_some() {
-            self.take_off.seen = self.take_off.seen.max(match says_flying {
+            self.take_off.seen = self.take_off.seen.max(match reports_flying {
                 Some(true) => TakeOffSeen::Reported,
                 _ if self.has_risen(e) => TakeOffSeen::Measured,
                 _ => TakeOffSeen::No,
@@ -73,7 +73,7 @@ impl Supervisor {
     /// Updates for how long the drone has reported something.
     fn remember_reports(&mut self, e: &Evidence) {
         let reported_ns = e.drone.map(|drone| e.t_ns - SpanNs::from_seconds(drone.age_s).0);
-        self.timers.flying_unordered.update(self.is_aloft_unasked(e), reported_ns);
+        self.timers.flying_unordered.update(self.reports_flight_before_order(e), reported_ns);
         // After a report that the drone flies, a report that it stands is newer. Before, it may be an old one.
         let counts = match (self.phase, self.take_off.seen) {
             (Phase::TakingOff | Phase::Flying, TakeOffSeen::Reported) => true,
@@ -82,7 +82,7 @@ impl Supervisor {
             }
             _ => false,
         };
-        let is_grounded = counts && self.drone_says_flying(e) == Some(false);
+        let is_grounded = counts && self.drone_reports_flying(e) == Some(false);
         self.timers.reports_standing.update(is_grounded, reported_ns);
         let is_critical = e.drone.is_some_and(|drone| {
             drone.is_battery_critical || drone.battery_pct < self.table.battery_critical_pct

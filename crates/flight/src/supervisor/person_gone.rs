@@ -34,8 +34,7 @@ mod tests {
     use super::super::*;
 
     #[test]
-    fn sticks_that_a_person_leaves_neutral_land_after_their_time_and_outside_of_the_room_after_5_s()
-    {
+    fn neutral_sticks_of_a_person_land_after_their_time_and_outside_of_the_room_after_5_s() {
         let idle = Evidence { is_by_hand: true, is_hand_neutral: true, ..ALOFT };
         let steered = Evidence { is_hand_neutral: false, ..idle };
         let outside = Evidence { pose: Some([5.0, 0.0, 1.0, 0.0].into()), ..idle };
@@ -45,34 +44,34 @@ mod tests {
             (outside, Some(Fault::FenceLeft), 50),
             (fast, Some(Fault::TooFast), 50),
         ] {
-            let mut bench = Bench::flying();
-            assert!(bench.run(ticks, &e).may_steer(), "{ticks} ticks of 0.1 s: {e:?}");
-            assert!(bench.tick(&steered).may_steer());
-            assert!(bench.run(ticks, &e).may_steer(), "a stick begins the time anew");
-            let decision = bench.tick(&e);
+            let mut fixture = Fixture::flying();
+            assert!(fixture.run(ticks, &e).may_steer(), "{ticks} ticks of 0.1 s: {e:?}");
+            assert!(fixture.tick(&steered).may_steer());
+            assert!(fixture.run(ticks, &e).may_steer(), "a stick begins the time anew");
+            let decision = fixture.tick(&e);
             let expected = other.into_iter().chain([Fault::PersonGone]).collect::<Vec<_>>();
             assert_eq!((decision.phase, faults(decision)), (Phase::Landing, expected));
         }
         for away in [outside, fast] {
-            let mut bench = Bench::flying();
-            assert!(bench.run(300, &idle).may_steer(), "a rest of 30 s inside");
-            assert!(bench.run(50, &away).may_steer(), "does not count outside, or too fast");
-            assert!(bench.run(1, &idle).may_steer(), "back inside the time ends");
-            assert!(bench.run(50, &away).may_steer());
-            assert_eq!(bench.tick(&away).phase, Phase::Landing);
+            let mut fixture = Fixture::flying();
+            assert!(fixture.run(300, &idle).may_steer(), "a rest of 30 s inside");
+            assert!(fixture.run(50, &away).may_steer(), "does not count outside, or too fast");
+            assert!(fixture.run(1, &idle).may_steer(), "back inside the time ends");
+            assert!(fixture.run(50, &away).may_steer());
+            assert_eq!(fixture.tick(&away).phase, Phase::Landing);
         }
         let unseen = Evidence { pose: None, pose_age_s: Some(10.0), ..idle };
-        let mut bench = Bench::flying();
-        assert!(bench.run(20, &outside).may_steer() && bench.run(30, &unseen).may_steer());
+        let mut fixture = Fixture::flying();
+        assert!(fixture.run(20, &outside).may_steer() && fixture.run(30, &unseen).may_steer());
         assert_eq!(
-            bench.tick(&outside).phase,
+            fixture.tick(&outside).phase,
             Phase::Landing,
             "without a pose it counts as outside"
         );
-        assert!(Bench::flying().run(100, &unseen).may_steer(), "never seen outside");
+        assert!(Fixture::flying().run(100, &unseen).may_steer(), "never seen outside");
         let by_controller = Evidence { is_by_hand: false, is_hand_neutral: false, ..idle };
-        assert_eq!(faults(Bench::flying().run(700, &by_controller)), []);
-        let mut never = Bench::flying();
+        assert_eq!(faults(Fixture::flying().run(700, &by_controller)), []);
+        let mut never = Fixture::flying();
         never.supervisor.table.failsafe.person_gone_s = None;
         assert!(never.run(3000, &outside).may_steer(), "without the key, as in older logs");
     }

@@ -48,10 +48,10 @@ pub struct SupervisorTable {
     pub settle_s: f64,
     /// Time after which a landing that is not confirmed is a fault. s, 1..=120
     pub landing_timeout_s: f64,
-    /// Failed solves until landing; a tick without one makes up for half of one. ticks, 0..=1000
+    /// Failed solves until landing; a tick without a failure subtracts half. ticks, 0..=1000
     pub solver_failures_max: u32,
     /// Periods without a tick that are tolerated at once, one more means landing; a tenth of a period
-    /// is forgiven at each tick. periods, 0..=1000
+    /// is subtracted at each tick. periods, 0..=1000
     pub late_periods_max: u32,
     /// Hover at the last target before landing. s, 0..=3600
     pub finish_hold_s: f64,

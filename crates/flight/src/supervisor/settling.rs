@@ -8,7 +8,7 @@ use horizon_model::rows::{Pose, pose};
 
 use super::Supervisor;
 use super::condition_timer::elapsed_s;
-use super::evidence::{Evidence, Phase};
+use super::evidence::Evidence;
 
 /// Horizontal distance from the position of the take-off at which control starts once the climb has ended. m
 const DRIFT_MAX_M: f64 = 0.3;
@@ -20,7 +20,7 @@ const MOVED_TICKS: u32 = 5;
 
 /// A vehicle that does not rise by so much in this time, longer than between poses of 4 Hz, has ended its climb. m, s
 const CLIMB_RISE_M: f64 = 0.03;
-const LEVEL_S: f64 = 0.3;
+const CLIMB_ENDED_S: f64 = 0.3;
 
 /// What is known of the take-off.
 #[derive(Debug, Clone, Default)]
@@ -29,7 +29,7 @@ pub(super) struct Settling {
     stood: Option<Pose>,
     /// When the take-off was confirmed; `None` if the flight began in the air. ns
     risen_ns: Option<i64>,
-    /// Ticks in which it was elsewhere since.
+    /// Ticks since the order in which the vehicle was further than [`MOVED_M`] or [`MOVED_RAD`] from `stood`.
     moved_ticks: u32,
     /// Whether control has to start as soon as the climb has ended: the vehicle drifts away, or somebody comes near.
     is_urgent: bool,
@@ -40,12 +40,12 @@ pub(super) struct Settling {
 
 impl Settling {
     /// The take-off begins at `stood`.
-    pub(super) fn stand(&mut self, stood: Option<Pose>) {
+    pub(super) fn begin(&mut self, stood: Option<Pose>) {
         self.stood = stood;
     }
 
     /// The take-off is confirmed.
-    pub(super) fn rise(&mut self, t_ns: i64) {
+    pub(super) fn confirm(&mut self, t_ns: i64) {
         self.risen_ns = Some(t_ns);
     }
 
@@ -84,35 +84,30 @@ impl Settling {
         let climbed = self.climbed.filter(stays).unwrap_or((z_m, t_ns));
         self.climbed = Some(climbed);
         let (_, since_ns) = climbed;
-        elapsed_s(since_ns, t_ns) >= LEVEL_S
+        elapsed_s(since_ns, t_ns) >= CLIMB_ENDED_S
     }
 }
 
 impl Supervisor {
-    /// Updates the memory of a take-off, and for how long the moving obstacle has been near while the vehicle cannot
-    /// evade.
+    /// Updates the memory of a take-off.
     pub(super) fn remember_settling(&mut self, e: &Evidence) {
         let pose = e.pose.filter(|_| !self.is_pose_stale(e));
-        let is_endangered = e.obstacles.is_approached || e.obstacles.is_unseen;
-        self.settling.note(e.t_ns, pose, is_endangered, self.table.settle_s);
-        let obeys = self.settling.is_over() && self.takes_sticks(e);
-        let is_helpless = self.phase == Phase::TakingOff || self.phase == Phase::Flying && !obeys;
-        let counts = is_helpless && is_endangered && !self.is_carried;
-        self.timers.obstacle_near.update(counts, e.t_ns);
+        self.settling.note(e.t_ns, pose, e.obstacles.is_near_or_unseen(), self.table.settle_s);
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::evidence::Phase;
     use super::super::tests::*;
     use super::*;
 
     /// Tenths of a second from the order to take off to control by a vehicle that the climb carries by `drift_m`.
     fn steered_after(drift_m: f64) -> Option<usize> {
-        let mut bench = Bench::taking_off();
+        let mut fixture = Fixture::taking_off();
         let drifted = Pose::new(drift_m, 0.0, 1.0, 0.0);
         let aloft = Evidence { pose: Some(drifted), ..ALOFT };
-        (0..60).find(|_| bench.tick(&aloft).may_steer())
+        (0..60).find(|_| fixture.tick(&aloft).may_steer())
     }
 
     #[test]
@@ -121,7 +116,7 @@ mod tests {
         assert_eq!(steered_after(DRIFT_MAX_M), Some(at_rest), "the limit itself");
         let carried = steered_after(DRIFT_MAX_M.next_up()).unwrap();
         let sooner_s = 0.1 * f64::from(u32::try_from(at_rest - carried).unwrap());
-        assert!((sooner_s - (TABLE.settle_s - LEVEL_S)).abs() < 1e-9, "{at_rest}, {carried}");
+        assert!((sooner_s - (TABLE.settle_s - CLIMB_ENDED_S)).abs() < 1e-9, "{at_rest}, {carried}");
         assert_eq!(steered_after(f64::NAN), None, "no position");
     }
 
@@ -129,7 +124,7 @@ mod tests {
     fn a_vehicle_was_moved_if_it_was_elsewhere_in_five_ticks() {
         let was_moved = |stood_rad: f64, at: Pose, ticks: u32| {
             let mut settling = Settling::default();
-            settling.stand(Some(Pose::new(0.0, 0.0, 0.0, stood_rad)));
+            settling.begin(Some(Pose::new(0.0, 0.0, 0.0, stood_rad)));
             for _ in 0..ticks {
                 settling.note(CALM.t_ns, Some(at), false, 1.0);
             }
@@ -139,31 +134,30 @@ mod tests {
         let turned = |theta_rad: f64| Pose::new(0.0, 0.0, 0.0, theta_rad);
         assert!(was_moved(3.0, beside(MOVED_M.next_up()), 5));
         assert!(!was_moved(3.0, beside(MOVED_M), 99) && !was_moved(3.0, beside(0.2), 4));
-        assert!(!was_moved(0.0, turned(0.149), 99));
-        assert!(was_moved(0.0, turned(-0.151), 5));
+        assert!(!was_moved(0.0, turned(MOVED_RAD), 99) && was_moved(0.0, turned(-0.151), 5));
         assert!(was_moved(3.0, turned(-3.1), 5) && !was_moved(3.0, turned(-3.2), 99));
     }
 
     #[test]
     fn a_vehicle_that_is_approached_is_steered_when_its_climb_has_ended_and_stays_so() {
-        let mut bench = Bench::taking_off();
-        bench.pass(2, &ALOFT);
+        let mut fixture = Fixture::taking_off();
+        fixture.pass(2, &ALOFT);
         let near = with_obstacles(ALOFT, |it| it.is_approached = true);
-        let after = (0..60).find(|_| bench.tick(&near).may_steer());
+        let after = (0..60).find(|_| fixture.tick(&near).may_steer());
         assert_eq!(after, Some(1), "0.3 s after its height was first seen");
         let rises = Evidence { pose: Some(Pose::new(0.0, 0.0, 1.3, 0.0)), ..ALOFT };
-        assert!(bench.tick(&rises).may_steer(), "it evades upwards");
+        assert!(fixture.tick(&rises).may_steer(), "it evades upwards");
     }
 
     #[test]
     fn a_pose_that_is_stale_shows_no_end_of_a_climb() {
-        let mut bench = Bench::taking_off();
+        let mut fixture = Fixture::taking_off();
         let blind = Evidence { pose: CALM.pose, pose_age_s: Some(0.6), ..ALOFT };
-        assert_eq!(bench.tick(&blind).phase, Phase::Flying, "by the drone's word");
-        bench.pass(8, &with_obstacles(blind, |it| it.is_approached = true));
+        assert_eq!(fixture.tick(&blind).phase, Phase::Flying, "by the drone's report");
+        fixture.pass(8, &with_obstacles(blind, |it| it.is_approached = true));
         for k in 0..3 {
             let rising = Some(Pose::new(0.0, 0.0, 0.5 + 0.04 * f64::from(k), 0.0));
-            assert!(!bench.tick(&Evidence { pose: rising, ..ALOFT }).may_steer(), "tick {k}");
+            assert!(!fixture.tick(&Evidence { pose: rising, ..ALOFT }).may_steer(), "tick {k}");
         }
     }
 
@@ -172,8 +166,8 @@ mod tests {
         // 0.33 m/s until 1.5 s after it was confirmed, by poses of 20 ms.
         let steered_ms = |climb_s: f64, settle_s: f64| {
             let mut settling = Settling::default();
-            settling.stand(Some(Pose::zeros()));
-            settling.rise(0);
+            settling.begin(Some(Pose::zeros()));
+            settling.confirm(0);
             (0..500_i32).map(|k| 20 * k).find(|ms| {
                 let t_s = 1e-3 * f64::from(*ms);
                 let at = Pose::new(0.5, 0.0, 0.5 + 0.33 * t_s.min(climb_s), 0.0);
@@ -191,8 +185,8 @@ mod tests {
     fn a_vehicle_that_rises_by_the_limit_itself_still_climbs() {
         for (risen_m, is_over) in [(CLIMB_RISE_M.next_down(), true), (CLIMB_RISE_M, false)] {
             let mut settling = Settling::default();
-            settling.stand(Some(Pose::new(1.0, 0.0, 0.0, 0.0)));
-            settling.rise(0);
+            settling.begin(Some(Pose::new(1.0, 0.0, 0.0, 0.0)));
+            settling.confirm(0);
             let mut over_at = |z_m: f64, t_ns: i64| {
                 let pose = Some(Pose::new(0.0, 0.0, z_m, 0.0));
                 settling.note(t_ns, pose, false, 9.0);
@@ -207,12 +201,12 @@ mod tests {
     fn a_drift_is_measured_from_where_the_vehicle_stood() {
         for (x_m, y_m, is_over) in [(1.2, -2.2, false), (1.0, -2.31, true), (0.69, -2.0, true)] {
             let mut settling = Settling::default();
-            settling.stand(Some(Pose::new(1.0, -2.0, 0.0, 0.0)));
-            settling.rise(0);
+            settling.begin(Some(Pose::new(1.0, -2.0, 0.0, 0.0)));
+            settling.confirm(0);
             let at = Some(Pose::new(x_m, y_m, 1.0, 0.0));
             let [early, later] = [0, 300_000_000].map(|t_ns| Evidence { pose: at, t_ns, ..ALOFT });
             settling.note(early.t_ns, early.pose, false, 1.0);
-            assert!(!settling.is_over(), "nothing tells that it does not climb");
+            assert!(!settling.is_over(), "nothing shows that it does not climb");
             settling.note(later.t_ns, later.pose, false, 1.0);
             assert_eq!(settling.is_over(), is_over, "{x_m}, {y_m} m");
         }

@@ -1,4 +1,4 @@
-//! Whether the motion capture still tells where the vehicle is.
+//! Whether the motion capture still shows where the vehicle is.
 //!
 //! Owns the limits of staleness (`stale_s`: hold, `lost_s`: land) and the conditions of stillness and jumps. The
 //! gate checks the age of a pose once more, by its own limit.

@@ -139,12 +139,12 @@ pub(super) const ALOFT: Evidence = Evidence {
 };
 
 /// A supervisor and the present time, which `tick` moves on.
-pub(super) struct Bench {
+pub(super) struct Fixture {
     pub(super) supervisor: Supervisor,
     pub(super) t_ns: i64,
 }
 
-impl Bench {
+impl Fixture {
     pub(super) fn new(start: Start) -> Self {
         // Any moment can be the zero of time.
         let settings = SupervisorSettings::try_from(&TABLE).unwrap();
@@ -174,33 +174,33 @@ impl Bench {
 
     /// In the air and steered.
     pub(super) fn flying() -> Self {
-        let mut bench = Self::new(Start::Airborne);
-        assert!(bench.tick(&ALOFT).may_steer());
-        bench
+        let mut fixture = Self::new(Start::Airborne);
+        assert!(fixture.tick(&ALOFT).may_steer());
+        fixture
     }
 
     /// Take-off ordered one tick ago.
     pub(super) fn taking_off() -> Self {
-        let mut bench = Self::new(Start::Grounded);
-        bench.pass(1, &CALM);
-        assert_eq!(bench.tick(&asks_to_fly(CALM)).order, Some(DroneOrder::TakeOff));
-        bench
+        let mut fixture = Self::new(Start::Grounded);
+        fixture.pass(1, &CALM);
+        assert_eq!(fixture.tick(&asks_to_fly(CALM)).order, Some(DroneOrder::TakeOff));
+        fixture
     }
 
     /// In the air and steered, after a take-off: the ground is known.
     pub(super) fn flown() -> Self {
-        let mut bench = Self::new(Start::Grounded);
-        bench.pass(1, &CALM);
-        bench.pass(1, &asks_to_fly(CALM));
-        assert!(bench.run(50, &ALOFT).may_steer());
-        bench
+        let mut fixture = Self::new(Start::Grounded);
+        fixture.pass(1, &CALM);
+        fixture.pass(1, &asks_to_fly(CALM));
+        assert!(fixture.run(50, &ALOFT).may_steer());
+        fixture
     }
 
     /// Landing ordered by the operator one tick ago, from steered flight.
     pub(super) fn landing() -> Self {
-        let mut bench = Self::flown();
-        assert_eq!(bench.tick(&asks_to_land(ALOFT)).order, Some(DroneOrder::Land));
-        bench
+        let mut fixture = Self::flown();
+        assert_eq!(fixture.tick(&asks_to_land(ALOFT)).order, Some(DroneOrder::Land));
+        fixture
     }
 }
 
@@ -226,36 +226,36 @@ pub(super) fn faults(out: Decision) -> Vec<Fault> {
 
 #[test]
 fn a_whole_flight_goes_through_every_phase() {
-    let mut bench = Bench::new(Start::Grounded);
-    let out = bench.run(30, &CALM);
+    let mut fixture = Fixture::new(Start::Grounded);
+    let out = fixture.run(30, &CALM);
     assert_eq!((out.phase, out.order, out.may_steer()), (Phase::Idle, None, false));
-    let out = bench.tick(&asks_to_fly(CALM));
+    let out = fixture.tick(&asks_to_fly(CALM));
     assert_eq!((out.phase, out.order), (Phase::TakingOff, Some(DroneOrder::TakeOff)));
-    let out = bench.run(20, &CALM);
+    let out = fixture.run(20, &CALM);
     assert_eq!((out.phase, out.order), (Phase::TakingOff, None));
-    let out = bench.tick(&ALOFT);
+    let out = fixture.tick(&ALOFT);
     assert_eq!((out.phase, out.may_steer()), (Phase::Flying, false));
-    assert!(!bench.run(14, &ALOFT).may_steer(), "1.4 s after the take-off");
-    assert!(bench.tick(&ALOFT).may_steer(), "1.5 s after the take-off");
+    assert!(!fixture.run(14, &ALOFT).may_steer(), "1.4 s after the take-off");
+    assert!(fixture.tick(&ALOFT).may_steer(), "1.5 s after the take-off");
 
     let done = Evidence { is_mission_done: true, ..ALOFT };
-    let out = bench.run(20, &done);
+    let out = fixture.run(20, &done);
     assert_eq!((out.phase, out.may_steer()), (Phase::Flying, true), "done for 1.9 s");
-    let out = bench.tick(&done);
+    let out = fixture.tick(&done);
     assert_eq!((out.phase, out.order), (Phase::Landing, Some(DroneOrder::Land)), "done for 2.0 s");
     assert!(!out.may_steer() && out.faults.is_empty());
 
-    let out = bench.run(10, &CALM);
+    let out = fixture.run(10, &CALM);
     assert_eq!(out.phase, Phase::Landing, "down for 0.9 s");
-    let out = bench.tick(&CALM);
+    let out = fixture.tick(&CALM);
     assert_eq!((out.phase, out.order), (Phase::Landed, None), "down for 1.0 s");
     assert!(out.faults.is_empty());
-    let out = bench.run(100, &asks_to_fly(CALM));
+    let out = fixture.run(100, &asks_to_fly(CALM));
     assert_eq!((out.phase, out.order), (Phase::Landed, None));
 }
 
 #[test]
-fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
+fn every_fault_keeps_an_idle_vehicle_down_and_is_named() {
     for (e, fault) in [
         (Evidence { pose_age_s: None, ..CALM }, Fault::MocapStale),
         (Evidence { pose_age_s: Some(0.26), ..CALM }, Fault::MocapStale),
@@ -276,12 +276,12 @@ fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
         (Evidence { incidents: UNDATED, ..CALM }, Fault::MocapUndated),
         (with_drone(CALM, |drone| drone.is_flying = true), Fault::DroneAloft),
     ] {
-        let mut bench = Bench::new(Start::Grounded);
-        let out = bench.run(5, &asks_to_fly(e));
+        let mut fixture = Fixture::new(Start::Grounded);
+        let out = fixture.run(5, &asks_to_fly(e));
         assert_eq!((out.phase, out.order), (Phase::Idle, None), "{fault:?}");
         assert!(out.faults.contains(fault), "{fault:?} is not in {:?}", out.faults);
         // Nothing of it stays: nothing has happened yet.
-        let out = bench.tick(&asks_to_fly(CALM));
+        let out = fixture.tick(&asks_to_fly(CALM));
         assert_eq!(
             (out.phase, out.order),
             (Phase::TakingOff, Some(DroneOrder::TakeOff)),
@@ -293,12 +293,12 @@ fn every_fault_keeps_an_idle_vehicle_down_and_says_why() {
 
 #[test]
 fn a_stale_position_means_neutral_sticks_and_control_resumes() {
-    let mut bench = Bench::flying();
+    let mut fixture = Fixture::flying();
     for pose_age_s in [Some(0.26), Some(1.0), None] {
-        let out = bench.tick(&Evidence { pose_age_s, ..ALOFT });
+        let out = fixture.tick(&Evidence { pose_age_s, ..ALOFT });
         assert_eq!((out.phase, out.may_steer()), (Phase::Flying, false), "{pose_age_s:?}");
         assert_eq!(faults(out), [Fault::MocapStale], "{pose_age_s:?}");
-        assert!(bench.tick(&ALOFT).may_steer());
+        assert!(fixture.tick(&ALOFT).may_steer());
     }
 }
 
@@ -320,15 +320,15 @@ fn landing_faults_end_the_flight_for_good() {
         (Evidence { incidents: STALLED, ..ALOFT }, Fault::ProgramStalled),
         (asks_to_land(ALOFT), Fault::OperatorStop),
     ] {
-        for mut bench in [Bench::flying(), Bench::taking_off()] {
-            let out = bench.tick(&e);
+        for mut fixture in [Fixture::flying(), Fixture::taking_off()] {
+            let out = fixture.tick(&e);
             assert_eq!(
                 (out.phase, out.order),
                 (Phase::Landing, Some(DroneOrder::Land)),
                 "{fault:?}"
             );
             assert!(out.faults.contains(fault) && !out.may_steer(), "{:?}", out.faults);
-            let out = bench.run(50, &asks_to_fly(ALOFT));
+            let out = fixture.run(50, &asks_to_fly(ALOFT));
             assert_eq!((out.phase, out.may_steer()), (Phase::Landing, false), "{fault:?}");
             // What ended the flight stays, what came along with it does not.
             assert_eq!(faults(out), [fault]);
@@ -338,31 +338,31 @@ fn landing_faults_end_the_flight_for_good() {
 
 #[test]
 fn mild_faults_are_noted_and_the_flight_goes_on() {
-    let mut bench = Bench::flying();
-    let out = bench.run(50, &with_drone(ALOFT, |drone| drone.battery_pct = 29));
+    let mut fixture = Fixture::flying();
+    let out = fixture.run(50, &with_drone(ALOFT, |drone| drone.battery_pct = 29));
     assert_eq!((out.may_steer(), faults(out)), (true, vec![Fault::BatteryLow]));
-    let out = bench.tick(&Evidence { has_controller_failed: true, ..ALOFT });
+    let out = fixture.tick(&Evidence { has_controller_failed: true, ..ALOFT });
     assert_eq!((out.may_steer(), faults(out)), (true, vec![Fault::ControllerFailed]));
     let expired = Incidents { has_input_expired: true, ..NO_INCIDENTS };
-    let out = bench.tick(&Evidence { incidents: expired, ..ALOFT });
+    let out = fixture.tick(&Evidence { incidents: expired, ..ALOFT });
     assert_eq!((out.may_steer(), faults(out)), (true, vec![Fault::InputExpired]));
-    let out = bench.tick(&Evidence { has_estimator_failed: true, ..ALOFT });
+    let out = fixture.tick(&Evidence { has_estimator_failed: true, ..ALOFT });
     assert_eq!((out.phase, out.may_steer()), (Phase::Flying, false));
     assert_eq!(faults(out), [Fault::EstimatorFailed]);
 }
 
 #[test]
 fn what_never_came_is_missed_from_the_first_tick() {
-    let mut bench = Bench::new(Start::Airborne);
-    let out = bench.run(11, &Evidence { pose_age_s: None, ..ALOFT });
+    let mut fixture = Fixture::new(Start::Airborne);
+    let out = fixture.run(11, &Evidence { pose_age_s: None, ..ALOFT });
     assert_eq!((out.phase, faults(out)), (Phase::Flying, vec![Fault::MocapStale]));
-    let out = bench.tick(&Evidence { pose_age_s: None, ..ALOFT });
+    let out = fixture.tick(&Evidence { pose_age_s: None, ..ALOFT });
     assert_eq!((out.phase, out.order), (Phase::Landing, Some(DroneOrder::Land)));
 
-    let mut bench = Bench::new(Start::Airborne);
-    let out = bench.run(21, &Evidence { drone: None, ..ALOFT });
+    let mut fixture = Fixture::new(Start::Airborne);
+    let out = fixture.run(21, &Evidence { drone: None, ..ALOFT });
     assert_eq!((out.may_steer(), faults(out)), (true, vec![Fault::DroneUnheard]));
-    let out = bench.tick(&Evidence { drone: None, ..ALOFT });
+    let out = fixture.tick(&Evidence { drone: None, ..ALOFT });
     assert_eq!(out.phase, Phase::Landing);
     assert_eq!(faults(out), [Fault::DroneUnheard, Fault::DroneSilent]);
 }
@@ -371,11 +371,11 @@ fn what_never_came_is_missed_from_the_first_tick() {
 fn solvers_may_fail_a_few_ticks_in_a_row_but_no_more() {
     for (has_estimator_failed, has_controller_failed) in [(true, false), (false, true)] {
         let failed = Evidence { has_estimator_failed, has_controller_failed, ..ALOFT };
-        let mut bench = Bench::flying();
-        assert_eq!(bench.run(3, &failed).phase, Phase::Flying);
-        assert_eq!(bench.run(6, &ALOFT).phase, Phase::Flying);
-        assert_eq!(bench.run(3, &failed).phase, Phase::Flying);
-        let out = bench.tick(&failed);
+        let mut fixture = Fixture::flying();
+        assert_eq!(fixture.run(3, &failed).phase, Phase::Flying);
+        assert_eq!(fixture.run(6, &ALOFT).phase, Phase::Flying);
+        assert_eq!(fixture.run(3, &failed).phase, Phase::Flying);
+        let out = fixture.tick(&failed);
         assert_eq!(out.phase, Phase::Landing);
         assert!(out.faults.contains(Fault::SolverFailing), "{:?}", out.faults);
     }
@@ -384,11 +384,11 @@ fn solvers_may_fail_a_few_ticks_in_a_row_but_no_more() {
 #[test]
 fn a_failed_plan_of_long_ago_does_not_count() {
     // While sticks are neutral nothing is planned and the flag stays as it was.
-    let mut bench = Bench::flying();
+    let mut fixture = Fixture::flying();
     let failed = Evidence { has_controller_failed: true, ..ALOFT };
     let stale = Evidence { pose_age_s: Some(0.5), ..failed };
-    assert_eq!(faults(bench.tick(&stale)), [Fault::MocapStale, Fault::ControllerFailed]);
-    let out = bench.run(20, &stale);
+    assert_eq!(faults(fixture.tick(&stale)), [Fault::MocapStale, Fault::ControllerFailed]);
+    let out = fixture.run(20, &stale);
     assert_eq!((out.phase, faults(out)), (Phase::Flying, vec![Fault::MocapStale]));
-    assert!(bench.tick(&failed).may_steer());
+    assert!(fixture.tick(&failed).may_steer());
 }

@@ -11,6 +11,9 @@ use nalgebra::Vector3;
 /// `theta` is the measured yaw, counter-clockwise from above, continuous over time.
 pub type Pose = Vector<{ pose::COUNT }>;
 
+/// Rate of a [`Pose`] by time. m/s, rad/s
+pub type PoseRate = Pose;
+
 /// Position of a pose, world frame. m
 #[inline]
 pub fn pos_w(o: &Pose) -> Vector3<f64> {

@@ -168,7 +168,7 @@ fn a_dead_time_that_was_shortened_finish_return_when_the_link_goes_down_again_an
     for _ in 0..10 {
         dead_time.note_outage();
     }
-    assert!(!dead_time.finish_return(), "nothing was shortened");
+    assert!(!dead_time.end_return_if_done(), "nothing was shortened");
     for _ in 0..SHORT_PERIODS + 15 {
         dead_time.correct(Some(common(-0.1, 0.02)));
     }
@@ -181,7 +181,7 @@ fn a_dead_time_that_was_shortened_finish_return_when_the_link_goes_down_again_an
     let changes = (0..100).filter(|_| dead_time.correct(None)).count();
     assert_eq!((steps(&dead_time)[stick::ROLL], changes), (0, 4));
     assert!(!dead_time.correct(Some(common(-0.1, 0.02))), "it waits for the new filter");
-    assert!(dead_time.finish_return() && !dead_time.finish_return());
+    assert!(dead_time.end_return_if_done() && !dead_time.end_return_if_done());
     // A longer one stays.
     for _ in 0..20 {
         dead_time.correct(Some(common(0.1, 0.02)));

@@ -1,8 +1,10 @@
 //! Estimate and sent sticks, from which a plan follows.
 
+use horizon_model::InputFifo;
 use horizon_model::rows::{Sticks, pose, stick};
-use horizon_model::{InputFifo, Model};
 use nalgebra::{Matrix3, SMatrix, SVector};
+
+use crate::cycle::Vehicle;
 
 /// Estimate and sent sticks, from which the plan follows.
 #[derive(Debug, Clone, Copy)]
@@ -17,14 +19,19 @@ pub(in crate::cycle) struct Known<'a, const NS: usize, const NP: usize> {
     pub(in crate::cycle) fifo: &'a InputFifo<{ stick::COUNT }>,
     /// Sticks that act in place of the sent ones in an outage; `None`: there is no outage. 1
     pub(in crate::cycle) instead: Option<Sticks>,
-    /// First period after the estimate, seen from the coming step.
-    pub(in crate::cycle) from_ahead: isize,
+    /// First period after the estimate, relative to the coming one.
+    pub(in crate::cycle) ahead: isize,
 }
 
 impl<const NS: usize, const NP: usize> Known<'_, NS, NP> {
     /// First step of the plan, seen from the coming step.
     pub(super) fn begin_ahead(&self) -> isize {
         self.fifo.known_steps().cast_signed()
+    }
+
+    /// Periods from the estimate, at which the mission is, to the coming one: 0, or more for a plan of the next tick.
+    pub(super) fn periods_since_estimate(&self) -> usize {
+        usize::try_from(-self.ahead).unwrap_or(0)
     }
 
     /// The sticks that act in the step `ahead` of the coming one.
@@ -34,14 +41,41 @@ impl<const NS: usize, const NP: usize> Known<'_, NS, NP> {
 
     /// Covariance of the position `after_s` after the estimate, which does not depend on the sticks until then; zero if
     /// that of the estimate is unknown. World frame. m^2
-    pub(super) fn covariance_after<M>(&self, model: &M, after_s: f64) -> Matrix3<f64>
-    where
-        M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
-    {
+    pub(super) fn covariance_after(
+        &self,
+        model: &impl Vehicle<NS, NP>,
+        after_s: f64,
+    ) -> Matrix3<f64> {
         let Some(covariance) = self.covariance else { return Matrix3::zeros() };
         let step = model.step_by_state(self.s_hat, &Sticks::zeros(), self.p_hat, after_s);
         let pose_by_state = model.observe_by_state(self.s_hat) * step;
         let pos_by_state = pose_by_state.fixed_rows::<3>(pose::X);
         pos_by_state * covariance * pos_by_state.transpose()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::{Kinematic, Model};
+
+    use super::*;
+
+    #[test]
+    fn the_sticks_of_an_outage_act_in_place_of_all_that_were_sent() {
+        let mut fifo = InputFifo::new(&[0.0; stick::COUNT], &Kinematic::INPUT, 0.02).unwrap();
+        fifo.push(&Sticks::repeat(0.3));
+        let (s_hat, p_hat) = (SVector::<f64, 4>::zeros(), SVector::<f64, 4>::zeros());
+        let known = |instead, ahead| Known {
+            s_hat: &s_hat,
+            p_hat: &p_hat,
+            covariance: None,
+            fifo: &fifo,
+            instead,
+            ahead,
+        };
+        assert_eq!(known(None, 0).applied(-1), Sticks::repeat(0.3));
+        assert_eq!(known(Some(Sticks::repeat(-0.1)), 0).applied(-1), Sticks::repeat(-0.1));
+        assert_eq!([0, -2].map(|ahead| known(None, ahead).periods_since_estimate()), [0, 2]);
+        assert_eq!(known(None, 0).covariance_after(&Kinematic, 0.3), Matrix3::zeros());
     }
 }

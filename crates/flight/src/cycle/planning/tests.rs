@@ -1,6 +1,6 @@
 use horizon_control::{InputCost, MpcTable, QpKind, SolverTable};
-use horizon_model::Kinematic;
 use horizon_model::rows::gain;
+use horizon_model::{Kinematic, Model};
 
 use super::super::committed::given_steps;
 use super::*;
@@ -58,14 +58,8 @@ fn parameter() -> SVector<f64, { gain::COUNT }> {
 
 fn plan(planner: &mut Planner<Kinematic, 4, 4, 4>, fifo: &InputFifo<4>, is_late: bool) {
     let (s_hat, p_hat) = (Pose::zeros(), parameter());
-    let known = Known {
-        s_hat: &s_hat,
-        p_hat: &p_hat,
-        fifo,
-        instead: None,
-        from_ahead: 0,
-        covariance: None,
-    };
+    let known =
+        Known { s_hat: &s_hat, p_hat: &p_hat, fifo, instead: None, ahead: 0, covariance: None };
     let report = planner.plan(&known, &mission(), &mut || is_late).unwrap();
     assert_eq!(report.has_new_plan(), !is_late, "{report:?}");
 }
@@ -129,7 +123,7 @@ fn in_an_outage_one_input_acts_in_place_of_all() {
         p_hat: &p_hat,
         fifo: &fifo,
         instead: None,
-        from_ahead: 0,
+        ahead: 0,
         covariance: None,
     };
     assert_eq!([-1, 0, 1].map(|ahead| known.applied(ahead)), [0.1, 0.2, 0.3].map(Sticks::repeat));
@@ -168,7 +162,7 @@ fn an_unused_plan_loses_its_authority_and_ends_with_its_horizon() {
             assert!((u[axis] - expected).abs() < 1e-6, "lag {lag}: {u}, {expected} expected");
         }
         assert!(u[stick::ROLL].abs() < 1e-6 && u[stick::YAW].abs() < 1e-6, "{u}");
-        planner.skip();
+        planner.age_plan();
     }
     assert!(!planner.has_usable_plan());
     assert_eq!(planner.sticks(), Sticks::zeros());

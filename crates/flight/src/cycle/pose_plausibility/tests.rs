@@ -24,7 +24,7 @@ fn a_pose_is_as_much_too_far_as_a_vehicle_does_not_fly() {
         plausibility.check(Some(&there), &accepted(there), at(ms));
         let found_m = plausibility.jump_m().unwrap();
         assert!((found_m - jump_m).abs() < 1e-9, "{ms} ms: {found_m} m");
-        plausibility.open();
+        plausibility.begin_tick();
         assert_eq!(plausibility.jump_m(), None);
     }
 }
@@ -34,7 +34,7 @@ fn a_position_that_was_repeated_is_as_old_as_when_it_was_measured() {
     let mut plausibility = Plausibility::default();
     let mut see = |x_m: f64, ms| {
         let o = HERE + Pose::new(x_m, 0.0, 0.0, 0.0);
-        plausibility.open();
+        plausibility.begin_tick();
         let seen = filtered(o, Acceptance::Accepted, Acceptance::Accepted);
         plausibility.check(Some(&o), &seen, at(ms));
         plausibility.jump_m()
@@ -65,7 +65,7 @@ fn a_drop_is_what_the_largest_descent_of_a_tick_exceeds_a_vehicles() {
     assert!((see(-0.5, 20).unwrap() - 0.46).abs() < 1e-9);
     assert!((see(-0.6, 40).unwrap() - 0.46).abs() < 1e-9, "the largest of the tick");
     assert!((see(-1.3, 60).unwrap() - 0.66).abs() < 1e-9);
-    plausibility.open();
+    plausibility.begin_tick();
     assert_eq!(plausibility.drop_m(), None);
     let up = HERE + Pose::new(0.0, 0.0, 0.5, 0.0);
     plausibility.check(
@@ -77,12 +77,12 @@ fn a_drop_is_what_the_largest_descent_of_a_tick_exceeds_a_vehicles() {
 }
 
 #[test]
-fn what_jumps_between_two_positions_tells_nothing_of_the_commands_for_a_second() {
+fn what_jumps_between_two_positions_shows_nothing_of_the_commands_for_a_second() {
     let mut plausibility = Plausibility::default();
     let observed = Observed { o: HERE, is_present: [true, true, true, false] };
     let mut see = |x_m: f64, ms| {
         let o = HERE + Pose::new(x_m, 0.0, 0.0, 0.0);
-        plausibility.open();
+        plausibility.begin_tick();
         let accepted = filtered(o, Acceptance::Accepted, Acceptance::Accepted);
         plausibility.check(Some(&o), &accepted, at(ms));
         plausibility.steady(&observed).is_present
@@ -106,7 +106,7 @@ fn an_object_in_two_positions_is_rough_and_one_that_is_moved_at_times_is_not() {
             // What a stream repeats to the last digit would be one position.
             let o =
                 HERE + Pose::new(0.2 * (k / period_ticks % 2) as f64, 1e-9 * *k as f64, 0.0, 0.0);
-            plausibility.open();
+            plausibility.begin_tick();
             let seen = filtered(o, Acceptance::Accepted, Acceptance::Accepted);
             plausibility.check(Some(&o), &seen, at(20 * k));
             plausibility.is_rough()
@@ -128,7 +128,7 @@ fn many_small_steps_beyond_a_vehicles_speed_are_rough() {
         (0..1000).find(|k| {
             let o = HERE
                 + Pose::new(step_m * (k / period_ticks % 2) as f64, 1e-9 * *k as f64, 0.0, 0.0);
-            plausibility.open();
+            plausibility.begin_tick();
             let seen = filtered(o, Acceptance::Accepted, Acceptance::Accepted);
             plausibility.check(Some(&o), &seen, at(20 * k));
             plausibility.is_rough()
@@ -147,7 +147,7 @@ fn a_jump_counts_for_fifty_ticks_with_four_others() {
         let mut plausibility = Plausibility::default();
         let mut x_m = 0.0;
         for k in 0..=last {
-            plausibility.open();
+            plausibility.begin_tick();
             // The first pose is none that jumped.
             x_m += if [1, 10, 20, 30, last].contains(&k) { 0.2 } else { 0.0 };
             let o = HERE + Pose::new(x_m, 1e-9 * k as f64, 0.0, 0.0);
@@ -176,7 +176,7 @@ fn refused_poses_are_not_the_vehicles_and_time_goes_on() {
     plausibility.check(Some(&there), &seen, at(80));
     assert!((plausibility.jump_m().unwrap() - 0.44).abs() < 1e-9);
     plausibility.restart();
-    plausibility.open();
+    plausibility.begin_tick();
     plausibility.check(
         Some(&HERE),
         &filtered(HERE, Acceptance::Accepted, Acceptance::Held),
@@ -209,7 +209,7 @@ fn rough_steps_one_way_add_up_and_those_there_and_back_cancel() {
         assert!((found_m - expected_m).abs() < 1e-9, "{x_m:?}: {found_m} m");
     }
     let mut carried = Plausibility { shift_w: Vector3::repeat(1.0), ..Plausibility::default() };
-    carried.stand();
+    carried.reset_shift();
     assert!(carried.shift_m().abs() < 1e-12);
 }
 

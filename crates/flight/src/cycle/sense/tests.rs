@@ -1,3 +1,4 @@
+use horizon_model::rows::stick;
 use serde_json::{Value, json};
 
 use super::*;
@@ -244,7 +245,7 @@ fn a_refused_heading_that_the_estimate_confirms_is_accepted() {
 }
 
 #[test]
-fn poses_on_the_ground_that_contradict_those_before_begin_anew_and_in_flight_they_are_refused() {
+fn contradicting_poses_begin_anew_on_the_ground_and_are_refused_in_flight() {
     let far = Pose::new(-1.0, -2.0, 1.0, 0.0);
     let position = |start: Start| {
         let mut shown = Shown::of(&FlightTable { start, ..table() });

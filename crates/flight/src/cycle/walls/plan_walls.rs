@@ -1,11 +1,11 @@
 //! Walls and obstacles as soft constraints of the controller.
 
 use horizon_control::{Excess, SoftConstraints};
-use horizon_model::Model;
-use horizon_model::rows::{Pose, pos_w, pose, stick};
+use horizon_model::rows::{Pose, pos_w, pose};
 use nalgebra::SVector;
 
 use super::{BEYOND_MARGIN_M, Walls};
+use crate::cycle::Vehicle;
 use crate::obstacle::SignedDistance;
 
 /// The soft constraints `c_i(s) <= 0` of `docs/control.md`, section 3, on the states of a model with this parameter.
@@ -16,9 +16,8 @@ pub(in crate::cycle) struct PlanWalls<'a, M, const NP: usize> {
     pub(in crate::cycle) walls: &'a Walls,
 }
 
-impl<M, const NS: usize, const NP: usize> SoftConstraints<NS> for PlanWalls<'_, M, NP>
-where
-    M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
+impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize> SoftConstraints<NS>
+    for PlanWalls<'_, M, NP>
 {
     fn count(&self) -> usize {
         self.walls.count()

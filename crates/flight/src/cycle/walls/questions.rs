@@ -30,19 +30,19 @@ const STANDS_MPS: f64 = 0.3;
 
 impl Walls {
     /// Whether `at_w` is inside of an obstacle that does not move.
-    pub(in crate::cycle) fn is_in_obstacle(&self, at_w: &Vector3<f64>) -> bool {
+    pub(in crate::cycle) fn is_in_fixed(&self, at_w: &Vector3<f64>) -> bool {
         self.distance_to_fixed_m(at_w) < 0.0
     }
 
-    /// Whether `at_w` is nearer than 0.6 m to an obstacle that does not move.
-    pub(in crate::cycle) fn is_beside_obstacle(&self, at_w: &Vector3<f64>) -> bool {
+    /// Whether `at_w` is nearer than [`BESIDE_M`] to an obstacle that does not move.
+    pub(in crate::cycle) fn is_beside_fixed(&self, at_w: &Vector3<f64>) -> bool {
         self.distance_to_fixed_m(at_w) < BESIDE_M
     }
 
     /// Whether the moving obstacle keeps the vehicle from getting from `at_w` to `to_w`, world frame, m: it is nearer
-    /// than 0.6 m to the straight path or one of its ends. For an obstacle with the acceleration `a` the limit grows by
-    /// `(a - obstacle_accel_mps2) T^2 / 2`, `T` = [`PATH_REACH_S`] (`docs/control.md`, section 3).
-    pub(in crate::cycle) fn is_path_blocked(
+    /// than [`BESIDE_M`] to the straight path or one of its ends. For an obstacle with the acceleration `a` the limit
+    /// grows by `(a - obstacle_accel_mps2) T^2 / 2`, `T` = [`PATH_REACH_S`] (`docs/control.md`, section 3).
+    pub(in crate::cycle) fn moving_blocks_path(
         &self,
         at_w: &Vector3<f64>,
         to_w: &Vector3<f64>,
@@ -52,8 +52,9 @@ impl Walls {
         let nearest_w = at_w + along.clamp(0.0, 1.0) * (to_w - at_w);
         let more_mps2 = self.shown_accel_mps2() - self.table.obstacle_accel_mps2;
         let limit_m = BESIDE_M + 0.5 * more_mps2.max(0.0) * PATH_REACH_S.powi(2);
-        self.moving_obstacles()
-            .any(|it| it.distance_from(&nearest_w, Some(&moving_w)).distance_m < limit_m)
+        self.moving_obstacle().is_some_and(|obstacle| {
+            obstacle.distance_from(&nearest_w, Some(&moving_w)).distance_m < limit_m
+        })
     }
 
     /// Whether the straight path from `at_w` to `to_w`, world frame, m, leads through an obstacle that does not move.
@@ -62,7 +63,7 @@ impl Walls {
     /// obstacle, counts as one through it.
     ///
     /// Real time: no allocation; the distances of at most so many points from all obstacles.
-    pub(in crate::cycle) fn is_path_through_obstacle(
+    pub(in crate::cycle) fn fixed_blocks_path(
         &self,
         at_w: &Vector3<f64>,
         to_w: &Vector3<f64>,
@@ -84,8 +85,8 @@ impl Walls {
 
     /// Least distance from the obstacles that do not move; infinite without one. m
     fn distance_to_fixed_m(&self, at_w: &Vector3<f64>) -> f64 {
-        let at_rest = self.obstacles().filter(|obstacle| !obstacle.is_moving());
-        at_rest.map(|obstacle| obstacle.distance(at_w).distance_m).fold(f64::INFINITY, f64::min)
+        let distances_m = self.fixed_obstacles().map(|obstacle| obstacle.distance(at_w).distance_m);
+        distances_m.fold(f64::INFINITY, f64::min)
     }
 
     /// Whether the moving obstacle, by its present velocity, comes within the margin of a vehicle that stays at `at_w`
@@ -100,7 +101,7 @@ impl Walls {
         let comes_near = |obstacle: &Obstacle| {
             obstacle.distance_from(at_w, Some(&nearest_w)).distance_m < self.table.margin_m
         };
-        self.moving_obstacles().any(comes_near)
+        self.moving_obstacle().is_some_and(comes_near)
     }
 
     /// Whether the moving obstacle could come within the margin of `at_w` during a landing if it turned towards it.
@@ -112,7 +113,7 @@ impl Walls {
             let distance_m = obstacle.distance_from(at_w, moving_w.as_ref()).distance_m;
             distance_m < self.table.margin_m + speed_mps * APPROACH_S
         };
-        self.moving_obstacles().any(is_within)
+        self.moving_obstacle().is_some_and(is_within)
     }
 
     /// Whether no vehicle may take off from `at_w`: that is inside of an obstacle, would climb into one, or the moving
@@ -122,7 +123,8 @@ impl Walls {
         let least_m = |obstacle: &Obstacle| {
             obstacle.distance_in_climb(at_w, CLIMB_M, moving_w.as_ref()).distance_m
         };
-        self.is_approached(at_w) || self.obstacles().any(|obstacle| least_m(obstacle) < 0.0)
+        self.is_approached(at_w)
+            || self.fixed_obstacles().chain(self.moving_obstacle()).any(|it| least_m(it) < 0.0)
     }
 }
 

@@ -59,7 +59,7 @@ fn constraints_on_the_state_of_a_vehicle_meet_their_numeric_twins() {
 }
 
 #[test]
-fn the_position_at_which_the_vehicle_comes_to_rest_keeps_clear_of_walls_but_not_of_obstacles() {
+fn the_position_at_rest_keeps_clear_of_walls_but_not_of_obstacles() {
     let model = Lagged::new(LaggedShape::default()).unwrap();
     let (p, mut s) = (SVector::from(P), Motion::zeros());
     // 0.5 m before the pole and 2.7 m before the wall at x = 3; 0.64 s of its velocity bring it 1.2 m further.
@@ -112,13 +112,13 @@ fn the_margin_of_what_moves_grows_with_its_acceleration_from_now_on() {
 }
 
 #[test]
-fn a_plan_keeps_the_radius_of_the_vehicle_from_what_stands_in_the_room_and_from_nothing_else() {
+fn a_plan_keeps_the_radius_of_the_vehicle_from_fixed_obstacles_alone() {
     let table = WallTable { vehicle_radius_m: 0.13, ..TABLE };
     let room = Some(Room::try_from(&ROOM).unwrap());
     let moving = ObstacleTable::Moving { radius_m: 0.2 };
     let walls = Walls::new(Some(&table), room, &[BLOCK, moving]).unwrap().unwrap();
     for surface in &walls.surfaces {
-        let stands = matches!(surface, Surface::Obstacle(obstacle) if !obstacle.is_moving());
+        let stands = matches!(surface, Surface::Fixed(_));
         let margin_m = walls.margin_m(surface, &Vector3::x(), 0.0);
         let expected_m = if stands { 0.23 } else { 0.1 };
         assert!((margin_m - expected_m).abs() < 1e-12, "{surface:?}: {margin_m}");
@@ -205,10 +205,10 @@ fn a_vehicle_in_flight_is_inside_of_obstacles_that_do_not_move_alone() {
     let walls = Walls::new(Some(&TABLE), None, &[still, ObstacleTable::Moving { radius_m: 0.2 }])
         .unwrap()
         .unwrap();
-    let is_inside = |x_m| walls.is_in_obstacle(&Vector3::new(x_m, 0.5, 0.9));
+    let is_inside = |x_m| walls.is_in_fixed(&Vector3::new(x_m, 0.5, 0.9));
     assert!(is_inside(0.01) && is_inside(0.99));
     assert!(!is_inside(-0.01) && !is_inside(1.01), "within its margin");
-    let is_beside = |x_m| walls.is_beside_obstacle(&Vector3::new(x_m, 0.5, 0.9));
+    let is_beside = |x_m| walls.is_beside_fixed(&Vector3::new(x_m, 0.5, 0.9));
     assert_eq!([-0.61, -0.59, 0.5, 1.59, 1.61].map(is_beside), [false, true, true, true, false]);
 }
 
@@ -218,7 +218,7 @@ fn a_path_is_blocked_by_an_obstacle_that_moves_between_its_ends_or_beside_one_of
     let mut walls = Walls::new(Some(&TABLE), None, &[moving, POLE]).unwrap().unwrap();
     let to_w = Vector3::new(0.0, 0.0, 1.0);
     let is_blocked =
-        |walls: &Walls, x_m: f64| walls.is_path_blocked(&Vector3::new(x_m, 0.0, 1.3), &to_w);
+        |walls: &Walls, x_m: f64| walls.moving_blocks_path(&Vector3::new(x_m, 0.0, 1.3), &to_w);
     assert!(!is_blocked(&walls, 2.0), "nobody knows where it is");
     for _ in 0..100 {
         walls.follow_obstacle(Some([1.2, 0.3, 0.0]), None, 0.02);
@@ -235,8 +235,7 @@ fn a_path_is_blocked_by_an_obstacle_that_moves_between_its_ends_or_beside_one_of
 }
 
 #[test]
-fn an_obstacle_that_comes_near_within_four_seconds_bars_a_start_and_one_that_passes_or_leaves_does_not()
- {
+fn only_an_obstacle_that_comes_near_within_four_seconds_bars_a_start() {
     let moving = ObstacleTable::Moving { radius_m: 0.3 };
     let is_blocked = |aside_m: f64, away_m: f64, speed_mps: f64| {
         let mut walls =
@@ -294,7 +293,7 @@ fn a_path_along_an_obstacle_that_is_too_long_to_be_checked_is_one_through_it() {
     let walls = Walls::new(Some(&TABLE), None, &[bench]).unwrap().unwrap();
     let is_through = |y_m: f64, length_m: f64| {
         let [at_w, to_w] = [0.0, length_m].map(|x_m| Vector3::new(x_m, y_m, 0.5));
-        walls.is_path_through_obstacle(&at_w, &to_w)
+        walls.fixed_blocks_path(&at_w, &to_w)
     };
     assert!(is_through(0.4, 1.0), "inside of it");
     // 5 mm beside it each point is 0.01 m from the one before: 200 of them are 1.99 m.

@@ -24,12 +24,12 @@ fn the_covariance_is_propagated_by_the_jacobian_of_the_mean() {
     for (noise, value) in
         noises().into_iter().flat_map(|noise| [0.3, PI - 1e-9, -PI + 1e-9].map(|at| (noise, at)))
     {
-        let mut start = Axis::new(&table, noise, value);
+        let mut start = AxisFilter::new(&table, noise, value);
         start.covariance = root * root.transpose();
         start.s = State::from([value, 0.4, -0.2, 0.15, -0.03]);
         let command = AxisCommand { asked: 0.8, rate: -3.0 };
         let predicted = |s: &State| {
-            let mut axis = Axis { s: *s, ..start.clone() };
+            let mut axis = AxisFilter { s: *s, ..start.clone() };
             axis.predict(&table, command, TAU_S, DT_S);
             axis
         };
@@ -48,7 +48,7 @@ fn the_covariance_is_propagated_by_the_jacobian_of_the_mean() {
 fn a_value_that_stays_off_is_taken_after_half_a_second() {
     let table = table();
     for noise in noises() {
-        let mut axis = Axis::new(&table, noise, 0.2);
+        let mut axis = AxisFilter::new(&table, noise, 0.2);
         let mut see = |off: f64, steps: u32| {
             for _ in 0..steps {
                 axis.predict(&table, AxisCommand::default(), TAU_S, DT_S);
@@ -67,7 +67,7 @@ fn a_value_that_stays_off_is_taken_after_half_a_second() {
 fn a_vehicle_that_is_the_model_is_followed_over_the_wrap_of_a_heading() {
     let table = table();
     for noise in noises() {
-        let mut axis = Axis::new(&table, noise, 3.0);
+        let mut axis = AxisFilter::new(&table, noise, 3.0);
         let (mut value, mut rate, mut before) = (3.0, 0.0, 0.0);
         let fraction = 1.0 - (-DT_S / TAU_S).exp();
         for k in 0..500 {
@@ -92,7 +92,7 @@ fn a_wrong_dead_time_is_found_within_its_standard_deviation() {
     for (noise, late_steps) in
         noises().into_iter().flat_map(|noise| [-3_i32, 0, 3].map(|late| (noise, late)))
     {
-        let mut axis = Axis::new(&table, noise, 1.0);
+        let mut axis = AxisFilter::new(&table, noise, 1.0);
         let (mut value, mut rate) = (1.0, 0.0);
         let fraction = 1.0 - (-DT_S / TAU_S).exp();
         let asked = |k: i32| {
@@ -120,7 +120,7 @@ fn each_error_moves_the_mean_to_its_side() {
     let table = table();
     let [noise, _] = noises();
     let predicted = |row: usize, error: f64| {
-        let mut axis = Axis::new(&table, noise, 0.0);
+        let mut axis = AxisFilter::new(&table, noise, 0.0);
         axis.s[row] = error;
         axis.predict(&table, AxisCommand { asked: 0.8, rate: 3.0 }, TAU_S, DT_S);
         axis.s
@@ -135,7 +135,7 @@ fn each_error_moves_the_mean_to_its_side() {
     let kept = predicted(row::GAIN, 0.1)[row::GAIN];
     assert!((kept - 0.1 * (-DT_S / table.adapt_s).exp()).abs() < 1e-12, "{kept}");
     for noise in noises() {
-        let mut axis = Axis::new(&table, noise, 0.0);
+        let mut axis = AxisFilter::new(&table, noise, 0.0);
         axis.s[row::DEAD_TIME] = 0.03;
         axis.correct_dead_time(0.02);
         assert!((axis.dead_time_error().mean_s - 0.01).abs() < 1e-12, "{axis:?}");

@@ -285,7 +285,7 @@ fn an_axis_is_frozen_by_the_part_of_the_inputs_that_points_along_it() {
 }
 
 #[test]
-fn a_drone_that_says_it_flies_hears_its_inputs_whatever_the_poses_say() {
+fn a_drone_that_reports_to_fly_receives_its_inputs_whatever_the_poses_show() {
     for (speed_mps, is_frozen) in
         [(None, false), (Some([0.1, 0.2]), false), (Some([0.4, 0.0]), true)]
     {
@@ -352,7 +352,7 @@ fn all_rows_are_still_as_long_as_the_one_that_stopped_last_and_windows_add_the_l
 }
 
 #[test]
-fn inputs_contradict_from_their_least_time_on_and_a_report_of_rest_neither_begins_nor_ends_that() {
+fn inputs_contradict_from_their_least_time_on_whatever_a_report_of_rest_shows() {
     const LARGE: Signs = Signs { has_large_input: true, is_still: true, reports_no_motion: false };
     const QUIET: Signs = Signs { has_large_input: false, ..LARGE };
     const AT_REST: Signs = Signs { reports_no_motion: true, ..LARGE };

@@ -131,7 +131,7 @@ fn fly(script: &Script, to: &mut String) {
             link_is_up: !(430..450).contains(&k),
         };
         if is_on_ground {
-            monitors.rest(&sample);
+            monitors.update_on_ground(&sample);
             continue;
         }
         let found = monitors.update(&sample);
@@ -196,7 +196,7 @@ fn stillness_is_found_when_it_was_recorded() {
 }
 
 #[test]
-fn doubt_adds_up_to_disagreement_and_is_forgiven_slowly() {
+fn doubt_adds_up_to_disagreement_and_leaks_slowly() {
     let mut doubt = Doubt::default();
     let mut on = |error: f64, times: usize| {
         (0..times).map(|_| doubt.update(error, 1.0, 0.25)).last().unwrap()

@@ -4,7 +4,7 @@
 
 use nalgebra::Complex;
 
-use super::{FIXED, FRAMES, MotionSample, VELOCITY_DRIFT_MPS, shortened};
+use super::{AXES_KINDS, FIXED, MotionSample, VELOCITY_DRIFT_MPS, shortened};
 use crate::forgetting::decay;
 
 /// Time constant with which motion that showed the axes is forgotten. s
@@ -33,12 +33,12 @@ struct Fit {
 #[derive(Debug, Clone, Default)]
 pub(super) struct ReportAge {
     pub(super) sums: Sums,
-    /// Axes by frame, as motion showed them last; `None`: no axes of this kind fit.
-    axes: [Option<Fit>; FRAMES],
-    /// `x` by frame: displacement by the poses less that by the drone. m
-    error_m: [Complex<f64>; FRAMES],
-    /// Displacement by the drone since the newest pose, by frame, and its time. m, s
-    drone_d_m: [Complex<f64>; FRAMES],
+    /// Axes by their kind, as motion showed them last; `None`: no axes of this kind fit.
+    axes: [Option<Fit>; AXES_KINDS],
+    /// `x` by kind of axes: displacement by the poses less that by the drone. m
+    error_m: [Complex<f64>; AXES_KINDS],
+    /// Displacement by the drone since the newest pose, by kind of axes, and its time. m, s
+    drone_d_m: [Complex<f64>; AXES_KINDS],
     drone_s: f64,
     /// Whether the drone was silent since the newest pose: its displacement since then is not known.
     was_silent: bool,
@@ -47,7 +47,7 @@ pub(super) struct ReportAge {
 impl ReportAge {
     /// Takes a tick on the ground: the differences are zero.
     pub(super) fn rest(&mut self) {
-        self.error_m = [Complex::default(); FRAMES];
+        self.error_m = [Complex::default(); AXES_KINDS];
     }
 
     /// Forgets all but the fraction `keep` of the differences.
@@ -69,7 +69,7 @@ impl ReportAge {
         is_known
     }
 
-    /// Integrates the difference over a period in each frame that fits.
+    /// Integrates the difference over a period for each kind of axes that fits.
     pub(super) fn compare(&mut self, motion: &MotionSample, dt_s: f64) {
         self.drone_s += dt_s;
         for (drone_d_m, drone_d_mps) in self.drone_d_m.iter_mut().zip(&motion.drone_d_mps) {
@@ -87,11 +87,11 @@ impl ReportAge {
 
     /// Begins the next motion after a pose.
     pub(super) fn begin_motion(&mut self) {
-        self.drone_d_m = [Complex::default(); FRAMES];
+        self.drone_d_m = [Complex::default(); AXES_KINDS];
         self.drone_s = 0.0;
     }
 
-    /// The least difference; `None` before a frame fits. m
+    /// The least difference; `None` before a kind of axes fits. m
     pub(super) fn error_m(&self) -> Option<f64> {
         let known = self.error_m.iter().zip(&self.axes).filter(|(_, axes)| axes.is_some());
         known.map(|(error_m, _)| error_m.norm()).min_by(f64::total_cmp)
@@ -102,11 +102,11 @@ impl ReportAge {
         let drone_d_mps = self.drone_d_m.map(|drone_d_m| drone_d_m / self.drone_s);
         self.sums.add(&MotionSample { drone_d_mps, ..*motion }, self.drone_s);
         let is_well_known = self.is_well_known();
-        for (frame, axes) in self.axes.iter_mut().enumerate() {
-            if self.sums.variance(frame) < MOTION_MIN {
+        for (kind, axes) in self.axes.iter_mut().enumerate() {
+            if self.sums.variance(kind) < MOTION_MIN {
                 continue;
             }
-            *axes = self.sums.fit(frame).map(|fit| {
+            *axes = self.sums.fit(kind).map(|fit| {
                 let scale = fit.axes.norm();
                 let [low, high] = if is_well_known { SCALE } else { SCALE_EARLY };
                 Fit { axes: fit.axes * (scale.clamp(low, high) / scale), ..fit }
@@ -142,10 +142,10 @@ pub(super) struct Sums {
     time_s: f64,
     /// Displacement by the poses. m
     poses_w_m: Complex<f64>,
-    /// Of each frame: the displacement by the drone. m
-    drone_d_m: [Complex<f64>; FRAMES],
-    /// Of each frame: displacement by the poses times conjugate velocity by the drone. m^2/s
-    products: [Complex<f64>; FRAMES],
+    /// For each kind of axes: the displacement by the drone. m
+    drone_d_m: [Complex<f64>; AXES_KINDS],
+    /// For each kind of axes: displacement by the poses times conjugate velocity by the drone. m^2/s
+    products: [Complex<f64>; AXES_KINDS],
     /// Squared speed by the drone. m^2/s
     squares: f64,
     /// Squared speed by the poses. m^2/s
@@ -168,16 +168,16 @@ impl Sums {
     }
 
     /// Integral of the squared deviation of the drone's velocity from its mean. m^2/s
-    pub(super) fn variance(&self, frame: usize) -> f64 {
-        self.squares - self.drone_d_m[frame].norm_sqr() / self.time_s.max(f64::MIN_POSITIVE)
+    pub(super) fn variance(&self, kind: usize) -> f64 {
+        self.squares - self.drone_d_m[kind].norm_sqr() / self.time_s.max(f64::MIN_POSITIVE)
     }
 
-    /// The axes of `frame` in the world, and how well they explain the motion; `None` if they do not fit it.
-    fn fit(&self, frame: usize) -> Option<Fit> {
+    /// The axes of `kind` in the world, and how well they explain the motion; `None` if they do not fit it.
+    fn fit(&self, kind: usize) -> Option<Fit> {
         let time_s = self.time_s.max(f64::MIN_POSITIVE);
-        let drone_d_m = self.drone_d_m[frame];
-        let covariance = self.products[frame] - self.poses_w_m * drone_d_m.conj() / time_s;
-        let variance = self.variance(frame);
+        let drone_d_m = self.drone_d_m[kind];
+        let covariance = self.products[kind] - self.poses_w_m * drone_d_m.conj() / time_s;
+        let variance = self.variance(kind);
         let poses_variance = self.poses_squares - self.poses_w_m.norm_sqr() / time_s;
         let axes = covariance / variance;
         let determination = covariance.norm_sqr() / (variance * poses_variance);
@@ -186,9 +186,9 @@ impl Sums {
         fits.then_some(Fit { axes, determination })
     }
 
-    /// Rotation of the axes of `frame` from those of the world; `None` if they do not fit the motion.
-    pub(super) fn rotation(&self, frame: usize) -> Option<Complex<f64>> {
-        self.fit(frame).map(|Fit { axes, .. }| axes / axes.norm())
+    /// Rotation of the axes of `kind` from those of the world; `None` if they do not fit the motion.
+    pub(super) fn rotation(&self, kind: usize) -> Option<Complex<f64>> {
+        self.fit(kind).map(|Fit { axes, .. }| axes / axes.norm())
     }
 }
 
@@ -196,7 +196,7 @@ impl Sums {
 mod tests {
     use super::*;
 
-    /// Poses that move as `axes` times the drone's velocity in so many ticks, which the drone reports in each frame.
+    /// Poses that move as `axes` times the drone's velocity in so many ticks, reported in each kind of axes.
     fn shown(axes: Complex<f64>, ticks: u32) -> ReportAge {
         let mut age = ReportAge::default();
         for k in 0..ticks {
@@ -252,8 +252,8 @@ mod tests {
     fn on_the_ground_all_differences_are_forgotten() {
         let fit = Fit { axes: Complex::from(1.0), determination: 1.0 };
         let mut age = ReportAge {
-            axes: [Some(fit); FRAMES],
-            error_m: [Complex::from(2.0); FRAMES],
+            axes: [Some(fit); AXES_KINDS],
+            error_m: [Complex::from(2.0); AXES_KINDS],
             ..ReportAge::default()
         };
         assert_eq!(age.error_m(), Some(2.0));

@@ -64,7 +64,7 @@ fn inputs_and_reports_are_turned_by_the_heading() {
         velocity_w_mps(&sample.u_applied, FRAC_PI_2),
         Complex::new(1.9 * 0.13, 1.9 * 0.43)
     ));
-    let drone_d_mps = frames(Complex::new(0.3, 0.1), FRAC_PI_2);
+    let drone_d_mps = in_axes_kinds(Complex::new(0.3, 0.1), FRAC_PI_2);
     let expected = [(0.3, 0.1), (0.3, -0.1), (-0.1, 0.3), (0.1, 0.3)];
     for (drone_d_mps, (x, y)) in drone_d_mps.into_iter().zip(expected) {
         assert!(close(drone_d_mps, Complex::new(x, y)), "{drone_d_mps}");

@@ -6,53 +6,57 @@ use super::super::tests::*;
 use super::super::*;
 use super::*;
 
-/// A drone that stands by its own word, at this height; it was at 0.2 m before the take-off.
+/// A drone that stands by its own report, at this height; it was at 0.2 m before the take-off.
 fn stands_at(e: Evidence, height_m: Option<f64>) -> Evidence {
     with_drone(e, |drone| (drone.is_flying, drone.height_m) = (false, height_m))
 }
 
 /// Ordered to land in the air, after a take-off from 0.2 m by the drone's own height.
-fn landing_from_0_2_m() -> Bench {
-    let mut bench = Bench::new(Start::Grounded);
-    bench.pass(1, &stands_at(CALM, Some(0.2)));
-    bench.pass(1, &asks_to_fly(stands_at(CALM, Some(0.2))));
-    bench.pass(50, &with_drone(ALOFT, |drone| drone.height_m = Some(1.2)));
-    bench.pass(1, &asks_to_land(ALOFT));
-    bench
+fn landing_from_0_2_m() -> Fixture {
+    let mut fixture = Fixture::new(Start::Grounded);
+    fixture.pass(1, &stands_at(CALM, Some(0.2)));
+    fixture.pass(1, &asks_to_fly(stands_at(CALM, Some(0.2))));
+    fixture.pass(50, &with_drone(ALOFT, |drone| drone.height_m = Some(1.2)));
+    fixture.pass(1, &asks_to_land(ALOFT));
+    fixture
 }
 
 /// How many of so many ticks with `e` order a landing.
-fn landings(bench: &mut Bench, ticks: u32, e: &Evidence) -> usize {
-    (0..ticks).filter(|_| bench.tick(e).order == Some(DroneOrder::Land)).count()
+fn landings(fixture: &mut Fixture, ticks: u32, e: &Evidence) -> usize {
+    (0..ticks).filter(|_| fixture.tick(e).order == Some(DroneOrder::Land)).count()
 }
 
 #[test]
 fn a_landing_is_ordered_until_one_source_alone_has_lasted_and_the_other_is_named() {
     for (e, fault) in [(MUTE, Fault::LandedByPose), (BLIND, Fault::LandedByDrone)] {
-        let mut bench = Bench::landing();
-        assert_eq!(landings(&mut bench, 100, &e), 20);
-        assert_eq!(bench.supervisor.phase(), Phase::Landing, "longer than the time for a landing");
-        let decision = bench.tick(&e);
+        let mut fixture = Fixture::landing();
+        assert_eq!(landings(&mut fixture, 100, &e), 20);
+        assert_eq!(
+            fixture.supervisor.phase(),
+            Phase::Landing,
+            "longer than the time for a landing"
+        );
+        let decision = fixture.tick(&e);
         assert_eq!((decision.phase, decision.order), (Phase::Landed, None));
         let sources = [Fault::LandedByPose, Fault::LandedByDrone];
         let is_named = |decision: Decision| sources.map(|fault| decision.faults.contains(fault));
         assert_eq!(is_named(decision), sources.map(|one| one == fault));
-        assert_eq!(is_named(bench.run(50, &CALM)), is_named(decision), "to the end");
+        assert_eq!(is_named(fixture.run(50, &CALM)), is_named(decision), "to the end");
         // Both report so for a second: nothing is missing.
-        let mut bench = Bench::landing();
-        bench.pass(50, &e);
-        let decision = bench.run(11, &CALM);
+        let mut fixture = Fixture::landing();
+        fixture.pass(50, &e);
+        let decision = fixture.run(11, &CALM);
         assert_eq!((decision.phase, is_named(decision)), (Phase::Landed, [false, false]));
         // The one that was missing comes back and contradicts it.
-        let mut bench = Bench::landing();
-        bench.pass(99, &e);
+        let mut fixture = Fixture::landing();
+        fixture.pass(99, &e);
         let contradicts = if fault == Fault::LandedByPose {
             with_drone(CALM, |drone| drone.is_flying = true)
         } else {
             Evidence { pose: ALOFT.pose, ..CALM }
         };
-        assert_eq!(bench.tick(&contradicts).phase, Phase::LandingUnconfirmed, "10 s");
-        assert_eq!(landings(&mut bench, 100, &e), 20);
+        assert_eq!(fixture.tick(&contradicts).phase, Phase::LandingUnconfirmed, "10 s");
+        assert_eq!(landings(&mut fixture, 100, &e), 20);
     }
 }
 
@@ -65,32 +69,32 @@ fn a_pose_that_came_to_the_floor_by_a_jump_does_not_count() {
         it.drop_m = Some(0.3);
     });
     for (jump, counts) in [(aside, false), (down, false), (near, true)] {
-        let mut bench = Bench::landing();
-        assert_eq!(bench.tick(&jump).pose_is_airborne, counts.then_some(false));
-        let decision = bench.run(200, &MUTE);
+        let mut fixture = Fixture::landing();
+        assert_eq!(fixture.tick(&jump).pose_is_airborne, counts.then_some(false));
+        let decision = fixture.run(200, &MUTE);
         assert_eq!(decision.pose_is_airborne, counts.then_some(false));
         let phase = if counts { Phase::Landed } else { Phase::LandingUnconfirmed };
         assert_eq!(decision.phase, phase, "{jump:?}");
         // The drone alone decides, later than with a pose.
-        let mut bench = Bench::landing();
-        bench.pass(1, &jump);
-        let decision = bench.run(11, &CALM);
+        let mut fixture = Fixture::landing();
+        fixture.pass(1, &jump);
+        let decision = fixture.run(11, &CALM);
         assert_eq!(decision.phase == Phase::Landed, counts, "{jump:?}");
         // Back in the air it is the vehicle again.
-        let mut bench = Bench::landing();
-        bench.pass(1, &jump);
-        assert_eq!(bench.tick(&ALOFT).pose_is_airborne, Some(true));
-        assert_eq!(bench.run(11, &CALM).phase, Phase::Landed);
+        let mut fixture = Fixture::landing();
+        fixture.pass(1, &jump);
+        assert_eq!(fixture.tick(&ALOFT).pose_is_airborne, Some(true));
+        assert_eq!(fixture.run(11, &CALM).phase, Phase::Landed);
     }
 }
 
 #[test]
 fn a_jump_in_flight_discredits_the_pose_for_the_landing() {
-    let mut bench = Bench::flying();
-    bench.pass(1, &CALM);
-    let decision = bench.tick(&with_poses(CALM, |it| it.jump_m = Some(9.0)));
+    let mut fixture = Fixture::flying();
+    fixture.pass(1, &CALM);
+    let decision = fixture.tick(&with_poses(CALM, |it| it.jump_m = Some(9.0)));
     assert_eq!(decision.phase, Phase::Landing);
-    assert_eq!(bench.run(200, &MUTE).phase, Phase::LandingUnconfirmed);
+    assert_eq!(fixture.run(200, &MUTE).phase, Phase::LandingUnconfirmed);
 }
 
 #[test]
@@ -115,41 +119,41 @@ fn a_drone_that_stands_in_the_air_by_its_own_height_does_not_count() {
 }
 
 #[test]
-fn a_low_drone_that_says_it_flies_is_not_down() {
-    let mut bench = Bench::new(Start::Grounded);
-    bench.pass(1, &CALM);
-    bench.pass(50, &asks_to_fly(ALOFT));
+fn a_low_drone_that_reports_to_fly_is_not_down() {
+    let mut fixture = Fixture::new(Start::Grounded);
+    fixture.pass(1, &CALM);
+    fixture.pass(50, &asks_to_fly(ALOFT));
     let low = Evidence { pose: CALM.pose, ..asks_to_land(ALOFT) };
-    assert_eq!(bench.run(50, &low).phase, Phase::Landing);
+    assert_eq!(fixture.run(50, &low).phase, Phase::Landing);
     let down = with_drone(low, |drone| drone.is_flying = false);
-    assert_eq!(bench.run(12, &down).phase, Phase::Landed);
+    assert_eq!(fixture.run(12, &down).phase, Phase::Landed);
 }
 
 #[test]
 fn what_is_carried_waits_for_its_first_pose_and_needs_no_drone() {
-    let mut bench = Bench::new(Start::Carried);
+    let mut fixture = Fixture::new(Start::Carried);
     let unseen = Evidence { pose_age_s: None, drone: None, ..ALOFT };
-    let decision = bench.run(100, &unseen);
+    let decision = fixture.run(100, &unseen);
     assert_eq!((decision.phase, decision.may_steer()), (Phase::Flying, false));
-    let decision = bench.run(100, &with_drone(ALOFT, |drone| drone.is_flying = false));
+    let decision = fixture.run(100, &with_drone(ALOFT, |drone| drone.is_flying = false));
     assert_eq!((decision.phase, decision.may_steer()), (Phase::Flying, true));
-    assert_eq!(bench.run(12, &asks_to_land(ALOFT)).phase, Phase::Landed);
+    assert_eq!(fixture.run(12, &asks_to_land(ALOFT)).phase, Phase::Landed);
 }
 
 /// A landing 5 s after the take-off order, seen by `pose` and `drone` as given for so many ticks.
 fn landing_seen(ticks: u32, height_m: Option<f64>, drone: Option<bool>) -> Phase {
-    let mut bench = Bench::new(Start::Grounded);
-    bench.pass(1, &CALM);
-    bench.pass(1, &asks_to_fly(CALM));
-    bench.pass(50, &ALOFT);
-    bench.pass(1, &asks_to_land(ALOFT));
+    let mut fixture = Fixture::new(Start::Grounded);
+    fixture.pass(1, &CALM);
+    fixture.pass(1, &asks_to_fly(CALM));
+    fixture.pass(50, &ALOFT);
+    fixture.pass(1, &asks_to_land(ALOFT));
     let seen = Evidence {
         pose: height_m.map(at_height),
         pose_age_s: Some(if height_m.is_some() { 0.01 } else { 9.0 }),
         drone: drone.map(|is_flying| DroneReport { is_flying, ..REPORT }),
         ..ALOFT
     };
-    bench.run(ticks, &asks_to_land(seen)).phase
+    fixture.run(ticks, &asks_to_land(seen)).phase
 }
 
 #[test]
@@ -181,24 +185,24 @@ fn all_who_can_tell_have_to_agree_that_the_vehicle_is_down() {
 }
 
 #[test]
-fn the_ruling_tells_what_the_pose_says_of_the_height() {
-    let mut bench = Bench::new(Start::Grounded);
-    bench.pass(1, &CALM);
-    bench.pass(1, &asks_to_fly(CALM));
+fn the_ruling_has_the_height_by_the_pose() {
+    let mut fixture = Fixture::new(Start::Grounded);
+    fixture.pass(1, &CALM);
+    fixture.pass(1, &asks_to_fly(CALM));
     for (e, expected) in [
         (CALM, Some(false)),
         (ALOFT, Some(true)),
         (Evidence { pose_age_s: Some(0.5), ..ALOFT }, None),
         (Evidence { pose: None, ..ALOFT }, None),
     ] {
-        assert_eq!(bench.tick(&e).pose_is_airborne, expected, "{e:?}");
+        assert_eq!(fixture.tick(&e).pose_is_airborne, expected, "{e:?}");
     }
 }
 
 #[test]
 fn the_drone_has_risen_by_a_fresh_height_above_that_on_the_ground() {
     let risen = |ground_m: Option<f64>, height_m: Option<f64>, age_s: f64| {
-        let mut supervisor = Bench::new(Start::Grounded).supervisor;
+        let mut supervisor = Fixture::new(Start::Grounded).supervisor;
         supervisor.take_off.drone_ground_m = ground_m;
         let e = with_drone(ALOFT, |drone| (drone.height_m, drone.age_s) = (height_m, age_s));
         supervisor.drone_has_risen(&e)
@@ -214,7 +218,7 @@ fn the_drone_has_risen_by_a_fresh_height_above_that_on_the_ground() {
 #[test]
 fn a_height_that_is_no_number_is_none_and_the_drone_decides() {
     for (z_m, ground_m) in [(f64::NAN, Some(0.1)), (1.1, Some(f64::NAN)), (1.1, None)] {
-        let mut supervisor = Bench::new(Start::Grounded).supervisor;
+        let mut supervisor = Fixture::new(Start::Grounded).supervisor;
         supervisor.take_off.ground_m = ground_m;
         for is_flying in [false, true] {
             let e = Evidence { pose: Some(at_height(z_m)), ..ALOFT };
@@ -227,7 +231,7 @@ fn a_height_that_is_no_number_is_none_and_the_drone_decides() {
 
 #[test]
 fn a_take_off_is_over_four_seconds_after_its_newest_order_or_eight_if_it_was_not_seen() {
-    let mut supervisor = Bench::new(Start::Grounded).supervisor;
+    let mut supervisor = Fixture::new(Start::Grounded).supervisor;
     assert!(supervisor.is_past_take_off(&CALM), "none was ordered");
     supervisor.take_off.ordered_ns = Some(-1_000_000_000);
     for (seen, past_ns) in [
@@ -246,9 +250,9 @@ fn a_take_off_is_over_four_seconds_after_its_newest_order_or_eight_if_it_was_not
 #[test]
 fn a_take_off_is_repeated_only_while_the_drone_stands_where_it_stood_and_nobody_is_near() {
     let repeated = |early: Evidence, later: Evidence| {
-        let mut bench = Bench::taking_off();
-        bench.pass(5, &early);
-        (0..110).filter(|_| bench.tick(&later).order == Some(DroneOrder::TakeOff)).count()
+        let mut fixture = Fixture::taking_off();
+        fixture.pass(5, &early);
+        (0..110).filter(|_| fixture.tick(&later).order == Some(DroneOrder::TakeOff)).count()
     };
     let moved = |by: Pose| Evidence { pose: CALM.pose.map(|at| at + by), ..CALM };
     assert_eq!(repeated(CALM, CALM), 2, "every 3 s until the take-off takes too long");

@@ -4,7 +4,7 @@ use super::Fault;
 
 impl Fault {
     /// What leads to the fault in practice, most frequent first, with the way out where it is not obvious; `None` for
-    /// faults that end no flight, or whose name says it all. The fault itself shows none of these causes.
+    /// faults that end no flight, or whose name is plain. The fault itself shows none of these causes.
     pub fn likely_causes(self) -> Option<&'static str> {
         Some(match self {
             Self::MocapStale | Self::MocapLost => {
@@ -61,18 +61,7 @@ impl Fault {
             }
             Self::LandingTimeout => "Wi-Fi is interrupted; another object is tracked in its place",
             Self::PersonGone => "nobody steers: hand back to the controller or land",
-            Self::MocapUnsettled
-            | Self::MocapUndated
-            | Self::StartMisplaced
-            | Self::DroneUnheard
-            | Self::DroneAloft
-            | Self::BatteryLow
-            | Self::BatteryCritical
-            | Self::InputExpired
-            | Self::LandedByPose
-            | Self::LandedByDrone
-            | Self::OperatorStop
-            | Self::OperatorEmergencyStop => return None,
+            _ => return None,
         })
     }
 }

@@ -110,11 +110,11 @@ fn what_ended_a_flight_early_is_named_behind_its_landing() {
 }
 
 #[test]
-fn a_fault_that_cuts_a_flight_short_says_what_leads_to_it() {
+fn a_fault_that_cuts_a_flight_short_names_its_likely_causes() {
     for fault in Fault::ALL {
         let ends =
             fault.reaction(Pilot::Controller) >= Reaction::BrakeAndLand && fault.ends_early();
-        let says_it_all = [Fault::BatteryCritical, Fault::OperatorEmergencyStop].contains(fault);
-        assert!(!ends || says_it_all || fault.likely_causes().is_some(), "{fault:?}");
+        let is_plain = [Fault::BatteryCritical, Fault::OperatorEmergencyStop].contains(fault);
+        assert!(!ends || is_plain || fault.likely_causes().is_some(), "{fault:?}");
     }
 }

@@ -14,7 +14,7 @@ fn a_still_pose_takes_the_commands_and_then_the_flight() {
     ] {
         let findings = Findings { frozen_s: Some(still_s), ..NOTHING_FOUND };
         let e = Evidence { findings, ..ALOFT };
-        let decision = Bench::flying().tick(&e);
+        let decision = Fixture::flying().tick(&e);
         assert_eq!((decision.phase, decision.may_steer()), (phase, may_steer), "{still_s}");
         assert_eq!(faults(decision), expected, "{still_s}");
     }
@@ -24,16 +24,16 @@ fn a_still_pose_takes_the_commands_and_then_the_flight() {
         with_drone(e, |drone| drone.height_m = Some(height_m))
     };
     for (height_m, expected) in [(0.5, vec![]), (0.6, vec![Fault::MocapFrozen])] {
-        let mut bench = Bench::new(Start::Grounded);
-        bench.pass(1, &asks_to_fly(still(0.2)));
-        assert_eq!(faults(bench.run(3, &still(height_m))), []);
-        assert_eq!(faults(bench.tick(&still(height_m))), expected, "{height_m} m");
+        let mut fixture = Fixture::new(Start::Grounded);
+        fixture.pass(1, &asks_to_fly(still(0.2)));
+        assert_eq!(faults(fixture.run(3, &still(height_m))), []);
+        assert_eq!(faults(fixture.tick(&still(height_m))), expected, "{height_m} m");
         let phase = if expected.is_empty() { Phase::TakingOff } else { Phase::Landing };
-        assert_eq!(bench.run(8, &still(height_m)).phase, phase, "{height_m} m");
+        assert_eq!(fixture.run(8, &still(height_m)).phase, phase, "{height_m} m");
     }
     // On the ground everything is still.
     let still = Evidence { findings: Findings { still_s: Some(9.0), ..NOTHING_FOUND }, ..CALM };
-    let decision = Bench::new(Start::Grounded).tick(&asks_to_fly(still));
+    let decision = Fixture::new(Start::Grounded).tick(&asks_to_fly(still));
     assert_eq!(decision.phase, Phase::TakingOff);
 }
 
@@ -42,12 +42,12 @@ fn a_frozen_stream_is_named_once_its_pose_is_stale() {
     let frozen = |pose_age_s| {
         with_poses(Evidence { pose_age_s: Some(pose_age_s), ..ALOFT }, |it| it.is_repeated = true)
     };
-    let mut bench = Bench::flying();
-    assert!(bench.tick(&frozen(0.2)).may_steer());
-    let decision = bench.tick(&frozen(0.3));
+    let mut fixture = Fixture::flying();
+    assert!(fixture.tick(&frozen(0.2)).may_steer());
+    let decision = fixture.tick(&frozen(0.3));
     assert_eq!(faults(decision), [Fault::MocapStale, Fault::MocapFrozen]);
     assert_eq!((decision.phase, decision.may_steer()), (Phase::Flying, false));
-    assert_eq!(bench.tick(&frozen(1.1)).phase, Phase::Landing);
+    assert_eq!(fixture.tick(&frozen(1.1)).phase, Phase::Landing);
 }
 
 #[test]
@@ -55,7 +55,7 @@ fn jumps_and_shifts_within_the_limits_are_good() {
     for e in
         [with_poses(ALOFT, |it| it.jump_m = Some(1.5)), with_poses(ALOFT, |it| it.shift_m = 1.5)]
     {
-        let decision = Bench::flying().tick(&e);
+        let decision = Fixture::flying().tick(&e);
         assert_eq!((decision.may_steer(), faults(decision)), (true, vec![]));
     }
 }
@@ -63,8 +63,8 @@ fn jumps_and_shifts_within_the_limits_are_good() {
 #[test]
 fn poses_that_were_shifted_by_more_than_the_limit_or_by_no_number_end_the_flight() {
     for shift_m in [1.5_f64.next_up(), f64::INFINITY, f64::NAN] {
-        for mut bench in [Bench::flying(), Bench::taking_off()] {
-            let decision = bench.tick(&with_poses(ALOFT, |it| it.shift_m = shift_m));
+        for mut fixture in [Fixture::flying(), Fixture::taking_off()] {
+            let decision = fixture.tick(&with_poses(ALOFT, |it| it.shift_m = shift_m));
             assert_eq!(
                 (decision.phase, decision.may_steer()),
                 (Phase::Landing, false),
@@ -77,7 +77,7 @@ fn poses_that_were_shifted_by_more_than_the_limit_or_by_no_number_end_the_flight
 
 #[test]
 fn a_pose_is_stale_above_the_limit_without_an_age_or_with_none_that_is_a_number() {
-    let supervisor = Bench::new(Start::Airborne).supervisor;
+    let supervisor = Fixture::new(Start::Airborne).supervisor;
     for (pose_age_s, is_stale) in [
         (Some(-0.1), false),
         (Some(0.25), false),
@@ -96,24 +96,24 @@ fn what_is_asked_of_poses_before_a_take_off_is_not_asked_in_flight_and_jumps_onl
     let undated = UNDATED;
     let pose = Some(at(2.9, 2.0));
     let e = with_poses(Evidence { pose, incidents: undated, ..ALOFT }, |it| it.is_settled = false);
-    assert_eq!(faults(Bench::flying().tick(&e)), []);
+    assert_eq!(faults(Fixture::flying().tick(&e)), []);
     // On the ground the vehicle may be put elsewhere by hand.
     let [put_aside, shifted] =
         [with_poses(CALM, |it| it.jump_m = Some(9.0)), with_poses(CALM, |it| it.shift_m = 9.0)];
     for e in [put_aside, shifted, with_poses(CALM, |it| it.shift_m = f64::NAN)] {
-        assert_eq!(faults(Bench::new(Start::Grounded).tick(&e)), [], "{e:?}");
+        assert_eq!(faults(Fixture::new(Start::Grounded).tick(&e)), [], "{e:?}");
     }
 }
 
 #[test]
 fn a_repeated_pose_that_is_fresh_is_not_frozen() {
     let e = with_poses(Evidence { pose_age_s: Some(0.25), ..ALOFT }, |it| it.is_repeated = true);
-    assert_eq!(faults(Bench::flying().tick(&e)), []);
+    assert_eq!(faults(Fixture::flying().tick(&e)), []);
 }
 
 #[test]
 fn a_vehicle_starts_where_its_room_allows_and_anywhere_without_a_pose() {
-    let supervisor = Bench::new(Start::Grounded).supervisor;
+    let supervisor = Fixture::new(Start::Grounded).supervisor;
     for (pose, may_start) in [
         (Some(at(3.0, 0.1)), true),
         (Some(at(3.01, 0.1)), false),

@@ -55,8 +55,10 @@ const BEGIN: SpanNs = SpanNs::from_ms(2000);
 #[derive(Debug, Clone)]
 pub(super) struct StandingStart {
     table: StandingTable,
-    /// The pose that the others are compared with, and when it came.
-    first: Option<(Pose, TimeNs)>,
+    /// On the ground: the pose that the others are compared with.
+    first: Option<Pose>,
+    /// When the first pose came that is compared, with `first` or, in flight, with the estimate.
+    began: Option<TimeNs>,
     count: u32,
     is_settled: bool,
     /// In flight: since when each heading has contradicted the estimate.
@@ -70,27 +72,28 @@ impl StandingStart {
     /// The first value that breaks its rule, with its key below this table.
     pub(super) fn new(table: StandingTable) -> Result<Self, SettingError> {
         table.check()?;
-        Ok(Self { table, first: None, count: 0, is_settled: false, contradicted_since: None })
+        let (first, began, contradicted_since) = (None, None, None);
+        Ok(Self { table, first, began, count: 0, is_settled: false, contradicted_since })
     }
 
     /// Takes a raw pose of the vehicle on the ground. Returns whether it contradicts the ones before: then the filter
     /// has to begin anew.
     #[must_use]
     pub(super) fn observe(&mut self, raw: &Pose, at: TimeNs) -> bool {
-        let agrees = self.first.is_some_and(|(first, _)| {
+        let agrees = self.first.is_some_and(|first| {
             let apart_w = raw - first;
             apart_w.fixed_rows::<3>(pose::X).norm() <= self.table.distance_m
                 && wrap(apart_w[pose::THETA]).abs() <= self.table.turn_rad
         });
         if !agrees {
             let is_first = self.first.is_none();
-            self.first = Some((*raw, at));
+            (self.first, self.began) = (Some(*raw), Some(at));
             (self.count, self.is_settled, self.contradicted_since) = (0, false, None);
             return !is_first;
         }
         self.count = self.count.saturating_add(1);
-        let since = self.first.map_or(at, |(_, since)| since);
-        let has_lasted = at.since(since) >= SpanNs::from_seconds(self.table.for_s);
+        let has_lasted =
+            at.since(self.began.unwrap_or(at)) >= SpanNs::from_seconds(self.table.for_s);
         self.is_settled = self.count >= POSES_MIN && has_lasted;
         false
     }
@@ -104,7 +107,7 @@ impl StandingStart {
         theta_hat_rad: f64,
         at: TimeNs,
     ) -> bool {
-        let (_, began) = *self.first.get_or_insert((Pose::zeros(), at));
+        let began = *self.began.get_or_insert(at);
         if self.is_settled || at.since(began) > BEGIN {
             return false;
         }
