@@ -4,8 +4,8 @@ use std::error::Error;
 
 use horizon_control::{Mpc, MpcProblem, MpcSettings};
 use horizon_estim::{Ident, IdentSettings, Mhe, MheSettings, Observed, Piece};
+use horizon_model::nalgebra::SVector;
 use horizon_model::{Dual, DualModel, Model, Scalar};
-use nalgebra::SVector;
 
 type V<D, const N: usize> = SVector<D, N>;
 

@@ -7,8 +7,8 @@ use std::error::Error;
 use horizon_control::{Mpc, MpcProblem, MpcSettings, StateBounds, predict};
 use horizon_estim::{DelayTable, Flights, Ident, IdentSettings, Mhe, MheSettings};
 use horizon_estim::{Observed, Recording, Span};
+use horizon_model::nalgebra::SVector;
 use horizon_model::{Dual, DualModel, InputFifo, Model, Row, Scalar};
-use nalgebra::SVector;
 
 type V<D, const N: usize> = SVector<D, N>;
 const DT_S: f64 = 0.05;
@@ -62,10 +62,8 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let (mut s, mut sent, mut plant) = (SVector::zeros(), fifo(&found_s)?, fifo(&dead_s)?);
     mhe.start(&measure(&s, 0).o)?;
     for k in 0..200 {
-        let first = sent.known_steps().cast_signed();
-        let in_transit = (0..first).map(|ahead| sent.applied(ahead));
-        let (s_0, s_ref) = (predict(&carriage, mhe.s_hat(), &p, in_transit, DT_S), [goal; 40]);
-        let u_before = sent.applied(first - 1);
+        let s_0 = predict(&carriage, mhe.s_hat(), &p, sent.in_transit(), DT_S);
+        let (u_before, s_ref) = (sent.last_in_transit(), [goal; 40]);
         let problem = MpcProblem::new(&s_0, &p, &u_before, &s_ref);
         assert!(mpc.solve_with(&problem, Some(&limit), &mut || false)?.has_new_plan());
         let u = sent.to_send(mpc.plan());

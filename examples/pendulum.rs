@@ -5,8 +5,8 @@ use std::f64::consts::PI;
 
 use horizon_control::{Mpc, MpcProblem, MpcSettings};
 use horizon_estim::{Ident, IdentSettings, Mhe, MheSettings, Observed, Piece};
+use horizon_model::nalgebra::SVector;
 use horizon_model::{Dual, DualModel, Model, Scalar};
-use nalgebra::SVector;
 
 type V<D, const N: usize> = SVector<D, N>;
 

@@ -4,9 +4,9 @@ use std::error::Error;
 
 use horizon_control::{Mpc, MpcProblem, MpcSettings};
 use horizon_estim::{Ident, IdentSettings, Mhe, MheSettings, Observed, Piece};
+use horizon_model::nalgebra::SVector;
 use horizon_model::rows::{Pose, Sticks};
 use horizon_model::{Kinematic, Model};
-use nalgebra::SVector;
 
 const DT_S: f64 = 0.02;
 const STEPS: usize = 40;

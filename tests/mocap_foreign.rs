@@ -6,7 +6,7 @@
 use crate::python;
 use horizon_model::check::maximum;
 
-use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
+use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, TcpListener, UdpSocket};
 use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
@@ -245,4 +245,34 @@ fn a_second_object_is_seen_over_each_source() {
             }
         }
     });
+}
+
+/// Serves [`BODY`] at 100 Hz by the function of the document.
+const DRIVER: &str = "
+import itertools, sys, time
+def poses():
+    for frame in itertools.count():
+        yield frame, *map(float, sys.argv[2:])
+        time.sleep(0.01)
+serve(poses, 100, port=int(sys.argv[1]))
+";
+
+#[test]
+fn the_server_of_relay_lines_in_the_document_is_read() {
+    let Some(python) = python::with("socket") else { return };
+    let document = include_str!("../docs/protocol.md");
+    let (_, code) = document.split_once("```python\n").unwrap();
+    let (code, _) = code.split_once("```").unwrap();
+    let address = TcpListener::bind(LOCAL).unwrap().local_addr().unwrap();
+    let truth = truth(&BODY);
+    let numbers = truth.position.iter().chain(&truth.quaternion).map(f64::to_string);
+    let mut command = Command::new(python);
+    command.arg("-c").arg(format!("{code}{DRIVER}")).arg(address.port().to_string()).args(numbers);
+    let mut server = command.spawn().unwrap();
+    let mocap = json!({ "relay": { "address": address.to_string(), "object": OBJECT } });
+    let [read] = ours(&mocap, [OBJECT]);
+    server.kill().unwrap();
+    server.wait().unwrap();
+    let gap = read.gap(&truth);
+    assert!(gap < SAME, "{gap}");
 }

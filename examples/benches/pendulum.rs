@@ -10,8 +10,8 @@ use std::time::Instant;
 use horizon_control::{Mpc, MpcProblem, MpcSettings};
 use horizon_estim::{Mhe, MheSettings, Observed};
 use horizon_model::expression::{Binary, Compiled, Graph, Program, Unary, Variable};
+use horizon_model::nalgebra::{SMatrix, SVector};
 use horizon_model::{Linearized, LinearizedByInput, Model};
-use nalgebra::{SMatrix, SVector};
 
 const DT_S: f64 = 0.04;
 const STAGES: usize = 30;

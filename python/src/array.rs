@@ -31,18 +31,55 @@ pub(crate) fn checked(name: &str, values: Vec<f64>, count: usize) -> PyResult<Ve
     Ok(values)
 }
 
-/// The rows of a matrix argument with `columns` columns, and `rows` rows if that is fixed, all finite.
+/// The numbers of an observation argument of `count` rows, of which a NaN is one that is absent.
+///
+/// # Errors
+/// As [`vector`].
+pub(crate) fn observation(
+    name: &str,
+    values: &PyReadonlyArray1<'_, f64>,
+    count: usize,
+) -> PyResult<Vec<f64>> {
+    let values = values.as_array().to_vec();
+    checked(name, present(&values), count)?;
+    Ok(values)
+}
+
+/// The rows of a matrix argument of observations, of which a NaN is one that is absent.
+///
+/// # Errors
+/// As [`matrix`].
+pub(crate) fn observations(
+    name: &str,
+    values: &PyReadonlyArray2<'_, f64>,
+    columns: usize,
+) -> PyResult<Vec<Vec<f64>>> {
+    check_shape(name, values, (None, columns))?;
+    let rows = rows(values);
+    rows.iter().try_for_each(|row| finite(name, &present(row)))?;
+    Ok(rows)
+}
+
+/// With a zero for each NaN.
+fn present(values: &[f64]) -> Vec<f64> {
+    values.iter().map(|value| if value.is_nan() { 0.0 } else { *value }).collect()
+}
+
+fn rows(values: &PyReadonlyArray2<'_, f64>) -> Vec<Vec<f64>> {
+    values.as_array().rows().into_iter().map(|row| row.iter().copied().collect()).collect()
+}
+
+/// The rows of a matrix argument with `columns` columns, and `count` rows if that is fixed, all finite.
 ///
 /// # Errors
 /// Another shape, or a number that is not finite; the message begins with `name`.
 pub(crate) fn matrix(
     name: &str,
     values: &PyReadonlyArray2<'_, f64>,
-    (rows, columns): (Option<usize>, usize),
+    (count, columns): (Option<usize>, usize),
 ) -> PyResult<Vec<Vec<f64>>> {
-    check_shape(name, values, (rows, columns))?;
-    let rows: Vec<Vec<f64>> =
-        values.as_array().rows().into_iter().map(|row| row.iter().copied().collect()).collect();
+    check_shape(name, values, (count, columns))?;
+    let rows = rows(values);
     rows.iter().try_for_each(|row| finite(name, row))?;
     Ok(rows)
 }

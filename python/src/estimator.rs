@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use tello_flight::cycle::ModelKind;
 use tello_io::config;
 
-use crate::model::{Model, padded};
+use crate::model::{Model, observed, padded};
 use crate::settings::{self, Rows};
 use crate::sizes::{AnyModel, Handle, visit};
 use crate::{TelloError, array, raised};
@@ -38,8 +38,8 @@ where
     }
 
     fn update(&mut self, u: &[f64], o: Option<&[f64]>) -> Result<(f64, u32, bool), MheError> {
-        let observed = o.map_or_else(Observed::missing, |o| Observed::full(padded(o)));
-        let solved = self.update(&padded(u), &observed, &mut || false);
+        let o = o.map_or_else(Observed::missing, observed);
+        let solved = self.update(&padded(u), &o, &mut || false);
         solved.map(|report| (report.cost, report.iterations, report.is_converged()))
     }
 
@@ -96,7 +96,7 @@ impl Mhe {
     ) -> PyResult<(f64, u32, bool)> {
         let u = array::vector("u", &u, self.dimensions.inputs)?;
         let observations = self.dimensions.observations;
-        let o = o.map(|o| array::vector("o", &o, observations)).transpose()?;
+        let o = o.map(|o| array::observation("o", &o, observations)).transpose()?;
         let estimator = &mut self.estimator;
         py.detach(|| estimator.update(&u, o.as_deref())).map_err(raised)
     }

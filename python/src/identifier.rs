@@ -1,14 +1,12 @@
 //! Identification of any model from recorded pieces.
 
-use horizon_estim::{
-    Curvature, Ident, IdentTable, LmTable, LossTable, Observed, Piece, standard_deviations,
-};
+use horizon_estim::{Curvature, Ident, IdentTable, LmTable, LossTable, Piece, standard_deviations};
 use nalgebra::{SMatrix, SVector};
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 
 use crate::long_call::{self, Stop};
-use crate::model::{Model, padded};
+use crate::model::{Model, observed, padded};
 use crate::settings::{self, Rows};
 use crate::sizes::{Handle, visit};
 use crate::{TelloError, array, raised};
@@ -61,8 +59,7 @@ pub(crate) fn fit(
     for (position, (u, o)) in pieces.iter().enumerate() {
         let name = |what: &str| format!("pieces[{position}]: {what}");
         let u = array::matrix(&name("inputs"), u, (None, dimensions.inputs))?;
-        numbers
-            .push((u, array::matrix(&name("observations"), o, (None, dimensions.observations))?));
+        numbers.push((u, array::observations(&name("observations"), o, dimensions.observations)?));
     }
     let handle = model.handle;
     let parameters = dimensions.parameters;
@@ -89,7 +86,7 @@ visit!(Solve<'_> => anyhow::Result<Found>, |visitor, model| {
     let settings = visitor.table.check::<M, NS, NU, NO, NP>()?;
     let vectors = |(u, o): &Recorded| Piece::<NU, NO> {
         u: u.iter().map(|row| padded(row)).collect::<Vec<SVector<f64, NU>>>(),
-        o: o.iter().map(|row| Observed::full(padded(row))).collect(),
+        o: o.iter().map(|row| observed(row)).collect(),
     };
     let pieces = visitor.pieces.iter().map(vectors).collect();
     let mut ident = Ident::new(model, &settings, visitor.dt_s, pieces)?;

@@ -2,6 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use horizon_estim::Observed;
 use horizon_model::expression::{Dimensions, Program, Variable};
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -155,6 +156,12 @@ struct Step<'a> {
     u: &'a [f64],
     p: &'a [f64],
     dt_s: f64,
+}
+
+/// An observation, of which the rows that are NaN are absent; zeros in the rows beyond.
+pub(crate) fn observed<const N: usize>(values: &[f64]) -> Observed<N> {
+    let o = padded(values);
+    Observed { o, is_present: o.map(|o| !o.is_nan()).into() }
 }
 
 visit!(Step<'_> => Vec<f64>, |visitor, model| {

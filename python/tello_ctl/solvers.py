@@ -66,7 +66,10 @@ class Mhe:
         self._native.start(numbers("o", o, 1))
 
     def update(self, u: npt.ArrayLike, o: Optional[npt.ArrayLike]) -> Solved:
-        """One period later: `u` (inputs) was applied in it, `o` (observations) is seen at its end, or None."""
+        """One period later: `u` (inputs) was applied in it, `o` (observations) is seen at its end, or None.
+
+        A NaN in `o` is a row that was not observed.
+        """
         seen = None if o is None else numbers("o", o, 1)
         return Solved(*self._native.update(numbers("u", u, 1), seen))
 
@@ -135,7 +138,7 @@ def fit(
 ) -> Fit:
     """Identifies the parameter of `model` from pieces of inputs (n, inputs) and observations (n, observations).
 
-    `u[k]` was applied from step k to k + 1. `settings`: `p_prior` (required), `p_lb`, `p_ub`, `C_o`, `C_s`, `C_p`,
+    `u[k]` was applied from step k to k + 1. A NaN is a row that was not observed. `settings`: `p_prior` (required), `p_lb`, `p_ub`, `C_o`, `C_s`, `C_p`,
     `C_0`, `observation_loss`, `transition_loss`, `curvature` (Gauss-Newton for own models), `solver`.
     """
     arrays: list[tuple[Floats, Floats]] = []

@@ -106,6 +106,28 @@ def test_missing_observations_are_bridged(pendulum):
             assert abs(mhe.state[1] - s[1]) < 0.02
 
 
+def test_a_row_that_is_nan_is_absent(pendulum):
+    settings = dict(p_prior=[0.45], C_p=[1e4], C_o=[500.0] * 2, C_s=[10.0] * 4)
+    by_row, by_nan, by_none = (tc.Mhe(pendulum, DT, **settings) for _ in range(3))
+    s = np.array([0.0, np.pi - 0.3, 0.0, 0.0])
+    inputs, seen = [], []
+    for mhe in [by_row, by_nan, by_none]:
+        mhe.start(s[:2])
+    for k in range(100):
+        inputs.append([1.5 * np.sin(3.0 * DT * k)])
+        is_hidden = 60 <= k < 65
+        seen.append([np.nan if is_hidden else s[0], s[1]])
+        s = pendulum.step(s, inputs[-1], [0.45], DT)
+        by_row.update(inputs[-1], [np.nan if is_hidden else s[0], s[1]])
+        by_nan.update(inputs[-1], [np.nan] * 2 if is_hidden else s[:2])
+        by_none.update(inputs[-1], None if is_hidden else s[:2])
+        assert np.array_equal(by_nan.state, by_none.state)
+        if k == 64:
+            assert abs(by_row.state[1] - s[1]) < min(2e-3, abs(by_none.state[1] - s[1]))
+    bounds = dict(p_lb=[0.1], p_ub=[2.0], C_o=[500.0] * 2, C_s=[10.0] * 4)
+    assert abs(tc.fit(pendulum, [(inputs, seen)], DT, p_prior=[0.6], **bounds).parameter[0] - 0.45) < 3e-3
+
+
 def test_every_function_of_numpy_that_a_model_may_use():
     def functions(s, u, p, dt):
         x = s[0]
@@ -206,7 +228,8 @@ def test_wrong_arguments_name_themselves(pendulum):
         (lambda: tc.Mhe(pendulum, DT, p_prior=[0.5], window_steps=1), "window_steps = 1"),
         (lambda: tc.Mhe(pendulum, -1.0, p_prior=[0.5]), "dt: expected a period above 0 s, given -1"),
         (lambda: mhe.update([0.0, 1.0], [0.0, 0.0]), "u: expected 1 values, given 2"),
-        (lambda: mhe.update([0.0], [0.0, np.nan]), "o: NaN is not a finite number"),
+        (lambda: mhe.update([0.0], [np.nan, np.inf]), "o: inf is not a finite number"),
+        (lambda: mhe.update([np.nan], [0.0, 0.0]), "u: NaN is not a finite number"),
         (lambda: mhe.update([0.0], [[0.0, 0.0]]), "o: expected 1 dimensions"),
         (lambda: mhe.update(["a"], [0.0, 0.0]), "u: expected numbers"),
         (lambda: mpc.solve(np.zeros(3), [0.5], goal), "state: expected 4 values, given 3"),

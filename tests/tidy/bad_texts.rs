@@ -1,6 +1,7 @@
 //! Shows each check of the parent a bad text, which it must see, and a good one, which it must not.
 
 use super::rows::index_complaints;
+use super::words::snake_case;
 use super::*;
 
 fn manifest(name: &str, dependencies: &str) -> File {
@@ -56,6 +57,7 @@ fn every_impure_word_is_seen_and_only_as_a_word() {
     }
     let text = "use tokio::net;\n";
     assert_eq!(purity_complaints(&File::new("crates/flight/src/cycle/inbox.rs", text)).len(), 1);
+    assert_eq!(purity_complaints(&File::new("crates/io/src/mocap/new.rs", text)).len(), 1);
     assert!(purity_complaints(&File::new("crates/io/src/tello/client.rs", text)).is_empty());
     let prose = File::new("crates/estim/src/mhe.rs", "// asynchronous, for instance\n");
     assert!(purity_complaints(&prose).is_empty());

@@ -57,7 +57,7 @@ pub(crate) struct Arguments {
     config: Option<PathBuf>,
     /// How to talk to the drone, in place of the settings' `tello.protocol`: `binary` or `text`. A drone
     /// keeps the one that it hears first until it is switched off.
-    #[arg(long, value_name = "PROTOCOL", value_parser = protocol)]
+    #[arg(long, value_name = "PROTOCOL")]
     protocol: Option<Protocol>,
     /// Append the results to this file, one JSON object a line.
     #[arg(long, value_name = "FILE", default_value = "bench-report.json")]
@@ -73,14 +73,6 @@ pub(crate) struct Arguments {
     yes: bool,
 }
 
-fn protocol(text: &str) -> Result<Protocol> {
-    match text {
-        "binary" => Ok(Protocol::Binary),
-        "text" => Ok(Protocol::Text),
-        _ => bail!("binary or text"),
-    }
-}
-
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     if arguments.list {
         for (i, check) in CHECKS.iter().enumerate() {
@@ -92,9 +84,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let (fly, _) = config::fly(arguments.config.as_deref(), None)?;
     let mut table = fly.tello;
     table.protocol = arguments.protocol.unwrap_or(table.protocol);
-    if let Some(check) = checks.iter().find(|check| check.is_binary_only())
-        && table.protocol == Protocol::Text
-    {
+    let is_refused = |check: &&&Check| match table.protocol {
+        Protocol::Binary => false,
+        Protocol::Text => check.is_binary_only(),
+    };
+    if let Some(check) = checks.iter().find(is_refused) {
         bail!(
             "{} is a check of the binary protocol: switch the drone off and on, then run it with \
              --protocol binary",

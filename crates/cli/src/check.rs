@@ -14,7 +14,7 @@ use tello_eval::ident::IdentFileTable;
 use tello_eval::metrics::Surroundings;
 use tello_eval::parameter_file::{self, ParameterFile};
 use tello_flight::cycle::{self, FlightTable};
-use tello_flight::{Mission, MissionTable, Part, SPEED_AS_WRITTEN, Start, Survey};
+use tello_flight::{Mission, MissionTable, PathPoint, SPEED_AS_WRITTEN, Start, Survey};
 use tello_io::config::{self, FlyTable};
 use tello_sim::{NominalFlight, SimTable};
 
@@ -327,7 +327,7 @@ impl Display for Look {
             axes.map(|(name, (low, high))| format!("{name} {low:.2}..{high:.2}")).collect();
         writeln!(f, "  box      {} m", spans.join(", "))?;
         for (name, part) in [("fastest", fastest), ("slowest", slowest)] {
-            if let Some(Part { at_w: [x, y, z], at_s, speed_mps }) = part {
+            if let Some(PathPoint { at_w: [x, y, z], at_s, speed_mps }) = part {
                 writeln!(
                     f,
                     "  {name}  {speed_mps:.2} m/s at {x:.2}, {y:.2}, {z:.2} m after {at_s:.1} s"

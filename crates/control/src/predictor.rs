@@ -45,9 +45,7 @@ mod tests {
         let mut s_pred = None;
         for k in 0..40 {
             if k == 30 {
-                let ahead = 0..fifo.known_steps().cast_signed();
-                let inputs = ahead.map(|ahead| fifo.applied(ahead));
-                s_pred = Some((k + 2, predict(&Kinematic, &s, &p, inputs, DT_S)));
+                s_pred = Some((k + 2, predict(&Kinematic, &s, &p, fifo.in_transit(), DT_S)));
             }
             if let Some((at, s_pred)) = s_pred
                 && at == k

@@ -95,7 +95,7 @@ pub struct ProfilePoint {
     pub cost: f64,
 }
 
-/// CostProfile of the cost over the dead time of one group of inputs.
+/// Profile of the cost over the dead time of one group of inputs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DelayProfile<const NP: usize> {
     /// Input rows of the group.

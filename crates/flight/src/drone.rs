@@ -6,7 +6,11 @@
 
 mod older_log;
 
+use std::fmt;
+use std::str::FromStr;
+
 use schemars::JsonSchema;
+use serde::de::{self, IntoDeserializer};
 use serde::{Deserialize, Serialize};
 
 use crate::time::{SpanNs, TimeNs};
@@ -74,6 +78,29 @@ impl Protocol {
             Self::Binary => 660,
             Self::Text => 100,
         }
+    }
+
+    /// Whether the drone reports its state at a port of its own.
+    pub const fn has_state_port(self) -> bool {
+        match self {
+            Self::Binary => false,
+            Self::Text => true,
+        }
+    }
+}
+
+/// Its name in settings.
+impl fmt::Display for Protocol {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
+}
+
+impl FromStr for Protocol {
+    type Err = de::value::Error;
+
+    fn from_str(name: &str) -> Result<Self, Self::Err> {
+        Self::deserialize(name.into_deserializer())
     }
 }
 

@@ -108,7 +108,7 @@ impl TryFrom<&TelloTable> for TelloSettings {
         if let Some(limit_m) = altitude_limit_m {
             in_range("altitude_limit_m", f64::from(limit_m), 1.0..=100.0)?;
         }
-        if local_port != 0 && local_port == state_port && protocol == Protocol::Text {
+        if local_port != 0 && local_port == state_port && protocol.has_state_port() {
             let rule = "another port than local_port";
             return Err(SettingError::new("state_port", state_port, rule));
         }
@@ -133,7 +133,9 @@ impl TelloSettings {
     /// As [`DroneClient::bind`].
     pub fn bind(&self) -> Result<(UdpSocket, Option<UdpSocket>), LinkError> {
         let commands = bind::bind_socket(self, "local_port", self.local_port)?;
-        let state = (self.protocol == Protocol::Text)
+        let state = self
+            .protocol
+            .has_state_port()
             .then(|| bind::bind_socket(self, "state_port", self.state_port));
         Ok((commands, state.transpose()?))
     }

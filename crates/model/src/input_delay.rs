@@ -158,6 +158,21 @@ impl<const NU: usize> InputFifo<NU> {
         crate::whole(self.dead_time_steps.min())
     }
 
+    /// The inputs that act in the coming steps and are sent on every axis, oldest first.
+    ///
+    /// Real time: no allocation; each in constant cost.
+    pub fn in_transit(&self) -> impl Iterator<Item = Vector<NU>> {
+        (0..self.known_steps().cast_signed()).map(move |ahead| self.applied(ahead))
+    }
+
+    /// The last input [in transit](InputFifo::in_transit): it acts directly before a plan. Without a dead time it is
+    /// the one that acts now.
+    ///
+    /// Real time: no allocation, constant cost.
+    pub fn last_in_transit(&self) -> Vector<NU> {
+        self.applied(self.known_steps().cast_signed() - 1)
+    }
+
     /// The input to send now for a `plan` of one input for each coming step from step [`InputFifo::known_steps`] on. A
     /// row is what is planned for the step in which it begins to act. With a fraction of a step in its dead time it
     /// acts in two, and is the mean of what is planned for both. The last input of a plan that is too short is held;
@@ -245,6 +260,9 @@ mod tests {
         let fifo = counted([0.25, 0.07], 50);
         assert_close(fifo.applied(0), [38.5, -47.5]);
         assert_eq!((fifo.known_steps(), fifo.longest_steps()), (3, 13));
+        let in_transit: Vec<_> = fifo.in_transit().collect();
+        assert_eq!(in_transit, [fifo.applied(0), fifo.applied(1), fifo.applied(2)]);
+        assert_eq!(fifo.last_in_transit(), fifo.applied(2));
     }
 
     #[test]

@@ -30,6 +30,9 @@ pub mod subsystem;
 mod transpose;
 mod vehicles;
 
+/// Linear algebra of all types here: its version is the one to use with them.
+pub use nalgebra;
+
 /// Column vector of `N` numbers.
 pub type Vector<const N: usize> = nalgebra::SVector<f64, N>;
 /// Matrix of `R` rows and `C` columns.

@@ -93,8 +93,8 @@ impl BenchConnection {
             {
                 self.send(Packet::Ports(port));
             }
-            if self.protocol == Protocol::Binary && self.version.is_none() {
-                self.send(Packet::Version(0));
+            if self.version.is_none() {
+                self.ask_version(0);
             }
             if self.wait(1.0, console, |_| false).is_err() || self.status().is_some() {
                 break;
@@ -163,10 +163,7 @@ impl BenchConnection {
                 self.send(Packet::Emergency);
             }
             Step::Hello => self.send(Packet::Hello),
-            Step::Ask(sequence) if self.protocol == Protocol::Binary => {
-                self.send(Packet::Version(sequence));
-            }
-            Step::Ask(_) => {}
+            Step::Ask(sequence) => self.ask_version(sequence),
             Step::Sticks(u, for_s) => return self.steer(u, None, for_s, console),
             Step::Second(u, for_s) => return self.steer([0.0; 4], Some(u), for_s, console),
             Step::Quiet(for_s) => return self.wait(for_s, console, |_| false),
@@ -254,6 +251,13 @@ impl BenchConnection {
         }
         self.ending =
             self.ending.map(|(first_s, _)| (first_s, is_down)).or(Some((began_s, is_down)));
+    }
+
+    fn ask_version(&mut self, sequence: u16) {
+        match self.protocol {
+            Protocol::Binary => self.send(Packet::Version(sequence)),
+            Protocol::Text => {}
+        }
     }
 
     fn count(&mut self) -> u16 {

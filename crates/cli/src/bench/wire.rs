@@ -213,10 +213,12 @@ pub(super) fn read(bytes: &[u8], protocol: Protocol) -> What {
             let version = version.to_string();
             What::Version { sequence, version }
         }
-        _ if protocol == Protocol::Text && bytes.is_ascii() => {
-            What::Reply(String::from_utf8_lossy(bytes).trim().into())
-        }
-        _ => What::Other(hex(bytes)),
+        _ => match protocol {
+            Protocol::Text if bytes.is_ascii() => {
+                What::Reply(String::from_utf8_lossy(bytes).trim().into())
+            }
+            Protocol::Binary | Protocol::Text => What::Other(hex(bytes)),
+        },
     }
 }
 

@@ -83,7 +83,7 @@ fn only_missions_and_settings_of_a_flight_have_a_look() {
 
 #[test]
 fn a_look_says_where_the_walls_and_the_obstacles_are() {
-    let part = Part { at_w: [1.0, 2.0, 3.0], at_s: 4.25, speed_mps: 0.5 };
+    let part = PathPoint { at_w: [1.0, 2.0, 3.0], at_s: 4.25, speed_mps: 0.5 };
     let survey = Survey {
         length_m: 12.345,
         duration_s: 9.87,

@@ -41,15 +41,8 @@ const END_LOOK_PERIOD: Duration = Duration::from_millis(10);
 pub(crate) struct Arguments {
     /// The drone.
     drone: SocketAddr,
-    /// Talk to it in the text SDK.
-    #[arg(long)]
-    text: bool,
-}
-
-impl Arguments {
-    fn protocol(&self) -> Protocol {
-        if self.text { Protocol::Text } else { Protocol::Binary }
-    }
+    /// How to talk to it.
+    protocol: Protocol,
 }
 
 /// The process of the guardian, as its parent has it. Whatever ends the parent, the guardian ends by itself:
@@ -89,10 +82,7 @@ impl Guardian {
 /// This program as the guardian of the drone at `address`.
 fn command(address: SocketAddr, protocol: Protocol) -> Command {
     let mut command = Command::new(OURSELVES);
-    command.arg0(NAME).arg("guardian").arg(address.to_string());
-    if protocol == Protocol::Text {
-        command.arg("--text");
-    }
+    command.arg0(NAME).args(["guardian", &address.to_string(), &protocol.to_string()]);
     command
 }
 
@@ -101,7 +91,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     detach();
     let socket = UdpSocket::from(io::stdin().as_fd().try_clone_to_owned()?);
     let channel = UnixStream::from(io::stdout().as_fd().try_clone_to_owned()?);
-    let (protocol, address) = (arguments.protocol(), arguments.drone);
+    let Arguments { drone: address, protocol } = *arguments;
     let mut guardian =
         tello_io::tello::Guardian::start(Post { socket, channel, address, protocol })?;
     match guardian.watch() {

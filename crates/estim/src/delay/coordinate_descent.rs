@@ -32,7 +32,7 @@ where
         Ok(profiles)
     }
 
-    /// CostProfile of one group at fixed dead times of the others. The group is left at the lowest of the candidates and
+    /// Profile of one group at fixed dead times of the others. The group is left at the lowest of the candidates and
     /// the vertex of the parabola through the lowest candidate and its neighbours.
     fn minimize_along(
         &mut self,

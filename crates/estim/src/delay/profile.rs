@@ -1,4 +1,4 @@
-//! CostProfile of the cost over the dead time of one group, and its minimum.
+//! Profile of the cost over the dead time of one group, and its minimum.
 
 use horizon_model::check::maximum;
 
@@ -72,7 +72,7 @@ pub(super) struct LocalMinimum {
     pub(super) curvature: Option<f64>,
 }
 
-/// CostProfile from the `gradients` at ascending candidates, by the trapezoidal rule, with the minimum between two
+/// Profile from the `gradients` at ascending candidates, by the trapezoidal rule, with the minimum between two
 /// candidates as a point of its own.
 pub(super) fn integrate(candidates_s: &[f64], gradients: &[f64]) -> (CostProfile, LocalMinimum) {
     let mut cost = 0.0;

@@ -28,7 +28,7 @@ pub(super) const COST_TOLERANCE_SOLVE: f64 = 1e-7;
 /// Number of pieces below which their scatter is too uncertain for a standard deviation of its own. 1
 const PIECES_MIN: f64 = 10.0;
 
-/// CostProfile of one group and its minimum.
+/// Profile of one group and its minimum.
 pub(super) struct GroupProfile {
     /// Candidates and their cost above the least, as in [`DelayProfile::curve`].
     pub(super) curve: Vec<ProfilePoint>,

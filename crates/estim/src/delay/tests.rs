@@ -279,7 +279,7 @@ fn the_gradient_of_the_profile_is_that_of_differences() {
     search.solve().ok().unwrap();
     for (group, gradient) in search.gradients().into_iter().enumerate() {
         let mut cost = |offset_s: f64| {
-            search.put(group, start_s[GROUPS[group][0]] + offset_s);
+            search.set_dead_time(group, start_s[GROUPS[group][0]] + offset_s);
             search.solve().ok().unwrap()
         };
         let numeric = (cost(1e-3) - cost(-1e-3)) / 2e-3;

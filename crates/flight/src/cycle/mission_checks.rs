@@ -54,7 +54,11 @@ fn in_degrees(table: &MissionTable) -> Vec<SettingError> {
             let key = |k| format!("trajectory.points.rows[{k}][4]");
             angles.extend(thetas().take(1).chain(turns).enumerate().map(|(k, it)| (key(k), it)));
         }
-        _ => {}
+        // Lists are `poses`; a CSV file has become rows.
+        MissionTable::Targets(_)
+        | MissionTable::Waypoints(_)
+        | MissionTable::Spline(_)
+        | MissionTable::Trajectory(TrajectoryTable { points: PointsTable::Csv(_), .. }) => {}
     }
     angles.retain(|(_, angle)| angle.abs() > ANGLE_MAX_RAD);
     let refused = angles.into_iter().map(|(key, angle)| {

@@ -13,7 +13,7 @@ use crate::commanded::{commanded_w_mps, excess};
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Commanded {
     /// `c`: velocity along the floor, world frame. m/s
-    commanded_w_mps: Vector2<f64>,
+    vel_w_mps: Vector2<f64>,
     /// Turn. rad/s
     omega_radps: f64,
     /// Climb. m/s
@@ -128,7 +128,7 @@ impl Commanded {
     pub(super) fn of(u_applied: &Sticks, theta_rad: f64, p: &SVector<f64, { lag::COUNT }>) -> Self {
         let psi_rad = theta_rad + p[lag::THETA_0];
         Self {
-            commanded_w_mps: commanded_w_mps(u_applied, psi_rad, p[lag::LAMBDA_H], p[lag::DEAD_H]),
+            vel_w_mps: commanded_w_mps(u_applied, psi_rad, p[lag::LAMBDA_H], p[lag::DEAD_H]),
             omega_radps: p[lag::LAMBDA_A] * excess(u_applied[stick::YAW], p[lag::DEAD_A]),
             climb_mps: p[lag::LAMBDA_V] * excess(u_applied[stick::THROTTLE], p[lag::DEAD_V]),
         }
@@ -142,8 +142,8 @@ impl Commanded {
     pub(super) fn after(self, before: Self, dt_s: f64) -> Commands {
         Commands {
             horizontal: HorizontalCommand {
-                commanded_w_mps: self.commanded_w_mps,
-                rate_w_mps2: (self.commanded_w_mps - before.commanded_w_mps) / dt_s,
+                commanded_w_mps: self.vel_w_mps,
+                rate_w_mps2: (self.vel_w_mps - before.vel_w_mps) / dt_s,
             },
             turn: AxisCommand {
                 asked: self.omega_radps,
@@ -206,8 +206,8 @@ mod tests {
             let next = model.step(&s, &u_applied, &p, DT_S);
             let rate = (model.observe(&next) - model.observe(&s)) / DT_S;
             let off = [
-                rate[pose::X] - commanded.commanded_w_mps.x,
-                rate[pose::Y] - commanded.commanded_w_mps.y,
+                rate[pose::X] - commanded.vel_w_mps.x,
+                rate[pose::Y] - commanded.vel_w_mps.y,
                 rate[pose::Z] - commanded.climb_mps,
                 rate[pose::THETA] - commanded.omega_radps,
             ];
@@ -221,8 +221,8 @@ mod tests {
         let p = parameter();
         let (before, now) = (Commanded::default(), Commanded::of(&Sticks::repeat(0.5), 0.4, &p));
         let Commands { horizontal, turn, climb } = now.after(before, DT_S);
-        assert_eq!(horizontal.commanded_w_mps, now.commanded_w_mps);
-        assert_eq!(horizontal.rate_w_mps2, now.commanded_w_mps / DT_S);
+        assert_eq!(horizontal.commanded_w_mps, now.vel_w_mps);
+        assert_eq!(horizontal.rate_w_mps2, now.vel_w_mps / DT_S);
         assert_eq!(turn, AxisCommand { asked: now.omega_radps, rate: now.omega_radps / DT_S });
         assert_eq!(climb, AxisCommand { asked: now.climb_mps, rate: now.climb_mps / DT_S });
         assert_eq!(now.constant(), now.after(now, 0.1));

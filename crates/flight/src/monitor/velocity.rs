@@ -300,7 +300,7 @@ impl PoseDisplacement {
     }
 }
 
-/// A velocity of the drone in each of the in_axes_kinds: fixed or turning with the body, right- or left-handed.
+/// A velocity of the drone by each kind of axes: fixed or turning with the body, right- or left-handed.
 fn in_axes_kinds(velocity_d_mps: Complex<f64>, theta_rad: f64) -> [Complex<f64>; AXES_KINDS] {
     let turn = Complex::from_polar(1.0, theta_rad);
     [velocity_d_mps, velocity_d_mps.conj(), velocity_d_mps * turn, velocity_d_mps.conj() * turn]

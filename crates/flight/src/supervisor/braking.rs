@@ -56,8 +56,8 @@ impl Supervisor {
         }
     }
 
-    /// Height, world frame, to which the controller brings the vehicle down before a landing for which it brakes; `None`:
-    /// the vehicle lands from where it is, or does not land. One that does not report is ordered to land at once. m
+    /// Height, world frame, to which the controller brings the vehicle down before a landing for which it brakes;
+    /// `None`: the vehicle lands from where it is, or does not land. One that does not report lands at once. m
     pub(crate) fn descends_to_m(&self) -> Option<f64> {
         let (ground_m, land_from_m) = self.take_off.ground_m.zip(self.table.land_from_m)?;
         let brakes = self.timers.braking.holds() && !self.ended_by.contains(Fault::DroneSilent);

@@ -230,6 +230,8 @@ impl Fault {
 #[derive(Clone, Copy, PartialEq, Eq, Default)]
 pub struct FaultSet(u64);
 
+const _: () = assert!(Fault::ALL.len() <= 64, "a fault without a bit in FaultSet");
+
 impl FaultSet {
     /// Adds `fault` if `is_present`; takes none away.
     pub fn set(&mut self, fault: Fault, is_present: bool) {

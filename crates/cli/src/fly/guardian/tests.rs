@@ -30,7 +30,7 @@ fn the_guardian_reads_from_its_arguments_the_drone_and_the_protocol_of_its_paren
         assert_eq!(command.get_program(), OURSELVES);
         let words = [NAME.as_ref()].into_iter().chain(command.get_args());
         let Subcommand::Guardian(read) = Program::try_parse_from(words).unwrap().command;
-        assert_eq!((read.drone, read.protocol()), (drone, protocol));
+        assert_eq!((read.drone, read.protocol), (drone, protocol));
     }
 }
 

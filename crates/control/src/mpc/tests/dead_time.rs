@@ -22,10 +22,8 @@ fn range_at_rest(dead_time_s: f64) -> [f64; 2] {
     let p = Vector::zeros();
     let [mut low, mut high] = [f64::INFINITY, f64::NEG_INFINITY];
     for k in 0..1200 {
-        let first = fifo.known_steps().cast_signed();
-        let in_transit = (0..first).map(|ahead| fifo.applied(ahead));
-        let s_0 = predict(&Cart, &s, &p, in_transit, DT_S);
-        let u_before = fifo.applied(first - 1);
+        let s_0 = predict(&Cart, &s, &p, fifo.in_transit(), DT_S);
+        let u_before = fifo.last_in_transit();
         let report =
             mpc.solve(&MpcProblem::new(&s_0, &p, &u_before, &s_ref), &mut || false).unwrap();
         assert!(report.has_new_plan(), "step {k}: {report:?}");

@@ -70,9 +70,9 @@ impl Brake {
         self.rest.is_some()
     }
 
-    /// Reference, world frame, of a vehicle at `from` that is at `next` a period of `dt_s` later and comes to rest with
-    /// neutral sticks after the displacement `coasting`: its own pose within reach, or once it is slow the pose at which
-    /// it is held, so that it does not drift on. m, rad
+    /// Reference, world frame, of a vehicle at `from` that is at `next` a period of `dt_s` later and comes to rest
+    /// with neutral sticks after the displacement `coasting`: its own pose within reach, or once it is slow the pose
+    /// at which it is held, so that it does not drift on. m, rad
     ///
     /// Real time: no allocation, constant cost.
     pub(super) fn reference(
