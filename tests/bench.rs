@@ -177,7 +177,7 @@ fn a_drone_that_flies_is_not_taken_off_and_one_that_is_silent_neither() {
     fs::write(folder.join("sim.json"), table.to_string()).unwrap();
     let airborne = ["bench", "flag", "--sim", "--yes", "--sim-config", "sim.json"];
     let output = tello_ctl(&folder, &airborne);
-    assert!(text(&output).contains("the drone says that it flies"), "{}", text(&output));
+    assert!(text(&output).contains("the drone reports that it flies"), "{}", text(&output));
     assert_eq!(output.status.code(), Some(2));
     assert!(!folder.join("bench-report.json").exists());
 }

@@ -30,7 +30,7 @@ const BAD: AirTable = AirTable {
 const HAND_OVER_MAX: Duration = Duration::from_millis(50);
 
 /// A drone on the floor behind `air`, and our link to it.
-struct Bench {
+struct Fixture {
     emulator: Emulator,
     link: DroneLink,
     protocol: Protocol,
@@ -43,7 +43,7 @@ struct Bench {
 }
 
 #[expect(clippy::unwrap_used, clippy::panic, reason = "a test may panic")]
-impl Bench {
+impl Fixture {
     fn start(protocol: Protocol, air: AirTable, seed: u64) -> (Self, DroneClient) {
         let mut sim = tello_sim::settings(None).unwrap();
         sim.profile = Profile::Clean;
@@ -113,7 +113,7 @@ impl Bench {
 /// Takes off, flies forward for 2 s, lands; what reached the drone.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
 async fn fly(protocol: Protocol, air: AirTable, seed: u64) -> (ReceivedOrders, Arc<LinkCounters>) {
-    let (mut bench, client) = Bench::start(protocol, air, seed);
+    let (mut bench, client) = Fixture::start(protocol, air, seed);
     let counters = Arc::clone(&bench.link.counters);
     let (stopper, stop): (Stopper, StopSignal) = Stopper::new();
     let task = tokio::spawn(client.run(stop));
@@ -179,7 +179,7 @@ async fn good_air_takes_one_take_off_and_one_order_at_a_time() {
 #[tokio::test]
 async fn an_emergency_stop_gets_through_a_bad_link_at_once() {
     for protocol in [Protocol::Binary, Protocol::Text] {
-        let (mut bench, client) = Bench::start(protocol, BAD, 5);
+        let (mut bench, client) = Fixture::start(protocol, BAD, 5);
         let (stopper, stop) = Stopper::new();
         let task = tokio::spawn(client.run(stop));
         bench.take_off().await;

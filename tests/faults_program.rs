@@ -38,7 +38,7 @@ const FLYING_AFTER_S: u64 = 5;
 const ERRORS: &str = "errors.txt";
 
 /// The program, and the drone that it flies.
-struct Bench {
+struct Fixture {
     emulator: Emulator,
     /// Proxy of the poses.
     mocap_proxy: StallingProxy,
@@ -68,7 +68,7 @@ fn by(mut command: Command, folder: &Path, more: &[&str]) -> Command {
 }
 
 #[expect(clippy::unwrap_used, clippy::panic, reason = "a test may panic")]
-impl Bench {
+impl Fixture {
     /// Starts a flight over real sockets.
     fn start(name: &str, more: &[&str]) -> Self {
         Self::start_by(name, None, more)
@@ -232,32 +232,34 @@ fn last_link(folder: &Path) -> (TimeNs, Value) {
 
 #[test]
 fn a_control_thread_that_stands_still_lands_the_drone() {
-    Bench::start("stalls", &["--drill", &format!("control-stalls@{DRILL_AT_S}")]).assert_landed();
+    Fixture::start("stalls", &["--drill", &format!("control-stalls@{DRILL_AT_S}")]).assert_landed();
 }
 
 #[test]
 fn a_control_thread_that_panics_lands_the_drone_and_closes_the_log() {
-    Bench::start("panics", &["--drill", &format!("control-panics@{DRILL_AT_S}")]).assert_landed();
+    Fixture::start("panics", &["--drill", &format!("control-panics@{DRILL_AT_S}")]).assert_landed();
 }
 
 #[test]
 fn a_main_thread_that_panics_lands_the_drone_and_closes_the_log() {
-    Bench::start("main-panics", &["--drill", &format!("main-panics@{DRILL_AT_S}")]).assert_landed();
+    Fixture::start("main-panics", &["--drill", &format!("main-panics@{DRILL_AT_S}")])
+        .assert_landed();
 }
 
 #[test]
 fn sockets_that_stand_still_are_replaced_by_a_landing() {
-    Bench::start("link-stalls", &["--drill", &format!("link-stalls@{DRILL_AT_S}")]).assert_landed();
+    Fixture::start("link-stalls", &["--drill", &format!("link-stalls@{DRILL_AT_S}")])
+        .assert_landed();
 }
 
 #[test]
 fn a_sender_that_is_gone_is_replaced_by_a_landing() {
-    Bench::start("link-dies", &["--drill", &format!("link-dies@{DRILL_AT_S}")]).assert_landed();
+    Fixture::start("link-dies", &["--drill", &format!("link-dies@{DRILL_AT_S}")]).assert_landed();
 }
 
 /// Poses end in this way: the drone comes to rest after `stale_s`, and is landed after `lost_s`.
 fn assert_silence(name: &str, flow: Flow) {
-    let bench = Bench::start(name, &[]);
+    let bench = Fixture::start(name, &[]);
     bench.wait_until_it_flies();
     bench.mocap_proxy.set(flow);
     let after_s = bench.wait_for(DronePhase::Landing(Cause::Order), 10.0);

@@ -12,7 +12,7 @@ use horizon_model::rows::{Pose, Sticks, lag, motion};
 use horizon_model::{Kinematic, Lagged, LaggedShape, Model};
 use nalgebra::SVector;
 use tello_eval::forecast::{
-    ConstantVelocity, Driven, Forecast, ForecastErrors, Hold, HorizonErrors, judge,
+    ConstantVelocity, Driven, Forecast, ForecastErrors, HorizonErrors, StandStill, judge,
 };
 use tello_eval::outage::{OutageSettings, OutageTable, lost_commands};
 use tello_eval::smooth::{MotionTrack, smooth, track};
@@ -122,7 +122,7 @@ impl Table {
         let shape = LaggedShape::default();
         let decay_s = Pose::new(shape.decay_h_s, shape.decay_h_s, shape.decay_v_s, 0.0);
         Self {
-            hold: errors(flights, case, |_, _| Box::new(Hold)),
+            hold: errors(flights, case, |_, _| Box::new(StandStill)),
             steady: errors(flights, case, |_, _| Box::new(ConstantVelocity { dt_s: DT_S })),
             thesis: errors(flights, case, |flight, known| {
                 let (p, u) = (THESIS_P.into(), &flight.applied_thesis);

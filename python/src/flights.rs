@@ -12,7 +12,7 @@ use serde_json::Value;
 use tello_eval::flight_log::TickRecord;
 use tello_eval::ident::{self, BootstrapPlan, FileUsed, IdentFileTable, IdentReport, Job};
 use tello_eval::part_file::PartNumber;
-use tello_eval::replay::{self as replays, Watch};
+use tello_eval::replay::{self as replays, TickObserver};
 use tello_eval::{REVISION, recordings, report as reports};
 use tello_flight::Start;
 use tello_flight::cycle::FlightTable;
@@ -188,7 +188,8 @@ pub(crate) fn replay(
         };
         let mut watch = |_: &FlightTable, _: &TickRecord| stop.check();
         // Recordings of others have no ticks to stop at, and are short.
-        let watch: Option<Watch<'_>> = if has_ticks(&logs)? { Some(&mut watch) } else { None };
+        let watch: Option<TickObserver<'_>> =
+            if has_ticks(&logs)? { Some(&mut watch) } else { None };
         Ok(serde_json::to_string(&replays::run(&logs, &options, watch)?)?)
     })
 }

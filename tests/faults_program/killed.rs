@@ -9,7 +9,7 @@ const GUARDED_S: f64 = 0.5;
 
 #[test]
 fn a_killed_program_is_replaced_by_its_guardian() {
-    let mut bench = Bench::start("killed", &[]);
+    let mut bench = Fixture::start("killed", &[]);
     bench.wait_until_it_flies();
     let guardian = bench.guardian();
     let killed_at = bench.send(Signal::SIGKILL);
@@ -18,7 +18,7 @@ fn a_killed_program_is_replaced_by_its_guardian() {
     assert!(after_s < GUARDED_S, "landing after {after_s} s");
     bench.child.wait().unwrap();
     bench.wait_for(DronePhase::Grounded, 20.0);
-    Bench::wait_until_gone(guardian, 17.0);
+    Fixture::wait_until_gone(guardian, 17.0);
     bench.drone_proxy.assert_only_landings(killed_at, 55);
     bench.drone_proxy.assert_neutral_before_landings(killed_at);
     assert!(bench.errors().contains("its guardian orders the drone"), "{}", bench.errors());
@@ -26,7 +26,7 @@ fn a_killed_program_is_replaced_by_its_guardian() {
 
 #[test]
 fn a_stopped_program_is_landed_and_goes_on_with_the_landing_when_it_goes_on() {
-    let bench = Bench::start("stopped", &[]);
+    let bench = Fixture::start("stopped", &[]);
     bench.wait_until_it_flies();
     let stopped_at = bench.send(Signal::SIGSTOP);
     bench.wait_for(DronePhase::Landing(Cause::Order), 2.0);
@@ -47,7 +47,7 @@ fn a_stopped_program_is_landed_and_goes_on_with_the_landing_when_it_goes_on() {
 
 #[test]
 fn a_stop_that_is_too_short_to_be_noticed_costs_no_flight() {
-    let bench = Bench::start("hiccup", &[]);
+    let bench = Fixture::start("hiccup", &[]);
     bench.wait_until_it_flies();
     for _ in 0..3 {
         let stopped_at = bench.send(Signal::SIGSTOP);
@@ -63,7 +63,7 @@ fn a_stop_that_is_too_short_to_be_noticed_costs_no_flight() {
 
 #[test]
 fn a_program_that_loses_its_guardian_lands() {
-    let bench = Bench::start("unguarded", &[]);
+    let bench = Fixture::start("unguarded", &[]);
     bench.wait_until_it_flies();
     let killed_at = bench.drone_proxy.clock.now();
     kill(bench.guardian(), Signal::SIGKILL).unwrap();
@@ -78,7 +78,7 @@ fn a_program_that_loses_its_guardian_lands() {
 
 #[test]
 fn a_program_whose_guardian_is_stopped_lands() {
-    let bench = Bench::start("deaf", &[]);
+    let bench = Fixture::start("deaf", &[]);
     bench.wait_until_it_flies();
     let guardian = bench.guardian();
     let stopped_at = bench.drone_proxy.clock.now();
@@ -95,7 +95,7 @@ fn a_program_whose_guardian_is_stopped_lands() {
 
 #[test]
 fn a_program_whose_guardian_is_stopped_on_the_ground_does_not_take_off() {
-    let mut bench = Bench::start("deaf-ground", &[]);
+    let mut bench = Fixture::start("deaf-ground", &[]);
     let clock = Clock::start();
     // Its name is the first that it does; then it says that it watches.
     let is_guarded = || {
@@ -123,7 +123,7 @@ fn a_program_whose_guardian_is_stopped_on_the_ground_does_not_take_off() {
 
 #[test]
 fn what_ends_a_terminal_and_its_programs_does_not_end_the_guardian() {
-    let mut bench = Bench::start("terminal", &[]);
+    let mut bench = Fixture::start("terminal", &[]);
     bench.wait_until_it_flies();
     let guardian = bench.guardian();
     for signal in [Signal::SIGHUP, Signal::SIGINT, Signal::SIGTERM, Signal::SIGTSTP] {
@@ -139,7 +139,7 @@ fn what_ends_a_terminal_and_its_programs_does_not_end_the_guardian() {
 
 #[test]
 fn a_flight_that_ends_well_leaves_no_guardian() {
-    let bench = Bench::start("well", &[]);
+    let bench = Fixture::start("well", &[]);
     bench.wait_until_it_flies();
     let guardian = bench.guardian();
     bench.send(Signal::SIGTERM);
@@ -150,7 +150,7 @@ fn a_flight_that_ends_well_leaves_no_guardian() {
 /// A thread that watches is above the one that it watches, all of them above those of an ordinary program.
 #[test]
 fn sender_and_guardian_are_scheduled_above_control() {
-    let bench = Bench::start("priorities", &[]);
+    let bench = Fixture::start("priorities", &[]);
     bench.wait_for(DronePhase::Flying, 30.0);
     let program = Pid::from_raw(bench.child.id().cast_signed());
     let sender = priority(program, "tello-ctl");
@@ -175,7 +175,7 @@ fn twenty_kills_and_twenty_stops_are_landed_in_time() {
     for signal in [Signal::SIGKILL, Signal::SIGSTOP] {
         let mut after: Vec<f64> = (0..20)
             .map(|i| {
-                let mut bench = Bench::start(&format!("twenty-{i}"), &[]);
+                let mut bench = Fixture::start(&format!("twenty-{i}"), &[]);
                 bench.wait_for(DronePhase::Flying, 30.0);
                 // Each at another moment of the sender's period.
                 sleep(Duration::from_millis(2000 + 7 * i));

@@ -52,7 +52,7 @@ fn each_signal_that_stops_kills_or_freezes_other_programs_ends_this_one_in_order
 #[test]
 fn signals_in_flight_land_the_drone() {
     let benches =
-        ["-TSTP", "-QUIT", "-35"].map(|name| (name, Bench::start(&format!("orders{name}"), &[])));
+        ["-TSTP", "-QUIT", "-35"].map(|name| (name, Fixture::start(&format!("orders{name}"), &[])));
     for (name, bench) in &benches {
         bench.wait_for(DronePhase::Flying, 30.0);
         sleep(Duration::from_secs(1));
@@ -73,7 +73,7 @@ fn a_log_that_reaches_the_limit_of_a_file_ends_alone() {
     let folder = folder("faults-limit-errors");
     let (errors, summary) = (folder.join(ERRORS), folder.join("summary.json"));
     let [errors, out] = [&errors, &summary].map(|path| Stdio::from(File::create(path).unwrap()));
-    let mut bench = Bench::start_with("limit", limit, &["--json"], out, errors);
+    let mut bench = Fixture::start_with("limit", limit, &["--json"], out, errors);
     bench.wait_until_it_flies();
     assert!(fs::metadata(bench.folder.join("flight.mcap")).unwrap().len() == 150_000);
     assert!(bench.drone_proxy.is_steered());
@@ -95,7 +95,7 @@ fn a_log_that_reaches_the_limit_of_a_file_ends_alone() {
 fn a_pipe_that_nobody_reads_keeps_neither_the_log_nor_the_program() {
     let (reader, mut writer) = std::io::pipe().unwrap();
     let out = || Stdio::from(OwnedFd::from(writer.try_clone().unwrap()));
-    let mut bench = Bench::start_with("unread", None, &[], out(), out());
+    let mut bench = Fixture::start_with("unread", None, &[], out(), out());
     bench.wait_until_it_flies();
     // Its reader reads no more.
     let takes = |writer: &PipeWriter| {
@@ -120,7 +120,7 @@ fn a_pipe_that_nobody_reads_keeps_neither_the_log_nor_the_program() {
 
 #[test]
 fn a_second_flight_of_the_same_drone_is_refused_and_disturbs_nothing() {
-    let bench = Bench::start("second", &[]);
+    let bench = Fixture::start("second", &[]);
     bench.wait_until_it_flies();
     let packets = bench.emulator.truth().received;
     let second = fly(&bench.folder, &["--yes", "--log", "second.mcap"]).output().unwrap();

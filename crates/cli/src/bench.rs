@@ -1,14 +1,11 @@
 //! `tello-ctl bench`: assumptions about the real drone that were not verified, one check after the other.
 //!
-//! Owns the dialogue and the report. Packets and their record are `bench::link`'s, the checks are
-//! `bench::checks`'. There is no controller here: each packet of a check is written in its table.
+//! Owns the dialogue and the report. Packets and their record are `bench/connection.rs`, the checks
+//! `tello_eval::bench`. There is no controller here: each packet of a check is written in its table.
 
-mod checks;
+mod connection;
 mod console;
-mod evidence;
 mod guard;
-mod link;
-mod wire;
 
 use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
@@ -18,13 +15,14 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde_json::{Value, json};
 use tello_eval::REVISION;
+use tello_eval::bench::checks::{Check, checks};
+use tello_eval::bench::evidence;
 use tello_io::config;
 use tello_io::tello::{Protocol, TelloSettings, TelloTable};
 use tello_sim::{Emulator, MocapAddresses, Profile, SdkVersion, World};
 
-use self::checks::{CHECKS, Check};
+use self::connection::{Armed, BenchConnection};
 use self::console::Console;
-use self::link::{Armed, BenchConnection};
 use crate::fly::Lock;
 use crate::{Verdict, sim, stdio};
 
@@ -33,8 +31,8 @@ const FORMAT: &str = "tello-ctl bench 1";
 
 /// Verify on your drone what this program assumes of it.
 ///
-/// Each check says what to do, waits for Enter, sends its packets, writes down every packet and status with
-/// its time, asks what only eyes can tell, and appends one line to the report. A check that runs the motors starts
+/// Each check prints what to do, waits for Enter, sends its packets, writes down every packet and status with
+/// its time, asks what only eyes can see, and appends one line to the report. A check that runs the motors starts
 /// when you type YES, and ends with LAND and, if need be, with the emergency stop; a guardian process lands if the
 /// bench dies. While it runs, Enter or Ctrl-C ends it.
 #[derive(Debug, Args)]
@@ -43,7 +41,7 @@ const FORMAT: &str = "tello-ctl bench 1";
   tello-ctl bench status sequence               two checks
   tello-ctl bench 8 --protocol text             the eighth check in the text SDK; restart the drone before
 
-How to do all of them in half an hour: docs/bench-test.md. Exit codes: 0 done, 1 stopped, or the drone did not say \
+How to do all of them in half an hour: docs/bench-test.md. Exit codes: 0 done, 1 stopped, or the drone did not report \
 that it is down, 2 could not run.")]
 pub(crate) struct Arguments {
     /// Names or numbers of checks.
@@ -74,21 +72,23 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
+    let all = checks()?;
     if arguments.list {
-        for (i, check) in CHECKS.iter().enumerate() {
-            stdio::line(described(i + 1, check))?;
+        for (number, check) in (1..).zip(&all) {
+            stdio::line(described(number, check))?;
         }
         return Ok(Verdict::Good);
     }
-    let checks = arguments.checks.iter().map(|name| find(name)).collect::<Result<Vec<_>>>()?;
+    let names = arguments.checks.iter();
+    let checks = names.map(|name| find(&all, name)).collect::<Result<Vec<_>>>()?;
     let (fly, _) = config::fly(arguments.config.as_deref(), None)?;
     let mut table = fly.tello;
     table.protocol = arguments.protocol.unwrap_or(table.protocol);
-    let is_refused = |check: &&&Check| match table.protocol {
+    let is_refused = |(_, check): &&(usize, &Check)| match table.protocol {
         Protocol::Binary => false,
         Protocol::Text => check.is_binary_only(),
     };
-    if let Some(check) = checks.iter().find(is_refused) {
+    if let Some((_, check)) = checks.iter().find(is_refused) {
         bail!(
             "{} is a check of the binary protocol: switch the drone off and on, then run it with \
              --protocol binary",
@@ -97,12 +97,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     probe(&arguments.report)?;
     let console = Console::open(arguments.yes)?;
-    for check in checks {
+    for (number, check) in checks {
         // A drone of its own for each check, as if it had been switched off and on.
         let emulator = arguments.sim.then(|| simulate(arguments, &mut table)).transpose()?;
         let settings = TelloSettings::try_from(&table).map_err(|error| error.under("tello"))?;
         let _lock = Lock::take(&table)?;
-        let mut link = BenchConnection::bind(&settings, check.place)?;
+        let mut link = BenchConnection::bind(&settings, check.site)?;
+        stdio::note(described(number, check));
         let verdict = run_check(check, &mut link, &console, &table, &arguments.report)?;
         drop(emulator);
         if verdict == Verdict::Bad {
@@ -112,22 +113,22 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     Ok(Verdict::Good)
 }
 
-/// A check by its name or number.
-fn find(name: &str) -> Result<&'static Check> {
-    let by_number = name.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
-    by_number
-        .and_then(|i| CHECKS.get(i))
-        .or_else(|| CHECKS.iter().find(|check| check.name == name))
+/// A check by its name or number, with its number.
+fn find<'a>(all: &'a [Check], name: &str) -> Result<(usize, &'a Check)> {
+    let by_number = name.parse().ok();
+    (1..)
+        .zip(all)
+        .find(|(number, check)| Some(*number) == by_number || check.name == name)
         .with_context(|| format!("no check {name:?}: `tello-ctl bench --list` shows them"))
 }
 
 fn described(number: usize, check: &Check) -> String {
     let steps: Vec<String> = check.steps.iter().map(ToString::to_string).collect();
-    let Check { name, place, assumption, todo, question, .. } = check;
-    let question =
-        question.map_or_else(String::new, |question| format!("\n    asked     {question}"));
+    let Check { name, site, assumption, todo, question, .. } = check;
+    let asked = |question| format!("\n    asked     {question}");
+    let question = question.as_ref().map_or_else(String::new, asked);
     format!(
-        "{number:>2}  {name} ({place})\n    to do     {todo}\n    sent      {}\n    expected  {assumption}{question}",
+        "{number:>2}  {name} ({site})\n    to do     {todo}\n    sent      {}\n    expected  {assumption}{question}",
         steps.join("; ")
     )
 }
@@ -146,10 +147,10 @@ fn is_confirmed(
             "no status from {address}: is this computer in the drone's Wi-Fi, and no other program connected?"
         );
     }
-    let go = if check.place.spins() { "YES" } else { "" };
+    let go = if check.site.spins() { "YES" } else { "" };
     let question = match go {
         "" => "Enter starts, anything else leaves.".into(),
-        _ => format!("The motors will start ({}). YES starts, anything else leaves.", check.place),
+        _ => format!("The motors will start ({}). YES starts, anything else leaves.", check.site),
     };
     if !console.is_unattended() && console.ask(&question, link).as_deref() != Some(go) {
         return Ok(false);
@@ -158,8 +159,8 @@ fn is_confirmed(
     let Some(status) = link.connect(console) else {
         bail!("the drone sends no status any more: is it still switched on and its Wi-Fi joined?");
     };
-    if check.place.spins() && status.is_running {
-        bail!("the drone says that it flies, or that its motors run: land it, then begin anew");
+    if check.site.spins() && status.is_running {
+        bail!("the drone reports that it flies, or that its motors run: land it, then begin anew");
     }
     if link.has_lost_guardian() {
         bail!("the process tello-guardian was ended or stopped: no motor starts without it");
@@ -175,8 +176,6 @@ fn run_check(
     table: &TelloTable,
     report: &Path,
 ) -> Result<Verdict> {
-    let number = CHECKS.iter().position(|other| other.name == check.name).unwrap_or_default() + 1;
-    stdio::note(described(number, check));
     if !is_confirmed(check, link, console, &table.address)? {
         stdio::note("not started");
         return Ok(Verdict::Bad);
@@ -184,7 +183,7 @@ fn run_check(
     stdio::note("running; Enter or Ctrl-C ends it");
     console.forget_lines();
     link.begin();
-    let is_whole = Armed::new(link, check.place, console).run(check.steps).is_ok();
+    let is_whole = Armed::new(link, check.site, console).run(&check.steps).is_ok();
     if link.has_lost_guardian() {
         stdio::note("the guardian has ordered a landing or is lost: the check was ended");
     }
@@ -213,16 +212,16 @@ fn run_check(
         append(report, &answers(check, link, console))?;
     }
     stdio::line(format_args!("{} is in {}\n", check.name, report.display()))?;
-    let is_down = link.ending.is_none_or(|(_, is_down)| is_down);
+    let is_down = link.ending.is_none_or(|ending| ending.is_down);
     Ok(if is_whole && is_down { Verdict::Good } else { Verdict::Bad })
 }
 
-/// Repeats the end of the check until the person says that the drone is down.
+/// Repeats the end of the check until the person confirms that the drone is down.
 fn make_sure(check: &Check, link: &mut BenchConnection, console: &Console) {
-    if !check.place.spins() {
+    if !check.site.spins() {
         return;
     }
-    if link.ending.is_none_or(|(_, is_down)| !is_down) {
+    if link.ending.is_none_or(|ending| !ending.is_down) {
         stdio::note(
             "THE DRONE DID NOT CONFIRM THAT IT IS DOWN. Keep away from it; it lands when its battery is empty.",
         );
@@ -234,13 +233,13 @@ fn make_sure(check: &Check, link: &mut BenchConnection, console: &Console) {
         if answer.eq_ignore_ascii_case("y") {
             return;
         }
-        link.end(check.place, console);
+        link.end(check.site, console);
     }
 }
 
 /// What the person saw, as a line of its own behind the record: yes, no, or null for "not sure".
 fn answers(check: &Check, link: &mut BenchConnection, console: &Console) -> Value {
-    let asked = check.question.and_then(|question| {
+    let asked = check.question.as_ref().and_then(|question| {
         console.ask(&format!("{question} y, n, or Enter if you are not sure."), link)
     });
     let answer = match asked.as_deref() {
@@ -248,7 +247,7 @@ fn answers(check: &Check, link: &mut BenchConnection, console: &Console) -> Valu
         Some("n" | "N") => Some(false),
         _ => None,
     };
-    let remark = console.ask("Anything else to tell? One line, or Enter.", link);
+    let remark = console.ask("Anything else to report? One line, or Enter.", link);
     json!({ "format": FORMAT, "answers_to": check.name, "question": check.question, "answer": answer, "remark": remark })
 }
 

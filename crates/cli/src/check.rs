@@ -9,7 +9,7 @@ use horizon_model::rows::pose;
 use schemars::{Schema, schema_for};
 use serde::Serialize;
 use serde_json::{Value, json};
-use tello_eval::figure::{self, Place, SeenFlights};
+use tello_eval::figure::{self, FigureFiles, SeenFlights};
 use tello_eval::ident::IdentFileTable;
 use tello_eval::metrics::Surroundings;
 use tello_eval::parameter_file::{self, ParameterFile};
@@ -83,14 +83,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     if let Some(config) = arguments.config.as_deref().filter(|_| !arguments.files.is_empty()) {
         config::load::<Value>(config)?;
     }
-    let place = arguments.figure.as_deref().map(|name| Place::of(name, arguments.force));
+    let place = arguments.figure.as_deref().map(|name| FigureFiles::of(name, arguments.force));
     let place = place.transpose()?;
     let files: Vec<Option<&Path>> = if arguments.files.is_empty() {
         vec![arguments.config.as_deref()]
     } else {
         arguments.files.iter().map(|file| Some(file.as_path())).collect()
     };
-    let room_of = arguments.config.as_deref().or_else(|| {
+    let fly_settings = arguments.config.as_deref().or_else(|| {
         let mut settings = files.iter().flatten().copied();
         settings.find(|file| config::load::<Value>(file).is_ok_and(|it| it.get("cycle").is_some()))
     });
@@ -103,7 +103,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             continue;
         }
         let name = file.map_or_else(|| "built-in".into(), |file| file.display().to_string());
-        let checked = check_file(file, room_of, arguments.speed);
+        let checked = check_file(file, fly_settings, arguments.speed);
         if let (Some(place), Ok(Checked { mission: Some(mission), .. })) = (&place, &checked) {
             mission.draw(place)?;
         }
@@ -134,10 +134,10 @@ impl Checked {
     }
 }
 
-/// Checks `file`, with `room_of` as settings of the flight of a mission or of parameters, at `speed`.
-fn check_file(file: Option<&Path>, room_of: Option<&Path>, speed: f64) -> Result<Checked> {
-    let values = resolve(room_of, file)?;
-    let mission = CheckedMission::of(&values, room_of, speed)?;
+/// Checks `file`, with `fly_settings` as settings of the flight of a mission or of parameters, at `speed`.
+fn check_file(file: Option<&Path>, fly_settings: Option<&Path>, speed: f64) -> Result<Checked> {
+    let values = resolve(fly_settings, file)?;
+    let mission = CheckedMission::of(&values, fly_settings, speed)?;
     Ok(Checked { values, mission })
 }
 
@@ -190,7 +190,7 @@ fn print(name: &str, checked: &Result<Checked>) -> Result<()> {
 }
 
 /// The resolved values of a file, once everything in it is checked.
-fn resolve(room_of: Option<&Path>, file: Option<&Path>) -> Result<Value> {
+fn resolve(fly_settings: Option<&Path>, file: Option<&Path>) -> Result<Value> {
     let Some(path) = file else {
         return resolve_fly(None);
     };
@@ -207,10 +207,11 @@ fn resolve(room_of: Option<&Path>, file: Option<&Path>) -> Result<Value> {
         return resolve_fly(Some(path));
     }
     if MissionTable::NAMES.iter().any(|kind| has(kind)) {
-        let found = config::fly_problems(room_of, Some(path)).into_result();
+        let found = config::fly_problems(fly_settings, Some(path)).into_result();
         found.with_context(|| {
-            let room_of = room_of.map_or_else(|| "the built-in one".into(), Path::to_string_lossy);
-            format!("in the room of --config, {room_of}")
+            let fly_settings =
+                fly_settings.map_or_else(|| "the built-in one".into(), Path::to_string_lossy);
+            format!("in the room of --config, {fly_settings}")
         })?;
         return Ok(serde_json::to_value(config::mission(path)?)?);
     }
@@ -222,9 +223,9 @@ fn resolve(room_of: Option<&Path>, file: Option<&Path>) -> Result<Value> {
     }
     if has("parameters") {
         let file = ParameterFile::read(path)?;
-        let (mut table, mission) = config::fly(room_of, None)?;
+        let (mut table, mission) = config::fly(fly_settings, None)?;
         // Without settings a file of another model is for others than the built-in ones, or for the simulator.
-        if room_of.is_some() || table.cycle.model == file.model {
+        if fly_settings.is_some() || table.cycle.model == file.model {
             parameter_file::apply(Some(path), &mut table.cycle)?;
             cycle::build(&config::flight(&table, mission, Start::Grounded))
                 .with_context(|| parameter_file::of(path))?;
@@ -274,15 +275,15 @@ pub(crate) struct CheckedMission {
 
 impl CheckedMission {
     /// The mission in `values`, of a mission file or of settings; `None` for another kind of file. A mission file is
-    /// flown with the settings `room_of`, at `speed`.
-    fn of(values: &Value, room_of: Option<&Path>, speed: f64) -> Result<Option<Self>> {
+    /// flown with the settings `fly_settings`, at `speed`.
+    fn of(values: &Value, fly_settings: Option<&Path>, speed: f64) -> Result<Option<Self>> {
         let table = values.pointer("/flight/mission").unwrap_or(values);
         let Ok(mission) = config::from_value::<MissionTable>(table) else {
             return Ok(None);
         };
         let flight: FlightTable = match values.pointer("/flight") {
             Some(flight) => config::from_value(flight)?,
-            None => config::flight(&config::fly(room_of, None)?.0, mission, Start::Grounded),
+            None => config::flight(&config::fly(fly_settings, None)?.0, mission, Start::Grounded),
         };
         Self::at(&flight.at_speed(speed)?).map(Some)
     }
@@ -302,7 +303,7 @@ impl CheckedMission {
     }
 
     /// Draws the mission from above, with the obstacles.
-    fn draw(&self, place: &Place) -> Result<()> {
+    fn draw(&self, place: &FigureFiles) -> Result<()> {
         let outline = self.mission.outline();
         let outline: Vec<(f64, f64)> =
             outline.iter().map(|at| (at[pose::X], at[pose::Y])).collect();

@@ -21,7 +21,7 @@ use tello_io::whole_file;
 
 use crate::{Verdict, interrupt, stdio};
 
-/// Most digits behind the point that say something of a number.
+/// Most digits behind the point that mean something for a number.
 const DECIMALS_MAX: u8 = 17;
 
 /// Convert recorded flights between the thesis' CSV and MCAP.
@@ -229,7 +229,7 @@ fn of_mcap(path: &Path, pos: Pos) -> Result<RowFlight> {
     let targets_count = reference.map_or(usize::MAX, |reference| reference.targets_count);
     let mut notes = Vec::new();
     if flight_log::is_simulated(&log) {
-        notes.push("that its vehicle was simulated, which CSV cannot say".to_owned());
+        notes.push("that its vehicle was simulated, which CSV cannot state".to_owned());
     }
     let ticks = ticks::commanded(&mut log, &mut notes)?;
     let row = |tick: &ticks::TickRow| CsvRow {

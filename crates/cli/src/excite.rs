@@ -18,13 +18,13 @@ use crate::{Verdict, stdio};
 ///
 /// Writes a mission that moves all four axes at once, with sums of sines that have no frequency in common, in the
 /// middle of the room of --config and as large as that allows. Fly it as any mission, then identify its log. What one
-/// minute of it tells beside five minutes by hand: docs/identification.md.
+/// minute of it shows beside five minutes by hand: docs/identification.md.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   tello-ctl excite --config lab/fly.json               excite.json, for the room of the settings
   tello-ctl sim --log excite.mcap --mission excite.json && tello-ctl ident excite.mcap
   tello-ctl fly --config lab/fly.json --mission excite.json
-  tello-ctl ident --self-test --automatic --mission excite.json --runs 20   what it tells, in simulation
+  tello-ctl ident --self-test --automatic --mission excite.json --runs 20   what it shows, in simulation
 
 Exit codes: 0 written, 2 does not fit into the room, or could not write.")]
 pub(crate) struct Arguments {

@@ -10,7 +10,6 @@ mod drill;
 #[cfg(feature = "live")]
 mod foxglove_server;
 mod guardian;
-mod link_diagnosis;
 mod live;
 mod lock;
 mod log_thread;
@@ -18,11 +17,10 @@ mod loop_times;
 mod preflight;
 #[cfg(feature = "ros2")]
 mod ros2_publisher;
-mod signals;
+pub(crate) mod signals;
 mod simulator;
 mod sources;
 mod status;
-mod summary;
 mod take_off_refusal;
 mod threads;
 mod tui;
@@ -42,6 +40,7 @@ use clap::Args;
 use parking_lot::Mutex;
 use rtrb::{Consumer, RingBuffer};
 use tello_eval::flight_log::TickRecord;
+use tello_eval::flight_summary::{Summary, Tally};
 use tello_eval::parameter_file;
 use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{Mission, Phase, SPEED_AS_WRITTEN, Start};
@@ -53,14 +52,13 @@ use tello_io::tello::{DroneClient, TelloSettings};
 use tello_sim::Profile;
 
 use self::control_loop::{ControlLoop, Orders};
-use self::drill::Drill;
+use self::drill::InjectedFailure;
 use self::live::Live;
 use self::log_thread::Notes;
 use self::loop_times::{GROUND_WAIT, LoopTimes};
 use self::simulator::start_simulator;
 use self::sources::Sources;
 use self::status::{Status, show_statuses};
-use self::summary::{Summary, Tally};
 use self::take_off_refusal::{note_unseen, take_off_refusal};
 use self::threads::Threads;
 use self::tui::{Picture, Screen};
@@ -168,7 +166,7 @@ pub(crate) struct Arguments {
     /// Let a part of this program fail, against a simulator on this machine: `control-stalls`,
     /// `control-panics`, `link-stalls`, `link-dies` or `main-panics`, so many seconds after the start.
     #[arg(long, value_name = "WHAT@SECONDS", hide = true)]
-    drill: Option<Drill>,
+    drill: Option<InjectedFailure>,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
@@ -204,7 +202,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     signals::block()?;
     stdio::never_wait();
     if arguments.drill.is_some() {
-        Drill::check(&table.tello.address)?;
+        InjectedFailure::check(&table.tello.address)?;
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let summary = runtime.block_on(fly(arguments, &table, &flight, cycle, orders))?;
@@ -225,7 +223,8 @@ async fn fly(
     let clock = Clock::start();
     // Before anything moves: from here on every way to end the program lands the drone first.
     let asks_to_land = Arc::new(AtomicBool::new(false));
-    signals::listen(Arc::clone(&asks_to_land))?;
+    let to_land = Arc::clone(&asks_to_land);
+    signals::listen(move || to_land.store(true, Ordering::Relaxed))?;
     let (sources, feed, moving_feed) = Sources::new(table, clock)?;
     let tello_settings =
         TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;

@@ -68,7 +68,7 @@ pub(crate) struct Arguments {
     /// the other way round.
     #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
     turn: Option<f64>,
-    /// Search the dead times by their likelihood, whatever the settings say.
+    /// Search the dead times by their likelihood, whatever the settings are.
     #[arg(long)]
     search_dead_time: bool,
     /// Estimate again with this many resamples of the pieces.

@@ -18,9 +18,9 @@ use crate::{Verdict, stdio};
 
 /// Write first settings for your room: fly.json, sim.json, two missions and their schemas.
 ///
-/// The settings are the built-in ones with what the command line says; with --room, the missions and the start of the
-/// simulated vehicle are in the middle of the room. Files that exist are not touched. Measure the room before you fly:
-/// the walls are where the vehicle must stop, its stopping distance inside of those of the net.
+/// The settings are the built-in ones with the changes of the command line; with --room, the missions and the start of
+/// the simulated vehicle are in the middle of the room. Files that exist are not touched. Measure the room before you
+/// fly: the walls are where the vehicle must stop, its stopping distance inside of those of the net.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   tello-ctl init lab --mocap relay --address 192.168.1.5:51602 --object tello --room=-2,2,-3,1,2.5
@@ -44,7 +44,7 @@ pub(crate) struct Arguments {
     /// Walls of the room in world axes, m: smallest and largest x, smallest and largest y, ceiling.
     #[arg(long, value_name = "X,X,Y,Y,Z", allow_hyphen_values = true)]
     room: Option<Walls>,
-    /// Frames per second, of `udp` and `vrpn`, which do not tell it [default: 50].
+    /// Frames per second, of `udp` and `vrpn`, which do not announce it [default: 50].
     #[arg(long, value_name = "HZ", value_parser = rate_hz)]
     rate: Option<f64>,
 }
@@ -122,7 +122,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     Ok(Verdict::Good)
 }
 
-/// The files of `init` with their names: the built-in ones with what the command line says.
+/// The files of `init` with their names: the built-in ones with the changes of the command line.
 fn first_files(arguments: &Arguments, kind: MocapKind) -> Result<[(&'static str, Value); 6]> {
     let Arguments { address, object, room, rate, .. } = arguments;
     let (table, square) = config::fly(None, None)?;

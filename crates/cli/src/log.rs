@@ -1,8 +1,6 @@
 //! `tello-ctl log`: what a log is, what of it can be saved, and its records as tables.
 //!
-//! Owns the command. Reading, writing and mending are `io::log`, tables `log/table.rs`.
-
-mod table;
+//! Owns the command. Reading, writing and mending are `io::log`, tables `tello_eval::log_tables`.
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter};
@@ -14,6 +12,7 @@ use anyhow::{Context as _, Result, ensure};
 use clap::{Args, Subcommand};
 use schemars::JsonSchema;
 use serde::Serialize;
+use tello_eval::log_tables;
 use tello_eval::ros2::{self, Exported};
 use tello_io::clock::CivilTime;
 use tello_io::log::{Ending, LogReader, Recovered, recover};
@@ -122,7 +121,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             Ok(whole(file, ending))
         }
         Command::Csv { file, out_dir, topic, force } => {
-            let tables = table::write(file, out_dir, topic, *force)?;
+            let tables = log_tables::write(file, out_dir, topic, *force)?;
             for table in tables.lines {
                 stdio::line(table)?;
             }

@@ -1,6 +1,6 @@
 //! ROS 2 without a ROS installation: a participant in a DDS network.
 //!
-//! Owns names on the wire, quality of service and the network; what messages say is `tello_eval::ros2`'s.
+//! Owns names on the wire, quality of service and the network; the content of messages is `tello_eval::ros2`'s.
 
 use std::net::{IpAddr, Ipv4Addr};
 
@@ -38,7 +38,7 @@ pub(crate) struct Network {
     ros2_domain: u16,
 }
 
-/// A pose as `geometry_msgs/PoseStamped` says it.
+/// A pose as in `geometry_msgs/PoseStamped`.
 #[derive(Debug, Clone, Deserialize)]
 pub(crate) struct PoseStamped {
     header: Header,

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::{ArgGroup, Args};
 use serde_json::{Value, json};
-use tello_eval::figure::{self, Place, SeenFlights};
+use tello_eval::figure::{self, FigureFiles, SeenFlights};
 use tello_eval::part_file::{Kind, PartNumber, Seeded};
 use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{SPEED_AS_WRITTEN, Start};
@@ -206,7 +206,7 @@ fn note_ignored(sim: &SimTable) -> Result<()> {
     Ok(())
 }
 
-/// Flies `count` seeds and prints what they were worth.
+/// Flies `count` seeds and prints their metrics.
 fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdict> {
     if let Some(hover_s) = arguments.hover
         && !(hover_s > 0.0 && hover_s <= 600.0)
@@ -226,9 +226,12 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
         "sim": sim,
         "contenders": contenders.iter().map(Contender::settings).collect::<Vec<_>>(),
     });
-    let place =
-        arguments.figure.as_deref().map(|name| Place::of(name, arguments.force)).transpose()?;
-    let fly = |seeds, watch: &Watch<'_>| {
+    let place = arguments
+        .figure
+        .as_deref()
+        .map(|name| FigureFiles::of(name, arguments.force))
+        .transpose()?;
+    let fly = |seeds, watch: &SeedHooks<'_>| {
         let mut rows = batch::fly(&contenders, sim, seeds, watch.0, watch.1)?;
         if place.is_none() {
             // Tracks are long, only the figure draws them, and part files do not have them.
@@ -250,7 +253,7 @@ fn fly_batch(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdic
 fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Verdict> {
     let flight = flight(arguments, arguments.config.as_deref(), Start::Grounded)?;
     let settings = json!({ "sim": sim, "flight": flight, "family": arguments.family });
-    let fly = |seeds, watch: &Watch<'_>| {
+    let fly = |seeds, watch: &SeedHooks<'_>| {
         campaign::fly(&flight, sim, seeds, arguments.family, watch.0, watch.1)
     };
     in_parts(arguments, Kind::Campaign, settings, count, fly, |rows| {
@@ -259,7 +262,7 @@ fn fly_campaign(arguments: &Arguments, sim: &SimTable, count: u64) -> Result<Ver
 }
 
 /// Whether Ctrl-C came, and what is called after each seed.
-struct Watch<'a>(&'a (dyn Fn() -> bool + Sync), &'a (dyn Fn() + Sync));
+struct SeedHooks<'a>(&'a (dyn Fn() -> bool + Sync), &'a (dyn Fn() + Sync));
 
 /// Flies `count` seeds, or those of the part that is asked for; writes the part, or shows the rows. Bad after Ctrl-C.
 fn in_parts<T: Seeded + Send>(
@@ -267,7 +270,7 @@ fn in_parts<T: Seeded + Send>(
     kind: Kind,
     settings: Value,
     count: u64,
-    fly: impl FnOnce(Range<u64>, &Watch<'_>) -> Result<Vec<T>> + Send,
+    fly: impl FnOnce(Range<u64>, &SeedHooks<'_>) -> Result<Vec<T>> + Send,
     show: impl FnOnce(Vec<T>) -> Result<Verdict>,
 ) -> Result<Verdict> {
     let mut seeds = seeds_from(arguments.seed, count)?;
@@ -282,7 +285,7 @@ fn in_parts<T: Seeded + Send>(
     let interrupt = Interrupt::listen()?;
     let seen = Seeds::of(count, !arguments.json)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
-    let watch = Watch(&|| interrupt.is_asked(), &|| seen.advance());
+    let watch = SeedHooks(&|| interrupt.is_asked(), &|| seen.advance());
     let rows = pool.install(|| fly(seeds, &watch))?;
     seen.end();
     let done = rows.len();
@@ -340,7 +343,7 @@ fn names(arguments: &Arguments) -> [String; 2] {
 
 /// Draws the first flights of each contender over the outline.
 fn draw(
-    place: &Place,
+    place: &FigureFiles,
     names: &[String],
     contenders: &[Contender],
     flown: &[Vec<Flown>],

@@ -1,4 +1,4 @@
-//! What the program says to its reader.
+//! Output of the program on the console.
 //!
 //! Owns the standard output and the standard error. Neither needs a reader: one that is gone, as
 //! `head` once it has its lines, ends no work, least of all a flight, and changes no exit code.
@@ -152,7 +152,7 @@ mod tests {
     fn a_pipe_takes_what_it_has_room_for_and_holds_up_nobody() {
         let (mut reader, writer) = io::pipe().unwrap();
         let line = [b'x'; 10_000];
-        // How much a pipe holds is the system's to say.
+        // The capacity of a pipe depends on the system.
         let taken = (0..1000).take_while(|_| put(writer.as_fd(), &line, PollTimeout::ZERO).is_ok());
         let taken = taken.count();
         assert!(taken < 1000, "a pipe without an end");

@@ -1,11 +1,6 @@
 //! `tello-ctl tune`: numbers of a configuration that fly better.
 //!
-//! Owns the command: what is tried, which progress is printed, what is written. What a number is and where
-//! it stands is `tune/variable.rs`, what better means `tune/objective.rs`, the optimizer `tune/search.rs`.
-
-mod objective;
-mod search;
-mod variable;
+//! Owns the command: what is tried, which progress is printed, what is written. The search is `tello_sim::tuning`.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -13,19 +8,16 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde::Serialize;
-use serde_json::Value;
 use tello_eval::Stopped;
 use tello_flight::Start;
 use tello_flight::cycle::FlightTable;
 use tello_io::clock::Clock;
 use tello_io::config;
 use tello_io::whole_file::{self, write_json};
-use tello_sim::SimTable;
-use tello_sim::batch::{self, Contender};
+use tello_sim::tuning::{
+    Scale, Setup, Trial, Variable, VariableRange, Weigh, Weights, best, minimize,
+};
 
-use self::objective::{Weigh, Weights};
-use self::search::Trial;
-use self::variable::{Range, Scale, Variable};
 use crate::interrupt::Interrupt;
 use crate::sim::{WorldArguments, seeds_from};
 use crate::{Verdict, stdio};
@@ -54,10 +46,10 @@ pub(crate) struct Arguments {
     /// A number to search, and where. KEY is a path as messages write it, e.g. `cycle.mpc.C_u[0]`, or
     /// begins with `mission` for what is flown; several joined with + get one value. Repeatable.
     #[arg(long, value_name = "KEY=LO..HI")]
-    over: Vec<Range>,
+    over: Vec<VariableRange>,
     /// The same, searched by its logarithm: for weights.
     #[arg(long, value_name = "KEY=LO..HI")]
-    over_log: Vec<Range>,
+    over_log: Vec<VariableRange>,
     /// Penalties of a flight beside its time: `distance` (s per m of its median horizontal distance
     /// to the outline), `distance_p95` (of its 95 % quantile), `overshoot` (s per m of its mean overshoot),
     /// `outside` (s if it was further than 0.3 m off), `unfinished` (s in place of the time, and the
@@ -118,17 +110,6 @@ struct Number {
     after: f64,
 }
 
-/// Setup of all trials.
-struct Setup<'a> {
-    /// The flight's settings before.
-    document: Value,
-    variables: Vec<Variable>,
-    weights: Weights,
-    sim: SimTable,
-    seeds: std::ops::Range<u64>,
-    interrupt: &'a Interrupt,
-}
-
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     if !(arguments.step > 0.0 && arguments.step <= 0.5) {
         bail!("--step {}: expected above 0, at most 0.5", arguments.step);
@@ -149,7 +130,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         weights: Weights::new(&arguments.weigh),
         sim: arguments.world.table()?,
         seeds: seeds_from(arguments.seed, arguments.flights)?,
-        interrupt: &interrupt,
     };
     let start = setup.start()?;
     let beside = || arguments.config.with_extension("tuned.json");
@@ -161,10 +141,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
     let trials = pool.install(|| {
         let tries = usize::from(arguments.tries);
-        search::minimize(&start, arguments.step, tries, &mut |x, trials| {
-            let cost = setup.cost(x);
-            if let (Ok(Some(cost)), false) = (&cost, arguments.json) {
-                print_try(&setup.variables, x, *cost, trials, tries, clock.now().seconds());
+        minimize(&start, arguments.step, tries, &mut |x, trials| {
+            let cost = setup.cost(x, &|| interrupt.is_asked());
+            match &cost {
+                Ok(Some(cost)) if !arguments.json => {
+                    print_try(&setup.variables, x, *cost, trials, tries, clock.now().seconds());
+                }
+                Err(reason) if !trials.is_empty() => {
+                    stdio::note(format_args!("refused: {reason:#}"));
+                }
+                _ => {}
             }
             cost
         })
@@ -172,7 +158,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let [first, ..] = &trials[..] else {
         return Err(Stopped("the first try was over").into());
     };
-    let best = search::best(&trials).unwrap_or(first);
+    let best = best(&trials).unwrap_or(first);
     if trials.iter().all(|trial| trial.cost.to_bits() == first.cost.to_bits()) {
         let keys: Vec<&str> = setup.variables.iter().map(Variable::name).collect();
         stdio::note(format_args!(
@@ -180,7 +166,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
             keys.join(", ")
         ));
     }
-    let mut summary = setup.summary(&trials, first, best)?;
+    let mut summary = summary(&setup, &trials, first, best)?;
+    summary.is_interrupted = interrupt.is_asked();
     if best.cost < first.cost {
         let flight = config::from_value(&setup.flight(&best.x)?)?;
         summary.written = save(&out, arguments.force, &mut table, flight)?;
@@ -204,53 +191,22 @@ fn variables(arguments: &Arguments) -> Result<Vec<Variable>> {
     Ok(variables)
 }
 
-impl Setup<'_> {
-    /// Where the search begins: the present numbers, as fractions of their ranges.
-    fn start(&self) -> Result<Vec<f64>> {
-        self.variables.iter().map(|variable| variable.fraction(&self.document)).collect()
-    }
-
-    /// The flight's settings with the numbers at the fractions `x` of their ranges.
-    fn flight(&self, x: &[f64]) -> Result<Value> {
-        let mut document = self.document.clone();
-        for (variable, fraction) in self.variables.iter().zip(x) {
-            variable.set(&mut document, *fraction)?;
-        }
-        Ok(document)
-    }
-
-    /// The cost at `x`; `None` if Ctrl-C came before its last flight.
-    fn cost(&self, x: &[f64]) -> Result<Option<f64>> {
-        let flight: FlightTable = config::from_value(&self.flight(x)?)?;
-        let contender = Contender::new(flight, None)?;
-        let flown = batch::fly(
-            &[contender],
-            &self.sim,
-            self.seeds.clone(),
-            &|| self.interrupt.is_asked(),
-            &|| {},
-        )?;
-        let flown = flown.concat();
-        let is_whole = flown.len() as u64 == self.seeds.end - self.seeds.start;
-        Ok(is_whole.then(|| self.weights.cost(&flown)))
-    }
-
-    fn summary(&self, trials: &[Trial], first: &Trial, best: &Trial) -> Result<Summary> {
-        let after = self.flight(&best.x)?;
-        let number = |variable: &Variable| -> Result<Number> {
-            let (before, after) = (variable.value(&self.document)?, variable.value(&after)?);
-            Ok(Number { key: variable.name().to_owned(), before, after })
-        };
-        Ok(Summary {
-            tries: trials.len(),
-            is_interrupted: self.interrupt.is_asked(),
-            cost_before: first.cost,
-            cost: best.cost,
-            weights: self.weights,
-            numbers: self.variables.iter().map(number).collect::<Result<_>>()?,
-            written: Vec::new(),
-        })
-    }
+/// The result of `trials`; nothing was written and nothing interrupted so far.
+fn summary(setup: &Setup, trials: &[Trial], first: &Trial, best: &Trial) -> Result<Summary> {
+    let after = setup.flight(&best.x)?;
+    let number = |variable: &Variable| -> Result<Number> {
+        let (before, after) = (variable.value(&setup.document)?, variable.value(&after)?);
+        Ok(Number { key: variable.name().to_owned(), before, after })
+    };
+    Ok(Summary {
+        tries: trials.len(),
+        is_interrupted: false,
+        cost_before: first.cost,
+        cost: best.cost,
+        weights: setup.weights,
+        numbers: setup.variables.iter().map(number).collect::<Result<_>>()?,
+        written: Vec::new(),
+    })
 }
 
 /// A line about the try at `x`, which comes after `trials`.
@@ -263,7 +219,7 @@ fn print_try(
     elapsed_s: f64,
 ) {
     let done = trials.len() + 1;
-    let best = search::best(trials).map_or(cost, |best| best.cost.min(cost));
+    let best = best(trials).map_or(cost, |best| best.cost.min(cost));
     let left_s = elapsed_s / done as f64 * (tries - done) as f64;
     let numbers: Vec<String> = variables
         .iter()

@@ -313,8 +313,8 @@ where
         std::mem::swap(&mut self.expansion.stages, &mut self.trial_stages);
     }
 
-    /// Fills the states of the trial from its inputs, and with [`RollOut::StatesAndDynamics`] the linear dynamics. Returns the
-    /// cost of the trial.
+    /// Fills the states of the trial from its inputs, and with [`RollOut::StatesAndDynamics`] the linear
+    /// dynamics. Returns the cost of the trial.
     fn roll_out(
         &mut self,
         problem: &MpcProblem<'_, NS, NU, NP>,

@@ -100,9 +100,9 @@ pub struct ProfilePoint {
 pub struct DelayProfile<const NP: usize> {
     /// Input rows of the group.
     pub rows: Vec<usize>,
-    /// Points by ascending dead time: the candidates and the minimum between them. Costs are differences to the minimum,
-    /// integrated from gradients with all groups shifted together. The curve ends where the cost is far above the
-    /// minimum. s, 1
+    /// Points by ascending dead time: the candidates and the minimum between them. Costs are differences to the
+    /// minimum, integrated from gradients with all groups shifted together. The curve ends where the cost is far
+    /// above the minimum. s, 1
     pub curve: Vec<ProfilePoint>,
     /// Where the cost is least, the other groups at their best; where the search started unless there
     /// is a minimum. s

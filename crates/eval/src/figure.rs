@@ -4,7 +4,7 @@
 //! [`Figure`]. It computes nothing that a report would quote except histograms, densities and the
 //! autocorrelation, and refuses types of the estimator: rows come with [`horizon_model::Row`], values
 //! as slices, absent values as NaN. Values that cannot be drawn (NaN, infinite) leave gaps; a panel
-//! without any value says "no data". Equal data give equal bytes.
+//! without any value shows "no data". Equal data give equal bytes.
 //!
 //! The drawing is ours and small: `docs/decisions/0011-figures.md` has the comparison with the
 //! plotting libraries.
@@ -52,12 +52,12 @@ use tello_io::whole_file;
 
 /// Where a figure goes: a folder that exists, and a name without its ending.
 #[derive(Debug, Clone)]
-pub struct Place {
+pub struct FigureFiles {
     dir: PathBuf,
     stem: String,
 }
 
-impl Place {
+impl FigureFiles {
     /// The place of `name.svg` and `name.png`, whose folder is created if it is missing. An ending of `name` is
     /// dropped.
     ///
@@ -100,12 +100,12 @@ impl Place {
     }
 }
 
-/// Writes `figure` to `dir`, which is created if it is missing, as [`Place::save`].
+/// Writes `figure` to `dir`, which is created if it is missing, as [`FigureFiles::save`].
 ///
 /// # Errors
-/// The folder cannot be made; those of [`Place::save`].
+/// The folder cannot be made; those of [`FigureFiles::save`].
 pub fn save(dir: &Path, name: &str, figure: &Figure) -> Result<[PathBuf; 2]> {
-    Place::inside(dir, name.to_owned())?.save(figure)
+    FigureFiles::inside(dir, name.to_owned())?.save(figure)
 }
 
 /// Name and unit of a row as an axis shows them; a ratio has no unit.

@@ -2,7 +2,6 @@
 //!
 //! Bytes and files are `io::log`; channels and their schemas are [`Topic`].
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -18,10 +17,10 @@ use tello_io::tello::LinkReport;
 
 use crate::{REVISION, scene};
 
-/// How the mocap stream does: about the link, not of a tick, so that no replay repeats it.
+/// State of the mocap stream: about the link, not of a tick, so that no replay repeats it.
 pub const STREAM: &str = "/vicon/stream";
 
-/// How the link to the drone does, and what was sent in place of the control thread: no replay repeats it.
+/// State of the link to the drone, and what was sent in place of the control thread: no replay repeats it.
 pub const LINK: &str = "/tello/link";
 
 /// Document of a log that repeats another one: its flight is counted there.
@@ -30,8 +29,8 @@ const REPLAY: &str = "replay.json";
 /// Document of a log whose vehicle was simulated. Logs of older versions have none.
 const SIMULATED: &str = "simulated.json";
 
-/// Keys of earlier settings that are no more, each with the pointer to its parent.
-const NO_MORE: [(&str, &str); 1] = [("/cycle/monitors", "unproven_stick_max")];
+/// Removed keys of earlier settings, each with the pointer to its parent.
+const REMOVED_KEYS: [(&str, &str); 1] = [("/cycle/monitors", "unproven_stick_max")];
 
 /// Record of one tick in the log.
 #[derive(Debug, Clone)]
@@ -51,9 +50,18 @@ impl TickRecord {
     }
 }
 
-/// Creates the log of a flight at `path`, with its settings at the head.
-///
-/// `shape` is any outcome of the flight's cycle.
+/// Where the ticks of a log come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Origin {
+    /// A flight.
+    Flown,
+    /// A flight of a simulated vehicle.
+    Simulated,
+    /// Another log, repeated.
+    Repeated,
+}
+
+/// Creates the log of a flight at `path`, with its settings at the head; arguments as [`create_of`].
 ///
 /// # Errors
 /// As [`LogWriter::create`].
@@ -63,50 +71,34 @@ pub fn create(
     started_unix_ns: u64,
     shape: &Outcome,
 ) -> Result<LogWriter> {
-    create_with(path, flight, started_unix_ns, shape, BTreeMap::new())
+    create_of(Origin::Flown, path, flight, started_unix_ns, shape)
 }
 
-/// Creates the log of a flight of a simulated vehicle, marked as such; arguments as [`create`].
+/// Creates the log at `path` of ticks from `origin`, marked as such, with the settings of the flight at its head.
+///
+/// `shape` is any outcome of the flight's cycle.
 ///
 /// # Errors
 /// As [`LogWriter::create`].
-pub fn create_simulated(
+pub fn create_of(
+    origin: Origin,
     path: &Path,
     flight: &FlightTable,
     started_unix_ns: u64,
     shape: &Outcome,
 ) -> Result<LogWriter> {
-    let mark = BTreeMap::from([(SIMULATED.to_owned(), "{ \"is_simulated\": true }".to_owned())]);
-    create_with(path, flight, started_unix_ns, shape, mark)
-}
-
-/// Creates the log of a repeated flight, marked as such; arguments as [`create`].
-///
-/// # Errors
-/// As [`LogWriter::create`].
-pub fn create_replay(
-    path: &Path,
-    flight: &FlightTable,
-    started_unix_ns: u64,
-    shape: &Outcome,
-) -> Result<LogWriter> {
-    let is_replay = BTreeMap::from([(REPLAY.to_owned(), "{ \"is_replay\": true }".to_owned())]);
-    create_with(path, flight, started_unix_ns, shape, is_replay)
-}
-
-fn create_with(
-    path: &Path,
-    flight: &FlightTable,
-    started_unix_ns: u64,
-    shape: &Outcome,
-    mut documents: BTreeMap<String, String>,
-) -> Result<LogWriter> {
-    documents.insert(CONFIG.to_owned(), serde_json::to_string_pretty(flight)?);
+    let mark = match origin {
+        Origin::Flown => None,
+        Origin::Simulated => Some((SIMULATED, "{ \"is_simulated\": true }")),
+        Origin::Repeated => Some((REPLAY, "{ \"is_replay\": true }")),
+    };
+    let settings = serde_json::to_string_pretty(flight)?;
+    let documents = mark.map(|(name, text)| (name.to_owned(), text.to_owned()));
     let head = Head {
         started_unix_ns,
         version: env!("CARGO_PKG_VERSION").to_owned(),
         revision: REVISION.to_owned(),
-        documents,
+        documents: documents.into_iter().chain([(CONFIG.to_owned(), settings)]).collect(),
     };
     Ok(LogWriter::create(path, &head, &channels(shape))?)
 }
@@ -116,7 +108,7 @@ pub fn is_replay(log: &LogReader) -> bool {
     log.head().documents.contains_key(REPLAY)
 }
 
-/// Whether the log says that its vehicle was simulated.
+/// Whether the log is marked as one of a simulated vehicle.
 pub fn is_simulated(log: &LogReader) -> bool {
     log.head().documents.contains_key(SIMULATED)
 }
@@ -181,10 +173,10 @@ pub fn settings(log: &LogReader, path: &Path) -> Result<FlightTable> {
     })
 }
 
-/// The settings `text`; keys that are no more and were null changed nothing.
+/// The settings `text`; removed keys that were null changed nothing.
 fn read_settings(text: &str) -> Result<FlightTable> {
     let mut table: Value = serde_json::from_str(text)?;
-    for (parent, key) in NO_MORE {
+    for (parent, key) in REMOVED_KEYS {
         if let Some(Value::Object(parent)) = table.pointer_mut(parent)
             && parent.get(key) == Some(&Value::Null)
         {

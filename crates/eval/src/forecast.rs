@@ -24,9 +24,9 @@ pub trait Forecast {
 
 /// The vehicle stays where it is.
 #[derive(Debug, Clone, Copy)]
-pub struct Hold;
+pub struct StandStill;
 
-impl Forecast for Hold {
+impl Forecast for StandStill {
     fn predict(&self, track: &MotionTrack, start: usize, ahead: &mut [Pose]) {
         ahead.fill(track.pose[start]);
     }

@@ -2,6 +2,7 @@
 //!
 //! | file                      | owns                                                                  |
 //! |---------------------------|-----------------------------------------------------------------------|
+//! | `bench.rs`                | checks of a real drone, and what their record shows                   |
 //! | `flight_log.rs`           | which records a tick leaves in a log, and how a flight is found again |
 //! | `excitation.rs`           | a flight for identification                                           |
 //! | `recordings.rs`           | recorded flights from files and folders                               |
@@ -10,11 +11,14 @@
 //! | `forecast.rs`             | errors of forecasts of any maker                                      |
 //! | `predicted_trajectory.rs` | predicted trajectory for viewers                                      |
 //! | `view_numbers.rs`         | fewer points and digits for viewers                                   |
-//! | `metrics.rs`              | what a flight was worth                                               |
+//! | `metrics.rs`              | metrics of a flight                                                   |
+//! | `flight_summary.rs`       | the summary of a flight that is over                                  |
+//! | `facts.rs`                | facts of a flight for its viewers                                     |
 //! | `statistics.rs`           | quantiles and intervals                                               |
 //! | `figure.rs`               | figures as SVG and PNG                                                |
 //! | `scene.rs`                | the scene in a log, for viewers                                       |
 //! | `ros2.rs`                 | a log as messages of ROS 2                                            |
+//! | `log_tables.rs`           | a log as CSV tables                                                   |
 //! | `replay.rs`               | recorded flights through the tick again                               |
 //! | `ident.rs`                | identification from recordings, its files and figures                 |
 //! | `parameter_file.rs`       | identified parameters on their way to settings                        |
@@ -24,11 +28,15 @@
 //!
 //! It writes and reads files, and opens no socket.
 
+pub mod bench;
 mod excitation;
+pub mod facts;
 pub mod figure;
 pub mod flight_log;
+pub mod flight_summary;
 pub mod forecast;
 pub mod ident;
+pub mod log_tables;
 pub mod metrics;
 pub mod outage;
 pub mod parameter_file;
@@ -47,7 +55,7 @@ pub mod view_numbers;
 pub use excitation::Excitation;
 pub use statistics::{Centre, interval, quantile, quantiles, rate_interval};
 
-/// Somebody ended the work before this was so.
+/// The work was stopped by request before it was complete.
 #[derive(Debug, thiserror::Error)]
 #[error("stopped before {0}")]
 pub struct Stopped(pub &'static str);

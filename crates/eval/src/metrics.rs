@@ -3,9 +3,9 @@
 //! The clock of `finish_s`, and with it all samples, starts when the controller has reached its first
 //! target; for a path that is when it has settled there (`start.settle_s`), so waiting at the start is
 //! free. `since_entry_s` starts earlier: when the pose first comes within reach of the first target.
-//! Both stop at the last target. Distances are horizontal, to the outline of the reference path. Whose word
-//! counts for reaching the last is the difference between a [`FlownTrack`], which takes the count of the controller,
-//! and a [`Judge`], which does not.
+//! Both stop at the last target. Distances are horizontal, to the outline of the reference path. Which
+//! count decides that the last is reached is the difference between a [`FlownTrack`], which takes that of the
+//! controller, and a [`Judge`], which has its own.
 
 mod clearance;
 mod corner;

@@ -91,14 +91,14 @@ pub struct DataFile {
     pub sha256: String,
     /// Steps in it.
     pub steps: usize,
-    /// Whether its vehicle was simulated; missing if not, or if the log does not say so.
+    /// Whether its vehicle was simulated; missing if not, or if the log does not state it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_simulated: bool,
 }
 
 /// Settings that a parameter file replaces a part of.
 pub trait TakesParameters {
-    /// Replaces what `file`, which is checked, says better.
+    /// Replaces what `file`, which is checked, knows better.
     ///
     /// # Errors
     /// The file is of a model that these settings cannot use, or does not fit to the rest of them.

@@ -141,7 +141,7 @@ impl PartHeader {
         &self.revision
     }
 
-    /// Why a part with the header `other` does not belong to this one.
+    /// Why a part with the header `other` does not belong to this one; `None` if it does.
     pub fn difference(&self, other: &Self) -> Option<String> {
         let differs = |what: &str, ours: &dyn std::fmt::Debug, theirs: &dyn std::fmt::Debug| {
             Some(format!("another {what}: {theirs:?} in place of {ours:?}"))

@@ -54,7 +54,7 @@ pub struct Loaded {
     pub path: PathBuf,
     /// SHA-256 of the file's bytes, hexadecimal.
     pub sha256: String,
-    /// Whether it says that its vehicle was simulated.
+    /// Whether it is marked as one of a simulated vehicle.
     pub is_simulated: bool,
     /// Every step of [`PERIOD_S`], the missing ones included. What is not accepted is not observed.
     pub recording: Recording<{ stick::COUNT }, { pose::COUNT }>,
@@ -90,33 +90,48 @@ pub struct FileSkipped {
 pub fn load(paths: &[PathBuf]) -> Result<(Vec<Loaded>, Vec<FileSkipped>)> {
     let filter = &config::fly(None, None)?.0.cycle.filter;
     let filter = filter.try_into().map_err(|error: SettingError| error.under("cycle.filter"))?;
+    read_once(
+        paths,
+        |path| load_one(path, filter),
+        |log: &Loaded| (log.sha256.as_str(), &log.motions),
+    )
+}
+
+/// What `read` makes of each recording in `paths`, in the order of [`find`]; and the files that cannot be used, with
+/// the reason. `key` gives the SHA-256 of its bytes and its motions: of the copies of a flight one is used.
+///
+/// # Errors
+/// As [`find`].
+pub(crate) fn read_once<T: Send>(
+    paths: &[PathBuf],
+    read: impl Fn(&Path) -> Result<T> + Sync,
+    key: impl Fn(&T) -> (&str, &Motions),
+) -> Result<(Vec<T>, Vec<FileSkipped>)> {
     let (files, mut unusable) = find(paths)?;
-    let results: Vec<Result<Loaded>> =
-        files.par_iter().map(|path| load_one(path, filter)).collect();
-    let mut read = Vec::with_capacity(files.len());
+    let results: Vec<Result<T>> = files.par_iter().map(|path| read(path)).collect();
+    let mut known = Vec::with_capacity(files.len());
     for (path, result) in files.into_iter().zip(results) {
         match result {
-            Ok(log) => read.push(log),
+            Ok(one) => known.push((path, one)),
             Err(error) => unusable.push(FileSkipped { path, why: format!("{error:#}") }),
         }
     }
     // Twice the same flight would count as two.
-    let known: Vec<_> = read.iter().map(|log| (log.sha256.as_str(), &log.motions)).collect();
-    let originals = known_flights::originals(&known);
-    let why = |(log, original): (&Loaded, &Option<usize>)| {
-        let original: &Loaded = &read[(*original)?];
-        let what = if original.sha256 == log.sha256 { "bytes" } else { "poses" };
-        Some(format!("its {what} are those of {}", original.path.display()))
+    let keys: Vec<_> = known.iter().map(|(_, one)| key(one)).collect();
+    let why = |(index, original): (usize, Option<usize>)| {
+        let original = original?;
+        let what = if keys[original].0 == keys[index].0 { "bytes" } else { "poses" };
+        Some(format!("its {what} are those of {}", known[original].0.display()))
     };
-    let whys: Vec<_> = read.iter().zip(&originals).map(why).collect();
-    let mut loaded = Vec::with_capacity(read.len());
-    for (log, why) in read.into_iter().zip(whys) {
+    let whys: Vec<_> = known_flights::originals(&keys).into_iter().enumerate().map(why).collect();
+    let mut once = Vec::with_capacity(known.len());
+    for ((path, one), why) in known.into_iter().zip(whys) {
         match why {
-            None => loaded.push(log),
-            Some(why) => unusable.push(FileSkipped { path: log.path, why }),
+            None => once.push(one),
+            Some(why) => unusable.push(FileSkipped { path, why }),
         }
     }
-    Ok((loaded, unusable))
+    Ok((once, unusable))
 }
 
 /// The files that `paths` name, each once: a file as it is, of a folder every recording by its name,
@@ -236,7 +251,7 @@ fn because(error: anyhow::Error, skipped: &[String]) -> anyhow::Error {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Sample {
     step: u64,
-    /// Sticks sent, if it says so.
+    /// Sticks sent, if the file has them.
     u: Option<Sticks>,
     o: Observed<{ pose::COUNT }>,
     /// Whether no vehicle gets to this pose from the one before it.

@@ -34,7 +34,7 @@ pub struct Options<'a> {
 }
 
 /// Watches a log of ours while it is repeated: gets the settings, and each tick with its logged times.
-pub type Watch<'a> = &'a mut dyn FnMut(&FlightTable, &TickRecord) -> Result<()>;
+pub type TickObserver<'a> = &'a mut dyn FnMut(&FlightTable, &TickRecord) -> Result<()>;
 
 /// Result of a replay.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -77,7 +77,11 @@ impl Display for Replayed {
 ///
 /// # Errors
 /// A file cannot be read, or what is asked for does not fit to it; the first error of `watch`.
-pub fn run(logs: &[PathBuf], options: &Options<'_>, watch: Option<Watch<'_>>) -> Result<Replayed> {
+pub fn run(
+    logs: &[PathBuf],
+    options: &Options<'_>,
+    watch: Option<TickObserver<'_>>,
+) -> Result<Replayed> {
     let (logs, unnamed) = recordings::find(logs)?;
     if let Some(FileSkipped { path, why }) = unnamed.first() {
         bail!("{}: {why}", path.display());
@@ -108,7 +112,7 @@ mod tests {
 
     use super::*;
 
-    fn refused(name: &str, content: &str, watch: Option<Watch<'_>>) -> String {
+    fn refused(name: &str, content: &str, watch: Option<TickObserver<'_>>) -> String {
         let name = format!("tello-ctl-replay-{}-{name}", std::process::id());
         let path = std::env::temp_dir().join(name);
         fs::write(&path, content).unwrap();

@@ -21,7 +21,7 @@ use group::{Comparison, Group, Looked};
 use page::{GENERATOR, Shown};
 use pictures::Picture;
 use quantity::{Quantity, Spread};
-use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
@@ -135,49 +135,27 @@ pub fn replaces_a_page(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Within which a page says by which program it was made. bytes
+/// Within which a page names the program that made it. bytes
 const HEAD_BYTES: u64 = 1024;
 
 /// The flights in `paths`; those that cannot be used go to `unusable`.
 fn read(paths: &[PathBuf], unusable: &mut Vec<Unusable>) -> Result<Group> {
     let before = unusable.len();
-    let (files, unnamed) = recordings::find(paths)?;
-    let unnamed = unnamed.into_iter();
-    unusable.extend(unnamed.map(|FileSkipped { path: file, why }| Unusable { file, why }));
-    // Reading the flight refuses a file without end, of which the checksum would never be done.
-    let read = |file: &PathBuf| {
-        let looked = Looked::at(Flight::read(file)?);
-        Ok((checksum(file)?, looked))
+    let read = |path: &Path| -> Result<(String, Motions, Looked)> {
+        // Reading the flight refuses a file without end, of which the checksum would never be done.
+        let looked = Looked::at(Flight::read(path)?);
+        // A replay has the poses of its log and is no copy.
+        let motions = match looked.flight.unjudged {
+            None => known_flights::of_ticks(&looked.flight.ticks),
+            Some(_) => Motions::new(),
+        };
+        Ok((checksum(path)?, motions, looked))
     };
-    let results: Vec<Result<(String, Looked)>> = files.par_iter().map(read).collect();
-    let mut seen = Vec::with_capacity(files.len());
-    for (file, result) in files.into_iter().zip(results) {
-        match result {
-            Ok((sum, one)) => seen.push((file, sum, one)),
-            Err(error) => unusable.push(Unusable { file, why: format!("{error:#}") }),
-        }
-    }
-    // A copy is no second flight. A replay has the poses of its log and is none.
-    let motions = |one: &Looked| match one.flight.unjudged {
-        None => known_flights::of_ticks(&one.flight.ticks),
-        Some(_) => Motions::new(),
-    };
-    let motions: Vec<Motions> = seen.par_iter().map(|(_, _, one)| motions(one)).collect();
-    let known: Vec<_> =
-        seen.iter().zip(&motions).map(|((_, sum, _), motions)| (sum.as_str(), motions)).collect();
-    let originals = known_flights::originals(&known);
-    let first: Vec<_> = seen.iter().map(|(file, sum, _)| (file.clone(), sum.clone())).collect();
-    let mut looked = Vec::with_capacity(seen.len());
-    for ((file, sum, one), original) in seen.into_iter().zip(originals) {
-        match original.map(|original| &first[original]) {
-            Some((original, its_sum)) => {
-                let what = if *its_sum == sum { "bytes" } else { "poses" };
-                let why = format!("the same {what} as {}", original.display());
-                unusable.push(Unusable { file, why });
-            }
-            None => looked.push(one),
-        }
-    }
+    let (read, skipped) =
+        recordings::read_once(paths, read, |(sum, motions, _)| (sum.as_str(), motions))?;
+    let skipped = skipped.into_iter();
+    unusable.extend(skipped.map(|FileSkipped { path: file, why }| Unusable { file, why }));
+    let looked: Vec<Looked> = read.into_iter().map(|(_, _, one)| one).collect();
     if looked.is_empty() {
         let why: Vec<String> = unusable[before..].iter().map(Unusable::to_string).collect();
         bail!("there is no flight to report: {}", why.join("; "));

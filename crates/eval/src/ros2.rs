@@ -20,7 +20,7 @@ use tello_flight::drone::DroneStatus;
 use tello_io::log::{Channel, Ending, LogReader, LogWriter};
 
 use crate::scene;
-use cdr::{Cdr, Place};
+use cdr::{Cdr, PoseNumbers};
 pub use kind::Kind;
 
 /// Frames: the room, and the vehicle in it.
@@ -214,7 +214,7 @@ pub(crate) fn numbers(stamp_ns: u64, names: &[impl AsRef<str>], values: &[f64]) 
 }
 
 /// Position, and the turn by theta about z.
-pub(crate) fn place([x, y, z, theta]: [f64; 4]) -> Place {
+pub(crate) fn place([x, y, z, theta]: [f64; 4]) -> PoseNumbers {
     let (sin, cos) = (0.5 * theta).sin_cos();
     ([x, y, z], [0.0, 0.0, sin, cos])
 }
@@ -244,18 +244,18 @@ fn of_state(stamp_ns: u64, record: &Map<String, Value>) -> Vec<RosMessage> {
     messages
 }
 
-fn record_place(data: &[u8]) -> Result<Place, serde_json::Error> {
+fn record_place(data: &[u8]) -> Result<PoseNumbers, serde_json::Error> {
     let at = serde_json::from_slice::<PoseRecord>(data)?.pose();
     Ok(place([at[pose::X], at[pose::Y], at[pose::Z], at[pose::THETA]]))
 }
 
-fn pose_stamped(stamp_ns: u64, place: &Place) -> Vec<u8> {
+fn pose_stamped(stamp_ns: u64, place: &PoseNumbers) -> Vec<u8> {
     let mut cdr = Cdr::with_header(stamp_ns, WORLD);
     cdr.place(place);
     cdr.into_bytes()
 }
 
-fn transform(stamp_ns: u64, place: &Place) -> Vec<u8> {
+fn transform(stamp_ns: u64, place: &PoseNumbers) -> Vec<u8> {
     let mut cdr = Cdr::new();
     cdr.count(1);
     cdr.header(stamp_ns, WORLD);

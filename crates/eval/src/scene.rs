@@ -1,8 +1,8 @@
 //! A flight for the eyes: what viewers of the field draw without set-up, beside our own channels.
 //!
 //! Owns the channels under `/scene`, what they show and how often: Foxglove's published kinds in Protocol Buffers,
-//! and the plots as ROS 2 numbers with names. It is written by the log's thread, never in the tick; it says nothing
-//! that our own channels do not say, and of ours only `ros2` reads it.
+//! and the plots as ROS 2 numbers with names. It is written by the log's thread, never in the tick; it holds nothing
+//! that our own channels do not hold, and of ours only `ros2` reads it.
 
 mod shapes;
 

@@ -3,8 +3,8 @@
 //! The only place of the project, but for benchmarks, that reads a clock. Code that needs a time gets a
 //! [`TimeNs`] as an argument or a [`Clock`] to ask; decisions are made on stamps, never on a clock.
 
-mod arrival;
 mod civil;
+mod frame_arrival;
 mod phase;
 mod real_time;
 mod ticker;
@@ -13,8 +13,8 @@ use std::time::SystemTime;
 
 use nix::time::{ClockId, clock_gettime};
 
-pub use arrival::Arrival;
 pub use civil::{CivilTime, TimeOfDay};
+pub use frame_arrival::Arrival;
 pub use real_time::{RealTimeWarning, Role, request_priority, request_real_time};
 pub use tello_flight::time::{SpanNs, TimeNs};
 pub use ticker::{Beat, Ticker, TickerError};

@@ -24,7 +24,7 @@ use crate::tello::TelloTable;
 use crate::whole_file;
 
 use objects::Objects;
-use place::Place;
+use place::KeyPath;
 
 pub use problems::{Problems, SettingProblem, fly_problems, mission_problems, problems};
 
@@ -277,7 +277,7 @@ fn value(text: &str) -> Result<Value> {
 
 /// `error` with its place in `text`.
 fn refusal(error: &serde_path_to_error::Error<serde_json::Error>, text: &str) -> anyhow::Error {
-    match Place::of_path(error.path()).in_text(text) {
+    match KeyPath::of_path(error.path()).in_text(text) {
         Some((line, column)) => anyhow!("{error} at line {line} column {column}"),
         None => anyhow!("{error}"),
     }

@@ -1,7 +1,7 @@
 //! Messages to the standard error while a picture has the terminal.
 //!
 //! Owns the standard error from [`Messages::hold`] on: it goes into a queue of the last lines, from there to
-//! the code that draws them, and at the end to where it belonged. It refuses to draw.
+//! the code that draws them, and at the end to where it belonged. Does not draw.
 
 use std::collections::VecDeque;
 use std::io::{self, BufRead, BufReader, PipeReader, Read, Write};
@@ -69,7 +69,7 @@ impl Drop for Messages {
         }
         let kept = self.newest.0.lock();
         let mut stderr = io::stderr().lock();
-        // No terminal, no reader.
+        // A failed write is ignored: there is no other place for these lines.
         if kept.lost > 0 {
             writeln!(stderr, "({} earlier messages are lost)", kept.lost).ok();
         }

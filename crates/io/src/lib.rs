@@ -10,6 +10,7 @@ pub mod clock;
 pub mod config;
 mod counter;
 pub mod held_messages;
+pub mod link_diagnosis;
 pub mod log;
 pub mod manual;
 pub mod mocap;

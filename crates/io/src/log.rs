@@ -28,7 +28,7 @@ mod writer;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
@@ -126,17 +126,11 @@ pub enum LogError {
         /// The file in the way.
         path: PathBuf,
     },
-    /// The file could not be created; is its folder there and writable?
-    #[error("cannot create {}: {source}", path.display())]
-    Create {
-        /// The file that was asked for.
-        path: PathBuf,
-        /// The error of the operating system.
-        source: io::Error,
-    },
-    /// The disk refused. What was flushed before is in the file; the log is to be given up.
-    #[error("cannot write to {}: {source}", path.display())]
-    Write {
+    /// The operating system refused. After a refused write the log is to be given up: it has what was flushed before.
+    #[error("cannot {what} {}: {source}", path.display())]
+    Io {
+        /// What could not be done: create, open, read, write to, start the thread that writes.
+        what: &'static str,
         /// The log.
         path: PathBuf,
         /// The error of the operating system.
@@ -158,33 +152,9 @@ pub enum LogError {
         /// Error of the encoder.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
-    /// The thread that writes the log could not be started.
-    #[error("cannot start the thread that writes {}: {source}", path.display())]
-    Thread {
-        /// The log.
-        path: PathBuf,
-        /// The error of the operating system.
-        source: io::Error,
-    },
     /// The thread that writes the log panicked.
     #[error("the thread that writes the log panicked; the log ends at its last flush")]
     ThreadPanicked,
-    /// The file could not be opened.
-    #[error("cannot open {}: {source}", path.display())]
-    Open {
-        /// The file that was asked for.
-        path: PathBuf,
-        /// The error of the operating system.
-        source: io::Error,
-    },
-    /// The disk failed while the file was read. A file that merely ends early is an [`Ending`].
-    #[error("cannot read {}: {source}", path.display())]
-    Read {
-        /// The log.
-        path: PathBuf,
-        /// The error of the operating system.
-        source: io::Error,
-    },
     /// The file is something else, or was cut off before its head was complete.
     #[error("{} is not a log of tello-ctl: {why}", path.display())]
     NotALog {
@@ -203,4 +173,9 @@ pub enum LogError {
         /// Key and position of the mismatch.
         source: serde_json::Error,
     },
+}
+
+/// Makes the error of an operating system that refused to do `what` with the log.
+fn io_error(what: &'static str, path: &Path) -> impl FnOnce(io::Error) -> LogError {
+    move |source| LogError::Io { what, path: path.to_owned(), source }
 }

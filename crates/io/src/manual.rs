@@ -122,7 +122,7 @@ impl Person {
         Hand { has_expired: note.is_some(), ..hand }
     }
 
-    /// Tells the person that their order to take off counts no more. Real time: never waits.
+    /// Notifies the person that their order to take off counts no more. Real time: never waits.
     pub fn note_lapsed_take_off(&self) {
         self.notes.leave(Note::TakeOffLapsed);
     }

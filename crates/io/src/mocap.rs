@@ -27,16 +27,15 @@ mod survey;
 pub mod vrpn;
 mod wire;
 
-pub use axes::{Axes, Axis, FrameTable, Placement, Unit, quaternion_of_matrix};
+pub use axes::{Axes, FrameTable, Placement, SourceAxis, Unit, quaternion_of_matrix};
 pub use body::{ABOUT_Z, Body, matrix_of_angles};
 pub use client::{MocapClient, MocapFeed};
 pub use lines::{LINE_BYTES_MAX, Lines};
-pub use protocol::{Absence, Head, Name, Taker};
 pub use relay::{RelayPose, format_line, parse_line};
 pub use settings::{
     MocapKind, MocapSettings, MocapTable, NatnetTable, QtmTable, ServerTable, UdpTable, VrpnTable,
 };
-pub use source::{Frame, Refusal, SourceError};
+pub use source::{Refusal, SourceError, SourceFrame};
 pub use stamp_numbers::StampNumbers;
 pub use statistics::{MocapCounters, SincePose, StreamReport};
 pub use stream::MocapStream;

@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 pub use bind::LinkError;
 pub use client::{DroneClient, DroneLink, OrderError};
-pub use guardian::{Duty, Guardian, GuardianReport, Heartbeat, Post, WatchEnd};
+pub use guardian::{Duty, Guardian, GuardianReport, GuardianSockets, Heartbeat, WatchEnd};
 use protocol::{Answer, FlightStatus, Version};
 pub use report::LinkReport;
 pub use session::{Message, STATE_PORT, Session, TOF_FLYING_M};
@@ -237,15 +237,15 @@ impl LinkCounters {
         *self.facts.lock()
     }
 
-    /// The words of the newest refusal, at most 80 characters; text SDK only.
+    /// Text of the newest refusal, at most 80 characters; text SDK only; `None` before the first.
     pub fn refusal(&self) -> Option<String> {
         self.refusal.lock().clone()
     }
 
-    fn note_refusal(&self, words: &[u8]) {
-        let words = String::from_utf8_lossy(words).trim().chars().take(REFUSAL_CHARS).collect();
+    fn note_refusal(&self, text: &[u8]) {
+        let text = String::from_utf8_lossy(text).trim().chars().take(REFUSAL_CHARS).collect();
         self.refusals.count();
-        *self.refusal.lock() = Some(words);
+        *self.refusal.lock() = Some(text);
     }
 
     fn note(&self, answer: Answer) {

@@ -22,9 +22,8 @@ use tello_flight::{FaultSet, Room};
 use crate::seeds::fly_each;
 use crate::virtual_time::VirtualFlight;
 use crate::{DroneTable, ScriptedFault, SimTable};
-pub use family::Family;
-pub(crate) use family::{Draw, draw};
-use judge::{End, Judge, Reaction, TickView, Violation};
+pub use family::{Draw, Family, draw};
+use judge::{End, Judge, MeasuredReaction, TickView, Violation};
 use table::FamilyRow;
 use tello_flight::cycle::FlightTable;
 
@@ -46,7 +45,7 @@ pub struct CampaignRow {
     /// Furthest outside of the room while the drone obeyed. m
     excess_m: f64,
     /// From the moment on in which the first fault could be observed; null if the flight was over.
-    reaction: Option<Reaction>,
+    reaction: Option<MeasuredReaction>,
     violations: Vec<Violation>,
 }
 

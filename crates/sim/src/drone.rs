@@ -161,7 +161,7 @@ impl Drone {
     /// Simulates one step of [`DT_S`].
     pub fn advance(&mut self) {
         self.link_is_up = self.radio.step();
-        let is_held = !self.link_is_up && self.radio.is_held();
+        let is_held = !self.link_is_up && self.radio.is_held;
         if !is_held {
             self.u_received = self.u_latched;
         }
@@ -349,7 +349,7 @@ impl Drone {
     }
 
     /// How it moves.
-    pub(crate) fn plant(&self) -> &Plant {
+    pub fn plant(&self) -> &Plant {
         &self.plant
     }
 

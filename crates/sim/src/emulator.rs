@@ -2,7 +2,7 @@
 //!
 //! Owns the thread that lives through the world in real time: every 20 ms it hears what was sent to
 //! the drone, advances the world and speaks. A command heard between two steps acts in the next one,
-//! as in virtual time. Sockets are polled, never waited for, so that the pace is the ticker's alone.
+//! as in virtual time. Sockets are polled, never waited for, so that the rate is the ticker's alone.
 
 mod clients;
 mod datastream;
@@ -187,7 +187,7 @@ impl WorldThread {
     fn show_between(&mut self, due: TimeNs) {
         let (rate_hz, step) = {
             let world = self.world.lock();
-            let rate_hz = world.mocap_rate_hz();
+            let rate_hz = world.mocap_rate_hz;
             for (frame, change) in world.moving_frames() {
                 if u64::from(frame.number) == world.step() {
                     continue;

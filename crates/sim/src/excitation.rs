@@ -77,7 +77,7 @@ impl ManualFlight {
         let mut plant = Plant::new(*params, start, Velocity::default(), seed)?;
         let mut mocap = Mocap::new(profile, seed);
         let mut radio = Radio::new(profile, seed);
-        let mut pilot = Pilot::new(seed);
+        let mut pilot = ExcitationPilot::new(seed);
         let mut flight = Self {
             u_sent: Vec::with_capacity(steps),
             reports: Vec::with_capacity(steps),
@@ -99,7 +99,7 @@ impl ManualFlight {
 
 /// Four keys, smoothed to sticks.
 #[derive(Debug, Clone)]
-struct Pilot {
+struct ExcitationPilot {
     random: Random,
     /// Pressed direction of each axis: -1, 0 or 1.
     keys: Sticks,
@@ -108,7 +108,7 @@ struct Pilot {
     sticks: Sticks,
 }
 
-impl Pilot {
+impl ExcitationPilot {
     fn new(seed: u64) -> Self {
         let mut random = Random::new(seed, Purpose::Pilot);
         let remaining_s = Sticks::from_fn(|axis, _| random.exponential(HABITS[axis].pause_s));

@@ -8,7 +8,6 @@
 
 pub mod batch;
 pub mod campaign;
-pub mod contact;
 mod datagram_channel;
 mod distortion;
 pub mod drone;
@@ -34,6 +33,7 @@ mod sdk;
 mod second_object;
 mod seeds;
 pub mod self_test;
+pub mod tuning;
 pub mod virtual_time;
 mod world;
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, ensure};
 use horizon_model::setting::SettingError;
 use serde::Serialize;
-use tello_eval::flight_log::{self, TickRecord};
+use tello_eval::flight_log::{self, Origin, TickRecord};
 use tello_eval::scene::Scene;
 use tello_flight::cycle::{FlightTable, Timing};
 use tello_flight::{Fault, Mission, Phase};
@@ -98,7 +98,7 @@ fn fly_into(
     let mut flown = VirtualFlight::new(flight, sim, seed)?;
     let shape = flown.new_outcome();
     let mut scene = Scene::new(flight, 0)?;
-    let mut log = flight_log::create_simulated(path, flight, 0, &shape)?;
+    let mut log = flight_log::create_of(Origin::Simulated, path, flight, 0, &shape)?;
     let mut tick = TickRecord::with_buffers(&shape);
     let (targets_count, steps_max) = bounds(flight)?;
     let mut newest = None;

@@ -1,7 +1,7 @@
 //! A mission flown by a simulated vehicle, without faults, before it is flown in earnest.
 //!
 //! Owns that flight and its report: whether the plan gets to its end, how long it takes, how near it comes to
-//! walls and obstacles. What the path alone tells is [`tello_flight::Survey`].
+//! walls and obstacles. What follows from the path alone is [`tello_flight::Survey`].
 
 use std::fmt::{self, Display, Formatter};
 

@@ -251,12 +251,12 @@ impl Plant {
     }
 
     /// Dead time of the horizontal sticks and largest horizontal acceleration. s, m/s^2
-    pub(crate) fn limits(&self) -> (f64, f64) {
+    pub fn limits(&self) -> (f64, f64) {
         (self.params.0.horizontal.dead_time_s, self.params.0.accel_max_mps2)
     }
 
     /// Full deflection along the unit vector (`x_w`, `y_w`) of the world, at the measured heading `theta`.
-    pub(crate) fn sticks_towards(&self, theta: f64, [x_w, y_w]: [f64; 2]) -> Sticks {
+    pub fn sticks_towards(&self, theta: f64, [x_w, y_w]: [f64; 2]) -> Sticks {
         let (sin, cos) = (theta + self.params.0.theta_0).sin_cos();
         let mut u = Sticks::zeros();
         u[stick::PITCH] = cos * x_w + sin * y_w;

@@ -34,7 +34,8 @@ pub struct Radio {
     outage: OutageBehaviour,
     /// Draws what acts during an outage.
     outage_random: Random,
-    is_held: bool,
+    /// Whether the last sticks that arrived stay applied during the present or last outage.
+    pub(crate) is_held: bool,
     /// Time until the state changes. s
     remaining_s: f64,
 }
@@ -54,11 +55,6 @@ impl Radio {
     #[must_use]
     pub fn with_outages(self, outage: OutageBehaviour) -> Self {
         Self { outage, ..self }
-    }
-
-    /// Whether the last sticks that arrived stay applied during the present or last outage.
-    pub fn is_held(&self) -> bool {
-        self.is_held
     }
 
     /// Whether commands arrive during the coming step: up times are exponential, down times
@@ -143,7 +139,7 @@ mod tests {
     fn outages_are_held_released_or_both_and_come_at_the_same_times() {
         let states = |outage| -> Vec<(bool, bool)> {
             let mut radio = Radio::new(Profile::Outages, 7).with_outages(outage);
-            (0..200_000).map(|_| (radio.step(), radio.is_held())).collect()
+            (0..200_000).map(|_| (radio.step(), radio.is_held)).collect()
         };
         let [level, held, mixed] =
             [OutageBehaviour::Level, OutageBehaviour::Held, OutageBehaviour::Mixed].map(states);

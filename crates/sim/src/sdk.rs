@@ -27,7 +27,8 @@ pub(crate) struct Sdk {
     running: Option<Running>,
     /// Since sticks were heard. s
     since_sticks_s: f64,
-    state_port: u16,
+    /// Port of the host that the state line goes to.
+    pub(crate) state_port: u16,
     /// Heading at power-up. rad
     theta_start: f64,
 }
@@ -49,11 +50,6 @@ impl Sdk {
             state_port: STATE_PORT,
             theta_start,
         }
-    }
-
-    /// Port of the host that the state line goes to.
-    pub(crate) fn state_port(&self) -> u16 {
-        self.state_port
     }
 
     /// The state line of a drone that reports itself as `reported`.

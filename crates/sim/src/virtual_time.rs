@@ -220,7 +220,7 @@ impl VirtualFlight {
     }
 
     /// The world as it is now.
-    pub(crate) fn world(&self) -> &World {
+    pub fn world(&self) -> &World {
         &self.world
     }
 

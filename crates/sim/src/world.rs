@@ -69,8 +69,10 @@ pub struct SimTable {
 pub struct World {
     drone: Drone,
     faults: Faults,
-    firmware: DroneTable,
-    seed: u64,
+    /// Firmware properties of the drone.
+    pub(crate) firmware: DroneTable,
+    /// Seed of the flight.
+    pub(crate) seed: u64,
     reporter: Reporter,
     /// Whether the drone knows a host: not after it started anew.
     is_connected: bool,
@@ -86,7 +88,8 @@ pub struct World {
     age_steps: f64,
     /// The true pose of the step before.
     earlier: Pose,
-    mocap_rate_hz: f64,
+    /// Frames of the motion capture per second. Hz
+    pub(crate) mocap_rate_hz: f64,
 }
 
 impl World {
@@ -150,23 +153,13 @@ impl World {
     }
 
     /// The simulated drone.
-    pub(crate) fn drone(&self) -> &Drone {
+    pub fn drone(&self) -> &Drone {
         &self.drone
     }
 
     /// The simulated drone, for hosts of the text SDK.
     pub(crate) fn drone_mut(&mut self) -> &mut Drone {
         &mut self.drone
-    }
-
-    /// Firmware properties of the drone.
-    pub(crate) fn firmware(&self) -> &DroneTable {
-        &self.firmware
-    }
-
-    /// Seed of the flight.
-    pub(crate) fn seed(&self) -> u64 {
-        self.seed
     }
 
     /// Whether the drone knows a host.
@@ -230,11 +223,6 @@ impl World {
     /// Frames of [`World::frames`], each with the change of its pose in a step. m, rad
     pub(crate) fn moving_frames(&self) -> impl Iterator<Item = (MocapFrame<'_>, Pose)> {
         self.lag.moving(&self.object)
-    }
-
-    /// Frames of the motion capture per second. Hz
-    pub(crate) fn mocap_rate_hz(&self) -> f64 {
-        self.mocap_rate_hz
     }
 
     /// Whether there is one frame in each step, at its beginning.
@@ -340,11 +328,6 @@ impl World {
                 self.drone.obey_sticks(Sticks::from(sticks));
             }
         }
-    }
-
-    /// Whether the drone is starting anew.
-    pub(crate) fn is_rebooting(&self) -> bool {
-        self.is_rebooting
     }
 }
 

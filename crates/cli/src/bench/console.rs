@@ -9,13 +9,10 @@ use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 use std::thread;
 
 use anyhow::{Context, Result, bail};
-use tokio::signal::unix::{SignalKind, signal};
 
-use super::link::BenchConnection;
+use super::connection::BenchConnection;
+use crate::fly::signals;
 use crate::stdio;
-
-/// Ctrl-Z, which would leave the motors running.
-const STOP_KEY: i32 = nix::libc::SIGTSTP;
 
 /// Who is asked, and who may stop a check.
 #[derive(Debug)]
@@ -31,7 +28,12 @@ impl Console {
         if !is_unattended && !io::stdin().is_terminal() {
             bail!("the bench asks before every check: run it on a terminal, or give --yes");
         }
-        let asked = count_signals()?;
+        signals::block()?;
+        let asked = Arc::new(AtomicU32::new(0));
+        let heard = Arc::clone(&asked);
+        signals::listen(move || {
+            heard.fetch_add(1, Ordering::Relaxed);
+        })?;
         let lines = if is_unattended { None } else { Some(read_lines()?) };
         Ok(Self { lines, asked })
     }
@@ -71,37 +73,6 @@ impl Console {
     pub(super) fn is_unattended(&self) -> bool {
         self.lines.is_none()
     }
-}
-
-/// Counts the signals that would end or stop the program.
-fn count_signals() -> Result<Arc<AtomicU32>> {
-    let asked = Arc::new(AtomicU32::new(0));
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let entered = runtime.enter();
-    for kind in [
-        SignalKind::interrupt(),
-        SignalKind::terminate(),
-        SignalKind::hangup(),
-        SignalKind::quit(),
-        SignalKind::alarm(),
-        SignalKind::io(),
-        SignalKind::user_defined1(),
-        SignalKind::user_defined2(),
-        SignalKind::from_raw(STOP_KEY),
-    ] {
-        let (mut signal, asked) = (signal(kind)?, Arc::clone(&asked));
-        runtime.spawn(async move {
-            while signal.recv().await.is_some() {
-                asked.fetch_add(1, Ordering::Relaxed);
-            }
-        });
-    }
-    drop(entered);
-    thread::Builder::new()
-        .name("bench-signals".into())
-        .spawn(move || runtime.block_on(std::future::pending::<()>()))
-        .context("cannot listen for signals")?;
-    Ok(asked)
 }
 
 fn read_lines() -> Result<Receiver<String>> {

@@ -13,11 +13,12 @@ use std::{io, iter};
 use horizon_model::rows::pose;
 use rtrb::Producer;
 use tello_eval::flight_log::TickRecord;
+use tello_eval::flight_summary::LoopEnd;
 use tello_flight::cycle::{
-    Inbox, Operator, Outcome, ParameterEstimate, SIGHTING_AGE_MAX, SIGHTINGS_MAX, Tick, TickStage,
-    Timing, Watch, is_flight_phase,
+    Inbox, Operator, Outcome, SIGHTING_AGE_MAX, SIGHTINGS_MAX, Tick, TickStage, Timing, Watch,
+    is_flight_phase,
 };
-use tello_flight::{Decision, FaultSet, Incidents, Phase};
+use tello_flight::{Incidents, Phase};
 use tello_io::clock::{Beat, Clock, SpanNs, Ticker, TickerError, TimeNs, request_real_time};
 use tello_io::log::Recorder;
 use tello_io::manual::Person;
@@ -27,7 +28,7 @@ use tokio::sync::oneshot;
 
 pub(super) use self::orders::Orders;
 use self::orders::meaning;
-use super::drill::Drill;
+use super::drill::InjectedFailure;
 use super::loop_times::LoopTimes;
 use super::status::{STATUS_PERIOD, Status};
 use crate::stdio;
@@ -59,7 +60,7 @@ pub(super) struct ControlLoop {
     /// Orders to the vehicle.
     pub(super) orders: Orders,
     /// A failure on order.
-    pub(super) drill: Option<Drill>,
+    pub(super) drill: Option<InjectedFailure>,
 }
 
 /// Where the obstacle that moves was seen last, if it was since the last tick: what was seen longer ago than
@@ -121,41 +122,6 @@ impl Drop for ControlThread {
     }
 }
 
-/// Result of the flight, as the control thread knows it.
-#[derive(Debug, Clone, Default)]
-pub(super) struct LoopEnd {
-    /// Phase after the last tick.
-    pub(super) phase: Phase,
-    /// Faults of the last tick.
-    pub(super) faults_last: FaultSet,
-    /// Every fault that was present at some time after the take-off was ordered.
-    pub(super) faults: FaultSet,
-    /// Faults that ended the flight.
-    pub(super) ended_by: FaultSet,
-    /// Whether the mocap ever gave a frame.
-    pub(super) has_frames: bool,
-    /// Orders that the link did not take; the supervisor repeats them.
-    pub(super) orders_lost: u64,
-    /// Sightings that a tick had no room for.
-    pub(super) sightings_dropped: u64,
-    /// Records that the logger could not take.
-    pub(super) records_dropped: u64,
-    /// Parameter estimate at the end of the flying phase; `None` if it did not fly.
-    pub(super) found: Option<ParameterEstimate>,
-}
-
-impl LoopEnd {
-    fn note(&mut self, decision: Option<Decision>) {
-        let Some(decision) = decision else { return };
-        self.phase = decision.phase;
-        self.faults_last = decision.faults;
-        self.ended_by = decision.ended_by;
-        if decision.phase != Phase::Idle {
-            self.faults = self.faults.union(decision.faults);
-        }
-    }
-}
-
 impl ControlLoop {
     /// Ticks until the flight is over.
     ///
@@ -173,7 +139,7 @@ impl ControlLoop {
         let status_ticks = (STATUS_PERIOD.as_nanos() / period_ns).max(1);
         for step in 0.. {
             if let Some(drill) = self.drill {
-                drill.strike(self.clock.now(), &mut is_drilled);
+                drill.inject(self.clock.now(), &mut is_drilled);
             }
             let beat = ticker.wait()?;
             record.inbox.open(step, beat.due.after(beat.lateness));
@@ -208,7 +174,7 @@ impl ControlLoop {
         Ok((end, self.recorder))
     }
 
-    /// Notes the outcome of a tick, and tells the readers of the mocap whether the vehicle may be in the air.
+    /// Notes the outcome of a tick, and reports to the readers of the mocap whether the vehicle may be in the air.
     fn note_outcome(&self, out: &Outcome, end: &mut LoopEnd) {
         let was_flying = end.phase == Phase::Flying;
         end.note(out.decision);

@@ -32,13 +32,13 @@ enum Failure {
 
 /// Failure and its time after the start: `control-stalls@9`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Drill {
+pub(super) struct InjectedFailure {
     failure: Failure,
     /// s
     after_s: f64,
 }
 
-impl FromStr for Drill {
+impl FromStr for InjectedFailure {
     type Err = anyhow::Error;
 
     fn from_str(text: &str) -> Result<Self> {
@@ -62,7 +62,7 @@ impl FromStr for Drill {
     }
 }
 
-impl Drill {
+impl InjectedFailure {
     /// Refuses a drone that may be a real one.
     ///
     /// # Errors
@@ -77,7 +77,7 @@ impl Drill {
 
     /// Fails, if that is the control thread's part and its time has come. `is_done` remembers it.
     #[expect(clippy::panic, reason = "a panic on order, to see that the drone lands")]
-    pub(super) fn strike(&self, now: TimeNs, is_done: &mut bool) {
+    pub(super) fn inject(&self, now: TimeNs, is_done: &mut bool) {
         if *is_done || now.seconds() < self.after_s {
             return;
         }
@@ -90,7 +90,7 @@ impl Drill {
     }
 
     /// Fails, if that is the sockets' part, when its time has come.
-    pub(super) async fn strike_link(self, link: AbortHandle) {
+    pub(super) async fn inject_into_link(self, link: AbortHandle) {
         tokio::time::sleep(Duration::from_secs_f64(self.after_s)).await;
         match self.failure {
             Failure::LinkStalls => thread::sleep(STALL),
@@ -102,8 +102,8 @@ impl Drill {
 
 /// Panics, if that is the main thread's part, when its time has come; never comes back.
 #[expect(clippy::panic, reason = "a panic on order, to see that the drone lands")]
-pub(super) async fn strike_main(drill: Option<Drill>) {
-    let Some(Drill { failure: Failure::MainPanics, after_s }) = drill else {
+pub(super) async fn inject_into_main(drill: Option<InjectedFailure>) {
+    let Some(InjectedFailure { failure: Failure::MainPanics, after_s }) = drill else {
         return std::future::pending().await;
     };
     tokio::time::sleep(Duration::from_secs_f64(after_s)).await;
@@ -116,16 +116,16 @@ mod tests {
 
     #[test]
     fn a_drill_is_read_and_kept_away_from_real_drones() {
-        let drill: Drill = "link-dies@7.5".parse().unwrap();
-        assert_eq!(drill, Drill { failure: Failure::LinkDies, after_s: 7.5 });
+        let drill: InjectedFailure = "link-dies@7.5".parse().unwrap();
+        assert_eq!(drill, InjectedFailure { failure: Failure::LinkDies, after_s: 7.5 });
         for bad in
             ["link-dies", "link-dies@soon", "link-dies@NaN", "link-dies@-1", "battery-burns@3"]
         {
-            assert!(bad.parse::<Drill>().is_err(), "{bad}");
+            assert!(bad.parse::<InjectedFailure>().is_err(), "{bad}");
         }
-        assert!(Drill::check("127.0.0.1:8889").is_ok());
+        assert!(InjectedFailure::check("127.0.0.1:8889").is_ok());
         for real in ["192.168.10.1:8889", "tello:8889"] {
-            assert!(Drill::check(real).unwrap_err().to_string().contains(real));
+            assert!(InjectedFailure::check(real).unwrap_err().to_string().contains(real));
         }
     }
 }

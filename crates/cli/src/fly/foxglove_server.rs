@@ -150,7 +150,7 @@ mod tests {
 
     use super::*;
 
-    /// A viewer at `address` that has received what the server says first.
+    /// A viewer at `address` that has received the first message of the server.
     fn viewer(address: SocketAddr) -> Option<String> {
         let stream = Client::connect(address).unwrap();
         stream.set_read_timeout(Some(Duration::from_secs(5))).unwrap();

@@ -20,7 +20,7 @@ use nix::sys::prctl::set_name;
 use nix::sys::signal::SigSet;
 use nix::unistd::setsid;
 use tello_io::clock::{Role, request_priority};
-use tello_io::tello::{Post, Protocol, WatchEnd};
+use tello_io::tello::{GuardianSockets, Protocol, WatchEnd};
 
 use crate::{Verdict, stdio};
 
@@ -57,8 +57,8 @@ impl Guardian {
     ///
     /// # Errors
     /// The system refuses.
-    pub(crate) fn spawn(post: Post) -> io::Result<Self> {
-        let Post { socket, channel, address, protocol } = post;
+    pub(crate) fn spawn(post: GuardianSockets) -> io::Result<Self> {
+        let GuardianSockets { socket, channel, address, protocol } = post;
         let mut command = command(address, protocol);
         // The standard error stays ours, for the one line that an abandoned guardian prints.
         let process =
@@ -93,7 +93,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let channel = UnixStream::from(io::stdout().as_fd().try_clone_to_owned()?);
     let Arguments { drone: address, protocol } = *arguments;
     let mut guardian =
-        tello_io::tello::Guardian::start(Post { socket, channel, address, protocol })?;
+        tello_io::tello::Guardian::start(GuardianSockets { socket, channel, address, protocol })?;
     match guardian.watch() {
         WatchEnd::Over => {}
         WatchEnd::OrderedLanding => stdio::note(format_args!(

@@ -26,7 +26,7 @@ impl Lock {
     /// Another process has it; the system refuses.
     pub(crate) fn take(table: &TelloTable) -> Result<Self> {
         let TelloTable { address, interface, .. } = table;
-        // Every Tello has the same address: the interface tells two of them apart.
+        // Every Tello has the same address: the interface distinguishes two of them.
         let name = format!("tello-ctl/{address}/{}", interface.as_deref().unwrap_or_default());
         let name = SocketAddr::from_abstract_name(name)?;
         let listener = match UnixListener::bind_addr(&name) {

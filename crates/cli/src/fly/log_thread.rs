@@ -18,10 +18,10 @@ use super::foxglove_server;
 use super::live::Live;
 #[cfg(feature = "ros2")]
 use super::ros2_publisher;
-use super::summary::Tally;
 use super::vehicle::is_on_this_machine;
 use crate::stdio;
-use tello_eval::flight_log::{self, TickRecord};
+use tello_eval::flight_log::{self, Origin, TickRecord};
+use tello_eval::flight_summary::Tally;
 use tello_eval::scene::Scene;
 use tello_flight::cycle::{FlightTable, Outcome, Tick, Topic};
 use tello_io::config::FlyTable;
@@ -127,13 +127,12 @@ fn open(
             &CivilTime::from_unix_ns(clock.utc_start_ns()).to_string(),
         )?,
     };
+    let origin = if is_on_this_machine(table) { Origin::Simulated } else { Origin::Flown };
     #[cfg_attr(
         not(any(feature = "live", feature = "ros2")),
         expect(unused_mut, reason = "this build has no viewer to add")
     )]
-    let create =
-        if is_on_this_machine(table) { flight_log::create_simulated } else { flight_log::create };
-    let mut log = create(&path, flight, started_unix_ns(clock), shape)?;
+    let mut log = flight_log::create_of(origin, &path, flight, started_unix_ns(clock), shape)?;
     #[cfg(feature = "live")]
     foxglove_server::show_at(arguments.foxglove, &mut log, &flight_log::channels(shape));
     #[cfg(feature = "ros2")]

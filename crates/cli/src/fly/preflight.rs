@@ -2,7 +2,7 @@
 //!
 //! Owns the list and the prompt. It opens both links for a moment and asks for nothing but a connection. What keeps
 //! a drone on the ground is the supervisor's; refused here is only a flight that nobody starts, a real drone in
-//! the built-in room, and what waiting does not mend.
+//! the built-in room, and what does not go away by waiting.
 
 mod battery;
 mod inspection;
@@ -18,6 +18,7 @@ use horizon_model::rows::{Pose, pose};
 use tello_flight::cycle::{self, CycleTable, FlightTable};
 use tello_flight::{Mission, Room, RoomTable};
 use tello_io::config::{self, FlyTable};
+use tello_io::link_diagnosis::{misnumbered, too_old, wrong_rate};
 use tello_io::mocap::StreamReport;
 use tello_io::tello::{DroneFacts, DroneStatus};
 use tello_sim::NominalFlight;
@@ -27,7 +28,6 @@ use self::log::{log_check, log_dir};
 use self::question::confirm;
 use super::Arguments;
 use super::control_loop::Orders;
-use super::link_diagnosis::{drone_trouble, misnumbered, mocap_trouble, too_old, wrong_rate};
 use super::loop_times::GROUND_WAIT;
 use super::vehicle::is_on_this_machine;
 use crate::stdio;
@@ -79,7 +79,7 @@ enum Readiness {
     Note,
     /// The drone stays on the ground until it is mended.
     Bad,
-    /// Waiting mends nothing: the drone stays on the ground.
+    /// The cause does not go away by waiting: the drone stays on the ground.
     Never,
 }
 
@@ -103,8 +103,8 @@ impl Display for Check {
 }
 
 /// The orders with which the flight begins. Shows what is ready and what is not and, unless it was answered on the
-/// command line, asks whether to fly. A drone that says that it flies already is no question: the flight lands it, and
-/// orders no take-off should it stand after all.
+/// command line, asks whether to fly. A drone that reports that it flies already is no question: the flight lands it,
+/// and orders no take-off should it stand after all.
 ///
 /// # Errors
 /// No person is there to ask, or the person declines; a port that is taken.
@@ -121,7 +121,7 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
     let nominal = NominalFlight::fly(flight);
     let mut found = inspection::inspect(table, log_dir(arguments, table), has_keys)?;
     if found.drone.is_some_and(|status| status.is_flying) {
-        stdio::note("the drone says that it flies: it is landed, without a question");
+        stdio::note("the drone reports that it flies: it is landed, without a question");
         return Ok(Orders::to_wait());
     }
     found.unfinished = nominal.ok().filter(|flight| !flight.is_finished());
@@ -134,7 +134,7 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
 /// Shows the list.
 ///
 /// # Errors
-/// Waiting mends nothing.
+/// A cause does not go away by waiting.
 fn show(checks: &[Check]) -> Result<()> {
     stdio::note("pre-flight");
     for check in checks {

@@ -28,7 +28,7 @@ struct Record {
     bytes: Vec<u8>,
 }
 
-/// Publishes `log` in `network` as well. If that is not possible, a warning says so and the flight goes on.
+/// Publishes `log` in `network` as well. If that is not possible, a warning is printed and the flight goes on.
 pub(super) fn publish(network: Network, log: &mut LogWriter) {
     match Publisher::start(network) {
         Ok(publisher) => log.add_tap(Box::new(publisher)),

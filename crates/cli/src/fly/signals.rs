@@ -5,8 +5,6 @@
 //! lands), those that are ignored, by default or as SIGPIPE by Rust, and the two that no program can catch.
 //! SIGXFSZ costs the log alone.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use anyhow::{Context, Result};
@@ -42,31 +40,31 @@ fn landing() -> SigSet {
 ///
 /// # Errors
 /// The system refuses.
-pub(super) fn block() -> Result<()> {
+pub(crate) fn block() -> Result<()> {
     landing().thread_block().context("cannot block signals")
 }
 
-/// Starts the thread that turns every signal into a landing. [`block`] came before.
+/// Starts the thread that calls `hear` for every signal. [`block`] came before.
 ///
 /// # Errors
 /// The system gives no descriptor or no thread.
-pub(super) fn listen(asks_to_land: Arc<AtomicBool>) -> Result<()> {
+pub(crate) fn listen(mut hear: impl FnMut() + Send + 'static) -> Result<()> {
     let signals = SignalFd::new(&landing()).context("cannot listen for signals")?;
-    let hear = move || {
+    let listen = move || {
         loop {
             match signals.read_signal() {
                 // A log that reached the limit of a file's size: that write fails, and with it the log alone.
                 Ok(Some(signal)) if signal.ssi_signo == Signal::SIGXFSZ as u32 => {}
-                Ok(_) => asks_to_land.store(true, Ordering::Relaxed),
+                Ok(_) => hear(),
                 Err(Errno::EINTR) => {}
                 // No signal is heard from here on: they stay blocked.
-                Err(_) => return asks_to_land.store(true, Ordering::Relaxed),
+                Err(_) => return hear(),
             }
         }
     };
     thread::Builder::new()
         .name("tello-signals".into())
-        .spawn(hear)
+        .spawn(listen)
         .context("cannot listen for signals")?;
     Ok(())
 }

@@ -13,7 +13,7 @@ use super::Arguments;
 use crate::{sim, stdio};
 
 /// Starts the simulator on free loopback ports, with the mocap source of the settings, and points the
-/// settings at them. In the text SDK its drone knows `port`, whatever its settings say.
+/// settings at them. In the text SDK its drone knows `port`, whatever its settings are.
 pub(super) fn start_simulator(arguments: &Arguments, table: &mut FlyTable) -> Result<Emulator> {
     let mut sim = sim::resolve(arguments.sim_config.as_ref(), arguments.profile)?;
     // An older SDK sends its state line to port 8890 alone; here it shall come to any that is free.

@@ -6,10 +6,10 @@ use std::time::Duration;
 use tello_flight::{Fault, FaultSet};
 use tello_io::clock::SpanNs;
 use tello_io::config::FlyTable;
+use tello_io::link_diagnosis::{drone_trouble, mocap_trouble};
 use tello_io::mocap::MocapCounters;
 
 use super::Arguments;
-use super::link_diagnosis::{drone_trouble, mocap_trouble};
 use crate::stdio;
 
 /// Why the drone never took off, by the faults of the last tick, and what to look at.
@@ -55,7 +55,7 @@ pub(super) fn take_off_refusal(
     text
 }
 
-/// How long poses may take to come before a note says that there are none.
+/// How long poses may take to come before a note reports that there are none.
 const UNSEEN: Duration = Duration::from_secs(2);
 
 /// Lets a dry run note once why there is no pose, if none has come in time: it has no pre-flight list and ends

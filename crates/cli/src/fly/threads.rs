@@ -7,14 +7,15 @@ use std::thread::JoinHandle;
 
 use anyhow::{Context, Result, anyhow};
 use tello_eval::flight_log::TickRecord;
+use tello_eval::flight_summary::LoopEnd;
 use tello_io::Stopper;
 use tello_io::log::Recorder;
 use tello_io::tello::{DroneClient, LinkError};
 use tokio::sync::oneshot;
 use tokio::task;
 
-use super::control_loop::{ControlLoop, ControlThread, LoopEnd};
-use super::drill::{self, Drill};
+use super::control_loop::{ControlLoop, ControlThread};
+use super::drill::{self, InjectedFailure};
 use super::guardian::Guardian;
 use super::sources::Sources;
 
@@ -55,15 +56,15 @@ impl Threads {
     /// The control thread panicked, or its ticker failed.
     pub(super) async fn run_to_end(
         self,
-        drill: Option<Drill>,
+        drill: Option<InjectedFailure>,
     ) -> Result<(LoopEnd, Recorder<TickRecord>, Result<()>)> {
         if let Some(drill) = drill {
-            tokio::spawn(drill.strike_link(self.link.abort_handle()));
+            tokio::spawn(drill.inject_into_link(self.link.abort_handle()));
         }
         tokio::select! {
             // An error is the end of the control thread, too.
             _ = self.is_done => {}
-            () = drill::strike_main(drill) => {}
+            () = drill::inject_into_main(drill) => {}
         }
         let control = self.control.join();
         // Before any error leaves: the link lands a drone that still flies.

@@ -23,10 +23,11 @@ use ratatui::crossterm::terminal::{EnterAlternateScreen, LeaveAlternateScreen};
 use ratatui::layout::Rect;
 use ratatui::{Terminal, TerminalOptions, Viewport};
 use rtrb::Consumer;
+use tello_eval::facts::{Briefing, Facts};
 use tello_io::held_messages::{Messages, Newest};
 
 use self::picture::{Palette, draw};
-use super::live::{Briefing, Facts, Watched};
+use super::live::Watched;
 use super::status::Status;
 
 /// How often the picture is drawn.
@@ -119,7 +120,7 @@ impl Picture {
         let Ok(mut terminal) = terminal else { return };
         let mut area = Rect::ZERO;
         while !self.view.is_over {
-            // The last picture says so: it stays while a drone without control is landed.
+            // The last picture shows it: it stays while a drone without control is landed.
             self.view.is_over = statuses.is_abandoned();
             while let Ok(status) = statuses.pop() {
                 self.view.status = Some(status);

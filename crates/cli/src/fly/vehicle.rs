@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 
 use anyhow::{Context, Result};
+use tello_eval::flight_summary::{LoopEnd, Summary};
 use tello_eval::parameter_file::{self, ParameterFile, TakesParameters as _};
 use tello_eval::vehicle::{self, FlightDone};
 use tello_flight::cycle::FlightTable;
@@ -11,8 +12,6 @@ use tello_io::config::FlyTable;
 use tello_io::whole_file;
 
 use super::Arguments;
-use super::control_loop::LoopEnd;
-use super::summary::Summary;
 use crate::stdio;
 
 /// Lets the settings take the file of `--params` or `--vehicle`.

@@ -17,6 +17,7 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
+use tello_eval::facts::Briefing;
 use tello_io::clock::Clock;
 use tello_io::manual::Remote;
 use tokio::sync::watch;
@@ -24,7 +25,7 @@ use tokio::sync::watch;
 use self::orders::OrderAccess;
 pub(crate) use self::playback::Playback;
 use self::server::{Shown, serve};
-use super::live::{Briefing, Watched};
+use super::live::Watched;
 use crate::stdio;
 
 /// Where the page is unless an address is given.

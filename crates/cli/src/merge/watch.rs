@@ -1,4 +1,4 @@
-//! Waits for the parts of a folder, and says how far they are.
+//! Waits for the parts of a folder, and prints how far they are.
 
 use std::fmt::{self, Display, Formatter};
 use std::fs;

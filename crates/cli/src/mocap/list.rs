@@ -18,7 +18,7 @@ use super::source::{self, SourceArgument};
 use super::watch::{self, DISPLACEMENT_MIN_M, unit_doubt};
 use crate::{Verdict, stdio};
 
-/// Fewer frames do not tell a rate.
+/// Fewer frames give no rate.
 const FRAMES_MIN: u64 = 100;
 
 /// List the objects of a motion capture system with rate, jitter, gaps and latency.
@@ -178,7 +178,7 @@ impl Display for Found {
             ),
             Drone::OneOf(count) => writeln!(
                 f,
-                "{count} objects were seen, and nothing tells which of them is the drone: move it by hand while this \
+                "{count} objects were seen, and nothing shows which of them is the drone: move it by hand while this \
                  listens, or watch one with tello-ctl mocap watch."
             ),
             Drone::Is(object) => {
@@ -227,7 +227,7 @@ impl Display for FoundSource {
         }
         write!(f, "{} messages", self.messages)?;
         if let Some(hz) = self.announced_hz {
-            write!(f, ", says {} Hz", (hz * 1e2).round() / 1e2)?;
+            write!(f, ", announces {} Hz", (hz * 1e2).round() / 1e2)?;
             let counts = |object: &&FoundObject| object.report.frames > FRAMES_MIN;
             let measured = self.objects.iter().filter(counts).map(|object| object.report.usual_hz);
             if let Some(usual_hz) = measured.clone().find(|usual_hz| is_wrong(hz, *usual_hz)) {
@@ -346,7 +346,7 @@ mod tests {
             ..source(vec![object])
         };
         let text = wrong.to_string();
-        assert!(text.contains("says 37 Hz, but 100.0 Hz come"), "{text}");
+        assert!(text.contains("announces 37 Hz, but 100.0 Hz come"), "{text}");
         assert!(
             text.contains("7 malformed (a rotation is none") && text.contains("\"tello \""),
             "{text}"

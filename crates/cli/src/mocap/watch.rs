@@ -12,7 +12,7 @@ use serde::Serialize;
 use serde_json::json;
 use tello_io::clock::{Clock, TimeNs};
 use tello_io::mocap::{
-    Axes, Axis, MocapSettings, MocapTable, Survey, SurveyTrack, TrackReport, survey,
+    Axes, MocapSettings, MocapTable, SourceAxis, Survey, SurveyTrack, TrackReport, survey,
 };
 use tokio::signal::ctrl_c;
 use tokio::time::timeout;
@@ -22,7 +22,7 @@ use super::rate;
 use super::source::{self, SourceArgument};
 use crate::{Verdict, stdio};
 
-/// Shortest displacement that tells a direction. m
+/// Shortest displacement that gives a direction. m
 pub(super) const DISPLACEMENT_MIN_M: f64 = 0.1;
 
 /// Largest distance of a vehicle in a room from the origin, along one axis. m
@@ -32,7 +32,7 @@ const PLACE_MAX_M: f64 = 100.0;
 ///
 /// Our frame: metres, z up, right-handed; the nose is the body's x axis. To check the axes, put the vehicle on the
 /// floor, start this, lift the vehicle straight up by half a metre: z must grow, and the tilt stay near 0. To check
-/// the nose, start again and carry the vehicle nose first: the way must be the heading. The last lines say along
+/// the nose, start again and carry the vehicle nose first: the way must be the heading. The last lines show along
 /// which axes of the source it moved and what to write into the settings.
 ///
 /// Exit code: 0 if the object was seen, 1 if not, 2 for arguments or settings that make no sense.
@@ -62,8 +62,8 @@ struct Watched {
     #[serde(flatten)]
     report: TrackReport,
     /// Newest pose; null if it was not seen.
-    now: Option<Seen>,
-    /// Displacement from the first to the furthest place; null if it was too short to tell a direction.
+    now: Option<WatchedPose>,
+    /// Displacement from the first to the furthest place; null if it was too short for a direction.
     #[serde(rename = "way")]
     displacement: Option<Displacement>,
     /// Why there is no connection, or why it was given up.
@@ -73,14 +73,14 @@ struct Watched {
     refused: Option<String>,
     /// The settings that this was read with.
     settings: MocapTable,
-    /// The rate to write into them, where the source does not tell its own and the measured one is another; null:
+    /// The rate to write into them, where the source does not announce its own and the measured one is another; null:
     /// none. Hz
     suggested_rate_hz: Option<f64>,
 }
 
 /// A pose in our frame.
 #[derive(Debug, Clone, Copy, Serialize)]
-struct Seen {
+struct WatchedPose {
     x_m: f64,
     y_m: f64,
     z_m: f64,
@@ -96,10 +96,10 @@ struct Seen {
 struct Displacement {
     length_m: f64,
     /// The axis of the source that comes nearest, and how far it is off.
-    source_axis: Axis,
+    source_axis: SourceAxis,
     source_off_deg: f64,
     /// The axis of the object, as the source defined it, that comes nearest.
-    object_axis: Axis,
+    object_axis: SourceAxis,
     object_off_deg: f64,
     /// Angle of the displacement above the floor in our frame; 90 is up.
     climb_deg: f64,
@@ -157,13 +157,13 @@ fn track<'a>(survey: &'a Survey, object: &str) -> Option<&'a SurveyTrack> {
     survey.objects.get(object)
 }
 
-fn seen(track: &SurveyTrack, axes: &Axes, now: TimeNs) -> Option<Seen> {
+fn seen(track: &SurveyTrack, axes: &Axes, now: TimeNs) -> Option<WatchedPose> {
     let [_, newest] = track.places?;
     let ([x_m, y_m, z_m], [r00, _, _, r10, _, _, _, _, r22]) = axes.place(&newest);
     let age_s = track.seen_at.map_or(0.0, |at| now.since(at).seconds());
     let heading_deg = r10.atan2(r00).to_degrees();
     let tilt_deg = r22.clamp(-1.0, 1.0).acos().to_degrees();
-    Some(Seen { x_m, y_m, z_m, heading_deg, tilt_deg, age_s })
+    Some(WatchedPose { x_m, y_m, z_m, heading_deg, tilt_deg, age_s })
 }
 
 /// Why a place is hardly one in metres; `None` if it may be.
@@ -204,9 +204,9 @@ fn displacement(track: &SurveyTrack, axes: &Axes) -> Option<Displacement> {
         return None;
     }
     let raw = Vector3::from(furthest.pos_v) - Vector3::from(first.pos_v);
-    let (source_axis, source_off) = Axis::nearest(&raw);
+    let (source_axis, source_off) = SourceAxis::nearest(&raw);
     let in_object = Matrix3::from_row_slice(&first.matrix).transpose() * raw;
-    let (object_axis, object_off) = Axis::nearest(&in_object);
+    let (object_axis, object_off) = SourceAxis::nearest(&in_object);
     let ([..], [nose_x, _, _, nose_y, _, _, nose_z, ..]) = axes.place(&first);
     Some(Displacement {
         length_m,
@@ -245,7 +245,7 @@ fn line(survey: &Survey, object: &str, axes: &Axes, now: TimeNs) -> String {
     let stream = format!("{:.1} Hz, {} gaps", report.rate_hz, report.gaps);
     match seen(track, axes, now) {
         None => format!("{object}: never seen in {} frames; {stream}", report.frames),
-        Some(Seen { x_m, y_m, z_m, heading_deg, tilt_deg, age_s }) => format!(
+        Some(WatchedPose { x_m, y_m, z_m, heading_deg, tilt_deg, age_s }) => format!(
             "x {x_m:7.3}  y {y_m:7.3}  z {z_m:7.3} m  heading {heading_deg:6.1}  tilt {tilt_deg:5.1} deg  \
              age {:4.0} ms  {stream}",
             1e3 * age_s
@@ -286,10 +286,10 @@ mod tests {
     fn a_lift_in_a_source_whose_y_points_up_is_recognized() {
         let track = track_to([0.01, 0.5, -0.02]);
         let lifted = displacement(&track, &Axes::ours()).unwrap();
-        assert_eq!((lifted.source_axis, lifted.object_axis), (Axis::Y, Axis::Y));
+        assert_eq!((lifted.source_axis, lifted.object_axis), (SourceAxis::Y, SourceAxis::Y));
         assert!(lifted.climb_deg.abs() < 5.0 && lifted.source_off_deg < 5.0, "{lifted:?}");
         // With the settings that it suggests, up is right.
-        let table = FrameTable { axes: Some(axes_with_up(Axis::Y)), ..FrameTable::default() };
+        let table = FrameTable { axes: Some(axes_with_up(SourceAxis::Y)), ..FrameTable::default() };
         let axes = Axes::new(Some(&table), Unit::Metre).unwrap();
         assert!(displacement(&track, &axes).unwrap().climb_deg > 85.0);
         assert!(displacement(&track_to([0.05, 0.0, 0.0]), &Axes::ours()).is_none(), "too short");

@@ -34,7 +34,7 @@ impl Target {
         Some(Self { header, path })
     }
 
-    /// Says so if the whole file exists already, else checks that it can be written. Returns whether it exists.
+    /// Notes it if the whole file exists already, else checks that it can be written. Returns whether it exists.
     ///
     /// # Errors
     /// It is another part, or it could not be written.

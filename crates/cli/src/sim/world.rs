@@ -58,15 +58,23 @@ impl PlantKind {
 }
 
 /// One change of the command line to the vehicle.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Vary {
-    Gain(f64),
-    DeadTime(f64),
-    Lag(f64),
-    Theta0(f64),
-    Wind(f64),
-    Flow(f64),
+#[derive(Debug, Clone, Copy)]
+struct Vary {
+    kind: Variation,
+    number: f64,
 }
+
+/// Name, whether the number is a factor or added, and what it changes; `None`: the vehicle is no rigid body.
+type Variation = (&'static str, bool, fn(&mut SimTable) -> Option<&mut f64>);
+
+const VARIATIONS: [Variation; 6] = [
+    ("gain", true, |sim| Some(&mut sim.variation.gain)),
+    ("dead_time", false, |sim| Some(&mut sim.variation.dead_time_s)),
+    ("lag", true, |sim| Some(&mut sim.variation.lag)),
+    ("theta_0", false, |sim| Some(&mut sim.variation.theta_0)),
+    ("wind", false, |sim| Some(&mut sim.plant.rigid_body.as_mut()?.wind_mps)),
+    ("flow", false, |sim| Some(&mut sim.plant.rigid_body.as_mut()?.flow_drift_mps)),
+];
 
 impl FromStr for Vary {
     type Err = anyhow::Error;
@@ -74,15 +82,10 @@ impl FromStr for Vary {
     fn from_str(text: &str) -> Result<Self> {
         let (what, number) = text.split_once('=').context("no `=`: WHAT=NUMBER")?;
         let number = number.parse().with_context(|| format!("{number:?} is no number"))?;
-        Ok(match what {
-            "gain" => Self::Gain(number),
-            "dead_time" => Self::DeadTime(number),
-            "lag" => Self::Lag(number),
-            "theta_0" => Self::Theta0(number),
-            "wind" => Self::Wind(number),
-            "flow" => Self::Flow(number),
-            _ => bail!("{what:?} cannot be varied: gain, dead_time, lag, theta_0, wind or flow"),
-        })
+        let Some(kind) = VARIATIONS.into_iter().find(|(name, ..)| *name == what) else {
+            bail!("{what:?} cannot be varied: gain, dead_time, lag, theta_0, wind or flow")
+        };
+        Ok(Self { kind, number })
     }
 }
 
@@ -90,17 +93,9 @@ impl Vary {
     /// # Errors
     /// Wind or optical flow, where the vehicle is no rigid body.
     fn apply(self, table: &mut SimTable) -> Result<()> {
-        let SimTable { variation, plant, .. } = table;
-        let body = plant.rigid_body.as_mut();
-        let no_body = "--vary wind=.. and flow=.. need --plant rigid_body";
-        match self {
-            Self::Gain(factor) => variation.gain *= factor,
-            Self::DeadTime(more_s) => variation.dead_time_s += more_s,
-            Self::Lag(factor) => variation.lag *= factor,
-            Self::Theta0(more_rad) => variation.theta_0 += more_rad,
-            Self::Wind(more_mps) => body.context(no_body)?.wind_mps += more_mps,
-            Self::Flow(more_mps) => body.context(no_body)?.flow_drift_mps += more_mps,
-        }
+        let (_, is_factor, changed) = self.kind;
+        let value = changed(table).context("--vary wind=.. and flow=.. need --plant rigid_body")?;
+        *value = if is_factor { *value * self.number } else { *value + self.number };
         Ok(())
     }
 }

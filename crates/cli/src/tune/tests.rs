@@ -17,52 +17,21 @@ fn arguments(words: &[&str]) -> Arguments {
 /// One number on either scale.
 const OVER: [&str; 4] = ["--over", "a=0..4", "--over-log", "b[0]=0.1..10"];
 
-fn setup(document: Value, interrupt: &Interrupt) -> Setup<'_> {
-    Setup {
-        document,
+#[test]
+fn the_summary_has_every_number_before_and_at_the_best_try() {
+    let setup = Setup {
+        document: json!({ "a": 1.0, "b": [1.0] }),
         variables: variables(&arguments(&OVER)).unwrap(),
         weights: Weights::new(&[]),
         sim: tello_sim::settings(None).unwrap(),
         seeds: 1..3,
-        interrupt,
-    }
-}
-
-#[test]
-fn the_search_begins_at_the_present_numbers() {
-    let interrupt = Interrupt::default();
-    let start = setup(json!({ "a": 1.0, "b": [1.0] }), &interrupt).start().unwrap();
-    assert_eq!(start.len(), 2);
-    assert!((start[0] - 0.25).abs() < 1e-12 && (start[1] - 0.5).abs() < 1e-12, "{start:?}");
-    assert!(setup(json!({ "a": 1.0 }), &interrupt).start().is_err(), "b[0] is missing");
-}
-
-#[test]
-fn a_try_changes_its_numbers_in_a_copy_of_the_settings_alone() {
-    let interrupt = Interrupt::default();
-    let before = json!({ "a": 1.0, "b": [1.0], "c": 7.0 });
-    let setup = setup(before.clone(), &interrupt);
-    let flight = setup.flight(&[0.75, 1.0]).unwrap();
-    assert_eq!(flight, json!({ "a": 3.0, "b": [10.0], "c": 7.0 }));
-    assert_eq!(setup.document, before);
-}
-
-#[test]
-fn a_try_that_is_no_flight_is_refused() {
-    let interrupt = Interrupt::default();
-    assert!(setup(json!({ "a": 1.0, "b": [1.0] }), &interrupt).cost(&[0.5, 0.5]).is_err());
-}
-
-#[test]
-fn the_summary_has_every_number_before_and_at_the_best_try() {
-    let interrupt = Interrupt::default();
-    let setup = setup(json!({ "a": 1.0, "b": [1.0] }), &interrupt);
+    };
     let trials = [
         Trial { x: vec![0.25, 0.5], cost: 9.0 },
         Trial { x: vec![0.5, 1.0], cost: 8.0 },
         Trial { x: vec![1.0, 0.0], cost: 8.5 },
     ];
-    let summary = setup.summary(&trials, &trials[0], &trials[1]).unwrap();
+    let summary = summary(&setup, &trials, &trials[0], &trials[1]).unwrap();
     let summary = serde_json::to_value(summary).unwrap();
     assert_eq!(summary["tries"], 3);
     assert_eq!((&summary["cost_before"], &summary["cost"]), (&json!(9.0), &json!(8.0)));

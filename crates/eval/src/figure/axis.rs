@@ -88,7 +88,7 @@ impl Axis {
     }
 }
 
-/// `value`, a multiple of `step`, with the digits that tell it from its neighbours.
+/// `value`, a multiple of `step`, with the digits that distinguish it from its neighbours.
 fn number(value: f64, step: f64, largest: f64) -> String {
     // The step is not exactly a power of ten; a millionth more keeps its logarithm's floor.
     let exponent = (step * 1.000_001).log10().floor();

@@ -228,7 +228,7 @@ impl fmt::Display for Element {
                 write!(f, "Z\" fill=\"{fill}\"")?;
                 opacity(f, "fill", *fill)
             }
-            // A line of no length with round ends: the shortest way to say circle.
+            // A line of no length with round ends: the shortest form of a circle.
             Self::Dots(at, radius_px, fill) => {
                 f.write_str("<path d=\"")?;
                 at.iter().try_for_each(|&(x, y)| write!(f, "M{} {}h0", Px(x), Px(y)))?;

@@ -97,7 +97,7 @@ pub(super) struct Panel {
 impl Panel {
     /// Draws the frame of a panel with a `heading` and the name of its y axis.
     ///
-    /// Without both axes it says "no data" and returns `None`.
+    /// Without both axes it shows "no data" and returns `None`.
     pub(super) fn open(
         figure: &mut Figure,
         area: Area,

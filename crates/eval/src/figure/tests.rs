@@ -114,7 +114,7 @@ fn without_data_each_figure_says_so() {
         for (name, figure) in figures(values) {
             let texts = texts(&figure.svg());
             let count = texts.iter().filter(|text| *text == "no data").count();
-            assert!(count >= 3, "{name} of {values:?} says so {count} times: {texts:?}");
+            assert!(count >= 3, "{name} of {values:?} shows it {count} times: {texts:?}");
         }
     }
     assert!(texts(&fit("Nothing", &[], &[], &[]).svg()).contains(&"Nothing".to_owned()));

@@ -69,7 +69,7 @@ fn a_model_predicts_its_own_flight() {
     let driven = Driven::new(Kinematic, &kinematic, &Pose::zeros(), &u, &track, DT_S);
     let errors = judge(&driven, &track, &track, &[], HORIZON);
     assert!(worst(&errors) < 1e-9, "{}", worst(&errors));
-    let hold = judge(&Hold, &track, &track, &[], HORIZON);
+    let hold = judge(&StandStill, &track, &track, &[], HORIZON);
     assert!(worst(&hold) > 0.1, "nothing to predict: {}", worst(&hold));
 }
 
@@ -107,7 +107,7 @@ fn constant_velocity_predicts_a_straight_flight_through_half_a_turn() {
     };
     let errors = judge(&ConstantVelocity { dt_s: DT_S }, &track, &track, &[], HORIZON);
     assert!(worst(&errors) < 1e-9, "{}", worst(&errors));
-    let hold = judge(&Hold, &track, &track, &[], HORIZON).at(HORIZON).unwrap();
+    let hold = judge(&StandStill, &track, &track, &[], HORIZON).at(HORIZON).unwrap();
     assert!((hold.horizontal.rmse - 0.29_f64.sqrt()).abs() < 1e-9, "{hold:?}");
     assert!((hold.vertical.median - 0.1).abs() < 1e-9, "{hold:?}");
     assert!((hold.heading.rmse - 1.0).abs() < 1e-9, "{hold:?}");
@@ -118,7 +118,7 @@ fn only_trusted_ends_without_exclusion_between_are_judged() {
     let u = vec![Sticks::zeros(); STEPS];
     let mut track = flown(&Lagged::default(), &lagged_p(), &u, &Pose::zeros());
     let count = |track: &MotionTrack, is_excluded: &[bool], steps: usize| {
-        judge(&Hold, track, track, is_excluded, HORIZON).at(steps).unwrap().horizontal.count
+        judge(&StandStill, track, track, is_excluded, HORIZON).at(steps).unwrap().horizontal.count
     };
     // Starts 0, 10, .. 390; the last horizon must lie within the flight.
     assert_eq!(count(&track, &[], 1), 40);
@@ -131,6 +131,6 @@ fn only_trusted_ends_without_exclusion_between_are_judged() {
     track.is_trusted[100] = false;
     // Start 100 and the forecast that ends there.
     assert_eq!(count(&track, &[], 50), 33);
-    assert!(judge(&Hold, &track, &track, &[], HORIZON).at(51).is_none());
-    assert!(judge(&Hold, &track, &track, &[], HORIZON).at(0).is_none());
+    assert!(judge(&StandStill, &track, &track, &[], HORIZON).at(51).is_none());
+    assert!(judge(&StandStill, &track, &track, &[], HORIZON).at(0).is_none());
 }

@@ -37,7 +37,7 @@ pub(super) struct Accepted {
 }
 
 /// The values of a parameter file: the estimates, but the prior where no stick of the axis was moved much
-/// (`input_rms`) and the logs tell less than it (`prior_std`), and the nearest bound of the flight's estimator where
+/// (`input_rms`) and the logs show less than it (`prior_std`), and the nearest bound of the flight's estimator where
 /// that lies within the 95 % interval, which the logs then do not exclude. Reports of which that is so.
 pub(super) fn accepted_values(
     job: &Job<'_>,
@@ -73,7 +73,7 @@ pub(super) fn accepted_values(
     (values.collect(), notes)
 }
 
-/// Whether no stick that shows the parameter of `row` was moved much, and the logs tell less of it than its prior.
+/// Whether no stick that shows the parameter of `row` was moved much, and the logs show less of it than its prior.
 fn is_unknown(row: &ParameterRow, input_rms: &[f64], prior_std: f64) -> bool {
     let is_still = sticks_of(row.name).iter().all(|stick| input_rms[*stick] < EXCITATION_MIN);
     is_still && (row.std_laplace.is_nan() || is_set_by_prior(row.std_laplace, prior_std))
@@ -149,7 +149,7 @@ pub(super) fn accept(job: &Job<'_>, fit: &FitReport, file: &ParameterFile) -> Re
     let steps: usize = job.logs.iter().map(|log| log.recording.o.len()).sum();
     ensure!(
         2 * fit.steps_lost <= steps,
-        "in {} of {steps} steps the drone did not follow its sticks: what is left says little of it; are axes \
+        "in {} of {steps} steps the drone did not follow its sticks: what is left shows little of it; are axes \
          exchanged, is the object turned (--turn), or the link bad?",
         fit.steps_lost
     );

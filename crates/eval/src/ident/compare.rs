@@ -8,7 +8,9 @@ use std::fmt::{self, Display, Formatter};
 use super::fit::fit;
 use super::job::{FitResult, Job};
 use super::table::IdentFileTable;
-use crate::forecast::{ConstantVelocity, Forecast, ForecastErrors, Hold, HorizonErrors, judge};
+use crate::forecast::{
+    ConstantVelocity, Forecast, ForecastErrors, HorizonErrors, StandStill, judge,
+};
 use crate::outage::{OutageSettings, lost_commands};
 use crate::recordings::Loaded;
 use crate::smooth::{MotionTrack, smooth, track};
@@ -172,7 +174,7 @@ pub fn compare(
         let mut tally = Tally::new(horizon_steps);
         if folds == 0 {
             for flight in &flights {
-                whole.predict.judge(flight, &mut tally, horizon_steps);
+                whole.predict.add_errors_to(flight, &mut tally, horizon_steps);
             }
         }
         for fold in 0..folds {
@@ -185,14 +187,14 @@ pub fn compare(
             let result =
                 fit(&part).with_context(|| format!("in part {} of --compare", fold + 1))?;
             for (_, flight) in flights.iter().enumerate().filter(|(log, _)| is_judged(*log)) {
-                result.predict.judge(flight, &mut tally, horizon_steps);
+                result.predict.add_errors_to(flight, &mut tally, horizon_steps);
             }
         }
         models.push(tally.ranked(job.name, dt_s));
     }
     let (mut still, mut steady) = (Tally::new(horizon_steps), Tally::new(horizon_steps));
     for flight in &flights {
-        still.add(flight, horizon_steps, |_| Hold);
+        still.add(flight, horizon_steps, |_| StandStill);
         steady.add(flight, horizon_steps, |_| ConstantVelocity { dt_s });
     }
     models.push(still.ranked("standing still", dt_s));
@@ -218,7 +220,7 @@ impl Masker {
         let built_in = super::settings(None)?;
         let table = if table.lost_commands.is_some() { table } else { &built_in };
         let Some(lost_commands) = &table.lost_commands else {
-            bail!("the built-in settings do not say how lost commands are found")
+            bail!("the built-in settings do not state how lost commands are found")
         };
         let under = |error: SettingError| error.under("lost_commands");
         Ok(Self {

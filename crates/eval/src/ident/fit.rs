@@ -19,10 +19,10 @@ use tello_io::clock::Clock;
 
 use super::acceptance;
 use super::flights::{Flight, cut_logs, prepare};
-use super::job::{DelayCurve, FitResult, Job, Trace};
+use super::job::{DelayResult, FitResult, Job, Trace};
 use super::predict::{Identified, residual_decay_s};
 use super::report::{Bootstrap, DelayRow, FitReport, ParameterRow};
-use super::verdict::{Evidence, PIECES_PER_PARAMETER, autocorrelation, is_resampled};
+use super::verdict::{IdentFindings, PIECES_PER_PARAMETER, autocorrelation, is_resampled};
 use crate::Stopped;
 use crate::parameter_file::ParameterFile;
 
@@ -153,7 +153,7 @@ where
         &self,
         solved: &SolveReport,
         solve_seconds: f64,
-        delay: &[DelayCurve],
+        delay: &[DelayResult],
         bootstrap: Option<(Bootstrap, Spread<NP>)>,
     ) -> FitReport {
         let laplace = self.laplace();
@@ -209,8 +209,8 @@ where
         fit: &'f FitReport,
         traces: &[Trace],
         has_converged: bool,
-    ) -> Evidence<'f> {
-        Evidence {
+    ) -> IdentFindings<'f> {
+        IdentFindings {
             delay: &fit.delay,
             parameters: &fit.parameters,
             prior_std: self.prior_std.clone(),
@@ -244,7 +244,7 @@ where
     }
 
     /// Dead times by their likelihood, if the settings ask for it; the estimate moves to them.
-    fn search_dead_time(&mut self) -> Result<Vec<DelayCurve>> {
+    fn search_dead_time(&mut self) -> Result<Vec<DelayResult>> {
         let Some(table) = &self.job.table.delay else { return Ok(Vec::new()) };
         let settings = DelaySettings::try_from(table);
         let settings = settings.map_err(|error: SettingError| error.under("delay"))?;
@@ -279,7 +279,7 @@ where
                 lower_s: spread.map(|spread| spread.lower_s),
                 upper_s: spread.map(|spread| spread.upper_s),
             };
-            DelayCurve { row, dead_time_s, cost }
+            DelayResult { row, dead_time_s, cost }
         };
         Ok(profiles.into_iter().map(curve).collect())
     }
@@ -288,7 +288,7 @@ where
     fn laplace(&self) -> Spread<NP> {
         let laplace = Laplace::with_dead_times(&self.ident, &self.influences);
         let p = self.ident.parameter();
-        // Fewer pieces cannot tell how they vary.
+        // Fewer pieces cannot show how they vary.
         let is_clustered = self.spans.len() >= PIECES_PER_PARAMETER * NP;
         match laplace {
             Ok(laplace) if is_clustered => laplace.spread(p),
@@ -300,7 +300,7 @@ where
     fn parameter_rows(&self, spread: &Spread<NP>, laplace: &Spread<NP>) -> Vec<ParameterRow> {
         let [lower, upper] = &self.bounds;
         let row = |row: usize| {
-            // The bootstrap resamples logs, not the prior: its spread says nothing of a row that the prior sets.
+            // The bootstrap resamples logs, not the prior: its spread means nothing for a row that the prior sets.
             let is_prior = super::verdict::is_set_by_prior(laplace.std[row], self.prior_std[row]);
             let spread = if is_prior { laplace } else { spread };
             let value = self.ident.parameter()[row];

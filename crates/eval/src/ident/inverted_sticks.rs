@@ -1,6 +1,6 @@
 //! Whether a log shows a vehicle that flies against its sticks.
 //!
-//! Owns the sign of each stick. The search for lost commands cannot tell an inverted stick from an outage: it
+//! Owns the sign of each stick. The search for lost commands cannot distinguish an inverted stick from an outage: it
 //! leaves out what shows it, and the rest is fitted as if nothing were wrong.
 
 use horizon_estim::Observed;

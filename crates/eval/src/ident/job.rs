@@ -7,7 +7,7 @@ use horizon_model::Row;
 use tello_flight::cycle::FlightTable;
 
 use super::Observer;
-use super::predict::Predict;
+use super::predict::AddErrors;
 use super::report::{DelayRow, FitReport};
 use super::resamples::{BootstrapPlan, ResampleFile};
 use super::table::IdentFileTable;
@@ -45,13 +45,13 @@ pub struct FitResult {
     /// Estimates of the bootstrap.
     pub resamples: Option<Resampled>,
     /// Cost over the dead times, if they were searched.
-    pub(super) delay: Vec<DelayCurve>,
+    pub(super) delay: Vec<DelayResult>,
     /// Whether the solver converged.
     pub has_converged: bool,
     /// The parameters for the flight; `None` if it would refuse them (`FitReport::refused`).
     pub parameter_file: Option<ParameterFile>,
     /// The fitted model as a forecast.
-    pub(super) predict: Box<dyn Predict>,
+    pub(super) predict: Box<dyn AddErrors>,
 }
 
 /// Estimates of a bootstrap.
@@ -93,7 +93,7 @@ pub(super) struct Trace {
 }
 
 /// Cost over the dead time of a group of sticks.
-pub(super) struct DelayCurve {
+pub(super) struct DelayResult {
     /// The estimate.
     pub(super) row: DelayRow,
     /// Dead times at which the cost was computed, ascending. s

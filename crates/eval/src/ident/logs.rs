@@ -71,7 +71,7 @@ pub fn load_judged(
     let (mut logs, files_skipped) = recordings::load(paths)?;
     let known = KnownFlights::of(fitted);
     for log in &logs {
-        if let Some(same) = known.place_of_log(log).map(|place| &fitted[place]) {
+        if let Some(same) = known.index_of_log(log).map(|place| &fitted[place]) {
             bail!(
                 "{} of --judge has the flight of {}, to which is fitted: judge by other logs",
                 log.path.display(),
@@ -91,7 +91,7 @@ fn check_period(logs: &[Loaded], dt_s: f64) -> Result<()> {
     let Some(log) = logs.iter().find(is_mcap) else { return Ok(()) };
     let (path, period_s) = (log.path.display(), recordings::PERIOD_S);
     if (dt_s - period_s).abs() > 1e-9 {
-        bail!("{path} has a period of {period_s} s, the settings say dt_s = {dt_s}");
+        bail!("{path} has a period of {period_s} s, the settings have dt_s = {dt_s}");
     }
     Ok(())
 }

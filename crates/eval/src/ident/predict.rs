@@ -1,7 +1,7 @@
 //! A fitted model as a forecast, whatever its size.
 
-use horizon_model::rows::{Pose, Sticks, pose, stick};
-use horizon_model::{LaggedShape, Model};
+use horizon_model::rows::{Sticks, pose, stick};
+use horizon_model::{LaggedShape, Model, Vector};
 use nalgebra::SVector;
 use tello_flight::cycle::ModelKind;
 
@@ -9,9 +9,9 @@ use super::compare::{Judged, Tally};
 use crate::forecast::Driven;
 
 /// A fitted model as a forecast.
-pub(super) trait Predict: Sync {
+pub(super) trait AddErrors: Sync {
     /// Adds its errors on `flight` to `tally`.
-    fn judge(&self, flight: &Judged, tally: &mut Tally, horizon_steps: usize);
+    fn add_errors_to(&self, flight: &Judged, tally: &mut Tally, horizon_steps: usize);
 }
 
 /// A model with what was identified of it.
@@ -23,16 +23,16 @@ pub(super) struct Identified<M, const NS: usize, const NP: usize> {
     /// Dead times. s
     pub(super) dead_time_s: Sticks,
     /// As [`residual_decay_s`]. s
-    pub(super) residual_decay_s: Pose,
+    pub(super) residual_decay_s: Vector<{ pose::COUNT }>,
     /// Period. s
     pub(super) dt_s: f64,
 }
 
-impl<M, const NS: usize, const NP: usize> Predict for Identified<M, NS, NP>
+impl<M, const NS: usize, const NP: usize> AddErrors for Identified<M, NS, NP>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Sync,
 {
-    fn judge(&self, flight: &Judged, tally: &mut Tally, horizon_steps: usize) {
+    fn add_errors_to(&self, flight: &Judged, tally: &mut Tally, horizon_steps: usize) {
         let applied = flight.recording.applied(&self.dead_time_s, self.dt_s);
         tally.add(flight, horizon_steps, |known| {
             let Self { model, p, residual_decay_s, dt_s, .. } = self;
@@ -41,10 +41,10 @@ where
     }
 }
 
-/// Time in which the velocity that the sticks do not explain decays in a forecast: as the model says
-/// if it knows such a velocity, at once if it does not. s
-pub(super) fn residual_decay_s(model: ModelKind) -> Pose {
-    let mut decay_s = Pose::zeros();
+/// Time in which the velocity that the sticks do not explain decays in a forecast: as in the model
+/// if it knows such a velocity, at once if it does not, by row of the pose. s
+pub(super) fn residual_decay_s(model: ModelKind) -> Vector<{ pose::COUNT }> {
+    let mut decay_s = Vector::zeros();
     if model == ModelKind::Lagged {
         let shape = LaggedShape::default();
         decay_s[pose::X] = shape.decay_h_s;
@@ -56,6 +56,8 @@ pub(super) fn residual_decay_s(model: ModelKind) -> Pose {
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::rows::Pose;
+
     use super::*;
 
     #[test]

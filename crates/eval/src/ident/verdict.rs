@@ -37,16 +37,16 @@ pub(super) const PIECES_PER_PARAMETER: usize = 3;
 /// Fewer different resamples give no distribution.
 const DISTINCT_MIN: usize = 100;
 
-/// Whether a bootstrap with `distinct` different samples of `pieces` tells how well so many `parameters` are known.
+/// Whether a bootstrap with `distinct` different samples of `pieces` shows how well so many `parameters` are known.
 pub(super) fn is_resampled(distinct: usize, pieces: usize, parameters: usize) -> bool {
     distinct >= DISTINCT_MIN && pieces > parameters
 }
 
-/// Standard deviation beyond which a dead time says nothing. s
+/// Standard deviation beyond which a dead time counts as unknown. s
 const DEAD_TIME_STD_MAX_S: f64 = 0.1;
 
 /// Results of an identification that the warnings are about.
-pub(super) struct Evidence<'a> {
+pub(super) struct IdentFindings<'a> {
     pub(super) parameters: &'a [ParameterRow],
     /// Standard deviation that the prior gives each parameter; infinite without a prior.
     pub(super) prior_std: Vec<f64>,
@@ -68,7 +68,7 @@ pub(super) struct Evidence<'a> {
     pub(super) mostly_lost: Vec<String>,
 }
 
-impl Evidence<'_> {
+impl IdentFindings<'_> {
     /// One sentence for each thing that is off.
     pub(super) fn sentences(&self) -> Vec<String> {
         let mut findings = Vec::new();
@@ -119,10 +119,10 @@ impl Evidence<'_> {
         match self.resamples_distinct {
             Some(distinct) if !is_resampled(distinct, pieces, parameters) => findings.push(format!(
                 "the bootstrap rests on {pieces} pieces ({distinct} distinct resamples) for {parameters} \
-                 parameters: its intervals and correlations say nothing, Laplace's are taken; fly more"
+                 parameters: its intervals and correlations mean nothing, Laplace's are taken; fly more"
             )),
             None if pieces < PIECES_PER_PARAMETER * parameters => findings.push(format!(
-                "pieces: {pieces}, too few to tell how they vary: the intervals assume independent residuals; fly \
+                "pieces: {pieces}, too few to show how they vary: the intervals assume independent residuals; fly \
                  until there are {}",
                 PIECES_PER_PARAMETER * parameters
             )),
@@ -197,8 +197,8 @@ mod tests {
         ParameterRow { name, unit: "1", value, std, std_laplace, lower, upper, is_at_bound }
     }
 
-    fn evidence(parameters: &[ParameterRow]) -> Evidence<'_> {
-        Evidence {
+    fn evidence(parameters: &[ParameterRow]) -> IdentFindings<'_> {
+        IdentFindings {
             parameters,
             prior_std: vec![1.0; parameters.len()],
             inputs: &INPUT,
@@ -224,7 +224,7 @@ mod tests {
         (evidence.pieces, evidence.resamples_distinct) = (12, Some(290));
         assert!(evidence.sentences().is_empty());
         (evidence.pieces, evidence.resamples_distinct) = (2, None);
-        assert!(evidence.sentences().join("").contains("pieces: 2, too few to tell"));
+        assert!(evidence.sentences().join("").contains("pieces: 2, too few to show"));
     }
 
     #[test]

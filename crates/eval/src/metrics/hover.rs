@@ -45,7 +45,7 @@ impl Hover {
         lasts_s + SETTLE_S
     }
 
-    /// Adds the tick at `now_s` with the pose `at` (world frame; m, rad). `has_arrived` says whether the target
+    /// Adds the tick at `now_s` with the pose `at` (world frame; m, rad). `has_arrived`: whether the target
     /// was reached, now or before.
     pub fn add(&mut self, now_s: f64, at: &Pose, has_arrived: bool) {
         if !has_arrived || self.is_done {

@@ -3,7 +3,7 @@
 //! Owns a reach test of its own: the target counter of the controller does not count. It is fed one
 //! pose per tick, the true one or the estimated one. The clock starts when the controller has reached
 //! its first target and stops when the pose has reached the last, all in order.
-//! Where poses cannot tell that a mission is over, its last target counts from when the controller has reached it
+//! Where poses cannot show that a mission is over, its last target counts from when the controller has reached it
 //! ([`ReferencePath::ends_with_mission`]).
 
 use horizon_model::rows::{Pose, Sticks};

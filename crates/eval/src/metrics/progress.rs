@@ -22,7 +22,7 @@ pub struct PathProgress {
 
 /// A pose matched to the point of the path that is horizontally nearest.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub struct OnPath {
     /// Number of that point over the largest number: 0 at the begin of the path, 1 at its end. 1
     pub progress: f64,
     /// Norm of the difference to that point over x, y, z and theta. m and rad
@@ -48,7 +48,7 @@ impl PathProgress {
     /// The progress of the pose `at` (world frame, m and rad), and its distance from the path.
     ///
     /// Cost linear in the points, no allocation.
-    pub fn place(&self, at: &Pose) -> Place {
+    pub fn place(&self, at: &Pose) -> OnPath {
         let at_w = horizontal(at);
         let squared_m2 = self.points_w.iter().map(|point_w| (at_w - point_w).norm_squared());
         let nearest =
@@ -57,7 +57,7 @@ impl PathProgress {
             });
         let mut off = at - self.points[nearest.0];
         off[pose::THETA] = unwrap_near(off[pose::THETA], 0.0);
-        Place {
+        OnPath {
             progress: nearest.0 as f64 / (self.points.len() - 1).max(1) as f64,
             distance_4d: off.norm(),
         }

@@ -24,7 +24,7 @@ pub struct ReferencePath {
     /// A target counts as reached within this norm over x, y, z and theta. m and rad
     pub reach: f64,
     /// Whether the last target counts only when the controller has reached the end of its mission, since poses do not
-    /// tell how much of it was flown: a trajectory over time, a curve within `reach` of one place.
+    /// show how much of it was flown: a trajectory over time, a curve within `reach` of one place.
     pub ends_with_mission: bool,
     /// How often the path is flown; the targets are those of all laps.
     pub laps: usize,

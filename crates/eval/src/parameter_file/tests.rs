@@ -1,7 +1,7 @@
 use super::*;
 use serde_json::{Value, json};
 
-/// A value that tells its row; dead zones stay below the half stick that the simulator accepts.
+/// A value that identifies its row; dead zones stay below the half stick that the simulator accepts.
 fn value(k: usize) -> f64 {
     0.1 + 0.03125 * k as f64
 }

@@ -34,36 +34,36 @@ pub(crate) struct KnownFlights {
 }
 
 impl KnownFlights {
-    /// Those of `logs`, at their places.
+    /// Those of `logs`, at their indices.
     pub(crate) fn of(logs: &[Loaded]) -> Self {
         let mut known = Self::default();
-        for (place, log) in logs.iter().enumerate() {
-            known.add(place, &log.sha256, &log.motions);
+        for (index, log) in logs.iter().enumerate() {
+            known.add(index, &log.sha256, &log.motions);
         }
         known
     }
 
-    /// The place of the flight of `log`.
-    pub(crate) fn place_of_log(&self, log: &Loaded) -> Option<usize> {
-        self.place_of(&log.sha256, &log.motions)
+    /// The index of the flight of `log`.
+    pub(crate) fn index_of_log(&self, log: &Loaded) -> Option<usize> {
+        self.index_of(&log.sha256, &log.motions)
     }
 
-    fn add(&mut self, place: usize, sha256: &str, motions: &Motions) {
-        self.motions.insert(place, motions.len());
-        self.by_bytes.entry(sha256.to_owned()).or_insert(place);
+    fn add(&mut self, index: usize, sha256: &str, motions: &Motions) {
+        self.motions.insert(index, motions.len());
+        self.by_bytes.entry(sha256.to_owned()).or_insert(index);
         for motion in motions {
-            self.by_motion.entry(*motion).or_insert(place);
+            self.by_motion.entry(*motion).or_insert(index);
         }
     }
 
-    /// The place of the flight that has these bytes, or most of the motions of the shorter one.
-    fn place_of(&self, sha256: &str, motions: &Motions) -> Option<usize> {
+    /// The index of the flight that has these bytes, or most of the motions of the shorter one.
+    fn index_of(&self, sha256: &str, motions: &Motions) -> Option<usize> {
         let mut shared: BTreeMap<usize, usize> = BTreeMap::new();
-        for place in motions.iter().filter_map(|motion| self.by_motion.get(motion)) {
-            *shared.entry(*place).or_default() += 1;
+        for index in motions.iter().filter_map(|motion| self.by_motion.get(motion)) {
+            *shared.entry(*index).or_default() += 1;
         }
-        let is_same = |(place, shared): (usize, usize)| {
-            (2 * shared > motions.len().min(self.motions[&place])).then_some(place)
+        let is_same = |(index, shared): (usize, usize)| {
+            (2 * shared > motions.len().min(self.motions[&index])).then_some(index)
         };
         self.by_bytes.get(sha256).copied().or_else(|| shared.into_iter().find_map(is_same))
     }
@@ -72,14 +72,14 @@ impl KnownFlights {
 /// For each of `files`, by the SHA-256 of its bytes and its motions, the one whose copy it is. Of the files of a
 /// flight the one with the most motions is the original: the log before its CSV, the whole one before the torn one.
 pub(crate) fn originals(files: &[(&str, &Motions)]) -> Vec<Option<usize>> {
-    let mut places: Vec<usize> = (0..files.len()).collect();
-    places.sort_by_key(|place| Reverse(files[*place].1.len()));
+    let mut indices: Vec<usize> = (0..files.len()).collect();
+    indices.sort_by_key(|index| Reverse(files[*index].1.len()));
     let (mut known, mut originals) = (KnownFlights::default(), vec![None; files.len()]);
-    for place in places {
-        let (sha256, motions) = files[place];
-        originals[place] = known.place_of(sha256, motions);
-        if originals[place].is_none() {
-            known.add(place, sha256, motions);
+    for index in indices {
+        let (sha256, motions) = files[index];
+        originals[index] = known.index_of(sha256, motions);
+        if originals[index].is_none() {
+            known.add(index, sha256, motions);
         }
     }
     originals

@@ -1,7 +1,7 @@
 //! A foreign recording as rows: the thesis' CSV, or the same rows in an MCAP file of ours.
 //!
 //! Owns how a CSV flight looks in MCAP. Four channels hold its four tags, unchanged; what the file does
-//! not say, it does not say here: `pos` may be a raw, a filtered or an estimated pose.
+//! not state, it does not state here: `pos` may be a raw, a filtered or an estimated pose.
 
 use std::collections::BTreeMap;
 use std::path::Path;

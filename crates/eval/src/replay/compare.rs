@@ -12,7 +12,7 @@ use tello_io::config;
 use tello_io::log::{Ending, LogReader};
 
 use super::drawn_log::DrawnLog;
-use super::{Options, Watch};
+use super::{Options, TickObserver};
 use crate::flight_log::{self, TickRecord};
 use crate::{REVISION, parameter_file};
 
@@ -76,7 +76,7 @@ struct Difference {
 pub(super) fn run(
     path: &Path,
     options: &Options<'_>,
-    mut watch: Option<Watch<'_>>,
+    mut watch: Option<TickObserver<'_>>,
 ) -> Result<ReplayReport> {
     let mut log = LogReader::open(path)?;
     let mut flight = flight_log::settings(&log, path)?;

@@ -9,7 +9,7 @@ use tello_flight::cycle::{FlightTable, Outcome};
 use tello_io::log::{LogError, LogWriter};
 use tello_io::whole_file::Part;
 
-use crate::flight_log::{self, TickRecord};
+use crate::flight_log::{self, Origin, TickRecord};
 use crate::scene::Scene;
 
 /// A log that viewers draw. It has its name when it is closed, and is removed if it is not: a torn one would be in the
@@ -37,8 +37,9 @@ impl DrawnLog {
             return Err(LogError::Exists { path }.into());
         }
         let part = Part::of(&path)?;
-        let log = flight_log::create_replay(part.path(), flight, started_unix_ns, shape)
-            .with_context(|| not_written(&path))?;
+        let log =
+            flight_log::create_of(Origin::Repeated, part.path(), flight, started_unix_ns, shape)
+                .with_context(|| not_written(&path))?;
         Ok(Self { log, scene: Scene::new(flight, started_unix_ns)?, path, part })
     }
 

@@ -90,7 +90,7 @@ impl ForecastReport {
 }
 
 impl Flight {
-    /// Why it says nothing about the estimator, if so.
+    /// Why it means nothing for the estimator, if so.
     fn unjudged(&self) -> Option<String> {
         if self.counts.ticks_airborne == 0 {
             Some(format!("never above {AIRBORNE_M} m: without flight it proves nothing"))

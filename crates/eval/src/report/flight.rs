@@ -1,7 +1,7 @@
 //! A recorded flight as the report sees it: its ticks, the line that it followed, and which ticks count.
 //!
-//! Owns when a flight begins and ends. A log of ours says which targets were reached and what the line
-//! was. A recording of the thesis only says which target was wanted: a target is reached when the next one
+//! Owns when a flight begins and ends. A log of ours states which targets were reached and what the line
+//! was. A recording of the thesis only states which target was wanted: a target is reached when the next one
 //! takes its place, and targets that equal the pose mean that a pilot flies.
 
 use std::ops::Range;

@@ -217,8 +217,8 @@ impl Group {
     }
 }
 
-/// Those of `looked` whose numbers count. Flights by hand, or with ticks missing in the part that counts, do only if
-/// there are no others; replays and dry runs only if there is nothing else.
+/// The flights of `looked` with the best rank: judged before unjudged (replays, dry runs), then measurable before not
+/// (by hand, or with ticks missing in the part that counts).
 fn counted(looked: &[Looked]) -> impl Iterator<Item = &Looked> {
     let rank = |one: &Looked| (one.flight.unjudged.is_none(), one.flight.is_measurable());
     let first = looked.iter().map(rank).max();

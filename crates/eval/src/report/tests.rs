@@ -75,9 +75,9 @@ fn a_copy_of_a_log_is_no_second_flight() {
     let mut unusable = Vec::new();
     let group = read(std::slice::from_ref(&folder), &mut unusable).unwrap();
     assert_eq!((group.flights.len(), unusable.len()), (1, 2), "{unusable:?}");
-    assert!(unusable[1].why.starts_with("the same poses as "), "{unusable:?}");
+    assert!(unusable[1].why.starts_with("its poses are those of "), "{unusable:?}");
     let (file, line) = (unusable[0].file.display().to_string(), unusable[0].to_string());
-    assert!(line.starts_with(&format!("{file}: the same bytes as ")), "{line}");
+    assert!(line.starts_with(&format!("{file}: its bytes are those of ")), "{line}");
     let why = format!("{file} is empty");
     assert_eq!(Unusable { why: why.clone(), ..unusable[0].clone() }.to_string(), why);
     fs::remove_dir_all(&folder).unwrap();

@@ -149,7 +149,7 @@ pub(super) fn remarks(
         let first_s = flight.time_s(first);
         remarks.push(format!("by hand for {lasted_s:.2} s, first at {first_s:.2} s"));
     }
-    // The poses of a flight that begins in the air do not tell where the ground is: they confirm no landing.
+    // The poses of a flight that begins in the air do not show where the ground is: they confirm no landing.
     let begins_in_air = flight.ticks.first().is_some_and(|tick| tick.phase == Some(Phase::Flying));
     for FaultTime { name, first_s, ticks } in faults {
         let lasted_s = *ticks as f64 * flight.dt_s;

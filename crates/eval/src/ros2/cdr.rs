@@ -9,7 +9,7 @@
 const HEAD: [u8; 4] = [0, 1, 0, 0];
 
 /// Position and orientation: x, y, z in m; quaternion x, y, z, w.
-pub(crate) type Place = ([f64; 3], [f64; 4]);
+pub(crate) type PoseNumbers = ([f64; 3], [f64; 4]);
 
 /// A message being written.
 pub(super) struct Cdr {
@@ -84,7 +84,7 @@ impl Cdr {
     }
 
     /// A point or vector, then a quaternion.
-    pub(super) fn place(&mut self, (point, turn): &Place) {
+    pub(super) fn place(&mut self, (point, turn): &PoseNumbers) {
         for value in point.iter().chain(turn) {
             self.double(*value);
         }

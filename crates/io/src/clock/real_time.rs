@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_request_is_granted_or_says_how_to_permit_it() {
+    fn the_request_is_granted_or_states_how_to_permit_it() {
         // In a thread of its own: the priority must not stick to the test runner.
         let outcome = std::thread::spawn(|| (request_real_time(None), thread_schedule_policy()));
         let (warnings, policy) = outcome.join().unwrap();

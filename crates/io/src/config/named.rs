@@ -1,11 +1,11 @@
 //! Keys that the log of a flight may lack and settings may not.
 //!
-//! A log from before such a key is read as it was flown. Settings without it would fly less protected than their
-//! author believes, without a word.
+//! A log from before such a key is read as it was flown. Settings without such a key are refused: the
+//! protection would be off without notice.
 
 use serde_json::Value;
 
-use super::place::{Place, Step};
+use super::place::{KeyPath, Step};
 use super::{BUILT_IN_FLY, parse};
 
 const NAMED: [&str; 20] = [
@@ -32,10 +32,10 @@ const NAMED: [&str; 20] = [
 ];
 
 /// The keys that `settings` have to name and do not: where they belong, and what the built-in settings have there.
-pub(super) fn unnamed(settings: &Value) -> impl Iterator<Item = (Place, String)> + '_ {
+pub(super) fn unnamed(settings: &Value) -> impl Iterator<Item = (KeyPath, String)> + '_ {
     let built_in: Value = parse(BUILT_IN_FLY).unwrap_or_default();
     NAMED.iter().filter_map(move |key| {
-        let place = Place::of_key(key);
+        let place = KeyPath::of_key(key);
         let parent = place.head(place.0.len() - 1);
         let Some(Step::Key(name)) = place.0.last() else { return None };
         let is_named = parent.of(settings)?.as_object()?.contains_key(name);
@@ -56,7 +56,7 @@ mod tests {
         for key in NAMED {
             let (parent, name) = key.rsplit_once('.').unwrap();
             let mut settings = built_in.clone();
-            let parent = Place::of_key(parent);
+            let parent = KeyPath::of_key(parent);
             parent.of_mut(&mut settings).unwrap().as_object_mut().unwrap().remove(name);
             let missed: Vec<_> = unnamed(&settings).collect();
             let [(place, text)] = &*missed else { panic!("{key}: {missed:?}") };
@@ -66,7 +66,7 @@ mod tests {
     }
 
     /// Places of all keys in `value`, below `place`.
-    fn places(value: &Value, place: &Place, to: &mut Vec<Place>) {
+    fn places(value: &Value, place: &KeyPath, to: &mut Vec<KeyPath>) {
         for (key, value) in value.as_object().into_iter().flatten() {
             let place = place.with(key);
             places(value, &place, to);
@@ -78,8 +78,8 @@ mod tests {
     fn settings_that_lack_any_key_of_the_built_in_ones_are_refused() {
         let built_in: Value = parse(BUILT_IN_FLY).unwrap();
         let mut all = Vec::new();
-        places(&built_in, &Place::default(), &mut all);
-        let is_missed = |place: &Place| {
+        places(&built_in, &KeyPath::default(), &mut all);
+        let is_missed = |place: &KeyPath| {
             let mut settings = built_in.clone();
             let parent = place.head(place.0.len() - 1);
             let Some(Step::Key(name)) = place.0.last() else { return false };

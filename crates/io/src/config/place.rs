@@ -19,9 +19,9 @@ pub(super) enum Step {
 
 /// A path as people write it: `cycle.mhe.p_lb[3]`.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub(super) struct Place(pub(super) Vec<Step>);
+pub(super) struct KeyPath(pub(super) Vec<Step>);
 
-impl Place {
+impl KeyPath {
     /// Of a key such as `cycle.mhe.p_lb[3]`.
     pub(super) fn of_key(key: &str) -> Self {
         let parts = key.split(['.', '[']).filter(|part| !part.is_empty());
@@ -105,22 +105,22 @@ fn line_and_column(raw: &RawValue, text: &str) -> Option<(usize, usize)> {
 }
 
 /// Keys that an object of the JSON `text` has more than once, with line and column of the later value: a parser takes
-/// one of them without a word.
-pub(super) fn doubles(text: &str) -> Vec<(Place, (usize, usize))> {
+/// one of them silently.
+pub(super) fn doubles(text: &str) -> Vec<(KeyPath, (usize, usize))> {
     let mut found = Vec::new();
     if let Ok(raw) = serde_json::from_str(text) {
-        find_doubles(raw, &Place::default(), text, &mut found);
+        find_doubles(raw, &KeyPath::default(), text, &mut found);
     }
     found
 }
 
 fn find_doubles(
     raw: &RawValue,
-    place: &Place,
+    place: &KeyPath,
     text: &str,
-    found: &mut Vec<(Place, (usize, usize))>,
+    found: &mut Vec<(KeyPath, (usize, usize))>,
 ) {
-    let inside: Vec<(Place, &RawValue)> = if raw.get().starts_with('{') {
+    let inside: Vec<(KeyPath, &RawValue)> = if raw.get().starts_with('{') {
         let Ok(Entries(entries)) = serde_json::from_str(raw.get()) else { return };
         let mut known = BTreeSet::new();
         for (key, value) in &entries {
@@ -133,7 +133,7 @@ fn find_doubles(
         entries.iter().map(|(key, value)| (place.with(key), *value)).collect()
     } else if raw.get().starts_with('[') {
         let Ok(entries) = serde_json::from_str::<Vec<&RawValue>>(raw.get()) else { return };
-        let within = |index| Place(place.0.iter().cloned().chain([Step::Index(index)]).collect());
+        let within = |index| KeyPath(place.0.iter().cloned().chain([Step::Index(index)]).collect());
         entries.into_iter().enumerate().map(|(index, value)| (within(index), value)).collect()
     } else {
         return;
@@ -168,7 +168,7 @@ impl<'a> Deserialize<'a> for Entries<'a> {
     }
 }
 
-impl Display for Place {
+impl Display for KeyPath {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         for (k, step) in self.0.iter().enumerate() {
             match step {
@@ -198,7 +198,7 @@ mod tests {
             ("a.nothing", (2, 8)),
             ("", (1, 1)),
         ] {
-            let found = Place::of_key(key);
+            let found = KeyPath::of_key(key);
             assert_eq!(found.in_text(text), Some(place), "{key}");
             assert_eq!(found.to_string(), key);
         }

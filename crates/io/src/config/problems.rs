@@ -23,7 +23,7 @@ use tello_flight::{
 };
 
 use super::named::unnamed;
-use super::place::{Place, Step, doubles};
+use super::place::{KeyPath, Step, doubles};
 use super::{
     BUILT_IN_MISSION, FlyTable, SCHEMA, flight, frame_wait, from_value, manual, mocap,
     moving_object, parse, read, read_points,
@@ -93,7 +93,7 @@ impl Error for Problems {}
 
 /// Why a value is refused, and where.
 struct Refusal {
-    place: Place,
+    place: KeyPath,
     text: String,
     kind: RefusalKind,
 }
@@ -109,7 +109,7 @@ enum RefusalKind {
 
 impl From<SettingError> for Refusal {
     fn from(error: SettingError) -> Self {
-        let (place, text) = (Place::of_key(&error.key), error.to_string());
+        let (place, text) = (KeyPath::of_key(&error.key), error.to_string());
         Self { place, text, kind: RefusalKind::Value }
     }
 }
@@ -122,8 +122,8 @@ impl RefusalKind {
 }
 
 impl Refusal {
-    /// Place of the value to replace: the missing one, the refused one, or the whole table of another kind.
-    fn target(&self) -> Place {
+    /// Path of the value to replace: the missing one, the refused one, or the whole table of another kind.
+    fn target(&self) -> KeyPath {
         match (&self.kind, self.place.0.last()) {
             (RefusalKind::Missing(key), _) if key != "kind" => self.place.with(key),
             (RefusalKind::Value | RefusalKind::Together(_), Some(Step::Key(key)))
@@ -136,7 +136,7 @@ impl Refusal {
     }
 
     fn of_shape(error: &serde_path_to_error::Error<serde_json::Error>) -> Self {
-        let mut place = Place::of_path(error.path());
+        let mut place = KeyPath::of_path(error.path());
         let message = plain(&error.inner().to_string());
         let named = |start: &str| {
             let rest = message.strip_prefix(start)?;
@@ -184,7 +184,7 @@ pub fn fly_problems(path: Option<&Path>, mission: Option<&Path>) -> Problems {
         if let ([unread], Some(path), Some(_)) = (&mut *in_mission, path, &from_settings)
             && unread.file.is_empty()
         {
-            let key = Place::of_key("mission");
+            let key = KeyPath::of_key("mission");
             let place = read(path).ok().and_then(|text| key.in_text(&text));
             let text = format!("{key}: {}", unread.text);
             *unread = SettingProblem { file: path.display().to_string(), place, text };
@@ -203,7 +203,7 @@ pub fn fly_problems(path: Option<&Path>, mission: Option<&Path>) -> Problems {
 fn unnamed_keys(path: &Path) -> Vec<SettingProblem> {
     let text = read(path).unwrap_or_default();
     let settings: Value = serde_json::from_str(&text).unwrap_or_default();
-    let problem = |(parent, missing): (Place, String)| SettingProblem {
+    let problem = |(parent, missing): (KeyPath, String)| SettingProblem {
         file: path.display().to_string(),
         place: parent.in_text(&text),
         text: missing,
@@ -232,7 +232,7 @@ fn misfits(
     let problem = |mut error: SettingError| {
         // A pose of the file has its place there, the whole mission has none.
         let key = error.key.strip_prefix("mission.").map(str::to_owned);
-        let place = key.as_deref().and_then(|key| Place::of_key(key).in_text(&text));
+        let place = key.as_deref().and_then(|key| KeyPath::of_key(key).in_text(&text));
         error.key = key.unwrap_or(error.key);
         SettingProblem { file: file.clone(), place, text: format!("{error}, in {settings}") }
     };
@@ -257,7 +257,7 @@ fn check_fly(table: &FlyTable) -> Result<(), SettingError> {
 fn check_mission(path: &Path, table: &MissionTable) -> Result<(), Refusal> {
     let mut read = table.clone();
     if let Err(error) = read_points(path, &mut read) {
-        let place = Place::of_key("trajectory.points.csv");
+        let place = KeyPath::of_key("trajectory.points.csv");
         let table = json!(table);
         let csv = place.of(&table).and_then(Value::as_str).unwrap_or_default();
         let file = path.with_file_name(csv).display().to_string();
@@ -274,7 +274,7 @@ fn check_mission(path: &Path, table: &MissionTable) -> Result<(), Refusal> {
     Mission::new(&read, DT_S).map(drop).map_err(|error| {
         let kind = RefusalKind::together(late_rows(path, table));
         let place = match &kind {
-            RefusalKind::Together(_) => Place::of_key("trajectory.points.rows"),
+            RefusalKind::Together(_) => KeyPath::of_key("trajectory.points.rows"),
             RefusalKind::Value | RefusalKind::Missing(_) => place_of(&error),
         };
         Refusal { place, text: error.to_string(), kind }
@@ -282,8 +282,8 @@ fn check_mission(path: &Path, table: &MissionTable) -> Result<(), Refusal> {
 }
 
 /// Where a value of a mission stands.
-fn place_of(error: &SettingError) -> Place {
-    Place::of_key(&error.key.replace("trajectory.points[", "trajectory.points.rows["))
+fn place_of(error: &SettingError) -> KeyPath {
+    KeyPath::of_key(&error.key.replace("trajectory.points[", "trajectory.points.rows["))
 }
 
 /// Rows of a trajectory whose times do not rise: one cannot be replaced without the others.
@@ -347,7 +347,7 @@ struct Search {
     /// A valid file; `None`: nothing can be replaced.
     template: Option<Value>,
     /// Places of the replacements.
-    replaced: Vec<Place>,
+    replaced: Vec<KeyPath>,
     found: Problems,
 }
 
@@ -374,7 +374,7 @@ impl Search {
         let names = self.template.as_ref().map_or_else(Vec::new, |template| {
             named_places(&refusal.text, &refusal.place, template)
         });
-        let touches = |place: &Place| place.contains(&target) || target.contains(place);
+        let touches = |place: &KeyPath| place.contains(&target) || target.contains(place);
         if !self.replaced.iter().any(|place| touches(place) || names.contains(place)) {
             if let RefusalKind::Together(problems) = refusal.kind {
                 self.found.list.extend(problems);

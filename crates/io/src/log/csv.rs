@@ -21,6 +21,7 @@ use std::path::Path;
 
 use horizon_model::rows::{Pose, Sticks, gain};
 use nalgebra::SVector;
+use strum::{IntoStaticStr, VariantArray};
 
 use crate::whole_file::{self, RECORDING_BYTES_MAX};
 
@@ -71,7 +72,7 @@ impl CsvFlight {
     /// The first line whose value is beyond its limit, if there are more such lines of its tag than lines that can be
     /// used: the file has other units.
     fn in_other_units(&self) -> Option<&Skipped> {
-        Tag::ALL.into_iter().find_map(|tag| {
+        Tag::VARIANTS.iter().copied().find_map(|tag| {
             let is_beyond = |line: &&Skipped| {
                 let name = line.text.split(',').next().map(str::trim_end);
                 matches!(line.why, SkipReason::Beyond(..)) && name == Some(tag.name())
@@ -259,7 +260,7 @@ impl CsvRow {
     /// Those of `out`.
     pub fn write(&self, out: &mut impl Write, decimals: usize) -> io::Result<()> {
         let mut row = *self;
-        for tag in Tag::ALL {
+        for tag in Tag::VARIANTS.iter().copied() {
             if let Some(values) = tag.place(&mut row) {
                 write!(out, "{},{}", tag.name(), self.step)?;
                 for value in values.iter() {
@@ -273,7 +274,8 @@ impl CsvRow {
 }
 
 /// Subject of a line.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, IntoStaticStr, VariantArray)]
+#[strum(serialize_all = "snake_case")]
 enum Tag {
     Pos,
     Input,
@@ -282,19 +284,13 @@ enum Tag {
 }
 
 impl Tag {
-    const ALL: [Self; 4] = [Self::Pos, Self::Input, Self::Target, Self::Param];
-
     fn name(self) -> &'static str {
-        match self {
-            Self::Pos => "pos",
-            Self::Input => "input",
-            Self::Target => "target",
-            Self::Param => "param",
-        }
+        self.into()
     }
 
     fn named(name: &[u8]) -> Result<Self, SkipReason> {
-        Self::ALL.into_iter().find(|tag| tag.name().as_bytes() == name).ok_or(SkipReason::Tag)
+        let is_named = |tag: &&Self| tag.name().as_bytes() == name;
+        Self::VARIANTS.iter().find(is_named).copied().ok_or(SkipReason::Tag)
     }
 
     /// Largest amounts of the values. m, rad; 1; unit of each row

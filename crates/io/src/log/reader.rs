@@ -19,7 +19,7 @@ use serde::de::DeserializeOwned;
 
 use super::framing::Framing;
 use super::writer::metadata;
-use super::{Head, JSON, LogError};
+use super::{Head, JSON, LogError, io_error};
 use crate::clock::TimeNs;
 
 /// Read from the file at once. bytes
@@ -87,17 +87,16 @@ impl LogReader {
     /// Opens a log and reads its head.
     ///
     /// # Errors
-    /// [`LogError::Open`], [`LogError::Read`], or [`LogError::NotALog`] with what the file is instead.
+    /// [`LogError::Io`] or [`LogError::NotALog`] with what the file is instead.
     pub fn open(path: &Path) -> Result<Self, LogError> {
-        let file =
-            File::open(path).map_err(|source| LogError::Open { path: path.to_owned(), source })?;
+        let file = File::open(path).map_err(io_error("open", path))?;
         Self::from_source(path, Box::new(file))
     }
 
     /// Opens a log from any source; `path` is for messages.
     ///
     /// # Errors
-    /// [`LogError::Read`] or [`LogError::NotALog`].
+    /// [`LogError::Io`] or [`LogError::NotALog`].
     pub fn from_source(path: &Path, source: Box<dyn Read + Send>) -> Result<Self, LogError> {
         let log = Self::begin(path, source)?;
         let is_torn = log.ending.as_ref().is_some_and(|ending| !ending.is_complete());
@@ -140,10 +139,10 @@ impl LogReader {
         self
     }
 
-    /// The next message in file order; `None` at the end, of which [`LogReader::ending`] tells.
+    /// The next message in file order; `None` at the end; [`LogReader::ending`] states its kind.
     ///
     /// # Errors
-    /// [`LogError::Read`].
+    /// [`LogError::Io`].
     pub fn next_message(&mut self) -> Result<Option<Message<'_>>, LogError> {
         while self.ending.is_none() {
             if let Some((channel, t)) = self.advance()? {
@@ -213,7 +212,7 @@ impl LogReader {
     /// The log has no further record: it is complete, unless something follows.
     fn end(&mut self) -> Result<(), LogError> {
         let more = self.framing.has_rest(&mut *self.source);
-        if more.map_err(read_error(&self.path))? {
+        if more.map_err(io_error("read", &self.path))? {
             self.tear(BEHIND_THE_END.to_owned());
         } else {
             self.ending = Some(Ending::Complete);
@@ -228,7 +227,7 @@ impl LogReader {
             return Ok(());
         }
         let buffer = self.mcap.insert(READ_BYTES);
-        let read = read_some(&mut *self.source, buffer).map_err(read_error(&self.path))?;
+        let read = read_some(&mut *self.source, buffer).map_err(io_error("read", &self.path))?;
         let admitted = self.framing.admit(buffer.get(..read).unwrap_or_default());
         if admitted > 0 || read == 0 {
             self.mcap.notify_read(admitted);
@@ -322,10 +321,6 @@ impl Display for Ending {
             }
         }
     }
-}
-
-pub(super) fn read_error(path: &Path) -> impl FnOnce(io::Error) -> LogError {
-    |source| LogError::Read { path: path.to_owned(), source }
 }
 
 /// How logs are read: a chunk is checked before any message of it is handed out; the sums over the whole

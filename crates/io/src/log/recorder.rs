@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::{LogError, LogWriter, Summary};
+use super::{LogError, LogWriter, Summary, io_error};
 
 /// How often the log's thread looks for records.
 const POLL: Duration = Duration::from_millis(5);
@@ -38,7 +38,7 @@ impl<T: Send + 'static> Recorder<T> {
     /// allocations of the control side are here.
     ///
     /// # Errors
-    /// [`LogError::Thread`].
+    /// [`LogError::Io`].
     pub fn start(
         log: LogWriter,
         pool: Vec<T>,
@@ -57,7 +57,7 @@ impl<T: Send + 'static> Recorder<T> {
         let thread = thread::Builder::new()
             .name("tello-log".into())
             .spawn(move || writing.run(flush_period))
-            .map_err(|source| LogError::Thread { path, source })?;
+            .map_err(io_error("start the thread that writes", &path))?;
         Ok(Self { idle, filled, dropped: 0, unwritten, thread })
     }
 

@@ -9,17 +9,16 @@ mod frames;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
-use std::io::{BufWriter, ErrorKind};
+use std::fs::File;
+use std::io::BufWriter;
 use std::path::Path;
 
 use mcap::records::{Channel, ChunkHeader, Record, SchemaHeader, op};
 use mcap::{Attachment, McapError, Writer};
 
 use self::frames::{Frame, Frames, records};
-use super::reader::read_error;
-use super::writer::{chunked, metadata, write_error};
-use super::{Ending, LogError, LogReader};
+use super::writer::{chunked, create_new, metadata, write_error};
+use super::{Ending, LogError, LogReader, io_error};
 
 /// Result of a recovery.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -42,7 +41,7 @@ pub struct Recovered {
 ///
 /// # Errors
 /// As [`LogReader::open`], with [`LogError::NotALog`] for a log without its metadata or without a chunk that is whole;
-/// [`LogError::Exists`] rather than overwriting, [`LogError::Create`], [`LogError::Write`], [`LogError::Read`].
+/// [`LogError::Exists`] rather than overwriting, [`LogError::Io`].
 pub fn recover(from: &Path, to: &Path) -> Result<Recovered, LogError> {
     let (was_torn, refusal) = state(from)?;
     let index = Index::of(from)?;
@@ -52,14 +51,7 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, LogError> {
         (_, Some(refusal)) => return Err(refusal),
         (_, None) => 0,
     };
-    let file = OpenOptions::new().write(true).create_new(true).open(to).map_err(|source| {
-        let path = to.to_owned();
-        if source.kind() == ErrorKind::AlreadyExists {
-            LogError::Exists { path }
-        } else {
-            LogError::Create { path, source }
-        }
-    })?;
+    let file = create_new(to)?;
     let failed = |error| write_error(to, error);
     let mcap = chunked().create(BufWriter::new(file)).map_err(failed)?;
     let mut copy = Copy {
@@ -90,7 +82,7 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, LogError> {
 }
 
 fn open(path: &Path) -> Result<File, LogError> {
-    File::open(path).map_err(|source| LogError::Open { path: path.to_owned(), source })
+    File::open(path).map_err(io_error("open", path))
 }
 
 /// Whether `from` is torn or damaged, and why it cannot be read at all, if so.
@@ -107,8 +99,8 @@ fn state(from: &Path) -> Result<(bool, Option<LogError>), LogError> {
 
 /// Result of the first pass through the file.
 struct Index {
-    /// Schemas and channels of the whole file by opcode and number. The chunk that tells of a channel may be damaged;
-    /// the file's own index tells of it again.
+    /// Schemas and channels of the whole file by opcode and number. The chunk that introduces a channel may be damaged;
+    /// the file's own index has the channel again.
     records: BTreeMap<(u8, u16), Record<'static>>,
     /// From the metadata.
     started_unix_ns: Option<u64>,
@@ -152,9 +144,9 @@ fn walk(
     from: &Path,
     mut take: impl FnMut(Record<'_>) -> Result<(), LogError>,
 ) -> Result<Walked, LogError> {
-    let mut frames = Frames::new(open(from)?).map_err(read_error(from))?;
+    let mut frames = Frames::new(open(from)?).map_err(io_error("read", from))?;
     let mut damaged = Vec::new();
-    while let Some(Frame { opcode, data }) = frames.next().map_err(read_error(from))? {
+    while let Some(Frame { opcode, data }) = frames.next().map_err(io_error("read", from))? {
         match mcap::parse_record(opcode, &data) {
             Ok(Record::Chunk { header, .. }) => match records(&data) {
                 Ok(records) => records.into_iter().try_for_each(&mut take)?,

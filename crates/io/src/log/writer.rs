@@ -14,7 +14,7 @@ use mcap::write::NoSeek;
 use mcap::{Attachment, McapError, WriteOptions};
 use serde::Serialize;
 
-use super::{Channel, Head, LogError};
+use super::{Channel, Head, LogError, io_error};
 use crate::clock::TimeNs;
 
 /// Uncompressed size at which a chunk is closed: about a second of flight. bytes
@@ -80,7 +80,7 @@ impl LogWriter {
     /// Creates the file with its head and channels, and brings these to the disk.
     ///
     /// # Errors
-    /// [`LogError::Exists`] rather than overwriting, [`LogError::Create`], [`LogError::Write`].
+    /// [`LogError::Exists`] rather than overwriting, [`LogError::Io`].
     pub fn create(path: &Path, head: &Head, channels: &[Channel]) -> Result<Self, LogError> {
         Self::create_of_profile("", path, head, channels)
     }
@@ -99,15 +99,7 @@ impl LogWriter {
         head: &Head,
         channels: &[Channel],
     ) -> Result<Self, LogError> {
-        let file =
-            OpenOptions::new().write(true).create_new(true).open(path).map_err(|source| {
-                let path = path.to_owned();
-                if source.kind() == io::ErrorKind::AlreadyExists {
-                    LogError::Exists { path }
-                } else {
-                    LogError::Create { path, source }
-                }
-            })?;
+        let file = create_new(path)?;
         Self::into_sink(path, Box::new(Disk(file)), chunked().profile(profile), head, channels)
     }
 
@@ -148,7 +140,7 @@ impl LogWriter {
     ///
     /// # Errors
     /// [`LogError::NoChannel`] and [`LogError::Encode`] leave the log as it was; after
-    /// [`LogError::Write`] it is to be given up.
+    /// [`LogError::Io`] it is to be given up.
     pub fn write<R: Serialize + ?Sized>(
         &mut self,
         topic: &str,
@@ -205,7 +197,7 @@ impl LogWriter {
     /// Closes the chunk and waits until the disk has it: a killed program loses nothing before.
     ///
     /// # Errors
-    /// [`LogError::Write`]: the log is to be given up; it has what was flushed before.
+    /// [`LogError::Io`]: the log is to be given up; it has what was flushed before.
     pub fn flush(&mut self) -> Result<(), LogError> {
         self.mcap.flush().map_err(|error| write_error(&self.path, error))
     }
@@ -213,7 +205,7 @@ impl LogWriter {
     /// Closes the log with its index.
     ///
     /// # Errors
-    /// [`LogError::Write`]: the log ends at its last flush and reads as torn.
+    /// [`LogError::Io`]: the log ends at its last flush and reads as torn.
     pub fn finish(mut self) -> Result<Summary, LogError> {
         self.mcap.finish().map_err(|error| write_error(&self.path, error))?;
         let written = self.mcap.into_inner().stream_position();
@@ -291,12 +283,24 @@ pub(super) fn chunked() -> WriteOptions {
     WriteOptions::new().chunk_size(Some(CHUNK_BYTES)).compression_threads(0)
 }
 
+/// Creates the file of a log.
+///
+/// # Errors
+/// [`LogError::Exists`] rather than overwriting, [`LogError::Io`].
+pub(super) fn create_new(path: &Path) -> Result<File, LogError> {
+    let created = OpenOptions::new().write(true).create_new(true).open(path);
+    created.map_err(|source| match source.kind() {
+        io::ErrorKind::AlreadyExists => LogError::Exists { path: path.to_owned() },
+        _ => io_error("create", path)(source),
+    })
+}
+
 pub(super) fn write_error(path: &Path, error: McapError) -> LogError {
     let source = match error {
         McapError::Io(source) => source,
         other => io::Error::other(other),
     };
-    LogError::Write { path: path.to_owned(), source }
+    io_error("write to", path)(source)
 }
 
 #[cfg(test)]

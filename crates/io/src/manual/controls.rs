@@ -144,7 +144,7 @@ impl Controls {
         let Event { at, source, act } = *event;
         let timers = self.settings.timers;
         let panel = self.panel(source);
-        panel.lapse(at, &timers);
+        panel.expire(at, &timers);
         if act != Act::Lost && !matches!(act, Act::Repeat(_)) {
             // Repetitions are made by this computer, also for a device out of range.
             panel.receive(at);
@@ -202,7 +202,7 @@ impl Controls {
         let timers = self.settings.timers;
         let mut asked = Sticks::zeros();
         for panel in [&mut self.terminal, &mut self.device, &mut self.remote] {
-            panel.lapse(now, &timers);
+            panel.expire(now, &timers);
             asked += panel.asked();
         }
         let largest = self.settings.deflection;

@@ -44,7 +44,7 @@ enum Key {
     /// Pushes its stick.
     Down(Push),
     /// May still be held, and does nothing until it is pressed anew.
-    Spent {
+    NeedsRelease {
         /// Its last press or repetition.
         heard: TimeNs,
     },
@@ -82,12 +82,12 @@ struct Axis {
     /// Its place, -1..=1, the dead zone removed.
     place: f64,
     /// Whether it does nothing until it is centred.
-    is_spent: bool,
+    needs_release: bool,
 }
 
 impl Axis {
     fn acts(self) -> bool {
-        !self.is_spent && self.place.abs() > 0.0
+        !self.needs_release && self.place.abs() > 0.0
     }
 }
 
@@ -103,7 +103,7 @@ pub(super) struct Panel {
 
 impl Panel {
     /// Lets go of whatever has been silent for too long at `at`.
-    pub(super) fn lapse(&mut self, at: TimeNs, timers: &Timers) {
+    pub(super) fn expire(&mut self, at: TimeNs, timers: &Timers) {
         for key in &mut self.keys {
             let Key::Down(push) = *key else { continue };
             if at < push.until {
@@ -112,7 +112,7 @@ impl Panel {
             let is_longest = push.until >= push.since.after(timers.press_max);
             *key = if push.has_release || is_longest {
                 self.note = Some(Note::KeyExpired);
-                Key::Spent { heard: push.heard }
+                Key::NeedsRelease { heard: push.heard }
             } else {
                 Key::Up
             };
@@ -120,7 +120,7 @@ impl Panel {
         let is_silent = |heard: TimeNs| at.since(heard) >= timers.axis_silent;
         if self.heard.is_some_and(is_silent) {
             for axis in self.axes.iter_mut().filter(|axis| axis.acts()) {
-                axis.is_spent = true;
+                axis.needs_release = true;
                 self.note = Some(Note::AxisExpired);
             }
         }
@@ -164,8 +164,10 @@ impl Panel {
         let Some(key) = self.key(direction) else { return false };
         *key = match *key {
             Key::Down(push) => Key::Down(push.renewed(at, has_release, timers)),
-            Key::Spent { heard } if at.since(heard) <= timers.pulse => Key::Spent { heard: at },
-            Key::Up | Key::Spent { .. } => Key::Down(Push::new(at, has_release, timers)),
+            Key::NeedsRelease { heard } if at.since(heard) <= timers.pulse => {
+                Key::NeedsRelease { heard: at }
+            }
+            Key::Up | Key::NeedsRelease { .. } => Key::Down(Push::new(at, has_release, timers)),
         };
         matches!(key, Key::Down(_))
     }
@@ -174,7 +176,7 @@ impl Panel {
     pub(super) fn repeat(&mut self, direction: Direction, at: TimeNs, timers: &Timers) {
         match self.key(direction) {
             Some(Key::Down(push)) => *push = push.renewed(at, true, timers),
-            Some(Key::Spent { heard }) => *heard = at,
+            Some(Key::NeedsRelease { heard }) => *heard = at,
             _ => {}
         }
     }
@@ -202,7 +204,7 @@ impl Panel {
         let Some(axis) = self.axes.get_mut(row) else { return false };
         axis.place = place;
         // False at the centre, and for a NaN: both let the axis act anew.
-        axis.is_spent &= place.abs() > 0.0;
+        axis.needs_release &= place.abs() > 0.0;
         axis.acts()
     }
 
@@ -210,11 +212,11 @@ impl Panel {
     pub(super) fn release(&mut self) {
         for key in &mut self.keys {
             if let Key::Down(push) = *key {
-                *key = Key::Spent { heard: push.heard };
+                *key = Key::NeedsRelease { heard: push.heard };
             }
         }
         for axis in &mut self.axes {
-            axis.is_spent |= axis.acts();
+            axis.needs_release |= axis.acts();
         }
     }
 

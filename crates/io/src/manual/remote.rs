@@ -15,7 +15,7 @@ use crate::clock::Clock;
 #[error("the control loop has not taken earlier orders yet: give the order again")]
 pub struct RemoteBusy;
 
-/// Where a view of the flight gives its orders. Dropped, it takes nothing back: say
+/// Where a view of the flight gives its orders. Dropped, it takes nothing back: send
 /// [`Act::Lost`] first if a person steered.
 #[derive(Debug)]
 pub struct Remote {

@@ -25,10 +25,10 @@ pub struct FrameTable {
     /// Which of the source's axes our x, y and z are: `["x", "-z", "y"]` for a source whose y points up.
     /// Three different axes, right-handed. [default: `["x", "y", "z"]`]
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub axes: Option<[Axis; 3]>,
+    pub axes: Option<[SourceAxis; 3]>,
     /// Where the nose points in the axes of the object, as the source defined it. [default: our x]
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub nose: Option<Axis>,
+    pub nose: Option<SourceAxis>,
     /// Unit of positions. [default: that of the protocol]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<Unit>,
@@ -36,7 +36,7 @@ pub struct FrameTable {
 
 /// A direction along an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub enum Axis {
+pub enum SourceAxis {
     /// Along the first axis.
     #[serde(rename = "x")]
     X,
@@ -101,10 +101,10 @@ pub struct Axes {
     /// Columns: nose, left and top in the object's axes.
     object_from_body: Matrix3<f64>,
     /// Unit of the source's positions.
-    unit: Unit,
+    pub(super) unit: Unit,
 }
 
-impl Axis {
+impl SourceAxis {
     /// All of them, those along an axis first.
     pub const ALL: [Self; 6] =
         [Self::X, Self::Y, Self::Z, Self::MinusX, Self::MinusY, Self::MinusZ];
@@ -160,12 +160,12 @@ impl Axes {
     /// An axis that occurs twice, a mapping that mirrors, a nose that points up or down.
     pub fn new(table: Option<&FrameTable>, usual: Unit) -> Result<Self, SettingError> {
         let table = table.cloned().unwrap_or_default();
-        let axes = table.axes.unwrap_or([Axis::X, Axis::Y, Axis::Z]);
-        let [x, y, z] = axes.map(Axis::vector);
+        let axes = table.axes.unwrap_or([SourceAxis::X, SourceAxis::Y, SourceAxis::Z]);
+        let [x, y, z] = axes.map(SourceAxis::vector);
         let world_from_source = Matrix3::from_columns(&[x, y, z]).transpose();
         let determinant = world_from_source.determinant();
         if determinant < 0.5 {
-            let text = axes.map(Axis::name).join(", ");
+            let text = axes.map(SourceAxis::name).join(", ");
             let rule = if determinant < -0.5 {
                 "a right-handed mapping: this one mirrors the room; negate one axis or swap two"
             } else {
@@ -173,10 +173,10 @@ impl Axes {
             };
             return Err(SettingError::new("frame.axes", text, rule));
         }
-        let nose = table.nose.map_or(x, Axis::vector);
+        let nose = table.nose.map_or(x, SourceAxis::vector);
         let left = z.cross(&nose);
         if left.norm() < 0.5 {
-            let nose = table.nose.map_or("x", Axis::name);
+            let nose = table.nose.map_or("x", SourceAxis::name);
             let rule = "an axis of the object that lies level, not the one that points up";
             return Err(SettingError::new("frame.nose", nose, rule));
         }
@@ -189,11 +189,6 @@ impl Axes {
     pub fn ours() -> Self {
         let identity = Matrix3::identity();
         Self { world_from_source: identity, object_from_body: identity, unit: Unit::Metre }
-    }
-
-    /// Unit of the source's positions.
-    pub(super) fn unit(&self) -> Unit {
-        self.unit
     }
 
     /// Position of a placement of the source in the world frame, m, and its rotation from body to world, row by row, 1.

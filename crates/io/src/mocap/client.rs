@@ -114,7 +114,7 @@ impl MocapClient {
         }
     }
 
-    /// The newest word of the control loop; no other memory depends on it, hence no ordering.
+    /// The newest report of the control loop; no other memory depends on it, hence no ordering.
     fn is_airborne(&self) -> bool {
         self.airborne.load(Ordering::Relaxed)
     }

@@ -15,10 +15,11 @@ pub mod packet;
 use decode::Segment;
 use packet::{Packets, objects};
 
-use super::MocapCounters;
 use super::axes::Placement;
 use super::body::is_all_zero;
-use super::protocol::{Absence, BodyProtocol, Head, LATENCY_MAX_S, Name, OBJECTS_MAX, Taker};
+use super::protocol::{
+    Absence, BodyProtocol, FrameVisitor, Head, LATENCY_MAX_S, Name, OBJECTS_MAX,
+};
 use super::source::{Refusal, SourceError};
 use crate::clock::SpanNs;
 
@@ -99,17 +100,12 @@ struct Offer {
 }
 
 impl BodyProtocol for DatastreamProtocol {
-    fn push(
-        &mut self,
-        bytes: &[u8],
-        counters: &MocapCounters,
-        taker: &mut dyn Taker,
-    ) -> Result<(), SourceError> {
+    fn push(&mut self, bytes: &[u8], visitor: &mut dyn FrameVisitor) -> Result<(), SourceError> {
         let Self { packets, requests, reader } = self;
         packets.push(bytes, |packet| {
-            counters.messages.count();
+            visitor.message();
             let Some(contents) = reader.read(packet) else {
-                counters.refuse(Refusal::Form);
+                visitor.refuse(Refusal::Form);
                 return Ok(());
             };
             let Contents { offer, is_y_up, number, latency } = contents;
@@ -120,7 +116,7 @@ impl BodyProtocol for DatastreamProtocol {
                 offer.accept(requests)?;
             }
             if let Some(number) = number {
-                reader.hand_over(number, latency, taker);
+                reader.hand_over(number, latency, visitor);
             }
             Ok(())
         })
@@ -197,12 +193,12 @@ impl Reader {
     }
 
     /// Hands over the frame of the newest packet.
-    fn hand_over(&self, number: u32, latency: SpanNs, taker: &mut dyn Taker) {
+    fn hand_over(&self, number: u32, latency: SpanNs, visitor: &mut dyn FrameVisitor) {
         for Subject { name, at, .. } in &self.subjects {
-            taker.body(Name { text: Some(name), id: None }, at.as_ref());
+            visitor.body(Name { text: Some(name), id: None }, at.as_ref());
         }
         let (number, rate_hz, absence) = (number.into(), self.rate_hz, Absence::Lost);
-        taker.frame(Head { number, rate_hz, stamp: None, latency, absence });
+        visitor.frame(Head { number, rate_hz, stamp: None, latency, absence });
     }
 }
 

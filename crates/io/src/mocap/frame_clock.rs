@@ -16,13 +16,13 @@ mod bounds;
 mod calibration;
 mod held_line;
 mod line_confirmation;
-mod pace_meter;
 mod rate_change;
+mod rate_meter;
 mod shorter_delay;
 
 use calibration::Calibration;
 use held_line::HeldLine;
-pub(super) use pace_meter::PaceMeter;
+pub(super) use rate_meter::RateMeter;
 
 use crate::clock::{SpanNs, TimeNs};
 
@@ -98,8 +98,8 @@ impl FrameClock {
     /// When the frame `number` was measured, never later than `sent_at`, its arrival less its age when
     /// it was sent. `rate_hz` is what the source announces.
     ///
-    /// `None`: unknown. So on the ground without a rate, or while the numbers do not keep pace with
-    /// time as announced; in flight without a line from before, more than 5 s later than the line predicts,
+    /// `None`: unknown. So on the ground without a rate, or while the numbers do not come at the
+    /// announced rate; in flight without a line from before, more than 5 s later than the line predicts,
     /// or so much earlier that neither jitter and drift nor a shorter delay ([`shorter_delay`]) explain it.
     pub(super) fn measured_at(
         &mut self,
@@ -114,7 +114,7 @@ impl FrameClock {
         }
     }
 
-    /// Whether frames have times, at a pace that their arrivals confirmed on the ground.
+    /// Whether frames have times, at a rate that their arrivals confirmed on the ground.
     pub(super) fn is_confirmed(&self) -> bool {
         self.calibration.is_confirmed()
     }
@@ -140,7 +140,7 @@ impl Line {
     }
 
     /// The same line, counted from another number.
-    fn from(self, origin: i64) -> Self {
+    fn with_origin(self, origin: i64) -> Self {
         let numbers = origin.saturating_sub(self.origin) as f64;
         Self { origin, offset_ns: self.offset_ns + self.period_ns * numbers, ..self }
     }

@@ -1,6 +1,6 @@
 //! OptiTrack's NatNet, protocol 3 and 4, as far as the poses of rigid bodies need it.
 //!
-//! The client asks on the command port who serves; the answer tells the version, how frames come (multicast
+//! The client asks on the command port who serves; the answer states the version, how frames come (multicast
 //! group, or to the client that asked) and the ticks of its clock. Then it asks for the names of the rigid bodies and
 //! for the frame rate. Frames are one datagram each. Pure: bytes to values and back. Datagrams are
 //! [`packet`]'s and [`encode`]'s; this file owns the client's part of the conversation.
@@ -16,11 +16,10 @@ use std::time::Duration;
 
 use packet::{FrameEnd, ServerInfo, Version, id};
 
-use super::MocapCounters;
 use super::axes::{Placement, matrix_of_quaternion};
 use super::protocol::{
-    Absence, BodyProtocol, Head, LATENCY_MAX_S, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, RATE_HZ,
-    Taker,
+    Absence, BodyProtocol, FrameVisitor, Head, LATENCY_MAX_S, Name, OBJECT_NAME_BYTES_MAX,
+    OBJECTS_MAX, RATE_HZ,
 };
 use super::source::{Refusal, SourceError};
 use crate::clock::SpanNs;
@@ -105,7 +104,12 @@ impl NatnetProtocol {
     }
 
     /// Takes in the bodies of a frame; `None` if the datagram ends before they do.
-    fn read_frame(&mut self, server: ServerInfo, body: &[u8], taker: &mut dyn Taker) -> Option<()> {
+    fn read_frame(
+        &mut self,
+        server: ServerInfo,
+        body: &[u8],
+        visitor: &mut dyn FrameVisitor,
+    ) -> Option<()> {
         let mut is_unnamed = false;
         let names = &self.names;
         let (number, end) = packet::frame(body, server.version, |rigid| {
@@ -114,7 +118,7 @@ impl NatnetProtocol {
             let placement = |matrix| Placement { pos_v: rigid.pos_v, matrix };
             let is_seen = rigid.is_tracked && rigid.pos_v.iter().all(|value| value.is_finite());
             let at = matrix_of_quaternion(rigid.quaternion).filter(|_| is_seen).map(placement);
-            taker.body(Name { text, id: Some(rigid.id) }, at.as_ref());
+            visitor.body(Name { text, id: Some(rigid.id) }, at.as_ref());
         })?;
         if is_unnamed || end.is_some_and(|end| end.has_new_models) {
             // Asked for at the next beat, not with each frame.
@@ -126,21 +130,16 @@ impl NatnetProtocol {
         let stamp = end.and_then(|end| stamp(&end, server.ticks_per_s));
         let absence = if self.knows_names { Absence::Lost } else { Absence::Unknown };
         let rate_hz = self.rate_hz;
-        taker.frame(Head { number, rate_hz, stamp, latency, absence });
+        visitor.frame(Head { number, rate_hz, stamp, latency, absence });
         Some(())
     }
 }
 
 impl BodyProtocol for NatnetProtocol {
-    fn push(
-        &mut self,
-        bytes: &[u8],
-        counters: &MocapCounters,
-        taker: &mut dyn Taker,
-    ) -> Result<(), SourceError> {
-        counters.messages.count();
+    fn push(&mut self, bytes: &[u8], visitor: &mut dyn FrameVisitor) -> Result<(), SourceError> {
+        visitor.message();
         let Some((message, body)) = packet::message(bytes) else {
-            counters.refuse(Refusal::Form);
+            visitor.refuse(Refusal::Form);
             return Ok(());
         };
         let is_read = match (message, self.server) {
@@ -160,13 +159,12 @@ impl BodyProtocol for NatnetProtocol {
                 }
                 Some(())
             }
-            (id::FRAMEOFDATA, Some(server)) => self.read_frame(server, body, taker),
+            (id::FRAMEOFDATA, Some(server)) => self.read_frame(server, body, visitor),
             // Before the version is known nothing can be read; other messages are not for us.
             _ => Some(()),
         };
         if is_read.is_none() {
-            counters.refuse(Refusal::Form);
-            taker.forget();
+            visitor.refuse(Refusal::Form);
         }
         Ok(())
     }

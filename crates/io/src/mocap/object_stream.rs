@@ -7,12 +7,12 @@
 
 #![deny(clippy::indexing_slicing)]
 
+use super::M_PER_MM;
 use super::axes::Placement;
 use super::body::{Body, is_all_zero, matrix_of_angles};
 use super::bytes::{Bytes, text_of};
-use super::protocol::{Absence, BodyProtocol, Head, Name, Taker};
+use super::protocol::{Absence, BodyProtocol, FrameVisitor, Head, Name};
 use super::source::{Refusal, SourceError};
-use super::{M_PER_MM, MocapCounters};
 use crate::clock::SpanNs;
 
 /// Longest name of an object.
@@ -79,7 +79,8 @@ fn object(bytes: &[u8]) -> Option<Body<'_>> {
     Some(Body { name, pos_v: pos_mm.map(|mm| mm * M_PER_MM), angles })
 }
 
-/// Appends a block of `size` bytes with as many of `bodies` as fit; the number of those that did.
+/// Appends a block of `size` bytes with as many of `bodies` as fit, at most 255; none if `size` is below the head.
+/// Returns their number.
 ///
 /// A longer name is cut to [`NAME_BYTES_MAX`] bytes.
 pub fn encode_block(frame: u32, bodies: &[Body<'_>], size: usize, to: &mut Vec<u8>) -> usize {
@@ -121,30 +122,25 @@ impl ObjectStreamProtocol {
 }
 
 impl BodyProtocol for ObjectStreamProtocol {
-    fn push(
-        &mut self,
-        bytes: &[u8],
-        counters: &MocapCounters,
-        taker: &mut dyn Taker,
-    ) -> Result<(), SourceError> {
-        counters.messages.count();
+    fn push(&mut self, bytes: &[u8], visitor: &mut dyn FrameVisitor) -> Result<(), SourceError> {
+        visitor.message();
         let Some(block) = Block::parse(bytes) else {
-            counters.refuse(Refusal::Form);
+            visitor.refuse(Refusal::Form);
             return Ok(());
         };
         if let Some(number) = self.unfinished.take_if(|number| *number != block.frame) {
             // The frame did not go on: what was in none of its blocks is lost.
-            taker.frame(self.head(number, Absence::LostUnlessBefore));
+            visitor.frame(self.head(number, Absence::LostUnlessBefore));
         }
         for Body { name, pos_v, angles } in block.objects() {
             let at = Placement { pos_v, matrix: matrix_of_angles(angles) };
             let is_lost = is_all_zero(pos_v.into_iter().chain(angles));
-            taker.body(Name { text: Some(name), id: None }, (!is_lost).then_some(&at));
+            visitor.body(Name { text: Some(name), id: None }, (!is_lost).then_some(&at));
         }
         // Handed over before the next block: a pose does not wait for it.
         self.unfinished = block.is_full.then_some(block.frame);
         let absence = if block.is_full { Absence::Unknown } else { Absence::LostUnlessBefore };
-        taker.frame(self.head(block.frame, absence));
+        visitor.frame(self.head(block.frame, absence));
         Ok(())
     }
 

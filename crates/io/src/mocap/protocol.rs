@@ -1,7 +1,7 @@
 //! Interface of every mocap protocol: bytes in, bodies and frames out.
 //!
-//! Owns the interface: a protocol hands over each body of a frame by name, then the frame. [`Picked`] takes one body
-//! and turns it into our frame; a survey takes all. What a new protocol takes is listed in `ARCHITECTURE.md`.
+//! Owns the interface: a protocol hands over each body of a frame by name, then the frame. [`SelectedProtocol`] takes
+//! one body and turns it into our frame; a survey takes all. What a new protocol takes is listed in `ARCHITECTURE.md`.
 //! Measurement times, repeated frames, statistics, queue and connections are shared by all.
 
 use core::net::SocketAddrV4;
@@ -13,7 +13,7 @@ use horizon_model::rows::Pose;
 
 use super::MocapCounters;
 use super::axes::{Axes, Placement};
-use super::source::{Frame, Refusal, SourceError};
+use super::source::{Refusal, SourceError, SourceFrame};
 use crate::clock::SpanNs;
 
 /// Rates that a server may announce. Hz
@@ -30,22 +30,22 @@ pub(super) const LATENCY_MAX_S: f64 = 1.0;
 
 /// A frame without its bodies.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Head {
+pub(super) struct Head {
     /// Number of the frame.
-    pub number: i64,
+    pub(super) number: i64,
     /// Frames per second; 0 while it is not known. Hz
-    pub rate_hz: f64,
+    pub(super) rate_hz: f64,
     /// When it was measured by the source's own clock, if it reports that. ns
-    pub stamp: Option<SpanNs>,
+    pub(super) stamp: Option<SpanNs>,
     /// Age of the frame when it was sent, as far as the source reports it. ns, >= 0
-    pub latency: SpanNs,
+    pub(super) latency: SpanNs,
     /// Report on an object that is not among its bodies.
-    pub absence: Absence,
+    pub(super) absence: Absence,
 }
 
 /// Report of a frame on an object that is not among its bodies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Absence {
+pub(super) enum Absence {
     /// Nothing: the object may be in another message, or have no name yet.
     Unknown,
     /// The object is lost: the frame has all bodies.
@@ -56,46 +56,44 @@ pub enum Absence {
 
 /// Identification of an object by its source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Name<'a> {
+pub(super) struct Name<'a> {
     /// By name, if it has one. Any bytes: protocols promise no UTF-8.
-    pub text: Option<&'a [u8]>,
+    pub(super) text: Option<&'a [u8]>,
     /// By number, if it has one.
-    pub id: Option<i32>,
+    pub(super) id: Option<i32>,
 }
 
 impl Name<'_> {
     /// Whether the settings mean this object: by its name, or by `#` and its number.
-    pub fn is(&self, wanted: &str) -> bool {
+    pub(super) fn is(&self, wanted: &str) -> bool {
         let by_id = || wanted.strip_prefix('#').and_then(|id| id.parse().ok());
         self.text == Some(wanted.as_bytes()) || (self.id.is_some() && by_id() == self.id)
     }
 }
 
-/// Receiver of the bodies and frames that a protocol reads.
-pub trait Taker {
+/// Receiver of the messages, bodies and frames that a protocol reads.
+pub(super) trait FrameVisitor {
+    /// A message is complete.
+    fn message(&mut self);
+
+    /// The message is refused, and the bodies so far have no frame.
+    fn refuse(&mut self, why: Refusal);
+
     /// A body of the frame; `None` if the source lost it. Axes and unit are those of the source.
     fn body(&mut self, name: Name<'_>, at: Option<&Placement>);
 
     /// The frame of these bodies, after them.
     fn frame(&mut self, head: Head);
-
-    /// The bodies so far have no frame: it was refused.
-    fn forget(&mut self);
 }
 
 /// One way in which frames of many bodies arrive. Pure: what it needs is in the bytes.
 pub(super) trait BodyProtocol: Debug + Send {
     /// Takes in received bytes, a whole datagram or any piece of a stream, and hands over each frame that they
-    /// complete. What is refused is counted, and the next message is read.
+    /// complete. A message that is refused is reported, and the next one is read.
     ///
     /// # Errors
     /// The stream makes no sense from here on: only a new connection helps.
-    fn push(
-        &mut self,
-        bytes: &[u8],
-        counters: &MocapCounters,
-        taker: &mut dyn Taker,
-    ) -> Result<(), SourceError>;
+    fn push(&mut self, bytes: &[u8], visitor: &mut dyn FrameVisitor) -> Result<(), SourceError>;
 
     /// Forgets the connection.
     fn restart(&mut self);
@@ -120,21 +118,21 @@ pub(super) trait BodyProtocol: Debug + Send {
 
 /// A protocol, read for one object.
 #[derive(Debug)]
-pub(super) struct Picked {
-    protocol: Box<dyn BodyProtocol>,
+pub(super) struct SelectedProtocol {
+    pub(super) protocol: Box<dyn BodyProtocol>,
     object: String,
     axes: Axes,
     /// Number of the last frame that had the object.
     seen: Option<i64>,
 }
 
-impl Picked {
+impl SelectedProtocol {
     pub(super) fn new(protocol: Box<dyn BodyProtocol>, object: &str, axes: Axes) -> Self {
         Self { protocol, object: object.to_owned(), axes, seen: None }
     }
 
-    /// Takes in received bytes as [`BodyProtocol::push`], and calls `on_frame` for each frame that tells of the object.
-    /// No allocation beyond that of the protocol.
+    /// Takes in received bytes as [`BodyProtocol::push`], and calls `on_frame` for each frame with the
+    /// object, seen or lost. No allocation beyond that of the protocol.
     ///
     /// # Errors
     /// As [`BodyProtocol::push`].
@@ -142,48 +140,32 @@ impl Picked {
         &mut self,
         bytes: &[u8],
         counters: &MocapCounters,
-        on_frame: &mut dyn FnMut(Frame),
+        on_frame: &mut dyn FnMut(SourceFrame),
     ) -> Result<(), SourceError> {
         let Self { protocol, object, axes, seen } = self;
-        let mut pick = Pick { object, axes, seen, found: Found::default(), counters, on_frame };
-        protocol.push(bytes, counters, &mut pick)
+        let found = SelectedBody::default();
+        protocol.push(bytes, &mut ObjectSelection { object, axes, seen, found, counters, on_frame })
     }
 
     pub(super) fn restart(&mut self) {
         self.protocol.restart();
         self.seen = None;
     }
-
-    pub(super) fn beat(&mut self) {
-        self.protocol.beat();
-    }
-
-    pub(super) fn beat_period(&self) -> Duration {
-        self.protocol.beat_period()
-    }
-
-    pub(super) fn take_requests(&mut self, to: &mut Vec<u8>) {
-        self.protocol.take_requests(to);
-    }
-
-    pub(super) fn group(&self) -> Option<SocketAddrV4> {
-        self.protocol.group()
-    }
 }
 
 /// Takes the bodies of a frame and keeps one.
-struct Pick<'a> {
+struct ObjectSelection<'a> {
     object: &'a str,
     axes: &'a Axes,
     seen: &'a mut Option<i64>,
-    found: Found,
+    found: SelectedBody,
     counters: &'a MocapCounters,
-    on_frame: &'a mut dyn FnMut(Frame),
+    on_frame: &'a mut dyn FnMut(SourceFrame),
 }
 
 /// Poses of the object in the frame so far.
 #[derive(Default)]
-struct Found {
+struct SelectedBody {
     pose: Option<Pose>,
     /// Bodies of its name: of two it is not known which is which.
     named: u32,
@@ -194,7 +176,16 @@ struct Found {
     has_unnamed: bool,
 }
 
-impl Taker for Pick<'_> {
+impl FrameVisitor for ObjectSelection<'_> {
+    fn message(&mut self) {
+        self.counters.messages.count();
+    }
+
+    fn refuse(&mut self, why: Refusal) {
+        self.counters.refuse(why);
+        self.found = SelectedBody::default();
+    }
+
     fn body(&mut self, name: Name<'_>, at: Option<&Placement>) {
         if !name.is(self.object) {
             self.found.has_others |= name.text.is_some();
@@ -214,7 +205,7 @@ impl Taker for Pick<'_> {
 
     fn frame(&mut self, Head { number, rate_hz, stamp, latency, absence }: Head) {
         let found = std::mem::take(&mut self.found);
-        let Found { mut pose, named, refused, has_others, has_unnamed } = found;
+        let SelectedBody { mut pose, named, refused, has_others, has_unnamed } = found;
         if named > 0 {
             // Also if it is refused: that is no loss.
             *self.seen = Some(number);
@@ -241,20 +232,16 @@ impl Taker for Pick<'_> {
             self.counters.refuse(why);
             return;
         }
-        (self.on_frame)(Frame { number, rate_hz, stamp, latency, pose });
-    }
-
-    fn forget(&mut self) {
-        self.found = Found::default();
+        (self.on_frame)(SourceFrame { number, rate_hz, stamp, latency, pose });
     }
 }
 
 /// What one object's reader makes of the bytes, which come in these pieces: its frames, and the counters.
 #[cfg(test)]
 pub(super) fn read(
-    source: &mut Picked,
+    source: &mut SelectedProtocol,
     pieces: impl IntoIterator<Item: AsRef<[u8]>>,
-) -> (Vec<Frame>, MocapCounters) {
+) -> (Vec<SourceFrame>, MocapCounters) {
     let counters = MocapCounters::default();
     let mut frames = Vec::new();
     for piece in pieces {
@@ -281,12 +268,12 @@ mod tests {
         absence: Absence,
     ) -> (Vec<Option<Pose>>, u64, u64) {
         let (counters, mut frames) = (MocapCounters::default(), Vec::new());
-        let mut on_frame = |frame: Frame| frames.push(frame.pose);
-        let mut pick = Pick {
+        let mut on_frame = |frame: SourceFrame| frames.push(frame.pose);
+        let mut pick = ObjectSelection {
             object: "tello",
             axes: &Axes::ours(),
             seen: &mut None,
-            found: Found::default(),
+            found: SelectedBody::default(),
             counters: &counters,
             on_frame: &mut on_frame,
         };
@@ -324,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_without_the_object_says_that_it_is_lost_only_if_it_is_whole() {
+    fn a_frame_without_the_object_reports_it_lost_only_if_it_is_whole() {
         let others = [(named("box"), Some(HERE))];
         assert_eq!(picked(&others, Absence::Lost), (vec![None], 0, 1));
         assert_eq!(picked(&others, Absence::Unknown), (vec![], 0, 1));

@@ -12,10 +12,9 @@ pub mod packet;
 
 use packet::{Packets, kind};
 
-use super::MocapCounters;
-use super::axes::{Axis, Placement};
+use super::axes::{Placement, SourceAxis};
 use super::protocol::{
-    Absence, BodyProtocol, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, RATE_HZ, Taker,
+    Absence, BodyProtocol, FrameVisitor, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, RATE_HZ,
 };
 use super::source::{Refusal, SourceError};
 use crate::clock::SpanNs;
@@ -39,7 +38,7 @@ pub(super) struct QtmProtocol {
 #[derive(Debug, Default)]
 struct Reader {
     /// Which axis the settings take for up.
-    up: Option<Axis>,
+    up: Option<SourceAxis>,
     has_greeted: bool,
     /// Whether a frame came since the last beat.
     has_frames: bool,
@@ -102,25 +101,19 @@ impl Parameters {
 
 impl QtmProtocol {
     /// A client before its first packet. `up`: which axis the settings take for up, z if they name none.
-    pub(super) fn new(up: Option<Axis>) -> Self {
+    pub(super) fn new(up: Option<SourceAxis>) -> Self {
         let reader = Reader { up, is_outdated: true, ..Reader::default() };
         Self { packets: Packets::default(), reader }
     }
 }
 
 impl BodyProtocol for QtmProtocol {
-    fn push(
-        &mut self,
-        bytes: &[u8],
-        counters: &MocapCounters,
-        taker: &mut dyn Taker,
-    ) -> Result<(), SourceError> {
+    fn push(&mut self, bytes: &[u8], visitor: &mut dyn FrameVisitor) -> Result<(), SourceError> {
         let Self { packets, reader } = self;
         packets.push(bytes, |packet, body| {
-            counters.messages.count();
-            if reader.read(packet, body, taker)?.is_none() {
-                counters.refuse(Refusal::Form);
-                taker.forget();
+            visitor.message();
+            if reader.read(packet, body, visitor)?.is_none() {
+                visitor.refuse(Refusal::Form);
             }
             Ok(())
         })
@@ -150,7 +143,7 @@ impl Reader {
         &mut self,
         packet: u32,
         body: &[u8],
-        taker: &mut dyn Taker,
+        visitor: &mut dyn FrameVisitor,
     ) -> Result<Option<()>, SourceError> {
         if !self.has_greeted {
             if packet != kind::COMMAND || !body.starts_with(GREETING.as_bytes()) {
@@ -168,7 +161,7 @@ impl Reader {
                 Err(SourceError::Qtm { text: text.collect() })
             }
             kind::XML => self.learn(&packet::text(body)),
-            kind::DATA => Ok(self.read_frame(body, taker)),
+            kind::DATA => Ok(self.read_frame(body, visitor)),
             kind::EVENT => {
                 // Bodies may have changed; until the answer the old names stand, unless their count is another.
                 self.is_outdated = true;
@@ -184,7 +177,7 @@ impl Reader {
         let Some(parameters) = Parameters::parse(text) else { return Ok(None) };
         if let Some(up) = &parameters.up {
             let name = up.trim_start_matches('+').to_ascii_lowercase();
-            if name != self.up.unwrap_or(Axis::Z).name() {
+            if name != self.up.unwrap_or(SourceAxis::Z).name() {
                 return Err(SourceError::Up { up: name });
             }
         }
@@ -197,13 +190,13 @@ impl Reader {
     }
 
     /// Takes in a frame; `None` if the packet ends before it does.
-    fn read_frame(&mut self, body: &[u8], taker: &mut dyn Taker) -> Option<()> {
+    fn read_frame(&mut self, body: &[u8], visitor: &mut dyn FrameVisitor) -> Option<()> {
         let Some(parameters) = &self.parameters else { return Some(()) };
         let mut is_unnamed = false;
         let (time_us, number) = packet::frame(body, |index, count, at: Option<Placement>| {
             let text = parameters.name(index, count).map(str::as_bytes);
             is_unnamed |= text.is_none();
-            taker.body(Name { text, id: None }, at.as_ref());
+            visitor.body(Name { text, id: None }, at.as_ref());
         })?;
         let rate_hz = parameters.rate_hz;
         self.has_frames = true;
@@ -213,7 +206,7 @@ impl Reader {
         }
         let stamp = i64::try_from(u128::from(time_us) * 1000).ok().map(SpanNs);
         let (number, latency) = (number.into(), SpanNs(0));
-        taker.frame(Head { number, rate_hz, stamp, latency, absence: Absence::Lost });
+        visitor.frame(Head { number, rate_hz, stamp, latency, absence: Absence::Lost });
         Some(())
     }
 }

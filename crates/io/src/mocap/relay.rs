@@ -11,11 +11,10 @@ use std::io::Write;
 
 use horizon_model::rows::Pose;
 
-use super::MocapCounters;
 use super::axes::{Axes, Placement, matrix_of_quaternion};
 use super::body::{Body, is_all_zero, matrix_of_angles};
 use super::lines::Lines;
-use super::protocol::{Absence, BodyProtocol, Head, Name, Taker};
+use super::protocol::{Absence, BodyProtocol, FrameVisitor, Head, Name};
 use super::source::{Refusal, SourceError};
 use crate::clock::SpanNs;
 
@@ -110,22 +109,17 @@ pub(super) struct RelayProtocol {
 }
 
 impl BodyProtocol for RelayProtocol {
-    fn push(
-        &mut self,
-        bytes: &[u8],
-        counters: &MocapCounters,
-        taker: &mut dyn Taker,
-    ) -> Result<(), SourceError> {
+    fn push(&mut self, bytes: &[u8], visitor: &mut dyn FrameVisitor) -> Result<(), SourceError> {
         self.lines.push(bytes, |line| {
-            counters.messages.count();
+            visitor.message();
             let read = line.ok_or(Refusal::Form).and_then(parse_line);
             let RelayPose { frame, rate_hz, object, at } = match read {
                 Ok(pose) => pose,
-                Err(why) => return counters.refuse(why),
+                Err(why) => return visitor.refuse(why),
             };
-            taker.body(Name { text: Some(object.as_bytes()), id: None }, at.as_ref());
+            visitor.body(Name { text: Some(object.as_bytes()), id: None }, at.as_ref());
             let (stamp, latency, absence) = (None, SpanNs(0), Absence::Unknown);
-            taker.frame(Head { number: frame, rate_hz, stamp, latency, absence });
+            visitor.frame(Head { number: frame, rate_hz, stamp, latency, absence });
         });
         Ok(())
     }

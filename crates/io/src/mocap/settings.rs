@@ -13,7 +13,7 @@ use super::axes::{Axes, FrameTable, Unit};
 use super::datastream::DatastreamProtocol;
 use super::natnet::NatnetProtocol;
 use super::object_stream::{NAME_BYTES_MAX, ObjectStreamProtocol};
-use super::protocol::{BodyProtocol, OBJECT_NAME_BYTES_MAX, Picked};
+use super::protocol::{BodyProtocol, OBJECT_NAME_BYTES_MAX, SelectedProtocol};
 use super::qtm::QtmProtocol;
 use super::relay::RelayProtocol;
 use super::vrpn::VrpnProtocol;
@@ -56,7 +56,7 @@ pub struct UdpTable {
     pub listen: String,
     /// Name of the vehicle in the mocap system. At most 24 bytes.
     pub object: String,
-    /// Frame rate of the mocap system, which the datagrams do not tell. Hz, 1..=2000
+    /// Frame rate of the mocap system, which the datagrams do not state. Hz, 1..=2000
     pub rate_hz: f64,
 }
 
@@ -64,7 +64,7 @@ pub struct UdpTable {
 #[derive(Debug, Clone, PartialEq)]
 pub struct MocapSettings {
     table: MocapTable,
-    transport: Transport,
+    pub(super) transport: Transport,
     axes: Axes,
 }
 
@@ -188,13 +188,9 @@ impl MocapSettings {
         Self::of(&MocapTable::Relay(ServerTable { address, object }))
     }
 
-    pub(super) fn transport(&self) -> &Transport {
-        &self.transport
-    }
-
     /// The source at its beginning, read for the vehicle.
-    pub(super) fn source(&self) -> Picked {
-        Picked::new(self.protocol(), self.object(), self.axes.clone())
+    pub(super) fn source(&self) -> SelectedProtocol {
+        SelectedProtocol::new(self.protocol(), self.object(), self.axes.clone())
     }
 
     /// The source at its beginning.

@@ -7,7 +7,7 @@ use crate::clock::SpanNs;
 
 /// Report of the source on the vehicle in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Frame {
+pub struct SourceFrame {
     /// Number of the frame.
     pub number: i64,
     /// Frames per second, finite; 0 or less while it is not known. Hz
@@ -58,7 +58,7 @@ pub enum SourceError {
     #[error("this is no QTM server, or its big-endian port: the little-endian one is 22223")]
     NoQtm,
     /// The QTM server refused what was asked for.
-    #[error("QTM says: {text}")]
+    #[error("QTM reports: {text}")]
     Qtm {
         /// Its words.
         text: String,

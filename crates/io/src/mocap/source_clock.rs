@@ -1,11 +1,11 @@
 //! When a frame was measured, by the source's time stamp if it sends one, else by the frame's number.
 //!
-//! A time stamp keeps pace with time whatever the rate is, and goes on where the rate changes in flight. But
+//! A time stamp grows as time does whatever the rate is, and goes on where the rate changes in flight. But
 //! stamps are wrong more often than numbers: constant, coarse, of a clock that is set. So they are a second count
 //! beside the numbers, of microseconds, which has to prove itself on the ground as numbers have to.
 
 use super::frame_clock::FrameClock;
-use super::source::Frame;
+use super::source::SourceFrame;
 use crate::clock::{SpanNs, TimeNs};
 
 /// Counts of a stamp per second. Hz
@@ -50,7 +50,7 @@ impl SourceClock {
     }
 
     /// As [`FrameClock::measured_at`].
-    pub(super) fn measured_at(&mut self, frame: &Frame, sent_at: TimeNs) -> Option<TimeNs> {
+    pub(super) fn measured_at(&mut self, frame: &SourceFrame, sent_at: TimeNs) -> Option<TimeNs> {
         let by_number = self.by_number.measured_at(frame.number, frame.rate_hz, sent_at);
         let by_stamp = frame.stamp.and_then(|stamp| self.by_stamp(stamp, sent_at));
         let uses_stamps =
@@ -68,7 +68,7 @@ impl SourceClock {
         self.by_stamp.measured_at(us, STAMPS_HZ, sent_at)
     }
 
-    /// Whether frames have times, at a pace that their arrivals confirmed on the ground.
+    /// Whether frames have times, at a rate that their arrivals confirmed on the ground.
     pub(super) fn is_confirmed(&self) -> bool {
         self.by_number.is_confirmed() || self.by_stamp.is_confirmed()
     }
@@ -95,7 +95,8 @@ mod tests {
         for number in 0..4000 {
             clock.set_airborne(time_s > 5.0);
             let stamp = stamp(time_s).map(SpanNs::from_seconds);
-            let frame = Frame { number, rate_hz: 240.0, stamp, latency: SpanNs(0), pose: None };
+            let frame =
+                SourceFrame { number, rate_hz: 240.0, stamp, latency: SpanNs(0), pose: None };
             let at = TimeNs(0).after(SpanNs::from_seconds(time_s + delay_s(time_s)));
             let measured_at = clock.measured_at(&frame, at);
             if time_s > 5.0 {
@@ -126,7 +127,7 @@ mod tests {
         let stamps: [fn(f64) -> Option<f64>; 5] = [
             |_| None,
             |_| Some(7.0),
-            // In another unit, at no steady pace, set back each second.
+            // In another unit, at no steady rate, set back each second.
             |s| Some(1e3 * s),
             |s| Some(s * s),
             |s| Some(100.0 - 2.0 * s.floor() + s),

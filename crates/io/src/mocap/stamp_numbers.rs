@@ -5,7 +5,7 @@
 /// Part of a period within which two stamps are those of one frame, of another object or sensor.
 const ONE_FRAME: f64 = 0.25;
 
-/// Numbers that keep pace with time, in periods.
+/// Numbers that grow with time, one per period.
 #[derive(Debug, Clone, Default)]
 pub struct StampNumbers {
     /// Stamp of the newest frame, in periods, and its number.

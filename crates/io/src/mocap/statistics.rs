@@ -1,4 +1,4 @@
-//! How the mocap stream does: counts of the task that reads it, and what they add up to.
+//! State of the mocap stream: counts of the task that reads it, and their statistics.
 
 use std::fmt::{self, Display, Formatter};
 use std::io;
@@ -73,7 +73,7 @@ pub struct StreamReport {
     pub rate_hz: Option<f64>,
     /// Frames in which the vehicle was not seen.
     pub unseen: u64,
-    /// Whether frame numbers or time stamps tell when frames were measured: their pace was confirmed by arrivals on
+    /// Whether frame numbers or time stamps show when frames were measured: their rate was confirmed by arrivals on
     /// the ground, over 2 s or more.
     pub has_clock: bool,
     /// Frame numbers per second as measured on the ground; null before 2 s. Hz
@@ -84,10 +84,10 @@ pub struct StreamReport {
     pub gaps: u64,
     /// Longest time between two frames. s
     pub gap_max_s: f64,
-    /// Mean time from measured to received beyond the shortest, or as the source tells, where it is
+    /// Mean time from measured to received beyond the shortest, or as the source reports it, where it is
     /// known. s
     pub latency_mean_s: f64,
-    /// Longest such time. s
+    /// Longest time from measured to received, beyond the shortest. s
     pub latency_max_s: f64,
     /// Connections beyond the first, or sockets opened anew after silence.
     pub reconnects: u64,
@@ -172,7 +172,7 @@ impl MocapCounters {
         *self.refused.lock() = Some(why);
     }
 
-    /// Why the newest message was refused that was.
+    /// Reason of the newest refusal; `None` before the first.
     pub fn refused(&self) -> Option<Refusal> {
         *self.refused.lock()
     }
@@ -207,7 +207,7 @@ impl MocapCounters {
         *self.unopened.lock() = why;
     }
 
-    /// Notes what the frame numbers are worth.
+    /// Notes whether frames have times, and the frame numbers per second. Hz
     pub(super) fn note_clock(&self, has_clock: bool, count_hz: Option<f64>) {
         // Neither belongs to a certain frame.
         self.has_clock.store(has_clock, Ordering::Relaxed);

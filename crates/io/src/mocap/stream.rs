@@ -9,8 +9,8 @@ use std::time::Duration;
 use horizon_model::rows::{Pose, pos_w};
 use tello_flight::cycle::SIGHTING_AGE_MAX;
 
-use super::protocol::Picked;
-use super::source::{Frame, SourceError};
+use super::protocol::SelectedProtocol;
+use super::source::{SourceError, SourceFrame};
 use super::source_clock::SourceClock;
 use super::{MocapCounters, MocapSettings, Sighting};
 use crate::clock::{SpanNs, TimeNs};
@@ -29,7 +29,7 @@ const DOUBLED: SpanNs = SpanNs::from_ms(500);
 /// The bytes of one connection, read for one object.
 #[derive(Debug)]
 pub struct MocapStream {
-    source: Picked,
+    source: SelectedProtocol,
     order: FrameOrder,
 }
 
@@ -91,23 +91,23 @@ impl MocapStream {
 
     /// Appends what is to be sent to the server now, once.
     pub fn take_requests(&mut self, to: &mut Vec<u8>) {
-        self.source.take_requests(to);
+        self.source.protocol.take_requests(to);
     }
 
     /// Prepares what is to be sent without having been asked for: once when a connection begins, then about
     /// once a second, for NatNet four times.
     pub fn beat(&mut self) {
-        self.source.beat();
+        self.source.protocol.beat();
     }
 
     /// Time between two [`beat`](Self::beat)s.
     pub(super) fn beat_period(&self) -> Duration {
-        self.source.beat_period()
+        self.source.protocol.beat_period()
     }
 
     /// The multicast group that frames come by, once the server named it.
     pub(super) fn group(&self) -> Option<SocketAddrV4> {
-        self.source.group()
+        self.source.protocol.group()
     }
 
     /// Starts over with a new connection: half a message and the number of the last frame are forgotten.
@@ -123,11 +123,11 @@ impl FrameOrder {
     /// The sighting of `frame`, if it is a new one.
     fn take(
         &mut self,
-        frame: Frame,
+        frame: SourceFrame,
         received_at: TimeNs,
         counters: &MocapCounters,
     ) -> Option<Sighting> {
-        let Frame { number, rate_hz, latency, pose, .. } = frame;
+        let SourceFrame { number, rate_hz, latency, pose, .. } = frame;
         let back = self.last_frame.map(|last| last.saturating_sub(number));
         match back {
             Some(0) => {

@@ -15,7 +15,7 @@ use tokio::time::{sleep, timeout};
 
 use super::axes::{Placement, Unit};
 use super::client::CONNECT_TIMEOUT;
-use super::protocol::{Absence, BodyProtocol, Head, Name, OBJECTS_MAX, Taker};
+use super::protocol::{Absence, BodyProtocol, FrameVisitor, Head, Name, OBJECTS_MAX};
 use super::wire::{CHUNK_BYTES, Wire};
 use super::{MocapCounters, MocapSettings, Refusal, SourceError};
 use crate::clock::{Clock, TimeNs};
@@ -55,7 +55,16 @@ struct Collect<'a> {
     now: TimeNs,
 }
 
-impl Taker for Collect<'_> {
+impl FrameVisitor for Collect<'_> {
+    fn message(&mut self) {
+        self.counters.messages.count();
+    }
+
+    fn refuse(&mut self, why: Refusal) {
+        self.counters.refuse(why);
+        self.bodies.clear();
+    }
+
     fn body(&mut self, name: Name<'_>, at: Option<&Placement>) {
         let name = match name {
             Name { text: Some(text), id } => {
@@ -98,10 +107,6 @@ impl Taker for Collect<'_> {
             }
         }
     }
-
-    fn forget(&mut self) {
-        self.bodies.clear();
-    }
 }
 
 /// Reads a source until `end`, and calls `on_look` about ten times a second with what there is so far.
@@ -113,7 +118,7 @@ pub async fn survey(
     end: impl Future<Output = ()>,
     mut on_look: impl FnMut(&Survey, TimeNs),
 ) -> Survey {
-    let mut survey = Survey { unit: settings.axes().unit(), ..Survey::default() };
+    let mut survey = Survey { unit: settings.axes().unit, ..Survey::default() };
     tokio::select! {
         () = end => {}
         () = read(settings, clock, &mut survey, &mut on_look) => {}
@@ -205,8 +210,8 @@ impl Reader {
             }
             let Ok(count) = received else { continue };
             let bytes = chunk.get(..count?).unwrap_or_default();
-            let mut taker = Collect { survey, counters, bodies: Vec::new(), now };
-            let result = protocol.push(bytes, counters, &mut taker);
+            let mut collected = Collect { survey, counters, bodies: Vec::new(), now };
+            let result = protocol.push(bytes, &mut collected);
             survey.messages = counters.messages.get();
             survey.malformed = counters.malformed.get();
             survey.refused = counters.refused();
@@ -221,8 +226,8 @@ impl Survey {
     /// Takes in bytes that came at `now`.
     pub(super) fn take_in(&mut self, protocol: &mut dyn BodyProtocol, bytes: &[u8], now: TimeNs) {
         let counters = MocapCounters::default();
-        let mut taker = Collect { survey: self, counters: &counters, bodies: Vec::new(), now };
-        protocol.push(bytes, &counters, &mut taker).unwrap();
+        let mut collected = Collect { survey: self, counters: &counters, bodies: Vec::new(), now };
+        protocol.push(bytes, &mut collected).unwrap();
     }
 }
 

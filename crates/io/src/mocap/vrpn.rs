@@ -12,12 +12,11 @@ pub mod packet;
 
 use std::collections::BTreeMap;
 
-use packet::{Message, Messages, kind};
+use packet::{Messages, VrpnMessage, kind};
 
-use super::MocapCounters;
 use super::axes::{Placement, matrix_of_quaternion};
 use super::protocol::{
-    Absence, BodyProtocol, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX, Taker,
+    Absence, BodyProtocol, FrameVisitor, Head, Name, OBJECT_NAME_BYTES_MAX, OBJECTS_MAX,
 };
 use super::source::{Refusal, SourceError};
 use super::stamp_numbers::StampNumbers;
@@ -56,17 +55,12 @@ impl VrpnProtocol {
 }
 
 impl BodyProtocol for VrpnProtocol {
-    fn push(
-        &mut self,
-        bytes: &[u8],
-        counters: &MocapCounters,
-        taker: &mut dyn Taker,
-    ) -> Result<(), SourceError> {
+    fn push(&mut self, bytes: &[u8], visitor: &mut dyn FrameVisitor) -> Result<(), SourceError> {
         let Self { messages, reader } = self;
         messages.push(bytes, |message| {
-            counters.messages.count();
-            if let Err(why) = reader.read(message, taker) {
-                counters.refuse(why);
+            visitor.message();
+            if let Err(why) = reader.read(message, visitor) {
+                visitor.refuse(why);
             }
             Ok(())
         })
@@ -92,7 +86,11 @@ impl Reader {
     ///
     /// # Errors
     /// Its body does not match its type, or has no pose of a sender with a name.
-    fn read(&mut self, message: &Message<'_>, taker: &mut dyn Taker) -> Result<(), Refusal> {
+    fn read(
+        &mut self,
+        message: &VrpnMessage<'_>,
+        visitor: &mut dyn FrameVisitor,
+    ) -> Result<(), Refusal> {
         let description = || packet::description(message.body).ok_or(Refusal::Form);
         match message.kind {
             kind::SENDER => {
@@ -106,13 +104,17 @@ impl Reader {
             kind::TYPE if description()? == POSE.as_bytes() => {
                 self.pose = Some(message.sender);
             }
-            of if Some(of) == self.pose => self.read_pose(message, taker)?,
+            of if Some(of) == self.pose => self.read_pose(message, visitor)?,
             _ => {}
         }
         Ok(())
     }
 
-    fn read_pose(&mut self, message: &Message<'_>, taker: &mut dyn Taker) -> Result<(), Refusal> {
+    fn read_pose(
+        &mut self,
+        message: &VrpnMessage<'_>,
+        visitor: &mut dyn FrameVisitor,
+    ) -> Result<(), Refusal> {
         let (sensor, pos_v, quaternion) = packet::pose(message.body).ok_or(Refusal::Form)?;
         if !pos_v.iter().chain(&quaternion).all(|value| value.is_finite()) {
             return Err(Refusal::Number);
@@ -122,10 +124,10 @@ impl Reader {
         let sender = self.senders.get(&message.sender).ok_or(Refusal::Sender)?;
         let at = Placement { pos_v, matrix };
         if sensor == 0 {
-            taker.body(Name { text: Some(sender.as_bytes()), id: None }, Some(&at));
+            visitor.body(Name { text: Some(sender.as_bytes()), id: None }, Some(&at));
         } else {
             let name = format!("{sender}#{sensor}");
-            taker.body(Name { text: Some(name.as_bytes()), id: None }, Some(&at));
+            visitor.body(Name { text: Some(name.as_bytes()), id: None }, Some(&at));
         }
         // There are no frame numbers. A server with more objects than are read numbers the rest by rounding.
         let source = (message.sender, sensor);
@@ -135,7 +137,13 @@ impl Reader {
             if has_room { self.numbers.entry(source).or_default() } else { &mut rounding };
         let number = numbers.number(message.time_s, self.rate_hz);
         let (rate_hz, stamp) = (self.rate_hz, Some(SpanNs::from_seconds(message.time_s)));
-        taker.frame(Head { number, rate_hz, stamp, latency: SpanNs(0), absence: Absence::Unknown });
+        visitor.frame(Head {
+            number,
+            rate_hz,
+            stamp,
+            latency: SpanNs(0),
+            absence: Absence::Unknown,
+        });
         Ok(())
     }
 }

@@ -33,7 +33,7 @@ pub(super) struct NatnetWire {
 
 impl Wire {
     pub(super) async fn open(settings: &MocapSettings) -> io::Result<Self> {
-        match settings.transport() {
+        match &settings.transport {
             Transport::Tcp(address) => {
                 let socket = TcpStream::connect(address.as_str()).await?;
                 socket.set_nodelay(true)?;

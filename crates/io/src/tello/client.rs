@@ -15,7 +15,7 @@ use tokio::sync::{mpsc, watch};
 use tokio::time::sleep;
 
 use super::bind::{LinkError, bind_socket, failed};
-use super::guardian::{BEAT_PERIOD, GuardianReport, Heartbeat, Post};
+use super::guardian::{BEAT_PERIOD, GuardianReport, GuardianSockets, Heartbeat};
 use super::protocol::DATAGRAM_BYTES_MAX;
 use super::session::Session;
 use super::{DroneStatus, LinkCounters, TelloSettings};
@@ -89,7 +89,7 @@ impl DroneLink {
         })
     }
 
-    /// The newest status since the last call.
+    /// The newest status since the last call. `None`: no status since the last call.
     pub fn poll_status(&mut self) -> Option<DroneStatus> {
         iter::from_fn(|| self.statuses.pop().ok()).last()
     }
@@ -171,7 +171,7 @@ impl DroneClient {
     /// As [`Heartbeat::start_guardian`].
     pub fn start_guardian<T>(
         &mut self,
-        start: impl FnOnce(Post) -> io::Result<T>,
+        start: impl FnOnce(GuardianSockets) -> io::Result<T>,
     ) -> Result<T, LinkError> {
         let (heartbeat, started) =
             Heartbeat::start_guardian(&self.socket, self.address, self.protocol, start)

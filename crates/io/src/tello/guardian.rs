@@ -3,7 +3,7 @@
 //! Owns the guardian's side: a process of its own with a copy of the drone's socket and two packets. The
 //! sender sends it heartbeats with its [`Duty`], which the guardian answers: a sender whose heartbeats find
 //! no answer lands, too. The sender's side is `guardian::heartbeat`. When heartbeats
-//! stay away while a drone may be in the air, or the channel closes without a last word, the guardian sends
+//! stay away while a drone may be in the air, or the channel closes without the final message, the guardian sends
 //! neutral sticks and the order to land until the sender takes the landing over, for 15 s at most. It
 //! refuses to steer, and reads nothing that the drone sends.
 
@@ -69,7 +69,7 @@ impl Duty {
 
 /// Sockets and address with which a guardian is started.
 #[derive(Debug)]
-pub struct Post {
+pub struct GuardianSockets {
     /// A copy of the socket that the drone listens to.
     pub socket: UdpSocket,
     /// The guardian's end of the channel to the sender.
@@ -94,7 +94,7 @@ pub enum WatchEnd {
 /// Watches one sender.
 #[derive(Debug)]
 pub struct Guardian {
-    post: Post,
+    post: GuardianSockets,
     clock: Clock,
     duty: Duty,
     /// LANDs sent in the landing that goes on.
@@ -119,7 +119,7 @@ impl Guardian {
     ///
     /// # Errors
     /// The channel is no channel, or closed.
-    pub fn start(mut post: Post) -> io::Result<Self> {
+    pub fn start(mut post: GuardianSockets) -> io::Result<Self> {
         post.channel.set_write_timeout(Some(CHANNEL_WRITE_TIMEOUT))?;
         post.channel.write_all(&[READY])?;
         Ok(Self {

@@ -106,7 +106,7 @@ pub enum Setting {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum PacketError {
     /// Neither a frame nor a greeting, a text reply for instance.
-    #[error("{length} bytes that are no frame")]
+    #[error("a datagram of {length} bytes is no frame of the binary protocol")]
     NotAFrame {
         /// Length of the datagram.
         length: usize,

@@ -79,14 +79,14 @@ const EMERGENCY_REST: SpanNs = SpanNs::from_ms(1000);
 /// One drone, from the first request for a connection to the last landing.
 #[derive(Debug)]
 pub struct Session {
-    talk: Talk,
+    talk: Box<dyn Talk>,
     /// Sticks and orders are decided but not sent.
     is_dry_run: bool,
-    link: Link,
+    link: Connection,
     /// Whether the drone ever answered or reported: before, sticks have no receiver.
     was_connected: bool,
     phase: SessionPhase,
-    take_off: Option<TakeOff>,
+    take_off: Option<TakeOffOrder>,
     /// Whether a take-off was ordered, a deflected stick sent, or the drone ever reported that it flies.
     may_have_flown: bool,
     sources: AirborneSources,
@@ -98,14 +98,14 @@ pub struct Session {
 
 /// The newest order to take off.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct TakeOff {
+struct TakeOffOrder {
     at: TimeNs,
     /// Whether the drone was airborne since, by status or pose.
     was_seen: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Link {
+enum Connection {
     /// A request that is overdue waits for the next landing.
     Asking {
         again_at: TimeNs,
@@ -156,21 +156,21 @@ impl Session {
         is_dry_run: bool,
         counters: Arc<LinkCounters>,
     ) -> Self {
-        let talk = Talk::Binary(BinaryTalk::new(utc_start_ns, altitude_limit_m));
-        Self::new(talk, is_dry_run, counters)
+        let talk = BinaryTalk::new(utc_start_ns, altitude_limit_m);
+        Self::new(Box::new(talk), is_dry_run, counters)
     }
 
     /// A session in the text SDK that has sent nothing yet; the state line is listened for at
     /// `state_port`.
     pub fn text(state_port: u16, is_dry_run: bool, counters: Arc<LinkCounters>) -> Self {
-        Self::new(Talk::Text(TextTalk::new(state_port)), is_dry_run, counters)
+        Self::new(Box::new(TextTalk::new(state_port)), is_dry_run, counters)
     }
 
-    fn new(talk: Talk, is_dry_run: bool, counters: Arc<LinkCounters>) -> Self {
+    fn new(talk: Box<dyn Talk>, is_dry_run: bool, counters: Arc<LinkCounters>) -> Self {
         Self {
             talk,
             is_dry_run,
-            link: Link::Asking { again_at: TimeNs(0), is_overdue: false },
+            link: Connection::Asking { again_at: TimeNs(0), is_overdue: false },
             was_connected: false,
             phase: SessionPhase::Quiet,
             take_off: None,
@@ -228,28 +228,28 @@ impl Session {
 
     /// Asks for a connection that is not there, and keeps one that is.
     fn keep_link(&mut self, now: TimeNs) {
-        if let Link::Connected { heard_at, .. } = self.link
+        if let Connection::Connected { heard_at, .. } = self.link
             && now.since(heard_at) >= LINK_SILENCE
         {
             self.counters.is_connected.store(false, Ordering::Relaxed);
-            self.link = Link::Asking { again_at: now, is_overdue: false };
+            self.link = Connection::Asking { again_at: now, is_overdue: false };
         }
         let may_ask = self.may_ask(now);
         match &mut self.link {
-            Link::Asking { again_at, is_overdue } if now >= *again_at => {
+            Connection::Asking { again_at, is_overdue } if now >= *again_at => {
                 *again_at = now.after(CONNECT_PERIOD);
                 *is_overdue = !may_ask;
                 if may_ask {
                     self.talk.ask(&mut self.outbox);
                 }
             }
-            Link::Connected { ping_at, .. } if now >= *ping_at => {
+            Connection::Connected { ping_at, .. } if now >= *ping_at => {
                 *ping_at = now.after(PING_PERIOD);
                 if may_ask && self.may_steer() {
                     self.talk.ping(&mut self.outbox);
                 }
             }
-            Link::Asking { .. } | Link::Connected { .. } => {}
+            Connection::Asking { .. } | Connection::Connected { .. } => {}
         }
     }
 
@@ -265,8 +265,10 @@ impl Session {
     /// When [`Session::advance`] has something to do. Real time: no allocation, constant cost.
     pub fn next_deadline(&self) -> TimeNs {
         let link = match self.link {
-            Link::Asking { again_at, .. } => again_at,
-            Link::Connected { heard_at, ping_at } => heard_at.after(LINK_SILENCE).min(ping_at),
+            Connection::Asking { again_at, .. } => again_at,
+            Connection::Connected { heard_at, ping_at } => {
+                heard_at.after(LINK_SILENCE).min(ping_at)
+            }
         };
         match self.phase {
             SessionPhase::Quiet | SessionPhase::Landed { .. } | SessionPhase::MotorsStopped => link,
@@ -329,7 +331,7 @@ impl Session {
             DroneOrder::Land => self.land(now),
             DroneOrder::TakeOff if !self.may_take_off(now) => {}
             DroneOrder::TakeOff => {
-                self.take_off = Some(TakeOff { at: now, was_seen: false });
+                self.take_off = Some(TakeOffOrder { at: now, was_seen: false });
                 self.may_have_flown = true;
                 self.talk.begin(order, now);
                 self.send(DroneOrder::TakeOff);

@@ -1,6 +1,6 @@
 //! The Tello's text SDK: what the host commands and what the drone replies.
 //!
-//! Pure bytes to values and back, and the only place that knows the SDK's words, units and signs. Both
+//! Pure bytes to values and back, and the only place that knows the SDK's texts, units and signs. Both
 //! sides are read and written, since the emulator speaks the drone's. The state line is `state`.
 //! Words and units: `docs/protocol.md`.
 

@@ -16,7 +16,7 @@ use tokio::time::{sleep, timeout};
 /// Far beyond what any step takes on a loaded machine.
 const TEST_TIMEOUT: Duration = Duration::from_secs(10);
 
-struct Bench {
+struct Fixture {
     listener: TcpListener,
     feed: MocapFeed,
     stopper: Stopper,
@@ -24,7 +24,7 @@ struct Bench {
 }
 
 #[expect(clippy::unwrap_used, clippy::expect_used, reason = "a test may panic")]
-impl Bench {
+impl Fixture {
     async fn start() -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let (feed, stopper, task) = client(listener.local_addr().unwrap().to_string());
@@ -78,20 +78,20 @@ fn line(frame: i64) -> String {
 
 #[tokio::test]
 async fn several_lines_in_one_segment_arrive_in_order() {
-    let mut bench = Bench::start().await;
-    let mut server = bench.accept().await;
+    let mut fixture = Fixture::start().await;
+    let mut server = fixture.accept().await;
     let text: String = (1..=20).map(line).collect();
     server.write_all(text.as_bytes()).await.unwrap();
-    assert_eq!(bench.frames(20).await, (1..=20).collect::<Vec<_>>());
+    assert_eq!(fixture.frames(20).await, (1..=20).collect::<Vec<_>>());
     server.write_all(line(21).as_bytes()).await.unwrap();
-    let last = timeout(TEST_TIMEOUT, bench.take(1)).await.unwrap()[0];
+    let last = timeout(TEST_TIMEOUT, fixture.take(1)).await.unwrap()[0];
     assert_eq!(last.pose, Some(Pose::new(1.0, -2.0, 1.3, 0.3)));
 }
 
 #[tokio::test]
 async fn a_line_cut_at_every_byte_and_a_slow_trickle_arrive_whole() {
-    let mut bench = Bench::start().await;
-    let mut server = bench.accept().await;
+    let mut fixture = Fixture::start().await;
+    let mut server = fixture.accept().await;
     server.set_nodelay(true).unwrap();
     for cut in 1..line(100).len() {
         let text = line(100 + i64::try_from(cut).unwrap());
@@ -104,15 +104,15 @@ async fn a_line_cut_at_every_byte_and_a_slow_trickle_arrive_whole() {
         server.write_all(&[*byte]).await.unwrap();
         sleep(Duration::from_millis(1)).await;
     }
-    let frames = bench.frames(line(100).len()).await;
+    let frames = fixture.frames(line(100).len()).await;
     assert_eq!(frames.last(), Some(&1));
-    assert_eq!(bench.feed.counters.malformed.get(), 0);
+    assert_eq!(fixture.feed.counters.malformed.get(), 0);
 }
 
 #[tokio::test]
 async fn garbage_is_counted_and_the_next_line_is_read() {
-    let mut bench = Bench::start().await;
-    let mut server = bench.accept().await;
+    let mut fixture = Fixture::start().await;
+    let mut server = fixture.accept().await;
     let noise: Vec<u8> =
         (0..1_000_000_u32).map(|k| (k % 251) as u8).filter(|b| *b != b'\n').collect();
     server.write_all(&noise).await.unwrap();
@@ -122,62 +122,62 @@ async fn garbage_is_counted_and_the_next_line_is_read() {
         .unwrap();
     server.write_all(b"5 100 wand 0 1 2 3 0 0 0\n").await.unwrap();
     server.write_all([line(6), line(6), line(7)].concat().as_bytes()).await.unwrap();
-    assert_eq!(bench.frames(2).await, [6, 7]);
-    let MocapCounters { malformed, other_object, repeated, messages, .. } = &*bench.feed.counters;
+    assert_eq!(fixture.frames(2).await, [6, 7]);
+    let MocapCounters { malformed, other_object, repeated, messages, .. } = &*fixture.feed.counters;
     let counts = [malformed, other_object, repeated, messages].map(Counter::get);
     assert_eq!(counts, [5, 1, 1, 9]);
 }
 
 #[tokio::test]
 async fn a_lost_server_is_connected_again() {
-    let mut bench = Bench::start().await;
-    let mut server = bench.accept().await;
+    let mut fixture = Fixture::start().await;
+    let mut server = fixture.accept().await;
     server.write_all(format!("{}8 100.0 tello 0 1.0", line(7)).as_bytes()).await.unwrap();
-    assert_eq!(bench.frames(1).await, [7]);
+    assert_eq!(fixture.frames(1).await, [7]);
     drop(server);
-    let mut server = bench.accept().await;
+    let mut server = fixture.accept().await;
     server.write_all(line(7).as_bytes()).await.unwrap();
-    assert_eq!(bench.frames(1).await, [7], "a new connection counts its own frames");
-    assert_eq!(bench.feed.counters.connects.get(), 2);
-    assert_eq!(bench.feed.counters.malformed.get(), 0, "the half line is forgotten");
+    assert_eq!(fixture.frames(1).await, [7], "a new connection counts its own frames");
+    assert_eq!(fixture.feed.counters.connects.get(), 2);
+    assert_eq!(fixture.feed.counters.malformed.get(), 0, "the half line is forgotten");
 }
 
 #[tokio::test]
 async fn a_server_that_hangs_up_at_once_is_not_hammered() {
-    let bench = Bench::start().await;
+    let fixture = Fixture::start().await;
     let accept = async {
         loop {
-            drop(bench.listener.accept().await);
+            drop(fixture.listener.accept().await);
         }
     };
     timeout(Duration::from_secs(1), accept).await.expect_err("the server never ends");
     // After 0, 0.1, 0.3 and 0.7 s, and later on a loaded machine.
-    let connects = bench.feed.counters.connects.get();
+    let connects = fixture.feed.counters.connects.get();
     assert!((2..=4).contains(&connects), "{connects} connections in one second");
 }
 
 #[tokio::test]
 async fn a_queue_that_nobody_drains_overflows_and_counts() {
-    let mut bench = Bench::start().await;
-    let mut server = bench.accept().await;
+    let mut fixture = Fixture::start().await;
+    let mut server = fixture.accept().await;
     let text: String = (1..=500).map(line).collect();
     server.write_all(text.as_bytes()).await.unwrap();
-    bench.wait_for_lines(500).await;
-    let kept = bench.feed.sightings.slots();
-    assert_eq!(bench.feed.counters.overflow.get(), 500 - kept as u64);
+    fixture.wait_for_lines(500).await;
+    let kept = fixture.feed.sightings.slots();
+    assert_eq!(fixture.feed.counters.overflow.get(), 500 - kept as u64);
     // The oldest stay; what comes after the drain is seen again.
-    assert_eq!(bench.frames(kept).await[..3], [1, 2, 3]);
+    assert_eq!(fixture.frames(kept).await[..3], [1, 2, 3]);
     server.write_all(line(501).as_bytes()).await.unwrap();
-    assert_eq!(bench.frames(1).await, [501]);
+    assert_eq!(fixture.frames(1).await, [501]);
 }
 
 #[tokio::test]
 async fn the_client_stops_on_request_whatever_the_server_does() {
     // Connected to a server that never sends anything.
-    let bench = Bench::start().await;
-    let _server = bench.accept().await;
-    bench.stopper.stop();
-    timeout(TEST_TIMEOUT, bench.task).await.expect("still running").unwrap();
+    let fixture = Fixture::start().await;
+    let _server = fixture.accept().await;
+    fixture.stopper.stop();
+    timeout(TEST_TIMEOUT, fixture.task).await.expect("still running").unwrap();
     // Connected to a port at which nothing listens: the port was free a moment ago.
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap().to_string();

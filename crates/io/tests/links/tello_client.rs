@@ -24,7 +24,7 @@ struct Drone {
 }
 
 /// The drone, and the host that talks to it.
-struct Bench {
+struct Fixture {
     drone: Drone,
     link: DroneLink,
     stopper: Stopper,
@@ -32,7 +32,7 @@ struct Bench {
 }
 
 #[expect(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may panic")]
-impl Bench {
+impl Fixture {
     async fn start(is_dry_run: bool) -> Self {
         let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
         let address = socket.local_addr().unwrap().to_string();
@@ -43,13 +43,13 @@ impl Bench {
         Self { drone, link, stopper, task: tokio::spawn(client.run(stop)) }
     }
 
-    /// A bench whose drone is connected and reports that it flies.
+    /// A fixture whose drone is connected and reports that it flies.
     async fn flying() -> Self {
-        let mut bench = Self::start(false).await;
-        bench.connect().await;
-        bench.drone.send_flying(true).await;
-        bench.status().await;
-        bench
+        let mut fixture = Self::start(false).await;
+        fixture.connect().await;
+        fixture.drone.send_flying(true).await;
+        fixture.status().await;
+        fixture
     }
 
     async fn connect(&mut self) {
@@ -195,38 +195,38 @@ fn assert_landings(packets: &[HostPacket]) {
 
 #[tokio::test]
 async fn sticks_reach_the_drone_and_its_status_comes_back() {
-    let mut bench = Bench::flying().await;
-    bench.link.send(approved(0.5), None);
-    let first = roll_of(bench.drone.receive().await);
-    let again = roll_of(bench.drone.receive().await);
+    let mut fixture = Fixture::flying().await;
+    fixture.link.send(approved(0.5), None);
+    let first = roll_of(fixture.drone.receive().await);
+    let again = roll_of(fixture.drone.receive().await);
     assert_eq!((first, again), (Some(0.5), Some(0.5)), "sent at once, and repeated");
     // At once, not at the next repetition.
-    let latency_ms = bench.link.counters.sticks_latency().seconds() * 1e3;
+    let latency_ms = fixture.link.counters.sticks_latency().seconds() * 1e3;
     assert!(latency_ms > 0.0 && latency_ms < 15.0, "{latency_ms} ms to the socket");
-    bench
+    fixture
         .drone
         .send(DronePacket::WifiStrength { sequence: 0, strength_pct: 90, disturbance: 0 })
         .await;
-    bench.drone.send_flying(false).await;
-    let status = bench.status().await;
+    fixture.drone.send_flying(false).await;
+    let status = fixture.status().await;
     assert!(status.is_on_ground && !status.is_flying, "{status:?}");
-    assert_eq!(bench.link.poll_status(), None);
+    assert_eq!(fixture.link.poll_status(), None);
 }
 
 #[tokio::test]
 async fn orders_carry_numbers_and_their_acknowledgement_is_counted() {
-    let mut bench = Bench::start(false).await;
-    bench.connect().await;
-    bench.drone.send_flying(false).await;
-    bench.status().await;
-    bench.link.order(DroneOrder::TakeOff).unwrap();
-    let packet = bench.drone.receive().await;
+    let mut fixture = Fixture::start(false).await;
+    fixture.connect().await;
+    fixture.drone.send_flying(false).await;
+    fixture.status().await;
+    fixture.link.order(DroneOrder::TakeOff).unwrap();
+    let packet = fixture.drone.receive().await;
     let HostPacket::Action { action: Action::TakeOff, sequence } = packet else {
         panic!("no take-off")
     };
-    bench.drone.send(DronePacket::Ack { action: Action::TakeOff, sequence }).await;
+    fixture.drone.send(DronePacket::Ack { action: Action::TakeOff, sequence }).await;
     let acknowledged = async {
-        while bench.link.counters.acks.get() == 0 {
+        while fixture.link.counters.acks.get() == 0 {
             sleep(Duration::from_millis(1)).await;
         }
     };
@@ -235,23 +235,23 @@ async fn orders_carry_numbers_and_their_acknowledgement_is_counted() {
 
 #[tokio::test]
 async fn the_drones_questions_are_answered() {
-    let mut bench = Bench::start(false).await;
-    bench.connect().await;
-    bench.drone.send(DronePacket::DateTimeRequest { sequence: 3 }).await;
-    let HostPacket::DateTime { sequence: 3, time } = bench.drone.receive().await else {
+    let mut fixture = Fixture::start(false).await;
+    fixture.connect().await;
+    fixture.drone.send(DronePacket::DateTimeRequest { sequence: 3 }).await;
+    let HostPacket::DateTime { sequence: 3, time } = fixture.drone.receive().await else {
         panic!("no time")
     };
     assert!(time.year >= 2020, "{time}");
-    bench.drone.send(DronePacket::LogHeader { sequence: 4, header_id: 0x1234 }).await;
+    fixture.drone.send(DronePacket::LogHeader { sequence: 4, header_id: 0x1234 }).await;
     let expected = HostPacket::LogHeaderAck { sequence: 4, header_id: 0x1234 };
-    assert_eq!(bench.drone.receive().await, expected);
+    assert_eq!(fixture.drone.receive().await, expected);
 }
 
 #[tokio::test]
 async fn a_control_thread_that_hangs_leaves_neutral_sticks_and_then_a_landing() {
-    let mut bench = Bench::flying().await;
-    bench.link.send(approved(0.5), None);
-    let packets = bench.drone.receive_for(Duration::from_millis(1300)).await;
+    let mut fixture = Fixture::flying().await;
+    fixture.link.send(approved(0.5), None);
+    let packets = fixture.drone.receive_for(Duration::from_millis(1300)).await;
     let rolls: Vec<f64> = packets.iter().filter_map(|packet| roll_of(*packet)).collect();
     let steering = rolls.iter().take_while(|roll| **roll > 0.1).count();
     // 5 in 100 ms; a loaded machine may repeat fewer.
@@ -259,44 +259,44 @@ async fn a_control_thread_that_hangs_leaves_neutral_sticks_and_then_a_landing() 
     assert!(rolls.iter().skip(steering).all(|roll| roll.abs() < 1e-12), "{rolls:?}");
     let first_landing = packets.iter().position(|packet| is_landing(*packet)).expect("no landing");
     assert_landings(&packets[first_landing - 1..]);
-    assert_eq!(bench.link.counters.watchdog_landings.get(), 1);
+    assert_eq!(fixture.link.counters.watchdog_landings.get(), 1);
 }
 
 #[tokio::test]
 async fn a_control_thread_that_is_gone_ends_in_a_landing() {
-    let mut bench = Bench::flying().await;
-    bench.link.send(approved(0.5), None);
-    drop(bench.link);
-    bench.drone.receive_until(is_landing).await;
+    let mut fixture = Fixture::flying().await;
+    fixture.link.send(approved(0.5), None);
+    drop(fixture.link);
+    fixture.drone.receive_until(is_landing).await;
 }
 
 #[tokio::test]
 async fn neither_sticks_nor_a_take_off_follow_a_landing() {
-    let mut bench = Bench::flying().await;
-    bench.link.send(approved(0.5), None);
-    bench.link.order(DroneOrder::Land).unwrap();
-    bench.drone.receive_until(is_landing).await;
+    let mut fixture = Fixture::flying().await;
+    fixture.link.send(approved(0.5), None);
+    fixture.link.order(DroneOrder::Land).unwrap();
+    fixture.drone.receive_until(is_landing).await;
     for _ in 0..50 {
-        bench.link.send(approved(0.5), None);
+        fixture.link.send(approved(0.5), None);
         sleep(Duration::from_millis(5)).await;
     }
-    bench.link.order(DroneOrder::TakeOff).unwrap();
-    bench.drone.send_flying(false).await;
-    bench.status().await;
-    bench.link.order(DroneOrder::TakeOff).unwrap();
-    bench.link.send(approved(0.5), None);
-    let packets = bench.drone.receive_for(Duration::from_millis(600)).await;
+    fixture.link.order(DroneOrder::TakeOff).unwrap();
+    fixture.drone.send_flying(false).await;
+    fixture.status().await;
+    fixture.link.order(DroneOrder::TakeOff).unwrap();
+    fixture.link.send(approved(0.5), None);
+    let packets = fixture.drone.receive_for(Duration::from_millis(600)).await;
     assert_landings(&packets);
 }
 
 #[tokio::test]
 async fn a_drone_that_never_answers_is_asked_again_and_never_steered() {
-    let mut bench = Bench::start(false).await;
+    let mut fixture = Fixture::start(false).await;
     for _ in 0..100 {
-        bench.link.send(approved(0.5), None);
+        fixture.link.send(approved(0.5), None);
         sleep(Duration::from_millis(5)).await;
     }
-    let packets = bench.drone.receive_for(Duration::from_secs(2)).await;
+    let packets = fixture.drone.receive_for(Duration::from_secs(2)).await;
     let requests = packets.iter().filter(|p| matches!(p, HostPacket::ConnReq { .. })).count();
     assert_eq!(requests, 2, "{packets:?}");
     let first = packets.iter().position(|packet| roll_of(*packet).is_some());
@@ -304,29 +304,29 @@ async fn a_drone_that_never_answers_is_asked_again_and_never_steered() {
     last.retain(|packet| !matches!(packet, HostPacket::ConnReq { .. }));
     // The end of the sticks counts as a control thread that is silent.
     assert_landings(&last);
-    assert!(!bench.link.counters.is_connected());
+    assert!(!fixture.link.counters.is_connected());
 }
 
 #[tokio::test]
 async fn garbage_and_foreign_senders_are_counted_and_survived() {
-    let mut bench = Bench::flying().await;
-    let host = bench.drone.host.unwrap();
+    let mut fixture = Fixture::flying().await;
+    let host = fixture.drone.host.unwrap();
     let garbage = vec![0xCC; 5000];
     for datagram in [b"".as_slice(), b"ok", b"error Motor stop", &garbage, b"conn_ack:"] {
-        bench.drone.socket.send_to(datagram, host).await.unwrap();
+        fixture.drone.socket.send_to(datagram, host).await.unwrap();
     }
     let foreign = UdpSocket::bind("127.0.0.1:0").await.unwrap();
     let mut bytes = Vec::new();
     DronePacket::Status { sequence: 0, status: FlightStatus::new(true) }.encode(&mut bytes);
     foreign.send_to(&bytes, host).await.unwrap();
-    bench.drone.send_flying(false).await;
-    assert!(!bench.status().await.is_flying, "the foreign status was taken");
-    assert_eq!(bench.link.counters.malformed.get(), 6);
+    fixture.drone.send_flying(false).await;
+    assert!(!fixture.status().await.is_flying, "the foreign status was taken");
+    assert_eq!(fixture.link.counters.malformed.get(), 6);
 }
 
 #[tokio::test]
 async fn the_end_of_the_program_lands_a_drone_and_waits_until_it_stands() {
-    let Bench { mut drone, link, stopper, task } = Bench::flying().await;
+    let Fixture { mut drone, link, stopper, task } = Fixture::flying().await;
     link.send(approved(0.5), None);
     drone.receive_until(|packet| roll_of(packet).is_some()).await;
     stopper.stop();
@@ -346,31 +346,31 @@ async fn the_end_of_the_program_lands_a_drone_and_waits_until_it_stands() {
 
 #[tokio::test]
 async fn the_end_of_the_program_leaves_a_standing_drone_alone() {
-    let mut bench = Bench::start(false).await;
-    bench.connect().await;
-    bench.drone.send_flying(false).await;
-    bench.status().await;
-    assert_eq!(unheard(&bench.stop().await), [], "something was sent");
+    let mut fixture = Fixture::start(false).await;
+    fixture.connect().await;
+    fixture.drone.send_flying(false).await;
+    fixture.status().await;
+    assert_eq!(unheard(&fixture.stop().await), [], "something was sent");
 }
 
 #[tokio::test]
 async fn a_dry_run_connects_and_listens_but_never_steers() {
-    let mut bench = Bench::start(true).await;
-    bench.connect().await;
-    bench.link.order(DroneOrder::TakeOff).unwrap();
-    bench.drone.send_flying(true).await;
-    bench.status().await;
+    let mut fixture = Fixture::start(true).await;
+    fixture.connect().await;
+    fixture.link.order(DroneOrder::TakeOff).unwrap();
+    fixture.drone.send_flying(true).await;
+    fixture.status().await;
     for _ in 0..20 {
-        bench.link.send(approved(0.5), None);
+        fixture.link.send(approved(0.5), None);
         sleep(Duration::from_millis(5)).await;
     }
-    bench.link.order(DroneOrder::Land).unwrap();
-    assert_eq!(bench.drone.receive_for(Duration::from_millis(100)).await, []);
-    assert_eq!(unheard(&bench.stop().await), [], "something was sent");
+    fixture.link.order(DroneOrder::Land).unwrap();
+    assert_eq!(fixture.drone.receive_for(Duration::from_millis(100)).await, []);
+    assert_eq!(unheard(&fixture.stop().await), [], "something was sent");
 }
 
 #[tokio::test]
-async fn a_busy_port_and_a_missing_interface_say_what_to_do() {
+async fn a_busy_port_and_a_missing_interface_state_what_to_do() {
     let taken = std::net::UdpSocket::bind("0.0.0.0:0").unwrap();
     let port = taken.local_addr().unwrap().port();
     let table = TelloTable { local_port: port, ..table("127.0.0.1:9".into()) };
@@ -389,12 +389,12 @@ async fn a_busy_port_and_a_missing_interface_say_what_to_do() {
 
 #[tokio::test]
 async fn a_full_queue_of_orders_and_an_ended_link_are_reported() {
-    let bench = Bench::start(false).await;
+    let fixture = Fixture::start(false).await;
     // The task has not run: nothing yields between the orders.
-    let taken = (0..8).take_while(|_| bench.link.order(DroneOrder::Land).is_ok()).count();
+    let taken = (0..8).take_while(|_| fixture.link.order(DroneOrder::Land).is_ok()).count();
     assert_eq!(taken, 4);
-    assert_eq!(bench.link.order(DroneOrder::Land), Err(OrderError::Busy));
-    bench.task.abort();
-    bench.task.await.expect_err("aborted");
-    assert_eq!(bench.link.order(DroneOrder::Land), Err(OrderError::Ended));
+    assert_eq!(fixture.link.order(DroneOrder::Land), Err(OrderError::Busy));
+    fixture.task.abort();
+    fixture.task.await.expect_err("aborted");
+    assert_eq!(fixture.link.order(DroneOrder::Land), Err(OrderError::Ended));
 }

@@ -43,7 +43,7 @@ fn fly(failure: SenderFailure, for_s: u64) -> (TimeNs, Vec<(TimeNs, HostPacket)>
         let guardian = runtime.block_on(host(&table, clock, failure, for_s, &failed_at));
         // With it goes a sender that was blocked.
         drop(runtime);
-        // The drone of a sender without a last message is landed for 15 s.
+        // The drone of a sender without a final message gets 60 landings, four a second for 15 s.
         assert_eq!(guardian.join().unwrap(), if failure == SenderFailure::None { 0 } else { 60 });
     });
     let mut heard = Vec::new();

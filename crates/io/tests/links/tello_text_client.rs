@@ -18,7 +18,7 @@ use tokio::time::{sleep, timeout};
 const TEST_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// A drone made of two sockets, and the host that talks to it.
-struct Bench {
+struct Fixture {
     drone: UdpSocket,
     host: Option<SocketAddr>,
     /// Where the host listens for the state line.
@@ -29,8 +29,8 @@ struct Bench {
 }
 
 #[expect(clippy::unwrap_used, clippy::expect_used, reason = "a test may panic")]
-impl Bench {
-    /// A bench whose drone has answered in its worst way and is connected.
+impl Fixture {
+    /// A fixture whose drone has answered in its worst way and is connected.
     async fn connected() -> Self {
         let drone = UdpSocket::bind("127.0.0.1:0").await.unwrap();
         let table = TelloTable {
@@ -45,15 +45,15 @@ impl Bench {
         let (client, link) = DroneClient::bind(&settings, Clock::start(), false).unwrap();
         let (stopper, stop) = Stopper::new();
         let task = tokio::spawn(client.run(stop));
-        let mut bench = Self { drone, host: None, state_port: 0, link, stopper, task };
-        assert_eq!(bench.receive().await, "command");
-        bench.send(b"\xcc\x18\x01\xb9\x88\x56\x00\x09\x00").await;
-        bench.send(b"OK\r\n").await;
-        let port = bench.receive().await;
+        let mut fixture = Self { drone, host: None, state_port: 0, link, stopper, task };
+        assert_eq!(fixture.receive().await, "command");
+        fixture.send(b"\xcc\x18\x01\xb9\x88\x56\x00\x09\x00").await;
+        fixture.send(b"OK\r\n").await;
+        let port = fixture.receive().await;
         let ports = port.strip_prefix("port ").expect("no port").split_once(' ').unwrap();
-        bench.state_port = ports.0.parse().unwrap();
-        bench.send(format!("unknown command: {port}").as_bytes()).await;
-        bench
+        fixture.state_port = ports.0.parse().unwrap();
+        fixture.send(format!("unknown command: {port}").as_bytes()).await;
+        fixture
     }
 
     async fn send(&self, reply: &[u8]) {
@@ -116,40 +116,40 @@ fn approved(pitch: f64) -> Approved {
 
 #[tokio::test]
 async fn wrong_and_doubled_answers_stop_neither_sticks_nor_landing() {
-    let mut bench = Bench::connected().await;
-    bench.fly().await;
-    bench.link.send(approved(0.504), None);
-    assert_eq!(bench.receive().await, "rc 0 50 0 0");
+    let mut fixture = Fixture::connected().await;
+    fixture.fly().await;
+    fixture.link.send(approved(0.504), None);
+    assert_eq!(fixture.receive().await, "rc 0 50 0 0");
     for pitch in [0.1, 0.2, -0.3] {
-        bench.link.send(approved(pitch), None);
+        fixture.link.send(approved(pitch), None);
         let wanted = format!("rc 0 {:.0} 0 0", 100.0 * pitch);
-        let others = bench.receive_until(&wanted).await;
+        let others = fixture.receive_until(&wanted).await;
         assert!(others.iter().all(|text| text.starts_with("rc ")), "{others:?}");
     }
-    bench.link.order(DroneOrder::Land).unwrap();
-    bench.receive_until("land").await;
+    fixture.link.order(DroneOrder::Land).unwrap();
+    fixture.receive_until("land").await;
     for _ in 0..3 {
-        bench.link.send(approved(0.5), None);
-        bench.link.order(DroneOrder::TakeOff).unwrap();
-        let next = bench.receive_until("land").await;
+        fixture.link.send(approved(0.5), None);
+        fixture.link.order(DroneOrder::TakeOff).unwrap();
+        let next = fixture.receive_until("land").await;
         assert_eq!(next, ["rc 0 0 0 0"], "directly before every landing");
     }
-    bench.end();
+    fixture.end();
 }
 
 #[tokio::test]
 async fn a_drone_that_never_answers_costs_the_control_thread_no_time() {
-    let mut bench = Bench::connected().await;
-    bench.fly().await;
+    let mut fixture = Fixture::connected().await;
+    fixture.fly().await;
     let clock = Clock::start();
     for _ in 0..10_000 {
-        bench.link.send(approved(0.5), None);
-        bench.link.poll_status();
+        fixture.link.send(approved(0.5), None);
+        fixture.link.poll_status();
     }
     // 10 000 ticks take milliseconds; one awaited reply would take seconds.
     let took_s = clock.now().since(tello_io::clock::TimeNs(0)).seconds();
     assert!(took_s < 1.0, "{took_s} s");
-    bench.link.order(DroneOrder::Land).unwrap();
-    bench.receive_until("land").await;
-    bench.end();
+    fixture.link.order(DroneOrder::Land).unwrap();
+    fixture.receive_until("land").await;
+    fixture.end();
 }

@@ -29,7 +29,7 @@ const STALL_MAX_S: f64 = 0.4;
 /// Probability of each family that is there from the start: a set-up or a switch of the drone.
 const LASTING: f64 = 0.04;
 
-/// Something that is wrong in a flight.
+/// Something that is wrong in a flight: faults with a time, then, from `NoEmergency` on, what lasts for the flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
 #[value(rename_all = "snake_case")]
 #[derive(Serialize, Deserialize, JsonSchema)]
@@ -103,7 +103,7 @@ pub enum Family {
     LandUnheard,
     /// Sticks call a landing off.
     LandingCancelled,
-    /// The drone's word on flying is wrong or late.
+    /// The drone's flying flag is wrong or late.
     FlyingFlag,
     /// The reported velocity is absent, late, or in another frame.
     Velocity,
@@ -129,17 +129,17 @@ pub enum Family {
 
 /// Families and settings that a flight drew.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Draw {
+pub struct Draw {
     /// In the order of their draw, without repetitions.
-    pub(crate) families: Vec<Family>,
+    pub families: Vec<Family>,
     /// The world with what was drawn.
-    pub(crate) sim: SimTable,
+    pub sim: SimTable,
     /// Begin of the first fault; 0 if something is wrong from the start. s
-    pub(crate) onset_s: f64,
+    pub onset_s: f64,
 }
 
 /// The draw of `seed` in `sim`: of all families, or of `only`.
-pub(crate) fn draw(seed: u64, sim: &SimTable, only: Option<Family>) -> Draw {
+pub fn draw(seed: u64, sim: &SimTable, only: Option<Family>) -> Draw {
     let mut random = Random::new(seed, Purpose::Campaign);
     let sim = SimTable { faults: Vec::new(), ..sim.clone() };
     let mut draw = Draw { families: Vec::new(), sim, onset_s: f64::INFINITY };
@@ -201,24 +201,7 @@ enum Effect {
 impl Family {
     /// Whether it is there from the start to the end.
     fn is_lasting(self) -> bool {
-        matches!(
-            self,
-            Self::NoEmergency
-                | Self::LandingKeepsSticks
-                | Self::LandUnheard
-                | Self::LandingCancelled
-                | Self::FlyingFlag
-                | Self::Velocity
-                | Self::Height
-                | Self::NoAutoLand
-                | Self::HeldOutages
-                | Self::AlreadyFlying
-                | Self::FrameTurned
-                | Self::FrameMirrored
-                | Self::FrameScaled
-                | Self::HeadingTurned
-                | Self::HeadingReport
-        )
+        self >= Self::NoEmergency
     }
 
     /// The fault with its values, or the switch.

@@ -63,7 +63,7 @@ pub(super) enum Violation {
 /// Times and distances of a flight from the moment in which the first fault can be observed: the fault is
 /// present, and the vehicle flies.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-pub(super) struct Reaction {
+pub(super) struct MeasuredReaction {
     /// Until the program reported a fault in flight that it had not reported before. s
     pub detected_s: Option<f64>,
     /// From the first sticks that are not neutral until neutral ones are sent, 0.1 s long or before a
@@ -90,7 +90,7 @@ struct SinceFault {
     steered_s: Option<f64>,
     /// When the present run of neutral sticks began, and its length in ticks. s
     neutral: Option<(f64, u32)>,
-    reaction: Reaction,
+    reaction: MeasuredReaction,
 }
 
 /// Program, wire and true drone after one tick.
@@ -166,7 +166,7 @@ impl Judge {
                 known: self.known,
                 steered_s: None,
                 neutral: None,
-                reaction: Reaction::default(),
+                reaction: MeasuredReaction::default(),
             });
         }
     }
@@ -211,8 +211,8 @@ impl Judge {
         }
     }
 
-    /// Reaction to the first fault; `None` if no fault could be observed in flight.
-    pub(super) fn reaction(&self) -> Option<Reaction> {
+    /// Measured reaction to the first fault; `None` if no fault could be observed in flight.
+    pub(super) fn reaction(&self) -> Option<MeasuredReaction> {
         self.since.as_ref().map(|since| since.reaction)
     }
 

@@ -10,7 +10,7 @@ use tello_eval::quantile;
 
 use super::CampaignRow;
 use super::family::Family;
-use super::judge::Reaction;
+use super::judge::MeasuredReaction;
 
 /// The flights with a family. With several families in a flight its reaction counts for each of them;
 /// `--family` measures one alone.
@@ -47,7 +47,7 @@ pub(super) fn rows(flights: &[CampaignRow]) -> Vec<FamilyRow> {
 }
 
 fn row(family: Family, flights: &[&CampaignRow]) -> FamilyRow {
-    let reactions: Vec<&Reaction> =
+    let reactions: Vec<&MeasuredReaction> =
         flights.iter().filter_map(|flight| flight.reaction.as_ref()).collect();
     let detected = || reactions.iter().filter(|reaction| reaction.detected_s.is_some());
     let landed: Vec<f64> = reactions
@@ -124,7 +124,7 @@ mod tests {
     use super::*;
     use crate::campaign::judge::{End, Violation};
 
-    fn flown(families: &[Family], reaction: Option<Reaction>, is_bad: bool) -> CampaignRow {
+    fn flown(families: &[Family], reaction: Option<MeasuredReaction>, is_bad: bool) -> CampaignRow {
         CampaignRow {
             seed: 1,
             families: families.to_vec(),
@@ -137,14 +137,14 @@ mod tests {
         }
     }
 
-    fn reaction(detected_s: Option<f64>, neutral_s: f64, travelled_m: f64) -> Reaction {
+    fn reaction(detected_s: Option<f64>, neutral_s: f64, travelled_m: f64) -> MeasuredReaction {
         let outside_m = 0.1 * travelled_m;
-        Reaction {
+        MeasuredReaction {
             detected_s,
             neutral_s: Some(neutral_s),
             travelled_m,
             outside_m,
-            ..Reaction::default()
+            ..MeasuredReaction::default()
         }
     }
 
@@ -165,10 +165,13 @@ mod tests {
 
     #[test]
     fn times_are_those_of_the_flights_that_they_belong_to() {
-        let landed = Reaction { land_s: Some(4.0), ..reaction(Some(1.0), 2.0, 3.0) };
-        let over =
-            Reaction { land_s: Some(9.0), is_mission_over: true, ..reaction(None, 8.0, 5.0) };
-        let late = Reaction { land_s: Some(6.0), ..reaction(Some(2.0), 3.0, 1.0) };
+        let landed = MeasuredReaction { land_s: Some(4.0), ..reaction(Some(1.0), 2.0, 3.0) };
+        let over = MeasuredReaction {
+            land_s: Some(9.0),
+            is_mission_over: true,
+            ..reaction(None, 8.0, 5.0)
+        };
+        let late = MeasuredReaction { land_s: Some(6.0), ..reaction(Some(2.0), 3.0, 1.0) };
         let flights = [landed, over, late].map(|one| flown(&[Family::Drift], Some(one), false));
         let [row] = &rows(&flights)[..] else { panic!("{flights:?}") };
         assert_eq!((row.observable, row.detected, row.landed), (3, 2, 2));

@@ -39,12 +39,12 @@ const WAITING_MAX: usize = 64;
 /// The listening socket and its clients.
 #[derive(Debug)]
 pub(super) struct DatastreamPort {
-    clients: Clients<Session>,
+    clients: Clients<DatastreamSession>,
 }
 
 /// Subscription of one client.
 #[derive(Debug, Default)]
-struct Session {
+struct DatastreamSession {
     packets: Packets,
     wanted: BTreeSet<u32>,
     wants_every_frame: bool,
@@ -65,7 +65,7 @@ impl DatastreamPort {
 impl Port for DatastreamPort {
     /// Accepts new clients, and reads from all.
     fn receive(&mut self) {
-        self.clients.listen(Session::receive);
+        self.clients.listen(DatastreamSession::receive);
     }
 
     /// Sends `frame` to whom it is due, with a second object.
@@ -74,7 +74,7 @@ impl Port for DatastreamPort {
     }
 }
 
-impl Session {
+impl DatastreamSession {
     /// Takes in what the client sends.
     ///
     /// # Errors
@@ -181,8 +181,8 @@ mod tests {
         bytes
     }
 
-    fn session(ids: &[u32]) -> Session {
-        let mut session = Session::default();
+    fn session(ids: &[u32]) -> DatastreamSession {
+        let mut session = DatastreamSession::default();
         session.receive(&request(|packet| packet.object_enums(ids))).unwrap();
         session
     }
@@ -194,7 +194,7 @@ mod tests {
     }
 
     /// Identities in the packet that the session sends for one frame, seen or not.
-    fn sent(session: &mut Session, is_seen: bool) -> Vec<u32> {
+    fn sent(session: &mut DatastreamSession, is_seen: bool) -> Vec<u32> {
         let body = Body { name: b"tello", pos_v: [1.0, 2.0, 3.0], angles: [0.0; 3] };
         let body = is_seen.then_some(body);
         let mut bytes = Vec::new();
@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn frames_come_one_by_one_prefetched_or_all() {
         let mut session = session(&[id::FRAME_INFO]);
-        let is_sent = |session: &mut Session| !sent(session, true).is_empty();
+        let is_sent = |session: &mut DatastreamSession| !sent(session, true).is_empty();
         assert!(!is_sent(&mut session), "not asked for");
         session.receive(&request(|packet| packet.request_frame(false))).unwrap();
         assert_eq!([(); 2].map(|()| is_sent(&mut session)), [true, false]);
@@ -237,10 +237,10 @@ mod tests {
 
     #[test]
     fn what_is_no_datastream_ends_the_connection() {
-        assert!(Session::default().receive(b"GET / HTTP/1.1\r\n").is_err());
+        assert!(DatastreamSession::default().receive(b"GET / HTTP/1.1\r\n").is_err());
         let mut short = request(|packet| packet.request_frame(true));
         short.truncate(short.len() - 1);
         *short.get_mut(4).unwrap() -= 1;
-        assert!(Session::default().receive(&short).is_err());
+        assert!(DatastreamSession::default().receive(&short).is_err());
     }
 }

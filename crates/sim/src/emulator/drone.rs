@@ -61,7 +61,7 @@ impl DronePort {
     pub(super) fn bind(address: SocketAddr, world: &World) -> io::Result<Self> {
         let socket = UdpSocket::bind(address)?;
         socket.set_nonblocking(true)?;
-        let (table, seed) = (*world.firmware(), world.seed());
+        let (table, seed) = (world.firmware, world.seed);
         Ok(Self {
             socket,
             table,
@@ -116,7 +116,7 @@ impl DronePort {
                 let line = world.step().is_multiple_of(STATUS_STEPS).then(|| {
                     let mut bytes = Vec::new();
                     sdk.state_line(&world.reported()).encode(&mut bytes);
-                    (bytes, sdk.state_port())
+                    (bytes, sdk.state_port)
                 });
                 self.reply(replies, world);
                 if let (Some((bytes, port)), Some(mut host)) = (line, self.host) {

@@ -69,7 +69,7 @@ impl MocapServers {
             let (what, address) = ("NatNet server", server.address);
             let refused = |source| EmulatorError::Bind { what, address, source };
             let port = NatnetPort::bind(server).map_err(refused)?;
-            addresses.natnet = Some(port.server());
+            addresses.natnet = Some(port.server);
             ports.push(Box::new(port));
         }
         add(&mut ports, "QTM server", &mut addresses.qtm, QtmPort::open)?;

@@ -48,7 +48,8 @@ const HEARD_MAX: usize = 64;
 #[derive(Debug)]
 pub(super) struct NatnetPort {
     socket: UdpSocket,
-    server: NatnetServer,
+    /// Where it listens, and what it speaks.
+    pub(super) server: NatnetServer,
     clients: Vec<Client>,
     /// Rate and objects of the newest frame.
     room: Option<(f64, Vec<String>)>,
@@ -75,11 +76,6 @@ impl NatnetPort {
         }
         let server = NatnetServer { address: socket.local_addr()?, ..server };
         Ok(Self { socket, server, clients: Vec::new(), room: None, bytes: Vec::new() })
-    }
-
-    /// Where it listens, and what it speaks.
-    pub(super) fn server(&self) -> NatnetServer {
-        self.server
     }
 }
 

@@ -21,14 +21,14 @@ const EVENT_CONNECTED: u8 = 1;
 /// The listening socket and its clients.
 #[derive(Debug)]
 pub(super) struct QtmPort {
-    clients: Clients<Session>,
+    clients: Clients<QtmSession>,
     /// Rate and objects of the newest frame.
     room: Option<(f64, Vec<String>)>,
 }
 
 /// Subscription of one client.
 #[derive(Debug, Default)]
-struct Session {
+struct QtmSession {
     packets: Packets,
     answers: Vec<u8>,
     wants_parameters: bool,
@@ -49,7 +49,7 @@ impl QtmPort {
 impl Port for QtmPort {
     /// Accepts new clients, reads and answers all.
     fn receive(&mut self) {
-        self.clients.receive(Session::receive);
+        self.clients.receive(QtmSession::receive);
         let room = &self.room;
         self.clients.send(|session, to| {
             to.append(&mut session.answers);
@@ -82,7 +82,7 @@ impl Port for QtmPort {
     }
 }
 
-impl Session {
+impl QtmSession {
     /// Takes in what the client sends.
     ///
     /// # Errors

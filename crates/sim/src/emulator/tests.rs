@@ -272,7 +272,7 @@ fn logged_yaw_rad(host: &Host) -> f64 {
 
 #[test]
 #[ignore = "seconds of real time: in .ci/run all"]
-fn the_flight_log_comes_when_its_header_is_acknowledged_and_tells_the_heading() {
+fn the_flight_log_comes_when_its_header_is_acknowledged_and_has_the_heading() {
     let emulator = emulator(IN_THE_AIR);
     let host = Host::connected(&emulator);
     let is_log = |datagram: &[u8]| datagram.get(5..7) == Some(&[0x51, 0x10]);

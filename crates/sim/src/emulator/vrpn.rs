@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::io;
 use std::net::SocketAddr;
 
-use tello_io::mocap::vrpn::packet::{Message, Messages, description, kind};
+use tello_io::mocap::vrpn::packet::{Messages, VrpnMessage, description, kind};
 use tello_io::mocap::vrpn::{POSE, encode};
 use tello_io::mocap::{Body, matrix_of_angles, quaternion_of_matrix};
 
@@ -29,12 +29,12 @@ const TYPES_MAX: usize = 64;
 /// The listening socket and its clients.
 #[derive(Debug)]
 pub(super) struct VrpnPort {
-    clients: Clients<Session>,
+    clients: Clients<VrpnSession>,
 }
 
 /// State and messages of one client.
 #[derive(Debug, Default)]
-struct Session {
+struct VrpnSession {
     messages: Messages,
     knows_tracker: bool,
     /// The client's numbers for a ping.
@@ -58,7 +58,7 @@ impl VrpnPort {
 impl Port for VrpnPort {
     /// Accepts new clients, and reads from all.
     fn receive(&mut self) {
-        self.clients.listen(Session::receive);
+        self.clients.listen(VrpnSession::receive);
     }
 
     /// Sends `frame` to all, with a second object.
@@ -72,7 +72,7 @@ impl Port for VrpnPort {
         let poses = [(TRACKER, body.map(pose)), (OTHER, other.map(pose))];
         let senders = [TRACKER, OTHER].into_iter().zip(names(object, other));
         let append = |sender, kind, body: &[u8], to: &mut Vec<u8>| {
-            encode::message(&Message { time_s, sender, kind, body }, to);
+            encode::message(&VrpnMessage { time_s, sender, kind, body }, to);
         };
         self.clients.send(|session, to| {
             if !std::mem::replace(&mut session.knows_tracker, true) {
@@ -92,7 +92,7 @@ impl Port for VrpnPort {
     }
 }
 
-impl Session {
+impl VrpnSession {
     /// Takes in what the client sends.
     ///
     /// # Errors
@@ -116,7 +116,7 @@ impl Session {
 /// Appends which name a number stands for.
 fn describe(kind: i32, number: i32, name: &str, to: &mut Vec<u8>) {
     let body = encode::description(name);
-    encode::message(&Message { time_s: 0.0, sender: number, kind, body: &body }, to);
+    encode::message(&VrpnMessage { time_s: 0.0, sender: number, kind, body: &body }, to);
 }
 
 #[cfg(test)]

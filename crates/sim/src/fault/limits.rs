@@ -1,111 +1,72 @@
 //! Which values a fault may have.
 
+use std::slice;
+
 use horizon_model::setting::{SettingError, in_range};
 
 use super::InjectedFault;
 
-/// Largest offset, radius or noise. m
-const SIZE_MAX_M: f64 = 100.0;
-/// Largest speed. m/s
-const SPEED_MAX_MPS: f64 = 10.0;
-/// Largest angle, rate or noise of the heading. rad, rad/s
-const TURN_MAX: f64 = 10.0;
-/// Longest time. s
-const TIME_MAX_S: f64 = 1e3;
-/// Shortest time: one step. s
-const TIME_MIN_S: f64 = crate::DT_S;
-/// Fastest link: more than a relay sends. 1/s
-const BYTES_PER_S_MAX: f64 = 1e9;
+/// Offsets. m
+const OFFSET_M: [f64; 2] = [-100.0, 100.0];
+/// Standard deviations, their growth and other sizes. m, rad, m/s, rad/s
+const SIZE: [f64; 2] = [0.0, 100.0];
+/// Velocities. m/s
+const VELOCITY_MPS: [f64; 2] = [-10.0, 10.0];
+/// Angles and rates of the heading. rad, rad/s
+const TURN: [f64; 2] = [-10.0, 10.0];
+/// Times that are at least one step. s
+const TIME_S: [f64; 2] = [crate::DT_S, 1e3];
 /// Smallest value accepted as positive. In the unit of the value
 const SMALL: f64 = 1e-6;
 
+/// Least and largest value of each key of a fault, also of each number of a list.
+const RANGES: [(&str, [f64; 2]); 21] = [
+    ("offset_m", OFFSET_M),
+    ("noise_m", SIZE),
+    ("noise_rad", SIZE),
+    ("growth_mps", SIZE),
+    ("growth_radps", SIZE),
+    ("sway_m", SIZE),
+    ("lowered_m", SIZE),
+    ("radius_m", [SMALL, 100.0]),
+    ("speed_mps", [0.0, 10.0]),
+    ("velocity_mps", VELOCITY_MPS),
+    ("turn_rad", TURN),
+    ("yaw_radps", TURN),
+    ("fraction", [0.0, 1.0]),
+    ("scale", [SMALL, 1e6]),
+    ("period_s", TIME_S),
+    ("lost_s", TIME_S),
+    ("delay_s", [0.0, 1e3]),
+    ("growth", [0.0, 10.0]),
+    // The largest is more than a relay sends.
+    ("bytes_per_s", [SMALL, 1e9]),
+    ("sticks", [-1.0, 1.0]),
+    ("rate_hz", [SMALL, 1.0 / crate::DT_S]),
+];
+
 impl InjectedFault {
-    /// Accepts the values of the fault.
+    /// Accepts the values of the fault. A number whose key has no range is never accepted.
     ///
     /// # Errors
     /// The first value outside of its range.
     pub(super) fn check(&self) -> Result<(), SettingError> {
-        let size = |key: &str, values: &[f64]| all(key, values, -SIZE_MAX_M, SIZE_MAX_M);
-        let sd = |key: &str, value: f64| all(key, &[value], 0.0, SIZE_MAX_M);
-        let speed = |key: &str, values: &[f64]| all(key, values, -SPEED_MAX_MPS, SPEED_MAX_MPS);
-        let turn = |key: &str, value: f64| all(key, &[value], -TURN_MAX, TURN_MAX);
-        match *self {
-            Self::MocapStill { offset_w_m, turn_rad, noise_m, noise_rad } => {
-                size("mocap_still.offset_m", &offset_w_m)?;
-                turn("mocap_still.turn_rad", turn_rad)?;
-                sd("mocap_still.noise_m", noise_m)?;
-                sd("mocap_still.noise_rad", noise_rad)
+        // A fault without values is a text.
+        let written = serde_json::to_value(self).unwrap_or_default();
+        for (name, values) in written.as_object().into_iter().flatten() {
+            for (key, value) in values.as_object().into_iter().flatten() {
+                let range = RANGES.iter().find(|(ranged, _)| ranged == key);
+                let [low, high] = range.map_or([f64::NAN; 2], |(_, range)| *range);
+                let numbers = value.as_array().map_or(slice::from_ref(value), Vec::as_slice);
+                for number in numbers.iter().filter(|number| !number.is_boolean()) {
+                    // JSON has no number that is not finite.
+                    let number = number.as_f64().unwrap_or(f64::NAN);
+                    in_range(&format!("{name}.{key}"), number, low..=high)?;
+                }
             }
-            Self::MocapSplit { offset_w_m, fraction } => {
-                size("mocap_split.offset_m", &offset_w_m)?;
-                all("mocap_split.fraction", &[fraction], 0.0, 1.0)
-            }
-            Self::MocapShifted { offset_w_m } => size("mocap_shifted.offset_m", &offset_w_m),
-            Self::MocapAxesStuck { axes: _, noise_m } => sd("mocap_axes_stuck.noise_m", noise_m),
-            Self::MocapWalker { offset_w_m, radius_m, speed_mps, noise_m, noise_rad } => {
-                size("mocap_walker.offset_m", &offset_w_m)?;
-                all("mocap_walker.radius_m", &[radius_m], SMALL, SIZE_MAX_M)?;
-                all("mocap_walker.speed_mps", &[speed_mps], 0.0, SPEED_MAX_MPS)?;
-                sd("mocap_walker.noise_m", noise_m)?;
-                sd("mocap_walker.noise_rad", noise_rad)
-            }
-            Self::MocapDrift { velocity_w_mps, yaw_radps } => {
-                speed("mocap_drift.velocity_mps", &velocity_w_mps)?;
-                turn("mocap_drift.yaw_radps", yaw_radps)
-            }
-            Self::MocapFrame { turn_rad, scale, is_mirrored: _ } => {
-                turn("mocap_frame.turn_rad", turn_rad)?;
-                all("mocap_frame.scale", &[scale], SMALL, 1e6)
-            }
-            Self::MocapHeading { turn_rad } => turn("mocap_heading.turn_rad", turn_rad),
-            Self::MocapNoise { growth_mps, growth_radps } => {
-                sd("mocap_noise.growth_mps", growth_mps)?;
-                sd("mocap_noise.growth_radps", growth_radps)
-            }
-            Self::MocapOccluded { period_s, lost_s } => {
-                all("mocap_occluded.period_s", &[period_s], TIME_MIN_S, TIME_MAX_S)?;
-                all("mocap_occluded.lost_s", &[lost_s], TIME_MIN_S, TIME_MAX_S)
-            }
-            Self::MocapLag { delay_s } => all("mocap_lag.delay_s", &[delay_s], 0.0, TIME_MAX_S),
-            Self::MocapLagRamp { growth } => all("mocap_lag_ramp.growth", &[growth], 0.0, 10.0),
-            Self::MocapSlowLink { bytes_per_s } => {
-                all("mocap_slow_link.bytes_per_s", &[bytes_per_s], SMALL, BYTES_PER_S_MAX)
-            }
-            Self::DroneHeld { sway_m, lowered_m } => check_held(sway_m, lowered_m),
-            Self::DronePushed { velocity_w_mps: v } => speed("drone_pushed.velocity_mps", &v),
-            Self::SecondController { sticks, rate_hz } => check_second(&sticks, rate_hz),
-            Self::MocapLost
-            | Self::MocapSilent
-            | Self::MocapFixed
-            | Self::MocapFrozen
-            | Self::MocapNan
-            | Self::MocapFar
-            | Self::MocapAside
-            | Self::MocapFlipped
-            | Self::MocapMillimetres
-            | Self::MocapOther
-            | Self::DroneDeaf
-            | Self::DroneMute
-            | Self::DroneSticksStuck
-            | Self::DroneRefusesLand
-            | Self::DroneReboot { .. }
-            | Self::ControlStalled => Ok(()),
         }
+        Ok(())
     }
-}
-
-fn check_held(sway_m: f64, lowered_m: f64) -> Result<(), SettingError> {
-    all("drone_held.sway_m", &[sway_m], 0.0, SIZE_MAX_M)?;
-    all("drone_held.lowered_m", &[lowered_m], 0.0, SIZE_MAX_M)
-}
-
-fn check_second(sticks: &[f64], rate_hz: f64) -> Result<(), SettingError> {
-    all("second_controller.sticks", sticks, -1.0, 1.0)?;
-    all("second_controller.rate_hz", &[rate_hz], SMALL, 1.0 / crate::DT_S)
-}
-
-fn all(key: &str, values: &[f64], low: f64, high: f64) -> Result<(), SettingError> {
-    values.iter().try_for_each(|value| in_range(key, *value, low..=high).map(|_| ()))
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use tello_eval::parameter_file::{FORMAT, ParameterEntry};
 use super::*;
 use crate::plant::NOMINAL;
 
-/// A value that tells its row; dead zones stay below the half stick that the simulator accepts.
+/// A value that differs by row; dead zones stay below the half stick that the simulator accepts.
 fn value(k: usize) -> f64 {
     0.1 + 0.03125 * k as f64
 }

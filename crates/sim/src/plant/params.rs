@@ -102,7 +102,7 @@ impl PlantParams {
     /// The vehicle of one flight: these parameters with their spread over flights.
     ///
     /// Normal and clipped as fitted to 23 flights. The vertical axis is too weakly excited in them to
-    /// tell its spread: 10 % either way. The dead time is constant within a flight, since its measured
+    /// show its spread: 10 % either way. The dead time is constant within a flight, since its measured
     /// jitter is below what the estimate can resolve.
     #[must_use]
     pub fn draw(&self, random: &mut Random) -> Self {

@@ -55,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn each_change_moves_what_it_says_and_nothing_else() {
+    fn each_change_moves_what_it_names_and_nothing_else() {
         assert_eq!(varied(UNVARIED).unwrap().table(), &NOMINAL);
         let mut expected = NOMINAL;
         expected.horizontal.gain *= 0.7;

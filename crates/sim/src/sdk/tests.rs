@@ -8,13 +8,13 @@ use crate::world::tests::table;
 use crate::{Profile, SimStart, SimTable};
 
 /// A drone without chance on the floor, and SDK mode.
-struct Bench {
+struct Fixture {
     world: World,
     sdk: Sdk,
     replies: Vec<String>,
 }
 
-impl Bench {
+impl Fixture {
     fn new(version: SdkVersion, battery_pct: f64) -> Self {
         Self::of(PLAIN, version, battery_pct)
     }
@@ -39,9 +39,9 @@ impl Bench {
     fn hovering_as(change: impl FnOnce(&mut DroneTable)) -> Self {
         let mut drone = PLAIN;
         change(&mut drone);
-        let mut bench = Self::of(drone, SdkVersion::V1_3, 90.0);
-        assert_eq!(bench.run("takeoff"), "ok");
-        bench
+        let mut fixture = Self::of(drone, SdkVersion::V1_3, 90.0);
+        assert_eq!(fixture.run("takeoff"), "ok");
+        fixture
     }
 
     fn send(&mut self, text: &str) -> Vec<String> {
@@ -80,28 +80,28 @@ impl Bench {
 
 #[test]
 fn a_take_off_is_answered_at_the_hover_and_a_landing_on_the_floor() {
-    let mut bench = Bench::new(SdkVersion::V1_3, 90.0);
-    assert_eq!(bench.send("command"), ["ok"]);
-    assert_eq!(bench.send("takeoff"), [""; 0]);
-    assert_eq!(bench.send("land"), [""; 0], "not heard early in a take-off");
-    assert_eq!(bench.wait(100), [""; 0]);
-    assert_eq!(bench.send("battery?"), [""; 0], "one command at a time");
-    assert_eq!(bench.send("takeoff"), ["error Not joystick"]);
-    assert_eq!(bench.wait(150), ["ok"]);
-    assert!(bench.pose()[pose::Z] > 0.8, "{:?}", bench.pose());
-    assert_eq!((bench.state(Field::Time), bench.state(Field::Bat)), (Some(4.0), Some(90.0)));
-    assert_eq!(bench.send("takeoff"), ["error"]);
-    assert_eq!(bench.send("land"), [""; 0]);
-    assert_eq!(bench.send("land"), [""; 0]);
-    assert_eq!(bench.wait(300), ["ok"]);
-    assert_eq!(bench.world.truth().phase, DronePhase::Grounded);
-    assert_eq!(bench.state(Field::Tof), Some(10.0));
+    let mut fixture = Fixture::new(SdkVersion::V1_3, 90.0);
+    assert_eq!(fixture.send("command"), ["ok"]);
+    assert_eq!(fixture.send("takeoff"), [""; 0]);
+    assert_eq!(fixture.send("land"), [""; 0], "not heard early in a take-off");
+    assert_eq!(fixture.wait(100), [""; 0]);
+    assert_eq!(fixture.send("battery?"), [""; 0], "one command at a time");
+    assert_eq!(fixture.send("takeoff"), ["error Not joystick"]);
+    assert_eq!(fixture.wait(150), ["ok"]);
+    assert!(fixture.pose()[pose::Z] > 0.8, "{:?}", fixture.pose());
+    assert_eq!((fixture.state(Field::Time), fixture.state(Field::Bat)), (Some(4.0), Some(90.0)));
+    assert_eq!(fixture.send("takeoff"), ["error"]);
+    assert_eq!(fixture.send("land"), [""; 0]);
+    assert_eq!(fixture.send("land"), [""; 0]);
+    assert_eq!(fixture.wait(300), ["ok"]);
+    assert_eq!(fixture.world.truth().phase, DronePhase::Grounded);
+    assert_eq!(fixture.state(Field::Tof), Some(10.0));
 }
 
 #[test]
 fn movements_end_at_their_target() {
-    let mut bench = Bench::hovering();
-    bench.wait(100);
+    let mut fixture = Fixture::hovering();
+    fixture.wait(100);
     // Forward is where the nose points: theta is 0.3.
     let (sin, cos) = 0.3_f64.sin_cos();
     for (command, forward_m, left_m, up_m, turn_deg) in [
@@ -115,9 +115,9 @@ fn movements_end_at_their_target() {
         ("ccw 90", 0.0, 0.0, 0.0, 90.0),
         ("cw 90", 0.0, 0.0, 0.0, -90.0),
     ] {
-        let before = bench.pose();
-        assert_eq!(bench.run(command), "ok", "{command}");
-        let moved = bench.pose() - before;
+        let before = fixture.pose();
+        assert_eq!(fixture.run(command), "ok", "{command}");
+        let moved = fixture.pose() - before;
         let forward = cos * moved[pose::X] + sin * moved[pose::Y];
         let left = cos * moved[pose::Y] - sin * moved[pose::X];
         let turned_deg = moved[pose::THETA].to_degrees();
@@ -129,77 +129,77 @@ fn movements_end_at_their_target() {
 
 #[test]
 fn what_cannot_be_done_is_refused_in_the_words_of_the_sdk() {
-    let mut bench = Bench::new(SdkVersion::V1_3, 90.0);
-    assert_eq!(bench.send("forward 30"), ["error Motor stop"]);
-    assert_eq!(bench.send("up 3"), ["out of range"]);
-    assert_eq!(bench.send("sdk?"), ["unknown command: sdk?"]);
-    assert_eq!(bench.send("port 8891 11111"), ["unknown command: port 8891 11111"]);
-    assert_eq!(bench.send("fly me"), ["unknown command: fly me"]);
-    assert_eq!(bench.send("rc 0 0 0 0"), [""; 0]);
-    bench.wait(20);
-    assert_eq!(bench.send("takeoff"), ["error Not joystick"], "0.4 s after sticks");
-    bench.wait(5);
-    assert_eq!(bench.send("takeoff"), [""; 0]);
-    assert_eq!(Bench::new(SdkVersion::V1_3, 9.0).send("takeoff"), ["error Motor stop"]);
-    let mut later = Bench::new(SdkVersion::V3_0, 90.0);
+    let mut fixture = Fixture::new(SdkVersion::V1_3, 90.0);
+    assert_eq!(fixture.send("forward 30"), ["error Motor stop"]);
+    assert_eq!(fixture.send("up 3"), ["out of range"]);
+    assert_eq!(fixture.send("sdk?"), ["unknown command: sdk?"]);
+    assert_eq!(fixture.send("port 8891 11111"), ["unknown command: port 8891 11111"]);
+    assert_eq!(fixture.send("fly me"), ["unknown command: fly me"]);
+    assert_eq!(fixture.send("rc 0 0 0 0"), [""; 0]);
+    fixture.wait(20);
+    assert_eq!(fixture.send("takeoff"), ["error Not joystick"], "0.4 s after sticks");
+    fixture.wait(5);
+    assert_eq!(fixture.send("takeoff"), [""; 0]);
+    assert_eq!(Fixture::new(SdkVersion::V1_3, 9.0).send("takeoff"), ["error Motor stop"]);
+    let mut later = Fixture::new(SdkVersion::V3_0, 90.0);
     assert_eq!(later.send("sdk?"), ["30"]);
     assert_eq!(later.send("port 8891 11111"), ["ok"]);
-    assert_eq!(later.sdk.state_port(), 8891);
+    assert_eq!(later.sdk.state_port, 8891);
 }
 
 #[test]
 fn a_landing_ends_a_movement_and_an_emergency_stop_ends_everything() {
-    let mut bench = Bench::hovering();
-    assert_eq!(bench.send("forward 300"), [""; 0]);
-    bench.wait(50);
-    assert_eq!(bench.send("forward 20"), ["error Not joystick"]);
-    assert_eq!(bench.send("land"), ["error Auto land"]);
-    bench.wait(10);
-    assert_eq!(bench.send("emergency"), [""; 0]);
-    assert_eq!(bench.world.truth().phase, DronePhase::Falling);
-    assert_eq!(bench.wait(60), [""; 0]);
-    assert_eq!(bench.world.truth().phase, DronePhase::Grounded);
+    let mut fixture = Fixture::hovering();
+    assert_eq!(fixture.send("forward 300"), [""; 0]);
+    fixture.wait(50);
+    assert_eq!(fixture.send("forward 20"), ["error Not joystick"]);
+    assert_eq!(fixture.send("land"), ["error Auto land"]);
+    fixture.wait(10);
+    assert_eq!(fixture.send("emergency"), [""; 0]);
+    assert_eq!(fixture.world.truth().phase, DronePhase::Falling);
+    assert_eq!(fixture.wait(60), [""; 0]);
+    assert_eq!(fixture.world.truth().phase, DronePhase::Grounded);
 }
 
 #[test]
 fn silence_lands_and_any_command_calls_it_off() {
-    let mut bench = Bench::hovering();
-    bench.wait(575);
+    let mut fixture = Fixture::hovering();
+    fixture.wait(575);
     assert!(
-        matches!(bench.world.truth().phase, DronePhase::Landing(_)),
+        matches!(fixture.world.truth().phase, DronePhase::Landing(_)),
         "{:?}",
-        bench.world.truth()
+        fixture.world.truth()
     );
-    assert_eq!(bench.send("battery?"), ["89"]);
-    assert_eq!(bench.world.truth().phase, DronePhase::Flying);
+    assert_eq!(fixture.send("battery?"), ["89"]);
+    assert_eq!(fixture.world.truth().phase, DronePhase::Flying);
 }
 
 #[test]
 fn yaw_counts_clockwise_from_the_start_and_stays_within_half_a_turn() {
-    let mut bench = Bench::hovering();
-    assert_eq!(bench.state(Field::Yaw), Some(0.0));
-    bench.run("cw 90");
-    let yaw = bench.state(Field::Yaw).unwrap();
+    let mut fixture = Fixture::hovering();
+    assert_eq!(fixture.state(Field::Yaw), Some(0.0));
+    fixture.run("cw 90");
+    let yaw = fixture.state(Field::Yaw).unwrap();
     assert!((84.0..=96.0).contains(&yaw), "{yaw}");
-    bench.run("cw 180");
-    let yaw = bench.state(Field::Yaw).unwrap();
+    fixture.run("cw 180");
+    let yaw = fixture.state(Field::Yaw).unwrap();
     assert!((-100.0..=-80.0).contains(&yaw), "{yaw}");
 }
 
 #[test]
 fn an_emergency_or_a_landing_is_not_obeyed_or_refused() {
-    let mut bench = Bench::hovering_as(|drone| drone.emergency.text = false);
-    assert_eq!(bench.send("emergency"), [""; 0]);
-    assert_eq!(bench.world.truth().phase, DronePhase::Flying);
+    let mut fixture = Fixture::hovering_as(|drone| drone.emergency.text = false);
+    assert_eq!(fixture.send("emergency"), [""; 0]);
+    assert_eq!(fixture.world.truth().phase, DronePhase::Flying);
 
-    let mut bench = Bench::hovering_as(|drone| drone.landing.is_refused = true);
-    assert_eq!(bench.send("land"), ["error"]);
-    assert_eq!(bench.world.truth().phase, DronePhase::Flying);
+    let mut fixture = Fixture::hovering_as(|drone| drone.landing.is_refused = true);
+    assert_eq!(fixture.send("land"), ["error"]);
+    assert_eq!(fixture.world.truth().phase, DronePhase::Flying);
 
-    let mut bench = Bench::hovering_as(|drone| drone.landing.deaf_count = 1);
-    assert_eq!(bench.send("land"), [""; 0]);
-    assert_eq!(bench.world.truth().phase, DronePhase::Flying);
-    assert_eq!(bench.run("land"), "ok");
+    let mut fixture = Fixture::hovering_as(|drone| drone.landing.deaf_count = 1);
+    assert_eq!(fixture.send("land"), [""; 0]);
+    assert_eq!(fixture.world.truth().phase, DronePhase::Flying);
+    assert_eq!(fixture.run("land"), "ok");
 }
 
 #[test]
@@ -210,13 +210,13 @@ fn sticks_call_a_landing_off_or_do_not() {
         (CancelledBy::Deflection, "rc 0 50 0 0", true),
         (CancelledBy::AnySticks, "rc 0 0 0 0", true),
     ] {
-        let mut bench = Bench::hovering_as(|drone| drone.landing.cancelled_by = cancelled_by);
-        assert_eq!(bench.send("land"), [""; 0]);
-        bench.wait(10);
-        bench.send(sticks);
-        let is_flying = bench.world.truth().phase == DronePhase::Flying;
+        let mut fixture = Fixture::hovering_as(|drone| drone.landing.cancelled_by = cancelled_by);
+        assert_eq!(fixture.send("land"), [""; 0]);
+        fixture.wait(10);
+        fixture.send(sticks);
+        let is_flying = fixture.world.truth().phase == DronePhase::Flying;
         assert_eq!(is_flying, is_cancelled, "{cancelled_by:?} {sticks}");
-        let replies = bench.wait(1);
+        let replies = fixture.wait(1);
         assert_eq!(replies, if is_cancelled { vec!["error"] } else { vec![] });
     }
 }
@@ -224,37 +224,37 @@ fn sticks_call_a_landing_off_or_do_not() {
 #[test]
 fn a_drone_that_reports_no_flight_counts_no_motor_time() {
     for (flying, expected_s) in [(FlyingFlag::Right, 4.0), (FlyingFlag::Standing, 0.0)] {
-        let bench = Bench::hovering_as(|drone| drone.status.flying = flying);
-        let time_s = bench.world.truth().motor_s.trunc();
+        let fixture = Fixture::hovering_as(|drone| drone.status.flying = flying);
+        let time_s = fixture.world.truth().motor_s.trunc();
         assert!((time_s - 4.0).abs() < 1.1, "{time_s}");
-        let reported_s = bench.state(Field::Time).unwrap();
+        let reported_s = fixture.state(Field::Time).unwrap();
         assert!((reported_s - expected_s).abs() < 1.1, "{flying:?}: {reported_s} s");
     }
 }
 
 #[test]
 fn a_flip_ends_where_it_began_and_video_is_refused() {
-    let mut bench = Bench::hovering();
-    let before = bench.world.truth().pose;
-    assert_eq!(bench.send("flip f"), Vec::<String>::new());
-    assert_eq!(bench.wait(60), Vec::<String>::new(), "it takes its time");
-    assert_eq!(bench.wait(60), ["ok"]);
-    assert!((bench.world.truth().pose - before).norm() < 0.1);
-    assert_eq!(bench.run("flip up"), "unknown command: flip up");
-    assert_eq!(bench.run("streamon"), "error No video");
-    assert_eq!(bench.run("streamoff"), "ok");
-    let mut standing = Bench::new(SdkVersion::V3_0, 90.0);
+    let mut fixture = Fixture::hovering();
+    let before = fixture.world.truth().pose;
+    assert_eq!(fixture.send("flip f"), Vec::<String>::new());
+    assert_eq!(fixture.wait(60), Vec::<String>::new(), "it takes its time");
+    assert_eq!(fixture.wait(60), ["ok"]);
+    assert!((fixture.world.truth().pose - before).norm() < 0.1);
+    assert_eq!(fixture.run("flip up"), "unknown command: flip up");
+    assert_eq!(fixture.run("streamon"), "error No video");
+    assert_eq!(fixture.run("streamoff"), "ok");
+    let mut standing = Fixture::new(SdkVersion::V3_0, 90.0);
     assert_eq!(standing.run("flip f"), "error Motor stop");
     assert_eq!(standing.run("ssid?"), "TELLO-SIM");
-    assert_eq!(Bench::new(SdkVersion::V2_0, 90.0).run("ssid?"), "unknown command: ssid?");
+    assert_eq!(Fixture::new(SdkVersion::V2_0, 90.0).run("ssid?"), "unknown command: ssid?");
 }
 
 #[test]
 fn the_attitude_has_the_heading() {
-    let mut bench = Bench::hovering();
-    assert_eq!(bench.run("attitude?"), "pitch:0;roll:0;yaw:0;");
-    assert_eq!(bench.run("cw 90"), "ok");
-    let reply = bench.run("attitude?");
+    let mut fixture = Fixture::hovering();
+    assert_eq!(fixture.run("attitude?"), "pitch:0;roll:0;yaw:0;");
+    assert_eq!(fixture.run("cw 90"), "ok");
+    let reply = fixture.run("attitude?");
     let yaw = reply.strip_prefix("pitch:0;roll:0;yaw:").and_then(|rest| rest.strip_suffix(";"));
     let yaw: f64 = yaw.unwrap().parse().unwrap();
     assert!((yaw - 90.0).abs() < 5.0, "{reply}");

@@ -120,7 +120,7 @@ impl World {
     }
 
     pub(crate) fn is_deaf(&self) -> bool {
-        self.faults.is_on(InjectedFault::DroneDeaf, self.step()) || self.is_rebooting()
+        self.faults.is_on(InjectedFault::DroneDeaf, self.step()) || self.is_rebooting
     }
 
     pub(crate) fn is_mute(&self) -> bool {

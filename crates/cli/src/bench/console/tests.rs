@@ -1,6 +1,6 @@
 use tello_io::tello::Protocol;
 
-use super::super::link::tests::link;
+use super::super::connection::tests::link;
 use super::*;
 
 impl Console {

@@ -8,11 +8,12 @@ use anyhow::Result;
 use tello_io::Stopper;
 use tello_io::clock::{Clock, request_real_time};
 use tello_io::config::FlyTable;
+use tello_io::link_diagnosis::{drone_trouble, mocap_trouble};
 use tello_io::log::free_bytes;
 use tello_io::tello::{DroneClient, TelloSettings};
 use tokio::time::sleep;
 
-use super::{Found, drone_trouble, mocap_trouble};
+use super::Found;
 use crate::fly::sources::Sources;
 
 /// Enough to measure a rate. s

@@ -22,7 +22,7 @@ pub(super) fn log_dir<'a>(arguments: &'a Arguments, table: &'a FlyTable) -> &'a 
 pub(super) fn log_check(found: &Found) -> Check {
     let folder = found.log_dir.display();
     let Some(free) = found.disk_free else {
-        let reason = format!("{folder}: the system does not say how much is free");
+        let reason = format!("{folder}: the system does not report how much is free");
         return check("log", Readiness::Note, reason);
     };
     let reason = format!("{folder}: {} MB free", free / 1_000_000);

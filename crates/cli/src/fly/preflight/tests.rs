@@ -174,7 +174,7 @@ fn each_thing_that_is_wrong_has_its_line_and_its_reason() {
             "targets; simulated: NOT TO ITS END: 3 of 4 targets, landed: plan blocked",
         ),
         (Found { disk_free: Some(199_999_999), ..all() }, "log", Note, "199 MB free, which"),
-        (Found { disk_free: None, ..all() }, "log", Note, "does not say how much"),
+        (Found { disk_free: None, ..all() }, "log", Note, "does not report how much"),
         (
             Found { refusals: vec!["no priority".into(), "no memory".into()], ..all() },
             "real time",

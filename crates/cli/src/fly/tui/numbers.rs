@@ -7,9 +7,9 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Paragraph, Sparkline};
+use tello_eval::facts::{DroneFact, Facts, MocapFact, Spot};
 
 use super::View;
-use crate::fly::live::facts::{DroneFact, Facts, MocapFact, Spot};
 
 /// Columns of a stick's gauge, to each side of its middle.
 const STICK_COLUMNS: usize = 10;
@@ -120,7 +120,7 @@ fn of_mocap(mocap: &MocapFact) -> String {
     format!("{:.0} ms old, {:.0} Hz", age_s * 1e3, mocap.rate_hz)
 }
 
-/// How the ticks do: now, and at worst lately.
+/// Times of the ticks: now, and at worst lately.
 fn times(view: &View) -> Vec<Line<'static>> {
     let (now, worst) = (&view.facts.times, &view.facts.worst);
     let row = |name, now: f64, worst: f64| named(name, format!("{now:6.2} ms, worst {worst:6.2}"));

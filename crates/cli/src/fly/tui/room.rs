@@ -7,10 +7,10 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Block;
 use ratatui::widgets::canvas::{self, Canvas, Context, Rectangle};
+use tello_eval::facts::Spot;
 use tello_eval::view_numbers::PosW;
 
 use super::View;
-use crate::fly::live::facts::Spot;
 
 /// Around what is drawn. m
 const MARGIN_M: f64 = 0.5;
@@ -24,14 +24,14 @@ const ARROWS: [&str; 8] = [
     "\u{2192}", "\u{2197}", "\u{2191}", "\u{2196}", "\u{2190}", "\u{2199}", "\u{2193}", "\u{2198}",
 ];
 
-/// Seen where the room is seen: two of its axes, to the right and up. m
+/// Projection of the room: two of its axes, to the right and up. m
 #[derive(Clone, Copy)]
-enum Seen {
+enum Projection {
     Above,
     Side,
 }
 
-impl Seen {
+impl Projection {
     fn project(self, [x, y, z]: PosW) -> [f64; 2] {
         match self {
             Self::Above => [x, y],
@@ -43,25 +43,25 @@ impl Seen {
 /// Draws the room into `area`.
 pub(super) fn draw(frame: &mut Frame<'_>, area: Rect, view: &View) {
     if area.height < HEIGHT_FOR_SIDE {
-        draw_seen(frame, area, view, Seen::Above);
+        draw_seen(frame, area, view, Projection::Above);
         return;
     }
     let [above, side] =
         Layout::vertical([Constraint::Fill(1), Constraint::Percentage(SIDE_PCT)]).areas(area);
-    draw_seen(frame, above, view, Seen::Above);
-    draw_seen(frame, side, view, Seen::Side);
+    draw_seen(frame, above, view, Projection::Above);
+    draw_seen(frame, side, view, Projection::Side);
 }
 
-fn draw_seen(frame: &mut Frame<'_>, area: Rect, view: &View, seen: Seen) {
+fn draw_seen(frame: &mut Frame<'_>, area: Rect, view: &View, seen: Projection) {
     let inner = Block::bordered().inner(area);
     let [x_m, y_m] = bounds(view, inner, seen);
     let [left, right] = x_m;
     let title = match seen {
-        Seen::Above => format!(" from above, {:.1} m wide: x right, y up ", right - left),
-        Seen::Side => " from the side: x right, z up ".to_owned(),
+        Projection::Above => format!(" from above, {:.1} m wide: x right, y up ", right - left),
+        Projection::Side => " from the side: x right, z up ".to_owned(),
     };
     let mut block = Block::bordered().border_style(Style::new().fg(view.palette.grey)).title(title);
-    if let Seen::Above = seen {
+    if let Projection::Above = seen {
         block = block.title_bottom(legend(view));
     }
     let canvas = Canvas::default()
@@ -85,7 +85,7 @@ fn legend(view: &View) -> Line<'static> {
     ])
 }
 
-fn paint(context: &mut Context<'_>, view: &View, seen: Seen) {
+fn paint(context: &mut Context<'_>, view: &View, seen: Projection) {
     let (facts, palette) = (&view.facts, &view.palette);
     if let Some(room) = view.briefing.room {
         let [[x, y], [right, top]] = room.map(|corner| seen.project(corner));
@@ -112,7 +112,7 @@ fn paint(context: &mut Context<'_>, view: &View, seen: Seen) {
 }
 
 /// A line through `places`.
-fn line(context: &mut Context<'_>, places: &[PosW], seen: Seen, color: Color) {
+fn line(context: &mut Context<'_>, places: &[PosW], seen: Projection, color: Color) {
     for (begin, end) in places.iter().zip(places.iter().skip(1)) {
         let ([x1, y1], [x2, y2]) = (seen.project(*begin), seen.project(*end));
         context.draw(&canvas::Line { x1, y1, x2, y2, color });
@@ -124,17 +124,17 @@ fn place(at: &Spot) -> PosW {
 }
 
 /// The vehicle as a character: where it looks, seen from above.
-fn arrow(at: &Spot, seen: Seen) -> &'static str {
+fn arrow(at: &Spot, seen: Projection) -> &'static str {
     let eighths = (at.theta / std::f64::consts::FRAC_PI_4).round().rem_euclid(8.0);
     match seen {
-        Seen::Above => ARROWS.get(horizon_model::whole(eighths)).copied().unwrap_or("o"),
-        Seen::Side => "o",
+        Projection::Above => ARROWS.get(horizon_model::whole(eighths)).copied().unwrap_or("o"),
+        Projection::Side => "o",
     }
 }
 
 /// What is visible to the right and up, so that a metre is as long in both and all but far walls is
 /// inside. m
-fn bounds(view: &View, area: Rect, seen: Seen) -> [[f64; 2]; 2] {
+fn bounds(view: &View, area: Rect, seen: Projection) -> [[f64; 2]; 2] {
     let (briefing, facts) = (&view.briefing, &view.facts);
     let target = facts.phase.map(|_| place(&facts.target));
     let estimate = facts.estimate.as_ref().map(place);

@@ -1,8 +1,8 @@
 use ratatui::backend::TestBackend;
+use tello_eval::facts::{DroneFact, LinkFact, Spot};
 use tello_flight::{Fault, Phase, Pilot};
 
 use super::*;
-use crate::fly::live::facts::{DroneFact, LinkFact, Spot};
 
 /// A flight along a line of 2 m, in trouble.
 pub(super) fn view(has_colours: bool) -> View {

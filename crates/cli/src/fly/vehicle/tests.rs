@@ -1,13 +1,13 @@
 use std::path::{Path, PathBuf};
 
 use clap::Parser;
+use tello_eval::flight_summary::Tally;
 use tello_eval::parameter_file::{DataFile, ParameterFile};
 use tello_flight::cycle::ParameterEstimate;
 use tello_flight::{FaultSet, Phase, Start};
 use tello_io::config;
 
 use super::*;
-use crate::fly::summary::Tally;
 
 #[derive(Debug, Parser)]
 struct Program {

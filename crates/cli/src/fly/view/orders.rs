@@ -94,7 +94,7 @@ impl OrderAccess {
 
     /// The right to give orders, for a viewer that knows the token.
     pub(super) fn authorize(self: &Arc<Self>, token: &str) -> Option<OrderRight> {
-        // Of digests, and of all their bytes: the time that it takes says nothing of the token.
+        // Of digests, and of all their bytes: the time that it takes depends on no part of the token.
         let differing = digest(token).iter().zip(&self.token).fold(0, |d, (a, b)| d | (a ^ b));
         if differing != 0 {
             return None;

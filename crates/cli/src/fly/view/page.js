@@ -30,7 +30,7 @@ function connect() {
   socket.addEventListener("message", (event) => hear(JSON.parse(event.data)));
   socket.addEventListener("close", (event) => {
     if (event.reason !== "") {
-      tell(`connection closed: ${event.reason}`);
+      announce(`connection closed: ${event.reason}`);
     }
     admit(false);
     setTimeout(connect, wire.retryMs);
@@ -107,10 +107,10 @@ function report(facts) {
   }
   Object.assign(shown, { phase: facts.phase, faults: facts.faults, isDown });
   Object.assign(shown, { isByHand: facts.is_by_hand, reached: facts.targets_reached });
-  news.forEach((text) => tell(at + text));
+  news.forEach((text) => announce(at + text));
 }
 
-function tell(text) {
+function announce(text) {
   const item = document.createElement("li");
   item.textContent = text;
   byId("news").prepend(item);
@@ -151,7 +151,7 @@ function acknowledge(name, state, text) {
     setTimeout(() => button.classList.remove(state), ANSWER_MS);
   }
   if (state !== "sent") {
-    tell(line);
+    announce(line);
   }
 }
 

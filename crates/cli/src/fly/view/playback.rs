@@ -4,12 +4,12 @@
 //! got; of a long flight some are left out.
 
 use anyhow::{Result, ensure};
+use tello_eval::facts::{Briefing, FactsMaker};
 use tello_eval::flight_log::TickRecord;
 use tello_flight::cycle::FlightTable;
 use tello_io::mocap::StreamReport;
 
 use super::server::{PAGE, SCRIPT, STYLE};
-use crate::fly::live::{Briefing, Live, Watched};
 
 /// Most facts in a page: five a second for ten minutes.
 const FACTS_MAX: usize = 3_000;
@@ -24,9 +24,8 @@ const POLICY: &str = "<meta http-equiv=\"Content-Security-Policy\" content=\"def
 /// Gathers the facts of a flight.
 #[derive(Debug)]
 pub(crate) struct Playback {
-    live: Live,
+    maker: FactsMaker,
     briefing: Briefing,
-    watched: Watched,
     /// Facts as JSON.
     facts: Vec<String>,
 }
@@ -37,8 +36,8 @@ impl Playback {
     /// # Errors
     /// The mission or a dead time breaks its rule.
     pub(crate) fn new(flight: &FlightTable) -> Result<Self> {
-        let (live, briefing, watched) = Live::new(flight)?;
-        Ok(Self { live, briefing, watched, facts: Vec::new() })
+        let (maker, briefing) = FactsMaker::new(flight)?;
+        Ok(Self { maker, briefing, facts: Vec::new() })
     }
 
     /// Adds a tick; called for every one.
@@ -46,9 +45,8 @@ impl Playback {
     /// # Errors
     /// A number that JSON does not know.
     pub(crate) fn add(&mut self, tick: &TickRecord) -> Result<()> {
-        self.live.observe(tick, StreamReport::default);
-        if self.watched.has_changed()? {
-            self.facts.push(serde_json::to_string(&**self.watched.borrow_and_update())?);
+        if let Some(facts) = self.maker.observe(tick, StreamReport::default) {
+            self.facts.push(serde_json::to_string(&facts)?);
         }
         Ok(())
     }

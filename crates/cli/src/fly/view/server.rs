@@ -16,6 +16,7 @@ use axum::http::{StatusCode, Uri};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use tello_eval::facts::Briefing;
 use tello_io::clock::Clock;
 use tokio::sync::watch;
 
@@ -23,7 +24,7 @@ use super::orders::OrderAccess;
 use super::viewer::{MESSAGE_BYTES_MAX, ViewerConnection};
 use super::viewer_slots::ViewerSlots;
 use crate::fly::connection_limit::{ConnectionLimit, LimitHandle, LimitedListener};
-use crate::fly::live::{Briefing, Watched};
+use crate::fly::live::Watched;
 
 pub(super) const PAGE: &str = include_str!("page.html");
 pub(super) const STYLE: &str = include_str!("page.css");

@@ -13,6 +13,7 @@ use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use serde::{Deserialize, Serialize};
+use tello_eval::facts::{Briefing, Facts};
 use tello_eval::view_numbers::PosW;
 use tello_io::clock::{SpanNs, TimeNs};
 use tokio::sync::{mpsc, watch};
@@ -21,7 +22,6 @@ use tokio::time::{sleep, timeout};
 use super::orders::{OrderRight, PageOrder};
 use super::server::Shown;
 use super::viewer_slots::ViewerSlot;
-use crate::fly::live::{Briefing, Facts};
 
 /// Longest message of a viewer. bytes
 pub(super) const MESSAGE_BYTES_MAX: usize = 1024;
@@ -40,7 +40,7 @@ const FACTS_IN_TRANSIT_MAX: u32 = 4;
 /// Longest time that a viewer may take to receive a message, or be silent.
 const VIEWER_TIMEOUT: SpanNs = SpanNs::from_ms(5_000);
 
-/// Timeout of a viewer that may give orders: it may hold the drone, and be gone without a word.
+/// Timeout of a viewer that may give orders: it may hold the drone, and be gone silently.
 const OPERATOR_TIMEOUT: SpanNs = SpanNs::from_ms(1_500);
 
 /// Longest time between two pings.
@@ -315,7 +315,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_messages_of_the_page_make_sense() {
+    fn messages_of_the_page_are_parsed_and_others_refused() {
         let parsed = |text: &str| serde_json::from_str::<FromViewer>(text).ok();
         assert_eq!(
             parsed(r#"{"order":"emergency_stop"}"#),

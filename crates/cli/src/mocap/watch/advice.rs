@@ -1,9 +1,9 @@
 //! Printed advice on axes, nose, unit and rate after an object was watched.
 
 use anyhow::Result;
-use tello_io::mocap::{Axis, FrameTable, Survey, TrackReport};
+use tello_io::mocap::{FrameTable, SourceAxis, Survey, TrackReport};
 
-use super::{DISPLACEMENT_MIN_M, Displacement, Seen, Watched, is_doubled, unit_doubt};
+use super::{DISPLACEMENT_MIN_M, Displacement, Watched, WatchedPose, is_doubled, unit_doubt};
 use crate::stdio;
 
 /// Largest tilt of a body that stands on the floor. deg
@@ -13,14 +13,14 @@ const TILT_MAX_DEG: f64 = 20.0;
 const NOSE_OFF_MAX_DEG: f64 = 30.0;
 
 /// Axes whose third is the given one, right-handed.
-pub(super) fn axes_with_up(up: Axis) -> [Axis; 3] {
+pub(super) fn axes_with_up(up: SourceAxis) -> [SourceAxis; 3] {
     match up {
-        Axis::X => [Axis::Y, Axis::Z, Axis::X],
-        Axis::Y => [Axis::X, Axis::MinusZ, Axis::Y],
-        Axis::Z => [Axis::X, Axis::Y, Axis::Z],
-        Axis::MinusX => [Axis::Y, Axis::MinusZ, Axis::MinusX],
-        Axis::MinusY => [Axis::X, Axis::Z, Axis::MinusY],
-        Axis::MinusZ => [Axis::X, Axis::MinusY, Axis::MinusZ],
+        SourceAxis::X => [SourceAxis::Y, SourceAxis::Z, SourceAxis::X],
+        SourceAxis::Y => [SourceAxis::X, SourceAxis::MinusZ, SourceAxis::Y],
+        SourceAxis::Z => [SourceAxis::X, SourceAxis::Y, SourceAxis::Z],
+        SourceAxis::MinusX => [SourceAxis::Y, SourceAxis::MinusZ, SourceAxis::MinusX],
+        SourceAxis::MinusY => [SourceAxis::X, SourceAxis::Z, SourceAxis::MinusY],
+        SourceAxis::MinusZ => [SourceAxis::X, SourceAxis::MinusY, SourceAxis::MinusZ],
     }
 }
 
@@ -56,7 +56,7 @@ fn print_unseen(watched: &Watched, survey: &Survey) -> Result<()> {
 }
 
 /// Tilt, refused poses, gaps and unit.
-fn print_stream(watched: &Watched, now: &Seen) -> Result<()> {
+fn print_stream(watched: &Watched, now: &WatchedPose) -> Result<()> {
     if now.tilt_deg > TILT_MAX_DEG {
         stdio::line(format_args!(
             "Its top leans {:.0} degrees from up: if the vehicle stands level, the axes are wrong, or the object was \
@@ -82,7 +82,7 @@ fn print_displacement(watched: &Watched) -> Result<()> {
     match watched.displacement {
         None => stdio::line(format_args!(
             "It did not move by {DISPLACEMENT_MIN_M} m. Lift it straight up to check the axes, carry it nose first to check the \
-             nose. If it was lifted, the source is in another unit than these settings say."
+             nose. If it was lifted, the source is in another unit than these settings state."
         )),
         Some(displacement) => displacement_lines(&displacement, watched.settings.has_frame())?
             .into_iter()
@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn every_axis_can_be_up_without_mirroring() {
-        for up in Axis::ALL {
+        for up in SourceAxis::ALL {
             let axes = axes_with_up(up);
             assert_eq!(axes[2], up);
             let table = FrameTable { axes: Some(axes), ..FrameTable::default() };

@@ -60,7 +60,7 @@ fn errors_at_the_horizons_are_those_of_the_samples() {
 fn a_rule_is_judged_from_both_starts_with_and_without_lost_commands() {
     let mut tally = Tally::new(HORIZON_STEPS);
     for is_lost in [false, true] {
-        tally.add(&flight(is_lost), HORIZON_STEPS, |_| Hold);
+        tally.add(&flight(is_lost), HORIZON_STEPS, |_| StandStill);
     }
     let ranked = tally.ranked("standing still", DT_S);
     // Two starts in each flight, of which one flight is masked.
@@ -93,7 +93,7 @@ fn nothing_to_compare_is_refused() {
 #[test]
 fn the_text_says_what_was_judged() {
     let mut tally = Tally::new(HORIZON_STEPS);
-    tally.add(&flight(false), HORIZON_STEPS, |_| Hold);
+    tally.add(&flight(false), HORIZON_STEPS, |_| StandStill);
     let models = vec![tally.ranked("standing still", DT_S)];
     let mut comparison = Comparison { horizons_s: HORIZONS_S, folds: 3, lost: 0.124, models };
     let text = comparison.to_string();

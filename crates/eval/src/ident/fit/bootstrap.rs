@@ -1,4 +1,4 @@
-//! The bootstrap of a fit: which resamples are computed, and what all of them say.
+//! The bootstrap of a fit: which resamples are computed, and the result of all of them.
 
 use anyhow::Result;
 use horizon_estim::{DelayInfluence, Spread};
@@ -18,7 +18,7 @@ impl<M, const NS: usize, const NP: usize> Identification<'_, M, NS, NP>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Send + Sync + 'static,
 {
-    /// Estimates of the resamples that are not in files yet, and what all of them say.
+    /// Estimates of the resamples that are not in files yet, and the result of all of them.
     pub(super) fn bootstrap(
         &self,
         plan: &BootstrapPlan,

@@ -6,7 +6,7 @@ use horizon_model::{Kinematic, Model, Row};
 use tello_io::log::LogReader;
 
 use super::super::compare::{Judged, Tally};
-use super::super::predict::Predict;
+use super::super::predict::AddErrors;
 use super::super::report::tests::fit;
 use super::super::table::IdentFileTable;
 use super::*;
@@ -17,8 +17,8 @@ const OBSERVATION: [Row; 4] =
 /// A fit of nothing.
 struct Nothing;
 
-impl Predict for Nothing {
-    fn judge(&self, _: &Judged, _: &mut Tally, _: usize) {}
+impl AddErrors for Nothing {
+    fn add_errors_to(&self, _: &Judged, _: &mut Tally, _: usize) {}
 }
 
 /// A log of five steps; x is -1.25, y is absent in the odd ones.

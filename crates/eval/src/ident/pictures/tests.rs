@@ -1,13 +1,13 @@
 use super::super::compare::{Judged, Tally};
-use super::super::predict::Predict;
+use super::super::predict::AddErrors;
 use super::super::report::tests::fit;
 use super::*;
 
 /// A forecast of nothing.
 struct Nothing;
 
-impl Predict for Nothing {
-    fn judge(&self, _: &Judged, _: &mut Tally, _: usize) {}
+impl AddErrors for Nothing {
+    fn add_errors_to(&self, _: &Judged, _: &mut Tally, _: usize) {}
 }
 
 /// A fit with pieces of these logs and steps.

@@ -82,7 +82,7 @@ fn what_ended_a_flight_early_is_named_behind_its_landing() {
 }
 
 #[test]
-fn a_fault_that_cuts_a_flight_short_names_its_likely_causes() {
+fn a_fault_that_ends_a_flight_early_names_its_likely_causes() {
     for fault in Fault::ALL {
         let ends =
             fault.reaction(Pilot::Controller) >= Reaction::BrakeAndLand && fault.ends_early();

@@ -3,17 +3,17 @@
 use serde_json::Value;
 
 use super::super::{not_finite_number, parse};
-use super::{Place, Problems, SettingProblem};
+use super::{KeyPath, Problems, SettingProblem};
 
 /// `text` with a 0 for each number that JSON does not have, such as `NaN`; these are noted, with their places.
 pub(super) fn finite_text(
     mut text: String,
     file: &str,
     found: &mut Problems,
-) -> (String, Vec<Place>) {
+) -> (String, Vec<KeyPath>) {
     let mut replaced = Vec::new();
     while let Some(number) = not_finite_number(&text) {
-        let place = Place::of_key(&number.key);
+        let place = KeyPath::of_key(&number.key);
         found.list.push(SettingProblem {
             file: file.to_owned(),
             place: Some(number.place),

@@ -2,28 +2,28 @@
 
 use serde_json::Value;
 
-use crate::config::place::{Place, Step};
+use crate::config::place::{KeyPath, Step};
 
-/// The value that is wrong if it is not the one that is refused: a rule may name another one. That which is refused is
-/// named first.
+/// Place of the value that is wrong in place of the refused one: a rule may name another one. The refused one is first
+/// in `names`. `None`: the refused one is wrong.
 pub(super) fn other_wrong(
-    refused: &Place,
-    names: &[Place],
+    refused: &KeyPath,
+    names: &[KeyPath],
     value: &Value,
     template: &Value,
-) -> Option<Place> {
+) -> Option<KeyPath> {
     let (first, others) = names.split_first()?;
     if first != refused || first.of(value) != first.of(template) {
         return None;
     }
     let is_wrong =
-        |place: &&Place| place.of(value).is_some_and(|it| Some(it) != place.of(template));
+        |place: &&KeyPath| place.of(value).is_some_and(|it| Some(it) != place.of(template));
     others.iter().find(is_wrong).cloned()
 }
 
-/// Puts what `template` has at `place` there, or at the next level outside that it has; what it has not at the
-/// level above is removed. Where that was, unless nothing changed.
-pub(super) fn replace(value: &mut Value, template: &Value, place: &Place) -> Option<Place> {
+/// Replaces the value at `place` by that of `template`, or the nearest enclosing one that `template` has; a key that
+/// `template` lacks is removed. Returns the changed place; `None` if nothing changed.
+pub(super) fn replace(value: &mut Value, template: &Value, place: &KeyPath) -> Option<KeyPath> {
     for count in (1..=place.0.len()).rev() {
         let (outside, here) = (place.head(count - 1), place.head(count));
         let Some(Step::Key(key)) = place.0.get(count - 1) else {

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::Place;
+use super::KeyPath;
 
 /// Message of a library about a value, in the terms of JSON.
 pub(super) fn plain(message: &str) -> String {
@@ -32,12 +32,12 @@ pub(super) fn single_key(text: &str, value: Option<&Value>) -> String {
 }
 
 /// Places of `template` that `text` names: by whole keys, or by keys beside `place`.
-pub(super) fn named_places(text: &str, place: &Place, template: &Value) -> Vec<Place> {
+pub(super) fn named_places(text: &str, place: &KeyPath, template: &Value) -> Vec<KeyPath> {
     let beside = place.head(place.0.len().saturating_sub(1));
     let words = text.split([' ', ':', ',']).filter(|word| !word.is_empty());
     let places = words.filter_map(|word| {
-        let whole = Place::of_key(word);
-        let near = Place(beside.0.iter().chain(&whole.0).cloned().collect());
+        let whole = KeyPath::of_key(word);
+        let near = KeyPath(beside.0.iter().chain(&whole.0).cloned().collect());
         [whole, near].into_iter().find(|it| !it.0.is_empty() && it.of(template).is_some())
     });
     places.collect()
@@ -71,10 +71,10 @@ mod tests {
     #[test]
     fn a_rule_names_values_by_their_whole_key_or_beside_the_refused_one() {
         let template = json!({ "a": { "low": 1, "high": 2 }, "b": 3 });
-        let place = Place::of_key("a.high");
+        let place = KeyPath::of_key("a.high");
         let named =
             named_places("a.high = 0: expected above low = 1 and b, not c", &place, &template);
-        let named: Vec<String> = named.iter().map(Place::to_string).collect();
+        let named: Vec<String> = named.iter().map(KeyPath::to_string).collect();
         assert_eq!(named, ["a.high", "a.low", "b"]);
     }
 }

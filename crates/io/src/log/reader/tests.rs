@@ -44,7 +44,7 @@ fn a_log_cut_within_its_head_is_refused() {
 }
 
 #[test]
-fn the_ending_of_a_torn_log_says_where() {
+fn the_ending_of_a_torn_log_states_where() {
     let (bytes, flushes) = flight(STEPS);
     let (size, _) = flushes[3];
     let (_, ending) = counts(reader(bytes[..=size].to_vec()).unwrap());

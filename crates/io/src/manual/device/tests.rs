@@ -81,7 +81,7 @@ fn sticks_reach_their_whole_way_and_rest_in_their_dead_zone() {
     ] {
         for (value, fraction) in [(32_767, 1.0), (-32_768, -1.0), (0, 0.0), (3_000, 0.0)] {
             let Some(Act::Axis(at, pushed)) = place(&mut layout, axis, value) else {
-                panic!("{axis:?} at {value} says nothing");
+                panic!("{axis:?} at {value} is no event");
             };
             assert_eq!(at, row, "{axis:?}");
             let gap = pushed - sign * fraction;
@@ -90,13 +90,13 @@ fn sticks_reach_their_whole_way_and_rest_in_their_dead_zone() {
     }
     // 55 % of the way is half of the excess over the dead zone of 10 %.
     let Some(Act::Axis(_, half)) = place(&mut layout, AbsoluteAxisCode::ABS_RX, 18_022) else {
-        panic!("a pushed stick says nothing");
+        panic!("a pushed stick is no event");
     };
     assert!((half - 0.5).abs() < 1e-3, "{half}");
 }
 
 #[test]
-fn axes_of_no_or_unknown_range_say_nothing() {
+fn axes_of_no_or_unknown_range_report_nothing() {
     let flat = (AbsoluteAxisCode::ABS_RX, AbsInfo::new(0, 7, 7, 0, 0, 0));
     let mut layout = Layout::new(settings(), [flat].into_iter());
     assert_eq!(place(&mut layout, AbsoluteAxisCode::ABS_RX, 7), None);

@@ -50,7 +50,7 @@ fn backspace_stops_the_motors_at_any_place() {
     assert_eq!(acts(b"\x1b[\x7f"), [stop], "in a sequence that never ended");
     assert_eq!(acts(b"\x1b[119;1:\x7f"), [stop]);
     assert_eq!(acts(b"\x1b[127u"), [stop]);
-    assert_eq!(acts(b"\x1b[127;1:1u\x1b[127;1:3u"), [stop], "the release says nothing");
+    assert_eq!(acts(b"\x1b[127;1:1u\x1b[127;1:3u"), [stop], "the release is no event");
     assert_eq!(acts(b"\x1b[127;5u"), [stop], "with Ctrl");
 }
 
@@ -73,7 +73,7 @@ fn interrupt_lands() {
 }
 
 #[test]
-fn a_terminal_that_tells_of_releases_holds_keys() {
+fn a_terminal_that_reports_releases_holds_keys() {
     let acts = acts(b"\x1b[119;1:1u\x1b[119;1:2u\x1b[119;1:3u");
     let forward = Direction::Forward;
     assert_eq!(acts, [Act::Press(forward), Act::Repeat(forward), Act::Release(forward)]);

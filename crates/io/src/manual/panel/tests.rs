@@ -20,7 +20,7 @@ fn pressed(has_release: bool) -> Panel {
 
 /// Deflection of a row, and what was let go, at a time.
 fn look(panel: &mut Panel, row: usize, ms: i64) -> (f64, Option<Note>) {
-    panel.lapse(at(ms), &TIMERS);
+    panel.expire(at(ms), &TIMERS);
     (panel.asked()[row], panel.take_note())
 }
 
@@ -69,7 +69,7 @@ fn a_repetition_of_any_key_renews_only_keys_with_a_release() {
     let mut panel = pressed(true);
     panel.press(Direction::Up, at(0), false, &TIMERS);
     panel.repeat_all(at(80), &TIMERS);
-    panel.lapse(at(579), &TIMERS);
+    panel.expire(at(579), &TIMERS);
     assert_eq!(panel.asked(), Sticks::new(0.0, 1.0, 0.0, 0.0));
     assert_eq!(look(&mut panel, stick::PITCH, 580), (0.0, Some(Note::KeyExpired)));
 }

@@ -8,7 +8,7 @@ use super::*;
 
 const LEVEL: [f64; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 
-fn table(axes: [Axis; 3], nose: Option<Axis>, unit: Option<Unit>) -> FrameTable {
+fn table(axes: [SourceAxis; 3], nose: Option<SourceAxis>, unit: Option<Unit>) -> FrameTable {
     FrameTable { axes: Some(axes), nose, unit }
 }
 
@@ -20,7 +20,7 @@ fn pose_of(table: &FrameTable, pos_v: [f64; 3], matrix: [f64; 9]) -> Pose {
 #[test]
 fn a_source_whose_y_points_up_is_turned() {
     // x right, y up, z towards the viewer: 1 right, 2 up, 3 away is -z.
-    let y_up = table([Axis::X, Axis::MinusZ, Axis::Y], None, None);
+    let y_up = table([SourceAxis::X, SourceAxis::MinusZ, SourceAxis::Y], None, None);
     let pose = pose_of(&y_up, [1.0, 2.0, -3.0], LEVEL);
     assert!(amax(&(pose - Pose::new(1.0, 3.0, 2.0, 0.0))) < 1e-12, "{pose}");
     // A quarter turn about the source's y, counter-clockwise from above.
@@ -31,11 +31,11 @@ fn a_source_whose_y_points_up_is_turned() {
 
 #[test]
 fn the_nose_is_where_the_settings_say() {
-    let along_y = table([Axis::X, Axis::Y, Axis::Z], Some(Axis::Y), None);
+    let along_y = table([SourceAxis::X, SourceAxis::Y, SourceAxis::Z], Some(SourceAxis::Y), None);
     let pose = pose_of(&along_y, [0.0; 3], LEVEL);
     assert!((pose[pose::THETA] - FRAC_PI_2).abs() < 1e-12, "{pose}");
     // Where y points up, a nose along the object's z, which is our -y.
-    let y_up = table([Axis::X, Axis::MinusZ, Axis::Y], Some(Axis::Z), None);
+    let y_up = table([SourceAxis::X, SourceAxis::MinusZ, SourceAxis::Y], Some(SourceAxis::Z), None);
     let pose = pose_of(&y_up, [0.0; 3], LEVEL);
     assert!((pose[pose::THETA] + FRAC_PI_2).abs() < 1e-12, "{pose}");
 }
@@ -43,7 +43,7 @@ fn the_nose_is_where_the_settings_say() {
 #[test]
 fn units_are_metres_behind_the_mapping() {
     for (unit, x_m) in [(Unit::Metre, 1500.0), (Unit::Centimetre, 15.0), (Unit::Millimetre, 1.5)] {
-        let table = table([Axis::X, Axis::Y, Axis::Z], None, Some(unit));
+        let table = table([SourceAxis::X, SourceAxis::Y, SourceAxis::Z], None, Some(unit));
         let pose = pose_of(&table, [1500.0, 0.0, 0.0], LEVEL);
         assert!((pose[pose::X] - x_m).abs() < 1e-9, "{unit:?}: {pose}");
     }
@@ -54,26 +54,32 @@ fn units_are_metres_behind_the_mapping() {
 }
 
 /// Reason to refuse a table.
-fn refusal(axes: [Axis; 3], nose: Option<Axis>) -> String {
+fn refusal(axes: [SourceAxis; 3], nose: Option<SourceAxis>) -> String {
     Axes::new(Some(&table(axes, nose, None)), Unit::Metre).unwrap_err().to_string()
 }
 
 #[test]
 fn what_mirrors_or_has_no_volume_is_refused() {
-    let mirrored = refusal([Axis::X, Axis::Z, Axis::Y], None);
+    let mirrored = refusal([SourceAxis::X, SourceAxis::Z, SourceAxis::Y], None);
     assert!(mirrored.starts_with("frame.axes = x, z, y: expected a right-handed"), "{mirrored}");
-    assert!(refusal([Axis::X, Axis::Y, Axis::MinusZ], None).contains("right-handed"));
-    assert!(refusal([Axis::X, Axis::MinusX, Axis::Z], None).ends_with("three different axes"));
-    let nose = refusal([Axis::X, Axis::MinusZ, Axis::Y], Some(Axis::MinusY));
+    assert!(
+        refusal([SourceAxis::X, SourceAxis::Y, SourceAxis::MinusZ], None).contains("right-handed")
+    );
+    assert!(
+        refusal([SourceAxis::X, SourceAxis::MinusX, SourceAxis::Z], None)
+            .ends_with("three different axes")
+    );
+    let nose =
+        refusal([SourceAxis::X, SourceAxis::MinusZ, SourceAxis::Y], Some(SourceAxis::MinusY));
     assert!(nose.starts_with("frame.nose = -y: expected an axis"), "{nose}");
 }
 
 #[test]
 fn half_of_the_mappings_with_three_axes_are_rotations() {
     let mut counts = [0; 2];
-    for a in Axis::ALL {
-        for b in Axis::ALL {
-            for c in Axis::ALL {
+    for a in SourceAxis::ALL {
+        for b in SourceAxis::ALL {
+            for c in SourceAxis::ALL {
                 let is_accepted =
                     Axes::new(Some(&table([a, b, c], None, None)), Unit::Metre).is_ok();
                 counts[usize::from(is_accepted)] += 1;
@@ -102,8 +108,8 @@ fn the_table_is_what_stands_in_the_settings() {
     let text = r#"{ "axes": ["x", "-z", "y"], "nose": "z", "unit": "mm" }"#;
     let table: FrameTable = serde_json::from_str(text).unwrap();
     let expected = FrameTable {
-        axes: Some([Axis::X, Axis::MinusZ, Axis::Y]),
-        nose: Some(Axis::Z),
+        axes: Some([SourceAxis::X, SourceAxis::MinusZ, SourceAxis::Y]),
+        nose: Some(SourceAxis::Z),
         unit: Some(Unit::Millimetre),
     };
     assert_eq!(table, expected);
@@ -116,7 +122,7 @@ fn the_table_is_what_stands_in_the_settings() {
 
 proptest! {
     #[test]
-    fn quaternion_and_matrix_say_the_same(
+    fn quaternion_and_matrix_are_the_same_rotation(
         angles in prop::array::uniform3(-3.0..3.0),
     ) {
         let matrix = crate::mocap::matrix_of_angles(angles);
@@ -130,7 +136,7 @@ proptest! {
         a in prop::array::uniform3(-9.0..9.0), b in prop::array::uniform3(-9.0..9.0),
         angles in prop::array::uniform3(-3.0..3.0),
     ) {
-        let y_up = table([Axis::MinusZ, Axis::MinusX, Axis::Y], Some(Axis::X), None);
+        let y_up = table([SourceAxis::MinusZ, SourceAxis::MinusX, SourceAxis::Y], Some(SourceAxis::X), None);
         let axes = Axes::new(Some(&y_up), Unit::Metre).unwrap();
         let matrix = crate::mocap::matrix_of_angles(angles);
         let [(a_w, rotation), (b_w, _)] = [a, b].map(|pos_v| axes.place(&Placement { pos_v, matrix }));

@@ -12,7 +12,7 @@ use crate::mocap::{MocapTable, NatnetTable, ServerTable, UdpTable};
 const TEST_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// A client with its connection, and the other ends of both.
-struct Bench {
+struct Fixture {
     client: MocapClient,
     feed: MocapFeed,
     wire: Wire,
@@ -20,7 +20,7 @@ struct Bench {
     server: TcpStream,
 }
 
-impl Bench {
+impl Fixture {
     async fn new(kind: fn(ServerTable) -> MocapTable) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap().to_string();
@@ -44,8 +44,8 @@ impl Bench {
     }
 }
 
-async fn relay() -> Bench {
-    Bench::new(MocapTable::Relay).await
+async fn relay() -> Fixture {
+    Fixture::new(MocapTable::Relay).await
 }
 
 fn line(frame: usize, object: &str) -> String {
@@ -86,8 +86,8 @@ async fn what_finds_the_queue_full_is_lost_and_counted_and_what_waits_stays() {
 
 #[tokio::test]
 async fn a_stream_that_makes_no_sense_is_given_up_with_its_reason() {
-    let bench = Bench::new(MocapTable::Datastream).await;
-    let feed = bench.read(&[0xff; 64], false).await;
+    let fixture = Fixture::new(MocapTable::Datastream).await;
+    let feed = fixture.read(&[0xff; 64], false).await;
     assert_eq!(feed.counters.malformed.get(), 1);
     let why = format!("{:?}", feed.counters);
     assert!(why.contains("Magic"), "{why}");
@@ -95,7 +95,7 @@ async fn a_stream_that_makes_no_sense_is_given_up_with_its_reason() {
 
 #[tokio::test]
 async fn a_damaged_length_behind_frames_ends_the_connection_before_poses_count_as_lost() {
-    let Bench { mut client, wire, mut stream, mut server, .. } = relay().await;
+    let Fixture { mut client, wire, mut stream, mut server, .. } = relay().await;
     server.write_all(line(7, "tello").as_bytes()).await.unwrap();
     let trickle = async {
         loop {
@@ -117,11 +117,11 @@ async fn a_damaged_length_behind_frames_ends_the_connection_before_poses_count_a
 
 #[tokio::test]
 async fn the_task_hears_from_the_control_loop_whether_the_vehicle_flies() {
-    let bench = relay().await;
-    assert!(!bench.client.is_airborne(), "at first it is on the ground");
+    let fixture = relay().await;
+    assert!(!fixture.client.is_airborne(), "at first it is on the ground");
     for is_airborne in [true, false] {
-        bench.feed.airborne.store(is_airborne, Ordering::Relaxed);
-        assert_eq!(bench.client.is_airborne(), is_airborne);
+        fixture.feed.airborne.store(is_airborne, Ordering::Relaxed);
+        assert_eq!(fixture.client.is_airborne(), is_airborne);
     }
 }
 
@@ -163,7 +163,7 @@ async fn a_natnet_server_that_fell_silent_is_asked_again_within_a_second() {
 
 #[tokio::test]
 async fn an_order_to_stop_ends_the_task_before_it_connects() {
-    let Bench { client, feed, .. } = relay().await;
+    let Fixture { client, feed, .. } = relay().await;
     let (stopper, stop) = Stopper::new();
     stopper.stop();
     timeout(TEST_TIMEOUT, client.run(stop)).await.expect("it did not stop");

@@ -1,6 +1,6 @@
 //! Bodies of objects, to values in SI units.
 //!
-//! Each function reads one kind of body whole, or returns `None`: it is shorter or longer than its counts require; what
+//! Each function reads one kind of body whole. `None`: malformed, shorter or longer than its counts require; what
 //! follows a single number is not read. Counts on the wire are never trusted: each element has to be there before the
 //! next is read, and nothing is allocated.
 
@@ -100,7 +100,8 @@ pub fn subject(body: &[u8]) -> Option<(&[u8], Option<Segment>)> {
     Some((name, root))
 }
 
-/// Calls `on_segment` for each segment of a `GLOBAL_SEGMENTS`, with where it is in the world. m
+/// Calls `on_segment` with each segment of a `GLOBAL_SEGMENTS` and its placement in the world, position in m. `None`:
+/// the body is malformed; segments before the defect were reported.
 pub fn global_segments(body: &[u8], mut on_segment: impl FnMut(Segment, Placement)) -> Option<()> {
     let mut bytes = Bytes::new(body);
     let subject = bytes.u32_le()?;

@@ -5,10 +5,10 @@ use proptest::prelude::*;
 
 use super::packet::MAGIC;
 use super::*;
-use crate::mocap::Body;
 use crate::mocap::axes::Axes;
-use crate::mocap::protocol::Picked;
-use crate::mocap::source::Frame;
+use crate::mocap::protocol::SelectedProtocol;
+use crate::mocap::source::SourceFrame;
+use crate::mocap::{Body, MocapCounters};
 
 /// Bytes of a hexadecimal text.
 pub(super) fn bytes(hex: &str) -> Vec<u8> {
@@ -39,7 +39,7 @@ pub(super) fn body() -> Body<'static> {
 
 /// Frames, requests and result of a client for `tello`.
 struct Received {
-    frames: Vec<Frame>,
+    frames: Vec<SourceFrame>,
     requests: Vec<u8>,
     result: Result<(), SourceError>,
     counters: MocapCounters,
@@ -47,7 +47,7 @@ struct Received {
 
 fn receive<'a>(pieces: impl IntoIterator<Item = &'a [u8]>) -> Received {
     let protocol = Box::new(DatastreamProtocol::default());
-    let mut source = Picked::new(protocol, "tello", Axes::ours());
+    let mut source = SelectedProtocol::new(protocol, "tello", Axes::ours());
     let mut received = Received {
         frames: Vec::new(),
         requests: Vec::new(),
@@ -57,7 +57,7 @@ fn receive<'a>(pieces: impl IntoIterator<Item = &'a [u8]>) -> Received {
     for piece in pieces {
         let mut on_frame = |frame| received.frames.push(frame);
         received.result = source.push(piece, &received.counters, &mut on_frame);
-        source.take_requests(&mut received.requests);
+        source.protocol.take_requests(&mut received.requests);
         if received.result.is_err() {
             break;
         }
@@ -99,7 +99,8 @@ fn the_documented_frame_is_read_and_written_byte_by_byte() {
     assert_eq!(written, frame);
     let received = receive([frame.as_slice()]);
     let pose = Some(Pose::new(1.0, -2.0, 1.3, 0.0));
-    let expected = Frame { number: 1000, rate_hz: 0.0, stamp: None, latency: SpanNs(0), pose };
+    let expected =
+        SourceFrame { number: 1000, rate_hz: 0.0, stamp: None, latency: SpanNs(0), pose };
     assert_eq!((received.result, received.frames), (Ok(()), vec![expected]));
 }
 
@@ -117,7 +118,8 @@ fn rate_latency_and_the_heading_of_a_tilted_body_are_read() {
         packet.contents(&[(id::SUBJECT_INFO, 1)]);
     });
     let received = receive([frame.as_slice()]);
-    let [Frame { number: 7, rate_hz, latency, pose: Some(pose), .. }] = *received.frames else {
+    let [SourceFrame { number: 7, rate_hz, latency, pose: Some(pose), .. }] = *received.frames
+    else {
         panic!("{:?}", received.frames)
     };
     assert!((rate_hz - 100.0).abs() < 1e-9, "{rate_hz}");
@@ -221,7 +223,11 @@ fn of_a_refused_frame_nothing_is_left_for_the_next_one() {
     let received = receive([[frame(2), frame(1)].concat().as_slice()]);
     let counters = &received.counters;
     assert_eq!((counters.malformed.get(), counters.doubled.get()), (1, 0));
-    assert!(matches!(*received.frames, [Frame { pose: Some(_), .. }]), "{:?}", received.frames);
+    assert!(
+        matches!(*received.frames, [SourceFrame { pose: Some(_), .. }]),
+        "{:?}",
+        received.frames
+    );
 }
 
 #[test]

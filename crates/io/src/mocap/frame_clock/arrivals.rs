@@ -4,7 +4,7 @@
 //! it, and the line is their lower envelope. Its period is measured between the lowest arrivals of the
 //! first and of the last third of a window, as in Tukey's resistant line with minima in place of
 //! medians: one punctual frame in each is enough, whatever the others do. The lowest arrival of the
-//! second third tells whether the line is straight.
+//! second third shows whether the line is straight.
 
 use super::{Arrival, Line};
 use crate::clock::{SpanNs, TimeNs};
@@ -18,7 +18,7 @@ const SPACING: SpanNs = SpanNs::from_ms(100);
 /// Arrivals in a window.
 const ARRIVALS_MAX: usize = 300;
 
-/// Rounds in which the lowest arrivals are found again with the pace between those of the round before.
+/// Rounds in which the lowest arrivals are found again with the rate between those of the round before.
 const ROUNDS: usize = 3;
 
 /// The arrivals of one count, at most [`ARRIVALS_MAX`].
@@ -32,7 +32,7 @@ pub(super) struct Arrivals {
 
 /// The line through the lowest arrivals at both ends of a window.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct MeasuredPace {
+pub(super) struct RateFit {
     pub(super) early: Arrival,
     pub(super) recent: Arrival,
     /// Time per number between the two. ns
@@ -57,8 +57,9 @@ impl Arrivals {
         self.kept.iter()
     }
 
-    /// Takes in an arrival; whether it began a span.
-    pub(super) fn keep(&mut self, arrival: Arrival, line: Line) -> bool {
+    /// Adds an arrival, or replaces the newest by one of the same span that is less late. Returns whether `arrival`
+    /// began a span.
+    pub(super) fn add(&mut self, arrival: Arrival, line: Line) -> bool {
         let is_in_span = arrival.at.since(self.span_at) < SPACING;
         if let Some(last) = self.kept.last_mut().filter(|_| is_in_span) {
             if line.late_ns(arrival) < line.late_ns(*last) {
@@ -77,7 +78,7 @@ impl Arrivals {
 
     /// Line through the lowest arrivals, beginning with the period of `line`; `None` while the window is shorter
     /// than `least`.
-    pub(super) fn pace(&self, mut line: Line, least: SpanNs) -> Option<MeasuredPace> {
+    pub(super) fn fit_rate(&self, mut line: Line, least: SpanNs) -> Option<RateFit> {
         let (first, last) = (self.kept.first()?, self.kept.last()?);
         let length = last.at.since(first.at);
         if length < least {
@@ -97,7 +98,7 @@ impl Arrivals {
         let between = self.kept.iter().filter(|one| !is_early(one) && !is_recent(one));
         let curvature_ns = between.map(|one| line.late_ns(*one)).fold(f64::INFINITY, f64::min);
         let span_ns = recent.at.since(early.at).0 as f64;
-        Some(MeasuredPace { early, recent, period_ns: line.period_ns, span_ns, curvature_ns })
+        Some(RateFit { early, recent, period_ns: line.period_ns, span_ns, curvature_ns })
     }
 }
 
@@ -121,14 +122,14 @@ mod tests {
     #[test]
     fn of_each_tenth_of_a_second_the_least_late_arrival_is_kept() {
         let mut arrivals = Arrivals::new();
-        assert!(arrivals.keep(arrival(0, 5), line()), "the first begins a span");
-        assert!(!arrivals.keep(arrival(2, 25), line()), "as late");
+        assert!(arrivals.add(arrival(0, 5), line()), "the first begins a span");
+        assert!(!arrivals.add(arrival(2, 25), line()), "as late");
         assert_eq!(numbers(&arrivals), [0]);
-        assert!(!arrivals.keep(arrival(3, 34), line()), "less late");
+        assert!(!arrivals.add(arrival(3, 34), line()), "less late");
         assert_eq!(numbers(&arrivals), [3]);
         // The span counts from where it began, at 5 ms.
-        assert!(!arrivals.keep(arrival(9, 104), line()));
-        assert!(arrivals.keep(arrival(10, 105), line()));
+        assert!(!arrivals.add(arrival(9, 104), line()));
+        assert!(arrivals.add(arrival(10, 105), line()));
         assert_eq!(numbers(&arrivals), [3, 10]);
     }
 
@@ -136,32 +137,32 @@ mod tests {
     fn arrivals_of_half_a_minute_ago_are_dropped() {
         let mut arrivals = Arrivals::new();
         for number in [0, 10] {
-            arrivals.keep(arrival(number, 10 * number), line());
+            arrivals.add(arrival(number, 10 * number), line());
         }
-        arrivals.keep(arrival(2_999, 29_999), line());
+        arrivals.add(arrival(2_999, 29_999), line());
         assert_eq!(numbers(&arrivals), [0, 10, 2_999]);
-        arrivals.keep(arrival(3_010, 30_100), line());
+        arrivals.add(arrival(3_010, 30_100), line());
         assert_eq!(numbers(&arrivals), [2_999, 3_010]);
     }
 
     #[test]
-    fn a_window_tells_its_pace_from_its_least_length_on_and_how_straight_it_is() {
+    fn a_window_shows_its_rate_from_its_least_length_on_and_how_straight_it_is() {
         // In the second third every frame is late by 4 ms.
         let late_ms = |number: i64| if (40..=50).contains(&number) { 4 } else { 0 };
         let window = |last: i64| {
             let mut arrivals = Arrivals::new();
             for number in (0..=last).step_by(10) {
-                arrivals.keep(arrival(number, 10 * number + late_ms(number)), line());
+                arrivals.add(arrival(number, 10 * number + late_ms(number)), line());
             }
             arrivals
         };
         let least = SpanNs::from_ms(900);
-        assert!(window(80).pace(line(), least).is_none());
-        let pace = window(90).pace(line(), least).unwrap();
+        assert!(window(80).fit_rate(line(), least).is_none());
+        let fit = window(90).fit_rate(line(), least).unwrap();
         assert!(
-            (pace.period_ns - 1e7).abs() < 1e-3 && (pace.curvature_ns - 4e6).abs() < 1.0,
-            "{pace:?}"
+            (fit.period_ns - 1e7).abs() < 1e-3 && (fit.curvature_ns - 4e6).abs() < 1.0,
+            "{fit:?}"
         );
-        assert!(Arrivals::new().pace(line(), SpanNs(0)).is_none(), "nothing has arrived");
+        assert!(Arrivals::new().fit_rate(line(), SpanNs(0)).is_none(), "nothing has arrived");
     }
 }

@@ -9,7 +9,7 @@ pub(super) const DEVIATION_MAX: f64 = 5e-3;
 /// Largest correction in flight: beyond [`DEVIATION_MAX`], since the ground measures in two seconds with jitter. 1
 const CORRECTION_MAX: f64 = 8e-3;
 
-/// Error of a measured pace by the jitter of two arrivals, times the span between them. ns
+/// Error of a measured rate by the jitter of two arrivals, times the span between them. ns
 pub(super) const JITTER_NS: f64 = 10e6;
 
 /// An interval of times per number. Only ever becomes narrower. ns

@@ -2,7 +2,7 @@
 //!
 //! The announced rate stands unless the arrivals contradict it. A count of every n-th frame, or of n messages a
 //! frame, is a rate that differs by a whole factor, and is accepted. So is a rate that is wrong by some thousandths,
-//! once the window is long enough to tell. Any other pace may as well be a delay that grows, and is refused. A rate
+//! once the window is long enough to show it. Any other rate may as well be a delay that grows, and is refused. A rate
 //! that is measured in a few seconds is less exact than a right announcement, and replaces it only after a long window.
 
 use super::arrivals::Arrivals;
@@ -10,7 +10,7 @@ use super::bounds::{Bounds, DEVIATION_MAX, JITTER_NS};
 use super::{Arrival, Line, SAME_COUNT_NS, SKEW_MAX};
 use crate::clock::{SpanNs, TimeNs};
 
-/// Shortest window that tells a pace.
+/// Shortest window by which a rate is measured.
 const WINDOW_MIN: SpanNs = SpanNs::from_ms(2_000);
 
 /// Rates that make sense, up to that of stamps in microseconds. Hz
@@ -22,31 +22,32 @@ const FACTOR_MAX: f64 = 8.0;
 /// Jitter of two arrivals of a window that is straight. ns
 const JITTER_MIN_NS: f64 = 3e6;
 
-/// Time between two arrivals from which on a measured pace that differs from the nominal one is better. ns
+/// Time between two arrivals from which on a measured rate that differs from the nominal one is better. ns
 const SPAN_MEASURED_NS: f64 = 3e9;
 
 /// The arrivals of one count, thinned, and the line that they make.
 #[derive(Debug)]
 pub(super) struct Calibration {
     arrivals: Arrivals,
-    newest: i64,
-    announced_hz: f64,
+    pub(super) newest: i64,
+    pub(super) announced_hz: f64,
     /// Time per number as announced, whole factor included. ns
     nominal_ns: f64,
-    line: Option<Line>,
-    pace: Pace,
+    /// The newest line, also while the rate is contradicted: in flight such a line fits no frame.
+    pub(super) line: Option<Line>,
+    rate_check: RateCheck,
 }
 
 /// Comparison of the announced rate with the arrivals.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Pace {
+enum RateCheck {
     /// Not compared yet: the announced rate counts.
     Announced,
-    /// The numbers keep pace with time, perhaps by a whole factor.
+    /// The numbers come at the announced rate, perhaps by a whole factor.
     Confirmed,
-    /// The same, or not, by the jitter of the arrivals: a longer window tells. The measured time per number. ns
+    /// Within the jitter the announced rate may hold or not; decided by a longer window. Measured time per number. ns
     Doubtful(f64),
-    /// The measured time per number does not go with it. ns
+    /// The measured time per number contradicts the announced rate. ns
     Contradicted(f64),
 }
 
@@ -58,7 +59,7 @@ impl Calibration {
             announced_hz: 0.0,
             nominal_ns: 0.0,
             line: None,
-            pace: Pace::Announced,
+            rate_check: RateCheck::Announced,
         }
     }
 
@@ -66,12 +67,7 @@ impl Calibration {
     pub(super) fn forget(&mut self) {
         self.arrivals.clear();
         self.line = None;
-        self.pace = Pace::Announced;
-    }
-
-    /// The newest line, also while the pace is contradicted: in flight such a line fits no frame.
-    pub(super) fn line(&self) -> Option<Line> {
-        self.line
+        self.rate_check = RateCheck::Announced;
     }
 
     /// The arrivals up to now, which a flight goes on with.
@@ -79,34 +75,28 @@ impl Calibration {
         &mut self.arrivals
     }
 
-    pub(super) fn newest(&self) -> i64 {
-        self.newest
-    }
-
-    pub(super) fn announced_hz(&self) -> f64 {
-        self.announced_hz
-    }
-
     /// Bounds within which a flight may correct the time per number; `None`: not at all.
     pub(super) fn bounds(&self) -> Option<Bounds> {
-        let line = self.line.filter(|_| !matches!(self.pace, Pace::Contradicted(_)))?;
+        let line = self.line.filter(|_| !matches!(self.rate_check, RateCheck::Contradicted(_)))?;
         let mut bounds = Bounds::around(self.nominal_ns);
-        let pace = self.arrivals.pace(line, WINDOW_MIN);
-        if let Some(pace) = pace.filter(|pace| pace.curvature_ns.abs() <= JITTER_NS) {
-            bounds.narrow(pace.period_ns, pace.span_ns);
+        let fit = self.arrivals.fit_rate(line, WINDOW_MIN);
+        if let Some(fit) = fit.filter(|fit| fit.curvature_ns.abs() <= JITTER_NS) {
+            bounds.narrow(fit.period_ns, fit.span_ns);
         }
         Some(bounds)
     }
 
     pub(super) fn is_confirmed(&self) -> bool {
-        self.line.is_some() && self.pace == Pace::Confirmed
+        self.line.is_some() && self.rate_check == RateCheck::Confirmed
     }
 
     pub(super) fn count_hz(&self) -> Option<f64> {
-        match self.pace {
-            Pace::Announced => None,
-            Pace::Confirmed => self.line.map(|line| 1e9 / line.period_ns),
-            Pace::Doubtful(period_ns) | Pace::Contradicted(period_ns) => Some(1e9 / period_ns),
+        match self.rate_check {
+            RateCheck::Announced => None,
+            RateCheck::Confirmed => self.line.map(|line| 1e9 / line.period_ns),
+            RateCheck::Doubtful(period_ns) | RateCheck::Contradicted(period_ns) => {
+                Some(1e9 / period_ns)
+            }
         }
     }
 
@@ -117,11 +107,11 @@ impl Calibration {
             return None;
         }
         let goes_on = |line: &Line| {
-            // Frames whose numbers have another pace do not lie on the line.
+            // Frames whose numbers have another rate do not lie on the line.
             let is_near = line.late_ns(arrival).abs() <= SAME_COUNT_NS;
             self.announced_hz.total_cmp(&rate_hz).is_eq()
                 && arrival.number > self.newest
-                && (is_near || matches!(self.pace, Pace::Contradicted(_)))
+                && (is_near || matches!(self.rate_check, RateCheck::Contradicted(_)))
         };
         let line = self.line.filter(goes_on).unwrap_or_else(|| {
             self.forget();
@@ -130,35 +120,36 @@ impl Calibration {
             Line::through(arrival, self.nominal_ns)
         });
         self.newest = arrival.number;
-        let is_new_span = self.arrivals.keep(arrival, line);
+        let is_new_span = self.arrivals.add(arrival, line);
         let period_ns = if is_new_span { self.estimate_period(line) } else { line.period_ns };
         let line = self.envelope(Line { period_ns, as_of: arrival.at, ..line });
         self.line = Some(line);
-        let is_known = !matches!(self.pace, Pace::Contradicted(_));
+        let is_known = !matches!(self.rate_check, RateCheck::Contradicted(_));
         is_known.then(|| line.measured_at(arrival))
     }
 
-    /// The time per number that follows from the arrivals, and with it the pace. ns
+    /// The time per number that follows from the arrivals; sets the rate check. ns
     fn estimate_period(&mut self, line: Line) -> f64 {
-        let Some(pace) = self.arrivals.pace(line, WINDOW_MIN) else { return line.period_ns };
-        let (measured_ns, span_ns) = (pace.period_ns, pace.span_ns);
+        let Some(fit) = self.arrivals.fit_rate(line, WINDOW_MIN) else { return line.period_ns };
+        let (measured_ns, span_ns) = (fit.period_ns, fit.span_ns);
         let announced_ns = 1e9 / self.announced_hz;
         let factor = measured_ns / announced_ns;
         let is_slower = factor >= 1.0;
         let whole = if is_slower { factor.round() } else { factor.recip().round() };
         let nominal_ns = if is_slower { announced_ns * whole } else { announced_ns / whole };
         let deviation = (measured_ns / nominal_ns - 1.0).abs();
-        let jitter = pace.curvature_ns.abs().clamp(JITTER_MIN_NS, JITTER_NS) / span_ns;
+        let jitter = fit.curvature_ns.abs().clamp(JITTER_MIN_NS, JITTER_NS) / span_ns;
         // A rate that is not positive makes a factor that is not, or NaN.
         if whole <= FACTOR_MAX && factor > 0.0 && deviation <= DEVIATION_MAX + jitter {
-            // A flight corrects no pace beyond the limit: so a flight begins once jitter does not hide one.
+            // A flight corrects no rate beyond the limit: so a flight begins once jitter does not hide one.
             let is_within = deviation + jitter <= DEVIATION_MAX;
-            self.pace = if is_within { Pace::Confirmed } else { Pace::Doubtful(measured_ns) };
+            self.rate_check =
+                if is_within { RateCheck::Confirmed } else { RateCheck::Doubtful(measured_ns) };
             self.nominal_ns = nominal_ns;
             let is_measured = deviation > jitter && span_ns >= SPAN_MEASURED_NS;
             if is_measured { measured_ns } else { nominal_ns }
         } else {
-            self.pace = Pace::Contradicted(measured_ns);
+            self.rate_check = RateCheck::Contradicted(measured_ns);
             line.period_ns
         }
     }
@@ -209,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pace_is_confirmed_after_two_seconds() {
+    fn a_rate_is_confirmed_after_two_seconds() {
         assert!(!counted(100.0, 100.0, 1.99).0.is_confirmed());
         let (calibration, measured_at) = counted(100.0, 100.0, 2.0);
         assert!(calibration.is_confirmed() && calibration.bounds().is_some());
@@ -218,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_whole_factor_up_to_eight_is_accepted_and_another_pace_is_not() {
+    fn a_whole_factor_up_to_eight_is_accepted_and_another_rate_is_not() {
         for (announced_hz, count_hz, is_accepted) in [
             (50.0, 400.0, true),
             (50.0, 450.0, false),

@@ -1,4 +1,4 @@
-//! The line in flight: held, except for the drift of the clocks and for the last thousandths of its pace.
+//! The line in flight: held, except for the drift of the clocks and for the last thousandths of its rate.
 //!
 //! Let P be the time per number of the line and P (1 + e) the true one. Frames then seem to be later by e per
 //! second, 4 ms if 240 Hz are announced as 241, and are refused after some ten seconds. A delay that grows
@@ -7,7 +7,7 @@
 //! the bounds that ground and flight left so far ([`Bounds`]). After T of a healthy stream a growth of more than
 //! 10 ms / T (`JITTER_NS` of `bounds.rs`) is outside of these bounds: its frames are reported as late.
 
-use super::arrivals::{Arrivals, MeasuredPace};
+use super::arrivals::{Arrivals, RateFit};
 use super::bounds::Bounds;
 use super::calibration::Calibration;
 use super::rate_change::RateChange;
@@ -25,7 +25,7 @@ const CLIMB_NS: f64 = 3e9;
 /// short for it, on a busy machine. ns
 const CLIMB_ON_TIME_NS: f64 = 250e6;
 
-/// Shortest window that tells a pace in flight.
+/// Shortest window by which a rate is measured in flight.
 const WINDOW_MIN: SpanNs = SpanNs::from_ms(5_000);
 
 /// Largest curvature of a line that counts as straight, as a fraction of the correction. 1
@@ -37,7 +37,7 @@ const CURVATURE_SLACK_NS: f64 = 0.5e6;
 /// Largest delay of the anchor above the line of the newest arrivals: with a larger one the anchor was late. ns
 const ANCHOR_DELAY_MAX_NS: f64 = 3e6;
 
-/// Smaller changes of the pace are left to the drift, which the offset follows. 1
+/// Smaller changes of the rate are left to the drift, which the offset follows. 1
 const CHANGE_MIN: f64 = 1.2 * SKEW_MAX;
 
 /// Smaller changes of the time between anchor and newest arrival are explained by jitter. ns
@@ -52,7 +52,7 @@ pub(super) struct HeldLine {
     /// another count.
     begin: Option<Line>,
     is_climbing: bool,
-    /// `None`: the pace is held.
+    /// `None`: the rate is held.
     bounds: Option<Bounds>,
     /// The arrival that periods are measured from.
     anchor: Option<Arrival>,
@@ -65,14 +65,14 @@ pub(super) struct HeldLine {
 impl HeldLine {
     /// A flight that begins with the line of the ground.
     pub(super) fn new(calibration: &Calibration) -> Self {
-        let (line, newest) = (calibration.line(), calibration.newest());
+        let (line, newest) = (calibration.line, calibration.newest);
         Self {
             line,
-            begin: line.map(|line| line.from(newest)),
+            begin: line.map(|line| line.with_origin(newest)),
             is_climbing: true,
             bounds: calibration.bounds(),
             anchor: None,
-            change: RateChange::new(calibration.announced_hz()),
+            change: RateChange::new(calibration.announced_hz),
             shorter: ShorterDelay::default(),
             newest,
         }
@@ -87,7 +87,7 @@ impl HeldLine {
     ) -> Option<TimeNs> {
         let drifted = self.line?.drifted(arrival.at);
         let is_possible = self.check_arrival(arrival, drifted)?;
-        // Only a frame on time tells of the drift: a late one stays late for as long as it lasts.
+        // Only a frame on time shows the drift: a late one stays late while the cause lasts.
         let is_on_time = is_possible && drifted.late_ns(arrival) <= ON_TIME_NS;
         let next = self.change.observe(arrival, rate_hz, drifted, self.newest, is_on_time);
         if let Some(line) = next {
@@ -103,17 +103,17 @@ impl HeldLine {
         if is_on_time {
             let line = drifted.lowered_to(arrival);
             self.line = Some(line);
-            if arrivals.keep(arrival, line) {
+            if arrivals.add(arrival, line) {
                 self.correct_skew(arrivals);
             }
         }
         Some(drifted.measured_at(arrival))
     }
 
-    /// Goes on with another line, of which `arrival` is; when that was measured.
+    /// Replaces the line by `line`, on which `arrival` lies. Returns the measurement time of `arrival`.
     fn begin_on(&mut self, line: Line, arrival: Arrival, arrivals: &mut Arrivals) -> TimeNs {
         self.line = Some(line);
-        self.begin = Some(line.from(arrival.number));
+        self.begin = Some(line.with_origin(arrival.number));
         self.is_climbing = false;
         self.anchor = None;
         self.newest = arrival.number;
@@ -126,7 +126,7 @@ impl HeldLine {
     fn check_arrival(&mut self, arrival: Arrival, drifted: Line) -> Option<bool> {
         let begin = self.begin.as_mut()?;
         if self.is_climbing && begin.age_ns(arrival.at) > CLIMB_NS {
-            (*begin, self.is_climbing) = (drifted.from(arrival.number), false);
+            (*begin, self.is_climbing) = (drifted.with_origin(arrival.number), false);
         }
         let early_ns = if self.is_climbing { CLIMB_ON_TIME_NS } else { ON_TIME_NS };
         let early_max_ns = early_ns + SKEW_MAX * begin.age_ns(arrival.at);
@@ -141,8 +141,8 @@ impl HeldLine {
         else {
             return;
         };
-        let Some(pace) = arrivals.pace(*line, WINDOW_MIN) else { return };
-        let MeasuredPace { early, recent, period_ns, span_ns, curvature_ns } = pace;
+        let Some(fit) = arrivals.fit_rate(*line, WINDOW_MIN) else { return };
+        let RateFit { early, recent, period_ns, span_ns, curvature_ns } = fit;
         let corrected_ns = (period_ns / line.period_ns - 1.0).abs() * span_ns;
         let curvature_max_ns = CURVATURE_SLACK_NS.max(CURVATURE_RATIO_MAX * corrected_ns);
         // The lowest arrivals are not straight, or their period is outside of the bounds.
@@ -157,7 +157,7 @@ impl HeldLine {
         let anchor = *anchor;
         let anchored_period_ns = anchor.period_to_ns(recent);
         let apart_ns = (period_ns / anchored_period_ns - 1.0).abs() * span_ns;
-        // The recent arrivals do not agree with the anchor, or the pace since the anchor is outside of the same bounds.
+        // The recent arrivals do not agree with the anchor, or the rate since the anchor is outside of the same bounds.
         if apart_ns > curvature_max_ns || !bounds.contain(anchored_period_ns) {
             return;
         }
@@ -235,14 +235,14 @@ mod tests {
     }
 
     #[test]
-    fn a_late_frame_is_dated_by_the_line_and_tells_no_drift() {
+    fn a_late_frame_is_dated_by_the_line_and_shows_no_drift() {
         let mut flight = flight();
-        for (late_ms, tells) in [(51, false), (0, true)] {
+        for (late_ms, shows_drift) in [(51, false), (0, true)] {
             let arrival = frame(4, late_ms);
             let before = flight.line.unwrap();
             let at = flight.measured_at(arrival, 50.0, &mut Arrivals::new()).unwrap();
             assert!((at.0 - frame(4, 0).at.0).abs() < 100_000, "{late_ms} ms: {at:?}");
-            assert_eq!(flight.line.unwrap().as_of != before.as_of, tells, "{late_ms} ms");
+            assert_eq!(flight.line.unwrap().as_of != before.as_of, shows_drift, "{late_ms} ms");
         }
     }
 

@@ -9,7 +9,7 @@ const CONFIRMATION: SpanNs = SpanNs::from_ms(500);
 /// How many of them there have to be.
 const FRAMES_MIN: u32 = 5;
 
-/// A line and the frames near it. How near is for its owner to say.
+/// A line and the frames near it. Its owner decides how near.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LineConfirmation {
     line: Line,

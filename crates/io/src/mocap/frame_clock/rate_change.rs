@@ -1,6 +1,6 @@
 //! A source that changes its rate in flight, and announces it.
 //!
-//! A frame that announces another rate than the one before it may begin a count at another pace, or nothing. By
+//! A frame that announces another rate than the one before it may begin a count at that rate, or nothing. By
 //! the old line its predecessor has a time; from there, or from the frame if that comes within a period of either
 //! rate, a new line leads on at the new rate. It takes the old one's place after half a second in which all frames
 //! announced that rate and came within 20 ms of the new line, while the old one does not explain them any more. A
@@ -50,7 +50,7 @@ impl RateChange {
         }
         let is_same = |one: &Candidate| one.announced_hz.total_cmp(&rate_hz).is_eq();
         let mut candidate = self.candidate.filter(is_same).unwrap_or_else(|| {
-            let from = line.from(before);
+            let from = line.with_origin(before);
             let period_ns = from.period_ns * self.announced_hz / rate_hz;
             let line = Line { period_ns, ..from };
             // The first frame of the new rate comes within a period of either rate after the last of the old one.

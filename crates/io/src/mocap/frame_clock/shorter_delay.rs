@@ -2,13 +2,13 @@
 //!
 //! Frames are then earlier than the line predicts, by a constant time, and their numbers go on without a gap: no other
 //! count does that. After half a second in which the frames keep to a parallel line, it replaces the line of the
-//! flight. Frames at another pace, or behind a gap that could hide a delay, are not followed, nor is a line more than
+//! flight. Frames at another rate, or behind a gap that could hide a delay, are not followed, nor is a line more than
 //! 0.25 s below that of the take-off: numbers that run ahead of time would hide a delay that grows.
 
 use super::line_confirmation::LineConfirmation;
 use super::{Arrival, Line};
 
-/// How late and how early frames may be by the parallel line: more would be another pace. ns
+/// How late and how early frames may be by the parallel line: more would be another rate. ns
 const LATE_MAX_NS: f64 = 20e6;
 const EARLY_MAX_NS: f64 = 10e6;
 
@@ -100,14 +100,15 @@ mod tests {
         let confirmed = after((1..=51).map(|number| (number, 80))).unwrap();
         let on_it = Arrival { number: 51, at: TimeNs(1_430_000_000) };
         assert!(confirmed.late_ns(on_it).abs() < 1e-6, "{confirmed:?}");
-        // Jitter: the lowest frame counts. By 8 ms per second, as where a load goes down.
+        // With jitter the lowest frame counts.
         let confirmed = after((1..=51).map(|k| (k, if k == 7 { 90 } else { 80 }))).unwrap();
         assert!((confirmed.late_ns(on_it) - 10e6).abs() < 1e-3, "{confirmed:?}");
+        // A delay that shrinks by 8 ms per second, as when a load ends.
         assert!(after((1..=52).map(|number| (number, 60 + number * 8 / 100))).is_some());
     }
 
     #[test]
-    fn another_count_or_another_pace_is_not_followed() {
+    fn another_count_or_another_rate_is_not_followed() {
         assert!(after((1..=80).map(|number| (number, 251))).is_none(), "too early");
         assert!(after((1..=80).map(|number| (number, -1))).is_none(), "late");
         assert!(after((12..=80).map(|number| (number, 80))).is_none(), "behind a gap");

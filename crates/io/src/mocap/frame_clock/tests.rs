@@ -1,6 +1,6 @@
 mod hour;
-mod learned_pace;
-mod pace;
+mod learned_rate;
+mod rate;
 mod rate_change;
 
 use proptest::prelude::*;
@@ -225,14 +225,14 @@ fn a_delay_that_becomes_shorter_in_flight_is_followed_and_a_stall_behind_it_is_s
 fn numbers_that_run_ahead_in_flight_cannot_hide_a_delay() {
     // For the climb, and until neither jitter nor a delay shorter by 0.25 s explains it any more; from one number per
     // frame to 1.05, each frame seems to come a millisecond earlier.
-    for (pace, hidden_max_ms) in [(1.05, 220.0), (1.015, 350.0), (1.008, 330.0)] {
+    for (ratio, hidden_max_ms) in [(1.05, 220.0), (1.015, 350.0), (1.008, 330.0)] {
         let mut clock = flying();
         let known = in_flight(600).filter(|number| {
-            let counted = ON_GROUND + whole(pace * (number - ON_GROUND) as f64);
+            let counted = ON_GROUND + whole(ratio * (number - ON_GROUND) as f64);
             late_ms(&mut clock, counted, RATE_HZ, PERIOD_MS * *number as f64).is_some()
         });
-        let hidden_ms = PERIOD_MS * (pace - 1.0) * (known.last().unwrap() - ON_GROUND) as f64;
-        assert!((60.0..hidden_max_ms).contains(&hidden_ms), "{pace}: {hidden_ms} ms");
+        let hidden_ms = PERIOD_MS * (ratio - 1.0) * (known.last().unwrap() - ON_GROUND) as f64;
+        assert!((60.0..hidden_max_ms).contains(&hidden_ms), "{ratio}: {hidden_ms} ms");
     }
 }
 

@@ -110,7 +110,7 @@ pub struct FrameEnd {
     pub has_new_models: bool,
 }
 
-/// Kind and body of a datagram that is whole.
+/// Kind and body of a datagram. `None`: truncated.
 pub fn message(datagram: &[u8]) -> Option<(u16, &[u8])> {
     let mut bytes = Bytes::new(datagram);
     let (kind, length) = (bytes.u16_le()?, bytes.u16_le()?);
@@ -124,7 +124,7 @@ pub(in crate::mocap) fn datagram_length(bytes: &[u8]) -> Option<usize> {
     Some(usize::from(length) + 4)
 }
 
-/// Who serves. What a server of protocol 3.0 may leave out is not known then.
+/// Who serves. What a server of protocol 3.0 may leave out is not known then. `None`: truncated.
 pub fn server_info(body: &[u8]) -> Option<ServerInfo> {
     let mut bytes = Bytes::new(body);
     bytes.skip(1, FIXED_NAME_BYTES)?;
@@ -145,7 +145,7 @@ pub fn number(body: &[u8]) -> Option<f64> {
     Bytes::new(body).f32_le().map(f64::from)
 }
 
-/// Calls `on_body` with identity and name of each rigid body that is described.
+/// Calls `on_body` with identity and name of each rigid body that is described. `None`: truncated or malformed.
 pub fn rigid_body_names(
     body: &[u8],
     version: Version,

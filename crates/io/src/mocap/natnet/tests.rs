@@ -5,9 +5,9 @@ use proptest::prelude::*;
 use super::packet::RigidBody;
 use super::*;
 use crate::mocap::axes::{Axes, Unit};
-use crate::mocap::protocol::{Picked, read};
-use crate::mocap::source::Frame;
-use crate::mocap::{matrix_of_angles, quaternion_of_matrix};
+use crate::mocap::protocol::{SelectedProtocol, read};
+use crate::mocap::source::SourceFrame;
+use crate::mocap::{MocapCounters, matrix_of_angles, quaternion_of_matrix};
 
 pub(super) const VERSIONS: [(u8, u8); 5] = [(3, 0), (3, 1), (4, 0), (4, 1), (4, 2)];
 
@@ -57,15 +57,15 @@ pub(super) fn frame(of: (u8, u8), number: i32, bodies: &[RigidBody]) -> Vec<u8> 
     bytes
 }
 
-fn source(object: &str) -> Picked {
+fn source(object: &str) -> SelectedProtocol {
     let axes = Axes::new(None, Unit::Metre).unwrap();
-    Picked::new(Box::new(NatnetProtocol::new(None)), object, axes)
+    SelectedProtocol::new(Box::new(NatnetProtocol::new(None)), object, axes)
 }
 
 /// Kinds of what the source asks.
-fn asked(source: &mut Picked) -> Vec<u16> {
+fn asked(source: &mut SelectedProtocol) -> Vec<u16> {
     let mut bytes = Vec::new();
-    source.take_requests(&mut bytes);
+    source.protocol.take_requests(&mut bytes);
     let (mut rest, mut kinds) = (bytes.as_slice(), Vec::new());
     while let Some(length) = packet::datagram_length(rest) {
         kinds.push(packet::message(&rest[..length]).unwrap().0);
@@ -93,7 +93,7 @@ pub(super) const FRAME_3_0: [u8; 120] = *b"\x07\x00\x74\x00\xe8\x03\x00\x00\
 fn every_version_gives_pose_rate_and_age() {
     for of in VERSIONS {
         let mut source = source("tello");
-        source.beat();
+        source.protocol.beat();
         assert_eq!(asked(&mut source), [id::CONNECT]);
         let (none, _) = read(&mut source, &[frame(of, 1, &[rigid(7, 1.0)]), server(of)]);
         assert!(none.is_empty(), "before the version is known nothing is read");
@@ -110,7 +110,7 @@ fn every_version_gives_pose_rate_and_age() {
         // As long as frames come nothing but that the client is there, once a second.
         let mut kinds = Vec::new();
         for number in 3..11 {
-            source.beat();
+            source.protocol.beat();
             kinds.extend(asked(&mut source));
             read(&mut source, [self::frame(of, number, &bodies)]);
         }
@@ -121,14 +121,14 @@ fn every_version_gives_pose_rate_and_age() {
 #[test]
 fn after_a_beat_without_a_frame_it_is_asked_who_serves() {
     let (of, mut source) = ((4, 1), source("tello"));
-    assert_eq!(source.beat_period(), Duration::from_millis(250));
+    assert_eq!(source.protocol.beat_period(), Duration::from_millis(250));
     let names = models(of, &[(7, "tello")]);
     let frame = frame(of, 1, &[rigid(7, 1.0)]);
-    source.beat();
+    source.protocol.beat();
     read(&mut source, [server(of), names.clone(), rate(100.0), frame.clone()]);
     asked(&mut source);
     let mut beat = || {
-        source.beat();
+        source.protocol.beat();
         asked(&mut source)
     };
     assert!(beat().is_empty(), "a frame came since the last one");
@@ -141,7 +141,7 @@ fn after_a_beat_without_a_frame_it_is_asked_who_serves() {
     assert_eq!(asked(&mut source), [id::REQUEST_MODELDEF]);
     let (lost, _) = read(&mut source, [frame.clone()]);
     assert!(lost.is_empty());
-    source.beat();
+    source.protocol.beat();
     assert_eq!(asked(&mut source), [id::REQUEST_MODELDEF]);
     let (found, _) = read(&mut source, [names, frame]);
     assert!(found[0].pose.is_some());
@@ -156,7 +156,7 @@ fn a_body_that_is_not_tracked_or_not_there_is_a_frame_without_a_pose() {
         let names = models((4, 1), &[(3, "wand"), (7, "tello")]);
         let (frames, counters) =
             read(&mut source, &[server((4, 1)), names, frame((4, 1), 9, &bodies)]);
-        assert!(matches!(*frames, [Frame { number: 9, pose: None, .. }]), "{bodies:?}");
+        assert!(matches!(*frames, [SourceFrame { number: 9, pose: None, .. }]), "{bodies:?}");
         assert_eq!(counters.malformed.get(), 0);
     }
 }
@@ -176,7 +176,7 @@ fn a_body_is_found_by_name_or_by_its_streaming_identity() {
     let mut source = source("#7");
     let (frames, _) = read(&mut source, &[server((3, 0)), frame((3, 0), 1, &[rigid(7, 1.0)])]);
     assert!(frames[0].pose.is_some());
-    source.beat();
+    source.protocol.beat();
     assert!(asked(&mut source).contains(&id::REQUEST_MODELDEF));
 }
 
@@ -203,7 +203,7 @@ fn new_models_are_asked_for_and_another_version_too() {
     let mut bytes = Vec::new();
     encode::frame(version((4, 1)), 2, &[rigid(7, 1.0)], &changed, &mut bytes);
     read(&mut source, &[bytes]);
-    source.beat();
+    source.protocol.beat();
     assert_eq!(asked(&mut source), [id::KEEPALIVE, id::REQUEST_MODELDEF]);
     read(&mut source, &[server((3, 1))]);
     assert_eq!(asked(&mut source), [id::REQUEST_MODELDEF]);
@@ -221,7 +221,7 @@ fn a_server_that_was_started_again_is_asked_for_its_names_anew() {
     assert!(frames.iter().all(|frame| frame.pose.is_some()) && !frames.is_empty(), "{frames:?}");
     assert!(asked(&mut source).contains(&id::REQUEST_MODELDEF));
     for _ in 0..=BEATS_PER_SLOW {
-        source.beat();
+        source.protocol.beat();
     }
     asked(&mut source);
     let (frames, _) = read(&mut source, &[server(of), frame(of, 1, &bodies)]);
@@ -272,9 +272,9 @@ fn push_all(datagrams: &[Vec<u8>]) -> Result<(), TestCaseError> {
         for pose in poses {
             prop_assert!(pose.iter().all(|value| value.is_finite()));
         }
-        source.beat();
+        source.protocol.beat();
         let mut requests = Vec::new();
-        source.take_requests(&mut requests);
+        source.protocol.take_requests(&mut requests);
         prop_assert!(requests.len() < 200);
     }
     Ok(())

@@ -4,9 +4,9 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::clock::TimeNs;
-use crate::mocap::Survey;
 use crate::mocap::axes::Axes;
-use crate::mocap::protocol::{self, Picked};
+use crate::mocap::protocol::{self, SelectedProtocol};
+use crate::mocap::{MocapCounters, Survey};
 
 /// Frame 1000, `tello` at 1000, -2000, 1300 mm, angles 0.01, 0.02, 0.30: the first 80 of 256 bytes.
 const DOCUMENTED: [u8; 80] = *b"\xe8\x03\x00\x00\x01\x00\x48\x00\
@@ -28,7 +28,7 @@ fn block(frame: u32, bodies: &[Body<'_>], size: usize) -> Vec<u8> {
 fn read(datagrams: &[Vec<u8>]) -> (Vec<(i64, Option<Pose>)>, MocapCounters) {
     let protocol = Box::new(ObjectStreamProtocol::new(100.0));
     let (frames, counters) =
-        protocol::read(&mut Picked::new(protocol, "tello", Axes::ours()), datagrams);
+        protocol::read(&mut SelectedProtocol::new(protocol, "tello", Axes::ours()), datagrams);
     (frames.iter().map(|frame| (frame.number, frame.pose)).collect(), counters)
 }
 

@@ -4,12 +4,12 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::mocap::axes::{Axes, Unit};
-use crate::mocap::matrix_of_angles;
-use crate::mocap::protocol::{Picked, read};
+use crate::mocap::protocol::{SelectedProtocol, read};
+use crate::mocap::{MocapCounters, matrix_of_angles};
 
-fn source(object: &str, up: Option<Axis>) -> Picked {
+fn source(object: &str, up: Option<SourceAxis>) -> SelectedProtocol {
     let axes = Axes::new(None, Unit::Millimetre).unwrap();
-    Picked::new(Box::new(QtmProtocol::new(up)), object, axes)
+    SelectedProtocol::new(Box::new(QtmProtocol::new(up)), object, axes)
 }
 
 pub(super) fn packet(fill: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
@@ -36,9 +36,9 @@ pub(super) fn at(x_mm: f64) -> Option<Placement> {
 }
 
 /// Commands that the source sends.
-fn sent(source: &mut Picked) -> Vec<String> {
+fn sent(source: &mut SelectedProtocol) -> Vec<String> {
     let mut bytes = Vec::new();
-    source.take_requests(&mut bytes);
+    source.protocol.take_requests(&mut bytes);
     let mut texts = Vec::new();
     Packets::default()
         .push(&bytes, |kind, body| {
@@ -70,7 +70,7 @@ pub(super) const NUMBERED: Placement =
 fn the_conversation_ends_in_frames_of_the_body() {
     for length in [1, 7, 64, 4096] {
         let mut source = source("tello", None);
-        source.beat();
+        source.protocol.beat();
         assert!(sent(&mut source).is_empty(), "the server speaks first");
         read(&mut source, greeting().chunks(length));
         assert_eq!(sent(&mut source), [VERSION, GET_PARAMETERS]);
@@ -84,10 +84,10 @@ fn the_conversation_ends_in_frames_of_the_body() {
         assert!(amax(&gap) < 1e-6, "{gap}");
         assert_eq!((lost.number, lost.pose), (8, None));
         assert_eq!((counters.messages.get(), counters.malformed.get()), (2, 0));
-        source.beat();
+        source.protocol.beat();
         assert!(sent(&mut source).is_empty());
         // A measurement that ended.
-        source.beat();
+        source.protocol.beat();
         assert_eq!(sent(&mut source), [GET_PARAMETERS]);
     }
 }
@@ -113,11 +113,11 @@ fn parameters_of_old_and_new_servers_are_read() {
 fn an_axis_that_the_settings_do_not_take_for_up_ends_the_connection() {
     for (written, up, is_accepted) in [
         ("+Z", None, true),
-        ("Z", Some(Axis::Z), true),
+        ("Z", Some(SourceAxis::Z), true),
         ("+Y", None, false),
-        ("+Y", Some(Axis::Y), true),
+        ("+Y", Some(SourceAxis::Y), true),
         ("-Z", None, false),
-        ("-Z", Some(Axis::MinusZ), true),
+        ("-Z", Some(SourceAxis::MinusZ), true),
     ] {
         let mut source = source("tello", up);
         let bytes =
@@ -137,7 +137,7 @@ fn other_servers_and_refusals_have_a_reason() {
     assert_eq!(push(&packet(|to| encode::text(kind::XML, GREETING, to))), Err(SourceError::NoQtm));
     let refused = packet(|to| encode::text(kind::ERROR, "No\nlicense", to));
     let error = push(&[greeting(), refused].concat()).unwrap_err();
-    assert_eq!(error.to_string(), "QTM says: Nolicense");
+    assert_eq!(error.to_string(), "QTM reports: Nolicense");
 }
 
 #[test]
@@ -162,7 +162,7 @@ fn changed_settings_are_asked_for() {
     sent(&mut source);
     let (frames, _) = read(&mut source, frame(2, &[at(1.0), at(2.0)]).chunks(4096));
     assert!(frames[0].pose.is_none(), "which is which is not known");
-    source.beat();
+    source.protocol.beat();
     assert_eq!(sent(&mut source), [GET_PARAMETERS]);
     read(&mut source, parameters(&["wand", "tello"]).chunks(4096));
     let (frames, _) = read(&mut source, frame(3, &[at(1.0), at(2.0)]).chunks(4096));
@@ -173,13 +173,13 @@ fn changed_settings_are_asked_for() {
     let (frames, _) = read(&mut source, event.chunks(4096));
     assert!(frames[0].pose.is_some());
     assert_eq!(sent(&mut source), [GET_PARAMETERS]);
-    source.beat();
+    source.protocol.beat();
     assert_eq!(sent(&mut source), [GET_PARAMETERS]);
     read(&mut source, parameters(&["tello", "wand"]).chunks(4096));
-    source.beat();
+    source.protocol.beat();
     sent(&mut source);
     read(&mut source, frame(5, &[at(1.0), at(2.0)]).chunks(4096));
-    source.beat();
+    source.protocol.beat();
     assert!(sent(&mut source).is_empty());
 }
 
@@ -195,8 +195,8 @@ fn push_all(bytes: &[u8], length: usize) -> Result<(), TestCaseError> {
         for pose in poses {
             prop_assert!(pose.iter().all(|value| value.is_finite()));
         }
-        source.beat();
-        source.take_requests(&mut Vec::new());
+        source.protocol.beat();
+        source.protocol.take_requests(&mut Vec::new());
     }
     Ok(())
 }

@@ -7,8 +7,9 @@ use horizon_model::check::amax;
 use horizon_model::rows::pose;
 
 use super::*;
-use crate::mocap::protocol::{Picked, read};
-use crate::mocap::source::Frame;
+use crate::mocap::MocapCounters;
+use crate::mocap::protocol::{SelectedProtocol, read};
+use crate::mocap::source::SourceFrame;
 
 fn line_of(line: &str) -> RelayPose<'_> {
     parse_line(line.as_bytes()).unwrap()
@@ -19,8 +20,9 @@ fn pose_of(line: &str) -> Pose {
 }
 
 /// What a stream for `tello` makes of these lines.
-fn read_lines(lines: &[&str]) -> (Vec<Frame>, MocapCounters) {
-    let mut source = Picked::new(Box::new(RelayProtocol::default()), "tello", Axes::ours());
+fn read_lines(lines: &[&str]) -> (Vec<SourceFrame>, MocapCounters) {
+    let mut source =
+        SelectedProtocol::new(Box::new(RelayProtocol::default()), "tello", Axes::ours());
     read(&mut source, lines.iter().map(|line| format!("{line}\n")))
 }
 

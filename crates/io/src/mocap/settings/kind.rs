@@ -1,9 +1,12 @@
 //! Kinds of mocap sources: their names, their usual ports and whether their rate is a setting.
 
+use strum::IntoStaticStr;
+
 use super::{MocapTable, NatnetTable, QtmTable, ServerTable, UdpTable, VrpnTable};
 
 /// Kind of a mocap source.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 pub enum MocapKind {
     /// Lines of the text relay, over TCP.
     Relay,
@@ -25,18 +28,11 @@ impl MocapKind {
         [Self::Relay, Self::Udp, Self::Datastream, Self::Natnet, Self::Qtm, Self::Vrpn];
 
     /// Key of the source in the settings.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Relay => "relay",
-            Self::Udp => "udp",
-            Self::Datastream => "datastream",
-            Self::Natnet => "natnet",
-            Self::Qtm => "qtm",
-            Self::Vrpn => "vrpn",
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 
-    /// The kind of this name.
+    /// The kind of this name. `None`: there is no such kind.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }

@@ -42,7 +42,7 @@ pub struct VrpnTable {
     pub address: String,
     /// Name of the tracker; `name#2` for its third sensor.
     pub object: String,
-    /// Frame rate of the mocap system, which the messages do not tell. Hz, 1..=2000
+    /// Frame rate of the mocap system, which the messages do not state. Hz, 1..=2000
     pub rate_hz: f64,
     /// Axes, nose and unit. VRPN specifies metres; not every server does.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -72,7 +72,7 @@ impl Intervals {
         (self.squares / self.count.max(1) as f64 - self.mean().powi(2)).max(0.0).sqrt()
     }
 
-    /// Mean step between frames that follow each other; `None` while nothing tells it, or if most steps are none.
+    /// Mean step between frames that follow each other; `None` while it is unknown, or if most steps are none.
     pub(super) fn usual(&self) -> Option<f64> {
         let usual = self.sum / self.due;
         let is_even = self.usual > 0.2 * self.mean();

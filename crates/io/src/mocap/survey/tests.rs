@@ -16,11 +16,11 @@ fn text(text: &str) -> Name<'_> {
 fn take(survey: &mut Survey, head: Head, bodies: &[(Name<'_>, Option<Placement>)]) {
     let now = TimeNs(0).after(SpanNs::from_ms(10 * head.number));
     let counters = MocapCounters::default();
-    let mut taker = Collect { survey, counters: &counters, bodies: Vec::new(), now };
+    let mut collected = Collect { survey, counters: &counters, bodies: Vec::new(), now };
     for (name, at) in bodies {
-        taker.body(*name, at.as_ref());
+        collected.body(*name, at.as_ref());
     }
-    taker.frame(head);
+    collected.frame(head);
 }
 
 /// Frames and frames with a pose of each object.
@@ -53,11 +53,11 @@ fn a_frame_that_ends_in_parts_loses_only_what_no_part_had() {
 fn a_place_that_is_no_number_is_refused_and_not_seen() {
     let mut survey = Survey::default();
     let counters = MocapCounters::default();
-    let mut taker =
+    let mut collected =
         Collect { survey: &mut survey, counters: &counters, bodies: Vec::new(), now: TimeNs(0) };
-    taker.body(text("a"), Some(&Placement { pos_v: [f64::NAN; 3], ..AT }));
-    taker.body(text("b"), Some(&Placement { matrix: [1.0; 9], ..AT }));
-    taker.frame(head(1, Absence::Lost));
+    collected.body(text("a"), Some(&Placement { pos_v: [f64::NAN; 3], ..AT }));
+    collected.body(text("b"), Some(&Placement { matrix: [1.0; 9], ..AT }));
+    collected.frame(head(1, Absence::Lost));
     assert_eq!(counts(&survey), [("a", 1, 0), ("b", 1, 0)]);
     assert_eq!((counters.malformed.get(), counters.refused()), (2, Some(Refusal::Rotation)));
 }
@@ -66,12 +66,12 @@ fn a_place_that_is_no_number_is_refused_and_not_seen() {
 fn the_bodies_of_a_refused_frame_are_forgotten() {
     let mut survey = Survey::default();
     let counters = MocapCounters::default();
-    let mut taker =
+    let mut collected =
         Collect { survey: &mut survey, counters: &counters, bodies: Vec::new(), now: TimeNs(0) };
-    taker.body(text("a"), Some(&AT));
-    taker.forget();
-    taker.body(text("b"), Some(&AT));
-    taker.frame(head(1, Absence::Lost));
+    collected.body(text("a"), Some(&AT));
+    collected.refuse(Refusal::Form);
+    collected.body(text("b"), Some(&AT));
+    collected.frame(head(1, Absence::Lost));
     assert_eq!(counts(&survey), [("b", 1, 1)]);
 }
 

@@ -1,14 +1,14 @@
 //! Rate, gaps, jitter and age of the frames of one object.
 //!
 //! Frames that arrive together, as they do over Wi-Fi or from a bridge that collects them, have arrival times
-//! that tell nothing of the rate. So the steps of time stamps count if the source sends any, else those of frame
-//! numbers, whose pace is that of the lowest arrivals, and arrivals only where neither moves.
+//! that do not show the rate. So the steps of time stamps count if the source sends any, else those of frame
+//! numbers, whose rate is that of the lowest arrivals, and arrivals only where neither moves.
 
 use serde::Serialize;
 use tello_flight::cycle::SIGHTING_AGE_MAX;
 
 use super::super::axes::{Placement, Unit};
-use super::super::frame_clock::PaceMeter;
+use super::super::frame_clock::RateMeter;
 use super::super::protocol::Head;
 use super::super::statistics::GAP_PERIODS;
 use super::intervals::Intervals;
@@ -37,7 +37,7 @@ pub struct SurveyTrack {
     numbers: Intervals,
     /// Seconds between stamps.
     stamps: Intervals,
-    pace: PaceMeter,
+    rate_meter: RateMeter,
     last: Option<(TimeNs, Head)>,
     /// Silences without a gap in numbers or stamps.
     silences: u64,
@@ -74,7 +74,7 @@ pub struct TrackReport {
     pub gaps: u64,
     /// Longest time between arrivals. s
     pub gap_max_s: f64,
-    /// Mean age of frames when they were sent, as the source tells; 0 if it does not. s
+    /// Mean age of frames when they were sent, as the source reports; 0 if it does not. s
     pub latency_mean_s: f64,
     /// Largest such age. s
     pub latency_max_s: f64,
@@ -137,7 +137,7 @@ impl SurveyTrack {
     /// Steps and rate by frame numbers, if they move.
     fn by_numbers(&self) -> Option<(&Intervals, f64)> {
         let usual = self.numbers.usual()?;
-        let count_hz = self.pace.hz().or_else(|| {
+        let count_hz = self.rate_meter.hz().or_else(|| {
             let period_s = self.waits.mean();
             (period_s > 0.0).then(|| self.numbers.mean() / period_s)
         })?;
@@ -152,7 +152,7 @@ impl SurveyTrack {
             return;
         }
         self.frames += 1;
-        self.pace.take(head.number, now);
+        self.rate_meter.take(head.number, now);
         if let Some((then, before)) = self.last.replace((now, head)) {
             self.take_steps(now.since(then).seconds(), before, head);
         }
@@ -298,7 +298,7 @@ mod tests {
             track.take(now, place(5.0), head(number, None));
         }
         let report = track.report();
-        // Of the first frame nothing tells yet that numbers move.
+        // At the first frame it is not known yet that numbers move.
         assert_eq!((report.frames, report.seen, report.doubled), (201, 201, 199), "{report:?}");
         assert!((report.usual_hz - 100.0).abs() < 1.0, "{report:?}");
         assert_eq!(bursts(50.0, 3.0, |_| true, |_| head(0, None)).doubled, 0);

@@ -2,7 +2,7 @@
 
 #![deny(clippy::indexing_slicing)]
 
-use super::packet::{ALIGN, COOKIE_BEGIN, COOKIE_BYTES, HEAD_BYTES, Message};
+use super::packet::{ALIGN, COOKIE_BEGIN, COOKIE_BYTES, HEAD_BYTES, VrpnMessage};
 
 /// Appends the cookie: version 7.35, nothing to be logged.
 pub fn cookie(to: &mut Vec<u8>) {
@@ -13,8 +13,8 @@ pub fn cookie(to: &mut Vec<u8>) {
 }
 
 /// Appends a message, big-endian: its head of 24 bytes, its body, and zeros up to a multiple of 8 bytes.
-pub fn message(message: &Message<'_>, to: &mut Vec<u8>) {
-    let Message { time_s, sender, kind, body } = *message;
+pub fn message(message: &VrpnMessage<'_>, to: &mut Vec<u8>) {
+    let VrpnMessage { time_s, sender, kind, body } = *message;
     let length = u32::try_from(HEAD_BYTES + body.len()).unwrap_or(u32::MAX);
     #[expect(
         clippy::cast_possible_truncation,

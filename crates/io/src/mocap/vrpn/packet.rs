@@ -27,7 +27,7 @@ const MESSAGE_BYTES_MAX: usize = 64_000;
 
 /// A message of the VRPN protocol, its body not yet parsed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Message<'a> {
+pub struct VrpnMessage<'a> {
     /// Measurement time, by the clock of the sender. s
     pub time_s: f64,
     /// Number of the sender, or what is described.
@@ -54,7 +54,7 @@ impl Messages {
     pub fn push(
         &mut self,
         piece: &[u8],
-        mut on_message: impl FnMut(&Message<'_>) -> Result<(), SourceError>,
+        mut on_message: impl FnMut(&VrpnMessage<'_>) -> Result<(), SourceError>,
     ) -> Result<(), SourceError> {
         self.bytes.extend_from_slice(piece);
         let mut rest = Bytes::new(&self.bytes);
@@ -79,7 +79,7 @@ impl Messages {
 }
 
 /// The first message, if it is whole, and what follows it.
-fn split(mut bytes: Bytes<'_>) -> Result<Option<(Message<'_>, Bytes<'_>)>, SourceError> {
+fn split(mut bytes: Bytes<'_>) -> Result<Option<(VrpnMessage<'_>, Bytes<'_>)>, SourceError> {
     let Some(length) = bytes.u32_be() else { return Ok(None) };
     let length = usize::try_from(length).unwrap_or(usize::MAX);
     if !(HEAD_BYTES..=MESSAGE_BYTES_MAX).contains(&length) {
@@ -92,7 +92,7 @@ fn split(mut bytes: Bytes<'_>) -> Result<Option<(Message<'_>, Bytes<'_>)>, Sourc
         bytes.array::<SEQUENCE_BYTES>()?;
         let body = bytes.take(body_length.next_multiple_of(ALIGN))?.get(..body_length)?;
         let time_s = f64::from(seconds) + 1e-6 * f64::from(microseconds);
-        Some(Message { time_s, sender, kind, body })
+        Some(VrpnMessage { time_s, sender, kind, body })
     };
     Ok(read().map(|message| (message, bytes)))
 }
@@ -105,7 +105,7 @@ pub fn description(body: &[u8]) -> Option<&[u8]> {
     bytes.take(length).map(text_of)
 }
 
-/// Sensor, position (m, as VRPN defines it) and quaternion x y z w of a pose.
+/// Sensor, position (m, as VRPN defines it) and quaternion x y z w of a pose. `None`: the body is too short.
 pub fn pose(body: &[u8]) -> Option<(i32, [f64; 3], [f64; 4])> {
     let mut bytes = Bytes::new(body);
     let sensor = bytes.i32_be()?;

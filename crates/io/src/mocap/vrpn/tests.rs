@@ -3,17 +3,18 @@ use horizon_model::rows::Pose;
 use proptest::prelude::*;
 
 use super::*;
+use crate::mocap::MocapCounters;
 use crate::mocap::axes::{Axes, Unit};
-use crate::mocap::protocol::{Picked, read};
+use crate::mocap::protocol::{SelectedProtocol, read};
 
-fn source(object: &str) -> Picked {
+fn source(object: &str) -> SelectedProtocol {
     let axes = Axes::new(None, Unit::Metre).unwrap();
-    Picked::new(Box::new(VrpnProtocol::new(100.0)), object, axes)
+    SelectedProtocol::new(Box::new(VrpnProtocol::new(100.0)), object, axes)
 }
 
 pub(super) fn message(time_s: f64, sender: i32, kind: i32, body: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::new();
-    encode::message(&Message { time_s, sender, kind, body }, &mut bytes);
+    encode::message(&VrpnMessage { time_s, sender, kind, body }, &mut bytes);
     bytes
 }
 
@@ -42,12 +43,12 @@ pub(super) fn pose(time_s: f64, sender: i32, sensor: i32) -> Vec<u8> {
 fn poses_of_the_tracker_are_frames_numbered_by_time() {
     for length in [1, 7, 64, 4096] {
         let mut source = source("tello");
-        source.beat();
+        source.protocol.beat();
         let mut cookie = Vec::new();
-        source.take_requests(&mut cookie);
+        source.protocol.take_requests(&mut cookie);
         assert_eq!(cookie.len(), 24);
-        source.beat();
-        source.take_requests(&mut cookie);
+        source.protocol.beat();
+        source.protocol.take_requests(&mut cookie);
         assert_eq!(cookie.len(), 24, "once");
         let bytes = [begin(), pose(2.0, 3, 0), pose(2.0, 4, 0), pose(2.03, 4, 0), pose(2.04, 4, 1)]
             .concat();

@@ -11,7 +11,7 @@ use super::*;
 use crate::Stopper;
 use crate::clock::SpanNs;
 
-/// The guardian's words: it watches, it has ordered a landing.
+/// The guardian's messages: it watches, it has ordered a landing.
 const READY: u8 = b'r';
 const LANDING_ORDERED: u8 = b'L';
 

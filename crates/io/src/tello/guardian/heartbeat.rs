@@ -11,7 +11,7 @@ use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
 use super::super::Protocol;
-use super::{Duty, HEARD, LANDING_ORDERED, Post, READY};
+use super::{Duty, GuardianSockets, HEARD, LANDING_ORDERED, READY};
 use crate::clock::{SpanNs, TimeNs};
 
 /// Longest time between two heartbeats of a sender without other work.
@@ -66,10 +66,11 @@ impl Heartbeat {
         socket: &UdpSocket,
         address: SocketAddr,
         protocol: Protocol,
-        start: impl FnOnce(Post) -> io::Result<T>,
+        start: impl FnOnce(GuardianSockets) -> io::Result<T>,
     ) -> io::Result<(Self, T)> {
         let (ours, channel) = UnixStream::pair()?;
-        let started = start(Post { socket: socket.try_clone()?, channel, address, protocol })?;
+        let started =
+            start(GuardianSockets { socket: socket.try_clone()?, channel, address, protocol })?;
         Ok((Self::await_ready(ours)?, started))
     }
 

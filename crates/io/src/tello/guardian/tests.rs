@@ -4,25 +4,25 @@ use std::sync::mpsc;
 use super::*;
 
 /// A guardian on a thread, the sender's end of its channel and the drone's socket.
-struct Bench {
+struct Fixture {
     sender: UnixStream,
     drone: UdpSocket,
     clock: Clock,
     end: mpsc::Receiver<WatchEnd>,
 }
 
-impl Bench {
+impl Fixture {
     fn start() -> Self {
         let (sender, channel) = UnixStream::pair().unwrap();
         let drone = UdpSocket::bind("127.0.0.1:0").unwrap();
         let address = drone.local_addr().unwrap();
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         let (outcome, end) = mpsc::channel();
-        let post = Post { socket, channel, address, protocol: Protocol::Text };
+        let post = GuardianSockets { socket, channel, address, protocol: Protocol::Text };
         thread::spawn(move || outcome.send(Guardian::start(post).unwrap().watch()).unwrap());
-        let mut bench = Self { sender, drone, clock: Clock::start(), end };
-        assert_eq!(bench.word(1.0), Some(READY));
-        bench
+        let mut fixture = Self { sender, drone, clock: Clock::start(), end };
+        assert_eq!(fixture.word(1.0), Some(READY));
+        fixture
     }
 
     fn send(&mut self, duty: Duty) {
@@ -65,131 +65,135 @@ impl Bench {
 
 #[test]
 fn silence_in_flight_lands_until_the_sender_goes_on_with_it_and_silence_then_lands_again() {
-    let mut bench = Bench::start();
-    bench.send(Duty::Steering);
-    let since_s = bench.clock.now().seconds();
-    let first_s = bench.landing(1.0);
+    let mut fixture = Fixture::start();
+    fixture.send(Duty::Steering);
+    let since_s = fixture.clock.now().seconds();
+    let first_s = fixture.landing(1.0);
     assert!((0.25..0.45).contains(&(first_s - since_s)), "{}", first_s - since_s);
-    assert_eq!(bench.word(0.1), Some(LANDING_ORDERED));
+    assert_eq!(fixture.word(0.1), Some(LANDING_ORDERED));
     // It does not know of the landing yet.
-    bench.send(Duty::Steering);
-    let second_s = bench.landing(1.0);
+    fixture.send(Duty::Steering);
+    let second_s = fixture.landing(1.0);
     assert!((0.2..0.4).contains(&(second_s - first_s)), "{}", second_s - first_s);
-    bench.send(Duty::Landing);
-    let since_s = bench.clock.now().seconds();
-    let third_s = bench.landing(1.0);
+    fixture.send(Duty::Landing);
+    let since_s = fixture.clock.now().seconds();
+    let third_s = fixture.landing(1.0);
     assert!(third_s - since_s > 0.25, "it lands beside a sender that does: {third_s} {since_s}");
-    bench.send(Duty::Over);
-    assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::Over));
-    assert_eq!(bench.packet(0.1), None);
+    fixture.send(Duty::Over);
+    assert_eq!(fixture.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::Over));
+    assert_eq!(fixture.packet(0.1), None);
 }
 
 #[test]
 fn a_sender_that_goes_on_with_the_landing_is_left_alone() {
-    let mut bench = Bench::start();
-    bench.send(Duty::Steering);
-    bench.landing(1.0);
+    let mut fixture = Fixture::start();
+    fixture.send(Duty::Steering);
+    fixture.landing(1.0);
     // Two and a half times as long as between two landings of the guardian.
     for _ in 0..15 {
-        bench.send(Duty::Landing);
-        assert_eq!(bench.packet(0.04), None);
+        fixture.send(Duty::Landing);
+        assert_eq!(fixture.packet(0.04), None);
     }
-    bench.send(Duty::Over);
-    assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::Over));
+    fixture.send(Duty::Over);
+    assert_eq!(fixture.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::Over));
 }
 
 #[test]
 #[ignore = "seconds of real time: in .ci/run all"]
 fn a_sender_that_steers_on_is_landed_all_the_same() {
-    let mut bench = Bench::start();
-    bench.send(Duty::Steering);
-    let since_s = bench.landing(1.0);
+    let mut fixture = Fixture::start();
+    fixture.send(Duty::Steering);
+    let since_s = fixture.landing(1.0);
     let mut landings = 0;
-    while bench.clock.now().seconds() < since_s + 1.0 {
-        bench.send(Duty::Steering);
-        landings += usize::from(bench.packet(0.04).is_some_and(|(_, text)| text == "land"));
+    while fixture.clock.now().seconds() < since_s + 1.0 {
+        fixture.send(Duty::Steering);
+        landings += usize::from(fixture.packet(0.04).is_some_and(|(_, text)| text == "land"));
     }
     assert!(landings >= 2, "{landings} more in 1 s");
 }
 
 #[test]
 fn every_heartbeat_is_answered_at_once_whatever_is_going_on() {
-    let mut bench = Bench::start();
+    let mut fixture = Fixture::start();
     for duty in [Duty::Idle, Duty::Steering, Duty::Landing] {
-        bench.send(duty);
-        assert_eq!(bench.any_word(0.2), Some(HEARD), "{duty:?}");
+        fixture.send(duty);
+        assert_eq!(fixture.any_word(0.2), Some(HEARD), "{duty:?}");
     }
-    assert_eq!(bench.any_word(1.0), Some(LANDING_ORDERED));
-    bench.send(Duty::Landing);
-    assert_eq!(bench.any_word(0.2), Some(HEARD));
+    assert_eq!(fixture.any_word(1.0), Some(LANDING_ORDERED));
+    fixture.send(Duty::Landing);
+    assert_eq!(fixture.any_word(0.2), Some(HEARD));
 }
 
 #[test]
 fn a_sender_that_reads_nothing_does_not_hold_up_the_guardian() {
-    let mut bench = Bench::start();
-    bench.sender.set_nonblocking(true).unwrap();
+    let mut fixture = Fixture::start();
+    fixture.sender.set_nonblocking(true).unwrap();
     for _ in 0..5_000 {
-        bench.sender.write_all(&[Duty::Steering as u8]).ok();
+        fixture.sender.write_all(&[Duty::Steering as u8]).ok();
         thread::yield_now();
     }
-    bench.landing(1.0);
+    fixture.landing(1.0);
 }
 
 #[test]
 fn the_landing_is_reported_before_it_is_ordered() {
-    let mut bench = Bench::start();
-    bench.send(Duty::Steering);
-    assert_eq!(bench.any_word(0.2), Some(HEARD));
-    bench.packet(1.0).unwrap();
-    bench.sender.set_nonblocking(true).unwrap();
+    let mut fixture = Fixture::start();
+    fixture.send(Duty::Steering);
+    assert_eq!(fixture.any_word(0.2), Some(HEARD));
+    fixture.packet(1.0).unwrap();
+    fixture.sender.set_nonblocking(true).unwrap();
     let mut byte = [0];
-    assert!(bench.sender.read_exact(&mut byte).is_ok() && byte == [LANDING_ORDERED]);
+    assert!(fixture.sender.read_exact(&mut byte).is_ok() && byte == [LANDING_ORDERED]);
 }
 
 #[test]
 fn a_channel_that_closes_in_flight_lands_at_once() {
     for duty in [Duty::Steering, Duty::Landing] {
-        let mut bench = Bench::start();
-        bench.send(duty);
-        let since_s = bench.clock.now().seconds();
-        drop(std::mem::replace(&mut bench.sender, UnixStream::pair().unwrap().0));
-        let after_s = bench.landing(1.0) - since_s;
+        let mut fixture = Fixture::start();
+        fixture.send(duty);
+        let since_s = fixture.clock.now().seconds();
+        drop(std::mem::replace(&mut fixture.sender, UnixStream::pair().unwrap().0));
+        let after_s = fixture.landing(1.0) - since_s;
         assert!(after_s < 0.2, "{duty:?}: {after_s} s");
-        assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::Abandoned));
+        assert_eq!(fixture.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::Abandoned));
     }
 }
 
 #[test]
 #[ignore = "seconds of real time: in .ci/run all"]
-fn without_a_drone_in_the_air_neither_silence_nor_an_end_says_anything_to_it() {
+fn without_a_drone_in_the_air_neither_silence_nor_an_end_sends_anything_to_it() {
     for last in [None, Some(Duty::Idle), Some(Duty::Over)] {
-        let mut bench = Bench::start();
+        let mut fixture = Fixture::start();
         for duty in [Duty::Steering, Duty::Landing].into_iter().chain(last) {
             if last.is_some() {
-                bench.send(duty);
+                fixture.send(duty);
             }
         }
-        assert_eq!(bench.packet(0.5), None, "{last:?}");
-        drop(std::mem::replace(&mut bench.sender, UnixStream::pair().unwrap().0));
-        assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::Over), "{last:?}");
-        assert_eq!(bench.packet(0.1), None, "{last:?}");
+        assert_eq!(fixture.packet(0.5), None, "{last:?}");
+        drop(std::mem::replace(&mut fixture.sender, UnixStream::pair().unwrap().0));
+        assert_eq!(
+            fixture.end.recv_timeout(Duration::from_secs(1)),
+            Ok(WatchEnd::Over),
+            "{last:?}"
+        );
+        assert_eq!(fixture.packet(0.1), None, "{last:?}");
     }
 }
 
 #[test]
 #[ignore = "15 s of real time: .ci/run all runs it"]
 fn a_sender_that_stays_silent_is_given_up_after_15_s_and_its_end_is_reported() {
-    let mut bench = Bench::start();
-    bench.send(Duty::Steering);
-    let first_s = bench.landing(1.0);
+    let mut fixture = Fixture::start();
+    fixture.send(Duty::Steering);
+    let first_s = fixture.landing(1.0);
     let mut last_s = first_s;
     for _ in 1..LANDINGS_MAX {
-        last_s = bench.landing(1.0);
+        last_s = fixture.landing(1.0);
     }
     assert!((14.5..17.0).contains(&(last_s - first_s)), "{}", last_s - first_s);
-    assert_eq!(bench.packet(0.6), None);
-    drop(std::mem::replace(&mut bench.sender, UnixStream::pair().unwrap().0));
-    assert_eq!(bench.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::OrderedLanding));
+    assert_eq!(fixture.packet(0.6), None);
+    drop(std::mem::replace(&mut fixture.sender, UnixStream::pair().unwrap().0));
+    assert_eq!(fixture.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::OrderedLanding));
 }
 
 #[test]

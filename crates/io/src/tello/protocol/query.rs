@@ -110,7 +110,8 @@ impl Answer {
 }
 
 impl Version {
-    /// The version at the beginning of `text`, which ends with it or goes on with a zero or a blank.
+    /// The version at the beginning of `text`, which ends with it or goes on with a zero or a blank. `None`: the
+    /// text has none, or one that is too long.
     pub fn read(text: &[u8]) -> Option<Self> {
         let length = text.iter().position(|byte| !byte.is_ascii_graphic()).unwrap_or(text.len());
         let mut chars = [0; VERSION_CHARS];

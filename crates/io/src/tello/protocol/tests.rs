@@ -140,7 +140,7 @@ fn every_truncation_and_every_flipped_bit_is_an_error() {
 }
 
 #[test]
-fn a_correct_frame_with_a_wrong_payload_says_so() {
+fn a_correct_frame_with_a_wrong_payload_is_reported_as_such() {
     let mut written = Vec::new();
     write_frame(0x88, id::FLIGHT_STATUS, 0, &[0; 23], &mut written);
     let error = DronePacket::decode(&written).unwrap_err();

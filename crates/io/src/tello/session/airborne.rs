@@ -5,7 +5,7 @@ use tello_flight::drone::TAKE_OFF_UNSEEN;
 use super::down_detection::Rest;
 use super::{
     DroneOrder, EMERGENCY_REST, LAND_REST, LAST_LANDING_TIME, Session, SessionPhase, TAKE_OFF_TIME,
-    TakeOff,
+    TakeOffOrder,
 };
 use crate::clock::TimeNs;
 
@@ -56,7 +56,7 @@ impl Session {
     /// Whether a take-off may be ordered: only to a drone that reports now that it stands, and not while an
     /// earlier take-off may be running.
     pub(super) fn may_take_off(&self, now: TimeNs) -> bool {
-        let may_be_lost = |TakeOff { at, .. }| {
+        let may_be_lost = |TakeOffOrder { at, .. }| {
             self.talk.take_off_repeat_after().is_some_and(|after| now.since(at) >= after)
         };
         let is_first_or_lost = self.take_off.is_none_or(may_be_lost);
@@ -65,7 +65,7 @@ impl Session {
 
     /// Until then "not flying" does not mean landed.
     fn may_be_taking_off(&self, now: TimeNs) -> bool {
-        self.take_off.is_some_and(|TakeOff { at, was_seen }| {
+        self.take_off.is_some_and(|TakeOffOrder { at, was_seen }| {
             now.since(at) < if was_seen { TAKE_OFF_TIME } else { TAKE_OFF_UNSEEN }
         })
     }
@@ -175,7 +175,7 @@ mod tests {
     fn a_take_off_may_be_running_for_five_seconds_or_eight_if_it_was_not_seen() {
         for (was_seen, over_ms) in [(true, 5_000), (false, 8_000)] {
             let mut session = reported(false);
-            session.take_off = Some(TakeOff { at: ms(0), was_seen });
+            session.take_off = Some(TakeOffOrder { at: ms(0), was_seen });
             session.receive(&status(false), ms(over_ms - 1));
             session.observe_pose(Some(false), ms(over_ms - 1));
             assert!(session.may_be_airborne(ms(over_ms - 1)), "{was_seen}");
@@ -184,7 +184,7 @@ mod tests {
         let mut session = reported(false);
         session.order(DroneOrder::TakeOff, ms(0));
         session.receive(&status(true), ms(1_000));
-        assert_eq!(session.take_off, Some(TakeOff { at: ms(0), was_seen: true }));
+        assert_eq!(session.take_off, Some(TakeOffOrder { at: ms(0), was_seen: true }));
     }
 
     #[test]

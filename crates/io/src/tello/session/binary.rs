@@ -1,6 +1,6 @@
 //! The session in the binary protocol: sequence numbers, the drone's questions, its settings.
 
-use super::messages::{Message, Received};
+use super::messages::{Message, Received, Talk};
 use super::{Approved, DroneOrder};
 use crate::clock::{CivilTime, SpanNs, TimeNs};
 use crate::tello::protocol::{
@@ -50,13 +50,29 @@ impl BinaryTalk {
         }
     }
 
-    pub(super) fn ask(outbox: &mut Vec<Message>) {
+    /// The number of what is sent next.
+    fn next_number(&mut self) {
+        self.sequence = self.sequence.wrapping_add(1);
+    }
+
+    /// Date and time at `now`, UTC: the drone puts it into its own log only.
+    fn civil(&self, now: TimeNs) -> CivilTime {
+        CivilTime::from_unix_ns(self.utc_start_ns.saturating_add(now.0))
+    }
+}
+
+impl Talk for BinaryTalk {
+    fn ask(&mut self, outbox: &mut Vec<Message>) {
         outbox.push(Message::Binary(HostPacket::ConnReq { video_port: VIDEO_PORT }));
     }
 
     /// Sends the settings until the drone has confirmed them, and queries the missing values.
-    pub(super) fn introduce(&mut self, outbox: &mut Vec<Message>) {
-        self.set(outbox);
+    fn ping(&mut self, outbox: &mut Vec<Message>) {
+        if let Some(limit_m) = self.altitude_limit_m {
+            self.next_number();
+            let sequence = self.sequence;
+            outbox.push(Message::Binary(HostPacket::AltitudeLimit { sequence, limit_m }));
+        }
         if self.asked < ASKED_MAX {
             self.asked += 1;
             // Answers are distinguished by their ids; the numbers of orders and settings are left alone.
@@ -67,25 +83,20 @@ impl BinaryTalk {
         }
     }
 
-    fn set(&mut self, outbox: &mut Vec<Message>) {
-        if let Some(limit_m) = self.altitude_limit_m {
-            self.begin();
-            let sequence = self.sequence;
-            outbox.push(Message::Binary(HostPacket::AltitudeLimit { sequence, limit_m }));
-        }
+    fn greet(&mut self, outbox: &mut Vec<Message>) {
+        self.ping(outbox);
     }
 
-    pub(super) fn steer(&self, approved: Approved, now: TimeNs, outbox: &mut Vec<Message>) {
+    fn steer(&mut self, approved: Approved, now: TimeNs, outbox: &mut Vec<Message>) {
         let (u, time) = (approved.sticks(), self.civil(now).time);
         outbox.push(Message::Binary(HostPacket::Sticks { u, is_fast: false, time }));
     }
 
-    /// The number of what is sent next.
-    pub(super) fn begin(&mut self) {
-        self.sequence = self.sequence.wrapping_add(1);
+    fn begin(&mut self, _order: DroneOrder, _now: TimeNs) {
+        self.next_number();
     }
 
-    pub(super) fn order(&mut self, order: DroneOrder, outbox: &mut Vec<Message>) {
+    fn order(&mut self, order: DroneOrder, outbox: &mut Vec<Message>) {
         let action = match order {
             DroneOrder::TakeOff => Action::TakeOff,
             DroneOrder::Land => Action::Land,
@@ -100,12 +111,12 @@ impl BinaryTalk {
 
     /// An order to take off that was not acknowledged may be lost. One that was is never repeated: somebody may have
     /// the drone in the hand since.
-    pub(super) fn take_off_repeat_after(&self) -> Option<SpanNs> {
+    fn take_off_repeat_after(&self) -> Option<SpanNs> {
         let is_lost = matches!(self.unacknowledged, Some((Action::TakeOff, _)));
         is_lost.then_some(TAKE_OFF_REPEAT_AFTER)
     }
 
-    pub(super) fn receive(
+    fn receive(
         &mut self,
         datagram: &[u8],
         now: TimeNs,
@@ -157,11 +168,6 @@ impl BinaryTalk {
             DronePacket::WifiStrength { .. } => Received::Life,
         })
     }
-
-    /// Date and time at `now`, UTC: the drone puts it into its own log only.
-    fn civil(&self, now: TimeNs) -> CivilTime {
-        CivilTime::from_unix_ns(self.utc_start_ns.saturating_add(now.0))
-    }
 }
 
 #[cfg(test)]
@@ -182,7 +188,7 @@ mod tests {
     fn numbers_begin_again_after_the_largest() {
         let mut talk = BinaryTalk::new(0, None);
         talk.sequence = u16::MAX;
-        talk.begin();
+        talk.begin(DroneOrder::Land, ms(0));
         assert_eq!(talk.sequence, 0);
     }
 

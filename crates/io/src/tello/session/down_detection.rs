@@ -65,8 +65,7 @@ impl AirborneSources {
         self.status = Some(AirborneReport { is_airborne: status.is_flying, at: now });
     }
 
-    /// The time of rest, given that up to now. None before the first moment at which a source reports that
-    /// the drone is down and none contradicts it.
+    /// Continues the rest `before` to `now`; `None` unless a source reports the drone down and none contradicts it.
     pub(super) fn rest(&self, before: Option<Rest>, now: TimeNs) -> Option<Rest> {
         (self.is_airborne(now) == Some(false)).then(|| {
             let since = before.map_or(now, |rest| rest.since);

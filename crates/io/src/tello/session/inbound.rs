@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 
 use super::messages::Received;
-use super::{Link, PING_PERIOD, Session, SessionPhase};
+use super::{Connection, PING_PERIOD, Session, SessionPhase};
 use crate::clock::TimeNs;
 use crate::tello::DroneStatus;
 
@@ -40,7 +40,7 @@ impl Session {
             return None;
         };
         self.counters.packets.count();
-        if let Link::Connected { heard_at, .. } = &mut self.link {
+        if let Connection::Connected { heard_at, .. } = &mut self.link {
             *heard_at = now;
         }
         match heard {
@@ -65,8 +65,8 @@ impl Session {
     }
 
     fn connect(&mut self, now: TimeNs) {
-        if matches!(self.link, Link::Asking { .. }) {
-            self.link = Link::Connected { heard_at: now, ping_at: now.after(PING_PERIOD) };
+        if matches!(self.link, Connection::Asking { .. }) {
+            self.link = Connection::Connected { heard_at: now, ping_at: now.after(PING_PERIOD) };
             self.counters.is_connected.store(true, Ordering::Relaxed);
             if self.may_ask(now) && self.may_steer() {
                 self.talk.greet(&mut self.outbox);
@@ -93,14 +93,14 @@ mod tests {
     #[test]
     fn bytes_that_mean_nothing_are_counted_and_are_no_sign_of_life() {
         let mut session = binary();
-        let link = Link::Connected { heard_at: ms(0), ping_at: ms(9_000) };
+        let link = Connection::Connected { heard_at: ms(0), ping_at: ms(9_000) };
         session.link = link;
         assert_eq!(session.receive(b"noise", ms(50)), None);
         assert_eq!((session.counters.malformed.get(), session.counters.packets.get()), (1, 0));
         assert_eq!(session.link, link);
         assert!(session.receive(&status(false), ms(60)).is_some());
         assert_eq!((session.counters.malformed.get(), session.counters.packets.get()), (1, 1));
-        assert_eq!(session.link, Link::Connected { heard_at: ms(60), ping_at: ms(9_000) });
+        assert_eq!(session.link, Connection::Connected { heard_at: ms(60), ping_at: ms(9_000) });
     }
 
     #[test]
@@ -119,10 +119,10 @@ mod tests {
     fn a_status_connects_and_so_does_a_state_line() {
         let mut session = binary();
         session.receive(&status(false), ms(0));
-        assert!(session.was_connected && matches!(session.link, Link::Connected { .. }));
+        assert!(session.was_connected && matches!(session.link, Connection::Connected { .. }));
         let mut text = Session::text(8890, false, Arc::new(LinkCounters::default()));
         assert!(text.receive_state(STANDS, ms(0)).is_some());
-        assert!(text.was_connected && matches!(text.link, Link::Connected { .. }));
+        assert!(text.was_connected && matches!(text.link, Connection::Connected { .. }));
     }
 
     #[test]

@@ -3,8 +3,8 @@
 //! Owns [`Message`] and [`Received`], the two sides of that translation. The protocols are `binary` and
 //! `text`; the session decides when something is sent.
 
-use super::binary::BinaryTalk;
-use super::text::TextTalk;
+use std::fmt::Debug;
+
 use super::{Approved, DroneOrder};
 use crate::clock::{SpanNs, TimeNs};
 use crate::tello::DroneStatus;
@@ -48,117 +48,61 @@ pub(super) enum Received {
 }
 
 /// One of the two protocols.
-#[derive(Debug)]
-pub(super) enum Talk {
-    Binary(BinaryTalk),
-    Text(TextTalk),
-}
-
-impl Talk {
+pub(super) trait Talk: Debug + Send {
     /// Asks for a connection.
-    pub(super) fn ask(&mut self, outbox: &mut Vec<Message>) {
-        match self {
-            Self::Binary(_) => BinaryTalk::ask(outbox),
-            Self::Text(_) => outbox.push(Message::Text(Command::Enter)),
-        }
-    }
+    fn ask(&mut self, outbox: &mut Vec<Message>);
 
     /// Sends what is due every few seconds, on the ground and in the air.
-    pub(super) fn ping(&mut self, outbox: &mut Vec<Message>) {
-        match self {
-            Self::Binary(talk) => talk.introduce(outbox),
-            Self::Text(talk) => talk.ping(outbox),
-        }
-    }
+    fn ping(&mut self, outbox: &mut Vec<Message>);
 
     /// The first messages of a new connection.
-    pub(super) fn greet(&mut self, outbox: &mut Vec<Message>) {
-        match self {
-            Self::Binary(talk) => talk.introduce(outbox),
-            Self::Text(talk) => talk.greet(outbox),
-        }
-    }
+    fn greet(&mut self, outbox: &mut Vec<Message>);
 
-    pub(super) fn steer(&mut self, approved: Approved, now: TimeNs, outbox: &mut Vec<Message>) {
-        match self {
-            Self::Binary(talk) => talk.steer(approved, now, outbox),
-            Self::Text(_) => outbox.push(Message::Text(Command::Sticks(approved.sticks()))),
-        }
-    }
+    /// Sends sticks.
+    fn steer(&mut self, approved: Approved, now: TimeNs, outbox: &mut Vec<Message>);
 
     /// Begins an order that is answered: what is sent from here on until the next one is its copies.
-    pub(super) fn begin(&mut self, order: DroneOrder, now: TimeNs) {
-        match self {
-            Self::Binary(talk) => talk.begin(),
-            Self::Text(talk) => talk.begin(order, now),
-        }
-    }
+    fn begin(&mut self, order: DroneOrder, now: TimeNs);
 
     /// One copy of an order.
-    pub(super) fn order(&mut self, order: DroneOrder, outbox: &mut Vec<Message>) {
-        match self {
-            Self::Binary(talk) => talk.order(order, outbox),
-            Self::Text(_) => outbox.push(Message::Text(match order {
-                DroneOrder::TakeOff => Command::TakeOff,
-                DroneOrder::Land => Command::Land,
-                DroneOrder::EmergencyStop => Command::EmergencyStop,
-            })),
-        }
-    }
+    fn order(&mut self, order: DroneOrder, outbox: &mut Vec<Message>);
 
     /// Whether sticks may be sent now.
-    pub(super) fn takes_sticks(&self, now: TimeNs) -> bool {
-        match self {
-            Self::Binary(_) => true,
-            Self::Text(talk) => talk.takes_sticks(now),
-        }
+    fn takes_sticks(&self, _now: TimeNs) -> bool {
+        true
     }
 
     /// Whether the drone may be asked something now.
-    pub(super) fn may_ask(&self, now: TimeNs) -> bool {
-        match self {
-            Self::Binary(_) => true,
-            Self::Text(talk) => !talk.is_taking_off(now),
-        }
+    fn may_ask(&self, _now: TimeNs) -> bool {
+        true
     }
 
-    /// After which time an order to take off may be repeated to a drone that says that it stands; `None`: never.
-    pub(super) fn take_off_repeat_after(&self) -> Option<SpanNs> {
-        match self {
-            Self::Binary(talk) => talk.take_off_repeat_after(),
-            Self::Text(talk) => talk.take_off_repeat_after(),
-        }
-    }
+    /// After which time an order to take off may be repeated to a drone that reports that it stands; `None`: never.
+    fn take_off_repeat_after(&self) -> Option<SpanNs>;
 
     /// Takes a datagram of the command port; `None` if it is not understood.
-    pub(super) fn receive(
+    fn receive(
         &mut self,
         datagram: &[u8],
         now: TimeNs,
         outbox: &mut Vec<Message>,
-    ) -> Option<Received> {
-        match self {
-            Self::Binary(talk) => talk.receive(datagram, now, outbox),
-            Self::Text(talk) => talk.receive_reply(datagram, now),
-        }
-    }
+    ) -> Option<Received>;
 
-    /// Takes a datagram of the state port, which only the text SDK has.
-    pub(super) fn receive_state(&mut self, datagram: &[u8], now: TimeNs) -> Option<Received> {
-        match self {
-            Self::Binary(_) => None,
-            Self::Text(talk) => talk.receive_state(datagram, now),
-        }
+    /// Takes a datagram of the state port, which only the text SDK has; `None` if it is not understood.
+    fn receive_state(&mut self, _datagram: &[u8], _now: TimeNs) -> Option<Received> {
+        None
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::binary::BinaryTalk;
     use super::super::tests::ms;
+    use super::super::text::TextTalk;
     use super::*;
 
-    fn both() -> [Talk; 2] {
-        [Talk::Binary(BinaryTalk::new(0, None)), Talk::Text(TextTalk::new(8890))]
+    fn both() -> [Box<dyn Talk>; 2] {
+        [Box::new(BinaryTalk::new(0, None)), Box::new(TextTalk::new(8890))]
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use super::down_detection::Rest;
 use super::{
-    Approved, CONNECT_PERIOD, DroneOrder, EMERGENCY_COPIES, EMERGENCY_LAND_AFTER, EMERGENCY_PERIOD,
-    EmergencyStop, Link, Session, SessionPhase,
+    Approved, CONNECT_PERIOD, Connection, DroneOrder, EMERGENCY_COPIES, EMERGENCY_LAND_AFTER,
+    EMERGENCY_PERIOD, EmergencyStop, Session, SessionPhase,
 };
 use crate::clock::TimeNs;
 
@@ -28,7 +28,7 @@ impl Session {
     /// Neutral sticks and directly after them LAND. A request for a connection that is overdue goes before
     /// both, so that nothing stands between them: a drone that has restarted ignores LAND without one.
     pub(super) fn send_landing(&mut self, now: TimeNs) {
-        if let Link::Asking { again_at, is_overdue: is_overdue @ true } = &mut self.link {
+        if let Connection::Asking { again_at, is_overdue: is_overdue @ true } = &mut self.link {
             (*again_at, *is_overdue) = (now.after(CONNECT_PERIOD), false);
             self.talk.ask(&mut self.outbox);
         }
@@ -112,14 +112,14 @@ mod tests {
 
     #[test]
     fn an_overdue_request_goes_once_directly_before_a_landing() {
-        let asking = |is_overdue| Link::Asking { again_at: ms(9_000), is_overdue };
+        let asking = |is_overdue| Connection::Asking { again_at: ms(9_000), is_overdue };
         let text = Session::text(8890, false, Arc::new(LinkCounters::default()));
         for mut session in [session(false), text] {
             session.link = asking(true);
             session.send_landing(ms(10));
             assert_eq!(waiting(&mut session), ["ask", "sticks", "land"]);
             let again_at = ms(10).after(CONNECT_PERIOD);
-            assert_eq!(session.link, Link::Asking { again_at, is_overdue: false });
+            assert_eq!(session.link, Connection::Asking { again_at, is_overdue: false });
             session.send_landing(ms(20));
             assert_eq!(waiting(&mut session), ["sticks", "land"], "no longer overdue");
         }

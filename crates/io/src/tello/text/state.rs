@@ -91,7 +91,7 @@ pub struct StateLine {
 }
 
 impl StateLine {
-    /// The value of `field`, in the field's unit.
+    /// The value of `field`, in the field's unit. `None`: the line has no such field, here and below.
     pub fn get(&self, field: Field) -> Option<f64> {
         self.values.get(field as usize).copied().flatten()
     }

@@ -30,3 +30,26 @@ fn all_families_are_drawn_together() {
     }
     assert_eq!(seen.len(), Family::value_variants().len(), "{seen:?}");
 }
+
+#[test]
+fn the_families_that_last_for_the_flight_are_the_last_ones() {
+    let lasting = [
+        Family::NoEmergency,
+        Family::LandingKeepsSticks,
+        Family::LandUnheard,
+        Family::LandingCancelled,
+        Family::FlyingFlag,
+        Family::Velocity,
+        Family::Height,
+        Family::NoAutoLand,
+        Family::HeldOutages,
+        Family::AlreadyFlying,
+        Family::FrameTurned,
+        Family::FrameMirrored,
+        Family::FrameScaled,
+        Family::HeadingTurned,
+        Family::HeadingReport,
+    ];
+    let of_all = Family::value_variants().iter().copied().filter(|family| family.is_lasting());
+    assert!(of_all.eq(lasting));
+}

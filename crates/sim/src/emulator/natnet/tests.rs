@@ -5,10 +5,10 @@ use super::super::{MocapAddresses, MocapServers};
 use super::*;
 
 /// A server, and the socket of a client that does not wait.
-fn bench() -> (NatnetPort, UdpSocket) {
+fn fixture() -> (NatnetPort, UdpSocket) {
     let server = NatnetPort::bind(NatnetServer::unicast(ANY)).unwrap();
     let client = UdpSocket::bind(ANY).unwrap();
-    client.connect(server.server().address).unwrap();
+    client.connect(server.server.address).unwrap();
     client.set_nonblocking(true).unwrap();
     (server, client)
 }
@@ -47,7 +47,7 @@ fn a_client_sees_both_objects_and_that_one_is_not_tracked() {
 
 #[test]
 fn who_asks_receives_version_and_ticks_and_later_the_rate() {
-    let (mut server, client) = bench();
+    let (mut server, client) = fixture();
     let answers = ask(&mut server, &client, id::CONNECT, b"");
     let [(_, body)] = &answers[..] else { panic!("{answers:?}") };
     let info = server_info(body).unwrap();
@@ -67,7 +67,7 @@ fn who_asks_receives_version_and_ticks_and_later_the_rate() {
 
 #[test]
 fn frames_go_to_whom_has_asked_within_ten_seconds() {
-    let (mut server, client) = bench();
+    let (mut server, client) = fixture();
     let slow = MocapFrame { rate_hz: 1.0, ..frame(1, Some(VEHICLE)) };
     server.send(&slow, None);
     assert!(arrived(&client).is_empty(), "it has not asked");
@@ -87,11 +87,11 @@ fn frames_go_to_whom_has_asked_within_ten_seconds() {
 
 #[test]
 fn clients_beyond_the_most_are_not_served() {
-    let (mut server, first) = bench();
+    let (mut server, first) = fixture();
     ask(&mut server, &first, id::KEEPALIVE, b"");
     for _ in 0..CLIENTS_MAX + 4 {
         let client = UdpSocket::bind(ANY).unwrap();
-        client.connect(server.server().address).unwrap();
+        client.connect(server.server.address).unwrap();
         client.set_nonblocking(true).unwrap();
         ask(&mut server, &client, id::KEEPALIVE, b"");
     }

@@ -3,7 +3,7 @@ use super::super::{MocapAddresses, MocapServers};
 use super::*;
 
 /// Answers of a session to `command`: kinds and texts.
-fn answers(session: &mut Session, command: &str) -> Vec<(u32, String)> {
+fn answers(session: &mut QtmSession, command: &str) -> Vec<(u32, String)> {
     let mut bytes = Vec::new();
     encode::text(kind::COMMAND, command, &mut bytes);
     session.receive(&bytes).unwrap();
@@ -31,7 +31,7 @@ fn a_client_sees_both_objects_and_that_one_is_not_there() {
 
 #[test]
 fn questions_are_answered_in_any_case_of_letters() {
-    let mut session = Session::default();
+    let mut session = QtmSession::default();
     for (command, answer) in [
         ("Version", "Version is 1.19"),
         ("version 1.13", "Version set to 1.13"),
@@ -45,18 +45,18 @@ fn questions_are_answered_in_any_case_of_letters() {
 
 #[test]
 fn what_would_change_a_measurement_is_refused() {
-    let mut session = Session::default();
+    let mut session = QtmSession::default();
     for command in ["TakeControl secret", "Start", "Close", ""] {
         let refused = vec![(kind::ERROR, "Command not supported".to_owned())];
         assert_eq!(answers(&mut session, command), refused, "{command:?}");
     }
-    let Session { wants_parameters, wants_every_frame, wants_frame, .. } = session;
+    let QtmSession { wants_parameters, wants_every_frame, wants_frame, .. } = session;
     assert!(!(wants_parameters || wants_every_frame || wants_frame));
 }
 
 #[test]
 fn frames_begin_and_end_as_asked_and_one_may_be_asked_for() {
-    let mut session = Session::default();
+    let mut session = QtmSession::default();
     assert!(answers(&mut session, "StreamFrames AllFrames 6D").is_empty());
     assert!(session.wants_every_frame && !session.wants_frame);
     assert!(answers(&mut session, "StreamFrames Stop").is_empty());
@@ -69,7 +69,7 @@ fn frames_begin_and_end_as_asked_and_one_may_be_asked_for() {
 
 #[test]
 fn a_command_in_pieces_is_obeyed_once_it_is_whole_and_nonsense_ends_the_connection() {
-    let mut session = Session::default();
+    let mut session = QtmSession::default();
     let mut bytes = Vec::new();
     encode::text(kind::COMMAND, "GetCurrentFrame 6D", &mut bytes);
     let (last, rest) = bytes.split_last().unwrap();

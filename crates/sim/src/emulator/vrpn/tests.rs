@@ -9,15 +9,15 @@ fn describes(number: i32, name: &[u8]) -> Vec<u8> {
     bytes
 }
 
-fn says(kind: i32) -> Vec<u8> {
+fn empty_message(kind: i32) -> Vec<u8> {
     let mut bytes = Vec::new();
-    encode::message(&Message { time_s: 0.0, sender: 0, kind, body: &[] }, &mut bytes);
+    encode::message(&VrpnMessage { time_s: 0.0, sender: 0, kind, body: &[] }, &mut bytes);
     bytes
 }
 
 /// A session that has greeted.
-fn session() -> Session {
-    let mut session = Session::default();
+fn session() -> VrpnSession {
+    let mut session = VrpnSession::default();
     let mut cookie = Vec::new();
     encode::cookie(&mut cookie);
     session.receive(&cookie).unwrap();
@@ -42,13 +42,13 @@ fn each_object_is_a_tracker_and_one_that_is_not_seen_is_not_reported() {
 #[test]
 fn a_ping_is_answered_by_the_number_that_the_client_gave_it() {
     let mut session = session();
-    session.receive(&says(7)).unwrap();
+    session.receive(&empty_message(7)).unwrap();
     assert!(!session.wants_pong, "nothing is known of 7");
     session.receive(&describes(7, PING)).unwrap();
     session.receive(&describes(8, b"vrpn_Tracker Pos_Quat")).unwrap();
-    session.receive(&says(8)).unwrap();
+    session.receive(&empty_message(8)).unwrap();
     assert!(!session.wants_pong);
-    session.receive(&says(7)).unwrap();
+    session.receive(&empty_message(7)).unwrap();
     assert!(session.wants_pong);
 }
 
@@ -63,5 +63,5 @@ fn a_client_that_describes_types_without_end_takes_no_more_memory() {
 
 #[test]
 fn what_is_no_vrpn_ends_the_connection() {
-    assert!(Session::default().receive(b"GET / HTTP/1.1\r\nHost: localhost\r\n").is_err());
+    assert!(VrpnSession::default().receive(b"GET / HTTP/1.1\r\nHost: localhost\r\n").is_err());
 }

@@ -83,7 +83,7 @@ fn a_landing_can_be_taken_back() {
 }
 
 #[test]
-fn a_deaf_drone_hears_nothing_and_a_mute_one_says_nothing() {
+fn a_deaf_drone_hears_nothing_and_a_mute_one_reports_nothing() {
     let fault = |fault, from_s| ScriptedFault { fault, from_s, for_s: 1.0 };
     let mut world =
         world(vec![fault(InjectedFault::DroneDeaf, 0.0), fault(InjectedFault::DroneMute, 1.0)]);

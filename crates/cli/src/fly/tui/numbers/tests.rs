@@ -1,5 +1,6 @@
+use tello_eval::facts::LinkFact;
+
 use super::*;
-use crate::fly::live::facts::LinkFact;
 use crate::fly::tui::tests::view;
 
 /// Full and empty columns, from left to right.

@@ -1,8 +1,8 @@
 use std::sync::Arc;
 
+use tello_eval::facts::{Facts, LinkFact};
+
 use super::*;
-use crate::fly::live::Facts;
-use crate::fly::live::facts::LinkFact;
 use crate::fly::tui::tests::view;
 
 /// The head and the line below it, of a flight that is changed.

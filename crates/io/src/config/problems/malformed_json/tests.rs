@@ -1,7 +1,7 @@
 use super::*;
 
 /// Finite text, places of what was replaced, and the problems with their places.
-fn finite(text: &str) -> (String, Vec<Place>, Vec<SettingProblem>) {
+fn finite(text: &str) -> (String, Vec<KeyPath>, Vec<SettingProblem>) {
     let mut found = Problems::default();
     let (finite, replaced) = finite_text(text.to_owned(), "a.json", &mut found);
     (finite, replaced, found.list)
@@ -12,7 +12,7 @@ fn every_number_that_json_does_not_have_becomes_a_zero_of_its_length() {
     let (text, replaced, problems) =
         finite("{\n  \"a\": NaN,\n  \"b\": { \"c\": [1.5, -Infinity, 2] }, \"d\": inf\n}");
     assert_eq!(text, "{\n  \"a\": 0  ,\n  \"b\": { \"c\": [1.5, 0        , 2] }, \"d\": 0  \n}");
-    assert_eq!(replaced, ["a", "b.c[1]", "d"].map(Place::of_key));
+    assert_eq!(replaced, ["a", "b.c[1]", "d"].map(KeyPath::of_key));
     let of = |place, text: &str| SettingProblem {
         file: "a.json".to_owned(),
         place: Some(place),

@@ -9,7 +9,7 @@ fn a_long_announcement_makes_no_room_before_its_bytes_come() {
 }
 
 #[test]
-fn a_packet_that_ends_within_an_object_says_so_once() {
+fn a_packet_that_ends_within_an_object_is_refused_once() {
     // Objects 1 and 2, of 1 and 2 bytes.
     let packet = bytes("01000000 01000000 aa 02000000 02000000 bbcc");
     // At most four, so that errors without end are a failure.

@@ -7,9 +7,16 @@ use super::*;
 struct Taken {
     bodies: Vec<(String, Option<[f64; 3]>)>,
     heads: Vec<Head>,
+    refused: u64,
 }
 
-impl Taker for Taken {
+impl FrameVisitor for Taken {
+    fn message(&mut self) {}
+
+    fn refuse(&mut self, _why: Refusal) {
+        self.refused += 1;
+    }
+
     fn body(&mut self, name: Name<'_>, at: Option<&Placement>) {
         let name = str::from_utf8(name.text.unwrap()).unwrap().to_owned();
         self.bodies.push((name, at.map(|at| at.pos_v)));
@@ -18,16 +25,13 @@ impl Taker for Taken {
     fn frame(&mut self, head: Head) {
         self.heads.push(head);
     }
-
-    fn forget(&mut self) {
-        self.bodies.clear();
-    }
 }
 
 fn push(protocol: &mut DatastreamProtocol, packet: &[u8]) -> (Taken, u64) {
-    let (mut taken, counters) = (Taken::default(), MocapCounters::default());
-    protocol.push(packet, &counters, &mut taken).unwrap();
-    (taken, counters.malformed.get())
+    let mut taken = Taken::default();
+    protocol.push(packet, &mut taken).unwrap();
+    let refused = taken.refused;
+    (taken, refused)
 }
 
 #[test]

@@ -41,7 +41,7 @@ fn a_landing_of_the_guardian_is_heard_once() {
 }
 
 #[test]
-fn a_pause_in_flight_is_a_landing_even_before_the_guardian_says_so() {
+fn a_pause_in_flight_is_a_landing_even_before_the_guardian_reports_it() {
     let (mut heartbeat, _channel) = pair();
     heartbeat.beat(Duty::Idle, ms(0));
     assert_eq!(heartbeat.report(ms(5_000)), GuardianReport::Continue, "nothing was in the air");

@@ -6,7 +6,7 @@ use super::*;
 /// `None` nothing. The drone is ordered to land at 0 ms.
 fn landings(
     is_text: bool,
-    says: impl Fn(i64) -> Option<bool>,
+    reported: impl Fn(i64) -> Option<bool>,
     sees: impl Fn(i64) -> Option<bool>,
 ) -> Vec<i64> {
     let counters = Arc::new(LinkCounters::default());
@@ -22,7 +22,7 @@ fn landings(
             session.observe_pose(sees(now_ms), ms(now_ms));
         }
         if now_ms % 100 == 0
-            && let Some(is_flying) = says(now_ms)
+            && let Some(is_flying) = reported(now_ms)
         {
             receive(&mut session, is_text, is_flying, now_ms);
         }
@@ -72,7 +72,7 @@ fn until(end_ms: i64) -> Vec<i64> {
 }
 
 #[test]
-fn a_landing_ends_when_both_sources_say_down_and_by_one_alone_10_s_later() {
+fn a_landing_ends_when_both_sources_report_down_and_by_one_alone_10_s_later() {
     let down_from = |from_ms| move |now_ms| Some(now_ms < from_ms);
     let silent = |_| None;
     for is_text in [false, true] {
@@ -88,7 +88,7 @@ fn a_landing_ends_when_both_sources_say_down_and_by_one_alone_10_s_later() {
         let denies = landings(is_text, |_| Some(false), |_| Some(true));
         assert_eq!(denies, until(19_999), "it denies the flight while the pose hovers");
         let sticks = landings(is_text, |_| Some(true), |_| Some(false));
-        assert_eq!(sticks, until(19_999), "it says that it flies while the pose stands");
+        assert_eq!(sticks, until(19_999), "it reports flying while the pose stands");
     }
 }
 
@@ -194,98 +194,98 @@ fn a_landing_is_resumed_when_the_pose_comes_back_in_the_air() {
 
 #[test]
 fn a_stop_lands_a_drone_that_only_its_own_word_puts_on_the_ground() {
-    let mut bench = Bench::standing();
-    bench.order(0, DroneOrder::TakeOff);
-    bench.receive(1_000, &status(true));
+    let mut fixture = Fixture::standing();
+    fixture.order(0, DroneOrder::TakeOff);
+    fixture.receive(1_000, &status(true));
     for now_ms in (20..10_000).step_by(20) {
-        bench.approve(now_ms, 0.5);
+        fixture.approve(now_ms, 0.5);
     }
-    bench.receive(10_000, &status(false));
-    bench.session.stop(ms(10_000));
+    fixture.receive(10_000, &status(false));
+    fixture.session.stop(ms(10_000));
     for now_ms in (10_000..20_000).step_by(100) {
-        bench.receive(now_ms, &status(false));
-        bench.run(now_ms, now_ms + 99);
-        assert!(!bench.session.is_over(ms(now_ms)), "{now_ms} ms");
-        assert_eq!(bench.session.duty(ms(now_ms)), crate::tello::guardian::Duty::Landing);
+        fixture.receive(now_ms, &status(false));
+        fixture.run(now_ms, now_ms + 99);
+        assert!(!fixture.session.is_over(ms(now_ms)), "{now_ms} ms");
+        assert_eq!(fixture.session.duty(ms(now_ms)), crate::tello::guardian::Duty::Landing);
     }
-    bench.receive(20_000, &status(false));
-    assert!(bench.session.is_over(ms(20_000)));
-    assert_eq!(bench.times(is_landing), (10_000..20_000).step_by(500).collect::<Vec<_>>());
+    fixture.receive(20_000, &status(false));
+    assert!(fixture.session.is_over(ms(20_000)));
+    assert_eq!(fixture.times(is_landing), (10_000..20_000).step_by(500).collect::<Vec<_>>());
 }
 
 #[test]
 fn after_the_stop_a_drone_that_was_seen_in_the_air_is_landed_for_15_s() {
-    let mut bench = Bench::standing();
-    bench.order(0, DroneOrder::TakeOff);
+    let mut fixture = Fixture::standing();
+    fixture.order(0, DroneOrder::TakeOff);
     for now_ms in (0..10_000).step_by(20) {
-        bench.approve(now_ms, 0.5);
-        bench.observe_pose(now_ms, Some(true));
+        fixture.approve(now_ms, 0.5);
+        fixture.observe_pose(now_ms, Some(true));
     }
-    bench.session.stop(ms(10_000));
+    fixture.session.stop(ms(10_000));
     for now_ms in 10_000..25_000 {
         // No pose from here on: the control thread is gone.
         if now_ms % 100 == 0 {
-            bench.receive(now_ms, &status(false));
+            fixture.receive(now_ms, &status(false));
         }
-        bench.run(now_ms, now_ms);
-        assert!(!bench.session.is_over(ms(now_ms)), "{now_ms} ms");
+        fixture.run(now_ms, now_ms);
+        assert!(!fixture.session.is_over(ms(now_ms)), "{now_ms} ms");
     }
-    assert!(bench.session.is_over(ms(25_000)));
+    assert!(fixture.session.is_over(ms(25_000)));
     let expected: Vec<_> = (10_000..25_000).step_by(500).collect();
-    assert_eq!(bench.times(is_landing), expected);
+    assert_eq!(fixture.times(is_landing), expected);
 }
 
 #[test]
 fn a_stop_with_a_pose_on_the_floor_waits_for_it_only() {
-    let mut bench = Bench::standing();
-    bench.order(0, DroneOrder::TakeOff);
-    bench.approve(6_000, 0.5);
-    bench.receive(6_000, &status(false));
-    bench.observe_pose(6_000, Some(true));
-    bench.session.stop(ms(6_000));
+    let mut fixture = Fixture::standing();
+    fixture.order(0, DroneOrder::TakeOff);
+    fixture.approve(6_000, 0.5);
+    fixture.receive(6_000, &status(false));
+    fixture.observe_pose(6_000, Some(true));
+    fixture.session.stop(ms(6_000));
     for now_ms in (6_000..8_000).step_by(20) {
-        bench.observe_pose(now_ms, Some(now_ms < 7_000));
-        bench.run(now_ms, now_ms + 19);
-        assert_eq!(bench.session.is_over(ms(now_ms)), now_ms >= 7_300, "{now_ms} ms");
+        fixture.observe_pose(now_ms, Some(now_ms < 7_000));
+        fixture.run(now_ms, now_ms + 19);
+        assert_eq!(fixture.session.is_over(ms(now_ms)), now_ms >= 7_300, "{now_ms} ms");
     }
 }
 
 #[test]
 fn a_drone_that_is_carried_before_the_flight_is_not_landed_by_the_stop() {
-    let mut bench = Bench::standing();
-    bench.approve(10, 0.0);
-    bench.observe_pose(20, Some(true));
-    bench.receive(20, &status(false));
-    bench.session.stop(ms(30));
-    assert!(bench.session.is_over(ms(30)));
+    let mut fixture = Fixture::standing();
+    fixture.approve(10, 0.0);
+    fixture.observe_pose(20, Some(true));
+    fixture.receive(20, &status(false));
+    fixture.session.stop(ms(30));
+    assert!(fixture.session.is_over(ms(30)));
     // Sticks that deflect may have flown it, whatever it reports.
-    let mut bench = Bench::standing();
-    bench.approve(10, 0.1);
-    bench.observe_pose(20, Some(true));
-    bench.receive(20, &status(false));
-    bench.session.stop(ms(30));
-    bench.note(30);
-    assert!(!bench.session.is_over(ms(30)));
-    assert_eq!(bench.times(is_landing), [30]);
+    let mut fixture = Fixture::standing();
+    fixture.approve(10, 0.1);
+    fixture.observe_pose(20, Some(true));
+    fixture.receive(20, &status(false));
+    fixture.session.stop(ms(30));
+    fixture.note(30);
+    assert!(!fixture.session.is_over(ms(30)));
+    assert_eq!(fixture.times(is_landing), [30]);
 }
 
 #[test]
 fn a_drone_that_was_last_heard_standing_and_never_flew_does_not_hold_up_the_stop() {
-    let mut bench = Bench::standing();
+    let mut fixture = Fixture::standing();
     for now_ms in (10..5_000).step_by(20) {
-        bench.approve(now_ms, 0.0);
+        fixture.approve(now_ms, 0.0);
     }
-    bench.session.stop(ms(5_000));
-    assert!(bench.session.is_over(ms(5_000)), "switched off meanwhile");
+    fixture.session.stop(ms(5_000));
+    assert!(fixture.session.is_over(ms(5_000)), "switched off meanwhile");
 }
 
 #[test]
 fn a_pose_in_the_air_counts_for_2_s_after_it_was_lost() {
-    let mut bench = Bench::connected();
-    let airborne = |bench: &Bench, now_ms| bench.session.sources.is_airborne(ms(now_ms));
-    bench.observe_pose(1_000, Some(true));
-    bench.observe_pose(2_999, None);
-    assert_eq!(airborne(&bench, 2_999), Some(true));
-    bench.observe_pose(3_000, None);
-    assert_eq!(airborne(&bench, 3_000), None);
+    let mut fixture = Fixture::connected();
+    let airborne = |fixture: &Fixture, now_ms| fixture.session.sources.is_airborne(ms(now_ms));
+    fixture.observe_pose(1_000, Some(true));
+    fixture.observe_pose(2_999, None);
+    assert_eq!(airborne(&fixture, 2_999), Some(true));
+    fixture.observe_pose(3_000, None);
+    assert_eq!(airborne(&fixture, 3_000), None);
 }

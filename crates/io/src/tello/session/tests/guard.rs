@@ -3,38 +3,38 @@
 use super::*;
 use crate::tello::guardian::Duty;
 
-fn duty(bench: &Bench, now_ms: i64) -> Duty {
-    bench.session.duty(ms(now_ms))
+fn duty(fixture: &Fixture, now_ms: i64) -> Duty {
+    fixture.session.duty(ms(now_ms))
 }
 
 #[test]
 fn a_drone_that_may_be_in_the_air_is_guarded_until_it_stands() {
-    let mut bench = Bench::connected();
-    assert_eq!(duty(&bench, 0), Duty::Idle);
-    bench.receive(0, &status(false));
-    bench.order(10, DroneOrder::TakeOff);
-    assert_eq!(duty(&bench, 10), Duty::Steering, "before the order is sent");
-    bench.receive(20, &status(true));
-    bench.approve(30, 0.5);
-    assert_eq!(duty(&bench, 6_000), Duty::Steering);
-    bench.order(6_010, DroneOrder::Land);
-    assert_eq!(duty(&bench, 6_010), Duty::Landing);
-    bench.receive(9_000, &status(false));
-    assert_eq!(duty(&bench, 9_000), Duty::Landing, "its own word alone");
+    let mut fixture = Fixture::connected();
+    assert_eq!(duty(&fixture, 0), Duty::Idle);
+    fixture.receive(0, &status(false));
+    fixture.order(10, DroneOrder::TakeOff);
+    assert_eq!(duty(&fixture, 10), Duty::Steering, "before the order is sent");
+    fixture.receive(20, &status(true));
+    fixture.approve(30, 0.5);
+    assert_eq!(duty(&fixture, 6_000), Duty::Steering);
+    fixture.order(6_010, DroneOrder::Land);
+    assert_eq!(duty(&fixture, 6_010), Duty::Landing);
+    fixture.receive(9_000, &status(false));
+    assert_eq!(duty(&fixture, 9_000), Duty::Landing, "its own word alone");
     for now_ms in (9_100..9_500).step_by(100) {
-        bench.stand(now_ms);
+        fixture.stand(now_ms);
     }
-    assert_eq!(duty(&bench, 9_400), Duty::Idle);
+    assert_eq!(duty(&fixture, 9_400), Duty::Idle);
 }
 
 #[test]
 fn nothing_is_guarded_in_a_dry_run_and_an_emergency_stop_is_followed_by_landings() {
-    let mut dry = Bench::new(true);
+    let mut dry = Fixture::new(true);
     dry.receive(0, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
     dry.receive(0, &status(true));
     dry.order(10, DroneOrder::TakeOff);
     assert_eq!(duty(&dry, 20), Duty::Idle);
-    let mut stopped = Bench::connected();
+    let mut stopped = Fixture::connected();
     stopped.receive(0, &status(true));
     stopped.order(10, DroneOrder::EmergencyStop);
     assert_eq!(duty(&stopped, 10), Duty::Landing);
@@ -46,19 +46,19 @@ fn nothing_is_guarded_in_a_dry_run_and_an_emergency_stop_is_followed_by_landings
 
 #[test]
 fn what_waits_to_be_sent_does_not_follow_a_landing_of_the_guardian() {
-    let mut bench = Bench::connected();
-    bench.receive(0, &status(true));
+    let mut fixture = Fixture::connected();
+    fixture.receive(0, &status(true));
     // Decided, and not sent yet.
-    bench.session.approve(approved(0.5), ms(10), ms(10));
-    bench.session.adopt_landing(ms(10));
-    bench.note(10);
-    bench.approve(20, 0.5);
-    bench.order(20, DroneOrder::TakeOff);
-    bench.run(20, 1_000);
-    assert_eq!(bench.times(is_roll), [0; 0]);
-    assert_eq!(take_offs(&bench), [0; 0]);
-    assert_eq!(bench.times(is_landing).first(), Some(&10));
-    let mut ground = Bench::connected();
+    fixture.session.approve(approved(0.5), ms(10), ms(10));
+    fixture.session.adopt_landing(ms(10));
+    fixture.note(10);
+    fixture.approve(20, 0.5);
+    fixture.order(20, DroneOrder::TakeOff);
+    fixture.run(20, 1_000);
+    assert_eq!(fixture.times(is_roll), [0; 0]);
+    assert_eq!(take_offs(&fixture), [0; 0]);
+    assert_eq!(fixture.times(is_landing).first(), Some(&10));
+    let mut ground = Fixture::connected();
     ground.receive(0, &status(false));
     ground.session.order(DroneOrder::TakeOff, ms(10));
     ground.session.adopt_landing(ms(10));
@@ -68,9 +68,9 @@ fn what_waits_to_be_sent_does_not_follow_a_landing_of_the_guardian() {
 
 #[test]
 fn an_answer_that_waits_to_be_sent_goes_out_before_a_landing_of_the_guardian() {
-    let mut bench = Bench::connected();
-    bench.session.receive(&bytes(DronePacket::DateTimeRequest { sequence: 0 }), ms(10));
-    bench.session.adopt_landing(ms(10));
-    bench.note(10);
-    assert_eq!(bench.sent, [(10, Sent::Answer), (10, Sent::Order(DroneOrder::Land, 1))]);
+    let mut fixture = Fixture::connected();
+    fixture.session.receive(&bytes(DronePacket::DateTimeRequest { sequence: 0 }), ms(10));
+    fixture.session.adopt_landing(ms(10));
+    fixture.note(10);
+    assert_eq!(fixture.sent, [(10, Sent::Answer), (10, Sent::Order(DroneOrder::Land, 1))]);
 }

@@ -4,21 +4,21 @@ use super::*;
 
 #[test]
 fn a_drone_that_is_heard_again_during_a_take_off_is_sent_no_port() {
-    let mut bench = Text::new();
-    bench.session = Session::text(9001, false, Arc::new(LinkCounters::default()));
-    bench.run(0);
-    bench.reply(0, "ok");
-    bench.fly(0, 4_000, |_| 7);
-    assert_eq!(bench.times("port"), [0]);
-    bench.order(4_000, DroneOrder::TakeOff);
+    let mut fixture = Text::new();
+    fixture.session = Session::text(9001, false, Arc::new(LinkCounters::default()));
+    fixture.run(0);
+    fixture.reply(0, "ok");
+    fixture.fly(0, 4_000, |_| 7);
+    assert_eq!(fixture.times("port"), [0]);
+    fixture.order(4_000, DroneOrder::TakeOff);
     for now_ms in 4_000..6_100 {
-        bench.session.approve(approved(0.0), ms(now_ms), ms(now_ms));
-        bench.run(now_ms);
+        fixture.session.approve(approved(0.0), ms(now_ms), ms(now_ms));
+        fixture.run(now_ms);
     }
-    assert!(!bench.session.counters.is_connected(), "silent for 2 s");
-    bench.steer(6_100, 7_000, |_| 7);
-    assert!(bench.session.counters.is_connected());
-    assert_eq!(bench.times("port"), [0], "it would end the take-off");
+    assert!(!fixture.session.counters.is_connected(), "silent for 2 s");
+    fixture.steer(6_100, 7_000, |_| 7);
+    assert!(fixture.session.counters.is_connected());
+    assert_eq!(fixture.times("port"), [0], "it would end the take-off");
 }
 
 #[test]
@@ -29,22 +29,22 @@ fn a_take_off_of_a_drone_that_counts_no_seconds_and_does_not_reply_ends_after_8_
 
 /// When the first sticks go out after a take-off at 1 s by such distances to the floor. ms
 fn first_sticks_ms(tof_cm: fn(i64) -> &'static str) -> i64 {
-    let mut bench = Text::new();
-    bench.session.advance(ms(0));
-    bench.reply(0, "ok");
+    let mut fixture = Text::new();
+    fixture.session.advance(ms(0));
+    fixture.reply(0, "ok");
     for now_ms in 0..15_000 {
         if now_ms % 100 == 0 {
             let line = format!("tof:{};bat:83;", tof_cm(now_ms));
-            bench.session.receive_state(line.as_bytes(), ms(now_ms));
+            fixture.session.receive_state(line.as_bytes(), ms(now_ms));
         }
         if now_ms == 1_000 {
-            bench.order(now_ms, DroneOrder::TakeOff);
+            fixture.order(now_ms, DroneOrder::TakeOff);
         }
         if now_ms % 20 == 0 {
-            bench.session.approve(approved(0.5), ms(now_ms), ms(now_ms));
+            fixture.session.approve(approved(0.5), ms(now_ms), ms(now_ms));
         }
-        bench.run(now_ms);
+        fixture.run(now_ms);
     }
-    assert_eq!(bench.times("takeoff"), [1_000]);
-    bench.times("rc")[0]
+    assert_eq!(fixture.times("takeoff"), [1_000]);
+    fixture.times("rc")[0]
 }
