@@ -11,7 +11,7 @@ use serde::Serialize;
 use tello_flight::cycle::{FlightTable, Pipeline, Timing};
 use tello_flight::jitter::{Jitter, RECORD_EVERY_TICKS};
 use tello_flight::{Fault, Phase};
-use tello_io::link_diagnosis::hidden;
+use tello_io::link_diagnosis::{RefusedHeadings, hidden};
 use tello_io::mocap::{MocapCounters, Sighting, StreamReport};
 use tello_io::tello::LinkCounters;
 
@@ -44,6 +44,7 @@ pub struct Tally {
     set_out_ms: Option<f64>,
     answer_ms: Vec<f64>,
     jitter: Jitter,
+    headings: RefusedHeadings,
 }
 
 /// The summary of a flight; see [`Metrics`] for the definitions.
@@ -122,6 +123,7 @@ impl Tally {
             set_out_ms: None,
             answer_ms: Vec::new(),
             jitter: Jitter::default(),
+            headings: RefusedHeadings::default(),
         })
     }
 
@@ -143,6 +145,7 @@ impl Tally {
             self.set_out_ms = newest.map(|seen| ms(waited(seen).0 + sent_ns));
         }
         self.outages.add(out, self.dt_s);
+        self.headings.add(out.filtered, self.dt_s);
         self.targets_reached = out.targets_reached;
         // A landing is no part of the mission.
         self.add_hand(out.phase(), tick.inbox.manual.is_some());
@@ -180,6 +183,7 @@ impl Tally {
             jitter: self.jitter,
             solve_ms: quantiles(&self.solve_ms, SPREAD),
             answer_ms: quantiles(&self.answer_ms, SPREAD),
+            hidden: self.headings.reason(),
             ..Summary::default()
         }
     }
@@ -199,7 +203,7 @@ impl Summary {
         let is_lost = faults.contains(Fault::MocapLost) || faults.contains(Fault::MocapStale);
         Self {
             mocap: mocap.report(),
-            hidden: if is_lost { hidden(mocap.since_pose(), object) } else { None },
+            hidden: hidden(mocap.since_pose(), object).or(self.hidden).filter(|_| is_lost),
             firmware: drone.facts().version.map(|version| version.to_string()),
             refusal: drone.refusal(),
             sender_pause_ms: drone.longest_pause().seconds() * 1e3,
@@ -263,12 +267,9 @@ impl Summary {
     /// How well the path was followed.
     fn write_accuracy(&self, f: &mut Formatter<'_>) -> fmt::Result {
         if let Some(metrics) = &self.metrics {
-            match metrics.finish_s {
-                Some(finish_s) => {
-                    writeln!(f, "finish        {finish_s:.2} s from first to last target")?;
-                }
-                None => writeln!(f, "finish        not reached")?,
-            }
+            let reached = |finish_s| format!("{finish_s:.2} s from first to last target");
+            let finish = metrics.finish_s.map_or_else(|| "not reached".into(), reached);
+            writeln!(f, "finish        {finish}")?;
             writeln!(
                 f,
                 "2-D distance  {:.3} m median, {:.3} m 95 %, {:.3} m largest",

@@ -56,7 +56,7 @@ use immobility::Immobility;
 use impact::Impact;
 use link::Link;
 use measurement_time::TickObservations;
-pub use mission_checks::{misfits, notes, take_off_clearance};
+pub use mission_checks::{beside_moving_obstacle, misfits, notes, take_off_clearance};
 use planning::{Known, Planner};
 use pose_plausibility::Plausibility;
 use progress::Progress;

@@ -3,6 +3,7 @@
 //! For the list before a flight, for a flight that does not begin, and for its summary.
 
 use tello_flight::cycle::SIGHTING_AGE_MAX;
+use tello_flight::{Acceptance, Filtered};
 
 use crate::config::FlyTable;
 use crate::mocap::{MocapCounters, MocapTable, SincePose, StreamReport};
@@ -11,8 +12,13 @@ use crate::tello::Protocol;
 /// Fewer frames without a pose are those that any source has now and then.
 const HIDDEN_MIN: u64 = 10;
 
+/// Headings that are refused for less time end no flight: `lost_s` is 2 s. s
+const REFUSED_MIN_S: f64 = 1.5;
+
 /// Smaller differences of a counted rate are jitter. 1
 const RATE_APART_MIN: f64 = 3e-3;
+/// Smaller ones may be: delays that change by 0.1 s cause 0.6 %. 1
+const RATE_APART_SURE: f64 = 8e-3;
 
 /// Message on a mocap stream that shows no drone: the first of these that applies.
 pub fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> String {
@@ -28,6 +34,7 @@ pub fn mocap_trouble(table: &FlyTable, counters: &MocapCounters) -> String {
         .or_else(|| silent(messages, address))
         .or_else(|| unnamed(counters, object))
         .or_else(|| empty(&report, messages, address))
+        .or_else(|| undated(&report, object))
         .unwrap_or_else(|| unseen(table, counters, &report))
 }
 
@@ -61,6 +68,15 @@ fn empty(report: &StreamReport, messages: u64, address: &str) -> Option<String> 
     })
 }
 
+/// Message for a stream in which the drone is seen, and nothing shows when.
+pub fn undated(report: &StreamReport, object: &str) -> Option<String> {
+    (report.frames > report.unseen && !report.has_clock).then(|| {
+        format!(
+            "{object:?} is seen, but its frame numbers and stamps do not keep pace with time: its poses cannot be dated"
+        )
+    })
+}
+
 /// Message for a stream that has objects, but not the drone.
 fn unseen(table: &FlyTable, counters: &MocapCounters, report: &StreamReport) -> String {
     format!(
@@ -82,9 +98,11 @@ pub fn wrong_rate(
     mocap: &MocapTable,
 ) -> Option<String> {
     let (count_hz, announced_hz) = report.count_hz.zip(announced_hz)?;
-    if report.has_clock || (count_hz / announced_hz - 1.0).abs() < RATE_APART_MIN {
+    let apart = (count_hz / announced_hz - 1.0).abs();
+    if report.has_clock || apart < RATE_APART_MIN {
         return None;
     }
+    let doubt = if apart < RATE_APART_SURE { " (or its network delays them unevenly)" } else { "" };
     let announced_hz = (announced_hz * 1e2).round() / 1e2;
     let kind = mocap.kind();
     let (who, what) = if kind.has_set_rate() {
@@ -93,7 +111,7 @@ pub fn wrong_rate(
         ("its source announces".to_owned(), "set the rate of the system right")
     };
     Some(format!(
-        "{who} {announced_hz} Hz, counted are {count_hz:.1} Hz: {what}, or the frames come with a delay that grows"
+        "{who} {announced_hz} Hz, counted are {count_hz:.1} Hz{doubt}: {what}, or the frames come with a delay that grows"
     ))
 }
 
@@ -114,9 +132,16 @@ pub fn misnumbered(report: &StreamReport, object: &str) -> Option<String> {
 
 /// Why poses ended in a flight, if the frames since the newest one show it.
 pub fn hidden(since: SincePose, object: &str) -> Option<String> {
-    let SincePose { other_object, unnamed, doubled } = since;
+    let SincePose { other_object, unnamed, doubled, repeated, frames, undated } = since;
     let most = other_object.max(unnamed).max(doubled);
     Some(match most {
+        // Other objects of an undated frame, or two places of one number, show nothing.
+        _ if undated >= HIDDEN_MIN => format!(
+            "{undated} frames of unknown time: was the recording begun anew, or the clock of the source set?"
+        ),
+        _ if frames == 0 && repeated >= HIDDEN_MIN => {
+            format!("{repeated} frames with one number: frame numbers or time stamps stand still")
+        }
         0..HIDDEN_MIN => return None,
         _ if most == doubled => {
             format!("{doubled} frames with two objects that are called {object:?}")
@@ -126,6 +151,35 @@ pub fn hidden(since: SincePose, object: &str) -> Option<String> {
             "{other_object} frames with other objects only: was {object:?} renamed, or left out?"
         ),
     })
+}
+
+/// For how long headings were refused while positions were accepted.
+#[derive(Debug, Default)]
+pub struct RefusedHeadings {
+    present_s: f64,
+    longest_s: f64,
+}
+
+impl RefusedHeadings {
+    /// Takes in the result of the filter in a tick of `dt_s`.
+    pub fn add(&mut self, filtered: Option<Filtered>, dt_s: f64) {
+        match filtered.map(|it| (it.position, it.heading)) {
+            Some((Acceptance::Accepted, Acceptance::Held)) => self.present_s += dt_s,
+            Some((_, Acceptance::Accepted)) => self.present_s = 0.0,
+            _ => {}
+        }
+        self.longest_s = self.longest_s.max(self.present_s);
+    }
+
+    /// Why poses ended, if headings were refused for so long.
+    pub fn reason(&self) -> Option<String> {
+        (self.longest_s > REFUSED_MIN_S).then(|| {
+            format!(
+                "headings refused for {:.1} s beside good positions: is the pattern of the markers symmetric?",
+                self.longest_s
+            )
+        })
+    }
 }
 
 /// Message if a source sends bodies and has named none of them so far.
@@ -181,7 +235,9 @@ mod tests {
     #[test]
     fn what_frames_had_in_place_of_the_object_is_the_reason_that_poses_ended() {
         let reason = |other_object, unnamed, doubled| {
-            hidden(SincePose { other_object, unnamed, doubled }, "tello")
+            let since =
+                SincePose { other_object, unnamed, doubled, frames: 1, repeated: 99, undated: 9 };
+            hidden(since, "tello")
         };
         assert_eq!(reason(0, 0, 0), None);
         assert_eq!(reason(9, 9, 9), None);
@@ -194,6 +250,33 @@ mod tests {
             let text = reason(other_object, unnamed, doubled).unwrap();
             assert!(text.starts_with(expected), "{text}");
         }
+    }
+
+    #[test]
+    fn frames_that_cannot_be_dated_are_the_reason_whatever_else_is_in_them() {
+        let others = SincePose { other_object: 900, doubled: 90, ..SincePose::default() };
+        let undated = SincePose { undated: 90, frames: 90, ..others };
+        let text = hidden(undated, "tello").unwrap();
+        assert!(text.starts_with("90 frames of unknown time: was the recording"), "{text}");
+        let still = SincePose { repeated: 95, ..others };
+        let text = hidden(still, "tello").unwrap();
+        assert!(text.starts_with("95 frames with one number: frame numbers or"), "{text}");
+    }
+
+    #[test]
+    fn a_drone_that_is_seen_without_a_time_is_not_called_unseen() {
+        let (mut fly, _) = config::fly(None, None).unwrap();
+        fly.mocap = serde_json::from_str(r#"{ "relay": { "address": "a:1", "object": "tello" } }"#)
+            .unwrap();
+        let mut stream = MocapStream::new(&MocapSettings::try_from(&fly.mocap).unwrap());
+        let counters = MocapCounters::default();
+        counters.connects.count();
+        for frame in 1..9 {
+            let line = format!("{frame} 0 tello 0 1 2 3 0 0 0\n");
+            stream.push(line.as_bytes(), TimeNs(frame), &counters, |_| ()).unwrap();
+        }
+        let text = mocap_trouble(&fly, &counters);
+        assert!(text.starts_with("\"tello\" is seen, but its frame numbers and stamps"), "{text}");
     }
 
     #[test]
@@ -242,7 +325,8 @@ mod tests {
         let text = wrong_rate(&wrong, Some(120.0), &udp).unwrap();
         assert!(text.starts_with("mocap.udp.rate_hz is 120 Hz, counted are 100.0 Hz"), "{text}");
         let text = wrong_rate(&wrong, Some(100.600_007), &relay).unwrap();
-        assert!(text.starts_with("its source announces 100.6 Hz, counted are 100.0 Hz"), "{text}");
+        let expected = "its source announces 100.6 Hz, counted are 100.0 Hz (or its network delays";
+        assert!(text.starts_with(expected), "{text}");
         for (report, announced_hz) in [
             (report(Some(100.0), true), Some(100.6)),
             (report(None, false), Some(120.0)),

@@ -18,7 +18,7 @@ use horizon_model::rows::{Pose, pose};
 use tello_flight::cycle::{self, CycleTable, FlightTable};
 use tello_flight::{Mission, Room, RoomTable};
 use tello_io::config::{self, FlyTable};
-use tello_io::link_diagnosis::{misnumbered, too_old, wrong_rate};
+use tello_io::link_diagnosis::{misnumbered, too_old, undated, wrong_rate};
 use tello_io::mocap::StreamReport;
 use tello_io::tello::{DroneFacts, DroneStatus};
 use tello_sim::NominalFlight;
@@ -185,7 +185,7 @@ fn checks(found: &Found, table: &FlyTable, flight: &FlightTable) -> Result<Vec<C
         Mission::new(&flight.mission, flight.cycle.dt_s).map_err(|error| error.under("mission"))?;
     let walls = flight.cycle.supervisor.room.as_ref();
     let supervisor = &flight.cycle.supervisor;
-    let moving = table.moving_object.as_ref().map(|name| moving_check(name, found.moving_at));
+    let moving = table.moving_object.as_ref().map(|name| moving_check(name, found, &flight.cycle));
     let mocap = mocap_check(found, table, flight.cycle.dt_s, supervisor.stale_s);
     let links = [mission_check(&mission, walls, found), mocap];
     let others = [
@@ -200,7 +200,7 @@ fn checks(found: &Found, table: &FlyTable, flight: &FlightTable) -> Result<Vec<C
         real_time_check(&found.refusals),
         operator_check(found),
     ];
-    Ok(links.into_iter().chain(moving).chain(others).collect())
+    Ok(links.into_iter().chain(moving.transpose()?).chain(others).collect())
 }
 
 fn check(what: &'static str, readiness: Readiness, reason: impl Into<String>) -> Check {
@@ -259,10 +259,7 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Chec
     if let Some(reason) = too_old(&found.stream) {
         return check("mocap", Readiness::Bad, reason);
     }
-    if !found.stream.has_clock {
-        let reason = format!(
-            "{object:?} is seen, but its frame numbers and stamps do not keep pace with time: its poses cannot be dated"
-        );
+    if let Some(reason) = undated(&found.stream, object) {
         return check("mocap", Readiness::Bad, reason);
     }
     let mut reason =
@@ -278,17 +275,24 @@ fn mocap_check(found: &Found, table: &FlyTable, dt_s: f64, stale_s: f64) -> Chec
     check("mocap", readiness, reason.join("; "))
 }
 
-fn moving_check(name: &str, at: Option<Pose>) -> Check {
-    let Some(at) = at else {
+fn moving_check(name: &str, found: &Found, cycle: &CycleTable) -> Result<Check> {
+    let Some(moving_at) = found.moving_at else {
         let reason =
             format!("no pose of {name:?}, which the plan keeps away from: the drone stays down");
-        return check("obstacle", Readiness::Bad, reason);
+        return Ok(check("obstacle", Readiness::Bad, reason));
     };
-    check(
-        "obstacle",
-        Readiness::Good,
-        format!("{name:?} at {:+.2} {:+.2} m", at[pose::X], at[pose::Y]),
-    )
+    let place = format!("{name:?} at {:+.2} {:+.2} m", moving_at[pose::X], moving_at[pose::Y]);
+    let beside_m = found.at.map(|at| cycle::beside_moving_obstacle(&at, &moving_at, cycle));
+    Ok(match beside_m.transpose()?.flatten() {
+        Some((beside_m, least_m)) if beside_m < least_m => {
+            let reason = format!(
+                "{place}, {beside_m:.2} m from the drone without its radius: nothing steers in the take-off; within \
+                 {least_m:.2} m the drone stays down"
+            );
+            check("obstacle", Readiness::Bad, reason)
+        }
+        _ => check("obstacle", Readiness::Good, place),
+    })
 }
 
 fn start_check(at: Option<&Pose>, cycle: &CycleTable, first: &Pose) -> Result<Check> {

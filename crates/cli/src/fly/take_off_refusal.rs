@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use tello_flight::cycle::StandingTable;
 use tello_flight::{Fault, FaultSet};
 use tello_io::clock::SpanNs;
 use tello_io::config::FlyTable;
@@ -41,6 +42,9 @@ pub(super) fn take_off_refusal(
     if is_any(&[Fault::MocapStale, Fault::MocapLost]) {
         text += "\n  mocap: ";
         text += &mocap_trouble(table, counters);
+    } else if is_any(&[Fault::MocapUnsettled]) {
+        text += "\n  mocap: ";
+        text += &unsettled(&table.cycle.standing);
     }
     if is_any(&[Fault::ObstacleUnseen]) {
         text += "\n  obstacle: no pose of moving_object in the mocap stream: is its name right, is it seen?";
@@ -53,6 +57,14 @@ pub(super) fn take_off_refusal(
         text += &drone_trouble(table, drone_packets);
     }
     text
+}
+
+/// Message on poses of a standing drone that do not agree.
+fn unsettled(StandingTable { for_s, distance_m, turn_rad }: &StandingTable) -> String {
+    format!(
+        "within {for_s} s poses of the drone differ by more than {distance_m} m or {turn_rad} rad (cycle.standing): is \
+         it moved, are markers swapped, do poses have noise?"
+    )
 }
 
 /// How long poses may take to come before a note reports that there are none.
@@ -104,6 +116,7 @@ mod tests {
             (Fault::GuardianLost, Some(0)),
             (Fault::MocapStale, Some(1)),
             (Fault::MocapLost, Some(1)),
+            (Fault::MocapUnsettled, Some(1)),
             (Fault::ObstacleUnseen, Some(2)),
             (Fault::DroneUnheard, Some(3)),
             (Fault::DroneSilent, Some(3)),

@@ -311,7 +311,10 @@ fn a_broken_piece_is_named() {
         refuse(&|pieces| pieces[1].u[8].x = f64::INFINITY),
         "input 8 of piece 1 is not finite"
     );
-    assert_eq!(refuse(&|pieces| pieces[0].o.truncate(1)), "piece 0 has 1 steps; it needs at least 2");
+    assert_eq!(
+        refuse(&|pieces| pieces[0].o.truncate(1)),
+        "piece 0 has 1 steps; it needs at least 2"
+    );
     assert_eq!(refuse(&|pieces| pieces[0].u.truncate(3)), "piece 0 has 3 inputs for 10 steps");
 }
 

@@ -164,3 +164,25 @@ fn only_trouble_has_a_line_of_its_own() {
         assert!(text.contains(line), "no {line:?} in {text}");
     }
 }
+
+#[test]
+fn headings_that_are_refused_beside_good_positions_are_the_reason_of_lost_poses() {
+    use tello_flight::{Acceptance, Filtered};
+    let hidden = |is_lost: bool, refused: usize| {
+        let mut tally = tally(Pipeline::SameTick);
+        for heading in std::iter::repeat_n(Acceptance::Held, refused).chain([Acceptance::Accepted])
+        {
+            let mut tick = tick();
+            let position = Acceptance::Accepted;
+            tick.out.filtered = Some(Filtered { o: Some(Pose::zeros()), position, heading });
+            tally.add(&tick);
+        }
+        let mut end = LoopEnd::default();
+        end.faults_last.set(Fault::MocapLost, is_lost);
+        let (mocap, drone) = (MocapCounters::default(), LinkCounters::default());
+        tally.summary().with_end(&end, &mocap, "tello", &drone).hidden
+    };
+    let reason = hidden(true, 100).unwrap();
+    assert!(reason.starts_with("headings refused for 2.0 s beside good positions"), "{reason}");
+    assert_eq!([hidden(true, 20), hidden(false, 100)], [None, None]);
+}

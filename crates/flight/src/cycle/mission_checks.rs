@@ -5,6 +5,7 @@ use horizon_model::rows::{Pose, lag, pos_w, pose, stick};
 use horizon_model::setting::SettingError;
 use nalgebra::Vector3;
 
+use super::walls::climb_beside_m;
 use super::{CycleTable, ModelKind};
 use crate::mission::Demand;
 use crate::supervisor::CLIMB_MAX_M;
@@ -135,6 +136,24 @@ pub fn take_off_clearance(
         (distance_m, format!("cycle.obstacles[{k}]"))
     });
     Ok(beside.chain(near).min_by(|a, b| a.0.total_cmp(&b.0)))
+}
+
+/// Distance of a take-off at `at` from the moving obstacle at `moving_at`, both in the world frame, m and rad, and the
+/// least one at which the drone takes off, both in m; `None` without such an obstacle. Allocates.
+///
+/// # Errors
+/// Obstacles that break their rule.
+pub fn beside_moving_obstacle(
+    at: &Pose,
+    moving_at: &Pose,
+    cycle: &CycleTable,
+) -> Result<Option<(f64, f64)>, SettingError> {
+    let obstacles = obstacles(&cycle.obstacles).map_err(|error| error.under("cycle"))?;
+    let moving = obstacles.iter().find(|obstacle| obstacle.is_moving());
+    let distance_m = moving
+        .map(|obstacle| obstacle.distance_from(&pos_w(at), Some(&pos_w(moving_at))).distance_m);
+    let margin_m = cycle.mpc.walls.as_ref().map(|walls| walls.margin_m);
+    Ok(distance_m.zip(margin_m.map(climb_beside_m)))
 }
 
 fn room(cycle: &CycleTable) -> Result<Option<Room>, SettingError> {

@@ -146,8 +146,8 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
     }
 
     /// Horizontal differences between vehicle and reference, of the velocities and of the positions, world frame;
-    /// `None` if the reference is a constant target, in the descent before a landing, or if an obstacle is near or in
-    /// the path, which may have to be evaded. m/s, m
+    /// `None` if the reference is a constant target, in the descent before a landing, or if an obstacle is near, in the
+    /// path or came near within the last seconds: the vehicle may evade it, or return. m/s, m
     fn velocity_error_w(
         &self,
         motion: &EstimatedMotion,
@@ -158,14 +158,9 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
         let is_evading = self.planner.walls().is_some_and(|walls| {
             walls.is_beside_fixed(&at_w) || walls.moving_blocks_path(&at_w, &to_w)
         });
-        let is_meant = is_evading || self.waits_for_obstacle(now) || self.is_descending();
+        let was_approached = self.supervisor.was_approached(now.0);
+        let is_meant = is_evading || was_approached || self.is_descending();
         (!is_meant).then(|| (error_w.xy(), (at_w - to_w).xy()))
-    }
-
-    /// Whether the mission is done and the moving obstacle came near within the last seconds: the vehicle, which waits
-    /// with its landing, may be driven away from the last target for long.
-    fn waits_for_obstacle(&self, now: TimeNs) -> bool {
-        self.mission.is_finished() && self.supervisor.was_approached(now.0)
     }
 
     /// Whether the controller brings the vehicle down before a landing, away from the reference of the mission.
@@ -180,9 +175,9 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
             self.progress.restart();
         }
         let (walls, at_w) = (self.planner.walls(), pos_w(at));
-        let waits = self.waits_for_obstacle(now);
+        let was_approached = self.supervisor.was_approached(now.0);
         let is_path_blocked = |to: &Pose| {
-            waits || walls.is_some_and(|walls| walls.moving_blocks_path(&at_w, &pos_w(to)))
+            was_approached || walls.is_some_and(|walls| walls.moving_blocks_path(&at_w, &pos_w(to)))
         };
         let tracking = self.progress.tracking(&self.mission, at, is_path_blocked);
         let is_beside = walls.is_some_and(|walls| walls.is_beside_fixed(&at_w));

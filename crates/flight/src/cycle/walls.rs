@@ -19,6 +19,7 @@ use super::moving_obstacle::MovingObstacle;
 use crate::obstacle::{self, SignedDistance};
 use crate::{Obstacle, ObstacleTable, Room};
 pub(super) use plan_walls::PlanWalls;
+pub(super) use questions::climb_beside_m;
 pub use table::WallTable;
 
 /// Distance beyond the margin of a surface from which on the surface is left out of the constraints of a pose. m

@@ -115,9 +115,11 @@ impl NatnetProtocol {
         let (number, end) = packet::frame(body, server.version, |rigid| {
             let text = names.get(&rigid.id).map(String::as_bytes);
             is_unnamed |= text.is_none();
-            let placement = |matrix| Placement { pos_v: rigid.pos_v, matrix };
-            let is_seen = rigid.is_tracked && rigid.pos_v.iter().all(|value| value.is_finite());
-            let at = matrix_of_quaternion(rigid.quaternion).filter(|_| is_seen).map(placement);
+            let mut numbers = rigid.pos_v.iter().chain(&rigid.quaternion);
+            let is_seen = rigid.is_tracked && numbers.all(|value| value.is_finite());
+            // Zeros are no rotation: refused with that reason.
+            let matrix = matrix_of_quaternion(rigid.quaternion).unwrap_or_default();
+            let at = is_seen.then_some(Placement { pos_v: rigid.pos_v, matrix });
             visitor.body(Name { text, id: Some(rigid.id) }, at.as_ref());
         })?;
         if is_unnamed || end.is_some_and(|end| end.has_new_models) {

@@ -32,8 +32,8 @@ pub struct MocapCounters {
     pub repeated: Counter,
     /// Frames with two objects of the name, or two messages of one frame that place it more than 0.1 m apart.
     pub doubled: Counter,
-    /// `other_object`, `unnamed` and `doubled` at the newest pose.
-    at_pose: [Counter; 3],
+    /// `other_object`, `unnamed`, `doubled`, `repeated`, `sightings` and `undated` at the newest pose of a known time.
+    at_pose: [Counter; 6],
     /// Frames that arrived after a later one, and were dropped.
     pub overtaken: Counter,
     /// Sightings lost because the queue was full.
@@ -105,7 +105,7 @@ pub struct StreamReport {
     pub overflow: u64,
 }
 
-/// Numbers of frames without a pose of the object, by reason.
+/// Numbers of frames since the newest pose of a known time, by reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SincePose {
     /// Other objects only.
@@ -114,6 +114,12 @@ pub struct SincePose {
     pub unnamed: u64,
     /// Two objects of the name.
     pub doubled: u64,
+    /// Frames with the number of the frame before.
+    pub repeated: u64,
+    /// Frames with a new number.
+    pub frames: u64,
+    /// Frames of unknown time.
+    pub undated: u64,
 }
 
 impl MocapCounters {
@@ -145,20 +151,19 @@ impl MocapCounters {
         }
     }
 
-    fn without_pose(&self) -> [u64; 3] {
-        [&self.other_object, &self.unnamed, &self.doubled].map(Counter::get)
+    fn by_reason(&self) -> [&Counter; 6] {
+        let Self { other_object, unnamed, doubled, repeated, sightings, undated, .. } = self;
+        [other_object, unnamed, doubled, repeated, sightings, undated]
     }
 
-    /// Numbers of frames since the newest pose, by reason.
+    /// Numbers of frames since the newest pose of a known time, by reason.
     pub fn since_pose(&self) -> SincePose {
-        let [other_object, unnamed, doubled] = self.without_pose();
-        let [other_before, unnamed_before, doubled_before] =
-            self.at_pose.each_ref().map(Counter::get);
-        SincePose {
-            other_object: other_object.saturating_sub(other_before),
-            unnamed: unnamed.saturating_sub(unnamed_before),
-            doubled: doubled.saturating_sub(doubled_before),
+        let mut since = self.by_reason().map(Counter::get);
+        for (since, before) in since.iter_mut().zip(&self.at_pose) {
+            *since = since.saturating_sub(before.get());
         }
+        let [other_object, unnamed, doubled, repeated, frames, undated] = since;
+        SincePose { other_object, unnamed, doubled, repeated, frames, undated }
     }
 
     /// Whether it is known when frames were measured, as in [`StreamReport::has_clock`].
@@ -229,9 +234,9 @@ impl MocapCounters {
         *self.given_up.lock() = None;
         if pose.is_none() {
             self.unseen.count();
-        } else {
-            for (at_pose, count) in self.at_pose.iter().zip(self.without_pose()) {
-                at_pose.raise(count);
+        } else if is_dated {
+            for (at_pose, count) in self.at_pose.iter().zip(self.by_reason()) {
+                at_pose.raise(count.get());
             }
         }
         if is_dated {
@@ -341,8 +346,11 @@ mod tests {
         counters.other_object.count();
         counters.doubled.count();
         counters.note(&Sighting { pose: None, ..seen }, true, None, 50.0);
-        let expected = SincePose { other_object: 1, unnamed: 0, doubled: 1 };
+        let expected = SincePose { other_object: 1, doubled: 1, frames: 1, ..SincePose::default() };
         assert_eq!(counters.since_pose(), expected, "a frame without a pose begins nothing");
+        counters.note(&seen, false, None, 50.0);
+        let expected = SincePose { frames: 2, undated: 1, ..expected };
+        assert_eq!(counters.since_pose(), expected, "nor does a pose of unknown time");
     }
 
     #[test]

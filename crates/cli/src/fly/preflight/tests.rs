@@ -1,5 +1,5 @@
 use tello_eval::metrics::LeastClearance;
-use tello_flight::{Fault, Start};
+use tello_flight::{Fault, ObstacleTable, Start};
 use tello_io::clock::TimeNs;
 use tello_io::config;
 use tello_io::tello::protocol::Version;
@@ -255,13 +255,18 @@ fn a_first_target_in_another_unit_is_not_set_off_for() {
 
 #[test]
 fn an_obstacle_that_moves_has_to_be_seen() {
-    let at = Some(Pose::new(1.0, -2.0, 1.5, 0.0));
+    // The drone is at -2, -3; plans keep 0.12 m away from the person.
+    let at = |x_m| Some(Pose::new(x_m, -3.0, 1.5, 0.0));
     for (moving_at, readiness, reason) in [
-        (at, Readiness::Good, "\"person\" at +1.00 -2.00 m"),
+        (at(-1.2), Readiness::Good, "\"person\" at -1.20 -3.00 m"),
+        (at(-1.3), Readiness::Bad, "\"person\" at -1.30 -3.00 m, 0.40 m from the drone"),
         (None, Readiness::Bad, "no pose of \"person\""),
     ] {
         let found = Found { moving_at, ..all_there() };
-        let checks = list(&found, |table| table.moving_object = Some("person".into()));
+        let checks = list(&found, |table| {
+            table.moving_object = Some("person".into());
+            table.cycle.obstacles.push(ObstacleTable::Moving { radius_m: 0.3 });
+        });
         let check = checks.iter().find(|check| check.what == "obstacle").unwrap();
         assert_eq!(check.readiness, readiness, "{check}");
         assert!(check.reason.contains(reason), "{check}");

@@ -1,8 +1,11 @@
+use horizon_model::Lagged;
+use horizon_model::rows::motion;
+
 use super::*;
-use crate::cycle::FlightTable;
-use crate::cycle::sense::tests::{Shown, at, table};
+use crate::cycle::sense::tests::{DT_NS, Shown, at, sighting, table};
+use crate::cycle::{FlightTable, Tick, Unwatched, build};
 use crate::time::TimeNs;
-use crate::{Fault, ObstacleTable, Start};
+use crate::{Fault, ObstacleTable, Sighting, Start};
 
 #[test]
 fn what_a_report_lacks_stays_absent() {
@@ -114,4 +117,31 @@ fn a_vehicle_that_does_not_follow_its_inputs_is_in_an_outage_that_has_a_limit() 
     let (down, long) = (down.unwrap(), long.unwrap());
     // It counts from the tick in which it is found and is too long beyond a second.
     assert!((49..=50).contains(&(long - down)), "{down}, {long}");
+}
+
+#[test]
+fn a_vehicle_that_was_approached_may_evade_and_return_for_four_seconds() {
+    let mut table = table();
+    table.cycle.obstacles = vec![ObstacleTable::Moving { radius_m: 0.2 }];
+    let mut cycle =
+        build::cycle::<_, _, _, { motion::CONTROLLABLE }>(Lagged::default(), &table).unwrap();
+    let (mut inbox, mut out) = (Inbox::new(), cycle.new_outcome());
+    // It walks towards the vehicle for 2 s, stops 2 m away and is never in the path to the reference.
+    let counts: Vec<bool> = (0..350)
+        .map(|step| {
+            let now = TimeNs(step * DT_NS);
+            inbox.open(step.unsigned_abs(), now);
+            inbox.drone = Some(DroneStatus { received_at: now, ..flying() });
+            let noise_m = 1e-4 * ((step * 7) % 5) as f64;
+            let pose = Some(at(0.0) + Pose::new(noise_m, -noise_m, noise_m, 0.0));
+            inbox.sightings.push(Sighting { pose, ..sighting(now, 0) });
+            inbox.obstacle_w = Some([-2.0 + noise_m, -6.0 + now.seconds().min(2.0), 1.0]);
+            cycle.tick(&inbox, &mut Unwatched::default(), &mut out);
+            assert!(!cycle.mission.is_finished());
+            cycle.motion().is_some_and(|motion| cycle.velocity_error_w(&motion, now).is_some())
+        })
+        .collect();
+    let since = counts.iter().rposition(|counts| !counts).unwrap() + 1;
+    assert!((300..315).contains(&since), "from tick {since} on the velocity counts");
+    assert!(counts[30..since].iter().all(|counts| !counts), "from when it came near on");
 }

@@ -28,6 +28,9 @@ const PATH_REACH_S: f64 = 1.0;
 /// Largest speed of a person who stands and shifts weight. m/s
 const STANDS_MPS: f64 = 0.3;
 
+/// How far a climb, in which nothing steers, may carry the vehicle towards the moving obstacle. m
+const CLIMB_DRIFT_M: f64 = 0.3;
+
 impl Walls {
     /// Whether `at_w` is inside of an obstacle that does not move.
     pub(in crate::cycle) fn is_in_fixed(&self, at_w: &Vector3<f64>) -> bool {
@@ -117,15 +120,22 @@ impl Walls {
     }
 
     /// Whether no vehicle may take off from `at_w`: that is inside of an obstacle, would climb into one, or the moving
-    /// obstacle approaches.
+    /// obstacle approaches or is too near.
     pub(in crate::cycle) fn blocks_take_off(&self, at_w: &Vector3<f64>) -> bool {
         let moving_w = self.moving.position(0.0);
         let least_m = |obstacle: &Obstacle| {
             obstacle.distance_in_climb(at_w, CLIMB_M, moving_w.as_ref()).distance_m
         };
+        let beside_m = climb_beside_m(self.table.margin_m);
         self.is_approached(at_w)
-            || self.fixed_obstacles().chain(self.moving_obstacle()).any(|it| least_m(it) < 0.0)
+            || self.fixed_obstacles().any(|it| least_m(it) < 0.0)
+            || self.moving_obstacle().is_some_and(|it| least_m(it) < beside_m)
     }
+}
+
+/// Least distance of a take-off from the moving obstacle, of which plans keep `margin_m` away. m
+pub(in crate::cycle) fn climb_beside_m(margin_m: f64) -> f64 {
+    margin_m + CLIMB_DRIFT_M
 }
 
 /// Where the line from `from_w` to `to_w` is nearest to `point_w`, all in m: 0 at `from_w`, 1 at `to_w`. Horizontally:

@@ -33,8 +33,8 @@ impl Fault {
                 "the mission is near a wall of `room`; lost commands; a draught"
             }
             Self::TrackingLost | Self::MissionOverdue => {
-                "the parameters do not fit this drone (ident); it is pushed or held; lost commands; without light or \
-                 texture on the floor it does not hold its velocity"
+                "the parameters do not fit this drone (ident); it is pushed or held, or evades somebody for long; lost \
+                 commands; without light or texture on the floor it does not hold its velocity"
             }
             Self::Immobile | Self::NotFlying => {
                 "the drone touches something, is held, or landed by itself"

@@ -162,6 +162,17 @@ fn a_body_that_is_not_tracked_or_not_there_is_a_frame_without_a_pose() {
 }
 
 #[test]
+fn a_tracked_body_without_a_rotation_is_refused_with_that_reason_if_it_is_the_object() {
+    for (id, refused) in [(7, Some(Refusal::Rotation)), (3, None)] {
+        let mut source = source("tello");
+        let names = models((4, 1), &[(3, "wand"), (7, "tello")]);
+        let long = RigidBody { quaternion: [0.0, 0.0, 0.0, 2.0], ..rigid(id, 1.0) };
+        let (_, counters) = read(&mut source, &[server((4, 1)), names, frame((4, 1), 9, &[long])]);
+        assert_eq!(counters.refused(), refused, "{id}");
+    }
+}
+
+#[test]
 fn a_body_is_found_by_name_or_by_its_streaming_identity() {
     for (object, is_found) in
         [("tello", true), ("#7", true), ("7", false), ("#3", false), ("Tello", false)]
