@@ -102,6 +102,20 @@ fn change<'a>(record: &'a Value, what: &str, to: bool) -> Option<&'a Value> {
 }
 
 #[test]
+fn evidence_is_kept_whose_reader_is_gone() {
+    let folder = folder("full");
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_tello-ctl"))
+        .args(["bench", "status", "--sim", "--yes"])
+        .current_dir(&folder)
+        .stdout(fs::OpenOptions::new().write(true).open("/dev/full").unwrap())
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    let report = fs::read_to_string(folder.join("bench-report.json")).unwrap();
+    assert!(report.contains("\"check\":\"status\""), "{report}");
+}
+
+#[test]
 fn a_drone_that_obeys_the_emergency_stop_is_distinguished_from_one_that_does_not() {
     let tasks = [false, true].map(|is_deaf| {
         thread::spawn(move || {

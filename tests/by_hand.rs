@@ -14,7 +14,7 @@ use tello_io::clock::Clock;
 use tello_io::log::LogReader;
 use tello_sim::{InjectedFault, ScriptedFault};
 
-use person::Person;
+use person::{PROGRAM, Person};
 
 use crate::rig;
 
@@ -222,6 +222,17 @@ fn keys_that_follow_the_enter_of_the_question_at_once_count_and_earlier_ones_do_
     person.types(b"\nq");
     person.ends();
     assert_eq!(phases(&person.log), ["idle"], "{}", person.screen());
+}
+
+#[test]
+fn a_job_in_the_background_is_promised_no_keys() {
+    let (folder, _emulator) = rig::start("by-hand-background", |relay| relay);
+    let job = "set -m; $0 fly --config fly.json --yes & read line; kill %1; wait";
+    let mut person = Person::run_in(&folder, &["sh", "-c", job, PROGRAM]);
+    person.sees("operator");
+    person.sees("no keys and no device");
+    person.types(b"\n");
+    person.ends();
 }
 
 #[test]

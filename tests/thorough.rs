@@ -35,6 +35,7 @@ mod python;
 mod readme;
 mod recorded;
 mod reference_bootstrap;
+mod refusals;
 mod report_browser;
 mod report_page;
 mod rig;

@@ -15,6 +15,8 @@ use nix::pty::{Winsize, openpty};
 use nix::sys::termios::{FlowArg, LocalFlags, tcflow, tcgetattr};
 use tello_sim::{Profile, SimTable};
 
+pub(crate) const PROGRAM: &str = env!("CARGO_BIN_EXE_tello-ctl");
+
 /// How long a flight may take to show something. The simulated drone is up after 6 s.
 const TEST_TIMEOUT: Duration = Duration::from_secs(40);
 
@@ -62,8 +64,13 @@ impl Person {
     }
 
     /// Starts a flight with the files of `folder`.
-    #[expect(clippy::unwrap_used, reason = "a test may panic")]
     pub(crate) fn fly_in(folder: &Path, arguments: &[&str]) -> Self {
+        Self::run_in(folder, &[&[PROGRAM, "fly", "--log", "flight.mcap"], arguments].concat())
+    }
+
+    /// Runs the command `words`.
+    #[expect(clippy::unwrap_used, reason = "a test may panic")]
+    pub(crate) fn run_in(folder: &Path, words: &[&str]) -> Self {
         // Handles of `openpty` survive into every child that starts meanwhile; copies do not. A child
         // that held this side would keep the terminal open when the person closes it.
         let alone = STARTING.lock().unwrap();
@@ -76,9 +83,8 @@ impl Person {
         let end = || Stdio::from(terminal.try_clone().unwrap());
         // A session of its own with the terminal in control: Ctrl-C is then the kernel's, as in life.
         let program = Command::new("setsid")
-            .args(["--ctty", "--wait", env!("CARGO_BIN_EXE_tello-ctl")])
-            .args(["fly", "--log", "flight.mcap"])
-            .args(arguments)
+            .args(["--ctty", "--wait"])
+            .args(words)
             .current_dir(folder)
             .stdin(end())
             .stdout(end())

@@ -188,9 +188,6 @@ fn run_check(
         stdio::note("the guardian has ordered a landing or is lost: the check was ended");
     }
     let seen = evidence::seen(check, is_whole, link.events(), link.ending);
-    for line in evidence::lines(&seen) {
-        stdio::line(line)?;
-    }
     let record = json!({
         "format": FORMAT,
         "revision": REVISION,
@@ -204,8 +201,12 @@ fn run_check(
         "seen": seen,
         "events": link.events(),
     });
-    // Before the questions: a terminal that is closed then loses nothing.
+    // Before anything is printed or asked: a terminal that was closed, or is then, loses nothing.
     let appended = append(report, &record);
+    for line in evidence::lines(&seen) {
+        // What cannot be printed is in the report; the last line makes it an error.
+        stdio::line(line).ok();
+    }
     make_sure(check, link, console);
     appended?;
     if !console.is_unattended() {

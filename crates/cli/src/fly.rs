@@ -64,7 +64,7 @@ use self::threads::Threads;
 use self::tui::{Picture, Screen};
 pub(crate) use self::view::Playback;
 use self::view::View;
-use crate::{Verdict, stdio};
+use crate::{Verdict, interrupt, stdio};
 
 pub(crate) use self::guardian::{Arguments as GuardianArguments, Guardian, run as guard};
 pub(crate) use self::lock::Lock;
@@ -74,6 +74,10 @@ const TERMINAL_JOIN_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// Time from the end of a flight whose terminal hangs to the end of the process: the summary may go elsewhere.
 const EXIT_TIMEOUT_HUNG_TERMINAL: Duration = Duration::from_secs(1);
+
+/// Wait for the disk of the log that is noted, and the longest one.
+const DISK_WAIT_NOTED: Duration = Duration::from_secs(2);
+const DISK_WAIT_MAX: Duration = Duration::from_secs(60);
 
 /// Longest time from the end of the flight to the end of the process, for a summary that is not read.
 const EXIT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -198,13 +202,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         None
     };
     let _lock = Lock::take(&table.tello)?;
+    preflight::probe(arguments, &table)?;
     let orders = preflight::arm(arguments, &table, &flight)?;
     signals::block()?;
     stdio::never_wait();
     if arguments.drill.is_some() {
         InjectedFailure::check(&table.tello.address)?;
     }
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let runtime = interrupt::runtime()?;
     let summary = runtime.block_on(fly(arguments, &table, &flight, cycle, orders))?;
     drop(emulator);
     // Flight and log are what is judged, not whether the summary can be written.
@@ -306,7 +311,13 @@ fn show(picture: Option<Picture>, statuses: Consumer<Status>) -> io::Result<Join
 
 /// Closes the log, and sums up the flight whatever became of it.
 fn close_log(recorder: Recorder<TickRecord>, tally: &Mutex<Tally>) -> Summary {
-    let log = recorder.stop();
+    let mut is_noted = false;
+    let log = recorder.stop(|waited| {
+        if waited >= DISK_WAIT_NOTED && !std::mem::replace(&mut is_noted, true) {
+            stdio::note("the flight is over; waits up to a minute for the disk of the log");
+        }
+        waited >= DISK_WAIT_MAX
+    });
     let mut summary = tally.lock().summary();
     match log {
         // Writing to a file whose name was removed is no error.

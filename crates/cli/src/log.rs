@@ -172,7 +172,7 @@ fn report_recovered(file: &Path, out: &Path, recovered: Recovered) -> Result<Ver
 fn whole(file: &Path, ending: Option<Ending>) -> Verdict {
     match ending {
         Some(ending) if !ending.is_complete() => {
-            stdio::note(format_args!("{}: {ending}; what is before was written", file.display()));
+            stdio::note(format_args!("{}: {ending}; what it holds was written", file.display()));
             Verdict::Bad
         }
         _ => Verdict::Good,
@@ -200,6 +200,8 @@ struct Info {
     is_complete: bool,
     /// How it ends, in words.
     ending: String,
+    #[serde(skip)]
+    is_torn: bool,
 }
 
 impl Info {
@@ -228,6 +230,7 @@ impl Info {
             channels,
             is_complete: log.ending().is_some_and(Ending::is_complete),
             ending: log.ending().map_or_else(String::new, ToString::to_string),
+            is_torn: matches!(log.ending(), Some(Ending::Torn { .. })),
         })
     }
 }
@@ -245,7 +248,7 @@ impl Display for Info {
             writeln!(f, "  {topic:<24} {count:>8}")?;
         }
         writeln!(f, "ending     {}", self.ending)?;
-        if !self.is_complete {
+        if self.is_torn {
             writeln!(f, "           `tello-ctl log recover` saves what is whole")?;
         }
         Ok(())

@@ -12,7 +12,7 @@ use clap::{Args, Subcommand};
 
 pub(crate) use self::source::usual_address;
 
-use crate::Verdict;
+use crate::{Verdict, interrupt};
 
 /// Look at a motion capture system: which objects it has and how well their poses come, or where one of them is.
 ///
@@ -38,7 +38,7 @@ enum Command {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let runtime = interrupt::runtime()?;
     match &arguments.command {
         Command::List(arguments) => runtime.block_on(list::run(arguments)),
         #[cfg(feature = "ros2")]

@@ -33,7 +33,6 @@ pub struct Tally {
     outages: OutageCounter,
     by_hand_s: f64,
     targets_count: usize,
-    targets_reached: usize,
     ticks: u64,
     late_ticks: u64,
     missed_periods: u64,
@@ -114,7 +113,6 @@ impl Tally {
             outages: OutageCounter::default(),
             by_hand_s: 0.0,
             track: FlownTrack::new(reference, flight.cycle.dt_s),
-            targets_reached: 0,
             ticks: 0,
             late_ticks: 0,
             missed_periods: 0,
@@ -146,7 +144,6 @@ impl Tally {
         }
         self.outages.add(out, self.dt_s);
         self.headings.add(out.filtered, self.dt_s);
-        self.targets_reached = out.targets_reached;
         // A landing is no part of the mission.
         self.add_hand(out.phase(), tick.inbox.manual.is_some());
         if out.phase() == Phase::Flying
@@ -171,7 +168,6 @@ impl Tally {
     /// The summary, but for what only the control thread knows.
     pub fn summary(&self) -> Summary {
         Summary {
-            targets_reached: self.targets_reached,
             targets_count: self.targets_count,
             metrics: self.track.metrics(),
             laps: self.track.laps(),
@@ -209,6 +205,7 @@ impl Summary {
             sender_pause_ms: drone.longest_pause().seconds() * 1e3,
             links: Links::of(drone, end),
             phase: end.phase,
+            targets_reached: end.targets_reached,
             faults: end.faults.iter().collect(),
             ended_by: end.ended_by.iter().collect(),
             records_dropped: end.records_dropped,
@@ -234,7 +231,7 @@ impl Summary {
 
     /// Whether it also left a log that commands behind it can use.
     pub fn is_complete(&self) -> bool {
-        self.is_success() && self.log_error.is_none()
+        self.is_success() && self.log_error.is_none() && self.records_dropped == 0
     }
 }
 

@@ -39,11 +39,18 @@ pub fn write(file: &Path, dir: &Path, topics: &[String], is_replaced: bool) -> R
     if columns.is_empty() {
         bail!("there is no message in {}", file.display());
     }
+    let name = |topic: &str| topic.trim_start_matches('/').replace('/', "_") + ".csv";
+    let mut names = BTreeMap::new();
+    for topic in columns.keys() {
+        if let Some(other) = names.insert(name(topic), topic) {
+            bail!("{other} and {topic} are both {}: choose one by --topic", name(topic));
+        }
+    }
     std::fs::create_dir_all(dir)
         .with_context(|| format!("cannot make the folder {}", dir.display()))?;
     let mut lines = Vec::with_capacity(columns.len());
     for (topic, columns) in &columns {
-        let path = dir.join(format!("{}.csv", topic.trim_start_matches('/').replace('/', "_")));
+        let path = dir.join(name(topic));
         let rows =
             whole_file::write(&path, is_replaced, |part| write_table(file, part, topic, columns))?;
         lines.push(format!("{}: {rows} rows of {topic}", path.display()));
@@ -153,16 +160,20 @@ mod tests {
         let dir = std::env::temp_dir().join(format!("tello-ctl-table-{}", std::process::id()));
         fs::create_dir_all(&dir).unwrap();
         let (file, topic) = (dir.join("a.mcap"), "/a/b");
-        let schema = schemars::schema_for!(Vec<u8>).into();
-        let channel = Channel { topic, schema_name: "Row", schema };
-        let mut log = LogWriter::create(&file, &Head::default(), &[channel]).unwrap();
+        let schema = || schemars::schema_for!(Vec<u8>).into();
+        let channels =
+            [topic, "/a_b"].map(|topic| Channel { topic, schema_name: "Row", schema: schema() });
+        let mut log = LogWriter::create(&file, &Head::default(), &channels).unwrap();
+        log.write_bytes("/a_b", TimeNs(0), b"{}").unwrap();
         for (t_ns, record) in
             [(0, "{\"x\": 1}"), (1_000_000_000, "{\"x\": "), (2_000_000_000, "{\"x\": 3}")]
         {
             log.write_bytes(topic, TimeNs(t_ns), record.as_bytes()).unwrap();
         }
         log.finish().unwrap();
-        let tables = write(&file, &dir, &[], false).unwrap();
+        let error = write(&file, &dir, &[], true).unwrap_err().to_string();
+        assert!(error.contains("/a/b and /a_b are both a_b.csv"), "{error}");
+        let tables = write(&file, &dir, &[topic.to_owned()], false).unwrap();
         assert_eq!((tables.unreadable, tables.lines.len()), (1, 1));
         assert_eq!(fs::read_to_string(dir.join("a_b.csv")).unwrap(), "t_s,x\n0,1\n2,3\n");
         fs::remove_dir_all(dir).unwrap();

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use horizon_estim::NORMAL_HALF_WIDTH;
 use horizon_model::DEAD_TIME_MAX_S;
 use horizon_model::rows::stick;
@@ -57,6 +57,8 @@ pub fn before_flight(path: &Path, settings: &mut CycleTable, is_simulated: bool)
         }
         return Ok(());
     }
+    // A pipe would be waited for.
+    ensure!(path.is_file(), "{} is no file", path.display());
     let file = ParameterFile::read(path)?;
     file.check_is_simulated(is_simulated).with_context(|| format!("in {}", path.display()))?;
     settings.take(&file).with_context(|| format!("with the vehicle of {}", path.display()))

@@ -155,6 +155,9 @@ pub enum LogError {
     /// The thread that writes the log panicked.
     #[error("the thread that writes the log panicked; the log ends at its last flush")]
     ThreadPanicked,
+    /// The disk did not take the log in time.
+    #[error("the disk does not take the rest of it")]
+    Unfinished,
     /// The file is something else, or was cut off before its head was complete.
     #[error("{} is not a log of tello-ctl: {why}", path.display())]
     NotALog {

@@ -28,7 +28,7 @@ pub use controls::{Act, Controls, Direction, Event, Source};
 pub use keys::{Decoder, KEYS_HELP, Typed};
 pub use remote::{Remote, RemoteBusy};
 pub use settings::{ManualSettings, ManualTable};
-pub use terminal::discard_typed;
+pub use terminal::{discard_typed, is_ours as is_terminal_ours};
 
 use self::device::Layout;
 use self::notes::Notes;

@@ -5,7 +5,7 @@
 
 use std::fs;
 use std::io::{self, Read};
-use std::os::unix::fs::{DirBuilderExt as _, FileTypeExt as _};
+use std::os::unix::fs::{DirBuilderExt as _, FileTypeExt as _, MetadataExt as _, chown};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
@@ -33,10 +33,11 @@ pub fn write<T>(
     is_replaced: bool,
     fill: impl FnOnce(&Path) -> Result<T>,
 ) -> Result<T> {
+    let takes_bytes = takes_bytes(path)?;
     if !is_replaced {
         refuse_existing(path)?;
     }
-    if takes_bytes(path)? {
+    if takes_bytes {
         return pass_on(path, fill).with_context(|| format!("cannot write {}", path.display()));
     }
     let part = Part::of(path)?;
@@ -89,6 +90,11 @@ impl Part {
     /// The file system refuses.
     pub fn finish(mut self) -> Result<()> {
         self.sync()?;
+        if let Ok(there) = fs::metadata(&self.path) {
+            // Those who share a file go on sharing it; some systems have no owners.
+            chown(self.path(), None, Some(there.gid())).ok();
+            fs::set_permissions(self.path(), there.permissions()).ok();
+        }
         fs::rename(self.path(), &self.path).with_context(|| {
             format!("cannot write {}: it cannot be renamed", self.path.display())
         })?;
@@ -154,10 +160,8 @@ pub fn is_there(path: &Path) -> bool {
 /// # Errors
 /// `path` exists and `is_replaced` is false, and as [`probe`].
 pub fn prepare(path: &Path, is_replaced: bool) -> Result<()> {
-    if !is_replaced {
-        refuse_existing(path)?;
-    }
-    probe(path)
+    probe(path)?;
+    if is_replaced { Ok(()) } else { refuse_existing(path) }
 }
 
 /// Refuses a result `to` that would replace its own source `from`.
@@ -174,7 +178,8 @@ pub fn keep_apart(from: &Path, to: &Path) -> Result<()> {
 /// behind.
 ///
 /// # Errors
-/// `path` is a folder, a socket or a disk, or names no file, or its folder is missing or cannot be written.
+/// `path` is a folder, a socket or a disk, is read-only, a link to nothing, or names no file, or its folder is missing
+/// or cannot be written.
 pub fn probe(path: &Path) -> Result<()> {
     if takes_bytes(path)? {
         return Ok(());
@@ -188,14 +193,17 @@ pub fn probe(path: &Path) -> Result<()> {
 /// Whether `path` is a device or pipe: a file that is renamed to it would take its place.
 ///
 /// # Errors
-/// It is something else that is no file.
+/// It is something else that is no file, is read-only, or a link that leads to no file.
 fn takes_bytes(path: &Path) -> Result<bool> {
-    // A path without metadata is refused when it is written.
-    let Ok(there) = fs::metadata(path) else { return Ok(false) };
+    let Ok(there) = fs::metadata(path) else {
+        ensure!(!is_there(path), "cannot write {}: it is a link to nothing", path.display());
+        return Ok(false);
+    };
     let kind = there.file_type();
     if kind.is_dir() {
         bail!("cannot write {}: it is a folder", path.display());
     }
+    ensure!(!there.permissions().readonly(), "cannot write {}: it is read-only", path.display());
     let takes_bytes = kind.is_char_device() || kind.is_fifo();
     if !(takes_bytes || kind.is_file()) {
         bail!("cannot write {}: it is no file, no pipe and no character device", path.display());
@@ -253,123 +261,4 @@ pub fn write_json(path: &Path, is_replaced: bool, value: &impl Serialize) -> Res
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn folder(name: &str) -> PathBuf {
-        let folder = std::env::temp_dir().join(format!("tello-ctl-{}-{name}", std::process::id()));
-        fs::create_dir_all(&folder).unwrap();
-        folder
-    }
-
-    fn names(folder: &Path) -> Vec<String> {
-        let entries = fs::read_dir(folder).unwrap();
-        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
-    }
-
-    #[test]
-    fn a_file_is_kept_unless_it_may_be_replaced() {
-        let folder = folder("kept");
-        let path = folder.join("a.txt");
-        let fill = |text: &'static str| move |part: &Path| Ok(fs::write(part, text)?);
-        write(&path, false, fill("first")).unwrap();
-        let error = write(&path, false, fill("second")).unwrap_err();
-        assert!(error.to_string().contains("--force"), "{error}");
-        assert_eq!(fs::read_to_string(&path).unwrap(), "first");
-        write(&path, true, fill("third")).unwrap();
-        assert_eq!(fs::read_to_string(&path).unwrap(), "third");
-        fs::remove_file(&path).unwrap();
-        let late = write(&path, false, |part| {
-            assert!(UNFINISHED.lock().iter().any(|unfinished| unfinished == part));
-            write(&path, false, fill("another process"))?;
-            Ok(fs::write(part, "late")?)
-        });
-        assert!(late.unwrap_err().to_string().contains("another process"));
-        assert_eq!(fs::read_to_string(&path).unwrap(), "another process");
-        assert_eq!(names(&folder), ["a.txt"]);
-        assert!(!UNFINISHED.lock().iter().any(|part| part.starts_with(&folder)));
-        // A link to nothing is a name that is taken, too.
-        let link = folder.join("link");
-        std::os::unix::fs::symlink(folder.join("missing"), &link).unwrap();
-        assert!(prepare(&link, false).is_err() && write(&link, false, fill("no")).is_err());
-        fs::remove_dir_all(folder).unwrap();
-    }
-
-    #[test]
-    fn what_cannot_be_written_is_known_before() {
-        let folder = folder("probe");
-        let path = folder.join("a.txt");
-        fs::write(&path, "before").unwrap();
-        probe(&path).unwrap();
-        assert_eq!(
-            (fs::read_to_string(&path).unwrap(), names(&folder)),
-            ("before".into(), vec!["a.txt".into()])
-        );
-        for wrong in
-            [folder.clone(), folder.join("no/a.txt"), path.join("a.txt"), folder.join("..")]
-        {
-            assert!(probe(&wrong).is_err(), "{}", wrong.display());
-        }
-        fs::remove_dir_all(folder).unwrap();
-    }
-
-    #[test]
-    fn devices_and_pipes_are_written_and_stay() {
-        let folder = folder("pipe");
-        let pipe = folder.join("pipe");
-        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-        let fill = |part: &Path| Ok(fs::write(part, "all of it")?);
-        let reader = {
-            let pipe = pipe.clone();
-            std::thread::spawn(move || fs::read_to_string(pipe).unwrap())
-        };
-        probe(&pipe).unwrap();
-        assert!(write(&pipe, false, fill).is_err());
-        write(&pipe, true, fill).unwrap();
-        assert_eq!(reader.join().unwrap(), "all of it");
-        assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
-        // A file behind a link is replaced, not the link.
-        let (file, link) = (folder.join("file"), folder.join("link"));
-        fs::write(&file, "before").unwrap();
-        std::os::unix::fs::symlink(&file, &link).unwrap();
-        write(&link, true, fill).unwrap();
-        assert_eq!(fs::read_to_string(&file).unwrap(), "all of it");
-        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
-        let socket = folder.join("socket");
-        let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
-        assert!(write(&socket, true, fill).is_err() && probe(&socket).is_err());
-        fs::remove_dir_all(folder).unwrap();
-    }
-
-    #[test]
-    fn what_never_ends_is_not_read() {
-        let zeros = Path::new("/dev/zero");
-        assert!(read(zeros, 1000).unwrap_err().to_string().contains("more than 1000 bytes"));
-        let folder = folder("read");
-        let path = folder.join("a.txt");
-        fs::write(&path, "1234").unwrap();
-        assert_eq!(read(&path, 4).unwrap(), b"1234");
-        assert!(read(&path, 3).is_err());
-        fs::remove_dir_all(folder).unwrap();
-    }
-
-    #[test]
-    fn a_failure_leaves_nothing_and_spoils_nothing() {
-        let folder = folder("failure");
-        let path = folder.join("a.txt");
-        fs::write(&path, "before").unwrap();
-        let half = |part: &Path| -> Result<()> {
-            fs::write(part, "half")?;
-            bail!("the disk is full")
-        };
-        let error = write(&path, true, half).unwrap_err();
-        assert_eq!(
-            format!("{error:#}"),
-            format!("cannot write {}: the disk is full", path.display())
-        );
-        assert_eq!(fs::read_to_string(&path).unwrap(), "before");
-        assert_eq!(names(&folder), ["a.txt"]);
-        assert!(write(&folder.join("no/a.txt"), true, |part| Ok(fs::write(part, "")?)).is_err());
-        fs::remove_dir_all(folder).unwrap();
-    }
-}
+mod tests;

@@ -117,7 +117,7 @@ impl Drop for ControlThread {
         self.asks_to_land.store(true, Ordering::Relaxed);
         // A second panic has been printed, and no summary is left that could name a log that cannot be closed.
         if let Ok(Ok((_, recorder))) = thread.join() {
-            recorder.stop().ok();
+            recorder.stop(|_| false).ok();
         }
     }
 }
@@ -178,6 +178,7 @@ impl ControlLoop {
     fn note_outcome(&self, out: &Outcome, end: &mut LoopEnd) {
         let was_flying = end.phase == Phase::Flying;
         end.note(out.decision);
+        end.targets_reached = out.targets_reached;
         if was_flying && end.phase != Phase::Flying {
             end.found = self.cycle.parameter_estimate();
         }

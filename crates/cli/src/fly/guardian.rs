@@ -9,8 +9,8 @@ use std::io;
 use std::net::{SocketAddr, UdpSocket};
 use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::net::UnixStream;
-use std::os::unix::process::CommandExt;
-use std::process::{Child, Command};
+use std::os::unix::process::{CommandExt, parent_id};
+use std::process::{Child, Command, id};
 use std::thread;
 use std::time::Duration;
 
@@ -29,6 +29,14 @@ const OURSELVES: &str = "/proc/self/exe";
 
 /// Another name than the flight's: a kill of all programs of that name does not reach the guardian.
 const NAME: &str = "tello-guardian";
+
+/// First processes of containers that end with their only child, as `docker run --init` starts one.
+const INITS_OF_ONE: [&str; 6] =
+    ["docker-init", "podman-init", "catatonit", "tini", "tini-static", "dumb-init"];
+
+const ENDS_WITH_PARENT: &str = "this container ends with this program, and so would the guardian, which lands the \
+    drone if this program is killed: start a container that goes on (`docker run -d .. sleep infinity`), and this \
+    program in it (`docker exec -it .. tello-ctl ..`)";
 
 /// Looks, and time between two of them, for the end of a guardian that received the end of the flight.
 const END_LOOKS: u32 = 100;
@@ -56,9 +64,13 @@ impl Guardian {
     /// Starts the process.
     ///
     /// # Errors
-    /// The system refuses.
+    /// The system refuses; a real drone, and the guardian would end with its parent.
     pub(crate) fn spawn(post: GuardianSockets) -> io::Result<Self> {
         let GuardianSockets { socket, channel, address, protocol } = post;
+        let first = fs::read_to_string("/proc/1/comm").unwrap_or_default();
+        if !address.ip().is_loopback() && ends_with_parent(id(), parent_id(), first.trim()) {
+            return Err(io::Error::other(ENDS_WITH_PARENT));
+        }
         let mut command = command(address, protocol);
         // The standard error stays ours, for the one line that an abandoned guardian prints.
         let process =
@@ -77,6 +89,12 @@ impl Guardian {
         // It was stopped, or waits for something: nothing is left for it to do.
         self.process.kill().and_then(|()| self.process.wait()).ok();
     }
+}
+
+/// Whether the end of process `id` ends all others of its container: it is the first one there, or the `first` one is
+/// its parent and ends with it.
+fn ends_with_parent(id: u32, parent: u32, first: &str) -> bool {
+    id == 1 || (parent == 1 && INITS_OF_ONE.contains(&first))
 }
 
 /// This program as the guardian of the drone at `address`.

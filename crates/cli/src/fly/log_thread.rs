@@ -73,8 +73,12 @@ pub(super) fn start(
         if let Some(live) = &mut live {
             live.observe(tick, || mocap.report());
         }
-        let mut tally = tally.lock();
-        tally.add(tick);
+        // Free again before the disk is waited for.
+        let jitter = {
+            let mut tally = tally.lock();
+            tally.add(tick);
+            tally.jitter_due().copied()
+        };
         let Some(log) = log else { return Ok(()) };
         let (now, is_due) = (tick.inbox.now, tick.inbox.step.is_multiple_of(STREAM_EVERY_TICKS));
         if is_due {
@@ -85,8 +89,8 @@ pub(super) fn start(
             log.write(flight_log::LINK, now, &newest)?;
         }
         flight_log::write_tick(log, tick)?;
-        if let Some(jitter) = tally.jitter_due() {
-            log.write(Topic::Jitter.name(), now, jitter)?;
+        if let Some(jitter) = jitter {
+            log.write(Topic::Jitter.name(), now, &jitter)?;
         }
         scene.write(log, tick)
     })?)
@@ -116,12 +120,7 @@ fn open(
     shape: &Outcome,
 ) -> Result<LogWriter> {
     let path = match &arguments.log {
-        Some(path) => {
-            if let Some(folder) = path.parent() {
-                flight_log::make_folder(folder)?;
-            }
-            path.clone()
-        }
+        Some(path) => path.clone(),
         None => flight_log::free_path(
             &table.log.dir,
             &CivilTime::from_unix_ns(clock.utc_start_ns()).to_string(),

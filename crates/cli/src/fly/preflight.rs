@@ -7,6 +7,7 @@
 mod battery;
 mod inspection;
 mod log;
+mod probe;
 mod question;
 
 use std::fmt::{self, Display, Formatter};
@@ -19,12 +20,14 @@ use tello_flight::cycle::{self, CycleTable, FlightTable};
 use tello_flight::{Mission, Room, RoomTable};
 use tello_io::config::{self, FlyTable};
 use tello_io::link_diagnosis::{misnumbered, too_old, undated, wrong_rate};
+use tello_io::manual::is_terminal_ours;
 use tello_io::mocap::StreamReport;
 use tello_io::tello::{DroneFacts, DroneStatus};
 use tello_sim::NominalFlight;
 
 use self::battery::battery_check;
 use self::log::{log_check, log_dir};
+pub(super) use self::probe::probe;
 use self::question::confirm;
 use super::Arguments;
 use super::control_loop::Orders;
@@ -116,7 +119,7 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
         bail!("a real drone takes off only when asked: press Enter on a terminal, or give --yes");
     }
     refuse_built_in_room(table)?;
-    let has_keys = !arguments.no_keys && io::stdin().is_terminal();
+    let has_keys = !arguments.no_keys && is_terminal_ours();
     // Before the inspection, whose findings must be new when the person reads them.
     let nominal = NominalFlight::fly(flight);
     let mut found = inspection::inspect(table, log_dir(arguments, table), has_keys)?;

@@ -12,6 +12,8 @@ use tello_io::clock::{Clock, Role, request_priority};
 use tello_io::config::{self, FlyTable};
 use tello_io::mocap::{MocapClient, MocapFeed};
 
+use crate::interrupt;
+
 /// Its connections, not yet opened.
 pub(super) struct Sources {
     vehicle: MocapClient,
@@ -39,7 +41,7 @@ impl Sources {
     /// # Errors
     /// No thread, or nothing to wait for sockets with.
     pub(super) fn start(self, stop: StopSignal) -> io::Result<JoinHandle<()>> {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        let runtime = interrupt::runtime()?;
         thread::Builder::new().name("tello-mocap".into()).spawn(move || {
             // The control thread reports a refusal.
             request_priority(Role::Mocap).ok();

@@ -29,6 +29,12 @@ pub(super) fn take_parameters(arguments: &Arguments, table: &mut FlyTable) -> Re
     }
     if let Some(path) = &arguments.vehicle {
         vehicle::before_flight(path, &mut table.cycle, arguments.sim)?;
+        if !path.exists() {
+            stdio::note(format_args!(
+                "note: {} is not there yet: the flight makes it",
+                path.display()
+            ));
+        }
         if !arguments.dry_run {
             let hint = "after the flight --vehicle writes it; --params only reads one";
             whole_file::probe(path).context(hint)?;

@@ -26,7 +26,7 @@ use self::orders::OrderAccess;
 pub(crate) use self::playback::Playback;
 use self::server::{Shown, serve};
 use super::live::Watched;
-use crate::stdio;
+use crate::{interrupt, stdio};
 
 /// Where the page is unless an address is given.
 const DEFAULT: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 8080);
@@ -78,6 +78,14 @@ impl Drop for View {
     }
 }
 
+/// Tries whether [`View::open`] could have its address.
+///
+/// # Errors
+/// The address is taken or not of this machine.
+pub(super) fn probe(address: Option<SocketAddr>) -> Result<()> {
+    bind(address).map(drop)
+}
+
 /// A socket at `address`. What was asked for is taken or the flight ends: a tunnel to it would lead to another page.
 fn bind(address: Option<SocketAddr>) -> Result<TcpListener> {
     let taken = |address: SocketAddr| {
@@ -118,7 +126,7 @@ fn announce(asked: SocketAddr, bound: SocketAddr, token: &str) {
 }
 
 fn run(listener: TcpListener, shown: Shown) {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let runtime = interrupt::runtime();
     let served = runtime.and_then(|runtime| {
         let listener = {
             let _inside = runtime.enter();

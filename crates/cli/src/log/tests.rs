@@ -35,12 +35,13 @@ fn a_log_without_its_end_has_all_before_and_the_way_out() {
 }
 
 #[test]
-fn only_a_torn_log_is_bad() {
+fn only_a_log_that_is_not_complete_is_bad() {
     let file = Path::new("flight.mcap");
     assert_eq!(whole(file, None), Verdict::Good);
     assert_eq!(whole(file, Some(Ending::Complete)), Verdict::Good);
     let torn = Ending::Torn { messages: 3, last: None, bytes: 99, why: "no footer".into() };
     assert_eq!(whole(file, Some(torn)), Verdict::Bad);
+    assert_eq!(whole(file, Some(Ending::Gaps { records: 1 })), Verdict::Bad);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use tello_sim::{Emulator, MocapAddresses, NatnetServer, SimTable, World};
 
 use super::Arguments;
-use crate::{Verdict, stdio};
+use crate::{Verdict, interrupt, stdio};
 
 /// Runs the emulators until Ctrl-C.
 pub(super) fn run(sim: &SimTable, arguments: &Arguments) -> Result<Verdict> {
@@ -31,7 +31,7 @@ pub(super) fn run(sim: &SimTable, arguments: &Arguments) -> Result<Verdict> {
     if !arguments.json {
         stdio::line("Ctrl-C stops")?;
     }
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let runtime = interrupt::runtime()?;
     runtime.block_on(tokio::signal::ctrl_c())?;
     for emulator in emulators {
         emulator.stop()?;

@@ -19,6 +19,8 @@ pub struct LoopEnd {
     pub faults: FaultSet,
     /// Faults that ended the flight.
     pub ended_by: FaultSet,
+    /// Targets reached.
+    pub targets_reached: usize,
     /// Whether the mocap ever gave a frame.
     pub has_frames: bool,
     /// Orders that the link did not take; the supervisor repeats them.

@@ -102,6 +102,8 @@ fn a_flight_is_a_success_if_it_landed_after_its_last_target() {
     assert!(landed.is_success() && landed.is_complete() && landed.targets_count > 0);
     let without_log = Summary { log_error: Some("disk full".to_owned()), ..landed.clone() };
     assert!(without_log.is_success() && !without_log.is_complete());
+    let with_gaps = Summary { records_dropped: 1, ..landed.clone() };
+    assert!(with_gaps.is_success() && !with_gaps.is_complete());
     assert!(!summary(Phase::LandingUnconfirmed, &[]).is_success());
     let by_fault = Summary { ended_by: vec![Fault::FenceLeft], ..landed.clone() };
     assert!(!by_fault.is_success());
@@ -111,6 +113,14 @@ fn a_flight_is_a_success_if_it_landed_after_its_last_target() {
     assert!(lines[1].starts_with("likely causes the mission is near a wall"), "{text}");
     let targets_reached = landed.targets_count - 1;
     assert!(!Summary { targets_reached, ..landed }.is_success());
+}
+
+#[test]
+fn targets_count_that_the_log_could_not_take() {
+    let end = LoopEnd { targets_reached: 3, records_dropped: 400, ..LoopEnd::default() };
+    let (mocap, drone) = (MocapCounters::default(), LinkCounters::default());
+    let summary = tally(Pipeline::SameTick).summary().with_end(&end, &mocap, "tello", &drone);
+    assert_eq!((summary.targets_reached, summary.records_dropped), (3, 400));
 }
 
 #[test]

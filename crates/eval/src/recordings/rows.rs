@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use tello_flight::cycle::{PoseRecord, RowsRecord, SticksRecord, Topic};
 use tello_io::clock::{SpanNs, TimeNs};
 use tello_io::log::csv::{self, CsvFlight, CsvRow};
-use tello_io::log::{Channel, Ending, Head, LogReader, LogWriter};
+use tello_io::log::{Channel, Head, LogReader, LogWriter};
 
 use super::PERIOD_S;
 use crate::REVISION;
@@ -107,9 +107,9 @@ pub fn of_log(log: &mut LogReader) -> Result<RowFlight> {
     Ok(RowFlight { rows: rows.into_values().collect(), decimals, notes })
 }
 
-/// How the log is torn, if it is.
+/// How the log ends, if it is not complete.
 pub(super) fn tear(log: &LogReader) -> Option<String> {
-    log.ending().filter(|ending| matches!(ending, Ending::Torn { .. })).map(ToString::to_string)
+    log.ending().filter(|ending| !ending.is_complete()).map(ToString::to_string)
 }
 
 /// Whether a note on what is not in a recording is that of a torn log.

@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use tello_flight::cycle::{self, FlightTable, Inbox, Sink, Tick, Timing, Topic, Unwatched};
 use tello_io::config;
-use tello_io::log::{Ending, LogReader};
+use tello_io::log::LogReader;
 
 use super::drawn_log::DrawnLog;
 use super::{Options, TickObserver};
@@ -110,7 +110,7 @@ pub(super) fn run(
         }
     }
     let torn = match log.ending() {
-        Some(ending @ Ending::Torn { .. }) => Some(ending.to_string()),
+        Some(ending) if !ending.is_complete() => Some(ending.to_string()),
         // Mended after a tear: the rest of the tick is not known.
         _ if !is_tick_whole => Some("cut within its last tick".to_owned()),
         _ => None,

@@ -182,7 +182,7 @@ pub struct LimitTable {
 #[serde(default, deny_unknown_fields)]
 pub struct FollowTable {
     /// A waypoint counts as reached within this distance, the norm over x, y, z and theta.
-    /// m and rad, >= 0.02
+    /// m and rad, 0.02..=2
     pub reach: f64,
     /// When the reference sets off.
     pub start: StartTable,
@@ -294,7 +294,7 @@ impl MissionTable {
 impl FollowTable {
     /// The table, if it is valid.
     pub(super) fn check(&self) -> Result<&Self, SettingError> {
-        near("reach", self.reach)?;
+        in_range("reach", self.reach, NEAR_MIN..=2.0)?;
         near("start.within", self.start.within)?;
         in_range("start.settle_s", self.start.settle_s, 0.0..=60.0)?;
         positive("wait.begin_m", self.wait.begin_m)?;

@@ -47,6 +47,8 @@ pub struct LogReader {
     data: Vec<u8>,
     bytes: u64,
     messages: u64,
+    /// Records that are missing, by the log's own account.
+    dropped: u64,
     last: Option<TimeNs>,
     ending: Option<Ending>,
 }
@@ -69,6 +71,11 @@ pub struct Message<'a> {
 pub enum Ending {
     /// It was closed by its writer.
     Complete,
+    /// It was closed, but the disk was slower than the flight.
+    Gaps {
+        /// Number of records that are missing.
+        records: u64,
+    },
     /// It stops early or is damaged: the writer was killed, the disk full, the file cut or changed.
     /// Every message that was handed out is sound.
     Torn {
@@ -117,6 +124,7 @@ impl LogReader {
             data: Vec::new(),
             bytes: 0,
             messages: 0,
+            dropped: 0,
             last: None,
             ending: None,
         };
@@ -199,6 +207,10 @@ impl LogReader {
             Ok(Some(Record::Metadata(record))) if record.name == metadata::NAME => {
                 self.take_metadata(&record);
             }
+            Ok(Some(Record::Metadata(record))) if record.name == metadata::GAPS => {
+                let dropped = record.metadata.get(metadata::DROPPED);
+                self.dropped = dropped.and_then(|count| count.parse().ok()).unwrap_or(1);
+            }
             Ok(Some(Record::Attachment { header, data, .. })) => {
                 let json = String::from_utf8_lossy(&data).into_owned();
                 self.head.documents.insert(header.name, json);
@@ -215,7 +227,9 @@ impl LogReader {
         if more.map_err(io_error("read", &self.path))? {
             self.tear(BEHIND_THE_END.to_owned());
         } else {
-            self.ending = Some(Ending::Complete);
+            let records = self.dropped;
+            self.ending =
+                Some(if records == 0 { Ending::Complete } else { Ending::Gaps { records } });
         }
         Ok(())
     }
@@ -299,14 +313,17 @@ impl Message<'_> {
 }
 
 impl Ending {
-    /// Whether the log was closed by its writer.
+    /// Whether the log was closed by its writer, and no record is missing.
     pub fn is_complete(&self) -> bool {
         *self == Self::Complete
     }
 
     /// The same, whatever follows the log in its file.
     pub(super) fn is_whole(&self) -> bool {
-        self.is_complete() || matches!(self, Self::Torn { why, .. } if why == BEHIND_THE_END)
+        match self {
+            Self::Complete | Self::Gaps { .. } => true,
+            Self::Torn { why, .. } => why == BEHIND_THE_END,
+        }
     }
 }
 
@@ -314,6 +331,9 @@ impl Display for Ending {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Complete => write!(f, "complete"),
+            Self::Gaps { records } => {
+                write!(f, "closed, but {records} ticks are missing: the disk was too slow")
+            }
             Self::Torn { messages, last, bytes, why } => {
                 let last_s = last.map_or(0.0, |t| t.0 as f64 * 1e-9);
                 write!(f, "torn {last_s:.2} s into the log, after {messages} messages ")?;

@@ -25,9 +25,8 @@ const POLL: Duration = Duration::from_millis(5);
 pub struct Recorder<T> {
     idle: Consumer<Box<T>>,
     filled: Producer<Box<T>>,
-    dropped: u64,
-    /// Records that came after the log had failed, counted by its thread.
-    unwritten: Arc<AtomicU64>,
+    /// Records that are not in the log, counted by both ends.
+    dropped: Arc<AtomicU64>,
     thread: JoinHandle<Result<Summary, LogError>>,
 }
 
@@ -51,14 +50,14 @@ impl<T: Send + 'static> Recorder<T> {
             give_back(&mut returned, Box::new(record));
         }
         let path = log.path().to_owned();
-        let unwritten = Arc::new(AtomicU64::new(0));
-        let count = Arc::clone(&unwritten);
-        let writing = Writing { log: Ok(log), waiting, returned, write, unwritten: count };
+        let dropped = Arc::new(AtomicU64::new(0));
+        let count = Arc::clone(&dropped);
+        let writing = Writing { log: Ok(log), waiting, returned, write, dropped: count };
         let thread = thread::Builder::new()
             .name("tello-log".into())
             .spawn(move || writing.run(flush_period))
             .map_err(io_error("start the thread that writes", &path))?;
-        Ok(Self { idle, filled, dropped: 0, unwritten, thread })
+        Ok(Self { idle, filled, dropped, thread })
     }
 
     /// A record to fill and [`submit`](Self::submit), with the contents of an earlier use. `None`, and
@@ -68,7 +67,7 @@ impl<T: Send + 'static> Recorder<T> {
     pub fn borrow(&mut self) -> Option<Box<T>> {
         let is_taken = !self.filled.is_abandoned();
         let record = if is_taken { self.idle.pop().ok() } else { None };
-        self.dropped += u64::from(record.is_none());
+        self.dropped.fetch_add(record.is_none().into(), Ordering::Relaxed);
         record
     }
 
@@ -76,23 +75,33 @@ impl<T: Send + 'static> Recorder<T> {
     ///
     /// Real time: no allocation, constant cost.
     pub fn submit(&mut self, record: Box<T>) {
-        self.dropped += u64::from(self.filled.push(record).is_err());
+        let is_lost = self.filled.push(record).is_err();
+        self.dropped.fetch_add(is_lost.into(), Ordering::Relaxed);
     }
 
     /// Number of records that are not in the log: not taken, or met by the log's thread after the log had
     /// failed.
     pub fn dropped(&self) -> u64 {
-        self.dropped.saturating_add(self.unwritten.load(Ordering::Relaxed))
+        self.dropped.load(Ordering::Relaxed)
     }
 
-    /// Waits until everything submitted is written and the log is closed.
+    /// Waits until everything submitted is written and the log is closed. Asks `is_given_up` again and again, with
+    /// the time waited (its own pauses): after a yes the log is left to a thread that ends with the program.
     ///
     /// # Errors
-    /// The first error, which ended the log; [`LogError::ThreadPanicked`].
-    pub fn stop(self) -> Result<Summary, LogError> {
+    /// The first error, which ended the log; [`LogError::Unfinished`]; [`LogError::ThreadPanicked`].
+    pub fn stop(self, mut is_given_up: impl FnMut(Duration) -> bool) -> Result<Summary, LogError> {
         let Self { idle, filled, thread, .. } = self;
         drop((idle, filled));
         thread.thread().unpark();
+        let mut waited = Duration::ZERO;
+        while !thread.is_finished() {
+            if is_given_up(waited) {
+                return Err(LogError::Unfinished);
+            }
+            thread::sleep(POLL);
+            waited += POLL;
+        }
         match thread.join() {
             Ok(result) => result,
             Err(_panic) => Err(LogError::ThreadPanicked),
@@ -107,7 +116,7 @@ struct Writing<T, W> {
     waiting: Consumer<Box<T>>,
     returned: Producer<Box<T>>,
     write: W,
-    unwritten: Arc<AtomicU64>,
+    dropped: Arc<AtomicU64>,
 }
 
 impl<T, W: FnMut(Option<&mut LogWriter>, &T) -> Result<(), LogError>> Writing<T, W> {
@@ -119,7 +128,9 @@ impl<T, W: FnMut(Option<&mut LogWriter>, &T) -> Result<(), LogError>> Writing<T,
             fence(Ordering::Acquire);
             self.write_waiting();
             if is_last {
-                return self.log?.finish();
+                let mut log = self.log?;
+                log.note_dropped(self.dropped.load(Ordering::Relaxed))?;
+                return log.finish();
             }
             thread::park_timeout(POLL);
             unflushed += POLL;
@@ -140,7 +151,7 @@ impl<T, W: FnMut(Option<&mut LogWriter>, &T) -> Result<(), LogError>> Writing<T,
             give_back(&mut self.returned, record);
             self.note(written);
             if self.log.is_err() {
-                self.unwritten.fetch_add(1, Ordering::Relaxed);
+                self.dropped.fetch_add(1, Ordering::Relaxed);
             }
         }
     }

@@ -33,6 +33,11 @@ pub(super) mod metadata {
     /// Git revision of the program.
     pub(in crate::log) const REVISION: &str = "revision";
 
+    /// The record of a log with gaps. Not that of the head, which takes the place of an earlier one.
+    pub(in crate::log) const GAPS: &str = "tello-ctl gaps";
+    /// Number of records that are missing.
+    pub(in crate::log) const DROPPED: &str = "records_dropped";
+
     /// The log's zero, if `record` is ours. ns since 1970-01-01 UTC
     pub(in crate::log) fn started(record: &Metadata) -> Option<u64> {
         let started = record.metadata.get(STARTED).filter(|_| record.name == NAME)?;
@@ -200,6 +205,20 @@ impl LogWriter {
     /// [`LogError::Io`]: the log is to be given up; it has what was flushed before.
     pub fn flush(&mut self) -> Result<(), LogError> {
         self.mcap.flush().map_err(|error| write_error(&self.path, error))
+    }
+
+    /// Notes at the end of the log that `records` are missing in it, if any are.
+    ///
+    /// # Errors
+    /// [`LogError::Write`]: the log is to be given up.
+    pub(super) fn note_dropped(&mut self, records: u64) -> Result<(), LogError> {
+        if records == 0 {
+            return Ok(());
+        }
+        let metadata = BTreeMap::from([(metadata::DROPPED.into(), records.to_string())]);
+        self.mcap
+            .write_metadata(&Metadata { name: metadata::GAPS.into(), metadata })
+            .map_err(|error| write_error(&self.path, error))
     }
 
     /// Closes the log with its index.

@@ -32,7 +32,7 @@ const REPORT_AS_BEFORE: &[u8] = b"\x1b[?1004l\x1b[<u";
 
 /// Whether the standard input is a terminal that this program may read and change: as a background
 /// job it would be stopped for that.
-pub(super) fn is_ours() -> bool {
+pub fn is_ours() -> bool {
     let stdin = io::stdin();
     if !stdin.is_terminal() {
         return false;

@@ -41,3 +41,17 @@ fn a_guardian_that_has_ended_is_waited_for_and_leaves_no_zombie() {
     Guardian::of(process).end();
     assert!(!std::path::Path::new(&stat).exists());
 }
+
+#[test]
+fn a_guardian_of_the_first_process_of_a_container_would_end_with_it() {
+    for (id, parent, first, ends) in [
+        (1, 0, "tello-ctl", true),
+        (7, 1, "docker-init", true),
+        (7, 1, "systemd", false),
+        (9, 7, "docker-init", false),
+        // By `docker exec`.
+        (9, 0, "sleep", false),
+    ] {
+        assert_eq!(ends_with_parent(id, parent, first), ends, "{id} {parent} {first}");
+    }
+}

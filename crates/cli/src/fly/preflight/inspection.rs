@@ -15,6 +15,7 @@ use tokio::time::sleep;
 
 use super::Found;
 use crate::fly::sources::Sources;
+use crate::interrupt;
 
 /// Enough to measure a rate. s
 const LOOK_MIN_S: f64 = 1.0;
@@ -29,7 +30,7 @@ const LOOK_PERIOD: Duration = Duration::from_millis(20);
 /// # Errors
 /// A port that is taken; settings that break a rule.
 pub(super) fn inspect(table: &FlyTable, log_dir: &Path, has_keys: bool) -> Result<Found> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let runtime = interrupt::runtime()?;
     let mut found = runtime.block_on(look_at_links(table))?;
     found.disk_free = free_bytes(log_dir);
     found.log_dir = log_dir.into();

@@ -53,6 +53,7 @@ fn left(path: &Path, phase: Phase, missed: usize, has_flown: bool) -> Option<Par
         faults_last: FaultSet::default(),
         faults: FaultSet::default(),
         ended_by: FaultSet::default(),
+        targets_reached: summary.targets_reached,
         has_frames: true,
         orders_lost: 0,
         sightings_dropped: 0,

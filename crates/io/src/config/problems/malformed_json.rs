@@ -1,5 +1,7 @@
 //! Texts that are no JSON: their mistakes, and what can be read all the same.
 
+use std::path::Path;
+
 use serde_json::Value;
 
 use super::super::{not_finite_number, parse};
@@ -35,7 +37,12 @@ impl SettingProblem {
         let reported =
             parse::<Value>(text).err().map_or_else(|| error.to_string(), |it| it.to_string());
         let reported = reported.split(" at line ").next().unwrap_or_default().trim_end_matches(',');
-        Self { file, place, text: reported.to_owned() }
+        // As serde names what begins with a wrong letter.
+        let mut text = reported.replace("expected ident", "expected a JSON value");
+        if Path::new(&file).extension().is_some_and(|kind| kind.eq_ignore_ascii_case("csv")) {
+            text.push_str("; a mission names its CSV: \"trajectory\", \"points\", \"csv\"");
+        }
+        Self { file, place, text }
     }
 }
 

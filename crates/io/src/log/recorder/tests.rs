@@ -42,9 +42,10 @@ fn everything_submitted_is_written_in_order() {
     for step in 0..200 {
         eventually("a record comes back", || record(&mut recorder, step));
     }
-    assert_eq!(recorder.stop().unwrap().messages, 200);
-    let (steps, ending) = counts(reader(memory.bytes()).unwrap());
-    assert_eq!((steps, ending), ((0..200).collect(), Ending::Complete));
+    assert_eq!(recorder.stop(|_| false).unwrap().messages, 200);
+    // Each try without a record that was free is a gap.
+    let (steps, _) = counts(reader(memory.bytes()).unwrap());
+    assert_eq!(steps, (0..200).collect::<Vec<_>>());
 }
 
 #[test]
@@ -61,8 +62,24 @@ fn a_stuck_disk_blocks_nobody_and_the_loss_is_counted() {
     let taken = (0..50).filter(|step| record(&mut recorder, *step)).count();
     assert_eq!((taken, recorder.dropped()), (POOL, 50 - POOL as u64));
     drop(release);
-    assert_eq!(recorder.stop().unwrap().messages, POOL as u64);
-    assert_eq!(counts(reader(memory.bytes()).unwrap()), (vec![0, 1, 2, 3], Ending::Complete));
+    assert_eq!(recorder.stop(|_| false).unwrap().messages, POOL as u64);
+    let (steps, ending) = counts(reader(memory.bytes()).unwrap());
+    assert_eq!((steps, ending), (vec![0, 1, 2, 3], Ending::Gaps { records: 46 }));
+}
+
+#[test]
+fn a_disk_that_hangs_is_given_up() {
+    let memory = Memory::endless();
+    let (_hold, hung) = mpsc::channel::<()>();
+    let write_hung = move |_: Option<&mut LogWriter>, _: &Count| {
+        hung.recv().ok();
+        Ok(())
+    };
+    let mut recorder =
+        Recorder::start(memory.writer().unwrap(), pool(), NO_FLUSH, write_hung).unwrap();
+    assert!(record(&mut recorder, 0));
+    let stopped = recorder.stop(|waited| waited >= 2 * POLL);
+    assert!(matches!(stopped, Err(LogError::Unfinished)), "{stopped:?}");
 }
 
 #[test]
@@ -89,7 +106,7 @@ fn the_first_error_ends_the_log_alone_and_is_handed_back() {
     });
     eventually("each of them is seen", || seen.try_iter().any(|(step, _)| step + 1 == taken));
     assert!(recorder.dropped() >= 20, "{}", recorder.dropped());
-    let message = recorder.stop().unwrap_err().to_string();
+    let message = recorder.stop(|_| false).unwrap_err().to_string();
     assert_eq!(message, "cannot write to test.mcap: no storage space");
 }
 
@@ -102,7 +119,7 @@ fn the_log_is_flushed_while_it_is_recorded() {
         let (steps, ending) = counts(reader(memory.bytes()).unwrap());
         !ending.is_complete() && steps == [5]
     });
-    recorder.stop().unwrap();
+    recorder.stop(|_| false).unwrap();
 }
 
 #[test]
@@ -123,5 +140,5 @@ fn a_panic_of_the_thread_is_an_error() {
     let mut recorder =
         Recorder::start(memory.writer().unwrap(), pool(), NO_FLUSH, write_panic).unwrap();
     assert!(record(&mut recorder, 0));
-    assert!(matches!(recorder.stop(), Err(LogError::ThreadPanicked)));
+    assert!(matches!(recorder.stop(|_| false), Err(LogError::ThreadPanicked)));
 }

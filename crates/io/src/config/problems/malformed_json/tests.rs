@@ -38,12 +38,16 @@ fn finite_numbers_and_other_mistakes_are_left_alone() {
 #[test]
 fn a_text_that_is_no_json_has_a_place_and_no_second_one() {
     for (text, place, reported) in [
-        ("{ \"a\": 1,\n  \"b\": nope }", (2, 9), "b: expected ident"),
+        ("{ \"a\": 1,\n  \"b\": nope }", (2, 9), "b: expected a JSON value"),
         ("{ \"a\": 1", (1, 8), "EOF while parsing an object"),
         ("", (1, 0), "EOF while parsing a value"),
     ] {
         let error = serde_json::from_str::<Value>(text).unwrap_err();
         let problem = SettingProblem::of_text(text, "a.json".to_owned(), &error);
         assert_eq!((problem.place, problem.text.as_str()), (Some(place), reported), "{text}");
+        let problem = SettingProblem::of_text(text, "a.csv".to_owned(), &error);
+        assert!(
+            problem.text.ends_with("a mission names its CSV: \"trajectory\", \"points\", \"csv\"")
+        );
     }
 }
