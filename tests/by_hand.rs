@@ -225,7 +225,7 @@ fn keys_that_follow_the_enter_of_the_question_at_once_count_and_earlier_ones_do_
 }
 
 #[test]
-fn a_job_in_the_background_is_promised_no_keys() {
+fn a_job_in_the_background_has_no_keys() {
     let (folder, _emulator) = rig::start("by-hand-background", |relay| relay);
     let job = "set -m; $0 fly --config fly.json --yes & read line; kill %1; wait";
     let mut person = Person::run_in(&folder, &["sh", "-c", job, PROGRAM]);

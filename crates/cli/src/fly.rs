@@ -77,7 +77,7 @@ const EXIT_TIMEOUT_HUNG_TERMINAL: Duration = Duration::from_secs(1);
 
 /// Wait for the disk of the log that is noted, and the longest one.
 const DISK_WAIT_NOTED: Duration = Duration::from_secs(2);
-const DISK_WAIT_MAX: Duration = Duration::from_secs(60);
+const DISK_WAIT_MAX: Duration = Duration::from_mins(1);
 
 /// Longest time from the end of the flight to the end of the process, for a summary that is not read.
 const EXIT_TIMEOUT: Duration = Duration::from_secs(5);

@@ -16,9 +16,11 @@ use crate::levenberg::{LmError, LmStop};
 
 #[cfg(test)]
 mod coverage;
+mod groups;
 mod laplace;
 mod spread;
 
+pub use groups::group_deviations;
 pub use laplace::{Laplace, standard_deviations};
 pub(crate) use spread::interval_variance;
 pub use spread::{NORMAL_HALF_WIDTH, Spread};

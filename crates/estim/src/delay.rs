@@ -105,9 +105,9 @@ pub struct DelayProfile<const NP: usize> {
     /// above the minimum. s, 1
     pub curve: Vec<ProfilePoint>,
     /// Where the cost is least, the other groups at their best; where the search started unless there
-    /// is a minimum. s
+    /// is a minimum, inside of the range or at zero. s
     pub dead_time_s: f64,
-    /// Standard deviation and interval; `None` unless there is a minimum.
+    /// Standard deviation and interval; `None` unless there is a minimum, inside of the range or at zero.
     pub spread: Option<DelaySpread>,
     /// What an error of the dead time does to the parameter; `None` unless there is a minimum.
     pub influence: Option<DelayInfluence<NP>>,
@@ -120,7 +120,11 @@ pub struct DelayProfile<const NP: usize> {
 pub enum DelayVerdict {
     /// The profile has a minimum inside of the range and rises from there to both sides by more than chance.
     Minimum,
-    /// The profile is least within a period of an end of the searched range.
+    /// The profile is least within a period of zero and rises above by more than chance: the vehicle has no dead time,
+    /// a bound of physics. The interval begins at zero and ends where the profile has risen so far.
+    Zero,
+    /// The profile is least within a period of the upper end of the searched range, below which it is higher by more
+    /// than chance.
     EndOfRange,
     /// The profile is flatter than chance on one side at least: the likelihood does not decide. Or the solves at other
     /// dead times ended higher than that of the start.

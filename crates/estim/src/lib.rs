@@ -30,7 +30,8 @@ mod window_problem;
 
 pub use arrival::{ArrivalSettings, ArrivalTable};
 pub use bootstrap::{
-    Laplace, NORMAL_HALF_WIDTH, Resample, Spread, bootstrap, multiplicities, standard_deviations,
+    Laplace, NORMAL_HALF_WIDTH, Resample, Spread, bootstrap, group_deviations, multiplicities,
+    standard_deviations,
 };
 pub use cholesky::NotPositive;
 pub use delay::{

@@ -5,7 +5,7 @@
 //! hardest. What acts while a link is down in flight is decided elsewhere; this looks at both sides of
 //! a moment.
 
-use horizon_model::rows::{Sticks, pose};
+use horizon_model::rows::{Pose, Sticks, pose};
 use horizon_model::setting::{SettingError, finite, in_range, positive};
 use nalgebra::Vector2;
 use schemars::JsonSchema;
@@ -28,6 +28,9 @@ pub struct OutageTable {
     pub theta_0_rad: f64,
     /// Lag of the horizontal velocity. s, > 0
     pub tau_h_s: f64,
+    /// Largest horizontal acceleration; `None`, as in older settings, is no limit. m/s^2, > 0
+    #[serde(default)]
+    pub a_max_mps2: Option<f64>,
     /// Dead zone of roll and pitch. 1 (stick), in 0..=0.5
     pub dead_h: f64,
     /// Standard deviation of the commanded velocity that the motion implies. m/s, > 0
@@ -52,6 +55,7 @@ impl TryFrom<&OutageTable> for OutageSettings {
         positive("lambda_h_mps", table.lambda_h_mps)?;
         finite("theta_0_rad", table.theta_0_rad)?;
         positive("tau_h_s", table.tau_h_s)?;
+        table.a_max_mps2.map(|a_max| positive("a_max_mps2", a_max)).transpose()?;
         in_range("dead_h", table.dead_h, 0.0..=0.5)?;
         positive("sd_mps", table.sd_mps)?;
         positive("correlation_s", table.correlation_s)?;
@@ -67,7 +71,8 @@ const ERROR_MAX: f64 = 100.0;
 /// Whether the commands applied in each step of a flight were lost.
 ///
 /// The motion implies a commanded velocity `v + tau dv/dt`. It is compared with the one of the applied
-/// sticks `u_applied` and with zero; dynamic programming finds the sequence of "link up" and "link down"
+/// sticks `u_applied` and with zero, both no further from v than `tau a_max`: a vehicle at its limit of acceleration
+/// shows the direction of its command alone. Dynamic programming finds the sequence of "link up" and "link down"
 /// of least cost, half the squared error over variance and correlation time plus the cost of every
 /// change. An outage with sticks near the dead zone cannot be seen.
 ///
@@ -89,11 +94,12 @@ pub fn lost_commands(
     let mut was_down = Vec::with_capacity(u_applied.len());
     for (k, u) in u_applied.iter().enumerate() {
         let implied_w_mps = implied_command(table, track, k);
+        let shown_w_mps = |command_w_mps| shown_command(table, track, k, command_w_mps);
         let (lost, returned) = (up + table.outage_cost, down + table.return_cost);
         was_down.push([returned < up, down <= lost]);
         up = up.min(returned)
-            + cost_of(implied_w_mps - command(table, u, track.pose[k][pose::THETA]));
-        down = down.min(lost) + cost_of(implied_w_mps);
+            + cost_of(implied_w_mps - shown_w_mps(command(table, u, track.pose[k][pose::THETA])));
+        down = down.min(lost) + cost_of(implied_w_mps - shown_w_mps(Vector2::zeros()));
     }
     let mut is_down = down < up;
     let mut is_lost: Vec<bool> = was_down
@@ -111,8 +117,23 @@ pub fn lost_commands(
 
 /// `v + tau dv/dt`, world frame. m/s
 fn implied_command(table: &OutageTable, track: &MotionTrack, k: usize) -> Vector2<f64> {
-    let implied_w_mps = track.velocity[k] + table.tau_h_s * track.acceleration[k];
-    Vector2::new(implied_w_mps[pose::X], implied_w_mps[pose::Y])
+    horizontal(&(track.velocity[k] + table.tau_h_s * track.acceleration[k]))
+}
+
+/// What the motion implies of a vehicle that follows `command_w_mps` (m/s) as fast as its acceleration allows. m/s
+fn shown_command(
+    table: &OutageTable,
+    track: &MotionTrack,
+    k: usize,
+    command_w_mps: Vector2<f64>,
+) -> Vector2<f64> {
+    let Some(a_max_mps2) = table.a_max_mps2 else { return command_w_mps };
+    let v_w_mps = horizontal(&track.velocity[k]);
+    v_w_mps + (command_w_mps - v_w_mps).cap_magnitude(table.tau_h_s * a_max_mps2)
+}
+
+fn horizontal(rate: &Pose) -> Vector2<f64> {
+    Vector2::new(rate[pose::X], rate[pose::Y])
 }
 
 fn command(table: &OutageTable, u: &Sticks, theta_rad: f64) -> Vector2<f64> {

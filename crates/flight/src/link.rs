@@ -146,7 +146,7 @@ impl LinkMonitor {
     }
 
     /// What is known of the error of each axis's dead time; `None` before the first complete pose, while the
-    /// link is down, and while the evidence for an outage exceeds [`DOUBT_RATIO`] of its threshold: an outage then
+    /// link is down, and while the evidence for an outage exceeds `DOUBT_RATIO` of its threshold: an outage then
     /// looks like a delay.
     ///
     /// Real time: no allocation, constant cost.

@@ -91,7 +91,7 @@ impl Part {
     pub fn finish(mut self) -> Result<()> {
         self.sync()?;
         if let Ok(there) = fs::metadata(&self.path) {
-            // Those who share a file go on sharing it; some systems have no owners.
+            // Its group may write it as before; some systems have no owners.
             chown(self.path(), None, Some(there.gid())).ok();
             fs::set_permissions(self.path(), there.permissions()).ok();
         }

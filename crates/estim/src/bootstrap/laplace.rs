@@ -123,7 +123,7 @@ impl<const NP: usize> Laplace<NP> {
 }
 
 /// Inverse of a positive definite matrix.
-fn inverse<const N: usize>(matrix: &Matrix<N, N>) -> Result<Matrix<N, N>, NotPositive> {
+pub(super) fn inverse<const N: usize>(matrix: &Matrix<N, N>) -> Result<Matrix<N, N>, NotPositive> {
     let root = Cholesky::new(*matrix)?.forward(Matrix::identity());
     Ok(root.transpose() * root)
 }

@@ -16,9 +16,14 @@ const PIECES: usize = 12;
 
 /// Pieces of 40 steps that the model explains with its own parameter each.
 pub(super) fn pieces() -> Vec<Piece<4, 4>> {
+    pieces_of(|i| Vector::from([1.0, 0.5, 0.9, 0.0]).map(|p| p + 0.2 * (i as f64).sin()))
+}
+
+/// Pieces of 40 steps that the model explains with the parameter of each.
+pub(super) fn pieces_of(p_of: impl Fn(usize) -> Vector<4>) -> Vec<Piece<4, 4>> {
     let steady = |i: usize, k: usize| 0.4 * ((0.7 * i as f64) + 0.11 * k as f64).sin();
     let piece = |i: usize| {
-        let p = Vector::from([1.0, 0.5, 0.9, 0.0]).map(|p| p + 0.2 * (i as f64).sin());
+        let p = p_of(i);
         let mut s = Pose::new(0.0, 0.0, 1.0, 0.3 * i as f64);
         let (mut u, mut o) = (Vec::new(), Vec::new());
         for k in 0..40 {

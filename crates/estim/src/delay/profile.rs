@@ -114,5 +114,19 @@ pub(super) fn rises(curve: &[ProfilePoint], at_s: f64) -> [f64; 2] {
     [highest(|s, at_s| s < at_s), highest(|s, at_s| s > at_s)]
 }
 
+/// Where `curve`, a parabola from each point to the next, has first risen to `cost` behind `at_s`, where it is 0; its
+/// end if it never has. s
+pub(super) fn risen_at_s(curve: &[ProfilePoint], at_s: f64, cost: f64) -> f64 {
+    let mut before = ProfilePoint { dead_time_s: at_s, cost: 0.0 };
+    for point in curve.iter().filter(|point| point.dead_time_s > at_s) {
+        if point.cost >= cost {
+            let part = ((cost - before.cost) / (point.cost - before.cost)).sqrt();
+            return before.dead_time_s + part * (point.dead_time_s - before.dead_time_s);
+        }
+        before = *point;
+    }
+    before.dead_time_s
+}
+
 #[cfg(test)]
 mod tests;

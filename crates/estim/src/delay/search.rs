@@ -3,7 +3,7 @@
 use horizon_model::{Model, Vector};
 
 use super::descent::Descent;
-use super::profile::{LocalMinimum, rises};
+use super::profile::{LocalMinimum, risen_at_s, rises};
 use super::{
     DelayError, DelayInfluence, DelayProfile, DelaySettings, DelaySpread, DelayVerdict, Flights,
     ProfilePoint,
@@ -39,7 +39,8 @@ pub(super) struct GroupProfile {
 /// Uncertainty of a dead time that has a minimum.
 struct DeadTimeUncertainty<const NP: usize> {
     spread: DelaySpread,
-    influence: DelayInfluence<NP>,
+    /// `None` at zero, where the dead time does not follow the pieces.
+    influence: Option<DelayInfluence<NP>>,
 }
 
 /// An identification solved at the present dead times.
@@ -141,7 +142,7 @@ where
             None => self.decide(group, &profile, solved)?,
         };
         let GroupProfile { curve, at_s: mut dead_time_s } = profile;
-        if verdict != DelayVerdict::Minimum {
+        if !matches!(verdict, DelayVerdict::Minimum | DelayVerdict::Zero) {
             if let Some(start) = diverged_from {
                 self.ident.restart_at(start);
             }
@@ -151,7 +152,7 @@ where
             solved.ident.restart_at(self.ident);
         }
         let (spread, influence) = uncertainty.map(|of| (of.spread, of.influence)).unzip();
-        let rows = self.groups[group].to_vec();
+        let (rows, influence) = (self.groups[group].to_vec(), influence.flatten());
         Ok(DelayProfile { rows, curve, dead_time_s, spread, influence, verdict })
     }
 
@@ -164,14 +165,21 @@ where
         solved: &Solved<M, NS, NU, NO, NP>,
     ) -> Result<(Option<DeadTimeUncertainty<NP>>, DelayVerdict), SearchStop> {
         let GroupProfile { curve, at_s } = profile;
-        let (uncertainty, verdict) = self.uncertainty(group, *at_s, solved)?;
+        let (mut uncertainty, verdict) = self.uncertainty(group, *at_s, solved)?;
         let significant = self.significant_rise(solved.cost);
         let [left, right] = rises(curve, *at_s).map(|rise| rise > significant);
         let is_decided = match verdict {
             DelayVerdict::Minimum => left && right,
-            DelayVerdict::EndOfRange => left || right,
+            DelayVerdict::Zero => right,
+            DelayVerdict::EndOfRange => left,
             DelayVerdict::Undecided => false,
         };
+        if verdict == DelayVerdict::Zero {
+            let upper_s = risen_at_s(curve, *at_s, significant);
+            let std_s = (upper_s - at_s) / NORMAL_HALF_WIDTH;
+            let spread = DelaySpread { std_s, std_white_s: std_s, lower_s: 0.0, upper_s };
+            uncertainty = Some(DeadTimeUncertainty { spread, influence: None });
+        }
         Ok(if is_decided { (uncertainty, verdict) } else { (None, DelayVerdict::Undecided) })
     }
 
@@ -225,7 +233,10 @@ where
         solved: &Solved<M, NS, NU, NO, NP>,
     ) -> Result<(Option<DeadTimeUncertainty<NP>>, DelayVerdict), SearchStop> {
         let width_s = self.flights.dt_s;
-        if at_s < width_s || at_s > self.settings.dead_time_max_s - width_s {
+        if at_s < width_s {
+            return Ok((None, DelayVerdict::Zero));
+        }
+        if at_s > self.settings.dead_time_max_s - width_s {
             return Ok((None, DelayVerdict::EndOfRange));
         }
         let Solved { ident: solved, cost } = solved;
@@ -262,7 +273,7 @@ where
         let spread = DelaySpread { std_s, std_white_s, lower_s, upper_s };
         let by_piece_s = gradients.iter().map(|gradient| -gradient / curvature).collect();
         let influence =
-            DelayInfluence { by_piece_s, parameter_by_dead_time, information: curvature };
+            Some(DelayInfluence { by_piece_s, parameter_by_dead_time, information: curvature });
         Ok((Some(DeadTimeUncertainty { spread, influence }), DelayVerdict::Minimum))
     }
 

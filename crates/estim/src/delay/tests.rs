@@ -164,15 +164,18 @@ fn the_spread_is_that_of_the_error() {
 }
 
 #[test]
-fn no_dead_time_is_found_at_the_end_of_the_range() {
+fn zero_is_a_dead_time_and_the_upper_end_of_the_range_is_none() {
     let flights = flights(dead_time_s(0.2, 0.0, 0.9), 1.0, 0.0, 2);
     let profiles = search(&flights, &mut || false).unwrap();
     let [_, yaw, throttle] = &profiles[..] else { panic!("{profiles:?}") };
-    for profile in [yaw, throttle] {
-        assert_eq!(profile.verdict, DelayVerdict::EndOfRange);
-        assert!((profile.dead_time_s - 0.5).abs() < 1e-12, "as given: {profile:?}");
-        assert!(profile.spread.is_none(), "{profile:?}");
-    }
+    assert_eq!(yaw.verdict, DelayVerdict::Zero);
+    assert!(yaw.dead_time_s < 2e-3, "{yaw:?}");
+    let DelaySpread { lower_s, upper_s, .. } = yaw.spread.unwrap();
+    assert!(lower_s <= 0.0 && upper_s > yaw.dead_time_s && upper_s < 0.04, "{lower_s}, {upper_s}");
+    assert!(yaw.influence.is_none(), "{yaw:?}");
+    assert_eq!(throttle.verdict, DelayVerdict::EndOfRange);
+    assert!((throttle.dead_time_s - 0.5).abs() < 1e-12, "as given: {throttle:?}");
+    assert!(throttle.spread.is_none(), "{throttle:?}");
 }
 
 #[test]

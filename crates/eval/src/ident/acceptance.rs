@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Result, anyhow, bail, ensure};
 use horizon_estim::NORMAL_HALF_WIDTH;
 use horizon_model::rows::stick;
 use tello_flight::Start;
@@ -10,7 +10,7 @@ use tello_flight::cycle::{self, FlightTable, ModelKind};
 use tello_io::config;
 
 use super::job::Job;
-use super::report::{FitReport, ParameterRow};
+use super::report::{DelayMinimum, FitReport, ParameterRow};
 use super::verdict::{EXCITATION_MIN, is_set_by_prior};
 use crate::REVISION;
 use crate::parameter_file::{
@@ -36,9 +36,12 @@ pub(super) struct Accepted {
     is_prior: bool,
 }
 
-/// The values of a parameter file: the estimates, but the prior where no stick of the axis was moved much
-/// (`input_rms`) and the logs show less than it (`prior_std`), and the nearest bound of the flight's estimator where
-/// that lies within the 95 % interval, which the logs then do not exclude. Reports of which that is so.
+/// Root mean square below which a stick rested: what its axis did is noise. 1
+const REST_MAX: f64 = 0.1 * EXCITATION_MIN;
+
+/// The values of a parameter file: the estimates, but the prior where every stick of the axis rested (`input_rms`) or
+/// the logs add little to it (`prior_std`), and the nearest bound of the flight's estimator where that lies within the
+/// 95 % interval, which the logs then do not exclude. Reports of which that is so.
 pub(super) fn accepted_values(
     job: &Job<'_>,
     parameters: &[ParameterRow],
@@ -55,7 +58,7 @@ pub(super) fn accepted_values(
             let prior = job.table.map.p_prior[i];
             let value = bounds.map_or(prior, |(lo, hi)| within(prior, *lo, *hi));
             notes.push(format!(
-                "{} is {value} in the parameter file, its prior: no stick that shows it was moved much",
+                "{} is {value} in the parameter file, its prior: move the sticks that show it more",
                 row.name
             ));
             return Accepted { value, is_prior: true };
@@ -73,10 +76,10 @@ pub(super) fn accepted_values(
     (values.collect(), notes)
 }
 
-/// Whether no stick that shows the parameter of `row` was moved much, and the logs show less of it than its prior.
+/// Whether every stick that shows the parameter of `row` rested, or the logs add little to its prior.
 fn is_unknown(row: &ParameterRow, input_rms: &[f64], prior_std: f64) -> bool {
-    let is_still = sticks_of(row.name).iter().all(|stick| input_rms[*stick] < EXCITATION_MIN);
-    is_still && (row.std_laplace.is_nan() || is_set_by_prior(row.std_laplace, prior_std))
+    let has_rested = sticks_of(row.name).iter().all(|stick| input_rms[*stick] < REST_MAX);
+    has_rested || row.std_laplace.is_nan() || is_set_by_prior(row.std_laplace, prior_std)
 }
 
 /// The sticks that show a parameter, by the axis that its name ends with.
@@ -141,18 +144,41 @@ pub(super) fn parameter_file(
     })
 }
 
+/// One in so many steps must be used: what remains after outages is else no flight, but chance.
+const USED_PARTS_MIN: usize = 3;
+
+/// Mistakes in logs that look like an unlikely parameter.
+const MISTAKES: &str = "; or the units (m, rad), axes, sticks or period of the logs are others, or the sticks are \
+                        shifted in time or exchanged";
+
 /// Refuses the `file` of `fit` if the logs do not determine it, or if the job names a flight that would not take it.
 ///
 /// # Errors
 /// The reason.
 pub(super) fn accept(job: &Job<'_>, fit: &FitReport, file: &ParameterFile) -> Result<()> {
-    let steps: usize = job.logs.iter().map(|log| log.recording.o.len()).sum();
+    let lengths = job.logs.iter().map(|log| log.recording.o.len());
+    let steps: usize = lengths.clone().sum();
     ensure!(
         2 * fit.steps_lost <= steps,
         "in {} of {steps} steps the drone did not follow its sticks: what is left shows little of it; are axes \
          exchanged, is the object turned (--turn), or the link bad?",
         fit.steps_lost
     );
+    let steps: usize = lengths.filter(|length| *length >= job.table.piece_steps_min).sum();
+    ensure!(
+        USED_PARTS_MIN * fit.steps >= steps,
+        "only {} of {steps} steps can be used, the others are outages or pieces between them that are too short \
+         (piece_steps_min): are axes exchanged, or the link bad?",
+        fit.steps
+    );
+    if let Some(row) = fit.delay.iter().find(|row| row.verdict == DelayMinimum::EndOfRange) {
+        bail!(
+            "the dead time of {} is not the {} s that it was kept at, but at the end of the searched range or beyond \
+             (delay.dead_time_max_s): the sticks are early against the poses, or the model is another",
+            row.sticks,
+            row.dead_time_s
+        );
+    }
     let undetermined = fit.parameters.iter().find(|row| {
         let entry = file.parameters.get(row.name);
         let is_written = entry.is_some_and(|entry| entry.value.total_cmp(&row.value).is_eq());
@@ -162,20 +188,79 @@ pub(super) fn accept(job: &Job<'_>, fit: &FitReport, file: &ParameterFile) -> Re
     });
     if let Some(ParameterRow { name, value, .. }) = undetermined {
         bail!(
-            "{name} = {value} lies at its bound (map.p_lb, map.p_ub): the logs do not determine it"
+            "{name} = {value} lies at its bound (map.p_lb, map.p_ub): the logs do not determine it{MISTAKES}"
         );
     }
     let Some(flight) = job.flight else { return Ok(()) };
     file.check()?;
     let mut flight = flight.clone();
-    flight.cycle.take(file)?;
+    flight.cycle.take(file).map_err(|error| anyhow!("{error:#}{MISTAKES}"))?;
     cycle::build(&flight).map(drop)?;
     Ok(())
 }
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
+    use horizon_estim::{Observed, Recording};
+    use horizon_model::rows::Sticks;
+
+    use super::super::report::DelayRow;
     use super::*;
+    use crate::recordings::Loaded;
+
+    /// Why a fit to one log of 900 steps is refused that is in order but for `change`.
+    fn refusal(change: impl Fn(&mut FitReport)) -> String {
+        let recording =
+            Recording { u: vec![Sticks::zeros(); 900], o: vec![Observed::missing(); 900] };
+        let logs = [Loaded {
+            path: "a".into(),
+            sha256: String::new(),
+            is_simulated: false,
+            recording,
+            skipped: vec![],
+            motions: BTreeSet::new(),
+        }];
+        let job = Job {
+            name: "ident.json",
+            table: &crate::ident::settings(None).unwrap(),
+            logs: &logs,
+            bootstrap: None,
+            flight: None,
+            observer: &(),
+            keeps_estimates: false,
+        };
+        let mut fit = crate::ident::report::tests::fit();
+        change(&mut fit);
+        let values = [Accepted { value: fit.parameters[0].value, is_prior: false }];
+        let file = parameter_file(&job, &fit, &values).unwrap();
+        accept(&job, &fit, &file).err().map_or_else(String::new, |why| why.to_string())
+    }
+
+    #[test]
+    fn a_fit_to_little_of_a_log_or_with_a_dead_time_out_of_range_is_refused() {
+        let delay = |verdict| DelayRow {
+            sticks: "yaw".to_owned(),
+            dead_time_s: 0.04,
+            verdict,
+            std_s: None,
+            lower_s: None,
+            upper_s: None,
+        };
+        assert_eq!(refusal(|fit| fit.steps = 300), "");
+        let why = refusal(|fit| (fit.steps, fit.steps_lost) = (299, 400));
+        assert!(why.starts_with("only 299 of 900 steps can be used"), "{why}");
+        let why = refusal(|fit| fit.steps_lost = 451);
+        assert!(why.starts_with("in 451 of 900 steps"), "{why}");
+        for verdict in [DelayMinimum::Minimum, DelayMinimum::Zero, DelayMinimum::Undecided] {
+            assert_eq!(refusal(|fit| fit.delay = vec![delay(verdict)]), "", "{verdict:?}");
+        }
+        let why = refusal(|fit| fit.delay = vec![delay(DelayMinimum::EndOfRange)]);
+        assert!(why.starts_with("the dead time of yaw is not the 0.04 s"), "{why}");
+        let why = refusal(|fit| fit.parameters[0].is_at_bound = true);
+        assert!(why.contains("units") && why.contains("shifted in time or exchanged"), "{why}");
+    }
 
     #[test]
     fn each_parameter_has_its_sticks() {
@@ -192,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn a_prior_is_kept_where_sticks_rested_and_the_logs_tell_less() {
+    fn a_prior_is_kept_where_sticks_rested_or_the_logs_add_little() {
         let row = |std_laplace: f64| ParameterRow {
             name: "tau_v",
             unit: "s",
@@ -208,9 +293,14 @@ mod tests {
             rms[stick::THROTTLE] = throttle;
             rms
         };
-        for (std_laplace, throttle, expected) in
-            [(0.3, 0.04, true), (f64::NAN, 0.04, true), (0.1, 0.04, false), (0.3, 0.06, false)]
-        {
+        for (std_laplace, throttle, expected) in [
+            (0.3, 0.04, true),
+            (f64::NAN, 0.04, true),
+            (0.1, 0.04, false),
+            (0.1, 0.004, true),
+            (0.3, 0.2, true),
+            (0.1, 0.2, false),
+        ] {
             let got = is_unknown(&row(std_laplace), &rms(throttle), 0.4);
             assert_eq!(got, expected, "{std_laplace}, {throttle}");
         }

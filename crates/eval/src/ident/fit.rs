@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use anyhow::{Context, Result};
 use horizon_estim::{
     DelayInfluence, DelayProfile, DelaySettings, Flights, Ident, Laplace, LmStop, SolveReport,
-    Span, Spread,
+    Span, Spread, group_deviations,
 };
 use horizon_model::rows::{pose, stick};
 use horizon_model::setting::{SettingError, in_range, vector};
@@ -22,9 +22,12 @@ use super::flights::{Flight, cut_logs, prepare};
 use super::job::{DelayResult, FitResult, Job, Trace};
 use super::predict::{Identified, residual_decay_s};
 use super::report::{Bootstrap, DelayRow, FitReport, ParameterRow};
-use super::verdict::{IdentFindings, PIECES_PER_PARAMETER, autocorrelation, is_resampled};
+use super::verdict::{
+    CONTRADICTION_MIN, IdentFindings, PIECES_PER_PARAMETER, autocorrelation, is_resampled,
+};
 use crate::Stopped;
 use crate::parameter_file::ParameterFile;
+use crate::recordings::Loaded;
 
 mod bootstrap;
 mod traces;
@@ -225,6 +228,7 @@ where
                 self.job.logs.iter().filter(|log| log.is_simulated == is_simulated).count()
             }),
             mostly_lost: self.mostly_lost(),
+            contradicting: self.contradicting(),
         }
     }
 
@@ -325,6 +329,27 @@ where
         let is_mostly = |steps: usize, lost: usize| 2 * lost > steps;
         let most = logs.filter(|((_, flight), lost)| is_mostly(flight.o.len(), **lost));
         most.map(|((log, _), _)| log.path.display().to_string()).collect()
+    }
+
+    /// Logs that contradict the others, as [`IdentFindings::contradicting`].
+    fn contradicting(&self) -> Vec<(String, &'static str, f64)> {
+        let of_log = |log: usize| -> Vec<usize> {
+            let pieces = self.spans.iter().enumerate();
+            pieces.filter(|(_, span)| span.recording == log).map(|(piece, _)| piece).collect()
+        };
+        let groups: Vec<Vec<usize>> = (0..self.job.logs.len()).map(of_log).collect();
+        let has_others = |pieces: &Vec<usize>| pieces.len() < self.spans.len();
+        // A missing standard deviation has a note of its own.
+        let deviations = group_deviations(&self.ident, &groups).unwrap_or_default();
+        let logs = self.job.logs.iter().zip(&groups).zip(&deviations);
+        let compared = logs.filter(|((_, pieces), _)| has_others(pieces));
+        let worst = |((log, _), of_log): ((&Loaded, _), &SVector<f64, NP>)| {
+            let rows = M::PARAMETER.iter().zip(of_log);
+            let beyond = rows.filter(|(_, deviation)| deviation.abs() > CONTRADICTION_MIN);
+            let (row, most) = beyond.max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()))?;
+            Some((log.path.display().to_string(), row.name, *most))
+        };
+        compared.filter_map(worst).collect()
     }
 
     /// Root mean square of each applied input over the pieces.

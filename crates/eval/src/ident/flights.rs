@@ -6,7 +6,7 @@ use crate::outage::{OutageSettings, lost_commands};
 use crate::recordings::Loaded;
 use crate::smooth::smooth;
 use anyhow::{Result, bail};
-use horizon_estim::{Recording, Span, cut};
+use horizon_estim::{Observed, Recording, Span, cut};
 use horizon_model::rows::{Sticks, pose, stick};
 use horizon_model::setting::SettingError;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
@@ -54,7 +54,7 @@ pub(super) fn cut_logs(
     for (recording, (flight, is_lost)) in flights.iter().zip(is_lost).enumerate() {
         let is_usable: Vec<bool> = is_lost.iter().map(|is_lost| !is_lost).collect();
         for steps in cut(&is_usable, steps_min) {
-            let is_complete = |k: &usize| flight.o[*k].is_present.iter().all(|seen| *seen);
+            let is_complete = |k: &usize| is_complete(&flight.o[*k]);
             let (first, last) = (steps.clone().find(is_complete), steps.rev().find(is_complete));
             if let (Some(first), Some(last)) = (first, last)
                 && first < last
@@ -71,15 +71,23 @@ pub(super) fn cut_logs(
         let no_log =
             format!("no log has {steps_min} steps on end that can be used (piece_steps_min)");
         if lost == 0 {
-            bail!("{no_log}: the logs have {steps} steps, with gaps; fly longer");
+            let is_whole = |flight: &Cow<'_, Flight>| flight.o.iter().all(is_complete);
+            let gaps = if flights.iter().all(is_whole) { "" } else { ", with gaps" };
+            bail!("{no_log}: the logs have {steps} steps{gaps}; fly longer");
         }
         bail!(
             "{no_log}; in {lost} of {steps} steps the drone did not follow its sticks: if that is most of them, the \
              object may be turned (--turn), axes or sticks exchanged, the period of a CSV not `dt_s`, or the vehicle \
-             unlike `lost_commands` (null in the settings takes every step)"
+             unlike `lost_commands`, as with full sticks and another `a_max_mps2` (null in the settings takes every \
+             step)"
         );
     }
     Ok(spans)
+}
+
+/// Whether every row was observed.
+fn is_complete(observed: &Observed<{ pose::COUNT }>) -> bool {
+    observed.is_present.iter().all(|seen| *seen)
 }
 
 #[cfg(test)]

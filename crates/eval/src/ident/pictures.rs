@@ -31,7 +31,10 @@ pub(super) fn save(dir: &Path, job: &Job<'_>, result: &FitResult) -> Result<()> 
                 name: &curve.row.sticks,
                 dead_time_s: &curve.dead_time_s,
                 cost: &curve.cost,
-                minimum_s: if curve.row.verdict == DelayMinimum::Minimum {
+                minimum_s: if matches!(
+                    curve.row.verdict,
+                    DelayMinimum::Minimum | DelayMinimum::Zero
+                ) {
                     curve.row.dead_time_s
                 } else {
                     f64::NAN

@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::compare::Comparison;
-use crate::recordings::FileSkipped;
+use crate::recordings::{FileSkipped, PERIOD_S};
 
 /// The result of `tello-ctl ident`.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -132,7 +132,9 @@ pub struct DelayRow {
 pub enum DelayMinimum {
     /// The cost has a minimum inside of the searched range.
     Minimum,
-    /// The cost is least at an end of the range.
+    /// The cost is least at zero: there is no dead time.
+    Zero,
+    /// The cost is least at the upper end of the range.
     EndOfRange,
     /// The cost does not decide.
     Undecided,
@@ -142,6 +144,7 @@ impl From<DelayVerdict> for DelayMinimum {
     fn from(verdict: DelayVerdict) -> Self {
         match verdict {
             DelayVerdict::Minimum => Self::Minimum,
+            DelayVerdict::Zero => Self::Zero,
             DelayVerdict::EndOfRange => Self::EndOfRange,
             DelayVerdict::Undecided => Self::Undecided,
         }
@@ -180,8 +183,12 @@ impl Display for IdentReport {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let steps: usize = self.files_used.iter().map(|file| file.steps).sum();
         writeln!(f, "logs          {} used, {steps} steps", self.files_used.len())?;
-        for file in self.files_used.iter().filter(|file| !file.skipped.is_empty()) {
-            writeln!(f, "  {}: {}", file.path.display(), file.skipped.join("; "))?;
+        for FileUsed { path, steps, skipped, .. } in &self.files_used {
+            // A CSV has no time: a person sees whether its rows are periods.
+            let (seconds, rate_hz) = (*steps as f64 * PERIOD_S, 1.0 / PERIOD_S);
+            write!(f, "  {}: {steps} steps, {seconds:.1} s at {rate_hz:.0} Hz", path.display())?;
+            skipped.iter().try_for_each(|part| write!(f, "; {part}"))?;
+            writeln!(f)?;
         }
         for file in &self.files_skipped {
             writeln!(f, "  not used: {}: {}", file.path.display(), file.why)?;

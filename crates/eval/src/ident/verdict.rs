@@ -42,6 +42,9 @@ pub(super) fn is_resampled(distinct: usize, pieces: usize, parameters: usize) ->
     distinct >= DISTINCT_MIN && pieces > parameters
 }
 
+/// Standard deviations from which on a log contradicts the others. 1
+pub(super) const CONTRADICTION_MIN: f64 = 4.0;
+
 /// Standard deviation beyond which a dead time counts as unknown. s
 const DEAD_TIME_STD_MAX_S: f64 = 0.1;
 
@@ -66,6 +69,8 @@ pub(super) struct IdentFindings<'a> {
     pub(super) simulated_and_real: [usize; 2],
     /// Logs more than half of which was left out because commands were lost.
     pub(super) mostly_lost: Vec<String>,
+    /// Logs that contradict the others: name, parameter that does so most, by how many standard deviations.
+    pub(super) contradicting: Vec<(String, &'static str, f64)>,
 }
 
 impl IdentFindings<'_> {
@@ -79,8 +84,12 @@ impl IdentFindings<'_> {
                 (DelayMinimum::EndOfRange, _) => {
                     "the cost is least at the end of its range; kept as given"
                 }
-                (DelayMinimum::Minimum, Some(std_s)) if std_s > DEAD_TIME_STD_MAX_S => "too vague",
-                (DelayMinimum::Minimum, _) => continue,
+                (DelayMinimum::Minimum | DelayMinimum::Zero, Some(std_s))
+                    if std_s > DEAD_TIME_STD_MAX_S =>
+                {
+                    "too vague"
+                }
+                (DelayMinimum::Minimum | DelayMinimum::Zero, _) => continue,
             };
             findings.push(format!(
                 "the dead time of {sticks} is not determined by these logs: {why} ({dead_time_s:.3} s)"
@@ -133,6 +142,12 @@ impl IdentFindings<'_> {
             findings.push(format!(
                 "{simulated} of {} logs were simulated: the parameters are neither of the simulator nor of the drone",
                 simulated + real
+            ));
+        }
+        for (log, parameter, deviations) in &self.contradicting {
+            findings.push(format!(
+                "{log} contradicts the other logs, most in {parameter}, by {deviations:.0} standard deviations: the \
+                 estimate is between them; identify each drone, and each definition of its object, by logs of its own"
             ));
         }
         for log in &self.mostly_lost {
@@ -211,6 +226,7 @@ mod tests {
             resamples_distinct: None,
             simulated_and_real: [0, 1],
             mostly_lost: Vec::new(),
+            contradicting: Vec::new(),
         }
     }
 
@@ -241,10 +257,13 @@ mod tests {
         evidence.delay = &delay;
         evidence.mostly_lost = vec!["a.log".into()];
         evidence.simulated_and_real = [1, 2];
+        evidence.contradicting = vec![("b.log".into(), "theta_0", -7.4)];
         let findings = evidence.sentences().join("\n");
         assert!(findings.contains("1 of 3 logs were simulated"), "{findings}");
         assert!(findings.contains("yaw") && findings.contains("does not decide"), "{findings}");
         assert!(findings.contains("half of a.log"), "{findings}");
+        assert!(findings.contains("b.log contradicts"), "{findings}");
+        assert!(findings.contains("most in theta_0, by -7 standard"), "{findings}");
     }
 
     #[test]

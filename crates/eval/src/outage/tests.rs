@@ -1,5 +1,5 @@
 use horizon_estim::Observed;
-use horizon_model::rows::{Pose, Sticks, pose, stick};
+use horizon_model::rows::stick;
 
 use super::*;
 use crate::smooth::smooth;
@@ -11,6 +11,7 @@ fn table() -> OutageTable {
         lambda_h_mps: 2.0,
         theta_0_rad: -0.06,
         tau_h_s: 0.63,
+        a_max_mps2: None,
         dead_h: 0.07,
         sd_mps: 0.25,
         correlation_s: 0.25,
@@ -61,10 +62,48 @@ fn a_flight_that_follows_has_no_loss() {
     assert!(!is_lost.contains(&true), "{:?}", is_lost.iter().position(|is_lost| *is_lost));
 }
 
+/// Full sticks to and fro, and a vehicle that accelerates by 1.1 m/s^2 at most and ignores its
+/// sticks where `is_lost`.
+fn bang_bang(steps: usize, is_lost: impl Fn(usize) -> bool) -> (Vec<Sticks>, MotionTrack) {
+    let (mut velocity, mut pose) = (Vector2::zeros(), Pose::new(0.0, 0.0, 1.0, 1.0));
+    let (mut u, mut o) = (Vec::new(), Vec::new());
+    for k in 0..steps {
+        let mut sticks = Sticks::zeros();
+        sticks[stick::ROLL] = if k / 25 % 2 == 0 { 1.0 } else { -1.0 };
+        sticks[stick::PITCH] = if k / 50 % 2 == 0 { 1.0 } else { -1.0 };
+        let asked = command(&table(), &sticks, pose[pose::THETA]);
+        let asked = if is_lost(k) { Vector2::zeros() } else { asked };
+        u.push(sticks);
+        o.push(Observed::full(pose));
+        velocity += ((asked - velocity) * (DT_S / 0.63)).cap_magnitude(DT_S * 1.1);
+        pose[pose::X] += DT_S * velocity.x;
+        pose[pose::Y] += DT_S * velocity.y;
+    }
+    let track = smooth(&o, DT_S);
+    (u, track)
+}
+
+#[test]
+fn full_sticks_at_the_limit_of_acceleration_are_no_outage() {
+    let lost = |a_max_mps2: Option<f64>, (u, track): (Vec<Sticks>, MotionTrack)| {
+        let settings = OutageSettings::try_from(&OutageTable { a_max_mps2, ..table() }).unwrap();
+        let is_lost = lost_commands(&settings, &u, &track, DT_S);
+        (0..2000).filter(|k| is_lost[*k]).map(|k| (700..1000).contains(&k)).collect::<Vec<_>>()
+    };
+    let found = lost(Some(1.5), bang_bang(2000, |_| false));
+    assert!(found.is_empty(), "{}", found.len());
+    let found = lost(None, bang_bang(2000, |_| false));
+    assert!(found.len() > 500, "a limit that is not known: {}", found.len());
+    let found = lost(Some(1.5), bang_bang(2000, |k| (700..1000).contains(&k)));
+    let inside = found.iter().filter(|is_inside| **is_inside).count();
+    assert!(inside > 200 && found.len() < inside + 50, "{inside} of {}", found.len());
+}
+
 #[test]
 fn a_bad_value_is_refused_by_name() {
     let refused = |table: OutageTable| OutageSettings::try_from(&table).unwrap_err().key;
     assert_eq!(refused(OutageTable { sd_mps: 0.0, ..table() }), "sd_mps");
     assert_eq!(refused(OutageTable { dead_h: 0.6, ..table() }), "dead_h");
+    assert_eq!(refused(OutageTable { a_max_mps2: Some(0.0), ..table() }), "a_max_mps2");
     assert_eq!(refused(OutageTable { outage_cost: f64::NAN, ..table() }), "outage_cost");
 }

@@ -42,6 +42,10 @@ const VALUES: usize = 4;
 const STEPS_AHEAD_MAX: u64 = 180_000;
 const STEPS_BACK_MAX: u64 = 50;
 
+/// Lines with other values than the first of their step, as a part of all rows, from which on steps are no periods:
+/// real logs have none. 1
+const REPEATED_PART_MAX: f64 = 0.1;
+
 /// A recorded flight.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CsvFlight {
@@ -83,12 +87,19 @@ impl CsvFlight {
             beyond().next().filter(|_| is_most)
         })
     }
+
+    /// The first line that was left out for `why`, if there are more than `count` of them.
+    fn more_than(&self, count: f64, why: SkipReason) -> Option<&Skipped> {
+        let lines = || self.skipped.iter().filter(|line| line.why == why);
+        lines().next().filter(|_| lines().count() as f64 > count)
+    }
 }
 
 /// The flight in a file.
 ///
 /// # Errors
-/// [`CsvError::Read`]; [`CsvError::Defect`] for an empty file, something else than a log, or other units.
+/// [`CsvError::Read`]; [`CsvError::Defect`] for an empty file, something else than a log, other units, or steps that
+/// contradict each other.
 pub fn read(path: &Path) -> Result<CsvFlight, CsvError> {
     let bytes = whole_file::read(path, RECORDING_BYTES_MAX)
         .map_err(|source| CsvError::Read { path: path.to_owned(), source })?;
@@ -98,14 +109,21 @@ pub fn read(path: &Path) -> Result<CsvFlight, CsvError> {
 /// The flight in the bytes of a file.
 ///
 /// # Errors
-/// The bytes are no flight log.
+/// The bytes are no flight log, or one whose units or steps are wrong.
 pub fn flight(bytes: &[u8]) -> Result<CsvFlight, CsvDefect> {
     let flight = parse(bytes);
     if flight.rows.is_empty() {
         return Err(CsvDefect::NoRows(flight.skipped));
     }
-    match flight.in_other_units() {
-        Some(line) => Err(CsvDefect::OtherUnits(line.clone())),
+    if let Some(line) = flight.in_other_units() {
+        return Err(CsvDefect::OtherUnits(line.clone()));
+    }
+    let rows = flight.rows.len();
+    if let Some(line) = flight.more_than(REPEATED_PART_MAX * rows as f64, SkipReason::OtherValues) {
+        return Err(CsvDefect::OtherValues(line.clone()));
+    }
+    match flight.more_than(rows as f64, SkipReason::Far) {
+        Some(line) => Err(CsvDefect::Disordered(line.clone())),
         None => Ok(flight),
     }
 }
@@ -164,10 +182,11 @@ impl Reading {
             return Err(SkipReason::Far);
         }
         let place = tag.place(self.row(step));
-        if place.is_some() {
-            return Err(SkipReason::Repeated);
+        match place {
+            Some(first) if *first == values => return Err(SkipReason::Repeated),
+            Some(_) => return Err(SkipReason::OtherValues),
+            None => *place = Some(values),
         }
-        *place = Some(values);
         self.decimals = self.decimals.max(decimals);
         Ok(())
     }

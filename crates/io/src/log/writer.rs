@@ -210,7 +210,7 @@ impl LogWriter {
     /// Notes at the end of the log that `records` are missing in it, if any are.
     ///
     /// # Errors
-    /// [`LogError::Write`]: the log is to be given up.
+    /// [`LogError::Io`]: the log is to be given up.
     pub(super) fn note_dropped(&mut self, records: u64) -> Result<(), LogError> {
         if records == 0 {
             return Ok(());

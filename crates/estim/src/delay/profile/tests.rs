@@ -84,3 +84,15 @@ fn the_vertex_is_that_of_the_parabola() {
         "an end"
     );
 }
+
+#[test]
+fn a_curve_has_risen_between_the_points_around_the_cost() {
+    let point = |(dead_time_s, cost)| ProfilePoint { dead_time_s, cost };
+    let curve = [(0.0, 0.0), (0.1, 4.0), (0.2, 3.0), (0.3, 12.0)].map(point);
+    for (at_s, cost, expected) in [(0.0, 1.0, 0.05), (0.0, 4.0, 0.1), (0.05, 1.0, 0.075)] {
+        let risen_s = risen_at_s(&curve, at_s, cost);
+        assert!((risen_s - expected).abs() < 1e-12, "{at_s}, {cost}: {risen_s}");
+    }
+    assert!((risen_at_s(&curve, 0.0, 7.0) - (0.2 + 0.1 * (4.0_f64 / 9.0).sqrt())).abs() < 1e-12);
+    assert!((risen_at_s(&curve, 0.0, 13.0) - 0.3).abs() < 1e-12, "never");
+}

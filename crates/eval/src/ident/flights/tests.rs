@@ -1,6 +1,5 @@
 use std::collections::BTreeSet;
 
-use horizon_estim::Observed;
 use horizon_model::rows::Pose;
 
 use super::*;
@@ -43,7 +42,10 @@ fn a_piece_begins_and_ends_with_a_complete_observation() {
     assert_eq!(pieces(&flight(10, &[0, 1, 5, 9]), 0..0, 10).unwrap(), spans(&[[2, 9]]));
     // One complete observation is no piece.
     let gaps: Vec<usize> = (1..10).collect();
-    assert!(pieces(&flight(10, &gaps), 0..0, 10).is_err());
+    let message = pieces(&flight(10, &gaps), 0..0, 10).unwrap_err().to_string();
+    assert!(message.ends_with("the logs have 10 steps, with gaps; fly longer"), "{message}");
+    let message = pieces(&flight(9, &[]), 0..0, 10).unwrap_err().to_string();
+    assert!(message.ends_with("the logs have 9 steps; fly longer"), "{message}");
 }
 
 #[test]
@@ -59,6 +61,7 @@ fn without_a_piece_the_lost_steps_are_counted_and_the_turned_object_is_suggested
     let message = pieces(&flight(20, &[]), 4..18, 5).unwrap_err().to_string();
     assert!(message.contains("in 14 of 20 steps"), "{message}");
     assert!(message.contains("(piece_steps_min)") && message.contains("(--turn)"), "{message}");
+    assert!(message.contains("full sticks") && message.contains("a_max_mps2"), "{message}");
 }
 
 /// Preparation of one log of 40 steps.

@@ -54,6 +54,7 @@ fn a_bootstrap_is_whole_with_as_many_resamples_as_were_asked_for() {
 fn every_verdict_on_a_dead_time_keeps_its_meaning() {
     for (verdict, expected) in [
         (DelayVerdict::Minimum, DelayMinimum::Minimum),
+        (DelayVerdict::Zero, DelayMinimum::Zero),
         (DelayVerdict::EndOfRange, DelayMinimum::EndOfRange),
         (DelayVerdict::Undecided, DelayMinimum::Undecided),
     ] {
@@ -142,7 +143,8 @@ fn several_fits_are_a_row_each_and_a_star_is_a_bound() {
     assert_eq!(
         report.to_string(),
         "logs          2 used, 30 steps\n\
-         \x20 a.log: line 3; line 4\n\
+         \x20 a.log: 10 steps, 0.2 s at 50 Hz\n\
+         \x20 a.log: 20 steps, 0.4 s at 50 Hz; line 3; line 4\n\
          \x20 not used: b.log: empty\n\
          ident.json                       cost     12.500   lambda_h 1.5000\n\
          other.json                       cost     12.500   lambda_h 1.5000*\n\

@@ -132,6 +132,31 @@ fn in_an_outage_one_input_acts_in_place_of_all() {
 }
 
 #[test]
+fn in_an_outage_a_brake_goes_on_from_the_sticks_that_were_sent() {
+    // Roll and pitch act 3 steps later than yaw and throttle.
+    let mut fifo = fifo([0.1, 0.1, 0.04, 0.04]);
+    (0..8).for_each(|_| fifo.push(&Sticks::repeat(0.3)));
+    let (s_hat, p_hat) = (Pose::zeros(), parameter());
+    let known = Known {
+        s_hat: &s_hat,
+        p_hat: &p_hat,
+        fifo: &fifo,
+        instead: Some(Sticks::repeat(-0.4)),
+        ahead: 0,
+        covariance: None,
+    };
+    for (is_braking, last) in [(false, -0.4), (true, 0.3)] {
+        let mut planner = planner(&fifo);
+        planner.brake(is_braking, None);
+        let report = planner.plan(&known, &mission(), &mut || false).unwrap();
+        assert!(report.has_new_plan(), "{report:?}");
+        let roll: Vec<f64> = planner.u_given[..3].iter().map(|u| u[stick::ROLL]).collect();
+        assert_eq!(roll, [-0.4, -0.4, last], "braking: {is_braking}");
+        assert_eq!(planner.before(&known), Sticks::repeat(last), "braking: {is_braking}");
+    }
+}
+
+#[test]
 fn a_plan_begins_where_the_inputs_in_transit_lead() {
     let mut fifo = fifo([0.06; 4]);
     for pitch in [0.1, 0.2, 0.3] {

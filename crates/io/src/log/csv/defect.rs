@@ -50,9 +50,12 @@ pub enum SkipReason {
     /// A value is not in the unit of the format: m, rad, sticks from -1 to 1.
     #[error("value {0} is beyond {1}")]
     Beyond(usize, f64),
-    /// The step has a line with this tag already; the first one counts.
+    /// The step has this line already.
     #[error("repeated step")]
     Repeated,
+    /// The step has another line with this tag already; the first one counts.
+    #[error("repeated step with other values")]
+    OtherValues,
 }
 
 /// Why a CSV log cannot be used at all.
@@ -87,6 +90,14 @@ pub enum CsvDefect {
     /// Of a tag more lines are out of range than can be used.
     #[error("most lines of one tag are out of range, as {0}: {LINE_FORMAT}")]
     OtherUnits(Skipped),
+    /// Steps have several lines of one tag with other values.
+    #[error(
+        "steps have other values again, as {0}: two recordings in one file, or steps that are no periods"
+    )]
+    OtherValues(Skipped),
+    /// Most lines are far from the newest step.
+    #[error("most lines are out of order, as {0}: sort them by step")]
+    Disordered(Skipped),
 }
 
 impl Display for Skipped {

@@ -66,10 +66,29 @@ fn a_step_far_from_the_newest_one_is_skipped() {
 #[test]
 fn the_first_of_repeated_lines_counts() {
     let text = "pos,7,1,1,1,1\npos,8,2,2,2,2\n\npos,7,3,3,3,3\n";
-    assert_eq!(reasons(text), [(4, SkipReason::Repeated)]);
+    assert_eq!(reasons(text), [(4, SkipReason::OtherValues)]);
     let flight = parse(text.as_bytes());
     assert_eq!(flight.rows.len(), 2);
     assert_eq!(flight.rows[0].pos, Some(Pose::repeat(1.0)));
+}
+
+#[test]
+fn steps_with_other_values_again_are_refused_and_copies_are_not() {
+    let of = |again: &str, repeated: usize| {
+        let lines = (0..100).map(|step| format!("pos,{step},1,2,3,4\n"));
+        let again = (0..repeated).map(|step| format!("pos,{},1,2,{again},4\n", 60 + step));
+        flight(lines.chain(again).collect::<String>().as_bytes())
+    };
+    assert!(of("5", 10).is_ok() && of("3", 40).is_ok());
+    let error = of("5", 11).unwrap_err().to_string();
+    assert!(error.contains("line 101, repeated step with other values"), "{error}");
+}
+
+#[test]
+fn lines_out_of_order_are_refused_by_this_reason() {
+    let lines = (0..300).rev().map(|step| format!("pos,{step},1,2,3,4\n"));
+    let error = flight(lines.collect::<String>().as_bytes()).unwrap_err().to_string();
+    assert!(error.contains("out of order, as line 52"), "{error}");
 }
 
 #[test]
@@ -115,7 +134,7 @@ fn steps_in_any_order_come_out_sorted_and_whole() {
     let text =
         "pos,9,1,1,1,1\npos,3,2,2,2,2\ninput,9,1,1,1,1\npos,9,4,4,4,4\ninput,3,-1,-1,-1,-1\n";
     let flight = parse(text.as_bytes());
-    assert_eq!(reasons(text), [(4, SkipReason::Repeated)]);
+    assert_eq!(reasons(text), [(4, SkipReason::OtherValues)]);
     let [first, second] = flight.rows[..] else { panic!("{} rows", flight.rows.len()) };
     assert_eq!((first.step, second.step), (3, 9));
     assert_eq!(first.input, Some(Sticks::repeat(-1.0)));
