@@ -232,6 +232,18 @@ mod tests {
     use crate::mocap::natnet::packet::{FrameEnd, RigidBody, ServerInfo, Version};
     use crate::mocap::{MocapSettings, MocapStream};
 
+    const RELAY: &str = r#"{ "relay": { "address": "a:1", "object": "tello" } }"#;
+
+    /// Settings with the source `mocap`, and its stream after one connection, without a message.
+    fn connected(mocap: &str) -> (FlyTable, MocapStream, MocapCounters) {
+        let (mut fly, _) = config::fly(None, None).unwrap();
+        fly.mocap = serde_json::from_str(mocap).unwrap();
+        let stream = MocapStream::new(&MocapSettings::try_from(&fly.mocap).unwrap());
+        let counters = MocapCounters::default();
+        counters.connects.count();
+        (fly, stream, counters)
+    }
+
     #[test]
     fn what_frames_had_in_place_of_the_object_is_the_reason_that_poses_ended() {
         let reason = |other_object, unnamed, doubled| {
@@ -265,12 +277,7 @@ mod tests {
 
     #[test]
     fn a_drone_that_is_seen_without_a_time_is_not_called_unseen() {
-        let (mut fly, _) = config::fly(None, None).unwrap();
-        fly.mocap = serde_json::from_str(r#"{ "relay": { "address": "a:1", "object": "tello" } }"#)
-            .unwrap();
-        let mut stream = MocapStream::new(&MocapSettings::try_from(&fly.mocap).unwrap());
-        let counters = MocapCounters::default();
-        counters.connects.count();
+        let (fly, mut stream, counters) = connected(RELAY);
         for frame in 1..9 {
             let line = format!("{frame} 0 tello 0 1 2 3 0 0 0\n");
             stream.push(line.as_bytes(), TimeNs(frame), &counters, |_| ()).unwrap();
@@ -281,13 +288,8 @@ mod tests {
 
     #[test]
     fn a_server_that_names_no_object_is_another_case_than_one_without_ours() {
-        let text = r#"{ "natnet": { "address": "motive:1510", "object": "tello" } }"#;
-        let table: MocapTable = serde_json::from_str(text).unwrap();
-        let mut stream = MocapStream::new(&MocapSettings::try_from(&table).unwrap());
-        let counters = MocapCounters::default();
-        counters.connects.count();
-        let (mut fly, _) = config::fly(None, None).unwrap();
-        fly.mocap = table;
+        let (fly, mut stream, counters) =
+            connected(r#"{ "natnet": { "address": "motive:1510", "object": "tello" } }"#);
         let version = Version { major: 4, minor: 1 };
         let mut push = |fill: &dyn Fn(&mut Vec<u8>)| {
             let mut bytes = Vec::new();
@@ -339,12 +341,7 @@ mod tests {
 
     #[test]
     fn what_is_refused_has_its_reason() {
-        let (mut fly, _) = config::fly(None, None).unwrap();
-        fly.mocap = serde_json::from_str(r#"{ "relay": { "address": "a:1", "object": "tello" } }"#)
-            .unwrap();
-        let mut stream = MocapStream::new(&MocapSettings::try_from(&fly.mocap).unwrap());
-        let counters = MocapCounters::default();
-        counters.connects.count();
+        let (fly, mut stream, counters) = connected(RELAY);
         for (line, reason) in [
             ("1000.0 100 tello 0 1 2 3 0 0 0\n", "(a frame number is not a whole number)"),
             (
