@@ -141,9 +141,11 @@ proptest! {
             decoder.feed(byte);
         }
         for stop in [0x7f, 0x08] {
+            let mut decoder = decoder.clone();
             let stopped = Some(Typed::Act(Act::Ask(Ask::EmergencyStop)));
-            prop_assert_eq!(decoder.clone().feed(stop), stopped);
+            prop_assert_eq!(decoder.feed(stop), stopped);
+            // Directly behind the noise it may be the last byte of another key.
+            prop_assert_eq!(decoder.feed(b't'), Some(Typed::Act(Act::Ask(Ask::TakeOff))));
         }
-        prop_assert_eq!(decoder.feed(b't'), Some(Typed::Act(Act::Ask(Ask::TakeOff))));
     }
 }
