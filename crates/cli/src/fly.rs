@@ -229,7 +229,7 @@ async fn fly(
     // Before anything moves: from here on every way to end the program lands the drone first.
     let asks_to_land = Arc::new(AtomicBool::new(false));
     let to_land = Arc::clone(&asks_to_land);
-    signals::listen(move || to_land.store(true, Ordering::Relaxed))?;
+    signals::listen(move |_| to_land.store(true, Ordering::Relaxed))?;
     let (sources, feed, moving_feed) = Sources::new(table, clock)?;
     let tello_settings =
         TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;

@@ -89,7 +89,7 @@ fn signals() -> Result<impl FnMut() -> Option<i32> + Send> {
 }
 
 /// Whether this process was started to outlive its terminal.
-fn is_hangup_ignored() -> bool {
+pub(crate) fn is_hangup_ignored() -> bool {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());

@@ -226,14 +226,14 @@ impl BenchConnection {
     }
 
     /// Neutral sticks and LAND until the drone is down. Without propellers, after 8 s in vain, or after one more
-    /// request to stop, `emergency` in turn with them.
+    /// Ctrl-C, `emergency` in turn with them.
     pub(super) fn end(&mut self, site: TestSite, console: &Console) {
-        let mut ending = Ending::new(self.t_s(), site, console.count());
+        let mut ending = Ending::new(self.t_s(), site, console.interrupts());
         self.note(What::Step(ENDING.into()));
         self.guard.set(Duty::Landing, self.clock.now());
         while !(ending.is_down || ending.is_given_up(self.t_s())) {
             let t_s = self.t_s();
-            match ending.advance(t_s, console.count()) {
+            match ending.advance(t_s, console.interrupts()) {
                 Some(EndingOrder::EmergencyStop) => self.send(Packet::Emergency),
                 Some(EndingOrder::Land) => {
                     self.send(Packet::Sticks(Sticks::zeros()));

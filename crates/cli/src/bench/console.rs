@@ -4,11 +4,12 @@
 
 use std::io::{self, IsTerminal};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 use std::thread;
 
 use anyhow::{Context, Result, bail};
+use nix::sys::signal::Signal;
 
 use super::connection::BenchConnection;
 use crate::fly::signals;
@@ -19,7 +20,27 @@ use crate::stdio;
 pub(super) struct Console {
     /// `None`: no question is asked.
     lines: Option<Receiver<String>>,
-    asked: Arc<AtomicU32>,
+    asked: Arc<Asked>,
+}
+
+/// What signals asked for.
+#[derive(Debug, Default)]
+struct Asked {
+    /// Whether any of them asked to stop.
+    to_stop: AtomicBool,
+    /// How often it was Ctrl-C, which during an ending stops the motors.
+    by_keys: AtomicU32,
+}
+
+impl Asked {
+    /// Only a person presses Ctrl-C: a terminal that closes sends its SIGHUP more than once, a system that shuts down
+    /// its SIGTERM, and a drone in the air would fall.
+    fn hear(&self, signal: Option<Signal>) {
+        if signal == Some(Signal::SIGINT) {
+            self.by_keys.fetch_add(1, Ordering::Relaxed);
+        }
+        self.to_stop.store(true, Ordering::Relaxed);
+    }
 }
 
 impl Console {
@@ -29,24 +50,26 @@ impl Console {
             bail!("the bench asks before every check: run it on a terminal, or give --yes");
         }
         signals::block()?;
-        let asked = Arc::new(AtomicU32::new(0));
+        let asked = Arc::new(Asked::default());
         let heard = Arc::clone(&asked);
-        signals::listen(move || {
-            heard.fetch_add(1, Ordering::Relaxed);
-        })?;
+        signals::listen(move |signal| heard.hear(signal))?;
         let lines = if is_unattended { None } else { Some(read_lines()?) };
         Ok(Self { lines, asked })
     }
 
-    /// How often signals asked to stop.
-    pub(super) fn count(&self) -> u32 {
-        self.asked.load(Ordering::Relaxed)
+    /// How often Ctrl-C was pressed.
+    pub(super) fn interrupts(&self) -> u32 {
+        self.asked.by_keys.load(Ordering::Relaxed)
+    }
+
+    fn is_signalled(&self) -> bool {
+        self.asked.to_stop.load(Ordering::Relaxed)
     }
 
     /// Whether a signal, Enter or a closed terminal asks to stop.
     pub(super) fn asks_to_stop(&self) -> bool {
         let is_typed = |lines: &Receiver<String>| lines.try_recv() != Err(TryRecvError::Empty);
-        self.count() > 0 || self.lines.as_ref().is_some_and(is_typed)
+        self.is_signalled() || self.lines.as_ref().is_some_and(is_typed)
     }
 
     /// The answer to `question`, trimmed; `None` without a person to ask, or after a request to stop. The link is
@@ -58,7 +81,7 @@ impl Console {
             link.listen();
             match lines.try_recv() {
                 Ok(line) => return Some(line.trim().into()),
-                Err(TryRecvError::Empty) if self.count() == 0 => {}
+                Err(TryRecvError::Empty) if !self.is_signalled() => {}
                 Err(_) => return None,
             }
         }

@@ -2,15 +2,17 @@
 //!
 //! Owns which signals those are. They are blocked in every thread and read by one, so that no signal ever ends,
 //! stops or interrupts a thread that flies. Left alone are those of a fault in the program (the guardian
-//! lands), those that are ignored, by default or as SIGPIPE by Rust, and the two that no program can catch.
-//! SIGXFSZ costs the log alone.
+//! lands), those that are ignored, by default, as SIGPIPE by Rust or as SIGHUP by `nohup`, and the two that no program
+//! can catch. SIGXFSZ costs the log alone.
 
 use std::thread;
 
 use anyhow::{Context, Result};
 use nix::errno::Errno;
 use nix::sys::signal::{SigSet, Signal};
-use nix::sys::signalfd::SignalFd;
+use nix::sys::signalfd::{SignalFd, siginfo};
+
+use crate::interrupt::is_hangup_ignored;
 
 /// Signals that keep their meaning. The first four come from a fault of the program: blocked, they would end
 /// it without a message. The last one belongs to a debugger.
@@ -27,11 +29,16 @@ const LEFT_ALONE: [Signal; 10] = [
     Signal::SIGTRAP,
 ];
 
-/// All the others, those for real time included.
-fn landing() -> SigSet {
+/// All the others, those for real time included; SIGHUP only if it ends a program.
+fn landing(is_hangup_ignored: bool) -> SigSet {
     let mut signals = SigSet::all();
     for signal in LEFT_ALONE {
         signals.remove(signal);
+    }
+    // Blocked, it would be read although it is ignored. A SIGINT that a script has its background jobs ignore is one
+    // that somebody sends on purpose: it lands.
+    if is_hangup_ignored {
+        signals.remove(Signal::SIGHUP);
     }
     signals
 }
@@ -41,24 +48,26 @@ fn landing() -> SigSet {
 /// # Errors
 /// The system refuses.
 pub(crate) fn block() -> Result<()> {
-    landing().thread_block().context("cannot block signals")
+    landing(is_hangup_ignored()).thread_block().context("cannot block signals")
 }
 
-/// Starts the thread that calls `hear` for every signal. [`block`] came before.
+/// Starts the thread that calls `hear` for every signal, with `None` for one without a name. [`block`] came before.
 ///
 /// # Errors
 /// The system gives no descriptor or no thread.
-pub(crate) fn listen(mut hear: impl FnMut() + Send + 'static) -> Result<()> {
-    let signals = SignalFd::new(&landing()).context("cannot listen for signals")?;
+pub(crate) fn listen(mut hear: impl FnMut(Option<Signal>) + Send + 'static) -> Result<()> {
+    let signals = SignalFd::new(&landing(is_hangup_ignored())).context("cannot listen for signals")?;
     let listen = move || {
         loop {
             match signals.read_signal() {
-                // A log that reached the limit of a file's size: that write fails, and with it the log alone.
-                Ok(Some(signal)) if signal.ssi_signo == Signal::SIGXFSZ as u32 => {}
-                Ok(_) => hear(),
+                Ok(signal) => match signal.and_then(named) {
+                    // A log that reached the limit of a file's size: that write fails, and with it the log alone.
+                    Some(Signal::SIGXFSZ) => {}
+                    signal => hear(signal),
+                },
                 Err(Errno::EINTR) => {}
                 // No signal is heard from here on: they stay blocked.
-                Err(_) => return hear(),
+                Err(_) => return hear(None),
             }
         }
     };
@@ -69,13 +78,18 @@ pub(crate) fn listen(mut hear: impl FnMut() + Send + 'static) -> Result<()> {
     Ok(())
 }
 
+/// The signal that was read; those for real time have no name.
+fn named(read: siginfo) -> Option<Signal> {
+    i32::try_from(read.ssi_signo).ok().and_then(|number| Signal::try_from(number).ok())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn each_signal_that_ends_stops_or_interrupts_a_program_lands() {
-        let landing = landing();
+        let landing = landing(false);
         for signal in [
             Signal::SIGHUP,
             Signal::SIGINT,
@@ -97,6 +111,13 @@ mod tests {
         }
         let left = Signal::iterator().filter(|signal| !landing.contains(*signal));
         assert!(left.eq(Signal::iterator().filter(|signal| LEFT_ALONE.contains(signal))));
+    }
+
+    #[test]
+    fn a_hang_up_that_was_ignored_at_the_start_stays_ignored_and_nothing_else_does() {
+        let (landing, all) = (landing(true), landing(false));
+        let left = Signal::iterator().filter(|it| all.contains(*it) && !landing.contains(*it));
+        assert_eq!(left.collect::<Vec<_>>(), [Signal::SIGHUP]);
     }
 
     #[test]

@@ -12,8 +12,8 @@ const ENDING_MAX_S: f64 = 25.0;
 pub(super) struct Ending {
     pub(super) began_s: f64,
     site: TestSite,
-    /// Requests to stop before the ending.
-    asked: u32,
+    /// Ctrl-C before the ending.
+    interrupts: u32,
     next_s: f64,
     is_stop_next: bool,
     down_since_s: Option<f64>,
@@ -28,19 +28,19 @@ pub(super) enum EndingOrder {
 }
 
 impl Ending {
-    pub(super) fn new(began_s: f64, site: TestSite, asked: u32) -> Self {
+    pub(super) fn new(began_s: f64, site: TestSite, interrupts: u32) -> Self {
         let is_stop_next = site == TestSite::PropsOff;
         let (next_s, down_since_s, is_down) = (began_s, None, false);
-        Self { began_s, site, asked, next_s, is_stop_next, down_since_s, is_down }
+        Self { began_s, site, interrupts, next_s, is_stop_next, down_since_s, is_down }
     }
 
-    /// The order that is due at `t_s`, after `asked` requests to stop.
-    pub(super) fn advance(&mut self, t_s: f64, asked: u32) -> Option<EndingOrder> {
+    /// The order that is due at `t_s`, after so many `interrupts`.
+    pub(super) fn advance(&mut self, t_s: f64, interrupts: u32) -> Option<EndingOrder> {
         if t_s < self.next_s {
             return None;
         }
         let is_late = t_s - self.began_s > EMERGENCY_AFTER_S;
-        let stops = self.site == TestSite::PropsOff || is_late || asked > self.asked;
+        let stops = self.site == TestSite::PropsOff || is_late || interrupts > self.interrupts;
         let is_stop = stops && self.is_stop_next;
         self.is_stop_next = !self.is_stop_next;
         let period_s = LAND_PERIOD.seconds();

@@ -4,9 +4,15 @@ use super::super::connection::tests::link;
 use super::*;
 
 impl Console {
-    /// A person whose lines come from `lines`, or none, after `asked` requests to stop.
+    /// A person whose lines come from `lines`, or none, who pressed Ctrl-C `asked` times.
     pub(in crate::bench) fn of(lines: Option<Receiver<String>>, asked: u32) -> Self {
-        Self { lines, asked: Arc::new(AtomicU32::new(asked)) }
+        let console = Self { lines, asked: Arc::default() };
+        (0..asked).for_each(|_| console.hear(Signal::SIGINT));
+        console
+    }
+
+    pub(in crate::bench) fn hear(&self, signal: Signal) {
+        self.asked.hear(Some(signal));
     }
 }
 
@@ -66,5 +72,17 @@ fn an_answer_is_a_line_and_a_request_to_stop_is_none() {
 fn a_bench_without_a_person_says_so() {
     assert!(Console::of(None, 0).is_unattended());
     assert!(!person(&[], true, 0).is_unattended());
-    assert_eq!(person(&[], true, 3).count(), 3);
+    assert_eq!(person(&[], true, 3).interrupts(), 3);
+}
+
+#[test]
+fn a_terminal_that_closes_and_a_system_that_shuts_down_stop_the_check_and_no_motor() {
+    let console = Console::of(None, 0);
+    for signal in [Signal::SIGHUP, Signal::SIGHUP, Signal::SIGTERM, Signal::SIGTERM] {
+        console.hear(signal);
+        assert!(console.asks_to_stop());
+        assert_eq!(console.interrupts(), 0, "{signal}");
+    }
+    console.hear(Signal::SIGINT);
+    assert_eq!(console.interrupts(), 1);
 }
