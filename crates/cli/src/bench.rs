@@ -265,7 +265,10 @@ fn probe(path: &Path) -> Result<()> {
     let is_there = path.exists();
     open(path)?;
     if !is_there {
-        fs::remove_file(path).with_context(|| format!("cannot remove {}", path.display()))?;
+        // A link to a file that was not there is the user's: it stays.
+        fs::canonicalize(path)
+            .and_then(fs::remove_file)
+            .with_context(|| format!("cannot remove {}", path.display()))?;
     }
     Ok(())
 }
@@ -287,4 +290,25 @@ fn simulate(arguments: &Arguments, table: &mut TelloTable) -> Result<Emulator> {
     table.interface = None;
     (table.local_port, table.state_port) = (0, 0);
     Ok(emulator)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_report_that_is_tried_leaves_nothing_and_a_link_of_the_user_stays() {
+        let folder = std::env::temp_dir().join(format!("tello-bench-{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        let (link, report) = (folder.join("link"), folder.join("report.json"));
+        std::os::unix::fs::symlink(&report, &link).unwrap();
+        for path in [&link, &report] {
+            probe(path).unwrap();
+            assert!(fs::symlink_metadata(&link).is_ok() && !report.exists(), "{}", path.display());
+        }
+        fs::write(&report, "before").unwrap();
+        probe(&link).unwrap();
+        assert_eq!(fs::read_to_string(&link).unwrap(), "before");
+        fs::remove_dir_all(folder).unwrap();
+    }
 }

@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use schemars::JsonSchema;
@@ -41,7 +41,7 @@ const DECIMALS_MAX: u8 = 17;
   tello-ctl convert logs/today.mcap -o today.csv         a log of ours for the thesis' tools
   tello-ctl convert logs --out-dir csv --to csv --pos filtered --decimals 6
 
-Exit codes: 0 all converted, 1 some not, or a log is torn, 2 none.")]
+Exit codes: 0 all converted, 1 some not, or a log is torn or has gaps, 2 none.")]
 pub(crate) struct Arguments {
     /// Recordings or folders of recordings.
     #[arg(value_name = "IN", required = true)]
@@ -127,6 +127,9 @@ struct Converted {
     steps: usize,
     /// What of the original is not in it.
     skipped: Vec<String>,
+    /// Whether the original is a whole log, or no log.
+    #[serde(skip)]
+    is_complete: bool,
     /// Why there is no file.
     error: Option<String>,
 }
@@ -142,8 +145,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         std::fs::create_dir_all(dir)
             .with_context(|| format!("cannot make the folder {}", dir.display()))?;
     }
-    let refused =
-        |from, why| Converted { from, to: None, steps: 0, skipped: Vec::new(), error: Some(why) };
+    let refused = |from, why| Converted {
+        from,
+        to: None,
+        steps: 0,
+        skipped: Vec::new(),
+        is_complete: true,
+        error: Some(why),
+    };
     let mut files: Vec<Converted> = inputs
         .par_iter()
         .map(|from| {
@@ -152,15 +161,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         })
         .collect();
     files.extend(unnamed.into_iter().map(|file| refused(file.path, file.why)));
-    let done = files.iter().filter(|file| file.error.is_none()).count();
-    let is_any_torn = files.iter().flat_map(|file| &file.skipped).any(|note| rows::is_tear(note));
-    let all = files.len();
     let report = ConvertReport { files };
     stdio::report(&report, arguments.json)?;
-    match done {
-        0 => bail!("nothing was converted"),
-        _ if done < all || is_any_torn => Ok(Verdict::Bad),
-        _ => Ok(Verdict::Good),
+    report.verdict()
+}
+
+impl ConvertReport {
+    /// # Errors
+    /// No file was converted.
+    fn verdict(&self) -> Result<Verdict> {
+        let is_done = |file: &Converted| file.error.is_none();
+        ensure!(self.files.iter().any(is_done), "nothing was converted");
+        let is_whole = self.files.iter().all(|file| is_done(file) && file.is_complete);
+        Ok(if is_whole { Verdict::Good } else { Verdict::Bad })
     }
 }
 
@@ -210,8 +223,9 @@ fn convert(from: &Path, arguments: &Arguments) -> Result<Converted> {
         }
         Format::Csv => write_csv(part, &flight.rows, decimals),
     })?;
-    let steps = flight.rows.len();
-    Ok(Converted { from: from.into(), to: Some(to), steps, skipped: flight.notes, error: None })
+    let RowFlight { rows, notes: skipped, is_complete, .. } = flight;
+    let (from, to, steps) = (from.into(), Some(to), rows.len());
+    Ok(Converted { from, to, steps, skipped, is_complete, error: None })
 }
 
 /// The rows of a converted recording, or of a flight of ours.
@@ -244,8 +258,8 @@ fn of_mcap(path: &Path, pos: Pos) -> Result<RowFlight> {
         target: tick.target.filter(|_| targets_count < 2 || tick.targets_reached < targets_count),
         param: tick.param,
     };
-    let rows = ticks.iter().map(row).collect();
-    Ok(RowFlight { rows, decimals: csv::THESIS_DECIMALS, notes })
+    let is_complete = rows::is_complete(&log);
+    Ok(RowFlight { rows: ticks.iter().map(row).collect(), decimals: csv::THESIS_DECIMALS, notes, is_complete })
 }
 
 fn write_csv(path: &Path, rows: &[CsvRow], decimals: usize) -> Result<()> {

@@ -28,8 +28,8 @@ use crate::{Verdict, interrupt, stdio};
   tello-ctl log csv logs/today.mcap --out-dir today      a table for each channel
   tello-ctl log ros2 logs/today.mcap -o poses.mcap       the flight as ROS 2 messages
 
-Exit codes: 0 done, 1 info, csv and ros2: the log is torn or a record unreadable; recover: no message was
-saved, or bytes behind the end of the log were not read, 2 could not run.")]
+Exit codes: 0 done, 1 info, csv and ros2: the log is torn or has gaps, or a record is
+unreadable; recover: no message was saved, or bytes behind the end of the log were not read, 2 could not run.")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     command: Command,

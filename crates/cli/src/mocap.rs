@@ -39,10 +39,13 @@ enum Command {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let runtime = interrupt::runtime()?;
-    match &arguments.command {
+    let verdict = match &arguments.command {
         Command::List(arguments) => runtime.block_on(list::run(arguments)),
         #[cfg(feature = "ros2")]
         Command::Ros2(arguments) => runtime.block_on(ros2::run(arguments)),
         Command::Watch(arguments) => runtime.block_on(watch::run(arguments)),
-    }
+    };
+    // Without waiting for the address of a host that is not found.
+    runtime.shutdown_background();
+    verdict
 }

@@ -12,13 +12,18 @@ use anyhow::{Context, Result, bail, ensure};
 use parking_lot::Mutex;
 use serde::Serialize;
 
-/// Every [`Part`] of this program that is not finished.
+/// Every [`Part`] of this program that is not finished, and the folder of [`pass_on`].
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// Removes the files of this program that are not finished: it is about to end without dropping their [`Part`]s.
 pub fn remove_unfinished() {
-    for part in UNFINISHED.lock().drain(..) {
-        fs::remove_file(part).ok();
+    UNFINISHED.lock().drain(..).for_each(remove);
+}
+
+/// Removes a file, or a folder with what is in it.
+fn remove(part: PathBuf) {
+    if fs::remove_file(&part).is_err() {
+        fs::remove_dir_all(part).ok();
     }
 }
 
@@ -218,6 +223,7 @@ fn pass_on<T>(path: &Path, fill: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
         .mode(0o700)
         .create(&folder)
         .with_context(|| format!("cannot make {}", folder.display()))?;
+    UNFINISHED.lock().push(folder.clone());
     let part = folder.join("part");
     let written = fill(&part).and_then(|filled| {
         let mut into = fs::OpenOptions::new().write(true).open(path)?;
@@ -225,6 +231,7 @@ fn pass_on<T>(path: &Path, fill: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
         Ok(filled)
     });
     fs::remove_dir_all(&folder).ok();
+    forget(&folder);
     written
 }
 

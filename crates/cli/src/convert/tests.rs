@@ -69,6 +69,7 @@ fn each_recording_has_its_line_and_what_was_left_out() {
         to: to.map(Into::into),
         steps: 7,
         skipped: skipped.iter().map(ToString::to_string).collect(),
+        is_complete: true,
         error: error.map(str::to_owned),
     };
     let files = vec![
@@ -79,6 +80,24 @@ fn each_recording_has_its_line_and_what_was_left_out() {
         ConvertReport { files }.to_string(),
         "a.log -> a.mcap: 7 steps\n  skipped line 3\na.log: there is no step in it\n"
     );
+}
+
+#[test]
+fn a_log_that_lacks_something_is_no_whole_success_whatever_its_notes_say() {
+    let converted = |is_complete, error: Option<&str>| Converted {
+        from: "a.mcap".into(),
+        to: None,
+        steps: 7,
+        skipped: Vec::new(),
+        is_complete,
+        error: error.map(str::to_owned),
+    };
+    let verdict = |files| ConvertReport { files }.verdict().ok();
+    assert_eq!(verdict(vec![converted(true, None)]), Some(Verdict::Good));
+    assert_eq!(verdict(vec![converted(true, None), converted(false, None)]), Some(Verdict::Bad));
+    let refused = || converted(true, Some("it is empty"));
+    assert_eq!(verdict(vec![converted(true, None), refused()]), Some(Verdict::Bad));
+    assert_eq!(verdict(vec![refused()]), None);
 }
 
 #[test]

@@ -28,6 +28,7 @@ use tokio::sync::oneshot;
 
 pub(super) use self::orders::Orders;
 use self::orders::meaning;
+use super::DISK_WAIT_MAX;
 use super::drill::InjectedFailure;
 use super::loop_times::LoopTimes;
 use super::status::{STATUS_PERIOD, Status};
@@ -117,7 +118,7 @@ impl Drop for ControlThread {
         self.asks_to_land.store(true, Ordering::Relaxed);
         // A second panic has been printed, and no summary is left that could name a log that cannot be closed.
         if let Ok(Ok((_, recorder))) = thread.join() {
-            recorder.stop(|_| false).ok();
+            recorder.stop(|waited| waited >= DISK_WAIT_MAX).ok();
         }
     }
 }

@@ -61,16 +61,25 @@ pub(crate) struct Guardian {
 }
 
 impl Guardian {
-    /// Starts the process.
+    /// Tries whether a guardian would outlive this program, if it flies the real drone at `address`.
     ///
     /// # Errors
-    /// The system refuses; a real drone, and the guardian would end with its parent.
-    pub(crate) fn spawn(post: GuardianSockets) -> io::Result<Self> {
-        let GuardianSockets { socket, channel, address, protocol } = post;
+    /// It would not.
+    pub(crate) fn probe(address: SocketAddr) -> io::Result<()> {
         let first = fs::read_to_string("/proc/1/comm").unwrap_or_default();
         if !address.ip().is_loopback() && ends_with_parent(id(), parent_id(), first.trim()) {
             return Err(io::Error::other(ENDS_WITH_PARENT));
         }
+        Ok(())
+    }
+
+    /// Starts the process.
+    ///
+    /// # Errors
+    /// The system refuses, or [`Self::probe`].
+    pub(crate) fn spawn(post: GuardianSockets) -> io::Result<Self> {
+        let GuardianSockets { socket, channel, address, protocol } = post;
+        Self::probe(address)?;
         let mut command = command(address, protocol);
         // The standard error stays ours, for the one line that an abandoned guardian prints.
         let process =

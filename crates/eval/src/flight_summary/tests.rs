@@ -178,10 +178,10 @@ fn only_trouble_has_a_line_of_its_own() {
 #[test]
 fn headings_that_are_refused_beside_good_positions_are_the_reason_of_lost_poses() {
     use tello_flight::{Acceptance, Filtered};
-    let hidden = |is_lost: bool, refused: usize| {
+    let hidden = |is_lost: bool, refused: usize, accepted: usize| {
         let mut tally = tally(Pipeline::SameTick);
-        for heading in std::iter::repeat_n(Acceptance::Held, refused).chain([Acceptance::Accepted])
-        {
+        let refused = std::iter::repeat_n(Acceptance::Held, refused);
+        for heading in refused.chain(std::iter::repeat_n(Acceptance::Accepted, accepted)) {
             let mut tick = tick();
             let position = Acceptance::Accepted;
             tick.out.filtered = Some(Filtered { o: Some(Pose::zeros()), position, heading });
@@ -192,7 +192,8 @@ fn headings_that_are_refused_beside_good_positions_are_the_reason_of_lost_poses(
         let (mocap, drone) = (MocapCounters::default(), LinkCounters::default());
         tally.summary().with_end(&end, &mocap, "tello", &drone).hidden
     };
-    let reason = hidden(true, 100).unwrap();
+    let reason = hidden(true, 100, 0).unwrap();
     assert!(reason.starts_with("headings refused for 2.0 s beside good positions"), "{reason}");
-    assert_eq!([hidden(true, 20), hidden(false, 100)], [None, None]);
+    assert_eq!([hidden(true, 20, 0), hidden(false, 100, 0)], [None, None]);
+    assert_eq!(hidden(true, 100, 1), None, "poses ended later, for another reason");
 }

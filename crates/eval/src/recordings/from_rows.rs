@@ -210,7 +210,8 @@ mod tests {
         for (decimals, expected) in
             [(4, [true, false, false, true, true]), (2, [true, false, true, true, true])]
         {
-            let flight = RowFlight { rows: rows(&poses), decimals, notes: vec!["a note".into()] };
+            let notes = vec!["a note".into()];
+            let flight = RowFlight { rows: rows(&poses), decimals, notes, is_complete: true };
             let mut skipped = Vec::new();
             let samples = samples(flight, filter, &mut skipped).unwrap();
             let present: Vec<bool> = samples.iter().map(|one| one.o.is_present[pose::X]).collect();

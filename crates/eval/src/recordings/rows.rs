@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use tello_flight::cycle::{PoseRecord, RowsRecord, SticksRecord, Topic};
 use tello_io::clock::{SpanNs, TimeNs};
 use tello_io::log::csv::{self, CsvFlight, CsvRow};
-use tello_io::log::{Channel, Head, LogReader, LogWriter};
+use tello_io::log::{Channel, Ending, Head, LogReader, LogWriter};
 
 use super::PERIOD_S;
 use crate::REVISION;
@@ -38,6 +38,8 @@ pub struct RowFlight {
     pub decimals: usize,
     /// Parts of the original that were left out, and why.
     pub notes: Vec<String>,
+    /// Whether its log was closed, and lacks no record; so does a file of lines.
+    pub is_complete: bool,
 }
 
 /// Facts about the original of a converted recording.
@@ -57,7 +59,7 @@ impl From<CsvFlight> for RowFlight {
         if lines > LINES_SHOWN {
             notes.push(format!("{} more lines", lines - LINES_SHOWN));
         }
-        Self { rows: flight.rows, decimals: flight.decimals, notes }
+        Self { rows: flight.rows, decimals: flight.decimals, notes, is_complete: true }
     }
 }
 
@@ -103,18 +105,23 @@ pub fn of_log(log: &mut LogReader) -> Result<RowFlight> {
             _ => {}
         }
     }
-    notes.extend(tear(log));
-    Ok(RowFlight { rows: rows.into_values().collect(), decimals, notes })
+    notes.extend(loss(log));
+    let rows = rows.into_values().collect();
+    Ok(RowFlight { rows, decimals, notes, is_complete: is_complete(log) })
 }
 
-/// How the log ends, if it is not complete.
-pub(super) fn tear(log: &LogReader) -> Option<String> {
-    log.ending().filter(|ending| !ending.is_complete()).map(ToString::to_string)
+/// What is not in the log, by the way it ends.
+pub(super) fn loss(log: &LogReader) -> Option<String> {
+    match log.ending()? {
+        Ending::Complete => None,
+        Ending::Gaps { records } => Some(format!("{records} ticks that the disk was too slow for")),
+        torn @ Ending::Torn { .. } => Some(torn.to_string()),
+    }
 }
 
-/// Whether a note on what is not in a recording is that of a torn log.
-pub fn is_tear(note: &str) -> bool {
-    note.starts_with("torn ")
+/// Whether the log, which was read, was closed and lacks no record.
+pub fn is_complete(log: &LogReader) -> bool {
+    log.ending().is_none_or(Ending::is_complete)
 }
 
 /// Writes `flight`, which was read from a file called `source`, as MCAP.

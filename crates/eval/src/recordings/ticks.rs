@@ -149,7 +149,7 @@ pub fn read(log: &mut LogReader, skipped: &mut Vec<String>) -> Result<Vec<TickRo
     note(skipped, repeated, "tick", REPEATED);
     note(skipped, unreadable, "record", "that cannot be read");
     note(skipped, misplaced, "record", "of missing ticks");
-    skipped.extend(tear(log));
+    skipped.extend(loss(log));
     Ok(ticks)
 }
 

@@ -3,7 +3,6 @@
 //! Owns the connection and the queue to the control thread. A lost server is not an error here: the
 //! sightings stop, and the reader of the queue sees their age.
 
-use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -11,16 +10,13 @@ use std::time::Duration;
 use rtrb::{Consumer, Producer, RingBuffer};
 use tokio::time::{sleep, timeout};
 
-use super::wire::{CHUNK_BYTES, Wire};
+use super::wire::{CHUNK_BYTES, Connector, Wire};
 use super::{MocapCounters, MocapSettings, MocapStream, Refusal, Sighting, SourceError};
 use crate::StopSignal;
 use crate::clock::{Arrival, Clock, TimeNs};
 
 /// Room for 1.28 s at 500 Hz; the control thread drains it every 20 ms.
 const QUEUE_SIGHTINGS: usize = 640;
-
-/// A kernel gives up a connect after two minutes; a flight cannot wait for that.
-pub(super) const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// A server that completes no message for so long is connected anew: a host that vanished sends no
 /// end, and one that trickles never gets anywhere.
@@ -82,7 +78,7 @@ impl MocapClient {
     /// Connects and reads until it is stopped.
     ///
     /// After a failed or lost connection it waits 0.1 s, then twice as long each time up to 2 s; a
-    /// received message brings the wait back to 0.1 s.
+    /// received frame brings the wait back to 0.1 s.
     pub async fn run(mut self, mut stop: StopSignal) {
         tokio::select! {
             () = stop.ordered() => {}
@@ -92,20 +88,18 @@ impl MocapClient {
 
     async fn read_forever(&mut self) {
         let mut stream = MocapStream::new(&self.settings);
+        let mut connector = Connector::new(&self.settings);
         let mut back_off = BACK_OFF_MIN;
         loop {
-            // A server that does not answer in time counts as one that refuses.
-            let refused = |_| Err(io::ErrorKind::ConnectionRefused.into());
-            let opened = timeout(CONNECT_TIMEOUT, Wire::open(&self.settings)).await;
-            let opened = opened.unwrap_or_else(refused);
+            let opened = connector.open().await;
             self.counters.note_opening(opened.as_ref().map(|_| ()));
             if let Ok(wire) = opened {
                 self.counters.connects.count();
                 stream.set_airborne(self.is_airborne());
                 stream.restart();
-                let messages = self.counters.messages.get();
+                let sightings = self.counters.sightings.get();
                 self.read_connection(wire, &mut stream).await;
-                if self.counters.messages.get() > messages {
+                if self.counters.sightings.get() > sightings {
                     back_off = BACK_OFF_MIN;
                 }
             }
@@ -164,7 +158,8 @@ impl MocapClient {
             }
             // A source that floods has always more to read: the other source and the end come between two chunks.
             tokio::task::yield_now().await;
-            if wire.join(stream.group()).is_err() {
+            if let Err(error) = wire.join(stream.group()) {
+                self.counters.note_opening(Err(&error));
                 return;
             }
         }

@@ -197,12 +197,12 @@ impl MocapCounters {
         *self.given_up.lock() = Some(error);
     }
 
-    /// Why the newest connection or port could not be opened; `None` if it was, or if nobody answered.
+    /// Why the newest connection, port or multicast group could not be opened; `None` if it was, or if nobody listens.
     pub fn unopened(&self) -> Option<String> {
         self.unopened.lock().clone()
     }
 
-    pub(super) fn note_opening(&self, opened: Result<(), &io::Error>) {
+    pub(crate) fn note_opening(&self, opened: Result<(), &io::Error>) {
         let why = match opened {
             Err(error) if error.kind() != io::ErrorKind::ConnectionRefused => {
                 Some(error.to_string())

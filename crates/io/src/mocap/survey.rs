@@ -14,9 +14,8 @@ use std::time::Duration;
 use tokio::time::{sleep, timeout};
 
 use super::axes::{Placement, Unit};
-use super::client::CONNECT_TIMEOUT;
 use super::protocol::{Absence, BodyProtocol, FrameVisitor, Head, Name, OBJECTS_MAX};
-use super::wire::{CHUNK_BYTES, Wire};
+use super::wire::{CHUNK_BYTES, CONNECT_TIMEOUT, Connector, Wire};
 use super::{MocapCounters, MocapSettings, Refusal, SourceError};
 use crate::clock::{Clock, TimeNs};
 pub use track::{SurveyTrack, TrackReport};
@@ -139,11 +138,11 @@ async fn read(
         chunk: vec![0; CHUNK_BYTES],
         clock,
     };
+    let mut connector = Connector::new(settings);
     loop {
-        let trouble = match timeout(CONNECT_TIMEOUT, Wire::open(settings)).await {
-            Err(_) => "no answer".to_owned(),
-            Ok(Err(error)) => error.to_string(),
-            Ok(Ok(wire)) => {
+        let trouble = match connector.open().await {
+            Err(error) => error.to_string(),
+            Ok(wire) => {
                 survey.connects += 1;
                 match reader.read_connection(wire, survey, on_look).await {
                     Err(Ended::Wire(error)) => error.to_string(),

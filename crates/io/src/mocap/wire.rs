@@ -2,10 +2,13 @@
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4};
+use std::time::Duration;
 
 use socket2::{Domain, Protocol, Socket, Type};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpStream, UdpSocket, lookup_host};
+use tokio::task::JoinHandle;
+use tokio::time::timeout;
 
 use super::MocapSettings;
 use super::natnet::packet::datagram_length;
@@ -13,6 +16,25 @@ use super::settings::Transport;
 
 /// More than the largest datagram.
 pub(super) const CHUNK_BYTES: usize = 1 << 16;
+
+/// A kernel gives up a connect after two minutes; a flight cannot wait for that. For each address of a host.
+pub(super) const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
+
+/// Wait for the addresses of a host's name, while there are none so far.
+const NAME_TIMEOUT: Duration = Duration::from_secs(2);
+/// The same, while there are those of an earlier time: in flight a connection is made anew without a name server.
+const NAME_AGAIN_TIMEOUT: Duration = Duration::from_millis(100);
+
+const NO_ANSWER: &str = "no answer, as from a host that is off or behind a firewall";
+
+/// Opens the socket of a source again and again. Keeps the addresses of its host, and a look-up that is late.
+#[derive(Debug)]
+pub(super) struct Connector {
+    transport: Transport,
+    /// The one that answered last is the first.
+    addresses: Vec<SocketAddr>,
+    lookup: Option<JoinHandle<io::Result<Vec<SocketAddr>>>>,
+}
 
 /// Socket of a source.
 #[derive(Debug)]
@@ -31,19 +53,75 @@ pub(super) struct NatnetWire {
     data: Option<(SocketAddrV4, UdpSocket)>,
 }
 
-impl Wire {
-    pub(super) async fn open(settings: &MocapSettings) -> io::Result<Self> {
-        match &settings.transport {
-            Transport::Tcp(address) => {
-                let socket = TcpStream::connect(address.as_str()).await?;
-                socket.set_nodelay(true)?;
-                Ok(Self::Tcp(socket))
+impl Connector {
+    pub(super) fn new(settings: &MocapSettings) -> Self {
+        Self { transport: settings.transport.clone(), addresses: Vec::new(), lookup: None }
+    }
+
+    /// The source's socket, within [`NAME_TIMEOUT`] and [`CONNECT_TIMEOUT`] for each address of its host.
+    ///
+    /// # Errors
+    /// The host's name has no address so far, or none of them answers; a port that is taken.
+    pub(super) async fn open(&mut self) -> io::Result<Wire> {
+        match self.transport.clone() {
+            Transport::Tcp(host) => {
+                self.look_up(host).await?;
+                self.connect().await
             }
-            Transport::Udp(address) => Ok(Self::Udp(UdpSocket::bind(address).await?)),
-            Transport::Natnet(address) => Ok(Self::Natnet(NatnetWire::open(address).await?)),
+            Transport::Udp(address) => Ok(Wire::Udp(UdpSocket::bind(address).await?)),
+            Transport::Natnet(host) => {
+                self.look_up(host.clone()).await?;
+                Ok(Wire::Natnet(NatnetWire::open(&host, &self.addresses).await?))
+            }
         }
     }
 
+    /// Renews the addresses. If there are some, neither a name server that is slow nor one that fails matters.
+    async fn look_up(&mut self, host: String) -> io::Result<()> {
+        let is_first = self.addresses.is_empty();
+        let lookup = self.lookup.get_or_insert_with(|| {
+            tokio::spawn(async { lookup_host(host).await.map(Iterator::collect) })
+        });
+        let wait_max = if is_first { NAME_TIMEOUT } else { NAME_AGAIN_TIMEOUT };
+        let Ok(found) = timeout(wait_max, lookup).await else {
+            return if is_first { Err(late("its name is not resolved so far")) } else { Ok(()) };
+        };
+        self.lookup = None;
+        match found.unwrap_or_else(|panicked| Err(panicked.into())) {
+            Ok(mut addresses) => {
+                let answered = self.addresses.first().copied();
+                addresses.sort_by_key(|address| Some(*address) != answered);
+                self.addresses = addresses;
+                Ok(())
+            }
+            Err(error) if is_first => Err(error),
+            Err(_) => Ok(()),
+        }
+    }
+
+    /// Connects to the first address that answers.
+    async fn connect(&mut self) -> io::Result<Wire> {
+        let mut failed = io::ErrorKind::AddrNotAvailable.into();
+        for (index, address) in self.addresses.iter().enumerate() {
+            let connected = timeout(CONNECT_TIMEOUT, TcpStream::connect(address)).await;
+            match connected.unwrap_or_else(|_| Err(late(NO_ANSWER))) {
+                Ok(socket) => {
+                    self.addresses.swap(0, index);
+                    socket.set_nodelay(true)?;
+                    return Ok(Wire::Tcp(socket));
+                }
+                Err(error) => failed = error,
+            }
+        }
+        Err(failed)
+    }
+}
+
+fn late(what: &str) -> io::Error {
+    io::Error::new(io::ErrorKind::TimedOut, what)
+}
+
+impl Wire {
     /// The next piece or datagram. Safe to cancel.
     pub(super) async fn read(&mut self, chunk: &mut [u8]) -> io::Result<usize> {
         match self {
@@ -75,11 +153,11 @@ impl Wire {
 }
 
 impl NatnetWire {
-    async fn open(address: &str) -> io::Result<Self> {
-        let mut found = lookup_host(address).await?;
-        let server = found.find(SocketAddr::is_ipv4);
+    /// Of the server `host` with these `addresses`.
+    async fn open(host: &str, addresses: &[SocketAddr]) -> io::Result<Self> {
+        let server = addresses.iter().copied().find(SocketAddr::is_ipv4);
         let no_ipv4 = || {
-            let text = format!("{address} has no IPv4 address, and NatNet is read over IPv4 only");
+            let text = format!("{host} has no IPv4 address, and NatNet is read over IPv4 only");
             io::Error::new(io::ErrorKind::AddrNotAvailable, text)
         };
         let server = server.ok_or_else(no_ipv4)?;
@@ -127,7 +205,11 @@ impl NatnetWire {
         socket.set_reuse_address(true)?;
         socket.set_nonblocking(true)?;
         socket.bind(&SocketAddr::V4(group).into())?;
-        socket.join_multicast_v4(group.ip(), &self.interface()?)?;
+        let joined = socket.join_multicast_v4(group.ip(), &self.interface()?);
+        joined.map_err(|error| {
+            let text = format!("the multicast group {} cannot be joined: {error}", group.ip());
+            io::Error::new(error.kind(), text)
+        })?;
         self.data = Some((group, UdpSocket::from_std(socket.into())?));
         Ok(())
     }
@@ -163,6 +245,71 @@ mod tests {
         tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap().block_on(task)
     }
 
+    /// A connector to a host with `addresses`, whose name is looked up by `lookup`.
+    fn connector(
+        addresses: &[SocketAddr],
+        lookup: impl Future<Output = io::Result<Vec<SocketAddr>>> + Send + 'static,
+    ) -> Connector {
+        let (transport, addresses) = (Transport::Tcp("server:1".into()), addresses.to_vec());
+        Connector { transport, addresses, lookup: Some(tokio::spawn(lookup)) }
+    }
+
+    /// A listener, and its address.
+    fn listener() -> (std::net::TcpListener, SocketAddr) {
+        let listener = std::net::TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let address = listener.local_addr().unwrap();
+        (listener, address)
+    }
+
+    #[test]
+    fn a_name_that_resolves_late_is_connected_to_and_is_named_until_then() {
+        let (_listener, address) = listener();
+        block_on(async {
+            let mut connector = connector(&[], async move {
+                tokio::time::sleep(NAME_TIMEOUT + Duration::from_millis(300)).await;
+                Ok(vec![address])
+            });
+            let error = connector.open().await.unwrap_err();
+            assert_eq!(error.to_string(), "its name is not resolved so far");
+            assert!(matches!(connector.open().await.unwrap(), Wire::Tcp(_)));
+        });
+    }
+
+    #[test]
+    fn a_name_that_does_not_resolve_any_more_has_the_addresses_of_before() {
+        let (_listener, address) = listener();
+        block_on(async {
+            let mut silent = connector(&[address], std::future::pending());
+            assert!(silent.open().await.is_ok() && silent.lookup.is_some());
+            let gone = async { Err(io::ErrorKind::NotFound.into()) };
+            assert!(connector(&[address], gone).open().await.is_ok());
+            let gone = async { Err(io::ErrorKind::NotFound.into()) };
+            let error = connector(&[], gone).open().await.unwrap_err();
+            assert_eq!(error.kind(), io::ErrorKind::NotFound);
+        });
+    }
+
+    #[test]
+    fn an_address_that_is_silent_costs_its_time_once_and_not_the_others() {
+        // Its queue is full: the kernel drops what would begin another connection.
+        let full = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
+        full.bind(&SocketAddr::from((Ipv4Addr::LOCALHOST, 0)).into()).unwrap();
+        full.listen(0).unwrap();
+        let silent = full.local_addr().unwrap().as_socket().unwrap();
+        let _fills = std::net::TcpStream::connect(silent).unwrap();
+        let (_listener, good) = listener();
+        block_on(async {
+            let mut connector = connector(&[], async move { Ok(vec![silent, good]) });
+            assert!(connector.open().await.is_ok());
+            assert_eq!(connector.addresses, [good, silent]);
+            connector.lookup = Some(tokio::spawn(async move { Ok(vec![silent, good]) }));
+            timeout(CONNECT_TIMEOUT / 2, connector.open()).await.unwrap().unwrap();
+            connector.lookup = Some(tokio::spawn(async move { Ok(vec![silent]) }));
+            let error = connector.open().await.unwrap_err();
+            assert_eq!(error.to_string(), NO_ANSWER);
+        });
+    }
+
     #[test]
     fn a_socket_that_was_ready_for_nothing_has_no_bytes_and_other_errors_stay() {
         let (count, from) = would_block(io::ErrorKind::WouldBlock.into()).unwrap();
@@ -185,7 +332,8 @@ mod tests {
 
     #[test]
     fn natnet_over_ipv6_is_refused_by_name() {
-        let error = block_on(NatnetWire::open("[::1]:1510")).unwrap_err();
+        let addresses = ["[::1]:1510".parse().unwrap()];
+        let error = block_on(NatnetWire::open("motive:1510", &addresses)).unwrap_err();
         assert!(error.to_string().contains("IPv4 only"), "{error}");
     }
 
@@ -193,9 +341,9 @@ mod tests {
     fn datagrams_of_another_system_are_left_out() {
         let server = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
         let other = std::net::UdpSocket::bind("127.0.0.2:0").unwrap();
-        let address = server.local_addr().unwrap().to_string();
+        let address = server.local_addr().unwrap();
         block_on(async {
-            let mut wire = NatnetWire::open(&address).await.unwrap();
+            let mut wire = NatnetWire::open("motive:1510", &[address]).await.unwrap();
             let to = (Ipv4Addr::LOCALHOST, wire.command.local_addr().unwrap().port());
             other.send_to(b"other", to).unwrap();
             server.send_to(b"ours", to).unwrap();

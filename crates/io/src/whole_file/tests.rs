@@ -85,7 +85,11 @@ fn devices_and_pipes_are_written_and_stay() {
     let folder = folder("pipe");
     let pipe = folder.join("pipe");
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-    let fill = |part: &Path| Ok(fs::write(part, "all of it")?);
+    let is_unfinished = |part: &Path| UNFINISHED.lock().iter().any(|it| part.starts_with(it));
+    let fill = |part: &Path| {
+        assert!(is_unfinished(part), "a signal would leave {}", part.display());
+        Ok(fs::write(part, "all of it")?)
+    };
     let reader = {
         let pipe = pipe.clone();
         std::thread::spawn(move || fs::read_to_string(pipe).unwrap())
@@ -95,6 +99,8 @@ fn devices_and_pipes_are_written_and_stay() {
     write(&pipe, true, fill).unwrap();
     assert_eq!(reader.join().unwrap(), "all of it");
     assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
+    let passed = std::env::temp_dir().join(format!("tello-ctl-{}.part", std::process::id()));
+    assert!(!(passed.exists() || is_unfinished(&passed)));
     // A file behind a link is replaced, not the link.
     let (file, link) = (folder.join("file"), folder.join("link"));
     fs::write(&file, "before").unwrap();
@@ -106,6 +112,17 @@ fn devices_and_pipes_are_written_and_stay() {
     let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
     assert!(write(&socket, true, fill).is_err() && probe(&socket).is_err());
     fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn what_is_unfinished_is_a_file_or_a_folder_that_has_one() {
+    let folder = folder("unfinished");
+    fs::write(folder.join("part"), "half").unwrap();
+    remove(folder.join("part"));
+    assert_eq!(names(&folder), Vec::<String>::new());
+    fs::write(folder.join("part"), "half").unwrap();
+    remove(folder.clone());
+    assert!(!folder.exists());
 }
 
 #[test]

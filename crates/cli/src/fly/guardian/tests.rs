@@ -55,3 +55,8 @@ fn a_guardian_of_the_first_process_of_a_container_would_end_with_it() {
         assert_eq!(ends_with_parent(id, parent, first), ends, "{id} {parent} {first}");
     }
 }
+
+#[test]
+fn a_simulated_drone_is_flown_from_any_process() {
+    Guardian::probe(([127, 0, 0, 1], 8889).into()).unwrap();
+}

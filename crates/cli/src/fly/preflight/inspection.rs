@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Result, anyhow};
 use tello_io::Stopper;
 use tello_io::clock::{Clock, request_real_time};
 use tello_io::config::FlyTable;
@@ -14,6 +14,7 @@ use tello_io::tello::{DroneClient, TelloSettings};
 use tokio::time::sleep;
 
 use super::Found;
+use crate::fly::signals;
 use crate::fly::sources::Sources;
 use crate::interrupt;
 
@@ -30,8 +31,8 @@ const LOOK_PERIOD: Duration = Duration::from_millis(20);
 /// # Errors
 /// A port that is taken; settings that break a rule.
 pub(super) fn inspect(table: &FlyTable, log_dir: &Path, has_keys: bool) -> Result<Found> {
-    let runtime = interrupt::runtime()?;
-    let mut found = runtime.block_on(look_at_links(table))?;
+    let looked = thread::scope(|scope| scope.spawn(|| look_unsignalled(table)).join());
+    let mut found = looked.map_err(|_panic| anyhow!("the look at the links panicked"))??;
     found.disk_free = free_bytes(log_dir);
     found.log_dir = log_dir.into();
     let core = table.real_time.core;
@@ -40,6 +41,16 @@ pub(super) fn inspect(table: &FlyTable, log_dir: &Path, has_keys: bool) -> Resul
     found.refusals = asked.iter().map(ToString::to_string).collect();
     found.has_keys = has_keys;
     Ok(found)
+}
+
+/// Looks on a thread of its own, with signals blocked: what still resolves the name of a host is not waited for, and
+/// a signal that ends in flight in its thread would end the program.
+fn look_unsignalled(table: &FlyTable) -> Result<Found> {
+    signals::block()?;
+    let runtime = interrupt::runtime()?;
+    let found = runtime.block_on(look_at_links(table));
+    runtime.shutdown_background();
+    found
 }
 
 async fn look_at_links(table: &FlyTable) -> Result<Found> {

@@ -26,7 +26,7 @@ impl Fixture {
         let address = listener.local_addr().unwrap().to_string();
         let table = kind(ServerTable { address, object: "tello".to_owned() });
         let settings = MocapSettings::try_from(&table).unwrap();
-        let wire = Wire::open(&settings).await.unwrap();
+        let wire = Connector::new(&settings).open().await.unwrap();
         let stream = MocapStream::new(&settings);
         let (server, _) = listener.accept().await.unwrap();
         let (client, feed) = MocapClient::new(settings, Clock::start());
