@@ -14,9 +14,9 @@ use tello_eval::outage::{OutageSettings, OutageTable, lost_commands};
 use tello_eval::smooth::smooth;
 use tello_flight::{Acceptance, LinkDecision, LinkMonitor, LinkSettings, PoseFilter};
 use tello_io::config;
+use tello_sim::command_link::CommandLink;
 use tello_sim::mocap::Mocap;
 use tello_sim::plant::{NOMINAL, Plant, PlantParams, PlantTable, Velocity};
-use tello_sim::radio::Radio;
 use tello_sim::random::{Purpose, Random};
 use tello_sim::{ManualFlight, MocapReport, Profile};
 
@@ -152,7 +152,7 @@ struct Unchanged {
 fn watch(params: &PlantParams, profile: Profile, seed: u64, u_sent: &[Sticks], sum: &mut Outcome) {
     let start = Pose::new(0.0, 0.0, 1.6, 0.0);
     let mut plant = Plant::new(*params, start, Velocity::default(), seed).unwrap();
-    let (mut mocap, mut radio) = (Mocap::new(profile, seed), Radio::new(profile, seed));
+    let (mut mocap, mut link) = (Mocap::new(profile, seed), CommandLink::new(profile, seed));
     let (mut eyes, mut monitor, mut fifo) = (Eyes::new(), monitor(), fifo());
     let mut unchanged: Option<Unchanged> = None;
     let (mut link_was_up, mut lost_at) = (true, None);
@@ -171,7 +171,7 @@ fn watch(params: &PlantParams, profile: Profile, seed: u64, u_sent: &[Sticks], s
         sum.false_alarms +=
             usize::from(decision.has_changed && decision.state.is_down() && is_false);
 
-        let link_is_up = radio.step();
+        let link_is_up = link.step();
         if link_is_up != link_was_up {
             unchanged = Some(Unchanged {
                 vehicle: plant.clone(),

@@ -17,7 +17,7 @@ use tello_eval::{REVISION, recordings, report as reports};
 use tello_flight::Start;
 use tello_flight::cycle::FlightTable;
 use tello_io::log::LogReader;
-use tello_io::{config, whole_file};
+use tello_io::{atomic_file, config};
 use tello_sim::batch::{Batch, Contender};
 use tello_sim::{SimTable, logged_flight};
 
@@ -215,7 +215,7 @@ pub(crate) fn report(
         reports::replaces_a_page(&out)?;
         let page = reports::page_of(&logs, &against, &out)?;
         stop.check()?;
-        whole_file::write_contents(&out, true, &page.html)?;
+        atomic_file::write_contents(&out, true, &page.html)?;
         Ok(serde_json::to_string(&page.report)?)
     })
 }

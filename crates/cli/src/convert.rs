@@ -15,9 +15,9 @@ use tello_eval::flight_log;
 use tello_eval::metrics::ReferencePath;
 use tello_eval::recordings::rows::{self, RowFlight};
 use tello_eval::recordings::{self, ticks};
+use tello_io::atomic_file;
 use tello_io::log::csv::{self, CsvRow};
 use tello_io::log::{CONFIG, LogReader};
-use tello_io::whole_file;
 
 use crate::{Verdict, interrupt, stdio};
 
@@ -207,7 +207,7 @@ fn convert(from: &Path, arguments: &Arguments) -> Result<Converted> {
             dir.as_deref().unwrap_or(Path::new(".")).join(name)
         }
     };
-    whole_file::keep_apart(from, &to)?;
+    atomic_file::keep_apart(from, &to)?;
     let flight = match format {
         Format::Csv => RowFlight::from(csv::read(from)?),
         Format::Mcap => of_mcap(from, arguments.pos)?,
@@ -216,7 +216,7 @@ fn convert(from: &Path, arguments: &Arguments) -> Result<Converted> {
         bail!("there is no step in it");
     }
     let decimals = arguments.decimals.map_or(flight.decimals, usize::from);
-    whole_file::write(&to, arguments.force, |part| match target {
+    atomic_file::write(&to, arguments.force, |part| match target {
         Format::Mcap => {
             let source = from.file_name().unwrap_or_default().to_string_lossy().into_owned();
             rows::write_log(part, source, &flight)
@@ -259,7 +259,12 @@ fn of_mcap(path: &Path, pos: Pos) -> Result<RowFlight> {
         param: tick.param,
     };
     let is_complete = rows::is_complete(&log);
-    Ok(RowFlight { rows: ticks.iter().map(row).collect(), decimals: csv::THESIS_DECIMALS, notes, is_complete })
+    Ok(RowFlight {
+        rows: ticks.iter().map(row).collect(),
+        decimals: csv::THESIS_DECIMALS,
+        notes,
+        is_complete,
+    })
 }
 
 fn write_csv(path: &Path, rows: &[CsvRow], decimals: usize) -> Result<()> {

@@ -9,7 +9,7 @@ use horizon_model::rows::{Pose, pose};
 use horizon_model::setting::SettingError;
 use tello_eval::Excitation;
 use tello_flight::{MissionTable, PointsTable, RoomTable, Start, TrajectoryTable};
-use tello_io::{config, whole_file};
+use tello_io::{atomic_file, config};
 
 use crate::check::CheckedMission;
 use crate::{Verdict, stdio};
@@ -101,7 +101,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         bail!("the pattern comes within {} m of an obstacle: choose --centre", 2.0 * BESIDE_M);
     }
     let text = serde_json::to_string(&flight.mission)? + "\n";
-    whole_file::write_contents(&arguments.mission, arguments.force, text)?;
+    atomic_file::write_contents(&arguments.mission, arguments.force, text)?;
     let name = arguments.mission.display();
     let config = arguments.config.as_ref();
     let config = config.map_or_else(String::new, |file| format!("--config {} ", file.display()));

@@ -376,7 +376,7 @@ fn open_inputs(arguments: &Arguments, table: &FlyTable, clock: Clock) -> Result<
     Ok((person, inputs))
 }
 
-/// Facts for viewers, if there are any, what draws them on `screen`, and the live page.
+/// Telemetry for viewers, if there are any, what draws them on `screen`, and the live page.
 fn watch(
     arguments: &Arguments,
     screen: Option<&Screen>,

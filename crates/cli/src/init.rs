@@ -9,9 +9,9 @@ use clap::Args;
 use schemars::schema_for;
 use serde_json::{Value, json};
 use tello_flight::MissionTable;
+use tello_io::atomic_file;
 use tello_io::config::{self, Problems, SettingProblem};
 use tello_io::mocap::MocapKind;
-use tello_io::whole_file;
 
 use crate::mocap::usual_address;
 use crate::{Verdict, stdio};
@@ -90,7 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         ensure!(!path.exists(), "{} exists already: choose another folder", path.display());
     }
     for (name, value) in &files {
-        whole_file::write_json(&dir.join(name), false, value)?;
+        atomic_file::write_json(&dir.join(name), false, value)?;
     }
     let mut missions = "square.json, hover.json";
     let problems = config::fly_problems(Some(&dir.join("fly.json")), None).list;
@@ -175,7 +175,7 @@ fn fits_hover(dir: &Path) -> Result<bool> {
     }
     let mut fly: Value = config::load(&path)?;
     fly["mission"] = json!("hover.json");
-    whole_file::write_json(&path, true, &fly)?;
+    atomic_file::write_json(&path, true, &fly)?;
     fs::remove_file(dir.join("square.json"))?;
     Ok(true)
 }

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use anyhow::{Context as _, Result};
-use tello_io::whole_file;
+use tello_io::atomic_file;
 use tokio::runtime::{Builder, Runtime};
 use tokio::signal::unix::{SignalKind, signal};
 
@@ -114,7 +114,7 @@ fn spawn(wait: impl FnOnce() + Send + 'static) -> Result<()> {
 /// Ends the program with the exit code that shells show for one that is ended by `signal`.
 #[expect(clippy::exit, reason = "nobody waits for the work")]
 fn leave(signal: i32) {
-    whole_file::remove_unfinished();
+    atomic_file::remove_unfinished();
     std::process::exit(128 + signal)
 }
 

@@ -14,9 +14,9 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use tello_eval::log_tables;
 use tello_eval::ros2::{self, Exported};
+use tello_io::atomic_file;
 use tello_io::clock::CivilTime;
 use tello_io::log::{Ending, LogReader, Recovered, recover};
-use tello_io::whole_file;
 
 use crate::{Verdict, interrupt, stdio};
 
@@ -97,18 +97,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         Command::Recover { file, out } => {
             refuse_unreadable(file)?;
             ensure!(
-                !whole_file::is_there(out),
+                !atomic_file::is_there(out),
                 "{} exists already: choose another name",
                 out.display()
             );
-            let recovered = whole_file::write(out, false, |part| Ok(recover(file, part)?))?;
+            let recovered = atomic_file::write(out, false, |part| Ok(recover(file, part)?))?;
             report_recovered(file, out, recovered)
         }
         Command::Ros2 { file, out, force } => {
             refuse_unreadable(file)?;
-            whole_file::keep_apart(file, out)?;
+            atomic_file::keep_apart(file, out)?;
             let Exported { messages, ending } =
-                whole_file::write(out, *force, |part| ros2::export(file, part))?;
+                atomic_file::write(out, *force, |part| ros2::export(file, part))?;
             if messages.is_empty() {
                 stdio::note(format_args!(
                     "note: {} holds no tick: no message is written",

@@ -8,7 +8,7 @@ use tello_eval::flight_log::TickRecord;
 use tello_eval::replay::{self, Options, Replayed};
 use tello_eval::report;
 use tello_flight::cycle::FlightTable;
-use tello_io::whole_file;
+use tello_io::atomic_file;
 
 use crate::fly::Playback;
 use crate::{Verdict, interrupt, stdio};
@@ -93,6 +93,6 @@ fn played(logs: &[PathBuf], options: &Options<'_>, page: &Path) -> Result<Replay
     let note = replayed.verdict().filter(|_| !replayed.is_good());
     let note = note.map(|verdict| format!("This is the repeated flight; the log is {verdict}"));
     let html = playback.page(note.as_deref())?;
-    whole_file::write_contents(page, true, html)?;
+    atomic_file::write_contents(page, true, html)?;
     Ok(replayed)
 }

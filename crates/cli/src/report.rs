@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::Args;
 use tello_eval::report;
-use tello_io::whole_file;
+use tello_io::atomic_file;
 
 use crate::{Verdict, stdio};
 
@@ -45,7 +45,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     report::replaces_a_page(&arguments.out)?;
     let page = report::page_of(&arguments.logs, &arguments.against, &arguments.out)?;
-    whole_file::write_contents(&arguments.out, true, &page.html)?;
+    atomic_file::write_contents(&arguments.out, true, &page.html)?;
     if let Some(dir) = &arguments.figures {
         page.save_figures(dir)?;
     }

@@ -11,9 +11,9 @@ use serde::Serialize;
 use tello_eval::Stopped;
 use tello_flight::Start;
 use tello_flight::cycle::FlightTable;
+use tello_io::atomic_file::{self, write_json};
 use tello_io::clock::Clock;
 use tello_io::config;
-use tello_io::whole_file::{self, write_json};
 use tello_sim::tuning::{
     Scale, Setup, Trial, Variable, VariableRange, Weigh, Weights, best, minimize,
 };
@@ -135,7 +135,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     let beside = || arguments.config.with_extension("tuned.json");
     let out = arguments.out.clone().unwrap_or_else(beside);
     for path in [&out, &mission_beside(&out)] {
-        whole_file::prepare(path, arguments.force)?;
+        atomic_file::prepare(path, arguments.force)?;
     }
     let clock = Clock::start();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;

@@ -48,7 +48,7 @@ pub use space::{SeenInSpace, space};
 pub use tracks::{SeenFlights, tracks, tracks_among};
 
 use horizon_model::Row;
-use tello_io::whole_file;
+use tello_io::atomic_file;
 
 /// Where a figure goes: a folder that exists, and a name without its ending.
 #[derive(Debug, Clone)]
@@ -68,7 +68,7 @@ impl FigureFiles {
         let stem = stem.to_string_lossy().into_owned();
         let dir = name.parent().unwrap_or(Path::new(""));
         let place = Self::inside(dir, stem)?;
-        place.paths().iter().try_for_each(|path| whole_file::prepare(path, is_replaced))?;
+        place.paths().iter().try_for_each(|path| atomic_file::prepare(path, is_replaced))?;
         Ok(place)
     }
 
@@ -94,7 +94,7 @@ impl FigureFiles {
         let paths = self.paths();
         let png = figure.png().with_context(|| paths[1].display().to_string())?;
         for (path, content) in paths.iter().zip([figure.svg().into_bytes(), png]) {
-            whole_file::write_contents(path, true, content)?;
+            atomic_file::write_contents(path, true, content)?;
         }
         Ok(paths)
     }

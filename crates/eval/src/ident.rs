@@ -17,7 +17,7 @@ mod predict;
 mod report;
 mod resamples;
 mod table;
-mod verdict;
+mod warnings;
 
 use std::path::Path;
 

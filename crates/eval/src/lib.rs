@@ -10,10 +10,10 @@
 //! | `outage.rs`               | lost commands, found from both sides of a moment                      |
 //! | `forecast.rs`             | errors of forecasts of any maker                                      |
 //! | `predicted_trajectory.rs` | predicted trajectory for viewers                                      |
-//! | `view_numbers.rs`         | fewer points and digits for viewers                                   |
+//! | `display_rounding.rs`     | fewer points and digits for viewers                                   |
 //! | `metrics.rs`              | metrics of a flight                                                   |
 //! | `flight_summary.rs`       | the summary of a flight that is over                                  |
-//! | `facts.rs`                | facts of a flight for its viewers                                     |
+//! | `telemetry.rs`            | facts of a flight for its viewers                                     |
 //! | `statistics.rs`           | quantiles and intervals                                               |
 //! | `figure.rs`               | figures as SVG and PNG                                                |
 //! | `scene.rs`                | the scene in a log, for viewers                                       |
@@ -29,8 +29,8 @@
 //! It writes and reads files, and opens no socket.
 
 pub mod bench;
+pub mod display_rounding;
 mod excitation;
-pub mod facts;
 pub mod figure;
 pub mod flight_log;
 pub mod flight_summary;
@@ -49,8 +49,8 @@ pub mod ros2;
 pub mod scene;
 pub mod smooth;
 mod statistics;
+pub mod telemetry;
 pub mod vehicle;
-pub mod view_numbers;
 
 pub use excitation::Excitation;
 pub use statistics::{Centre, interval, quantile, quantiles, rate_interval};

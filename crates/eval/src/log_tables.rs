@@ -10,8 +10,8 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
+use tello_io::atomic_file;
 use tello_io::log::{Ending, LogReader};
-use tello_io::whole_file;
 
 /// Names of the columns of each channel.
 type Columns = BTreeMap<String, Vec<String>>;
@@ -52,7 +52,7 @@ pub fn write(file: &Path, dir: &Path, topics: &[String], is_replaced: bool) -> R
     for (topic, columns) in &columns {
         let path = dir.join(name(topic));
         let rows =
-            whole_file::write(&path, is_replaced, |part| write_table(file, part, topic, columns))?;
+            atomic_file::write(&path, is_replaced, |part| write_table(file, part, topic, columns))?;
         lines.push(format!("{}: {rows} rows of {topic}", path.display()));
     }
     Ok(Tables { lines, ending, unreadable })

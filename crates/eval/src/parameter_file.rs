@@ -13,8 +13,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use tello_flight::cycle::{CycleTable, ModelKind};
+use tello_io::atomic_file::write_json;
 use tello_io::config;
-use tello_io::whole_file::write_json;
 
 /// The format that this program writes, and the only one that it reads.
 pub const FORMAT: u32 = 1;

@@ -14,7 +14,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
-use tello_io::whole_file;
+use tello_io::atomic_file;
 use thiserror::Error;
 
 use crate::REVISION;
@@ -179,9 +179,9 @@ pub fn write<T: Seeded>(path: &Path, header: &PartHeader, rows: &[T]) -> Result<
     let (_, again) = parse::<T>(&text)?;
     ensure!(again == rows, "{}: a row does not survive its JSON form", path.display());
     // Another process may have written its part meanwhile: there is no --force for parts.
-    let is_there = whole_file::is_there(path);
+    let is_there = atomic_file::is_there(path);
     ensure!(!is_there, "{} exists already: choose another name", path.display());
-    whole_file::write_contents(path, false, text)
+    atomic_file::write_contents(path, false, text)
 }
 
 /// Header and rows of the part at `path`.
@@ -317,7 +317,7 @@ pub fn merge<T: Seeded>(paths: &[PathBuf]) -> Result<(PartHeader, Vec<T>)> {
 }
 
 fn text_of(path: &Path) -> Result<String> {
-    let bytes = whole_file::read(path, whole_file::RECORDING_BYTES_MAX)
+    let bytes = atomic_file::read(path, atomic_file::RECORDING_BYTES_MAX)
         .with_context(|| format!("cannot read {}", path.display()))?;
     let text = String::from_utf8(bytes).ok();
     text.with_context(|| format!("{}: not a part file", path.display()))

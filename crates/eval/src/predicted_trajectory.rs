@@ -9,7 +9,7 @@ use horizon_model::{InputFifo, Kinematic, Model};
 
 use tello_flight::cycle::{CycleTable, ModelKind, Outcome, WithModel};
 
-use crate::view_numbers::{PosW, every, to_thousandths};
+use crate::display_rounding::{PosW, every, to_thousandths};
 
 /// Most points of a line that is drawn again and again.
 const POINTS_MAX: usize = 60;

@@ -26,8 +26,8 @@ use sha2::{Digest, Sha256};
 use tello_flight::FilterSettings;
 use tello_io::log::{LogReader, csv};
 
+use tello_io::atomic_file::{self, RECORDING_BYTES_MAX};
 use tello_io::config;
-use tello_io::whole_file::{self, RECORDING_BYTES_MAX};
 
 use self::known_flights::Motions;
 use crate::flight_log;
@@ -219,7 +219,7 @@ pub(crate) fn is_mcap(path: &Path) -> Result<bool> {
 }
 
 fn load_one(path: &Path, filter: FilterSettings) -> Result<Loaded> {
-    let bytes = whole_file::read(path, RECORDING_BYTES_MAX).context("it cannot be read")?;
+    let bytes = atomic_file::read(path, RECORDING_BYTES_MAX).context("it cannot be read")?;
     let (mut skipped, mut is_simulated, mut motions) = (Vec::new(), false, Motions::new());
     let samples = if bytes.is_empty() {
         bail!("it is empty");

@@ -1,13 +1,13 @@
 //! Recorded flights as one page, figures and numbers.
 //!
-//! The quantities are in `report/quantity.rs`, the judgement in `report/verdict.rs`, the layout in `report/page.rs`.
+//! The quantities are in `report/quantity.rs`, the judgement in `report/assessment.rs`, the layout in `report/page.rs`.
 
+mod assessment;
 mod flight;
 mod group;
 mod page;
 mod pictures;
 mod quantity;
-mod verdict;
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter};
@@ -25,7 +25,7 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use schemars::JsonSchema;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
-use tello_io::whole_file;
+use tello_io::atomic_file;
 
 use crate::REVISION;
 use crate::recordings::known_flights::{self, Motions};
@@ -122,7 +122,7 @@ pub fn page_of(logs: &[PathBuf], against: &[PathBuf], page: &Path) -> Result<Pag
 /// # Errors
 /// The file is there and does not begin as our pages do, or cannot be read, or its folder cannot be written.
 pub fn replaces_a_page(path: &Path) -> Result<()> {
-    whole_file::probe(path)?;
+    atomic_file::probe(path)?;
     if !path.is_file() {
         return Ok(());
     }
@@ -215,7 +215,7 @@ impl Page {
             .with_context(|| format!("cannot make the folder {}", dir.display()))?;
         for picture in &self.pictures {
             let path = dir.join(format!("{}.svg", picture.name));
-            whole_file::write_contents(&path, true, picture.figure.svg())?;
+            atomic_file::write_contents(&path, true, picture.figure.svg())?;
         }
         Ok(())
     }

@@ -18,11 +18,11 @@ use tello_flight::{FaultSet, Phase};
 use tello_io::clock::TimeNs;
 use tello_io::log::{Channel, LogError, LogWriter, Schema};
 
+use crate::display_rounding::{every, pos_w_of, ticks};
 use crate::flight_log::TickRecord;
 use crate::metrics::ReferencePath;
 use crate::predicted_trajectory::{Ahead, TrajectoryPredictor};
 use crate::ros2::{Kind, VEHICLE, WORLD, numbers};
-use crate::view_numbers::{every, pos_w_of, ticks};
 use shapes::{
     BLUE, GREEN, GREY, ORANGE, Shapes as _, VERMILION, at_place, entity, moment, point, pose_of,
     transform,

@@ -17,11 +17,11 @@ use serde_json::Value;
 use tello_flight::cycle::{CycleTable, FlightTable};
 use tello_flight::{MissionTable, ObstacleTable, PointsTable, Start, TrajectoryTable, parse_csv};
 
+use crate::atomic_file;
 use crate::clock::SpanNs;
 use crate::manual::{ManualSettings, ManualTable};
 use crate::mocap::{MocapSettings, MocapTable};
 use crate::tello::TelloTable;
-use crate::whole_file;
 
 use objects::Objects;
 use place::KeyPath;
@@ -224,7 +224,7 @@ const SETTINGS_BYTES_MAX: u64 = 64 << 20;
 /// # Errors
 /// It cannot be read, is larger than 64 MiB, or is no UTF-8.
 pub fn read(path: &Path) -> Result<String> {
-    let bytes = whole_file::read(path, SETTINGS_BYTES_MAX)
+    let bytes = atomic_file::read(path, SETTINGS_BYTES_MAX)
         .with_context(|| format!("cannot read {}", path.display()))?;
     let text = String::from_utf8(bytes)
         .ok()

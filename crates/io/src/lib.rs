@@ -6,6 +6,7 @@
 //!
 //! Cost: functions for a tick have a line *Real time* with their cost. A function without that line may allocate.
 
+pub mod atomic_file;
 pub mod clock;
 pub mod config;
 mod counter;
@@ -16,7 +17,6 @@ pub mod manual;
 pub mod mocap;
 mod stop;
 pub mod tello;
-pub mod whole_file;
 
 pub use counter::Counter;
 pub use stop::{EmergencyRequest, StopSignal, Stopper};

@@ -1,7 +1,7 @@
 //! Datagrams on their way: lost, late, doubled, out of order.
 //!
 //! Owns one direction of the radio, byte by byte; that a drone ignores what it received is
-//! [`crate::radio`]'s. One seed and one sequence of datagrams, one fate for each.
+//! [`crate::command_link`]'s. One seed and one sequence of datagrams, one fate for each.
 
 use horizon_model::setting::{SettingError, in_range};
 use schemars::JsonSchema;

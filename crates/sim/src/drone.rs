@@ -7,9 +7,9 @@ use horizon_model::rows::{Pose, Sticks, pose};
 use tello_io::tello::DroneOrder;
 
 use crate::DT_S;
+use crate::command_link::CommandLink;
 use crate::firmware::{CancelledBy, DroneTable};
 use crate::plant::{External, Plant, STANDING_M, Velocity};
-use crate::radio::Radio;
 
 /// From the order until the motors lift. s
 const SPIN_UP_S: f64 = 1.0;
@@ -18,7 +18,7 @@ const CLIMB_MPS: f64 = 0.35;
 /// Height at which the drone takes sticks; it coasts to about 1 m. m
 const HOVER_M: f64 = 0.92;
 /// After a take-off order the drone does not hear an order to land for this long. s
-const LAND_DEAF_S: f64 = 3.0;
+const LAND_IGNORED_S: f64 = 3.0;
 /// Speed of descent while landing. m/s
 const DESCENT_MPS: f64 = 0.35;
 /// The drone lands when it has heard nothing for this long. s
@@ -104,7 +104,7 @@ pub struct Truth {
 #[derive(Debug, Clone)]
 pub struct Drone {
     plant: Plant,
-    radio: Radio,
+    command_link: CommandLink,
     link_is_up: bool,
     phase: DronePhase,
     /// Since the last change of phase. s
@@ -130,17 +130,17 @@ pub struct Drone {
 }
 
 impl Drone {
-    /// A drone in `phase` under neutral sticks, moved by `plant`; link `radio`, answers by `firmware`, charge in %.
+    /// A drone in `phase` under neutral sticks, moved by `plant`; answers by `firmware`, charge in %.
     pub fn new(
         plant: Plant,
-        radio: Radio,
+        command_link: CommandLink,
         phase: DronePhase,
         battery_pct: f64,
         firmware: DroneTable,
     ) -> Self {
         Self {
             plant,
-            radio,
+            command_link,
             link_is_up: true,
             phase,
             phase_s: 0.0,
@@ -160,8 +160,8 @@ impl Drone {
 
     /// Simulates one step of [`DT_S`].
     pub fn advance(&mut self) {
-        self.link_is_up = self.radio.step();
-        let is_held = !self.link_is_up && self.radio.is_held;
+        self.link_is_up = self.command_link.step();
+        let is_held = !self.link_is_up && self.command_link.is_held;
         if !is_held {
             self.u_received = self.u_latched;
         }
@@ -290,7 +290,7 @@ impl Drone {
     /// Lands. Whether the order was accepted: not in the first seconds of a take-off, nor in a fall.
     pub fn land(&mut self) -> bool {
         match self.phase {
-            DronePhase::TakingOff if self.phase_s < LAND_DEAF_S => false,
+            DronePhase::TakingOff if self.phase_s < LAND_IGNORED_S => false,
             DronePhase::TakingOff | DronePhase::Flying | DronePhase::Landing(Cause::Silence) => {
                 self.enter(DronePhase::Landing(Cause::Order));
                 true
@@ -305,7 +305,7 @@ impl Drone {
         if self.phase != DronePhase::Grounded {
             self.landing_orders = self.landing_orders.saturating_add(1);
             self.first_land_s.get_or_insert(0.0);
-            if self.is_deaf_to(self.landing_orders) {
+            if self.is_land_ignored(self.landing_orders) {
                 return LandAnswer::Unheard;
             }
             if self.firmware.landing.is_refused || self.refuses_land {
@@ -317,12 +317,12 @@ impl Drone {
 
     /// Whether an order to land would be refused or not heard, by the switches or a fault.
     pub(crate) fn ignores_land(&self) -> bool {
-        let is_unheard = self.is_deaf_to(self.landing_orders.saturating_add(1));
+        let is_unheard = self.is_land_ignored(self.landing_orders.saturating_add(1));
         is_unheard || self.firmware.landing.is_refused || self.refuses_land
     }
 
     /// Whether the order to land of this number is not heard.
-    fn is_deaf_to(&self, number: u32) -> bool {
+    fn is_land_ignored(&self, number: u32) -> bool {
         let landing = self.firmware.landing;
         number <= landing.deaf_count || self.first_land_s.unwrap_or_default() < landing.deaf_s
     }

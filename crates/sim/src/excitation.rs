@@ -8,10 +8,10 @@ use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::setting::SettingError;
 
 use crate::DT_S;
+use crate::command_link::CommandLink;
 use crate::mocap::{Mocap, MocapReport};
 use crate::plant::{Plant, PlantParams, Velocity};
 use crate::profile::Profile;
-use crate::radio::Radio;
 use crate::random::{Purpose, Random};
 
 /// Fraction of the way to its key that a stick covers in one step: the sticks of the recorded flights
@@ -76,7 +76,7 @@ impl ManualFlight {
         start[pose::Z] = HEIGHT_M;
         let mut plant = Plant::new(*params, start, Velocity::default(), seed)?;
         let mut mocap = Mocap::new(profile, seed);
-        let mut radio = Radio::new(profile, seed);
+        let mut link = CommandLink::new(profile, seed);
         let mut pilot = ExcitationPilot::new(seed);
         let mut flight = Self {
             u_sent: Vec::with_capacity(steps),
@@ -86,7 +86,7 @@ impl ManualFlight {
         };
         for _ in 0..steps {
             let u_sent = pilot.steer(plant.pose(), plant.velocity());
-            let link_is_up = radio.step();
+            let link_is_up = link.step();
             flight.u_sent.push(u_sent);
             flight.reports.push(mocap.observe(plant.pose()));
             flight.truth.push(*plant.pose());

@@ -8,6 +8,7 @@
 
 pub mod batch;
 pub mod campaign;
+pub mod command_link;
 mod datagram_channel;
 mod distortion;
 pub mod drone;
@@ -27,7 +28,6 @@ pub mod mocap;
 mod nominal;
 pub mod plant;
 pub mod profile;
-pub mod radio;
 pub mod random;
 mod sdk;
 mod second_object;

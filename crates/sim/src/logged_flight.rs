@@ -10,8 +10,8 @@ use tello_eval::flight_log::{self, Origin, TickRecord};
 use tello_eval::scene::Scene;
 use tello_flight::cycle::{FlightTable, Timing};
 use tello_flight::{Fault, Mission, Phase};
+use tello_io::atomic_file;
 use tello_io::log::LogError;
-use tello_io::whole_file;
 
 use crate::SimTable;
 use crate::virtual_time::VirtualFlight;
@@ -78,12 +78,12 @@ pub fn fly_until(
     path: &Path,
     is_stopped: &dyn Fn() -> bool,
 ) -> Result<Logged> {
-    if whole_file::is_there(path) {
+    if atomic_file::is_there(path) {
         return Err(LogError::Exists { path: path.to_owned() }.into());
     }
     // A torn log would be in the way of the next try.
     let logged =
-        whole_file::write(path, false, |part| fly_into(part, flight, sim, seed, is_stopped))?;
+        atomic_file::write(path, false, |part| fly_into(part, flight, sim, seed, is_stopped))?;
     Ok(Logged { log: path.to_owned(), ..logged })
 }
 

@@ -18,8 +18,8 @@ use crate::DT_S;
 use crate::random::{Purpose, Random};
 
 pub use params::{AxisTable, NOMINAL, PlantParams, PlantTable};
-use rigid_body::{Asked, RigidBody};
 pub use rigid_body::{RIGID_BODY, RigidBodyTable};
+use rigid_body::{RigidBody, VelocitySetpoint};
 pub use variation::{UNVARIED, VariationTable};
 
 /// Height of the markers of a drone that stands on the floor. m
@@ -93,9 +93,9 @@ struct Factors {
     yaw: f64,
     /// Part of the disturbance that stays, and standard deviation of what is added. 1, m/s
     keep_h: f64,
-    kick_h: f64,
+    noise_sd_h: f64,
     keep_v: f64,
-    kick_v: f64,
+    noise_sd_v: f64,
 }
 
 impl Factors {
@@ -108,9 +108,9 @@ impl Factors {
             vertical: approach(table.vertical.tau_s),
             yaw: approach(table.yaw.tau_s),
             keep_h,
-            kick_h: table.disturbance_h_mps * (1.0 - keep_h * keep_h).sqrt(),
+            noise_sd_h: table.disturbance_h_mps * (1.0 - keep_h * keep_h).sqrt(),
             keep_v,
-            kick_v: table.disturbance_v_mps * (1.0 - keep_v * keep_v).sqrt(),
+            noise_sd_v: table.disturbance_v_mps * (1.0 - keep_v * keep_v).sqrt(),
         }
     }
 }
@@ -269,13 +269,13 @@ impl Plant {
         let before = self.pose;
         if let Some(body) = &mut self.rigid_body {
             let PlantTable { horizontal, yaw, .. } = self.params.0;
-            let asked = Asked {
+            let setpoint = VelocitySetpoint {
                 forward_mps: horizontal.answer(u_applied[stick::PITCH]),
                 right_mps: horizontal.answer(u_applied[stick::ROLL]),
                 climb_mps,
                 yaw_radps: yaw.answer(u_applied[stick::YAW]),
             };
-            body.step(&self.params.0, asked, &mut self.pose, &mut self.driven);
+            body.step(&self.params.0, setpoint, &mut self.pose, &mut self.driven);
         } else {
             self.drive(u_applied, climb_mps);
             self.wander();
@@ -329,10 +329,13 @@ impl Plant {
 
     /// One step of the disturbance, an Ornstein-Uhlenbeck process.
     fn wander(&mut self) {
-        let Factors { keep_h, kick_h, keep_v, kick_v, .. } = self.factors;
-        self.disturbance.x_mps = keep_h * self.disturbance.x_mps + kick_h * self.random.normal();
-        self.disturbance.y_mps = keep_h * self.disturbance.y_mps + kick_h * self.random.normal();
-        self.disturbance.z_mps = keep_v * self.disturbance.z_mps + kick_v * self.random.normal();
+        let Factors { keep_h, noise_sd_h, keep_v, noise_sd_v, .. } = self.factors;
+        self.disturbance.x_mps =
+            keep_h * self.disturbance.x_mps + noise_sd_h * self.random.normal();
+        self.disturbance.y_mps =
+            keep_h * self.disturbance.y_mps + noise_sd_h * self.random.normal();
+        self.disturbance.z_mps =
+            keep_v * self.disturbance.z_mps + noise_sd_v * self.random.normal();
     }
 
     fn integrate(&mut self) {

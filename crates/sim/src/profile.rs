@@ -1,7 +1,7 @@
 //! How good the day is.
 //!
 //! Owns the names that a user chooses from. What a day does to the measurement is
-//! [`crate::mocap`]'s, what it does to the commands [`crate::radio`]'s.
+//! [`crate::mocap`]'s, what it does to the commands [`crate::command_link`]'s.
 
 use std::str::FromStr;
 

@@ -2,10 +2,10 @@
 //!
 //! Owns what belongs together in one flight: drone, motion capture, faults and the step count; one
 //! call of [`World::advance`] is one step of 20 ms. Who calls it, and when, decides between virtual
-//! and real time. The bytes of the drone are `wire`'s.
+//! and real time. The bytes of the drone are `drone_packets`'s.
 
+mod drone_packets;
 mod start;
-mod wire;
 
 use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, Sticks, pose};
@@ -14,6 +14,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tello_io::mocap::{Body, format_line};
 
+use crate::command_link::CommandLink;
 use crate::distortion::Distortion;
 use crate::drone::{Drone, Truth};
 use crate::drone_status::Reporter;
@@ -23,12 +24,11 @@ use crate::frame_lag::{Lag, TakenFrame};
 use crate::mocap::{Mocap, MocapFrame, MocapReport};
 use crate::plant::{External, Plant, PlantParams, PlantTable, VariationTable};
 use crate::profile::Profile;
-use crate::radio::Radio;
 use crate::random::{Purpose, Random};
 use crate::second_object::PasserTable;
 use crate::{DT_S, frames, held_by_hand};
+pub(crate) use drone_packets::whole_percent;
 pub use start::SimStart;
-pub(crate) use wire::whole_percent;
 
 /// Settings of the simulator.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -117,8 +117,8 @@ impl World {
         };
         let params = params.varied(&table.variation).map_err(|error| error.under("variation"))?;
         let plant = Plant::new(params, pose, velocity, seed)?;
-        let radio = Radio::new(table.profile, seed).with_outages(firmware.outage);
-        let drone = Drone::new(plant, radio, phase, battery_pct, firmware);
+        let command_link = CommandLink::new(table.profile, seed).with_outages(firmware.outage);
+        let drone = Drone::new(plant, command_link, phase, battery_pct, firmware);
         let mut world = Self {
             reporter: Reporter::new(firmware.status, &drone.truth()),
             drone,
@@ -202,7 +202,7 @@ impl World {
     pub fn ignores_sticks(&self) -> bool {
         let is_shared =
             |present: Present| matches!(present.fault, InjectedFault::SecondController { .. });
-        self.is_deaf()
+        self.ignores_commands()
             || !self.is_connected
             || !self.truth().link_is_up
             || self.has_fault(InjectedFault::DroneSticksStuck)
@@ -211,7 +211,7 @@ impl World {
 
     /// Whether an order to land would not be obeyed now.
     pub fn ignores_land(&self) -> bool {
-        self.is_deaf() || !self.is_connected || self.drone.ignores_land()
+        self.ignores_commands() || !self.is_connected || self.drone.ignores_land()
     }
 
     /// Frames that arrive from the motion capture in the present step, oldest first. Without a fault of the connection
@@ -315,7 +315,7 @@ impl World {
 
     /// Passes on what other controllers send in the present step, after what ours sent.
     fn receive_second_controllers(&mut self) {
-        if self.is_deaf() {
+        if self.ignores_commands() {
             return;
         }
         for present in self.faults.present(self.step) {

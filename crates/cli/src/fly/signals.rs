@@ -56,7 +56,8 @@ pub(crate) fn block() -> Result<()> {
 /// # Errors
 /// The system gives no descriptor or no thread.
 pub(crate) fn listen(mut hear: impl FnMut(Option<Signal>) + Send + 'static) -> Result<()> {
-    let signals = SignalFd::new(&landing(is_hangup_ignored())).context("cannot listen for signals")?;
+    let signals =
+        SignalFd::new(&landing(is_hangup_ignored())).context("cannot listen for signals")?;
     let listen = move || {
         loop {
             match signals.read_signal() {

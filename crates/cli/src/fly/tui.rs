@@ -23,7 +23,7 @@ use ratatui::crossterm::terminal::{EnterAlternateScreen, LeaveAlternateScreen};
 use ratatui::layout::Rect;
 use ratatui::{Terminal, TerminalOptions, Viewport};
 use rtrb::Consumer;
-use tello_eval::facts::{Briefing, Facts};
+use tello_eval::telemetry::{FlightHeader, Telemetry};
 use tello_io::held_messages::{Messages, Newest};
 
 use self::picture::{Palette, draw};
@@ -71,7 +71,7 @@ impl Screen {
     }
 
     /// The drawing of `watched` on this screen.
-    pub(super) fn picture(&self, briefing: Briefing, watched: Watched) -> Picture {
+    pub(super) fn picture(&self, briefing: FlightHeader, watched: Watched) -> Picture {
         let messages = self.messages.as_ref().map(Messages::newest);
         let palette = Palette::new(!Colored::ansi_color_disabled_memoized());
         Picture { watched, messages, view: View::new(briefing, palette) }
@@ -96,9 +96,9 @@ pub(super) struct Picture {
 /// Content of the picture.
 #[derive(Debug)]
 struct View {
-    briefing: Briefing,
+    briefing: FlightHeader,
     palette: Palette,
-    facts: Arc<Facts>,
+    facts: Arc<Telemetry>,
     /// The newest status of the control thread, for when the facts are old.
     status: Option<Status>,
     /// Pictures with these facts so far.
@@ -152,7 +152,7 @@ fn fit<B: Backend>(terminal: &mut Terminal<B>, area: &mut Rect) -> Result<(), B:
 }
 
 impl View {
-    fn new(briefing: Briefing, palette: Palette) -> Self {
+    fn new(briefing: FlightHeader, palette: Palette) -> Self {
         Self {
             briefing,
             palette,
@@ -166,7 +166,7 @@ impl View {
         }
     }
 
-    fn look(&mut self, facts: Arc<Facts>) {
+    fn look(&mut self, facts: Arc<Telemetry>) {
         self.repeated = if facts.step == self.facts.step { self.repeated + 1 } else { 0 };
         let worst = &facts.worst;
         let solve_ms = worst.estimate_ms + worst.plan_ms;

@@ -7,9 +7,9 @@ use tello_eval::flight_summary::{LoopEnd, Summary};
 use tello_eval::parameter_file::{self, ParameterFile, TakesParameters as _};
 use tello_eval::vehicle::{self, FlightDone};
 use tello_flight::cycle::FlightTable;
+use tello_io::atomic_file;
 use tello_io::clock::{CivilTime, Clock};
 use tello_io::config::FlyTable;
-use tello_io::whole_file;
 
 use super::Arguments;
 use crate::stdio;
@@ -37,7 +37,7 @@ pub(super) fn take_parameters(arguments: &Arguments, table: &mut FlyTable) -> Re
         }
         if !arguments.dry_run {
             let hint = "after the flight --vehicle writes it; --params only reads one";
-            whole_file::probe(path).context(hint)?;
+            atomic_file::probe(path).context(hint)?;
         }
     }
     Ok(())

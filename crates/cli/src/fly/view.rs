@@ -17,7 +17,7 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
-use tello_eval::facts::Briefing;
+use tello_eval::telemetry::FlightHeader;
 use tello_io::clock::Clock;
 use tello_io::manual::Remote;
 use tokio::sync::watch;
@@ -49,7 +49,7 @@ impl View {
     /// The address is taken or not of this machine; no random numbers; no thread.
     pub(super) fn open(
         address: Option<SocketAddr>,
-        briefing: Briefing,
+        briefing: FlightHeader,
         facts: Watched,
         remote: Remote,
         clock: Clock,

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use serde_json::Value;
 use tello_eval::part_file::{self, Kind, PartHeader, Seeded};
-use tello_io::whole_file;
+use tello_io::atomic_file;
 
 use super::Arguments;
 use crate::{Verdict, stdio};
@@ -43,7 +43,7 @@ impl Target {
         if is_done {
             stdio::note(format_args!("{} exists already", self.path.display()));
         } else {
-            whole_file::probe(&self.path)?;
+            atomic_file::probe(&self.path)?;
         }
         Ok(is_done)
     }

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::checks::{Check, Proof};
 use super::wire::{Event, Radians, Status, What};
-use crate::view_numbers::to_thousandths;
+use crate::display_rounding::to_thousandths;
 
 /// A vehicle that is slower stands: reports have steps of 0.1 m/s.
 const MOVED_MIN_MPS: f64 = 0.15;

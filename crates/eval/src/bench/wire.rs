@@ -13,7 +13,7 @@ use tello_io::tello::protocol::{
 };
 use tello_io::tello::text::{self, Command, Field, StateLine};
 
-use crate::view_numbers::to_thousandths;
+use crate::display_rounding::to_thousandths;
 
 /// A centimetre of the record. m
 const M_PER_CM: f64 = 0.01;

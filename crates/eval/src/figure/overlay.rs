@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::axis::Axis;
 use super::drawing::{Color, Stroke};
 use super::panel::Panel;
-use crate::view_numbers::every;
+use crate::display_rounding::every;
 
 /// Most places of a track in space.
 const SPACE_POINTS: usize = 3_000;

@@ -11,7 +11,7 @@ use super::legend::Mark;
 use super::overlay::Overlay;
 use super::panel::{Below, Panel, Strip};
 use super::tracks::to_scale;
-use crate::view_numbers::PosW;
+use crate::display_rounding::PosW;
 
 const REFERENCE: Stroke = Stroke::dashed(BLACK, 1.6, 6.0);
 const TRACK: Stroke = Stroke::solid(BLUE, 1.6);

@@ -11,7 +11,7 @@ use tello_io::config;
 
 use super::job::Job;
 use super::report::{DelayMinimum, FitReport, ParameterRow};
-use super::verdict::{EXCITATION_MIN, is_set_by_prior};
+use super::warnings::{EXCITATION_MIN, is_set_by_prior};
 use crate::REVISION;
 use crate::parameter_file::{
     DataFile, FORMAT, ParameterEntry, ParameterFile, TakesParameters as _,

@@ -22,7 +22,7 @@ use super::flights::{Flight, cut_logs, prepare};
 use super::job::{DelayResult, FitResult, Job, Trace};
 use super::predict::{Identified, residual_decay_s};
 use super::report::{Bootstrap, DelayRow, FitReport, ParameterRow};
-use super::verdict::{
+use super::warnings::{
     CONTRADICTION_MIN, IdentFindings, PIECES_PER_PARAMETER, autocorrelation, is_resampled,
 };
 use crate::Stopped;
@@ -305,7 +305,7 @@ where
         let [lower, upper] = &self.bounds;
         let row = |row: usize| {
             // The bootstrap resamples logs, not the prior: its spread means nothing for a row that the prior sets.
-            let is_prior = super::verdict::is_set_by_prior(laplace.std[row], self.prior_std[row]);
+            let is_prior = super::warnings::is_set_by_prior(laplace.std[row], self.prior_std[row]);
             let spread = if is_prior { laplace } else { spread };
             let value = self.ident.parameter()[row];
             ParameterRow {

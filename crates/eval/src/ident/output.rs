@@ -13,7 +13,7 @@ use serde_json::Value;
 use tello_flight::cycle::{RowsRecord, Topic};
 use tello_io::clock::{SpanNs, TimeNs};
 use tello_io::log::{Channel, Head, LogWriter};
-use tello_io::{config, whole_file};
+use tello_io::{atomic_file, config};
 
 use super::job::{FitResult, Job, Resampled, Trace};
 use super::pictures;
@@ -108,8 +108,8 @@ fn write_estimates(dir: &Path, job: &Job<'_>, result: &FitResult) -> Result<()> 
         let name = log.path.file_stem().unwrap_or_default().to_string_lossy();
         let path = |kind: &str| dir.join(format!("{:03}-{name}.{kind}", position + 1));
         let csv = estimates_csv(job, result, log, &traces);
-        whole_file::write_contents(&path("csv"), true, csv)?;
-        whole_file::write(&path("mcap"), true, |part| write_mcap(part, job, result, &traces))?;
+        atomic_file::write_contents(&path("csv"), true, csv)?;
+        atomic_file::write(&path("mcap"), true, |part| write_mcap(part, job, result, &traces))?;
     }
     Ok(())
 }

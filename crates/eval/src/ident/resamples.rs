@@ -14,8 +14,8 @@ use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use tello_io::atomic_file::write_json;
 use tello_io::config;
-use tello_io::whole_file::write_json;
 
 use crate::REVISION;
 use crate::part_file::{self, Kind, PartHeader, PartNumber, Seeded};

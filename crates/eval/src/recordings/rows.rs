@@ -119,6 +119,11 @@ pub(super) fn loss(log: &LogReader) -> Option<String> {
     }
 }
 
+/// Whether a note on what is not in a recording is that of a torn log.
+pub(crate) fn is_tear(note: &str) -> bool {
+    note.starts_with("torn ")
+}
+
 /// Whether the log, which was read, was closed and lacks no record.
 pub fn is_complete(log: &LogReader) -> bool {
     log.ending().is_none_or(Ending::is_complete)

@@ -14,7 +14,7 @@ use tello_io::clock::TimeNs;
 use tello_io::log::{CONFIG, LogReader, Message};
 
 use super::from_rows::accepted;
-use super::rows::{GainRecord, tear};
+use super::rows::{GainRecord, loss};
 use super::{PERIOD_S, Sample, note};
 use crate::flight_log::is_replay;
 

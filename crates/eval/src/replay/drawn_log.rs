@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use tello_flight::cycle::{FlightTable, Outcome};
+use tello_io::atomic_file::Part;
 use tello_io::log::{LogError, LogWriter};
-use tello_io::whole_file::Part;
 
 use crate::flight_log::{self, Origin, TickRecord};
 use crate::scene::Scene;

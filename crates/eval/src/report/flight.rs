@@ -293,7 +293,7 @@ mod tests {
             ..CsvRow::default()
         };
         let rows = (0..).zip(rows).map(row).collect();
-        Flight::of_rows(RowFlight { rows, decimals: 4, notes: vec![] })
+        Flight::of_rows(RowFlight { rows, decimals: 4, notes: vec![], is_complete: true })
     }
 
     #[test]

@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use super::assessment::{self, FaultTime, Judgement};
 use super::flight::Flight;
 use super::quantity::{Measured, Numbers, OF_FLIGHT, OfFlight, Quantity, Spreads, spreads};
-use super::verdict::{self, FaultTime, Judgement};
 use crate::metrics::{Outages, VALID_DISTANCE_M};
 use crate::{Centre, interval, quantile};
 
@@ -89,15 +89,15 @@ impl Looked {
     pub(super) fn at(flight: Flight) -> Self {
         let measured = Measured::of(&flight);
         let numbers = spreads(&measured.numbers);
-        let (judgement, reasons) = verdict::judge(&flight, &measured, &numbers);
-        let (outages, faults) = (verdict::outages(&flight), verdict::faults(&flight));
+        let (judgement, reasons) = assessment::judge(&flight, &measured, &numbers);
+        let (outages, faults) = (assessment::outages(&flight), assessment::faults(&flight));
         let [targets_reached, targets_count] = flight.reached;
         let row = FlightRow {
             name: flight.name.clone(),
             file: flight.path.clone(),
             judgement,
             reasons,
-            remarks: verdict::remarks(&flight, &measured, outages, &faults),
+            remarks: assessment::remarks(&flight, &measured, outages, &faults),
             targets_reached,
             targets_count,
             numbers,

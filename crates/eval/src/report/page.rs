@@ -6,10 +6,10 @@
 use std::fmt::Display;
 
 use super::FlightsReport;
+use super::assessment::Judgement;
 use super::group::{Comparison, FlightRow, Group};
 use super::pictures::Picture;
 use super::quantity::{OF_FLIGHT, Quantity, Spread};
-use super::verdict::Judgement;
 use crate::REVISION;
 use crate::figure::Overlay;
 

@@ -8,8 +8,8 @@ use foxglove::messages::{
 };
 use horizon_model::rows::{Pose as Row, pose};
 
+use crate::display_rounding::{PosW, pos_w_of};
 use crate::ros2::place;
-use crate::view_numbers::{PosW, pos_w_of};
 
 /// The colours of the figures.
 pub(super) const BLUE: Color = Color { r: 0.0, g: 0.45, b: 0.70, a: 1.0 };

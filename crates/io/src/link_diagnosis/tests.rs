@@ -73,12 +73,8 @@ fn a_server_that_names_no_object_is_another_case_than_one_without_ours() {
     push(&|to| encode::server_info(&server, "Motive", to));
     let text = mocap_trouble(&fly, &counters);
     assert!(text.contains("answers, 1 messages, but no frame with an object comes"), "{text}");
-    let body = RigidBody {
-        id: 7,
-        pos_v: [1.0; 3],
-        quaternion: [0.0, 0.0, 0.0, 1.0],
-        is_tracked: true,
-    };
+    let body =
+        RigidBody { id: 7, pos_v: [1.0; 3], quaternion: [0.0, 0.0, 0.0, 1.0], is_tracked: true };
     let end = FrameEnd::default();
     push(&|to| encode::frame(version, 1, &[body], &end, to));
     let text = mocap_trouble(&fly, &counters);
@@ -117,7 +113,7 @@ fn a_drone_that_was_seen_for_a_moment_has_no_wrong_numbers() {
     let (fly, mut stream, counters) = connected(RELAY);
     let rate = 100.0;
     for frame in 1..9 {
-        let at = TimeNs(0).after(SpanNs::from_seconds(frame as f64 / rate));
+        let at = TimeNs(0).after(SpanNs::from_seconds(f64::from(frame) / rate));
         let line = format!("{frame} {rate} tello 0 1 2 3 0 0 0\n");
         stream.push(line.as_bytes(), at, &counters, |_| ()).unwrap();
     }
@@ -139,8 +135,7 @@ fn a_multicast_group_that_cannot_be_joined_is_the_reason_that_no_frame_comes() {
 
 #[test]
 fn headings_that_were_refused_before_others_were_accepted_are_no_reason() {
-    let filtered =
-        |heading| Some(Filtered { o: None, position: Acceptance::Accepted, heading });
+    let filtered = |heading| Some(Filtered { o: None, position: Acceptance::Accepted, heading });
     let mut headings = RefusedHeadings::default();
     headings.add(filtered(Acceptance::Held), 2.0);
     // Without a pose nothing changes.

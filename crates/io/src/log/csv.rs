@@ -23,7 +23,7 @@ use horizon_model::rows::{Pose, Sticks, gain};
 use nalgebra::SVector;
 use strum::{IntoStaticStr, VariantArray};
 
-use crate::whole_file::{self, RECORDING_BYTES_MAX};
+use crate::atomic_file::{self, RECORDING_BYTES_MAX};
 
 pub use self::defect::{CsvDefect, CsvError, SkipReason, Skipped};
 use self::number::{Plain, number, parsed};
@@ -101,7 +101,7 @@ impl CsvFlight {
 /// [`CsvError::Read`]; [`CsvError::Defect`] for an empty file, something else than a log, other units, or steps that
 /// contradict each other.
 pub fn read(path: &Path) -> Result<CsvFlight, CsvError> {
-    let bytes = whole_file::read(path, RECORDING_BYTES_MAX)
+    let bytes = atomic_file::read(path, RECORDING_BYTES_MAX)
         .map_err(|source| CsvError::Read { path: path.to_owned(), source })?;
     flight(&bytes).map_err(|defect| CsvError::Defect { path: path.to_owned(), defect })
 }

@@ -200,18 +200,22 @@ impl NatnetWire {
         if self.data.as_ref().is_some_and(|(joined, _)| *joined == group) {
             return Ok(());
         }
+        let socket = self.joined(group).map_err(|error| {
+            let text = format!("the multicast group {} cannot be joined: {error}", group.ip());
+            io::Error::new(error.kind(), text)
+        })?;
+        self.data = Some((group, socket));
+        Ok(())
+    }
+
+    fn joined(&self, group: SocketAddrV4) -> io::Result<UdpSocket> {
         let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
         // Other programs on this machine may listen, too.
         socket.set_reuse_address(true)?;
         socket.set_nonblocking(true)?;
         socket.bind(&SocketAddr::V4(group).into())?;
-        let joined = socket.join_multicast_v4(group.ip(), &self.interface()?);
-        joined.map_err(|error| {
-            let text = format!("the multicast group {} cannot be joined: {error}", group.ip());
-            io::Error::new(error.kind(), text)
-        })?;
-        self.data = Some((group, UdpSocket::from_std(socket.into())?));
-        Ok(())
+        socket.join_multicast_v4(group.ip(), &self.interface()?)?;
+        UdpSocket::from_std(socket.into())
     }
 
     /// Our address on the way to the server.

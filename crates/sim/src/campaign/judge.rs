@@ -114,7 +114,7 @@ pub(super) struct Judge {
     /// Time of the tick before. s
     now_s: f64,
     /// When the drone last ignored its orders. s
-    deaf_s: f64,
+    ignored_at_s: f64,
     has_flown: bool,
     has_received_land: bool,
     /// Whether the drone ignores its orders.
@@ -131,7 +131,7 @@ pub(super) struct Judge {
 
 impl Judge {
     pub(super) fn new(room: Option<Room>, onset_s: f64) -> Self {
-        Self { room, onset_s, deaf_s: f64::NEG_INFINITY, ..Self::default() }
+        Self { room, onset_s, ignored_at_s: f64::NEG_INFINITY, ..Self::default() }
     }
 
     pub(super) fn update(&mut self, tick: &TickView<'_>) {
@@ -140,10 +140,10 @@ impl Judge {
         self.read(tick.wire);
         let [ignores_sticks, ignores_land] = tick.ignores;
         // An order that was sent while the drone ignored orders has to be sent again.
-        let is_deaf = ignores_sticks || (self.has_received_land && ignores_land);
-        let is_soon = tick.now_s - self.deaf_s <= LAND_PERIOD.seconds();
-        self.is_ignored = is_deaf || (self.is_ignored && is_soon && tick.wire.is_empty());
-        self.deaf_s = if is_deaf { tick.now_s } else { self.deaf_s };
+        let ignores_orders = ignores_sticks || (self.has_received_land && ignores_land);
+        let is_soon = tick.now_s - self.ignored_at_s <= LAND_PERIOD.seconds();
+        self.is_ignored = ignores_orders || (self.is_ignored && is_soon && tick.wire.is_empty());
+        self.ignored_at_s = if ignores_orders { tick.now_s } else { self.ignored_at_s };
         self.measure_excess(&tick.truth, tick.now_s - self.now_s);
         self.now_s = tick.now_s;
         if let Some(since) = &mut self.since {

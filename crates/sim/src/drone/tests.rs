@@ -7,8 +7,8 @@ fn drone(phase: DronePhase, z: f64, battery_pct: f64) -> Drone {
     let params = PlantParams::try_from(NOMINAL);
     let at = Pose::new(0.0, 0.0, z, 0.0);
     let plant = Plant::new(params.unwrap(), at, Velocity::default(), 3).unwrap();
-    let radio = Radio::new(Profile::Clean, 3);
-    Drone::new(plant, radio, phase, battery_pct, PLAIN)
+    let link = CommandLink::new(Profile::Clean, 3);
+    Drone::new(plant, link, phase, battery_pct, PLAIN)
 }
 
 /// Advances until the phase changes, at most 40 s; the time it took. s

@@ -98,7 +98,7 @@ impl DronePort {
             self.theta_start = world.truth().pose[pose::THETA];
         }
         while let Some((datagram, from)) = self.uplink.receive(now_s) {
-            if !world.is_deaf() {
+            if !world.ignores_commands() {
                 self.take(&datagram, from, world);
             }
         }

@@ -98,7 +98,7 @@ impl RigidBodyTable {
 
 /// Velocities that the inputs ask for, in the frame of the direction of flight.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Asked {
+pub(super) struct VelocitySetpoint {
     /// m/s
     pub(super) forward_mps: f64,
     /// m/s
@@ -191,20 +191,26 @@ impl RigidBody {
     pub(super) fn step(
         &mut self,
         plant: &PlantTable,
-        asked: Asked,
+        setpoint: VelocitySetpoint,
         at: &mut Pose,
         v: &mut Velocity,
     ) {
-        self.blow();
+        self.step_gusts();
         for _ in 0..SUBSTEPS {
-            self.substep(plant, asked, at, v);
+            self.substep(plant, setpoint, at, v);
         }
         self.aloft_s += DT_S;
     }
 
-    fn substep(&mut self, plant: &PlantTable, asked: Asked, at: &mut Pose, v: &mut Velocity) {
+    fn substep(
+        &mut self,
+        plant: &PlantTable,
+        setpoint: VelocitySetpoint,
+        at: &mut Pose,
+        v: &mut Velocity,
+    ) {
         let (sin, cos) = (at[pose::THETA] + plant.theta_0).sin_cos();
-        let accel_fr_mps2 = self.accel_asked(plant, asked, [cos, sin], v);
+        let accel_fr_mps2 = self.accel_asked(plant, setpoint, [cos, sin], v);
         let w = self.table.attitude_radps;
         for (tilt, accel_mps2) in self.tilt.iter_mut().zip(accel_fr_mps2) {
             let target_rad = (accel_mps2 / GRAVITY_MPS2).atan();
@@ -212,7 +218,7 @@ impl RigidBody {
             tilt.rate_radps += H_S * (w * w * (target_rad - tilt.angle_rad) - damping);
             tilt.angle_rad += H_S * tilt.rate_radps;
         }
-        self.collective(asked.climb_mps - v.z_mps);
+        self.collective(setpoint.climb_mps - v.z_mps);
 
         let [(sin_f, cos_f), (sin_r, cos_r)] = self.tilt.map(|tilt| tilt.angle_rad.sin_cos());
         let (forward, right) = (self.thrust_mps2 * sin_f * cos_r, self.thrust_mps2 * sin_r);
@@ -225,7 +231,7 @@ impl RigidBody {
         v.z_mps += H_S * (up_mps2 - drag * v.z_mps);
 
         let w_yaw = YAW_STIFFNESS / plant.yaw.tau_s;
-        let error_radps = asked.yaw_radps - v.yaw_radps;
+        let error_radps = setpoint.yaw_radps - v.yaw_radps;
         let damping = 2.0 * YAW_DAMPING * w_yaw * self.yaw_accel_radps2;
         self.yaw_accel_radps2 += H_S * (w_yaw * w_yaw * error_radps - damping);
         v.yaw_radps += H_S * self.yaw_accel_radps2;
@@ -240,12 +246,12 @@ impl RigidBody {
     fn accel_asked(
         &mut self,
         plant: &PlantTable,
-        asked: Asked,
+        setpoint: VelocitySetpoint,
         [cos, sin]: [f64; 2],
         v: &Velocity,
     ) -> [f64; 2] {
         let seen_fr_mps = [cos * v.x_mps + sin * v.y_mps, sin * v.x_mps - cos * v.y_mps];
-        let target_fr_mps = [asked.forward_mps, asked.right_mps];
+        let target_fr_mps = [setpoint.forward_mps, setpoint.right_mps];
         let mut accel_fr_mps2 = [0.0; 2];
         let mut error_fr_mps = [0.0; 2];
         for axis in 0..2 {
@@ -280,7 +286,7 @@ impl RigidBody {
     }
 
     /// One step of gusts and of the drift of the optical flow: Ornstein-Uhlenbeck processes.
-    fn blow(&mut self) {
+    fn step_gusts(&mut self) {
         let RigidBodyTable { gust_mps, gust_tau_s, flow_drift_mps, flow_drift_tau_s, .. } =
             self.table;
         for (values, sd, tau_s) in [
@@ -288,9 +294,9 @@ impl RigidBody {
             (&mut self.drift_fr_mps, flow_drift_mps, flow_drift_tau_s),
         ] {
             let keep = (-DT_S / tau_s).exp();
-            let kick = sd * (1.0 - keep * keep).sqrt();
+            let noise_sd = sd * (1.0 - keep * keep).sqrt();
             for value in values {
-                *value = keep * *value + kick * self.random.normal();
+                *value = keep * *value + noise_sd * self.random.normal();
             }
         }
     }

@@ -5,10 +5,10 @@
 use anyhow::{Result, ensure};
 use nix::sys::resource::{Resource, getrlimit};
 use tello_eval::flight_log;
+use tello_io::atomic_file;
 use tello_io::config::FlyTable;
 use tello_io::log::LogError;
 use tello_io::tello::TelloSettings;
-use tello_io::whole_file;
 
 use super::log_dir;
 use crate::fly::{Arguments, Guardian, view};
@@ -30,16 +30,15 @@ pub(in crate::fly) fn probe(arguments: &Arguments, table: &FlyTable) -> Result<(
         ADDRESSES_MIN / 1_000_000
     );
     if !arguments.dry_run {
-        let drone =
-            TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
+        let drone = TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
         Guardian::probe(drone.address())?;
     }
     let dir = log_dir(arguments, table);
     flight_log::make_folder(dir)?;
     let path = arguments.log.clone().unwrap_or_else(|| dir.join("flight.mcap"));
-    if arguments.log.is_some() && whole_file::is_there(&path) {
+    if arguments.log.is_some() && atomic_file::is_there(&path) {
         return Err(LogError::Exists { path }.into());
     }
-    whole_file::probe(&path)?;
+    atomic_file::probe(&path)?;
     arguments.view.map_or(Ok(()), view::probe)
 }

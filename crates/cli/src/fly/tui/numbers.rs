@@ -7,7 +7,7 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Paragraph, Sparkline};
-use tello_eval::facts::{DroneFact, Facts, MocapFact, Spot};
+use tello_eval::telemetry::{DroneTelemetry, MocapTelemetry, Spot, Telemetry};
 
 use super::View;
 
@@ -41,7 +41,7 @@ fn named(name: &'static str, rest: String) -> Line<'static> {
 }
 
 /// Pose, target and velocity, and how far it is off.
-fn places(facts: &Facts) -> Vec<Line<'static>> {
+fn places(facts: &Telemetry) -> Vec<Line<'static>> {
     let spot = |at: &Spot| {
         let degrees = at.theta.to_degrees();
         format!("{:+7.2}{:+7.2}{:+7.2}{degrees:+6.0}", at.x, at.y, at.z)
@@ -108,14 +108,14 @@ fn links(view: &View) -> Vec<Line<'static>> {
     ]
 }
 
-fn of_drone(drone: &DroneFact) -> String {
+fn of_drone(drone: &DroneTelemetry) -> String {
     let low = if drone.is_battery_low == Some(true) { " LOW" } else { "" };
     let flies = if drone.is_flying { "flies" } else { "stands" };
     let age = if drone.age_s > 1.0 { format!(", {:.0} s ago", drone.age_s) } else { String::new() };
     format!("{} %{low}, {flies}{age}", drone.battery_pct)
 }
 
-fn of_mocap(mocap: &MocapFact) -> String {
+fn of_mocap(mocap: &MocapTelemetry) -> String {
     let Some(age_s) = mocap.age_s else { return "no pose yet".to_owned() };
     format!("{:.0} ms old, {:.0} Hz", age_s * 1e3, mocap.rate_hz)
 }

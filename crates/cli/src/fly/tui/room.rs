@@ -7,8 +7,8 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Block;
 use ratatui::widgets::canvas::{self, Canvas, Context, Rectangle};
-use tello_eval::facts::Spot;
-use tello_eval::view_numbers::PosW;
+use tello_eval::display_rounding::PosW;
+use tello_eval::telemetry::Spot;
 
 use super::View;
 

@@ -1,12 +1,12 @@
 use ratatui::backend::TestBackend;
-use tello_eval::facts::{DroneFact, LinkFact, Spot};
+use tello_eval::telemetry::{DroneTelemetry, LinkTelemetry, Spot};
 use tello_flight::{Fault, Phase, Pilot};
 
 use super::*;
 
 /// A flight along a line of 2 m, in trouble.
 pub(super) fn view(has_colours: bool) -> View {
-    let briefing = Briefing {
+    let briefing = FlightHeader {
         program: "tello-ctl".into(),
         path: vec![[0.0, 0.0, 1.0], [2.0, 0.0, 1.0]],
         targets: vec![[2.0, 0.0, 1.0]],
@@ -18,7 +18,7 @@ pub(super) fn view(has_colours: bool) -> View {
         late_ms: 5.0,
     };
     let mut view = View::new(briefing, Palette::new(has_colours));
-    let mut facts = Facts {
+    let mut facts = Telemetry {
         step: 7,
         t_s: 12.34,
         phase: Some(Phase::Flying),
@@ -27,8 +27,8 @@ pub(super) fn view(has_colours: bool) -> View {
         estimate: Some(Spot { x: 1.0, y: 0.5, z: 1.2, theta: std::f64::consts::FRAC_PI_2 }),
         target: Spot { x: 2.0, y: 0.0, z: 1.0, theta: 0.0 },
         targets_reached: 3,
-        link: Some(LinkFact { is_down: false, score: -3.1 }),
-        drone: Some(DroneFact {
+        link: Some(LinkTelemetry { is_down: false, score: -3.1 }),
+        drone: Some(DroneTelemetry {
             age_s: 0.1,
             battery_pct: 61,
             is_battery_low: Some(false),
@@ -37,7 +37,7 @@ pub(super) fn view(has_colours: bool) -> View {
         }),
         trail: vec![[0.0, 0.5, 1.0], [1.0, 0.5, 1.2]],
         plan: vec![[1.0, 0.5, 1.2], [1.5, 0.2, 1.0]],
-        ..Facts::default()
+        ..Telemetry::default()
     };
     facts.worst.late_ms = 4.0;
     facts.sticks.pitch = 0.5;
@@ -131,7 +131,7 @@ fn old_facts_are_called_old_after_a_second() {
     assert!(!view.is_old());
     view.look(Arc::clone(&facts));
     assert!(lines(&view, 80, 24)[1].contains("NO NEWS"), "{:?}", lines(&view, 80, 24));
-    view.look(Arc::new(Facts { step: facts.step + 1, ..Facts::clone(&facts) }));
+    view.look(Arc::new(Telemetry { step: facts.step + 1, ..Telemetry::clone(&facts) }));
     assert!(!view.is_old());
     for _ in 0..2 * HISTORY {
         view.look(Arc::clone(&facts));

@@ -4,8 +4,8 @@
 //! got; of a long flight some are left out.
 
 use anyhow::{Result, ensure};
-use tello_eval::facts::{Briefing, FactsMaker};
 use tello_eval::flight_log::TickRecord;
+use tello_eval::telemetry::{FlightHeader, TelemetryBuilder};
 use tello_flight::cycle::FlightTable;
 use tello_io::mocap::StreamReport;
 
@@ -24,9 +24,9 @@ const POLICY: &str = "<meta http-equiv=\"Content-Security-Policy\" content=\"def
 /// Gathers the facts of a flight.
 #[derive(Debug)]
 pub(crate) struct Playback {
-    maker: FactsMaker,
-    briefing: Briefing,
-    /// Facts as JSON.
+    builder: TelemetryBuilder,
+    briefing: FlightHeader,
+    /// Telemetry as JSON.
     facts: Vec<String>,
 }
 
@@ -36,8 +36,8 @@ impl Playback {
     /// # Errors
     /// The mission or a dead time breaks its rule.
     pub(crate) fn new(flight: &FlightTable) -> Result<Self> {
-        let (maker, briefing) = FactsMaker::new(flight)?;
-        Ok(Self { maker, briefing, facts: Vec::new() })
+        let (builder, briefing) = TelemetryBuilder::new(flight)?;
+        Ok(Self { builder, briefing, facts: Vec::new() })
     }
 
     /// Adds a tick; called for every one.
@@ -45,7 +45,7 @@ impl Playback {
     /// # Errors
     /// A number that JSON does not know.
     pub(crate) fn add(&mut self, tick: &TickRecord) -> Result<()> {
-        if let Some(facts) = self.maker.observe(tick, StreamReport::default) {
+        if let Some(facts) = self.builder.observe(tick, StreamReport::default) {
             self.facts.push(serde_json::to_string(&facts)?);
         }
         Ok(())

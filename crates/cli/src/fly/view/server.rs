@@ -16,7 +16,7 @@ use axum::http::{StatusCode, Uri};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use tello_eval::facts::Briefing;
+use tello_eval::telemetry::FlightHeader;
 use tello_io::clock::Clock;
 use tokio::sync::watch;
 
@@ -43,7 +43,7 @@ const REQUESTS: ConnectionLimit = ConnectionLimit { count: 24, time: Some(Durati
 /// Shown facts, and the receiver of orders.
 #[derive(Debug, Clone)]
 pub(super) struct Shown {
-    pub(super) briefing: Briefing,
+    pub(super) briefing: FlightHeader,
     pub(super) facts: Watched,
     pub(super) is_over: watch::Receiver<bool>,
     pub(super) access: Arc<OrderAccess>,

@@ -13,8 +13,8 @@ use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use serde::{Deserialize, Serialize};
-use tello_eval::facts::{Briefing, Facts};
-use tello_eval::view_numbers::PosW;
+use tello_eval::display_rounding::PosW;
+use tello_eval::telemetry::{FlightHeader, Telemetry};
 use tello_io::clock::{SpanNs, TimeNs};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{sleep, timeout};
@@ -34,7 +34,7 @@ const SECOND: SpanNs = SpanNs::from_ms(1_000);
 /// Answers in transit to one viewer.
 const ANSWERS: usize = 32;
 
-/// Facts in transit to one viewer: more would be old when they arrive.
+/// Telemetry in transit to one viewer: more would be old when they arrive.
 const FACTS_IN_TRANSIT_MAX: u32 = 4;
 
 /// Longest time that a viewer may take to receive a message, or be silent.
@@ -67,9 +67,9 @@ enum FromViewer {
 #[serde(rename_all = "snake_case")]
 enum ToViewer<'a> {
     /// At first: what stays the same, where the vehicle has been, and how old the facts are that come next.
-    Briefing { briefing: &'a Briefing, trail: &'a [PosW], age_s: f64 },
+    Briefing { briefing: &'a FlightHeader, trail: &'a [PosW], age_s: f64 },
     /// Again and again.
-    Facts(&'a Facts),
+    Facts(&'a Telemetry),
     /// After a token: whether orders are taken.
     Access { may_order: bool },
     /// After an order: whether it was handed on, else why not.

@@ -1,6 +1,6 @@
+use super::super::assessment::Judgement;
 use super::super::group::FlightRow;
 use super::super::quantity::{Measured, Spread, Spreads};
-use super::super::verdict::Judgement;
 use super::*;
 
 /// A flight of the file `name` that took `finish_s` and was `distance_m` off at most.

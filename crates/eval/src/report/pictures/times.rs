@@ -7,9 +7,9 @@ use tello_flight::Phase;
 
 use crate::figure::{self, Figure, TimeBars, TimeLine, TimePanel, TimeSpans};
 use crate::recordings::ticks::TickRow;
+use crate::report::assessment::is_faulty;
 use crate::report::flight::Flight;
 use crate::report::group::Looked;
-use crate::report::verdict::is_faulty;
 
 /// The sum of inputs begins anew at the state so often, so that both fit on one axis. s
 const SUM_S: f64 = 5.0;

@@ -162,6 +162,37 @@ async fn a_natnet_server_that_fell_silent_is_asked_again_within_a_second() {
 }
 
 #[tokio::test]
+async fn a_group_that_cannot_be_joined_has_its_reason_and_ever_longer_pauses() {
+    let server = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    let address = server.local_addr().unwrap().to_string();
+    let table = NatnetTable { address, object: "#7".into(), rate_hz: Some(100.0), frame: None };
+    let settings = MocapSettings::try_from(&MocapTable::Natnet(table)).unwrap();
+    let (mut client, feed) = MocapClient::new(settings, Clock::start());
+    let version = Version { major: 4, minor: 1 };
+    // No address of this machine, and no group.
+    let group = Some("192.0.2.1:1511".parse().unwrap());
+    let answer = async {
+        let mut chunk = [0; 2048];
+        loop {
+            let (count, from) = server.recv_from(&mut chunk).await.unwrap();
+            if matches!(message(&chunk[..count]), Some((id::CONNECT, _))) {
+                let mut bytes = Vec::new();
+                let info = ServerInfo { version, ticks_per_s: 1, group };
+                encode::server_info(&info, "Motive", &mut bytes);
+                server.send_to(&bytes, from).await.unwrap();
+            }
+        }
+    };
+    let read = async { tokio::join!(client.read_forever(), answer) };
+    timeout(Duration::from_secs(2), read).await.unwrap_err();
+    let connects = feed.counters.connects.get();
+    // At 0, 0.1, 0.3, 0.7 and 1.5 s.
+    assert!((1..=5).contains(&connects), "{connects}");
+    let why = feed.counters.unopened().unwrap();
+    assert!(why.starts_with("the multicast group 192.0.2.1 cannot be joined: "), "{why}");
+}
+
+#[tokio::test]
 async fn an_order_to_stop_ends_the_task_before_it_connects() {
     let Fixture { client, feed, .. } = relay().await;
     let (stopper, stop) = Stopper::new();

@@ -100,13 +100,14 @@ fn alone() -> RigidBody {
     RigidBody::new(calm_body().rigid_body.unwrap(), 1)
 }
 
-const HOVER: Asked = Asked { forward_mps: 0.0, right_mps: 0.0, climb_mps: 0.0, yaw_radps: 0.0 };
+const HOVER: VelocitySetpoint =
+    VelocitySetpoint { forward_mps: 0.0, right_mps: 0.0, climb_mps: 0.0, yaw_radps: 0.0 };
 
 #[test]
 fn a_velocity_loop_at_its_limit_does_not_wind_up() {
     let mut body = alone();
     let (cos_sin, still) = ([1.0, 0.0], Velocity::default());
-    let fast = Asked { forward_mps: 3.0, right_mps: -4.0, ..HOVER };
+    let fast = VelocitySetpoint { forward_mps: 3.0, right_mps: -4.0, ..HOVER };
     for _ in 0..100 {
         let [forward, right] = body.accel_asked(&NOMINAL, fast, cos_sin, &still);
         // Along the direction that is asked for, 3 to -4.
@@ -117,7 +118,7 @@ fn a_velocity_loop_at_its_limit_does_not_wind_up() {
         assert!((4.0 * forward + 3.0 * right).abs() < 1e-12, "{forward}, {right}");
     }
     assert_eq!(body.integral_fru_mps2.map(f64::to_bits), [0; 3]);
-    let slow = Asked { forward_mps: 0.1, ..HOVER };
+    let slow = VelocitySetpoint { forward_mps: 0.1, ..HOVER };
     for _ in 0..100 {
         body.accel_asked(&NOMINAL, slow, cos_sin, &still);
     }
@@ -162,7 +163,7 @@ fn gusts_have_their_deviation_and_memory() {
     let mut body = RigidBody::new(table, 4);
     let gusts: Vec<f64> = (0..200_000)
         .map(|_| {
-            body.blow();
+            body.step_gusts();
             body.gust_w_mps[1]
         })
         .collect();

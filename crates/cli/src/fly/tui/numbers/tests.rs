@@ -1,4 +1,4 @@
-use tello_eval::facts::LinkFact;
+use tello_eval::telemetry::LinkTelemetry;
 
 use super::*;
 use crate::fly::tui::tests::view;
@@ -32,7 +32,7 @@ fn a_gauge_fills_from_its_middle_and_never_beyond_its_ends() {
 
 #[test]
 fn what_is_not_known_is_no_number() {
-    let lines = texts(&places(&Facts::default()));
+    let lines = texts(&places(&Telemetry::default()));
     for name in ["at", "measured", "speed"] {
         let line = lines.iter().find(|line| line.starts_with(&format!(" {name} "))).unwrap();
         assert!(line.ends_with("-      -      -     -"), "{line:?}");
@@ -42,11 +42,11 @@ fn what_is_not_known_is_no_number() {
 
 #[test]
 fn places_are_in_metres_and_degrees() {
-    let facts = Facts {
+    let facts = Telemetry {
         estimate: Some(Spot { x: -1.0, y: 0.25, z: 1.5, theta: -std::f64::consts::FRAC_PI_2 }),
         velocity_w: Some([0.5, -0.5, 0.0]),
         offset: Some([0.123, -0.5]),
-        ..Facts::default()
+        ..Telemetry::default()
     };
     let lines = texts(&places(&facts));
     assert_eq!(lines[1], " at         -1.00  +0.25  +1.50   -90");
@@ -57,7 +57,13 @@ fn places_are_in_metres_and_degrees() {
 #[test]
 fn an_old_status_of_the_drone_says_how_old() {
     let drone = |age_s, is_battery_low, is_flying| {
-        of_drone(&DroneFact { age_s, battery_pct: 12, is_battery_low, is_flying, height_m: None })
+        of_drone(&DroneTelemetry {
+            age_s,
+            battery_pct: 12,
+            is_battery_low,
+            is_flying,
+            height_m: None,
+        })
     };
     assert_eq!(drone(1.0, Some(false), true), "12 %, flies");
     assert_eq!(drone(1.6, Some(true), false), "12 % LOW, stands, 2 s ago");
@@ -68,17 +74,17 @@ fn an_old_status_of_the_drone_says_how_old() {
 fn a_link_acts_or_does_not_or_is_not_watched() {
     let link = |link| {
         let mut view = view(true);
-        view.facts = std::sync::Arc::new(Facts { link, ..Facts::default() });
+        view.facts = std::sync::Arc::new(Telemetry { link, ..Telemetry::default() });
         texts(&links(&view)).swap_remove(0)
     };
     assert_eq!(link(None), " sticks   not watched");
-    let fact = |is_down, score| Some(LinkFact { is_down, score });
+    let fact = |is_down, score| Some(LinkTelemetry { is_down, score });
     assert_eq!(link(fact(false, -2.0)), " sticks   acts, score -2.0");
     assert_eq!(link(fact(true, 2.0)), " sticks   does not act, score +2.0");
 }
 
 #[test]
 fn the_age_of_a_pose_is_in_milliseconds() {
-    let mocap = MocapFact { age_s: Some(0.0126), rate_hz: 99.6, ..MocapFact::default() };
+    let mocap = MocapTelemetry { age_s: Some(0.0126), rate_hz: 99.6, ..MocapTelemetry::default() };
     assert_eq!(of_mocap(&mocap), "13 ms old, 100 Hz");
 }

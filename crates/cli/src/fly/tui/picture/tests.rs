@@ -1,14 +1,14 @@
 use std::sync::Arc;
 
-use tello_eval::facts::{Facts, LinkFact};
+use tello_eval::telemetry::{LinkTelemetry, Telemetry};
 
 use super::*;
 use crate::fly::tui::tests::view;
 
 /// The head and the line below it, of a flight that is changed.
-fn heads(change: impl FnOnce(&mut Facts)) -> [String; 2] {
+fn heads(change: impl FnOnce(&mut Telemetry)) -> [String; 2] {
     let mut view = view(true);
-    let mut facts = Facts::clone(&view.facts);
+    let mut facts = Telemetry::clone(&view.facts);
     change(&mut facts);
     view.facts = Arc::new(facts);
     [headline(&view).to_string(), wrongs(&view).to_string()]
@@ -39,7 +39,7 @@ fn orders_and_sticks_that_do_not_act_are_in_the_head() {
         assert!(head.contains(text), "{head}");
     }
     for is_down in [false, true] {
-        let [head, _] = heads(|facts| facts.link = Some(LinkFact { is_down, score: 0.0 }));
+        let [head, _] = heads(|facts| facts.link = Some(LinkTelemetry { is_down, score: 0.0 }));
         assert_eq!(head.contains(" STICKS DO NOT ACT "), is_down, "{head}");
     }
 }

@@ -1,7 +1,7 @@
 use std::f64::consts::{FRAC_PI_4, FRAC_PI_8, PI};
 use std::sync::Arc;
 
-use tello_eval::facts::Facts;
+use tello_eval::telemetry::Telemetry;
 
 use super::*;
 use crate::fly::tui::tests::view;
@@ -25,7 +25,7 @@ fn the_arrow_is_the_nearest_of_eight_directions() {
 fn bounds_of(places: &[PosW], (columns, rows): (u16, u16), seen: Projection) -> [[f64; 2]; 2] {
     let mut view = view(true);
     view.briefing.path = places.to_vec();
-    view.facts = Arc::new(Facts::default());
+    view.facts = Arc::new(Telemetry::default());
     bounds(&view, Rect::new(0, 0, columns, rows), seen)
 }
 

@@ -1,4 +1,4 @@
-//! Facts of a flight for its viewers, made of its ticks.
+//! Telemetry of a flight for its viewers, made of its ticks.
 //!
 //! Owns how often there are new facts. Does not know the viewers.
 
@@ -12,12 +12,12 @@ use tello_io::clock::TimeNs;
 use tello_io::mocap::{Sighting, StreamReport};
 use tello_io::tello::DroneStatus;
 
-use super::{DroneFact, Facts, MocapFact, Times};
+use super::{DroneTelemetry, MocapTelemetry, Telemetry, Times};
 use crate::VERSION;
+use crate::display_rounding::{PosW, every, pos_w_of, ticks, to_thousandths};
 use crate::flight_log::TickRecord;
 use crate::metrics::{LATE_TICK_MS, ReferencePath};
 use crate::predicted_trajectory::TrajectoryPredictor;
-use crate::view_numbers::{PosW, every, pos_w_of, ticks, to_thousandths};
 
 /// How often there are new facts. s
 const EVERY_S: f64 = 0.04;
@@ -32,9 +32,9 @@ const TRAIL_POINTS: usize = 600;
 /// Most points of the reference path.
 const REFERENCE_POINTS: usize = 400;
 
-/// Facts that stay the same in a flight.
+/// What stays the same in a flight.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Briefing {
+pub struct FlightHeader {
     /// Version and revision of the program.
     pub program: String,
     /// The line to follow.
@@ -57,10 +57,10 @@ pub struct Briefing {
 
 /// Makes facts of the ticks of a flight.
 #[derive(Debug)]
-pub struct FactsMaker {
+pub struct TelemetryBuilder {
     reference: ReferencePath,
     predictor: TrajectoryPredictor,
-    /// Ticks from one [`Facts`] to the next.
+    /// Ticks from one [`Telemetry`] to the next.
     every: u64,
     /// Ticks from one position of the trail to the next.
     trail_every: u64,
@@ -82,17 +82,17 @@ struct Recent {
     poses: usize,
 }
 
-impl FactsMaker {
+impl TelemetryBuilder {
     /// For `flight`, with the facts that stay the same in it.
     ///
     /// # Errors
     /// The mission or a dead time breaks its rule.
-    pub fn new(flight: &FlightTable) -> Result<(Self, Briefing), SettingError> {
+    pub fn new(flight: &FlightTable) -> Result<(Self, FlightHeader), SettingError> {
         let reference = ReferencePath::of(flight)?;
-        let briefing = Briefing::of(flight, &reference);
+        let header = FlightHeader::of(flight, &reference);
         let ticks = |span_s| ticks(span_s, flight.cycle.dt_s);
         let lately = usize::try_from(ticks(LATELY_S)).unwrap_or(1);
-        let maker = Self {
+        let builder = Self {
             reference,
             predictor: TrajectoryPredictor::new(&flight.cycle)?,
             every: ticks(EVERY_S),
@@ -106,7 +106,7 @@ impl FactsMaker {
             missed_periods: 0,
             has_log_failed: false,
         };
-        Ok((maker, briefing))
+        Ok((builder, header))
     }
 
     /// From now on nothing is recorded.
@@ -120,7 +120,7 @@ impl FactsMaker {
         &mut self,
         tick: &TickRecord,
         mocap: impl FnOnce() -> StreamReport,
-    ) -> Option<Facts> {
+    ) -> Option<Telemetry> {
         let TickRecord { inbox, out, timing } = tick;
         self.remember(inbox, out, timing);
         let is_due = out.step.is_multiple_of(self.every);
@@ -149,26 +149,26 @@ impl FactsMaker {
         }
     }
 
-    fn facts(&self, tick: &TickRecord, stream: &StreamReport) -> Facts {
+    fn facts(&self, tick: &TickRecord, stream: &StreamReport) -> Telemetry {
         let TickRecord { inbox, out, timing } = tick;
         let offset = out.pose_hat().map(|at| self.reference.offset(&at));
-        Facts {
+        Telemetry {
             measured: self.measured.map(Into::into),
             offset: offset.map(|offset| [offset.distance_m, offset.height_m].map(to_thousandths)),
-            drone: self.drone.map(|status| DroneFact::of(&status, inbox.now)),
+            drone: self.drone.map(|status| DroneTelemetry::of(&status, inbox.now)),
             mocap: self.mocap(inbox.now, stream),
             times: timing.into(),
             worst: self.recent.iter().fold(Times::default(), |worst, r| worst.sup(&r.times)),
             has_log_failed: self.has_log_failed,
             missed_periods: self.missed_periods,
             trail: self.trail.iter().copied().collect(),
-            ..Facts::of(inbox, out, self.predictor.ahead(out))
+            ..Telemetry::of(inbox, out, self.predictor.ahead(out))
         }
     }
 
-    fn mocap(&self, now: TimeNs, stream: &StreamReport) -> MocapFact {
+    fn mocap(&self, now: TimeNs, stream: &StreamReport) -> MocapTelemetry {
         let poses: usize = self.recent.iter().map(|recent| recent.poses).sum();
-        MocapFact {
+        MocapTelemetry {
             age_s: self.seen.map(|seen| now.since(seen.measured_at).seconds()),
             rate_hz: poses as f64 / LATELY_S,
             unseen: stream.unseen,
@@ -177,7 +177,7 @@ impl FactsMaker {
     }
 }
 
-impl Briefing {
+impl FlightHeader {
     fn of(flight: &FlightTable, reference: &ReferencePath) -> Self {
         let places = |at: &[Pose]| at.iter().map(pos_w_of).collect();
         let supervisor = &flight.cycle.supervisor;
@@ -206,9 +206,9 @@ mod tests {
 
     use super::*;
 
-    fn maker() -> (FactsMaker, Briefing) {
+    fn builder() -> (TelemetryBuilder, FlightHeader) {
         let (table, mission) = config::fly(None, None).unwrap();
-        FactsMaker::new(&config::flight(&table, mission, Start::Grounded)).unwrap()
+        TelemetryBuilder::new(&config::flight(&table, mission, Start::Grounded)).unwrap()
     }
 
     fn tick(step: u64) -> TickRecord {
@@ -222,9 +222,10 @@ mod tests {
 
     #[test]
     fn the_trail_of_the_newest_facts_stays_bounded() {
-        let (mut maker, briefing) = maker();
-        assert!(!briefing.path.is_empty() && briefing.targets_count > 0, "{briefing:?}");
-        let facts = (0..5_000).filter_map(|step| maker.observe(&tick(step), StreamReport::default));
+        let (mut builder, header) = builder();
+        assert!(!header.path.is_empty() && header.targets_count > 0, "{header:?}");
+        let facts =
+            (0..5_000).filter_map(|step| builder.observe(&tick(step), StreamReport::default));
         let facts = facts.last().unwrap();
         assert_eq!((facts.step, facts.trail.len()), (4_998, TRAIL_POINTS));
         assert_eq!(facts.estimate.map(|at| [at.x, at.theta]), Some([4.998, 0.5]));
@@ -232,14 +233,14 @@ mod tests {
 
     #[test]
     fn the_worst_of_the_last_second_is_forgotten_after_it() {
-        let (mut maker, _) = maker();
+        let (mut builder, _) = builder();
         let mut late = tick(0);
         late.timing.late_ns = 7_000_000;
-        let facts = maker.observe(&late, StreamReport::default).unwrap();
+        let facts = builder.observe(&late, StreamReport::default).unwrap();
         assert!((facts.worst.late_ms - 7.0).abs() < 1e-9, "{} ms", facts.worst.late_ms);
         for (until, expected) in [(49, 7.0), (53, 0.0)] {
             let facts =
-                (1..until).filter_map(|step| maker.observe(&tick(step), StreamReport::default));
+                (1..until).filter_map(|step| builder.observe(&tick(step), StreamReport::default));
             let worst_ms = facts.last().unwrap().worst.late_ms;
             assert!((worst_ms - expected).abs() < 1e-9, "{until}: {worst_ms} ms");
         }

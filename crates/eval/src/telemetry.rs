@@ -1,6 +1,6 @@
 //! The facts of a tick for viewers: their names, units and how they follow from the record of the tick.
 
-mod maker;
+mod builder;
 
 use horizon_model::rows::{Pose, Sticks, motion, pose, stick};
 use serde::Serialize;
@@ -9,13 +9,13 @@ use tello_flight::{Fault, Operator, Phase, Pilot};
 use tello_io::clock::TimeNs;
 use tello_io::tello::DroneStatus;
 
-pub use self::maker::{Briefing, FactsMaker};
+pub use self::builder::{FlightHeader, TelemetryBuilder};
+use crate::display_rounding::{PosW, to_thousandths};
 use crate::predicted_trajectory::Ahead;
-use crate::view_numbers::{PosW, to_thousandths};
 
-/// Facts of one tick, for viewers.
+/// Telemetry of one tick, for viewers.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
-pub struct Facts {
+pub struct Telemetry {
     /// Ticks since the start of the log.
     pub step: u64,
     /// Time since the start of the log. s
@@ -51,11 +51,11 @@ pub struct Facts {
     /// Sent sticks.
     pub sticks: SticksFact,
     /// Whether sent sticks act; `None` without a link monitor.
-    pub link: Option<LinkFact>,
+    pub link: Option<LinkTelemetry>,
     /// The last status of the drone.
-    pub drone: Option<DroneFact>,
-    /// Facts of the mocap stream.
-    pub mocap: MocapFact,
+    pub drone: Option<DroneTelemetry>,
+    /// Telemetry of the mocap stream.
+    pub mocap: MocapTelemetry,
     /// Times of this tick.
     pub times: Times,
     /// Largest value of each time in the last second.
@@ -101,7 +101,7 @@ pub struct SticksFact {
 
 /// Result of the link monitor.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct LinkFact {
+pub struct LinkTelemetry {
     /// Whether sent sticks do not act.
     pub is_down: bool,
     /// Log likelihood ratio, less the evidence that a change takes: positive exactly while the link is down. 1
@@ -110,7 +110,7 @@ pub struct LinkFact {
 
 /// The newest report of the drone.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct DroneFact {
+pub struct DroneTelemetry {
     /// Age of this status. s
     pub age_s: f64,
     /// Charge. %
@@ -123,9 +123,9 @@ pub struct DroneFact {
     pub height_m: Option<f64>,
 }
 
-/// Facts of the mocap stream.
+/// Telemetry of the mocap stream.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct MocapFact {
+pub struct MocapTelemetry {
     /// Time since the newest pose was measured; `None` before the first. s
     pub age_s: Option<f64>,
     /// Poses in the last second. Hz
@@ -149,8 +149,8 @@ pub struct Times {
     pub tick_ms: f64,
 }
 
-impl Facts {
-    /// Facts of inbox and outcome of one tick; the rest is empty.
+impl Telemetry {
+    /// Telemetry of inbox and outcome of one tick; the rest is empty.
     pub fn of(inbox: &Inbox, out: &Outcome, ahead: Ahead) -> Self {
         let velocities = velocities(out);
         Self {
@@ -174,7 +174,7 @@ impl Facts {
             sticks: out.u_sent.into(),
             link: out
                 .link
-                .map(|link| LinkFact { is_down: link.state.is_down(), score: link.score }),
+                .map(|link| LinkTelemetry { is_down: link.state.is_down(), score: link.score }),
             committed: ahead.committed,
             plan: ahead.plan,
             ..Self::default()
@@ -210,8 +210,8 @@ impl From<Sticks> for SticksFact {
     }
 }
 
-impl DroneFact {
-    /// Facts of `status` at `now`.
+impl DroneTelemetry {
+    /// Telemetry of `status` at `now`.
     pub fn of(status: &DroneStatus, now: TimeNs) -> Self {
         Self {
             age_s: now.since(status.received_at).seconds(),

@@ -27,7 +27,7 @@ fn times_s(profile: Profile) -> Option<(f64, f64)> {
 
 /// State of the link, advanced once per step.
 #[derive(Debug, Clone)]
-pub struct Radio {
+pub struct CommandLink {
     times_s: Option<(f64, f64)>,
     random: Random,
     is_up: bool,
@@ -40,7 +40,7 @@ pub struct Radio {
     remaining_s: f64,
 }
 
-impl Radio {
+impl CommandLink {
     /// A link that is up; its outages level the vehicle. `seed` selects when they come, `profile` how often.
     pub fn new(profile: Profile, seed: u64) -> Self {
         let times_s = times_s(profile);
@@ -90,11 +90,11 @@ mod tests {
 
     /// Lengths of the link's (up, down) periods over `steps` steps. s
     fn periods(profile: Profile, steps: u32) -> (Vec<f64>, Vec<f64>) {
-        let mut radio = Radio::new(profile, 5);
+        let mut link = CommandLink::new(profile, 5);
         let (mut up, mut down) = (Vec::new(), Vec::new());
         let (mut was_up, mut length_s) = (true, 0.0);
         for _ in 0..steps {
-            let is_up = radio.step();
+            let is_up = link.step();
             if is_up != was_up {
                 (if was_up { &mut up } else { &mut down }).push(length_s);
                 (was_up, length_s) = (is_up, 0.0);
@@ -138,8 +138,8 @@ mod tests {
     #[test]
     fn outages_are_held_released_or_both_and_come_at_the_same_times() {
         let states = |outage| -> Vec<(bool, bool)> {
-            let mut radio = Radio::new(Profile::Outages, 7).with_outages(outage);
-            (0..200_000).map(|_| (radio.step(), radio.is_held)).collect()
+            let mut link = CommandLink::new(Profile::Outages, 7).with_outages(outage);
+            (0..200_000).map(|_| (link.step(), link.is_held)).collect()
         };
         let [level, held, mixed] =
             [OutageBehaviour::Level, OutageBehaviour::Held, OutageBehaviour::Mixed].map(states);
@@ -159,8 +159,8 @@ mod tests {
     #[test]
     fn a_strong_link_is_down_a_quarter_of_the_time() {
         // Mean down time 4 exp(0.18) = 4.8 s, less the cap; 4.7 / (14 + 4.7) = 0.25.
-        let mut radio = Radio::new(Profile::Outages, 6);
-        let down = (0..4_000_000).filter(|_| !radio.step()).count() as f64 / 4e6;
+        let mut link = CommandLink::new(Profile::Outages, 6);
+        let down = (0..4_000_000).filter(|_| !link.step()).count() as f64 / 4e6;
         assert!((0.235..0.265).contains(&down), "down {down}");
     }
 }

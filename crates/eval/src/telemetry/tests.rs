@@ -7,8 +7,8 @@ fn outcome() -> Outcome {
     Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 1)
 }
 
-fn facts(inbox: &Inbox, out: &Outcome) -> Facts {
-    Facts::of(inbox, out, Ahead::default())
+fn facts(inbox: &Inbox, out: &Outcome) -> Telemetry {
+    Telemetry::of(inbox, out, Ahead::default())
 }
 
 #[test]
@@ -79,7 +79,7 @@ fn a_link_is_down_in_both_ways_of_losing_it() {
         let mut out = outcome();
         out.link = Some(LinkDecision { state, score: -1.5, has_changed: false, onset_steps: 0 });
         let link = facts(&Inbox::new(), &out).link;
-        assert_eq!(link, Some(LinkFact { is_down, score: -1.5 }), "{state:?}");
+        assert_eq!(link, Some(LinkTelemetry { is_down, score: -1.5 }), "{state:?}");
     }
 }
 
@@ -99,14 +99,14 @@ fn the_age_of_a_status_counts_from_its_arrival() {
         heading_rad: None,
         flight_mode: None,
     };
-    let expected = DroneFact {
+    let expected = DroneTelemetry {
         age_s: 0.25,
         battery_pct: 12,
         is_battery_low: Some(true),
         is_flying: true,
         height_m: Some(1.1),
     };
-    assert_eq!(DroneFact::of(&status, TimeNs(1_750_000_000)), expected);
+    assert_eq!(DroneTelemetry::of(&status, TimeNs(1_750_000_000)), expected);
 }
 
 #[test]

@@ -29,8 +29,9 @@ impl World {
     /// a mute one obeys without an answer. In a command outage of [`crate::Profile`] packets still arrive: only the
     /// sticks have no effect. The recordings of the thesis contain no other commands.
     pub fn receive(&mut self, packet: &HostPacket) -> Option<DronePacket> {
-        self.is_connected |= matches!(packet, HostPacket::ConnReq { .. }) && !self.is_deaf();
-        if self.is_deaf() || !self.is_connected {
+        self.is_connected |=
+            matches!(packet, HostPacket::ConnReq { .. }) && !self.ignores_commands();
+        if self.ignores_commands() || !self.is_connected {
             return None;
         }
         self.drone.reset_watchdog();
@@ -119,7 +120,7 @@ impl World {
         self.reporter.reported(self.truth())
     }
 
-    pub(crate) fn is_deaf(&self) -> bool {
+    pub(crate) fn ignores_commands(&self) -> bool {
         self.faults.is_on(InjectedFault::DroneDeaf, self.step()) || self.is_rebooting
     }
 
