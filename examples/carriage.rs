@@ -1,5 +1,5 @@
-//! A carriage on a rail that obeys 0.17 s late: gain, lag and dead time from a recording, then to a place below a
-//! speed.
+//! A carriage on a rail that follows its input 0.17 s late: gain, lag and dead time from a recording, then to a
+//! place below a speed.
 
 use std::borrow::Cow;
 use std::error::Error;

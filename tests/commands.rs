@@ -332,7 +332,7 @@ fn a_missing_file_is_named() {
 
 #[test]
 fn mocap_that_never_answers_and_a_drone_that_never_answers_end_on_the_ground() {
-    // A relay that accepts and says nothing, and a drone that is deaf.
+    // A relay that accepts and says nothing, and a drone that ignores packets.
     let folder = folder("silent");
     let relay = TcpListener::bind("127.0.0.1:0").unwrap();
     let drone = UdpSocket::bind("127.0.0.1:0").unwrap();

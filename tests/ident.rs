@@ -39,12 +39,13 @@ fn log(path: &Path, seed: u64, steps: usize) {
     fs::write(path, text).unwrap();
 }
 
-/// Commands of the section `Identify` of `docs/commands.md` that begin with `start`.
+/// Commands of the block `block` of the section `Identify` of `docs/commands.md`.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]
-fn commands(start: &str) -> Vec<Vec<String>> {
+fn commands(block: usize) -> Vec<Vec<String>> {
     let page = fs::read_to_string(file("docs/commands.md")).unwrap();
     let section = page.split("## Identify").nth(1).unwrap().split("\n## ").next().unwrap();
-    let lines = section.lines().filter_map(|line| line.strip_prefix(start));
+    let block = section.split("```sh\n").nth(1 + block).unwrap().split("```").next().unwrap();
+    let lines = block.lines().filter_map(|line| line.strip_prefix("tello-ctl "));
     let words = |line: &str| -> Vec<String> {
         let command = line.split('#').next().unwrap_or_default();
         command.split_whitespace().map(str::to_owned).collect()
@@ -69,7 +70,7 @@ fn run(folder: &Path, command: &[String], data: &[(&str, &str)]) -> Output {
 #[test]
 fn the_documented_commands_run_one_after_the_other() {
     let folder = folder("documented");
-    let commands = commands("cargo run --release -- ");
+    let commands = commands(0);
     assert!(commands.len() >= 5, "{commands:?}");
     for command in commands {
         run(&folder, &command, &[]);
@@ -92,7 +93,7 @@ fn the_thesis_logs_tell_its_story() {
     let (pieces, flights) = (pieces.display().to_string(), flights.display().to_string());
     let data = [("pieces/", pieces.as_str()), ("flights/", flights.as_str())];
     let folder = folder("thesis");
-    let commands = commands("tello-ctl ");
+    let commands = commands(1);
     let mut story = commands[0].clone();
     story.push("--json".into());
     let report = json(&run(&folder, &story, &data));
@@ -120,7 +121,7 @@ fn the_documented_comparison_finds_the_model_that_flew() {
     for seed in 0..2 {
         log(&folder.join(format!("logs/{seed}.log")), seed, 700);
     }
-    let mut command = commands("tello-ctl ")[1].clone();
+    let mut command = commands(1)[1].clone();
     command.push("--json".into());
     let report = json(&run(&folder, &command, &[("flights/", "logs")]));
     let model = |at: usize| report["comparison"]["models"][at]["name"].as_str().map(str::to_owned);

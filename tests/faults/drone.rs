@@ -1,4 +1,4 @@
-//! The drone is deaf, mute, tired or unwilling, and the operator wants it down.
+//! The drone ignores orders, is silent, tired or unwilling, and the operator wants it down.
 
 use tello_flight::cycle::Operator;
 use tello_flight::{Fault, Phase};

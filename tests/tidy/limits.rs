@@ -14,7 +14,7 @@ const QUOTED: [(&str, &str, &[&str]); 15] = [
     ("TrackingLost", "supervisor/conditions.rs", &["VELOCITY_OFF_REFERENCE_MPS"]),
     ("TrackingLost", "supervisor/conditions.rs", &["VELOCITY_OFF_REFERENCE_S"]),
     ("TrackingLost", "supervisor/memory.rs", &["HEADING_OFF_REFERENCE_RAD"]),
-    ("TrackingLost", "cycle/walls/questions.rs", &["BESIDE_M"]),
+    ("TrackingLost", "cycle/walls/occupancy.rs", &["BESIDE_M"]),
     ("Immobile", "supervisor/conditions.rs", &["STANDS_S", "STANDS_IN_OUTAGE_S"]),
     ("TooFast", "supervisor/conditions.rs", &["TOO_FAST_S"]),
     ("DeadTimeLong", "supervisor/conditions.rs", &["DEAD_TIME_LONG_S"]),

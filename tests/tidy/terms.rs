@@ -21,7 +21,7 @@ struct Term {
 const SOLVERS: &[&str] = &["crates/estim/", "crates/control/"];
 const EMERGENCY: &[&str] = &["crates/flight/src/supervisor/", "crates/io/src/tello/session/"];
 
-const TERMS: [Term; 55] = [
+const TERMS: [Term; 58] = [
     everywhere("valley", "positive definite, local minimum"),
     everywhere("valleys", "positive definite, local minima"),
     everywhere("ridge", "direction of negative curvature"),
@@ -72,6 +72,9 @@ const TERMS: [Term; 55] = [
     everywhere("unlearnt", "removed from the window"),
     everywhere("motors off", "emergency stop (motor cut-off)"),
     everywhere("campaign of faults", "fault-injection campaign"),
+    everywhere("kink", "corner, nonsmooth point"),
+    everywhere("kinks", "corners, nonsmooth points"),
+    everywhere("tell anything", "determine"),
     within("corner", "reduced system (Schur complement), parameter block", &["crates/estim/"]),
     within("front of", "elimination front, previous block", SOLVERS),
     within("reached", "controllable", &["crates/model/src/model.rs", "crates/control/src/mpc.rs"]),

@@ -90,7 +90,7 @@ pub(crate) struct Arguments {
     /// Take off in each flight of a batch, and let one to three faults of random families and sizes
     /// happen in it, to a drone that may differ from what is assumed of it. The table counts how the
     /// flights ended, what was detected and after which time and way, and names the seeds that left the
-    /// room further than it takes to stop while the drone obeyed, were steered while landing, or had no
+    /// room further than it takes to stop while the drone executed its orders, were steered while landing, or had no
     /// end.
     #[arg(long, requires = "flown", conflicts_with_all = ["against", "hover", "figure", "earlier"])]
     campaign: bool,

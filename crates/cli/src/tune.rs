@@ -94,6 +94,7 @@ struct Summary {
     is_interrupted: bool,
     /// Cost of the configuration as it was, and of the best. s
     cost_before: f64,
+    /// s
     cost: f64,
     /// Weights of the cost.
     weights: Weights,
@@ -103,6 +104,7 @@ struct Summary {
     written: Vec<PathBuf>,
 }
 
+/// A number of the configuration, in the unit of its key.
 #[derive(Debug, Serialize)]
 struct Number {
     key: String,

@@ -32,7 +32,7 @@ pub enum ArrivalTable {
         /// 1 / unit of the row, 1e-6..=1e6
         #[serde(rename = "C_0")]
         c_0: Vec<f64>,
-        /// Time in which all but a part `1/e` of the information is forgotten in favour of the
+        /// Time in which all but a fraction `1/e` of the information is forgotten in favour of the
         /// prior on the parameter. s, > 0
         forget_s: f64,
     },

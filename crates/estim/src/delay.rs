@@ -6,8 +6,8 @@
 //!
 //! An input that is held over its period and acts `whole + fraction` periods later is the older one for the
 //! `fraction` of a period: its average over the period is exactly the linear interpolation between steps. The
-//! cost is therefore smooth between whole steps, with a small kink there that grows with how abruptly
-//! the inputs move, and favours no fraction.
+//! cost is therefore smooth between whole steps, with a small jump of the gradient there that grows with how
+//! abruptly the inputs move, and favours no fraction.
 //!
 //! At a minimum over states and parameter the gradient of the profile is that of the cost itself, so one
 //! solve yields the gradients for all groups. They hardly depend on each other; all groups move at once.

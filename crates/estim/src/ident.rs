@@ -24,7 +24,7 @@ pub use builder::IdentBuilder;
 use segment::{Segment, Terms};
 pub use settings::{IdentSettings, IdentTable};
 
-/// See [`Ident::is_extreme`].
+/// Ratio from which on [`Ident::is_extreme`] holds. 1
 const EXTREME: f64 = 1e4;
 
 /// A stretch of a recording that is explained by itself.
@@ -94,6 +94,7 @@ pub struct Ident<M, const NS: usize, const NU: usize, const NO: usize, const NP:
     multiplicities: Vec<u32>,
     p: Vector<NP>,
     p_candidate: Vector<NP>,
+    /// Cost at `p_candidate`. 1
     cost_candidate: f64,
     /// Cost and largest diagonal entry at the iterate of the running solve. The derivatives are formed where
     /// they are eliminated.
@@ -114,6 +115,8 @@ where
     }
 
     /// The problem over `pieces`, each counting once, started. `dt_s` is the period. s, > 0
+    ///
+    /// Allocates; linear in the length of the pieces.
     ///
     /// # Errors
     /// `dt_s` is not positive; a piece is too short, lacks inputs or has a number that is not finite.

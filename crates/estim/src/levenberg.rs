@@ -18,16 +18,16 @@ pub struct LmTable {
     /// First damping over the largest diagonal entry of the normal matrix, tau of thesis equation
     /// 3.63: small where the start is trusted. 1, 0..=1
     pub damping_start: f64,
-    /// Stop when a step lowers the cost by less than this part of it, thesis equation 3.65. 1, 0..=0.1
+    /// Stop when a step lowers the cost by less than this fraction of it, thesis equation 3.65. 1, 0..=0.1
     pub cost_tolerance: f64,
-    /// Stop when a step is shorter than this part of the iterate, thesis equation 3.66; both are norms over all states
-    /// and the parameter, whatever their units. 1, 0..=0.1
+    /// Stop when a step is shorter than this fraction of the iterate, thesis equation 3.66; both are norms over all
+    /// states and the parameter, whatever their units. 1, 0..=0.1
     pub step_tolerance: f64,
     /// Most steps tried, rejected ones included. 1..=1000
     pub iterations_max: u32,
 }
 
-/// Checked [`LmTable`].
+/// Checked [`LmTable`]: its fields in its units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LmSettings {
     damping_start: f64,
@@ -58,7 +58,7 @@ impl LmSettings {
         Self { damping_start: 1e-3 * self.damping_start, cost_tolerance, ..self }
     }
 
-    /// Part of the cost: a step that lowers the cost by less is the last one. 1
+    /// Fraction of the cost: a step that lowers the cost by less is the last one. 1
     pub(crate) fn cost_tolerance(self) -> f64 {
         self.cost_tolerance
     }
@@ -185,21 +185,21 @@ pub(crate) trait LeastSquares {
     fn accept(&mut self);
 }
 
-/// A step is accepted from this gain ratio on: a measurable part of what was expected.
+/// A step is accepted from this gain ratio on: a measurable fraction of what was expected. 1
 const GAIN_ACCEPTED: f64 = 1e-3;
 
-/// Below this gain ratio the model is poor and the damping grows (`eta_2` of the thesis).
+/// Below this gain ratio the model is poor and the damping grows (`eta_2` of the thesis). 1
 const GAIN_POOR: f64 = 0.25;
 
-/// Above this gain ratio the model is good and the damping shrinks (`eta_1` of the thesis).
+/// Above this gain ratio the model is good and the damping shrinks (`eta_1` of the thesis). 1
 const GAIN_GOOD: f64 = 0.75;
 
 /// Damping in units of the largest diagonal entry beyond which no step is worth trying. Such a step is about
 /// `-g / damping` and lowers the cost by `|g|^2 / damping`. For `n` unknowns and
-/// `H = J' J`, `|g|^2 <= 2 n (max H_ii) cost`, so this is at most `2e-12 n` of the cost.
+/// `H = J' J`, `|g|^2 <= 2 n (max H_ii) cost`, so this is at most `2e-12 n` of the cost. 1
 const DAMPING_LIMIT: f64 = 1e12;
 
-/// Factor by which the damping shrinks after a good step.
+/// Factor by which the damping shrinks after a good step. 1
 const SHRINK: f64 = 4.0;
 
 /// The damping and its growth.
@@ -210,9 +210,11 @@ const SHRINK: f64 = 4.0;
 /// 3.16), so that a far too small start costs a few steps instead of dozens.
 #[derive(Debug, Clone, Copy)]
 struct Damping {
+    /// `mu`. Unit of the normal matrix, mixed by its rows
     value: f64,
+    /// Factor by which the next poor step raises it. 1
     growth: f64,
-    /// Largest diagonal entry of the first normal matrix.
+    /// Largest diagonal entry of the first normal matrix. Unit of the normal matrix, mixed by its rows
     unit: f64,
     /// Whether convergence of a damped step has still to be confirmed by an undamped one.
     has_to_confirm: bool,

@@ -147,7 +147,7 @@ mod tests {
     #[test]
     fn every_derivative_meets_its_numeric_twin() {
         for loss in LOSSES {
-            // None of these lies within a difference's width of a kink.
+            // None of these lies within a difference's width of a nonsmooth point.
             for z in [1e-3, 0.05, 0.5, 0.97, 1.04, 3.9, 4.1, 100.0] {
                 let at = |z: f64| loss.at(z);
                 let x = Vector::from([z]);
@@ -184,9 +184,8 @@ mod tests {
 
     #[test]
     fn losses_join_without_a_step() {
-        for (loss, kink) in [(Loss::Huber { scale: 1.5 }, 2.25), (Loss::Tukey { scale: 1.5 }, 2.25)]
-        {
-            let (left, right) = (loss.at(kink), loss.at(kink * (1.0 + 1e-15)));
+        for (loss, z) in [(Loss::Huber { scale: 1.5 }, 2.25), (Loss::Tukey { scale: 1.5 }, 2.25)] {
+            let (left, right) = (loss.at(z), loss.at(z * (1.0 + 1e-15)));
             assert!((left.value - right.value).abs() < 1e-12, "{left:?} {right:?}");
             assert!((left.derivative - right.derivative).abs() < 1e-12, "{left:?} {right:?}");
         }

@@ -29,7 +29,7 @@ impl<const NU: usize, const NO: usize> Recording<NU, NO> {
         self.applied_during(0..self.u.len(), dead_time_s, dt_s)
     }
 
-    /// The inputs of [`Recording::applied`] during `steps` alone.
+    /// The inputs of [`Recording::applied`] during `steps` alone, linear in their number.
     ///
     /// # Panics
     /// `steps` lead beyond the end of `u`, and dead times do not.
@@ -57,6 +57,7 @@ impl<const NU: usize, const NO: usize> Recording<NU, NO> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Delay {
     whole: usize,
+    /// 1, 0..1
     fraction: f64,
 }
 
@@ -75,7 +76,7 @@ impl Delay {
 /// `min_steps` (>= 1); a shorter run gives none.
 ///
 /// Pieces of one run differ in length by one at most; a usable step of a long enough run is in
-/// exactly one piece.
+/// exactly one piece. Linear in the steps.
 pub fn cut(is_usable: &[bool], min_steps: usize) -> Vec<Range<usize>> {
     let mut pieces = Vec::new();
     let mut start = 0;

@@ -16,10 +16,11 @@ use tello_flight::{FollowTable, StartTable, TIMED_COUNT, TrajectoryTable, WaitTa
 /// One sine of an axis.
 #[derive(Debug, Clone, Copy)]
 struct Tone {
-    /// Periods in [`PATTERN_S`].
+    /// Periods in [`PATTERN_S`]. 1
     periods: f64,
-    /// m, of the heading rad
+    /// Amplitude. m, of the heading rad
     amplitude: f64,
+    /// Phase at the beginning. rad
     phase_rad: f64,
 }
 
@@ -51,7 +52,7 @@ const Y: [Tone; 4] = [
 const HALF_HEIGHT_M: f64 = 0.36;
 const Z: [Tone; 3] = [tone(11.0, 0.198, 1.55), tone(17.0, 0.128, 4.77), tone(29.0, 0.075, 1.69)];
 
-/// About 1.2 rad/s and 3.6 rad/s^2 at most.
+/// Tones of the heading; about 1.2 rad/s and 3.6 rad/s^2 at most.
 const THETA: [Tone; 4] = [
     tone(12.0, 0.293, 3.09),
     tone(19.0, 0.185, 5.40),

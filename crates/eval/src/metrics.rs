@@ -73,6 +73,7 @@ struct Samples {
     /// Where in `distances_m` each lap begins, and when (s).
     lap_begins: Vec<(usize, f64)>,
     speeds_mps: Vec<f64>,
+    /// Norms of the sticks. 1
     input_norms: Vec<f64>,
     previous: Option<(f64, Pose)>,
 }

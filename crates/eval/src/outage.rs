@@ -65,7 +65,7 @@ impl TryFrom<&OutageTable> for OutageSettings {
     }
 }
 
-/// Squared error beyond which a step counts no more, in variances: what the smoother did not catch.
+/// Squared error beyond which a step counts no more, in variances: what the smoother did not catch. 1
 const ERROR_MAX: f64 = 100.0;
 
 /// Whether the commands applied in each step of a flight were lost.

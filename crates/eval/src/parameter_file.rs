@@ -140,7 +140,7 @@ impl ParameterFile {
         write_json(path, true, self)
     }
 
-    /// The parameters in the order of the model's rows.
+    /// The parameters in the order of the model's rows. Unit of each row
     pub fn values(&self) -> Vec<f64> {
         let value = |row: &Row| self.parameters.get(row.name).map(|entry| entry.value);
         self.model.parameters().iter().filter_map(value).collect()

@@ -110,7 +110,8 @@ impl<T: Seeded> Seeded for Vec<T> {
 }
 
 impl PartHeader {
-    /// The header of the part `number` of `count` seeds from `seed` on.
+    /// The header of part `part` of `parts`, of `count` seeds from `seed` on. `settings` are those of the run, `names`
+    /// as in [`PartHeader::names`].
     pub fn new(
         kind: Kind,
         (settings, names): (Value, [String; 2]),

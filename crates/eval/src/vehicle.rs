@@ -15,10 +15,10 @@ use crate::parameter_file::{
     FORMAT, FlightHistory, ParameterEntry, ParameterFile, TakesParameters as _,
 };
 
-/// Most that a flight changes a parameter by, in standard deviations of the estimator's prior.
+/// Most that a flight changes a parameter by, in standard deviations of the estimator's prior. 1
 const STEP_MAX: f64 = 3.0;
 
-/// A parameter whose standard deviation is a larger part of its prior's was not excited: it stays.
+/// A parameter whose standard deviation is a larger fraction of its prior's was not excited: it stays. 1
 const EXCITED_MAX: f64 = 0.7;
 
 /// A flight, for the file.
@@ -39,7 +39,7 @@ pub struct Changed {
     pub name: &'static str,
     /// Before the flight. Unit of the row; of the dead times that of roll. s
     pub before: f64,
-    /// After the flight. As `before`
+    /// After the flight. Unit of the row; of the dead times that of roll. s
     pub after: f64,
 }
 
@@ -64,7 +64,7 @@ pub fn before_flight(path: &Path, settings: &mut CycleTable, is_simulated: bool)
     settings.take(&file).with_context(|| format!("with the vehicle of {}", path.display()))
 }
 
-/// Changes the vehicle file at `path`, or makes it, by what a flight with `settings` taught, if anything. The
+/// Changes the vehicle file at `path`, or makes it, by what a flight with `settings` identified, if anything. The
 /// file is replaced as a whole.
 ///
 /// # Errors
@@ -115,7 +115,7 @@ impl ParameterFile {
         }
     }
 
-    /// Refuses what simulated flights taught.
+    /// Refuses what simulated flights identified.
     ///
     /// # Errors
     /// Its flights, or logs that it was identified from, were simulated.
@@ -138,7 +138,7 @@ impl ParameterFile {
         }
     }
 
-    /// Takes over what `flight`, flown with `settings`, taught: of each parameter that was excited the estimate,
+    /// Takes over what `flight`, flown with `settings`, identified: of each parameter that was excited the estimate,
     /// within the bounds of the estimator and within 3 standard deviations of its prior around the value
     /// before; the dead times as they were corrected, of each axis no further than the flight does
     /// ([`CycleTable::dead_time_min_ratio`]). Returns what changed; of a flight that excited nothing the file stays as

@@ -31,7 +31,7 @@ pub const LAND_PERIOD: SpanNs = SpanNs::from_ms(500);
 
 /// Time for which one source, motion capture or the drone, has to report without a break that the drone is
 /// down where the other reports nothing: LAND is repeated meanwhile, since a drone may
-/// refuse it for seconds. Longer than 15 s is of no use: a drone that hears nothing lands by itself then.
+/// refuse it for seconds. Longer than 15 s is of no use: a drone that receives nothing lands by itself then.
 pub const ALONE_HOLD: SpanNs = SpanNs::from_ms(10_000);
 
 /// A Tello ignores `land` for so long after the order to take off, and may not report to fly yet: until then "not
@@ -61,7 +61,7 @@ pub fn denies_standing(height_m: Option<f64>, ground_m: Option<f64>) -> bool {
     rise_m.is_some_and(|rise_m| rise_m > STANDING_RISE_MAX_M + 1e-6)
 }
 
-/// How we talk to the drone. It takes the first that it hears and no other until it is switched off.
+/// How we talk to the drone. It takes the first that it receives and no other until it is switched off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Protocol {

@@ -30,11 +30,12 @@ pub struct GateTable {
 /// Lets sticks pass that are within their limits and rest on a fresh pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gate {
-    /// Steps of the wire from neutral to full deflection.
+    /// Deflection from neutral to full. Steps of the wire
     steps_full: f64,
-    /// Largest deflection that goes out, in whole steps of the wire.
+    /// Largest deflection that goes out. Whole steps of the wire
     steps_max: f64,
-    /// Largest deflection that is not refused, rounded to a step of the wire: `steps_max`, or one more.
+    /// Largest deflection that is not refused, rounded to a step of the wire: `steps_max`, or one more. Steps of the
+    /// wire
     steps_accepted: f64,
     /// Age beyond which a pose is too old to steer by. s
     stale_s: f64,

@@ -132,7 +132,7 @@ struct SequentialTest {
 #[derive(Debug, Clone)]
 struct Alternative {
     hypothesis: LinkHypothesis,
-    /// Log likelihood ratio to the present state since then, >= 0.
+    /// Log likelihood ratio to the present state since then. 1, >= 0
     evidence: f64,
     steps: u32,
 }

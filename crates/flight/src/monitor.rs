@@ -8,6 +8,8 @@
 //! |---------------------------|--------------------------------------------------------------|
 //! | `monitor/stillness.rs`    | the pose with itself, over 0.8 and 2.4 s, and with the inputs |
 //! | `monitor/hidden_speed.rs` | the speed by the poses with the drone's, along an axis that is still |
+//! | `monitor/displacement.rs` | displacements by poses, drone and inputs before the drone's axes are known |
+//! | `monitor/typical_vehicle.rs` | nothing: the motion that the monitors expect under the inputs |
 //! | `monitor/velocity.rs`     | the pose's displacement with the drone's velocity             |
 //! | `monitor/height.rs`       | the pose's height with the drone's                            |
 //! | `monitor/heading.rs`      | the turn by the poses with the drone's, and both with the inputs |
@@ -220,8 +222,9 @@ impl Monitors {
 /// Time constant with which a displacement or turn is forgotten. s
 const FORGET_S: f64 = 15.0;
 
-/// Consistency of two sources over time: doubt while it is beyond the limit, disagreement once it has been so for
-/// [`DOUBT_MAX_S`], or beyond twice the limit for [`DOUBT_LARGE_MAX_S`].
+/// Consistency of two sources over time: doubt while the difference is beyond the limit, disagreement once the doubt
+/// adds up to [`DOUBT_MAX_S`], or to [`DOUBT_LARGE_MAX_S`] while the difference has been beyond twice the limit for
+/// more than [`REPORT_S`].
 #[derive(Debug, Clone, Default)]
 #[expect(clippy::struct_field_names, reason = "the postfix is the unit")]
 struct Doubt {

@@ -1,7 +1,7 @@
 //! Obstacles that stand in the room, or move in it: boxes and upright cylinders.
 //!
 //! Owns their signed distance and its gradient. What follows from being near stands in
-//! `cycle/walls.rs` and `cycle/walls/questions.rs`.
+//! `cycle/walls.rs` and `cycle/walls/occupancy.rs`.
 
 use horizon_model::rows::pose;
 use horizon_model::setting::{SettingError, in_range, positive};

@@ -71,6 +71,7 @@ impl TargetTable {
 /// A checked list of targets and how far it is flown.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Targets {
+    /// Largest distance, norm over x, y, z and theta, at which a target counts as reached. m and rad
     reach: f64,
     /// At least one.
     poses: Vec<Pose>,

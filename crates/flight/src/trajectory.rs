@@ -91,11 +91,11 @@ impl Trajectory {
             let length_s = pair[1].at_s - pair[0].at_s;
             let count = horizon_model::whole((length_s / SPACING_S).ceil()).max(1);
             for i in 1..=count {
-                let u = i as f64 / count as f64;
-                let Moment { pose: at, rate, .. } = between(pair, u);
+                let q = i as f64 / count as f64;
+                let Moment { pose: at, rate, .. } = between(pair, q);
                 let before = nodes[nodes.len() - 1].pose;
                 arc_m += (at - before).fixed_rows::<3>(pose::X).norm();
-                nodes.push(Node { at_s: pair[0].at_s + u * length_s, arc_m, pose: at, rate });
+                nodes.push(Node { at_s: pair[0].at_s + q * length_s, arc_m, pose: at, rate });
             }
         }
         Self::new(nodes)
@@ -127,8 +127,8 @@ impl Trajectory {
     pub(crate) fn at(&self, at_s: f64) -> Moment {
         let first = self.node_before(at_s).min(self.nodes.len() - 2);
         let pair = &self.nodes[first..first + 2];
-        let u = (at_s - pair[0].at_s) / (pair[1].at_s - pair[0].at_s);
-        between(pair, u.clamp(0.0, 1.0))
+        let q = (at_s - pair[0].at_s) / (pair[1].at_s - pair[0].at_s);
+        between(pair, q.clamp(0.0, 1.0))
     }
 
     /// The last node at or before `at_s`, the first if there is none.
@@ -190,17 +190,17 @@ impl Moment {
     }
 }
 
-/// The cubic of two nodes at the fraction `u` of the time between them.
-fn between(pair: &[Node], u: f64) -> Moment {
+/// The cubic of two nodes at the fraction `q` of the time between them; `mean_rate` is `m` of `docs/control.md`.
+fn between(pair: &[Node], q: f64) -> Moment {
     let (a, b) = (&pair[0], &pair[1]);
     let h = b.at_s - a.at_s;
     let mean_rate = (b.pose - a.pose) / h;
     let second = 3.0 * mean_rate - 2.0 * a.rate - b.rate;
     let third = a.rate + b.rate - 2.0 * mean_rate;
     Moment {
-        pose: a.pose + (a.rate + (second + third * u) * u) * (u * h),
-        rate: a.rate + (2.0 * second + third * (3.0 * u)) * u,
-        accel: (2.0 * second + third * (6.0 * u)) / h,
+        pose: a.pose + (a.rate + (second + third * q) * q) * (q * h),
+        rate: a.rate + (2.0 * second + third * (3.0 * q)) * q,
+        accel: (2.0 * second + third * (6.0 * q)) / h,
     }
 }
 

@@ -10,7 +10,7 @@ use crate::setting::{SettingError, in_range, positive, vector};
 /// Longest dead time that is accepted. s
 pub const DEAD_TIME_MAX_S: f64 = 2.0;
 
-/// Longest dead time in steps that is accepted: 2 s at 100 kHz, and a bound of the memory.
+/// Longest dead time in steps that is accepted: 2 s at 100 kHz, and a bound of the memory. steps
 const STEPS_MAX: f64 = 200_000.0;
 
 /// How far [`InputFifo::applied`] may look behind the coming step.
@@ -30,7 +30,7 @@ pub struct InputFifo<const NU: usize> {
     dead_time_steps: Vector<NU>,
     /// Dead time per axis before a correction. steps, >= 0
     nominal_steps: Vector<NU>,
-    /// Part of each nominal dead time that a correction leaves. 1, 0..=1
+    /// Fraction of each nominal dead time that a correction leaves. 1, 0..=1
     min_ratio: f64,
     /// Ring of sent inputs; `newest` is the latest.
     sent: Vec<Vector<NU>>,

@@ -10,10 +10,10 @@ const ITERATIONS_MAX: u32 = 30;
 const HALVINGS_MAX: u32 = 20;
 
 /// Regularization of the normal matrix over its trace: makes the step of a rank-deficient Jacobian the one of
-/// minimum norm. Its error vanishes with the iterations.
+/// minimum norm. Its error vanishes with the iterations. 1
 const REGULARIZATION: f64 = 1e-12;
 
-/// Squared residual over that of `s = 0`, or over the squared norm of `o`, below which `o` is explained.
+/// Squared residual over that of `s = 0`, or over the squared norm of `o`, below which `o` is explained. 1
 const EXPLAINED: f64 = 1e-12;
 
 /// `s` that minimizes `|o - g(s)|^2`, by Gauss-Newton with halved steps from `s = 0`; if that leaves a residual,

@@ -262,7 +262,7 @@ pub trait Model<const NS: usize, const NU: usize, const NO: usize, const NP: usi
     /// The model behind its static input nonlinearity (Hammerstein model): `step(s, u, p)` is
     /// `core().step(s, effect(u, p), p)`.
     ///
-    /// A controller plans on the core where the nonlinearity has a dead zone or kinks, and asks
+    /// A controller plans on the core where the nonlinearity has a dead zone or corners, and asks
     /// [`Model::input_for`] what to send.
     #[must_use]
     fn core(&self) -> Self {

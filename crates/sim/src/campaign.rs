@@ -42,7 +42,7 @@ pub struct CampaignRow {
     /// The drone, if a switch differs from the settings.
     drone: Option<DroneTable>,
     end: End,
-    /// Furthest outside of the room while the drone obeyed. m
+    /// Furthest outside of the room while the drone executed its orders. m
     excess_m: f64,
     /// From the moment on in which the first fault could be observed; null if the flight was over.
     reaction: Option<MeasuredReaction>,

@@ -8,7 +8,7 @@ use crate::firmware::OutageBehaviour;
 use crate::profile::Profile;
 use crate::random::{Purpose, Random};
 
-/// Shape of the down times.
+/// Shape of the down times. 1
 const DOWN_SIGMA: f64 = 0.6;
 /// Longest down time. s
 const DOWN_MAX_S: f64 = 15.0;

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::random::{Purpose, Random};
 
-/// Shape of the delays, an assumption: 95 % below 2.8 medians, one in 200 above 5.
+/// Shape of the delays, an assumption: 95 % below 2.8 medians, one in 200 above 5. 1
 const DELAY_SIGMA: f64 = 0.63;
 /// Time for which a reordered datagram is held back, so that later ones pass it. s
 const HELD_BACK_S: f64 = 0.1;

@@ -64,7 +64,7 @@ pub(crate) enum LandAnswer {
     Refused,
 }
 
-/// Number of orders that the drone received, obeyed or not.
+/// Number of orders that the drone received, executed or not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ReceivedOrders {
     /// To take off.
@@ -123,7 +123,7 @@ pub struct Drone {
     first_land_s: Option<f64>,
     /// Orders to land of this flight.
     landing_orders: u32,
-    /// Whether sticks are heard and not obeyed.
+    /// Whether sticks are received and not executed.
     are_sticks_stuck: bool,
     /// Whether orders to land are refused.
     refuses_land: bool,
@@ -222,7 +222,7 @@ impl Drone {
         }
     }
 
-    /// Counts a received order, whether it is obeyed or not.
+    /// Counts a received order, whether it is executed or not.
     pub(crate) fn count_order(&mut self, order: DroneOrder) {
         let is_aloft = match self.phase {
             DronePhase::Grounded => false,
@@ -246,7 +246,7 @@ impl Drone {
         self.received.sticks_in_landing += u32::from(is_landing);
     }
 
-    /// Obeys sticks from a host: they act, and call a landing off where they do that.
+    /// Executes sticks from a host: they act, and call a landing off where they do that.
     pub(crate) fn obey_sticks(&mut self, u: Sticks) {
         if self.are_sticks_stuck {
             return;

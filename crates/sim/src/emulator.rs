@@ -109,7 +109,7 @@ impl Emulator {
         self.drone_address
     }
 
-    /// Where the motion capture speaks.
+    /// Addresses of the emulated motion capture.
     pub fn mocap(&self) -> MocapAddresses {
         self.mocap
     }

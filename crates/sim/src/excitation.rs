@@ -15,7 +15,7 @@ use crate::profile::Profile;
 use crate::random::{Purpose, Random};
 
 /// Fraction of the way to its key that a stick covers in one step: the sticks of the recorded flights
-/// are key presses smoothed by exactly this much.
+/// are key presses smoothed by exactly this much. 1
 const STICK_RATE: f64 = 0.015;
 
 /// How a pilot uses the keys of one axis.

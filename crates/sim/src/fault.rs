@@ -140,7 +140,7 @@ pub enum InjectedFault {
     DroneDeaf,
     /// The drone reports nothing.
     DroneMute,
-    /// The drone obeys orders, and its sticks stay as they are.
+    /// The drone executes orders, and its sticks stay as they are.
     DroneSticksStuck,
     /// The drone refuses to land.
     DroneRefusesLand,

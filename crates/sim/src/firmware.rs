@@ -45,7 +45,7 @@ pub struct DroneTable {
     pub status: StatusTable,
 }
 
-/// In which protocol the order to stop the motors is obeyed. For the binary one this is not verified.
+/// In which protocol the order to stop the motors is executed. For the binary one this is not verified.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EmergencyTable {

@@ -29,7 +29,7 @@ pub(crate) struct TakenFrame {
 pub(crate) struct Lag {
     on_its_way: VecDeque<TakenFrame>,
     arrived: Vec<TakenFrame>,
-    /// Bytes that a slow link may carry before the next frame.
+    /// What a slow link may carry before the next frame. bytes
     credit: f64,
     line: Vec<u8>,
 }

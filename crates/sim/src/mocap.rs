@@ -37,7 +37,7 @@ pub struct MocapFrame<'a> {
     pub body: Option<Body<'a>>,
 }
 
-/// Probabilities per step that has no such fault yet, and scales of the noise.
+/// Probabilities per step that has no such fault yet, 1, and scales of the noise.
 #[derive(Debug, Clone, Copy)]
 struct Rates {
     short_stall: f64,
@@ -75,9 +75,9 @@ const BAD_DAY: Rates = Rates {
     noise_rad: 3.6e-3,
 };
 
-/// Fractions of short stalls of 1, 2, .. steps
+/// Fractions of short stalls of 1, 2, .. steps. 1
 const SHORT_STALL_FRACTIONS: [f64; 5] = [0.75, 0.16, 0.045, 0.03, 0.015];
-/// Long stalls: fraction, shortest and longest in steps. They cluster at the retransmission times of TCP.
+/// Long stalls: fraction, shortest and longest. They cluster at the retransmission times of TCP. 1, steps, steps
 const LONG_STALLS: [(f64, u32, u32); 4] =
     [(0.40, 6, 13), (0.40, 14, 17), (0.13, 19, 27), (0.07, 44, 46)];
 /// Fraction of lost poses that last one step, and the mean of what exceeds two steps in the others, in steps.
@@ -86,7 +86,7 @@ const ZERO_LENGTH: (f64, f64) = (0.70, 5.0);
 const FLIP_LENGTH: (f64, f64) = (0.45, 6.0);
 /// Smallest heading flip; the largest is half a turn. rad
 const FLIP_MIN_RAD: f64 = 0.3;
-/// The constant pose that another object was once reported at for thousands of samples.
+/// The constant pose that another object was once reported at for thousands of samples. m, rad
 const FIXED_POSE: [f64; pose::COUNT] = [3.46, 2.86, 0.37, 0.0];
 
 /// State of the measurement faults, advanced once per step.

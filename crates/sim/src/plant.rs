@@ -91,7 +91,7 @@ struct Factors {
     horizontal: f64,
     vertical: f64,
     yaw: f64,
-    /// Part of the disturbance that stays, and standard deviation of what is added. 1, m/s
+    /// Fraction of the disturbance that stays, and standard deviation of what is added. 1, m/s
     keep_h: f64,
     noise_sd_h: f64,
     keep_v: f64,

@@ -57,7 +57,7 @@ impl Sdk {
         report::state_line(reported, self.version, self.theta_start)
     }
 
-    /// Obeys a command; appends what is answered at once.
+    /// Executes a command; appends what is answered at once.
     pub(crate) fn receive(
         &mut self,
         datagram: &[u8],
@@ -78,7 +78,7 @@ impl Sdk {
         }
     }
 
-    /// Counts a command and obeys it: sticks, both stops and a landing at any time, others when none is running.
+    /// Counts a command and executes it: sticks, both stops and a landing at any time, others when none is running.
     /// `None` if this version of the SDK does not know the command.
     fn obey(
         &mut self,
@@ -115,8 +115,8 @@ impl Sdk {
         Some(())
     }
 
-    /// Obeys a command that does not act beside a running one, which is ignored then, or refused if it would move the
-    /// drone; during a landing the drone ignores it. `None` if this version of the SDK does not know the command.
+    /// Executes a command that does not act beside a running one, which is ignored then, or refused if it would move
+    /// the drone; during a landing the drone ignores it. `None` if this version of the SDK does not know the command.
     fn obey_alone(
         &mut self,
         command: Command,

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::DT_S;
 
-/// Fractions of the golden ratio are spread evenly over the seeds.
+/// Fractions of the golden ratio are spread evenly over the seeds. 1
 const GOLDEN: f64 = 0.618_033_988_749_895;
 
 /// To and fro between two places.

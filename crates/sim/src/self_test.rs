@@ -41,7 +41,7 @@ const DEAD_TIME_TOLERANCE_S: f64 = 0.005;
 /// vehicle. 1
 const RELATIVE_TOLERANCE: f64 = 0.03;
 
-/// A mean error beyond so many of its claimed deviations is none of chance.
+/// Mean error that is none of chance, at least. Claimed deviations
 const ERROR_MAX_STD: f64 = 4.0;
 
 /// Where the logs of a run come from.
@@ -55,7 +55,7 @@ pub enum Source {
     Automatic,
 }
 
-/// Of automatic flights so large a part of the intervals has to hold the truth.
+/// Fraction of the intervals of automatic flights that has to hold the truth. 1
 const COVERAGE_MIN: f64 = 0.9;
 
 /// Result of the self-test.
@@ -106,7 +106,7 @@ enum FoundKind {
     DeadTime,
 }
 
-/// One number of one run: truth, estimate, claimed deviation and 95 % interval.
+/// One number of one run: truth, estimate, claimed deviation and 95 % interval. Unit of the row; of a dead time s
 struct Found {
     kind: FoundKind,
     name: String,

@@ -197,7 +197,7 @@ impl World {
         self.faults.is_on(fault, self.step)
     }
 
-    /// Whether sticks of ours do not act, or not alone: the drone is deaf, starts anew or knows no host,
+    /// Whether sticks of ours do not act, or not alone: the drone ignores packets, starts anew or knows no host,
     /// its sticks are stuck, commands get lost, or another controller sends.
     pub fn ignores_sticks(&self) -> bool {
         let is_shared =
@@ -209,7 +209,7 @@ impl World {
             || self.faults.present(self.step).any(is_shared)
     }
 
-    /// Whether an order to land would not be obeyed now.
+    /// Whether an order to land would not be executed now.
     pub fn ignores_land(&self) -> bool {
         self.ignores_commands() || !self.is_connected || self.drone.ignores_land()
     }

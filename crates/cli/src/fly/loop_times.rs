@@ -53,3 +53,16 @@ fn settling_max(standing: &StandingTable) -> SpanNs {
     let agreements_s = AGREEMENTS_MAX * standing.for_s;
     SpanNs::from_seconds((agreements_s + SETTLING_MARGIN_S).max(SETTLING_MIN_S))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn poses_have_two_agreements_and_a_second_to_settle_and_3_s_at_least() {
+        for (for_s, settling_ms) in [(0.5, 3_000), (1.0, 3_000), (1.5, 4_000), (4.0, 9_000)] {
+            let standing = StandingTable { for_s, ..StandingTable::default() };
+            assert_eq!(settling_max(&standing), SpanNs::from_ms(settling_ms), "{for_s} s");
+        }
+    }
+}

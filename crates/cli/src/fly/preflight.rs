@@ -41,7 +41,7 @@ const TO_FIRST_MAX_M: f64 = 50.0;
 /// Least distance of a take-off from walls and obstacles without a note. m
 const BESIDE_MIN_M: f64 = 0.6;
 
-/// Fewest frames within the age at which a pose is stale: one of them may be missing.
+/// Fewest frames within the age at which a pose is stale: one of them may be missing. frames
 const FRAMES_MIN: f64 = 2.0;
 
 /// Findings of the inspection, without judgement.

@@ -48,7 +48,7 @@ pub(super) fn is_on_this_machine(table: &FlyTable) -> bool {
     table.tello.address.parse().is_ok_and(|address: SocketAddr| address.ip().is_loopback())
 }
 
-/// Writes what the flight taught to the vehicle file, if it ended well. An error changes nothing of the flight.
+/// Writes what the flight identified to the vehicle file, if it ended well. An error changes nothing of the flight.
 pub(super) fn remember(
     arguments: &Arguments,
     flight: &FlightTable,

@@ -8,7 +8,7 @@ const RATE_NEAR: f64 = 5e-3;
 /// A rate by name is the measured one within this. 1
 const NAME_NEAR: f64 = 3e-3;
 
-/// Largest whole factor between what a source announces and how many of its frames come.
+/// Largest whole factor between what a source announces and how many of its frames come. 1
 const FACTOR_MAX: f64 = 8.0;
 
 /// The rate of a source that does not announce its own. Hz

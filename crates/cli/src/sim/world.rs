@@ -57,7 +57,7 @@ impl PlantKind {
     }
 }
 
-/// One change of the command line to the vehicle.
+/// One change of the command line to the vehicle; its number in the unit of the kind.
 #[derive(Debug, Clone, Copy)]
 struct Vary {
     kind: Variation,

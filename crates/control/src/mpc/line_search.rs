@@ -9,7 +9,7 @@ use super::report::MpcProblem;
 use super::{Mpc, RollOut};
 
 /// Constant of the sufficient decrease (Armijo) condition, Nocedal and Wright, Numerical Optimization, 2006, equation
-/// 3.4.
+/// 3.4. 1
 const SUFFICIENT_DECREASE: f64 = 1e-4;
 
 /// Halvings of a step before it is given up: what is left then is a millionth of it.

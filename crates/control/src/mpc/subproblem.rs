@@ -11,7 +11,7 @@ use super::report::MpcProblem;
 use crate::qp::product::resized;
 use crate::qp::{Problem, Solved, Stage, Unsolved};
 
-/// Smallest ratio of the first-order to the second-order predicted decrease of a step with the exact Hessian.
+/// Smallest ratio of the first-order to the second-order predicted decrease of a step with the exact Hessian. 1
 const DESCENT_MIN: f64 = 0.5;
 
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize, const NR: usize>

@@ -26,12 +26,13 @@ use self::riccati::{Policy, Value, Working, eliminate};
 use super::penalty::of_stage;
 use super::{CostHessian, Limits, Problem, Reason, SolveQp, Unsolved};
 
-/// Violation that counts as rounding: of a bound as a fraction of the box, of a penalty in the unit of its constraint.
+/// Violation that counts as rounding: of a bound as a fraction of the box, 1; of a penalty in the unit of its
+/// constraint.
 const ROUNDING_TOLERANCE: f64 = 1e-12;
 
 /// Distance, as a fraction of the box, within which an input of another solver's solution counts as at its bound: an
 /// interior-point solution ends at about its tolerance from an active bound, 1e-8 by default. A wrong guess costs one
-/// more recursion.
+/// more recursion. 1
 const NEAR_BOUND: f64 = 1e-6;
 
 /// Iterations in a row that correct all wrong entries of the working set although their number has no new minimum.
@@ -63,7 +64,7 @@ pub(super) struct ActiveSet<const NS: usize, const NU: usize> {
     du: Vec<Vector<NU>>,
     /// By step, the minimizer of each input if its bound alone were removed.
     minimizers: Vec<Vector<NU>>,
-    /// By penalty, its linearized constraint at the latest roll-out.
+    /// By penalty, its linearized constraint at the latest roll-out. Unit of the constraint
     excess: Vec<f64>,
 }
 

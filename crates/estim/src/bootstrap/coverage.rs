@@ -22,7 +22,7 @@ pub(super) enum TrialError {
     /// A resample leads to where the model is not finite.
     #[error(transparent)]
     Solve(#[from] LmError),
-    /// Neither data nor prior tell anything about some parameter.
+    /// Neither data nor prior determine some parameter.
     #[error(transparent)]
     NotPositive(#[from] NotPositive),
 }

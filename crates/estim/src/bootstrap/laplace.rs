@@ -36,7 +36,7 @@ pub struct Laplace<const NP: usize> {
     /// over pieces tends to. Needs more pieces than parameters. Product of the units of row and column
     pub clustered: Matrix<NP, NP>,
     /// `H^-1 diag(C_p)^2 H^-1`: what the deviation of the prior adds to [`Laplace::clustered`], in which a parameter
-    /// that no piece tells anything about has none. Product of the units of row and column
+    /// that no piece determines has none. Product of the units of row and column
     pub by_prior: Matrix<NP, NP>,
     /// Twice the cost over the degrees of freedom: 1 if every weight is the inverse of a standard deviation. 1
     pub residual_variance: f64,
@@ -47,7 +47,7 @@ impl<const NP: usize> Laplace<NP> {
     /// iteration.
     ///
     /// # Errors
-    /// A parameter that neither data nor prior tell anything about.
+    /// A parameter that neither data nor prior determine.
     pub fn of<M, const NS: usize, const NU: usize, const NO: usize>(
         ident: &Ident<M, NS, NU, NO, NP>,
     ) -> Result<Self, NotPositive>
@@ -62,7 +62,7 @@ impl<const NP: usize> Laplace<NP> {
     ///
     /// With `p_D` the derivative of the parameter by a dead time `D`, `D_i` the influence of piece `i` on that dead
     /// time and `J''` its information, piece `i` moves the parameter by `p_D D_i - H^-1 g_i` to first order, and
-    /// [`Laplace::plain`] increases by `p_D p_D' / J''`.
+    /// [`Laplace::plain`] increases by `p_D p_D' / J''`. Costs as much as an iteration.
     ///
     /// # Errors
     /// As [`Laplace::of`].
@@ -139,7 +139,7 @@ pub fn standard_deviations<const NP: usize>(information: &Matrix<NP, NP>) -> Vec
 }
 
 /// A smaller fraction of the information on a parameter is rounding of what others take away: the entries are sums
-/// over thousands of steps, with a relative error far above that of one operation.
+/// over thousands of steps, with a relative error far above that of one operation. 1
 const FRACTION_MIN: f64 = 1e-10;
 
 /// Information on the parameter `last` after all others are eliminated; NaN if it is none, or if the matrix is not

@@ -5,7 +5,7 @@
 
 use horizon_model::{Matrix, Vector};
 
-/// The central interval that is reported holds this fraction.
+/// The central interval that is reported holds this fraction. 1
 const LEVEL: f64 = 0.95;
 
 /// Half the width of that interval, of 95 %, of a normal distribution. standard deviations

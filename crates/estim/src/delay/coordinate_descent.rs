@@ -62,3 +62,47 @@ where
         Ok(GroupProfile { curve: profile.above_lowest(), at_s })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{dead_time_s, flights, settings, with_search};
+    use super::*;
+
+    const CANDIDATES_S: [f64; 3] = [0.24, 0.3, 0.36];
+
+    /// Profile of roll and pitch, whose dead time is `truth_s` and before the search `present_s`, of abrupt sticks
+    /// without noise.
+    fn profile(truth_s: f64, present_s: f64) -> GroupProfile {
+        let recordings = flights(dead_time_s(truth_s, 0.1, 0.2), 1.0, 0.0, 1);
+        let start_s = dead_time_s(present_s, 0.1, 0.2);
+        with_search(&recordings, 50, start_s, &settings(), |search| {
+            let profile = search.minimize_along(0, &CANDIDATES_S).ok().unwrap();
+            assert_eq!(search.dead_time_of(0).to_bits(), profile.at_s.to_bits());
+            profile
+        })
+    }
+
+    #[test]
+    fn a_vertex_counts_if_it_costs_less_than_the_lowest_candidate() {
+        let GroupProfile { curve, at_s } = profile(0.31, 0.3);
+        assert_eq!(curve.len(), 4, "{curve:?}");
+        assert!((at_s - 0.31).abs() < 0.01 && at_s > 0.3, "{at_s} s");
+        for point in &curve {
+            assert_eq!(
+                point.cost <= 0.0,
+                point.dead_time_s.to_bits() == at_s.to_bits(),
+                "{point:?}"
+            );
+        }
+        // At whole periods the profile is nonsmooth: the parabola misses the minimum.
+        let GroupProfile { curve, at_s } = profile(0.3, 0.3);
+        assert_eq!((curve.len(), at_s.to_bits()), (3, 0.3_f64.to_bits()), "{curve:?}");
+    }
+
+    #[test]
+    fn the_present_dead_time_is_a_candidate() {
+        let GroupProfile { curve, .. } = profile(0.3, 0.27);
+        let at: Vec<f64> = curve.iter().map(|point| point.dead_time_s).collect();
+        assert_eq!(at, [0.24, 0.27, 0.3, 0.36]);
+    }
+}

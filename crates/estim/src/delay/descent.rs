@@ -15,6 +15,7 @@ pub(super) struct Descent {
     pub(super) profiles: Vec<GroupProfile>,
     /// Least cost at the dead times where the descent began, and where it ended. 1
     start_cost: f64,
+    /// 1
     pub(super) cost: f64,
 }
 
@@ -89,5 +90,41 @@ where
     fn restart_all_at(&mut self, at_s: f64) {
         (0..self.groups.len()).for_each(|group| self.set_dead_time(group, at_s));
         self.ident.start();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use horizon_model::check::amax;
+    use horizon_model::rows::Sticks;
+
+    use super::super::tests::{flights, settings, with_search};
+    use super::*;
+
+    #[test]
+    fn a_descent_that_ends_higher_than_the_solves_are_exact_has_diverged() {
+        let has_diverged =
+            |cost| Descent { profiles: Vec::new(), start_cost: 2.0, cost }.has_diverged();
+        assert_eq!(
+            [1.0, 2.0, 2.0 + 1.9e-7, 2.0 + 2.1e-7].map(has_diverged),
+            [false, false, false, true]
+        );
+    }
+
+    #[test]
+    fn a_start_from_the_prior_moves_to_a_dead_time_that_costs_less_and_else_nowhere() {
+        let recordings = flights(Sticks::repeat(0.3), 0.015, 0.0, 1);
+        for (start_s, moves) in [(0.3, false), (0.5, true)] {
+            with_search(&recordings, 50, Sticks::repeat(start_s), &settings(), |search| {
+                let cost = search.solve().ok().unwrap();
+                let p = *search.ident.parameter();
+                assert_eq!(search.start_from_prior(cost).ok().unwrap(), moves, "{start_s} s");
+                // The fifth candidate behind 0.
+                let gap_s = amax(&(*search.dead_time_s - Sticks::repeat(0.3)));
+                assert!(gap_s < 1e-12, "{}", search.dead_time_s);
+                // From the prior on, or where the search was.
+                assert_eq!(*search.ident.parameter() == p, !moves, "{start_s} s");
+            });
+        }
     }
 }

@@ -120,8 +120,8 @@ pub(super) fn risen_at_s(curve: &[ProfilePoint], at_s: f64, cost: f64) -> f64 {
     let mut before = ProfilePoint { dead_time_s: at_s, cost: 0.0 };
     for point in curve.iter().filter(|point| point.dead_time_s > at_s) {
         if point.cost >= cost {
-            let part = ((cost - before.cost) / (point.cost - before.cost)).sqrt();
-            return before.dead_time_s + part * (point.dead_time_s - before.dead_time_s);
+            let fraction = ((cost - before.cost) / (point.cost - before.cost)).sqrt();
+            return before.dead_time_s + fraction * (point.dead_time_s - before.dead_time_s);
         }
         before = *point;
     }

@@ -99,3 +99,61 @@ where
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STEP_S: f64 = 0.1;
+    const END_S: f64 = 0.5;
+
+    /// A scan that has come to `at_s`, up or down.
+    fn scan(at_s: f64) -> GroupScan {
+        GroupScan::new((at_s, 0.0))
+    }
+
+    #[test]
+    fn the_last_step_of_a_scan_ends_at_the_end_of_the_range_and_has_a_tenth_of_a_step() {
+        for (at_s, step_s, next_s) in [
+            (0.25, STEP_S, Some(0.35)),
+            (0.25, -STEP_S, Some(0.15)),
+            (0.45, STEP_S, Some(END_S)),
+            (0.489, STEP_S, Some(END_S)),
+            (0.491, STEP_S, None),
+            (END_S, STEP_S, None),
+            (0.05, -STEP_S, Some(0.0)),
+            (0.011, -STEP_S, Some(0.0)),
+            (0.009, -STEP_S, None),
+            (0.0, -STEP_S, None),
+        ] {
+            let found_s = scan(at_s).next_s(step_s, END_S);
+            let gap_s = found_s.zip(next_s).map(|(found_s, next_s)| (found_s - next_s).abs());
+            assert_eq!(found_s.is_some(), next_s.is_some(), "{at_s} s by {step_s} s: {found_s:?}");
+            assert!(gap_s.is_none_or(|gap_s| gap_s < 1e-12), "{at_s} s by {step_s} s: {found_s:?}");
+        }
+    }
+
+    #[test]
+    fn a_scan_ends_where_its_cost_has_risen_above_its_least_one() {
+        // By the trapezoidal rule 0, -0.5, -0.5, 0.75: a rise of 1.25 above the least.
+        for (rise_max, is_over) in [(1.26, false), (1.25, true), (1.0, true)] {
+            let mut scan = GroupScan::new((0.0, -1.0));
+            for (at_s, gradient) in [(1.0, 0.0), (2.0, 0.0)] {
+                scan.add(at_s, gradient, rise_max);
+                assert!(!scan.has_risen, "{at_s} s");
+            }
+            scan.add(3.0, 2.5, rise_max);
+            assert_eq!(scan.has_risen, is_over, "{rise_max}");
+            assert_eq!(scan.next_s(1.0, 9.0), (!is_over).then_some(4.0), "{rise_max}");
+            assert!((scan.cost - 0.75).abs() < 1e-12 && (scan.least + 0.5).abs() < 1e-12);
+            assert_eq!(scan.points, [(0.0, -1.0), (1.0, 0.0), (2.0, 0.0), (3.0, 2.5)]);
+        }
+    }
+
+    #[test]
+    fn a_gradient_that_is_no_number_ends_a_scan() {
+        let mut scan = scan(0.2);
+        scan.add(0.3, f64::NAN, 9.0);
+        assert_eq!(scan.next_s(STEP_S, END_S), None);
+    }
+}

@@ -184,8 +184,8 @@ where
     }
 
     /// Newton steps of every group from `minima`, each with a curvature of its own that is updated by the secant. Where
-    /// a gradient changes its sign, half the step becomes the longest: at a kink the curvature means nothing. Returns
-    /// the cost.
+    /// a gradient changes its sign, half the step becomes the longest: at a nonsmooth point the curvature means
+    /// nothing. Returns the cost.
     pub(super) fn refine(&mut self, minima: &mut [LocalMinimum]) -> Result<f64, SearchStop> {
         let DelaySettings { dead_time_max_s, grid_s, tolerance_s, rounds } = *self.settings;
         let enough_s = 0.1 * tolerance_s;
@@ -324,3 +324,6 @@ where
         self.groups.iter().map(|rows| rows.iter().map(|row| by_row[*row]).sum()).collect()
     }
 }
+
+#[cfg(test)]
+mod tests;

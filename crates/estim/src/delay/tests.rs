@@ -28,7 +28,12 @@ fn normal(generator: &mut ChaCha8Rng) -> f64 {
 
 /// Two flights under keys that are pressed and released at random and reach the sticks by `fraction` of
 /// the way per step: 1 is abrupt. Transitions are disturbed by `noise` in velocity.
-fn flights(dead_time_s: Sticks, fraction: f64, noise: f64, seed: u64) -> [Recording<4, 4>; 2] {
+pub(super) fn flights(
+    dead_time_s: Sticks,
+    fraction: f64,
+    noise: f64,
+    seed: u64,
+) -> [Recording<4, 4>; 2] {
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
     [(); 2].map(|()| {
         let (mut keys, mut sticks) = (Sticks::zeros(), Sticks::zeros());
@@ -53,7 +58,7 @@ fn flights(dead_time_s: Sticks, fraction: f64, noise: f64, seed: u64) -> [Record
     })
 }
 
-fn settings() -> DelaySettings {
+pub(super) fn settings() -> DelaySettings {
     let table = DelayTable { dead_time_max_s: 0.6, grid_s: 0.06, tolerance_s: 0.005, rounds: 20 };
     DelaySettings::try_from(&table).unwrap()
 }
@@ -77,15 +82,43 @@ fn ident(flights: &Flights<'_, 4, 4>, dead_time_s: &Sticks) -> Ident<Kinematic, 
     Ident::new(Kinematic, &settings, DT_S, flights.pieces(dead_time_s)).unwrap()
 }
 
+/// Pieces of at least `min_steps` of each recording. The first second is left out: what was sent before the recording
+/// began is unknown.
+fn spans(recordings: usize, min_steps: usize) -> Vec<Span> {
+    let usable: Vec<bool> = (0..STEPS).map(|k| k >= 50).collect();
+    let pieces = cut(&usable, min_steps);
+    let span = |recording| pieces.iter().map(move |steps| Span { recording, steps: steps.clone() });
+    (0..recordings).flat_map(span).collect()
+}
+
+/// Calls `with` with a search at the dead times `start_s`, not solved yet, over pieces of at least `min_steps`.
+pub(super) fn with_search<T>(
+    recordings: &[Recording<4, 4>],
+    min_steps: usize,
+    start_s: Sticks,
+    settings: &DelaySettings,
+    with: impl FnOnce(&mut Search<'_, Kinematic, 4, 4, 4, 4>) -> T,
+) -> T {
+    let spans = spans(recordings.len(), min_steps);
+    let recordings: Vec<_> = recordings.iter().map(Cow::Borrowed).collect();
+    let flights = Flights { recordings: &recordings, spans: &spans, dt_s: DT_S };
+    let mut dead_time_s = start_s;
+    with(&mut Search {
+        flights: &flights,
+        ident: &mut ident(&flights, &start_s),
+        groups: &GROUPS,
+        dead_time_s: &mut dead_time_s,
+        settings,
+        is_late: &mut || false,
+    })
+}
+
 /// Profiles of the flights' dead times, from a start far away.
 fn search(
     recordings: &[Recording<4, 4>],
     is_late: &mut dyn FnMut() -> bool,
 ) -> Option<Vec<DelayProfile<4>>> {
-    // The first second is left out: what was sent before the recording began is unknown.
-    let usable: Vec<bool> = (0..STEPS).map(|k| k >= 50).collect();
-    let span = |recording| cut(&usable, 50).into_iter().map(move |steps| Span { recording, steps });
-    let spans: Vec<Span> = (0..recordings.len()).flat_map(span).collect();
+    let spans = spans(recordings.len(), 50);
     let recordings: Vec<_> = recordings.iter().map(Cow::Borrowed).collect();
     let flights = Flights { recordings: &recordings, spans: &spans, dt_s: DT_S };
     let mut dead_time_s = Sticks::repeat(0.5);
@@ -104,7 +137,7 @@ fn search(
     found
 }
 
-fn dead_time_s(horizontal: f64, yaw: f64, throttle: f64) -> Sticks {
+pub(super) fn dead_time_s(horizontal: f64, yaw: f64, throttle: f64) -> Sticks {
     let mut dead_time_s = Sticks::repeat(horizontal);
     dead_time_s[stick::YAW] = yaw;
     dead_time_s[stick::THROTTLE] = throttle;
@@ -202,24 +235,11 @@ fn groups_one_after_the_other_find_the_same() {
     let truth = [0.313, 0.047, 0.19];
     let [horizontal, yaw, throttle] = truth;
     let flights = flights(dead_time_s(horizontal, yaw, throttle), 0.015, 0.0, 1);
-    let recordings: Vec<_> = flights.iter().map(Cow::Borrowed).collect();
-    let usable: Vec<bool> = (0..STEPS).map(|k| k >= 50).collect();
-    let span = |recording| cut(&usable, 50).into_iter().map(move |steps| Span { recording, steps });
-    let spans: Vec<Span> = (0..recordings.len()).flat_map(span).collect();
-    let flights = Flights { recordings: &recordings, spans: &spans, dt_s: DT_S };
-    let mut dead_time_s = Sticks::repeat(0.25);
-    let mut ident = ident(&flights, &dead_time_s);
-    let settings = settings();
+    let (start_s, settings) = (Sticks::repeat(0.25), settings());
     let candidates_s: Vec<f64> = settings.grid().collect();
-    let mut search = Search {
-        flights: &flights,
-        ident: &mut ident,
-        groups: &GROUPS,
-        dead_time_s: &mut dead_time_s,
-        settings: &settings,
-        is_late: &mut || false,
-    };
-    let Ok(found) = search.coordinate_descent(&candidates_s) else { panic!("not solved") };
+    let found = with_search(&flights, 50, start_s, &settings, |search| {
+        search.coordinate_descent(&candidates_s).ok().unwrap()
+    });
     for (found, truth) in found.iter().zip(truth) {
         assert!((found.at_s - truth).abs() < 0.01, "{} s instead of {truth}", found.at_s);
         assert!(found.curve.iter().all(|point| point.cost >= 0.0), "{:?}", found.curve);
@@ -264,30 +284,19 @@ fn a_late_search_finds_nothing() {
 #[test]
 fn the_gradient_of_the_profile_is_that_of_differences() {
     let recordings = flights(dead_time_s(0.31, 0.25, 0.37), 0.015, 0.5, 7);
-    // Inside of periods: the profile has kinks at whole ones.
+    // Inside of periods: the profile is nonsmooth at whole ones.
     let start_s = dead_time_s(0.293, 0.271, 0.352);
-    let mut dead_time_s = start_s;
-    let span = |recording| Span { recording, steps: 50..STEPS };
-    let spans: Vec<Span> = (0..recordings.len()).map(span).collect();
-    let recordings: Vec<_> = recordings.iter().map(Cow::Borrowed).collect();
-    let flights = Flights { recordings: &recordings, spans: &spans, dt_s: DT_S };
-    let mut search = Search {
-        flights: &flights,
-        ident: &mut ident(&flights, &start_s),
-        groups: &GROUPS,
-        dead_time_s: &mut dead_time_s,
-        settings: &settings(),
-        is_late: &mut || false,
-    };
-    search.solve().ok().unwrap();
-    for (group, gradient) in search.gradients().into_iter().enumerate() {
-        let mut cost = |offset_s: f64| {
-            search.set_dead_time(group, start_s[GROUPS[group][0]] + offset_s);
-            search.solve().ok().unwrap()
-        };
-        let numeric = (cost(1e-3) - cost(-1e-3)) / 2e-3;
-        cost(0.0);
-        let gap = (gradient / numeric - 1.0).abs();
-        assert!(gap < 1e-3, "group {group}: {gradient} instead of {numeric}");
-    }
+    with_search(&recordings, STEPS - 50, start_s, &settings(), |search| {
+        search.solve().ok().unwrap();
+        for (group, gradient) in search.gradients().into_iter().enumerate() {
+            let mut cost = |offset_s: f64| {
+                search.set_dead_time(group, start_s[GROUPS[group][0]] + offset_s);
+                search.solve().ok().unwrap()
+            };
+            let numeric = (cost(1e-3) - cost(-1e-3)) / 2e-3;
+            cost(0.0);
+            let gap = (gradient / numeric - 1.0).abs();
+            assert!(gap < 1e-3, "group {group}: {gradient} instead of {numeric}");
+        }
+    });
 }

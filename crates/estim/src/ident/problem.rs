@@ -16,9 +16,9 @@ use crate::levenberg::{IterateScale, LeastSquares, LmError, Step};
 use crate::reduced_system::ReducedSystem;
 use crate::residual::Curvature;
 
-/// The iterate counts as near a minimum when a step has lowered the cost by less than this part of it.
+/// The iterate counts as near a minimum when a step has lowered the cost by less than this fraction of it.
 ///
-/// Farther off the exact Hessian may be indefinite; Gauss-Newton's is not.
+/// Farther off the exact Hessian may be indefinite; Gauss-Newton's is not. 1
 const NEAR: f64 = 0.05;
 
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize> Ident<M, NS, NU, NO, NP>

@@ -46,7 +46,7 @@ pub(super) struct Start {
     pub(super) tolerance: f64,
 }
 
-/// Smallest [`Start::tolerance`] that is of use.
+/// Smallest [`Start::tolerance`] that is of use. 1
 pub(super) const TOLERANCE_MIN: f64 = 1e-4;
 
 /// Most steps: the next step of the parameter goes on from here anyway.

@@ -319,8 +319,8 @@ fn every_limit_has_its_own_stop_and_keeps_the_best_iterate() {
 #[test]
 fn a_curve_without_descent_ends_at_the_damping_limit() {
     // A sharp minimum on a gentle gradient: the derivative points down, every step goes up.
-    let kink = |b: &Vector<1>, _| 1.0 + (b[0] - 1.0).abs().sqrt() + 1e-3 * b[0];
-    let mut curve = Curve::new(kink, &[(0.0, 0.0)], [1.0]);
+    let cusp = |b: &Vector<1>, _| 1.0 + (b[0] - 1.0).abs().sqrt() + 1e-3 * b[0];
+    let mut curve = Curve::new(cusp, &[(0.0, 0.0)], [1.0]);
     let no_tolerance = LmSettings { step_tolerance: 0.0, ..settings() };
     let report = solve(&mut curve, &no_tolerance, &mut || false).unwrap();
     assert_eq!(report.stop, LmStop::DampingLimit, "{report:?}");

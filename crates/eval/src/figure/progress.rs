@@ -108,10 +108,10 @@ fn open(figure: &mut Figure, y: Option<Axis>, name: &str, marks: &[f64]) -> Opti
     Some(panel)
 }
 
-/// A part of the path with the quantiles of its samples.
+/// A part of the path with the quantiles of its samples, in the unit of the figure.
 struct Part {
     number: usize,
-    /// Progress at its middle.
+    /// Progress at its middle. 1, 0..=1
     at: f64,
     low: f64,
     median: f64,

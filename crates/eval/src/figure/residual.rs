@@ -13,10 +13,10 @@ use super::quantity;
 /// Height of a panel. px
 const HEIGHT_PX: f64 = 110.0;
 
-/// The histogram reaches this many standard deviations from the mean.
+/// Reach of the histogram from the mean. standard deviations
 const REACH_STD: f64 = 5.0;
 
-/// White noise keeps 95 % of its autocorrelations within this over the root of the number of residuals.
+/// White noise keeps 95 % of its autocorrelations within this over the root of the number of residuals. 1
 const WHITE: f64 = 1.96;
 
 const NORMAL: Stroke = Stroke::solid(VERMILION, 1.6);
@@ -78,7 +78,7 @@ pub fn autocorrelation(pieces: &[&[f64]], lags: impl IntoIterator<Item = usize>)
     lags.into_iter().map(|lag| mean(lag) / variance).collect()
 }
 
-/// Number, mean and standard deviation (> 0) of all residuals of a row.
+/// Number, mean and standard deviation (> 0) of all residuals of a row, in its unit.
 struct Moments {
     count: f64,
     mean: f64,

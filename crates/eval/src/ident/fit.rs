@@ -78,7 +78,9 @@ struct Identification<'a, M, const NS: usize, const NP: usize> {
     influences: Vec<DelayInfluence<NP>>,
     /// Steps with lost commands, by log.
     steps_lost: Vec<usize>,
+    /// Standard deviations of the prior. Units of the rows
     prior_std: Vec<f64>,
+    /// Lower and upper bounds of the parameter. Units of the rows
     bounds: [Vec<f64>; 2],
 }
 

@@ -27,7 +27,8 @@ const VELOCITIES_MIN: usize = 500;
 /// No velocity of a vehicle: a jump of the poses. m/s
 const SPEED_MAX_MPS: f64 = 3.0;
 
-/// Sums over the velocities along one axis of the body.
+/// Sums of `u v`, `u^2` and `v^2` over the velocities `v` along one axis of the body, with the lagged stick `u`. m/s or
+/// rad/s; 1; the square of the former
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
     count: usize,

@@ -98,6 +98,6 @@ pub(super) struct DelayResult {
     pub(super) row: DelayRow,
     /// Dead times at which the cost was computed, ascending. s
     pub(super) dead_time_s: Vec<f64>,
-    /// Half the sum of squares there.
+    /// Half the sum of squares there. 1
     pub(super) cost: Vec<f64>,
 }

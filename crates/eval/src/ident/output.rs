@@ -34,7 +34,7 @@ pub fn write(dir: &Path, job: &Job<'_>, result: &FitResult) -> Result<Vec<PathBu
     let parameters = dir.join("parameters.json");
     match &result.parameter_file {
         Some(file) => {
-            // What flights taught is nowhere else.
+            // What flights identified is nowhere else.
             if has_flown(&parameters) {
                 written.push(keep_earlier(&parameters)?);
             }
@@ -77,8 +77,8 @@ pub fn is_earlier(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("parameters.earlier"))
 }
 
-/// Gives `parameters.json` the name `parameters.earlier.json`, or a numbered one: a file that flights have taught
-/// stays.
+/// Gives `parameters.json` the name `parameters.earlier.json`, or a numbered one: a file of what flights
+/// identified stays.
 fn keep_earlier(parameters: &Path) -> Result<PathBuf> {
     let name = |number: u32| match number {
         1 => "parameters.earlier.json".to_owned(),

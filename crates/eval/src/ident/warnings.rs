@@ -13,7 +13,7 @@ pub(super) const EXCITATION_MIN: f64 = 0.05;
 
 /// Autocorrelation of the observation residuals at [`WHITE_LAG_S`] above which they count as not white:
 /// what is left is then dynamics that the model does not know. Residuals of transitions are estimates
-/// themselves and never white.
+/// themselves and never white. 1
 const WHITE_MAX: f64 = 0.3;
 
 /// Lag at which the residuals are judged, about half a time constant of the vehicle. s
@@ -22,7 +22,7 @@ const WHITE_LAG_S: f64 = 0.2;
 /// Heading offset beyond which the object in the motion capture is likely defined askew. rad
 const THETA_0_MAX: f64 = 0.2;
 
-/// Part of the prior's standard deviation above which the data contain next to no information.
+/// Fraction of the prior's standard deviation above which the data contain next to no information. 1
 const PRIOR_RATIO: f64 = 0.5;
 
 /// Whether the logs contain next to no information on a parameter with this standard deviation by Laplace's
@@ -51,13 +51,14 @@ const DEAD_TIME_STD_MAX_S: f64 = 0.1;
 /// Results of an identification that the warnings are about.
 pub(super) struct IdentFindings<'a> {
     pub(super) parameters: &'a [ParameterRow],
-    /// Standard deviation that the prior gives each parameter; infinite without a prior.
+    /// Standard deviation that the prior gives each parameter; infinite without a prior. Units of
+    /// the rows
     pub(super) prior_std: Vec<f64>,
     pub(super) inputs: &'a [Row],
-    /// Root mean square of each applied input over the steps used.
+    /// Root mean square of each applied input over the steps used. 1
     pub(super) input_rms: Vec<f64>,
     pub(super) observations: &'a [Row],
-    /// Autocorrelation of the residuals of each observation row at [`WHITE_LAG_S`].
+    /// Autocorrelation of the residuals of each observation row at [`WHITE_LAG_S`]. 1
     pub(super) autocorrelation: Vec<f64>,
     pub(super) has_converged: bool,
     pub(super) delay: &'a [DelayRow],

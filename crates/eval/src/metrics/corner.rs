@@ -11,7 +11,7 @@ use super::reference_path::horizontal;
 const CORNER_LEFT_M: f64 = 0.25;
 
 /// Largest cosine of the turn at a corner. From a right angle on the path itself does not lead beyond
-/// it; the cosine of a right angle is zero up to rounding.
+/// it; the cosine of a right angle is zero up to rounding. 1
 const CORNER_COS_MAX: f64 = 1e-9;
 
 /// A target at which the way turns by a right angle or more.
@@ -19,9 +19,11 @@ const CORNER_COS_MAX: f64 = 1e-9;
 pub struct Corner {
     /// Index of the target.
     pub(super) target: usize,
+    /// The target, world frame. m
     at_w: Vector2<f64>,
     /// Unit vector along the incoming side.
     way_w: Vector2<f64>,
+    /// The next target, world frame. m
     next_w: Vector2<f64>,
     overshoot_m: f64,
     is_left: bool,

@@ -182,7 +182,7 @@ struct Step {
     step: u64,
 }
 
-/// The parameter of a CSV flight, by the names of its rows.
+/// The parameter of a CSV flight, by the names of its rows. m/s, m/s, rad/s, rad
 #[derive(Deserialize)]
 pub(super) struct GainRecord {
     lambda_h: f64,

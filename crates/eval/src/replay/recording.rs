@@ -79,7 +79,7 @@ struct Counts {
     ticks_link_down: u64,
     /// Root mean square distance of estimate and filtered pose, x, y and z. m
     rms_m: f64,
-    /// Parameter estimate at the end.
+    /// Parameter estimate at the end. Units of the rows
     p_hat: Vec<f64>,
 }
 

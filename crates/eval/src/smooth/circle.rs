@@ -12,11 +12,11 @@ use horizon_model::angle::wrap;
 /// Points of the grid: 0.01 rad apart.
 const POINTS: usize = 628;
 const SPACING_RAD: f64 = TAU / POINTS as f64;
-/// Cost of one squared grid step per period.
+/// Cost of one squared grid step per period. 1
 const STEP_COST: f64 = 0.35;
 /// Largest step, in points. A larger one would cost more than calling the sample a flip.
 const STEP_MAX: usize = 5;
-/// Noise of a heading: fraction and standard deviation (rad) of two normal laws; the rest is uniform.
+/// Noise of a heading: fraction and standard deviation of two normal laws; the rest is uniform. 1, rad
 const NARROW: (f64, f64) = (0.85, 0.04);
 const WIDE: (f64, f64) = (0.10, 0.15);
 
@@ -54,10 +54,10 @@ pub(super) fn best_so_far(samples: &[Option<f64>]) -> Vec<f64> {
     samples.iter().map(end).collect()
 }
 
-/// Cost of the best path that ends at each point.
+/// Cost of the best path that ends at each point. Negative log likelihood. 1
 struct Grid {
     cost: [f64; POINTS],
-    /// Cost of a sample by its distance around the circle, in points.
+    /// Cost of a sample by its distance around the circle, in points. Negative log likelihood. 1
     sample_cost: [f64; POINTS],
 }
 

@@ -12,7 +12,7 @@ mod row {
     pub(super) const ACCELERATION: usize = 2;
 }
 
-/// Degrees of freedom of the noise.
+/// Degrees of freedom of the noise. 1
 const DOF: f64 = 3.0;
 /// Reweighted passes: a fixed number, so that the cost does not depend on the noise.
 const PASSES: usize = 12;
@@ -49,6 +49,7 @@ impl From<Vector3<f64>> for Estimate {
 /// Prediction and update of one step by the forward recursion, for the backward one.
 #[derive(Debug, Clone, Copy)]
 struct Step {
+    /// Predicted value, rate and acceleration. Unit of the coordinate over powers of s
     s_pred: Vector3<f64>,
     covariance_pred: Matrix3<f64>,
     /// Gain, innovation and its variance; absent where nothing was observed.

@@ -25,7 +25,7 @@ pub(super) struct Committed {
     pub(super) last_given_steps: [usize; stick::COUNT],
     /// Stages of the first step that is not given, and of the one after it.
     pub(super) open_stages: [[usize; 2]; stick::COUNT],
-    /// Part of a step by which the dead time exceeds whole steps. 1
+    /// Fraction of a step by which the dead time exceeds whole steps. 1
     pub(super) fraction: Sticks,
     /// Stages in which some axis is decided.
     pub(super) given_stages: usize,

@@ -21,8 +21,8 @@ pub(super) struct HandOver {
 
 impl HandOver {
     /// The sticks to send for `u_new` of `pilot`, between them and the last ones that were sent before the pilot
-    /// took over: `u = (1 - c) u_before + c u_new`, with `c` from 0 to 1 in [`HAND_OVER_S`]. A controller that
-    /// takes over where no pilot steered has full authority at once, as after a take-off.
+    /// took over: `u = (1 - c) u_before + c u_new`, with `c`, `fraction` in code, from 0 to 1 in [`HAND_OVER_S`].
+    /// A controller that takes over where no pilot steered has full authority at once, as after a take-off.
     pub(super) fn blend(
         &mut self,
         pilot: Pilot,

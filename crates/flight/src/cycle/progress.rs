@@ -8,7 +8,7 @@ use crate::Mission;
 /// Duration of the mission over the planned one from which on its overtime counts. 1
 const PLANNED_RATIO_MAX: f64 = 2.0;
 
-/// Factor on the distance while the moving obstacle blocks the path to the reference. 1
+/// Factor on the distance while the moving obstacle blocks the path to the reference or was near lately. 1
 const BLOCKED_FACTOR: f64 = 0.5;
 
 /// A reference that turns back to a missed waypoint leaves a vehicle that flies on: dead time and braking. s
@@ -26,7 +26,7 @@ pub(super) struct Progress {
     targets_reached: usize,
     /// Least distance and turn since the reference was chosen; `None` before the first.
     least: Option<Least>,
-    /// Whether the moving obstacle was in the path to the reference.
+    /// Whether the distance counted by half in the tick before.
     was_blocked: bool,
     /// Whether the reference led back to a missed waypoint, and until when that counts, in `flown_s`. s
     was_returning: bool,
@@ -81,8 +81,8 @@ impl Progress {
         self.top_m = None;
     }
 
-    /// How the vehicle at `pose_hat` tracks its reference. While the moving obstacle is in the path, by
-    /// `is_path_blocked`, the growth of the distance counts by half. When it leaves, the least distance is set to the
+    /// How the vehicle at `pose_hat` tracks its reference. While `is_path_blocked` (the moving obstacle is in the path,
+    /// or was near lately), the growth of the distance counts by half. After that, the least distance is set to the
     /// present one.
     pub(super) fn tracking(
         &mut self,

@@ -77,7 +77,7 @@ pub struct CycleTable {
 }
 
 impl CycleTable {
-    /// Part of each dead time that a correction in flight leaves at least. 1, 0..=1
+    /// Fraction of each dead time that a correction in flight leaves at least. 1, 0..=1
     pub fn dead_time_min_ratio(&self) -> f64 {
         self.link.as_ref().map_or(0.0, |link| link.dead_time_min_ratio)
     }

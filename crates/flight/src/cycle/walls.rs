@@ -3,10 +3,10 @@
 //! Owns the distances that the controller's soft constraints (`plan_walls.rs`) need: of the planned pose from walls and
 //! obstacles, and of the position to which the vehicle would coast with neutral sticks from the walls, so that a
 //! flight that ends in neutral sticks tends to come to rest inside. Three predictions of the moving obstacle count. The
-//! supervisor's questions about positions and paths: `questions.rs`.
+//! supervisor's queries about positions and paths: `occupancy.rs`.
 
+mod occupancy;
 mod plan_walls;
-mod questions;
 mod table;
 
 use horizon_model::rows::{Pose, pos_w};
@@ -18,14 +18,14 @@ use serde::{Deserialize, Serialize};
 use super::moving_obstacle::MovingObstacle;
 use crate::obstacle::{self, SignedDistance};
 use crate::{Obstacle, ObstacleTable, Room};
+pub(super) use occupancy::climb_beside_m;
 pub(super) use plan_walls::PlanWalls;
-pub(super) use questions::climb_beside_m;
 pub use table::WallTable;
 
-/// Distance beyond the margin of a surface from which on the surface is left out of the constraints of a pose. m
+/// Distance beyond the margin of a wall or obstacle from which on it is left out of the constraints of a pose. m
 const BEYOND_MARGIN_M: f64 = 1.0;
 
-/// Least distance of a plan from all surfaces from which on no [`Clearance`] is reported. m
+/// Least distance of a plan from all walls and obstacles from which on no [`Clearance`] is reported. m
 const CLEARANCE_MAX_M: f64 = 1.0;
 
 /// A position of the moving obstacle that is nearer to the vehicle is that of the vehicle's markers: two rigid bodies
@@ -38,7 +38,7 @@ const STOP_S: f64 = 0.25;
 /// The room and what stands in it, as the plan sees them.
 #[derive(Debug, Clone)]
 pub(super) struct Walls {
-    surfaces: Vec<Surface>,
+    constraints: Vec<ObstacleConstraint>,
     table: WallTable,
     /// The moving obstacle by the newest tick.
     moving: MovingObstacle,
@@ -50,7 +50,7 @@ pub(super) struct Walls {
 
 /// A wall or obstacle that the plan keeps away from: one soft constraint.
 #[derive(Debug, Clone, Copy)]
-enum Surface {
+enum ObstacleConstraint {
     /// A wall of the room, by its number below [`Room::WALLS`].
     Wall(Room, usize),
     /// An obstacle that does not move.
@@ -100,25 +100,26 @@ impl Walls {
             return Err(SettingError::new("mpc.walls", "null", rule));
         };
         table.check().map_err(|error| error.under("mpc.walls"))?;
-        let walls =
-            room.into_iter().flat_map(|room| (0..Room::WALLS).map(move |i| Surface::Wall(room, i)));
+        let walls = room
+            .into_iter()
+            .flat_map(|room| (0..Room::WALLS).map(move |i| ObstacleConstraint::Wall(room, i)));
         let may_accelerate = table.obstacle_accel_mps2 > 0.0;
         let of = |obstacle: &Obstacle| {
             if obstacle.is_moving() {
-                Surface::Moving(*obstacle, Prediction::Velocity)
+                ObstacleConstraint::Moving(*obstacle, Prediction::Velocity)
             } else {
-                Surface::Fixed(*obstacle)
+                ObstacleConstraint::Fixed(*obstacle)
             }
         };
         let moving = obstacles.iter().find(|obstacle| may_accelerate && obstacle.is_moving());
-        let by = |prediction| moving.map(|moving| Surface::Moving(*moving, prediction));
-        let surfaces = walls
+        let by = |prediction| moving.map(|moving| ObstacleConstraint::Moving(*moving, prediction));
+        let constraints = walls
             .chain(obstacles.iter().map(of))
             .chain(by(Prediction::MeanVelocity))
             .chain(by(Prediction::Stop))
             .collect();
         Ok(Some(Self {
-            surfaces,
+            constraints,
             table: table.clone(),
             moving: MovingObstacle::default(),
             lead_s: 0.0,
@@ -159,30 +160,35 @@ impl Walls {
 
     /// Number of soft constraints of a planned pose.
     pub(super) fn count(&self) -> usize {
-        self.surfaces.len()
+        self.constraints.len()
     }
 
     fn fixed_obstacles(&self) -> impl Iterator<Item = &Obstacle> {
-        self.surfaces.iter().filter_map(|surface| match surface {
-            Surface::Fixed(obstacle) => Some(obstacle),
-            Surface::Wall(..) | Surface::Moving(..) => None,
+        self.constraints.iter().filter_map(|constraint| match constraint {
+            ObstacleConstraint::Fixed(obstacle) => Some(obstacle),
+            ObstacleConstraint::Wall(..) | ObstacleConstraint::Moving(..) => None,
         })
     }
 
     fn moving_obstacle(&self) -> Option<&Obstacle> {
-        self.surfaces.iter().find_map(|surface| match surface {
-            Surface::Moving(obstacle, _) => Some(obstacle),
-            Surface::Wall(..) | Surface::Fixed(_) => None,
+        self.constraints.iter().find_map(|constraint| match constraint {
+            ObstacleConstraint::Moving(obstacle, _) => Some(obstacle),
+            ObstacleConstraint::Wall(..) | ObstacleConstraint::Fixed(_) => None,
         })
     }
 
-    /// Distance from `surface`, `ahead_s` after the beginning of the plan.
-    fn distance(&self, surface: &Surface, at_w: &Vector3<f64>, ahead_s: f64) -> SignedDistance {
+    /// Distance from the wall or obstacle of `constraint`, `ahead_s` after the beginning of the plan.
+    fn distance(
+        &self,
+        constraint: &ObstacleConstraint,
+        at_w: &Vector3<f64>,
+        ahead_s: f64,
+    ) -> SignedDistance {
         let ahead_s = self.lead_s + ahead_s;
-        match surface {
-            Surface::Wall(room, i) => room.wall_distance(*i, at_w),
-            Surface::Fixed(obstacle) => obstacle.distance(at_w),
-            Surface::Moving(obstacle, prediction) => {
+        match constraint {
+            ObstacleConstraint::Wall(room, i) => room.wall_distance(*i, at_w),
+            ObstacleConstraint::Fixed(obstacle) => obstacle.distance(at_w),
+            ObstacleConstraint::Moving(obstacle, prediction) => {
                 let moving_w = match prediction {
                     Prediction::Velocity => self.moving.position(ahead_s),
                     Prediction::MeanVelocity => self.moving.position_by_mean(ahead_s),
@@ -193,26 +199,31 @@ impl Walls {
         }
     }
 
-    /// The lesser distance from `surface` of two positions, and whether it is that of the second one: `at_w`, and the
-    /// position `coasting_w` further where the vehicle would rest, which counts for walls only. The plan may coast
-    /// towards an obstacle that it is going to evade.
+    /// The lesser distance of two positions from the wall or obstacle, and whether it is that of the second one: `at_w`,
+    /// and the position `coasting_w` further where the vehicle would rest, which counts for walls only. The plan may
+    /// coast towards an obstacle that it is going to evade.
     fn least_distance(
         &self,
-        surface: &Surface,
+        constraint: &ObstacleConstraint,
         at_w: &Vector3<f64>,
         coasting_w: &Vector3<f64>,
         ahead_s: f64,
     ) -> (SignedDistance, bool) {
-        let here = self.distance(surface, at_w, ahead_s);
-        let Surface::Wall(..) = surface else { return (here, false) };
-        let at_rest = self.distance(surface, &(at_w + coasting_w), ahead_s);
+        let here = self.distance(constraint, at_w, ahead_s);
+        let ObstacleConstraint::Wall(..) = constraint else { return (here, false) };
+        let at_rest = self.distance(constraint, &(at_w + coasting_w), ahead_s);
         if at_rest.distance_m < here.distance_m { (at_rest, true) } else { (here, false) }
     }
 
-    /// Whether `surface` is a wall far beyond its margin, as nearly all walls are in nearly all plans; needs no
-    /// gradient.
-    fn is_far_wall(&self, surface: &Surface, at_w: &Vector3<f64>, ahead_s: f64) -> bool {
-        let Surface::Wall(room, i) = surface else { return false };
+    /// Whether `constraint` is that of a wall far beyond its margin, as nearly all walls are in nearly all plans; needs
+    /// no gradient.
+    fn is_far_wall(
+        &self,
+        constraint: &ObstacleConstraint,
+        at_w: &Vector3<f64>,
+        ahead_s: f64,
+    ) -> bool {
+        let ObstacleConstraint::Wall(room, i) = constraint else { return false };
         let (row, distance_m) = room.wall_distance_m(*i, at_w);
         self.still_margin_m(self.covariance_w[(row, row)], ahead_s) - distance_m < -BEYOND_MARGIN_M
     }
@@ -229,11 +240,12 @@ impl Walls {
         for (at, ahead_s) in poses {
             let at_w = pos_w(&at);
             let mut is_near = false;
-            for surface in &self.surfaces {
+            for constraint in &self.constraints {
                 let SignedDistance { distance_m, gradient_w } =
-                    self.distance(surface, &at_w, ahead_s);
-                is_near |= distance_m < self.margin_m(surface, &gradient_w, ahead_s);
-                is_clear &= distance_m >= 0.0 || matches!(surface, Surface::Moving(..));
+                    self.distance(constraint, &at_w, ahead_s);
+                is_near |= distance_m < self.margin_m(constraint, &gradient_w, ahead_s);
+                is_clear &=
+                    distance_m >= 0.0 || matches!(constraint, ObstacleConstraint::Moving(..));
                 if distance_m < found.distance_m {
                     (found.distance_m, found.ahead_s) = (distance_m, ahead_s);
                 }
@@ -243,15 +255,22 @@ impl Walls {
         ((found.distance_m < CLEARANCE_MAX_M).then_some(found), is_clear)
     }
 
-    /// Margin to `surface`, from which `gradient_w` leads away, `ahead_s` after the beginning of the plan. m
-    fn margin_m(&self, surface: &Surface, gradient_w: &Vector3<f64>, ahead_s: f64) -> f64 {
+    /// Margin of `constraint`, from which `gradient_w` leads away, `ahead_s` after the beginning of the plan. m
+    fn margin_m(
+        &self,
+        constraint: &ObstacleConstraint,
+        gradient_w: &Vector3<f64>,
+        ahead_s: f64,
+    ) -> f64 {
         let variance = gradient_w.dot(&(self.covariance_w * gradient_w));
         let margin_m = self.still_margin_m(variance, ahead_s);
-        let shown_mps2 = match surface {
-            Surface::Wall(..) | Surface::Moving(_, Prediction::Stop) => return margin_m,
-            Surface::Fixed(_) => return margin_m + self.table.vehicle_radius_m,
-            Surface::Moving(_, Prediction::Velocity) => self.shown_accel_mps2(),
-            Surface::Moving(_, Prediction::MeanVelocity) => 0.0,
+        let shown_mps2 = match constraint {
+            ObstacleConstraint::Wall(..) | ObstacleConstraint::Moving(_, Prediction::Stop) => {
+                return margin_m;
+            }
+            ObstacleConstraint::Fixed(_) => return margin_m + self.table.vehicle_radius_m,
+            ObstacleConstraint::Moving(_, Prediction::Velocity) => self.shown_accel_mps2(),
+            ObstacleConstraint::Moving(_, Prediction::MeanVelocity) => 0.0,
         };
         let least_mps2 = self.table.obstacle_accel_mps2;
         margin_m + 0.5 * least_mps2.max(shown_mps2) * (self.lead_s + ahead_s).powi(2)
@@ -267,7 +286,7 @@ impl Walls {
         self.table.obstacle_accel_mps2 > 0.0
     }
 
-    /// Margin to a surface that does not move, with this variance of the position towards it, m^2. m
+    /// Margin of a wall or obstacle that does not move, with this variance of the position towards it, m^2. m
     fn still_margin_m(&self, variance: f64, ahead_s: f64) -> f64 {
         let sd_m = variance.max(0.0).sqrt();
         self.table.margin_m + self.table.growth_mps * ahead_s + self.table.margin_sd * sd_m

@@ -8,14 +8,15 @@ use nalgebra::SVector;
 
 use super::Vehicle;
 
-/// The states that follow all commands, since an outage began.
+/// The states that follow all commands, since an outage was detected.
 #[derive(Debug, Clone)]
 pub(super) struct WorstCase<const NS: usize, const NP: usize> {
     /// The parameter before the flight. An object that follows no commands has lowered the gains of the estimate
     /// before the outage is detected.
     p_prior: SVector<f64, NP>,
-    /// With the estimate of the parameter, and with the parameter before the flight.
+    /// With the estimate of the parameter, and with the parameter before the flight. Units of the rows
     s: Option<[SVector<f64, NS>; 2]>,
+    /// Time since the detection. s
     for_s: f64,
 }
 
@@ -46,7 +47,8 @@ impl<const NS: usize, const NP: usize> WorstCase<NS, NP> {
         self.for_s += dt_s;
     }
 
-    /// States by the estimated parameter and by the prior, and the time since the onset; `None` without an outage. s
+    /// States by the estimated parameter and by the prior, and the time since the detection, s; `None` without an
+    /// outage.
     pub(super) fn states(&self) -> Option<([SVector<f64, NS>; 2], f64)> {
         Some((self.s?, self.for_s))
     }

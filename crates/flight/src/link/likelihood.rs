@@ -1,8 +1,8 @@
 //! The likelihood of a sample whose noise has heavy tails (Huber, *Robust estimation of a location parameter*, 1964).
 
-/// Error, in standard deviations, from which on a sample counts linearly.
+/// Error, in standard deviations, from which on a sample counts linearly. 1
 const HUBER: f64 = 2.0;
-/// Error, in standard deviations, beyond which a sample is left out: a heading that is wrong may be so by any angle.
+/// Error, in standard deviations, beyond which a sample is left out: a heading that is wrong may be so by any angle. 1
 const CAP: f64 = 6.0;
 
 /// Log likelihood of `error` with `variance`, up to a constant, and the weight of the sample (Huber).

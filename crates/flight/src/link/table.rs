@@ -37,13 +37,13 @@ pub struct LinkTable {
     pub outage_evidence: f64,
     /// Evidence from which on its end counts. Log likelihood ratio. 1, > 0
     pub return_evidence: f64,
-    /// Time after which an outage no longer counts if no motion speaks for or against it. s, > 0
+    /// Time after which an outage no longer counts if no motion shows it or the contrary. s, > 0
     pub forget_s: f64,
     /// Most by which a flight corrects each dead time: all alike by what it shows of the horizontal one, unless
     /// `height` is set. Missing: 0, they stay. s, 0..=0.5
     #[serde(default)]
     pub dead_time_change_s: f64,
-    /// Part of its configured dead time that such a correction leaves each axis. An axis that is taken for faster
+    /// Fraction of its configured dead time that such a correction leaves each axis. An axis that is taken for faster
     /// than it is oscillates, and what pushes the vehicle on looks like an early answer. Missing: 0. 1, 0..=1
     #[serde(default)]
     pub dead_time_min_ratio: f64,

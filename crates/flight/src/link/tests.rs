@@ -64,7 +64,7 @@ impl Flight {
         flight
     }
 
-    /// Flies `steps` with `pitch`, of which the vehicle hears or not; the decision of every step.
+    /// Flies `steps` with `pitch`, which the vehicle receives or not; the decision of every step.
     fn fly(&mut self, steps: usize, pitch: f64, is_heard: bool) -> Vec<LinkDecision> {
         self.fly_as(steps, pitch, if is_heard { pitch } else { 0.0 })
     }
@@ -273,7 +273,7 @@ fn sticks_in_the_dead_zone_say_nothing_and_an_outage_fades() {
     }
     flight.fly(100, 0.3, true);
     assert!(flight.fly(60, 0.3, false).iter().any(|decision| decision.state.is_down()));
-    // The vehicle comes to rest, still deaf.
+    // The vehicle comes to rest, the outage goes on.
     let decisions = flight.fly(700, 0.0, false);
     let faded = decisions.iter().position(|decision| !decision.state.is_down()).unwrap();
     // Evidence that was left when the sticks were released shifts it by a second.

@@ -17,7 +17,7 @@ use crate::trajectory::Trajectory;
 /// Longest path. m
 const LENGTH_MAX_M: f64 = 500.0;
 
-/// Most turns: those of the smallest circle on the longest path.
+/// Most turns: those of the smallest circle on the longest path. turns
 const TURNS_MAX: f64 = 1600.0;
 
 /// A larger angle loses its digits. rad
@@ -29,7 +29,7 @@ const DURATION_MAX_S: f64 = 3600.0;
 /// Speed and yaw rate to the beginning of a trajectory that is slower, or stands still. m/s, rad/s
 const SLOWEST: (f64, f64) = (0.3, 0.5);
 
-/// Of the distance at which corners pass their waypoints: after a missed one.
+/// Of the distance at which corners pass their waypoints: after a missed one. 1
 const CAREFUL_CORNERS: f64 = 0.5;
 
 /// A limit that does not limit. m/s, m/s^2, rad/s

@@ -73,7 +73,7 @@ pub(super) struct Follower {
     settle_periods: usize,
     stage: FollowStage,
     time: PathTime,
-    /// Pace that the lag of the vehicle allows.
+    /// Pace that the lag of the vehicle allows. 1, 0..=1
     pace_max: f64,
     /// Node of the trajectory up to which the vehicle has come.
     vehicle_node: usize,

@@ -99,7 +99,7 @@ impl Demands {
     }
 }
 
-/// Fraction of the time at either end, after and before rest, that does not count as slow.
+/// Fraction of the time at either end, after and before rest, that does not count as slow. 1
 const END: f64 = 0.2;
 
 impl Survey {

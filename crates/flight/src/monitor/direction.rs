@@ -59,7 +59,7 @@ pub(super) struct DirectionMonitor {
     before: Option<Pose>,
     /// Heading of the newest pose with one. rad
     theta_rad: f64,
-    since: SincePose,
+    since: PoseInterval,
     /// `v_u` over the gain, in the newest period. 1
     v_u_w: Complex<f64>,
     /// `y`: what is left of the velocity at the beginning of the comparison, over that velocity; 0 from rest. 1
@@ -84,7 +84,7 @@ pub(super) struct DirectionMonitor {
 
 /// Sums over the periods since the newest pose.
 #[derive(Debug, Clone, Copy, Default)]
-struct SincePose {
+struct PoseInterval {
     /// Number of periods.
     count: usize,
     /// Sum of [`DirectionMonitor::v_u_w`]. 1
@@ -132,7 +132,7 @@ struct Sums {
 struct Turn {
     /// Counter-clockwise from above. rad
     angle_rad: f64,
-    /// Square of the coefficient of correlation.
+    /// Square of the coefficient of correlation. 1, 0..=1
     correlation2: f64,
 }
 
@@ -188,7 +188,7 @@ impl DirectionMonitor {
     /// Forgets the motion and begins at rest.
     pub(super) fn restart(&mut self) {
         self.before = None;
-        self.since = SincePose::default();
+        self.since = PoseInterval::default();
         self.v_u_w = Complex::default();
         self.decay = 0.0;
         self.count = 0;
@@ -251,7 +251,7 @@ impl DirectionMonitor {
 
     /// Enters the motion to a new pose, in each of its periods the mean of all.
     fn move_to(&mut self, now: &Pose) {
-        let SincePose { count, v_u_w, decay } = std::mem::take(&mut self.since);
+        let PoseInterval { count, v_u_w, decay } = std::mem::take(&mut self.since);
         let Some(before) = self.before.replace(*now) else { return };
         let periods = count as f64;
         if periods * self.dt_s > MOTION_MAX_S + 0.5 * self.dt_s {

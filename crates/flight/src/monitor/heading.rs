@@ -33,9 +33,9 @@ pub(super) struct HeadingMonitor {
     limit_rad: f64,
     dt_s: f64,
     /// Newest heading by the poses. rad
-    before_pose: Option<f64>,
+    before_pose_rad: Option<f64>,
     /// Newest heading by the drone. rad
-    before_drone: Option<f64>,
+    before_drone_rad: Option<f64>,
     /// Times since the newest headings by the poses and by the drone. s
     since_s: [f64; 2],
     /// Whether the heading of the next pose is that of an earlier one.
@@ -57,13 +57,14 @@ enum Sense {
 
 /// Exponentially forgotten sums of turns.
 #[derive(Debug, Clone, Copy, Default)]
+#[expect(clippy::struct_field_names, reason = "the postfix is the unit")]
 struct Turns {
     /// `q_o`, by the poses. rad
-    poses: f64,
+    by_poses_rad: f64,
     /// `q_d`, by the drone, whose sense is not known. rad
-    drone: f64,
+    by_drone_rad: f64,
     /// `q_u`, by the inputs of a typical vehicle. rad
-    inputs: f64,
+    by_inputs_rad: f64,
 }
 
 impl HeadingMonitor {
@@ -73,7 +74,7 @@ impl HeadingMonitor {
 
     /// Forgets the turns; the sense of the drone's heading stays.
     pub(super) fn rest(&mut self) {
-        (self.before_pose, self.before_drone) = (None, None);
+        (self.before_pose_rad, self.before_drone_rad) = (None, None);
         self.since_s = [0.0; 2];
         self.asked_radps = 0.0;
         self.turns = Turns::default();
@@ -96,7 +97,8 @@ impl HeadingMonitor {
         for (since_s, heading_rad) in self.since_s.iter_mut().zip([by_pose, by_drone]) {
             *since_s = if heading_rad.is_some() { 0.0 } else { *since_s + self.dt_s };
         }
-        let turned_rad = by_drone.map_or(0.0, |by_drone| turned(&mut self.before_drone, by_drone));
+        let turned_rad =
+            by_drone.map_or(0.0, |by_drone| turned(&mut self.before_drone_rad, by_drone));
         if turned_rad.abs() > TURN_MAX_RAD {
             self.rest();
             return (Agreement::Unknown, 0.0);
@@ -105,13 +107,14 @@ impl HeadingMonitor {
         let target_radps = yaw_rate_radps(&sample.u_applied);
         self.asked_radps += (target_radps - self.asked_radps) * (1.0 - decay(self.dt_s, YAW_LAG_S));
         let turns = &mut self.turns;
-        turns.drone = turns.drone * keep + turned_rad;
-        turns.inputs = turns.inputs * keep + self.asked_radps * self.dt_s;
-        turns.poses *= keep;
+        turns.by_drone_rad = turns.by_drone_rad * keep + turned_rad;
+        turns.by_inputs_rad = turns.by_inputs_rad * keep + self.asked_radps * self.dt_s;
+        turns.by_poses_rad *= keep;
         if let Some(by_pose) = by_pose {
-            turns.poses += turned(&mut self.before_pose, by_pose);
+            turns.by_poses_rad += turned(&mut self.before_pose_rad, by_pose);
         }
-        let shown = [turns.inputs, turns.poses].map(|turn_rad| turns.sense_of(turn_rad));
+        let shown =
+            [turns.by_inputs_rad, turns.by_poses_rad].map(|turn_rad| turns.sense_of(turn_rad));
         self.sense = match (self.sense, shown) {
             (_, [Some(by_inputs), Some(by_poses)]) if by_inputs == by_poses => Some(by_poses),
             (None, [by_inputs, by_poses]) if by_inputs.is_none() || by_poses.is_none() => {
@@ -120,7 +123,7 @@ impl HeadingMonitor {
             (known, _) => known,
         };
         let Some(sense) = self.sense else { return (Agreement::Unknown, 0.0) };
-        let error_rad = (turns.poses - turns.by_drone_rad(sense)).abs();
+        let error_rad = (turns.by_poses_rad - turns.signed_by_drone_rad(sense)).abs();
         if by_pose.is_none() {
             self.doubt.wait(self.dt_s);
         }
@@ -137,25 +140,26 @@ impl HeadingMonitor {
 
 impl Turns {
     /// Turn by the drone, counter-clockwise if its heading grows in this sense. rad
-    fn by_drone_rad(&self, sense: Sense) -> f64 {
+    fn signed_by_drone_rad(&self, sense: Sense) -> f64 {
         match sense {
-            Sense::CounterClockwise => self.drone,
-            Sense::Clockwise => -self.drone,
+            Sense::CounterClockwise => self.by_drone_rad,
+            Sense::Clockwise => -self.by_drone_rad,
         }
     }
 
     /// Sense in which the drone followed `turn_rad`; `None` if it turned too little or by another amount.
     fn sense_of(&self, turn_rad: f64) -> Option<Sense> {
-        let largest_rad = TOLERANCE * self.drone.abs().max(turn_rad.abs());
-        let follows = |sense: &Sense| (self.by_drone_rad(*sense) - turn_rad).abs() <= largest_rad;
-        let has_turned = self.drone.abs() >= TURN_MIN_RAD;
+        let largest_rad = TOLERANCE * self.by_drone_rad.abs().max(turn_rad.abs());
+        let follows =
+            |sense: &Sense| (self.signed_by_drone_rad(*sense) - turn_rad).abs() <= largest_rad;
+        let has_turned = self.by_drone_rad.abs() >= TURN_MIN_RAD;
         [Sense::CounterClockwise, Sense::Clockwise].into_iter().find(follows).filter(|_| has_turned)
     }
 
     /// Whether the drone is so much nearer to the inputs than the poses are that it contradicts them.
     fn is_drone_nearer(&self, sense: Sense) -> bool {
-        let by_poses_rad = (self.poses - self.inputs).abs();
-        (self.by_drone_rad(sense) - self.inputs).abs() <= NEARER * by_poses_rad
+        let poses_off_rad = (self.by_poses_rad - self.by_inputs_rad).abs();
+        (self.signed_by_drone_rad(sense) - self.by_inputs_rad).abs() <= NEARER * poses_off_rad
     }
 }
 

@@ -11,7 +11,7 @@ use horizon_model::rows::pose;
 use super::{Agreement, Doubt, Sample};
 use crate::forgetting::decay;
 
-/// Time within which a difference is forgotten. s
+/// Time constant with which a difference is forgotten. s
 const FORGET_S: f64 = 30.0;
 /// Limit of the difference without forgetting, since the take-off, over `limit_m`. 1
 const WHOLE_FLIGHT_RATIO: f64 = 1.5;

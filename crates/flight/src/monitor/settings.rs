@@ -13,8 +13,8 @@ pub struct MonitorTable {
     /// m, 0.0005..=0.01
     pub still_m: f64,
     /// Difference between the displacement by the poses and by the drone's velocity, forgotten within
-    /// 15 s, from which on it is in doubt; doubt for 1.5 s, or twice as much for 0.3 s, ends the flight. `null`: the
-    /// drone's velocity is not looked at. m, 0.2..=5
+    /// 15 s, from which on it is in doubt; doubt of 1.5 s in sum, or of 0.3 s while the difference is twice as large
+    /// for 0.11 s, ends the flight. `null`: the drone's velocity is not looked at. m, 0.2..=5
     #[serde(deserialize_with = "crate::present")]
     pub displacement_m: Option<f64>,
     /// Difference between the heights by the poses and by the drone, compared as `displacement_m`. m, 0.2..=5

@@ -5,10 +5,10 @@ use nalgebra::Vector3;
 
 use super::{Path, Point, parts};
 
-/// Turns beyond this are flown to the waypoint and back instead of around it. Cosine of 168 degrees.
+/// Turns beyond this are flown to the waypoint and back instead of around it. Cosine of 168 degrees. 1
 const REVERSAL_COS: f64 = -0.98;
 
-/// Sine of half the turn below which a corner is straight.
+/// Sine of half the turn below which a corner is straight. 1
 const STRAIGHT_SIN: f64 = 1e-6;
 
 /// Shortest blend that is worth flying. m

@@ -19,7 +19,7 @@ pub enum Heading {
     Along,
 }
 
-/// Horizontal part of a direction below which it has none.
+/// Horizontal part of a direction below which it has none. 1
 const HORIZONTAL_MIN: f64 = 1e-6;
 
 impl Path {

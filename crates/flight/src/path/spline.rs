@@ -8,7 +8,7 @@ use super::{Path, Point, parts};
 /// Passes of the iteration for the second derivatives. Each one at least halves the error.
 const PASSES: u32 = 60;
 
-/// Speed below which a spline has no direction, in units of its parameter.
+/// Speed below which a spline has no direction, in units of its parameter. 1
 const CUSP_SPEED: f64 = 1e-6;
 
 /// The cubic spline through `waypoints` over the chord length: direction and curvature are

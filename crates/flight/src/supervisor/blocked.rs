@@ -1,4 +1,4 @@
-//! Plans that lead outside of the room or into an obstacle, and for how long: the leaky sum b of `docs/model.md`,
+//! Plans that lead outside of the room or into an obstacle, and for how long: the leaky sum `t_b` of `docs/model.md`,
 //! section 6; and vehicles that do not get past an obstacle.
 
 use horizon_model::rows::pos_w;

@@ -111,7 +111,7 @@ pub struct EstimatedMotion {
 /// A command outage as detected from the motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outage {
-    /// How long it has lasted since its onset. s
+    /// Time since it was detected. s
     pub for_s: f64,
     /// Whether the drone goes on with the command of its beginning, in place of none.
     pub is_held: bool,

@@ -86,7 +86,7 @@ faults! {
     ObstacleEntered: "inside of an obstacle", Land, Note;
     /// The position of the moving obstacle is unknown: plans cannot keep away from it.
     ObstacleUnseen: "obstacle unseen", Brake, Note;
-    /// For 0.3 s in the take-off, until the drone obeys sticks, the moving obstacle comes near or its position is
+    /// For 0.3 s in the take-off, until the drone executes sticks, the moving obstacle comes near or its position is
     /// unknown.
     ObstacleApproaches: "obstacle approaches", Land, Note;
     /// Where plans know no walls, or by hand: the vehicle would come to rest outside of the room.
@@ -117,7 +117,7 @@ faults! {
     // A mission does not bind a person.
     MissionOverdue: "mission overdue", BrakeAndLand, Note;
     /// In a command outage the drone goes on with an old command.
-    // A drone that keeps an old command ignores the brake; a drone that a draught carries obeys it.
+    // A drone that keeps an old command ignores the brake; a drone that a draught carries executes it.
     OutageHeld: "old command held", Brake, Note;
     /// A command outage lasts longer than `failsafe.outage_s`, or `failsafe.outage_alone_s` while nothing confirms it.
     OutageLong: "outage too long", Land, Note;
@@ -131,7 +131,7 @@ faults! {
     /// Before the take-off the drone has reported for a second that it flies: it took off without our order.
     TookOffUnasked: "took off unasked", Land, Land;
     /// The drone has not reported for longer than `drone_silent_s`.
-    // A silent drone may still obey: a person who sees it can judge that.
+    // A silent drone may still execute orders: a person who sees it can judge that.
     DroneSilent: "drone silent", BrakeAndLand, Note;
     /// The drone reports for a second that it stands, in flight or after it flew in the take-off. It landed by itself,
     /// fell or was caught.

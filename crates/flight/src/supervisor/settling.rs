@@ -1,7 +1,7 @@
 //! The hover after a take-off, before control starts.
 //!
 //! Owns where the vehicle stood, and when the hover ends: the firmware holds the vehicle meanwhile, unless a draught or
-//! a floor without texture carries it away. Before the end of its own climb a drone does not obey.
+//! a floor without texture carries it away. Before the end of its own climb a drone ignores sticks.
 
 use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, pose};

@@ -19,8 +19,9 @@ const RATE_TOLERANCE: f64 = 5e-3;
 /// Fraction of the frames that come later than half of the wait. 1
 const LATE_FRACTION: f64 = 0.01;
 
-/// Change of the phase by a late frame, which exceeds that by a timely one by `(1 - LATE_FRACTION) /
-/// LATE_FRACTION`. The latter, 4 us a period, is twice the drift of two clocks that differ by 100 ppm. ns
+/// `a` of `docs/model.md`, section 5: a late frame moves the phase by `a (1 - LATE_FRACTION)`, a timely one by
+/// `a LATE_FRACTION` the other way. The latter, 4 us a period, is twice the drift of two clocks that differ by
+/// 100 ppm. ns
 const LATE_STEP_NS: f64 = 0.4e6;
 
 /// Largest change of a period. ns

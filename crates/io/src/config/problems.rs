@@ -155,7 +155,7 @@ impl Refusal {
 }
 
 /// All mistakes of the settings file `path`; a file that cannot be read is one mistake. `template` makes a valid file
-/// with the lists and kinds of the given one, `check` finds the mistakes of values.
+/// with the lists and kinds of the given one, `check` names the first value that breaks its rule.
 pub fn problems<T: DeserializeOwned>(
     path: &Path,
     template: impl Fn(&Value) -> Option<Value>,

@@ -31,7 +31,7 @@ pub(super) enum Note {
     KeyExpired = 1,
     /// A stick of a silent device was centred in the person's place.
     AxisExpired = 2,
-    /// An order to take off that was not obeyed in time, or of a drone that was moved, counts no more.
+    /// An order to take off that was not executed in time, or of a drone that was moved, counts no more.
     TakeOffLapsed = 3,
 }
 

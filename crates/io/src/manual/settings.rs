@@ -46,6 +46,7 @@ pub struct ManualSettings {
     pub(super) smoothing_s: f64,
     /// How long something acts without news of it.
     pub(super) timers: Timers,
+    /// Deflection of a gamepad's stick without effect. 1, 0..1
     dead_zone: f64,
 }
 

@@ -9,7 +9,7 @@
 use horizon_model::rows::Pose;
 
 /// Least height of the tip of the body's z axis: a vehicle whose top is further than 60 degrees from up has tipped
-/// over, or its object has other axes.
+/// over, or its object has other axes. 1
 const TOP_MIN: f64 = 0.5;
 
 /// A body that the mocap system sees.

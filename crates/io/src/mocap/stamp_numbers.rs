@@ -2,7 +2,7 @@
 //!
 //! Owns their order: rounded, the stamps of two frames can have one number, and it would be taken for one frame.
 
-/// Part of a period within which two stamps are those of one frame, of another object or sensor.
+/// Time within which two stamps are those of one frame, of another object or sensor. periods
 const ONE_FRAME: f64 = 0.25;
 
 /// Numbers that grow with time, one per period.

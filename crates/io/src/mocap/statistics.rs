@@ -188,7 +188,7 @@ impl MocapCounters {
         (hz > 0.0).then_some(hz)
     }
 
-    /// Why a connection was given up that made no sense; `None` once a frame was understood after it.
+    /// Error for which the newest connection was closed; `None` once a frame was decoded after it.
     pub fn given_up(&self) -> Option<SourceError> {
         self.given_up.lock().clone()
     }

@@ -180,7 +180,7 @@ impl DroneClient {
         Ok(started)
     }
 
-    /// Obeys an emergency stop also while no orders come from the control thread.
+    /// Executes an emergency stop also while no orders come from the control thread.
     pub fn obey(&mut self, emergency: EmergencyRequest) {
         self.emergency = emergency;
     }

@@ -13,7 +13,7 @@
 //! - A landing ends when both sources, status and pose, report that the drone is down, or one of them for
 //!   10 s while the other reports nothing.
 //! - An emergency stop is allowed in any state. Nothing but another emergency stop follows it, and a landing if
-//!   the drone still flies 0.6 s later: that the binary protocol obeys an emergency stop was never verified.
+//!   the drone still flies 0.6 s later: that the binary protocol executes an emergency stop was never verified.
 
 mod airborne;
 mod binary;

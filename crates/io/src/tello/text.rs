@@ -28,7 +28,7 @@ const COMMAND_BYTES_MAX: usize = 200;
 /// A command of the host.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Command {
-    /// Enters SDK mode; nothing is obeyed before it.
+    /// Enters SDK mode; nothing is executed before it.
     Enter,
     /// Starts the motors and climbs; answered when the drone hovers.
     TakeOff,
@@ -140,7 +140,7 @@ const SETTINGS: [&str; 16] = [
     "multiwifi",
 ];
 
-/// Why a command is not obeyed: the drone's reply in words.
+/// Why a command is not executed: the drone's reply in words.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum CommandError {
     /// The word is not one of the SDK's, or its arguments do not fit it.

@@ -5,7 +5,7 @@ use super::graph::{Binary, Graph, Id, Node, Unary, Variable, children, index, sa
 impl Graph {
     /// Derivatives of the expressions `of` by a variable, by the chain rule over the graph.
     ///
-    /// At a kink of `min` and `max` it is the derivative of one side, of `abs` it is 0, and of `sign` it is 0
+    /// At a corner of `min` and `max` it is the derivative of one side, of `abs` it is 0, and of `sign` it is 0
     /// everywhere. A function of what does not change at the point does not change: its derivative is 0 there, however
     /// steep it is itself, as that of `sqrt(max(x, 0))` for negative `x`; but that of `atan2` has none where both
     /// arguments are 0.

@@ -1,8 +1,8 @@
 //! The vehicle model of real flights: sticks drive velocities that lag behind.
 //!
 //! Owns dead zone, first-order velocity lag in the world frame, acceleration limit and decaying
-//! disturbance velocity, with the kinks rounded so that a solver can differentiate them. Dead time
-//! lives outside: the inputs here are those that act. Derivation: `docs/model.md`, section 1.
+//! disturbance velocity, with the corners rounded so that a solver can differentiate them. The dead time is in
+//! `input_delay.rs`: inputs here are the applied ones. Derivation: `docs/model.md`, section 1.
 
 mod smooth;
 mod terms;

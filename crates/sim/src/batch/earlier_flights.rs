@@ -48,7 +48,7 @@ pub(super) fn after(
                 break false;
             }
         };
-        // As `fly`: a flight that landed early teaches nothing.
+        // As `fly`: nothing is learned from a flight that landed early.
         let found = flown.parameter_estimate().filter(|_| is_done);
         if let Some(found) = found {
             let done = FlightDone { found: &found, date: "simulated", is_simulated: true };

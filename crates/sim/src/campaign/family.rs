@@ -14,19 +14,19 @@ use self::values::{log_between, pick, sign};
 use crate::random::{Purpose, Random};
 use crate::{InjectedFault, ScriptedFault, SimTable};
 
-/// Most faults of a flight that have a time.
+/// Most faults of a flight that have a time. 1
 const FAULTS_MAX: f64 = 3.0;
 /// Faults begin within this time after the start. s
 const BEGIN_MAX_S: f64 = 18.0;
 /// Shortest and longest fault but those that stay; the logarithm is uniform. s
 const LENGTH_S: [f64; 2] = [0.1, 10.0];
-/// Fraction of the faults that stay.
+/// Fraction of the faults that stay. 1
 const STAYING: f64 = 0.3;
 /// A fault that stays. s
 const FOR_EVER_S: f64 = 1e3;
 /// Longest stall of the control loop but one that stays. s
 const STALL_MAX_S: f64 = 0.4;
-/// Probability of each family that is there from the start: a set-up or a switch of the drone.
+/// Probability of each family that is there from the start: a set-up or a switch of the drone. 1
 const LASTING: f64 = 0.04;
 
 /// Something that is wrong in a flight: faults with a time, then, from `NoEmergency` on, what lasts for the flight.
@@ -95,7 +95,7 @@ pub enum Family {
     SecondController,
     /// The control loop stands still for up to 0.4 s, or for ever.
     Stall,
-    /// The drone does not obey the order to stop the motors.
+    /// The drone does not execute the order to stop the motors.
     NoEmergency,
     /// A landing goes on with the last sticks.
     LandingKeepsSticks,

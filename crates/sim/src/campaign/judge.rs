@@ -51,7 +51,7 @@ pub(super) enum End {
 #[serde(rename_all = "snake_case")]
 pub(super) enum Violation {
     /// Further outside of the room than it takes to stop from where it left it, or from where the drone
-    /// began to obey again.
+    /// began to execute orders again.
     LeftRoom,
     /// Sticks on the wire after an order to land: not neutral, or neutral without an order to land
     /// directly behind them.
@@ -75,7 +75,7 @@ pub(super) struct MeasuredReaction {
     pub is_mission_over: bool,
     /// Furthest of the true vehicle from where it was at the beginning, in flight. m
     pub travelled_m: f64,
-    /// Furthest of the true vehicle outside of the room, whether the drone obeyed or not. m
+    /// Furthest of the true vehicle outside of the room, whether the drone executed its orders or not. m
     pub outside_m: f64,
 }
 
@@ -121,7 +121,7 @@ pub(super) struct Judge {
     is_ignored: bool,
     /// How far outside it may be; `None` inside. m
     allowed_m: Option<f64>,
-    /// Furthest outside while the drone obeyed. m
+    /// Furthest outside while the drone executed its orders. m
     pub(super) excess_m: f64,
     found: BTreeSet<Violation>,
     /// Faults reported in flight before anything was wrong.
@@ -187,7 +187,7 @@ impl Judge {
         }
     }
 
-    /// While the drone ignores its orders the vehicle may go anywhere; from where it obeys again it
+    /// While the drone ignores its orders the vehicle may go anywhere; from where it executes them again it
     /// needs its way to a stop, as from where it leaves the room, and drifts until it is down.
     fn measure_excess(&mut self, truth: &Truth, dt_s: f64) {
         let Some(room) = self.room else { return };

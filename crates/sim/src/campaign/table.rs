@@ -30,7 +30,7 @@ pub(super) struct FamilyRow {
     land_s: Option<[f64; 2]>,
     /// Way of the true vehicle from where the fault could be observed: median and largest. m
     travelled_m: Option<[f64; 2]>,
-    /// Furthest outside of the room, whether the drone obeyed or not. m
+    /// Furthest outside of the room, whether the drone executed its orders or not. m
     outside_m: f64,
     /// Flights that did what none may do.
     violations: usize,

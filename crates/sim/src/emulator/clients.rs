@@ -67,7 +67,7 @@ impl<S: Default> Clients<S> {
         self.send(|_, _| ());
     }
 
-    /// Sends what `speak` appends for each client; who left is forgotten.
+    /// Sends what `send` appends for each client; disconnected clients are removed.
     pub(super) fn send(&mut self, mut send: impl FnMut(&mut S, &mut Vec<u8>)) {
         self.connected.retain_mut(|client| {
             send(&mut client.state, &mut client.backlog);

@@ -202,7 +202,7 @@ fn faults_are_switched_live() {
     let host = Host::new(&emulator);
     host.0.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
     host.send(&HostPacket::ConnReq { video_port: 6038 });
-    assert!(host.0.recv(&mut [0; 64]).is_err(), "a deaf drone answered");
+    assert!(host.0.recv(&mut [0; 64]).is_err(), "a drone that ignores packets answered");
 }
 
 #[test]

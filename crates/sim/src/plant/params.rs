@@ -143,7 +143,7 @@ impl PlantParams {
     }
 }
 
-/// `nominal` with a normal spread, clipped to `range`, which is widened to contain `nominal`: a vehicle
+/// `nominal` with a normal spread, clipped to `lo..=hi`, which is widened to contain `nominal`: a vehicle
 /// set outside the range of the fitted ones stays where it was set.
 fn spread(random: &mut Random, nominal: f64, sd: f64, (lo, hi): (f64, f64)) -> f64 {
     (nominal + sd * random.normal()).clamp(lo.min(nominal), hi.max(nominal))

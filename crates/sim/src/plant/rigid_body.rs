@@ -22,7 +22,7 @@ const H_S: f64 = DT_S / SUBSTEPS as f64;
 const CLIMB_KP: f64 = 3.0;
 /// Integral gain of that loop. 1/s^2
 const CLIMB_KI: f64 = 2.0;
-/// Largest change of the collective thrust, as a fraction of the weight.
+/// Largest change of the collective thrust, as a fraction of the weight. 1
 const THRUST_MARGIN: f64 = 0.5;
 /// Natural frequency of the yaw rate loop times the time constant of the yaw axis. 1
 const YAW_STIFFNESS: f64 = 1.6;
@@ -99,13 +99,13 @@ impl RigidBodyTable {
 /// Velocities that the inputs ask for, in the frame of the direction of flight.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct VelocitySetpoint {
-    /// m/s
+    /// Velocity forward. m/s
     pub(super) forward_mps: f64,
-    /// m/s
+    /// Velocity to the right. m/s
     pub(super) right_mps: f64,
-    /// m/s
+    /// Velocity upwards. m/s
     pub(super) climb_mps: f64,
-    /// rad/s
+    /// Yaw rate, counter-clockwise from above. rad/s
     pub(super) yaw_radps: f64,
 }
 

@@ -12,7 +12,7 @@ use tello_flight::cycle::FlightTable;
 
 use crate::batch::{Contender, Ending, Flown, source};
 
-/// With identified parameters the distances may be so many times those without.
+/// With identified parameters the distances may be so many times those without. 1
 const DISTANCE_RATIO_MAX: f64 = 1.1;
 
 /// Flights of all vehicles of a self-test.

@@ -8,7 +8,7 @@ use std::cell::RefCell;
 use anyhow::Result;
 use cobyla::{Func, RhoBeg, StopTols};
 
-/// Change of every fraction below which the search ends.
+/// Change of every fraction below which the search ends. 1
 const X_TOLERANCE: f64 = 1e-3;
 
 /// A point that was tried.

@@ -5,7 +5,8 @@ use std::str::FromStr;
 use anyhow::{Context, Result, anyhow, bail};
 use serde_json::Value;
 
-/// A number as written on the command line: `KEY=LO..HI`, or `KEY+KEY=LO..HI` for one value of both.
+/// A number as written on the command line: `KEY=LO..HI`, or `KEY+KEY=LO..HI` for one value of both. Ends
+/// in the unit of the key
 #[derive(Debug, Clone, PartialEq)]
 pub struct Range {
     name: String,

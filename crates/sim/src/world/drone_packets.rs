@@ -25,9 +25,10 @@ const LOG_TICK_HZ: f64 = 2_344_062.0;
 impl World {
     /// Takes one packet of the host; returns the drone's answer.
     ///
-    /// Actions are acknowledged when they are accepted, an emergency stop never is. A deaf drone ignores every packet,
-    /// a mute one obeys without an answer. In a command outage of [`crate::Profile`] packets still arrive: only the
-    /// sticks have no effect. The recordings of the thesis contain no other commands.
+    /// Actions are acknowledged when they are accepted, an emergency stop never is. Under `drone_deaf` the
+    /// drone ignores every packet, under `drone_mute` it executes each without an answer. In a command outage of
+    /// [`crate::Profile`] packets still arrive: only the sticks have no effect. The recordings of the thesis contain no
+    /// other commands.
     pub fn receive(&mut self, packet: &HostPacket) -> Option<DronePacket> {
         self.is_connected |=
             matches!(packet, HostPacket::ConnReq { .. }) && !self.ignores_commands();

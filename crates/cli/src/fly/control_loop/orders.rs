@@ -41,10 +41,10 @@ impl Orders {
         self.strongest = self.strongest.max(order);
     }
 
-    /// Drops an order to take off that was not obeyed for the ground wait, or whose drone is moved, by `faults` of the
-    /// newest tick: its poses disagree after they have agreed, or for longer than they may take. Returns whether there
-    /// was one. No other order is taken back. A fault that is mended later must not start a drone beside which the
-    /// person stands.
+    /// Drops an order to take off that was not executed for the ground wait, or whose drone is moved, by `faults` of
+    /// the newest tick: its poses disagree after they have agreed, or for longer than they may take. Returns whether
+    /// there was one. No other order is taken back. A fault that is mended later must not start a drone beside which
+    /// the person stands.
     pub(super) fn lapse(
         &mut self,
         now: TimeNs,

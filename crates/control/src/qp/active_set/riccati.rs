@@ -72,7 +72,7 @@ impl<const NS: usize, const NU: usize> Policy<NS, NU> {
 pub(super) struct Working<'a, const NS: usize, const NU: usize> {
     /// The stage.
     pub(super) k: usize,
-    /// The step of an input at an active bound, `None` for an input at inactive bounds.
+    /// The step of an input at an active bound, `None` for an input at inactive bounds. Unit of the row
     pub(super) active: [Option<f64>; NU],
     /// The penalties on `ds_{k+1}`.
     pub(super) penalties: &'a [Penalty<NS>],
@@ -100,7 +100,7 @@ pub(super) fn eliminate<const NS: usize, const NU: usize>(
     let Stage { by_state: a, by_input: b } = &problem.stages[k];
     let coupling = curvature.coupling.get(k);
     let (hessian_next, gradient_next) = at_next_state(problem, curvature, working, next); // P+ and p+
-    // Sums: `P+ B + W+`, `H` and `h`.
+    // Sums: `P+ B + W`, `H` and `h`.
     let mut by_next_state_input = mul_sparse(&hessian_next, b);
     let mut by_input = Matrix::from_diagonal(&curvature.diagonal.u[k]);
     let mut gradient = problem.gradient.u[k] + tr_mul_vector(b, &gradient_next);

@@ -175,7 +175,7 @@ fn gain_and_heading_of_a_new_vehicle_are_found_in_ten_seconds_and_kept_at_hover(
     for row in [lag::LAMBDA_H, lag::THETA_0] {
         let moved = flight.mhe.p_hat()[row] - p_found[row];
         let expected = p_expected[row] - p_found[row];
-        // The first second still brakes, and teaches a little.
+        // The first second still brakes: a little is learned.
         assert!((moved / expected - 1.0).abs() < 0.1, "row {row}: {moved} instead of {expected}");
         let behind = p_found[row] - nominal()[row];
         assert!(moved.abs() < 0.1 * behind.abs(), "row {row}: {moved} of {behind}");

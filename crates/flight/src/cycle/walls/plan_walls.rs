@@ -25,16 +25,16 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize> SoftConstraints<NS>
 
     fn excess(&self, i: usize, s: &SVector<f64, NS>, ahead_s: f64) -> Option<Excess<NS>> {
         let Self { model, p, walls } = self;
-        let surface = walls.surfaces.get(i)?;
+        let constraint = walls.constraints.get(i)?;
         let (at_w, coasting) = (pos_w(&model.observe(s)), walls.table.coasting);
         let coasting_w = pos_w(&model.coasting(s, p)) * coasting;
         let ends_w = [at_w, at_w + coasting_w];
-        if ends_w.iter().all(|end_w| walls.is_far_wall(surface, end_w, ahead_s)) {
+        if ends_w.iter().all(|end_w| walls.is_far_wall(constraint, end_w, ahead_s)) {
             return None;
         }
         let (SignedDistance { distance_m, gradient_w }, is_at_rest) =
-            walls.least_distance(surface, &at_w, &coasting_w, ahead_s);
-        let value = walls.margin_m(surface, &gradient_w, ahead_s) - distance_m;
+            walls.least_distance(constraint, &at_w, &coasting_w, ahead_s);
+        let value = walls.margin_m(constraint, &gradient_w, ahead_s) - distance_m;
         if value < -BEYOND_MARGIN_M {
             return None;
         }

@@ -26,8 +26,8 @@ pub struct WallTable {
     /// margin grows by. 1, 0..=5; 0 in older settings and logs
     #[serde(default)]
     pub margin_sd: f64,
-    /// Part of the displacement to rest with neutral sticks, by the identified lags, at whose end the plan keeps away
-    /// from walls, too. 1, 0..=1; 0 in older settings and logs
+    /// Fraction of the displacement to rest with neutral sticks, by the identified lags, at whose end the plan keeps
+    /// away from walls, too. 1, 0..=1; 0 in older settings and logs
     #[serde(default)]
     pub coasting: f64,
 }

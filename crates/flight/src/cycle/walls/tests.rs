@@ -41,7 +41,7 @@ fn constraints_on_the_state_of_a_vehicle_meet_their_numeric_twins() {
     for at in [[0.5, 0.4, 0.9], [1.1, 0.3, 1.1], [-1.7, -0.6, 1.6], [-1.2, 0.1, 0.7]] {
         let mut s = Motion::zeros();
         (s[motion::X], s[motion::Y], s[motion::Z]) = (at[pose::X], at[pose::Y], at[pose::Z]);
-        // Without a velocity both ends of the coasting are equally near: the constraint has a kink there.
+        // Without a velocity both ends of the coasting are equally near: the constraint is nonsmooth there.
         (s[motion::V_X], s[motion::V_Y], s[motion::V_Z], s[motion::D_Y]) = (0.7, -0.2, 0.1, 0.05);
         for (i, seen) in seen.iter_mut().enumerate() {
             let Some(found) = constraints.excess(i, &s, 0.4) else { continue };
@@ -100,7 +100,7 @@ fn the_margin_of_what_moves_grows_with_its_acceleration_from_now_on() {
     let moving = ObstacleTable::Moving { radius_m: 0.2 };
     let mut walls = Walls::new(Some(&TABLE), None, &[BLOCK, moving]).unwrap().unwrap();
     walls.begin_after(0.4, Matrix3::zeros());
-    let margins_m = [0, 1].map(|i| walls.margin_m(&walls.surfaces[i], &Vector3::x(), 1.0));
+    let margins_m = [0, 1].map(|i| walls.margin_m(&walls.constraints[i], &Vector3::x(), 1.0));
     let expected_m = [0.15, 0.15 + 0.25 * 1.4_f64.powi(2)];
     let gap_m = margins_m.into_iter().zip(expected_m).map(|(found, right)| found - right);
     assert!(gap_m.into_iter().all(|gap_m| gap_m.abs() < 1e-12), "{margins_m:?}");
@@ -117,11 +117,11 @@ fn a_plan_keeps_the_radius_of_the_vehicle_from_fixed_obstacles_alone() {
     let room = Some(Room::try_from(&ROOM).unwrap());
     let moving = ObstacleTable::Moving { radius_m: 0.2 };
     let walls = Walls::new(Some(&table), room, &[BLOCK, moving]).unwrap().unwrap();
-    for surface in &walls.surfaces {
-        let stands = matches!(surface, Surface::Fixed(_));
-        let margin_m = walls.margin_m(surface, &Vector3::x(), 0.0);
+    for constraint in &walls.constraints {
+        let stands = matches!(constraint, ObstacleConstraint::Fixed(_));
+        let margin_m = walls.margin_m(constraint, &Vector3::x(), 0.0);
         let expected_m = if stands { 0.23 } else { 0.1 };
-        assert!((margin_m - expected_m).abs() < 1e-12, "{surface:?}: {margin_m}");
+        assert!((margin_m - expected_m).abs() < 1e-12, "{constraint:?}: {margin_m}");
     }
 }
 
@@ -131,7 +131,7 @@ fn the_margin_grows_with_the_standard_deviation_towards_the_wall() {
     let mut walls = Walls::new(Some(&table), None, &[BLOCK]).unwrap().unwrap();
     walls.begin_after(0.04, Matrix3::new(9e-4, 0.0, 0.0, 0.0, 16e-4, 0.0, 0.0, 0.0, 1e-4));
     for (gradient_w, expected_m) in [(Vector3::x(), 0.16), (-Vector3::y(), 0.18)] {
-        let margin_m = walls.margin_m(&walls.surfaces[0], &gradient_w, 0.0);
+        let margin_m = walls.margin_m(&walls.constraints[0], &gradient_w, 0.0);
         assert!((margin_m - expected_m).abs() < 1e-12, "{margin_m} along {gradient_w}");
     }
 }
@@ -168,7 +168,7 @@ fn what_moves_is_where_it_is_when_the_plan_comes_there() {
     }
     let mut distance_m = |lead_s, ahead_s| {
         walls.begin_after(lead_s, Matrix3::zeros());
-        walls.distance(&walls.surfaces[0], &Vector3::new(10.0, 0.0, 1.0), ahead_s).distance_m
+        walls.distance(&walls.constraints[0], &Vector3::new(10.0, 0.0, 1.0), ahead_s).distance_m
     };
     let (later_m, sooner_m) = (distance_m(0.4, 0.1), distance_m(0.4, 0.0));
     assert!((later_m - distance_m(0.5, 0.0)).abs() < 1e-12, "{later_m}");

@@ -17,7 +17,7 @@ const WELL_KNOWN: f64 = 4.0;
 /// known. 1
 const SCALE: [f64; 2] = [0.6, 1.6];
 const SCALE_EARLY: [f64; 2] = [0.75, 1.33];
-/// Least fraction of the variance of the poses' velocity that the drone's explains if the axes fit (R^2).
+/// Least fraction of the variance of the poses' velocity that the drone's explains if the axes fit (R^2). 1
 const DETERMINATION_MIN: f64 = 0.7;
 
 /// Axes of the drone that fit the motion.
@@ -243,8 +243,11 @@ mod tests {
         assert!(age.note_report(true, false) && age.drone_s > 0.0);
         assert!(!age.note_report(false, false));
         assert!(age.drone_s <= 0.0, "the motion begins anew");
-        assert!(!age.note_report(true, false), "it is heard again, in the middle of a motion");
-        assert!(!age.note_report(true, true), "the motion that this pose ends was not heard whole");
+        assert!(!age.note_report(true, false), "it reports again, in the middle of a motion");
+        assert!(
+            !age.note_report(true, true),
+            "the motion that this pose ends was not reported whole"
+        );
         assert!(age.note_report(true, false));
     }
 

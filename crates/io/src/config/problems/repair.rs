@@ -56,3 +56,61 @@ pub(super) fn replace(value: &mut Value, template: &Value, place: &KeyPath) -> O
     }
     None
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn the_nearest_value_that_a_valid_file_has_replaces_the_refused_one() {
+        let template =
+            json!({ "a": 1, "b": { "c": 2, "d": 3 }, "list": [1, 2], "kind": { "right": 2 } });
+        for (refused, at, replaced, expected) in [
+            (json!({ "a": -1 }), "a", Some("a"), json!({ "a": 1 })),
+            (json!({ "a": 1 }), "a", None, json!({ "a": 1 })),
+            (json!({ "b": { "c": 9 } }), "b.c", Some("b.c"), json!({ "b": { "c": 2 } })),
+            // A value that is valid by itself: what encloses it is wrong.
+            (json!({ "b": { "c": 2 } }), "b.c", Some("b"), json!({ "b": { "c": 2, "d": 3 } })),
+            (json!({ "list": [1, -5] }), "list[1]", Some("list[1]"), json!({ "list": [1, 2] })),
+            (json!({ "list": [1, 2, 3] }), "list[2]", Some("list"), json!({ "list": [1, 2] })),
+            // Keys that no valid file has.
+            (json!({ "a": 1, "z": 9 }), "z", Some("z"), json!({ "a": 1 })),
+            (
+                json!({ "b": { "c": { "x": 1 } } }),
+                "b.c.x",
+                Some("b.c.x"),
+                json!({ "b": { "c": {} } }),
+            ),
+            (
+                json!({ "kind": { "wrong": 1 } }),
+                "kind.wrong",
+                Some("kind"),
+                json!({ "kind": { "right": 2 } }),
+            ),
+        ] {
+            let mut value = refused.clone();
+            let changed = replace(&mut value, &template, &KeyPath::of_key(at));
+            assert_eq!(changed, replaced.map(KeyPath::of_key), "{refused} at {at}");
+            assert_eq!(value, expected, "{refused} at {at}");
+        }
+    }
+
+    #[test]
+    fn a_rule_that_names_two_values_blames_the_one_that_no_valid_file_has() {
+        let template = json!({ "a": 1, "b": 2, "c": 3 });
+        let other = |value: Value, names: &[&str]| {
+            let names: Vec<KeyPath> = names.iter().map(|name| KeyPath::of_key(name)).collect();
+            other_wrong(&KeyPath::of_key("a"), &names, &value, &template)
+        };
+        let wrong = |name: &str| Some(KeyPath::of_key(name));
+        assert_eq!(other(json!({ "a": 1, "b": 9, "c": 9 }), &["a", "b", "c"]), wrong("b"));
+        assert_eq!(other(json!({ "a": 1, "b": 2, "c": 9 }), &["a", "b", "c"]), wrong("c"));
+        assert_eq!(other(json!({ "a": 1, "c": 9 }), &["a", "b", "c"]), wrong("c"), "b is missing");
+        assert_eq!(other(json!({ "a": 1, "b": 2 }), &["a", "b"]), None, "none is wrong");
+        assert_eq!(other(json!({ "a": 7, "b": 9 }), &["a", "b"]), None, "the refused one is wrong");
+        assert_eq!(other(json!({ "a": 1, "b": 9 }), &["b", "a"]), None, "it is not named first");
+        assert_eq!(other(json!({ "a": 1, "b": 9 }), &[]), None, "nothing is named");
+    }
+}

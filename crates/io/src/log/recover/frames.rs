@@ -230,3 +230,6 @@ pub(super) fn records(mut chunk: &[u8]) -> McapResult<Vec<Record<'static>>> {
     }
     Ok(records)
 }
+
+#[cfg(test)]
+mod tests;

@@ -8,7 +8,7 @@ use crate::log::Ending;
 use crate::log::tests::{counts, flight, reader};
 
 /// A path without a file.
-fn fresh(name: &str) -> PathBuf {
+pub(super) fn fresh(name: &str) -> PathBuf {
     let path =
         std::env::temp_dir().join(format!("tello-ctl-recover-{}-{name}", std::process::id()));
     fs::remove_file(&path).ok();

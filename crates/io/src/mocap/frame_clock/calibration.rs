@@ -16,7 +16,7 @@ const WINDOW_MIN: SpanNs = SpanNs::from_ms(2_000);
 /// Rates that make sense, up to that of stamps in microseconds. Hz
 const RATES_HZ: std::ops::RangeInclusive<f64> = 1.0..=1e6;
 
-/// Largest whole factor between the announced and the counted rate.
+/// Largest whole factor between the announced and the counted rate. 1
 const FACTOR_MAX: f64 = 8.0;
 
 /// Jitter of two arrivals of a window that is straight. ns

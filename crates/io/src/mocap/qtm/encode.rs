@@ -8,7 +8,7 @@ use crate::mocap::Placement;
 /// Components of a frame: the bodies alone.
 const COMPONENTS: u32 = 1;
 
-/// Appends a packet with a text.
+/// Appends a packet of the type `kind` with a text, ended by a zero.
 pub fn text(kind: u32, text: &str, to: &mut Vec<u8>) {
     packet(kind, to, |to| {
         to.extend(text.bytes());
@@ -16,7 +16,7 @@ pub fn text(kind: u32, text: &str, to: &mut Vec<u8>) {
     });
 }
 
-/// Appends a packet with an event, one byte: what changed.
+/// Appends an event packet with the event number `event`: what changed.
 pub fn event(event: u8, to: &mut Vec<u8>) {
     packet(kind::EVENT, to, |to| to.push(event));
 }

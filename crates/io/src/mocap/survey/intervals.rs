@@ -10,8 +10,8 @@ const NEWEST_MAX: usize = 1024;
 /// The usual step is found anew with each of the first ones, then once in so many.
 const FIRST: u64 = 64;
 
-/// A step of at least so many usual ones, and of at least [`STEP_MAX`], begins another count: it is not added to the
-/// sums.
+/// A step of at least so many usual ones, 1, and of at least [`STEP_MAX`] in the unit of the steps, begins another
+/// count: it is not added to the sums.
 const COUNT_MAX: f64 = 1e4;
 const STEP_MAX: f64 = 10.0;
 

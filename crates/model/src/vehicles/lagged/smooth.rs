@@ -1,4 +1,4 @@
-//! Kinks of the vehicle with their corners rounded, and their derivatives.
+//! Smooth forms of the dead zone and the acceleration limit, and their derivatives.
 //!
 //! Owns the dead zone of a stick, the limit of the acceleration and the first-order lag as functions of
 //! plain numbers. Which row they belong to is known one file up.
@@ -41,7 +41,7 @@ pub(super) fn excess_second(u: f64, dead: f64, width: f64) -> f64 {
 /// Newton steps of [`stick_for`]; six reach the last bit.
 const STEPS_MAX: u32 = 20;
 
-/// Part of what the dead zone takes below which a step is the last: the next one is about its square.
+/// Fraction of what the dead zone takes below which a step is the last: the next one is about its square. 1
 const SETTLED: f64 = 1e-9;
 
 /// The stick of which [`excess`] leaves `value`. 1

@@ -43,7 +43,7 @@ pub(super) struct Lags {
     fraction_v: Fraction,
     /// `k_a`.
     fraction_a: Fraction,
-    /// Part of the disturbance velocity that a period leaves, horizontal and vertical. 1
+    /// Fraction of the disturbance velocity that a period leaves, horizontal and vertical. 1
     keep_h: f64,
     keep_v: f64,
 }

@@ -27,7 +27,7 @@ fn moving(o: Pose, v: [f64; 4], d: [f64; 3]) -> Motion {
     s
 }
 
-/// The vehicle with its kinks, without a line of the model.
+/// The vehicle with its corners, without a line of the model.
 struct Sharp {
     o: Pose,
     v: [f64; 4],

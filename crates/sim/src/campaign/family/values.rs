@@ -197,3 +197,75 @@ pub(super) fn vector(random: &mut Random, low_m: f64, high_m: f64) -> [f64; 3] {
     let level = (1.0 - up * up).sqrt();
     [length_m * level * cos, length_m * level * sin, length_m * up]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Purpose;
+
+    const COUNT: usize = 4_000;
+
+    fn random() -> Random {
+        Random::new(1, Purpose::Campaign)
+    }
+
+    /// Least, mean and greatest of [`COUNT`] draws.
+    fn statistics(mut draw: impl FnMut(&mut Random) -> f64) -> [f64; 3] {
+        let mut random = random();
+        let drawn: Vec<f64> = (0..COUNT).map(|_| draw(&mut random)).collect();
+        let fold = |f: fn(f64, f64) -> f64, start| drawn.iter().copied().fold(start, f);
+        let mean = drawn.iter().sum::<f64>() / COUNT as f64;
+        [fold(f64::min, f64::INFINITY), mean, fold(f64::max, f64::NEG_INFINITY)]
+    }
+
+    #[test]
+    fn one_of_several_and_both_signs_are_drawn_equally_often() {
+        let [low, mean, high] = statistics(|random| f64::from(pick(&[0, 1, 2, 3], random)));
+        assert_eq!([low, high], [0.0, 3.0]);
+        assert!((mean - 1.5).abs() < 0.06, "{mean}");
+        let [low, mean, high] = statistics(sign);
+        assert_eq!([low, high], [-1.0, 1.0]);
+        assert!(mean.abs() < 0.06, "{mean}");
+    }
+
+    #[test]
+    fn a_logarithm_that_is_uniform_has_the_geometric_mean_in_its_middle() {
+        let [low, mean, high] = statistics(|random| log_between(random, 1e-5, 1e-1).ln());
+        let [least, most] = [1e-5_f64, 1e-1].map(f64::ln);
+        assert!(low >= least && low < least + 0.02 && high <= most && high > most - 0.02);
+        assert!((mean - 1e-3_f64.ln()).abs() < 0.15, "{mean}");
+    }
+
+    #[test]
+    fn a_vector_has_any_direction_and_a_length_in_its_range() {
+        let norm = |vector: [f64; 3]| vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let [low, mean, high] = statistics(|random| norm(vector(random, 1.0, 3.0)));
+        assert!(low >= 1.0 - 1e-12 && low < 1.01 && high < 3.0 + 1e-12 && high > 2.99);
+        assert!((mean - 2.0).abs() < 0.04, "{mean}");
+        for axis in 0..3 {
+            // Of a unit vector each row is uniform in -1..=1.
+            let [low, mean, high] = statistics(|random| vector(random, 1.0, 1.0)[axis]);
+            assert!(low < -0.99 && high > 0.99 && mean.abs() < 0.04, "axis {axis}: {mean}");
+        }
+    }
+
+    #[test]
+    fn an_occlusion_leaves_a_part_of_each_period() {
+        let [low, _, high] = statistics(|random| match occluded(random) {
+            InjectedFault::MocapOccluded { period_s, lost_s } => lost_s / period_s,
+            other => panic!("{other:?}"),
+        });
+        assert!(low >= 0.2 && low < 0.21 && high < 0.95 && high > 0.94, "{low}, {high}");
+    }
+
+    #[test]
+    fn a_drone_on_the_ground_starts_in_the_air_and_one_in_the_air_stays() {
+        let mut sim = crate::settings(None).unwrap();
+        sim.start = SimStart::Ground { x: 1.0, y: 2.0, theta: 3.0 };
+        let aloft = SimStart::Air { x: 1.0, y: 2.0, z: 1.2, theta: 3.0 };
+        for _ in 0..2 {
+            set_already_flying(&mut sim);
+            assert_eq!(sim.start, aloft);
+        }
+    }
+}

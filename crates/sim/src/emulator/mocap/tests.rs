@@ -47,7 +47,7 @@ pub(in crate::emulator) struct Viewer {
 }
 
 impl Viewer {
-    /// Of the object `object`, at `server`; `more` are keys that only some protocols have.
+    /// Of the object `object` at `server`, with the keys that `kind` needs beside them.
     fn new(kind: &str, server: SocketAddr, object: &str, line: Line) -> Self {
         let mut table = json!({ "address": server.to_string(), "object": object });
         if kind == "vrpn" {

@@ -6,7 +6,7 @@ use super::*;
 fn who_comes_near_in_a_take_off_ends_it() {
     let near = |e| with_obstacles(e, |it| it.is_approached = true);
     let deaf = with_drone(ALOFT, |drone| drone.takes_sticks = false);
-    // On the ground, in the climb, and before the drone obeys.
+    // On the ground, in the climb, and before the drone executes sticks.
     for (before, e) in [(0, CALM), (1, ALOFT), (40, deaf)] {
         let mut fixture = Fixture::taking_off();
         let rising = |k: u32| Evidence { pose: Some(at(0.0, 1.1 + 0.04 * f64::from(k))), ..e };

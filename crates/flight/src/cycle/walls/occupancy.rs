@@ -1,4 +1,4 @@
-//! What the supervisor asks about obstacles: whether a position or a path is free of them.
+//! Occupancy queries of the supervisor: whether a position or a path is free of obstacles.
 //!
 //! Owns the distances within which obstacles that do not move, and the moving one, count for a flight, a take-off and a
 //! landing. The plan does not depend on the answers.
