@@ -5,6 +5,8 @@
 
 #[path = "faults/blocked.rs"]
 mod blocked;
+#[path = "faults/descent.rs"]
+mod descent;
 #[path = "faults/drone.rs"]
 mod drone;
 #[path = "faults/fence.rs"]

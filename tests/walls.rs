@@ -1,6 +1,7 @@
 //! Walls and obstacles in the plan, in whole flights.
 
 use std::fs;
+use std::path::Path;
 
 use horizon_model::rows::pose;
 use serde_json::{Value, json};
@@ -175,6 +176,28 @@ fn a_vehicle_that_waits_for_an_obstacle_stays_where_it_stopped() {
         });
         assert!(far_m < 0.2, "seed {seed}: {far_m:.2} m");
     }
+}
+
+#[test]
+fn a_vehicle_that_evades_somebody_who_is_hidden_on_the_way_to_it_does_not_return_to_it() {
+    const RADIUS_M: f64 = 0.3;
+    let (mut flight, mut sim) = tables();
+    let hover = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/missions/hover.json");
+    flight.mission = config::mission(&hover).unwrap();
+    flight.cycle.obstacles = vec![ObstacleTable::Moving { radius_m: RADIUS_M }];
+    // It walks through the hover at 7.2 s, unseen from 3 m before it on, and counts as forgotten when it is there.
+    let (from_w_m, to_w_m) = ([12.0, 0.05, 1.0], [-12.0, 0.05, 1.0]);
+    sim.passer = Some(PasserTable { from_w_m, to_w_m, speed_mps: 1.5, hidden_s: Some([4.9, 1e3]) });
+    let (mut away_m, mut least_m) = (0.0, f64::INFINITY);
+    let (least, ..) = fly(&(flight, sim), 13, |out| {
+        let at = out.pose_hat().unwrap();
+        away_m = at[pose::X].hypot(at[pose::Y]);
+        if out.step > 350 {
+            least_m = least_m.min(away_m);
+        }
+    });
+    let found = format!("{away_m} m from the hover, least {least_m} m, {least:?}");
+    assert!(least_m > 0.3 && least.obstacle_m.unwrap() > 0.0, "{found}");
 }
 
 #[test]

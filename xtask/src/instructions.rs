@@ -41,11 +41,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         let name = kind.name();
         let count = count(kind, 2)? - count(kind, 1)?;
         writeln!(text, "{name} {count}")?;
-        let before = kept.lines().find_map(|line| line.strip_prefix(name)?.trim().parse().ok());
-        let growth = before.map_or(f64::NAN, |before: f64| count as f64 / before - 1.0);
+        let growth = growth(&kept, name, count);
         println!("{name}: {count} instructions, {:+.2} % of what is kept", 100.0 * growth);
-        // Nothing to compare with is not within the tolerance.
-        if !matches!(growth.partial_cmp(&TOLERANCE), Some(order) if order.is_le()) {
+        if is_regression(growth) {
             grown.push(name);
         }
     }
@@ -59,6 +57,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         100.0 * TOLERANCE
     );
     Ok(())
+}
+
+/// Growth of `count` over the number of `name` in `kept`; NaN without one. 1
+fn growth(kept: &str, name: &str, count: i64) -> f64 {
+    let before = kept.lines().find_map(|line| line.strip_prefix(name)?.trim().parse().ok());
+    before.map_or(f64::NAN, |before: f64| count as f64 / before - 1.0)
+}
+
+/// Whether a growth is beyond the tolerance; that without a number to compare with is.
+fn is_regression(growth: f64) -> bool {
+    // False for NaN.
+    let is_within = growth <= TOLERANCE;
+    !is_within
 }
 
 /// Instructions of a run of `length`, the start of the program included.
@@ -80,4 +91,26 @@ fn count(kind: Kind, length: u32) -> Result<i64> {
     collected
         .and_then(|count| count.trim().parse().ok())
         .with_context(|| format!("valgrind: {stderr}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_growth_by_more_than_five_percent_is_a_regression_and_so_is_one_of_nothing() {
+        let kept = "mhe 2000\nmpc 1000\n";
+        for (name, count, is_expected) in [
+            ("mpc", 1049, false),
+            ("mpc", 1051, true),
+            ("mpc", 500, false),
+            ("mhe", 2099, false),
+            ("mhe", 2101, true),
+            ("ident", 1, true),
+        ] {
+            let growth = growth(kept, name, count);
+            assert_eq!(is_regression(growth), is_expected, "{name} {count}: {growth}");
+        }
+        assert!((growth(kept, "mpc", 1200) - 0.2).abs() < 1e-12);
+    }
 }

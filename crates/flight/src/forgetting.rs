@@ -23,6 +23,11 @@ impl LeakySum {
         self.0 = (self.0 - amount).max(0.0);
     }
 
+    /// Sets a sum above `max` to that.
+    pub(crate) fn limit(&mut self, max: f64) {
+        self.0 = self.0.min(max);
+    }
+
     /// The sum, in the unit of the amounts.
     pub(crate) fn value(self) -> f64 {
         self.0

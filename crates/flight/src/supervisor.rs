@@ -43,7 +43,7 @@ pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 
 use self::airborne::LandingConfirmation;
 use self::blocked::Blockage;
-use self::braking::ControlMode;
+use self::braking::{ControlMode, Descent};
 use self::condition_timer::{HoldTimer, LeakyTimer, ReportTimer, elapsed_s, exceeds};
 use self::let_past::MovingObstacleTimes;
 use self::settling::Settling;
@@ -128,6 +128,8 @@ struct Timers {
     hand_neutral_in_danger: HoldTimer,
     /// The vehicle brakes before a landing.
     braking: HoldTimer,
+    /// The moving obstacle came near within the last seconds.
+    approached: LeakyTimer,
     /// The drone reports that it flies, without an order to take off.
     flying_unordered: ReportTimer,
     /// There is a command outage that the drone does not confirm.
@@ -155,6 +157,8 @@ pub struct Supervisor {
     landing: LandingConfirmation,
     blockage: Blockage,
     moving_obstacle: MovingObstacleTimes,
+    /// The descent of a vehicle that brakes before a landing; `None` before it is slow.
+    descent: Option<Descent>,
     /// When landing or a stop of the motors was ordered. ns
     end_ordered_ns: Option<i64>,
     /// Ticks in which a solver failed, less half of those without a failure.
@@ -186,6 +190,7 @@ impl Supervisor {
             landing: LandingConfirmation::default(),
             blockage: Blockage::default(),
             moving_obstacle: MovingObstacleTimes::default(),
+            descent: None,
             end_ordered_ns: None,
             failures: LeakySum::default(),
             late_periods: LeakySum::default(),

@@ -124,6 +124,11 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Plan
         self.brake.is_on()
     }
 
+    /// Where a braking vehicle at `at` is held, or as far as it may brake. World frame. m, rad
+    pub(super) fn held(&self, at: &Pose) -> Option<Pose> {
+        self.brake.held(at)
+    }
+
     /// Whether plans hold a vehicle that has braked at one position.
     pub(super) fn is_at_rest(&self) -> bool {
         self.brake.is_at_rest()
@@ -238,10 +243,7 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Plan
     fn fill_references(&mut self, mission: &Mission, known: &Known<'_, NS, NP>) {
         let from = self.model.observe(&self.s_0);
         if self.brake.is_on() {
-            let next = self.model.step(&self.s_0, &Sticks::zeros(), &self.p, self.dt_s);
-            let coasting = self.model.coasting(&self.s_0, &self.p);
-            let next = self.model.observe(&next);
-            let at_rest = self.brake.reference(&from, &next, &coasting, self.dt_s);
+            let at_rest = self.brake_reference(&from, known);
             self.set_constant_reference(&angle::nearest_turn(&at_rest, &from, &M::OBSERVATION));
         } else if mission.is_pointwise() {
             let target = angle::nearest_turn(mission.target(), &from, &M::OBSERVATION);

@@ -1,14 +1,14 @@
 //! By how much the vehicle goes away from its reference, and how long the mission takes.
 
 use horizon_model::angle::wrap;
-use horizon_model::rows::{Pose, pose};
+use horizon_model::rows::{Pose, pos_w, pose};
 
 use crate::Mission;
 
 /// Duration of the mission over the planned one from which on its overtime counts. 1
 const PLANNED_RATIO_MAX: f64 = 2.0;
 
-/// Factor on the distance while the moving obstacle blocks the path to the reference or was near lately. 1
+/// Factor on the distance while the moving obstacle blocks the path to the reference, or came near. 1
 const BLOCKED_FACTOR: f64 = 0.5;
 
 /// A reference that turns back to a missed waypoint leaves a vehicle that flies on: dead time and braking. s
@@ -56,6 +56,19 @@ pub(super) struct Tracking {
     pub(super) sunk_m: f64,
 }
 
+impl Tracking {
+    /// How the vehicle at `pose_hat` keeps to the place `held` while it comes down, by half if it evades somebody.
+    pub(super) fn in_descent(pose_hat: &Pose, held: &Pose, is_evading: bool) -> Self {
+        let apart_w = held - pose_hat;
+        let factor = if is_evading { BLOCKED_FACTOR } else { 1.0 };
+        Self {
+            away_m: factor * pos_w(&apart_w).xy().norm(),
+            turned_rad: wrap(apart_w[pose::THETA]).abs(),
+            ..Self::default()
+        }
+    }
+}
+
 impl Progress {
     /// Counts one period of `dt_s` in which the controller steered, braking included.
     pub(super) fn count_flown(&mut self, dt_s: f64) {
@@ -81,13 +94,14 @@ impl Progress {
         self.top_m = None;
     }
 
-    /// How the vehicle at `pose_hat` tracks its reference. While `is_path_blocked` (the moving obstacle is in the path,
-    /// or was near lately), the growth of the distance counts by half. After that, the least distance is set to the
-    /// present one.
+    /// How the vehicle at `pose_hat` tracks its reference. While the moving obstacle is in the path, by
+    /// `is_path_blocked`, or `was_approached` holds, the growth of the distance counts by half. When the obstacle
+    /// leaves the path, the least distance is set to the present one.
     pub(super) fn tracking(
         &mut self,
         mission: &Mission,
         pose_hat: &Pose,
+        was_approached: bool,
         is_path_blocked: impl FnOnce(&Pose) -> bool,
     ) -> Tracking {
         let target = mission.is_pointwise().then(|| *mission.target());
@@ -104,7 +118,7 @@ impl Progress {
         };
         let is_blocked = is_path_blocked(&reference);
         let least = self.least_since_choice(now, is_blocked);
-        let factor = if is_blocked { BLOCKED_FACTOR } else { 1.0 };
+        let factor = if is_blocked || was_approached { BLOCKED_FACTOR } else { 1.0 };
         let below_m = apart_w[pose::Z];
         Tracking {
             away_m: factor * (now.distance_m - least.distance_m),
@@ -167,18 +181,21 @@ mod tests {
         let mut mission = mission(include_str!("../../../../configs/missions/square.json"));
         let mut progress = Progress::default();
         let far = mission.first_pose() + Pose::new(3.0, 4.0, 0.0, 9.0);
-        assert!(progress.tracking(&mission, &far, |_| false).away_m <= 0.0, "before it was seen");
+        assert!(
+            progress.tracking(&mission, &far, false, |_| false).away_m <= 0.0,
+            "before it was seen"
+        );
         mission.advance(&far);
         assert!(
-            progress.tracking(&mission, &far, |_| false).away_m < 0.1,
+            progress.tracking(&mission, &far, false, |_| false).away_m < 0.1,
             "the reference begins at the vehicle"
         );
         let away = far + Pose::new(2.0, 0.0, 0.0, 0.0);
-        let away_m = progress.tracking(&mission, &away, |_| false).away_m;
+        let away_m = progress.tracking(&mission, &away, false, |_| false).away_m;
         assert!((away_m - 2.0).abs() < 0.1, "{away_m} m");
         progress.reset_least();
         assert!(
-            progress.tracking(&mission, &away, |_| false).away_m <= 0.0,
+            progress.tracking(&mission, &away, false, |_| false).away_m <= 0.0,
             "it may come back from there"
         );
     }
@@ -189,7 +206,7 @@ mod tests {
         let mut progress = Progress::default();
         let at = |x_m: f64| mission.first_pose() + Pose::new(x_m, 0.0, 0.0, 0.0);
         for (x_m, tracking_m) in [(5.0, 0.0), (3.0, 0.0), (3.5, 0.5), (2.0, 0.0), (6.0, 4.0)] {
-            let found_m = progress.tracking(&mission, &at(x_m), |_| false).away_m;
+            let found_m = progress.tracking(&mission, &at(x_m), false, |_| false).away_m;
             assert!((found_m - tracking_m).abs() < 1e-9, "{x_m} m: {found_m} m");
         }
     }
@@ -202,7 +219,7 @@ mod tests {
         for (rad, turned_rad) in
             [(3.0, 0.0), (1.0, 0.0), (0.2, 0.0), (-0.5, 0.3), (-3.0, 2.8), (-6.0, 0.083)]
         {
-            let found_rad = progress.tracking(&mission, &turned(rad), |_| false).turned_rad;
+            let found_rad = progress.tracking(&mission, &turned(rad), false, |_| false).turned_rad;
             assert!((found_rad - turned_rad).abs() < 1e-3, "{rad} rad: {found_rad} rad");
         }
     }
@@ -213,7 +230,7 @@ mod tests {
         let mut progress = Progress::default();
         let mut away_m = |x_m: f64, is_blocked: bool| {
             let at = mission.first_pose() + Pose::new(x_m, 0.0, 0.0, 0.0);
-            progress.tracking(&mission, &at, |_| is_blocked).away_m
+            progress.tracking(&mission, &at, false, |_| is_blocked).away_m
         };
         for (x_m, is_blocked, expected_m) in [
             (0.0, false, 0.0),
@@ -231,6 +248,35 @@ mod tests {
     }
 
     #[test]
+    fn an_approach_lets_half_of_the_distance_count_and_changes_no_least_one() {
+        let mission = mission(include_str!("../../../../configs/targets/square.json"));
+        let mut progress = Progress::default();
+        let mut away_m = |x_m: f64, was_approached: bool| {
+            let at = mission.first_pose() + Pose::new(x_m, 0.0, 0.0, 0.0);
+            progress.tracking(&mission, &at, was_approached, |_| false).away_m
+        };
+        for (x_m, was_approached, expected_m) in
+            [(0.0, false, 0.0), (1.0, true, 0.5), (2.0, true, 1.0), (2.0, false, 2.0)]
+        {
+            let found_m = away_m(x_m, was_approached);
+            assert!((found_m - expected_m).abs() < 1e-9, "{x_m} m, {was_approached}: {found_m} m");
+        }
+    }
+
+    #[test]
+    fn a_vehicle_that_comes_down_keeps_to_a_place_at_any_height() {
+        let held = Pose::new(1.0, 1.0, 0.6, 3.0);
+        let at = Pose::new(1.3, 1.4, 1.2, -3.0);
+        let turned_rad = 2.0 * std::f64::consts::PI - 6.0;
+        for (is_evading, away_m) in [(false, 0.5), (true, 0.25)] {
+            let found = Tracking::in_descent(&at, &held, is_evading);
+            assert!((found.away_m - away_m).abs() < 1e-12, "{found:?}");
+            assert!((found.turned_rad - turned_rad).abs() < 1e-12, "{found:?}");
+            assert_eq!((found.below_m, found.sunk_m), (0.0, 0.0));
+        }
+    }
+
+    #[test]
     fn a_vehicle_has_sunk_by_what_it_comes_down_below_its_reference_and_no_more() {
         let mission = mission(include_str!("../../../../configs/targets/square.json"));
         let mut progress = Progress::default();
@@ -239,12 +285,12 @@ mod tests {
         for (z_m, sunk_m) in
             [(1.0, 0.0), (0.0, 0.0), (-0.5, 0.5), (-0.6, 0.6), (0.0, 0.0), (0.3, 0.0)]
         {
-            let found_m = progress.tracking(&mission, &over(z_m), |_| false).sunk_m.max(0.0);
+            let found_m = progress.tracking(&mission, &over(z_m), false, |_| false).sunk_m.max(0.0);
             assert!((found_m - sunk_m).abs() < 1e-9, "{z_m} m: {found_m} m");
         }
         progress.restart();
         for (z_m, sunk_m) in [(-0.8, 0.0), (-0.5, 0.0), (-0.7, 0.2)] {
-            let found_m = progress.tracking(&mission, &over(z_m), |_| false).sunk_m;
+            let found_m = progress.tracking(&mission, &over(z_m), false, |_| false).sunk_m;
             assert!((found_m - sunk_m).abs() < 1e-9, "{z_m} m: {found_m} m");
         }
     }
@@ -271,7 +317,7 @@ mod tests {
             let ahead = (0..count).map(|_| {
                 at += Pose::new(0.02, 0.0, 0.0, 0.0);
                 progress.count_flown(0.02);
-                progress.tracking(&mission, &at, |_| false).away_m
+                progress.tracking(&mission, &at, false, |_| false).away_m
             });
             ahead.last().unwrap_or_default()
         };

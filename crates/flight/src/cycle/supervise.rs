@@ -146,40 +146,48 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
     }
 
     /// Horizontal differences between vehicle and reference, of the velocities and of the positions, world frame;
-    /// `None` if the reference is a constant target, in the descent before a landing, or if an obstacle is near, in the
-    /// path or came near within the last seconds: the vehicle may evade it, or return. m/s, m
+    /// `None` if the reference is a constant target, or if an obstacle is near, in the path or came near within the
+    /// last seconds: the vehicle may evade it, or return. In the descent the reference is the place at which the
+    /// vehicle is held. m/s, m
     fn velocity_error_w(
         &self,
         motion: &EstimatedMotion,
         now: TimeNs,
     ) -> Option<(Vector2<f64>, Vector2<f64>)> {
-        let (at_w, to_w) = (pos_w(&motion.pose), pos_w(&self.mission.reference()?));
-        let error_w = pos_w(&(motion.rate - self.mission.reference_rate()?));
+        let (to, rate) = match self.held_in_descent(&motion.pose) {
+            Some(held) => (held, PoseRate::zeros()),
+            None => (self.mission.reference()?, self.mission.reference_rate()?),
+        };
+        let (at_w, to_w) = (pos_w(&motion.pose), pos_w(&to));
+        let error_w = pos_w(&(motion.rate - rate));
         let is_evading = self.planner.walls().is_some_and(|walls| {
             walls.is_beside_fixed(&at_w) || walls.moving_blocks_path(&at_w, &to_w)
         });
-        let was_approached = self.supervisor.was_approached(now.0);
-        let is_meant = is_evading || was_approached || self.is_descending();
+        let is_meant = is_evading || self.supervisor.was_approached(now.0);
         (!is_meant).then(|| (error_w.xy(), (at_w - to_w).xy()))
     }
 
-    /// Whether the controller brings the vehicle down before a landing, away from the reference of the mission.
-    fn is_descending(&self) -> bool {
-        self.supervisor.descends_to_m().is_some()
+    /// Where a vehicle at `at` is held that the controller brings down before a landing, away from the reference of the
+    /// mission; `None` without such a descent. World frame. m, rad
+    fn held_in_descent(&self, at: &Pose) -> Option<Pose> {
+        self.supervisor.descends_to_m().and_then(|_| self.planner.held(at))
     }
 
     /// How the vehicle at `at` tracks its reference. What was before the flight does not count, nor how far the vehicle
     /// has come down beside an obstacle: a plan that evades the obstacle may lead down.
     fn track(&mut self, at: &Pose, now: TimeNs) -> Tracking {
-        if self.supervisor.phase() != Phase::Flying || self.is_descending() {
+        let held = self.held_in_descent(at);
+        if self.supervisor.phase() != Phase::Flying || held.is_some() {
             self.progress.restart();
         }
         let (walls, at_w) = (self.planner.walls(), pos_w(at));
         let was_approached = self.supervisor.was_approached(now.0);
-        let is_path_blocked = |to: &Pose| {
-            was_approached || walls.is_some_and(|walls| walls.moving_blocks_path(&at_w, &pos_w(to)))
-        };
-        let tracking = self.progress.tracking(&self.mission, at, is_path_blocked);
+        let is_path_blocked =
+            |to: &Pose| walls.is_some_and(|walls| walls.moving_blocks_path(&at_w, &pos_w(to)));
+        if let Some(held) = held {
+            return Tracking::in_descent(at, &held, was_approached || is_path_blocked(&held));
+        }
+        let tracking = self.progress.tracking(&self.mission, at, was_approached, is_path_blocked);
         let is_beside = walls.is_some_and(|walls| walls.is_beside_fixed(&at_w));
         let sunk_m = if is_beside { 0.0 } else { tracking.sunk_m };
         Tracking { sunk_m, ..tracking }

@@ -199,9 +199,9 @@ impl Walls {
         }
     }
 
-    /// The lesser distance of two positions from the wall or obstacle, and whether it is that of the second one: `at_w`,
-    /// and the position `coasting_w` further where the vehicle would rest, which counts for walls only. The plan may
-    /// coast towards an obstacle that it is going to evade.
+    /// The lesser distance of two positions from the wall or obstacle, and whether it is that of the second one:
+    /// `at_w`, and the position `coasting_w` further where the vehicle would rest, which counts for walls only. The
+    /// plan may coast towards an obstacle that it is going to evade.
     fn least_distance(
         &self,
         constraint: &ObstacleConstraint,

@@ -8,8 +8,9 @@
 
 use horizon_model::rows::pose;
 
+use super::condition_timer::elapsed_s;
 use super::evidence::{Evidence, Phase};
-use super::fault::{Fault, Pilot, Reaction};
+use super::fault::{Fault, FaultSet, Pilot, Reaction};
 use super::{Assessment, Supervisor};
 
 /// A vehicle that is slower lands at once. m/s
@@ -21,8 +22,21 @@ const BRAKE_MAX_S: f64 = 1.5;
 /// A vehicle within this of the height from which it lands has come down. m
 const LOW_M: f64 = 0.05;
 
+/// A vehicle that comes down lands if it does not get lower by this within [`BRAKE_MAX_S`]: it stands on something or
+/// does not obey. The first 0.1 m at 0.4 m/s take 0.25 s, a dead time of up to 0.34 s and a lag of 0.25 s. m
+const PROGRESS_M: f64 = 0.1;
+
 /// Longest descent before a landing: from 2.5 m at 0.4 m/s, and half as long again. s
 const DESCENT_MAX_S: f64 = 8.0;
+
+/// The newest progress of a vehicle that comes down before a landing.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Descent {
+    /// Height at that time, world frame. m
+    at_m: f64,
+    /// When that was. ns
+    since_ns: i64,
+}
 
 /// What the controller does with the vehicle in a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,13 +61,43 @@ impl ControlMode {
 }
 
 impl Supervisor {
-    /// Remembers when the vehicle began to brake: the flight then ends in any case.
+    /// Remembers when the vehicle began to brake: the flight then ends, unless a person takes over and flies on.
     pub(super) fn remember_braking(&mut self, e: &Evidence, found: &Assessment) {
+        let ending = self.ended_by.union(found.faults);
+        let flies_on =
+            found.pilot == Pilot::Person && ending.reaction(found.pilot) < Reaction::BrakeAndLand;
+        if self.phase == Phase::Flying && flies_on {
+            self.timers.braking.update(false, e.t_ns);
+            self.ended_by = FaultSet::default();
+        }
         let has_to_land = found.reaction == Reaction::BrakeAndLand || self.is_held_out(e);
         if self.phase == Phase::Flying && has_to_land {
             self.timers.braking.update(true, e.t_ns);
             self.note_ending(found);
         }
+        self.remember_descent(e);
+    }
+
+    /// Remembers when a braking vehicle became slow, and its progress from then on. While it lets somebody past, its
+    /// height does not matter.
+    fn remember_descent(&mut self, e: &Evidence) {
+        let Some(at) = e.pose.filter(|_| self.timers.braking.holds()) else {
+            self.descent = None;
+            return;
+        };
+        let at_m = at[pose::Z];
+        let progresses = match self.descent {
+            None => e.speed_mps <= SLOW_MPS,
+            Some(descent) => at_m <= descent.at_m - PROGRESS_M || self.is_waiting(e),
+        };
+        if progresses {
+            self.descent = Some(Descent { at_m, since_ns: e.t_ns });
+        }
+    }
+
+    /// Whether a vehicle that has become slow after its mission lets somebody past before it lands.
+    fn is_waiting(&self, e: &Evidence) -> bool {
+        self.descent.is_some() && self.ended_by.is_empty() && self.lets_past(e)
     }
 
     /// Height, world frame, to which the controller brings the vehicle down before a landing for which it brakes;
@@ -64,23 +108,31 @@ impl Supervisor {
         brakes.then_some(ground_m + land_from_m)
     }
 
-    /// Whether a vehicle that has to land brakes no longer: it is slow and low, or braked long enough, or the
-    /// controller may not steer.
+    /// Whether a vehicle that has to land brakes no longer: it is slow and low, braked long enough, does not get lower,
+    /// or the controller may not steer. In a command outage it does not come down.
     pub(super) fn has_braked(&self, e: &Evidence, found: &Assessment) -> bool {
         let Assessment { pilot, faults, .. } = *found;
         let is_fast = e.speed_mps > SLOW_MPS;
-        let is_high =
-            self.descends_to_m().zip(e.pose).is_some_and(|(to_m, at)| at[pose::Z] > to_m + LOW_M);
+        let descends = self.descends_to_m().filter(|_| e.outage.is_none()).zip(e.pose);
+        let is_high = descends.is_some_and(|(to_m, at)| at[pose::Z] > to_m + LOW_M);
         let forbids = |one: Reaction| one >= Reaction::Hold && one != Reaction::BrakeAndLand;
         let may_brake = self.control != ControlMode::Off
             && pilot == Pilot::Controller
+            && e.speed_mps.is_finite()
             && self.takes_sticks(e)
             // A drone that keeps an old command does not brake.
             && !faults.contains(Fault::OutageHeld)
             && !faults.iter().any(|fault| forbids(fault.reaction(pilot)));
-        let limit_s = if is_high { BRAKE_MAX_S + DESCENT_MAX_S } else { BRAKE_MAX_S };
-        let is_over =
-            !(may_brake && (is_fast || is_high)) || self.timers.braking.has_lasted(e.t_ns, limit_s);
+        let lasts_too_long = |limit_s| self.timers.braking.has_lasted(e.t_ns, limit_s);
+        let is_late = match self.descent.filter(|_| is_high) {
+            Some(descent) => {
+                elapsed_s(descent.since_ns, e.t_ns) >= BRAKE_MAX_S
+                    || lasts_too_long(BRAKE_MAX_S + DESCENT_MAX_S)
+            }
+            None => lasts_too_long(BRAKE_MAX_S),
+        };
+        let has_come_down = !(is_fast || is_high);
+        let is_over = !may_brake || (!self.is_waiting(e) && (is_late || has_come_down));
         self.timers.braking.holds() && is_over
     }
 }

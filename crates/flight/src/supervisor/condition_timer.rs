@@ -65,6 +65,11 @@ impl LeakyTimer {
         }
     }
 
+    /// Sets a sum above `max_s` to that.
+    pub(super) fn limit(&mut self, max_s: f64) {
+        self.sum_s.limit(max_s);
+    }
+
     /// Whether the sum is above `for_s`.
     pub(super) fn exceeds(self, for_s: f64) -> bool {
         self.sum_s.value() > for_s
@@ -128,6 +133,8 @@ mod tests {
         assert_eq!(keep(false, 30), [false, false]);
         assert_eq!(keep(true, 33), [true, false], "not below zero");
         assert!(!leaky.exceeds(3.0), "the limit itself");
+        leaky.limit(2.0);
+        assert!(!leaky.exceeds(2.0) && leaky.exceeds(1.9));
     }
 
     #[test]

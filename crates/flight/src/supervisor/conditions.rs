@@ -210,10 +210,15 @@ impl Supervisor {
         if e.is_by_hand {
             self.timers.velocity_off_reference = LeakyTimer::default();
         }
-        let follows_mission =
-            self.is_flying() && self.control == ControlMode::Mission && e.outage.is_none();
+        let follows_reference = match self.control {
+            ControlMode::Off => false,
+            ControlMode::Mission => true,
+            // In the descent the reference is a place at rest.
+            ControlMode::Brake => self.descends_to_m().is_some(),
+        };
+        let counts = self.is_flying() && follows_reference && e.outage.is_none();
         let is_off = |error_mps: &f64| exceeds(*error_mps, VELOCITY_OFF_REFERENCE_MPS);
-        let off_mps = e.tracking.velocity_error_mps.filter(is_off).filter(|_| follows_mission);
+        let off_mps = e.tracking.velocity_error_mps.filter(is_off).filter(|_| counts);
         let weight = |error_mps: f64| {
             let squared = (error_mps / VELOCITY_OFF_REFERENCE_MPS).powi(2);
             if e.tracking.is_receding { squared.min(RECEDING_WEIGHT_MAX) } else { 1.0 }

@@ -226,7 +226,7 @@ pub struct PoseEvidence {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackingEvidence {
     /// By how much the vehicle has gone away from its reference: its distance less the least one since the mission
-    /// began or was resumed. m
+    /// began or was resumed. In the descent before a landing, how far it is from where it is held. m
     pub away_m: Option<f64>,
     /// Difference between its horizontal velocity and that of its reference; `None` for constant targets. m/s
     pub velocity_error_mps: Option<f64>,

@@ -127,3 +127,6 @@ impl Supervisor {
         self.timers.outage_unconfirmed.update(is_unconfirmed, e.t_ns);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -62,7 +62,7 @@ pub enum Binary {
     Chain,
 }
 
-/// One expression.
+/// One expression. Its number is in the unit that the expression has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Node {
     /// A number, by its bits.

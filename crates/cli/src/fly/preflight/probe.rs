@@ -20,7 +20,8 @@ const ADDRESSES_MIN: u64 = 1_500_000_000;
 /// Tries what the flight needs of this machine.
 ///
 /// # Errors
-/// The memory is limited; the guardian of a real drone would end with this program; the log exists, or its folder cannot be made or written; the address of the page is taken.
+/// The memory is limited; the guardian of a real drone would end with this program; the log exists, or its folder
+/// cannot be made or written; the address of the page is taken.
 pub(in crate::fly) fn probe(arguments: &Arguments, table: &FlyTable) -> Result<()> {
     let (limit, _) = getrlimit(Resource::RLIMIT_AS)?;
     ensure!(

@@ -4,7 +4,11 @@
 //! predicted to fly: one that flies on further, since neutral sticks do not brake it or it keeps an old command, is
 //! pulled back.
 
-use horizon_model::rows::{Pose, pos_w, pose};
+use horizon_control::predict;
+use horizon_model::rows::{Pose, Sticks, pos_w, pose};
+
+use super::{Known, Planner};
+use crate::cycle::Vehicle;
 
 /// A braking vehicle is held at its position once its horizontal speed is below the first value, until its horizontal
 /// distance from there exceeds the second. m/s, m
@@ -13,6 +17,10 @@ const REST_M: f64 = 0.5;
 
 /// Speed at which a vehicle that is held comes down before a landing: that of a Tello that lands. m/s
 const DESCENT_MPS: f64 = 0.4;
+
+/// Most by which the reference of a vehicle that comes down is below it: more than the vehicle lags behind, 0.18 m by
+/// a dead time of 0.19 s and a lag of 0.25 s, and a small step for one that stands on something or receives nothing. m
+const BELOW_M: f64 = 0.3;
 
 /// Allowance on the predicted displacement and turn of a brake. m, rad
 const BEYOND_M: f64 = 0.1;
@@ -36,7 +44,7 @@ pub(super) struct Brake {
 struct Start {
     /// Pose at the beginning. World frame. m, rad
     at: Pose,
-    /// Predicted displacement and turn to rest with neutral sticks, and the allowance. m, rad
+    /// Predicted displacement and turn to rest, and the allowance. m, rad
     reach_m: f64,
     reach_rad: f64,
 }
@@ -70,33 +78,69 @@ impl Brake {
         self.rest.is_some()
     }
 
-    /// Reference, world frame, of a vehicle at `from` that is at `next` a period of `dt_s` later and comes to rest
-    /// with neutral sticks after the displacement `coasting`: its own pose within reach, or once it is slow the pose
-    /// at which it is held, so that it does not drift on. m, rad
+    /// Where a vehicle at `from` is held, or the pose within reach that is nearest to it; `None` before the brake has
+    /// begun. World frame. m, rad
+    pub(super) fn held(&self, from: &Pose) -> Option<Pose> {
+        self.rest.or(self.start.map(|start| start.clip(from)))
+    }
+
+    /// The brake of a vehicle at `from`, which is at rest after `displacement` with the sticks in transit and neutral
+    /// ones behind them, begins here, or goes on from here: one that is held keeps its height and heading. World frame.
+    /// m, rad
+    pub(super) fn begin(&mut self, from: &Pose, displacement: &Pose) {
+        self.start = Some(Start {
+            at: *from,
+            reach_m: pos_w(displacement).xy().norm() + BEYOND_M,
+            reach_rad: displacement[pose::THETA].abs() + BEYOND_RAD,
+        });
+        if let Some(rest) = &mut self.rest {
+            (rest[pose::X], rest[pose::Y]) = (from[pose::X], from[pose::Y]);
+        }
+    }
+
+    /// Reference, world frame, of a vehicle at `from` that is at `next` a period of `dt_s` later with neutral sticks:
+    /// its own pose within reach, or once it is slow the pose at which it is held, so that it does not drift on. m, rad
     ///
     /// Real time: no allocation, constant cost.
-    pub(super) fn reference(
-        &mut self,
-        from: &Pose,
-        next: &Pose,
-        coasting: &Pose,
-        dt_s: f64,
-    ) -> Pose {
+    pub(super) fn reference(&mut self, from: &Pose, next: &Pose, dt_s: f64) -> Pose {
         let distance_m = |to: &Pose| (pos_w(to) - pos_w(from)).xy().norm();
-        let start = self.start.get_or_insert_with(|| Start {
-            at: *from,
-            reach_m: pos_w(coasting).xy().norm() + BEYOND_M,
-            reach_rad: coasting[pose::THETA].abs() + BEYOND_RAD,
-        });
-        let within = start.clip(from);
+        let within = self.start.map_or(*from, |start| start.clip(from));
         let is_slow = distance_m(next) < REST_MPS * dt_s;
         let kept = self.rest.filter(|rest| distance_m(rest) < REST_M);
         self.rest = kept.or_else(|| is_slow.then_some(within));
         if let Some((rest, to_m)) = self.rest.as_mut().zip(self.descends_to_m) {
             let z_m = rest[pose::Z];
-            rest[pose::Z] = (z_m - DESCENT_MPS * dt_s).max(to_m.min(z_m));
+            let least_m = to_m.max(from[pose::Z] - BELOW_M);
+            rest[pose::Z] = (z_m - DESCENT_MPS * dt_s).max(least_m.min(z_m));
         }
         self.rest.unwrap_or(within)
+    }
+}
+
+impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Planner<M, NS, NP, NR> {
+    /// Reference of a brake for a plan that begins at the pose `from`. Where the moving obstacle drives the vehicle
+    /// away, the brake begins anew: else the vehicle would return to an obstacle that is forgotten.
+    pub(super) fn brake_reference(&mut self, from: &Pose, known: &Known<'_, NS, NP>) -> Pose {
+        let is_driven = |held: Pose| {
+            let walls = self.walls.as_ref();
+            walls.is_some_and(|walls| walls.moving_blocks_path(&pos_w(from), &pos_w(&held)))
+        };
+        if self.brake.held(from).is_none_or(is_driven) {
+            self.brake.begin(from, &(self.rest_by_neutral(known) - from));
+        }
+        let next = self.model.step(&self.s_0, &Sticks::zeros(), &self.p, self.dt_s);
+        self.brake.reference(from, &self.model.observe(&next), self.dt_s)
+    }
+
+    /// Pose at which the vehicle comes to rest if nothing but neutral sticks follows the committed ones.
+    pub(super) fn rest_by_neutral(&self, known: &Known<'_, NS, NP>) -> Pose {
+        let inputs = (0..self.committed.given_steps_max()).map(|k| {
+            let sticks = known.applied(known.begin_ahead() + k.cast_signed());
+            let is_given = |axis: usize| k < self.committed.given_steps[axis];
+            Sticks::from_fn(|axis, _| if is_given(axis) { sticks[axis] } else { 0.0 })
+        });
+        let s = predict(&self.model, &self.s_0, &self.p, inputs, self.dt_s);
+        self.model.observe(&s) + self.model.coasting(&s, &self.p)
     }
 }
 
@@ -113,13 +157,14 @@ mod tests {
         let coasting = Pose::new(0.7, 0.0, 0.0, 0.2);
         let from = Pose::new(0.0, 0.0, 1.3, 0.0);
         let next = Pose::new(0.02, 0.0, 1.3, 0.0);
-        assert_eq!(brake.reference(&from, &next, &coasting, DT_S), from);
+        brake.begin(&from, &coasting);
+        assert_eq!(brake.reference(&from, &next, DT_S), from);
         brake
     }
 
     /// Reference of a vehicle at `from` that flies on at 1 m/s.
     fn flies_on(brake: &mut Brake, from: Pose) -> Pose {
-        brake.reference(&from, &(from + Pose::new(0.02, 0.0, 0.0, 0.0)), &Pose::zeros(), DT_S)
+        brake.reference(&from, &(from + Pose::new(0.02, 0.0, 0.0, 0.0)), DT_S)
     }
 
     #[test]
@@ -133,6 +178,8 @@ mod tests {
         brake.set(false, None);
         brake.set(true, None);
         let anew = Pose::new(5.0, 0.0, 1.0, 0.0);
+        assert_eq!(brake.held(&anew), None);
+        brake.begin(&anew, &Pose::zeros());
         assert_eq!(flies_on(&mut brake, anew), anew, "a new brake begins where it begins");
     }
 
@@ -142,17 +189,37 @@ mod tests {
             [(None, 1.3, 1.3), (Some(0.45), 0.9, 0.45), (Some(1.5), 1.3, 1.3)]
         {
             let mut brake = begun(to_m);
-            let slow = Pose::new(0.3, 0.0, 1.3, 0.0);
+            let mut slow = Pose::new(0.3, 0.0, 1.3, 0.0);
             let mut heights_m = (0..200).map(|_| {
-                let reference = brake.reference(&slow, &slow, &Pose::zeros(), DT_S);
-                assert_eq!((reference[pose::X], reference[pose::THETA]), (0.3, 0.0));
-                reference[pose::Z]
+                slow = brake.reference(&slow, &slow, DT_S);
+                assert_eq!((slow[pose::X], slow[pose::THETA]), (0.3, 0.0));
+                slow[pose::Z]
             });
             let found = (heights_m.nth(49).unwrap(), heights_m.last().unwrap());
             assert!((found.0 - after_1_s).abs() < 1e-9, "{to_m:?}: {found:?}");
             assert!((found.1 - after_4_s).abs() < 1e-9, "{to_m:?}: {found:?}");
             assert!(brake.is_at_rest());
         }
+        let (mut brake, stands) = (begun(Some(0.45)), Pose::new(0.3, 0.0, 1.3, 0.0));
+        let last = (0..200).map(|_| brake.reference(&stands, &stands, DT_S)).last().unwrap();
+        assert!((last[pose::Z] - 1.0).abs() < 1e-9, "{last} of a vehicle that stands on something");
+    }
+
+    #[test]
+    fn a_brake_that_begins_anew_holds_the_vehicle_there_at_its_height_and_heading() {
+        let mut brake = begun(Some(0.45));
+        let slow = Pose::new(0.3, 0.0, 1.3, 0.1);
+        let came_down = (0..50).map(|_| brake.reference(&slow, &slow, DT_S)).last().unwrap();
+        assert!((came_down[pose::Z] - 1.0).abs() < 1e-9, "{came_down}");
+        let evaded = Pose::new(0.3, 0.45, 1.25, 0.0);
+        brake.begin(&evaded, &Pose::zeros());
+        let gone_on = Pose::new(0.3, 0.6, 1.2, 0.0);
+        let reference = flies_on(&mut brake, gone_on);
+        let expected = Pose::new(0.3, 0.45, 0.992, 0.1);
+        assert!((reference - expected).norm() < 1e-9, "{reference}");
+        // One that is carried on from there finds no reach to where it was before.
+        let carried = flies_on(&mut brake, Pose::new(0.3, 1.45, 1.2, 0.0));
+        assert!((carried - Pose::new(0.3, 0.55, 1.2, 0.0)).norm() < 1e-9, "{carried}");
     }
 
     #[test]
@@ -160,7 +227,7 @@ mod tests {
         let mut brake = begun(None);
         let slow = Pose::new(0.3, 0.0, 1.3, 0.0);
         let drifted = Pose::new(0.79, 0.0, 1.3, 0.0);
-        let held = |brake: &mut Brake, at: &Pose| brake.reference(at, at, &Pose::zeros(), DT_S);
+        let held = |brake: &mut Brake, at: &Pose| brake.reference(at, at, DT_S);
         assert_eq!(held(&mut brake, &slow), slow);
         assert_eq!(held(&mut brake, &drifted), slow, "nearer than 0.5 m");
         let carried = held(&mut brake, &Pose::new(1.5, 0.0, 1.3, 0.0));

@@ -157,6 +157,31 @@ fn in_an_outage_a_brake_goes_on_from_the_sticks_that_were_sent() {
 }
 
 #[test]
+fn a_brake_reaches_as_far_as_the_committed_sticks_lead_and_yaw_ends_with_its_own() {
+    // Roll and pitch act 3 steps later than throttle, yaw 1 step later.
+    let mut fifo = fifo([0.1, 0.1, 0.04, 0.06]);
+    (0..8).for_each(|_| fifo.push(&Sticks::repeat(0.3)));
+    let (s_hat, p_hat) = (Pose::zeros(), parameter());
+    let known = Known {
+        s_hat: &s_hat,
+        p_hat: &p_hat,
+        fifo: &fifo,
+        instead: None,
+        ahead: 0,
+        covariance: None,
+    };
+    let mut planner = planner(&fifo);
+    planner.brake(true, None);
+    let report = planner.plan(&known, &mission(), &mut || false).unwrap();
+    assert!(report.has_new_plan(), "{report:?}");
+    let gone = planner.rest_by_neutral(&known) - planner.s_0;
+    let [steps, one] = [3.0, 1.0].map(|steps| 0.3 * DT_S * steps);
+    assert!((pos_w(&gone).xy().norm() - 2.0 * steps * 2.0_f64.sqrt()).abs() < 1e-4, "{gone}");
+    let turns = [gone[pose::THETA].abs(), gone[pose::Z]];
+    assert!(turns.iter().any(|turn| (turn - one).abs() < 1e-12), "{gone}");
+}
+
+#[test]
 fn a_plan_begins_where_the_inputs_in_transit_lead() {
     let mut fifo = fifo([0.06; 4]);
     for pitch in [0.1, 0.2, 0.3] {

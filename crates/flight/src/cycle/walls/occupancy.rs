@@ -144,3 +144,6 @@ fn nearest_along(from_w: &Vector3<f64>, to_w: &Vector3<f64>, point_w: &Vector3<f
     let (path_w, apart_w) = ((to_w - from_w).xy(), (point_w - from_w).xy());
     apart_w.dot(&path_w) / path_w.norm_squared().max(f64::MIN_POSITIVE)
 }
+
+#[cfg(test)]
+mod tests;

@@ -9,7 +9,7 @@ use crate::RoomTable;
 
 const ROOM: RoomTable =
     RoomTable { x_m: [-2.0, 3.0], y_m: [-1.0, 1.0], z_m: [0.0, 2.5], stop_s: 0.8 };
-const TABLE: WallTable = WallTable {
+pub(super) const TABLE: WallTable = WallTable {
     weight: 100.0,
     margin_m: 0.1,
     vehicle_radius_m: 0.0,
@@ -18,7 +18,7 @@ const TABLE: WallTable = WallTable {
     margin_sd: 0.0,
     coasting: 1.0,
 };
-const POLE: ObstacleTable =
+pub(super) const POLE: ObstacleTable =
     ObstacleTable::Cylinder { centre_m: [1.0, 0.2], radius_m: 0.2, z_m: [0.0, 2.0] };
 const BLOCK: ObstacleTable =
     ObstacleTable::Box { x_m: [-1.5, -1.0], y_m: [-0.5, 0.5], z_m: [0.0, 1.0] };
@@ -174,131 +174,4 @@ fn what_moves_is_where_it_is_when_the_plan_comes_there() {
     assert!((later_m - distance_m(0.5, 0.0)).abs() < 1e-12, "{later_m}");
     // About 1 m/s towards the position.
     assert!((0.05..0.12).contains(&(sooner_m - later_m)), "{sooner_m} {later_m}");
-}
-
-#[test]
-fn one_who_walks_past_may_turn_and_one_who_stands_does_not() {
-    let moving = ObstacleTable::Moving { radius_m: 0.2 };
-    let may_come = |speed_mps: f64, apart_m: f64| {
-        let mut walls =
-            Walls::new(Some(&TABLE), None, std::slice::from_ref(&moving)).unwrap().unwrap();
-        for k in 0..100 {
-            walls.follow_obstacle(
-                Some([0.02 * speed_mps * f64::from(k), 1e-4 * f64::from(k % 2), 1.0]),
-                None,
-                0.02,
-            );
-        }
-        // Beside the newest position: by its velocity the obstacle comes no nearer.
-        let at_w = Vector3::new(0.02 * speed_mps * 99.0, apart_m, 1.0);
-        assert!(!walls.is_approached(&at_w), "{speed_mps} m/s, {apart_m} m");
-        walls.may_be_approached(&at_w)
-    };
-    let reach_m = 0.2 + TABLE.margin_m + 4.0;
-    assert_eq!([0.9, 1.1].map(|part| may_come(1.0, part * reach_m)), [true, false]);
-    assert!(!may_come(0.2, 1.0), "stands");
-}
-
-#[test]
-fn a_vehicle_in_flight_is_inside_of_obstacles_that_do_not_move_alone() {
-    let still = ObstacleTable::Box { x_m: [0.0, 1.0], y_m: [0.0, 1.0], z_m: [0.0, 2.0] };
-    let walls = Walls::new(Some(&TABLE), None, &[still, ObstacleTable::Moving { radius_m: 0.2 }])
-        .unwrap()
-        .unwrap();
-    let is_inside = |x_m| walls.is_in_fixed(&Vector3::new(x_m, 0.5, 0.9));
-    assert!(is_inside(0.01) && is_inside(0.99));
-    assert!(!is_inside(-0.01) && !is_inside(1.01), "within its margin");
-    let is_beside = |x_m| walls.is_beside_fixed(&Vector3::new(x_m, 0.5, 0.9));
-    assert_eq!([-0.61, -0.59, 0.5, 1.59, 1.61].map(is_beside), [false, true, true, true, false]);
-}
-
-#[test]
-fn a_path_is_blocked_by_an_obstacle_that_moves_between_its_ends_or_beside_one_of_them() {
-    let moving = ObstacleTable::Moving { radius_m: 0.5 };
-    let mut walls = Walls::new(Some(&TABLE), None, &[moving, POLE]).unwrap().unwrap();
-    let to_w = Vector3::new(0.0, 0.0, 1.0);
-    let is_blocked =
-        |walls: &Walls, x_m: f64| walls.moving_blocks_path(&Vector3::new(x_m, 0.0, 1.3), &to_w);
-    assert!(!is_blocked(&walls, 2.0), "nobody knows where it is");
-    for _ in 0..100 {
-        walls.follow_obstacle(Some([1.2, 0.3, 0.0]), None, 0.02);
-    }
-    // Behind it, inside of it, driven on by it within 0.6 m and beyond, and on the far side of the reference.
-    let blocked = [(3.0, true), (1.0, true), (0.3, true), (0.05, false), (-3.0, false)];
-    for (x_m, is_expected) in blocked {
-        assert_eq!(is_blocked(&walls, x_m), is_expected, "{x_m} m");
-    }
-    for _ in 0..100 {
-        walls.follow_obstacle(Some([-0.2, 0.0, 0.0]), None, 0.02);
-    }
-    assert!(is_blocked(&walls, 2.0), "it stands where the vehicle is to be");
-}
-
-#[test]
-fn only_an_obstacle_that_comes_near_within_four_seconds_bars_a_start() {
-    let moving = ObstacleTable::Moving { radius_m: 0.3 };
-    let is_blocked = |aside_m: f64, away_m: f64, speed_mps: f64| {
-        let mut walls =
-            Walls::new(Some(&TABLE), None, std::slice::from_ref(&moving)).unwrap().unwrap();
-        for k in 0..100 {
-            let x_m = -away_m + speed_mps * 0.02 * f64::from(k - 99);
-            walls.follow_obstacle(Some([x_m, aside_m, 1.0]), None, 0.02);
-        }
-        walls.blocks_take_off(&Vector3::zeros())
-    };
-    // 0.3 m more than the margin from its surface, for the drift of a climb.
-    assert!(is_blocked(0.0, 0.69, 0.0) && !is_blocked(0.0, 0.71, 0.0), "it stands");
-    assert!(is_blocked(0.0, 4.2, 1.0) && !is_blocked(0.0, 4.6, 1.0), "it comes");
-    assert!(is_blocked(0.35, 2.0, 1.0) && !is_blocked(0.5, 2.0, 1.0), "it passes");
-    assert!(!is_blocked(0.0, 1.0, -1.0), "it leaves");
-}
-
-#[test]
-fn a_vehicle_stays_down_inside_of_an_obstacle_and_below_one_that_its_climb_meets() {
-    let shelf = |low_m| ObstacleTable::Box { x_m: [0.0, 1.0], y_m: [0.0, 1.0], z_m: [low_m, 2.4] };
-    let is_blocked = |obstacle: ObstacleTable, x_m: f64, z_m: f64| {
-        let walls = Walls::new(Some(&TABLE), None, &[obstacle]).unwrap().unwrap();
-        walls.blocks_take_off(&Vector3::new(x_m, 0.5, z_m))
-    };
-    assert!(is_blocked(shelf(-0.1), 0.5, 0.05), "inside");
-    assert!(is_blocked(shelf(1.3), 0.5, 0.05) && !is_blocked(shelf(1.4), 0.5, 0.05), "above");
-    assert!(!is_blocked(shelf(1.3), 1.1, 0.05), "beside");
-    assert!(!is_blocked(shelf(-0.1), 0.5, 2.45), "on top");
-}
-
-#[test]
-fn an_obstacle_of_any_thickness_in_the_climb_keeps_the_vehicle_down() {
-    let shelf = |z_m| ObstacleTable::Box { x_m: [0.0, 1.0], y_m: [0.0, 1.0], z_m };
-    let disc = |z_m| ObstacleTable::Cylinder { centre_m: [0.4, 0.5], radius_m: 0.2, z_m };
-    // From 0.05 m the climb ends at 1.35 m.
-    for (z_m, is_barred) in [
-        ([0.58, 0.62], true),
-        ([0.999, 1.001], true),
-        ([1.345, 1.35], true),
-        ([1.355, 1.36], false),
-        ([0.045, 0.055], true),
-        ([0.0, 0.045], false),
-    ] {
-        for obstacle in [shelf(z_m), disc(z_m)] {
-            let walls = Walls::new(Some(&TABLE), None, std::slice::from_ref(&obstacle));
-            let blocks_take_off =
-                walls.unwrap().unwrap().blocks_take_off(&Vector3::new(0.5, 0.5, 0.05));
-            assert_eq!(blocks_take_off, is_barred, "{obstacle:?}");
-        }
-    }
-}
-
-#[test]
-fn a_path_along_an_obstacle_that_is_too_long_to_be_checked_is_one_through_it() {
-    let bench = ObstacleTable::Box { x_m: [-2.0, 8.0], y_m: [-0.5, 0.5], z_m: [0.0, 1.0] };
-    let walls = Walls::new(Some(&TABLE), None, &[bench]).unwrap().unwrap();
-    let is_through = |y_m: f64, length_m: f64| {
-        let [at_w, to_w] = [0.0, length_m].map(|x_m| Vector3::new(x_m, y_m, 0.5));
-        walls.fixed_blocks_path(&at_w, &to_w)
-    };
-    assert!(is_through(0.4, 1.0), "inside of it");
-    // 5 mm beside it each point is 0.01 m from the one before: 200 of them are 1.99 m.
-    assert!(!is_through(0.505, 1.98), "it is free");
-    assert!(is_through(0.505, 2.0), "nobody has looked at its end");
-    assert!(!is_through(0.6, 5.0), "with 0.1 m beside it");
 }

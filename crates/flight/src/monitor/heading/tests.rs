@@ -234,7 +234,7 @@ fn the_inputs_turn_a_typical_vehicle_after_its_lag() {
     flight.fly(0.5, &TURN);
     // The integral of a first-order lag; a thirtieth of it is forgotten.
     let expected_rad = 0.5 * (0.5 - YAW_LAG_S * (1.0 - (-0.5 / YAW_LAG_S).exp()));
-    let turned_rad = flight.monitor.turns.inputs;
+    let turned_rad = flight.monitor.turns.by_inputs_rad;
     assert!((turned_rad / expected_rad - 1.0).abs() < 0.05, "{turned_rad}, {expected_rad} rad");
 }
 

@@ -6,6 +6,8 @@ use super::super::tests::*;
 use super::super::*;
 use super::{LOW_M, SLOW_MPS};
 
+const DONE: Evidence = Evidence { is_mission_done: true, speed_mps: 0.0, ..ALOFT };
+
 /// Fast, and the drone silent for too long.
 fn fast() -> Evidence {
     Evidence { speed_mps: 1.0, ..with_drone(ALOFT, |drone| drone.age_s = 2.01) }
@@ -39,7 +41,6 @@ fn it_lands_at_once_when_the_controller_may_no_longer_steer() {
         Evidence { speed_mps: f64::NAN, ..fast() },
         with_poses(fast(), |it| it.jump_m = Some(1.51)),
         asks_to_land(fast()),
-        Evidence { is_by_hand: true, ..fast() },
     ] {
         assert_eq!(braking().tick(&e).phase, Phase::Landing, "{e:?}");
     }
@@ -98,34 +99,116 @@ fn a_mission_that_is_done_lands_a_vehicle_at_rest_and_brakes_one_that_a_person_h
     assert!((ticks as f64 - hold).abs() <= 1.0, "{ticks} ticks for {hold}");
 }
 
+/// `e` at this height.
+fn high(z_m: f64, e: &Evidence) -> Evidence {
+    Evidence { pose: Some(Pose::new(0.0, 0.0, z_m, 0.0)), ..*e }
+}
+
+/// A vehicle that begins to come down from 1.5 m to 0.55 m, with `e`, after its mission.
+fn descending(e: &Evidence) -> Fixture {
+    let mut fixture = Fixture::taking_off();
+    fixture.supervisor.table.land_from_m = Some(0.45);
+    fixture.pass(60, &ALOFT);
+    (0..200).find(|_| fixture.tick(&high(1.5, e)).is_braking).expect("a brake");
+    fixture
+}
+
+/// Ticks of 0.1 s until a vehicle lands that comes down by `down_m` a tick; `None` in 30 s.
+fn lands_after(e: &Evidence, down_m: f64) -> Option<u32> {
+    let mut fixture = descending(&Evidence { outage: None, ..*e });
+    (1..300).find(|k| {
+        let z_m = (1.5 - down_m * f64::from(*k)).max(0.55);
+        fixture.tick(&high(z_m, e)).phase == Phase::Landing
+    })
+}
+
 #[test]
 fn a_vehicle_comes_down_before_it_lands_unless_the_drone_is_silent() {
-    let done = Evidence { is_mission_done: true, speed_mps: 0.0, ..ALOFT };
-    let at = |z_m: f64, e: Evidence| Evidence { pose: Some(Pose::new(0.0, 0.0, z_m, 0.0)), ..e };
-    let descends = |e: &Evidence, ticks: u32| {
-        let mut fixture = Fixture::taking_off();
-        fixture.supervisor.table.land_from_m = Some(0.45);
-        fixture.pass(60, &ALOFT);
-        (0..200).find(|_| fixture.tick(e).is_braking).expect("a brake");
-        let to_m = fixture.supervisor.descends_to_m();
-        fixture.pass(ticks, e);
-        (fixture, to_m)
-    };
-    let (mut fixture, to_m) = descends(&at(1.0, done), 70);
-    let to_m = to_m.unwrap();
+    let mut fixture = descending(&DONE);
+    let to_m = fixture.supervisor.descends_to_m().unwrap();
     assert!((to_m - 0.55).abs() < 1e-9, "above the ground at 0.1 m: {to_m} m");
-    assert_eq!(fixture.tick(&at(to_m + LOW_M + 0.01, done)).phase, Phase::Flying);
-    let decision = fixture.tick(&at(to_m + LOW_M, done));
+    assert_eq!(fixture.tick(&high(to_m + LOW_M + 0.01, &DONE)).phase, Phase::Flying);
+    let decision = fixture.tick(&high(to_m + LOW_M, &DONE));
     assert_eq!((decision.phase, decision.order), (Phase::Landing, Some(DroneOrder::Land)));
-    // One that does not get down lands nevertheless, and so does one whose poses are not trusted.
-    let (mut fixture, _) = descends(&at(1.0, done), 93);
-    assert_eq!(fixture.run(3, &at(1.0, done)).phase, Phase::Landing);
-    let (mut fixture, _) = descends(&at(1.0, done), 5);
-    let stale = Evidence { pose_age_s: Some(0.26), ..at(1.0, done) };
-    assert_eq!(fixture.tick(&stale).phase, Phase::Landing);
+    for e in [
+        Evidence { pose_age_s: Some(0.26), ..high(1.0, &DONE) },
+        Evidence { speed_mps: f64::NAN, ..high(1.0, &DONE) },
+    ] {
+        assert_eq!(descending(&DONE).tick(&e).phase, Phase::Landing, "{e:?}");
+    }
     let mut silent = braking();
     silent.supervisor.table.land_from_m = Some(0.45);
     assert_eq!(silent.tick(&Evidence { speed_mps: 0.1, ..fast() }).phase, Phase::Landing);
+}
+
+#[test]
+fn a_vehicle_that_does_not_get_lower_or_receives_nothing_is_landed() {
+    let if_applied = [EstimatedMotion { pose: at(0.0, 1.1), rate: Pose::zeros() }; 2];
+    let released = Outage { for_s: 0.5, is_held: false, if_applied };
+    let drifts = Evidence { speed_mps: 1.0, ..DONE };
+    for (what, e, down_m, expected) in [
+        ("comes down", DONE, 0.04, 23),
+        ("stands on something", DONE, 0.0, 15),
+        ("hardly sinks", DONE, 0.005, 15),
+        ("sinks slowly", DONE, 0.0095, 95),
+        ("never becomes slow", drifts, 0.04, 15),
+        ("an outage", Evidence { outage: Some(released), ..DONE }, 0.04, 1),
+    ] {
+        let found = lands_after(&e, down_m);
+        let is_near = found.is_some_and(|found| found.abs_diff(expected) <= 1);
+        assert!(is_near, "{what}: {found:?} instead of {expected}");
+    }
+}
+
+#[test]
+fn a_vehicle_that_came_down_lets_somebody_past_before_it_lands_unless_a_fault_ends_the_flight() {
+    let comes = with_obstacles(DONE, |it| it.is_approached = true);
+    let hidden = with_obstacles(DONE, |it| it.is_unseen = true);
+    let silent = |e: Evidence| with_drone(e, |drone| drone.age_s = 2.01);
+    // From the tick in which it is done on: 2 s, then 60 s, while it comes 70 s.
+    for (what, near, expected) in [
+        ("nobody", DONE, 0),
+        ("comes", comes, 700),
+        ("hidden", hidden, 600),
+        ("silent drone", silent(comes), 0),
+    ] {
+        let mut fixture = descending(&DONE);
+        let found = (0..1000).find(|_| fixture.tick(&high(0.6, &near)).phase == Phase::Landing);
+        let is_near = found.is_some_and(|found: u32| found.abs_diff(expected) <= 2);
+        assert!(is_near, "{what}: {found:?} instead of {expected}");
+    }
+    let mut fixture = descending(&DONE);
+    // It evades upwards, and comes down again.
+    assert_eq!(fixture.run(100, &high(0.6, &comes)).phase, Phase::Flying);
+    assert_eq!(fixture.run(100, &high(0.9, &comes)).phase, Phase::Flying);
+    let gone = (1..100).find(|_| fixture.tick(&high(0.6, &DONE)).phase == Phase::Landing);
+    assert_eq!(gone, Some(40), "4 s after it is gone");
+}
+
+#[test]
+fn a_person_who_takes_over_ends_the_brake_unless_the_flight_ends_by_hand_too() {
+    let by_hand = |e: Evidence| Evidence { is_by_hand: true, ..e };
+    let mut fixture = descending(&DONE);
+    fixture.pass(3, &high(1.4, &DONE));
+    let decision = fixture.run(100, &by_hand(high(1.2, &DONE)));
+    assert_eq!((decision.phase, decision.pilot), (Phase::Flying, Some(Pilot::Person)));
+    assert!(!decision.is_braking && decision.faults.is_empty(), "{decision:?}");
+    assert_eq!(fixture.supervisor.descends_to_m(), None);
+    // Handed back, the mission is done anew.
+    let decision = fixture.run(20, &high(1.2, &DONE));
+    assert_eq!((decision.phase, decision.is_braking), (Phase::Flying, false));
+    let decision = fixture.tick(&high(1.2, &DONE));
+    assert_eq!((decision.phase, decision.is_braking), (Phase::Flying, true));
+    // A person judges a silent drone, an empty battery ends every flight.
+    let mut silent = braking();
+    let decision = silent.tick(&by_hand(fast()));
+    assert_eq!((decision.phase, decision.pilot), (Phase::Flying, Some(Pilot::Person)));
+    assert!(decision.ended_by.is_empty(), "{decision:?}");
+    assert_eq!(silent.tick(&fast()).phase, Phase::Landing, "handed back");
+    let mut empty = Fixture::flying();
+    let critical = with_drone(Evidence { speed_mps: 1.0, ..ALOFT }, |drone| drone.battery_pct = 9);
+    (0..20).find(|_| empty.tick(&critical).is_braking).expect("a brake");
+    assert_eq!(empty.tick(&by_hand(critical)).phase, Phase::Landing);
 }
 
 #[test]

@@ -55,3 +55,23 @@ fn an_obstacle_came_near_in_the_four_seconds_after_it_did_and_not_by_walking_bes
     let found = after_ms.map(|ms| fixture.supervisor.was_approached(came_ns + ms * 1_000_000));
     assert_eq!(found, [true, true, false, false]);
 }
+
+#[test]
+fn somebody_who_paces_beside_the_vehicle_explains_twenty_seconds_and_is_believed_again_later() {
+    let comes = with_obstacles(ALOFT, |it| it.is_approached = true);
+    let mut fixture = Fixture::flying();
+    let mut counted = |ticks: u32, e: &Evidence| {
+        let was_approached = |_: &u32| {
+            fixture.pass(1, e);
+            fixture.supervisor.was_approached(fixture.t_ns)
+        };
+        (0..ticks).filter(was_approached).count()
+    };
+    let believed = counted(600, &comes);
+    assert!((199..=203).contains(&believed), "{believed} ticks of 0.1 s");
+    assert_eq!(counted(80, &ALOFT), 0, "the approach ends after 4 s");
+    assert_eq!(counted(100, &comes), 0, "4 s do not make up for a minute");
+    assert_eq!(counted(540, &ALOFT), 0, "then it is let alone for 50 s");
+    let again = counted(300, &comes);
+    assert!((88..=94).contains(&again), "{again} ticks");
+}

@@ -220,12 +220,12 @@ mod tests {
 
     #[test]
     fn one_of_several_and_both_signs_are_drawn_equally_often() {
-        let [low, mean, high] = statistics(|random| f64::from(pick(&[0, 1, 2, 3], random)));
-        assert_eq!([low, high], [0.0, 3.0]);
-        assert!((mean - 1.5).abs() < 0.06, "{mean}");
-        let [low, mean, high] = statistics(sign);
-        assert_eq!([low, high], [-1.0, 1.0]);
-        assert!(mean.abs() < 0.06, "{mean}");
+        let near = |[low, mean, high]: [f64; 3], [least, middle, most]: [f64; 3]| {
+            assert!((low - least).abs() < 1e-12 && (high - most).abs() < 1e-12, "{low}, {high}");
+            assert!((mean - middle).abs() < 0.06, "{mean}");
+        };
+        near(statistics(|random| f64::from(pick(&[0, 1, 2, 3], random))), [0.0, 1.5, 3.0]);
+        near(statistics(sign), [-1.0, 0.0, 1.0]);
     }
 
     #[test]
@@ -240,7 +240,8 @@ mod tests {
     fn a_vector_has_any_direction_and_a_length_in_its_range() {
         let norm = |vector: [f64; 3]| vector.iter().map(|x| x * x).sum::<f64>().sqrt();
         let [low, mean, high] = statistics(|random| norm(vector(random, 1.0, 3.0)));
-        assert!(low >= 1.0 - 1e-12 && low < 1.01 && high < 3.0 + 1e-12 && high > 2.99);
+        assert!((1.0 - 1e-12..1.01).contains(&low), "{low}");
+        assert!((2.99..3.0 + 1e-12).contains(&high), "{high}");
         assert!((mean - 2.0).abs() < 0.04, "{mean}");
         for axis in 0..3 {
             // Of a unit vector each row is uniform in -1..=1.
@@ -250,12 +251,13 @@ mod tests {
     }
 
     #[test]
-    fn an_occlusion_leaves_a_part_of_each_period() {
+    fn an_occlusion_leaves_some_of_each_period() {
         let [low, _, high] = statistics(|random| match occluded(random) {
             InjectedFault::MocapOccluded { period_s, lost_s } => lost_s / period_s,
             other => panic!("{other:?}"),
         });
-        assert!(low >= 0.2 && low < 0.21 && high < 0.95 && high > 0.94, "{low}, {high}");
+        assert!((0.2..0.21).contains(&low), "{low}");
+        assert!((0.94..0.95).contains(&high), "{high}");
     }
 
     #[test]
