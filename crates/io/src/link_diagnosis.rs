@@ -216,8 +216,9 @@ pub fn drone_trouble(table: &FlyTable, packets: u64) -> String {
         return match table.tello.protocol {
             Protocol::Binary => format!("{address} answers, but sends no status of its flight"),
             Protocol::Text => format!(
-                "{address} answers, but does not report whether it flies: its state lines need `bat`, and `time` or \
-                 `tof`"
+                "{address} answers, but does not report whether it flies: no state line with `bat`, and `time` or \
+                 `tof`, comes to UDP port {} of this machine; a firewall? Only SDK 3.0 sends to another port than 8890",
+                table.tello.state_port
             ),
         };
     }

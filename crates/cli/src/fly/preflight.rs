@@ -2,13 +2,14 @@
 //!
 //! Owns the list and the prompt. It opens both links for a moment and asks for nothing but a connection. What keeps
 //! a drone on the ground is the supervisor's; refused here is only a flight that nobody starts, a real drone in
-//! the built-in room, and what does not go away by waiting.
+//! the built-in room or without one, and what does not go away by waiting.
 
 mod battery;
 mod inspection;
 mod log;
 mod probe;
 mod question;
+mod start;
 
 use std::fmt::{self, Display, Formatter};
 use std::io::{self, IsTerminal};
@@ -17,7 +18,7 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use horizon_model::rows::{Pose, pose};
 use tello_flight::cycle::{self, CycleTable, FlightTable};
-use tello_flight::{Mission, Room, RoomTable};
+use tello_flight::{Mission, RoomTable};
 use tello_io::config::{self, FlyTable};
 use tello_io::link_diagnosis::{misnumbered, too_old, undated, wrong_rate};
 use tello_io::manual::is_terminal_ours;
@@ -29,17 +30,12 @@ use self::battery::battery_check;
 use self::log::{log_check, log_dir};
 pub(super) use self::probe::probe;
 use self::question::confirm;
+use self::start::start_check;
 use super::Arguments;
 use super::control_loop::Orders;
 use super::loop_times::GROUND_WAIT;
 use super::vehicle::is_on_this_machine;
 use crate::stdio;
-
-/// A first target that is further away is one in another unit or another room: the vehicle would set off for it. m
-const TO_FIRST_MAX_M: f64 = 50.0;
-
-/// Least distance of a take-off from walls and obstacles without a note. m
-const BESIDE_MIN_M: f64 = 0.6;
 
 /// Fewest frames within the age at which a pose is stale: one of them may be missing. frames
 const FRAMES_MIN: f64 = 2.0;
@@ -118,7 +114,7 @@ pub(super) fn arm(arguments: &Arguments, table: &FlyTable, flight: &FlightTable)
     if !(arguments.yes || io::stdin().is_terminal()) {
         bail!("a real drone takes off only when asked: press Enter on a terminal, or give --yes");
     }
-    refuse_built_in_room(table)?;
+    refuse_unmeasured_room(table)?;
     let has_keys = !arguments.no_keys && is_terminal_ours();
     // Before the inspection, whose findings must be new when the person reads them.
     let nominal = NominalFlight::fly(flight);
@@ -165,18 +161,22 @@ fn ask(arguments: &Arguments, table: &FlyTable, checks: &[Check]) -> Result<Orde
     Ok(Orders::to_fly())
 }
 
-/// Refuses to fly a real drone between walls that were not measured. A drone on this machine is a simulated one.
-fn refuse_built_in_room(table: &FlyTable) -> Result<()> {
+/// Refuses to fly a real drone without walls, or between walls that were not measured. A drone on this machine is a simulated one.
+fn refuse_unmeasured_room(table: &FlyTable) -> Result<()> {
     let is_simulated = is_on_this_machine(table);
     let (built_in, _) = config::fly(None, None)?;
     let walls_m = |table: &FlyTable| table.cycle.supervisor.room.as_ref().map(RoomTable::walls_m);
-    if !is_simulated && walls_m(table) == walls_m(&built_in) {
-        bail!(
-            "cycle.supervisor.room is the built-in one, 10 x 10 m: measure your room and write its walls \
-             (x_m, y_m, z_m in the frame of the motion capture, half a metre to spare) into the file of --config"
-        );
-    }
-    Ok(())
+    let built_in_m = walls_m(&built_in);
+    let what = match walls_m(table) {
+        _ if is_simulated => return Ok(()),
+        None => "null: no wall would be kept away from",
+        found_m if found_m == built_in_m => "the built-in one, 10 x 10 m",
+        Some(_) => return Ok(()),
+    };
+    bail!(
+        "cycle.supervisor.room is {what}; measure your room and write its walls (x_m, y_m, z_m in the frame of the \
+         motion capture, half a metre to spare) into the file of --config"
+    )
 }
 
 /// The list, in the order in which things are put right.
@@ -295,48 +295,6 @@ fn moving_check(name: &str, found: &Found, cycle: &CycleTable) -> Result<Check> 
             check("obstacle", Readiness::Bad, reason)
         }
         _ => check("obstacle", Readiness::Good, place),
-    })
-}
-
-fn start_check(at: Option<&Pose>, cycle: &CycleTable, first: &Pose) -> Result<Check> {
-    let Some(at) = at else { return Ok(check("start", Readiness::Bad, "unknown without a pose")) };
-    let floor_m = cycle.filter.floor_m;
-    let room = cycle.supervisor.room.as_ref().map(Room::try_from).transpose()?;
-    let near = cycle::take_off_clearance(at, cycle)?.filter(|(near_m, _)| *near_m < BESIDE_MIN_M);
-    let to_first_m = (first - at).fixed_rows::<3>(pose::X).norm();
-    let place = format!(
-        "at {:+.2} {:+.2} {:+.2} m, heading {:+.0} degrees",
-        at[pose::X],
-        at[pose::Y],
-        at[pose::Z],
-        at[pose::THETA].to_degrees()
-    );
-    Ok(if at[pose::Z] < floor_m {
-        let reason = format!(
-            "{place}: lower poses than {floor_m} m (cycle.filter.floor_m) count as wrong; are poses in metres, with z \
-             upwards (tello-ctl mocap watch shows it)? If they are, lower that key, or the origin of the motion capture"
-        );
-        check("start", Readiness::Bad, reason)
-    } else if room.is_some_and(|room| !room.may_start_at(at)) {
-        let reason = format!(
-            "{place}: outside of the room, more than 1 m above its floor, or less than 1.2 m below its ceiling, which \
-             a take-off needs; is it the drone, in metres, with z upwards?"
-        );
-        check("start", Readiness::Bad, reason)
-    } else if to_first_m > TO_FIRST_MAX_M {
-        let reason = format!(
-            "{place}, {to_first_m:.1} m from the first target, more than {TO_FIRST_MAX_M} m: are mission, room and \
-             motion capture in metres?"
-        );
-        check("start", Readiness::Never, reason)
-    } else if let Some((near_m, name)) = near {
-        let reason = format!(
-            "{place}, {near_m:.2} m from {name}: nothing steers in the take-off, and a draught carries the drone; leave \
-             {BESIDE_MIN_M} m"
-        );
-        check("start", Readiness::Note, reason)
-    } else {
-        check("start", Readiness::Good, format!("{place}, {to_first_m:.1} m from the first target"))
     })
 }
 

@@ -12,7 +12,10 @@ use super::TelloSettings;
 #[derive(Debug, Error)]
 pub enum LinkError {
     /// Another program has the port.
-    #[error("UDP port {port} is in use: stop the other program, or set tello.{key} to 0")]
+    #[error(
+        "UDP port {port} is in use: stop the other program, or set tello.{key} to 0{}",
+        if *key == "state_port" { ", which needs a drone with SDK 3.0" } else { "" }
+    )]
     PortInUse {
         /// The local port.
         port: u16,
@@ -87,7 +90,8 @@ mod tests {
         let port = first.local_addr().unwrap().port();
         let refused = bind_socket(&settings(None), "state_port", port).unwrap_err().to_string();
         let expected = format!(
-            "UDP port {port} is in use: stop the other program, or set tello.state_port to 0"
+            "UDP port {port} is in use: stop the other program, or set tello.state_port to 0, which needs a drone \
+             with SDK 3.0"
         );
         assert_eq!(refused, expected);
     }

@@ -198,7 +198,9 @@ fn assert_found<const N: usize>(cases: [(Found, &str, Readiness, &str); N]) {
 
 #[test]
 fn a_start_beside_a_wall_is_noted_and_a_name_that_two_objects_have_fails() {
-    let beside = |x_m: f64| Found { at: Some(Pose::new(x_m, -3.0, 0.05, 0.0)), ..all_there() };
+    let at = |x_m, theta_rad| Some(Pose::new(x_m, -3.0, 0.05, theta_rad));
+    let beside = |x_m| Found { at: at(x_m, 0.0), ..all_there() };
+    let turned = |theta_rad| Found { at: at(-2.0, theta_rad), ..all_there() };
     let all = all_there().stream;
     let stream = StreamReport { doubled: all.frames, ..all };
     let wall = "0.59 m from the wall at the upper x of the room";
@@ -210,6 +212,9 @@ fn a_start_beside_a_wall_is_noted_and_a_name_that_two_objects_have_fails() {
         (beside(4.41), "start", Readiness::Note, wall),
         (beside(4.39), "start", Readiness::Good, "m from the first target"),
         (beside(5.1), "start", Readiness::Bad, "outside of the room"),
+        (turned(0.59), "start", Readiness::Good, "m from the first target"),
+        (turned(-0.61), "start", Readiness::Note, "turned by -35 degrees"),
+        (turned(3.1), "start", Readiness::Note, "the nose of the object is wrong"),
         (Found { stream, ..all_there() }, "mocap", Readiness::Bad, doubled),
         (
             Found { stream: other_rate, announced_hz: Some(120.0), ..all_there() },
@@ -285,17 +290,20 @@ fn the_question_tells_what_failed() {
 }
 
 #[test]
-fn a_real_drone_does_not_fly_in_the_built_in_room() {
+fn a_real_drone_flies_in_a_measured_room_only() {
     let (mut table, _) = config::fly(None, None).unwrap();
-    let refused = refuse_built_in_room(&table).unwrap_err().to_string();
+    let refused = refuse_unmeasured_room(&table).unwrap_err().to_string();
     assert!(refused.contains("cycle.supervisor.room"), "{refused}");
     table.cycle.supervisor.room.as_mut().unwrap().stop_s += 0.1;
-    refuse_built_in_room(&table).expect_err("the same walls");
+    refuse_unmeasured_room(&table).expect_err("the same walls");
     table.tello.address = "127.0.0.1:8889".into();
-    assert!(refuse_built_in_room(&table).is_ok(), "a simulated drone");
+    assert!(refuse_unmeasured_room(&table).is_ok(), "a simulated drone");
     table.tello.address = "192.168.10.1:8889".into();
     table.cycle.supervisor.room.as_mut().unwrap().x_m = [-2.0, 2.0];
-    assert!(refuse_built_in_room(&table).is_ok(), "walls that were measured");
+    assert!(refuse_unmeasured_room(&table).is_ok(), "walls that were measured");
+    table.cycle.supervisor.room = None;
+    let refused = refuse_unmeasured_room(&table).unwrap_err().to_string();
+    assert!(refused.starts_with("cycle.supervisor.room is null"), "{refused}");
 }
 
 #[test]

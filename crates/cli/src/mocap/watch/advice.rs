@@ -9,8 +9,8 @@ use crate::stdio;
 /// Largest tilt of a body that stands on the floor. deg
 const TILT_MAX_DEG: f64 = 20.0;
 
-/// Largest angle between nose and displacement of an object that was carried nose first. deg
-const NOSE_OFF_MAX_DEG: f64 = 30.0;
+/// Largest angle between nose and displacement of an object that was carried nose first by hand. deg
+const NOSE_OFF_MAX_DEG: f64 = 20.0;
 
 /// Axes whose third is the given one, right-handed.
 pub(super) fn axes_with_up(up: SourceAxis) -> [SourceAxis; 3] {
@@ -145,11 +145,15 @@ fn displacement_lines(displacement: &Displacement, has_frame: bool) -> Result<Ve
     let frame = serde_json::to_string(&frame)?;
     lines.push(format!("If you lifted it, up is wrong: write \"frame\": {frame}"));
     if climb_deg.abs() < 30.0 && !is_nose_right {
-        lines.push(format!(
-            "If you carried it nose first, the nose is {:?}: write \"nose\": {:?} into \"frame\".",
-            object_axis.name(),
-            object_axis.name()
-        ));
+        let name = object_axis.name();
+        lines.push(if object_off_deg < NOSE_OFF_MAX_DEG {
+            format!("If you carried it nose first, the nose is {name:?}: write \"nose\": {name:?} into \"frame\".")
+        } else {
+            format!(
+                "If you carried it nose first, no axis of the object is its nose (the nearest one is off by \
+                 {object_off_deg:.0} degrees): define it again in the system, nose along x."
+            )
+        });
     }
     Ok(lines)
 }
@@ -190,5 +194,11 @@ mod tests {
         assert!(words([0.0, 1.0, 0.0], false).contains("the nose is wrong"));
         assert!(words([0.0, 1.0, 0.0], true).contains("write \"nose\": \"y\""));
         assert!(words([0.0, 0.0, 1.0], false).ends_with("up is right."));
+        let between = words([1.0, 0.8, 0.0], true);
+        assert!(between.contains("no axis of the object is its nose"), "{between}");
+        assert!(
+            !between.contains("the nose is right") && !between.contains("\"nose\""),
+            "{between}"
+        );
     }
 }

@@ -188,7 +188,7 @@ async fn a_group_that_cannot_be_joined_has_its_reason_and_ever_longer_pauses() {
     let watch = async {
         loop {
             why = feed.counters.unopened().or(why.take());
-            tokio::time::sleep(Duration::from_millis(5)).await;
+            sleep(Duration::from_millis(5)).await;
         }
     };
     let read = async { tokio::join!(client.read_forever(), answer, watch) };

@@ -1,0 +1,71 @@
+//! The pose of the drone before the take-off.
+
+use anyhow::Result;
+use horizon_model::angle::wrap;
+use horizon_model::rows::{Pose, pose};
+use tello_flight::Room;
+use tello_flight::cycle::{self, CycleTable};
+
+use super::{Check, Readiness, check};
+
+/// A first target that is further away is one in another unit or another room: the vehicle would set off for it. m
+const TO_FIRST_MAX_M: f64 = 50.0;
+
+/// Least distance of a take-off from walls and obstacles without a note. m
+const BESIDE_MIN_M: f64 = 0.6;
+
+/// A heading offset up to this is estimated in flight; a vehicle that stands turned by more from its first target may
+/// have a nose that was defined wrongly. rad
+const TURNED_MAX_RAD: f64 = 0.6;
+
+/// # Errors
+/// A room that breaks its rule.
+pub(super) fn start_check(at: Option<&Pose>, cycle: &CycleTable, first: &Pose) -> Result<Check> {
+    let Some(at) = at else { return Ok(check("start", Readiness::Bad, "unknown without a pose")) };
+    let floor_m = cycle.filter.floor_m;
+    let room = cycle.supervisor.room.as_ref().map(Room::try_from).transpose()?;
+    let near = cycle::take_off_clearance(at, cycle)?.filter(|(near_m, _)| *near_m < BESIDE_MIN_M);
+    let to_first_m = (first - at).fixed_rows::<3>(pose::X).norm();
+    let turned_rad = wrap(at[pose::THETA] - first[pose::THETA]);
+    let place = format!(
+        "at {:+.2} {:+.2} {:+.2} m, heading {:+.0} degrees",
+        at[pose::X],
+        at[pose::Y],
+        at[pose::Z],
+        at[pose::THETA].to_degrees()
+    );
+    Ok(if at[pose::Z] < floor_m {
+        let reason = format!(
+            "{place}: lower poses than {floor_m} m (cycle.filter.floor_m) count as wrong; are poses in metres, with z \
+             upwards (tello-ctl mocap watch shows it)? If they are, lower that key, or the origin of the motion capture"
+        );
+        check("start", Readiness::Bad, reason)
+    } else if room.is_some_and(|room| !room.may_start_at(at)) {
+        let reason = format!(
+            "{place}: outside of the room, more than 1 m above its floor, or less than 1.2 m below its ceiling, which \
+             a take-off needs; is it the drone, in metres, with z upwards?"
+        );
+        check("start", Readiness::Bad, reason)
+    } else if to_first_m > TO_FIRST_MAX_M {
+        let reason = format!(
+            "{place}, {to_first_m:.1} m from the first target, more than {TO_FIRST_MAX_M} m: are mission, room and \
+             motion capture in metres?"
+        );
+        check("start", Readiness::Never, reason)
+    } else if turned_rad.abs() > TURNED_MAX_RAD {
+        let reason = format!(
+            "{place}, turned by {:+.0} degrees from the heading of the first target: if its nose points there, the \
+             nose of the object is wrong (tello-ctl mocap watch shows it)",
+            turned_rad.to_degrees()
+        );
+        check("start", Readiness::Note, reason)
+    } else if let Some((near_m, name)) = near {
+        let reason = format!(
+            "{place}, {near_m:.2} m from {name}: nothing steers in the take-off, and a draught carries the drone; leave \
+             {BESIDE_MIN_M} m"
+        );
+        check("start", Readiness::Note, reason)
+    } else {
+        check("start", Readiness::Good, format!("{place}, {to_first_m:.1} m from the first target"))
+    })
+}
