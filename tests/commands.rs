@@ -228,6 +228,8 @@ fn a_dry_run_plans_and_sends_nothing() {
     let child = start_flight(&folder, &["--dry-run"], 4);
     interrupt(&child);
     let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    assert!(text(&output).contains("result        dry run ended\n"), "{}", text(&output));
     let (heights, _) = heights(&folder.join("flight.mcap"));
     assert!(heights.iter().all(|(_, z)| *z < 0.1), "the drone moved: {}", text(&output));
     let mut log = LogReader::open(&folder.join("flight.mcap")).unwrap().select(&["/control/plan"]);

@@ -1,6 +1,6 @@
 //! Poses in a frame that is not the world's: mirrored or turned from the start, or drifting away in flight.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 use horizon_model::check::maximum;
 use horizon_model::rows::pose;
@@ -52,6 +52,28 @@ fn a_mirrored_frame_lands_within_two_seconds_of_the_first_stick() {
         assert!(story.has(Fault::HeadingWrong), "{name}: {:?}", story.last());
         let far_m = distance_m(&story, 0.0);
         assert!(far_m < 2.0, "{name}: {far_m:.2} m");
+    }
+}
+
+#[test]
+fn a_mirrored_frame_lands_though_the_first_leg_runs_along_its_axis() {
+    // The motion along the axis is as in the right frame; it leaves the axis by itself. With x and y exchanged the axis
+    // is at 45 degrees, and the nose off by 90.
+    for (name, turn_rad, [x, y]) in [
+        ("square.json", 0.0, [1.2, 0.0]),
+        ("big_square.json", 0.0, [1.2, -0.75]),
+        ("hover.json", 0.0, [-1.2, 0.0]),
+        ("hover.json", FRAC_PI_2, [1.0, 1.0]),
+        ("arc.json", FRAC_PI_2, [0.7, 0.7]),
+    ] {
+        let mirrored = InjectedFault::MocapFrame { turn_rad, is_mirrored: true, scale: 1.0 };
+        let mut settings = settings(&[ScriptedFault { fault: mirrored, from_s: 0.0, for_s: 1e3 }]);
+        settings.0.mission = mission(name);
+        settings.1.start = SimStart::Ground { x, y, theta: 0.0 };
+        let story = fly_alone(&settings, 60.0);
+        let case = format!("{name}, {turn_rad} rad from {x}, {y}");
+        println!("{case}: {:.2} m", distance_m(&story, 0.0));
+        assert_landed_soon(&story, 3.5, &case);
     }
 }
 

@@ -285,7 +285,9 @@ async fn fly(
         let packets = drone_counters.packets.get();
         bail!(take_off_refusal(table, GROUND_WAIT, end.faults_last, &mocap_counters, packets));
     }
-    let summary = summary.with_end(&end, &mocap_counters, table.mocap.object(), &drone_counters);
+    let mut summary =
+        summary.with_end(&end, &mocap_counters, table.mocap.object(), &drone_counters);
+    summary.is_dry_run = arguments.dry_run;
     vehicle::remember(arguments, flight, &summary, &end, clock);
     conclude(summary, links, left)
 }

@@ -49,6 +49,8 @@ pub struct Tally {
 /// The summary of a flight; see [`Metrics`] for the definitions.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, JsonSchema)]
 pub struct Summary {
+    /// Whether it was a dry run.
+    pub is_dry_run: bool,
     /// Phase at the end.
     pub phase: Phase,
     /// Targets reached.
@@ -224,8 +226,12 @@ impl Summary {
         }
     }
 
-    /// Whether the flight did what it was for, whatever became of the log.
+    /// Whether the flight did what it was for, whatever became of the log. A dry run has no targets to reach, and a
+    /// person ends it.
     pub fn is_success(&self) -> bool {
+        if self.is_dry_run {
+            return self.phase.is_success(0, 0, &self.ended_by);
+        }
         self.phase.is_success(self.targets_reached, self.targets_count, &self.ended_by)
     }
 
@@ -237,10 +243,7 @@ impl Summary {
 
 impl Display for Summary {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let (reached, count) = (self.targets_reached, self.targets_count);
-        let missing = self.missing_confirmation();
-        let (phase, reason) = (self.phase.name(), Fault::ending_names(&self.ended_by));
-        writeln!(f, "result        {phase}{missing}{reason}, {reached} of {count} targets")?;
+        self.write_result(f)?;
         for causes in self.ended_by.iter().filter_map(|fault| fault.likely_causes()) {
             writeln!(f, "likely causes {causes}")?;
         }
@@ -261,6 +264,17 @@ impl Display for Summary {
 }
 
 impl Summary {
+    /// How it ended.
+    fn write_result(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let reason = Fault::ending_names(&self.ended_by);
+        if self.is_dry_run {
+            return writeln!(f, "result        dry run ended{reason}");
+        }
+        let (reached, count) = (self.targets_reached, self.targets_count);
+        let (phase, missing) = (self.phase.name(), self.missing_confirmation());
+        writeln!(f, "result        {phase}{missing}{reason}, {reached} of {count} targets")
+    }
+
     /// How well the path was followed.
     fn write_accuracy(&self, f: &mut Formatter<'_>) -> fmt::Result {
         if let Some(metrics) = &self.metrics {

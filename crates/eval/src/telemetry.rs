@@ -48,7 +48,7 @@ pub struct Telemetry {
     pub reference: Option<Spot>,
     /// Distance and height from the reference path. m
     pub offset: Option<[f64; 2]>,
-    /// Sent sticks.
+    /// Sent sticks; in a dry run those that would be sent.
     pub sticks: SticksFact,
     /// Whether sent sticks act; `None` without a link monitor.
     pub link: Option<LinkTelemetry>,
@@ -171,7 +171,7 @@ impl Telemetry {
             target_number: out.target_number,
             targets_reached: out.targets_reached,
             reference: out.reference.map(Into::into),
-            sticks: out.u_sent.into(),
+            sticks: out.u_shown(inbox).into(),
             link: out
                 .link
                 .map(|link| LinkTelemetry { is_down: link.state.is_down(), score: link.score }),

@@ -32,7 +32,7 @@ pub(super) struct Status {
     pose_hat: Option<Pose>,
     target: Pose,
     target_number: usize,
-    u_sent: Sticks,
+    u_shown: Sticks,
     timing: Timing,
 }
 
@@ -53,7 +53,7 @@ impl Status {
             pose_hat: out.pose_hat(),
             target: out.target,
             target_number: out.target_number,
-            u_sent: out.u_sent,
+            u_shown: out.u_shown(&tick.inbox),
             timing: *timing,
         }
     }
@@ -75,7 +75,7 @@ impl Status {
 
     /// Warnings first, then what 80 columns have room for, then times.
     fn parts(&self) -> Vec<String> {
-        let (target, u) = (&self.target, &self.u_sent);
+        let (target, u) = (&self.target, &self.u_shown);
         let ms = |ns: i64| ns as f64 * 1e-6;
         let warnings =
             [(self.is_by_hand, " BY HAND"), (self.link_is_down, " LINK DOWN")].into_iter();
@@ -145,7 +145,7 @@ mod tests {
             pose_hat: Some(Pose::new(-9.99, -9.99, 2.34, -3.1)),
             target: Pose::new(-9.99, -9.99, 2.34, 0.0),
             target_number: 10,
-            u_sent: Sticks::repeat(-1.0),
+            u_shown: Sticks::repeat(-1.0),
             timing: Timing { estimate_ns: 12_340_000, ..Timing::default() },
         };
         for width in 0..200 {

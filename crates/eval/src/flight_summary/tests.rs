@@ -116,6 +116,24 @@ fn a_flight_is_a_success_if_it_landed_after_its_last_target() {
 }
 
 #[test]
+fn a_dry_run_needs_no_target_and_is_ended_by_a_person() {
+    for (phase, fault, is_success) in [
+        (Phase::Landed, Fault::OperatorStop, true),
+        (Phase::Landed, Fault::MocapLost, false),
+        (Phase::Idle, Fault::OperatorStop, false),
+    ] {
+        let flight = summary(phase, &[fault]);
+        let ended_by = vec![fault];
+        let dry = Summary { is_dry_run: true, targets_reached: 0, ended_by, ..flight };
+        assert_eq!(dry.is_success(), is_success, "{phase:?}, {fault:?}");
+        let text = dry.to_string();
+        let reason = if fault == Fault::MocapLost { " (mocap lost)" } else { "" };
+        let first = text.lines().next().unwrap();
+        assert_eq!(first, format!("result        dry run ended{reason}"), "{text}");
+    }
+}
+
+#[test]
 fn targets_count_that_the_log_could_not_take() {
     let end = LoopEnd { targets_reached: 3, records_dropped: 400, ..LoopEnd::default() };
     let (mocap, drone) = (MocapCounters::default(), LinkCounters::default());

@@ -9,6 +9,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use thiserror::Error;
 
+use super::Inbox;
 use super::dead_time::DeadTimeChange;
 use super::walls::Clearance;
 use crate::drone::DroneOrder;
@@ -176,6 +177,12 @@ impl Outcome {
     /// frame. m, rad
     pub fn pose_hat(&self) -> Option<Pose> {
         self.s_hat.get(..pose::COUNT).map(SVector::from_column_slice)
+    }
+
+    /// The sticks of the tick of `inbox` for displays: those that are sent, or in a dry run, which sends neutral ones,
+    /// those that would be: they show whether axes and nose are right. 1
+    pub fn u_shown(&self, inbox: &Inbox) -> Sticks {
+        if inbox.flown.is_some() { self.u_sent } else { self.approved.sticks() }
     }
 
     /// Begins the outcome of `step`. The buffers stay, so that nothing is allocated.

@@ -14,10 +14,16 @@
 //! motion in an outage is compared, too, until the motion of this flight has followed its inputs once. A vehicle that
 //! stood and receives no inputs does not move, and has no direction. As long as the compared motion includes an outage,
 //! the inputs count as wrong only by a motion backwards that is as strong as they ask for.
+//!
+//! A motion along one line shows whether the frame is turned, but not whether it is mirrored about this line. That is
+//! `mirror.rs`, whose sums go on in outages.
+
+mod mirror;
 
 use horizon_model::rows::{Pose, pose};
 use nalgebra::Complex;
 
+use self::mirror::MirrorMonitor;
 use super::Sample;
 use super::typical_vehicle::lag_decay;
 use crate::commanded::inputs_w;
@@ -80,6 +86,7 @@ pub(super) struct DirectionMonitor {
     has_outage: bool,
     /// For how long the link has been up. s
     up_s: f64,
+    mirror: MirrorMonitor,
 }
 
 /// Sums over the periods since the newest pose.
@@ -175,7 +182,8 @@ impl Sums {
 impl DirectionMonitor {
     pub(super) fn new(limit_rad: f64, dt_s: f64) -> Self {
         let length = horizon_model::steps(SHIFT_S, dt_s) + 1;
-        Self { limit_rad, dt_s, ring: Ring::new(Velocities::default(), length), ..Self::default() }
+        let ring = Ring::new(Velocities::default(), length);
+        Self { limit_rad, dt_s, ring, mirror: MirrorMonitor::new(dt_s), ..Self::default() }
     }
 
     /// Takes a tick on the ground: the motion has not followed its inputs yet.
@@ -183,10 +191,16 @@ impl DirectionMonitor {
         self.restart();
         self.flown_s = 0.0;
         self.is_shown = false;
+        self.mirror.rest();
     }
 
     /// Forgets the motion and begins at rest.
     pub(super) fn restart(&mut self) {
+        self.mirror.restart();
+        self.restart_turn();
+    }
+
+    fn restart_turn(&mut self) {
         self.before = None;
         self.since = PoseInterval::default();
         self.v_u_w = Complex::default();
@@ -200,17 +214,27 @@ impl DirectionMonitor {
 
     /// Forgets the motion and begins at a velocity that no known input caused.
     fn restart_in_motion(&mut self) {
-        self.restart();
+        self.restart_turn();
         self.decay = 1.0;
     }
 
-    /// Takes a tick in flight: the angle, rad, if there is one, and whether it has been beyond the limit for so long
-    /// that the heading is wrong.
+    /// Takes a tick in flight: the angle, rad, if there is one, and whether the motion has shown for so long a turn
+    /// beyond the limit, or a mirrored frame, that the heading is wrong.
+    pub(super) fn update(&mut self, sample: &Sample) -> (Option<f64>, bool) {
+        self.flown_s += self.dt_s;
+        if !sample.link_is_up && self.flown_s > UNSHOWN_MAX_S {
+            self.mirror.end();
+        }
+        let is_mirrored = self.mirror.update(sample);
+        let (error_rad, is_turned) = self.update_turn(sample);
+        (error_rad, is_turned || is_mirrored)
+    }
+
+    /// As [`Self::update`], for a turn.
     ///
     /// A motion is that from one pose to the next, of a source of 4 Hz or more. In an outage the motion so far is
     /// forgotten once one has followed its inputs: the inputs had ceased to act before the outage was noticed.
-    pub(super) fn update(&mut self, sample: &Sample) -> (Option<f64>, bool) {
-        self.flown_s += self.dt_s;
+    fn update_turn(&mut self, sample: &Sample) -> (Option<f64>, bool) {
         if !sample.link_is_up && (self.is_shown || self.flown_s > UNSHOWN_MAX_S) {
             self.restart_in_motion();
             return (None, false);

@@ -3,7 +3,7 @@
 //! Owns how both are weighed: the poses confirm a take-off, poses and drone together confirm a landing. Where one of
 //! them is missing, the other decides alone; a landing then takes longer to be confirmed.
 
-use horizon_model::rows::pose;
+use horizon_model::rows::{Pose, pose};
 
 use super::condition_timer::HoldTimer;
 use super::evidence::{DroneReport, Evidence, Phase};
@@ -17,6 +17,10 @@ const DOWN_HEIGHT_FRACTION: f64 = 0.5;
 /// Largest drop of an accepted pose beyond that of a descent at 2 m/s. Real flights reach 0.11 m
 /// (docs/benchmarks/2026-11-27-poses). m
 const DROP_MAX_M: f64 = 0.3;
+
+/// Distance within which a pose is still that of a stream that stood still when the landing began: a vehicle that lands
+/// leaves it. m
+const FROZEN_MOVE_M: f64 = 0.02;
 
 /// Rise by the drone's own height above which the vehicle has left the ground: between two steps of that height. m
 const CLIMB_MIN_M: f64 = 0.35;
@@ -50,6 +54,9 @@ pub(super) struct LandingConfirmation {
     by_both: HoldTimer,
     /// Whether the pose came to the ground by a jump: then it does not confirm a landing.
     is_pose_displaced: bool,
+    /// The pose of a stream that stood still in flight, as long as it goes on doing so: it does not show where the
+    /// vehicle is. On the ground, and in a landing, poses may stand still, so that nothing else refuses them there.
+    frozen: Option<Pose>,
 }
 
 impl Supervisor {
@@ -70,11 +77,16 @@ impl Supervisor {
     }
 
     /// Whether a fresh pose shows the vehicle above the ground. A pose that came to the ground by a jump is
-    /// that of another object and shows nothing.
+    /// that of another object and shows nothing, one in the air that stood still in flight neither.
     pub(super) fn pose_is_airborne(&self, e: &Evidence) -> Option<bool> {
         let limit_m = DOWN_HEIGHT_FRACTION * self.table.airborne_height_m;
         let is_airborne = self.rise_m(e)? >= limit_m;
-        (is_airborne || !self.landing.is_pose_displaced).then_some(is_airborne)
+        let counts = if is_airborne {
+            self.landing.frozen.is_none()
+        } else {
+            !self.landing.is_pose_displaced
+        };
+        counts.then_some(is_airborne)
     }
 
     /// Whether the drone flies by its own fresh report; `None` without one, or if it reports to stand at a height at
@@ -153,6 +165,7 @@ impl Supervisor {
         let jumped_m = |excess_m: Option<f64>, limit_m| {
             excess_m.is_some_and(|excess_m| exceeds(excess_m, limit_m))
         };
+        self.remember_frozen_pose(e);
         let has_jumped =
             jumped_m(e.poses.jump_m, self.table.jump_m) || jumped_m(e.poses.drop_m, DROP_MAX_M);
         self.landing.is_pose_displaced |= has_jumped && self.phase != Phase::Idle;
@@ -162,6 +175,16 @@ impl Supervisor {
         let ground = if is_landing { self.ground(e) } else { Ground::Unconfirmed };
         self.landing.by_any.update(ground != Ground::Unconfirmed, e.t_ns);
         self.landing.by_both.update(ground == Ground::ByBoth, e.t_ns);
+    }
+
+    /// Updates whether the pose is that of a stream that stood still in flight.
+    fn remember_frozen_pose(&mut self, e: &Evidence) {
+        if matches!(self.phase, Phase::Idle | Phase::TakingOff | Phase::Flying) {
+            self.landing.frozen = e.pose.filter(|_| self.is_flying() && self.is_pose_frozen(e));
+        } else if let (Some(then), Some(now)) = (self.landing.frozen, e.pose) {
+            let moved_m = (now - then).fixed_rows::<3>(pose::X).norm();
+            self.landing.frozen = Some(then).filter(|_| !exceeds(moved_m, FROZEN_MOVE_M));
+        }
     }
 
     /// Whether the landing is confirmed: by both sources for 1 s, or by one of them alone for longer.

@@ -48,7 +48,9 @@ fn print_unseen(watched: &Watched, survey: &Survey) -> Result<()> {
     if let Some(refused) = &watched.refused {
         stdio::line(format_args!("Refused: {refused}."))?;
     }
-    if names.is_empty() {
+    if names.is_empty() && (watched.trouble.is_some() || watched.refused.is_some()) {
+        Ok(())
+    } else if names.is_empty() {
         stdio::line("There are no objects. tello-ctl mocap list HOST tries every protocol.")
     } else {
         stdio::line(format_args!("There are: {}", names.join(", ")))

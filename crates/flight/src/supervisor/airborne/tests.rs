@@ -268,3 +268,38 @@ fn a_take_off_is_repeated_only_while_the_drone_stands_where_it_stood_and_nobody_
     let near = with_obstacles(CALM, |it| it.blocks_take_off = true);
     assert_eq!((repeated(near, near), repeated(near, CALM)), (0, 2));
 }
+
+#[test]
+fn a_pose_in_the_air_that_stood_still_in_flight_does_not_contradict_a_drone_that_stands() {
+    let frozen =
+        with_poses(Evidence { pose_age_s: Some(0.3), ..ALOFT }, |it| it.is_repeated = true);
+    let again = |e: Evidence| with_drone(e, |drone| drone.is_flying = false);
+    let moved =
+        |far_m: f64| Evidence { pose: ALOFT.pose.map(|at| at + Pose::repeat(far_m)), ..ALOFT };
+    for (e, phase) in [
+        (ALOFT, Phase::Landed),
+        (moved(0.01), Phase::Landed),
+        (moved(0.02), Phase::LandingUnconfirmed),
+    ] {
+        let mut fixture = Fixture::flying();
+        fixture.pass(9, &frozen);
+        fixture.pass(1, &Evidence { pose_age_s: Some(1.1), ..frozen });
+        assert_eq!(fixture.supervisor.phase(), Phase::Landing);
+        // On the ground and in a landing a stream may repeat its pose, which then counts as new.
+        let decision = fixture.run(250, &again(e));
+        assert_eq!(decision.phase, phase, "{:?}", e.pose);
+        assert_eq!(decision.faults.contains(Fault::LandedByDrone), phase == Phase::Landed);
+    }
+    // Without the drone's report nothing is confirmed, and a pose on the floor counts though it stands still.
+    let mut fixture = Fixture::flying();
+    fixture.pass(9, &frozen);
+    fixture.pass(1, &Evidence { pose_age_s: Some(1.1), ..frozen });
+    assert_eq!(
+        fixture.run(250, &Evidence { drone: None, ..ALOFT }).phase,
+        Phase::LandingUnconfirmed
+    );
+    let mut fixture = Fixture::flying();
+    fixture.pass(9, &Evidence { pose: CALM.pose, ..frozen });
+    fixture.pass(1, &Evidence { pose: CALM.pose, pose_age_s: Some(1.1), ..frozen });
+    assert_eq!(fixture.run(15, &again(CALM)).phase, Phase::Landed);
+}

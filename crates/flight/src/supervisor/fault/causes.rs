@@ -8,7 +8,9 @@ impl Fault {
     pub fn likely_causes(self) -> Option<&'static str> {
         Some(match self {
             Self::MocapStale | Self::MocapLost => {
-                "markers hidden, the object outside of the tracked volume, the stream broken off or repeating a pose"
+                "markers hidden, the object outside of the tracked volume, the stream broken off or repeating a pose; \
+                 frame numbers or time stamps that jumped or began anew (server restarted, clock set), poses that come \
+                 late"
             }
             Self::MocapFrozen => {
                 "the motion capture repeats a pose or tracks another object; the drone ignores its sticks"
@@ -17,11 +19,12 @@ impl Fault {
                 "markers swapped, hidden or reflected; the motion capture needs a new calibration"
             }
             Self::PoseDoubtful | Self::PoseInconsistent => {
-                "the poses drift or belong to another object; the drone's own velocity or height is wrong (a floor \
-                 without texture, dim light, furniture below)"
+                "the poses drift or belong to another object; z of the motion capture is not up (mocap watch); the \
+                 drone's own velocity or height is wrong (a floor without texture, dim light, furniture below)"
             }
             Self::HeadingWrong => {
-                "the rigid body is turned against the drone's nose; its heading drifts; sticks act late"
+                "the rigid body is turned against the drone's nose, or the frame is mirrored (mocap watch); its heading \
+                 drifts; sticks act late"
             }
             Self::ObstacleEntered | Self::PlanBlocked | Self::BlockedLong => {
                 "walls or obstacles leave too little room beside the mission (check --figure); a lower --speed"
@@ -30,11 +33,13 @@ impl Fault {
                 "somebody comes near the vehicle; the markers of the moving obstacle are hidden"
             }
             Self::FenceNear | Self::FenceLeft => {
-                "the mission is near a wall of `room`; lost commands; a draught"
+                "the mission is near a wall of `room`; lost commands; a draught; the frame is mirrored or turned \
+                 (mocap watch)"
             }
             Self::TrackingLost | Self::MissionOverdue => {
                 "the parameters do not fit this drone (ident); it is pushed or held, or evades somebody for long; lost \
-                 commands; without light or texture on the floor it does not hold its velocity"
+                 commands; without light or texture on the floor it does not hold its velocity; the frame is mirrored \
+                 or turned (mocap watch)"
             }
             Self::Immobile | Self::NotFlying => {
                 "the drone touches something, is held, or landed by itself"
@@ -59,7 +64,10 @@ impl Fault {
             Self::TakeOffTimeout => {
                 "the drone refuses to start (battery, heat, tilt); another object is tracked in its place"
             }
-            Self::LandingTimeout => "Wi-Fi is interrupted; another object is tracked in its place",
+            Self::LandingTimeout => {
+                "Wi-Fi is interrupted; another object is tracked in its place; z of the motion capture is not up (mocap \
+                 watch)"
+            }
             Self::PersonGone => "nobody steers: hand back to the controller or land",
             _ => return None,
         })
