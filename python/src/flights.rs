@@ -160,6 +160,7 @@ fn identified(
         fit: result.fit,
         against: Vec::new(),
         comparison: None,
+        dt_s: table.dt_s,
         files_used: logs.into_iter().map(FileUsed::from).collect(),
         files_skipped,
         // The caller has a clock.

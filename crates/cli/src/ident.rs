@@ -195,7 +195,7 @@ fn identify<'a>(
     })?;
     note_left(out.filter(|_| arguments.shard.is_none()), &before);
     let are_good = fits.are_good(arguments);
-    stdio::report(&fits.report(recordings, clock), arguments.json)?;
+    stdio::report(&fits.report(recordings, table.dt_s, clock), arguments.json)?;
     Ok(if are_good && !interrupt.is_asked() { Verdict::Good } else { Verdict::Bad })
 }
 
@@ -270,11 +270,12 @@ impl Fits {
         *has_converged && fit.refused.is_none() && is_complete
     }
 
-    fn report(self, recordings: Recordings, clock: &Clock) -> IdentReport {
+    fn report(self, recordings: Recordings, dt_s: f64, clock: &Clock) -> IdentReport {
         IdentReport {
             fit: self.main.fit,
             against: self.against.into_iter().map(|result| result.fit).collect(),
             comparison: self.comparison,
+            dt_s,
             files_used: recordings.logs.into_iter().map(FileUsed::from).collect(),
             files_skipped: recordings.skipped,
             seconds: clock.now().seconds(),

@@ -19,7 +19,7 @@ mod scan;
 mod search;
 mod settings;
 
-use horizon_model::Vector;
+use horizon_model::{Matrix, Vector};
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -111,6 +111,8 @@ pub struct DelayProfile<const NP: usize> {
     pub spread: Option<DelaySpread>,
     /// What an error of the dead time does to the parameter; `None` unless there is a minimum.
     pub influence: Option<DelayInfluence<NP>>,
+    /// Effect on the parameter of what the profile leaves open; `None` at a minimum and at the end of the range.
+    pub undecided: Option<UndecidedDelay<NP>>,
     /// Whether there is a minimum.
     pub verdict: DelayVerdict,
 }
@@ -162,6 +164,28 @@ pub struct DelayInfluence<const NP: usize> {
     pub parameter_by_dead_time: Vector<NP>,
     /// `J''`, the information on the dead time: `1 / sqrt(J'')` is its deviation by the weights. 1/s^2, > 0
     pub information: f64,
+}
+
+/// Uncertainty of a dead time that does not follow the pieces: one that was kept, or is at the bound of zero.
+///
+/// The axis is estimated at this dead time, as if it were known: its lag, for one, would have an interval that is far
+/// too narrow.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UndecidedDelay<const NP: usize> {
+    /// Distance to the farther end of the dead times that the profile does not exclude, over [`NORMAL_HALF_WIDTH`]. s
+    ///
+    /// [`NORMAL_HALF_WIDTH`]: crate::NORMAL_HALF_WIDTH
+    pub std_s: f64,
+    /// As in [`DelayInfluence`]. Unit of the row per s
+    pub parameter_by_dead_time: Vector<NP>,
+}
+
+impl<const NP: usize> UndecidedDelay<NP> {
+    /// What it adds to the covariance of the parameter, to first order. Product of the units of row and column
+    pub fn covariance(&self) -> Matrix<NP, NP> {
+        let moved = self.parameter_by_dead_time * self.std_s;
+        moved * moved.transpose()
+    }
 }
 
 impl<const NU: usize, const NO: usize> Flights<'_, NU, NO> {

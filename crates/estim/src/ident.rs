@@ -176,6 +176,14 @@ where
         }
     }
 
+    /// Starts again at the parameter `p`, each piece with the best states for it. Linear in the length of the pieces.
+    pub fn start_at(&mut self, p: &Vector<NP>) {
+        self.start();
+        self.p = *p;
+        self.known = None;
+        self.reoptimize_states();
+    }
+
     /// Starts from the iterate of `other`, a clone of this identification: only iterates are copied. Linear in the
     /// number of steps.
     pub fn restart_at(&mut self, other: &Self) {

@@ -36,7 +36,7 @@ pub use bootstrap::{
 pub use cholesky::NotPositive;
 pub use delay::{
     DelayError, DelayInfluence, DelayProfile, DelaySettings, DelaySpread, DelayTable, DelayVerdict,
-    Flights, ProfilePoint, Span,
+    Flights, ProfilePoint, Span, UndecidedDelay,
 };
 pub use ident::{Ident, IdentBuilder, IdentSettings, IdentTable, Piece, PieceError};
 pub use levenberg::{LmError, LmSettings, LmStop, LmTable, SolveReport};

@@ -81,6 +81,24 @@ impl<const NP: usize> Spread<NP> {
         Self { mean: *mean, std, lower: mean - half, upper: mean + half, correlation }
     }
 
+    /// This spread with a further cause of error of this `covariance`, independent of the others: each end of an
+    /// interval moves outward as that of a normal distribution does. Product of the units of row and column. No
+    /// allocation.
+    #[must_use]
+    pub fn widened(&self, covariance: &Matrix<NP, NP>) -> Self {
+        let own = Matrix::from_fn(|row, col| {
+            let correlation = if row == col { 1.0 } else { self.correlation[(row, col)] };
+            correlation * self.std[row] * self.std[col]
+        });
+        let mut sum = Self::normal(&self.mean, &(own + covariance));
+        for row in 0..NP {
+            let half = NORMAL_HALF_WIDTH * covariance[(row, row)].sqrt();
+            sum.lower[row] = self.mean[row] - (self.mean[row] - self.lower[row]).hypot(half);
+            sum.upper[row] = self.mean[row] + (self.upper[row] - self.mean[row]).hypot(half);
+        }
+        sum
+    }
+
     /// Whether the 95 % interval of each row, both ends included, contains that row of `truth`, which is in the unit of
     /// the row; false for NaN. No allocation.
     pub fn contains(&self, truth: &Vector<NP>) -> [bool; NP] {
@@ -125,6 +143,21 @@ mod tests {
         let expected = Matrix::<3, 3>::new(1.0, -1.0, 0.0, -1.0, 1.0, 0.0, 0.0, 0.0, 1.0);
         assert!(amax(&(spread.correlation - expected)) < 1e-12, "{}", spread.correlation);
         assert_eq!(spread.contains(&Vector::from([0.02, -19.0, 7.0])), [false, true, true]);
+    }
+
+    #[test]
+    fn a_further_cause_of_error_widens_intervals_as_that_of_a_normal_distribution() {
+        let mean = Vector::from([1.0, -1.0]);
+        let (own, more) =
+            (Matrix::<2, 2>::new(4.0, 3.0, 3.0, 9.0), Matrix::<2, 2>::new(5.0, -2.0, -2.0, 0.8));
+        let (got, expected) =
+            (Spread::normal(&mean, &own).widened(&more), Spread::normal(&mean, &(own + more)));
+        for (got, expected) in
+            [(got.std, expected.std), (got.lower, expected.lower), (got.upper, expected.upper)]
+        {
+            assert!(amax(&(got - expected)) < 1e-12, "{got} for {expected}");
+        }
+        assert!(amax(&(got.correlation - expected.correlation)) < 1e-12, "{}", got.correlation);
     }
 
     #[test]

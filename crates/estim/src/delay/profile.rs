@@ -128,5 +128,13 @@ pub(super) fn risen_at_s(curve: &[ProfilePoint], at_s: f64, cost: f64) -> f64 {
     before.dead_time_s
 }
 
+/// Ends of the dead times around `lowest_s`, where `curve` is 0, up to which it has not risen above `cost`. s
+pub(super) fn plausible_s(curve: &[ProfilePoint], lowest_s: f64, cost: f64) -> [f64; 2] {
+    let mirrored = curve.iter().rev();
+    let mirrored = mirrored.map(|at| ProfilePoint { dead_time_s: -at.dead_time_s, ..*at });
+    let mirrored: Vec<ProfilePoint> = mirrored.collect();
+    [-risen_at_s(&mirrored, -lowest_s, cost), risen_at_s(curve, lowest_s, cost)]
+}
+
 #[cfg(test)]
 mod tests;

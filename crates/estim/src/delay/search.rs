@@ -3,10 +3,10 @@
 use horizon_model::{Model, Vector};
 
 use super::descent::Descent;
-use super::profile::{LocalMinimum, risen_at_s, rises};
+use super::profile::{LocalMinimum, plausible_s, risen_at_s, rises};
 use super::{
     DelayError, DelayInfluence, DelayProfile, DelaySettings, DelaySpread, DelayVerdict, Flights,
-    ProfilePoint,
+    ProfilePoint, UndecidedDelay,
 };
 use crate::bootstrap::{NORMAL_HALF_WIDTH, interval_variance};
 use crate::ident::Ident;
@@ -141,7 +141,8 @@ where
             Some(_) => (None, DelayVerdict::Undecided),
             None => self.decide(group, &profile, solved)?,
         };
-        let GroupProfile { curve, at_s: mut dead_time_s } = profile;
+        let GroupProfile { curve, at_s: lowest_s } = profile;
+        let mut dead_time_s = lowest_s;
         if !matches!(verdict, DelayVerdict::Minimum | DelayVerdict::Zero) {
             if let Some(start) = diverged_from {
                 self.ident.restart_at(start);
@@ -151,9 +152,38 @@ where
             solved.cost = self.solve()?;
             solved.ident.restart_at(self.ident);
         }
+        let is_open = matches!(verdict, DelayVerdict::Undecided | DelayVerdict::Zero);
+        let undecided = is_open.then(|| {
+            let ends_s = plausible_s(&curve, lowest_s, self.significant_rise(solved.cost));
+            let farthest_s =
+                ends_s.map(|end_s| (end_s - dead_time_s).abs()).into_iter().fold(0.0, f64::max);
+            self.undecided(group, dead_time_s, farthest_s / NORMAL_HALF_WIDTH, solved)
+        });
+        let undecided = undecided.transpose()?;
         let (spread, influence) = uncertainty.map(|of| (of.spread, of.influence)).unzip();
         let (rows, influence) = (self.groups[group].to_vec(), influence.flatten());
-        Ok(DelayProfile { rows, curve, dead_time_s, spread, influence, verdict })
+        Ok(DelayProfile { rows, curve, dead_time_s, spread, influence, undecided, verdict })
+    }
+
+    /// Effect of a dead time `at_s` that the profile knows to `std_s` only, by solves one period to either side, as far
+    /// as that is not negative; `solved` as in [`Search::uncertainty`].
+    fn undecided(
+        &mut self,
+        group: usize,
+        at_s: f64,
+        std_s: f64,
+        Solved { ident: solved, .. }: &Solved<M, NS, NU, NO, NP>,
+    ) -> Result<UndecidedDelay<NP>, SearchStop> {
+        let [left_s, right_s] = [(at_s - self.flights.dt_s).max(0.0), at_s + self.flights.dt_s];
+        let [left, right] = [left_s, right_s].map(|at_s| {
+            self.set_dead_time(group, at_s);
+            let solve = self.solve().map(|_| *self.ident.parameter());
+            self.ident.restart_at(solved);
+            solve
+        });
+        self.set_dead_time(group, at_s);
+        let parameter_by_dead_time = (right? - left?) / (right_s - left_s);
+        Ok(UndecidedDelay { std_s, parameter_by_dead_time })
     }
 
     /// Verdict on the minimum of a group's profile, and its uncertainty if there is a minimum; `solved` as in

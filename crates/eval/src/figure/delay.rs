@@ -22,7 +22,7 @@ pub struct DelayCurve<'a> {
     pub name: &'a str,
     /// Dead times, ascending. s
     pub dead_time_s: &'a [f64],
-    /// Least cost with each of them; the figure subtracts the smallest. 1
+    /// Cost with each of them, all groups shifted together; the figure subtracts the smallest. 1
     pub cost: &'a [f64],
     /// The dead time of least cost, NaN without one. s
     pub minimum_s: f64,
@@ -38,8 +38,8 @@ pub fn delay_profile(title: &str, curves: &[DelayCurve<'_>]) -> Figure {
     let mut figure = Figure::begin(
         title,
         &[
-            (Mark::Line(line), "least cost with this dead time"),
-            (Mark::Line(minimum), "minimum"),
+            (Mark::Line(line), "cost, all sticks shifted together"),
+            (Mark::Line(minimum), "minimum, each at its own"),
             (Mark::Patch(interval), "95 % interval"),
         ],
     );
@@ -49,9 +49,7 @@ pub fn delay_profile(title: &str, curves: &[DelayCurve<'_>]) -> Figure {
     for side_by_side in curves.chunks(columns) {
         let areas = strip.place(&mut figure);
         for (curve, area) in side_by_side.iter().zip(areas) {
-            let least = Axis::over(curve.cost.iter().copied());
-            let costs = curve.cost.iter().map(|&cost| least.map_or(cost, |l| cost - l.low));
-            let points: Vec<_> = curve.dead_time_s.iter().copied().zip(costs).collect();
+            let points = above_least(curve);
             let [low_s, high_s] = curve.interval_s;
             let x = curve.dead_time_s.iter().copied().chain([low_s, high_s]);
             let x = if points.is_empty() { None } else { Axis::over(x) };
@@ -69,6 +67,12 @@ pub fn delay_profile(title: &str, curves: &[DelayCurve<'_>]) -> Figure {
         }
     }
     figure.end()
+}
+
+/// The curve, its costs above the least of them. s, 1
+fn above_least(DelayCurve { dead_time_s, cost, .. }: &DelayCurve<'_>) -> Vec<(f64, f64)> {
+    let least = cost.iter().copied().fold(f64::INFINITY, f64::min);
+    dead_time_s.iter().zip(*cost).map(|(at_s, cost)| (*at_s, cost - least)).collect()
 }
 
 /// The dead time in words, with its interval if there is one.
@@ -126,6 +130,14 @@ pub fn delay_shift(title: &str, time_s: &[f64], rows: &[ShiftRow]) -> Figure {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_flat_profile_lies_at_zero() {
+        let (dead_time_s, cost) = (&[0.1, 0.2][..], &[7.0, 7.0][..]);
+        let (minimum_s, interval_s) = (f64::NAN, [f64::NAN; 2]);
+        let flat = DelayCurve { name: "yaw", dead_time_s, cost, minimum_s, interval_s };
+        assert_eq!(above_least(&flat), [(0.1, 0.0), (0.2, 0.0)]);
+    }
 
     #[test]
     fn a_dead_time_is_written_with_its_interval_as_far_as_there_is_one() {

@@ -9,6 +9,7 @@ use tello_flight::Start;
 use tello_flight::cycle::{self, FlightTable, ModelKind};
 use tello_io::config;
 
+use super::fit::Contradiction;
 use super::job::Job;
 use super::report::{DelayMinimum, FitReport, ParameterRow};
 use super::warnings::{EXCITATION_MIN, is_set_by_prior};
@@ -57,10 +58,14 @@ pub(super) fn accepted_values(
         if is_unknown(row, input_rms, prior_std[i]) {
             let prior = job.table.map.p_prior[i];
             let value = bounds.map_or(prior, |(lo, hi)| within(prior, *lo, *hi));
-            notes.push(format!(
-                "{} is {value} in the parameter file, its prior: move the sticks that show it more",
-                row.name
-            ));
+            // That its sticks rested has been said.
+            if !has_rested(row.name, input_rms) {
+                notes.push(format!(
+                    "{} is {value} in the parameter file, its prior: move the sticks that show it more; if they were \
+                     moved, the vehicle did not answer them, or the other way round",
+                    row.name
+                ));
+            }
             return Accepted { value, is_prior: true };
         }
         let value = bounds.map_or(row.value, |(lo, hi)| nearest_bound(row, *lo, *hi));
@@ -78,12 +83,18 @@ pub(super) fn accepted_values(
 
 /// Whether every stick that shows the parameter of `row` rested, or the logs add little to its prior.
 fn is_unknown(row: &ParameterRow, input_rms: &[f64], prior_std: f64) -> bool {
-    let has_rested = sticks_of(row.name).iter().all(|stick| input_rms[*stick] < REST_MAX);
-    has_rested || row.std_laplace.is_nan() || is_set_by_prior(row.std_laplace, prior_std)
+    has_rested(row.name, input_rms)
+        || row.std_laplace.is_nan()
+        || is_set_by_prior(row.std_laplace, prior_std)
+}
+
+/// Whether every stick that shows the parameter `name` rested.
+pub(super) fn has_rested(name: &str, input_rms: &[f64]) -> bool {
+    sticks_of(name).iter().all(|stick| input_rms.get(*stick).is_some_and(|rms| *rms < REST_MAX))
 }
 
 /// The sticks that show a parameter, by the axis that its name ends with.
-fn sticks_of(name: &str) -> &'static [usize] {
+pub(super) fn sticks_of(name: &str) -> &'static [usize] {
     match name.rsplit_once('_') {
         Some((_, "v")) => &[stick::THROTTLE],
         Some((_, "a")) => &[stick::YAW],
@@ -147,6 +158,11 @@ pub(super) fn parameter_file(
 /// One in so many steps must be used: what remains after outages is else no flight, but chance.
 const USED_PARTS_MIN: usize = 3;
 
+/// Why a drone seems not to follow its sticks.
+const UNFOLLOWED: &str = "the link was bad, the vehicle was carried or is unlike `lost_commands` (null in the settings \
+                          takes every step), the object is turned (--turn), or the clocks of sticks and poses drift \
+                          apart";
+
 /// Mistakes in logs that look like an unlikely parameter.
 const MISTAKES: &str = "; or the units (m, rad), axes, sticks or period of the logs are others, or the sticks are \
                         shifted in time or exchanged";
@@ -155,22 +171,57 @@ const MISTAKES: &str = "; or the units (m, rad), axes, sticks or period of the l
 ///
 /// # Errors
 /// The reason.
-pub(super) fn accept(job: &Job<'_>, fit: &FitReport, file: &ParameterFile) -> Result<()> {
+pub(super) fn accept(
+    job: &Job<'_>,
+    fit: &FitReport,
+    contradictions: &[Contradiction],
+    file: &ParameterFile,
+) -> Result<()> {
+    check_steps(job, fit)?;
+    if let Some(contradiction) = contradictions.iter().find(|found| found.is_refused()) {
+        bail!("{}", contradiction.sentence());
+    }
+    check_ends(job, fit, file)?;
+    let Some(flight) = job.flight else { return Ok(()) };
+    file.check()?;
+    let mut flight = flight.clone();
+    let mhe = &flight.cycle.mhe;
+    let beyond =
+        fit.parameters.iter().zip(mhe.p_lb.iter().zip(&mhe.p_ub)).find(|(row, (lo, hi))| {
+            let entry = file.parameters.get(row.name).filter(|_| row.name == THETA_0);
+            entry.is_some_and(|entry| entry.value < **lo || entry.value > **hi)
+        });
+    if let Some((ParameterRow { value, .. }, _)) = beyond {
+        let advice = turn_advice(job, *value);
+        bail!("{THETA_0} = {value:.4} is beyond cycle.mhe.p_lb or p_ub: {advice}");
+    }
+    flight.cycle.take(file).map_err(|error| anyhow!("{error:#}{MISTAKES}"))?;
+    cycle::build(&flight).map(drop)?;
+    Ok(())
+}
+
+/// Refuses a fit to a small part of the logs.
+fn check_steps(job: &Job<'_>, fit: &FitReport) -> Result<()> {
     let lengths = job.logs.iter().map(|log| log.recording.o.len());
     let steps: usize = lengths.clone().sum();
     ensure!(
         2 * fit.steps_lost <= steps,
-        "in {} of {steps} steps the drone did not follow its sticks: what is left shows little of it; are axes \
-         exchanged, is the object turned (--turn), or the link bad?",
+        "in {} of {steps} steps the drone did not follow its sticks, what is left shows little of it: \
+         {UNFOLLOWED}{MISTAKES}",
         fit.steps_lost
     );
     let steps: usize = lengths.filter(|length| *length >= job.table.piece_steps_min).sum();
     ensure!(
         USED_PARTS_MIN * fit.steps >= steps,
         "only {} of {steps} steps can be used, the others are outages or pieces between them that are too short \
-         (piece_steps_min): are axes exchanged, or the link bad?",
+         (piece_steps_min): {UNFOLLOWED}{MISTAKES}",
         fit.steps
     );
+    Ok(())
+}
+
+/// Refuses a dead time or a parameter at the end of its range.
+fn check_ends(job: &Job<'_>, fit: &FitReport, file: &ParameterFile) -> Result<()> {
     if let Some(row) = fit.delay.iter().find(|row| row.verdict == DelayMinimum::EndOfRange) {
         bail!(
             "the dead time of {} is not the {} s that it was kept at, but at the end of the searched range or beyond \
@@ -186,155 +237,28 @@ pub(super) fn accept(job: &Job<'_>, fit: &FitReport, file: &ParameterFile) -> Re
         let is_none = row.name.starts_with("dead_") && row.value <= 0.0;
         row.is_at_bound && is_written && !is_none
     });
-    if let Some(ParameterRow { name, value, .. }) = undetermined {
-        bail!(
-            "{name} = {value} lies at its bound (map.p_lb, map.p_ub): the logs do not determine it{MISTAKES}"
-        );
+    match undetermined {
+        Some(ParameterRow { name: THETA_0, value, .. }) => bail!(
+            "{THETA_0} = {value:.4} lies at its bound (map.p_lb, map.p_ub): {}",
+            turn_advice(job, *value)
+        ),
+        Some(ParameterRow { name, value, .. }) => bail!(
+            "{name} = {value:.4} lies at its bound (map.p_lb, map.p_ub): the logs do not determine it{MISTAKES}"
+        ),
+        None => Ok(()),
     }
-    let Some(flight) = job.flight else { return Ok(()) };
-    file.check()?;
-    let mut flight = flight.clone();
-    flight.cycle.take(file).map_err(|error| anyhow!("{error:#}{MISTAKES}"))?;
-    cycle::build(&flight).map(drop)?;
-    Ok(())
+}
+
+const THETA_0: &str = "theta_0";
+
+/// What to do about an object that is turned so far.
+fn turn_advice(job: &Job<'_>, theta_0_rad: f64) -> String {
+    let turn_rad = job.table.turn_rad + theta_0_rad;
+    format!(
+        "the object is turned against the drone; align it in the motion capture before it flies, and read these logs \
+         with --turn {turn_rad:.2} (turn_rad)"
+    )
 }
 
 #[cfg(test)]
-mod tests {
-    use std::collections::BTreeSet;
-
-    use horizon_estim::{Observed, Recording};
-    use horizon_model::rows::Sticks;
-
-    use super::super::report::DelayRow;
-    use super::*;
-    use crate::recordings::Loaded;
-
-    /// Why a fit to one log of 900 steps is refused that is in order but for `change`.
-    fn refusal(change: impl Fn(&mut FitReport)) -> String {
-        let recording =
-            Recording { u: vec![Sticks::zeros(); 900], o: vec![Observed::missing(); 900] };
-        let logs = [Loaded {
-            path: "a".into(),
-            sha256: String::new(),
-            is_simulated: false,
-            recording,
-            skipped: vec![],
-            motions: BTreeSet::new(),
-        }];
-        let job = Job {
-            name: "ident.json",
-            table: &crate::ident::settings(None).unwrap(),
-            logs: &logs,
-            bootstrap: None,
-            flight: None,
-            observer: &(),
-            keeps_estimates: false,
-        };
-        let mut fit = crate::ident::report::tests::fit();
-        change(&mut fit);
-        let values = [Accepted { value: fit.parameters[0].value, is_prior: false }];
-        let file = parameter_file(&job, &fit, &values).unwrap();
-        accept(&job, &fit, &file).err().map_or_else(String::new, |why| why.to_string())
-    }
-
-    #[test]
-    fn a_fit_to_little_of_a_log_or_with_a_dead_time_out_of_range_is_refused() {
-        let delay = |verdict| DelayRow {
-            sticks: "yaw".to_owned(),
-            dead_time_s: 0.04,
-            verdict,
-            std_s: None,
-            lower_s: None,
-            upper_s: None,
-        };
-        assert_eq!(refusal(|fit| fit.steps = 300), "");
-        let why = refusal(|fit| (fit.steps, fit.steps_lost) = (299, 400));
-        assert!(why.starts_with("only 299 of 900 steps can be used"), "{why}");
-        let why = refusal(|fit| fit.steps_lost = 451);
-        assert!(why.starts_with("in 451 of 900 steps"), "{why}");
-        for verdict in [DelayMinimum::Minimum, DelayMinimum::Zero, DelayMinimum::Undecided] {
-            assert_eq!(refusal(|fit| fit.delay = vec![delay(verdict)]), "", "{verdict:?}");
-        }
-        let why = refusal(|fit| fit.delay = vec![delay(DelayMinimum::EndOfRange)]);
-        assert!(why.starts_with("the dead time of yaw is not the 0.04 s"), "{why}");
-        let why = refusal(|fit| fit.parameters[0].is_at_bound = true);
-        assert!(why.contains("units") && why.contains("shifted in time or exchanged"), "{why}");
-    }
-
-    #[test]
-    fn each_parameter_has_its_sticks() {
-        use horizon_model::{Kinematic, Lagged, Model};
-        let horizontal = [stick::ROLL, stick::PITCH];
-        let of = |name: &str| match name {
-            "lambda_v" | "tau_v" | "dead_v" => &[stick::THROTTLE][..],
-            "lambda_a" | "tau_a" | "dead_a" => &[stick::YAW],
-            _ => &horizontal,
-        };
-        for row in Kinematic::PARAMETER.iter().chain(&Lagged::PARAMETER) {
-            assert_eq!(sticks_of(row.name), of(row.name), "{}", row.name);
-        }
-    }
-
-    #[test]
-    fn a_prior_is_kept_where_sticks_rested_or_the_logs_add_little() {
-        let row = |std_laplace: f64| ParameterRow {
-            name: "tau_v",
-            unit: "s",
-            value: 0.7,
-            std: std_laplace,
-            std_laplace,
-            lower: 0.5,
-            upper: 0.9,
-            is_at_bound: false,
-        };
-        let rms = |throttle: f64| {
-            let mut rms = [0.3; stick::COUNT];
-            rms[stick::THROTTLE] = throttle;
-            rms
-        };
-        for (std_laplace, throttle, expected) in [
-            (0.3, 0.04, true),
-            (f64::NAN, 0.04, true),
-            (0.1, 0.04, false),
-            (0.1, 0.004, true),
-            (0.3, 0.2, true),
-            (0.1, 0.2, false),
-        ] {
-            let got = is_unknown(&row(std_laplace), &rms(throttle), 0.4);
-            assert_eq!(got, expected, "{std_laplace}, {throttle}");
-        }
-    }
-
-    #[test]
-    fn a_bound_is_taken_that_the_interval_holds() {
-        let row = |value: f64, half: f64| ParameterRow {
-            name: "tau_a",
-            unit: "s",
-            value,
-            std: half / 2.0,
-            std_laplace: half / 2.0,
-            lower: value - half,
-            upper: value + half,
-            is_at_bound: false,
-        };
-        for (value, half, expected) in [
-            (0.03, 0.1, 0.05),
-            (0.03, 0.01, 0.03),
-            (0.5, 0.2, 0.4),
-            (0.5, 0.05, 0.5),
-            (0.2, 0.5, 0.2),
-            (0.03, f64::INFINITY, 0.05),
-        ] {
-            let got = nearest_bound(&row(value, half), 0.05, 0.4);
-            assert!((got - expected).abs() < 1e-15, "{value} +- {half}: {got}");
-        }
-        assert!(nearest_bound(&row(f64::NAN, 0.1), 0.05, 0.4).is_nan());
-        // One piece is resampled to itself: an interval without width, beside the one of its curvature.
-        let resampled = |std_laplace: f64| ParameterRow { std_laplace, ..row(0.03, 0.0) };
-        for (std_laplace, expected) in [(0.18, 0.05), (0.005, 0.03), (f64::NAN, 0.03)] {
-            let got = nearest_bound(&resampled(std_laplace), 0.05, 0.4);
-            assert!((got - expected).abs() < 1e-15, "{std_laplace}: {got}");
-        }
-    }
-}
+mod tests;

@@ -7,13 +7,13 @@ use std::borrow::Cow;
 
 use anyhow::{Context, Result};
 use horizon_estim::{
-    DelayInfluence, DelayProfile, DelaySettings, Flights, Ident, Laplace, LmStop, SolveReport,
-    Span, Spread, group_deviations,
+    DelayInfluence, DelayProfile, DelaySettings, Flights, Ident, LmStop, SolveReport, Span, Spread,
+    UndecidedDelay,
 };
 use horizon_model::rows::{pose, stick};
 use horizon_model::setting::{SettingError, in_range, vector};
 use horizon_model::{Lagged, LaggedShape, Model};
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
 use tello_flight::cycle::{ModelKind, WithModel};
 use tello_io::clock::Clock;
 
@@ -21,16 +21,17 @@ use super::acceptance;
 use super::flights::{Flight, cut_logs, prepare};
 use super::job::{DelayResult, FitResult, Job, Trace};
 use super::predict::{Identified, residual_decay_s};
-use super::report::{Bootstrap, DelayRow, FitReport, ParameterRow};
-use super::warnings::{
-    CONTRADICTION_MIN, IdentFindings, PIECES_PER_PARAMETER, autocorrelation, is_resampled,
-};
+use super::report::{Bootstrap, DelayRow, FitReport};
+use super::warnings::{IdentFindings, autocorrelation, is_resampled, scatter};
 use crate::Stopped;
 use crate::parameter_file::ParameterFile;
-use crate::recordings::Loaded;
 
 mod bootstrap;
+mod contradiction;
 mod traces;
+mod uncertainty;
+
+pub(super) use contradiction::Contradiction;
 
 /// Fits the model that the settings name.
 ///
@@ -76,6 +77,8 @@ struct Identification<'a, M, const NS: usize, const NP: usize> {
     spans: Vec<Span>,
     /// Effect of errors of the searched dead times on the parameter.
     influences: Vec<DelayInfluence<NP>>,
+    /// Effect of dead times that the search left open.
+    undecided: Vec<UndecidedDelay<NP>>,
     /// Steps with lost commands, by log.
     steps_lost: Vec<usize>,
     /// Standard deviations of the prior. Units of the rows
@@ -111,6 +114,7 @@ where
             recordings,
             spans,
             influences: Vec::new(),
+            undecided: Vec::new(),
             steps_lost,
             prior_std,
             bounds,
@@ -161,18 +165,16 @@ where
         delay: &[DelayResult],
         bootstrap: Option<(Bootstrap, Spread<NP>)>,
     ) -> FitReport {
-        let laplace = self.laplace();
         let (bootstrap, spread) = bootstrap.unzip();
         let decides = |found: &Bootstrap| is_resampled(found.distinct, self.spans.len(), NP);
         let is_resampled = bootstrap.as_ref().is_some_and(decides);
-        let spread = spread.as_ref().filter(|_| is_resampled).unwrap_or(&laplace);
-        let parameters = self.parameter_rows(spread, &laplace);
+        let (parameters, covariance) = self.parameter_rows(spread.filter(|_| is_resampled));
         FitReport {
             settings: self.job.name.to_owned(),
             model: M::NAME,
-            p: self.ident.parameter().iter().copied().collect(),
+            p: parameters.iter().map(|row| row.value).collect(),
             std: parameters.iter().map(|row| row.std).collect(),
-            covariance: covariance(spread),
+            covariance,
             verdict: Vec::new(),
             parameters,
             dead_time_s: self.dead_time_s.iter().copied().collect(),
@@ -201,10 +203,16 @@ where
         let (rms, prior_std) = (self.input_rms(), &self.prior_std);
         let (values, moved) =
             acceptance::accepted_values(self.job, &fit.parameters, &rms, prior_std);
-        fit.verdict = [self.evidence(fit, traces, has_converged).sentences(), moved].concat();
+        let contradictions = self.contradictions()?;
         let file = acceptance::parameter_file(self.job, fit, &values)?;
-        fit.refused =
-            acceptance::accept(self.job, fit, &file).err().map(|error| format!("{error:#}"));
+        let accepted = acceptance::accept(self.job, fit, &contradictions, &file);
+        fit.refused = accepted.err().map(|error| format!("{error:#}"));
+        fit.verdict = self.evidence(fit, traces, has_converged, &contradictions).sentences();
+        match &fit.refused {
+            // Of a file that is not written there is nothing to say, and a reason is said once.
+            Some(why) => fit.verdict.retain(|sentence| !why.contains(sentence)),
+            None => fit.verdict.extend(moved),
+        }
         Ok(fit.refused.is_none().then_some(file))
     }
 
@@ -214,6 +222,7 @@ where
         fit: &'f FitReport,
         traces: &[Trace],
         has_converged: bool,
+        contradictions: &'f [Contradiction],
     ) -> IdentFindings<'f> {
         IdentFindings {
             delay: &fit.delay,
@@ -223,6 +232,7 @@ where
             input_rms: self.input_rms(),
             observations: &M::OBSERVATION,
             autocorrelation: autocorrelation(traces, self.job.table.dt_s),
+            scatter: scatter(traces),
             has_converged,
             pieces: fit.pieces,
             resamples_distinct: fit.bootstrap.as_ref().map(|bootstrap| bootstrap.distinct),
@@ -230,7 +240,7 @@ where
                 self.job.logs.iter().filter(|log| log.is_simulated == is_simulated).count()
             }),
             mostly_lost: self.mostly_lost(),
-            contradicting: self.contradicting(),
+            contradictions,
         }
     }
 
@@ -273,6 +283,7 @@ where
             return Err(Stopped("the dead times were found").into());
         };
         self.influences = profiles.iter().filter_map(|profile| profile.influence.clone()).collect();
+        self.undecided = profiles.iter().filter_map(|profile| profile.undecided).collect();
         let curve = |profile: DelayProfile<NP>| {
             let sticks: Vec<&str> = profile.rows.iter().map(|row| M::INPUT[*row].name).collect();
             let DelayProfile { curve, spread, .. } = profile;
@@ -290,68 +301,12 @@ where
         Ok(profiles.into_iter().map(curve).collect())
     }
 
-    /// The parameter's normal distribution around the estimate; NaN where there is none.
-    fn laplace(&self) -> Spread<NP> {
-        let laplace = Laplace::with_dead_times(&self.ident, &self.influences);
-        let p = self.ident.parameter();
-        // Fewer pieces cannot show how they vary.
-        let is_clustered = self.spans.len() >= PIECES_PER_PARAMETER * NP;
-        match laplace {
-            Ok(laplace) if is_clustered => laplace.spread(p),
-            Ok(laplace) => laplace.plain_spread(p),
-            Err(_) => Spread::normal(p, &SMatrix::repeat(f64::NAN)),
-        }
-    }
-
-    fn parameter_rows(&self, spread: &Spread<NP>, laplace: &Spread<NP>) -> Vec<ParameterRow> {
-        let [lower, upper] = &self.bounds;
-        let row = |row: usize| {
-            // The bootstrap resamples logs, not the prior: its spread means nothing for a row that the prior sets.
-            let is_prior = super::warnings::is_set_by_prior(laplace.std[row], self.prior_std[row]);
-            let spread = if is_prior { laplace } else { spread };
-            let value = self.ident.parameter()[row];
-            ParameterRow {
-                name: M::PARAMETER[row].name,
-                unit: M::PARAMETER[row].unit,
-                value,
-                std: spread.std[row],
-                std_laplace: laplace.std[row],
-                lower: spread.lower[row],
-                upper: spread.upper[row],
-                // A row that is stopped by its bound is equal to it.
-                is_at_bound: value <= lower[row] || value >= upper[row],
-            }
-        };
-        (0..NP).map(row).collect()
-    }
-
     /// Logs more than half of which was left out because commands were lost.
     fn mostly_lost(&self) -> Vec<String> {
         let logs = self.job.logs.iter().zip(&self.recordings).zip(&self.steps_lost);
         let is_mostly = |steps: usize, lost: usize| 2 * lost > steps;
         let most = logs.filter(|((_, flight), lost)| is_mostly(flight.o.len(), **lost));
         most.map(|((log, _), _)| log.path.display().to_string()).collect()
-    }
-
-    /// Logs that contradict the others, as [`IdentFindings::contradicting`].
-    fn contradicting(&self) -> Vec<(String, &'static str, f64)> {
-        let of_log = |log: usize| -> Vec<usize> {
-            let pieces = self.spans.iter().enumerate();
-            pieces.filter(|(_, span)| span.recording == log).map(|(piece, _)| piece).collect()
-        };
-        let groups: Vec<Vec<usize>> = (0..self.job.logs.len()).map(of_log).collect();
-        let has_others = |pieces: &Vec<usize>| pieces.len() < self.spans.len();
-        // A missing standard deviation has a note of its own.
-        let deviations = group_deviations(&self.ident, &groups).unwrap_or_default();
-        let logs = self.job.logs.iter().zip(&groups).zip(&deviations);
-        let compared = logs.filter(|((_, pieces), _)| has_others(pieces));
-        let worst = |((log, _), of_log): ((&Loaded, _), &SVector<f64, NP>)| {
-            let rows = M::PARAMETER.iter().zip(of_log);
-            let beyond = rows.filter(|(_, deviation)| deviation.abs() > CONTRADICTION_MIN);
-            let (row, most) = beyond.max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()))?;
-            Some((log.path.display().to_string(), row.name, *most))
-        };
-        compared.filter_map(worst).collect()
     }
 
     /// Root mean square of each applied input over the pieces.
@@ -363,33 +318,5 @@ where
         let square = used.fold(Inputs::zeros(), |sum, u| sum + u.component_mul(&u));
         let steps = self.spans.iter().map(|span| span.steps.len()).sum::<usize>().max(1) as f64;
         square.iter().map(|square| (square / steps).sqrt()).collect()
-    }
-}
-
-/// Covariance from deviations and correlations, row by row; `None` if it is not finite.
-fn covariance<const NP: usize>(spread: &Spread<NP>) -> Option<Vec<Vec<f64>>> {
-    let entry = |i: usize, j: usize| match (i == j, spread.std[i] * spread.std[j]) {
-        (true, variance) => variance,
-        (false, product) => spread.correlation[(i, j)] * product,
-    };
-    let rows: Vec<Vec<f64>> = (0..NP).map(|i| (0..NP).map(|j| entry(i, j)).collect()).collect();
-    rows.iter().flatten().all(|entry| entry.is_finite()).then_some(rows)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_covariance_is_made_of_deviations_and_correlations() {
-        let expected = SMatrix::<f64, 2, 2>::new(4.0, -0.9, -0.9, 0.25);
-        let spread = Spread::normal(&SVector::from([1.0, 2.0]), &expected);
-        let rows = covariance(&spread).unwrap();
-        for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-            let gap = (rows[i][j] - expected[(i, j)]).abs();
-            assert!(gap < 1e-14, "({i}, {j}): {}", rows[i][j]);
-        }
-        let unknown = Spread::normal(&SVector::from([1.0, 2.0]), &SMatrix::repeat(f64::NAN));
-        assert_eq!(covariance(&unknown), None);
     }
 }

@@ -84,7 +84,14 @@ fn save_fit(dir: &Path, job: &Job<'_>, result: &FitResult) -> Result<()> {
         simulated: column(|trace| &trace.simulated, row),
     };
     let rows: Vec<FitRow> = result.observation_rows.iter().enumerate().map(curves).collect();
-    let title = format!("{} fitted to {}", result.fit.model, file_name(&job.logs[log].path));
+    // The rest of a long log is not drawn.
+    let part = if end < recording.o.len() {
+        format!(", {:.0} s of {:.0} s", time_s.len() as f64 * dt_s, recording.o.len() as f64 * dt_s)
+    } else {
+        String::new()
+    };
+    let name = file_name(&job.logs[log].path);
+    let title = format!("{} fitted to {name}{part}", result.fit.model);
     figure::save(dir, "fit", &figure::fit(&title, &time_s, &pieces, &rows))?;
     Ok(())
 }

@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::compare::Comparison;
-use crate::recordings::{FileSkipped, PERIOD_S};
+use crate::recordings::FileSkipped;
 
 /// The result of `tello-ctl ident`.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -20,6 +20,8 @@ pub struct IdentReport {
     pub against: Vec<FitReport>,
     /// Prediction on logs that were not used for the fit.
     pub comparison: Option<Comparison>,
+    /// Period of the logs. s
+    pub dt_s: f64,
     /// Logs that were used.
     pub files_used: Vec<FileUsed>,
     /// Logs that were not used.
@@ -185,7 +187,7 @@ impl Display for IdentReport {
         writeln!(f, "logs          {} used, {steps} steps", self.files_used.len())?;
         for FileUsed { path, steps, skipped, .. } in &self.files_used {
             // A CSV has no time: a person sees whether its rows are periods.
-            let (seconds, rate_hz) = (*steps as f64 * PERIOD_S, 1.0 / PERIOD_S);
+            let (seconds, rate_hz) = (*steps as f64 * self.dt_s, 1.0 / self.dt_s);
             write!(f, "  {}: {steps} steps, {seconds:.1} s at {rate_hz:.0} Hz", path.display())?;
             skipped.iter().try_for_each(|part| write!(f, "; {part}"))?;
             writeln!(f)?;
@@ -260,11 +262,12 @@ impl Display for FitReport {
         if let Some(bootstrap) = &self.bootstrap {
             self.write_bootstrap(bootstrap, f)?;
         }
-        for sentence in &self.verdict {
-            writeln!(f, "note          {sentence}")?;
-        }
+        // What matters most comes before its details.
         if let Some(why) = &self.refused {
             writeln!(f, "refused       no parameter file, since fly would refuse it: {why}")?;
+        }
+        for sentence in &self.verdict {
+            writeln!(f, "note          {sentence}")?;
         }
         Ok(())
     }

@@ -5,6 +5,8 @@ use horizon_model::Row;
 use horizon_model::rows::pose;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
+use super::acceptance::{has_rested, sticks_of};
+use super::fit::Contradiction;
 use super::job::Trace;
 use super::report::{DelayMinimum, DelayRow, ParameterRow};
 
@@ -42,8 +44,8 @@ pub(super) fn is_resampled(distinct: usize, pieces: usize, parameters: usize) ->
     distinct >= DISTINCT_MIN && pieces > parameters
 }
 
-/// Standard deviations from which on a log contradicts the others. 1
-pub(super) const CONTRADICTION_MIN: f64 = 4.0;
+/// Robust deviation of the observation residuals above which the poses are noisier than their weights say. 1
+const SCATTER_MAX: f64 = 2.0;
 
 /// Standard deviation beyond which a dead time counts as unknown. s
 const DEAD_TIME_STD_MAX_S: f64 = 0.1;
@@ -60,6 +62,8 @@ pub(super) struct IdentFindings<'a> {
     pub(super) observations: &'a [Row],
     /// Autocorrelation of the residuals of each observation row at [`WHITE_LAG_S`]. 1
     pub(super) autocorrelation: Vec<f64>,
+    /// Robust deviation of the weighted residuals of each observation row. 1
+    pub(super) scatter: Vec<f64>,
     pub(super) has_converged: bool,
     pub(super) delay: &'a [DelayRow],
     /// Number of pieces.
@@ -70,8 +74,8 @@ pub(super) struct IdentFindings<'a> {
     pub(super) simulated_and_real: [usize; 2],
     /// Logs more than half of which was left out because commands were lost.
     pub(super) mostly_lost: Vec<String>,
-    /// Logs that contradict the others: name, parameter that does so most, by how many standard deviations.
-    pub(super) contradicting: Vec<(String, &'static str, f64)>,
+    /// Logs that contradict the others or themselves.
+    pub(super) contradictions: &'a [Contradiction],
 }
 
 impl IdentFindings<'_> {
@@ -81,7 +85,9 @@ impl IdentFindings<'_> {
         for row in self.delay {
             let (sticks, dead_time_s) = (&row.sticks, row.dead_time_s);
             let why = match (row.verdict, row.std_s) {
-                (DelayMinimum::Undecided, _) => "the likelihood does not decide, kept as given",
+                (DelayMinimum::Undecided, _) => {
+                    "the likelihood does not decide, kept as given, intervals of its axis widened"
+                }
                 (DelayMinimum::EndOfRange, _) => {
                     "the cost is least at the end of its range; kept as given"
                 }
@@ -102,8 +108,9 @@ impl IdentFindings<'_> {
                 .push("the solver did not converge: raise map.solver.iterations_max".to_owned());
         }
         self.about_parameters(&mut findings);
-        for (row, rms) in self.inputs.iter().zip(&self.input_rms) {
-            if *rms < EXCITATION_MIN {
+        for (stick, (row, rms)) in self.inputs.iter().zip(&self.input_rms).enumerate() {
+            let rested = self.rested();
+            if *rms < EXCITATION_MIN && !rested.iter().any(|(sticks, _)| sticks.contains(&stick)) {
                 findings.push(format!("{} was hardly moved (rms {rms:.3}): fly it more", row.name));
             }
         }
@@ -121,12 +128,39 @@ impl IdentFindings<'_> {
                 colored.join(", ")
             ));
         }
+        for (row, scatter) in self.observations.iter().zip(&self.scatter) {
+            if *scatter > SCATTER_MAX {
+                findings.push(format!(
+                    "the poses scatter {scatter:.1} times as much in {} as map.C_o assumes: lags, dead times and their \
+                     intervals may be wrong; lower the weight, or improve the motion capture",
+                    row.name
+                ));
+            }
+        }
         findings
+    }
+
+    /// Sticks that rested all, and the parameters that only they show.
+    fn rested(&self) -> Vec<(&'static [usize], Vec<&'static str>)> {
+        let mut rested: Vec<(&'static [usize], Vec<&'static str>)> = Vec::new();
+        let rows = self.parameters.iter().filter(|row| has_rested(row.name, &self.input_rms));
+        for row in rows {
+            let sticks = sticks_of(row.name);
+            match rested.iter_mut().find(|(of, _)| *of == sticks) {
+                Some((_, names)) => names.push(row.name),
+                None => rested.push((sticks, vec![row.name])),
+            }
+        }
+        rested
     }
 
     fn about_pieces(&self, findings: &mut Vec<String>) {
         let (pieces, parameters) = (self.pieces, self.parameters.len());
         match self.resamples_distinct {
+            Some(distinct) if pieces > parameters && distinct < DISTINCT_MIN => findings.push(format!(
+                "the bootstrap has {distinct} distinct resamples: its intervals and correlations mean nothing, \
+                 Laplace's are taken; ask for {DISTINCT_MIN} at least (--bootstrap 300)"
+            )),
             Some(distinct) if !is_resampled(distinct, pieces, parameters) => findings.push(format!(
                 "the bootstrap rests on {pieces} pieces ({distinct} distinct resamples) for {parameters} \
                  parameters: its intervals and correlations mean nothing, Laplace's are taken; fly more"
@@ -145,12 +179,7 @@ impl IdentFindings<'_> {
                 simulated + real
             ));
         }
-        for (log, parameter, deviations) in &self.contradicting {
-            findings.push(format!(
-                "{log} contradicts the other logs, most in {parameter}, by {deviations:.0} standard deviations: the \
-                 estimate is between them; identify each drone, and each definition of its object, by logs of its own"
-            ));
-        }
+        findings.extend(self.contradictions.iter().map(Contradiction::sentence));
         for log in &self.mostly_lost {
             findings.push(format!(
                 "more than half of {log} was left out, since the drone did not follow its sticks: is the \
@@ -160,16 +189,27 @@ impl IdentFindings<'_> {
     }
 
     fn about_parameters(&self, findings: &mut Vec<String>) {
-        for (row, prior_std) in self.parameters.iter().zip(&self.prior_std) {
+        for (sticks, parameters) in self.rested() {
+            let sticks = sticks.iter().filter_map(|stick| self.inputs.get(*stick));
+            let sticks: Vec<&str> = sticks.map(|row| row.name).collect();
+            let (sticks, parameters) = (sticks.join(" and "), parameters.join(", "));
+            findings.push(format!("{sticks} rested, these are the prior: {parameters}"));
+        }
+        let names = self.contradictions.iter().flat_map(|found| &found.rows).map(|(name, _)| *name);
+        let contradicted: Vec<&str> = names.collect();
+        let moved = self.parameters.iter().zip(&self.prior_std);
+        for (row, prior_std) in moved.filter(|(row, _)| !has_rested(row.name, &self.input_rms)) {
             if row.std_laplace.is_nan() {
                 findings.push(format!(
                     "{} has no standard deviation: the data leave some state or parameter undetermined",
                     row.name
                 ));
             }
+            let is_theta_0 = row.name == "theta_0";
             if row.is_at_bound {
+                let advice = if is_theta_0 { "align the object, or --turn" } else { "ask why" };
                 findings.push(format!(
-                    "{} = {} lies at its bound: widen map.p_lb or map.p_ub, or ask why",
+                    "{} = {:.4} lies at its bound: widen map.p_lb or map.p_ub, or {advice}",
                     row.name, row.value
                 ));
             } else if is_set_by_prior(row.std_laplace, *prior_std) {
@@ -179,7 +219,8 @@ impl IdentFindings<'_> {
                     row.name, row.std_laplace
                 ));
             }
-            if row.name == "theta_0" && row.value.abs() > THETA_0_MAX {
+            // Between two values it is none of an object.
+            if is_theta_0 && row.value.abs() > THETA_0_MAX && !contradicted.contains(&row.name) {
                 findings.push(format!(
                     "theta_0 is {:.2} rad: the object's axes do not point along the drone; align them \
                      in the motion capture, or keep the value and fly gently",
@@ -188,6 +229,19 @@ impl IdentFindings<'_> {
             }
         }
     }
+}
+
+/// Robust deviation of the observation residuals of each row: their median distance from 0, which is 0.6745 of a normal
+/// deviation. 1
+pub(super) fn scatter(traces: &[Trace]) -> Vec<f64> {
+    let of_row = |row: usize| {
+        let residuals = traces.iter().flat_map(|trace| &trace.observation_residuals[row]);
+        let known = residuals.filter(|residual| residual.is_finite()).map(|it| it.abs());
+        let mut known: Vec<f64> = known.collect();
+        known.sort_by(f64::total_cmp);
+        known.get(known.len() / 2).map_or(0.0, |median| median / 0.6745)
+    };
+    (0..pose::COUNT).into_par_iter().map(of_row).collect()
 }
 
 /// Autocorrelation of the observation residuals of each row at [`WHITE_LAG_S`].
@@ -221,13 +275,14 @@ mod tests {
             input_rms: vec![0.3],
             observations: &STATE,
             autocorrelation: vec![0.1],
+            scatter: vec![1.0],
             has_converged: true,
             delay: &[],
             pieces: 3 * parameters.len(),
             resamples_distinct: None,
             simulated_and_real: [0, 1],
             mostly_lost: Vec::new(),
-            contradicting: Vec::new(),
+            contradictions: &[],
         }
     }
 
@@ -238,6 +293,8 @@ mod tests {
         (evidence.pieces, evidence.resamples_distinct) = (2, Some(3));
         let findings = evidence.sentences().join("\n");
         assert!(findings.contains("2 pieces (3 distinct resamples)"), "{findings}");
+        (evidence.pieces, evidence.resamples_distinct) = (12, Some(40));
+        assert!(evidence.sentences().join("").contains("ask for 100 at least"));
         (evidence.pieces, evidence.resamples_distinct) = (12, Some(290));
         assert!(evidence.sentences().is_empty());
         (evidence.pieces, evidence.resamples_distinct) = (2, None);
@@ -258,7 +315,13 @@ mod tests {
         evidence.delay = &delay;
         evidence.mostly_lost = vec!["a.log".into()];
         evidence.simulated_and_real = [1, 2];
-        evidence.contradicting = vec![("b.log".into(), "theta_0", -7.4)];
+        let contradictions = [Contradiction {
+            log: "b.log".into(),
+            is_within: false,
+            rows: vec![("theta_0", -7.4), ("tau_h", 5.0)],
+            has_scatter: true,
+        }];
+        evidence.contradictions = &contradictions;
         let findings = evidence.sentences().join("\n");
         assert!(findings.contains("1 of 3 logs were simulated"), "{findings}");
         assert!(findings.contains("yaw") && findings.contains("does not decide"), "{findings}");
@@ -274,11 +337,32 @@ mod tests {
     }
 
     #[test]
+    fn an_axis_that_rested_has_one_line_and_theta_0_between_two_values_none() {
+        let of = |name: &'static str| row(name, 0.5, true);
+        let parameters = ["theta_0", "tau_h", "tau_v", "dead_v"].map(of);
+        let mut evidence = evidence(&parameters);
+        let inputs = ["roll", "pitch", "yaw", "throttle"].map(|name| Row::linear(name, "1"));
+        (evidence.inputs, evidence.input_rms) = (&inputs, vec![0.3, 0.001, 0.3, 0.001]);
+        let found = evidence.sentences();
+        let of_throttle = found.iter().filter(|it| it.contains("_v") || it.contains("throttle"));
+        let of_throttle: Vec<_> = of_throttle.collect();
+        assert_eq!(of_throttle, ["throttle rested, these are the prior: tau_v, dead_v"]);
+        let is_askew = |found: &[String]| found.iter().any(|it| it.contains("do not point along"));
+        assert!(is_askew(&found) && found.iter().any(|it| it.starts_with("pitch was hardly")));
+        let rows = vec![("theta_0", 109.0)];
+        let contradictions =
+            [Contradiction { log: "b".into(), is_within: false, rows, has_scatter: true }];
+        evidence.contradictions = &contradictions;
+        assert!(!is_askew(&evidence.sentences()));
+    }
+
+    #[test]
     fn each_trouble_is_named() {
         let parameters = [row("lambda_h", 1.2, true), row("theta_0", -0.4, false)];
         let mut evidence = evidence(&parameters);
         evidence.input_rms[0] = 0.01;
         evidence.autocorrelation[0] = 0.9;
+        evidence.scatter[0] = 3.8;
         evidence.prior_std = vec![1.0, 0.015];
         evidence.has_converged = false;
         let findings = evidence.sentences().join("\n");
@@ -288,6 +372,7 @@ mod tests {
             "theta_0 is set by its prior",
             "roll was hardly moved",
             "x 0.90",
+            "3.8 times as much in x",
             "iterations_max",
         ] {
             assert!(findings.contains(word), "{word} is not in\n{findings}");

@@ -134,6 +134,7 @@ fn several_fits_are_a_row_each_and_a_star_is_a_bound() {
         fit: fit(),
         against: vec![other],
         comparison: None,
+        dt_s: 0.02,
         files_used: vec![used(10, &[]), used(20, &["line 3", "line 4"])],
         files_skipped: vec![FileSkipped { path: "b.log".into(), why: "empty".to_owned() }],
         seconds: 1.0,
