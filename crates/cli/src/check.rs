@@ -196,6 +196,8 @@ fn resolve(fly_settings: Option<&Path>, file: Option<&Path>) -> Result<Value> {
     };
     let keys: Value = match config::load(path) {
         Ok(keys) => keys,
+        // With a key that occurs twice, among the other mistakes of its kind.
+        Err(_) if is_flight(path) => return resolve_fly(Some(path)),
         Err(error) => {
             // Not JSON: every kind of file gets the same message, with line and column.
             config::mission_problems(path).into_result()?;
@@ -241,6 +243,12 @@ fn resolve(fly_settings: Option<&Path>, file: Option<&Path>) -> Result<Value> {
         if found.is_empty() { "none" } else { &found },
         MissionTable::NAMES.join("\", \"")
     )
+}
+
+/// Whether a file that cannot be loaded is JSON with settings of a flight.
+fn is_flight(path: &Path) -> bool {
+    let text = config::read(path).unwrap_or_default();
+    serde_json::from_str::<Value>(&text).is_ok_and(|keys| keys.get("cycle").is_some())
 }
 
 fn resolve_fly(path: Option<&Path>) -> Result<Value> {
@@ -337,7 +345,7 @@ impl Display for Look {
         }
         match room_margin_m {
             Some(margin) => writeln!(f, "  room     {margin:.2} m or more to its walls")?,
-            None => writeln!(f, "  room     none is set")?,
+            None => writeln!(f, "  room     none is set: a real drone does not fly without one")?,
         }
         match obstacle_margin_m {
             Some(margin) if *margin < 0.0 => {

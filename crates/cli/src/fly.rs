@@ -133,7 +133,7 @@ pub(crate) struct Arguments {
     /// Write the log here [default: logs/DATE-TIME.mcap].
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// Draw the flight on the terminal, in place of the status line: works over ssh.
+    /// Draw the flight on the terminal, in place of the status line: works over ssh. Not with --view.
     #[arg(long, conflicts_with = "no_keys")]
     tui: bool,
     /// Show the flight live in Foxglove or Lichtblick, by a WebSocket at this address [default:
@@ -157,7 +157,7 @@ pub(crate) struct Arguments {
     no_keys: bool,
     /// Show the flight in a browser, at a page that is served here. The address that is printed lets you
     /// land, hold and stop the motors from there; without the part after `#` a page can only look.
-    /// Without ADDRESS: 127.0.0.1:8080, or a free port if that is taken.
+    /// Without ADDRESS: 127.0.0.1:8080, or a free port if that is taken. Not with --tui.
     #[arg(long, value_name = "ADDRESS", conflicts_with = "tui")]
     #[expect(clippy::option_option, reason = "an option whose value is optional")]
     view: Option<Option<SocketAddr>>,

@@ -6,7 +6,7 @@ use tello_flight::cycle::SIGHTING_AGE_MAX;
 use tello_flight::{Acceptance, Filtered};
 
 use crate::config::FlyTable;
-use crate::mocap::{MocapCounters, MocapTable, SincePose, StreamReport};
+use crate::mocap::{MocapCounters, MocapKind, MocapTable, SincePose, StreamReport};
 use crate::tello::Protocol;
 
 /// Fewer frames without a pose are those that any source has now and then.
@@ -112,7 +112,12 @@ pub fn wrong_rate(
     let announced_hz = (announced_hz * 1e2).round() / 1e2;
     let kind = mocap.kind();
     let (who, what) = if kind.has_set_rate() {
-        (format!("mocap.{}.rate_hz is", kind.name()), "write the rate that the system is set to")
+        let what = if kind == MocapKind::Vrpn {
+            "write the rate that the system is set to; if it is, the clock of its time stamps does not keep pace"
+        } else {
+            "write the rate that the system is set to"
+        };
+        (format!("mocap.{}.rate_hz is", kind.name()), what)
     } else {
         ("its source announces".to_owned(), "set the rate of the system right")
     };

@@ -122,9 +122,13 @@ impl Person {
         Hand { has_expired: note.is_some(), ..hand }
     }
 
-    /// Notifies the person that their order to take off counts no more. Real time: never waits.
+    /// Notifies the person that their order to take off counts no more, if there is anything to order again with.
+    /// Real time: never waits.
     pub fn note_lapsed_take_off(&self) {
-        self.notes.leave(Note::TakeOffLapsed);
+        let mut inputs = [&self.terminal, &self.device].into_iter().chain(&self.remote);
+        if inputs.any(|events| !events.is_abandoned()) {
+            self.notes.leave(Note::TakeOffLapsed);
+        }
     }
 }
 

@@ -116,6 +116,6 @@ fn a_look_says_where_the_walls_and_the_obstacles_are() {
          \x20 note     it is too fast\n"
     );
     let far = look(None, Some(0.0));
-    assert!(far.contains("room     none is set\n  obstacle 0.00 m or more to each\n"), "{far}");
+    assert!(far.contains("room     none is set: a real drone does not fly without one\n  obstacle 0.00 m or more to each\n"), "{far}");
     assert!(!look(None, None).contains("obstacle"));
 }

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use anyhow::{Result, bail};
 use clap::Args;
+use horizon_model::angle::wrap;
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 use serde_json::json;
@@ -25,6 +26,9 @@ use crate::{Verdict, stdio};
 /// Shortest displacement that gives a direction. m
 pub(super) const DISPLACEMENT_MIN_M: f64 = 0.1;
 
+/// Smallest change of the heading that is a turn by hand, not how a person carries. deg
+const TURN_MIN_DEG: f64 = 30.0;
+
 /// Largest distance of a vehicle in a room from the origin, along one axis. m
 const PLACE_MAX_M: f64 = 100.0;
 
@@ -38,10 +42,10 @@ const PLACE_MAX_M: f64 = 100.0;
 /// Exit code: 0 if the object was seen, 1 if not, 2 for arguments or settings that make no sense.
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// The source by kind and address, such as `natnet=192.168.1.5:1510`.
+    /// The source by kind and address, such as `natnet=192.168.1.5:1510`; without a port the usual one.
     #[arg(long, value_name = "KIND=HOST:PORT", conflicts_with = "config", requires = "object")]
     source: Option<SourceArgument>,
-    /// Name of the object in the motion capture system [default: that of the settings].
+    /// Name of the object in the motion capture system [default: that of the settings; needed with --source].
     #[arg(long, value_name = "NAME")]
     object: Option<String>,
     /// Settings of `tello-ctl fly`, for their source, object and axes [default: the built-in configs/fly.json].
@@ -66,6 +70,9 @@ struct Watched {
     /// Displacement from the first to the furthest place; null if it was too short for a direction.
     #[serde(rename = "way")]
     displacement: Option<Displacement>,
+    /// Change of the heading from the first to the newest place, if it is a turn; positive to the left.
+    #[serde(skip)]
+    turned_deg: Option<f64>,
     /// Why there is no connection, or why it was given up.
     trouble: Option<String>,
     /// Refused messages.
@@ -106,6 +113,9 @@ struct Displacement {
     /// Angle between the displacement and the nose by these settings.
     #[serde(skip)]
     nose_off_deg: f64,
+    /// Angle from the nose to the displacement, from above, by these settings; positive to the left.
+    #[serde(skip)]
+    side_deg: f64,
 }
 
 pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
@@ -215,8 +225,20 @@ fn displacement(track: &SurveyTrack, axes: &Axes) -> Option<Displacement> {
         object_axis,
         object_off_deg: object_off.to_degrees(),
         climb_deg: (displacement_w.z / length_m).clamp(-1.0, 1.0).asin().to_degrees(),
+        side_deg: wrap(displacement_w.y.atan2(displacement_w.x) - nose_y.atan2(nose_x))
+            .to_degrees(),
         nose_off_deg: displacement_w.angle(&Vector3::new(nose_x, nose_y, nose_z)).to_degrees(),
     })
+}
+
+/// Change of the heading from the first to the newest place; `None` below [`TURN_MIN_DEG`]. deg
+fn turned_deg(track: &SurveyTrack, axes: &Axes) -> Option<f64> {
+    let [first, newest] = track.places?.map(|at| {
+        let ([..], [r00, _, _, r10, ..]) = axes.place(&at);
+        r10.atan2(r00)
+    });
+    let turned_deg = wrap(newest - first).to_degrees();
+    (turned_deg.abs() > TURN_MIN_DEG).then_some(turned_deg)
 }
 
 fn watched(table: &MocapTable, settings: &MocapSettings, survey: &Survey, now: TimeNs) -> Watched {
@@ -228,6 +250,7 @@ fn watched(table: &MocapTable, settings: &MocapSettings, survey: &Survey, now: T
         report,
         now: track.and_then(|track| seen(track, &axes, now)),
         displacement: track.and_then(|track| displacement(track, &axes)),
+        turned_deg: track.and_then(|track| turned_deg(track, &axes)),
         trouble: survey.trouble.clone(),
         refused: refused(survey),
         settings: table.clone(),
@@ -293,6 +316,18 @@ mod tests {
         let axes = Axes::new(Some(&table), Unit::Metre).unwrap();
         assert!(displacement(&track, &axes).unwrap().climb_deg > 85.0);
         assert!(displacement(&track_to([0.05, 0.0, 0.0]), &Axes::ours()).is_none(), "too short");
+    }
+
+    #[test]
+    fn a_turn_by_hand_is_the_change_of_the_heading() {
+        let mut track = track_to([0.0; 3]);
+        assert_eq!(turned_deg(&track, &Axes::ours()), None);
+        let matrix = [0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+        if let Some([_, newest]) = &mut track.places {
+            newest.matrix = matrix;
+        }
+        let right_deg = turned_deg(&track, &Axes::ours()).unwrap();
+        assert!((right_deg + 90.0).abs() < 1e-9, "{right_deg}");
     }
 
     #[test]

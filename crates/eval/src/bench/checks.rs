@@ -96,7 +96,7 @@ impl Display for Step {
             }
             Self::Emergency => f.write_str("emergency twice"),
             Self::Hello => f.write_str("request for a connection"),
-            Self::Ask(sequence) => write!(f, "version? #{sequence}"),
+            Self::Ask(sequence) => write!(f, "version? #{sequence} (binary protocol)"),
             Self::Sticks(NEUTRAL, 0.0) => f.write_str("neutral sticks once"),
             Self::Sticks(NEUTRAL, for_s) => write!(f, "neutral sticks {for_s} s"),
             Self::Sticks(u, for_s) => write!(f, "sticks {u:?} {for_s} s"),

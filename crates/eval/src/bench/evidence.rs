@@ -75,7 +75,10 @@ pub fn seen(
 pub fn lines(seen: &Value) -> Vec<String> {
     let mut lines = vec![format!(
         "{} statuses, longest gap {} s, battery {} %, height {} m",
-        seen["statuses"], seen["longest_gap_s"], seen["battery_pct"], seen["height_m"]
+        seen["statuses"],
+        shown(&seen["longest_gap_s"]),
+        shown(&seen["battery_pct"]),
+        shown(&seen["height_m"])
     )];
     for change in seen["changes"].as_array().into_iter().flatten() {
         lines.push(format!(
@@ -92,7 +95,9 @@ pub fn lines(seen: &Value) -> Vec<String> {
     let velocity = &seen["velocity"];
     lines.push(format!(
         "velocity: travelled {} m, extremes {} m/s, first 0.2 m/s at {} s",
-        velocity["travelled_m"], velocity["extremes_mps"], velocity["moved_at_s"]
+        shown(&velocity["travelled_m"]),
+        shown(&velocity["extremes_mps"]),
+        shown(&velocity["moved_at_s"])
     ));
     if let Some(turned_deg) = seen["turned_deg"].as_f64() {
         lines.push(format!("heading: turned {turned_deg} degrees"));
@@ -100,10 +105,10 @@ pub fn lines(seen: &Value) -> Vec<String> {
     for step in seen["steps"].as_array().into_iter().flatten() {
         lines.push(format!(
             "{:>7} s  flies {:<5}  height {:>5} m  velocity {} m/s  before: {}",
-            step["t_s"].to_string(),
-            step["is_flying"].to_string(),
-            step["height_m"].to_string(),
-            step["velocity_mps"],
+            shown(&step["t_s"]),
+            shown(&step["is_flying"]),
+            shown(&step["height_m"]),
+            shown(&step["velocity_mps"]),
             step["step"].as_str().unwrap_or_default()
         ));
     }
@@ -112,6 +117,11 @@ pub fn lines(seen: &Value) -> Vec<String> {
         lines.push(format!("as expected by the drone's reports: {is_as_expected}"));
     }
     lines
+}
+
+/// A value for a person; a dash if there is none.
+fn shown(value: &Value) -> String {
+    if value.is_null() { "-".into() } else { value.to_string() }
 }
 
 fn statuses(events: &[Event]) -> impl Iterator<Item = (f64, Status)> {

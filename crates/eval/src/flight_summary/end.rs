@@ -87,7 +87,7 @@ impl Display for Links {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} sightings dropped; drone {} malformed, {} overflow; \
+            "{} sightings dropped; drone {} malformed, {} statuses unread; \
              watchdog {} neutral, {} landings; guardian {} landings, {} lost; {} orders lost",
             self.sightings_dropped,
             self.drone_malformed,

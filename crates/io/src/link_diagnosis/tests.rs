@@ -89,12 +89,16 @@ fn a_server_that_names_no_object_is_another_case_than_one_without_ours() {
 fn a_rate_that_is_wrong_is_named_with_who_states_it() {
     let table = |text: &str| serde_json::from_str::<MocapTable>(text).unwrap();
     let udp = table(r#"{ "udp": { "listen": "0.0.0.0:1", "object": "a", "rate_hz": 120 } }"#);
+    let vrpn = table(r#"{ "vrpn": { "address": "a:1", "object": "a", "rate_hz": 120 } }"#);
     let relay = table(r#"{ "relay": { "address": "a:1", "object": "a" } }"#);
     let report =
         |count_hz, has_clock| StreamReport { has_clock, count_hz, ..StreamReport::default() };
     let wrong = report(Some(100.04), false);
     let text = wrong_rate(&wrong, Some(120.0), &udp).unwrap();
     assert!(text.starts_with("mocap.udp.rate_hz is 120 Hz, counted are 100.0 Hz"), "{text}");
+    assert!(!text.contains("stamps"), "it has frame numbers: {text}");
+    let text = wrong_rate(&wrong, Some(120.0), &vrpn).unwrap();
+    assert!(text.contains("the clock of its time stamps does not keep pace"), "{text}");
     let text = wrong_rate(&wrong, Some(100.600_007), &relay).unwrap();
     let expected = "its source announces 100.6 Hz, counted are 100.0 Hz (or its network delays";
     assert!(text.starts_with(expected), "{text}");

@@ -53,17 +53,19 @@ pub fn parse_line(line: &[u8]) -> Result<RelayPose<'_>, Refusal> {
     let frame = next()?.parse().map_err(|_error| Refusal::FrameNumber)?;
     let rate_hz = number(next()?)?;
     let object = next()?;
-    let is_occluded = next()?.parse::<i64>().map_err(|_error| Refusal::Number)? != 0;
+    let is_occluded = next()?.parse::<i64>().map_err(|_error| Refusal::Fields)? != 0;
     let pos_v = [number(next()?)?, number(next()?)?, number(next()?)?];
 
     let mut rotation = [0.0; 9];
     let mut count = 0;
     for text in fields {
-        *rotation.get_mut(count).ok_or(Refusal::Form)? = number(text)?;
+        *rotation.get_mut(count).ok_or(Refusal::Fields)? = number(text)?;
         count += 1;
     }
     if ![3, 4, 9].contains(&count) {
-        return Err(Refusal::Form);
+        // One more number than rotations have may be the end of a name that was split.
+        let is_shifted = [5, 10].contains(&count);
+        return Err(if is_shifted { Refusal::Fields } else { Refusal::Form });
     }
     if is_occluded || is_all_zero(pos_v.into_iter().chain(rotation)) {
         return Ok(RelayPose { frame, rate_hz, object, at: None });

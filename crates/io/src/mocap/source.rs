@@ -80,6 +80,11 @@ pub enum Refusal {
     /// It is cut off, or has other parts than a message of its kind.
     #[error("a message has another form than its protocol's")]
     Form,
+    /// A line that has other fields behind the object's name than it may have.
+    #[error(
+        "fields behind the object's name are too many or in another order: has the name a space?"
+    )]
+    Fields,
     /// A frame number with a fraction, or beyond 64 bits.
     #[error("a frame number is not a whole number")]
     FrameNumber,

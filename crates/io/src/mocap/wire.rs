@@ -68,7 +68,9 @@ impl Connector {
                 self.look_up(host).await?;
                 self.connect().await
             }
-            Transport::Udp(address) => Ok(Wire::Udp(UdpSocket::bind(address).await?)),
+            Transport::Udp(address) => {
+                Ok(Wire::Udp(UdpSocket::bind(address).await.map_err(explain_foreign)?))
+            }
             Transport::Natnet(host) => {
                 self.look_up(host.clone()).await?;
                 Ok(Wire::Natnet(NatnetWire::open(&host, &self.addresses).await?))
@@ -239,6 +241,16 @@ fn would_block(error: io::Error) -> io::Result<(usize, SocketAddr)> {
         io::ErrorKind::WouldBlock => Ok((0, (Ipv4Addr::UNSPECIFIED, 0).into())),
         _ => Err(error),
     }
+}
+
+/// `error`, with the way out if the address to listen at belongs to another machine.
+fn explain_foreign(error: io::Error) -> io::Error {
+    if error.kind() != io::ErrorKind::AddrNotAvailable {
+        return error;
+    }
+    let text =
+        "it is no address of this machine, at which the stream is received; 0.0.0.0 is any of them";
+    io::Error::new(error.kind(), text)
 }
 
 #[cfg(test)]

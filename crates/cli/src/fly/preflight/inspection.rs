@@ -10,6 +10,7 @@ use tello_io::clock::{Clock, request_real_time};
 use tello_io::config::FlyTable;
 use tello_io::link_diagnosis::{drone_trouble, mocap_trouble};
 use tello_io::log::free_bytes;
+use tello_io::mocap::{MocapSettings, survey};
 use tello_io::tello::{DroneClient, TelloSettings};
 use tokio::time::sleep;
 
@@ -22,6 +23,9 @@ use crate::interrupt;
 const LOOK_MIN_S: f64 = 1.0;
 /// In the text SDK it takes 3 s to find whether the motors run. s
 const LOOK_MAX_S: f64 = 5.0;
+
+/// Most names of objects that a line of the list shows.
+const NAMES_MAX: usize = 8;
 
 const LOOK_PERIOD: Duration = Duration::from_millis(20);
 
@@ -81,10 +85,14 @@ async fn look_at_links(table: &FlyTable) -> Result<Found> {
     stopper.stop();
     mocap.await?;
     tello.await??;
+    let mut mocap_trouble = mocap_trouble(table, &feed.counters);
+    if at.is_none() && feed.counters.report().other_object > 0 {
+        mocap_trouble += &streamed(table, clock).await?;
+    }
     Ok(Found {
         stream: feed.counters.report(),
         announced_hz: feed.counters.announced_hz(),
-        mocap_trouble: mocap_trouble(table, &feed.counters),
+        mocap_trouble,
         at,
         moving_at,
         drone: status,
@@ -98,6 +106,16 @@ async fn look_at_links(table: &FlyTable) -> Result<Found> {
         unfinished: None,
         is_unasked: false,
     })
+}
+
+/// The names that are streamed in place of the drone's, as the end of a sentence.
+async fn streamed(table: &FlyTable, clock: Clock) -> Result<String> {
+    let settings = MocapSettings::try_from(&table.mocap).map_err(|error| error.under("mocap"))?;
+    let look = sleep(Duration::from_secs_f64(LOOK_MIN_S));
+    let survey = survey(&settings, clock, look, |_, _| ()).await;
+    let names = survey.objects.keys().take(NAMES_MAX).map(|name| format!("{name:?}"));
+    let names: Vec<String> = names.collect();
+    Ok(if names.is_empty() { String::new() } else { format!(" There are: {}", names.join(", ")) })
 }
 
 #[cfg(test)]
@@ -121,5 +139,10 @@ mod tests {
         assert!(drone.is_on_ground && !drone.is_flying, "{drone:?}");
         assert!(found.stream.frames > 30, "{:?}", found.stream);
         assert!(found.has_keys && found.disk_free.is_some());
+        let name = format!("{:?}", table.mocap.object());
+        table.mocap = table.mocap.of_object("another");
+        let found = inspect(&table, Path::new("."), true).unwrap();
+        let text = found.mocap_trouble;
+        assert!(found.at.is_none() && text.ends_with(&format!(" There are: {name}")), "{text}");
     }
 }

@@ -3,10 +3,13 @@
 use anyhow::Result;
 use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, pose};
-use tello_flight::Room;
 use tello_flight::cycle::{self, CycleTable};
+use tello_flight::{Room, RoomTable};
 
 use super::{Check, Readiness, check};
+
+/// Height above the lower end of the room up to which a vehicle may stand, on a table. m
+const GROUND_MAX_M: f64 = 1.0;
 
 /// A first target that is further away is one in another unit or another room: the vehicle would set off for it. m
 const TO_FIRST_MAX_M: f64 = 50.0;
@@ -41,10 +44,9 @@ pub(super) fn start_check(at: Option<&Pose>, cycle: &CycleTable, first: &Pose) -
         );
         check("start", Readiness::Bad, reason)
     } else if room.is_some_and(|room| !room.may_start_at(at)) {
-        let reason = format!(
-            "{place}: outside of the room, more than 1 m above its floor, or less than 1.2 m below its ceiling, which \
-             a take-off needs; is it the drone, in metres, with z upwards?"
-        );
+        let why =
+            cycle.supervisor.room.as_ref().map_or_else(String::new, |room| misplaced(at, room));
+        let reason = format!("{place}: {why}; is it the drone, in metres, with z upwards?");
         check("start", Readiness::Bad, reason)
     } else if to_first_m > TO_FIRST_MAX_M {
         let reason = format!(
@@ -68,4 +70,24 @@ pub(super) fn start_check(at: Option<&Pose>, cycle: &CycleTable, first: &Pose) -
     } else {
         check("start", Readiness::Good, format!("{place}, {to_first_m:.1} m from the first target"))
     })
+}
+
+/// Why no take-off begins at `at`, for a place that the room refuses.
+fn misplaced(at: &Pose, room: &RoomTable) -> String {
+    let RoomTable { x_m, y_m, z_m, .. } = room;
+    let rows = [("x", pose::X, x_m), ("y", pose::Y, y_m), ("z", pose::Z, z_m)];
+    let outside =
+        rows.into_iter().find(|(_, row, [low_m, high_m])| !(*low_m..=*high_m).contains(&at[*row]));
+    match outside {
+        Some((name, _, [low_m, high_m])) => {
+            format!("outside of the room, whose {name} is {low_m:.2}..{high_m:.2} m")
+        }
+        None if at[pose::Z] > z_m[0] + GROUND_MAX_M => {
+            format!("more than {GROUND_MAX_M} m above the floor of the room, z = {:.2} m", z_m[0])
+        }
+        None => format!(
+            "less than 1.2 m, which a take-off needs, below the ceiling of the room, z = {:.2} m",
+            z_m[1]
+        ),
+    }
 }

@@ -201,6 +201,7 @@ fn a_start_beside_a_wall_is_noted_and_a_name_that_two_objects_have_fails() {
     let at = |x_m, theta_rad| Some(Pose::new(x_m, -3.0, 0.05, theta_rad));
     let beside = |x_m| Found { at: at(x_m, 0.0), ..all_there() };
     let turned = |theta_rad| Found { at: at(-2.0, theta_rad), ..all_there() };
+    let raised = Found { at: Some(Pose::new(-2.0, -3.0, 0.81, 0.0)), ..all_there() };
     let all = all_there().stream;
     let stream = StreamReport { doubled: all.frames, ..all };
     let wall = "0.59 m from the wall at the upper x of the room";
@@ -211,7 +212,13 @@ fn a_start_beside_a_wall_is_noted_and_a_name_that_two_objects_have_fails() {
     assert_found([
         (beside(4.41), "start", Readiness::Note, wall),
         (beside(4.39), "start", Readiness::Good, "m from the first target"),
-        (beside(5.1), "start", Readiness::Bad, "outside of the room"),
+        (beside(5.1), "start", Readiness::Bad, "outside of the room, whose x is -5.00..5.00 m; is"),
+        (
+            raised,
+            "start",
+            Readiness::Bad,
+            "more than 1 m above the floor of the room, z = -0.20 m;",
+        ),
         (turned(0.59), "start", Readiness::Good, "m from the first target"),
         (turned(-0.61), "start", Readiness::Note, "turned by -35 degrees"),
         (turned(3.1), "start", Readiness::Note, "the nose of the object is wrong"),

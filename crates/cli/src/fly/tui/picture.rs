@@ -114,6 +114,9 @@ fn headline(view: &View) -> Line<'static> {
 
 /// What is wrong.
 fn wrongs(view: &View) -> Line<'static> {
+    if view.is_over && view.facts.phase == Some(Phase::Landed) {
+        return Line::styled(" landed: the flight is over", Style::new().fg(view.palette.green));
+    }
     if view.is_over {
         let text = " the control loop has ended: a drone that still flies is ordered to land ";
         return Line::styled(text, view.palette.alarm());

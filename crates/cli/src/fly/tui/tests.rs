@@ -119,6 +119,10 @@ fn the_last_picture_does_not_look_like_a_flight_that_goes_on() {
     view.is_over = true;
     let second = lines(&view, 80, 24).swap_remove(1);
     assert!(second.starts_with(" the control loop has ended"), "{second}");
+    view.facts =
+        Arc::new(Telemetry { phase: Some(Phase::Landed), ..Telemetry::clone(&view.facts) });
+    let second = lines(&view, 80, 24).swap_remove(1);
+    assert!(second.starts_with(" landed: the flight is over"), "{second}");
 }
 
 #[test]

@@ -79,9 +79,13 @@ fn print_stream(watched: &Watched, now: &WatchedPose) -> Result<()> {
     Ok(())
 }
 
-/// Axes and nose by the displacement.
+/// Axes, nose and hand by the displacement and the turn.
 fn print_displacement(watched: &Watched) -> Result<()> {
+    if let Some(line) = watched.turned_deg.map(turn_line) {
+        stdio::line(line)?;
+    }
     match watched.displacement {
+        None if watched.turned_deg.is_some() => Ok(()),
         None => stdio::line(format_args!(
             "It did not move by {DISPLACEMENT_MIN_M} m. Lift it straight up to check the axes, carry it nose first to check the \
              nose. If it was lifted, the source is in another unit than these settings state."
@@ -105,6 +109,20 @@ fn print_settings(watched: &Watched) -> Result<()> {
     Ok(())
 }
 
+/// The side of an angle that grows to the left, and the other one.
+fn sides(angle_deg: f64) -> (&'static str, &'static str) {
+    if angle_deg > 0.0 { ("left", "right") } else { ("right", "left") }
+}
+
+/// What a turn by hand shows.
+fn turn_line(turned_deg: f64) -> String {
+    let (side, other) = sides(turned_deg);
+    format!(
+        "It turned by {turned_deg:+.0} degrees, to the {side}: if you turned it to the {other}, the frame is mirrored; do \
+         not fly."
+    )
+}
+
 /// Advice on axes and nose by the displacement; `has_frame`: the settings of the source have axes.
 fn displacement_lines(displacement: &Displacement, has_frame: bool) -> Result<Vec<String>> {
     let Displacement {
@@ -115,6 +133,7 @@ fn displacement_lines(displacement: &Displacement, has_frame: bool) -> Result<Ve
         object_off_deg,
         climb_deg,
         nose_off_deg,
+        side_deg,
     } = *displacement;
     let mut lines = vec![format!(
         "It moved {length_m:.2} m: along {} of the source (off by {source_off_deg:.0} degrees), along {} of the object \
@@ -125,6 +144,13 @@ fn displacement_lines(displacement: &Displacement, has_frame: bool) -> Result<Ve
     if climb_deg > 60.0 {
         lines.push("If you lifted it, up is right.".into());
         return Ok(lines);
+    }
+    if climb_deg.abs() < 30.0 && (side_deg.abs() - 90.0).abs() < NOSE_OFF_MAX_DEG {
+        let (side, other) = sides(side_deg);
+        lines.push(format!(
+            "By these settings it moved to its {side}: if you carried it to its {other}, the frame is mirrored or the \
+             nose is wrong; do not fly."
+        ));
     }
     let is_nose_right = nose_off_deg < NOSE_OFF_MAX_DEG;
     if is_nose_right {
@@ -196,6 +222,20 @@ mod tests {
         assert!(words([0.0, 1.0, 0.0], false).contains("the nose is wrong"));
         assert!(words([0.0, 1.0, 0.0], true).contains("write \"nose\": \"y\""));
         assert!(words([0.0, 0.0, 1.0], false).ends_with("up is right."));
+        assert!(
+            words([0.0, 1.0, 0.0], true)
+                .contains("moved to its left: if you carried it to its right")
+        );
+        assert!(
+            words([0.0, -1.0, 0.0], false)
+                .contains("moved to its right: if you carried it to its left")
+        );
+        assert!(!words([1.0, 0.0, 0.0], true).contains("mirrored"));
+        assert!(
+            turn_line(-90.0).starts_with(
+                "It turned by -90 degrees, to the right: if you turned it to the left"
+            )
+        );
         let between = words([1.0, 0.8, 0.0], true);
         assert!(between.contains("no axis of the object is its nose"), "{between}");
         assert!(

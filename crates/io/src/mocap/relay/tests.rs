@@ -67,6 +67,9 @@ fn every_malformed_line_that_killed_the_old_client_is_refused() {
         let (frames, counters) = read_lines(&[line, "2 100 tello 0 1 2 3 0 0 0"]);
         assert_eq!((frames.len(), counters.malformed.get()), (1, 1), "{line:?}");
     }
+    for shifted in ["1 100 my tello 0 1 2 3 0 0 0", "1 100 tello 2 0 1 2 3 0 0 0 1"] {
+        assert_eq!(parse_line(shifted.as_bytes()), Err(Refusal::Fields), "{shifted}");
+    }
     assert_eq!(parse_line(b"1 100 t\xff"), Err(Refusal::Form));
     assert_eq!(parse_line(b"1 100 t\xff 0 1 2 3 0 0 0"), Err(Refusal::Form));
 }
