@@ -33,6 +33,15 @@ fn the_kind_of_a_file_follows_from_its_keys() {
 }
 
 #[test]
+fn a_key_of_a_flight_that_occurs_twice_is_no_mistake_of_a_mission() {
+    let text = fs::read_to_string(config("fly.json")).unwrap();
+    let twice = text.replacen('{', "{ \"manual\": null,", 1);
+    let error = resolved("twice.json", &twice).unwrap_err();
+    assert!(error.contains("manual occurs twice"), "{error}");
+    assert!(!error.contains("one kind is expected"), "{error}");
+}
+
+#[test]
 fn a_file_of_no_kind_shows_the_keys_that_it_has() {
     let error = resolved("other.json", r#"{ "b": 1, "a": 2 }"#).unwrap_err();
     assert!(error.starts_with("FILE: unknown kind of file: found `a`, `b`, no key"), "{error}");

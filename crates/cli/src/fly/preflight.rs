@@ -161,7 +161,8 @@ fn ask(arguments: &Arguments, table: &FlyTable, checks: &[Check]) -> Result<Orde
     Ok(Orders::to_fly())
 }
 
-/// Refuses to fly a real drone without walls, or between walls that were not measured. A drone on this machine is a simulated one.
+/// Refuses to fly a real drone without walls, or between walls that were not measured. A drone on this machine is a
+/// simulated one.
 fn refuse_unmeasured_room(table: &FlyTable) -> Result<()> {
     let is_simulated = is_on_this_machine(table);
     let (built_in, _) = config::fly(None, None)?;

@@ -39,7 +39,7 @@ pub fn delay_profile(title: &str, curves: &[DelayCurve<'_>]) -> Figure {
         title,
         &[
             (Mark::Line(line), "cost, all sticks shifted together"),
-            (Mark::Line(minimum), "minimum, each at its own"),
+            (Mark::Line(minimum), "minimum"),
             (Mark::Patch(interval), "95 % interval"),
         ],
     );

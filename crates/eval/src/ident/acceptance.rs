@@ -58,7 +58,7 @@ pub(super) fn accepted_values(
         if is_unknown(row, input_rms, prior_std[i]) {
             let prior = job.table.map.p_prior[i];
             let value = bounds.map_or(prior, |(lo, hi)| within(prior, *lo, *hi));
-            // That its sticks rested has been said.
+            // That its sticks rested is a note of its own.
             if !has_rested(row.name, input_rms) {
                 notes.push(format!(
                     "{} is {value} in the parameter file, its prior: move the sticks that show it more; if they were \

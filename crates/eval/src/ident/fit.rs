@@ -209,7 +209,7 @@ where
         fit.refused = accepted.err().map(|error| format!("{error:#}"));
         fit.verdict = self.evidence(fit, traces, has_converged, &contradictions).sentences();
         match &fit.refused {
-            // Of a file that is not written there is nothing to say, and a reason is said once.
+            // Of a file that is not written there is nothing to report, and a reason is printed once.
             Some(why) => fit.verdict.retain(|sentence| !why.contains(sentence)),
             None => fit.verdict.extend(moved),
         }

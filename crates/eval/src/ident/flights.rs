@@ -78,8 +78,8 @@ pub(super) fn cut_logs(
         bail!(
             "{no_log}; in {lost} of {steps} steps the drone did not follow its sticks: if that is most of them, the \
              object may be turned (--turn), axes or sticks exchanged, the period of a CSV not `dt_s`, or the vehicle \
-             unlike `lost_commands`, as with full sticks and another acceleration limit (`\"lost_commands\": null` in \
-             the settings takes every step)"
+             unlike `lost_commands`, as with full sticks and another `a_max_mps2` (`\"lost_commands\": null` in the \
+             settings takes every step)"
         );
     }
     Ok(spans)

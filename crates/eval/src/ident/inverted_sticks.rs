@@ -25,7 +25,7 @@ const CORRELATION_MIN: f64 = -0.6;
 const EXCITATION_MIN: f64 = 0.1;
 const VELOCITIES_MIN: usize = 500;
 
-/// Of gentle sticks the part beyond the dead zone counts, down to its least root mean square: within the zone the
+/// Of gentle sticks the excess over the dead zone counts, down to its least root mean square: within the zone the
 /// vehicle drifts whatever the stick is. The whole stick must be against the motion, too: 191 recordings of the thesis
 /// have -0.18 at least, and -0.13 beyond the zone. 1
 const GENTLE_MIN: f64 = 0.05;
@@ -45,7 +45,7 @@ struct Sums {
     velocity: f64,
 }
 
-/// Sums of a stick, and of what is beyond its dead zone.
+/// Sums of a stick, and of its excess over the dead zone.
 #[derive(Debug, Clone, Copy, Default)]
 struct Axis {
     whole: Sums,

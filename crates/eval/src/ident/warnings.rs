@@ -157,10 +157,15 @@ impl IdentFindings<'_> {
     fn about_pieces(&self, findings: &mut Vec<String>) {
         let (pieces, parameters) = (self.pieces, self.parameters.len());
         match self.resamples_distinct {
-            Some(distinct) if pieces > parameters && distinct < DISTINCT_MIN => findings.push(format!(
+            // Fewer pieces have no more different samples.
+            Some(distinct)
+                if pieces >= PIECES_PER_PARAMETER * parameters && distinct < DISTINCT_MIN =>
+            {
+                findings.push(format!(
                 "the bootstrap has {distinct} distinct resamples: its intervals and correlations mean nothing, \
                  Laplace's are taken; ask for {DISTINCT_MIN} at least (--bootstrap 300)"
-            )),
+            ));
+            }
             Some(distinct) if !is_resampled(distinct, pieces, parameters) => findings.push(format!(
                 "the bootstrap rests on {pieces} pieces ({distinct} distinct resamples) for {parameters} \
                  parameters: its intervals and correlations mean nothing, Laplace's are taken; fly more"
@@ -367,7 +372,7 @@ mod tests {
         evidence.has_converged = false;
         let findings = evidence.sentences().join("\n");
         for word in [
-            "lambda_h = 1.2 lies at",
+            "lambda_h = 1.2000 lies at",
             "theta_0 is -0.40",
             "theta_0 is set by its prior",
             "roll was hardly moved",

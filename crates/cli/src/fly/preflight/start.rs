@@ -75,6 +75,7 @@ pub(super) fn start_check(at: Option<&Pose>, cycle: &CycleTable, first: &Pose) -
 /// Why no take-off begins at `at`, for a place that the room refuses.
 fn misplaced(at: &Pose, room: &RoomTable) -> String {
     let RoomTable { x_m, y_m, z_m, .. } = room;
+    let [floor_m, ceiling_m] = z_m;
     let rows = [("x", pose::X, x_m), ("y", pose::Y, y_m), ("z", pose::Z, z_m)];
     let outside =
         rows.into_iter().find(|(_, row, [low_m, high_m])| !(*low_m..=*high_m).contains(&at[*row]));
@@ -82,12 +83,11 @@ fn misplaced(at: &Pose, room: &RoomTable) -> String {
         Some((name, _, [low_m, high_m])) => {
             format!("outside of the room, whose {name} is {low_m:.2}..{high_m:.2} m")
         }
-        None if at[pose::Z] > z_m[0] + GROUND_MAX_M => {
-            format!("more than {GROUND_MAX_M} m above the floor of the room, z = {:.2} m", z_m[0])
+        None if at[pose::Z] > floor_m + GROUND_MAX_M => {
+            format!("more than {GROUND_MAX_M} m above the floor of the room, z = {floor_m:.2} m")
         }
         None => format!(
-            "less than 1.2 m, which a take-off needs, below the ceiling of the room, z = {:.2} m",
-            z_m[1]
+            "less than 1.2 m, which a take-off needs, below the ceiling of the room, z = {ceiling_m:.2} m"
         ),
     }
 }

@@ -118,8 +118,8 @@ fn sides(angle_deg: f64) -> (&'static str, &'static str) {
 fn turn_line(turned_deg: f64) -> String {
     let (side, other) = sides(turned_deg);
     format!(
-        "It turned by {turned_deg:+.0} degrees, to the {side}: if you turned it to the {other}, the frame is mirrored; do \
-         not fly."
+        "It turned by {turned_deg:+.0} degrees, to the {side}: if you turned it to the {other}, the frame is \
+         mirrored; do not fly."
     )
 }
 

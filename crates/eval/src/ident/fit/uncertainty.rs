@@ -1,6 +1,6 @@
 //! How far the parameters of a fit may be off, row by row.
 
-use horizon_estim::{Laplace, NORMAL_HALF_WIDTH, Spread};
+use horizon_estim::{Laplace, NORMAL_HALF_WIDTH, Spread, UndecidedDelay};
 use horizon_model::Model;
 use horizon_model::rows::{pose, stick};
 use nalgebra::SMatrix;
@@ -35,7 +35,7 @@ where
     /// rested by the prior, since what their axes did is noise.
     pub(super) fn parameter_rows(&self, resampled: Option<Spread<NP>>) -> Rows {
         let undecided: SMatrix<f64, NP, NP> =
-            self.undecided.iter().map(|delay| delay.covariance()).sum();
+            self.undecided.iter().map(UndecidedDelay::covariance).sum();
         let laplace = self.laplace();
         let by_laplace = laplace.widened(&undecided);
         let by_data = resampled.map_or(by_laplace, |spread| spread.widened(&undecided));

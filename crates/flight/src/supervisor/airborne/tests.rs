@@ -269,37 +269,38 @@ fn a_take_off_is_repeated_only_while_the_drone_stands_where_it_stood_and_nobody_
     assert_eq!((repeated(near, near), repeated(near, CALM)), (0, 2));
 }
 
+/// In flight after a take-off, with poses at `e` that are repeated until they are lost.
+fn landing_of_a_frozen_stream(e: &Evidence) -> Fixture {
+    let mut fixture = Fixture::new(Start::Grounded);
+    fixture.pass(1, &CALM);
+    fixture.pass(1, &asks_to_fly(CALM));
+    fixture.pass(50, &ALOFT);
+    let frozen = with_poses(*e, |it| it.is_repeated = true);
+    fixture.pass(9, &Evidence { pose_age_s: Some(0.3), ..frozen });
+    fixture.pass(1, &Evidence { pose_age_s: Some(1.1), ..frozen });
+    assert_eq!(fixture.supervisor.phase(), Phase::Landing);
+    fixture
+}
+
 #[test]
 fn a_pose_in_the_air_that_stood_still_in_flight_does_not_contradict_a_drone_that_stands() {
-    let frozen =
-        with_poses(Evidence { pose_age_s: Some(0.3), ..ALOFT }, |it| it.is_repeated = true);
-    let again = |e: Evidence| with_drone(e, |drone| drone.is_flying = false);
+    let stands = |e: Evidence| with_drone(e, |drone| drone.is_flying = false);
     let moved =
         |far_m: f64| Evidence { pose: ALOFT.pose.map(|at| at + Pose::repeat(far_m)), ..ALOFT };
+    // On the ground and in a landing a stream may repeat its pose, which then counts as new.
     for (e, phase) in [
         (ALOFT, Phase::Landed),
         (moved(0.01), Phase::Landed),
         (moved(0.02), Phase::LandingUnconfirmed),
     ] {
-        let mut fixture = Fixture::flying();
-        fixture.pass(9, &frozen);
-        fixture.pass(1, &Evidence { pose_age_s: Some(1.1), ..frozen });
-        assert_eq!(fixture.supervisor.phase(), Phase::Landing);
-        // On the ground and in a landing a stream may repeat its pose, which then counts as new.
-        let decision = fixture.run(250, &again(e));
+        let decision = landing_of_a_frozen_stream(&ALOFT).run(250, &stands(e));
         assert_eq!(decision.phase, phase, "{:?}", e.pose);
         assert_eq!(decision.faults.contains(Fault::LandedByDrone), phase == Phase::Landed);
     }
     // Without the drone's report nothing is confirmed, and a pose on the floor counts though it stands still.
-    let mut fixture = Fixture::flying();
-    fixture.pass(9, &frozen);
-    fixture.pass(1, &Evidence { pose_age_s: Some(1.1), ..frozen });
-    assert_eq!(
-        fixture.run(250, &Evidence { drone: None, ..ALOFT }).phase,
-        Phase::LandingUnconfirmed
-    );
-    let mut fixture = Fixture::flying();
-    fixture.pass(9, &Evidence { pose: CALM.pose, ..frozen });
-    fixture.pass(1, &Evidence { pose: CALM.pose, pose_age_s: Some(1.1), ..frozen });
-    assert_eq!(fixture.run(15, &again(CALM)).phase, Phase::Landed);
+    let mut fixture = landing_of_a_frozen_stream(&ALOFT);
+    let mute = Evidence { drone: None, ..ALOFT };
+    assert_eq!(fixture.run(250, &mute).phase, Phase::LandingUnconfirmed);
+    let mut fixture = landing_of_a_frozen_stream(&Evidence { pose: CALM.pose, ..ALOFT });
+    assert_eq!(fixture.run(60, &stands(CALM)).phase, Phase::Landed);
 }

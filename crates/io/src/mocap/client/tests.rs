@@ -169,8 +169,9 @@ async fn a_group_that_cannot_be_joined_has_its_reason_and_ever_longer_pauses() {
     let settings = MocapSettings::try_from(&MocapTable::Natnet(table)).unwrap();
     let (mut client, feed) = MocapClient::new(settings, Clock::start());
     let version = Version { major: 4, minor: 1 };
-    // No address of this machine, and no group.
-    let group = Some("192.0.2.1:1511".parse().unwrap());
+    // Another program has its port, for itself alone.
+    let taken = std::net::UdpSocket::bind("239.255.42.99:0").unwrap();
+    let group = Some(taken.local_addr().unwrap().to_string().parse().unwrap());
     let answer = async {
         let mut chunk = [0; 2048];
         loop {
@@ -197,7 +198,7 @@ async fn a_group_that_cannot_be_joined_has_its_reason_and_ever_longer_pauses() {
     // At 0, 0.1, 0.3, 0.7 and 1.5 s.
     assert!((1..=5).contains(&connects), "{connects}");
     let why = why.unwrap();
-    assert!(why.starts_with("the multicast group 192.0.2.1 cannot be joined: "), "{why}");
+    assert!(why.starts_with("the multicast group 239.255.42.99 cannot be joined: "), "{why}");
 }
 
 #[tokio::test]
