@@ -68,9 +68,10 @@ pub use obstacle::{Obstacle, ObstacleTable, SignedDistance, obstacles};
 pub use path::Heading;
 pub use sighting::Sighting;
 pub use supervisor::{
-    Decision, DroneReport, EstimatedMotion, Evidence, FailsafeTable, Fault, FaultSet, Incidents,
-    ObstacleEvidence, Operator, Outage, Phase, Pilot, PlanClearance, PoseEvidence, Reaction, Room,
-    RoomTable, Start, Supervisor, SupervisorSettings, SupervisorTable, TrackingEvidence,
+    CLIMB_MAX_M, Decision, DroneReport, EstimatedMotion, Evidence, FailsafeTable, Fault, FaultSet,
+    GROUND_MAX_M, Incidents, ObstacleEvidence, Operator, Outage, Phase, Pilot, PlanClearance,
+    PoseEvidence, Reaction, Room, RoomTable, Start, Supervisor, SupervisorSettings,
+    SupervisorTable, TrackingEvidence,
 };
 pub use targets::{TargetTable, Targets, clip_target};
 

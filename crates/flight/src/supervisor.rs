@@ -37,8 +37,7 @@ pub use self::evidence::{
     Outage, Phase, PlanClearance, PoseEvidence, Start, TrackingEvidence,
 };
 pub use self::fault::{Fault, FaultSet, Pilot, Reaction};
-pub(crate) use self::geofence::CLIMB_MAX_M;
-pub use self::geofence::{Room, RoomTable};
+pub use self::geofence::{CLIMB_MAX_M, GROUND_MAX_M, Room, RoomTable};
 pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 
 use self::airborne::LandingConfirmation;

@@ -81,16 +81,21 @@ impl<const NP: usize> Spread<NP> {
         Self { mean: *mean, std, lower: mean - half, upper: mean + half, correlation }
     }
 
+    /// Covariance, of which [`Self::normal`] makes the same deviations and correlations. Product of the units of row
+    /// and column. No allocation.
+    pub fn covariance(&self) -> Matrix<NP, NP> {
+        Matrix::from_fn(|row, col| {
+            let correlation = if row == col { 1.0 } else { self.correlation[(row, col)] };
+            correlation * (self.std[row] * self.std[col])
+        })
+    }
+
     /// This spread with a further cause of error of this `covariance`, independent of the others: each end of an
     /// interval moves outward as that of a normal distribution does. Product of the units of row and column. No
     /// allocation.
     #[must_use]
     pub fn widened(&self, covariance: &Matrix<NP, NP>) -> Self {
-        let own = Matrix::from_fn(|row, col| {
-            let correlation = if row == col { 1.0 } else { self.correlation[(row, col)] };
-            correlation * self.std[row] * self.std[col]
-        });
-        let mut sum = Self::normal(&self.mean, &(own + covariance));
+        let mut sum = Self::normal(&self.mean, &(self.covariance() + covariance));
         for row in 0..NP {
             let half = NORMAL_HALF_WIDTH * covariance[(row, row)].sqrt();
             sum.lower[row] = self.mean[row] - (self.mean[row] - self.lower[row]).hypot(half);

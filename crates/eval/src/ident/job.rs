@@ -101,3 +101,39 @@ pub(super) struct DelayResult {
     /// Half the sum of squares there. 1
     pub(super) cost: Vec<f64>,
 }
+
+/// Tasks and logs of tests.
+#[cfg(test)]
+pub(super) mod fixtures {
+    use std::collections::BTreeSet;
+
+    use super::Job;
+    use crate::ident::IdentFileTable;
+    use crate::ident::flights::Flight;
+    use crate::recordings::Loaded;
+
+    /// A task without bootstrap and flight.
+    pub(in crate::ident) fn job<'a>(table: &'a IdentFileTable, logs: &'a [Loaded]) -> Job<'a> {
+        Job {
+            name: "ident.json",
+            table,
+            logs,
+            bootstrap: None,
+            flight: None,
+            observer: &(),
+            keeps_estimates: false,
+        }
+    }
+
+    /// A real log from which nothing was left out.
+    pub(in crate::ident) fn log(path: &str, recording: Flight) -> Loaded {
+        Loaded {
+            path: path.into(),
+            sha256: String::new(),
+            is_simulated: false,
+            recording,
+            skipped: Vec::new(),
+            motions: BTreeSet::new(),
+        }
+    }
+}

@@ -188,7 +188,7 @@ impl DirectionMonitor {
 
     /// Takes a tick on the ground: the motion has not followed its inputs yet.
     pub(super) fn rest(&mut self) {
-        self.restart();
+        self.restart_turn();
         self.flown_s = 0.0;
         self.is_shown = false;
         self.mirror.rest();
@@ -278,15 +278,13 @@ impl DirectionMonitor {
         let PoseInterval { count, v_u_w, decay } = std::mem::take(&mut self.since);
         let Some(before) = self.before.replace(*now) else { return };
         let periods = count as f64;
-        if periods * self.dt_s > MOTION_MAX_S + 0.5 * self.dt_s {
+        let Some(v_o_w) = velocity_w(&before, now, periods * self.dt_s, self.dt_s) else {
             // Sums that stand still would hide what the others show.
             let [_, shifted @ ..] = &mut self.sums;
             *shifted = Default::default();
             self.count = 0;
             return;
-        }
-        let rate = (now - before) / (periods * self.dt_s);
-        let v_o_w = Complex::new(rate[pose::X], rate[pose::Y]);
+        };
         for _ in 0..count {
             self.add(Velocities { v_u_w: v_u_w / periods, v_o_w }, decay / periods);
         }
@@ -313,6 +311,14 @@ impl DirectionMonitor {
         let angles_rad = better.map(|turn| turn.angle_rad);
         Some(angles_rad.fold(as_is.angle_rad, |a, b| if b.abs() < a.abs() { b } else { a }))
     }
+}
+
+/// Horizontal velocity from the pose `before` to `now`, `lasted_s` later; `None` if the periods of `dt_s` between take
+/// longer than [`MOTION_MAX_S`]. World frame. m/s
+fn velocity_w(before: &Pose, now: &Pose, lasted_s: f64, dt_s: f64) -> Option<Complex<f64>> {
+    let rate = (now - before) / lasted_s;
+    let shows_motion = lasted_s <= MOTION_MAX_S + 0.5 * dt_s;
+    shows_motion.then(|| Complex::new(rate[pose::X], rate[pose::Y]))
 }
 
 #[cfg(test)]

@@ -15,10 +15,10 @@ use crate::obstacle::SignedDistance;
 
 /// A vehicle on the ground is no higher than this above the floor of the room: it may stand on a
 /// table. m
-const GROUND_MAX_M: f64 = 1.0;
+pub const GROUND_MAX_M: f64 = 1.0;
 
 /// A take-off climbs 0.8 to 1.2 m by itself. m
-pub(crate) const CLIMB_MAX_M: f64 = 1.2;
+pub const CLIMB_MAX_M: f64 = 1.2;
 
 /// Largest distance of a wall from the origin: more are millimetres, or a geofence that no flight reaches. m
 const WALL_MAX_M: f64 = 500.0;

@@ -4,12 +4,9 @@ use anyhow::Result;
 use horizon_model::angle::wrap;
 use horizon_model::rows::{Pose, pose};
 use tello_flight::cycle::{self, CycleTable};
-use tello_flight::{Room, RoomTable};
+use tello_flight::{CLIMB_MAX_M, GROUND_MAX_M, Room, RoomTable};
 
 use super::{Check, Readiness, check};
-
-/// Height above the lower end of the room up to which a vehicle may stand, on a table. m
-const GROUND_MAX_M: f64 = 1.0;
 
 /// A first target that is further away is one in another unit or another room: the vehicle would set off for it. m
 const TO_FIRST_MAX_M: f64 = 50.0;
@@ -87,7 +84,7 @@ fn misplaced(at: &Pose, room: &RoomTable) -> String {
             format!("more than {GROUND_MAX_M} m above the floor of the room, z = {floor_m:.2} m")
         }
         None => format!(
-            "less than 1.2 m, which a take-off needs, below the ceiling of the room, z = {ceiling_m:.2} m"
+            "less than {CLIMB_MAX_M} m, which a take-off needs, below the ceiling of the room, z = {ceiling_m:.2} m"
         ),
     }
 }

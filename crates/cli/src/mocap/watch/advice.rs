@@ -48,13 +48,14 @@ fn print_unseen(watched: &Watched, survey: &Survey) -> Result<()> {
     if let Some(refused) = &watched.refused {
         stdio::line(format_args!("Refused: {refused}."))?;
     }
-    if names.is_empty() && (watched.trouble.is_some() || watched.refused.is_some()) {
-        Ok(())
-    } else if names.is_empty() {
-        stdio::line("There are no objects. tello-ctl mocap list HOST tries every protocol.")
-    } else {
-        stdio::line(format_args!("There are: {}", names.join(", ")))
+    if !names.is_empty() {
+        return stdio::line(format_args!("There are: {}", names.join(", ")));
     }
+    // Else the reason is printed.
+    if watched.trouble.is_none() && watched.refused.is_none() {
+        stdio::line("There are no objects. tello-ctl mocap list HOST tries every protocol.")?;
+    }
+    Ok(())
 }
 
 /// Tilt, refused poses, gaps and unit.

@@ -1,32 +1,16 @@
-use std::collections::BTreeSet;
-
 use horizon_estim::{Observed, Recording};
 use horizon_model::rows::Sticks;
 
 use super::super::report::DelayRow;
 use super::*;
-use crate::recordings::Loaded;
+use crate::ident::job::fixtures;
 
 /// Why a fit to one log of 900 steps is refused that is in order but for `change`.
 fn refusal(change: impl Fn(&mut FitReport)) -> String {
     let recording = Recording { u: vec![Sticks::zeros(); 900], o: vec![Observed::missing(); 900] };
-    let logs = [Loaded {
-        path: "a".into(),
-        sha256: String::new(),
-        is_simulated: false,
-        recording,
-        skipped: vec![],
-        motions: BTreeSet::new(),
-    }];
-    let job = Job {
-        name: "ident.json",
-        table: &crate::ident::settings(None).unwrap(),
-        logs: &logs,
-        bootstrap: None,
-        flight: None,
-        observer: &(),
-        keeps_estimates: false,
-    };
+    let logs = [fixtures::log("a", recording)];
+    let table = crate::ident::settings(None).unwrap();
+    let job = fixtures::job(&table, &logs);
     let mut fit = crate::ident::report::tests::fit();
     change(&mut fit);
     let values = [Accepted { value: fit.parameters[0].value, is_prior: false }];

@@ -84,14 +84,11 @@ where
     }
 }
 
-/// Covariance from deviations and correlations, row by row; `None` if it is not finite.
+/// Covariance, row by row; `None` if it is not finite.
 fn covariance<const NP: usize>(spread: &Spread<NP>) -> Option<Vec<Vec<f64>>> {
-    let entry = |i: usize, j: usize| match (i == j, spread.std[i] * spread.std[j]) {
-        (true, variance) => variance,
-        (false, product) => spread.correlation[(i, j)] * product,
-    };
-    let rows: Vec<Vec<f64>> = (0..NP).map(|i| (0..NP).map(|j| entry(i, j)).collect()).collect();
-    rows.iter().flatten().all(|entry| entry.is_finite()).then_some(rows)
+    let covariance = spread.covariance();
+    let is_finite = covariance.iter().all(|entry| entry.is_finite());
+    is_finite.then(|| covariance.row_iter().map(|row| row.iter().copied().collect()).collect())
 }
 
 #[cfg(test)]

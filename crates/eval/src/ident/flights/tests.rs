@@ -1,9 +1,8 @@
-use std::collections::BTreeSet;
-
 use horizon_model::rows::Pose;
 
 use super::*;
 use crate::ident::IdentFileTable;
+use crate::ident::job::fixtures;
 
 /// A flight along x at 0.5 m/s; in `gaps` no heading is seen.
 fn flight(steps: usize, gaps: &[usize]) -> Flight {
@@ -67,23 +66,8 @@ fn without_a_piece_the_lost_steps_are_counted_and_the_turned_object_is_suggested
 /// Preparation of one log of 40 steps.
 fn prepared(table: &IdentFileTable) -> (bool, Flight, Vec<bool>) {
     let recording = flight(40, &[20]);
-    let logs = [Loaded {
-        path: "a".into(),
-        sha256: String::new(),
-        is_simulated: false,
-        recording,
-        skipped: vec![],
-        motions: BTreeSet::new(),
-    }];
-    let job = Job {
-        name: "ident.json",
-        table,
-        logs: &logs,
-        bootstrap: None,
-        flight: None,
-        observer: &(),
-        keeps_estimates: false,
-    };
+    let logs = [fixtures::log("a", recording)];
+    let job = fixtures::job(table, &logs);
     let (flights, is_lost) = prepare(&job, &Sticks::zeros()).unwrap();
     let flight = flights[0].clone();
     (matches!(flight, Cow::Borrowed(_)), flight.into_owned(), is_lost[0].clone())

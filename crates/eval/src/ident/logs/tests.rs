@@ -1,21 +1,13 @@
-use std::collections::BTreeSet;
-
 use horizon_estim::{Observed, Recording};
 use horizon_model::rows::{Pose, Sticks};
 
 use super::*;
+use crate::ident::job::fixtures;
 
 fn log(theta: f64) -> Loaded {
     let o = vec![Observed::full(Pose::new(1.0, 2.0, 3.0, theta)); 3];
     let recording = Recording { u: vec![Sticks::zeros(); 3], o };
-    Loaded {
-        path: "a.log".into(),
-        sha256: "ab".into(),
-        is_simulated: false,
-        recording,
-        skipped: vec!["c".into()],
-        motions: BTreeSet::new(),
-    }
+    Loaded { sha256: "ab".into(), skipped: vec!["c".into()], ..fixtures::log("a.log", recording) }
 }
 
 #[test]

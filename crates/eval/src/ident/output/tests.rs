@@ -1,5 +1,3 @@
-use std::collections::BTreeSet;
-
 use horizon_estim::{Observed, Recording};
 use horizon_model::rows::{Pose, Sticks, pose};
 use horizon_model::{Kinematic, Model, Row};
@@ -10,6 +8,7 @@ use super::super::predict::AddErrors;
 use super::super::report::tests::fit;
 use super::super::table::IdentFileTable;
 use super::*;
+use crate::ident::job::fixtures;
 
 const OBSERVATION: [Row; 4] =
     [Row::linear("x", "m"), Row::linear("y", "m"), Row::linear("z", "m"), Row::angle("theta")];
@@ -29,14 +28,7 @@ fn log(path: &str) -> Loaded {
         o
     };
     let recording = Recording { u: vec![Sticks::zeros(); 5], o: (0..5).map(observed).collect() };
-    Loaded {
-        path: path.into(),
-        sha256: String::new(),
-        is_simulated: false,
-        recording,
-        skipped: Vec::new(),
-        motions: BTreeSet::new(),
-    }
+    fixtures::log(path, recording)
 }
 
 /// A piece of a log; the rows of its states are 0.5, 1.5 and so on, a tenth more in each step.

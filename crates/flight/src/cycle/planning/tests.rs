@@ -56,10 +56,18 @@ fn parameter() -> SVector<f64, { gain::COUNT }> {
     SVector::from([2.0, 1.0, 1.0, 0.0])
 }
 
+/// What is known without an outage, of the coming tick.
+fn known<'a>(
+    s_hat: &'a Pose,
+    p_hat: &'a SVector<f64, { gain::COUNT }>,
+    fifo: &'a InputFifo<4>,
+) -> Known<'a, 4, 4> {
+    Known { s_hat, p_hat, fifo, instead: None, ahead: 0, covariance: None }
+}
+
 fn plan(planner: &mut Planner<Kinematic, 4, 4, 4>, fifo: &InputFifo<4>, is_late: bool) {
     let (s_hat, p_hat) = (Pose::zeros(), parameter());
-    let known =
-        Known { s_hat: &s_hat, p_hat: &p_hat, fifo, instead: None, ahead: 0, covariance: None };
+    let known = known(&s_hat, &p_hat, fifo);
     let report = planner.plan(&known, &mission(), &mut || is_late).unwrap();
     assert_eq!(report.has_new_plan(), !is_late, "{report:?}");
 }
@@ -118,14 +126,7 @@ fn in_an_outage_one_input_acts_in_place_of_all() {
         fifo.push(&Sticks::repeat(u));
     }
     let (s_hat, p_hat) = (Pose::zeros(), parameter());
-    let mut known = Known {
-        s_hat: &s_hat,
-        p_hat: &p_hat,
-        fifo: &fifo,
-        instead: None,
-        ahead: 0,
-        covariance: None,
-    };
+    let mut known = known(&s_hat, &p_hat, &fifo);
     assert_eq!([-1, 0, 1].map(|ahead| known.applied(ahead)), [0.1, 0.2, 0.3].map(Sticks::repeat));
     known.instead = Some(Sticks::zeros());
     assert_eq!([-1, 0, 1].map(|ahead| known.applied(ahead)), [Sticks::zeros(); 3]);
@@ -137,14 +138,7 @@ fn in_an_outage_a_brake_goes_on_from_the_sticks_that_were_sent() {
     let mut fifo = fifo([0.1, 0.1, 0.04, 0.04]);
     (0..8).for_each(|_| fifo.push(&Sticks::repeat(0.3)));
     let (s_hat, p_hat) = (Pose::zeros(), parameter());
-    let known = Known {
-        s_hat: &s_hat,
-        p_hat: &p_hat,
-        fifo: &fifo,
-        instead: Some(Sticks::repeat(-0.4)),
-        ahead: 0,
-        covariance: None,
-    };
+    let known = Known { instead: Some(Sticks::repeat(-0.4)), ..known(&s_hat, &p_hat, &fifo) };
     for (is_braking, last) in [(false, -0.4), (true, 0.3)] {
         let mut planner = planner(&fifo);
         planner.brake(is_braking, None);
@@ -162,14 +156,7 @@ fn a_brake_reaches_as_far_as_the_committed_sticks_lead_and_yaw_ends_with_its_own
     let mut fifo = fifo([0.1, 0.1, 0.04, 0.06]);
     (0..8).for_each(|_| fifo.push(&Sticks::repeat(0.3)));
     let (s_hat, p_hat) = (Pose::zeros(), parameter());
-    let known = Known {
-        s_hat: &s_hat,
-        p_hat: &p_hat,
-        fifo: &fifo,
-        instead: None,
-        ahead: 0,
-        covariance: None,
-    };
+    let known = known(&s_hat, &p_hat, &fifo);
     let mut planner = planner(&fifo);
     planner.brake(true, None);
     let report = planner.plan(&known, &mission(), &mut || false).unwrap();

@@ -13,7 +13,7 @@
 use horizon_model::rows::{Pose, pose, stick};
 use nalgebra::Complex;
 
-use super::{BEGIN_S, FORGET_S, GAIN_SURE_MIN_MPS, MOTION_MAX_S, RIGHT_S, VARIANCE_MIN, WRONG_S};
+use super::{BEGIN_S, FORGET_S, GAIN_SURE_MIN_MPS, RIGHT_S, VARIANCE_MIN, WRONG_S, velocity_w};
 use crate::commanded::inputs_w;
 use crate::forgetting::decay;
 use crate::monitor::Sample;
@@ -182,11 +182,7 @@ impl MirrorMonitor {
         let asked_w = std::mem::take(&mut self.since_w).map(|sum_w| sum_w / periods);
         let Some(before) = self.before.replace(*now) else { return };
         let lasted_s = periods * self.dt_s;
-        if lasted_s > MOTION_MAX_S + 0.5 * self.dt_s {
-            return;
-        }
-        let rate = (now - before) / lasted_s;
-        let v_o_w = Complex::new(rate[pose::X], rate[pose::Y]);
+        let Some(v_o_w) = velocity_w(&before, now, lasted_s, self.dt_s) else { return };
         // One step of all periods: forgetting within a motion is negligible.
         self.sums.add(asked_w, v_o_w, lasted_s);
     }

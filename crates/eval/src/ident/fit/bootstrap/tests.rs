@@ -1,4 +1,3 @@
-use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use horizon_estim::{Observed, Recording};
@@ -6,6 +5,7 @@ use horizon_model::Lagged;
 use horizon_model::rows::{Pose, Sticks, lag, motion};
 
 use super::*;
+use crate::ident::job::fixtures;
 use crate::ident::{IdentFileTable, Job, Observer};
 use crate::recordings::Loaded;
 
@@ -22,14 +22,7 @@ fn table() -> IdentFileTable {
 fn log(sha256: &str) -> Loaded {
     let o = vec![Observed::full(Pose::new(0.0, 0.0, 1.0, 0.0)); 10 * PIECES];
     let recording = Recording { u: vec![Sticks::zeros(); o.len()], o };
-    Loaded {
-        path: "a.log".into(),
-        sha256: sha256.to_owned(),
-        is_simulated: false,
-        recording,
-        skipped: Vec::new(),
-        motions: BTreeSet::new(),
-    }
+    Loaded { sha256: sha256.to_owned(), ..fixtures::log("a.log", recording) }
 }
 
 type LaggedIdentification<'a> = Identification<'a, Lagged, { motion::COUNT }, { lag::COUNT }>;
@@ -40,15 +33,7 @@ fn identification<T>(
     logs: &[Loaded],
     of: impl FnOnce(&mut LaggedIdentification<'_>) -> T,
 ) -> T {
-    let job = Job {
-        name: "ident.json",
-        table,
-        logs,
-        bootstrap: None,
-        flight: None,
-        observer: &(),
-        keeps_estimates: false,
-    };
+    let job = fixtures::job(table, logs);
     of(&mut Identification::new(Lagged::default(), &job).unwrap())
 }
 
@@ -116,15 +101,7 @@ impl Observer for StopsAfter {
 fn resamples_that_were_cut_short_have_no_spread() {
     let (table, logs) = (table(), [log("ab")]);
     let observer = StopsAfter(AtomicUsize::new(2));
-    let job = Job {
-        name: "ident.json",
-        table: &table,
-        logs: &logs,
-        bootstrap: None,
-        flight: None,
-        observer: &observer,
-        keeps_estimates: false,
-    };
+    let job = Job { observer: &observer, ..fixtures::job(&table, &logs) };
     let identification: LaggedIdentification<'_> =
         Identification::new(Lagged::default(), &job).unwrap();
     let shard = crate::part_file::PartNumber::ONLY;

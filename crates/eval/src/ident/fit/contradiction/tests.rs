@@ -1,12 +1,10 @@
-use std::collections::BTreeSet;
-
 use horizon_estim::{Observed, Recording};
 use horizon_model::rows::{Pose, Sticks, lag, motion};
 use horizon_model::{Lagged, Model as _};
 
 use super::*;
-use crate::ident::Job;
 use crate::ident::flights::Flight;
+use crate::ident::job::fixtures;
 use crate::recordings::Loaded;
 
 const STEPS: usize = 6000;
@@ -34,24 +32,9 @@ fn found(recordings: Vec<Flight>) -> Vec<Contradiction> {
     let mut table = crate::ident::settings(None).unwrap();
     (table.clean_observations, table.lost_commands, table.delay) = (false, None, None);
     table.dead_time_s = vec![0.0; stick::COUNT];
-    let log = |(at, recording): (usize, Flight)| Loaded {
-        path: format!("{at}.log").into(),
-        sha256: String::new(),
-        is_simulated: false,
-        recording,
-        skipped: Vec::new(),
-        motions: BTreeSet::new(),
-    };
+    let log = |(at, recording): (usize, Flight)| fixtures::log(&format!("{at}.log"), recording);
     let logs: Vec<Loaded> = recordings.into_iter().enumerate().map(log).collect();
-    let job = Job {
-        name: "ident.json",
-        table: &table,
-        logs: &logs,
-        bootstrap: None,
-        flight: None,
-        observer: &(),
-        keeps_estimates: false,
-    };
+    let job = fixtures::job(&table, &logs);
     let mut identification: Identification<'_, Lagged, { motion::COUNT }, { lag::COUNT }> =
         Identification::new(Lagged::default(), &job).unwrap();
     let solved = identification.solve().unwrap();
