@@ -30,7 +30,7 @@ impl DualModel<4, 2, 2, 1> for Car {
 }
 
 /// Errors of the parameter (m), of the estimated state at the end, and distance to the goal (mixed units).
-pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
+fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let (car, truth) = (Dual(Car), SVector::from([2.7]));
     // Measurements that are up to 1 cm off.
     let measure = |s: &SVector<f64, 4>, k: usize| {
@@ -75,7 +75,12 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let [parameter, estimate, goal] = run()?;
-    println!("car: wheelbase off by {parameter:.4} m, estimate {estimate:.4}, goal {goal:.4}");
+    run().map(|errors| println!("car: wheelbase, estimate and goal off by {errors:.4?}"))
+}
+
+#[test]
+fn it_identifies_estimates_and_arrives() -> Result<(), Box<dyn Error>> {
+    let (errors, bounds) = (run()?, [0.03, 0.1, 0.1]);
+    assert!(errors.iter().zip(bounds).all(|(error, bound)| *error < bound), "{errors:?}");
     Ok(())
 }

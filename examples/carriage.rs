@@ -32,7 +32,7 @@ impl DualModel<2, 1, 1, 2> for Carriage {
 }
 
 /// Errors of parameter and dead time, of the estimated state at the end, and distance to the goal (mixed units).
-pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
+fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let (carriage, truth, dead_s) = (Dual(Carriage), [0.9, 0.3].into(), SVector::from([0.17]));
     let noise = |k: usize| 0.001 * SVector::from([(7.3 * k as f64).sin()]);
     let measure = |s: &V<f64, 2>, k: usize| Observed::full(carriage.observe(s) + noise(k));
@@ -81,4 +81,11 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     run().map(|errors| println!("carriage: parameter, estimate and goal off by {errors:.4?}"))
+}
+
+#[test]
+fn it_identifies_estimates_and_arrives() -> Result<(), Box<dyn Error>> {
+    let (errors, bounds) = (run()?, [0.02, 0.03, 0.02]);
+    assert!(errors.iter().zip(bounds).all(|(error, bound)| *error < bound), "{errors:?}");
+    Ok(())
 }

@@ -32,7 +32,7 @@ impl DualModel<4, 1, 2, 1> for Pendulum {
 }
 
 /// Errors of the parameter (m), of the estimated state at the end, and distance to the goal (mixed units).
-pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
+fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let (pendulum, truth) = (Dual(Pendulum), SVector::from([0.45]));
     // Measurements that are up to 2 mm and 2 mrad off.
     let noise = |t: f64| 0.002 * SVector::from([(7.3 * t).sin(), (9.1 * t).cos()]);
@@ -75,7 +75,12 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let [parameter, estimate, goal] = run()?;
-    println!("pendulum: length off {parameter:.4} m, estimate {estimate:.4}, goal {goal:.4}");
+    run().map(|errors| println!("pendulum: length, estimate and goal off by {errors:.4?}"))
+}
+
+#[test]
+fn it_identifies_estimates_and_arrives() -> Result<(), Box<dyn Error>> {
+    let (errors, bounds) = (run()?, [0.003, 0.03, 0.05]);
+    assert!(errors.iter().zip(bounds).all(|(error, bound)| *error < bound), "{errors:?}");
     Ok(())
 }

@@ -14,7 +14,7 @@ const STEPS: usize = 40;
 const PRIOR: [f64; 4] = [1.0, 0.7, 1.3, 0.0];
 
 /// Errors of the parameter, of the estimated pose at the end, and distance to the goal (mixed units).
-pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
+fn run() -> Result<[f64; 3], Box<dyn Error>> {
     let truth = SVector::from([1.29, 0.445, 0.994, 0.1]);
     // Poses that are up to 2 mm and 2 mrad off.
     let measure = |s: &Pose, k: usize| {
@@ -59,7 +59,12 @@ pub(crate) fn run() -> Result<[f64; 3], Box<dyn Error>> {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let [parameter, estimate, goal] = run()?;
-    println!("Tello: gains off by {parameter:.4}, estimate by {estimate:.4}, goal by {goal:.4}");
+    run().map(|errors| println!("Tello: gains, estimate and goal off by {errors:.4?}"))
+}
+
+#[test]
+fn it_identifies_estimates_and_arrives() -> Result<(), Box<dyn Error>> {
+    let (errors, bounds) = (run()?, [0.02, 0.01, 0.02]);
+    assert!(errors.iter().zip(bounds).all(|(error, bound)| *error < bound), "{errors:?}");
     Ok(())
 }

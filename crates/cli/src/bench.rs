@@ -142,7 +142,8 @@ fn is_confirmed(
 ) -> Result<bool> {
     // Enter typed too early would end the connection.
     console.forget_lines();
-    if link.connect(console).is_none() {
+    let Ok(found) = link.connect(console) else { return is_stopped(link) };
+    if found.is_none() {
         bail!(
             "no status from {address}: is this computer in the drone's Wi-Fi, and no other program connected?"
         );
@@ -156,16 +157,23 @@ fn is_confirmed(
         return Ok(false);
     }
     // The question may have stood there for long.
-    let Some(status) = link.connect(console) else {
+    let Ok(found) = link.connect(console) else { return is_stopped(link) };
+    let Some(status) = found else {
         bail!("the drone sends no status any more: is it still switched on and its Wi-Fi joined?");
     };
     if check.site.spins() && status.is_running {
         bail!("the drone reports that it flies, or that its motors run: land it, then begin anew");
     }
+    Ok(true)
+}
+
+/// Why the drone was not asked any further: the person has stopped it, which is no confirmation, or the guardian is
+/// lost.
+fn is_stopped(link: &BenchConnection) -> Result<bool> {
     if link.has_lost_guardian() {
         bail!("the process tello-guardian was ended or stopped: no motor starts without it");
     }
-    Ok(true)
+    Ok(false)
 }
 
 /// Does one check. Good if it was done to its end, and the drone reports that it is down.

@@ -109,7 +109,8 @@ pub struct Findings {
     /// Angle from the direction of the inputs to that of the motion, counter-clockwise from above;
     /// `None` while the inputs excite too little. rad
     pub direction_error_rad: Option<f64>,
-    /// Whether `direction_error_rad` has been too large for so long that the heading is wrong.
+    /// Whether `direction_error_rad` has been too large for so long that the heading is wrong, or the frame looked
+    /// mirrored, which `direction_error_rad` does not show.
     pub is_direction_wrong: bool,
 }
 

@@ -32,6 +32,7 @@ mod settings;
 mod settling;
 mod staleness;
 
+pub(crate) use self::braking::SLOW_MPS;
 pub use self::evidence::{
     Decision, DroneReport, EstimatedMotion, Evidence, Incidents, ObstacleEvidence, Operator,
     Outage, Phase, PlanClearance, PoseEvidence, Start, TrackingEvidence,

@@ -218,12 +218,15 @@ pub fn too_old(report: &StreamReport) -> Option<String> {
 pub fn drone_trouble(table: &FlyTable, packets: u64) -> String {
     if packets > 0 {
         let address = &table.tello.address;
+        let port = match table.tello.state_port {
+            0 => "the free UDP port that tello.state_port = 0 takes".into(),
+            port => format!("UDP port {port}"),
+        };
         return match table.tello.protocol {
             Protocol::Binary => format!("{address} answers, but sends no status of its flight"),
             Protocol::Text => format!(
                 "{address} answers, but does not report whether it flies: no state line with `bat`, and `time` or \
-                 `tof`, comes to UDP port {} of this machine; a firewall? Only SDK 3.0 sends to another port than 8890",
-                table.tello.state_port
+                 `tof`, comes to {port} of this machine; a firewall? Only SDK 3.0 sends to another port than 8890"
             ),
         };
     }

@@ -84,7 +84,10 @@ impl BenchConnection {
     }
 
     /// Asks for a connection until a status comes, for 6 s.
-    pub(super) fn connect(&mut self, console: &Console) -> Option<Status> {
+    ///
+    /// # Errors
+    /// The person stops it, or the guardian is lost.
+    pub(super) fn connect(&mut self, console: &Console) -> Result<Option<Status>, Stopped> {
         for _ in 0..6 {
             self.send(Packet::Hello);
             if let Some(Ok(port)) =
@@ -96,11 +99,12 @@ impl BenchConnection {
             if self.version.is_none() {
                 self.ask_version(0);
             }
-            if self.wait(1.0, console, |_| false).is_err() || self.status().is_some() {
+            self.wait(1.0, console, |_| false)?;
+            if self.status().is_some() {
                 break;
             }
         }
-        self.status()
+        Ok(self.status())
     }
 
     /// Begins a new record.
@@ -144,6 +148,8 @@ impl BenchConnection {
         self.note(What::Step(step.to_string()));
         match *step {
             Step::TakeOff => {
+                // The last look before the motors start.
+                self.wait(0.0, console, |_| false)?;
                 self.take_off_at = Some(self.clock.now());
                 let sequence = self.count();
                 self.send(Packet::TakeOff(sequence));

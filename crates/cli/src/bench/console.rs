@@ -39,7 +39,8 @@ impl Asked {
         if signal == Some(Signal::SIGINT) {
             self.by_keys.fetch_add(1, Ordering::Relaxed);
         }
-        self.to_stop.store(true, Ordering::Relaxed);
+        // After the count: who sees the request sees the Ctrl-C that made it, too.
+        self.to_stop.store(true, Ordering::Release);
     }
 }
 
@@ -63,7 +64,7 @@ impl Console {
     }
 
     fn is_signalled(&self) -> bool {
-        self.asked.to_stop.load(Ordering::Relaxed)
+        self.asked.to_stop.load(Ordering::Acquire)
     }
 
     /// Whether a signal, Enter or a closed terminal asks to stop.

@@ -68,7 +68,8 @@ fn unsettled(StandingTable { for_s, distance_m, turn_rad }: &StandingTable) -> S
 }
 
 /// How long poses may take to come before a note reports that there are none.
-const UNSEEN: Duration = Duration::from_secs(2);
+/// Longer than a look-up of the host's name and a connection in vain.
+const UNSEEN: Duration = Duration::from_millis(4_500);
 
 /// Lets a dry run note once why there is no pose, if none has come in time: it has no pre-flight list and ends
 /// after 10 s only. The picture of a terminal shows no notes.

@@ -2,6 +2,7 @@
 
 mod advice;
 
+use std::f64::consts::FRAC_PI_2;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -13,7 +14,8 @@ use serde::Serialize;
 use serde_json::json;
 use tello_io::clock::{Clock, TimeNs};
 use tello_io::mocap::{
-    Axes, MocapSettings, MocapTable, SourceAxis, Survey, SurveyTrack, TrackReport, survey,
+    Axes, MocapSettings, MocapTable, Placement, SourceAxis, Survey, SurveyTrack, TrackReport,
+    survey,
 };
 use tokio::signal::ctrl_c;
 use tokio::time::timeout;
@@ -28,6 +30,9 @@ pub(super) const DISPLACEMENT_MIN_M: f64 = 0.1;
 
 /// Smallest change of the heading that is a turn by hand, not how a person carries. deg
 const TURN_MIN_DEG: f64 = 30.0;
+
+/// Beyond it, between one place and the next, the side of a turn is not seen. rad
+const TURN_STEP_MAX_RAD: f64 = FRAC_PI_2;
 
 /// Largest distance of a vehicle in a room from the origin, along one axis. m
 const PLACE_MAX_M: f64 = 100.0;
@@ -70,9 +75,9 @@ struct Watched {
     /// Displacement from the first to the furthest place; null if it was too short for a direction.
     #[serde(rename = "way")]
     displacement: Option<Displacement>,
-    /// Change of the heading from the first to the newest place, if it is a turn; positive to the left.
+    /// Turn from the first to the newest place, if there is one.
     #[serde(skip)]
-    turned_deg: Option<f64>,
+    turn: Option<Turn>,
     /// Why there is no connection, or why it was given up.
     trouble: Option<String>,
     /// Refused messages.
@@ -130,8 +135,13 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
     let settings = MocapSettings::try_from(&table).map_err(|error| error.under("mocap"))?;
     let (clock, axes) = (Clock::start(), settings.axes());
     let mut shown_at: Option<TimeNs> = None;
+    let mut turn = HeadingTurn::default();
     let mut result = Ok(());
     let survey = survey(&settings, clock, end(seconds), |survey, now| {
+        let newest = track(survey, settings.object()).and_then(|track| track.places);
+        if let Some([_, newest]) = newest {
+            turn.observe(heading_rad(&newest, &axes));
+        }
         let is_due = shown_at.is_none_or(|at| now.since(at).seconds() >= 0.5);
         if is_due && !arguments.json && result.is_ok() {
             shown_at = Some(now);
@@ -140,7 +150,8 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
     })
     .await;
     result?;
-    let watched = watched(&table, &settings, &survey, clock.now());
+    let watched =
+        Watched { turn: turn.shown(), ..watched(&table, &settings, &survey, clock.now()) };
     if arguments.json {
         stdio::line(json!(watched))?;
     } else {
@@ -231,14 +242,47 @@ fn displacement(track: &SurveyTrack, axes: &Axes) -> Option<Displacement> {
     })
 }
 
-/// Change of the heading from the first to the newest place; `None` below [`TURN_MIN_DEG`]. deg
-fn turned_deg(track: &SurveyTrack, axes: &Axes) -> Option<f64> {
-    let [first, newest] = track.places?.map(|at| {
-        let ([..], [r00, _, _, r10, ..]) = axes.place(&at);
-        r10.atan2(r00)
-    });
-    let turned_deg = wrap(newest - first).to_degrees();
-    (turned_deg.abs() > TURN_MIN_DEG).then_some(turned_deg)
+/// Heading of the object, from above, by these settings. rad
+fn heading_rad(at: &Placement, axes: &Axes) -> f64 {
+    let ([..], [r00, _, _, r10, ..]) = axes.place(at);
+    r10.atan2(r00)
+}
+
+/// A turn about the vertical.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Turn {
+    /// By this angle, whole turns included; positive to the left. deg
+    By(f64),
+    /// Between two places so much that it may have been to the other side.
+    Unseen,
+}
+
+/// Sum of the turns between one place and the next.
+#[derive(Debug, Default)]
+struct HeadingTurn {
+    /// Newest heading. rad
+    theta_rad: Option<f64>,
+    /// Since the first heading; positive to the left. rad
+    turned_rad: f64,
+    is_unseen: bool,
+}
+
+impl HeadingTurn {
+    fn observe(&mut self, theta_rad: f64) {
+        let Some(before_rad) = self.theta_rad.replace(theta_rad) else { return };
+        let step_rad = wrap(theta_rad - before_rad);
+        self.turned_rad += step_rad;
+        self.is_unseen |= step_rad.abs() > TURN_STEP_MAX_RAD;
+    }
+
+    /// The turn; `None` below [`TURN_MIN_DEG`].
+    fn shown(&self) -> Option<Turn> {
+        let turned_deg = self.turned_rad.to_degrees();
+        if self.is_unseen {
+            return Some(Turn::Unseen);
+        }
+        (turned_deg.abs() > TURN_MIN_DEG).then_some(Turn::By(turned_deg))
+    }
 }
 
 fn watched(table: &MocapTable, settings: &MocapSettings, survey: &Survey, now: TimeNs) -> Watched {
@@ -250,7 +294,7 @@ fn watched(table: &MocapTable, settings: &MocapSettings, survey: &Survey, now: T
         report,
         now: track.and_then(|track| seen(track, &axes, now)),
         displacement: track.and_then(|track| displacement(track, &axes)),
-        turned_deg: track.and_then(|track| turned_deg(track, &axes)),
+        turn: None,
         trouble: survey.trouble.clone(),
         refused: refused(survey),
         settings: table.clone(),
@@ -278,7 +322,7 @@ fn line(survey: &Survey, object: &str, axes: &Axes, now: TimeNs) -> String {
 
 #[cfg(test)]
 mod tests {
-    use tello_io::mocap::{FrameTable, Placement, Unit};
+    use tello_io::mocap::{FrameTable, Unit};
 
     use super::advice::axes_with_up;
     use super::*;
@@ -318,16 +362,32 @@ mod tests {
         assert!(displacement(&track_to([0.05, 0.0, 0.0]), &Axes::ours()).is_none(), "too short");
     }
 
-    #[test]
-    fn a_turn_by_hand_is_the_change_of_the_heading() {
-        let mut track = track_to([0.0; 3]);
-        assert_eq!(turned_deg(&track, &Axes::ours()), None);
-        let matrix = [0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
-        if let Some([_, newest]) = &mut track.places {
-            newest.matrix = matrix;
+    /// Turn of an object whose headings were these, one after the other.
+    fn turn_by(headings_deg: &[f64]) -> Option<Turn> {
+        let mut turn = HeadingTurn::default();
+        for heading_deg in headings_deg {
+            turn.observe(wrap(heading_deg.to_radians()));
         }
-        let right_deg = turned_deg(&track, &Axes::ours()).unwrap();
-        assert!((right_deg + 90.0).abs() < 1e-9, "{right_deg}");
+        turn.shown()
+    }
+
+    #[test]
+    fn a_turn_by_hand_is_the_sum_of_what_was_seen_of_it() {
+        assert_eq!(turn_by(&[0.0, 20.0]), None);
+        for expected_deg in [-200.0, -90.0, 120.0, 250.0, 400.0] {
+            let parts = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
+            let turn = turn_by(&parts.map(|part| 170.0 + part * expected_deg));
+            let is_right = matches!(turn, Some(Turn::By(deg)) if (deg - expected_deg).abs() < 1e-9);
+            assert!(is_right, "{expected_deg} degrees: {turn:?}");
+        }
+        assert_eq!(turn_by(&[0.0, 100.0]), Some(Turn::Unseen));
+    }
+
+    #[test]
+    fn a_heading_is_the_direction_of_the_nose_from_above() {
+        let matrix = [0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+        let right = Placement { pos_v: [0.0; 3], matrix };
+        assert!((heading_rad(&right, &Axes::ours()) + FRAC_PI_2).abs() < 1e-12);
     }
 
     #[test]

@@ -192,7 +192,7 @@ pub(super) fn accept(
             entry.is_some_and(|entry| entry.value < **lo || entry.value > **hi)
         });
     if let Some((ParameterRow { value, .. }, _)) = beyond {
-        let advice = turn_advice(job, *value);
+        let advice = turn_advice(job, *value, "");
         bail!("{THETA_0} = {value:.4} is beyond cycle.mhe.p_lb or p_ub: {advice}");
     }
     flight.cycle.take(file).map_err(|error| anyhow!("{error:#}{MISTAKES}"))?;
@@ -240,7 +240,7 @@ fn check_ends(job: &Job<'_>, fit: &FitReport, file: &ParameterFile) -> Result<()
     match undetermined {
         Some(ParameterRow { name: THETA_0, value, .. }) => bail!(
             "{THETA_0} = {value:.4} lies at its bound (map.p_lb, map.p_ub): {}",
-            turn_advice(job, *value)
+            turn_advice(job, *value, " or more")
         ),
         Some(ParameterRow { name, value, .. }) => bail!(
             "{name} = {value:.4} lies at its bound (map.p_lb, map.p_ub): the logs do not determine it{MISTAKES}"
@@ -251,12 +251,12 @@ fn check_ends(job: &Job<'_>, fit: &FitReport, file: &ParameterFile) -> Result<()
 
 const THETA_0: &str = "theta_0";
 
-/// What to do about an object that is turned so far.
-fn turn_advice(job: &Job<'_>, theta_0_rad: f64) -> String {
+/// What to do about an object that is turned so far, `or_more`.
+fn turn_advice(job: &Job<'_>, theta_0_rad: f64, or_more: &str) -> String {
     let turn_rad = job.table.turn_rad + theta_0_rad;
     format!(
-        "the object is turned against the drone; align it in the motion capture before it flies, and read these logs \
-         with --turn {turn_rad:.2} (turn_rad)"
+        "the object is turned against the drone by {turn_rad:.2} rad{or_more}; align it in the motion capture before it \
+         flies, and read these logs with the whole turn (--turn, turn_rad), which leaves {THETA_0} near 0"
     )
 }
 

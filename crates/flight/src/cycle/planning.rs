@@ -21,6 +21,7 @@ use super::walls::{Clearance, PlanWalls, Walls};
 use crate::forgetting::decay;
 use crate::{Mission, PlanClearance, Reference, clip_target};
 use brake::Brake;
+pub(super) use brake::BrakeOrder;
 pub(super) use known::Known;
 
 /// Age of a plan at which its sticks are reduced to `1/e`, thesis section 4.3.9. ticks
@@ -113,10 +114,9 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Plan
         Self { walls, ..self }
     }
 
-    /// Chooses whether plans bring the vehicle to rest, as near as they can, or follow the mission. A vehicle that has
-    /// come to rest is brought down to the height `descends_to_m`, world frame. m
-    pub(super) fn brake(&mut self, is_braking: bool, descends_to_m: Option<f64>) {
-        self.brake.set(is_braking, descends_to_m);
+    /// Chooses whether plans bring the vehicle to rest, as near as they can, or follow the mission.
+    pub(super) fn brake(&mut self, order: BrakeOrder) {
+        self.brake.set(order);
     }
 
     /// Whether plans bring the vehicle to rest.

@@ -6,6 +6,7 @@ use horizon_model::rows::{Pose, PoseRate, Sticks, pos_w, pose};
 use nalgebra::{SVector, Vector2, Vector3};
 
 use super::link::Link;
+use super::planning::BrakeOrder;
 use super::progress::Tracking;
 use super::walls::Walls;
 use super::{COMING, Cycle, Inbox, JUST_ENDED, Outcome, Vehicle};
@@ -60,7 +61,11 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
             has_controller_failed: self.memory.has_controller_failed,
         });
         out.decision = Some(decision);
-        self.planner.brake(decision.is_braking, self.supervisor.descends_to_m());
+        self.planner.brake(BrakeOrder {
+            is_on: decision.is_braking,
+            descends_to_m: self.supervisor.descends_to_m(),
+            may_move: self.supervisor.believes_approach(),
+        });
         decision.pilot
     }
 

@@ -48,8 +48,8 @@ const WRONG_S: f64 = 0.6;
 const WRONG_LARGE_S: f64 = 0.3;
 /// How long the angle must be within the limit for a motion that has followed its inputs. s
 const RIGHT_S: f64 = 0.2;
-/// Time in flight after which the motion in an outage is left out in any case: a hovering vehicle follows no inputs,
-/// and wind moves it. s
+/// Time since the first input after which the motion in an outage is left out in any case: a hovering vehicle follows
+/// no inputs, and wind moves it. s
 const UNSHOWN_MAX_S: f64 = 15.0;
 /// Shift in time by which the motion is compared later and earlier than the inputs ask for. s
 const SHIFT_S: f64 = 0.25;
@@ -78,8 +78,8 @@ pub(super) struct DirectionMonitor {
     /// For how long the angle has been beyond, and within the limit. s
     wrong_s: f64,
     right_s: f64,
-    /// Time since the take-off. s
-    flown_s: f64,
+    /// Time since the first input of roll or pitch in this flight. s
+    steered_s: f64,
     /// Whether the motion has followed its inputs in this flight.
     is_shown: bool,
     /// Whether the compared motion includes an outage.
@@ -189,7 +189,7 @@ impl DirectionMonitor {
     /// Takes a tick on the ground: the motion has not followed its inputs yet.
     pub(super) fn rest(&mut self) {
         self.restart_turn();
-        self.flown_s = 0.0;
+        self.steered_s = 0.0;
         self.is_shown = false;
         self.mirror.rest();
     }
@@ -221,8 +221,11 @@ impl DirectionMonitor {
     /// Takes a tick in flight: the angle, rad, if there is one, and whether the motion has shown for so long a turn
     /// beyond the limit, or a mirrored frame, that the heading is wrong.
     pub(super) fn update(&mut self, sample: &Sample) -> (Option<f64>, bool) {
-        self.flown_s += self.dt_s;
-        if !sample.link_is_up && self.flown_s > UNSHOWN_MAX_S {
+        let is_steered = inputs_w(&sample.u_applied, 0.0).norm() > 0.0;
+        if is_steered || self.steered_s > 0.0 {
+            self.steered_s += self.dt_s;
+        }
+        if !sample.link_is_up && self.steered_s > UNSHOWN_MAX_S {
             self.mirror.end();
         }
         let is_mirrored = self.mirror.update(sample);
@@ -235,7 +238,7 @@ impl DirectionMonitor {
     /// A motion is that from one pose to the next, of a source of 4 Hz or more. In an outage the motion so far is
     /// forgotten once one has followed its inputs: the inputs had ceased to act before the outage was noticed.
     fn update_turn(&mut self, sample: &Sample) -> (Option<f64>, bool) {
-        if !sample.link_is_up && (self.is_shown || self.flown_s > UNSHOWN_MAX_S) {
+        if !sample.link_is_up && (self.is_shown || self.steered_s > UNSHOWN_MAX_S) {
             self.restart_in_motion();
             return (None, false);
         }

@@ -8,13 +8,13 @@
 
 use horizon_model::rows::pose;
 
-use super::condition_timer::elapsed_s;
+use super::condition_timer::{HoldTimer, elapsed_s};
 use super::evidence::{Evidence, Phase};
 use super::fault::{Fault, FaultSet, Pilot, Reaction};
 use super::{Assessment, Supervisor};
 
-/// A vehicle that is slower lands at once. m/s
-const SLOW_MPS: f64 = 0.2;
+/// A vehicle that is slower lands at once, or comes down. m/s
+pub(crate) const SLOW_MPS: f64 = 0.2;
 
 /// Longest braking: a dead time of 0.34 s, and 1.2 m/s at 1.1 m/s^2. s
 const BRAKE_MAX_S: f64 = 1.5;
@@ -79,7 +79,7 @@ impl Supervisor {
     }
 
     /// Remembers when a braking vehicle became slow, and its progress from then on. While it lets somebody past, its
-    /// height does not matter.
+    /// height does not matter, and the time of the descent begins anew.
     fn remember_descent(&mut self, e: &Evidence) {
         let Some(at) = e.pose.filter(|_| self.timers.braking.holds()) else {
             self.descent = None;
@@ -90,6 +90,10 @@ impl Supervisor {
             None => e.speed_mps <= SLOW_MPS,
             Some(descent) => at_m <= descent.at_m - PROGRESS_M || self.is_waiting(e),
         };
+        if self.is_waiting(e) {
+            self.timers.braking = HoldTimer::default();
+            self.timers.braking.update(true, e.t_ns);
+        }
         if progresses {
             self.descent = Some(Descent { at_m, since_ns: e.t_ns });
         }

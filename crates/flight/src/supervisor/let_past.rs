@@ -3,7 +3,7 @@
 //! Owns when it was near last, and how long a vehicle at the end of its mission waits for it: a landing evades nothing.
 
 use super::Supervisor;
-use super::condition_timer::elapsed_s;
+use super::condition_timer::{LeakyTimer, elapsed_s};
 use super::evidence::{Evidence, Phase};
 use crate::forgetting::LEAK_RATIO;
 
@@ -39,9 +39,13 @@ impl Supervisor {
         if e.obstacles.is_approached || e.obstacles.may_be_approached {
             self.moving_obstacle.near_ns = Some(e.t_ns);
         }
-        let came = self.came_lately(e.t_ns);
-        self.timers.approached.update(came, e.t_ns);
-        self.timers.approached.limit(APPROACHED_MAX_S + LEAK_RATIO * REGAIN_S);
+        if self.is_flying() && !e.is_by_hand {
+            let came = self.came_lately(e.t_ns);
+            self.timers.approached.update(came, e.t_ns);
+            self.timers.approached.limit(APPROACHED_MAX_S + LEAK_RATIO * REGAIN_S);
+        } else {
+            self.timers.approached = LeakyTimer::default();
+        }
         let obeys = self.settling.is_over() && self.takes_sticks(e);
         let is_helpless = self.phase == Phase::TakingOff || self.phase == Phase::Flying && !obeys;
         let counts = is_helpless && e.obstacles.is_near_or_unseen() && !self.is_carried;
@@ -51,7 +55,12 @@ impl Supervisor {
     /// Whether the moving obstacle came near within [`KEEPS_AWAY_S`] before `t_ns`, and not for too long: the vehicle
     /// may still evade it, or return.
     pub(crate) fn was_approached(&self, t_ns: i64) -> bool {
-        self.came_lately(t_ns) && !self.timers.approached.exceeds(APPROACHED_MAX_S)
+        self.came_lately(t_ns) && self.believes_approach()
+    }
+
+    /// Whether an approach may explain that the vehicle is off its reference.
+    pub(crate) fn believes_approach(&self) -> bool {
+        !self.timers.approached.exceeds(APPROACHED_MAX_S)
     }
 
     /// Whether the moving obstacle came near within [`KEEPS_AWAY_S`] before `t_ns`.

@@ -82,7 +82,8 @@ pub enum Refusal {
     Form,
     /// A line that has other fields behind the object's name than it may have.
     #[error(
-        "fields behind the object's name are too many or in another order: has the name a space?"
+        "fields behind the object's name are too many or in another order: has the name a space, or is the flag behind \
+         it no whole number?"
     )]
     Fields,
     /// A frame number with a fraction, or beyond 64 bits.

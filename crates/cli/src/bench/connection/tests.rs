@@ -142,6 +142,16 @@ fn a_request_to_stop_ends_a_step_before_its_time() {
 }
 
 #[test]
+fn after_a_request_to_stop_no_drone_is_found_and_no_motor_starts() {
+    let (mut link, drone) = link(Protocol::Binary);
+    report(&mut link, &drone, status(false));
+    assert_eq!(link.connect(&person(true)), Err(Stopped));
+    link.begin();
+    assert_eq!(link.take(&Step::TakeOff, &person(true)), Err(Stopped));
+    assert_eq!(sent(&link), []);
+}
+
+#[test]
 fn waiting_ends_with_what_is_waited_for() {
     let (mut link, drone) = link(Protocol::Binary);
     report(&mut link, &drone, status(true));

@@ -86,7 +86,9 @@ async fn look_at_links(table: &FlyTable) -> Result<Found> {
     mocap.await?;
     tello.await??;
     let mut mocap_trouble = mocap_trouble(table, &feed.counters);
-    if at.is_none() && feed.counters.report().other_object > 0 {
+    // A drone that flies is landed at once: nobody waits for names.
+    let is_flying = status.is_some_and(|status| status.is_flying);
+    if !is_flying && at.is_none() && feed.counters.report().other_object > 0 {
         mocap_trouble += &streamed(table, clock).await?;
     }
     Ok(Found {

@@ -51,22 +51,35 @@ pub(super) fn start_check(at: Option<&Pose>, cycle: &CycleTable, first: &Pose) -
              motion capture in metres?"
         );
         check("start", Readiness::Never, reason)
-    } else if turned_rad.abs() > TURNED_MAX_RAD {
-        let reason = format!(
-            "{place}, turned by {:+.0} degrees from the heading of the first target: if its nose points there, the \
-             nose of the object is wrong (tello-ctl mocap watch shows it)",
-            turned_rad.to_degrees()
-        );
-        check("start", Readiness::Note, reason)
-    } else if let Some((near_m, name)) = near {
-        let reason = format!(
-            "{place}, {near_m:.2} m from {name}: nothing steers in the take-off, and a draught carries the drone; leave \
-             {BESIDE_MIN_M} m"
-        );
-        check("start", Readiness::Note, reason)
     } else {
-        check("start", Readiness::Good, format!("{place}, {to_first_m:.1} m from the first target"))
+        let notes: Vec<String> = near
+            .map(|(near_m, name)| {
+                format!(
+                    "{near_m:.2} m from {name}: nothing steers in the take-off, and a draught carries the drone; leave \
+                     {BESIDE_MIN_M} m"
+                )
+            })
+            .into_iter()
+            .chain((turned_rad.abs() > TURNED_MAX_RAD).then(|| turned(turned_rad)))
+            .collect();
+        match notes.as_slice() {
+            [] => check(
+                "start",
+                Readiness::Good,
+                format!("{place}, {to_first_m:.1} m from the first target"),
+            ),
+            notes => check("start", Readiness::Note, format!("{place}, {}", notes.join("; "))),
+        }
     })
+}
+
+/// What a heading so far from that of the first target may mean.
+fn turned(turned_rad: f64) -> String {
+    format!(
+        "turned by {:+.0} degrees from the heading of the first target: if its nose points there, the nose of the \
+         object is wrong (tello-ctl mocap watch shows it)",
+        turned_rad.to_degrees()
+    )
 }
 
 /// Why no take-off begins at `at`, for a place that the room refuses.

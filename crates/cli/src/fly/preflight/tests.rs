@@ -219,6 +219,8 @@ fn a_start_beside_a_wall_is_noted_and_a_name_that_two_objects_have_fails() {
             Readiness::Bad,
             "more than 1 m above the floor of the room, z = -0.20 m;",
         ),
+        (Found { at: at(4.41, 3.1), ..all_there() }, "start", Readiness::Note, wall),
+        (Found { at: at(4.41, 3.1), ..all_there() }, "start", Readiness::Note, "; turned by"),
         (turned(0.59), "start", Readiness::Good, "m from the first target"),
         (turned(-0.61), "start", Readiness::Note, "turned by -35 degrees"),
         (turned(3.1), "start", Readiness::Note, "the nose of the object is wrong"),

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use tello_io::mocap::{FrameTable, SourceAxis, Survey, TrackReport};
 
-use super::{DISPLACEMENT_MIN_M, Displacement, Watched, WatchedPose, is_doubled, unit_doubt};
+use super::{DISPLACEMENT_MIN_M, Displacement, Turn, Watched, WatchedPose, is_doubled, unit_doubt};
 use crate::stdio;
 
 /// Largest tilt of a body that stands on the floor. deg
@@ -82,11 +82,11 @@ fn print_stream(watched: &Watched, now: &WatchedPose) -> Result<()> {
 
 /// Axes, nose and hand by the displacement and the turn.
 fn print_displacement(watched: &Watched) -> Result<()> {
-    if let Some(line) = watched.turned_deg.map(turn_line) {
+    if let Some(line) = watched.turn.map(turn_line) {
         stdio::line(line)?;
     }
     match watched.displacement {
-        None if watched.turned_deg.is_some() => Ok(()),
+        None if watched.turn.is_some() => Ok(()),
         None => stdio::line(format_args!(
             "It did not move by {DISPLACEMENT_MIN_M} m. Lift it straight up to check the axes, carry it nose first to check the \
              nose. If it was lifted, the source is in another unit than these settings state."
@@ -116,7 +116,12 @@ fn sides(angle_deg: f64) -> (&'static str, &'static str) {
 }
 
 /// What a turn by hand shows.
-fn turn_line(turned_deg: f64) -> String {
+fn turn_line(turn: Turn) -> String {
+    let Turn::By(turned_deg) = turn else {
+        return "It turned while it was not seen, to which side is unknown: start again and turn it slowly to the left, \
+                by a quarter."
+            .into();
+    };
     let (side, other) = sides(turned_deg);
     format!(
         "It turned by {turned_deg:+.0} degrees, to the {side}: if you turned it to the {other}, the frame is \
@@ -233,7 +238,7 @@ mod tests {
         );
         assert!(!words([1.0, 0.0, 0.0], true).contains("mirrored"));
         assert!(
-            turn_line(-90.0).starts_with(
+            turn_line(Turn::By(-90.0)).starts_with(
                 "It turned by -90 degrees, to the right: if you turned it to the left"
             )
         );

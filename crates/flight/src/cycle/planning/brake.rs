@@ -9,9 +9,10 @@ use horizon_model::rows::{Pose, Sticks, pos_w, pose};
 
 use super::{Known, Planner};
 use crate::cycle::Vehicle;
+use crate::supervisor::SLOW_MPS;
 
-/// A braking vehicle is held at its position once its horizontal speed is below the first value, until its horizontal
-/// distance from there exceeds the second. m/s, m
+/// A braking vehicle is held at its position once its horizontal speed is below the first value, one that is to come
+/// down below [`SLOW_MPS`], until its horizontal distance from there exceeds the second. m/s, m
 const REST_MPS: f64 = 0.1;
 const REST_M: f64 = 0.5;
 
@@ -26,13 +27,21 @@ const BELOW_M: f64 = 0.3;
 const BEYOND_M: f64 = 0.1;
 const BEYOND_RAD: f64 = 0.1;
 
+/// Order to a brake.
+#[derive(Debug, Clone, Copy, Default)]
+pub(in crate::cycle) struct BrakeOrder {
+    /// Whether the vehicle brakes.
+    pub(in crate::cycle) is_on: bool,
+    /// Height to which a vehicle that is held comes down; `None`: it stays. World frame. m
+    pub(in crate::cycle) descends_to_m: Option<f64>,
+    /// Whether the place at which it is held follows a vehicle that the moving obstacle drives away.
+    pub(in crate::cycle) may_move: bool,
+}
+
 /// The brake of a vehicle.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Brake {
-    /// Whether the vehicle brakes.
-    is_on: bool,
-    /// Height to which a vehicle that is held comes down; `None`: it stays. World frame. m
-    descends_to_m: Option<f64>,
+    order: BrakeOrder,
     /// Where the brake began; `None` before.
     start: Option<Start>,
     /// Where the vehicle is held; `None` before it is slow. World frame. m, rad
@@ -63,14 +72,13 @@ impl Start {
 }
 
 impl Brake {
-    /// Brakes or not. A vehicle that has come to rest is brought down to the height `descends_to_m`, world frame. m
-    pub(super) fn set(&mut self, is_on: bool, descends_to_m: Option<f64>) {
-        *self = if is_on { Self { is_on, descends_to_m, ..*self } } else { Self::default() };
+    pub(super) fn set(&mut self, order: BrakeOrder) {
+        *self = if order.is_on { Self { order, ..*self } } else { Self::default() };
     }
 
     /// Whether the vehicle brakes.
     pub(super) fn is_on(&self) -> bool {
-        self.is_on
+        self.order.is_on
     }
 
     /// Whether the vehicle is held at one position.
@@ -105,10 +113,11 @@ impl Brake {
     pub(super) fn reference(&mut self, from: &Pose, next: &Pose, dt_s: f64) -> Pose {
         let distance_m = |to: &Pose| (pos_w(to) - pos_w(from)).xy().norm();
         let within = self.start.map_or(*from, |start| start.clip(from));
-        let is_slow = distance_m(next) < REST_MPS * dt_s;
+        let rest_mps = if self.order.descends_to_m.is_some() { SLOW_MPS } else { REST_MPS };
+        let is_slow = distance_m(next) < rest_mps * dt_s;
         let kept = self.rest.filter(|rest| distance_m(rest) < REST_M);
         self.rest = kept.or_else(|| is_slow.then_some(within));
-        if let Some((rest, to_m)) = self.rest.as_mut().zip(self.descends_to_m) {
+        if let Some((rest, to_m)) = self.rest.as_mut().zip(self.order.descends_to_m) {
             let z_m = rest[pose::Z];
             let least_m = to_m.max(from[pose::Z] - BELOW_M);
             rest[pose::Z] = (z_m - DESCENT_MPS * dt_s).max(least_m.min(z_m));
@@ -119,13 +128,14 @@ impl Brake {
 
 impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Planner<M, NS, NP, NR> {
     /// Reference of a brake for a plan that begins at the pose `from`. Where the moving obstacle drives the vehicle
-    /// away, the brake begins anew: else the vehicle would return to an obstacle that is forgotten.
+    /// away, the brake begins anew, if it may: else the vehicle would return to an obstacle that is forgotten.
     pub(super) fn brake_reference(&mut self, from: &Pose, known: &Known<'_, NS, NP>) -> Pose {
         let is_driven = |held: Pose| {
             let walls = self.walls.as_ref();
             walls.is_some_and(|walls| walls.moving_blocks_path(&pos_w(from), &pos_w(&held)))
         };
-        if self.brake.held(from).is_none_or(is_driven) {
+        let may_move = self.brake.order.may_move;
+        if self.brake.held(from).is_none_or(|held| may_move && is_driven(held)) {
             self.brake.begin(from, &(self.rest_by_neutral(known) - from));
         }
         let next = self.model.step(&self.s_0, &Sticks::zeros(), &self.p, self.dt_s);
@@ -149,11 +159,12 @@ mod tests {
     use super::*;
 
     const DT_S: f64 = 0.02;
+    const ON: BrakeOrder = BrakeOrder { is_on: true, descends_to_m: None, may_move: true };
 
     /// A brake that began at the origin, of a vehicle that was to coast by 0.7 m.
     fn begun(descends_to_m: Option<f64>) -> Brake {
         let mut brake = Brake::default();
-        brake.set(true, descends_to_m);
+        brake.set(BrakeOrder { descends_to_m, ..ON });
         let coasting = Pose::new(0.7, 0.0, 0.0, 0.2);
         let from = Pose::new(0.0, 0.0, 1.3, 0.0);
         let next = Pose::new(0.02, 0.0, 1.3, 0.0);
@@ -175,8 +186,8 @@ mod tests {
         let far = flies_on(&mut brake, Pose::new(1.6, 0.0, 1.1, 0.5));
         assert!((far - Pose::new(0.8, 0.0, 1.1, 0.3)).norm() < 1e-12, "{far}");
         assert!(!brake.is_at_rest());
-        brake.set(false, None);
-        brake.set(true, None);
+        brake.set(BrakeOrder::default());
+        brake.set(ON);
         let anew = Pose::new(5.0, 0.0, 1.0, 0.0);
         assert_eq!(brake.held(&anew), None);
         brake.begin(&anew, &Pose::zeros());
@@ -203,6 +214,18 @@ mod tests {
         let (mut brake, stands) = (begun(Some(0.45)), Pose::new(0.3, 0.0, 1.3, 0.0));
         let last = (0..200).map(|_| brake.reference(&stands, &stands, DT_S)).last().unwrap();
         assert!((last[pose::Z] - 1.0).abs() < 1e-9, "{last} of a vehicle that stands on something");
+    }
+
+    #[test]
+    fn a_vehicle_that_is_to_come_down_is_held_from_the_speed_on_at_which_its_descent_counts() {
+        for (descends_to_m, speed_mps, is_held) in
+            [(None, 0.15, false), (Some(0.45), 0.15, true), (Some(0.45), 0.25, false)]
+        {
+            let mut brake = begun(descends_to_m);
+            let from = Pose::new(0.3, 0.0, 1.3, 0.0);
+            brake.reference(&from, &(from + Pose::new(speed_mps * DT_S, 0.0, 0.0, 0.0)), DT_S);
+            assert_eq!(brake.is_at_rest(), is_held, "{descends_to_m:?}, {speed_mps} m/s");
+        }
     }
 
     #[test]

@@ -141,7 +141,7 @@ fn in_an_outage_a_brake_goes_on_from_the_sticks_that_were_sent() {
     let known = Known { instead: Some(Sticks::repeat(-0.4)), ..known(&s_hat, &p_hat, &fifo) };
     for (is_braking, last) in [(false, -0.4), (true, 0.3)] {
         let mut planner = planner(&fifo);
-        planner.brake(is_braking, None);
+        planner.brake(BrakeOrder { is_on: is_braking, descends_to_m: None, may_move: true });
         let report = planner.plan(&known, &mission(), &mut || false).unwrap();
         assert!(report.has_new_plan(), "{report:?}");
         let roll: Vec<f64> = planner.u_given[..3].iter().map(|u| u[stick::ROLL]).collect();
@@ -158,7 +158,7 @@ fn a_brake_reaches_as_far_as_the_committed_sticks_lead_and_yaw_ends_with_its_own
     let (s_hat, p_hat) = (Pose::zeros(), parameter());
     let known = known(&s_hat, &p_hat, &fifo);
     let mut planner = planner(&fifo);
-    planner.brake(true, None);
+    planner.brake(BrakeOrder { is_on: true, descends_to_m: None, may_move: true });
     let report = planner.plan(&known, &mission(), &mut || false).unwrap();
     assert!(report.has_new_plan(), "{report:?}");
     let gone = planner.rest_by_neutral(&known) - planner.s_0;

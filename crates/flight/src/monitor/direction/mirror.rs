@@ -42,7 +42,9 @@ pub(super) struct MirrorMonitor {
     /// For how long the frame has looked mirrored, and right. s
     wrong_s: f64,
     right_s: f64,
-    /// Whether the motion of this flight is known not to be mirrored, or cannot show it any more.
+    /// Whether the frame was found to be mirrored in this flight.
+    is_mirrored: bool,
+    /// Whether the frame is known to be mirrored or not, or the motion cannot show it any more.
     is_over: bool,
 }
 
@@ -135,9 +137,9 @@ impl MirrorMonitor {
 
     /// Forgets the motion and begins at rest.
     pub(super) fn restart(&mut self) {
-        let is_over = self.is_over;
+        let Self { is_mirrored, is_over, .. } = *self;
         self.rest();
-        self.is_over = is_over;
+        (self.is_mirrored, self.is_over) = (is_mirrored, is_over);
     }
 
     /// Ends the comparison for this flight.
@@ -145,10 +147,11 @@ impl MirrorMonitor {
         self.is_over = true;
     }
 
-    /// Takes a tick in flight: whether the motion has been that in a mirrored frame for so long that it is one.
+    /// Takes a tick in flight: whether the motion was that in a mirrored frame for so long that it is one. A frame that
+    /// was found stays mirrored for this flight: a person who flies on may hand the vehicle back.
     pub(super) fn update(&mut self, sample: &Sample) -> bool {
         if self.is_over {
-            return false;
+            return self.is_mirrored;
         }
         self.theta_rad = sample.pose.map_or(self.theta_rad, |now| now[pose::THETA]);
         self.ask(sample);
@@ -159,8 +162,9 @@ impl MirrorMonitor {
         let held_s = |is_so, before_s: f64| if is_so { before_s + self.dt_s } else { 0.0 };
         self.wrong_s = held_s(handedness == Handedness::Mirrored, self.wrong_s);
         self.right_s = held_s(handedness == Handedness::Right, self.right_s);
-        self.is_over = self.right_s >= RIGHT_S;
-        self.wrong_s >= WRONG_S
+        self.is_mirrored = self.wrong_s >= WRONG_S;
+        self.is_over = self.is_mirrored || self.right_s >= RIGHT_S;
+        self.is_mirrored
     }
 
     /// The velocities that the inputs ask for follow them with the lag.

@@ -125,9 +125,13 @@ fn an_angle_is_wrong_beyond_the_limit_only() {
 #[test]
 fn a_vehicle_that_flies_against_its_inputs_is_found_though_it_looks_like_an_outage() {
     // Full pitch from 1 s on; from 1.6 s on the link monitor takes what it sees for an outage.
-    let found_s = |turn_rad: f64, shown_before: bool| {
+    let found_after_s = |waits_s: f64, turn_rad: f64, shown_before: bool| {
         let mut monitor = DirectionMonitor::new(0.785, 0.02);
         monitor.is_shown = shown_before;
+        for _ in 0..horizon_model::steps(waits_s, 0.02) {
+            let (pose, u_applied) = (Some(Pose::new(0.0, 0.0, 1.0, 0.0)), Sticks::zeros());
+            monitor.update(&Sample { pose, drone: None, u_applied, link_is_up: true });
+        }
         let (mut v, mut x) = (0.0, 0.0);
         (0..150).map(|k| (k, f64::from(k) * 0.02)).find_map(|(k, t_s)| {
             let mut u_applied = Sticks::zeros();
@@ -140,10 +144,12 @@ fn a_vehicle_that_flies_against_its_inputs_is_found_though_it_looks_like_an_outa
             monitor.update(&sample).1.then_some(t_s)
         })
     };
-    let found = found_s(PI, false).unwrap();
-    assert!(found < 2.2, "{found} s");
-    assert_eq!(found_s(PI, true), None, "forgotten in the outage");
-    assert_eq!(found_s(0.0, false), None);
+    for waits_s in [0.0, 15.0] {
+        let found = found_after_s(waits_s, PI, false).unwrap();
+        assert!(found < 2.2, "{found} s after {waits_s} s without inputs");
+    }
+    assert_eq!(found_after_s(0.0, PI, true), None, "forgotten in the outage");
+    assert_eq!(found_after_s(0.0, 0.0, false), None);
 }
 
 #[test]

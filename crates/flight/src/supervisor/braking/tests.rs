@@ -183,6 +183,12 @@ fn a_vehicle_that_came_down_lets_somebody_past_before_it_lands_unless_a_fault_en
     assert_eq!(fixture.run(100, &high(0.9, &comes)).phase, Phase::Flying);
     let gone = (1..100).find(|_| fixture.tick(&high(0.6, &DONE)).phase == Phase::Landing);
     assert_eq!(gone, Some(40), "4 s after it is gone");
+    // Who stayed for long leaves time to come down.
+    let mut fixture = descending(&DONE);
+    assert_eq!(fixture.run(200, &high(1.4, &comes)).phase, Phase::Flying);
+    let mut heights_m = (0..100).map(|k| (1.4 - 0.04 * (f64::from(k) - 41.0).max(0.0)).max(0.55));
+    let low_m = heights_m.find(|z_m| fixture.tick(&high(*z_m, &DONE)).phase == Phase::Landing);
+    assert!(low_m.is_some_and(|z_m| z_m < 0.61), "{low_m:?} m");
 }
 
 #[test]

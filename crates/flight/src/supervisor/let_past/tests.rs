@@ -67,6 +67,8 @@ fn somebody_who_paces_beside_the_vehicle_explains_twenty_seconds_and_is_believed
         };
         (0..ticks).filter(was_approached).count()
     };
+    let by_hand = Evidence { is_by_hand: true, ..comes };
+    counted(600, &by_hand);
     let believed = counted(600, &comes);
     assert!((199..=203).contains(&believed), "{believed} ticks of 0.1 s");
     assert_eq!(counted(80, &ALOFT), 0, "the approach ends after 4 s");

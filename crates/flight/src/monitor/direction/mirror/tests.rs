@@ -123,6 +123,26 @@ fn the_comparison_ends_with_a_motion_in_two_directions_and_begins_anew_on_the_gr
 }
 
 #[test]
+fn a_frame_that_was_found_stays_mirrored_until_the_vehicle_stands() {
+    let mut flight = Flight::new(0.0);
+    let mut fly = |t_s: f64, link_is_up| {
+        let asked_b = asked_b(t_s, 0.0);
+        flight.tick(asked_b, 1.9 * asked_b.conj(), link_is_up)
+    };
+    assert!((0..300).map(|k| f64::from(k) * DT_S).any(|t_s| fly(t_s, true)));
+    let is_found = |monitor: &mut MirrorMonitor| {
+        let u_applied = Sticks::zeros();
+        monitor.update(&Sample { pose: None, drone: None, u_applied, link_is_up: false })
+    };
+    assert!((0..1000).all(|_| is_found(&mut flight.monitor)), "it hovers");
+    flight.monitor.end();
+    flight.monitor.restart();
+    assert!(is_found(&mut flight.monitor), "an outage of a hovering vehicle, a jump of the poses");
+    flight.monitor.rest();
+    assert!(!is_found(&mut flight.monitor));
+}
+
+#[test]
 fn poses_of_4_hz_show_a_mirrored_frame_and_longer_gaps_are_left_out() {
     for (gap, is_found) in [(12, true), (25, false)] {
         let mut flight = Flight::new(0.0);
