@@ -1,12 +1,11 @@
 //! Batches of flights and the search on them, as their users meet them.
 
-use crate::program;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use crate::program;
 use program::{config_file, tello_ctl, text};
 
 fn folder(name: &str) -> PathBuf {

@@ -1,7 +1,5 @@
 //! The bench over real sockets: does its report tell a drone that does what we assume from one that does not?
 
-use crate::program;
-
 use std::fs;
 use std::net::{SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
@@ -14,6 +12,7 @@ use serde_json::{Value, json};
 use tello_io::tello::protocol::{Action, HostPacket};
 use tello_sim::{DronePhase, Emulator, MocapAddresses, Profile, SdkVersion, SimStart, World};
 
+use crate::program;
 use program::{tello_ctl, text};
 
 /// A drone on the floor behind a proxy that keeps packets from it.
@@ -140,7 +139,7 @@ fn a_drone_that_obeys_the_emergency_stop_is_distinguished_from_one_that_does_not
 }
 
 #[test]
-fn in_the_text_sdk_too() {
+fn a_drone_that_obeys_the_emergency_stop_of_the_text_sdk_is_distinguished_from_one_that_does_not() {
     for is_deaf in [false, true] {
         let drone = Drone::behind(move |bytes| is_deaf && bytes == b"emergency");
         // The state line finds its way past the proxy.

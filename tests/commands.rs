@@ -1,8 +1,5 @@
 //! The program as its users meet it: commands, messages, exit codes, over real sockets.
 
-use crate::program;
-use horizon_model::check::maximum;
-
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::net::{TcpListener, UdpSocket};
@@ -11,12 +8,14 @@ use std::process::{Child, Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
+use horizon_model::check::maximum;
 use serde_json::Value;
 use tello_io::log::LogReader;
 
+use crate::program;
 use program::{config_file, json, tello_ctl, text};
 
-/// A fresh folder, and the program started in it.
+/// A fresh folder of this test.
 fn folder(name: &str) -> PathBuf {
     program::folder(&format!("commands-{name}"))
 }

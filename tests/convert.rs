@@ -1,8 +1,5 @@
 //! `tello-ctl convert` on real recordings and on logs of our own.
 
-use crate::program;
-use crate::support;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -14,6 +11,8 @@ use tello_io::config;
 use tello_io::log::{LogReader, csv};
 use tello_sim::virtual_time::VirtualFlight;
 
+use crate::program;
+use crate::support;
 use program::{json, tello_ctl, text};
 
 /// A fresh folder of a test.

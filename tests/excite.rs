@@ -1,12 +1,11 @@
 //! `tello-ctl excite` as its users meet it: a mission for their room, which `ident` learns from.
 
-use crate::program;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use crate::program;
 use program::{tello_ctl, text};
 
 /// A fresh folder of a test.

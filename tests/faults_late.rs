@@ -3,8 +3,6 @@
 
 #[path = "faults_late/proxies.rs"]
 mod proxies;
-use crate::rig;
-
 use std::fs;
 use std::process::{Command, Stdio};
 use std::thread::{self, sleep};
@@ -14,6 +12,7 @@ use serde_json::Value;
 use tello_io::clock::{Clock, TimeNs};
 use tello_sim::DronePhase;
 
+use crate::rig;
 use proxies::{Lag, Poses, Radio};
 
 /// When the drone flies to its first target. s after the take-off

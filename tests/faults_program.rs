@@ -3,14 +3,12 @@
 
 #[path = "faults_program/killed.rs"]
 mod killed;
-#[path = "faults_program/stalling_proxy.rs"]
-mod stalling_proxy;
-use crate::program;
-use crate::rig;
 #[path = "faults_program/orders.rs"]
 mod orders;
 #[path = "faults_program/recording_proxy.rs"]
 mod recording_proxy;
+#[path = "faults_program/stalling_proxy.rs"]
+mod stalling_proxy;
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -25,6 +23,8 @@ use tello_io::clock::{Clock, TimeNs};
 use tello_io::log::LogReader;
 use tello_sim::{Cause, DronePhase, Emulator};
 
+use crate::program;
+use crate::rig;
 use recording_proxy::RecordingProxy;
 use stalling_proxy::{Flow, StallingProxy};
 

@@ -1,8 +1,6 @@
 //! The outlier filter on real recordings: with the published settings it repeats what was recorded,
 //! with the settings for flight it finds back after a loss and holds flipped headings.
 
-use crate::support;
-
 use std::fs;
 use std::path::Path;
 
@@ -11,6 +9,8 @@ use horizon_model::check::{amax, maximum};
 use horizon_model::rows::{Pose, pose};
 use tello_flight::{Acceptance, FilterTable, Filtered, PoseFilter};
 use tello_io::config;
+
+use crate::support;
 
 /// One second of samples.
 const SECOND: usize = 50;

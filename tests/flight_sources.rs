@@ -1,8 +1,6 @@
 //! A short flight of the whole program over each mocap source and each protocol of the drone, from its
 //! sockets to its log.
 
-use crate::program;
-
 use std::fs;
 
 use horizon_model::rows::pose;
@@ -10,6 +8,7 @@ use serde_json::{Value, json};
 use tello_flight::cycle::Inbox;
 use tello_io::log::LogReader;
 
+use crate::program;
 use program::{folder, tello_ctl, text};
 
 /// Flies to a point above the start, holds it for 2 s and lands.

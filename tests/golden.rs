@@ -6,7 +6,7 @@ use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use horizon_model::check::maximum;
+use horizon_model::check::{maximum, minimum};
 use tello_flight::Start;
 use tello_io::config;
 use tello_sim::plant::RIGID_BODY;
@@ -64,7 +64,8 @@ fn compare(name: &str, csv: &str) {
     assert_eq!((got.len(), recorded.len()), (80, 80), "{name}");
     // It flies: more than a metre from one end to the other.
     let xs = got.iter().map(|row| row[1]);
-    let (low, high) = xs.fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(x), high.max(x)));
+    let (low, high) =
+        xs.fold((f64::MAX, f64::MIN), |(low, high), x| (minimum(low, x), maximum(high, x)));
     assert!(high - low > 1.0, "{name}: {low} to {high} m");
     for (got, recorded) in got.iter().zip(&recorded) {
         let gap = got.iter().zip(recorded).map(|(a, b)| (a - b).abs()).fold(0.0, maximum);

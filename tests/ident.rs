@@ -1,8 +1,5 @@
 //! `tello-ctl ident` as its users meet it: the documented commands, bad logs, shards, the thesis' table.
 
-use crate::program;
-use crate::support;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -13,6 +10,8 @@ use tello_io::log::csv::CsvRow;
 use tello_sim::plant::{NOMINAL, PlantParams};
 use tello_sim::{ManualFlight, MocapReport, Profile};
 
+use crate::program;
+use crate::support;
 use program::{json, tello_ctl, text};
 
 /// A fresh folder of a test.

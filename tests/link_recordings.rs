@@ -1,9 +1,6 @@
 //! How soon lost commands are noticed in flight, and how often wrongly: in simulated flights, where the
 //! truth is known, and in real ones, beside what is found afterwards with both sides of a moment known.
 
-use crate::recorded;
-use crate::support;
-
 use std::f64::consts::PI;
 
 use horizon_estim::{Observed, Recording};
@@ -20,6 +17,8 @@ use tello_sim::plant::{NOMINAL, Plant, PlantParams, PlantTable, Velocity};
 use tello_sim::random::{Purpose, Random};
 use tello_sim::{ManualFlight, MocapReport, Profile};
 
+use crate::recorded;
+use crate::support;
 use recorded::{DT_S, dead_time_s, logs, p_prior, setting};
 
 /// Two minutes. steps

@@ -1,9 +1,5 @@
 //! `fly --foxglove` in the hands of a client that we did not write: the Python package `websockets`.
 
-use crate::program;
-use crate::python;
-use horizon_model::check::maximum;
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -11,6 +7,7 @@ use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
+use horizon_model::check::maximum;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use serde_json::Value;
@@ -18,6 +15,8 @@ use tello_eval::{flight_log, scene};
 use tello_flight::cycle::Topic;
 use tello_io::log::LogReader;
 
+use crate::program;
+use crate::python;
 use program::{folder, tello_ctl, text};
 
 /// Starts a simulated flight that viewers can watch at `address`.

@@ -1,8 +1,5 @@
 //! A log of ours in the hands of a program that we did not write: the Python package `mcap`.
 
-use crate::python;
-use crate::support;
-
 use std::path::Path;
 use std::process::Command;
 
@@ -13,6 +10,9 @@ use tello_flight::cycle::{Timing, Topic};
 use tello_io::config;
 use tello_io::mocap::StreamReport;
 use tello_sim::virtual_time::VirtualFlight;
+
+use crate::python;
+use crate::support;
 
 /// Ticks of the flight: it is still flying at the end.
 const TICKS: u64 = 700;

@@ -1,7 +1,5 @@
 //! Logs in the hands of others: `tello-ctl log`, the recipes of `docs/logs.md`, the messages of Foxglove.
 
-use crate::program;
-
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,6 +15,7 @@ use tello_io::config;
 use tello_io::log::LogReader;
 use tello_sim::virtual_time::VirtualFlight;
 
+use crate::program;
 use program::{folder, tello_ctl, text};
 
 /// Ticks of the flight: take-off, and half of the square.

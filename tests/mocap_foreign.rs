@@ -3,9 +3,6 @@
 //! NatNet by the Python packages `motioncapture` (multicast) and `natnet` (multicast, unicast), QTM by Qualisys' own
 //! `qtm_rt`, VRPN by the library of VRPN in `motioncapture`.
 
-use crate::python;
-use horizon_model::check::maximum;
-
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, TcpListener, UdpSocket};
 use std::path::Path;
 use std::process::Command;
@@ -14,6 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
+use horizon_model::check::maximum;
 use serde_json::{Value, json};
 use tello_io::clock::Clock;
 use tello_io::mocap::natnet::packet::Version;
@@ -22,6 +20,8 @@ use tello_io::mocap::{
 };
 use tello_sim::mocap::MocapFrame;
 use tello_sim::{MocapAddresses, MocapServers, NatnetServer};
+
+use crate::python;
 
 const OBJECT: &str = "tello";
 

@@ -1,9 +1,6 @@
 //! Our DataStream server in the hands of a client that we did not write: the Python package
 //! `motioncapture`, which contains Vicon's own.
 
-use crate::python;
-use horizon_model::check::maximum;
-
 use std::io::{BufRead, BufReader, Lines};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
@@ -13,10 +10,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
+use horizon_model::check::maximum;
 use serde_json::Value;
 use tello_io::mocap::Body;
 use tello_sim::mocap::MocapFrame;
 use tello_sim::{MocapAddresses, MocapServers};
+
+use crate::python;
 
 const OBJECT: &str = "tello";
 

@@ -1,14 +1,13 @@
 //! The monitors beside real flights: silent where the rigid body was defined right, loud where it was
 //! turned by half a turn.
 
-use crate::recorded;
-use crate::support;
-
 use std::path::Path;
 
 use horizon_model::rows::pose;
 use tello_flight::{Findings, MonitorSettings, MonitorTable, Monitors, Sample};
 
+use crate::recorded;
+use crate::support;
 use recorded::{DT_S, dead_time_s, logs, read};
 
 /// Height from which on the vehicle flies. m

@@ -1,7 +1,5 @@
 //! Parameter files on their way into `check`, `fly`, `replay` and `sim`.
 
-use crate::program;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -16,6 +14,7 @@ use tello_io::config;
 use tello_io::log::LogReader;
 use tello_sim::virtual_time::VirtualFlight;
 
+use crate::program;
 use program::{tello_ctl, text};
 
 /// A fresh folder of a test.

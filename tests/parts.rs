@@ -1,7 +1,5 @@
 //! Batches and campaigns in parts: what is merged is what one process prints, or nothing.
 
-use crate::program;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -11,6 +9,7 @@ use std::time::Duration;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
+use crate::program;
 use program::{config_file, tello_ctl, text};
 
 const PARTS: usize = 3;

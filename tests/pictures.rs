@@ -6,6 +6,8 @@ use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
+use horizon_model::check::maximum;
+
 use crate::program;
 
 /// Pages with the folder of their pictures.
@@ -86,7 +88,7 @@ fn the_commands_beside_the_pictures_draw_them() {
                 "{picture} is not what this draws: {line}"
             );
             let gap = numbers.iter().zip(&kept_numbers).map(|(a, b)| (a - b).abs());
-            let gap = gap.fold(0.0, f64::max);
+            let gap = gap.fold(0.0, maximum);
             assert!(rest == kept_rest && gap < TOLERANCE, "{picture}, gap {gap}: {line}");
             drawn += 1;
         }

@@ -1,9 +1,6 @@
 //! How far ahead real flights can be predicted: the vehicle model identified from six flights, judged
 //! on others, with the built-in settings of the identification.
 
-use crate::recorded;
-use crate::support;
-
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
@@ -12,13 +9,16 @@ use horizon_model::rows::{Pose, Sticks, lag, motion};
 use horizon_model::{Kinematic, Lagged, LaggedShape, Model};
 use nalgebra::SVector;
 use tello_eval::forecast::{
-    ConstantVelocity, Driven, Forecast, ForecastErrors, HorizonErrors, StandStill, judge,
+    ConstantVelocity, Driven, Forecast, ForecastErrors, HorizonErrors, StandStill,
+    prediction_errors,
 };
 use tello_eval::outage::{OutageSettings, OutageTable, lost_commands};
 use tello_eval::smooth::{MotionTrack, smooth, track};
 use tello_sim::plant::{NOMINAL, PlantParams};
 use tello_sim::{ManualFlight, MocapReport, Profile};
 
+use crate::recorded;
+use crate::support;
 use recorded::{DT_S, dead_time_s, logs, setting};
 
 /// Horizons of the table. steps
@@ -97,7 +97,13 @@ fn errors(
         let known = if case.is_causal { &flight.causal } else { &flight.smoothed };
         let is_excluded: &[bool] = if case.is_masked { &flight.is_lost } else { &[] };
         let rule = rule(flight, known);
-        errors.extend(&judge(&*rule, known, &flight.smoothed, is_excluded, HORIZONS[2]));
+        errors.extend(&prediction_errors(
+            &*rule,
+            known,
+            &flight.smoothed,
+            is_excluded,
+            HORIZONS[2],
+        ));
     }
     HORIZONS.map(|steps| errors.at(steps).unwrap())
 }

@@ -1,13 +1,13 @@
 //! Uncertainty of the identification on the thesis' 89 pieces, against its reference.
 
-use crate::support;
-
 use std::fs;
 
 use horizon_estim::{Ident, IdentSettings, Laplace, LmTable, Observed, Piece, Spread, bootstrap};
 use horizon_model::Kinematic;
 use serde_json::Value;
 use tello_io::log::csv;
+
+use crate::support;
 
 const DT_S: f64 = 0.02;
 

@@ -1,7 +1,5 @@
 //! Identification against reference solutions on the thesis' 89 pieces.
 
-use crate::support;
-
 use std::fs;
 
 use horizon_estim::{
@@ -13,6 +11,8 @@ use horizon_model::{Kinematic, KinematicPublished, Model};
 use nalgebra::SVector;
 use serde_json::Value;
 use tello_io::log::csv;
+
+use crate::support;
 
 const DT_S: f64 = 0.02;
 

@@ -1,7 +1,5 @@
 //! The estimator against reference solutions of 200 real windows, found by another solver.
 
-use crate::support;
-
 use std::fs;
 
 use horizon_estim::{ArrivalTable, LmTable, LossTable, Mhe, MheSettings, Observed};
@@ -10,6 +8,8 @@ use horizon_model::check::{amax, maximum};
 use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
 use nalgebra::SVector;
 use serde::Deserialize;
+
+use crate::support;
 
 /// One window: `s0` fixed, `u[k]` acts from state `k` to `k + 1`, `o[k]` observes state `k + 1`.
 #[derive(Deserialize)]

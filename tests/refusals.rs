@@ -1,11 +1,10 @@
 //! What a flight is refused for before it begins, and before a person is asked.
 
-use crate::program;
-
 use std::fs;
 use std::net::TcpListener;
 use std::process::{Command, Output};
 
+use crate::program;
 use program::{config_file, folder, tello_ctl, text};
 
 /// Output of a simulated flight under a limit of the shell.

@@ -1,7 +1,5 @@
 //! A flight repeats itself: `tello-ctl replay` on logs of our own, made in virtual time.
 
-use crate::program::text;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -12,6 +10,8 @@ use tello_flight::cycle::{self, FlightTable, Inbox, Outcome, TickStage, Timing, 
 use tello_io::config;
 use tello_io::log::LogReader;
 use tello_sim::virtual_time::VirtualFlight;
+
+use crate::program::text;
 
 /// A fresh folder of a test.
 #[expect(clippy::unwrap_used, reason = "a test may panic")]

@@ -1,9 +1,6 @@
 //! How far ahead the estimator sees: `tello-ctl replay` on recordings of others, with the lagged model
 //! and with the thesis' estimator and prediction.
 
-use crate::program;
-use crate::support;
-
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,6 +11,8 @@ use tello_flight::Start;
 use tello_io::config;
 use tello_sim::virtual_time::VirtualFlight;
 
+use crate::program;
+use crate::support;
 use program::{config_file, folder, tello_ctl, text};
 
 /// Index of one second among the horizons.

@@ -1,13 +1,12 @@
 //! `tello-ctl report` as its readers meet it: the thesis' numbers, one page, and the same in JSON.
 
-use crate::program;
-use crate::report_page;
-use crate::support;
-
 use std::fs;
 
 use serde_json::Value;
 
+use crate::program;
+use crate::report_page;
+use crate::support;
 use program::{folder, tello_ctl, text};
 use report_page::{assert_equal, report};
 

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use horizon_model::check::maximum;
 use horizon_model::rows::pose;
 use serde_json::{Value, json};
 use tello_eval::flight_log::{self, TickRecord};
@@ -113,7 +114,7 @@ fn a_vehicle_that_a_person_drives_from_its_reference_is_not_astray() {
                 .reference
                 .zip(out.pose_hat())
                 .map(|(to, at)| (to - at).fixed_rows::<2>(pose::X).norm());
-            away_m = away_m.max(apart_w.unwrap_or_default());
+            away_m = maximum(away_m, apart_w.unwrap_or_default());
             let faults = out.decision.unwrap().faults;
             assert!(!faults.contains(Fault::TrackingLost), "seed {seed}: {faults:?}");
         });
@@ -150,7 +151,7 @@ fn an_obstacle_that_moves_unseen_in_flight_is_waited_for() {
         // Found, it is seen 0.3 s later.
         assert!(!is_missed || t_s < 0.3 || (7.45..10.31).contains(&t_s), "{t_s} s");
         let of = if (9.0..10.0).contains(&t_s) { &mut waiting_mps } else { &mut moving_mps };
-        *of = of.max(out.speed_mps);
+        *of = maximum(*of, out.speed_mps);
     });
     assert!(moving_mps > 0.5 && waiting_mps < 0.2, "{moving_mps} and {waiting_mps} m/s");
     assert_eq!(reached, 5, "it goes on");
@@ -171,7 +172,7 @@ fn a_vehicle_that_waits_for_an_obstacle_stays_where_it_stopped() {
             assert_eq!(out.phase(), Phase::Flying, "{faults:?}");
             if let Some(at) = out.pose_hat().filter(|_| out.step > 400) {
                 let way = at - *at_rest.get_or_insert(at);
-                far_m = far_m.max(way[pose::X].hypot(way[pose::Y]));
+                far_m = maximum(far_m, way[pose::X].hypot(way[pose::Y]));
             }
         });
         assert!(far_m < 0.2, "seed {seed}: {far_m:.2} m");

@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use horizon_control::{Mpc, MpcProblem, MpcSettings};
 use horizon_estim::{Mhe, MheSettings, Observed};
+use horizon_model::check::amax;
 use horizon_model::expression::{Binary, Compiled, Graph, Program, Unary, Variable};
 use horizon_model::nalgebra::{SMatrix, SVector};
 use horizon_model::{Linearized, LinearizedByInput, Model};
@@ -219,7 +220,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let Some((hand, other)) = flights.last() else { return Ok(()) };
     let iterations = |flight: &Flight| [flight.mpc_iterations, flight.mhe_iterations];
     assert_eq!(iterations(hand), iterations(other));
-    assert!((hand.s - other.s).amax() < 1e-9, "{} {}", hand.s, other.s);
+    assert!(amax(&(hand.s - other.s)) < 1e-9, "{} {}", hand.s, other.s);
     println!("iterations of MPC and MHE: {:?}", iterations(hand));
     let calls: Vec<_> = (0..9).map(|_| (calls(ByHand), calls(compiled))).collect();
     let row = |name: &str, scale: f64, hand: Vec<f64>, compiled: Vec<f64>| {

@@ -1,12 +1,13 @@
 //! The tables of settings files: refused, or checked without a panic.
 #![no_main]
 
+use horizon_control::MpcTable;
+use horizon_model::Kinematic;
 use libfuzzer_sys::fuzz_target;
 use serde_json::from_str;
-use horizon_control::MpcTable;
-use tello_flight::SupervisorTable;
-use tello_io::manual::{ManualSettings, ManualTable};
 use tello_flight::gate::{Gate, GateTable};
+use tello_flight::{SupervisorSettings, SupervisorTable};
+use tello_io::manual::{ManualSettings, ManualTable};
 use tello_io::tello::{Protocol, TelloSettings, TelloTable};
 use tello_sim::{SimTable, World};
 
@@ -23,6 +24,10 @@ fuzz_target!(|text: &str| {
     if let Ok(table) = from_str::<SimTable>(text) {
         let _is_refused = World::new(&table, 0).is_err();
     }
-    let _is_refused = from_str::<MpcTable>(text).is_err();
-    let _is_refused = from_str::<SupervisorTable>(text).is_err();
+    if let Ok(table) = from_str::<MpcTable>(text) {
+        let _is_refused = table.check::<Kinematic, 4, 4, 4, 4>().is_err();
+    }
+    if let Ok(table) = from_str::<SupervisorTable>(text) {
+        let _is_refused = SupervisorSettings::try_from(&table).is_err();
+    }
 });

@@ -2,12 +2,12 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use tello_io::manual::{Act, Ask, Decoder, Typed};
+use tello_io::manual::{Decoder, InputAction, PersonOrder, Typed};
 
 fuzz_target!(|bytes: &[u8]| {
     let mut decoder = Decoder::default();
     for byte in bytes {
         decoder.feed(*byte);
     }
-    assert_eq!(decoder.feed(0x7f), Some(Typed::Act(Act::Ask(Ask::EmergencyStop))));
+    assert_eq!(decoder.feed(0x7f), Some(Typed::Action(InputAction::Order(PersonOrder::EmergencyStop))));
 });

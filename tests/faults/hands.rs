@@ -1,5 +1,6 @@
 //! A person at the controls.
 
+use horizon_model::check::maximum;
 use horizon_model::rows::{Sticks, pose, stick};
 use tello_flight::cycle::Operator;
 use tello_flight::{Fault, Phase, Pilot, Start};
@@ -108,7 +109,7 @@ fn a_drone_that_a_person_puts_down_is_landed_before_it_is_let_go() {
         story.assert_landed_by(Fault::TrackingLost, [0.9, 1.6]);
         let let_go_s = FAULT_AT_S + 6.0;
         let after = story.moments.iter().filter(|moment| moment.at_s > let_go_s);
-        let highest_m = after.map(|moment| moment.pose[pose::Z]).fold(0.0, f64::max);
+        let highest_m = after.map(|moment| moment.pose[pose::Z]).fold(0.0, maximum);
         assert!(highest_m < 1.3 - lowered_m + 0.1, "it rises again to {highest_m} m");
     }
 }

@@ -7,9 +7,11 @@
 mod connection_limit;
 mod control_loop;
 mod drill;
+mod ending;
 #[cfg(feature = "live")]
 mod foxglove_server;
 mod guardian;
+mod links;
 mod live;
 mod lock;
 mod log_thread;
@@ -33,31 +35,28 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
 
-use anyhow::{Result, anyhow, bail};
+use anyhow::{Result, bail};
 use clap::Args;
 use parking_lot::Mutex;
 use rtrb::{Consumer, RingBuffer};
-use tello_eval::flight_log::TickRecord;
-use tello_eval::flight_summary::{Summary, Tally};
+use tello_eval::flight_summary::{LoopEnd, Summary, Tally};
 use tello_eval::parameter_file;
 use tello_flight::cycle::{self, FlightTable};
 use tello_flight::{Mission, Phase, SPEED_AS_WRITTEN, Start};
 use tello_io::clock::{Clock, Role, request_priority};
 use tello_io::config::{self, FlyTable};
-use tello_io::log::Recorder;
-use tello_io::manual::{self, Inputs, KEYS_HELP, Person};
-use tello_io::tello::{DroneClient, TelloSettings};
+use tello_io::manual::{self, Inputs, KEYS_HELP, ManualControls};
 use tello_sim::Profile;
 
 use self::control_loop::{ControlLoop, Orders};
 use self::drill::InjectedFailure;
+use self::ending::{Display, close_log, conclude};
+use self::links::{Counters, Links};
 use self::live::Live;
 use self::log_thread::Notes;
 use self::loop_times::{GROUND_WAIT, LoopTimes};
 use self::simulator::start_simulator;
-use self::sources::Sources;
 use self::status::{Status, show_statuses};
 use self::take_off_refusal::{note_unseen, take_off_refusal};
 use self::threads::Threads;
@@ -68,19 +67,6 @@ use crate::{Verdict, interrupt, stdio};
 
 pub(crate) use self::guardian::{Arguments as GuardianArguments, Guardian, run as guard};
 pub(crate) use self::lock::Lock;
-
-/// Longest wait at the end for the threads that use the terminal.
-const TERMINAL_JOIN_TIMEOUT: Duration = Duration::from_millis(500);
-
-/// Time from the end of a flight whose terminal hangs to the end of the process: the summary may go elsewhere.
-const EXIT_TIMEOUT_HUNG_TERMINAL: Duration = Duration::from_secs(1);
-
-/// Wait for the disk of the log that is noted, and the longest one.
-const DISK_WAIT_NOTED: Duration = Duration::from_secs(2);
-const DISK_WAIT_MAX: Duration = Duration::from_mins(1);
-
-/// Longest time from the end of the flight to the end of the process, for a summary that is not read.
-const EXIT_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Take off, fly the targets, land; every tick is logged.
 ///
@@ -227,80 +213,74 @@ async fn fly(
 ) -> Result<Summary> {
     let clock = Clock::start();
     // Before anything moves: from here on every way to end the program lands the drone first.
-    let asks_to_land = Arc::new(AtomicBool::new(false));
-    let to_land = Arc::clone(&asks_to_land);
-    signals::listen(move |_| to_land.store(true, Ordering::Relaxed))?;
-    let (sources, feed, moving_feed) = Sources::new(table, clock)?;
-    let tello_settings =
-        TelloSettings::try_from(&table.tello).map_err(|error| error.under("tello"))?;
-    let (mut tello, drone) = DroneClient::bind(&tello_settings, clock, arguments.dry_run)?;
-    let guardian =
-        if arguments.dry_run { None } else { Some(tello.start_guardian(Guardian::spawn)?) };
+    let asks_to_land = land_on_signals()?;
+    let mut links = Links::open(arguments, table, clock)?;
     // The terminal is as it was when these go, the keys before the screen, whatever ends the flight.
     let screen = arguments.tui.then(Screen::enter).transpose()?;
-    let (mut person, inputs) = open_inputs(arguments, table, clock)?;
-    tello.obey(person.emergency());
-    let (mocap_counters, drone_counters) =
-        (Arc::clone(&feed.counters), Arc::clone(&drone.counters));
+    let (mut controls, inputs) = open_inputs(arguments, table, clock)?;
+    links.tello.obey(controls.emergency());
 
+    let counters = links.counters();
     let tally = Arc::new(Mutex::new(Tally::new(flight)?));
-    let (live, picture, view) = watch(arguments, screen.as_ref(), flight, &mut person, clock)?;
-    let notes = Notes {
-        tally: Arc::clone(&tally),
-        live,
-        mocap: Arc::clone(&mocap_counters),
-        drone: Arc::clone(&drone_counters),
-    };
+    let (live, picture, view) = watch(arguments, screen.as_ref(), flight, &mut controls, clock)?;
+    let (mocap, drone) = (Arc::clone(&counters.mocap), Arc::clone(&counters.drone));
+    let notes = Notes { tally: Arc::clone(&tally), live, mocap, drone };
     let recorder = log_thread::start(arguments, table, flight, clock, &*cycle, notes)?;
     let (status, statuses) = RingBuffer::new(16);
+    let Links { guardian, drone, tello, moving_feed, feed, sources } = links;
     let control = ControlLoop {
         clock,
         cycle,
         times: LoopTimes::of(table, flight)?,
-        is_carried: arguments.dry_run,
+        is_dry_run: arguments.dry_run,
         feed,
         moving_feed,
         drone,
         recorder,
         status,
         asks_to_land: Arc::clone(&asks_to_land),
-        person,
+        controls,
         orders,
         drill: arguments.drill,
     };
 
-    note_unseen(arguments, table, &mocap_counters);
-    let status_line = show(picture, statuses)?;
+    note_unseen(arguments, table, &counters.mocap);
+    let display = Display { status_line: show(picture, statuses)?, view, inputs, screen };
     let threads = Threads::start(sources, tello, control, guardian, table.real_time.core)?;
     // After all threads, which would inherit it. The control thread reports a refusal.
     request_priority(Role::Sender).ok();
     let (end, recorder, links) = threads.run_to_end(arguments.drill).await?;
     let summary = close_log(recorder, &tally);
-    // Every record is seen: viewers receive the last one.
-    drop(view);
-    let left = leave_screen(status_line, inputs, screen);
+    let left = display.close();
     let has_waited_in_vain = end.phase == Phase::Idle || (arguments.dry_run && !end.has_frames);
     if has_waited_in_vain && !asks_to_land.load(Ordering::Relaxed) {
         links.and(left)?;
-        let packets = drone_counters.packets.get();
-        bail!(take_off_refusal(table, GROUND_WAIT, end.faults_last, &mocap_counters, packets));
+        let Counters { mocap, drone } = &counters;
+        bail!(take_off_refusal(table, GROUND_WAIT, end.faults_last, mocap, drone.packets.get()));
     }
-    let mut summary =
-        summary.with_end(&end, &mocap_counters, table.mocap.object(), &drone_counters);
-    summary.is_dry_run = arguments.dry_run;
-    vehicle::remember(arguments, flight, &summary, &end, clock);
+    let summary = complete_summary(summary, &end, arguments, table, &counters);
+    vehicle::save_vehicle_parameters(arguments, flight, &summary, &end, clock);
     conclude(summary, links, left)
 }
 
-/// Ends the program in time, and shows the summary of a flight whose links or screen broke.
-fn conclude(summary: Summary, links: Result<()>, left: Result<Duration>) -> Result<Summary> {
-    let exit_timeout = *left.as_ref().unwrap_or(&EXIT_TIMEOUT);
-    let outcome = links.and(left.map(drop));
-    end_within(exit_timeout, outcome.as_ref().map_or(2, |()| i32::from(!summary.is_complete())))?;
-    if outcome.is_err() {
-        stdio::note(&summary);
-    }
-    outcome.map(|()| summary)
+/// A flag that each signal sets which ends programs: the control thread lands the drone then.
+fn land_on_signals() -> Result<Arc<AtomicBool>> {
+    let asks_to_land = Arc::new(AtomicBool::new(false));
+    let to_land = Arc::clone(&asks_to_land);
+    signals::listen(move |_| to_land.store(true, Ordering::Relaxed))?;
+    Ok(asks_to_land)
+}
+
+/// The summary with the end of the control loop and the counts of the links.
+fn complete_summary(
+    summary: Summary,
+    end: &LoopEnd,
+    arguments: &Arguments,
+    table: &FlyTable,
+    Counters { mocap, drone }: &Counters,
+) -> Summary {
+    let summary = summary.with_end(end, mocap, table.mocap.object(), drone);
+    Summary { is_dry_run: arguments.dry_run, ..summary }
 }
 
 /// Starts the thread that shows the flight.
@@ -311,71 +291,18 @@ fn show(picture: Option<Picture>, statuses: Consumer<Status>) -> io::Result<Join
     })
 }
 
-/// Closes the log, and sums up the flight whatever became of it.
-fn close_log(recorder: Recorder<TickRecord>, tally: &Mutex<Tally>) -> Summary {
-    let mut is_noted = false;
-    let log = recorder.stop(|waited| {
-        if waited >= DISK_WAIT_NOTED && !std::mem::replace(&mut is_noted, true) {
-            stdio::note("the flight is over; waits up to a minute for the disk of the log");
-        }
-        waited >= DISK_WAIT_MAX
-    });
-    let mut summary = tally.lock().summary();
-    match log {
-        // Writing to a file whose name was removed is no error.
-        Ok(log) if log.path.exists() => summary.log = Some(log.path),
-        Ok(log) => summary.log_error = Some(format!("{} was removed", log.path.display())),
-        Err(error) => summary.log_error = Some(error.to_string()),
-    }
-    if let Some(error) = &summary.log_error {
-        stdio::note(format_args!("error: the log is incomplete: {error}"));
-    }
-    summary
-}
-
-/// Waits for the thread that shows the flight, then gives the terminal back. Returns the time that the rest of the
-/// program may take: a terminal that hangs takes no summary.
-fn leave_screen(
-    picture: JoinHandle<()>,
-    inputs: Inputs,
-    screen: Option<Screen>,
-) -> Result<Duration> {
-    let leave = move || {
-        let picture = picture.join();
-        drop(inputs);
-        drop(screen);
-        picture
-    };
-    let left = thread::Builder::new().name("tello-terminal".into()).spawn(leave)?;
-    for _ in 0..TERMINAL_JOIN_TIMEOUT.as_millis() / 10 {
-        if left.is_finished() {
-            let joined = left.join().and_then(|picture| picture);
-            joined.map_err(|_panic| anyhow!("the status line panicked"))?;
-            return Ok(EXIT_TIMEOUT);
-        }
-        thread::sleep(Duration::from_millis(10));
-    }
-    Ok(EXIT_TIMEOUT_HUNG_TERMINAL)
-}
-
-/// Ends the program after `timeout` if it has not ended by then: the drone is down and the log closed.
-#[expect(clippy::exit, reason = "a terminal that hangs must not keep the program")]
-fn end_within(timeout: Duration, code: i32) -> Result<()> {
-    thread::Builder::new().name("tello-end".into()).spawn(move || {
-        thread::sleep(timeout);
-        std::process::exit(code)
-    })?;
-    Ok(())
-}
-
 /// What a person can steer with: the terminal's keys, unless they shall be left alone, and a device.
-fn open_inputs(arguments: &Arguments, table: &FlyTable, clock: Clock) -> Result<(Person, Inputs)> {
-    let (person, inputs) = Inputs::open(&config::manual(table)?, !arguments.no_keys, clock)?;
+fn open_inputs(
+    arguments: &Arguments,
+    table: &FlyTable,
+    clock: Clock,
+) -> Result<(ManualControls, Inputs)> {
+    let (controls, inputs) = Inputs::open(&config::manual(table)?, !arguments.no_keys, clock)?;
     if inputs.has_keys() && !arguments.tui {
         // In parts, since terminals of 80 columns would break the whole.
         KEYS_HELP.split("; ").for_each(stdio::note);
     }
-    Ok((person, inputs))
+    Ok((controls, inputs))
 }
 
 /// Telemetry for viewers, if there are any, what draws them on `screen`, and the live page.
@@ -383,7 +310,7 @@ fn watch(
     arguments: &Arguments,
     screen: Option<&Screen>,
     flight: &FlightTable,
-    person: &mut Person,
+    controls: &mut ManualControls,
     clock: Clock,
 ) -> Result<(Option<Live>, Option<Picture>, Option<View>)> {
     if screen.is_none() && arguments.view.is_none() {
@@ -391,6 +318,6 @@ fn watch(
     }
     let (live, briefing, watched) = Live::new(flight)?;
     let picture = screen.map(|screen| screen.picture(briefing.clone(), watched.clone()));
-    let open = |address| View::open(address, briefing, watched, person.remote(clock), clock);
+    let open = |address| View::open(address, briefing, watched, controls.remote(clock), clock);
     Ok((Some(live), picture, arguments.view.map(open).transpose()?))
 }

@@ -57,7 +57,7 @@ fn words(line: &str) -> Vec<String> {
 }
 
 #[test]
-fn every_documented_command_is_one() {
+fn every_documented_command_line_is_accepted() {
     let (mut count, mut wrong) = (0, Vec::new());
     for page in pages() {
         let text = fs::read_to_string(&page).unwrap();

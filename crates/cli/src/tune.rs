@@ -15,7 +15,7 @@ use tello_io::atomic_file::{self, write_json};
 use tello_io::clock::Clock;
 use tello_io::config;
 use tello_sim::tuning::{
-    Scale, Setup, Trial, Variable, VariableRange, Weigh, Weights, best, minimize,
+    Scale, Setup, Trial, Variable, VariableRange, WeightArgument, Weights, best, minimize,
 };
 
 use crate::interrupt::Interrupt;
@@ -57,7 +57,7 @@ pub(crate) struct Arguments {
     /// costs the most that a flight can. Repeatable; [default: `distance=40`, `distance_p95=20`,
     /// `overshoot=20`, `outside=5`, `unfinished=60`].
     #[arg(long, value_name = "WHAT=NUMBER")]
-    weigh: Vec<Weigh>,
+    weigh: Vec<WeightArgument>,
     /// Flights of one try.
     #[arg(long, value_name = "N", default_value_t = 24)]
     #[arg(value_parser = clap::value_parser!(u64).range(1..=10_000))]
@@ -113,16 +113,7 @@ struct Number {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
-    if !(arguments.step > 0.0 && arguments.step <= 0.5) {
-        bail!("--step {}: expected above 0, at most 0.5", arguments.step);
-    }
-    let is_config = |out: &PathBuf| {
-        let whole = |path: &PathBuf| path.canonicalize().unwrap_or_else(|_| path.clone());
-        whole(out) == whole(&arguments.config)
-    };
-    if let Some(out) = arguments.out.as_ref().filter(|out| is_config(out)) {
-        bail!("--out {} would replace the settings that it starts from", out.display());
-    }
+    check_arguments(arguments)?;
     let (mut table, mission) = config::fly(Some(&arguments.config), arguments.mission.as_deref())?;
     let before = config::flight(&table, mission, Start::Airborne);
     let interrupt = Interrupt::listen()?;
@@ -134,29 +125,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         seeds: seeds_from(arguments.seed, arguments.flights)?,
     };
     let start = setup.start()?;
-    let beside = || arguments.config.with_extension("tuned.json");
-    let out = arguments.out.clone().unwrap_or_else(beside);
-    for path in [&out, &mission_beside(&out)] {
-        atomic_file::prepare(path, arguments.force)?;
-    }
-    let clock = Clock::start();
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
-    let trials = pool.install(|| {
-        let tries = usize::from(arguments.tries);
-        minimize(&start, arguments.step, tries, &mut |x, trials| {
-            let cost = setup.cost(x, &|| interrupt.is_asked());
-            match &cost {
-                Ok(Some(cost)) if !arguments.json => {
-                    print_try(&setup.variables, x, *cost, trials, tries, clock.now().seconds());
-                }
-                Err(reason) if !trials.is_empty() => {
-                    stdio::note(format_args!("refused: {reason:#}"));
-                }
-                _ => {}
-            }
-            cost
-        })
-    })?;
+    let out = output_path(arguments)?;
+    let trials = search(arguments, &setup, &start, &interrupt)?;
     let [first, ..] = &trials[..] else {
         return Err(Stopped("the first try was over").into());
     };
@@ -177,6 +147,58 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     print(&summary, arguments.json)?;
     let is_good = best.cost < first.cost && !summary.is_interrupted;
     Ok(if is_good { Verdict::Good } else { Verdict::Bad })
+}
+
+/// Refuses a step outside of its range, and an output that would replace the settings.
+fn check_arguments(arguments: &Arguments) -> Result<()> {
+    if !(arguments.step > 0.0 && arguments.step <= 0.5) {
+        bail!("--step {}: expected above 0, at most 0.5", arguments.step);
+    }
+    let is_config = |out: &PathBuf| {
+        let whole = |path: &PathBuf| path.canonicalize().unwrap_or_else(|_| path.clone());
+        whole(out) == whole(&arguments.config)
+    };
+    if let Some(out) = arguments.out.as_ref().filter(|out| is_config(out)) {
+        bail!("--out {} would replace the settings that it starts from", out.display());
+    }
+    Ok(())
+}
+
+/// Where the settings go, once it is sure that they and the mission beside them can be written.
+fn output_path(arguments: &Arguments) -> Result<PathBuf> {
+    let beside = || arguments.config.with_extension("tuned.json");
+    let out = arguments.out.clone().unwrap_or_else(beside);
+    for path in [&out, &mission_beside(&out)] {
+        atomic_file::prepare(path, arguments.force)?;
+    }
+    Ok(out)
+}
+
+/// Every try from `start` on, with a line about each unless the summary is to be JSON.
+fn search(
+    arguments: &Arguments,
+    setup: &Setup,
+    start: &[f64],
+    interrupt: &Interrupt,
+) -> Result<Vec<Trial>> {
+    let clock = Clock::start();
+    let tries = usize::from(arguments.tries);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;
+    pool.install(|| {
+        minimize(start, arguments.step, tries, &mut |x, trials| {
+            let cost = setup.cost(x, &|| interrupt.is_asked());
+            match &cost {
+                Ok(Some(cost)) if !arguments.json => {
+                    print_try(&setup.variables, x, *cost, trials, tries, clock.now().seconds());
+                }
+                Err(reason) if !trials.is_empty() => {
+                    stdio::note(format_args!("refused: {reason:#}"));
+                }
+                _ => {}
+            }
+            cost
+        })
+    })
 }
 
 fn variables(arguments: &Arguments) -> Result<Vec<Variable>> {
@@ -226,7 +248,9 @@ fn print_try(
     let numbers: Vec<String> = variables
         .iter()
         .zip(x)
-        .map(|(variable, fraction)| format!("{} {:.4}", variable.name(), variable.at(*fraction)))
+        .map(|(variable, fraction)| {
+            format!("{} {:.4}", variable.name(), variable.value_at(*fraction))
+        })
         .collect();
     stdio::note(format_args!(
         "{done:>4}/{tries}  cost {cost:.3} s, best {best:.3} s, at most {left_s:.0} s left: {}",

@@ -14,11 +14,10 @@ mod settings;
 mod soft;
 mod subproblem;
 
-use horizon_model::Vector;
 use std::fmt::Display;
 
 use horizon_model::setting::{SettingError, in_range, positive};
-use horizon_model::{Bounds, Model};
+use horizon_model::{Bounds, Model, Vector};
 
 pub use self::builder::MpcBuilder;
 use self::cost::{Cost, CostContext};
@@ -153,7 +152,7 @@ where
         problem.check(&self.settings)?;
         self.check_constraints(constraints)?;
         let context = CostContext { u_before: problem.u_before, s_ref: problem.s_ref, constraints };
-        self.take_given(problem);
+        self.apply_committed_inputs(problem);
         let cost_start = self.roll_out(problem, &context, RollOut::StatesAndDynamics);
         if !cost_start.is_finite() {
             self.check_excesses(&self.trial, &context)?;
@@ -291,7 +290,7 @@ where
     }
 
     /// Sets the bounds of this problem, equal ones for given inputs, and the trial to the plan clipped to them.
-    fn take_given(&mut self, problem: &MpcProblem<'_, NS, NU, NP>) {
+    fn apply_committed_inputs(&mut self, problem: &MpcProblem<'_, NS, NU, NP>) {
         let mut begin = 0;
         for (k, steps) in self.settings.stage_steps().iter().enumerate() {
             let end = begin + *steps as usize;

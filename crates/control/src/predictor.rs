@@ -1,7 +1,6 @@
 //! State of the system when an input sent now begins to act.
 
-use horizon_model::Model;
-use horizon_model::Vector;
+use horizon_model::{Model, Vector};
 
 /// State after `inputs` were applied for one period each, beginning at `s`, thesis equation 4.26.
 ///

@@ -13,9 +13,7 @@ mod clarabel;
 pub(crate) mod penalty;
 pub(crate) mod product;
 
-use ::clarabel::solver::{SolverError, SolverStatus};
-use horizon_model::{Bounds, InputHessian};
-use horizon_model::{Matrix, Vector};
+use horizon_model::{Bounds, InputHessian, Matrix, Vector};
 use thiserror::Error;
 
 use self::active_set::ActiveSet;
@@ -23,6 +21,7 @@ use self::clarabel::Clarabel;
 pub use self::penalty::Penalty;
 use self::product::mul_sparse;
 pub use crate::horizon::Horizon;
+use ::clarabel::solver::{SolverError, SolverStatus};
 
 /// Linear dynamics of one step: `ds_{k+1} = A_k ds_k + B_k du_k`.
 #[derive(Debug, Clone, Copy, PartialEq)]

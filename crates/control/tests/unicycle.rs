@@ -1,8 +1,7 @@
 //! The controller knows no vehicle: it steers a planar unicycle to a place beside it.
 
 use horizon_control::{InputCost, Mpc, MpcProblem, MpcTable, QpKind, SolverTable, SqpStop};
-use horizon_model::check::amax;
-use horizon_model::check::{Point, model_gap};
+use horizon_model::check::{Point, amax, model_gap};
 use horizon_model::{Model, Row};
 use nalgebra::{SMatrix, SVector};
 

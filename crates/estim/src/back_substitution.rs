@@ -4,8 +4,7 @@
 //! factors, which matters for chains of thousands of states, whose rows are written once and read once. The elimination
 //! itself is `chain.rs`, its partition into decoupled subsystems `partition.rs`.
 
-use horizon_model::Model;
-use horizon_model::{Matrix, Vector};
+use horizon_model::{Matrix, Model, Vector};
 
 use crate::chain::{Block, Eliminated};
 use crate::cholesky::NotPositive;

@@ -5,8 +5,7 @@
 //! amount to is `bootstrap/spread.rs`. It owns no files: shards of resamples are merged by the program that
 //! collects them.
 
-use horizon_model::Model;
-use horizon_model::Vector;
+use horizon_model::{Model, Vector};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
@@ -14,8 +13,6 @@ use rayon::prelude::*;
 use crate::ident::Ident;
 use crate::levenberg::{LmError, LmStop};
 
-#[cfg(test)]
-mod coverage;
 mod groups;
 mod laplace;
 mod spread;

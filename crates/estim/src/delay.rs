@@ -19,18 +19,16 @@ mod scan;
 mod search;
 mod settings;
 
-use horizon_model::{Matrix, Vector};
 use std::borrow::Cow;
 use std::ops::Range;
 
-use horizon_model::Model;
-use search::{Search, SearchStop};
+use horizon_model::{Matrix, Model, Vector};
 use thiserror::Error;
 
 use crate::ident::{Ident, Piece, PieceError};
 use crate::levenberg::LmError;
 use crate::recording::Recording;
-
+use search::{Search, SearchStop};
 pub use settings::{DelaySettings, DelayTable};
 
 /// A stretch of a recording that is one piece of the identification.

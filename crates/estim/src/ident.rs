@@ -12,8 +12,7 @@ mod settings;
 mod variable_projection;
 
 use horizon_model::setting::{SettingError, positive};
-use horizon_model::{Bounds, Model};
-use horizon_model::{Matrix, Vector};
+use horizon_model::{Bounds, Matrix, Model, Vector};
 use thiserror::Error;
 
 use crate::cholesky::NotPositive;
@@ -186,7 +185,7 @@ where
 
     /// Starts from the iterate of `other`, a clone of this identification: only iterates are copied. Linear in the
     /// number of steps.
-    pub fn restart_at(&mut self, other: &Self) {
+    pub(crate) fn restart_at(&mut self, other: &Self) {
         debug_assert_eq!(self.segments.len(), other.segments.len(), "other pieces");
         self.p = other.p;
         self.is_near = true;
@@ -199,7 +198,7 @@ where
     ///
     /// # Errors
     /// There is no such piece, there are too few inputs, or one is not finite; nothing is replaced.
-    pub fn set_inputs(&mut self, piece: usize, u: &[Vector<NU>]) -> Result<(), PieceError> {
+    pub(crate) fn set_inputs(&mut self, piece: usize, u: &[Vector<NU>]) -> Result<(), PieceError> {
         let pieces = self.segments.len();
         let Some(segment) = self.segments.get_mut(piece) else {
             return Err(PieceError::Unknown { piece, pieces });
@@ -213,7 +212,7 @@ where
     ///
     /// A piece that counts twice is the same as the piece given twice. Pieces beyond the end of
     /// `multiplicities` keep theirs.
-    pub fn set_multiplicities(&mut self, multiplicities: &[u32]) {
+    pub(crate) fn set_multiplicities(&mut self, multiplicities: &[u32]) {
         for (own, new) in self.multiplicities.iter_mut().zip(multiplicities) {
             *own = *new;
         }

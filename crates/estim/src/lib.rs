@@ -10,7 +10,7 @@
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-mod arrival;
+mod arrival_cost;
 mod back_substitution;
 mod bootstrap;
 mod builder;
@@ -28,7 +28,7 @@ mod reduced_system;
 mod residual;
 mod window_problem;
 
-pub use arrival::{ArrivalSettings, ArrivalTable};
+pub use arrival_cost::{ArrivalSettings, ArrivalTable};
 pub use bootstrap::{
     Laplace, NORMAL_HALF_WIDTH, Resample, Spread, bootstrap, group_deviations, multiplicities,
     standard_deviations,

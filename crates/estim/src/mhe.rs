@@ -6,14 +6,13 @@
 
 mod builder;
 
-use horizon_model::Model;
 use horizon_model::setting::{SettingError, in_range, positive, vector, weight, weight_or_zero};
-use horizon_model::{Matrix, Vector};
+use horizon_model::{Matrix, Model, Vector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::arrival::{ArrivalSettings, ArrivalTable};
+use crate::arrival_cost::{ArrivalSettings, ArrivalTable};
 use crate::cholesky::Cholesky;
 use crate::levenberg::{LmError, LmSettings, LmTable, SolveReport};
 use crate::loss::{Loss, LossTable};

@@ -11,7 +11,7 @@ use std::fmt::Debug;
 use horizon_model::subsystem::{scatter, select_rows, submatrix};
 use horizon_model::{Matrix, Model, Vector, VisitSubsystems};
 
-use crate::arrival::{Forgetting, Marginal, OldestStep, marginalize};
+use crate::arrival_cost::{Forgetting, Marginal, OldestStep, marginalize};
 use crate::back_substitution::{LongElimination, back_substitute};
 use crate::chain::{Block, Eliminated, eliminate};
 use crate::cholesky::NotPositive;

@@ -3,8 +3,7 @@
 //! Owns nothing but the loops: written over columns of known length they unroll and vectorize, where
 //! the general product of the matrix library is a call.
 
-use horizon_model::transpose;
-use horizon_model::{Matrix, Vector};
+use horizon_model::{Matrix, Vector, transpose};
 use nalgebra::ArrayStorage;
 
 /// `a b`.
@@ -41,7 +40,7 @@ pub(crate) fn add_mul_sparse<const R: usize, const K: usize, const C: usize>(
     b: &Matrix<K, C>,
 ) {
     let mut columns = sum.data.0.iter_mut().zip(&b.data.0);
-    // Written out: what a loop looks up is no constant to the compiler.
+    // Unrolled by hand: in a loop the compiler does not fold the columns of `b` that are constants of the model.
     add_column(columns.next(), a, weight);
     add_column(columns.next(), a, weight);
     add_column(columns.next(), a, weight);

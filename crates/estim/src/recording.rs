@@ -1,10 +1,11 @@
 //! Recorded flights at a fixed period, and how they are cut into pieces.
 //!
-//! Owns which input was applied when, and where a recording is cut. Files and their formats are read
-//! elsewhere; which steps are usable is decided by the caller.
+//! Owns which input was applied when, and where a recording is cut. Files and their formats:
+//! `eval/recordings.rs`. The usable steps: `eval/ident/flights.rs`.
+
+use std::ops::Range;
 
 use horizon_model::Vector;
-use std::ops::Range;
 
 use crate::residual::Observed;
 

@@ -5,10 +5,9 @@
 //! Optimization, 2006, algorithm 16.3), which is exact. Chains with a common `p` add their reduced systems and
 //! solve once.
 
-use horizon_model::{Matrix, Vector};
 use std::ops::AddAssign;
 
-use horizon_model::Bounds;
+use horizon_model::{Bounds, Matrix, Vector};
 
 use crate::cholesky::{Cholesky, NotPositive};
 

@@ -123,7 +123,7 @@ where
     ///
     /// Real time: no allocation, constant cost.
     #[inline]
-    pub fn transition_weight(&self) -> SVector<f64, NS> {
+    pub(crate) fn transition_weight(&self) -> SVector<f64, NS> {
         self.c_s / self.dt_s
     }
 

@@ -1,14 +1,14 @@
 //! The least-squares problem over a window: its states and the parameter.
 //!
 //! Owns the current iterate, the candidate, the prior on the parameter (thesis equation 3.43) and its
-//! box. The first state is either fixed or free under an arrival cost (`arrival.rs`). The blocks along
+//! box. The first state is either fixed or free under an arrival cost (`arrival_cost.rs`). The blocks along
 //! the window are `residual.rs`, the loop is `levenberg.rs`. When time steps come and go is
 //! decided in `mhe.rs`.
 
 use horizon_model::setting::{SettingError, bounds, in_range, vector, weight_or_zero};
 use horizon_model::{Bounds, Matrix, Model, Row, Vector};
 
-use crate::arrival::{Arrival, ArrivalSettings};
+use crate::arrival_cost::{ArrivalCost, ArrivalSettings};
 use crate::chain::{Block, Chain};
 use crate::cholesky::NotPositive;
 use crate::levenberg::{self, IterateScale, LeastSquares, LmError, LmSettings, SolveReport, Step};
@@ -75,7 +75,7 @@ pub struct WindowProblem<M, const NS: usize, const NU: usize, const NO: usize, c
     residuals: Residuals<M, NS, NU, NO, NP>,
     prior: Prior<NP>,
     /// What is known of `s[0]` and, the prior included, of `p`; without it `s[0]` is fixed.
-    arrival: Option<Arrival<NS, NP>>,
+    arrival: Option<ArrivalCost<NS, NP>>,
     parameter_is_held: bool,
     /// `s[0]..=s[n]`, the current iterate.
     s: Vec<Vector<NS>>,
@@ -109,7 +109,7 @@ where
         let arrival = match arrival {
             ArrivalSettings::Fixed => None,
             ArrivalSettings::Carried { c_0, forget_s } => {
-                Some(Arrival::new(c_0, forget_s, residuals.dt_s, Partition::of::<M, NU, NO>(0)))
+                Some(ArrivalCost::new(c_0, forget_s, residuals.dt_s, Partition::of::<M, NU, NO>(0)))
             }
         };
         let mut chain = Chain::new(states_max);
@@ -259,7 +259,7 @@ where
     ///
     /// # Errors
     /// Nothing has been solved, or the window shows nothing of a row of the parameter.
-    pub fn newest_covariance(&self) -> Result<Matrix<NS, NS>, NotPositive> {
+    pub(crate) fn newest_covariance(&self) -> Result<Matrix<NS, NS>, NotPositive> {
         self.chain.last_covariance(&self.reduced)
     }
 
@@ -276,7 +276,7 @@ where
     /// fades to it.
     ///
     /// Real time: no allocation.
-    pub fn set_prior(&mut self, p_prior: Vector<NP>) {
+    pub(crate) fn set_prior(&mut self, p_prior: Vector<NP>) {
         self.prior.p_prior = p_prior;
     }
 
@@ -376,7 +376,7 @@ where
 impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
     WindowProblem<M, NS, NU, NO, NP>
 {
-    pub(crate) fn arrival(&self) -> &Arrival<NS, NP> {
+    pub(crate) fn arrival(&self) -> &ArrivalCost<NS, NP> {
         self.arrival.as_ref().unwrap()
     }
 
@@ -387,7 +387,7 @@ impl<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>
     /// The problem whose elimination ignores the subsystems of the model.
     pub(crate) fn undivided(self) -> Self {
         let chain = Chain::new(self.s.len());
-        Self { arrival: self.arrival.map(Arrival::undivided), chain, ..self }
+        Self { arrival: self.arrival.map(ArrivalCost::undivided), chain, ..self }
     }
 
     /// Information about the parameter when every state is eliminated, at the last linearization.

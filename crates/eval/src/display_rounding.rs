@@ -1,4 +1,6 @@
 //! Numbers for viewers: fewer points, and no more digits than can be seen.
+//!
+//! Thread in flight: the log's, not the tick's. Allocates.
 
 use horizon_model::rows::{Pose, pose};
 
@@ -19,12 +21,12 @@ pub fn ticks(span_s: f64, dt_s: f64) -> u64 {
 }
 
 /// Position of the pose `at` in the world frame, rounded to a millimetre. m
-pub fn pos_w_of(at: &Pose) -> PosW {
+pub(crate) fn pos_w_of(at: &Pose) -> PosW {
     [at[pose::X], at[pose::Y], at[pose::Z]].map(to_thousandths)
 }
 
 /// A number in any unit, rounded to a thousandth of it.
-pub fn to_thousandths(value: f64) -> f64 {
+pub(crate) fn to_thousandths(value: f64) -> f64 {
     (value * 1e3).round() / 1e3
 }
 

@@ -33,22 +33,23 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-
-pub use bootstrap::{BootstrapRow, bootstrap};
-pub use delay::{DelayCurve, ShiftRow, delay_profile, delay_shift};
-pub use drawing::Figure;
-pub use fit::{FitRow, fit};
-pub use forecast::{ForecastLine, ForecastPanel, forecast};
-pub use over_time::{TimeBars, TimeLine, TimePanel, TimeSpans, over_time};
-pub use overlay::Overlay;
-pub use progress::{AlongPath, band_over_progress, density_over_progress};
-pub use raster::PngError;
-pub use residual::{ResidualRow, autocorrelation, residuals};
-pub use space::{SeenInSpace, space};
-pub use tracks::{SeenFlights, tracks, tracks_among};
-
 use horizon_model::Row;
 use tello_io::atomic_file;
+
+pub use drawing::Figure;
+pub use raster::PngError;
+pub use tracks::{SeenFlights, tracks_among};
+
+pub(crate) use bootstrap::{BootstrapRow, bootstrap};
+pub(crate) use delay::{DelayCurve, ShiftRow, delay_profile, delay_shift};
+pub(crate) use fit::{FitRow, fit};
+pub(crate) use forecast::{ForecastLine, ForecastPanel, forecast};
+pub(crate) use over_time::{TimeBars, TimeLine, TimePanel, TimeSpans, over_time};
+pub(crate) use overlay::Overlay;
+pub(crate) use progress::{AlongPath, band_over_progress, density_over_progress};
+pub(crate) use residual::{ResidualRow, autocorrelation, residuals};
+pub(crate) use space::{SeenInSpace, space};
+pub(crate) use tracks::tracks;
 
 /// Where a figure goes: a folder that exists, and a name without its ending.
 #[derive(Debug, Clone)]

@@ -1,6 +1,7 @@
 //! The log of a flight: which records a tick leaves, and how a flight is found again.
 //!
-//! Bytes and files are `io::log`; channels and their schemas are [`Topic`].
+//! Bytes and files are `io::log`; channels and their schemas are [`Topic`]. Thread in flight: the log's, not the
+//! tick's. Allocates.
 
 use std::path::{Path, PathBuf};
 
@@ -104,7 +105,7 @@ pub fn create_of(
 }
 
 /// Whether the log repeats another one.
-pub fn is_replay(log: &LogReader) -> bool {
+pub(crate) fn is_replay(log: &LogReader) -> bool {
     log.head().documents.contains_key(REPLAY)
 }
 

@@ -1,8 +1,8 @@
 //! How well a flight could have been predicted: multi-step prediction errors of models on recordings.
 //!
 //! Owns the forecasts (a model driven by the sticks, constant velocity, standing still), which steps
-//! are judged, and the errors by horizon. The track that is judged by comes from `smooth.rs`, lost
-//! commands from `outage.rs`; fitting is done elsewhere.
+//! are judged, and the errors by horizon. The track that is judged by: `smooth.rs`. Lost commands:
+//! `outage.rs`. The fit of a model: `ident.rs`.
 
 mod errors;
 
@@ -149,7 +149,7 @@ where
 /// stream nothing is known to start from. It is judged at a horizon if both ends are accepted in `truth` and
 /// no step between them is excluded (`is_excluded`, e.g. because commands were lost; an empty slice
 /// excludes nothing).
-pub fn judge(
+pub fn prediction_errors(
     forecast: &(impl Forecast + ?Sized),
     known: &MotionTrack,
     truth: &MotionTrack,

@@ -33,7 +33,7 @@ pub use reference_path::{Offset, ReferencePath, horizontal, offset};
 pub const VALID_DISTANCE_M: f64 = 0.3;
 
 /// Lateness beyond which a tick counts as late. ms
-pub const LATE_TICK_MS: f64 = 5.0;
+pub(crate) const LATE_TICK_MS: f64 = 5.0;
 
 /// Figures of one flight from the first target to the last.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]

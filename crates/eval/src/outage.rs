@@ -2,8 +2,8 @@
 //!
 //! Owns the decision, for every step of a recorded flight, whether the vehicle followed its sticks or
 //! flew as if they were released. Only the horizontal motion is asked: it answers slowest and is driven
-//! hardest. What acts while a link is down in flight is decided elsewhere; this looks at both sides of
-//! a moment.
+//! hardest. Both sides of a moment are known here; the decision in flight, from the past alone, is
+//! `flight/link.rs`.
 
 use horizon_model::rows::{Pose, Sticks, pose};
 use horizon_model::setting::{SettingError, finite, in_range, positive};

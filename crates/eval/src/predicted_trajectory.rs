@@ -1,7 +1,8 @@
 //! The predicted trajectory for viewers: over the dead time by the committed sticks, then by the plan.
 //!
 //! Owns the trajectory as points. It repeats the prediction of the tick from the recorded values of the tick, so
-//! that the tick need not record it. Nothing that flies reads it.
+//! that the tick need not record it. Nothing that flies reads it. Thread in flight: the log's, not the tick's.
+//! Allocates.
 
 use horizon_model::rows::{Pose, Sticks, pose, stick};
 use horizon_model::setting::SettingError;
@@ -19,7 +20,7 @@ const CHANGE_MAX: usize = 100;
 
 /// The path ahead. Both lines are empty without an estimate, the plan's without a plan.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Ahead {
+pub struct PredictedTrajectory {
     /// From the estimate on, by committed sticks.
     pub committed: Vec<PosW>,
     /// After the committed sticks, by the planned sticks.
@@ -46,8 +47,8 @@ impl TrajectoryPredictor {
     }
 
     /// The path ahead as the tick of `out` saw it; called before [`TrajectoryPredictor::note`] of the same tick.
-    pub fn ahead(&self, out: &Outcome) -> Ahead {
-        self.model.with(Led { predictor: self, out })
+    pub fn ahead(&self, out: &Outcome) -> PredictedTrajectory {
+        self.model.with(ModelPrediction { predictor: self, out })
     }
 
     /// Takes note of the sticks that the tick of `out` sent; called for every tick.
@@ -58,17 +59,17 @@ impl TrajectoryPredictor {
         self.fifo.push(&out.u_sent);
     }
 
-    fn led<const NS: usize, const NP: usize>(
+    fn predict<const NS: usize, const NP: usize>(
         &self,
         model: &impl Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
         out: &Outcome,
-    ) -> Ahead {
+    ) -> PredictedTrajectory {
         let (Some(s_hat), Some(p)) = (out.s_hat.first_chunk::<NS>(), out.p_hat.first_chunk::<NP>())
         else {
-            return Ahead::default();
+            return PredictedTrajectory::default();
         };
         let (mut s, p) = ((*s_hat).into(), (*p).into());
-        let applied = |ahead| out.applied_instead.unwrap_or_else(|| self.fifo.applied(ahead));
+        let applied = |ahead| out.outage_input.unwrap_or_else(|| self.fifo.applied(ahead));
         // The plan begins when the fastest stick would act, and its first sticks of the others are sent.
         let known = self.fifo.known_steps();
         let sent = (0..known.cast_signed()).map(applied);
@@ -83,24 +84,27 @@ impl TrajectoryPredictor {
         let plan =
             if has_plan { thinned(path.get(turn..).unwrap_or_default()) } else { Vec::new() };
         path.truncate(turn + 1);
-        Ahead { committed: thinned(&path), plan }
+        PredictedTrajectory { committed: thinned(&path), plan }
     }
 }
 
-/// [`TrajectoryPredictor::led`] with the model of the flight.
-struct Led<'a> {
+/// [`TrajectoryPredictor::predict`] with the model of the flight.
+struct ModelPrediction<'a> {
     predictor: &'a TrajectoryPredictor,
     out: &'a Outcome,
 }
 
-impl WithModel for Led<'_> {
-    type Output = Ahead;
+impl WithModel for ModelPrediction<'_> {
+    type Output = PredictedTrajectory;
 
-    fn run<M, const NS: usize, const NP: usize, const NR: usize>(self, model: M) -> Ahead
+    fn run<M, const NS: usize, const NP: usize, const NR: usize>(
+        self,
+        model: M,
+    ) -> PredictedTrajectory
     where
         M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP>,
     {
-        self.predictor.led(&model, self.out)
+        self.predictor.predict(&model, self.out)
     }
 }
 
@@ -148,7 +152,7 @@ mod tests {
         out.plan = vec![[0.0, 0.0, 0.0, -1.0]; 2];
         let heights = |path: &[PosW]| path.iter().map(|[_, _, z]| *z).collect::<Vec<_>>();
         let after = |steps: f64| to_thousandths(3.0 + steps * dt_s);
-        let Ahead { committed, plan } = predictor.ahead(&out);
+        let PredictedTrajectory { committed, plan } = predictor.ahead(&out);
         assert_eq!(heights(&committed), [0.0, 0.5, 1.5, 1.0].map(after));
         assert_eq!(heights(&plan), [1.0, 0.0, -1.0].map(after));
     }
@@ -163,7 +167,7 @@ mod tests {
         for throttle in [0.0, 0.5] {
             let mut held = Sticks::zeros();
             held[stick::THROTTLE] = throttle;
-            out.applied_instead = Some(held);
+            out.outage_input = Some(held);
             let last = predictor.ahead(&out).committed.pop().map(|[_, _, z]| z);
             assert_eq!(last, Some(to_thousandths(3.0 + 3.0 * throttle * dt_s)), "{throttle}");
         }
@@ -187,9 +191,9 @@ mod tests {
     #[test]
     fn without_a_plan_or_an_estimate_nothing_is_made_up() {
         let predictor = predictor();
-        let Ahead { committed, plan } = predictor.ahead(&out());
+        let PredictedTrajectory { committed, plan } = predictor.ahead(&out());
         assert_eq!((committed.len(), plan.len()), (4, 0));
         let nothing = Outcome::with_buffers(&Kinematic::STATE, &Kinematic::PARAMETER, 3);
-        assert_eq!(predictor.ahead(&nothing), Ahead::default());
+        assert_eq!(predictor.ahead(&nothing), PredictedTrajectory::default());
     }
 }

@@ -42,7 +42,7 @@ const MCAP_MAGIC: &[u8] = b"\x89MCAP";
 const EXTENSIONS: [&str; 3] = ["log", "csv", "mcap"];
 
 /// Longest gap in a recording that is bridged with missing observations: one second. steps
-pub const GAP_STEPS_MAX: u64 = 50;
+pub(crate) const GAP_STEPS_MAX: u64 = 50;
 
 /// No room is so large. m and rad
 const POSE_MAX: f64 = 1000.0;

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use flight::Flight;
-use group::{Comparison, Group, Looked};
+use group::{Comparison, EvaluatedFlight, Group};
 use page::{GENERATOR, Shown};
 use pictures::Picture;
 use quantity::{Quantity, Spread};
@@ -141,9 +141,9 @@ const HEAD_BYTES: u64 = 1024;
 /// The flights in `paths`; those that cannot be used go to `unusable`.
 fn read(paths: &[PathBuf], unusable: &mut Vec<Unusable>) -> Result<Group> {
     let before = unusable.len();
-    let read = |path: &Path| -> Result<(String, Motions, Looked)> {
+    let read = |path: &Path| -> Result<(String, Motions, EvaluatedFlight)> {
         // Reading the flight refuses a file without end, of which the checksum would never be done.
-        let looked = Looked::at(Flight::read(path)?);
+        let looked = EvaluatedFlight::at(Flight::read(path)?);
         // A replay has the poses of its log and is no copy.
         let motions = match looked.flight.unjudged {
             None => known_flights::of_ticks(&looked.flight.ticks),
@@ -155,7 +155,7 @@ fn read(paths: &[PathBuf], unusable: &mut Vec<Unusable>) -> Result<Group> {
         recordings::read_once(paths, read, |(sum, motions, _)| (sum.as_str(), motions))?;
     let skipped = skipped.into_iter();
     unusable.extend(skipped.map(|FileSkipped { path: file, why }| Unusable { file, why }));
-    let looked: Vec<Looked> = read.into_iter().map(|(_, _, one)| one).collect();
+    let looked: Vec<EvaluatedFlight> = read.into_iter().map(|(_, _, one)| one).collect();
     if looked.is_empty() {
         let why: Vec<String> = unusable[before..].iter().map(Unusable::to_string).collect();
         bail!("there is no flight to report: {}", why.join("; "));
@@ -188,7 +188,7 @@ fn name_of(paths: &[PathBuf]) -> String {
 
 /// Some flights of each group with their figures.
 fn shown(groups: &[Group]) -> Vec<Shown<'_>> {
-    let chosen: Vec<(usize, &Looked)> = groups
+    let chosen: Vec<(usize, &EvaluatedFlight)> = groups
         .iter()
         .enumerate()
         .flat_map(|(number, group)| {

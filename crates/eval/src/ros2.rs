@@ -1,7 +1,8 @@
 //! A flight as ROS 2 messages: what each message of a log becomes.
 //!
 //! Owns names, kinds and contents of the topics. `log ros2` writes them to a file, `fly --ros2` publishes them. They
-//! are made from the bytes of the log alone. Frames: `world`, and `tello` in it.
+//! are made from the bytes of the log alone. Frames: `world`, and `tello` in it. Thread in flight: that of the
+//! publisher, not the tick's. Allocates.
 
 mod cdr;
 mod kind;

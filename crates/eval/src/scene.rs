@@ -1,8 +1,8 @@
 //! A flight for the eyes: what viewers of the field draw without set-up, beside our own channels.
 //!
 //! Owns the channels under `/scene`, what they show and how often: Foxglove's published kinds in Protocol Buffers,
-//! and the plots as ROS 2 numbers with names. It is written by the log's thread, never in the tick; it holds nothing
-//! that our own channels do not hold, and of ours only `ros2` reads it.
+//! and the plots as ROS 2 numbers with names. Thread in flight: the log's, not the
+//! tick's; allocates. It holds nothing that our own channels do not hold, and of ours only `ros2` reads it.
 
 mod shapes;
 
@@ -21,7 +21,7 @@ use tello_io::log::{Channel, LogError, LogWriter, Schema};
 use crate::display_rounding::{every, pos_w_of, ticks};
 use crate::flight_log::TickRecord;
 use crate::metrics::ReferencePath;
-use crate::predicted_trajectory::{Ahead, TrajectoryPredictor};
+use crate::predicted_trajectory::{PredictedTrajectory, TrajectoryPredictor};
 use crate::ros2::{Kind, VEHICLE, WORLD, numbers};
 use shapes::{
     BLUE, GREEN, GREY, ORANGE, Shapes as _, VERMILION, at_place, entity, moment, point, pose_of,
@@ -207,7 +207,7 @@ impl Scene {
         if let Some(reference) = &out.reference {
             entities.push(world("reference").sphere(reference, PLACE_M, GREY));
         }
-        let Ahead { committed, plan } = self.predictor.ahead(out);
+        let PredictedTrajectory { committed, plan } = self.predictor.ahead(out);
         let mut ahead = None;
         if !plan.is_empty() {
             let poses = committed.iter().chain(plan.iter().skip(1)).copied().map(at_place);

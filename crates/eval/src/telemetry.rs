@@ -1,4 +1,6 @@
 //! The facts of a tick for viewers: their names, units and how they follow from the record of the tick.
+//!
+//! Thread in flight: the log's, not the tick's. Allocates.
 
 mod builder;
 
@@ -11,7 +13,7 @@ use tello_io::tello::DroneStatus;
 
 pub use self::builder::{FlightHeader, TelemetryBuilder};
 use crate::display_rounding::{PosW, to_thousandths};
-use crate::predicted_trajectory::Ahead;
+use crate::predicted_trajectory::PredictedTrajectory;
 
 /// Telemetry of one tick, for viewers.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
@@ -151,7 +153,7 @@ pub struct Times {
 
 impl Telemetry {
     /// Telemetry of inbox and outcome of one tick; the rest is empty.
-    pub fn of(inbox: &Inbox, out: &Outcome, ahead: Ahead) -> Self {
+    pub fn of(inbox: &Inbox, out: &Outcome, ahead: PredictedTrajectory) -> Self {
         let velocities = velocities(out);
         Self {
             step: out.step,

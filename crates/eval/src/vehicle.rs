@@ -68,7 +68,7 @@ pub fn before_flight(path: &Path, settings: &mut CycleTable, is_simulated: bool)
 /// file is replaced as a whole.
 ///
 /// # Errors
-/// As [`ParameterFile::read`], [`ParameterFile::learn`] and [`ParameterFile::write`]; the file is of
+/// As [`ParameterFile::read`], [`ParameterFile::update_parameters`] and [`ParameterFile::write`]; the file is of
 /// real flights and this one is simulated, or the other way round.
 pub fn after_flight(
     path: &Path,
@@ -81,7 +81,7 @@ pub fn after_flight(
         ParameterFile::of_settings(settings)
     };
     file.check_is_simulated(flight.is_simulated)?;
-    let changed = file.learn(settings, flight)?;
+    let changed = file.update_parameters(settings, flight)?;
     if !changed.is_empty() {
         file.write(path)?;
     }
@@ -146,7 +146,7 @@ impl ParameterFile {
     ///
     /// # Errors
     /// Estimate or covariance are none of this model, or not finite.
-    pub fn learn(
+    pub fn update_parameters(
         &mut self,
         settings: &CycleTable,
         flight: &FlightDone<'_>,

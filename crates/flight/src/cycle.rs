@@ -1,6 +1,6 @@
 //! One tick of the control loop.
 //!
-//! Owns the order of the thesis' section 4.3.11 and what is remembered from tick to tick. A tick is a
+//! Owns the order of the thesis' section 4.3.11 and what is kept from tick to tick. A tick is a
 //! pure function of its inbox: no clock, socket, file or environment. Flight, simulation and replay
 //! call the same [`Cycle::tick`]; they differ in who fills the [`Inbox`] and who reads the
 //! [`Outcome`].
@@ -57,7 +57,7 @@ use impact::Impact;
 use link::Link;
 use measurement_time::TickObservations;
 pub use mission_checks::{beside_moving_obstacle, misfits, notes, take_off_clearance};
-use planning::{Known, Planner};
+use planning::{PlanStart, Planner};
 use pose_plausibility::Plausibility;
 use progress::Progress;
 use standing_start::StandingStart;
@@ -134,7 +134,7 @@ pub struct Cycle<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR:
     gate: Gate,
     fifo: InputFifo<{ stick::COUNT }>,
     /// Dry run: the vehicle is carried, nothing is sent, and neutral sticks enter the FIFO.
-    is_carried: bool,
+    is_dry_run: bool,
     memory: Memory,
 }
 
@@ -162,7 +162,7 @@ impl<M, const NS: usize, const NP: usize, const NR: usize> Tick for Cycle<M, NS,
 where
     M: Vehicle<NS, NP>,
 {
-    /// Sense, estimate, supervise, plan, gate, remember.
+    /// Sense, estimate, supervise, plan, gate, send.
     ///
     /// With [`Pipeline::SameTick`] the sticks of this tick follow from the newest observation. With
     /// [`Pipeline::NextTick`] plan and estimate are made after the decision and used one tick later,
@@ -174,18 +174,13 @@ where
         self.planner
             .follow_obstacle(inbox.obstacle_w, out.filtered.and_then(|filtered| filtered.o));
 
-        if self.pipeline == Pipeline::SameTick {
-            self.estimate(seen.as_ref(), JUST_ENDED, watch, out);
-        }
+        self.estimate_in_same_tick(seen.as_ref(), watch, out);
         let pilot = self.supervise(inbox, out);
         let may_steer = pilot == Some(Pilot::Controller);
         self.note_mission(may_steer);
         if may_steer {
             self.progress.count_flown(self.dt_s);
-        }
-        if self.pipeline == Pipeline::SameTick && may_steer {
-            self.advance_mission();
-            self.plan(COMING, watch, out);
+            self.plan_in_same_tick(watch, out);
         }
 
         let u_proposed = self.proposed_sticks(pilot, inbox);
@@ -197,9 +192,7 @@ where
         out.plan_lag = self.planner.lag();
         watch.send(out);
 
-        if self.pipeline == Pipeline::NextTick {
-            self.solve_for_next_tick(may_steer, seen.as_ref(), watch, out);
-        }
+        self.solve_for_next_tick(may_steer, seen.as_ref(), watch, out);
         if !may_steer {
             self.planner.drop_plan();
         }
@@ -214,8 +207,8 @@ where
         if !self.mhe.is_started() {
             return None;
         }
-        let instead = self.link_instead();
-        let applied = u_planned.iter().map(|u| instead.unwrap_or(*u));
+        let outage_input = self.outage_input();
+        let applied = u_planned.iter().map(|u| outage_input.unwrap_or(*u));
         let s_pred = predict(&self.model, self.mhe.s_hat(), self.mhe.p_hat(), applied, self.dt_s);
         Some(self.model.observe(&s_pred))
     }
@@ -238,7 +231,7 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
         let Some(TickObservations { newest, at_tick }) = seen else { return };
         if self.mhe.is_started() {
             let (u_applied, decision) = self.follow_link(ahead, at_tick);
-            (out.link, out.applied_instead) = (decision, self.link_instead());
+            (out.link, out.outage_input) = (decision, self.outage_input());
             // A jump of the poses is no motion of the vehicle.
             let has_jumped = self.plausibility.has_jumped();
             if has_jumped {
@@ -277,10 +270,10 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
         ahead: isize,
         observed: &Observed<{ pose::COUNT }>,
     ) -> (Sticks, Option<LinkDecision>) {
-        let u_meant = self.fifo.applied(ahead);
-        let Some(link) = &mut self.link else { return (u_meant, None) };
+        let u_nominal = self.fifo.applied(ahead);
+        let Some(link) = &mut self.link else { return (u_nominal, None) };
         let p = SVector::from_column_slice(self.mhe.p_hat().as_slice());
-        let (decision, changed) = link.update(&u_meant, &self.plausibility.steady(observed), &p);
+        let (decision, changed) = link.update(&u_nominal, &self.plausibility.steady(observed), &p);
         let u_applied = link.applied(0);
         if let Some(steps) = changed {
             // The newest of these steps is not in the window yet. Before the start there is no window.
@@ -300,7 +293,7 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
             return;
         }
         let steps = (self.mhe.window().len() - 1).min(link.state_steps());
-        link.rewrite_meant(steps, |back| fifo.applied(ahead - back.cast_signed()));
+        link.rewrite_nominal(steps, |back| fifo.applied(ahead - back.cast_signed()));
         assert_amended(&self.mhe.amend(steps, |age| link.applied(age)));
     }
 
@@ -325,7 +318,7 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
 
     /// Lets the mission go on from where the vehicle is now, at its present speed.
     fn resume(&mut self) {
-        self.progress.reset_least();
+        self.progress.reset_smallest_error();
         if let Some(motion) = self.motion() {
             self.mission.resume(&motion.pose, &motion.rate);
         }
@@ -336,8 +329,8 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
     }
 
     /// What acts in place of all that is sent; `None` while the link is up.
-    fn link_instead(&self) -> Option<Sticks> {
-        self.link.as_ref().and_then(Link::instead)
+    fn outage_input(&self) -> Option<Sticks> {
+        self.link.as_ref().and_then(Link::outage_input)
     }
 
     /// Step 9 of thesis section 4.3.11: progress of the mission by the newest estimate; it waits for a braking vehicle.
@@ -349,20 +342,20 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
 
     /// Steps 7 and 8 of thesis section 4.3.11: the plan that follows from the newest estimate.
     ///
-    /// `ahead` of the coming period is the first one after that estimate.
-    fn plan(&mut self, ahead: isize, watch: &mut dyn Watch, out: &mut Outcome) {
+    /// `first_period`, relative to the coming one, is the first one after that estimate.
+    fn plan(&mut self, first_period: isize, watch: &mut dyn Watch, out: &mut Outcome) {
         if !self.mhe.is_started() {
             return;
         }
-        let known = Known {
+        let start = PlanStart {
             s_hat: self.mhe.s_hat(),
             p_hat: self.mhe.p_hat(),
             covariance: self.planner.covariance(|| self.mhe.state_covariance()),
             fifo: &self.fifo,
-            instead: self.link_instead(),
-            ahead,
+            outage_input: self.outage_input(),
+            first_period,
         };
-        let solved = self.planner.plan(&known, &self.mission, &mut || watch.is_late());
+        let solved = self.planner.plan(&start, &self.mission, &mut || watch.is_late());
         watch.mark(TickStage::Planned);
         // Late is no failure until the plan is older than its horizon.
         let is_late = matches!(&solved, Ok(report) if report.stop == SqpStop::Late);

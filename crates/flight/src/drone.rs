@@ -1,10 +1,11 @@
 //! The drone as the tick sees it, whatever protocol it speaks.
 //!
-//! Owns the status of the drone, in SI units as logs have it; how it is read from them is `older_log.rs`. No bytes
-//! here: the protocols are in `tello-io`. The factors of the drone's own units stand here because older logs have them,
-//! too.
+//! Owns the status of the drone, in SI units as logs have it; how it is read from logs is `older_log.rs`, the times
+//! on which its users agree are `timing.rs`. No bytes here: the protocols are in `tello-io`. The factors of the drone's
+//! own units stand here because older logs have them, too.
 
 mod older_log;
+mod timing;
 
 use std::fmt;
 use std::str::FromStr;
@@ -13,41 +14,18 @@ use schemars::JsonSchema;
 use serde::de::{self, IntoDeserializer};
 use serde::{Deserialize, Serialize};
 
-use crate::time::{SpanNs, TimeNs};
+pub use self::timing::{
+    ALONE_HOLD, CONTROL_SILENCE_NEUTRAL, LAND_PERIOD, MOTORS_REST, STATUS_FRESH, TAKE_OFF_TAIL,
+    TAKE_OFF_UNSEEN,
+};
+
+use crate::time::TimeNs;
 
 /// Volts of a millivolt, in which the binary protocol and older logs have the battery. V/mV
 pub const V_PER_MV: f64 = 1e-3;
 
 /// Metres, or m/s, of a tenth, in which the protocols and older logs have height and velocity. m/dm
 pub const M_PER_DM: f64 = 0.1;
-
-/// Silence of the control thread after which the sender sends neutral sticks in place of the approved
-/// ones.
-pub const CONTROL_SILENCE_NEUTRAL: SpanNs = SpanNs::from_ms(100);
-
-/// LAND is repeated this often, as is the supervisor's order to stop the motors: one of fifty datagrams is lost, and a
-/// drone that takes off ignores the first ones.
-pub const LAND_PERIOD: SpanNs = SpanNs::from_ms(500);
-
-/// Time for which one source, motion capture or the drone, has to report without a break that the drone is
-/// down where the other reports nothing: LAND is repeated meanwhile, since a drone may
-/// refuse it for seconds. Longer than 15 s is of no use: a drone that receives nothing lands by itself then.
-pub const ALONE_HOLD: SpanNs = SpanNs::from_ms(10_000);
-
-/// A Tello ignores `land` for so long after the order to take off, and may not report to fly yet: until then "not
-/// flying" does not mean landed.
-pub const TAKE_OFF_TAIL: SpanNs = SpanNs::from_ms(4000);
-
-/// An order to take off that has shown no effect may still have one for so long: the way to a drone may carry it
-/// seconds late, and a drone may start its motors late. Until then "not flying" does not mean landed.
-pub const TAKE_OFF_UNSEEN: SpanNs = SpanNs::from_ms(8000);
-
-/// Age beyond which a status no longer counts. Statuses come ten times a second; gaps of up to 0.6 s are assumed
-/// (docs/bench-test.md).
-pub const STATUS_FRESH: SpanNs = SpanNs::from_ms(2000);
-
-/// The text SDK's count of seconds with motors on stands still for so long if they are off.
-pub const MOTORS_REST: SpanNs = SpanNs::from_ms(3000);
 
 /// Height above that on the ground beyond which a drone does not stand, whatever it reports. Heights come in
 /// steps of 0.1 m and drift by less in a flight. m

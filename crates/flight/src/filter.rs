@@ -198,7 +198,7 @@ impl PoseFilter {
     /// Checks another sample of the period of [`PoseFilter::update`]; no hold is lengthened once more.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn update_again(&mut self, raw: Option<&Pose>) -> Filtered {
+    pub(crate) fn update_again(&mut self, raw: Option<&Pose>) -> Filtered {
         let raw = raw.filter(|raw| raw.iter().all(|row| row.is_finite()));
         let (position, heading) = match (raw, self.o_ref) {
             (None, _) => self.miss(),
@@ -212,7 +212,7 @@ impl PoseFilter {
     /// source. What the filter holds from here on.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn refuse_heading(&mut self, theta_rad: f64) -> Filtered {
+    pub(crate) fn refuse_heading(&mut self, theta_rad: f64) -> Filtered {
         self.refuse();
         if let Some(o_ref) = &mut self.o_ref {
             o_ref[pose::THETA] = theta_rad;
@@ -224,7 +224,7 @@ impl PoseFilter {
     /// turned while others were refused. What the filter holds from here on.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn confirm_heading(
+    pub(crate) fn confirm_heading(
         &mut self,
         raw: &Pose,
         theta_hat_rad: f64,

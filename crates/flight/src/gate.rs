@@ -80,7 +80,7 @@ impl Gate {
     /// over its limit; never the gesture that stops the motors. A person sees the vehicle and needs no pose.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn pass_manual(&self, u_hand: &Sticks) -> Approved {
+    pub(crate) fn pass_manual(&self, u_hand: &Sticks) -> Approved {
         let steps = u_hand.map(|u| (u * self.steps_full).round());
         // Comparisons are false for NaN.
         let is_within = steps.iter().all(|steps| steps.abs() <= self.steps_accepted);

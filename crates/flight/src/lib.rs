@@ -53,8 +53,8 @@ use serde::{Deserialize, Deserializer};
 pub use commanded::commanded_w_mps;
 pub use filter::{Acceptance, FilterSettings, FilterTable, Filtered, PoseFilter};
 pub use link::{
-    DeadTimeError, DeadTimeErrors, DeadTimeTable, HeightTable, LinkDecision, LinkMonitor,
-    LinkSettings, LinkState, LinkTable, TurnTable,
+    DeadTimeError, DeadTimeTable, HeightTable, LinkDecision, LinkMonitor, LinkSettings, LinkState,
+    LinkTable, TurnTable,
 };
 pub use mission::{
     CircleTable, CsvError, CsvErrors, Direction, FollowTable, LimitTable, Mission, MissionTable,
@@ -69,9 +69,9 @@ pub use path::Heading;
 pub use sighting::Sighting;
 pub use supervisor::{
     CLIMB_MAX_M, Decision, DroneReport, EstimatedMotion, Evidence, FailsafeTable, Fault, FaultSet,
-    GROUND_MAX_M, Incidents, ObstacleEvidence, Operator, Outage, Phase, Pilot, PlanClearance,
-    PoseEvidence, Reaction, Room, RoomTable, Start, Supervisor, SupervisorSettings,
-    SupervisorTable, TrackingEvidence,
+    GROUND_MAX_M, HandInput, Incidents, ObstacleApproach, ObstacleEvidence, Operator, Outage,
+    Phase, Pilot, PlanClearance, PoseEvidence, Reaction, Room, RoomTable, Start, Supervisor,
+    SupervisorSettings, SupervisorTable, TrackingEvidence,
 };
 pub use targets::{TargetTable, Targets, clip_target};
 

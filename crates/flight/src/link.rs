@@ -89,7 +89,7 @@ impl DeadTimeError {
 
 /// Errors of the dead times by the motion up to now, for each axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DeadTimeErrors {
+pub(crate) struct DeadTimeErrors {
     /// Error of roll and pitch.
     pub horizontal: DeadTimeError,
     /// Error of the throttle; `None`: it is corrected as roll and pitch are.
@@ -150,7 +150,7 @@ impl LinkMonitor {
     /// looks like a delay.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn dead_time_errors(&self) -> Option<DeadTimeErrors> {
+    pub(crate) fn dead_time_errors(&self) -> Option<DeadTimeErrors> {
         let test = self.test.as_ref()?;
         let is_doubted = test
             .alternatives
@@ -174,7 +174,7 @@ impl LinkMonitor {
     /// stick), the horizontal ones both alike. An axis at its least dead time keeps it, and with it the error.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn correct_dead_time(&mut self, longer_s: &Sticks) {
+    pub(crate) fn correct_dead_time(&mut self, longer_s: &Sticks) {
         let Some(test) = &mut self.test else { return };
         test.present.correct_dead_time(longer_s);
         for other in &mut test.alternatives {

@@ -180,7 +180,7 @@ impl Mission {
     }
 
     /// Whether references are constant targets, which the clipping of thesis equation 4.20 is for.
-    pub fn is_pointwise(&self) -> bool {
+    pub(crate) fn is_pointwise(&self) -> bool {
         matches!(self.0, Kind::Targets(_))
     }
 
@@ -192,7 +192,7 @@ impl Mission {
 
     /// Rate of the reference; `None` before the first [`Mission::advance`], and for constant targets. World frame.
     /// m/s, rad/s
-    pub fn reference_rate(&self) -> Option<PoseRate> {
+    pub(crate) fn reference_rate(&self) -> Option<PoseRate> {
         self.now().map(|reference| reference.rate)
     }
 

@@ -25,8 +25,6 @@ mod stillness;
 mod typical_vehicle;
 mod velocity;
 
-pub use settings::{MonitorSettings, MonitorTable};
-
 use horizon_model::rows::{Pose, Sticks};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -36,6 +34,8 @@ use heading::HeadingMonitor;
 use height::HeightMonitor;
 use stillness::{FrozenMonitor, StillnessMonitor};
 use velocity::VelocityMonitor;
+
+pub use settings::{MonitorSettings, MonitorTable};
 
 use crate::forgetting::{LEAK_RATIO, LeakySum};
 
@@ -144,7 +144,7 @@ impl Monitors {
     /// then has too few new ones.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn observe_repeated(&mut self, pose: &Pose) {
+    pub(crate) fn observe_repeated(&mut self, pose: &Pose) {
         self.stillness.observe(pose);
     }
 
@@ -152,7 +152,7 @@ impl Monitors {
     /// refused, and is that of an earlier pose. Without a call the heading counts as measured.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn note_heading_measured(&mut self, is_its_own: bool) {
+    pub(crate) fn note_heading_measured(&mut self, is_its_own: bool) {
         if let Some(heading) = &mut self.heading {
             heading.observe(is_its_own);
         }
@@ -161,8 +161,8 @@ impl Monitors {
     /// Forgets the direction of the motion, since the poses have jumped or jump in the coming tick.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn restart_direction_only(&mut self) {
-        self.direction.restart();
+    pub(crate) fn restart_direction(&mut self) {
+        self.direction.reset();
     }
 
     /// Takes a tick in flight.
@@ -195,10 +195,10 @@ impl Monitors {
     /// Forgets turns and direction of the motion, since the heading was wrong so far.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn restart_direction(&mut self) {
-        self.direction.restart();
+    pub(crate) fn restart_heading_and_direction(&mut self) {
+        self.direction.reset();
         if let Some(heading) = &mut self.heading {
-            heading.rest();
+            heading.reset();
         }
     }
 
@@ -206,16 +206,16 @@ impl Monitors {
     ///
     /// Real time: no allocation, constant cost.
     pub fn update_on_ground(&mut self, sample: &Sample) {
-        self.stillness.restart();
-        self.direction.rest();
+        self.stillness.reset();
+        self.direction.reset_on_ground();
         if let Some(velocity) = &mut self.velocity {
-            velocity.rest(sample);
+            velocity.reset_on_ground(sample);
         }
         if let Some(height) = &mut self.height {
-            height.rest(sample);
+            height.reset_on_ground(sample);
         }
         if let Some(heading) = &mut self.heading {
-            heading.rest();
+            heading.reset();
         }
     }
 }

@@ -143,7 +143,7 @@ impl ObstacleTable {
 }
 
 impl Obstacle {
-    /// Whether its place comes with each tick.
+    /// Whether motion capture measures this obstacle in each tick; a fixed one stands where the settings say.
     pub fn is_moving(&self) -> bool {
         matches!(self.shape, Shape::Moving { .. })
     }
@@ -194,7 +194,7 @@ impl Obstacle {
     /// grows with the difference from that height, so the smallest one is at the nearest height of the climb.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn distance_in_climb(
+    pub(crate) fn distance_in_climb(
         &self,
         from_w: &Vector3<f64>,
         climb_m: f64,

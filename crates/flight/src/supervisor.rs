@@ -25,17 +25,19 @@ mod conditions;
 mod evidence;
 mod fault;
 mod geofence;
-mod let_past;
-mod memory;
+mod hover_after_take_off;
+mod moving_obstacle_wait;
 mod person_gone;
 mod settings;
-mod settling;
 mod staleness;
+mod take_off;
+mod timers;
 
 pub(crate) use self::braking::SLOW_MPS;
 pub use self::evidence::{
-    Decision, DroneReport, EstimatedMotion, Evidence, Incidents, ObstacleEvidence, Operator,
-    Outage, Phase, PlanClearance, PoseEvidence, Start, TrackingEvidence,
+    Decision, DroneReport, EstimatedMotion, Evidence, HandInput, Incidents, ObstacleApproach,
+    ObstacleEvidence, Operator, Outage, Phase, PlanClearance, PoseEvidence, Start,
+    TrackingEvidence,
 };
 pub use self::fault::{Fault, FaultSet, Pilot, Reaction};
 pub use self::geofence::{CLIMB_MAX_M, GROUND_MAX_M, Room, RoomTable};
@@ -44,9 +46,11 @@ pub use self::settings::{FailsafeTable, SupervisorSettings, SupervisorTable};
 use self::airborne::LandingConfirmation;
 use self::blocked::Blockage;
 use self::braking::{ControlMode, Descent};
-use self::condition_timer::{HoldTimer, LeakyTimer, ReportTimer, elapsed_s, exceeds};
-use self::let_past::MovingObstacleTimes;
-use self::settling::Settling;
+use self::condition_timer::{elapsed_s, exceeds};
+use self::hover_after_take_off::HoverAfterTakeOff;
+use self::moving_obstacle_wait::MovingObstacleTimes;
+use self::take_off::TakeOffEvidence;
+use self::timers::Timers;
 use crate::drone::{DroneOrder, LAND_PERIOD};
 use crate::forgetting::LeakySum;
 
@@ -63,29 +67,6 @@ const FLYING_UNORDERED_S: f64 = 1.0;
 /// How long a vehicle must look grounded to count as down. s
 const DOWN_HOLD_S: f64 = 1.0;
 
-/// Whether the drone has shown that it received the order to take off, the surest sign last.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
-enum TakeOffSeen {
-    #[default]
-    No,
-    /// The height of the drone or its poses rose.
-    Measured,
-    /// The drone reported that it flies.
-    Reported,
-}
-
-/// The order to take off, what has shown that the drone received it, and the heights before.
-#[derive(Debug, Clone, Default)]
-struct TakeOffEvidence {
-    /// When the take-off was ordered last. ns
-    ordered_ns: Option<i64>,
-    seen: TakeOffSeen,
-    /// Height of the poses on the ground. m
-    ground_m: Option<f64>,
-    /// Height by the drone on the ground. m
-    drone_ground_m: Option<f64>,
-}
-
 /// What is wrong at a tick, under the pilot whose reactions count.
 #[derive(Debug, Clone, Copy)]
 struct Assessment {
@@ -95,49 +76,6 @@ struct Assessment {
     reaction: Reaction,
 }
 
-/// For how long each of these conditions has held.
-#[derive(Debug, Clone, Default)]
-struct Timers {
-    /// In flight the drone reports that it stands.
-    reports_standing: ReportTimer,
-    /// The drone reports its charge as critical.
-    battery_critical: ReportTimer,
-    /// In the take-off the pose is still while the drone reports that it climbs.
-    still_in_climb: HoldTimer,
-    /// The drone reports that it flies and no measurement shows that it rises.
-    not_rising: HoldTimer,
-    /// The mission is done.
-    mission_done: HoldTimer,
-    /// The vehicle that the controller flies is too far from its reference.
-    off_reference: HoldTimer,
-    /// The vehicle's velocity is far from that of its reference.
-    velocity_off_reference: LeakyTimer,
-    /// Plans are blocked.
-    blocked: LeakyTimer,
-    /// The pose is still below the reference: the vehicle seems to stand on something.
-    standing_below_reference: HoldTimer,
-    /// The heading is far from that of the reference.
-    heading_off_reference: HoldTimer,
-    /// The vehicle is too fast.
-    too_fast: HoldTimer,
-    /// The dead time is too long.
-    dead_time_long: HoldTimer,
-    /// The sticks in a person's hand are neutral.
-    hand_neutral: HoldTimer,
-    /// The sticks are neutral while the vehicle is outside of the room or too fast.
-    hand_neutral_in_danger: HoldTimer,
-    /// The vehicle brakes before a landing.
-    braking: HoldTimer,
-    /// The moving obstacle came near within the last seconds.
-    approached: LeakyTimer,
-    /// The drone reports that it flies, without an order to take off.
-    flying_unordered: ReportTimer,
-    /// There is a command outage that the drone does not confirm.
-    outage_unconfirmed: HoldTimer,
-    /// The moving obstacle comes near, or its position is unknown, while the vehicle cannot evade it yet.
-    obstacle_near: HoldTimer,
-}
-
 /// The state machine of a flight; see the top of this file.
 #[derive(Debug, Clone)]
 pub struct Supervisor {
@@ -145,13 +83,13 @@ pub struct Supervisor {
     /// Where the vehicle may be; `None`: anywhere.
     room: Option<Room>,
     /// Dry run: the vehicle is carried by hand, and its status does not count.
-    is_carried: bool,
+    is_dry_run: bool,
     phase: Phase,
     /// When the phase began. ns
     phase_since_ns: i64,
     /// The first tick. ns
     began_ns: Option<i64>,
-    settling: Settling,
+    hover: HoverAfterTakeOff,
     timers: Timers,
     take_off: TakeOffEvidence,
     landing: LandingConfirmation,
@@ -181,10 +119,10 @@ impl Supervisor {
                 Start::Grounded => Phase::Idle,
                 Start::Airborne | Start::Carried => Phase::Flying,
             },
-            is_carried: start == Start::Carried,
+            is_dry_run: start == Start::Carried,
             phase_since_ns: 0,
             began_ns: None,
-            settling: Settling::default(),
+            hover: HoverAfterTakeOff::default(),
             timers: Timers::default(),
             take_off: TakeOffEvidence::default(),
             landing: LandingConfirmation::default(),
@@ -212,9 +150,9 @@ impl Supervisor {
     ///
     /// Real time: no allocation, constant cost.
     pub fn decide(&mut self, e: &Evidence) -> Decision {
-        self.remember(e);
+        self.update_timers(e);
         let found = self.assess(e);
-        self.remember_braking(e, &found);
+        self.update_braking(e, &found);
         let next = self.next_phase(e, &found);
         if next != self.phase {
             self.enter(next, e, &found);
@@ -222,7 +160,7 @@ impl Supervisor {
         self.decision(e, &found)
     }
 
-    /// What is wrong, by the evidence and the memory of this tick.
+    /// What is wrong, by the evidence and the timers of this tick.
     fn assess(&self, e: &Evidence) -> Assessment {
         let (pilot, faults) = (self.reacting_pilot(e), self.faults(e));
         Assessment { pilot, faults, reaction: faults.reaction(pilot) }
@@ -233,7 +171,7 @@ impl Supervisor {
         self.phase = next;
         self.phase_since_ns = e.t_ns;
         match next {
-            Phase::Flying => self.settling.confirm(e.t_ns),
+            Phase::Flying => self.hover.confirm(e.t_ns),
             Phase::Landing | Phase::LandingUnconfirmed | Phase::MotorsStopped => {
                 if next == Phase::MotorsStopped {
                     self.end_ordered_ns = None;
@@ -241,7 +179,7 @@ impl Supervisor {
                 self.note_ending(found);
             }
             Phase::Landed => self.note_confirmation(e),
-            Phase::TakingOff => self.settling.begin(e.pose),
+            Phase::TakingOff => self.hover.begin(e.pose),
             Phase::Idle => {}
         }
     }
@@ -259,7 +197,7 @@ impl Supervisor {
             is_steerable && (self.timers.braking.holds() || reaction == Reaction::Brake);
         let may_steer = is_steerable
             && (is_braking || reaction < Reaction::Hold)
-            && (self.settling.is_over() || pilot == Pilot::Person);
+            && (self.hover.is_over() || pilot == Pilot::Person);
         self.control = ControlMode::of(may_steer && pilot == Pilot::Controller, is_braking);
         Decision {
             phase: self.phase,
@@ -275,8 +213,8 @@ impl Supervisor {
     /// Whose reactions count. On the ground a hand on the sticks may be an accident: there the person
     /// has to report so.
     fn reacting_pilot(&self, e: &Evidence) -> Pilot {
-        let is_meant = self.phase != Phase::Idle || e.operator == Operator::FlyByHand;
-        if e.is_by_hand && is_meant { Pilot::Person } else { Pilot::Controller }
+        let is_hand_deliberate = self.phase != Phase::Idle || e.operator == Operator::FlyByHand;
+        if e.is_by_hand() && is_hand_deliberate { Pilot::Person } else { Pilot::Controller }
     }
 
     fn next_phase(&self, e: &Evidence, found: &Assessment) -> Phase {

@@ -215,7 +215,7 @@ fn limited(rate: f64, [before, before_s]: [f64; 2], [after, after_s]: [f64; 2]) 
 
 #[cfg(test)]
 mod tests {
-    use horizon_model::check::amax;
+    use horizon_model::check::{amax, maximum};
 
     use super::*;
 
@@ -275,7 +275,7 @@ mod tests {
     }
 
     fn maximum_of(values: &[f64]) -> f64 {
-        values.iter().copied().fold(0.0, f64::max)
+        values.iter().copied().fold(0.0, maximum)
     }
 
     #[test]

@@ -6,8 +6,9 @@ use nalgebra::Vector3;
 use tello_flight::drone::DroneOrder;
 use tello_flight::{
     Agreement, Decision, DroneReport, EstimatedMotion, Evidence, FailsafeTable, Fault, Findings,
-    Incidents, ObstacleEvidence, Operator, Outage, Phase, Pilot, PlanClearance, PoseEvidence,
-    Reaction, RoomTable, Start, Supervisor, SupervisorSettings, SupervisorTable, TrackingEvidence,
+    HandInput, Incidents, ObstacleApproach, ObstacleEvidence, Operator, Outage, Phase, Pilot,
+    PlanClearance, PoseEvidence, Reaction, RoomTable, Start, Supervisor, SupervisorSettings,
+    SupervisorTable, TrackingEvidence,
 };
 
 const STALE_S: f64 = 0.25;
@@ -85,8 +86,12 @@ fn obstacles(flag: impl Fn(u8) -> bool) -> ObstacleEvidence {
     ObstacleEvidence {
         is_unseen: flag(0) && flag(1) && flag(3),
         blocks_take_off: flag(1) && flag(2) && flag(3),
-        is_approached: flag(1) && flag(3),
-        may_be_approached: flag(2) && flag(3),
+        approach: match (flag(1), flag(2)) {
+            _ if !flag(3) => ObstacleApproach::No,
+            (true, _) => ObstacleApproach::Predicted,
+            (false, true) => ObstacleApproach::Possible,
+            (false, false) => ObstacleApproach::No,
+        },
         reference_behind_w: (flag(0) && flag(3)).then(Vector3::zeros),
         is_vehicle_inside: flag(0) && flag(1) && flag(2),
     }
@@ -96,12 +101,12 @@ fn tracking(flag: impl Fn(u8) -> bool) -> TrackingEvidence {
     TrackingEvidence {
         pressed_s: if flag(2) && flag(3) { 9.0 } else { 0.0 },
         has_hit: flag(3) && flag(5),
-        away_m: flag(0).then_some(2.0),
+        position_growth_m: flag(0).then_some(2.0),
         velocity_error_mps: flag(2).then_some(2.0),
         is_receding: flag(2),
-        turned_rad: flag(2).then_some(2.0),
-        below_m: flag(1).then_some(0.5),
-        sunk_m: flag(1).then_some(0.5),
+        heading_growth_rad: flag(2).then_some(2.0),
+        height_deficit_m: flag(1).then_some(0.5),
+        sink_depth_m: flag(1).then_some(0.5),
         overtime_s: if flag(1) { 61.0 } else { 0.0 },
     }
 }
@@ -160,8 +165,11 @@ fn evidence(
             has_input_expired: flag(0) && flag(3),
             is_mocap_undated: flag(0) && flag(2),
         },
-        is_by_hand: flag(0),
-        is_hand_neutral: flag(0) && flag(2),
+        hand: match (flag(0), flag(2)) {
+            (false, _) => HandInput::Absent,
+            (true, true) => HandInput::Neutral,
+            (true, false) => HandInput::Steering,
+        },
         is_mission_done: flag(1),
         has_estimator_failed: flag(2),
         has_controller_failed: flag(3),
@@ -170,7 +178,8 @@ fn evidence(
 
 /// A take-off needs poses inside of the room, or a person who sees, and a drone that can fly.
 fn assert_may_take_off(before: Phase, sees: bool, e: &Evidence) {
-    let is_by_sight = e.is_by_hand && (e.operator == Operator::FlyByHand || before != Phase::Idle);
+    let is_by_sight =
+        e.is_by_hand() && (e.operator == Operator::FlyByHand || before != Phase::Idle);
     assert!(sees || is_by_sight, "takes off blind: {before:?}, {e:?}");
     let is_able =
         |drone: DroneReport| drone.battery_pct >= 30 && (is_by_sight || drone.age_s <= 2.0);
@@ -198,9 +207,9 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, out: Decision) {
         Some(Pilot::Controller) => {
             assert!(is_fresh && !e.has_estimator_failed, "steers on stale data: {}", case());
             assert!(is_inside, "steers behind the wall: {}", case());
-            assert!(!e.is_by_hand, "takes the sticks from a person: {}", case());
+            assert!(!e.is_by_hand(), "takes the sticks from a person: {}", case());
         }
-        Some(Pilot::Person) => assert!(e.is_by_hand, "no person steers: {}", case()),
+        Some(Pilot::Person) => assert!(e.is_by_hand(), "no person steers: {}", case()),
         None => {}
     }
     if e.operator == Operator::EmergencyStop {
@@ -219,7 +228,7 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, out: Decision) {
         assert!(matches!(out.phase, Phase::Landing | Phase::LandingUnconfirmed), "{}", case());
     }
     let is_on_the_way = matches!(before, Phase::TakingOff | Phase::Flying);
-    let pilot = if e.is_by_hand { Pilot::Person } else { Pilot::Controller };
+    let pilot = if e.is_by_hand() { Pilot::Person } else { Pilot::Controller };
     let must_land = out.faults.reaction(pilot) == Reaction::Land;
     if is_on_the_way && must_land {
         assert_eq!((out.phase, out.order), (Phase::Landing, Some(DroneOrder::Land)), "{}", case());
@@ -248,8 +257,7 @@ fn assert_safe(before: Phase, has_landed: bool, e: &Evidence, out: Decision) {
 #[test]
 fn no_single_piece_of_evidence_breaks_an_invariant_in_any_phase() {
     let calm = Evidence {
-        is_by_hand: false,
-        is_hand_neutral: false,
+        hand: HandInput::Absent,
         ..evidence(Some(0.0), PLACES[1], (Some(0.0), 0), (Operator::Wait, 0))
     };
     let fly = Evidence { operator: Operator::Fly, ..calm };

@@ -1,6 +1,6 @@
 //! A person at the controls: keys of the terminal, a keyboard or a gamepad.
 //!
-//! Owns what a person can ask for, the end of it that the control thread polls, and the readers, each
+//! Owns the orders of a person, the end that the control thread polls, and the readers, each
 //! on a thread of its own. What events mean is `manual::controls`, which key is which `manual::keys`.
 //! It refuses to decide what becomes of an order: that is the supervisor's.
 
@@ -24,12 +24,13 @@ use nix::errno::Errno;
 use rtrb::{Consumer, Producer, RingBuffer};
 use thiserror::Error;
 
-pub use controls::{Act, Controls, Direction, Event, Source};
+pub use controls::{Direction, Event, InputAction, Source};
 pub use keys::{Decoder, KEYS_HELP, Typed};
 pub use remote::{Remote, RemoteBusy};
 pub use settings::{ManualSettings, ManualTable};
 pub use terminal::{discard_typed, is_ours as is_terminal_ours};
 
+use self::controls::ControlState;
 use self::device::Layout;
 use self::notes::Notes;
 use self::panel::Note;
@@ -48,7 +49,7 @@ const REMOTE_EVENTS: usize = 64;
 
 /// An order of the person at the controls, the weakest first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Ask {
+pub enum PersonOrder {
     /// Take off.
     TakeOff,
     /// Land.
@@ -57,21 +58,21 @@ pub enum Ask {
     EmergencyStop,
 }
 
-/// Wishes of the person at the controls in one tick.
+/// Order and sticks of the person at the controls in one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Hand {
+pub struct ManualInput {
     /// The strongest order since the last tick.
-    pub ask: Option<Ask>,
+    pub order: Option<PersonOrder>,
     /// The sticks of a person who steers; `None`: the controller steers. 1
     pub sticks: Option<Sticks>,
     /// Whether a timer let go of a key or a stick in the person's place since the last tick.
     pub has_expired: bool,
 }
 
-/// The control thread's end of the controls.
+/// The control thread's end of the queues of terminal, device and view.
 #[derive(Debug)]
-pub struct Person {
-    controls: Controls,
+pub struct ManualControls {
+    controls: ControlState,
     terminal: Consumer<Event>,
     device: Consumer<Event>,
     /// A view of this program, if one was asked for.
@@ -80,16 +81,16 @@ pub struct Person {
     notes: Notes,
 }
 
-impl Person {
+impl ManualControls {
     /// The control thread's end, and the queues into which the readers of terminal and device put their events, in this
     /// order. A queue holds 4096 events; a reader that finds its queue full waits. Allocates the queues.
     pub fn new(settings: ManualSettings) -> (Self, Producer<Event>, Producer<Event>) {
         let (terminal_events, terminal) = RingBuffer::new(EVENTS);
         let (device_events, device) = RingBuffer::new(EVENTS);
-        let controls = Controls::new(settings);
+        let controls = ControlState::new(settings);
         let (emergency, notes) = (EmergencyRequest::default(), Notes::default());
-        let person = Self { controls, terminal, device, remote: None, emergency, notes };
-        (person, terminal_events, device_events)
+        let controls = Self { controls, terminal, device, remote: None, emergency, notes };
+        (controls, terminal_events, device_events)
     }
 
     /// Where a view of the flight gives its orders. At most one: a second call closes the first.
@@ -104,22 +105,22 @@ impl Person {
         self.emergency.clone()
     }
 
-    /// Wishes of the person at `now`; called once per tick.
+    /// Order and sticks of the person at `now`; called once per tick.
     ///
     /// Real time: no allocation, at most the queued events; never waits.
-    pub fn poll(&mut self, now: TimeNs) -> Hand {
+    pub fn poll(&mut self, now: TimeNs) -> ManualInput {
         for events in [&mut self.terminal, &mut self.device].into_iter().chain(&mut self.remote) {
             for _ in 0..EVENTS {
                 let Ok(event) = events.pop() else { break };
                 self.controls.receive(&event);
             }
         }
-        let hand = self.controls.hand(now);
+        let input = self.controls.input(now);
         let note = self.controls.take_note();
         if let Some(note) = note {
             self.notes.leave(note);
         }
-        Hand { has_expired: note.is_some(), ..hand }
+        ManualInput { has_expired: note.is_some(), ..input }
     }
 
     /// Notifies the person that their order to take off counts no more, if there is anything to order again with.
@@ -189,11 +190,11 @@ impl Inputs {
         settings: &ManualSettings,
         uses_keys: bool,
         clock: Clock,
-    ) -> Result<(Person, Self), ManualError> {
-        let (person, terminal_events, device_events) = Person::new(settings.clone());
+    ) -> Result<(ManualControls, Self), ManualError> {
+        let (controls, terminal_events, device_events) = ManualControls::new(settings.clone());
         let ends = Arc::new(AtomicBool::new(false));
         let mut inputs = Self { ends: Arc::clone(&ends), readers: Vec::new(), mode: None };
-        let shown = notes::show(person.notes.clone(), Arc::clone(&ends));
+        let shown = notes::show(controls.notes.clone(), Arc::clone(&ends));
         shown.map_err(ManualError::Thread)?;
         if let Some(name) = settings.device.as_deref() {
             let device = device::open(name)?;
@@ -201,15 +202,15 @@ impl Inputs {
                 .get_absinfo()
                 .map_err(|source| ManualError::Open { name: name.into(), source })?;
             let layout = Layout::new(settings.clone(), axes);
-            let outlet = Outlet::new(device_events, person.emergency(), clock, Arc::clone(&ends));
+            let outlet = Outlet::new(device_events, controls.emergency(), clock, Arc::clone(&ends));
             inputs.start("tello-device", move || device::read_events(device, layout, outlet))?;
         }
         if uses_keys && terminal::is_ours() {
             inputs.mode = Some(Mode::enter().map_err(ManualError::Terminal)?);
-            let outlet = Outlet::new(terminal_events, person.emergency(), clock, ends);
+            let outlet = Outlet::new(terminal_events, controls.emergency(), clock, ends);
             inputs.start("tello-keys", move || terminal::read_keys(outlet))?;
         }
-        Ok((person, inputs))
+        Ok((controls, inputs))
     }
 
     /// Whether the keys of the terminal are live.
@@ -246,27 +247,32 @@ mod tests {
     #[test]
     fn the_end_polls_both_queues_and_the_strongest_order_wins() {
         let settings = ManualSettings::try_from(&table()).unwrap();
-        let (mut person, mut terminal, mut device) = Person::new(settings);
-        assert_eq!(person.poll(TimeNs(0)), Hand::default());
-        let event = |source, act| Event { at: TimeNs(0), source, act };
-        terminal.push(event(Source::Terminal, Act::Ask(Ask::EmergencyStop))).unwrap();
-        device.push(event(Source::Device, Act::Ask(Ask::TakeOff))).unwrap();
-        device.push(event(Source::Device, Act::Manual)).unwrap();
-        let hand = person.poll(TimeNs(20_000_000));
+        let (mut controls, mut terminal, mut device) = ManualControls::new(settings);
+        assert_eq!(controls.poll(TimeNs(0)), ManualInput::default());
+        let event = |source, action| Event { at: TimeNs(0), source, action };
+        terminal
+            .push(event(Source::Terminal, InputAction::Order(PersonOrder::EmergencyStop)))
+            .unwrap();
+        device.push(event(Source::Device, InputAction::Order(PersonOrder::TakeOff))).unwrap();
+        device.push(event(Source::Device, InputAction::Manual)).unwrap();
+        let input = controls.poll(TimeNs(20_000_000));
         let sticks = Some(Sticks::zeros());
-        assert_eq!(hand, Hand { ask: Some(Ask::EmergencyStop), sticks, has_expired: false });
-        assert_eq!(person.poll(TimeNs(40_000_000)).ask, None, "an order is given once");
+        assert_eq!(
+            input,
+            ManualInput { order: Some(PersonOrder::EmergencyStop), sticks, has_expired: false }
+        );
+        assert_eq!(controls.poll(TimeNs(40_000_000)).order, None, "an order is given once");
     }
 
     #[test]
     fn a_key_that_expires_is_reported_in_one_tick() {
         let settings = ManualSettings::try_from(&table()).unwrap();
-        let (mut person, mut terminal, _device) = Person::new(settings);
-        let press = Act::Press(Direction::Forward);
-        terminal.push(Event { at: TimeNs(0), source: Source::Terminal, act: press }).unwrap();
+        let (mut controls, mut terminal, _device) = ManualControls::new(settings);
+        let press = InputAction::Press(Direction::Forward);
+        terminal.push(Event { at: TimeNs(0), source: Source::Terminal, action: press }).unwrap();
         let expired: Vec<i64> = (0..250)
             .map(|tick| 20_000_000 * tick)
-            .filter(|now_ns| person.poll(TimeNs(*now_ns)).has_expired)
+            .filter(|now_ns| controls.poll(TimeNs(*now_ns)).has_expired)
             .collect();
         assert_eq!(expired.len(), 1, "{expired:?}");
         assert!(expired[0] > 0, "{expired:?}");

@@ -30,7 +30,7 @@ mod wire;
 pub use axes::{Axes, FrameTable, Placement, SourceAxis, Unit, quaternion_of_matrix};
 pub use body::{ABOUT_Z, Body, matrix_of_angles};
 pub use client::{MocapClient, MocapFeed};
-pub use lines::{LINE_BYTES_MAX, Lines};
+pub use lines::Lines;
 pub use relay::{RelayPose, format_line, parse_line};
 pub use settings::{
     MocapKind, MocapSettings, MocapTable, NatnetTable, QtmTable, ServerTable, UdpTable, VrpnTable,

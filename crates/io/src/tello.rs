@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 pub use bind::LinkError;
 pub use client::{DroneClient, DroneLink, OrderError};
-pub use guardian::{Duty, Guardian, GuardianReport, GuardianSockets, Heartbeat, WatchEnd};
+pub use guardian::{Guardian, GuardianReport, GuardianSockets, Heartbeat, SenderState, WatchEnd};
 use protocol::{Answer, FlightStatus, Version};
 pub use report::LinkReport;
 pub use session::{Message, STATE_PORT, Session, TOF_FLYING_M};
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_settings_are_refused_with_key_value_and_rule() {
+    fn link_settings_that_break_a_rule_are_refused_with_key_value_and_rule() {
         assert!(check(&table()).is_ok());
         let error = check(&TelloTable { address: "tello:8889".into(), ..table() }).unwrap_err();
         assert_eq!(

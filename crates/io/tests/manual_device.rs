@@ -11,7 +11,9 @@ use evdev::uinput::VirtualDevice;
 use evdev::{AttributeSet, EventType, InputEvent, KeyCode};
 use horizon_model::rows::stick;
 use tello_io::clock::Clock;
-use tello_io::manual::{Ask, Hand, Inputs, ManualSettings, ManualTable, Person};
+use tello_io::manual::{
+    Inputs, ManualControls, ManualInput, ManualSettings, ManualTable, PersonOrder,
+};
 
 /// A keyboard that this test presses, and its file; `None` where the kernel does not allow to make one.
 fn keyboard() -> Option<(VirtualDevice, PathBuf)> {
@@ -32,15 +34,15 @@ fn key(device: &mut VirtualDevice, code: KeyCode, value: i32) {
 }
 
 /// The hand after a tenth of a second of polls, with the strongest order among them.
-fn hand(person: &mut Person, clock: Clock) -> Hand {
-    let mut ask = None;
-    let mut hand = Hand::default();
+fn polled(controls: &mut ManualControls, clock: Clock) -> ManualInput {
+    let mut order = None;
+    let mut input = ManualInput::default();
     for _ in 0..5 {
         sleep(Duration::from_millis(20));
-        hand = person.poll(clock.now());
-        ask = ask.max(hand.ask);
+        input = controls.poll(clock.now());
+        order = order.max(input.order);
     }
-    Hand { ask, ..hand }
+    ManualInput { order, ..input }
 }
 
 #[test]
@@ -61,21 +63,21 @@ fn a_keyboard_steers_until_it_is_released_and_lands_when_it_is_unplugged() {
     };
     let settings = ManualSettings::try_from(&table).expect("valid settings");
     let clock = Clock::start();
-    let (mut person, _inputs) = Inputs::open(&settings, false, clock).expect("a keyboard");
-    assert_eq!(hand(&mut person, clock), Hand::default());
+    let (mut controls, _inputs) = Inputs::open(&settings, false, clock).expect("a keyboard");
+    assert_eq!(polled(&mut controls, clock), ManualInput::default());
 
     key(&mut device, KeyCode::KEY_W, 1);
-    let pitch = |hand: Hand| hand.sticks.map_or(f64::NAN, |u| u[stick::PITCH]);
-    let held = pitch(hand(&mut person, clock));
+    let pitch = |input: ManualInput| input.sticks.map_or(f64::NAN, |u| u[stick::PITCH]);
+    let held = pitch(polled(&mut controls, clock));
     assert!(held > 0.45, "{held}");
     key(&mut device, KeyCode::KEY_W, 0);
-    let released = pitch(hand(&mut person, clock));
+    let released = pitch(polled(&mut controls, clock));
     assert!(released.abs() < 0.05, "{released}");
     key(&mut device, KeyCode::KEY_BACKSPACE, 1);
-    assert_eq!(hand(&mut person, clock).ask, Some(Ask::EmergencyStop));
+    assert_eq!(polled(&mut controls, clock).order, Some(PersonOrder::EmergencyStop));
 
     drop(device);
-    assert_eq!(hand(&mut person, clock).ask, None, "another device has a second");
+    assert_eq!(polled(&mut controls, clock).order, None, "another device has a second");
     sleep(Duration::from_secs(1));
-    assert_eq!(hand(&mut person, clock).ask, Some(Ask::Land));
+    assert_eq!(polled(&mut controls, clock).order, Some(PersonOrder::Land));
 }

@@ -1,8 +1,8 @@
 //! Angles on the circle: the only place that wraps.
 
-use crate::Vector;
 use std::f64::consts::{PI, TAU};
 
+use crate::Vector;
 use crate::row::Row;
 
 /// `angle` in `[-pi, pi)`. rad

@@ -4,12 +4,12 @@
 mod equalities;
 mod structure;
 
-use crate::{Matrix, Vector};
 use std::fmt;
 
 use crate::differences;
-use crate::model::{HessianKind, HessianRequest, Model};
+use crate::model::{HessianKind, HessianRequest, Linearized, LinearizedByInput, Model};
 use crate::row::Row;
+use crate::{Matrix, Vector};
 
 /// Arguments at which a model is checked.
 #[derive(Debug, Clone, Copy)]
@@ -161,9 +161,8 @@ fn worst_of<const M: usize, const N: usize>(given: &Matrix<M, N>, numeric: &Matr
 /// Entry of `model` that disagrees most with what it should be, at one point.
 ///
 /// Checked are the four Jacobians, that of [`Model::coasting`], those of [`Model::linearize`] and
-/// [`Model::linearize_by_input`], the Hessians if
-/// the model has them, the rows behind [`Model::CONTROLLABLE`], which neither inputs nor controllable rows may move,
-/// and [`Model::subsystems`], which must not be coupled. Derivatives are compared with central differences.
+/// [`Model::linearize_by_input`], the Hessians if the model has them, the rows behind [`Model::CONTROLLABLE`], which
+/// neither inputs nor controllable rows may move, and [`Model::subsystems`], which must not be coupled. Derivatives are compared with central differences.
 ///
 /// Functions that must agree with others are compared with these: [`Model::prepared`] with the model, `core` with the
 /// step at the effective input, `effect` of `input_for` with the effect, and the observation of [`Model::at_rest`] with
@@ -184,50 +183,26 @@ where
 {
     let mut check = Check { worst: None };
     let Point { s, u, p, dt_s } = at;
-    let (states, inputs, parameters) = (&M::STATE[..], &M::INPUT[..], &M::PARAMETER[..]);
-    let s_next = model.step(s, u, p, *dt_s) / *dt_s;
-    let scaled_step = |s: &_, u: &_, p: &_| model.step(s, u, p, *dt_s) / *dt_s;
-    let by_state = differences::jacobian_of_rows(|s| scaled_step(s, u, p), s, &M::STATE);
-    let by_input = differences::jacobian_of_rows(|u| scaled_step(s, u, p), u, &M::INPUT);
-    let by_parameter = differences::jacobian_of_rows(|p| scaled_step(s, u, p), p, &M::PARAMETER);
-
-    // What a user writes comes first: of equal gaps the first is reported, and the others follow from it.
-    let given = model.step_by_state(s, u, p, *dt_s) / *dt_s;
-    check.observe("step_by_state", worst_of(&given, &by_state), (states, states));
-    let given = model.step_by_input(s, u, p, *dt_s) / *dt_s;
-    check.observe("step_by_input", worst_of(&given, &by_input), (states, inputs));
-    let given = model.step_by_parameter(s, u, p, *dt_s) / *dt_s;
-    check.observe("step_by_parameter", worst_of(&given, &by_parameter), (states, parameters));
-    let driven = model.linearize_by_input(s, u, p, *dt_s);
-    let name = "linearize_by_input";
-    check.observe(name, worst_of(&(driven.s_next / *dt_s), &s_next), (states, &[]));
-    check.observe(name, worst_of(&(driven.by_state / *dt_s), &by_state), (states, states));
-    check.observe(name, worst_of(&(driven.by_input / *dt_s), &by_input), (states, inputs));
-
-    let linearized = model.linearize(s, u, p, *dt_s);
-    let name = "linearize";
-    check.observe(name, worst_of(&(linearized.s_next / *dt_s), &s_next), (states, &[]));
-    check.observe(name, worst_of(&(linearized.by_state / *dt_s), &by_state), (states, states));
-    let entry = worst_of(&(linearized.by_parameter / *dt_s), &by_parameter);
-    check.observe(name, entry, (states, parameters));
-
+    check_steps(&mut check, model, at);
     let observed = model.observe_by_state(s);
     let entry = worst_entry(|s| model.observe(s), (s, &M::STATE), &observed);
-    check.observe("observe_by_state", entry, (&M::OBSERVATION, states));
-    let entry =
-        worst_entry(|s| model.coasting(s, p), (s, &M::STATE), &model.coasting_by_state(s, p));
-    check.observe("coasting_by_state", entry, (&M::OBSERVATION, states));
-
+    check.observe("observe_by_state", entry, (&M::OBSERVATION, &M::STATE));
+    let coasting = model.coasting_by_state(s, p);
+    let entry = worst_entry(|s| model.coasting(s, p), (s, &M::STATE), &coasting);
+    check.observe("coasting_by_state", entry, (&M::OBSERVATION, &M::STATE));
     check_hessians(&mut check, model, at);
     equalities::check(&mut check, model, at);
+
+    let driven = model.linearize_by_input(s, u, p, *dt_s);
+    let linearized = model.linearize(s, u, p, *dt_s);
     let entry = structure::uncontrollable_gap(&driven, M::CONTROLLABLE, *dt_s);
-    check.observe("CONTROLLABLE", entry, (states, &[]));
+    check.observe("CONTROLLABLE", entry, (&M::STATE, &[]));
     let mut subsystems = Vec::new();
     M::subsystems(&mut subsystems);
     let entry = structure::joint(&driven, &linearized, &subsystems, *dt_s);
-    check.observe("subsystems", entry, (states, &[]));
+    check.observe("subsystems", entry, (&M::STATE, &[]));
     let entry = structure::joint_observation(&observed, &subsystems);
-    check.observe("subsystems", entry, (&M::OBSERVATION, states));
+    check.observe("subsystems", entry, (&M::OBSERVATION, &M::STATE));
     check.worst.unwrap_or(Gap {
         derivative: "",
         row_name: "",
@@ -237,12 +212,111 @@ where
     })
 }
 
+/// Checks the Jacobians of the step, and both linearizations, by differences.
+fn check_steps<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
+    check: &mut Check,
+    model: &M,
+    at: &Point<NS, NU, NP>,
+) where
+    M: Model<NS, NU, NO, NP>,
+{
+    let Point { s, u, p, dt_s } = at;
+    let (states, inputs, parameters) = (&M::STATE[..], &M::INPUT[..], &M::PARAMETER[..]);
+    let scaled_step = |s: &_, u: &_, p: &_| model.step(s, u, p, *dt_s) / *dt_s;
+    let s_next = scaled_step(s, u, p);
+    let by_state = differences::jacobian_of_rows(|s| scaled_step(s, u, p), s, &M::STATE);
+    let by_input = differences::jacobian_of_rows(|u| scaled_step(s, u, p), u, &M::INPUT);
+    let by_parameter = differences::jacobian_of_rows(|p| scaled_step(s, u, p), p, &M::PARAMETER);
+
+    // What a user writes comes first: of equal gaps the first is reported, and the others follow from it.
+    let given = model.step_by_state(s, u, p, *dt_s) / *dt_s;
+    check.compare("step_by_state", (&given, &by_state), (states, states));
+    let given = model.step_by_input(s, u, p, *dt_s) / *dt_s;
+    check.compare("step_by_input", (&given, &by_input), (states, inputs));
+    let given = model.step_by_parameter(s, u, p, *dt_s) / *dt_s;
+    check.compare("step_by_parameter", (&given, &by_parameter), (states, parameters));
+
+    let expected = LinearizedByInput { s_next, by_state, by_input };
+    let given = driven_by_period(model, at);
+    check.linearized_by_input("linearize_by_input", (&given, &expected), (states, inputs));
+    let expected = Linearized { s_next, by_state, by_parameter };
+    let given = linearized_by_period(model, at);
+    check.linearized("linearize", (&given, &expected), (states, parameters));
+}
+
+/// [`Model::linearize`], each entry divided by the period.
+fn linearized_by_period<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
+    model: &M,
+    Point { s, u, p, dt_s }: &Point<NS, NU, NP>,
+) -> Linearized<NS, NP>
+where
+    M: Model<NS, NU, NO, NP>,
+{
+    let Linearized { s_next, by_state, by_parameter } = model.linearize(s, u, p, *dt_s);
+    Linearized {
+        s_next: s_next / *dt_s,
+        by_state: by_state / *dt_s,
+        by_parameter: by_parameter / *dt_s,
+    }
+}
+
+/// [`Model::linearize_by_input`], each entry divided by the period.
+fn driven_by_period<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
+    model: &M,
+    Point { s, u, p, dt_s }: &Point<NS, NU, NP>,
+) -> LinearizedByInput<NS, NU>
+where
+    M: Model<NS, NU, NO, NP>,
+{
+    let LinearizedByInput { s_next, by_state, by_input } = model.linearize_by_input(s, u, p, *dt_s);
+    LinearizedByInput {
+        s_next: s_next / *dt_s,
+        by_state: by_state / *dt_s,
+        by_input: by_input / *dt_s,
+    }
+}
+
 /// The worst entry so far.
 struct Check {
     worst: Option<Gap>,
 }
 
 impl Check {
+    /// Keeps the entry of `given` with the largest gap to `expected`, if it is worse.
+    fn compare<const R: usize, const C: usize>(
+        &mut self,
+        derivative: &'static str,
+        (given, expected): (&Matrix<R, C>, &Matrix<R, C>),
+        names: (&[Row], &[Row]),
+    ) {
+        self.observe(derivative, worst_of(given, expected), names);
+    }
+
+    /// [`Check::compare`] of a step and its Jacobians.
+    fn linearized<const NS: usize, const NP: usize>(
+        &mut self,
+        derivative: &'static str,
+        (given, expected): (&Linearized<NS, NP>, &Linearized<NS, NP>),
+        (states, parameters): (&[Row], &[Row]),
+    ) {
+        self.compare(derivative, (&given.s_next, &expected.s_next), (states, &[]));
+        self.compare(derivative, (&given.by_state, &expected.by_state), (states, states));
+        let by_parameter = (&given.by_parameter, &expected.by_parameter);
+        self.compare(derivative, by_parameter, (states, parameters));
+    }
+
+    /// [`Check::compare`] of a step and its Jacobians.
+    fn linearized_by_input<const NS: usize, const NU: usize>(
+        &mut self,
+        derivative: &'static str,
+        (given, expected): (&LinearizedByInput<NS, NU>, &LinearizedByInput<NS, NU>),
+        (states, inputs): (&[Row], &[Row]),
+    ) {
+        self.compare(derivative, (&given.s_next, &expected.s_next), (states, &[]));
+        self.compare(derivative, (&given.by_state, &expected.by_state), (states, states));
+        self.compare(derivative, (&given.by_input, &expected.by_input), (states, inputs));
+    }
+
     /// Keeps `entry` of `derivative` if it is worse; `rows` and `columns` are named by the model.
     fn observe(
         &mut self,

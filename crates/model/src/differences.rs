@@ -70,14 +70,14 @@ pub fn jacobian_of_rows<const M: usize, const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Matrix, Vector};
+    use crate::check::amax;
 
     #[test]
     fn a_jacobian_has_a_row_by_value_and_a_column_by_variable() {
         let f = |x: &Vector<3>| Vector::from([x[0] * x[1], x[2].sin()]);
         let x = Vector::from([2.0, -3.0, 0.4]);
         let exact = Matrix::<2, 3>::new(x[1], x[0], 0.0, 0.0, 0.0, x[2].cos());
-        let gap = (jacobian(f, &x) - exact).amax();
+        let gap = amax(&(jacobian(f, &x) - exact));
         assert!(gap < 1e-9, "{gap:e}");
     }
 

@@ -1,7 +1,7 @@
 //! FIFO of sent inputs: what acts on the system now was sent one dead time ago.
 //!
 //! Owns the thesis' delay queue (section 4.3.10), generalized to one fractional dead time per axis.
-//! What is sent is decided elsewhere; here it is only remembered.
+//! The inputs to send are those of the controller, `horizon_control::Mpc`.
 
 use crate::Vector;
 use crate::row::Row;
@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_refused_with_key_value_and_rule() {
+    fn a_dead_time_or_period_outside_of_its_range_is_refused_with_key_value_and_rule() {
         let error = InputFifo::new(&[0.1, f64::NAN], &ROWS, DT_S).unwrap_err();
         assert_eq!(error.to_string(), "dead_time_s[1] = NaN: expected 0.0..=2.0");
         assert!(InputFifo::new(&[0.1, -0.1], &ROWS, DT_S).is_err());

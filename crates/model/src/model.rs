@@ -1,7 +1,7 @@
 //! What a model is: dimensions, difference equation, observation and derivatives.
 //!
-//! Estimation and control are generic over [`Model`]; they know no vehicle. Noise, input delay and
-//! limits live elsewhere.
+//! Estimation and control are generic over [`Model`]. Noise: the weights of `horizon_estim`. Input delay:
+//! `input_delay.rs`. Limits: the settings of `horizon_control`.
 
 use crate::differences;
 use crate::least_squares;

@@ -53,7 +53,7 @@ impl CommandLink {
 
     /// The link with `outage` in place of its outages.
     #[must_use]
-    pub fn with_outages(self, outage: OutageBehaviour) -> Self {
+    pub(crate) fn with_outages(self, outage: OutageBehaviour) -> Self {
         Self { outage, ..self }
     }
 

@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_refused() {
+    fn a_loss_above_one_is_refused() {
         let table = AirTable { loss: 1.5, ..PERFECT };
         assert_eq!(table.check().unwrap_err().to_string(), "loss = 1.5: expected 0.0..=1.0");
     }

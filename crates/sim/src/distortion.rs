@@ -45,11 +45,8 @@ impl Distortion {
         } else if is_on(InjectedFault::MocapFrozen) {
             last
         } else if let MocapReport::Pose(mut o) = by_chance {
-            for present in faults.present(step) {
-                self.replace(&mut o, &present);
-            }
-            for present in faults.present(step) {
-                self.shift(&mut o, &present);
+            for present in in_order(faults, step) {
+                self.distort(&mut o, &present);
             }
             MocapReport::Pose(misread(o, is_on))
         } else {
@@ -57,9 +54,10 @@ impl Distortion {
         }
     }
 
-    /// Another object in the place of the drone.
-    fn replace(&mut self, o: &mut Pose, present: &Present) {
-        let at = present.pose_onset;
+    /// Another object in the place of the drone, or a measurement that is wrong by a way, a velocity, a frame, a heading
+    /// or noise.
+    fn distort(&mut self, o: &mut Pose, present: &Present) {
+        let (at, elapsed_s) = (present.pose_onset, present.elapsed_s);
         match present.fault {
             InjectedFault::MocapStill {
                 offset_w_m: [x_m, y_m, z_m],
@@ -84,17 +82,9 @@ impl Distortion {
             InjectedFault::MocapWalker {
                 offset_w_m: [x_m, y_m, z_m], noise_m, noise_rad, ..
             } => {
-                *o = at + Pose::new(x_m, y_m, z_m, 0.0) + walked(present, present.elapsed_s);
+                *o = at + Pose::new(x_m, y_m, z_m, 0.0) + walked(present, elapsed_s);
                 self.add_noise(o, noise_m, noise_rad);
             }
-            _ => {}
-        }
-    }
-
-    /// A measurement that is wrong by a way, a velocity, a frame, a heading or noise.
-    fn shift(&mut self, o: &mut Pose, present: &Present) {
-        let elapsed_s = present.elapsed_s;
-        match present.fault {
             InjectedFault::MocapShifted { offset_w_m: [x_m, y_m, z_m] } => {
                 *o += Pose::new(x_m, y_m, z_m, 0.0);
             }
@@ -137,7 +127,7 @@ impl Distortion {
             return Pose::zeros();
         }
         let mut change = change;
-        for present in faults.present(step) {
+        for present in in_order(faults, step) {
             match present.fault {
                 InjectedFault::MocapStill { .. } => change = Pose::zeros(),
                 InjectedFault::MocapSplit { .. } if self.is_elsewhere => change = Pose::zeros(),
@@ -148,11 +138,6 @@ impl Distortion {
                 InjectedFault::MocapAxesStuck { axes, .. } => {
                     (pose::X..=pose::Z).filter(|&row| axes[row]).for_each(|row| change[row] = 0.0);
                 }
-                _ => {}
-            }
-        }
-        for present in faults.present(step) {
-            match present.fault {
                 InjectedFault::MocapDrift { velocity_w_mps: [x, y, z], yaw_radps } => {
                     change += Pose::new(x, y, z, yaw_radps) * DT_S;
                 }
@@ -167,6 +152,21 @@ impl Distortion {
         }
         change
     }
+}
+
+/// The present faults in the order in which they act: those that put another object in the drone's place come first.
+fn in_order(faults: &Faults, step: u64) -> impl Iterator<Item = Present> {
+    let replaces = |present: &Present| {
+        matches!(
+            present.fault,
+            InjectedFault::MocapStill { .. }
+                | InjectedFault::MocapSplit { .. }
+                | InjectedFault::MocapWalker { .. }
+                | InjectedFault::MocapAxesStuck { .. }
+        )
+    };
+    let others = faults.present(step).filter(move |present| !replaces(present));
+    faults.present(step).filter(replaces).chain(others)
 }
 
 /// Displacement of a walker since the onset, after `elapsed_s`; zero of another fault.

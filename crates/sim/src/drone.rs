@@ -215,7 +215,7 @@ impl Drone {
     }
 
     /// Starts the watchdog again, since a datagram arrived, and calls the landing of the watchdog off.
-    pub fn reset_watchdog(&mut self) {
+    pub(crate) fn reset_watchdog(&mut self) {
         self.silent_s = 0.0;
         if self.phase == DronePhase::Landing(Cause::Silence) {
             self.enter(DronePhase::Flying);
@@ -269,7 +269,8 @@ impl Drone {
         }
     }
 
-    /// Latches the sticks `u`, rows `stick`, -1..=1; they act while flying, until replaced. 1
+    /// Latches the sticks `u` (rows `stick`; 1, -1..=1). They act while flying, until replaced. The range is not
+    /// checked.
     pub fn steer(&mut self, u: Sticks) {
         self.u_latched = u;
     }
@@ -328,7 +329,7 @@ impl Drone {
     }
 
     /// Stops the motors, at once and in any phase.
-    pub fn stop_motors(&mut self) {
+    pub(crate) fn stop_motors(&mut self) {
         if self.phase != DronePhase::Grounded {
             self.enter(DronePhase::Falling);
         }
@@ -340,7 +341,7 @@ impl Drone {
     }
 
     /// Calls an ordered landing off. Whether there was one.
-    pub fn cancel_landing(&mut self) -> bool {
+    pub(crate) fn cancel_landing(&mut self) -> bool {
         let is_landing = self.phase == DronePhase::Landing(Cause::Order);
         if is_landing {
             self.enter(DronePhase::Flying);

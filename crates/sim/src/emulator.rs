@@ -3,6 +3,7 @@
 //! Owns the thread that lives through the world in real time: every 20 ms it hears what was sent to
 //! the drone, advances the world and speaks. A command heard between two steps acts in the next one,
 //! as in virtual time. Sockets are polled, never waited for, so that the rate is the ticker's alone.
+//! The thread is the emulator's own, beside the flight's; it allocates.
 
 mod clients;
 mod datastream;

@@ -184,21 +184,21 @@ impl Plant {
 
     /// Flies one step by itself, as while taking off and landing: sticks neutral, climbing towards
     /// `climb_mps`, upwards. m/s
-    pub fn step_automatic(&mut self, climb_mps: f64) {
+    pub(crate) fn step_automatic(&mut self, climb_mps: f64) {
         self.fifo.push(&Sticks::zeros());
         self.fly(&Sticks::zeros(), climb_mps);
     }
 
     /// Flies one step of a landing in which the sticks `u_sent` (1) stay applied horizontally and in yaw, climbing
     /// towards `climb_mps`, which is negative. m/s
-    pub fn step_sinking(&mut self, u_sent: &Sticks, climb_mps: f64) {
+    pub(crate) fn step_sinking(&mut self, u_sent: &Sticks, climb_mps: f64) {
         self.fifo.push(u_sent);
         let u_applied = self.fifo.applied(-1);
         self.fly(&u_applied, climb_mps);
     }
 
     /// Falls for one step, without drag: from the heights of a room it hardly matters.
-    pub fn step_falling(&mut self) {
+    pub(crate) fn step_falling(&mut self) {
         self.fifo.push(&Sticks::zeros());
         let before = self.pose;
         self.driven.z_mps -= GRAVITY_MPS2 * DT_S;
@@ -207,7 +207,7 @@ impl Plant {
     }
 
     /// Stands on the floor for one step.
-    pub fn step_grounded(&mut self) {
+    pub(crate) fn step_grounded(&mut self) {
         self.fifo.push(&Sticks::zeros());
         self.pose[pose::Z] = STANDING_M;
         self.external = External::None;

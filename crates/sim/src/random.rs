@@ -80,7 +80,7 @@ impl Random {
     }
 
     /// Student's t with three degrees of freedom: heavy tails, variance 3.
-    pub fn student_t3(&mut self) -> f64 {
+    pub(crate) fn student_t3(&mut self) -> f64 {
         let numerator = self.normal();
         let chi_square = (0..3).map(|_| self.normal().powi(2)).sum::<f64>();
         numerator / (chi_square / 3.0).sqrt()
@@ -92,7 +92,7 @@ impl Random {
     }
 
     /// Log-normal: the logarithm is normal around `median.ln()` with deviation `sigma`; in the unit of the median.
-    pub fn log_normal(&mut self, median: f64, sigma: f64) -> f64 {
+    pub(crate) fn log_normal(&mut self, median: f64, sigma: f64) -> f64 {
         median * (sigma * self.normal()).exp()
     }
 }

@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_way_is_refused() {
+    fn an_object_with_a_value_outside_of_its_range_is_refused() {
         let refused = |passer: PasserTable| passer.check().unwrap_err().to_string();
         let nan = PasserTable { to_w_m: [0.0, f64::NAN, 0.0], ..PASSER };
         assert!(refused(nan).starts_with("to_m[1] = NaN"), "{}", refused(nan));

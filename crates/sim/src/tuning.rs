@@ -14,7 +14,7 @@ use serde_json::Value;
 use tello_flight::cycle::FlightTable;
 use tello_io::config;
 
-pub use self::objective::{Weigh, Weights};
+pub use self::objective::{WeightArgument, Weights};
 pub use self::search::{Trial, best, minimize};
 pub use self::variable::{Range as VariableRange, Scale, Variable};
 use crate::SimTable;

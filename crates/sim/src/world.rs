@@ -188,7 +188,7 @@ impl World {
     }
 
     /// Switches a fault on or off, beside the script.
-    pub fn set_fault(&mut self, fault: InjectedFault, is_on: bool) {
+    pub(crate) fn set_fault(&mut self, fault: InjectedFault, is_on: bool) {
         self.faults.set(fault, is_on);
     }
 
@@ -199,7 +199,7 @@ impl World {
 
     /// Whether sticks of ours do not act, or not alone: the drone ignores packets, starts anew or knows no host,
     /// its sticks are stuck, commands get lost, or another controller sends.
-    pub fn ignores_sticks(&self) -> bool {
+    pub(crate) fn ignores_sticks(&self) -> bool {
         let is_shared =
             |present: Present| matches!(present.fault, InjectedFault::SecondController { .. });
         self.ignores_commands()
@@ -210,7 +210,7 @@ impl World {
     }
 
     /// Whether an order to land would not be executed now.
-    pub fn ignores_land(&self) -> bool {
+    pub(crate) fn ignores_land(&self) -> bool {
         self.ignores_commands() || !self.is_connected || self.drone.ignores_land()
     }
 

@@ -15,11 +15,11 @@ use anyhow::Result;
 use horizon_model::rows::Sticks;
 use tello_eval::bench::checks::{Step, TestSite};
 use tello_eval::bench::evidence::{ENDING, EndingReport};
-use tello_eval::bench::wire::{self, Event, Motor, Packet, Status, What, hex};
+use tello_eval::bench::wire::{self, BenchEventKind, Event, Motor, Packet, Status, hex};
 use tello_flight::drone::{LAND_PERIOD, STATUS_FRESH, TAKE_OFF_TAIL};
 use tello_io::clock::{CivilTime, Clock, TimeNs};
 use tello_io::tello::protocol::DATAGRAM_BYTES_MAX;
-use tello_io::tello::{Duty, Protocol, STATE_PORT, TelloSettings};
+use tello_io::tello::{Protocol, STATE_PORT, SenderState, TelloSettings};
 
 use self::ending::{Ending, EndingOrder};
 use super::console::Console;
@@ -139,13 +139,13 @@ impl BenchConnection {
         self.clock.now().since(self.began).seconds()
     }
 
-    fn note(&mut self, what: What) {
+    fn note(&mut self, what: BenchEventKind) {
         self.events.push(Event { t_s: self.t_s(), what });
     }
 
     /// Runs one step.
     fn take(&mut self, step: &Step, console: &Console) -> Result<(), Stopped> {
-        self.note(What::Step(step.to_string()));
+        self.note(BenchEventKind::Step(step.to_string()));
         match *step {
             Step::TakeOff => {
                 // The last look before the motors start.
@@ -235,8 +235,8 @@ impl BenchConnection {
     /// Ctrl-C, `emergency` in turn with them.
     pub(super) fn end(&mut self, site: TestSite, console: &Console) {
         let mut ending = Ending::new(self.t_s(), site, console.interrupts());
-        self.note(What::Step(ENDING.into()));
-        self.guard.set(Duty::Landing, self.clock.now());
+        self.note(BenchEventKind::Step(ENDING.into()));
+        self.guard.set(SenderState::Landing, self.clock.now());
         while !(ending.is_down || ending.is_given_up(self.t_s())) {
             let t_s = self.t_s();
             match ending.advance(t_s, console.interrupts()) {
@@ -253,7 +253,7 @@ impl BenchConnection {
         }
         let Ending { began_s, is_down, .. } = ending;
         if is_down {
-            self.guard.set(Duty::Idle, self.clock.now());
+            self.guard.set(SenderState::Idle, self.clock.now());
         }
         let began_s = self.ending.map_or(began_s, |first| first.began_s);
         self.ending = Some(EndingReport { began_s, is_down });
@@ -288,7 +288,7 @@ impl BenchConnection {
         let bytes = self.encode(packet);
         let error = socket(self).send_to(&bytes, self.address).err().map(|error| error.to_string());
         let (packet, sequence) = packet.name();
-        self.note(What::Sent { packet, sequence, bytes: hex(&bytes), error });
+        self.note(BenchEventKind::Sent { packet, sequence, bytes: hex(&bytes), error });
     }
 
     fn encode(&self, packet: Packet) -> Vec<u8> {
@@ -315,7 +315,7 @@ impl BenchConnection {
         let mut buffer = vec![0; DATAGRAM_BYTES_MAX];
         while let Some(bytes) = next(&self.socket, self.address, &mut buffer) {
             let what = wire::read(bytes, self.protocol);
-            if let What::LogHeader { sequence, header_id } = what {
+            if let BenchEventKind::LogHeader { sequence, header_id } = what {
                 self.send(Packet::LogHeaderAck(sequence, header_id));
             }
             self.record(what);
@@ -328,18 +328,18 @@ impl BenchConnection {
         }
         while let Some(bytes) = next(&self.second, self.address, &mut buffer) {
             // Some drones report to the newest host alone: its status is as good.
-            if let What::Status(status) = wire::read(bytes, self.protocol) {
+            if let BenchEventKind::Status(status) = wire::read(bytes, self.protocol) {
                 self.newest = Some((self.clock.now(), status));
             }
-            self.note(What::AtSecond(hex(bytes)));
+            self.note(BenchEventKind::AtSecond(hex(bytes)));
         }
     }
 
     /// Writes down the content of a datagram.
-    fn record(&mut self, what: What) {
+    fn record(&mut self, what: BenchEventKind) {
         match &what {
-            What::Status(status) => self.newest = Some((self.clock.now(), *status)),
-            What::Version { version, .. } => self.version = Some(version.clone()),
+            BenchEventKind::Status(status) => self.newest = Some((self.clock.now(), *status)),
+            BenchEventKind::Version { version, .. } => self.version = Some(version.clone()),
             _ => {}
         }
         self.note(what);
@@ -357,7 +357,7 @@ pub(super) struct Armed<'a> {
 impl<'a> Armed<'a> {
     pub(super) fn new(link: &'a mut BenchConnection, site: TestSite, console: &'a Console) -> Self {
         if site.spins() {
-            link.guard.set(Duty::Steering, link.clock.now());
+            link.guard.set(SenderState::Steering, link.clock.now());
         }
         Self { link, site, console }
     }

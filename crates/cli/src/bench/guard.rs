@@ -6,7 +6,7 @@ use std::net::{SocketAddr, UdpSocket};
 
 use anyhow::{Context, Result};
 use tello_io::clock::TimeNs;
-use tello_io::tello::{Duty, GuardianReport, Heartbeat, Protocol};
+use tello_io::tello::{GuardianReport, Heartbeat, Protocol, SenderState};
 
 use crate::fly::Guardian;
 
@@ -15,14 +15,19 @@ use crate::fly::Guardian;
 pub(super) struct Guard {
     heartbeat: Heartbeat,
     process: Option<Guardian>,
-    duty: Duty,
+    state: SenderState,
     has_failed: bool,
 }
 
 impl Guard {
     /// No guardian: for checks that start no motor.
     pub(super) fn absent() -> Self {
-        Self { heartbeat: Heartbeat::default(), process: None, duty: Duty::Idle, has_failed: false }
+        Self {
+            heartbeat: Heartbeat::default(),
+            process: None,
+            state: SenderState::Idle,
+            has_failed: false,
+        }
     }
 
     /// Starts a guardian of the drone at `address`; returns when it watches.
@@ -37,9 +42,9 @@ impl Guard {
         Ok(Self { heartbeat, process: Some(process), ..Self::absent() })
     }
 
-    /// Sets the duty of the bench from here on.
-    pub(super) fn set(&mut self, duty: Duty, now: TimeNs) {
-        self.duty = duty;
+    /// Sets the state of the bench as a sender from here on.
+    pub(super) fn set(&mut self, state: SenderState, now: TimeNs) {
+        self.state = state;
         self.turn(now);
     }
 
@@ -48,7 +53,7 @@ impl Guard {
     pub(super) fn turn(&mut self, now: TimeNs) {
         self.has_failed |=
             self.process.is_some() && self.heartbeat.report(now) != GuardianReport::Continue;
-        self.heartbeat.beat(self.duty, now);
+        self.heartbeat.beat(self.state, now);
     }
 
     /// Whether the guardian has ordered a landing, or is lost: no check goes on.

@@ -7,7 +7,12 @@ use std::time::Duration;
 
 use anyhow::Result;
 use parking_lot::Mutex;
+use tello_eval::flight_log::{self, Origin, TickRecord};
+use tello_eval::flight_summary::Tally;
+use tello_eval::scene::Scene;
+use tello_flight::cycle::{FlightTable, Outcome, Tick, Topic};
 use tello_io::clock::{CivilTime, Clock};
+use tello_io::config::FlyTable;
 use tello_io::log::{LogWriter, Recorder};
 use tello_io::mocap::MocapCounters;
 use tello_io::tello::{LinkCounters, LinkReport};
@@ -20,11 +25,6 @@ use super::live::Live;
 use super::ros2_publisher;
 use super::vehicle::is_on_this_machine;
 use crate::stdio;
-use tello_eval::flight_log::{self, Origin, TickRecord};
-use tello_eval::flight_summary::Tally;
-use tello_eval::scene::Scene;
-use tello_flight::cycle::{FlightTable, Outcome, Tick, Topic};
-use tello_io::config::FlyTable;
 
 /// Records in transit between control thread and logger: five seconds at 50 Hz.
 const RECORDS: usize = 250;

@@ -49,7 +49,7 @@ pub(super) fn is_on_this_machine(table: &FlyTable) -> bool {
 }
 
 /// Writes what the flight identified to the vehicle file, if it ended well. An error changes nothing of the flight.
-pub(super) fn remember(
+pub(super) fn save_vehicle_parameters(
     arguments: &Arguments,
     flight: &FlightTable,
     summary: &Summary,
@@ -69,7 +69,7 @@ pub(super) fn remember(
                 .iter()
                 .map(|row| format!("{} {:.3} -> {:.3}", row.name, row.before, row.after));
             let moves: Vec<String> = moves.collect();
-            stdio::note(format_args!("{}: learnt {}", path.display(), moves.join(", ")));
+            stdio::note(format_args!("{}: updated {}", path.display(), moves.join(", ")));
         }
         Err(error) => stdio::note(format_args!(
             "{} stays as it was: {}",

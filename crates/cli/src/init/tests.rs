@@ -65,10 +65,13 @@ fn the_motion_capture_of_the_command_line_is_that_of_the_settings() {
 }
 
 #[test]
-fn every_source_of_poses_can_be_set_up() {
+fn every_source_of_poses_is_written_into_the_settings() {
     for kind in MocapKind::ALL.map(MocapKind::name) {
         let dir = empty_folder(kind);
-        init_with(&[dir.to_str().unwrap(), "--mocap", kind]).unwrap();
+        init_with(&[dir.to_str().unwrap(), "--mocap", kind, "--object", "Tello1"]).unwrap();
+        let mocap = &read(&dir.join("fly.json"))["mocap"];
+        assert_eq!(mocap.as_object().unwrap().keys().collect::<Vec<_>>(), [kind]);
+        assert_eq!(mocap[kind]["object"], json!("Tello1"), "{kind}");
         fs::remove_dir_all(dir).unwrap();
     }
 }
@@ -129,7 +132,7 @@ fn a_room_without_place_for_the_square_gets_the_hover_and_a_smaller_one_is_named
 }
 
 #[test]
-fn a_rate_that_is_none_is_refused_by_its_name() {
+fn a_rate_that_is_not_a_positive_number_is_refused() {
     for rate in ["nan", "inf", "0", "-5"] {
         let rate = format!("--rate={rate}");
         let refusal = init_with(&["rate", "--mocap", "udp", &rate]).unwrap_err().to_string();

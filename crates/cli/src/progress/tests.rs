@@ -26,7 +26,7 @@ fn a_part_with_a_count_has_a_bar_of_it() {
 }
 
 #[test]
-fn without_a_bar_nothing_begins() {
+fn a_progress_without_a_bar_stays_hidden() {
     let interrupt = Interrupt::default();
     let shown = Shown::new(false, &interrupt);
     shown.begin("bootstrap", Some(3));

@@ -1,8 +1,7 @@
 //! Settings of the controller from code: defaults, and one method for each that is set.
 
-use horizon_model::Model;
-use horizon_model::Vector;
 use horizon_model::setting::SettingError;
+use horizon_model::{Model, Vector};
 
 use super::report::MpcProblem;
 use super::settings::{InputCost, MpcSettings, MpcTable, QpKind, SolverTable};

@@ -3,8 +3,7 @@
 //! Owns derivatives, reduced gradient, costates and the step; inputs and bounds belong to the caller. Only the `NR`
 //! controllable rows of the state are part of it: inputs do not change the other rows.
 
-use horizon_model::Vector;
-use horizon_model::{Bounds, InputHessian};
+use horizon_model::{Bounds, InputHessian, Vector};
 
 use crate::horizon::Horizon;
 use crate::qp::penalty::of_stage;

@@ -2,8 +2,7 @@
 //!
 //! Owns when a model is prepared again; the model owns what that means.
 
-use horizon_model::Model;
-use horizon_model::Vector;
+use horizon_model::{Model, Vector};
 
 /// A model that is prepared anew where the length of the stages changes.
 #[derive(Debug)]

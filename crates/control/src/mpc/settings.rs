@@ -1,8 +1,7 @@
 //! Settings of the controller: as written, and checked. Thesis appendix C.3.
 
-use horizon_model::Vector;
 use horizon_model::setting::{SettingError, bounds, in_range, vector, weight, weight_or_zero};
-use horizon_model::{Bounds, Model};
+use horizon_model::{Bounds, Model, Vector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

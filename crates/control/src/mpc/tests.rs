@@ -12,11 +12,9 @@ mod stages;
 mod subproblem;
 mod termination;
 
-use horizon_model::Kinematic;
-use horizon_model::check::amax;
-use horizon_model::check::{Point, model_gap};
+use horizon_model::check::{Point, amax, model_gap};
 use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
-use horizon_model::{Matrix, Vector};
+use horizon_model::{Kinematic, Matrix, Vector};
 use nalgebra::Vector1;
 
 use self::models::{Cart, Steep};

@@ -17,10 +17,9 @@
 
 mod riccati;
 
-use horizon_model::Vector;
 use std::array;
 
-use horizon_model::Bounds;
+use horizon_model::{Bounds, Vector};
 
 use self::riccati::{Policy, Value, Working, eliminate};
 use super::penalty::of_stage;
@@ -38,13 +37,13 @@ const NEAR_BOUND: f64 = 1e-6;
 /// Iterations in a row that correct all wrong entries of the working set although their number has no new minimum.
 const STALLED_ITERATIONS_MAX: u32 = 4;
 
-/// State of an input in the working set. `Given`: the input is fixed by the caller.
+/// State of an input in the working set. `Committed`: the input is fixed by the caller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Bound {
     Inactive,
     AtLower,
     AtUpper,
-    Given,
+    Committed,
 }
 
 /// The working set and the buffers of an iteration.
@@ -105,7 +104,7 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
             *working_set = array::from_fn(|i| {
                 let (u, near) = (problem.u[k][i] + du[k][i], NEAR_BOUND * (hi[i] - lo[i]));
                 match u {
-                    _ if problem.bounds[k].is_given(i) => Bound::Given,
+                    _ if problem.bounds[k].is_given(i) => Bound::Committed,
                     _ if u <= lo[i] + near => Bound::AtLower,
                     _ if u >= hi[i] - near => Bound::AtUpper,
                     _ => Bound::Inactive,
@@ -119,8 +118,8 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
         for (k, working_set) in self.working_set.iter_mut().enumerate() {
             for (i, bound) in working_set.iter_mut().enumerate() {
                 if problem.bounds[k].is_given(i) {
-                    *bound = Bound::Given;
-                } else if *bound == Bound::Given {
+                    *bound = Bound::Committed;
+                } else if *bound == Bound::Committed {
                     *bound = Bound::Inactive;
                 }
             }
@@ -134,7 +133,7 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
             Bound::Inactive => None,
             Bound::AtLower => Some(bounds.lo[i] - u[i]),
             Bound::AtUpper => Some(bounds.hi[i] - u[i]),
-            Bound::Given => Some(0.0),
+            Bound::Committed => Some(0.0),
         })
     }
 
@@ -184,7 +183,7 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
         let minimizer = problem.u[k][i] + self.minimizers[k][i];
         let (below, above) = ((lo - minimizer) / (hi - lo), (minimizer - hi) / (hi - lo));
         let corrected = match bound {
-            Bound::Given => return None,
+            Bound::Committed => return None,
             _ if below > ROUNDING_TOLERANCE => Bound::AtLower,
             _ if above > ROUNDING_TOLERANCE => Bound::AtUpper,
             Bound::AtLower if below >= -ROUNDING_TOLERANCE => Bound::AtLower,
@@ -194,7 +193,7 @@ impl<const NS: usize, const NU: usize> ActiveSet<NS, NU> {
         let gap = match bound {
             Bound::AtLower => -below,
             Bound::AtUpper => -above,
-            Bound::Inactive | Bound::Given => below.max(above),
+            Bound::Inactive | Bound::Committed => below.max(above),
         };
         let entry = Entry::Input { i, corrected };
         (corrected != bound).then_some(WrongEntry { k, entry, gap })

@@ -6,7 +6,6 @@
 //! zero is what it costs least at. Each penalty has a slack variable, after the state of its stage: the excess in units
 //! of 1 / weight, so that a large weight does not spread the curvature. One that no penalty needs is cut off, too.
 
-use horizon_model::Vector;
 use std::fmt::{self, Debug, Formatter};
 
 use clarabel::algebra::CscMatrix;
@@ -14,7 +13,7 @@ use clarabel::solver::{
     DataUpdateError, DefaultSettings, DefaultSolver, IPSolver, SolverError, SolverStatus,
     SupportedConeT,
 };
-use horizon_model::Bounds;
+use horizon_model::{Bounds, Vector};
 
 use super::penalty::{Penalty, of_stage};
 use super::{CostHessian, Limits, Problem, Reason, SolveQp, Stage, Unsolved};

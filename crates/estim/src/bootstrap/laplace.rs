@@ -3,8 +3,7 @@
 //! Owns answers from one factorization that differ in what they assume of the residuals. The
 //! bootstrap, which assumes least and costs most, is one file up.
 
-use horizon_model::Model;
-use horizon_model::{Matrix, Vector};
+use horizon_model::{Matrix, Model, Vector};
 
 use super::{Spread, interval_variance};
 use crate::cholesky::{Cholesky, NotPositive};

@@ -1,10 +1,11 @@
-use horizon_model::Vector;
+mod coverage;
+
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use horizon_model::Kinematic;
 use horizon_model::check::amax;
 use horizon_model::rows::{Pose, Sticks};
+use horizon_model::{Kinematic, Vector};
 
 use super::*;
 use crate::ident::{IdentSettings, Piece};

@@ -1,10 +1,10 @@
-use super::*;
-use horizon_model::Bounds;
-use horizon_model::Vector;
+use horizon_model::{Bounds, Vector};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
+
+use super::*;
 
 const NS: usize = 3;
 const NP: usize = 2;

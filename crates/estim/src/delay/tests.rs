@@ -1,8 +1,7 @@
-use horizon_model::Vector;
 use std::f64::consts::TAU;
 
-use horizon_model::Kinematic;
 use horizon_model::rows::{Pose, Sticks, pose, stick};
+use horizon_model::{Kinematic, Vector};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 

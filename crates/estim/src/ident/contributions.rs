@@ -1,7 +1,6 @@
 //! The contribution of each piece to cost, gradient and information at the common iterate.
 
-use horizon_model::Model;
-use horizon_model::{Matrix, Vector};
+use horizon_model::{Matrix, Model, Vector};
 use rayon::prelude::*;
 
 use super::Ident;
@@ -46,7 +45,7 @@ where
     }
 
     /// Cost of each piece at the iterate, counted once, without prior. 1
-    pub fn piece_costs(&self) -> Vec<f64> {
+    pub(crate) fn piece_costs(&self) -> Vec<f64> {
         let cost = |Segment { s, u, o, s_rest, .. }: &Segment<NS, NU, NO, NP>| {
             self.terms.cost(&Iterate { s, u, o, p: &self.p }, s_rest)
         };
@@ -56,7 +55,7 @@ where
     /// Derivative of the cost of a piece, counted once, by the input of each of its steps. States and
     /// parameter are held; at a minimum it makes no difference whether they follow. One vector of NU rows
     /// for each step. 1 / unit of the row
-    pub fn input_gradient(&self, piece: usize) -> Vec<Vector<NU>> {
+    pub(crate) fn input_gradient(&self, piece: usize) -> Vec<Vector<NU>> {
         let Segment { s, u, .. } = &self.segments[piece];
         let Residuals { model, dt_s, transition_loss, .. } = &self.terms.residuals;
         let weight = self.terms.residuals.transition_weight();
@@ -80,7 +79,7 @@ where
     ///
     /// Twice the cost over this is the mean square of what a residual would be with nothing fitted:
     /// 1 where weights are inverse deviations of independent residuals.
-    pub fn degrees_of_freedom(&self) -> f64 {
+    pub(crate) fn degrees_of_freedom(&self) -> f64 {
         // K + 1 states are NS (K + 1) unknowns, and K transitions NS K residuals: together minus NS.
         let c_o = &self.terms.residuals.c_o;
         let held = self.terms.c_0.iter().filter(|weight| **weight > 0.0).count() as f64;

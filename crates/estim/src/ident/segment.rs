@@ -4,8 +4,7 @@
 //! block lives on the stack, only the rows of the back substitution are kept. How pieces are weighed and what
 //! the parameter does is `ident.rs`.
 
-use horizon_model::Model;
-use horizon_model::{Matrix, Vector};
+use horizon_model::{Matrix, Model, Vector};
 
 use crate::back_substitution::{EliminationFront, LongChain};
 use crate::chain::{Block, NeighbourBlocks};

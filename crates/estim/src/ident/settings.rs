@@ -1,8 +1,7 @@
 //! Settings of an identification.
 
-use horizon_model::Model;
-use horizon_model::Vector;
 use horizon_model::setting::{SettingError, vector, weight, weight_or_zero};
+use horizon_model::{Model, Vector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -49,8 +48,11 @@ pub struct IdentTable {
 /// Checked [`IdentTable`] for a model with `NS` states, `NO` observations and `NP` parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IdentSettings<const NS: usize, const NO: usize, const NP: usize> {
+    /// Weights of the observations. 1 / unit of the row
     pub(super) c_o: Vector<NO>,
+    /// Weights of the transitions. s / unit of the row
     pub(super) c_s: Vector<NS>,
+    /// Weights of the first state of a piece. 1 / unit of the row
     pub(super) c_0: Vector<NS>,
     pub(super) prior: Prior<NP>,
     pub(super) observation_loss: Loss,

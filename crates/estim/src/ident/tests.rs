@@ -2,20 +2,18 @@
 
 mod sparse;
 
-use horizon_model::Vector;
 use horizon_model::check::amax;
 use horizon_model::rows::{Pose, Sticks, gain, pose};
-use horizon_model::{Bounds, Kinematic, Model};
+use horizon_model::{Bounds, Kinematic, Model, Vector};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
-
-use sparse::Sparse;
 
 use super::variable_projection::{Scratch, Start, TOLERANCE_MIN};
 use super::*;
 use crate::levenberg::{LeastSquares, LmStop, LmTable};
 use crate::loss::LossTable;
+use sparse::Sparse;
 
 type Vehicle = Ident<Kinematic, 4, 4, 4, 4>;
 

@@ -1,7 +1,6 @@
 //! The loop on dense curve fits with certified answers: the nonlinear regression set of NIST.
 
-use horizon_model::Bounds;
-use horizon_model::Vector;
+use horizon_model::{Bounds, Vector};
 
 use super::*;
 use crate::reduced_system::ReducedSystem;

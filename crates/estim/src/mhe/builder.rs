@@ -4,7 +4,7 @@ use horizon_model::Model;
 use horizon_model::setting::SettingError;
 
 use super::{MheSettings, MheTable};
-use crate::arrival::ArrivalTable;
+use crate::arrival_cost::ArrivalTable;
 use crate::builder::{fit_setters, wide};
 use crate::levenberg::LmTable;
 use crate::loss::LossTable;

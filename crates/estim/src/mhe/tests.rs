@@ -1,14 +1,13 @@
 //! The window on simulated flights with known answers.
 
-use horizon_model::Kinematic;
-use horizon_model::Vector;
 use horizon_model::rows::{Pose, Sticks, gain, pose, stick};
+use horizon_model::{Kinematic, Vector};
 
 mod closed_loop;
 mod start;
 
 use super::*;
-use crate::arrival::ArrivalTable;
+use crate::arrival_cost::ArrivalTable;
 use crate::levenberg::LmStop;
 
 const DT_S: f64 = 0.02;

@@ -1,16 +1,14 @@
 use horizon_model::check::amax;
 use horizon_model::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
-use horizon_model::{Bounds, Lagged};
-use horizon_model::{Matrix, Vector};
+use horizon_model::{Bounds, Lagged, Matrix, Vector};
 
-use crate::arrival::ArrivalSettings;
+use super::*;
+use crate::arrival_cost::ArrivalSettings;
 use crate::chain::Chain;
 use crate::levenberg::{LmSettings, LmTable, solve};
 use crate::loss::Loss;
 use crate::residual::{Observed, Residuals};
 use crate::window_problem::{Prior, WindowProblem};
-
-use super::*;
 
 const DT_S: f64 = 0.02;
 const WINDOW: usize = 6;

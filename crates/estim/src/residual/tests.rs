@@ -1,11 +1,10 @@
 //! Gradient and Hessian, as assembled, against differences of the cost and of the gradient.
 
-use horizon_model::Vector;
 use std::f64::consts::PI;
 
-use horizon_model::Kinematic;
 use horizon_model::check::jacobian_gap;
 use horizon_model::rows::{Pose, Sticks, pose};
+use horizon_model::{Kinematic, Vector};
 
 use super::*;
 

@@ -1,7 +1,6 @@
-use horizon_model::Vector;
 use horizon_model::check::jacobian_gap;
 use horizon_model::rows::{Pose, Sticks, lag};
-use horizon_model::{Kinematic, Lagged};
+use horizon_model::{Kinematic, Lagged, Vector};
 use nalgebra::Vector1;
 
 use super::*;

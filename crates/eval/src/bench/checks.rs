@@ -41,7 +41,7 @@ impl Display for TestSite {
 /// Proof by the drone's reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Proof {
+pub enum DroneEvidence {
     /// Nothing: eyes, or the table of velocities.
     None,
     /// The motors ran and are off before the ending begins.
@@ -123,7 +123,7 @@ pub struct Check {
     /// What is sent, in its order.
     pub steps: Vec<Step>,
     /// What the drone's reports prove.
-    pub proof: Proof,
+    pub proof: DroneEvidence,
     /// What only eyes can see; yes is what is expected.
     pub question: Option<String>,
 }
@@ -132,7 +132,7 @@ impl Check {
     /// Whether it needs sequence numbers, or sends sticks soon after the take-off, for which a drone in the
     /// text SDK breaks the take-off off.
     pub fn is_binary_only(&self) -> bool {
-        self.site == TestSite::Net || self.proof == Proof::Answered
+        self.site == TestSite::Net || self.proof == DroneEvidence::Answered
     }
 }
 

@@ -4,8 +4,8 @@ use horizon_model::angle::wrap;
 use horizon_model::check::maximum;
 use serde_json::{Value, json};
 
-use super::checks::{Check, Proof};
-use super::wire::{Event, Radians, Status, What};
+use super::checks::{Check, DroneEvidence};
+use super::wire::{BenchEventKind, Event, Radians, Status};
 use crate::display_rounding::to_thousandths;
 
 /// A vehicle that is slower stands: reports have steps of 0.1 m/s.
@@ -43,10 +43,10 @@ pub fn seen(
     let is_down = newest.last().is_some_and(|(_, status)| !status.is_running);
     let is_as_expected = match check.proof {
         _ if !is_whole => None,
-        Proof::None => None,
-        Proof::Down => has_run.then_some(is_down),
-        Proof::NotDown => (has_run && !is_down).then_some(false),
-        Proof::Answered => Some(answers.iter().all(|answer| !answer["after_s"].is_null())),
+        DroneEvidence::None => None,
+        DroneEvidence::Down => has_run.then_some(is_down),
+        DroneEvidence::NotDown => (has_run && !is_down).then_some(false),
+        DroneEvidence::Answered => Some(answers.iter().all(|answer| !answer["after_s"].is_null())),
     };
     let times: Vec<f64> = statuses(events).map(|(t_s, _)| t_s).collect();
     let gap_s = times.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, maximum);
@@ -126,7 +126,7 @@ fn shown(value: &Value) -> String {
 
 fn statuses(events: &[Event]) -> impl Iterator<Item = (f64, Status)> {
     events.iter().filter_map(|event| match event.what {
-        What::Status(status) => Some((event.t_s, status)),
+        BenchEventKind::Status(status) => Some((event.t_s, status)),
         _ => None,
     })
 }
@@ -134,7 +134,7 @@ fn statuses(events: &[Event]) -> impl Iterator<Item = (f64, Status)> {
 /// The name of the order that `event` sends.
 fn order(event: &Event) -> Option<&'static str> {
     match event.what {
-        What::Sent { packet, .. } if ORDERS.contains(&packet) => Some(packet),
+        BenchEventKind::Sent { packet, .. } if ORDERS.contains(&packet) => Some(packet),
         _ => None,
     }
 }
@@ -148,7 +148,7 @@ fn changes(events: &[Event]) -> Vec<Value> {
         // The ending sends several orders in turn: none of them alone explains what follows.
         let is_ending = newest.is_some_and(|(name, _)| name == ENDING);
         let begins = match &event.what {
-            What::Step(step) if step == ENDING => Some(ENDING),
+            BenchEventKind::Step(step) if step == ENDING => Some(ENDING),
             _ => order(event).filter(|_| !is_ending),
         };
         if let Some(order) = begins
@@ -156,7 +156,7 @@ fn changes(events: &[Event]) -> Vec<Value> {
         {
             newest = Some((order, event.t_s));
         }
-        let What::Status(status) = event.what else { continue };
+        let BenchEventKind::Status(status) = event.what else { continue };
         let was = before.replace(status).unwrap_or(status);
         for (what, was, is) in [
             ("is_flying", was.is_flying, status.is_flying),
@@ -181,10 +181,12 @@ fn answers(events: &[Event]) -> Vec<Value> {
     let mut taken = vec![false; events.len()];
     let mut answers = Vec::new();
     for (i, event) in events.iter().enumerate() {
-        let What::Sent { packet, sequence: Some(sent), .. } = event.what else { continue };
-        let is_answer = |what: &What| match *what {
-            What::Ack { packet: of, sequence } => of == packet && sequence == sent,
-            What::Version { sequence, .. } => packet == "version" && sequence == sent,
+        let BenchEventKind::Sent { packet, sequence: Some(sent), .. } = event.what else {
+            continue;
+        };
+        let is_answer = |what: &BenchEventKind| match *what {
+            BenchEventKind::Ack { packet: of, sequence } => of == packet && sequence == sent,
+            BenchEventKind::Version { sequence, .. } => packet == "version" && sequence == sent,
             _ => false,
         };
         let mut later = (i + 1)..events.len();
@@ -208,8 +210,8 @@ fn steps(events: &[Event]) -> Vec<Value> {
     let mut steps = Vec::new();
     for event in events {
         match &event.what {
-            What::Status(status) => before = Some(*status),
-            What::Step(step) => steps.push(json!({
+            BenchEventKind::Status(status) => before = Some(*status),
+            BenchEventKind::Step(step) => steps.push(json!({
                 "t_s": to_thousandths(event.t_s),
                 "step": step,
                 "is_flying": before.map(|status| status.is_flying),
@@ -255,8 +257,8 @@ fn velocity(events: &[Event]) -> Value {
 /// Turn by the reported heading, as the drone counts it; `null` if it reports none. rad
 fn turned_rad(events: &[Event]) -> Option<f64> {
     let headings = events.iter().filter_map(|event| match event.what {
-        What::Heading(yaw) => Some(yaw),
-        What::Status(status) => status.yaw,
+        BenchEventKind::Heading(yaw) => Some(yaw),
+        BenchEventKind::Status(status) => status.yaw,
         _ => None,
     });
     let mut before_rad = None;

@@ -6,12 +6,11 @@ use horizon_model::rows::Sticks;
 use serde::{Serialize, Serializer};
 use tello_flight::drone::MOTORS_REST;
 use tello_io::clock::{TimeNs, TimeOfDay};
-use tello_io::tello::Protocol;
-use tello_io::tello::TOF_FLYING_M;
 use tello_io::tello::protocol::{
     self, Action, Answer, DronePacket, FlightStatus, HostPacket, MOTORS_ON, Query,
 };
 use tello_io::tello::text::{self, Command, Field, StateLine};
+use tello_io::tello::{Protocol, TOF_FLYING_M};
 
 use crate::display_rounding::to_thousandths;
 
@@ -32,7 +31,7 @@ pub struct Status {
     pub velocity_d_mps: Option<[f64; 3]>,
     /// Charge. %
     pub battery_pct: Option<f64>,
-    /// Heading of the state line, clockwise. rad; in the binary protocol it is in [`What::Heading`]
+    /// Heading of the state line, clockwise. rad; in the binary protocol it is in [`BenchEventKind::Heading`]
     #[serde(rename = "yaw_deg")]
     pub yaw: Option<Radians>,
     /// Bits and mode of the binary status.
@@ -74,13 +73,13 @@ pub struct Event {
     pub t_s: f64,
     /// What happened.
     #[serde(flatten)]
-    pub what: What,
+    pub what: BenchEventKind,
 }
 
 /// An event of the bench.
 #[derive(Debug, Clone, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum What {
+pub enum BenchEventKind {
     /// A step of the check begins.
     Step(String),
     /// We sent a packet.
@@ -216,11 +215,11 @@ impl Motor {
 }
 
 /// Meaning of a datagram at the command socket.
-pub fn read(bytes: &[u8], protocol: Protocol) -> What {
+pub fn read(bytes: &[u8], protocol: Protocol) -> BenchEventKind {
     match DronePacket::decode(bytes) {
         Ok(DronePacket::Status { status, .. }) => {
             let FlightStatus { flags, flight_mode, .. } = status;
-            What::Status(Status {
+            BenchEventKind::Status(Status {
                 is_flying: status.is_flying(),
                 is_running: status.is_flying() || flags & MOTORS_ON != 0,
                 height_m: Some(status.height_m()),
@@ -234,35 +233,35 @@ pub fn read(bytes: &[u8], protocol: Protocol) -> What {
         }
         Ok(DronePacket::Ack { action, sequence }) => {
             let packet = if action == Action::Land { "land" } else { "take_off" };
-            What::Ack { packet, sequence }
+            BenchEventKind::Ack { packet, sequence }
         }
         Ok(DronePacket::LogHeader { sequence, header_id }) => {
-            What::LogHeader { sequence, header_id }
+            BenchEventKind::LogHeader { sequence, header_id }
         }
-        Ok(DronePacket::LogData { yaw_rad, .. }) => What::Heading(Radians(yaw_rad)),
+        Ok(DronePacket::LogData { yaw_rad, .. }) => BenchEventKind::Heading(Radians(yaw_rad)),
         Ok(DronePacket::Answer { sequence, answer: Answer::Version(version) }) => {
             let version = version.to_string();
-            What::Version { sequence, version }
+            BenchEventKind::Version { sequence, version }
         }
         _ => match protocol {
             Protocol::Text if bytes.is_ascii() => {
-                What::Reply(String::from_utf8_lossy(bytes).trim().into())
+                BenchEventKind::Reply(String::from_utf8_lossy(bytes).trim().into())
             }
-            Protocol::Binary | Protocol::Text => What::Other(hex(bytes)),
+            Protocol::Binary | Protocol::Text => BenchEventKind::Other(hex(bytes)),
         },
     }
 }
 
 /// Meaning of a datagram at the state socket: the drone flies high above the floor, and its motors run then, or while
 /// their time grows.
-pub fn read_state(bytes: &[u8], motor: &mut Motor, now: TimeNs) -> What {
+pub fn read_state(bytes: &[u8], motor: &mut Motor, now: TimeNs) -> BenchEventKind {
     let Some(line) = StateLine::decode(bytes) else {
-        return What::Other(hex(bytes));
+        return BenchEventKind::Other(hex(bytes));
     };
     let (tof_m, motor_s) = (line.tof_m(), line.get(Field::Time));
     let is_growing = motor.grows(motor_s, now);
     let is_high = tof_m.is_some_and(|tof_m| TOF_FLYING_M.contains(&tof_m));
-    What::Status(Status {
+    BenchEventKind::Status(Status {
         is_flying: is_high,
         is_running: is_high || is_growing,
         height_m: line.height_m(),

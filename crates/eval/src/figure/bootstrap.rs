@@ -34,7 +34,7 @@ const OUTSIDE_PX: f64 = 1.6;
 
 /// One parameter.
 #[derive(Debug, Clone)]
-pub struct BootstrapRow {
+pub(crate) struct BootstrapRow {
     /// Name and unit.
     pub row: Row,
     /// The estimate from all data. In the unit of its label
@@ -49,7 +49,7 @@ pub struct BootstrapRow {
 /// all data, and the interval of the Laplace approximation.
 ///
 /// The box holds the middle half, the whiskers 95 %; what lies outside is drawn as dots.
-pub fn bootstrap(title: &str, rows: &[BootstrapRow]) -> Figure {
+pub(crate) fn bootstrap(title: &str, rows: &[BootstrapRow]) -> Figure {
     let mut figure = Figure::begin(
         title,
         &[

@@ -17,7 +17,7 @@ const COLUMNS: usize = 3;
 
 /// Cost over dead time for the sticks of one group.
 #[derive(Debug, Clone, Copy)]
-pub struct DelayCurve<'a> {
+pub(crate) struct DelayCurve<'a> {
     /// Name of the group.
     pub name: &'a str,
     /// Dead times, ascending. s
@@ -31,7 +31,7 @@ pub struct DelayCurve<'a> {
 }
 
 /// Cost above its minimum over dead time, a panel for each group of sticks.
-pub fn delay_profile(title: &str, curves: &[DelayCurve<'_>]) -> Figure {
+pub(crate) fn delay_profile(title: &str, curves: &[DelayCurve<'_>]) -> Figure {
     let line = Stroke::solid(BLUE, 1.5);
     let minimum = Stroke::dashed(VERMILION, 1.5, 4.0);
     let interval = VERMILION.faded(0.2);
@@ -88,7 +88,7 @@ fn found(DelayCurve { minimum_s, interval_s: [low_s, high_s], .. }: &DelayCurve<
 
 /// One axis of the vehicle over time.
 #[derive(Debug, Clone)]
-pub struct ShiftRow {
+pub(crate) struct ShiftRow {
     /// Name and unit of the position or heading.
     pub row: Row,
     /// Change since the start at each sample, NaN where nothing was seen. In the unit of its label
@@ -102,7 +102,7 @@ pub struct ShiftRow {
 }
 
 /// Thesis figure 5.1: what the vehicle did, the commands, and the commands after the dead time.
-pub fn delay_shift(title: &str, time_s: &[f64], rows: &[ShiftRow]) -> Figure {
+pub(crate) fn delay_shift(title: &str, time_s: &[f64], rows: &[ShiftRow]) -> Figure {
     let strokes = [BLUE, ORANGE, GREEN].map(|color| Stroke::solid(color, 1.5));
     let names = ["change of the pose", "cumulative input", "cumulative input after the dead time"];
     let legend: Vec<_> =

@@ -132,7 +132,7 @@ impl Figure {
 
     /// The map with the times of its only track, a place for each. s, m
     #[must_use]
-    pub fn with_times(mut self, time_s: &[f64], track: &[(f64, f64)]) -> Self {
+    pub(crate) fn with_times(mut self, time_s: &[f64], track: &[(f64, f64)]) -> Self {
         if let Some(overlay) = &mut self.overlay {
             overlay.set_track(time_s, track);
         }

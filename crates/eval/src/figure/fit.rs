@@ -16,7 +16,7 @@ const HEIGHT_PX: f64 = 132.0;
 
 /// One row of the state over time.
 #[derive(Debug, Clone)]
-pub struct FitRow {
+pub(crate) struct FitRow {
     /// Name and unit; observations of an angle are drawn on the turn of the estimate.
     pub row: Row,
     /// Observation at each sample, NaN where there is none. In the unit of its label
@@ -33,7 +33,7 @@ pub struct FitRow {
 /// They are shaded in turns, and the line breaks between them; what was left out of the fit stays
 /// white. The heading of a panel is the distance of both lines from the observations: the estimate follows them
 /// whatever the parameters are, the simulation does not.
-pub fn fit(title: &str, time_s: &[f64], pieces: &[Range<usize>], rows: &[FitRow]) -> Figure {
+pub(crate) fn fit(title: &str, time_s: &[f64], pieces: &[Range<usize>], rows: &[FitRow]) -> Figure {
     let line = Stroke::solid(BLUE, 1.5);
     let open_loop = Stroke::dashed(GREEN, 1.2, 4.0);
     let (dot_px, dot) = (2.3, ORANGE.faded(0.6));

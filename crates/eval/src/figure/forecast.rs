@@ -17,7 +17,7 @@ const MARK_PX: f64 = 3.5;
 
 /// Prediction error of one model.
 #[derive(Debug, Clone)]
-pub struct ForecastLine<'a> {
+pub(crate) struct ForecastLine<'a> {
     /// Name of the model; the same name has the same colour in each panel.
     pub model: &'a str,
     /// How far ahead, ascending (s), and the root mean square error there, in the unit of the panel's row.
@@ -26,7 +26,7 @@ pub struct ForecastLine<'a> {
 
 /// Panel of one predicted quantity.
 #[derive(Debug, Clone)]
-pub struct ForecastPanel<'a> {
+pub(crate) struct ForecastPanel<'a> {
     /// Name and unit.
     pub row: Row,
     /// A line for each model.
@@ -35,7 +35,7 @@ pub struct ForecastPanel<'a> {
 
 /// Prediction error over horizon: a panel for each row, a line for each model, and circles at the
 /// horizons `marks_s`.
-pub fn forecast(title: &str, marks_s: &[f64], panels: &[ForecastPanel<'_>]) -> Figure {
+pub(crate) fn forecast(title: &str, marks_s: &[f64], panels: &[ForecastPanel<'_>]) -> Figure {
     let models = models(panels);
     let strokes: Vec<_> = (0..models.len()).map(stroke).collect();
     let legend: Vec<_> =

@@ -22,7 +22,7 @@ const TIME: &str = "time [s]";
 
 /// A line over time; the same name has the same look in each panel.
 #[derive(Debug, Clone)]
-pub struct TimeLine<'a> {
+pub(crate) struct TimeLine<'a> {
     /// Quantity and source, as in the legend: `x estimated`.
     pub name: &'a str,
     /// A value for each time, NaN where there is none. In the unit of its panel
@@ -33,7 +33,7 @@ pub struct TimeLine<'a> {
 
 /// Lines of one quantity.
 #[derive(Debug, Clone)]
-pub struct TimePanel<'a> {
+pub(crate) struct TimePanel<'a> {
     /// Quantity of the vertical axis.
     pub name: &'a str,
     /// Unit of all values of the panel, 1 for a ratio.
@@ -44,7 +44,7 @@ pub struct TimePanel<'a> {
 
 /// Intervals in which a condition held.
 #[derive(Debug, Clone)]
-pub struct TimeBars {
+pub(crate) struct TimeBars {
     /// Condition that held, as in the label of the bar.
     pub name: String,
     /// Begin and end of each time in which it held, on the time axis of the figure. s
@@ -53,7 +53,7 @@ pub struct TimeBars {
 
 /// Intervals that are drawn over the time of a flight, besides the lines.
 #[derive(Debug, Clone, Default)]
-pub struct TimeSpans {
+pub(crate) struct TimeSpans {
     /// Below the panels, a row of bars for each.
     pub bars: Vec<TimeBars>,
     /// Behind the lines of every panel, a colour for each.
@@ -64,7 +64,7 @@ pub struct TimeSpans {
 const BANDS: [Color; 3] = [ORANGE.faded(0.35), VERMILION.faded(0.3), SKY.faded(0.35)];
 
 /// A panel for each quantity with its lines over the same times `time_s`, and what was true from when to when.
-pub fn over_time(
+pub(crate) fn over_time(
     title: &str,
     time_s: &[f64],
     panels: &[TimePanel<'_>],

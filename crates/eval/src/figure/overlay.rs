@@ -32,7 +32,7 @@ pub struct Overlay {
 
 impl Overlay {
     /// Whether the page listens to keys in the figure: for the time, or to turn it.
-    pub fn takes_keys(&self) -> bool {
+    pub(crate) fn takes_keys(&self) -> bool {
         !self.panels.is_empty() || self.space.is_some()
     }
 }

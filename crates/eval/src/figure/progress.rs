@@ -25,7 +25,7 @@ const PROGRESS: &str = "progress along the line, 0 begin, 1 end";
 
 /// Samples of flights with their places on the path.
 #[derive(Debug, Clone)]
-pub struct AlongPath<'a> {
+pub(crate) struct AlongPath<'a> {
     /// Name of the group of flights.
     pub name: &'a str,
     /// Progress of each sample, 0..=1. 1
@@ -36,7 +36,11 @@ pub struct AlongPath<'a> {
 
 /// Where on the path the time was spent: a Gaussian kernel density with Scott's bandwidth (`std n^(-1/5)`),
 /// a colour for each group, two at most. `marks` are progresses of the targets.
-pub fn density_over_progress(title: &str, marks: &[f64], groups: &[AlongPath<'_>]) -> Figure {
+pub(crate) fn density_over_progress(
+    title: &str,
+    marks: &[f64],
+    groups: &[AlongPath<'_>],
+) -> Figure {
     let curves: Vec<Vec<(f64, f64)>> =
         groups.iter().map(|group| density(&group.progress)).collect();
     let legend: Vec<_> = groups
@@ -58,7 +62,7 @@ pub fn density_over_progress(title: &str, marks: &[f64], groups: &[AlongPath<'_>
 
 /// Median of a quantity over the progress, and the band that holds 95 % of its samples, a colour for
 /// each group, two at most. `marks` are progresses of the targets.
-pub fn band_over_progress(
+pub(crate) fn band_over_progress(
     title: &str,
     (name, unit): (&str, &str),
     marks: &[f64],

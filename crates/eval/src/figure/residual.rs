@@ -26,7 +26,7 @@ const STEMS: Stroke = Stroke::solid(BLUE, 2.0);
 
 /// Residuals of one row.
 #[derive(Debug, Clone)]
-pub struct ResidualRow<'a> {
+pub(crate) struct ResidualRow<'a> {
     /// Name and unit.
     pub row: Row,
     /// Residuals of each piece over time, NaN where there is none. In the unit of its label, 1 if weighted
@@ -37,7 +37,7 @@ pub struct ResidualRow<'a> {
 /// with the band in which 95 % of white noise stay, for each row.
 ///
 /// `lags` steps of `dt_s` are shown, the lag 0 (always 1) is not.
-pub fn residuals(title: &str, dt_s: f64, lags: usize, rows: &[ResidualRow<'_>]) -> Figure {
+pub(crate) fn residuals(title: &str, dt_s: f64, lags: usize, rows: &[ResidualRow<'_>]) -> Figure {
     let mut figure = Figure::begin(
         title,
         &[
@@ -64,7 +64,10 @@ pub fn residuals(title: &str, dt_s: f64, lags: usize, rows: &[ResidualRow<'_>]) 
 ///
 /// Mean of `(r_k - m) (r_{k+lag} - m)` over that of `(r_k - m)^2`, products within a piece only, m the mean of
 /// all. Absent values are left out; without a pair it is 0. Empty without two different values.
-pub fn autocorrelation(pieces: &[&[f64]], lags: impl IntoIterator<Item = usize>) -> Vec<f64> {
+pub(crate) fn autocorrelation(
+    pieces: &[&[f64]],
+    lags: impl IntoIterator<Item = usize>,
+) -> Vec<f64> {
     let Some(moments) = Moments::of(pieces) else { return Vec::new() };
     let mean = |lag: usize| {
         let pairs = pieces.iter().flat_map(|piece| piece.iter().zip(piece.iter().skip(lag)));

@@ -27,7 +27,7 @@ const GRID_LINES: f64 = 6.0;
 
 /// A flight with what it was to follow, in world x, y, z. m
 #[derive(Debug, Clone, Copy)]
-pub struct SeenInSpace<'a> {
+pub(crate) struct SeenInSpace<'a> {
     /// Corners of the polyline to follow.
     pub outline: &'a [PosW],
     /// Where the flight was, tick by tick.
@@ -37,7 +37,7 @@ pub struct SeenInSpace<'a> {
 }
 
 /// A flight over its shadow on the floor, with its reference.
-pub fn space(title: &str, seen: &SeenInSpace<'_>) -> Figure {
+pub(crate) fn space(title: &str, seen: &SeenInSpace<'_>) -> Figure {
     let legend = [
         (Mark::Line(TRACK), "flight"),
         (Mark::Line(SHADOW), "on the floor"),

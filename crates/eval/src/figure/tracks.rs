@@ -25,7 +25,7 @@ pub struct SeenFlights<'a> {
 
 /// Tracks over their outline, x to the right and y upwards in one scale; a colour for each controller, two
 /// at most.
-pub fn tracks(title: &str, seen: &[SeenFlights<'_>]) -> Figure {
+pub(crate) fn tracks(title: &str, seen: &[SeenFlights<'_>]) -> Figure {
     tracks_among(title, seen, &[])
 }
 

@@ -62,14 +62,14 @@ fn a_model_predicts_its_own_flight() {
     let (u, p) = (sticks(), lagged_p());
     let track = flown(&Lagged::default(), &p, &u, &Pose::zeros());
     let driven = Driven::new(Lagged::default(), &p, &Pose::repeat(1.2), &u, &track, DT_S);
-    let errors = judge(&driven, &track, &track, &[], HORIZON);
+    let errors = prediction_errors(&driven, &track, &track, &[], HORIZON);
     assert!(worst(&errors) < 1e-9, "{}", worst(&errors));
     let kinematic = SVector::<f64, { gain::COUNT }>::new(1.3, 0.45, 1.0, 0.03);
     let track = flown(&Kinematic, &kinematic, &u, &Pose::zeros());
     let driven = Driven::new(Kinematic, &kinematic, &Pose::zeros(), &u, &track, DT_S);
-    let errors = judge(&driven, &track, &track, &[], HORIZON);
+    let errors = prediction_errors(&driven, &track, &track, &[], HORIZON);
     assert!(worst(&errors) < 1e-9, "{}", worst(&errors));
-    let hold = judge(&StandStill, &track, &track, &[], HORIZON);
+    let hold = prediction_errors(&StandStill, &track, &track, &[], HORIZON);
     assert!(worst(&hold) > 0.1, "nothing to predict: {}", worst(&hold));
 }
 
@@ -80,7 +80,11 @@ fn what_the_sticks_do_not_explain_decays() {
     let error = |decay_s: f64| {
         let decay_s = Pose::new(decay_s, decay_s, 0.0, 0.0);
         let driven = Driven::new(Lagged::default(), &p, &decay_s, &u, &track, DT_S);
-        judge(&driven, &track, &track, &[], HORIZON).at(HORIZON).unwrap().horizontal.rmse
+        prediction_errors(&driven, &track, &track, &[], HORIZON)
+            .at(HORIZON)
+            .unwrap()
+            .horizontal
+            .rmse
     };
     // The wind stays while its forecast decays: after t = 1 s, wind (t - sum of dt exp(-k dt / tau)).
     let forgotten = 0.3 * (1.0 - DT_S * (1.0 - (-1.0_f64).exp()) / (1.0 - (-DT_S).exp()));
@@ -105,9 +109,9 @@ fn constant_velocity_predicts_a_straight_flight_through_half_a_turn() {
         is_trusted: vec![true; STEPS],
         is_current: vec![true; STEPS],
     };
-    let errors = judge(&ConstantVelocity { dt_s: DT_S }, &track, &track, &[], HORIZON);
+    let errors = prediction_errors(&ConstantVelocity { dt_s: DT_S }, &track, &track, &[], HORIZON);
     assert!(worst(&errors) < 1e-9, "{}", worst(&errors));
-    let hold = judge(&StandStill, &track, &track, &[], HORIZON).at(HORIZON).unwrap();
+    let hold = prediction_errors(&StandStill, &track, &track, &[], HORIZON).at(HORIZON).unwrap();
     assert!((hold.horizontal.rmse - 0.29_f64.sqrt()).abs() < 1e-9, "{hold:?}");
     assert!((hold.vertical.median - 0.1).abs() < 1e-9, "{hold:?}");
     assert!((hold.heading.rmse - 1.0).abs() < 1e-9, "{hold:?}");
@@ -118,7 +122,11 @@ fn only_trusted_ends_without_exclusion_between_are_judged() {
     let u = vec![Sticks::zeros(); STEPS];
     let mut track = flown(&Lagged::default(), &lagged_p(), &u, &Pose::zeros());
     let count = |track: &MotionTrack, is_excluded: &[bool], steps: usize| {
-        judge(&StandStill, track, track, is_excluded, HORIZON).at(steps).unwrap().horizontal.count
+        prediction_errors(&StandStill, track, track, is_excluded, HORIZON)
+            .at(steps)
+            .unwrap()
+            .horizontal
+            .count
     };
     // Starts 0, 10, .. 390; the last horizon must lie within the flight.
     assert_eq!(count(&track, &[], 1), 40);
@@ -131,6 +139,6 @@ fn only_trusted_ends_without_exclusion_between_are_judged() {
     track.is_trusted[100] = false;
     // Start 100 and the forecast that ends there.
     assert_eq!(count(&track, &[], 50), 33);
-    assert!(judge(&StandStill, &track, &track, &[], HORIZON).at(51).is_none());
-    assert!(judge(&StandStill, &track, &track, &[], HORIZON).at(0).is_none());
+    assert!(prediction_errors(&StandStill, &track, &track, &[], HORIZON).at(51).is_none());
+    assert!(prediction_errors(&StandStill, &track, &track, &[], HORIZON).at(0).is_none());
 }

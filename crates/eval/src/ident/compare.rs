@@ -1,7 +1,7 @@
 //! Which model predicts best on flights that it was not fitted to.
 //!
 //! Owns the division of the logs, the runners beside the models (standing still, constant velocity)
-//! and the table. What an error is, is [`crate::forecast::judge`].
+//! and the table. What an error is, is [`crate::forecast::prediction_errors`].
 
 use std::fmt::{self, Display, Formatter};
 
@@ -9,7 +9,7 @@ use super::fit::fit;
 use super::job::{FitResult, Job};
 use super::table::IdentFileTable;
 use crate::forecast::{
-    ConstantVelocity, Forecast, ForecastErrors, HorizonErrors, StandStill, judge,
+    ConstantVelocity, Forecast, ForecastErrors, HorizonErrors, StandStill, prediction_errors,
 };
 use crate::outage::{OutageSettings, lost_commands};
 use crate::recordings::Loaded;
@@ -76,7 +76,7 @@ pub struct Errors {
 }
 
 /// A flight that predictions are held against.
-pub(super) struct Judged {
+pub(super) struct ValidationFlight {
     /// Recorded inputs and poses.
     pub(super) recording: Recording<{ stick::COUNT }, { pose::COUNT }>,
     /// Smoothed motion.
@@ -99,7 +99,7 @@ impl Tally {
     /// Adds the errors of `rule`, which is made for each start of a flight.
     pub(super) fn add<F: Forecast>(
         &mut self,
-        flight: &Judged,
+        flight: &ValidationFlight,
         horizon_steps: usize,
         rule: impl Fn(&MotionTrack) -> F,
     ) {
@@ -112,7 +112,13 @@ impl Tally {
         ];
         for (errors, (known, is_excluded)) in self.0.iter_mut().zip(cases) {
             let truth = &flight.smoothed;
-            errors.extend(&judge(&rule(known), known, truth, is_excluded, horizon_steps));
+            errors.extend(&prediction_errors(
+                &rule(known),
+                known,
+                truth,
+                is_excluded,
+                horizon_steps,
+            ));
         }
     }
 
@@ -164,9 +170,9 @@ pub fn compare(
     if others.is_empty() && folds < 2 {
         bail!("--compare needs two logs: one to fit to and one to judge by (or --judge)");
     }
-    let masker = Masker::new(first.table)?;
+    let masker = LostCommandMask::new(first.table)?;
     let judged = if others.is_empty() { logs } else { others };
-    let flights: Vec<Judged> = judged.par_iter().map(|log| masker.judged(log)).collect();
+    let flights: Vec<ValidationFlight> = judged.par_iter().map(|log| masker.judged(log)).collect();
     let [.., longest_s] = HORIZONS_S;
     let horizon_steps = steps(longest_s, dt_s);
     let mut models = Vec::new();
@@ -209,13 +215,13 @@ pub fn compare(
 }
 
 /// Finds the lost commands of the judged flights, with the same eyes whatever model is judged.
-struct Masker {
+struct LostCommandMask {
     settings: OutageSettings,
     dead_time_s: Sticks,
     dt_s: f64,
 }
 
-impl Masker {
+impl LostCommandMask {
     fn new(table: &IdentFileTable) -> Result<Self> {
         let built_in = super::settings(None)?;
         let table = if table.lost_commands.is_some() { table } else { &built_in };
@@ -232,12 +238,12 @@ impl Masker {
         })
     }
 
-    fn judged(&self, log: &Loaded) -> Judged {
+    fn judged(&self, log: &Loaded) -> ValidationFlight {
         let recording = &log.recording;
         let smoothed = smooth(&recording.o, self.dt_s);
         let applied = recording.applied(&self.dead_time_s, self.dt_s);
         let is_lost = lost_commands(&self.settings, &applied, &smoothed, self.dt_s);
-        Judged {
+        ValidationFlight {
             recording: recording.clone(),
             causal: track(&recording.o, self.dt_s),
             smoothed,

@@ -320,3 +320,6 @@ where
         square.iter().map(|square| (square / steps).sqrt()).collect()
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -5,13 +5,13 @@ use horizon_model::{LaggedShape, Model, Vector};
 use nalgebra::SVector;
 use tello_flight::cycle::ModelKind;
 
-use super::compare::{Judged, Tally};
+use super::compare::{Tally, ValidationFlight};
 use crate::forecast::Driven;
 
 /// A fitted model as a forecast.
 pub(super) trait AddErrors: Sync {
     /// Adds its errors on `flight` to `tally`.
-    fn add_errors_to(&self, flight: &Judged, tally: &mut Tally, horizon_steps: usize);
+    fn add_errors_to(&self, flight: &ValidationFlight, tally: &mut Tally, horizon_steps: usize);
 }
 
 /// A model with what was identified of it.
@@ -32,7 +32,7 @@ impl<M, const NS: usize, const NP: usize> AddErrors for Identified<M, NS, NP>
 where
     M: Model<NS, { stick::COUNT }, { pose::COUNT }, NP> + Sync,
 {
-    fn add_errors_to(&self, flight: &Judged, tally: &mut Tally, horizon_steps: usize) {
+    fn add_errors_to(&self, flight: &ValidationFlight, tally: &mut Tally, horizon_steps: usize) {
         let applied = flight.recording.applied(&self.dead_time_s, self.dt_s);
         tally.add(flight, horizon_steps, |known| {
             let Self { model, p, residual_decay_s, dt_s, .. } = self;

@@ -82,6 +82,19 @@ impl IdentFindings<'_> {
     /// One sentence for each thing that is off.
     pub(super) fn sentences(&self) -> Vec<String> {
         let mut findings = Vec::new();
+        self.about_dead_times(&mut findings);
+        self.about_pieces(&mut findings);
+        if !self.has_converged {
+            findings
+                .push("the solver did not converge: raise map.solver.iterations_max".to_owned());
+        }
+        self.about_parameters(&mut findings);
+        self.about_inputs(&mut findings);
+        self.about_residuals(&mut findings);
+        findings
+    }
+
+    fn about_dead_times(&self, findings: &mut Vec<String>) {
         for row in self.delay {
             let (sticks, dead_time_s) = (&row.sticks, row.dead_time_s);
             let why = match (row.verdict, row.std_s) {
@@ -102,18 +115,18 @@ impl IdentFindings<'_> {
                 "the dead time of {sticks} is not determined by these logs: {why} ({dead_time_s:.3} s)"
             ));
         }
-        self.about_pieces(&mut findings);
-        if !self.has_converged {
-            findings
-                .push("the solver did not converge: raise map.solver.iterations_max".to_owned());
-        }
-        self.about_parameters(&mut findings);
+    }
+
+    fn about_inputs(&self, findings: &mut Vec<String>) {
+        let rested = self.rested();
         for (stick, (row, rms)) in self.inputs.iter().zip(&self.input_rms).enumerate() {
-            let rested = self.rested();
             if *rms < EXCITATION_MIN && !rested.iter().any(|(sticks, _)| sticks.contains(&stick)) {
                 findings.push(format!("{} was hardly moved (rms {rms:.3}): fly it more", row.name));
             }
         }
+    }
+
+    fn about_residuals(&self, findings: &mut Vec<String>) {
         let colored: Vec<String> = self
             .observations
             .iter()
@@ -137,7 +150,6 @@ impl IdentFindings<'_> {
                 ));
             }
         }
-        findings
     }
 
     /// Sticks that rested all, and the parameters that only they show.

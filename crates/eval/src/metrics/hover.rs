@@ -34,7 +34,8 @@ pub struct HoverScore {
 }
 
 impl Hover {
-    /// A hover of `lasts_s` at `target`, beside the 2 s to settle.
+    /// A hover at `target` (world frame; m, rad) that is measured for `lasts_s` (s, > 0), after 2 s to settle that are
+    /// not measured. Allocates; not for the tick.
     pub fn new(target: &Pose, lasts_s: f64) -> Self {
         let target = *target;
         Self { target, lasts_s, arrived_s: None, errors: Vec::new(), is_done: false }

@@ -34,7 +34,7 @@ impl OutageCounter {
     }
 
     /// Adds a tick of `dt_s` (s) in flight in which commands were lost or not.
-    pub fn add_verdict(&mut self, is_down: bool, dt_s: f64) {
+    pub(crate) fn add_verdict(&mut self, is_down: bool, dt_s: f64) {
         self.found.count += u64::from(is_down && !self.is_down);
         self.found.down_s += if is_down { dt_s } else { 0.0 };
         self.is_down = is_down;

@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_is_no_way() {
+    fn a_path_of_one_point_is_refused() {
         assert_eq!(PathProgress::new(&[Pose::zeros()]), None);
         assert_eq!(PathProgress::new(&[Pose::zeros(); 3]), None);
         assert_eq!(PathProgress::new(&[]), None);

@@ -88,7 +88,7 @@ impl ReferencePath {
     }
 
     /// Whether it is a curve, of which the mission counts the ends alone: `targets` are places on it.
-    pub fn is_curve(&self) -> bool {
+    pub(crate) fn is_curve(&self) -> bool {
         self.targets.len() != self.targets_count
     }
 
@@ -98,7 +98,7 @@ impl ReferencePath {
     }
 
     /// The outline of the first round: rounds are closed, and lie on each other. Less than a round is all of it.
-    pub fn lap_outline(&self) -> Vec<Pose> {
+    pub(crate) fn lap_outline(&self) -> Vec<Pose> {
         let sides = self.outline.len().saturating_sub(1);
         let of_round = whole((sides as f64 / self.rounds.max(1.0)).round());
         self.outline.iter().take(of_round + 1).copied().collect()

@@ -99,7 +99,7 @@ impl InboxHead {
 const REPEATED: &str = "repeated";
 
 /// Whether a note on what is not in a log is that of ticks that came again: it may hold two flights.
-pub fn is_repetition(note: &str) -> bool {
+pub(crate) fn is_repetition(note: &str) -> bool {
     note.ends_with(REPEATED)
 }
 

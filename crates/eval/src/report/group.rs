@@ -20,7 +20,7 @@ const NAMED_MAX: usize = 4;
 
 /// A flight with all that was found out about it.
 #[derive(Debug, Clone)]
-pub(super) struct Looked {
+pub(super) struct EvaluatedFlight {
     pub flight: Flight,
     pub measured: Measured,
     pub row: FlightRow,
@@ -60,7 +60,7 @@ pub(super) struct Group {
     pub numbers: Spreads,
     pub flights: Vec<FlightRow>,
     #[serde(skip)]
-    pub looked: Vec<Looked>,
+    pub looked: Vec<EvaluatedFlight>,
 }
 
 /// Differences of one number of a flight, first group minus second.
@@ -85,7 +85,7 @@ pub(super) struct Comparison {
     pub differences: Vec<Paired>,
 }
 
-impl Looked {
+impl EvaluatedFlight {
     pub(super) fn at(flight: Flight) -> Self {
         let measured = Measured::of(&flight);
         let numbers = spreads(&measured.numbers);
@@ -109,7 +109,7 @@ impl Looked {
 }
 
 impl Group {
-    pub(super) fn of(name: String, looked: Vec<Looked>) -> Self {
+    pub(super) fn of(name: String, looked: Vec<EvaluatedFlight>) -> Self {
         let mut pooled = Numbers::new();
         for (quantity, values) in counted(&looked).flat_map(|one| &one.measured.numbers) {
             pooled.entry(*quantity).or_default().extend(values);
@@ -135,7 +135,7 @@ impl Group {
     }
 
     /// The flights that count: see [`counted`].
-    pub(super) fn counted(&self) -> impl Iterator<Item = &Looked> {
+    pub(super) fn counted(&self) -> impl Iterator<Item = &EvaluatedFlight> {
         counted(&self.looked)
     }
 
@@ -219,8 +219,8 @@ impl Group {
 
 /// The flights of `looked` with the best rank: judged before unjudged (replays, dry runs), then measurable before not
 /// (by hand, or with ticks missing in the part that counts).
-fn counted(looked: &[Looked]) -> impl Iterator<Item = &Looked> {
-    let rank = |one: &Looked| (one.flight.unjudged.is_none(), one.flight.is_measurable());
+fn counted(looked: &[EvaluatedFlight]) -> impl Iterator<Item = &EvaluatedFlight> {
+    let rank = |one: &EvaluatedFlight| (one.flight.unjudged.is_none(), one.flight.is_measurable());
     let first = looked.iter().map(rank).max();
     looked.iter().filter(move |one| Some(rank(one)) == first)
 }

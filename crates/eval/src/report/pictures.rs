@@ -5,7 +5,7 @@ mod times;
 use horizon_model::rows::{Pose, pose};
 
 use super::flight::Flight;
-use super::group::{Group, Looked};
+use super::group::{EvaluatedFlight, Group};
 use super::quantity::{Measured, Quantity};
 use crate::figure::{self, AlongPath, Figure, SeenFlights, SeenInSpace};
 use crate::metrics::PathProgress;
@@ -71,7 +71,7 @@ pub(super) fn of_groups(groups: &[Group]) -> Vec<Picture> {
 }
 
 /// Figures of one flight. `prefix` makes the names of their files unique.
-pub(super) fn of_flight(looked: &Looked, prefix: &str) -> Vec<Picture> {
+pub(super) fn of_flight(looked: &EvaluatedFlight, prefix: &str) -> Vec<Picture> {
     let flight = &looked.flight;
     let picture = |name: &str, caption: &str, figure| Picture {
         name: format!("{prefix}-{name}"),
@@ -119,21 +119,22 @@ pub(super) fn of_flight(looked: &Looked, prefix: &str) -> Vec<Picture> {
 
 /// Flights that stand for all: every one of four or less, else the fastest, the middle one, the slowest
 /// and the one that was farthest from its line.
-pub(super) fn shown(group: &Group) -> Vec<&Looked> {
+pub(super) fn shown(group: &Group) -> Vec<&EvaluatedFlight> {
     if group.looked.len() <= 4 {
         return group.looked.iter().collect();
     }
-    let number =
-        |looked: &&Looked, quantity| looked.row.numbers.get(&quantity).map(|spread| spread.max);
-    let sorted = |quantity| -> Vec<&Looked> {
-        let mut looked: Vec<&Looked> =
+    let number = |looked: &&EvaluatedFlight, quantity| {
+        looked.row.numbers.get(&quantity).map(|spread| spread.max)
+    };
+    let sorted = |quantity| -> Vec<&EvaluatedFlight> {
+        let mut looked: Vec<&EvaluatedFlight> =
             group.looked.iter().filter(|one| number(one, quantity).is_some()).collect();
-        let value = |one: &Looked| number(&one, quantity).unwrap_or(f64::NAN);
+        let value = |one: &EvaluatedFlight| number(&one, quantity).unwrap_or(f64::NAN);
         looked.sort_by(|a, b| value(a).total_cmp(&value(b)));
         looked
     };
     let (by_time, by_distance) = (sorted(Quantity::FinishS), sorted(Quantity::DistanceM));
-    let mut shown: Vec<&Looked> = Vec::new();
+    let mut shown: Vec<&EvaluatedFlight> = Vec::new();
     let ends =
         [by_time.first(), by_time.get(by_time.len() / 2), by_time.last(), by_distance.last()];
     for looked in ends.into_iter().flatten().copied() {
@@ -159,9 +160,9 @@ fn pooled(group: &Group, samples: fn(&Measured) -> &[f64]) -> Vec<f64> {
 fn targets(groups: &[Group]) -> Vec<f64> {
     let mut flights = groups.iter().flat_map(Group::counted).map(|looked| &looked.flight);
     let Some(flight) = flights.find(|flight| !flight.outline.is_empty()) else { return Vec::new() };
-    let Some(way) = PathProgress::new(&flight.outline) else { return Vec::new() };
+    let Some(path) = PathProgress::new(&flight.outline) else { return Vec::new() };
     let inner = flight.targets.iter().skip(1).take(flight.targets.len().saturating_sub(2));
-    inner.map(|target| way.place(target).progress).collect()
+    inner.map(|target| path.place(target).progress).collect()
 }
 
 fn horizontal(poses: &[Pose]) -> Vec<(f64, f64)> {
@@ -204,7 +205,7 @@ fn from_above(name: &str, title: &str, groups: &[Group]) -> Picture {
     }
 }
 
-fn above(title: &str, Looked { flight, .. }: &Looked) -> Figure {
+fn above(title: &str, EvaluatedFlight { flight, .. }: &EvaluatedFlight) -> Figure {
     let track = horizontal(&track(flight.judged_ticks()));
     let (outline, tracks) = (horizontal(&flight.outline), vec![track.clone()]);
     figure::tracks(title, &[SeenFlights { name: "flight", outline, tracks }])

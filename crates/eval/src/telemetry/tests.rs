@@ -8,7 +8,7 @@ fn outcome() -> Outcome {
 }
 
 fn facts(inbox: &Inbox, out: &Outcome) -> Telemetry {
-    Telemetry::of(inbox, out, Ahead::default())
+    Telemetry::of(inbox, out, PredictedTrajectory::default())
 }
 
 #[test]

@@ -63,7 +63,7 @@ fn dead_times_change_as_they_were_found_and_stay_within_their_range() {
     let flown = |dead_time_change_s| {
         let mut file = ParameterFile::of_settings(&settings);
         let found = ParameterEstimate { dead_time_change_s, ..found(0.5, 0.9) };
-        let changed = file.learn(&settings, &done(&found, "2026-11-22")).unwrap();
+        let changed = file.update_parameters(&settings, &done(&found, "2026-11-22")).unwrap();
         file.check().unwrap();
         (file.dead_time_s, changed)
     };
@@ -101,7 +101,7 @@ fn each_dead_time_gets_shorter_as_far_as_the_flight_lets_its_axis() {
             dead_time_change_s: Some(Sticks::repeat(longer_s)),
             ..found(0.5, 0.9)
         };
-        file.learn(&settings, &done(&found, "2026-11-22")).unwrap();
+        file.update_parameters(&settings, &done(&found, "2026-11-22")).unwrap();
         file.check().unwrap();
         // The FIFO of the flight after the same correction.
         let mut fifo = InputFifo::new(&settings.dead_time_s, &Kinematic::INPUT, 0.02).unwrap();
@@ -120,11 +120,11 @@ fn what_was_not_excited_stays() {
     let settings = settings();
     let mut file = ParameterFile::of_settings(&settings);
     let before = file.clone();
-    let changed = file.learn(&settings, &done(&found(0.5, 0.9), "2026-11-22")).unwrap();
+    let changed = file.update_parameters(&settings, &done(&found(0.5, 0.9), "2026-11-22")).unwrap();
     assert!(changed.is_empty() && file == before);
     let mut one = found(0.5, 0.9);
     one.covariance[0][0] *= 1e-4;
-    let changed = file.learn(&settings, &done(&one, "2026-11-22")).unwrap();
+    let changed = file.update_parameters(&settings, &done(&one, "2026-11-22")).unwrap();
     assert_eq!(changed.len(), 1);
     assert_eq!(file.values()[1..], before.values()[1..]);
     assert!((file.values()[0] - one.p[0]).abs() < 1e-12);
@@ -136,7 +136,7 @@ fn a_flight_moves_no_parameter_far() {
     let mhe = &settings.mhe;
     for (shift, part) in [(50.0, 0.1), (-50.0, 0.1)] {
         let mut file = ParameterFile::of_settings(&settings);
-        file.learn(&settings, &done(&found(shift, part), "2026-11-22")).unwrap();
+        file.update_parameters(&settings, &done(&found(shift, part), "2026-11-22")).unwrap();
         file.check().unwrap();
         for (i, value) in file.values().iter().enumerate() {
             assert!((mhe.p_lb[i]..=mhe.p_ub[i]).contains(value), "row {i}: {value}");
@@ -158,7 +158,7 @@ fn what_is_no_estimate_is_refused() {
     let mut short = found(0.1, 0.1);
     short.covariance.pop();
     for found in [nan, short] {
-        assert!(file.learn(&settings, &done(&found, "2026-11-22")).is_err());
+        assert!(file.update_parameters(&settings, &done(&found, "2026-11-22")).is_err());
         assert_eq!(file, before);
     }
 }

@@ -1,6 +1,6 @@
 //! The thesis' controller as it flew, still selectable: `configs/thesis/as_flown.json`.
 //!
-//! Owns what only this baseline needs of the tick: estimate and plan one tick late, held observations, the correction
+//! Owns in which tick estimate and plan are made, and what only this baseline needs: held observations, the correction
 //! of the parameter and the distance to which targets are clipped. Outside of the tick the baseline has its vehicle
 //! (`KinematicPublished`) and the shift of the prior in the estimator (`MheTable::shift_prior`).
 
@@ -11,7 +11,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::measurement_time::TickObservations;
-use super::{Cycle, CycleTable, JUST_ENDED_AFTER_PUSH, Outcome, PlanningTable, Vehicle, Watch};
+use super::{
+    COMING, Cycle, CycleTable, JUST_ENDED, JUST_ENDED_AFTER_PUSH, Outcome, PlanningTable, Vehicle,
+    Watch,
+};
 
 /// Most by which an angle of the parameter is corrected: a plan whose heading is as wrong still converges. rad
 const TURN_MAX_RAD: f64 = 0.8;
@@ -96,8 +99,29 @@ pub(super) fn check_correction<M: Vehicle<NS, NP>, const NS: usize, const NP: us
 }
 
 impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR> {
+    /// The estimate of [`Pipeline::SameTick`] from the newest observation; nothing in the other pipeline.
+    pub(super) fn estimate_in_same_tick(
+        &mut self,
+        seen: Option<&TickObservations>,
+        watch: &mut dyn Watch,
+        out: &mut Outcome,
+    ) {
+        if self.pipeline == Pipeline::SameTick {
+            self.estimate(seen, JUST_ENDED, watch, out);
+        }
+    }
+
+    /// Progress of the mission and the plan of [`Pipeline::SameTick`], by the estimate of this tick; nothing in the
+    /// other pipeline.
+    pub(super) fn plan_in_same_tick(&mut self, watch: &mut dyn Watch, out: &mut Outcome) {
+        if self.pipeline == Pipeline::SameTick {
+            self.advance_mission();
+            self.plan(COMING, watch, out);
+        }
+    }
+
     /// Plan and estimate of [`Pipeline::NextTick`], made after the sticks of this tick are sent: the plan by the
-    /// estimate of the tick before.
+    /// estimate of the tick before; nothing in the other pipeline.
     pub(super) fn solve_for_next_tick(
         &mut self,
         may_steer: bool,
@@ -105,6 +129,9 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
         watch: &mut dyn Watch,
         out: &mut Outcome,
     ) {
+        if self.pipeline != Pipeline::NextTick {
+            return;
+        }
         if may_steer {
             self.plan(JUST_ENDED_AFTER_PUSH, watch, out);
             self.advance_mission();

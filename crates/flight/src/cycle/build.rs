@@ -112,7 +112,7 @@ pub(super) fn cycle<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const 
         hand_over: HandOver::default(),
         gate: Gate::new(&cycle.gate, table.protocol).map_err(under("cycle.gate"))?,
         fifo,
-        is_carried: table.start == Start::Carried,
+        is_dry_run: table.start == Start::Carried,
         memory: Memory::default(),
     })
 }

@@ -16,8 +16,9 @@ pub(super) fn given_steps(dead_time_steps: &Sticks) -> [usize; stick::COUNT] {
 /// yaw have their own, and none falls below its least one (`dead_time_min_ratio`).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Committed {
+    /// Dead time of each axis. steps
     pub(super) dead_time_steps: Sticks,
-    /// Most of [`given_steps`].
+    /// Most of [`given_steps`]. steps
     pub(super) steps_max: usize,
     /// [`given_steps`], to the nearest begin of a stage.
     pub(super) given_steps: [usize; stick::COUNT],

@@ -6,7 +6,8 @@
 
 use horizon_model::rows::{Sticks, stick};
 
-use crate::{DeadTimeError, DeadTimeErrors, LinkTable};
+use crate::link::DeadTimeErrors;
+use crate::{DeadTimeError, LinkTable};
 
 /// Estimated error from which on the dead times are corrected. periods
 const ERROR_MIN: f64 = 0.75;

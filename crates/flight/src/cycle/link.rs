@@ -26,8 +26,8 @@ pub(super) struct Link {
     stick_max: f64,
     /// Steps that the estimator can amend.
     window_steps: usize,
-    /// The sticks that would have been applied with the link up.
-    meant: Ring<Sticks>,
+    /// The nominal inputs: applied if the link is up. 1
+    nominal: Ring<Sticks>,
     state: LinkState,
     /// For how long the link has been in that state; the largest number before the first change. steps
     state_steps: usize,
@@ -36,7 +36,7 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// A link that is up, remembered over `window_steps`.
+    /// A link that is up, whose inputs are kept over `window_steps`.
     pub(super) fn new(
         monitor: LinkMonitor,
         dead_time: DeadTime,
@@ -44,14 +44,14 @@ impl Link {
         window_steps: usize,
         dt_s: f64,
     ) -> Self {
-        let meant = Ring::new(Sticks::zeros(), window_steps.max(HELD_STEPS));
+        let nominal = Ring::new(Sticks::zeros(), window_steps.max(HELD_STEPS));
         Self {
             dt_s,
             monitor,
             dead_time,
             stick_max,
             window_steps,
-            meant,
+            nominal,
             state: LinkState::Up,
             state_steps: usize::MAX,
             held: Sticks::zeros(),
@@ -83,10 +83,10 @@ impl Link {
         self.dead_time.is_too_long()
     }
 
-    /// Replaces the remembered sticks of the newest `steps` steps: `u_meant(back)` would have been applied.
-    pub(super) fn rewrite_meant(&mut self, steps: usize, u_meant: impl Fn(usize) -> Sticks) {
-        for back in 0..steps.min(self.meant.len()) {
-            self.meant.replace(back, u_meant(back));
+    /// Replaces the nominal inputs of the newest `steps` steps: `u_nominal(back)` would have been applied.
+    pub(super) fn rewrite_nominal(&mut self, steps: usize, u_nominal: impl Fn(usize) -> Sticks) {
+        for back in 0..steps.min(self.nominal.len()) {
+            self.nominal.replace(back, u_nominal(back));
         }
     }
 
@@ -103,16 +103,16 @@ impl Link {
         !self.state.is_down()
     }
 
-    /// The decision after a period in which `u_meant` was applied if the link was up; and on a change of the decision,
+    /// The decision after a period in which `u_nominal` was applied if the link was up; and on a change of it,
     /// the number of steps since the change.
     pub(super) fn update(
         &mut self,
-        u_meant: &Sticks,
+        u_nominal: &Sticks,
         observed: &Observed<{ pose::COUNT }>,
         p: &SVector<f64, { lag::COUNT }>,
     ) -> (LinkDecision, Option<usize>) {
-        self.meant.push(*u_meant);
-        let decision = self.monitor.update(u_meant, observed, p);
+        self.nominal.push(*u_nominal);
+        let decision = self.monitor.update(u_nominal, observed, p);
         if self.is_up() && decision.state.is_down() {
             self.dead_time.note_outage();
         }
@@ -121,7 +121,7 @@ impl Link {
         self.state_steps = self.state_steps.saturating_add(1);
         if decision.has_changed {
             self.state_steps = since_steps;
-            self.held = self.meant.back(since_steps.min(self.meant.len() - 1));
+            self.held = self.nominal.back(since_steps.min(self.nominal.len() - 1));
         }
         (decision, decision.has_changed.then_some(since_steps.min(self.window_steps)))
     }
@@ -133,11 +133,11 @@ impl Link {
 
     /// The applied sticks `back` steps before the newest, by the newest decision.
     pub(super) fn applied(&self, back: usize) -> Sticks {
-        self.instead().unwrap_or_else(|| self.meant.back(back))
+        self.outage_input().unwrap_or_else(|| self.nominal.back(back))
     }
 
     /// What acts in place of all that is sent; `None` while the link is up.
-    pub(super) fn instead(&self) -> Option<Sticks> {
+    pub(super) fn outage_input(&self) -> Option<Sticks> {
         match self.state {
             LinkState::Up => None,
             LinkState::Released => Some(Sticks::zeros()),
@@ -178,20 +178,20 @@ mod tests {
     }
 
     #[test]
-    fn what_was_meant_is_remembered_beyond_the_end_of_the_ring_and_can_be_rewritten() {
+    fn nominal_inputs_are_kept_beyond_the_end_of_the_ring_and_can_be_rewritten() {
         let (mut link, p) = (link(0.1), parameter());
-        let meant = |step: u32| Sticks::repeat(1e-3 * f64::from(step));
+        let nominal = |step: u32| Sticks::repeat(1e-3 * f64::from(step));
         for step in 0..200 {
-            link.update(&meant(step), &Observed::missing(), &p);
+            link.update(&nominal(step), &Observed::missing(), &p);
         }
-        assert!(link.is_up() && link.instead().is_none());
+        assert!(link.is_up() && link.outage_input().is_none());
         assert_eq!(link.limited(&Sticks::repeat(-1.0)), Sticks::repeat(-1.0));
         for back in 0..60 {
-            assert_eq!(link.applied(back as usize), meant(199 - back), "{back} steps ago");
+            assert_eq!(link.applied(back as usize), nominal(199 - back), "{back} steps ago");
         }
-        link.rewrite_meant(5, |_| Sticks::repeat(0.5));
+        link.rewrite_nominal(5, |_| Sticks::repeat(0.5));
         assert_eq!(link.applied(4), Sticks::repeat(0.5));
-        assert_eq!(link.applied(5), meant(194));
+        assert_eq!(link.applied(5), nominal(194));
         assert_eq!(link.capacity_steps(), WINDOW_STEPS + 5);
     }
 
@@ -216,7 +216,10 @@ mod tests {
         assert_eq!(since_steps, Some(WINDOW_STEPS.min(onset_steps as usize)));
         assert_eq!((link.state(), link.is_up()), (LinkState::Released, false));
         assert_eq!(link.state_steps(), onset_steps as usize + 199 - step);
-        assert_eq!((link.instead(), link.applied(3)), (Some(Sticks::zeros()), Sticks::zeros()));
+        assert_eq!(
+            (link.outage_input(), link.applied(3)),
+            (Some(Sticks::zeros()), Sticks::zeros())
+        );
         let u_plan = Sticks::new(-0.9, 0.3, 0.41, 1.0);
         assert_eq!(link.limited(&u_plan), Sticks::new(-0.4, 0.3, 0.4, 0.4));
     }

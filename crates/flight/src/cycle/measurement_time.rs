@@ -89,7 +89,7 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
 
     /// Mean rate in the period that ends with the tick, by the model. Rows of the pose per second
     fn rate_at_tick(&self) -> PoseRate {
-        let u_applied = self.link_instead().unwrap_or_else(|| self.fifo.applied(JUST_ENDED));
+        let u_applied = self.outage_input().unwrap_or_else(|| self.fifo.applied(JUST_ENDED));
         self.rate_of(self.mhe.s_hat(), &u_applied)
     }
 

@@ -92,7 +92,7 @@ pub struct Outcome {
     /// Whether the sent sticks act; `None` without a link monitor, or if the estimator was not started.
     pub link: Option<LinkDecision>,
     /// Sticks that act in place of all sent ones; `None` while the link is up, or as for `link`. 1
-    pub applied_instead: Option<Sticks>,
+    pub outage_input: Option<Sticks>,
     /// Correction of the dead times; `None` if the settings allow none, or the tick estimated nothing.
     pub dead_time: Option<DeadTimeChange>,
     /// How the estimator ended; `None` if it did not solve.

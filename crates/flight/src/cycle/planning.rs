@@ -5,7 +5,7 @@
 //! already. The controller plans effective inputs; `Model::input_for` gives the sticks.
 
 mod brake;
-mod known;
+mod plan_start;
 
 use std::iter::repeat_n;
 
@@ -22,7 +22,7 @@ use crate::forgetting::decay;
 use crate::{Mission, PlanClearance, Reference, clip_target};
 use brake::Brake;
 pub(super) use brake::BrakeOrder;
-pub(super) use known::Known;
+pub(super) use plan_start::PlanStart;
 
 /// Age of a plan at which its sticks are reduced to `1/e`, thesis section 4.3.9. ticks
 const PLAN_DECAY_TICKS: f64 = 10.0;
@@ -30,10 +30,12 @@ const PLAN_DECAY_TICKS: f64 = 10.0;
 /// Largest age of a plan at which its clearance from walls still counts. ticks
 const CLEAR_LAG_MAX: u32 = 5;
 
-/// Bounds of the sticks of a plan. 1
+/// Bounds of the sticks of a plan.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StickBounds {
+    /// Smallest stick of each axis. 1, in [-1, 1]
     pub(super) lower: Sticks,
+    /// Largest stick of each axis. 1, in [-1, 1]
     pub(super) upper: Sticks,
 }
 
@@ -150,22 +152,22 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Plan
     /// As [`Mpc::solve`].
     pub(super) fn plan(
         &mut self,
-        known: &Known<'_, NS, NP>,
+        start: &PlanStart<'_, NS, NP>,
         mission: &Mission,
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<MpcReport, SqpError> {
-        if self.committed.dead_time_steps != *known.fifo.dead_time_steps() {
-            self.committed = Committed::new(known.fifo.dead_time_steps(), self.mpc.settings());
+        if self.committed.dead_time_steps != *start.fifo.dead_time_steps() {
+            self.committed = Committed::new(start.fifo.dead_time_steps(), self.mpc.settings());
         }
-        self.predict_start(known);
-        self.fill_given(known);
-        self.begin_walls(known);
-        self.fill_references(mission, known);
+        self.predict_start(start);
+        self.fill_given(start);
+        self.begin_walls(start);
+        self.fill_references(mission, start);
         match self.lag {
             Some(_) => self.mpc.shift(),
             None => self.mpc.reset(),
         }
-        let solved = self.solve(known, is_late);
+        let solved = self.solve(start, is_late);
         self.lag = match self.lag {
             _ if solved.as_ref().is_ok_and(MpcReport::has_new_plan) => Some(0),
             // After a late or failed solve the shifted plan goes on.
@@ -176,24 +178,24 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Plan
     }
 
     /// Predicts the state at the beginning of the plan, by the sticks that act until then.
-    fn predict_start(&mut self, known: &Known<'_, NS, NP>) {
-        let inputs = (known.ahead..known.begin_ahead()).map(|ahead| known.applied(ahead));
-        self.s_0 = predict(&self.model, known.s_hat, known.p_hat, inputs, self.dt_s);
-        self.p = known.p_hat + self.baseline.p_correction;
+    fn predict_start(&mut self, start: &PlanStart<'_, NS, NP>) {
+        let inputs = (start.first_period..start.begin_ahead()).map(|ahead| start.applied(ahead));
+        self.s_0 = predict(&self.model, start.s_hat, start.p_hat, inputs, self.dt_s);
+        self.p = start.p_hat + self.baseline.p_correction;
     }
 
     /// Fills the committed inputs of the first steps of the plan.
     ///
     /// In an outage a brake goes on from the sticks that were sent: the cost of a change from those that act in their
     /// place would let each plan begin with the same small step, and only first steps are ever sent.
-    fn fill_given(&mut self, known: &Known<'_, NS, NP>) {
+    fn fill_given(&mut self, start: &PlanStart<'_, NS, NP>) {
         let given = self.committed.given_steps_max();
-        let begin_ahead = known.begin_ahead();
+        let begin_ahead = start.begin_ahead();
         for (k, u) in self.u_given.iter_mut().take(given).enumerate() {
             let ahead = begin_ahead + k.cast_signed();
-            let mut sticks = known.applied(ahead);
+            let mut sticks = start.applied(ahead);
             if self.brake.is_on() {
-                let sent = known.fifo.applied(ahead);
+                let sent = start.fifo.applied(ahead);
                 for (axis, from) in self.committed.last_given_steps.into_iter().enumerate() {
                     if k >= from {
                         sticks[axis] = sent[axis];
@@ -205,30 +207,30 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Plan
     }
 
     /// Sets time and covariance of the beginning of the plan for walls and obstacles.
-    fn begin_walls(&mut self, known: &Known<'_, NS, NP>) {
+    fn begin_walls(&mut self, start: &PlanStart<'_, NS, NP>) {
         let Some(walls) = &mut self.walls else { return };
-        let first = known.fifo.known_steps();
+        let first = start.fifo.known_steps();
         let committed = first + self.committed.steps_max;
-        let covariance_w = known.covariance_after(&self.model, committed as f64 * self.dt_s);
+        let covariance_w = start.covariance_after(&self.model, committed as f64 * self.dt_s);
         walls.begin_after(first as f64 * self.dt_s, covariance_w);
     }
 
     /// The sticks before the first step of the plan, from which changes cost; see [`Planner::fill_given`].
-    fn before(&self, known: &Known<'_, NS, NP>) -> Sticks {
-        let ahead = known.begin_ahead() - 1;
-        if self.brake.is_on() { known.fifo.applied(ahead) } else { known.applied(ahead) }
+    fn before(&self, start: &PlanStart<'_, NS, NP>) -> Sticks {
+        let ahead = start.begin_ahead() - 1;
+        if self.brake.is_on() { start.fifo.applied(ahead) } else { start.applied(ahead) }
     }
 
     /// Solves for a plan from the start, committed inputs, walls and references that are filled in.
     fn solve(
         &mut self,
-        known: &Known<'_, NS, NP>,
+        start: &PlanStart<'_, NS, NP>,
         is_late: &mut dyn FnMut() -> bool,
     ) -> Result<MpcReport, SqpError> {
         let problem = MpcProblem {
             s_0: &self.s_0,
             p: &self.p,
-            u_before: &self.model.effect(&self.before(known), &self.p),
+            u_before: &self.model.effect(&self.before(start), &self.p),
             u_given: &self.u_given[..self.committed.given_steps_max()],
             given_steps: self.committed.given_steps,
             s_ref: &self.s_ref,
@@ -240,10 +242,10 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Plan
     }
 
     /// Fills the references of the plan.
-    fn fill_references(&mut self, mission: &Mission, known: &Known<'_, NS, NP>) {
+    fn fill_references(&mut self, mission: &Mission, start: &PlanStart<'_, NS, NP>) {
         let from = self.model.observe(&self.s_0);
         if self.brake.is_on() {
-            let at_rest = self.brake_reference(&from, known);
+            let at_rest = self.brake_reference(&from, start);
             self.set_constant_reference(&angle::nearest_turn(&at_rest, &from, &M::OBSERVATION));
         } else if mission.is_pointwise() {
             let target = angle::nearest_turn(mission.target(), &from, &M::OBSERVATION);
@@ -253,7 +255,7 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Plan
                 self.baseline.max_target_distance,
             ));
         } else {
-            self.set_path_reference(mission, known, &from);
+            self.set_path_reference(mission, start, &from);
         }
     }
 
@@ -263,8 +265,13 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Plan
     }
 
     /// The references are those of the path of `mission`, for a plan that begins at the pose `from`.
-    fn set_path_reference(&mut self, mission: &Mission, known: &Known<'_, NS, NP>, from: &Pose) {
-        let first_ahead = known.periods_since_estimate() + known.fifo.known_steps();
+    fn set_path_reference(
+        &mut self,
+        mission: &Mission,
+        start: &PlanStart<'_, NS, NP>,
+        from: &Pose,
+    ) {
+        let first_ahead = start.periods_since_estimate() + start.fifo.known_steps();
         mission.fill(first_ahead, self.mpc.settings().stage_steps(), &mut self.references);
         // The heading is continuous over the horizon: one turn fits all.
         let turn_rad = self.references.first().map_or(0.0, |first| {

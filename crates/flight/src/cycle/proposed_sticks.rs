@@ -29,7 +29,7 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
     pub(super) fn sent(&self, approved: Approved, inbox: &Inbox) -> Sticks {
         match inbox.flown {
             Some(flown) => Sticks::from(flown),
-            None if self.is_carried => Sticks::zeros(),
+            None if self.is_dry_run => Sticks::zeros(),
             None => approved.sticks(),
         }
     }

@@ -121,7 +121,7 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
             self.plausibility.restart();
             self.mhe.restart();
             self.memory.headings = 0;
-            self.monitors.restart_direction();
+            self.monitors.restart_heading_and_direction();
         }
     }
 
@@ -132,13 +132,13 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
 
     /// Whether the estimate of a flight rests on too few headings to refuse one by it.
     fn has_few_headings(&self) -> bool {
-        let is_checked = self.mhe.is_started() && !self.is_carried;
+        let is_checked = self.mhe.is_started() && !self.is_dry_run;
         is_checked && self.memory.headings < HEADINGS_MIN
     }
 
     /// Accepts a refused heading that is the one of an estimate that rests on enough headings.
     fn confirm_heading(&mut self, raw: Option<&Pose>, filtered: Filtered) -> Filtered {
-        let is_flying = self.supervisor.phase() == Phase::Flying && !self.is_carried;
+        let is_flying = self.supervisor.phase() == Phase::Flying && !self.is_dry_run;
         let is_known = self.mhe.is_started() && self.memory.headings >= HEADINGS_MIN;
         match raw {
             Some(raw) if is_flying && is_known => {
@@ -151,7 +151,7 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
     /// Refuses an accepted heading that is too far from the estimate: the filter accepts any value that is
     /// repeated for long enough.
     fn check_heading(&mut self, filtered: Filtered) -> Filtered {
-        let is_flying = self.supervisor.phase() == Phase::Flying && !self.is_carried;
+        let is_flying = self.supervisor.phase() == Phase::Flying && !self.is_dry_run;
         let is_checked = is_flying && self.mhe.is_started();
         let Some(o) = filtered.o.filter(|_| is_checked && filtered.heading == Acceptance::Accepted)
         else {
@@ -169,7 +169,7 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
 
     /// Whether the stream repeats itself while the vehicle flies. On the ground it may.
     pub(super) fn is_stream_repeating(&self) -> bool {
-        let is_in_flight = self.supervisor.phase() == Phase::Flying && !self.is_carried;
+        let is_in_flight = self.supervisor.phase() == Phase::Flying && !self.is_dry_run;
         is_in_flight && self.plausibility.is_repeated()
     }
 

@@ -2,19 +2,20 @@
 //!
 //! Owns how the [`Evidence`] of a tick is collected, and the inputs of each monitor.
 
-use horizon_model::rows::{Pose, PoseRate, Sticks, pos_w, pose};
+use horizon_model::rows::{Pose, PoseRate, Sticks, pos_w, pose, stick};
 use nalgebra::{SVector, Vector2, Vector3};
 
 use super::link::Link;
 use super::planning::BrakeOrder;
-use super::progress::Tracking;
+use super::progress::{TrackingError, TrackingExemption, tracked_reference};
 use super::walls::Walls;
 use super::{COMING, Cycle, Inbox, JUST_ENDED, Outcome, Vehicle};
 use crate::drone::DroneStatus;
 use crate::time::TimeNs;
 use crate::{
-    DroneMotion, DroneReport, EstimatedMotion, Evidence, Findings, LinkState, ObstacleEvidence,
-    Outage, Phase, Pilot, PoseEvidence, Sample, TrackingEvidence,
+    DroneMotion, DroneReport, EstimatedMotion, Evidence, Findings, HandInput, LinkState,
+    ObstacleApproach, ObstacleEvidence, Outage, Phase, Pilot, PoseEvidence, Sample,
+    TrackingEvidence,
 };
 
 /// Age beyond which a report of the drone is too old for the monitors. s
@@ -22,6 +23,23 @@ const REPORT_AGE_MAX_S: f64 = 0.5;
 
 /// Largest stick that counts as neutral: that of a released key decays towards zero and never reaches it. 1
 const HAND_NEUTRAL: f64 = 0.02;
+
+/// How the vehicle tracks its reference in one tick.
+#[derive(Debug, Clone, Copy)]
+struct Tracking {
+    error: TrackingError,
+    /// `None`: it does not count.
+    velocity_error: Option<VelocityError>,
+}
+
+/// Horizontal differences between vehicle and reference. World frame.
+#[derive(Debug, Clone, Copy)]
+struct VelocityError {
+    /// Of the velocities. m/s
+    error_w_mps: Vector2<f64>,
+    /// Of the positions. m
+    apart_w_m: Vector2<f64>,
+}
 
 impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycle<M, NS, NP, NR> {
     /// Decides on this tick; who may steer. `None`: nobody, as in the recording of another controller.
@@ -47,15 +65,12 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
             findings,
             outage,
             is_dead_time_long: self.link.as_ref().is_some_and(Link::is_dead_time_long),
-            tracking: self.tracking_evidence(motion.as_ref(), tracking, inbox.now),
+            tracking: self.tracking_evidence(tracking),
             speed_mps: out.speed_mps,
             drone: self.memory.drone.as_ref().map(|status| drone_report(status, inbox.now)),
             operator: inbox.operator,
             incidents: inbox.incidents,
-            is_by_hand: inbox.manual.is_some(),
-            is_hand_neutral: inbox
-                .manual
-                .is_some_and(|hand| hand.iter().all(|u| u.abs() <= HAND_NEUTRAL)),
+            hand: hand_input(inbox.manual.as_ref()),
             is_mission_done: self.mission.is_finished(),
             has_estimator_failed: self.memory.has_estimator_failed,
             has_controller_failed: self.memory.has_controller_failed,
@@ -79,11 +94,17 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
         let holds_here = |is_so: fn(&Walls, &Vector3<f64>) -> bool| {
             self.planner.walls().zip(pose).is_some_and(|(walls, at)| is_so(walls, &pos_w(&at)))
         };
+        let approach = if holds_here(Walls::is_approached) {
+            ObstacleApproach::Predicted
+        } else if holds_here(Walls::may_be_approached) {
+            ObstacleApproach::Possible
+        } else {
+            ObstacleApproach::No
+        };
         ObstacleEvidence {
             is_unseen: self.planner.walls().is_some_and(Walls::is_moving_unseen),
             blocks_take_off: may_stand && holds_here(Walls::blocks_take_off),
-            is_approached: holds_here(Walls::is_approached),
-            may_be_approached: holds_here(Walls::may_be_approached),
+            approach,
             reference_behind_w: self.reference_behind_w(motion),
             is_vehicle_inside: holds_here(Walls::is_in_fixed),
         }
@@ -101,37 +122,35 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
         }
     }
 
-    /// The estimated motion beside its reference, of which `tracking` is how far it has gone away.
-    fn tracking_evidence(
-        &self,
-        motion: Option<&EstimatedMotion>,
-        tracking: Option<Tracking>,
-        now: TimeNs,
-    ) -> TrackingEvidence {
-        let velocity_error_w = motion.and_then(|motion| self.velocity_error_w(motion, now));
+    /// The motion beside its reference; `tracking` is `None` without an estimate.
+    fn tracking_evidence(&self, tracking: Option<Tracking>) -> TrackingEvidence {
+        let (tracking, velocity_error) = match tracking {
+            Some(Tracking { error, velocity_error }) => (Some(error), velocity_error),
+            None => (None, None),
+        };
         TrackingEvidence {
-            away_m: tracking.map(|tracking| tracking.away_m),
-            velocity_error_mps: velocity_error_w.map(|(error_w, _)| error_w.norm()),
-            is_receding: velocity_error_w
-                .is_some_and(|(error_w, apart_w)| error_w.dot(&apart_w) > 0.0),
-            turned_rad: tracking.map(|tracking| tracking.turned_rad),
-            below_m: tracking.map(|tracking| tracking.below_m),
-            sunk_m: tracking.map(|tracking| tracking.sunk_m),
+            position_growth_m: tracking.map(|tracking| tracking.position_growth_m),
+            velocity_error_mps: velocity_error.map(|velocity| velocity.error_w_mps.norm()),
+            is_receding: velocity_error
+                .is_some_and(|velocity| velocity.error_w_mps.dot(&velocity.apart_w_m) > 0.0),
+            heading_growth_rad: tracking.map(|tracking| tracking.heading_growth_rad),
+            height_deficit_m: tracking.map(|tracking| tracking.height_deficit_m),
+            sink_depth_m: tracking.map(|tracking| tracking.sink_depth_m),
             pressed_s: self.immobility.pressed_s(),
             has_hit: self.impact.has_hit(),
             overtime_s: self.progress.overtime_s(&self.mission),
         }
     }
 
-    /// Estimated motion, and how far it has gone away from its reference, for the monitors of progress and for `out`;
-    /// `None` without an estimate.
+    /// Estimated motion, and how it tracks its reference, for the monitors of progress and for `out`; `None` without an
+    /// estimate.
     fn follow_motion(
         &mut self,
         now: TimeNs,
         out: &mut Outcome,
     ) -> Option<(EstimatedMotion, Tracking)> {
-        let known = self.motion().map(|motion| (motion, self.track(&motion.pose, now)));
-        out.tracking_m = known.map(|(_, tracking)| tracking.away_m);
+        let known = self.motion().map(|motion| (motion, self.track(&motion, now)));
+        out.tracking_m = known.map(|(_, tracking)| tracking.error.position_growth_m);
         out.speed_mps =
             known.map_or(0.0, |(motion, _)| motion.rate.fixed_rows::<3>(pose::X).norm());
         if let Some((motion, _)) = &known {
@@ -150,52 +169,63 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
         (is_behind && !walls.moving_blocks_path(&at_w, &to_w)).then_some(to_w)
     }
 
-    /// Horizontal differences between vehicle and reference, of the velocities and of the positions, world frame;
-    /// `None` if the reference is a constant target, or if an obstacle is near, in the path or came near within the
-    /// last seconds: the vehicle may evade it, or return. In the descent the reference is the place at which the
-    /// vehicle is held. m/s, m
-    fn velocity_error_w(
-        &self,
-        motion: &EstimatedMotion,
-        now: TimeNs,
-    ) -> Option<(Vector2<f64>, Vector2<f64>)> {
-        let (to, rate) = match self.held_in_descent(&motion.pose) {
-            Some(held) => (held, PoseRate::zeros()),
-            None => (self.mission.reference()?, self.mission.reference_rate()?),
-        };
-        let (at_w, to_w) = (pos_w(&motion.pose), pos_w(&to));
-        let error_w = pos_w(&(motion.rate - rate));
-        let is_evading = self.planner.walls().is_some_and(|walls| {
-            walls.is_beside_fixed(&at_w) || walls.moving_blocks_path(&at_w, &to_w)
-        });
-        let is_meant = is_evading || self.supervisor.was_approached(now.0);
-        (!is_meant).then(|| (error_w.xy(), (at_w - to_w).xy()))
-    }
-
     /// Where a vehicle at `at` is held that the controller brings down before a landing, away from the reference of the
     /// mission; `None` without such a descent. World frame. m, rad
     fn held_in_descent(&self, at: &Pose) -> Option<Pose> {
         self.supervisor.descends_to_m().and_then(|_| self.planner.held(at))
     }
 
-    /// How the vehicle at `at` tracks its reference. What was before the flight does not count, nor how far the vehicle
-    /// has come down beside an obstacle: a plan that evades the obstacle may lead down.
-    fn track(&mut self, at: &Pose, now: TimeNs) -> Tracking {
+    /// How the vehicle tracks its reference. What was before the flight does not count. In the descent before a landing
+    /// the reference is the place at which the vehicle is held.
+    fn track(&mut self, motion: &EstimatedMotion, now: TimeNs) -> Tracking {
+        let at = &motion.pose;
         let held = self.held_in_descent(at);
         if self.supervisor.phase() != Phase::Flying || held.is_some() {
             self.progress.restart();
         }
+        let reference = held.or_else(|| tracked_reference(&self.mission));
+        let exemption = self.tracking_exemption(at, reference.as_ref(), now);
+        let velocity_error = self.velocity_error(motion, held.as_ref(), exemption);
+        let error = match held {
+            Some(held) => TrackingError::in_descent(at, &held, exemption),
+            None => self.progress.tracking_error(&self.mission, at, exemption),
+        };
+        Tracking { error, velocity_error }
+    }
+
+    /// Why a vehicle at `at` may be off its `reference`.
+    fn tracking_exemption(
+        &self,
+        at: &Pose,
+        reference: Option<&Pose>,
+        now: TimeNs,
+    ) -> TrackingExemption {
         let (walls, at_w) = (self.planner.walls(), pos_w(at));
-        let was_approached = self.supervisor.was_approached(now.0);
-        let is_path_blocked =
-            |to: &Pose| walls.is_some_and(|walls| walls.moving_blocks_path(&at_w, &pos_w(to)));
-        if let Some(held) = held {
-            return Tracking::in_descent(at, &held, was_approached || is_path_blocked(&held));
+        TrackingExemption {
+            is_beside_fixed: walls.is_some_and(|walls| walls.is_beside_fixed(&at_w)),
+            is_path_blocked: walls
+                .zip(reference)
+                .is_some_and(|(walls, to)| walls.moving_blocks_path(&at_w, &pos_w(to))),
+            was_approached: self.supervisor.was_approached(now.0),
         }
-        let tracking = self.progress.tracking(&self.mission, at, was_approached, is_path_blocked);
-        let is_beside = walls.is_some_and(|walls| walls.is_beside_fixed(&at_w));
-        let sunk_m = if is_beside { 0.0 } else { tracking.sunk_m };
-        Tracking { sunk_m, ..tracking }
+    }
+
+    /// The velocity beside that of the reference, or of the place `held` in the descent; `None` if the reference is a
+    /// constant target, or with any exemption.
+    fn velocity_error(
+        &self,
+        motion: &EstimatedMotion,
+        held: Option<&Pose>,
+        exemption: TrackingExemption,
+    ) -> Option<VelocityError> {
+        let (to, rate) = match held {
+            Some(held) => (*held, PoseRate::zeros()),
+            None => (self.mission.reference()?, self.mission.reference_rate()?),
+        };
+        (!exemption.is_any()).then(|| VelocityError {
+            error_w_mps: pos_w(&(motion.rate - rate)).xy(),
+            apart_w_m: (pos_w(&motion.pose) - pos_w(&to)).xy(),
+        })
     }
 
     /// Takes this tick to the monitors of the motion; their findings.
@@ -212,22 +242,22 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
         if !self.plausibility.has_jumped() {
             return findings;
         }
-        self.monitors.restart_direction_only();
+        self.monitors.restart_direction();
         Findings { direction_error_rad: None, is_direction_wrong: false, ..findings }
     }
 
-    /// Takes a period without a tick, in which `u_meant` would have been applied and no motion was measured, to the
+    /// Takes a period without a tick, in which `u_nominal` would have been applied and no motion was measured, to the
     /// monitors and to the worst case.
-    pub(super) fn monitor_missed(&mut self, u_meant: Sticks) {
+    pub(super) fn monitor_missed(&mut self, u_nominal: Sticks) {
         if self.is_monitored() {
             let link_is_up = self.link_is_up();
-            let sample = Sample { pose: None, drone: None, u_applied: u_meant, link_is_up };
+            let sample = Sample { pose: None, drone: None, u_applied: u_nominal, link_is_up };
             self.monitors.update(&sample);
         }
         if self.mhe.is_started() {
-            self.follow_worst_case(&u_meant);
+            self.follow_worst_case(&u_nominal);
         }
-        self.observe_impact(None, &u_meant);
+        self.observe_impact(None, &u_nominal);
     }
 
     /// Takes the pose `seen` after a period in which `u_applied` was applied to the detection of an impact.
@@ -249,7 +279,7 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
 
     /// Whether the motion is that of a flight.
     fn is_monitored(&self) -> bool {
-        matches!(self.supervisor.phase(), Phase::TakingOff | Phase::Flying) && !self.is_carried
+        matches!(self.supervisor.phase(), Phase::TakingOff | Phase::Flying) && !self.is_dry_run
     }
 
     /// What the monitors see of a period in which `u_applied` was applied.
@@ -272,11 +302,11 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
         Some(Outage { for_s, is_held, if_applied: states.map(|s| self.motion_of(&s)) })
     }
 
-    /// Follows the worst case of an outage by a period in which `u_meant` would have been applied.
-    fn follow_worst_case(&mut self, u_meant: &Sticks) {
+    /// Follows the worst case of an outage by a period in which `u_nominal` would have been applied.
+    fn follow_worst_case(&mut self, u_nominal: &Sticks) {
         let link_is_up = self.link_is_up();
         let estimate = (self.mhe.s_hat(), self.mhe.p_hat());
-        self.worst_case.follow(&self.model, link_is_up, estimate, u_meant, self.dt_s);
+        self.worst_case.follow(&self.model, link_is_up, estimate, u_nominal, self.dt_s);
     }
 
     /// Pose and velocity by the newest estimate; `None` before the first.
@@ -293,6 +323,15 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Cycl
     pub(super) fn rate_of(&self, s: &SVector<f64, NS>, u: &Sticks) -> PoseRate {
         let s_next = self.model.step(s, u, self.mhe.p_hat(), self.dt_s);
         (self.model.observe(&s_next) - self.model.observe(s)) / self.dt_s
+    }
+}
+
+/// Whether a person moves the sticks `manual`, which are `None` if nobody holds them.
+fn hand_input(manual: Option<&[f64; stick::COUNT]>) -> HandInput {
+    match manual {
+        None => HandInput::Absent,
+        Some(hand) if hand.iter().all(|u| u.abs() <= HAND_NEUTRAL) => HandInput::Neutral,
+        Some(_) => HandInput::Steering,
     }
 }
 

@@ -26,13 +26,13 @@ impl<const NS: usize, const NP: usize> WorstCase<NS, NP> {
         Self { p_prior, s: None, for_s: 0.0 }
     }
 
-    /// One period of `dt_s` with the state of the link as detected; `u_meant` would have been applied in it.
+    /// One period of `dt_s` with the state of the link as detected; `u_nominal` would have been applied in it.
     pub(super) fn follow(
         &mut self,
         model: &impl Vehicle<NS, NP>,
         link_is_up: bool,
         (s_hat, p_hat): (&SVector<f64, NS>, &SVector<f64, NP>),
-        u_meant: &Sticks,
+        u_nominal: &Sticks,
         dt_s: f64,
     ) {
         if link_is_up {
@@ -41,8 +41,8 @@ impl<const NS: usize, const NP: usize> WorstCase<NS, NP> {
         }
         let [by_estimate, by_prior] = self.s.unwrap_or([*s_hat; 2]);
         self.s = Some([
-            model.step(&by_estimate, u_meant, p_hat, dt_s),
-            model.step(&by_prior, u_meant, &self.p_prior, dt_s),
+            model.step(&by_estimate, u_nominal, p_hat, dt_s),
+            model.step(&by_prior, u_nominal, &self.p_prior, dt_s),
         ]);
         self.for_s += dt_s;
     }
@@ -64,20 +64,20 @@ mod tests {
 
     #[test]
     fn an_outage_is_followed_by_both_parameters_until_the_link_is_up() {
-        let mut u_meant = Sticks::zeros();
-        u_meant[stick::PITCH] = 1.0;
+        let mut u_nominal = Sticks::zeros();
+        u_nominal[stick::PITCH] = 1.0;
         let mut worst_case = WorstCase::new(Vector4::new(1.5, 0.4, 1.0, 0.0));
         let s_hat = Vector4::new(1.0, 0.0, 1.0, 0.0);
         // An outage has lowered the estimate of the gain.
         let estimate = (&s_hat, &Vector4::new(0.5, 0.4, 1.0, 0.0));
         for _ in 0..50 {
-            worst_case.follow(&Kinematic, false, estimate, &u_meant, 0.02);
+            worst_case.follow(&Kinematic, false, estimate, &u_nominal, 0.02);
         }
         let (states, for_s) = worst_case.states().unwrap();
         assert!((for_s - 1.0).abs() < 1e-12, "{for_s}");
         let x_m = states.map(|s| s[pose::X]);
         assert!((x_m[0] - 1.5).abs() < 1e-9 && (x_m[1] - 2.5).abs() < 1e-9, "{x_m:?}");
-        worst_case.follow(&Kinematic, true, estimate, &u_meant, 0.02);
+        worst_case.follow(&Kinematic, true, estimate, &u_nominal, 0.02);
         assert!(worst_case.states().is_none());
     }
 }

@@ -1,7 +1,8 @@
 //! Limits, holds and headings of the outlier filter.
 
-use super::*;
 use std::f64::consts::{PI, TAU};
+
+use super::*;
 
 fn table() -> FilterTable {
     FilterTable {

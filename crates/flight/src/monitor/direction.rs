@@ -187,20 +187,20 @@ impl DirectionMonitor {
     }
 
     /// Takes a tick on the ground: the motion has not followed its inputs yet.
-    pub(super) fn rest(&mut self) {
-        self.restart_turn();
+    pub(super) fn reset_on_ground(&mut self) {
+        self.reset_turn();
         self.steered_s = 0.0;
         self.is_shown = false;
-        self.mirror.rest();
+        self.mirror.reset_on_ground();
     }
 
     /// Forgets the motion and begins at rest.
-    pub(super) fn restart(&mut self) {
-        self.mirror.restart();
-        self.restart_turn();
+    pub(super) fn reset(&mut self) {
+        self.mirror.reset();
+        self.reset_turn();
     }
 
-    fn restart_turn(&mut self) {
+    fn reset_turn(&mut self) {
         self.before = None;
         self.since = PoseInterval::default();
         self.v_u_w = Complex::default();
@@ -213,8 +213,8 @@ impl DirectionMonitor {
     }
 
     /// Forgets the motion and begins at a velocity that no known input caused.
-    fn restart_in_motion(&mut self) {
-        self.restart_turn();
+    fn reset_motion(&mut self) {
+        self.reset_turn();
         self.decay = 1.0;
     }
 
@@ -239,13 +239,13 @@ impl DirectionMonitor {
     /// forgotten once one has followed its inputs: the inputs had ceased to act before the outage was noticed.
     fn update_turn(&mut self, sample: &Sample) -> (Option<f64>, bool) {
         if !sample.link_is_up && (self.is_shown || self.steered_s > UNSHOWN_MAX_S) {
-            self.restart_in_motion();
+            self.reset_motion();
             return (None, false);
         }
         self.has_outage |= !sample.link_is_up;
         self.up_s = if sample.link_is_up { self.up_s + self.dt_s } else { 0.0 };
         if self.has_outage && self.up_s >= FORGET_S {
-            self.restart_in_motion();
+            self.reset_motion();
         }
         self.theta_rad = sample.pose.map_or(self.theta_rad, |now| now[pose::THETA]);
         self.ask(sample);

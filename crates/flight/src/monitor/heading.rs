@@ -73,7 +73,7 @@ impl HeadingMonitor {
     }
 
     /// Forgets the turns; the sense of the drone's heading stays.
-    pub(super) fn rest(&mut self) {
+    pub(super) fn reset(&mut self) {
         (self.before_pose_rad, self.before_drone_rad) = (None, None);
         self.since_s = [0.0; 2];
         self.asked_radps = 0.0;
@@ -92,7 +92,7 @@ impl HeadingMonitor {
         let is_held = std::mem::take(&mut self.is_held);
         let by_pose = sample.pose.filter(|_| !is_held).map(|pose| pose[pose::THETA]);
         if self.since_s.iter().any(|since_s| *since_s > GAP_MAX_S) {
-            self.rest();
+            self.reset();
         }
         for (since_s, heading_rad) in self.since_s.iter_mut().zip([by_pose, by_drone]) {
             *since_s = if heading_rad.is_some() { 0.0 } else { *since_s + self.dt_s };
@@ -100,7 +100,7 @@ impl HeadingMonitor {
         let turned_rad =
             by_drone.map_or(0.0, |by_drone| turned(&mut self.before_drone_rad, by_drone));
         if turned_rad.abs() > TURN_MAX_RAD {
-            self.rest();
+            self.reset();
             return (Agreement::Unknown, 0.0);
         }
         let keep = decay(self.dt_s, FORGET_S);

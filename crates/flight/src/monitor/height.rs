@@ -63,7 +63,7 @@ impl HeightMonitor {
     }
 
     /// Takes a tick on the ground, which shows the offset.
-    pub(super) fn rest(&mut self, sample: &Sample) {
+    pub(super) fn reset_on_ground(&mut self, sample: &Sample) {
         if let Some((z_m, height_m)) = heights(sample) {
             self.offset_m = Some(z_m - height_m);
             self.offset_on_ground_m = z_m - height_m;
@@ -241,7 +241,7 @@ mod tests {
     /// A monitor with a limit of 0.5 m, at rest at z = 0 with the drone's own height at 0.25 m.
     fn at_rest() -> HeightMonitor {
         let mut monitor = HeightMonitor::new(0.5, DT_S);
-        monitor.rest(&sample(Some(0.0), Some(0.25)));
+        monitor.reset_on_ground(&sample(Some(0.0), Some(0.25)));
         monitor
     }
 
@@ -274,7 +274,7 @@ mod tests {
         let low = sample(Some(0.0), Some(0.25));
         assert_eq!(risen().update(&low).0, Agreement::Agrees, "down again");
         let mut landed = risen();
-        landed.rest(&low);
+        landed.reset_on_ground(&low);
         assert_eq!(landed.update(&low).0, Agreement::Unknown, "on the ground");
     }
 

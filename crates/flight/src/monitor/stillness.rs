@@ -57,8 +57,8 @@ impl StillnessMonitor {
     }
 
     /// Forgets all poses.
-    pub(super) fn restart(&mut self) {
-        self.0.iter_mut().for_each(Window::restart);
+    pub(super) fn reset(&mut self) {
+        self.0.iter_mut().for_each(Window::reset);
     }
 
     /// Takes a pose.
@@ -225,7 +225,7 @@ impl Window {
         Self { still_m, length_s, dt_s, poses, count: 0, still_s: [None; ROWS.len()] }
     }
 
-    fn restart(&mut self) {
+    fn reset(&mut self) {
         self.count = 0;
         self.still_s = [None; ROWS.len()];
     }

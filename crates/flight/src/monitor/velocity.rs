@@ -125,10 +125,10 @@ impl VelocityMonitor {
     }
 
     /// Takes a tick on the ground: the differences are zero.
-    pub(super) fn rest(&mut self, sample: &Sample) {
+    pub(super) fn reset_on_ground(&mut self, sample: &Sample) {
         self.displace(sample);
         for hypothesis in &mut self.ages {
-            hypothesis.rest();
+            hypothesis.reset_on_ground();
         }
         self.displacements = Displacements::default();
         self.doubt = Doubt::default();

@@ -1,4 +1,4 @@
-use horizon_model::check::jacobian_gap;
+use horizon_model::check::{jacobian_gap, minimum};
 use nalgebra::Vector1;
 
 use super::*;
@@ -77,7 +77,7 @@ fn the_least_distance_in_a_climb_is_that_of_its_nearest_height() {
             let from_w = Vector3::from(from_w);
             let above_w = |k| from_w + Vector3::z() * (climb_m * f64::from(k) / f64::from(count));
             let sampled_m = (0..=count).map(|k| obstacle.distance(&above_w(k)).distance_m);
-            let sampled_m = sampled_m.reduce(f64::min).unwrap();
+            let sampled_m = sampled_m.reduce(minimum).unwrap();
             let found_m = obstacle.distance_in_climb(&from_w, climb_m, None).distance_m;
             assert!((-1e-12..0.001).contains(&(sampled_m - found_m)), "{text}: {found_m}");
         }

@@ -8,8 +8,8 @@ use horizon_model::rows::{Pose, pose};
 use super::condition_timer::HoldTimer;
 use super::evidence::{DroneReport, Evidence, Phase};
 use super::fault::Fault;
-use super::{DOWN_HOLD_S, Supervisor, TakeOffSeen, elapsed_s, exceeds};
-use crate::drone::{ALONE_HOLD, TAKE_OFF_TAIL, TAKE_OFF_UNSEEN, denies_standing};
+use super::{DOWN_HOLD_S, Supervisor, elapsed_s, exceeds};
+use crate::drone::{ALONE_HOLD, denies_standing};
 
 /// Fraction of `airborne_height_m` below which a vehicle looks grounded. 1
 const DOWN_HEIGHT_FRACTION: f64 = 0.5;
@@ -24,10 +24,6 @@ const FROZEN_MOVE_M: f64 = 0.02;
 
 /// Rise by the drone's own height above which the vehicle has left the ground: between two steps of that height. m
 const CLIMB_MIN_M: f64 = 0.35;
-
-/// Longest time after which an order to take off is repeated: a link that returns later must not start a drone beside
-/// which a person stands by then. s
-const TAKE_OFF_REPEAT_MAX_S: f64 = 10.0;
 
 /// Rise by the poses above which the drone has received the order to take off. m
 const ORDER_OBEYED_RISE_M: f64 = 0.15;
@@ -127,26 +123,9 @@ impl Supervisor {
             && !self.has_risen(e)
     }
 
-    /// Whether the order to take off may be sent again: the drone shows no sign of the first one, stands where it
-    /// stood, and nobody has come near.
-    pub(super) fn may_repeat_take_off(&self, e: &Evidence) -> bool {
-        self.drone_reports_flying(e) == Some(false)
-            && self.take_off.seen == TakeOffSeen::No
-            && elapsed_s(self.phase_since_ns, e.t_ns) < TAKE_OFF_REPEAT_MAX_S
-            && !self.settling.was_moved()
-            && self.may_start(e)
-    }
-
-    /// Whether the time in which an ordered take-off may still be in progress is over.
-    pub(super) fn is_past_take_off(&self, e: &Evidence) -> bool {
-        let is_seen = self.take_off.seen != TakeOffSeen::No;
-        let tail_s = if is_seen { TAKE_OFF_TAIL } else { TAKE_OFF_UNSEEN }.seconds();
-        self.take_off.ordered_ns.is_none_or(|ordered_ns| elapsed_s(ordered_ns, e.t_ns) >= tail_s)
-    }
-
     /// Which source shows the vehicle down, if neither source contradicts it. A vehicle that is carried never flew.
     fn ground(&self, e: &Evidence) -> Ground {
-        if self.is_carried {
+        if self.is_dry_run {
             return Ground::ByBoth;
         }
         if !self.is_past_take_off(e) {
@@ -161,11 +140,11 @@ impl Supervisor {
     }
 
     /// Updates since when the vehicle is down, and whether the pose is that of another object.
-    pub(super) fn remember_landing(&mut self, e: &Evidence) {
+    pub(super) fn update_landing_confirmation(&mut self, e: &Evidence) {
         let jumped_m = |excess_m: Option<f64>, limit_m| {
             excess_m.is_some_and(|excess_m| exceeds(excess_m, limit_m))
         };
-        self.remember_frozen_pose(e);
+        self.update_frozen_pose(e);
         let has_jumped =
             jumped_m(e.poses.jump_m, self.table.jump_m) || jumped_m(e.poses.drop_m, DROP_MAX_M);
         self.landing.is_pose_displaced |= has_jumped && self.phase != Phase::Idle;
@@ -178,7 +157,7 @@ impl Supervisor {
     }
 
     /// Updates whether the pose is that of a stream that stood still in flight.
-    fn remember_frozen_pose(&mut self, e: &Evidence) {
+    fn update_frozen_pose(&mut self, e: &Evidence) {
         if matches!(self.phase, Phase::Idle | Phase::TakingOff | Phase::Flying) {
             self.landing.frozen = e.pose.filter(|_| self.is_flying() && self.is_pose_frozen(e));
         } else if let (Some(then), Some(now)) = (self.landing.frozen, e.pose) {

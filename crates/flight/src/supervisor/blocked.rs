@@ -18,7 +18,7 @@ const STUCK_M: f64 = 0.4;
 const STUCK_S: f64 = 3.0;
 
 /// Largest motion of a reference that stands. m
-const STANDS_M: f64 = 0.1;
+const REFERENCE_MOTION_MAX_M: f64 = 0.1;
 
 /// How long the straight path may be free in between: a vehicle may oscillate before an edge. s
 const FREE_S: f64 = 0.3;
@@ -45,11 +45,11 @@ struct Stuck {
 impl Supervisor {
     /// Updates since when the vehicle has stayed before an obstacle. What keeps it there for another reason does not
     /// count: a person, an outage, an obstacle that moves or is not seen.
-    pub(super) fn remember_stuck(&mut self, e: &Evidence) {
-        let is_meant =
-            self.control != ControlMode::Off && !e.is_by_hand && !self.timers.braking.holds();
+    pub(super) fn update_stuck_detection(&mut self, e: &Evidence) {
+        let is_steered_by_controller =
+            self.control != ControlMode::Off && !e.is_by_hand() && !self.timers.braking.holds();
         let is_free = e.outage.is_none() && !e.obstacles.is_unseen;
-        let Some(motion) = e.motion.filter(|_| is_meant && is_free) else {
+        let Some(motion) = e.motion.filter(|_| is_steered_by_controller && is_free) else {
             self.blockage.stuck = None;
             return;
         };
@@ -57,7 +57,9 @@ impl Supervisor {
         let before = self.blockage.stuck.filter(|stuck| (at_w - stuck.at_w).norm() <= STUCK_M);
         self.blockage.stuck = match e.obstacles.reference_behind_w {
             Some(reference_w) => {
-                let stands = |stuck: &Stuck| (reference_w - stuck.reference_w).norm() <= STANDS_M;
+                let stands = |stuck: &Stuck| {
+                    (reference_w - stuck.reference_w).norm() <= REFERENCE_MOTION_MAX_M
+                };
                 let new = Stuck { at_w, reference_w, since_ns: e.t_ns, newest_ns: e.t_ns };
                 Some(Stuck { newest_ns: e.t_ns, ..before.filter(stands).unwrap_or(new) })
             }
@@ -66,7 +68,7 @@ impl Supervisor {
     }
 
     /// Updates when and for how long plans were blocked.
-    pub(super) fn remember_blocked(&mut self, e: &Evidence) {
+    pub(super) fn update_blocked_timer(&mut self, e: &Evidence) {
         if self.control != ControlMode::Off && e.plan == PlanClearance::Blocked {
             self.blockage.plan_ns = Some(e.t_ns);
         }
@@ -135,7 +137,11 @@ mod tests {
             None,
             "the reference moves"
         );
-        assert_eq!(ends_at(|k| Evidence { is_by_hand: true, ..stuck(k) }), None, "a person steers");
+        assert_eq!(
+            ends_at(|k| Evidence { hand: HandInput::Steering, ..stuck(k) }),
+            None,
+            "a person steers"
+        );
         assert_eq!(ends_at(|k| with_obstacles(stuck(k), |it| it.is_unseen = true)), None);
         assert_eq!(ends_at(|k| Evidence { outage: Some(outage), ..stuck(k) }), None, "an outage");
         assert_eq!(ends_at(|k| Evidence { motion: None, ..stuck(k) }), None);

@@ -61,8 +61,8 @@ impl ControlMode {
 }
 
 impl Supervisor {
-    /// Remembers when the vehicle began to brake: the flight then ends, unless a person takes over and flies on.
-    pub(super) fn remember_braking(&mut self, e: &Evidence, found: &Assessment) {
+    /// Updates since when the vehicle brakes: the flight then ends, unless a person takes over and flies on.
+    pub(super) fn update_braking(&mut self, e: &Evidence, found: &Assessment) {
         let ending = self.ended_by.union(found.faults);
         let flies_on =
             found.pilot == Pilot::Person && ending.reaction(found.pilot) < Reaction::BrakeAndLand;
@@ -70,17 +70,17 @@ impl Supervisor {
             self.timers.braking.update(false, e.t_ns);
             self.ended_by = FaultSet::default();
         }
-        let has_to_land = found.reaction == Reaction::BrakeAndLand || self.is_held_out(e);
+        let has_to_land = found.reaction == Reaction::BrakeAndLand || self.is_final_wait_over(e);
         if self.phase == Phase::Flying && has_to_land {
             self.timers.braking.update(true, e.t_ns);
             self.note_ending(found);
         }
-        self.remember_descent(e);
+        self.update_descent(e);
     }
 
-    /// Remembers when a braking vehicle became slow, and its progress from then on. While it lets somebody past, its
-    /// height does not matter, and the time of the descent begins anew.
-    fn remember_descent(&mut self, e: &Evidence) {
+    /// Updates when a braking vehicle became slow, and its progress from then on. While it waits for the moving
+    /// obstacle, its height does not matter, and the time of the descent begins anew.
+    fn update_descent(&mut self, e: &Evidence) {
         let Some(at) = e.pose.filter(|_| self.timers.braking.holds()) else {
             self.descent = None;
             return;
@@ -99,9 +99,9 @@ impl Supervisor {
         }
     }
 
-    /// Whether a vehicle that has become slow after its mission lets somebody past before it lands.
+    /// Whether a vehicle that has become slow after its mission waits for the moving obstacle before it lands.
     fn is_waiting(&self, e: &Evidence) -> bool {
-        self.descent.is_some() && self.ended_by.is_empty() && self.lets_past(e)
+        self.descent.is_some() && self.ended_by.is_empty() && self.waits_for_moving_obstacle(e)
     }
 
     /// Height, world frame, to which the controller brings the vehicle down before a landing for which it brakes;

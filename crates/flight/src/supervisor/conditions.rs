@@ -3,9 +3,10 @@
 //! Owns the condition of every fault. What follows from a fault stands in `fault.rs`.
 
 use super::braking::ControlMode;
-use super::evidence::{Evidence, Operator, Outage, Phase, PlanClearance};
+use super::condition_timer::LeakyTimer;
+use super::evidence::{Evidence, Operator, Outage, Phase};
 use super::fault::{Fault, FaultSet};
-use super::{DOWN_HOLD_S, FLYING_UNORDERED_S, LeakyTimer, Supervisor, elapsed_s, exceeds};
+use super::{DOWN_HOLD_S, FLYING_UNORDERED_S, Supervisor, elapsed_s, exceeds};
 use crate::monitor::{Agreement, Findings};
 
 /// How long the vehicle must be off its reference. s
@@ -45,11 +46,11 @@ const RECEDING_WEIGHT_MAX: f64 = 2.0;
 
 /// A steered vehicle whose pose is still for so long below its reference stands on something: the effect of a throttle
 /// that acts shows within half of this time. s
-const STANDS_S: f64 = 1.2;
-/// [`STANDS_S`] in what looks like an outage, in which a vehicle in calm air may hover. s
-const STANDS_IN_OUTAGE_S: f64 = 2.4;
+const STANDING_ON_OBJECT_S: f64 = 1.2;
+/// [`STANDING_ON_OBJECT_S`] in what looks like an outage, in which a vehicle in calm air may hover. s
+const STANDING_ON_OBJECT_IN_OUTAGE_S: f64 = 2.4;
 /// Least height of the reference over a vehicle that stands on something. m
-const STANDS_BELOW_M: f64 = 0.2;
+const BELOW_REFERENCE_MIN_M: f64 = 0.2;
 
 /// A drone that reports to fly and has not risen after so long is held: rotors take about a second to spin up, and the
 /// climb shows half a second later. s
@@ -76,7 +77,7 @@ impl Supervisor {
 
     /// Whether `fault` is present at this tick. No wildcard: a new fault does not compile without a condition.
     fn is_present(&self, fault: Fault, e: &Evidence) -> bool {
-        let Self { table, timers, is_carried, .. } = self;
+        let Self { table, timers, is_dry_run, .. } = self;
         let is_idle = self.phase == Phase::Idle;
         let is_aloft = self.is_taking_off_or_flying();
         match fault {
@@ -96,7 +97,7 @@ impl Supervisor {
             Fault::ObstacleEntered => {
                 is_aloft && e.obstacles.is_vehicle_inside && !self.is_pose_stale(e)
             }
-            Fault::ObstacleUnseen => e.obstacles.is_unseen && !is_carried,
+            Fault::ObstacleUnseen => e.obstacles.is_unseen && !is_dry_run,
             Fault::ObstacleApproaches => timers.obstacle_near.has_lasted(e.t_ns, OBSTACLE_NEAR_S),
             Fault::FenceNear => is_aloft && self.would_leave(e),
             Fault::FenceLeft => is_aloft && self.is_outside(e),
@@ -108,11 +109,11 @@ impl Supervisor {
             Fault::OutageHeld => self.outage(e).is_some_and(|outage| outage.is_held),
             Fault::OutageLong => self.is_outage_long(e),
             Fault::OutageUnsafe => self.is_outage_unsafe(e),
-            Fault::DroneUnheard => self.is_drone_unheard(e) && !is_carried,
+            Fault::DroneUnheard => self.is_drone_unheard(e) && !is_dry_run,
             Fault::DroneAloft => self.reports_flight_before_order(e),
             Fault::TookOffUnasked => self.has_flown_before_order(),
-            Fault::DroneSilent => self.is_drone_silent(e) && !is_carried,
-            Fault::NotFlying => timers.reports_standing.has_lasted(DOWN_HOLD_S) && !is_carried,
+            Fault::DroneSilent => self.is_drone_silent(e) && !is_dry_run,
+            Fault::NotFlying => timers.reports_standing.has_lasted(DOWN_HOLD_S) && !is_dry_run,
             Fault::BatteryLow => self.is_battery_low(e),
             Fault::BatteryCritical => timers.battery_critical.has_lasted(BATTERY_CRITICAL_S),
             Fault::EstimatorFailed => e.has_estimator_failed,
@@ -168,9 +169,10 @@ impl Supervisor {
         let pressed_max_s = self.table.failsafe.pressed_s;
         let is_pressed =
             pressed_max_s.is_some_and(|limit_s| exceeds(e.tracking.pressed_s, limit_s));
-        let stands_s = if is_outage { STANDS_IN_OUTAGE_S } else { STANDS_S };
+        let stands_s =
+            if is_outage { STANDING_ON_OBJECT_IN_OUTAGE_S } else { STANDING_ON_OBJECT_S };
         let stands = self.timers.standing_below_reference.has_lasted(e.t_ns, stands_s);
-        self.is_flying() && !e.is_by_hand && (has_hit || is_pressed || stands)
+        self.is_flying() && !e.is_by_hand() && (has_hit || is_pressed || stands)
     }
 
     /// The command outage of a flying vehicle.
@@ -200,14 +202,14 @@ impl Supervisor {
     /// Whether the vehicle has gone too far away from its reference, or has come down too far below it.
     pub(super) fn is_off_reference(&self, e: &Evidence) -> bool {
         let limit_m = self.table.failsafe.tracking_m;
-        e.tracking.away_m.is_some_and(|error_m| exceeds(error_m, limit_m))
-            || e.tracking.sunk_m.is_some_and(|sunk_m| exceeds(sunk_m, SUNK_M))
+        e.tracking.position_growth_m.is_some_and(|error_m| exceeds(error_m, limit_m))
+            || e.tracking.sink_depth_m.is_some_and(|sink_depth_m| exceeds(sink_depth_m, SUNK_M))
     }
 
     /// Updates for how long the velocity of a vehicle that follows its reference was far from that of the reference,
     /// faster while it receded. A person who steers resets the time.
-    pub(super) fn remember_velocity_off_reference(&mut self, e: &Evidence) {
-        if e.is_by_hand {
+    pub(super) fn update_velocity_off_reference(&mut self, e: &Evidence) {
+        if e.is_by_hand() {
             self.timers.velocity_off_reference = LeakyTimer::default();
         }
         let follows_reference = match self.control {
@@ -230,10 +232,13 @@ impl Supervisor {
     /// Whether a vehicle that should climb to its reference is stiller than one that flies, by poses that are new.
     pub(super) fn seems_to_stand(&self, e: &Evidence) -> bool {
         let follows_mission = self.control == ControlMode::Mission;
-        let is_asked = !e.is_by_hand && (follows_mission || e.outage.is_some());
+        let is_asked = !e.is_by_hand() && (follows_mission || e.outage.is_some());
         let is_new = !self.is_pose_stale(e) && !e.poses.is_repeated;
         let is_still = is_new && e.findings.still_s.is_some();
-        let is_below = e.tracking.below_m.is_some_and(|below_m| exceeds(below_m, STANDS_BELOW_M));
+        let is_below = e
+            .tracking
+            .height_deficit_m
+            .is_some_and(|height_deficit_m| exceeds(height_deficit_m, BELOW_REFERENCE_MIN_M));
         self.is_flying() && is_asked && is_still && is_below
     }
 
@@ -267,7 +272,7 @@ impl Supervisor {
 
     /// Whether the drone reports to fly and no take-off was ordered.
     pub(super) fn reports_flight_before_order(&self, e: &Evidence) -> bool {
-        self.phase == Phase::Idle && !self.is_carried && self.drone_reports_flying(e) == Some(true)
+        self.phase == Phase::Idle && !self.is_dry_run && self.drone_reports_flying(e) == Some(true)
     }
 
     /// Whether the drone has reported to fly, before any order to take off, for too long to be a mistake.
@@ -286,28 +291,12 @@ impl Supervisor {
     /// Whether the vehicle flies: it is past its take-off, does not land yet and is not carried by hand. Who steers it
     /// is left open.
     pub(super) fn is_flying(&self) -> bool {
-        self.phase == Phase::Flying && !self.is_carried
+        self.phase == Phase::Flying && !self.is_dry_run
     }
 
     /// Whether the vehicle takes off or flies, and is not carried by hand: it is in the air, or about to be.
     pub(super) fn is_taking_off_or_flying(&self) -> bool {
-        matches!(self.phase, Phase::TakingOff | Phase::Flying) && !self.is_carried
-    }
-
-    /// Whether the vehicle would come to rest outside of the room with neutral sticks. Where a controller with plans
-    /// that know the walls steers, this does not count: during a hold wind carries the vehicle on, and after the hold
-    /// the controller plans anew.
-    fn would_leave(&self, e: &Evidence) -> bool {
-        if !e.is_by_hand && e.plan != PlanClearance::Unknown {
-            return false;
-        }
-        self.room.zip(e.motion).is_some_and(|(room, motion)| room.is_left_by(&motion))
-    }
-
-    /// Whether the newest position is fresh and outside of the room.
-    pub(super) fn is_outside(&self, e: &Evidence) -> bool {
-        let fresh = e.pose.filter(|_| !self.is_pose_stale(e));
-        self.room.zip(fresh).is_some_and(|(room, at)| !room.contains(&at))
+        matches!(self.phase, Phase::TakingOff | Phase::Flying) && !self.is_dry_run
     }
 
     /// Whether a controller that steers has no new plan. The flag belongs to the plan of the previous tick, which was

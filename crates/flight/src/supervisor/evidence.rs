@@ -174,20 +174,38 @@ impl Incidents {
     }
 }
 
+/// Whether the moving obstacle comes within the margin of the newest accepted pose during a landing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ObstacleApproach {
+    /// It does not, there is none, or its position is unknown.
+    No,
+    /// It could if it turned towards the vehicle.
+    Possible,
+    /// It does by its present velocity.
+    Predicted,
+}
+
+/// Whether a person holds the sticks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HandInput {
+    /// Nobody does.
+    Absent,
+    /// A person holds the sticks and leaves them neutral.
+    Neutral,
+    /// A person holds the sticks and moves them.
+    Steering,
+}
+
 /// Obstacles beside a position of the vehicle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[expect(clippy::struct_excessive_bools, reason = "unrelated observations, not a state")]
 pub struct ObstacleEvidence {
     /// Whether there is a moving obstacle whose position has been unknown for half a second, or always.
     pub is_unseen: bool,
     /// Whether the vehicle stands inside of an obstacle, or would climb into one in its take-off, or the moving
     /// obstacle comes near; false after the take-off.
     pub blocks_take_off: bool,
-    /// Whether the moving obstacle, by its present velocity, comes within the margin of the newest accepted pose during
-    /// a landing.
-    pub is_approached: bool,
-    /// Whether the moving obstacle could come within the margin during a landing if it turned towards the vehicle.
-    pub may_be_approached: bool,
+    /// Whether the moving obstacle comes near. One that is unseen may do so, too, by its predicted position.
+    pub approach: ObstacleApproach,
     /// Position of the reference if the straight path there leads through an obstacle that does not move and the moving
     /// obstacle is not in it; else `None`. World frame. m
     pub reference_behind_w: Option<Vector3<f64>>,
@@ -198,7 +216,7 @@ pub struct ObstacleEvidence {
 impl ObstacleEvidence {
     /// Whether the moving obstacle comes near, or may: its position is unknown.
     pub(super) fn is_near_or_unseen(&self) -> bool {
-        self.is_approached || self.is_unseen
+        self.approach == ObstacleApproach::Predicted || self.is_unseen
     }
 }
 
@@ -227,18 +245,18 @@ pub struct PoseEvidence {
 pub struct TrackingEvidence {
     /// By how much the vehicle has gone away from its reference: its distance less the least one since the mission
     /// began or was resumed. In the descent before a landing, how far it is from where it is held. m
-    pub away_m: Option<f64>,
+    pub position_growth_m: Option<f64>,
     /// Difference between its horizontal velocity and that of its reference; `None` for constant targets. m/s
     pub velocity_error_mps: Option<f64>,
     /// Whether that difference leads away from the reference, as in a swing and not on the return to it.
     pub is_receding: bool,
     /// By how much its heading has turned away from that of its reference: the difference less the least one since the
     /// mission began or was resumed. rad
-    pub turned_rad: Option<f64>,
+    pub heading_growth_rad: Option<f64>,
     /// Height of its reference over it. m
-    pub below_m: Option<f64>,
+    pub height_deficit_m: Option<f64>,
     /// By how much it has come down below its reference; 0 beside an obstacle. m
-    pub sunk_m: Option<f64>,
+    pub sink_depth_m: Option<f64>,
     /// Integral of the inputs in one direction that have not moved the vehicle. s of full deflection
     pub pressed_s: f64,
     /// Whether the vehicle came to rest at once while its inputs drove it on.
@@ -285,15 +303,20 @@ pub struct Evidence {
     /// What happened beside the control loop.
     pub incidents: Incidents,
     /// Whether a person holds the sticks.
-    pub is_by_hand: bool,
-    /// Whether a person holds the sticks and leaves them neutral.
-    pub is_hand_neutral: bool,
+    pub hand: HandInput,
     /// Whether the last target is reached.
     pub is_mission_done: bool,
     /// Whether the newest estimate failed.
     pub has_estimator_failed: bool,
     /// Whether the newest plan failed.
     pub has_controller_failed: bool,
+}
+
+impl Evidence {
+    /// Whether a person holds the sticks, neutral ones or not.
+    pub fn is_by_hand(&self) -> bool {
+        self.hand != HandInput::Absent
+    }
 }
 
 /// What the supervisor decides for one tick.
@@ -324,66 +347,4 @@ impl Decision {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn each_phase_has_its_name_on_terminals() {
-        let phases = [Phase::Idle, Phase::TakingOff, Phase::Flying, Phase::Landing, Phase::Landed];
-        let names = ["idle", "taking off", "flying", "landing", "landed"];
-        assert_eq!(phases.map(Phase::name), names);
-        assert_eq!(
-            [Phase::LandingUnconfirmed, Phase::MotorsStopped].map(Phase::name),
-            ["landing unconfirmed", "emergency stop"]
-        );
-    }
-
-    #[test]
-    fn a_flight_is_over_in_its_last_phases_and_a_success_if_it_landed_with_all_targets() {
-        use Phase::{Flying, Idle, Landed, Landing, LandingUnconfirmed, MotorsStopped, TakingOff};
-        assert!([Landed, LandingUnconfirmed, MotorsStopped].into_iter().all(Phase::is_over));
-        assert!(![Idle, TakingOff, Flying, Landing].into_iter().any(Phase::is_over));
-        assert!(Landed.is_success(5, 5, &[]) && Landed.is_success(0, 0, &[]));
-        assert!(!Landed.is_success(4, 5, &[]) && !MotorsStopped.is_success(5, 5, &[]));
-        for (fault, is_success) in [
-            (Fault::OperatorStop, true),
-            (Fault::LandedByPose, true),
-            (Fault::TrackingLost, false),
-            (Fault::FenceLeft, false),
-        ] {
-            assert_eq!(Landed.is_success(5, 5, &[fault]), is_success, "{fault:?}");
-        }
-    }
-
-    #[test]
-    fn a_stop_of_the_motors_is_the_strongest_order_and_landing_the_next() {
-        use Operator::{EmergencyStop, Fly, FlyByHand, Land, Wait};
-        assert!([Wait, Fly, FlyByHand, Land, EmergencyStop].is_sorted_by(|a, b| a < b));
-        assert_eq!(Operator::default(), Wait);
-    }
-
-    #[test]
-    fn a_lost_guardian_and_an_unasked_landing_end_a_flight_and_no_other_incident_does() {
-        let none = Incidents::default();
-        for (incidents, ends) in [
-            (none, false),
-            (Incidents { is_guardian_lost: true, ..none }, true),
-            (Incidents { has_landed_unasked: true, ..none }, true),
-            (Incidents { has_input_expired: true, is_mocap_undated: true, ..none }, false),
-        ] {
-            assert_eq!(incidents.ends_flight(), ends, "{incidents:?}");
-        }
-    }
-
-    #[test]
-    fn logs_without_dated_poses_or_with_the_old_word_for_an_emergency_stop_are_read() {
-        let old = r#"{"is_guardian_lost": true, "has_landed_unasked": false, "has_input_expired": false}"#;
-        let expected = Incidents { is_guardian_lost: true, ..Incidents::default() };
-        assert_eq!(serde_json::from_str::<Incidents>(old).unwrap(), expected);
-        let unknown = old.replace("has_input_expired", "has_input_expires");
-        assert!(serde_json::from_str::<Incidents>(&unknown).is_err());
-        let old = || serde_json::json!("cut");
-        assert_eq!(serde_json::from_value::<Operator>(old()).unwrap(), Operator::EmergencyStop);
-        assert_eq!(serde_json::from_value::<Phase>(old()).unwrap(), Phase::MotorsStopped);
-    }
-}
+mod tests;

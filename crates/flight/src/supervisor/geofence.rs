@@ -1,7 +1,7 @@
 //! Where the vehicle may be: a box in the world frame.
 //!
-//! Owns what "inside" means, for a pose, for a vehicle in motion and for a line to be flown. What
-//! follows from leaving it stands in `fault.rs`.
+//! Owns what "inside" means, for a pose and for a vehicle in motion, and when a vehicle is outside or about to leave.
+//! What follows from leaving the room stands in `fault.rs`.
 
 use horizon_model::check::{maximum, minimum};
 use horizon_model::rows::{Pose, pose};
@@ -10,7 +10,8 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::evidence::EstimatedMotion;
+use super::Supervisor;
+use super::evidence::{EstimatedMotion, Evidence, PlanClearance};
 use crate::obstacle::SignedDistance;
 
 /// A vehicle on the ground is no higher than this above the floor of the room: it may stand on a
@@ -100,7 +101,7 @@ impl Room {
     /// whether that cannot be determined.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn is_left_by(&self, motion: &EstimatedMotion) -> bool {
+    pub(crate) fn is_left_by(&self, motion: &EstimatedMotion) -> bool {
         !self.contains(&(motion.pose + motion.rate * self.stop_s))
     }
 
@@ -158,6 +159,24 @@ impl Room {
 
     fn walls(&self) -> impl Iterator<Item = (usize, [f64; 2])> {
         WALLED.into_iter().zip(self.walls_m)
+    }
+}
+
+impl Supervisor {
+    /// Whether the vehicle would come to rest outside of the room with neutral sticks. Where a controller with plans
+    /// that know the walls steers, this does not count: during a hold wind carries the vehicle on, and after the hold
+    /// the controller plans anew.
+    pub(super) fn would_leave(&self, e: &Evidence) -> bool {
+        if !e.is_by_hand() && e.plan != PlanClearance::Unknown {
+            return false;
+        }
+        self.room.zip(e.motion).is_some_and(|(room, motion)| room.is_left_by(&motion))
+    }
+
+    /// Whether the newest position is fresh and outside of the room.
+    pub(super) fn is_outside(&self, e: &Evidence) -> bool {
+        let fresh = e.pose.filter(|_| !self.is_pose_stale(e));
+        self.room.zip(fresh).is_some_and(|(room, at)| !room.contains(&at))
     }
 }
 

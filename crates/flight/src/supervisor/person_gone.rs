@@ -1,7 +1,7 @@
 //! A person who holds the sticks and leaves them neutral: nobody steers.
 
 use super::Supervisor;
-use super::evidence::Evidence;
+use super::evidence::{Evidence, HandInput};
 
 /// How long the sticks in a person's hand may be neutral while the vehicle is outside of the room or too fast. s
 const GONE_IN_DANGER_S: f64 = 5.0;
@@ -9,8 +9,8 @@ const GONE_IN_DANGER_S: f64 = 5.0;
 impl Supervisor {
     /// Updates for how long a person leaves the sticks neutral: in all, and while the vehicle is outside of the room or
     /// too fast.
-    pub(super) fn remember_idle_hand(&mut self, e: &Evidence, is_fast: bool) {
-        let is_idle = self.is_flying() && e.is_hand_neutral;
+    pub(super) fn update_idle_hand_timers(&mut self, e: &Evidence, is_fast: bool) {
+        let is_idle = self.is_flying() && e.hand == HandInput::Neutral;
         self.timers.hand_neutral.update(is_idle, e.t_ns);
         // Outside of the room poses are rare: without a fresh pose the danger lasts.
         let was_in_danger = self.timers.hand_neutral_in_danger.holds();
@@ -35,8 +35,8 @@ mod tests {
 
     #[test]
     fn neutral_sticks_of_a_person_land_after_their_time_and_outside_of_the_room_after_5_s() {
-        let idle = Evidence { is_by_hand: true, is_hand_neutral: true, ..ALOFT };
-        let steered = Evidence { is_hand_neutral: false, ..idle };
+        let idle = Evidence { hand: HandInput::Neutral, ..ALOFT };
+        let steered = Evidence { hand: HandInput::Steering, ..idle };
         let outside = Evidence { pose: Some([5.0, 0.0, 1.0, 0.0].into()), ..idle };
         let fast = Evidence { speed_mps: 3.1, ..idle };
         for (e, other, ticks) in [
@@ -69,7 +69,7 @@ mod tests {
             "without a pose it counts as outside"
         );
         assert!(Fixture::flying().run(100, &unseen).may_steer(), "never seen outside");
-        let by_controller = Evidence { is_by_hand: false, is_hand_neutral: false, ..idle };
+        let by_controller = Evidence { hand: HandInput::Absent, ..idle };
         assert_eq!(faults(Fixture::flying().run(700, &by_controller)), []);
         let mut never = Fixture::flying();
         never.supervisor.table.failsafe.person_gone_s = None;

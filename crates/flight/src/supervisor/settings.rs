@@ -42,7 +42,7 @@ pub struct SupervisorTable {
     pub battery_critical_pct: u8,
     /// Landing when the take-off is not confirmed after this time. s, 1..=60
     pub take_off_timeout_s: f64,
-    /// Rise above the take-off height that counts as airborne. m, 0.1..=1.5
+    /// Rise above the take-off height that counts as airborne. m, 0.1..=0.7
     pub airborne_height_m: f64,
     /// Hover after the take-off before control starts. s, 0..=30
     pub settle_s: f64,

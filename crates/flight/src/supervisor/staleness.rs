@@ -10,7 +10,7 @@ impl Supervisor {
     /// Whether there has been no pose, or only poses that stand still, for longer than `lost_s`.
     pub(super) fn is_pose_lost(&self, e: &Evidence) -> bool {
         // A person who carries the vehicle may take time to show it to the cameras.
-        let age_s = e.pose_age_s.or_else(|| (!self.is_carried).then(|| self.running_s(e)));
+        let age_s = e.pose_age_s.or_else(|| (!self.is_dry_run).then(|| self.running_s(e)));
         let is_lost = |time_s| exceeds(time_s, self.table.lost_s);
         age_s.is_some_and(is_lost) || self.still_s(e).is_some_and(is_lost)
     }
@@ -33,12 +33,6 @@ impl Supervisor {
         let limit_m = self.table.jump_m;
         e.poses.jump_m.is_some_and(|jump_m| exceeds(jump_m, limit_m))
             || exceeds(e.poses.shift_m, limit_m)
-    }
-
-    /// Whether the vehicle stands where one may take off, as far as that is known.
-    pub(super) fn may_start(&self, e: &Evidence) -> bool {
-        let is_in_room = self.room.zip(e.pose).is_none_or(|(room, at)| room.may_start_at(&at));
-        is_in_room && !e.obstacles.blocks_take_off && !self.was_obstacle_near(e)
     }
 
     /// Whether the newest pose is too old to steer by, or there is none.

@@ -8,7 +8,7 @@ use horizon_model::rows::{Sticks, stick};
 use strum::VariantArray;
 
 use super::panel::{Note, Panel};
-use super::{Ask, Hand, ManualSettings};
+use super::{ManualInput, ManualSettings, PersonOrder};
 use crate::clock::{SpanNs, TimeNs};
 
 /// How long level sticks wait for another device after the one that steered is gone.
@@ -33,14 +33,14 @@ pub struct Event {
     /// From where.
     pub source: Source,
     /// Action.
-    pub act: Act,
+    pub action: InputAction,
 }
 
 /// Action of a person.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Act {
+pub enum InputAction {
     /// An order to the drone.
-    Ask(Ask),
+    Order(PersonOrder),
     /// Take the sticks.
     Manual,
     /// Give the sticks back to the controller.
@@ -103,9 +103,9 @@ impl Direction {
     }
 }
 
-/// The person at the controls, as far as the program knows.
+/// What the events so far mean: who steers, with which sticks, and the order that was given last.
 #[derive(Debug, Clone)]
-pub struct Controls {
+pub(super) struct ControlState {
     settings: ManualSettings,
     terminal: Panel,
     device: Panel,
@@ -114,16 +114,16 @@ pub struct Controls {
     steering: Option<Source>,
     /// When the source that steered was lost.
     lost_at: Option<TimeNs>,
-    /// Strongest order since the last [`Controls::hand`].
-    ask: Option<Ask>,
+    /// Strongest order since the last [`ControlState::input`].
+    order: Option<PersonOrder>,
     /// The smoothed sticks. 1
     u: Sticks,
     asked_at: Option<TimeNs>,
 }
 
-impl Controls {
+impl ControlState {
     /// No key is down and no stick is moved: the controller steers.
-    pub fn new(settings: ManualSettings) -> Self {
+    pub(super) fn new(settings: ManualSettings) -> Self {
         Self {
             settings,
             terminal: Panel::default(),
@@ -131,7 +131,7 @@ impl Controls {
             remote: Panel::default(),
             steering: None,
             lost_at: None,
-            ask: None,
+            order: None,
             u: Sticks::zeros(),
             asked_at: None,
         }
@@ -140,49 +140,54 @@ impl Controls {
     /// Takes note of `event`.
     ///
     /// Whatever is held when the pilot changes does nothing until it is pushed anew.
-    pub fn receive(&mut self, event: &Event) {
-        let Event { at, source, act } = *event;
+    pub(super) fn receive(&mut self, event: &Event) {
+        let Event { at, source, action } = *event;
         let timers = self.settings.timers;
         let panel = self.panel(source);
         panel.expire(at, &timers);
-        if act != Act::Lost && !matches!(act, Act::Repeat(_)) {
+        if action != InputAction::Lost && !matches!(action, InputAction::Repeat(_)) {
             // Repetitions are made by this computer, also for a device out of range.
             panel.receive(at);
         }
-        let is_pushed = match act {
-            Act::Press(direction) => panel.press(direction, at, true, &timers),
-            Act::Pulse(direction) => panel.press(direction, at, false, &timers),
-            Act::Axis(row, place) => panel.move_axis(row, place),
+        let is_pushed = match action {
+            InputAction::Press(direction) => panel.press(direction, at, true, &timers),
+            InputAction::Pulse(direction) => panel.press(direction, at, false, &timers),
+            InputAction::Axis(row, place) => panel.move_axis(row, place),
             _ => false,
         };
-        match act {
-            Act::Repeat(direction) => panel.repeat(direction, at, &timers),
-            Act::Release(direction) => panel.lift(direction),
-            Act::LetGo => panel.release(),
-            Act::Lost => {
+        match action {
+            InputAction::Repeat(direction) => panel.repeat(direction, at, &timers),
+            InputAction::Release(direction) => panel.lift(direction),
+            InputAction::LetGo => panel.release(),
+            InputAction::Lost => {
                 *panel = Panel::default();
                 if self.steering == Some(source) {
                     self.lost_at = Some(at);
                 }
             }
-            Act::Manual => {
+            InputAction::Manual => {
                 self.release();
                 self.take(source);
             }
-            Act::Automatic => {
+            InputAction::Automatic => {
                 self.release();
                 self.steering = None;
                 self.lost_at = None;
             }
-            Act::Ask(ask) => {
-                self.ask = self.ask.max(Some(ask));
-                if ask != Ask::TakeOff {
+            InputAction::Order(order) => {
+                self.order = self.order.max(Some(order));
+                if order != PersonOrder::TakeOff {
                     self.release();
                 }
             }
-            Act::Press(_) | Act::Pulse(_) | Act::Axis(..) | Act::Alive => {}
+            InputAction::Press(_)
+            | InputAction::Pulse(_)
+            | InputAction::Axis(..)
+            | InputAction::Alive => {}
         }
-        if source == Source::Terminal && matches!(act, Act::Press(_) | Act::Repeat(_)) {
+        if source == Source::Terminal
+            && matches!(action, InputAction::Press(_) | InputAction::Repeat(_))
+        {
             self.terminal.repeat_all(at, &timers);
         }
         if is_pushed {
@@ -190,13 +195,13 @@ impl Controls {
         }
     }
 
-    /// Wishes of the person at `now`; called once per tick.
+    /// Order and sticks of the person at `now`; called once per tick.
     ///
     /// The sticks follow the asked deflection `d` as `u <- u + (1 - exp(-dt / smoothing_s)) (d - u)`: the
     /// published program's `u <- c d + (1 - c) u` with `c` from the time that really passed.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn hand(&mut self, now: TimeNs) -> Hand {
+    pub(super) fn input(&mut self, now: TimeNs) -> ManualInput {
         let dt_s = self.asked_at.map_or(0.0, |before| now.since(before).seconds().max(0.0));
         self.asked_at = Some(now);
         let timers = self.settings.timers;
@@ -207,7 +212,7 @@ impl Controls {
         }
         let largest = self.settings.deflection;
         let gain = -(-dt_s / self.settings.smoothing_s).exp_m1();
-        let mut ask = self.ask.take();
+        let mut order = self.order.take();
         if self.steering.is_some() {
             let deflection = asked.map(|fraction| (fraction * largest).clamp(-largest, largest));
             self.u += (deflection - self.u) * gain;
@@ -215,9 +220,9 @@ impl Controls {
             self.u = Sticks::zeros();
         }
         if self.lost_at.is_some_and(|lost_at| now.since(lost_at) >= LOST_LANDS_AFTER) {
-            ask = ask.max(Some(Ask::Land));
+            order = order.max(Some(PersonOrder::Land));
         }
-        Hand { ask, sticks: self.steering.map(|_| self.u), has_expired: false }
+        ManualInput { order, sticks: self.steering.map(|_| self.u), has_expired: false }
     }
 
     /// Release in the person's place since the last call.

@@ -12,9 +12,9 @@ use std::time::Duration;
 use evdev::{AbsInfo, AbsoluteAxisCode, Device, EventSummary, KeyCode};
 use horizon_model::rows::stick;
 
-use super::keys::{KeyMotion, act};
+use super::keys::{KeyMotion, action_of};
 use super::reader::{Outlet, Readiness, wait};
-use super::{Act, Ask, Direction, ManualError, ManualSettings, Source};
+use super::{Direction, InputAction, ManualError, ManualSettings, PersonOrder, Source};
 use crate::clock::SpanNs;
 
 /// Time between two looks whether all keys are up before the flight, and most looks.
@@ -47,7 +47,7 @@ impl Layout {
     }
 
     /// Action of `event`; `None` without a meaning.
-    pub(super) fn act(&mut self, event: &EventSummary) -> Option<Act> {
+    pub(super) fn action(&mut self, event: &EventSummary) -> Option<InputAction> {
         match event {
             EventSummary::Key(_, code, value) => self.key(*code, *value),
             EventSummary::AbsoluteAxis(_, code, place) => self.axis(*code, *place),
@@ -55,7 +55,7 @@ impl Layout {
         }
     }
 
-    fn key(&mut self, code: KeyCode, value: i32) -> Option<Act> {
+    fn key(&mut self, code: KeyCode, value: i32) -> Option<InputAction> {
         let motion = match value {
             0 => KeyMotion::Release,
             1 => KeyMotion::Press,
@@ -65,20 +65,20 @@ impl Layout {
             self.is_ctrl = motion != KeyMotion::Release;
             return None;
         }
-        if let Some(act) = button(code) {
-            return (motion == KeyMotion::Press).then_some(act);
+        if let Some(action) = button(code) {
+            return (motion == KeyMotion::Press).then_some(action);
         }
-        let act = act(u32::from(character(code)?), self.is_ctrl, motion)?;
-        let (direction, is_down) = match act {
-            Act::Press(direction) => (direction, true),
-            Act::Release(direction) => (direction, false),
-            _ => return Some(act),
+        let action = action_of(u32::from(character(code)?), self.is_ctrl, motion)?;
+        let (direction, is_down) = match action {
+            InputAction::Press(direction) => (direction, true),
+            InputAction::Release(direction) => (direction, false),
+            _ => return Some(action),
         };
         let mut known = Direction::ALL.iter().zip(&mut self.is_down);
         if let Some((_, key)) = known.find(|(known, _)| **known == direction) {
             *key = is_down;
         }
-        Some(act)
+        Some(action)
     }
 
     /// The steering keys that are down.
@@ -88,7 +88,7 @@ impl Layout {
     }
 
     /// Throttle and yaw on the left stick, pitch and roll on the right, as most pilots have it.
-    fn axis(&self, code: AbsoluteAxisCode, place: i32) -> Option<Act> {
+    fn axis(&self, code: AbsoluteAxisCode, place: i32) -> Option<InputAction> {
         // A gamepad's axes grow to the right and downwards.
         let (row, sign) = match code {
             AbsoluteAxisCode::ABS_X => (stick::YAW, -1.0),
@@ -103,19 +103,22 @@ impl Layout {
             return None;
         }
         let fraction = 2.0 * (f64::from(place) - f64::from(first)) / range - 1.0;
-        Some(Act::Axis(row, sign * self.settings.excess_over_dead_zone(fraction.clamp(-1.0, 1.0))))
+        Some(InputAction::Axis(
+            row,
+            sign * self.settings.excess_over_dead_zone(fraction.clamp(-1.0, 1.0)),
+        ))
     }
 }
 
 /// Buttons of a gamepad. Select is small, in the middle and under no finger that steers.
-fn button(code: KeyCode) -> Option<Act> {
+fn button(code: KeyCode) -> Option<InputAction> {
     match code {
-        KeyCode::BTN_SELECT => Some(Act::Ask(Ask::EmergencyStop)),
-        KeyCode::BTN_START => Some(Act::Ask(Ask::TakeOff)),
-        KeyCode::BTN_EAST => Some(Act::Ask(Ask::Land)),
+        KeyCode::BTN_SELECT => Some(InputAction::Order(PersonOrder::EmergencyStop)),
+        KeyCode::BTN_START => Some(InputAction::Order(PersonOrder::TakeOff)),
+        KeyCode::BTN_EAST => Some(InputAction::Order(PersonOrder::Land)),
         // The button with an X on it: drivers of Xbox pads send BTN_X, which is BTN_NORTH, others the place, west.
-        KeyCode::BTN_WEST | KeyCode::BTN_NORTH => Some(Act::Manual),
-        KeyCode::BTN_SOUTH => Some(Act::Automatic),
+        KeyCode::BTN_WEST | KeyCode::BTN_NORTH => Some(InputAction::Manual),
+        KeyCode::BTN_SOUTH => Some(InputAction::Automatic),
         _ => None,
     }
 }
@@ -200,8 +203,8 @@ pub(super) fn read_events(mut device: Device, mut layout: Layout, mut outlet: Ou
             Readiness::Data => match device.fetch_events() {
                 Ok(events) => {
                     has_news = true;
-                    for act in events.filter_map(|event| layout.act(&event.destructure())) {
-                        outlet.push(Source::Device, act);
+                    for action in events.filter_map(|event| layout.action(&event.destructure())) {
+                        outlet.push(Source::Device, action);
                     }
                 }
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
@@ -211,15 +214,15 @@ pub(super) fn read_events(mut device: Device, mut layout: Layout, mut outlet: Ou
         if outlet.now().since(reported_at) >= REPORT_PERIOD {
             reported_at = outlet.now();
             if std::mem::take(&mut has_news) {
-                outlet.push(Source::Device, Act::Alive);
+                outlet.push(Source::Device, InputAction::Alive);
             }
             for direction in layout.held() {
-                outlet.push(Source::Device, Act::Repeat(direction));
+                outlet.push(Source::Device, InputAction::Repeat(direction));
             }
         }
     }
     if outlet.is_open() {
-        outlet.push(Source::Device, Act::Lost);
+        outlet.push(Source::Device, InputAction::Lost);
         // No terminal, no reader.
         writeln!(io::stderr(), "\nwarning: the input device is gone").ok();
     }

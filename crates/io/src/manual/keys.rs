@@ -5,7 +5,7 @@
 //! skipped.
 #![deny(clippy::indexing_slicing)]
 
-use super::{Act, Ask, Direction};
+use super::{Direction, InputAction, PersonOrder};
 
 /// The keys in one line, for the terminal.
 pub const KEYS_HELP: &str = "keys: T take off, R or Q land, Backspace EMERGENCY STOP, E by hand, \
@@ -42,30 +42,30 @@ pub(super) enum KeyMotion {
 }
 
 /// Action of moving the key of the ASCII character `code`; `None` for a key without a meaning.
-pub(super) fn act(code: u32, is_ctrl: bool, motion: KeyMotion) -> Option<Act> {
+pub(super) fn action_of(code: u32, is_ctrl: bool, motion: KeyMotion) -> Option<InputAction> {
     let key = char::from_u32(code)?.to_ascii_lowercase();
     if let Some(direction) = direction(key) {
         return match motion {
             // A release counts whatever else is held: a stick must not stay.
-            KeyMotion::Release => Some(Act::Release(direction)),
+            KeyMotion::Release => Some(InputAction::Release(direction)),
             _ if is_ctrl => None,
-            KeyMotion::Pulse => Some(Act::Pulse(direction)),
-            KeyMotion::Press => Some(Act::Press(direction)),
-            KeyMotion::Repeat => Some(Act::Repeat(direction)),
+            KeyMotion::Pulse => Some(InputAction::Pulse(direction)),
+            KeyMotion::Press => Some(InputAction::Press(direction)),
+            KeyMotion::Repeat => Some(InputAction::Repeat(direction)),
         };
     }
     if motion == KeyMotion::Release {
         return None;
     }
     match (code, key) {
-        (BACKSPACE | BACKSPACE_OLD, _) => Some(Act::Ask(Ask::EmergencyStop)),
-        (INTERRUPT, _) => Some(Act::Ask(Ask::Land)),
-        (_, 'c') if is_ctrl => Some(Act::Ask(Ask::Land)),
+        (BACKSPACE | BACKSPACE_OLD, _) => Some(InputAction::Order(PersonOrder::EmergencyStop)),
+        (INTERRUPT, _) => Some(InputAction::Order(PersonOrder::Land)),
+        (_, 'c') if is_ctrl => Some(InputAction::Order(PersonOrder::Land)),
         _ if is_ctrl => None,
-        (_, 't') => Some(Act::Ask(Ask::TakeOff)),
-        (_, 'r' | 'q') => Some(Act::Ask(Ask::Land)),
-        (_, 'e') => Some(Act::Manual),
-        (_, 'c') => Some(Act::Automatic),
+        (_, 't') => Some(InputAction::Order(PersonOrder::TakeOff)),
+        (_, 'r' | 'q') => Some(InputAction::Order(PersonOrder::Land)),
+        (_, 'e') => Some(InputAction::Manual),
+        (_, 'c') => Some(InputAction::Automatic),
         _ => None,
     }
 }
@@ -88,7 +88,7 @@ fn direction(key: char) -> Option<Direction> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Typed {
     /// A key with a meaning moved.
-    Act(Act),
+    Action(InputAction),
     /// The terminal speaks the kitty keyboard protocol and can report releases.
     CanRelease,
 }
@@ -134,7 +134,7 @@ impl Decoder {
     /// Backspace and Ctrl-C are understood at any place, in a broken sequence as well: they stop the motors and land
     /// the drone.
     pub fn feed(&mut self, byte: u8) -> Option<Typed> {
-        let plain = || act(u32::from(byte), false, KeyMotion::Pulse).map(Typed::Act);
+        let plain = || action_of(u32::from(byte), false, KeyMotion::Pulse).map(Typed::Action);
         let is_stop = matches!(u32::from(byte), BACKSPACE | BACKSPACE_OLD | INTERRUPT);
         let state = std::mem::take(&mut self.state);
         match state {
@@ -167,7 +167,7 @@ impl Decoder {
                 if (0x40..=0x7e).contains(&byte) {
                     return match byte {
                         b'u' => sequence.key(),
-                        FOCUS_OUT if sequence.is_empty => Some(Typed::Act(Act::LetGo)),
+                        FOCUS_OUT if sequence.is_empty => Some(Typed::Action(InputAction::LetGo)),
                         _ => None,
                     };
                 }
@@ -218,7 +218,7 @@ impl Sequence {
         let is_ctrl = self.modifiers.saturating_sub(1) & 4 != 0;
         // A Cyrillic or Greek letter has no meaning, and its key does; a Latin one is what is printed on the key.
         let is_latin = self.code < 0x80 || self.base == 0;
-        act(if is_latin { self.code } else { self.base }, is_ctrl, motion).map(Typed::Act)
+        action_of(if is_latin { self.code } else { self.base }, is_ctrl, motion).map(Typed::Action)
     }
 }
 

@@ -10,7 +10,7 @@ use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, poll};
 use rtrb::{Producer, PushError};
 
-use super::{Act, Ask, Event, Source};
+use super::{Event, InputAction, PersonOrder, Source};
 use crate::EmergencyRequest;
 use crate::clock::{Clock, TimeNs};
 
@@ -52,11 +52,11 @@ impl Outlet {
 
     /// Hands an event over; waits while the queue is full. A release that got lost would leave a
     /// stick where it is. An emergency stop waits for nothing.
-    pub(super) fn push(&mut self, source: Source, act: Act) {
-        if act == Act::Ask(Ask::EmergencyStop) {
+    pub(super) fn push(&mut self, source: Source, action: InputAction) {
+        if action == InputAction::Order(PersonOrder::EmergencyStop) {
             self.emergency.ask();
         }
-        let mut event = Event { at: self.clock.now(), source, act };
+        let mut event = Event { at: self.clock.now(), source, action };
         while let Err(PushError::Full(refused)) = self.events.push(event) {
             if !self.is_open() || self.events.is_abandoned() {
                 return;

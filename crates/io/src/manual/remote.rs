@@ -6,7 +6,7 @@
 use rtrb::Producer;
 use thiserror::Error;
 
-use super::{Act, Ask, Event, Source};
+use super::{Event, InputAction, PersonOrder, Source};
 use crate::EmergencyRequest;
 use crate::clock::Clock;
 
@@ -16,7 +16,7 @@ use crate::clock::Clock;
 pub struct RemoteBusy;
 
 /// Where a view of the flight gives its orders. Dropped, it takes nothing back: send
-/// [`Act::Lost`] first if a person steered.
+/// [`InputAction::Lost`] first if a person steered.
 #[derive(Debug)]
 pub struct Remote {
     events: Producer<Event>,
@@ -40,10 +40,10 @@ impl Remote {
     /// # Errors
     /// The queue is full: the control thread has not polled since 64 events. The event is not queued. Never for an
     /// emergency stop, which the sender obeys whether the control thread hears of it or not.
-    pub fn push(&mut self, act: Act) -> Result<(), RemoteBusy> {
-        let event = Event { at: self.clock.now(), source: Source::Remote, act };
+    pub fn push(&mut self, action: InputAction) -> Result<(), RemoteBusy> {
+        let event = Event { at: self.clock.now(), source: Source::Remote, action };
         let pushed = self.events.push(event).map_err(|_full| RemoteBusy);
-        if act == Act::Ask(Ask::EmergencyStop) {
+        if action == InputAction::Order(PersonOrder::EmergencyStop) {
             self.emergency.ask();
             return Ok(());
         }
@@ -54,62 +54,64 @@ impl Remote {
 #[cfg(test)]
 mod tests {
     use super::super::settings::tests::table;
-    use super::super::{ManualSettings, Person};
+    use super::super::{ManualControls, ManualSettings};
     use super::*;
     use crate::clock::{SpanNs, TimeNs};
 
-    fn person() -> Person {
-        Person::new(ManualSettings::try_from(&table()).unwrap()).0
+    fn controls() -> ManualControls {
+        ManualControls::new(ManualSettings::try_from(&table()).unwrap()).0
     }
 
     #[test]
     fn an_order_from_elsewhere_is_heard_like_a_key() {
         let clock = Clock::start();
-        let mut person = person();
-        let mut remote = person.remote(clock);
-        remote.push(Act::Manual).unwrap();
-        remote.push(Act::Ask(Ask::Land)).unwrap();
-        let hand = person.poll(clock.now());
-        assert_eq!(hand.ask, Some(Ask::Land));
-        let sticks = hand.sticks.unwrap();
+        let mut controls = controls();
+        let mut remote = controls.remote(clock);
+        remote.push(InputAction::Manual).unwrap();
+        remote.push(InputAction::Order(PersonOrder::Land)).unwrap();
+        let input = controls.poll(clock.now());
+        assert_eq!(input.order, Some(PersonOrder::Land));
+        let sticks = input.sticks.unwrap();
         assert!(sticks.norm() < 1e-12, "sticks in hand and level: {sticks}");
-        remote.push(Act::Automatic).unwrap();
-        assert_eq!(person.poll(clock.now()).sticks, None);
+        remote.push(InputAction::Automatic).unwrap();
+        assert_eq!(controls.poll(clock.now()).sticks, None);
     }
 
     #[test]
     fn an_emergency_stop_needs_no_room() {
-        let mut person = person();
-        let emergency = person.emergency();
-        let mut remote = person.remote(Clock::start());
-        while remote.push(Act::Manual).is_ok() {}
+        let mut controls = controls();
+        let emergency = controls.emergency();
+        let mut remote = controls.remote(Clock::start());
+        while remote.push(InputAction::Manual).is_ok() {}
         assert!(!emergency.take());
-        remote.push(Act::Ask(Ask::EmergencyStop)).unwrap();
+        remote.push(InputAction::Order(PersonOrder::EmergencyStop)).unwrap();
         assert!(emergency.take() && !emergency.take());
     }
 
     #[test]
     fn who_took_the_sticks_and_is_gone_is_replaced_by_a_landing() {
         let clock = Clock::start();
-        let mut person = person();
-        let mut remote = person.remote(clock);
+        let mut controls = controls();
+        let mut remote = controls.remote(clock);
         let after = |ms| clock.now().after(SpanNs::from_ms(ms));
-        remote.push(Act::Lost).unwrap();
-        assert_eq!(person.poll(after(5_000)).ask, None, "no person steered");
-        remote.push(Act::Manual).unwrap();
-        remote.push(Act::Lost).unwrap();
-        assert_eq!(person.poll(after(500)).ask, None, "another device may take over");
-        assert_eq!(person.poll(after(1_500)).ask, Some(Ask::Land));
+        remote.push(InputAction::Lost).unwrap();
+        assert_eq!(controls.poll(after(5_000)).order, None, "no person steered");
+        remote.push(InputAction::Manual).unwrap();
+        remote.push(InputAction::Lost).unwrap();
+        assert_eq!(controls.poll(after(500)).order, None, "another device may take over");
+        assert_eq!(controls.poll(after(1_500)).order, Some(PersonOrder::Land));
     }
 
     #[test]
     fn a_full_queue_gives_the_order_back() {
-        let mut person = person();
-        let mut remote = person.remote(Clock::start());
-        let taken = (0..1000).take_while(|_| remote.push(Act::Ask(Ask::Land)).is_ok()).count();
+        let mut controls = controls();
+        let mut remote = controls.remote(Clock::start());
+        let taken = (0..1000)
+            .take_while(|_| remote.push(InputAction::Order(PersonOrder::Land)).is_ok())
+            .count();
         assert!((10..1000).contains(&taken), "{taken} orders in transit");
-        person.poll(TimeNs(0));
-        remote.push(Act::Ask(Ask::EmergencyStop)).unwrap();
-        assert_eq!(person.poll(TimeNs(0)).ask, Some(Ask::EmergencyStop));
+        controls.poll(TimeNs(0));
+        remote.push(InputAction::Order(PersonOrder::EmergencyStop)).unwrap();
+        assert_eq!(controls.poll(TimeNs(0)).order, Some(PersonOrder::EmergencyStop));
     }
 }

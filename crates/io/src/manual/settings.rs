@@ -31,7 +31,7 @@ pub struct ManualTable {
     pub press_max_s: f64,
     /// How long a pushed gamepad stick acts without an event of the gamepad. s, 0.5..=5
     pub axis_silent_s: f64,
-    /// Fraction of a gamepad stick's way that does nothing. 1, 0..=0.5
+    /// Fraction of a gamepad stick's travel around its middle that gives no input. 1, 0.02..=0.5
     pub dead_zone: f64,
 }
 
@@ -46,7 +46,7 @@ pub struct ManualSettings {
     pub(super) smoothing_s: f64,
     /// How long something acts without news of it.
     pub(super) timers: Timers,
-    /// Deflection of a gamepad's stick without effect. 1, 0..1
+    /// Fraction of a gamepad stick's travel around its middle that gives no input. 1, 0.02..=0.5
     dead_zone: f64,
 }
 
@@ -80,8 +80,8 @@ impl TryFrom<&ManualTable> for ManualSettings {
 
 impl ManualSettings {
     /// The place of a gamepad's stick, -1..=1, with its dead zone cut out and the rest stretched to the
-    /// whole way.
-    pub fn excess_over_dead_zone(&self, place: f64) -> f64 {
+    /// full travel.
+    pub(crate) fn excess_over_dead_zone(&self, place: f64) -> f64 {
         let excess = (place.abs() - self.dead_zone).max(0.0) / (1.0 - self.dead_zone);
         excess.min(1.0).copysign(place)
     }
@@ -105,7 +105,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn nonsense_settings_are_refused_with_key_value_and_rule() {
+    fn manual_settings_that_break_a_rule_are_refused_with_key_value_and_rule() {
         let check =
             |table: ManualTable| ManualSettings::try_from(&table).map_err(|e| e.to_string());
         assert!(check(table()).is_ok());

@@ -15,7 +15,7 @@ use nix::unistd::{getpgrp, read, tcgetpgrp};
 
 use super::keys::{Decoder, Typed};
 use super::reader::{Outlet, Readiness, wait};
-use super::{Act, Source};
+use super::{InputAction, Source};
 
 /// Value of a control character that no byte triggers.
 const DISABLED: u8 = 0;
@@ -122,7 +122,7 @@ pub(super) fn read_keys(mut outlet: Outlet) {
             Ok(count) => {
                 for typed in bytes.iter().take(count).filter_map(|byte| decoder.feed(*byte)) {
                     match typed {
-                        Typed::Act(act) => outlet.push(Source::Terminal, act),
+                        Typed::Action(action) => outlet.push(Source::Terminal, action),
                         Typed::CanRelease if !reports_releases => {
                             send(REPORT_RELEASES);
                             reports_releases = true;
@@ -135,7 +135,7 @@ pub(super) fn read_keys(mut outlet: Outlet) {
             Err(_) => break,
         }
     }
-    outlet.push(Source::Terminal, Act::Lost);
+    outlet.push(Source::Terminal, InputAction::Lost);
     if reports_releases {
         send(REPORT_AS_BEFORE);
     }

@@ -60,7 +60,10 @@ pub struct MocapClient {
 }
 
 impl MocapClient {
-    /// A client that is not yet connected, and the far end of its queue.
+    /// A client that is not yet connected, and the receiver of its sightings.
+    ///
+    /// The queue between them holds [`QUEUE_SIGHTINGS`]; a sighting that finds it full is dropped and counted.
+    /// Allocates the queue.
     pub fn new(settings: MocapSettings, clock: Clock) -> (Self, MocapFeed) {
         let (producer, consumer) = RingBuffer::new(QUEUE_SIGHTINGS);
         let counters = Arc::new(MocapCounters::default());
@@ -98,7 +101,11 @@ impl MocapClient {
                 stream.set_airborne(self.is_airborne());
                 stream.restart();
                 let sightings = self.counters.sightings.get();
+                let messages = self.counters.messages.get();
                 self.read_connection(wire, &mut stream).await;
+                if self.counters.messages.get() == messages {
+                    connector.note_silence();
+                }
                 if self.counters.sightings.get() > sightings {
                     back_off = BACK_OFF_MIN;
                 }

@@ -3,7 +3,7 @@
 #![deny(clippy::indexing_slicing)]
 
 /// Longest line that is kept, without its line feed. A pose with a matrix has about 130 bytes.
-pub const LINE_BYTES_MAX: usize = 1024;
+pub(crate) const LINE_BYTES_MAX: usize = 1024;
 
 /// Assembles lines from chunks that are cut anywhere.
 ///

@@ -16,7 +16,7 @@ use super::source::{Refusal, SourceError};
 use crate::clock::SpanNs;
 
 /// Longest name of an object.
-pub const NAME_BYTES_MAX: usize = 24;
+pub(crate) const NAME_BYTES_MAX: usize = 24;
 
 /// Sizes of a block that Tracker can be set to. bytes
 pub const BLOCK_BYTES: [usize; 3] = [256, 512, 1024];

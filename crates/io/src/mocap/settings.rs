@@ -321,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_settings_are_refused_with_key_value_and_rule() {
+    fn mocap_settings_that_break_a_rule_are_refused_with_key_value_and_rule() {
         let relay = |address, object| MocapTable::Relay(server(address, object));
         assert!(MocapSettings::try_from(&relay("mocap:51602", "tello")).is_ok());
         assert_eq!(error(&relay("mocap", "t")), "relay.address = mocap: expected host:port");

@@ -198,7 +198,7 @@ impl MocapCounters {
     }
 
     /// Why the newest connection, port or multicast group could not be opened; `None` if it was, or if nobody listens.
-    pub fn unopened(&self) -> Option<String> {
+    pub(crate) fn unopened(&self) -> Option<String> {
         self.unopened.lock().clone()
     }
 

@@ -144,7 +144,12 @@ async fn read(
             Err(error) => error.to_string(),
             Ok(wire) => {
                 survey.connects += 1;
-                match reader.read_connection(wire, survey, on_look).await {
+                let messages = reader.counters.messages.get();
+                let ended = reader.read_connection(wire, survey, on_look).await;
+                if reader.counters.messages.get() == messages {
+                    connector.note_silence();
+                }
+                match ended {
                     Err(Ended::Wire(error)) => error.to_string(),
                     Err(Ended::Source(error)) => error.to_string(),
                     Ok(never) => match never {},

@@ -9,6 +9,8 @@ use std::time::Duration;
 use std::{io, iter};
 
 use rtrb::{Consumer, Producer, RingBuffer};
+use tello_flight::drone::DroneOrder;
+use tello_flight::gate::Approved;
 use thiserror::Error;
 use tokio::net::UdpSocket;
 use tokio::sync::{mpsc, watch};
@@ -21,8 +23,6 @@ use super::session::Session;
 use super::{DroneStatus, LinkCounters, TelloSettings};
 use crate::clock::{Clock, TimeNs};
 use crate::{EmergencyRequest, StopSignal};
-use tello_flight::drone::DroneOrder;
-use tello_flight::gate::Approved;
 
 /// Status packets come ten times a second and are drained every 20 ms.
 const QUEUE_STATUSES: usize = 32;
@@ -192,32 +192,26 @@ impl DroneClient {
     /// The runtime does not accept the socket. A drone that is silent, and a network that comes and
     /// goes, are no errors: the link asks for a connection every 2 s.
     pub async fn run(self, mut stop: StopSignal) -> Result<(), LinkError> {
-        let Self {
-            address, clock, socket, state_socket, mut session, counters, mut heartbeat, ..
-        } = self;
-        let Self { mut approved, mut orders, mut statuses, emergency, .. } = self;
+        let Self { mut approved, mut orders, clock, address, counters, .. } = self;
         let usable = |socket| UdpSocket::from_std(socket).map_err(failed("use the UDP socket"));
-        let (socket, state_socket) = (usable(socket)?, state_socket.map(usable).transpose()?);
-        let mut wire = Wire { socket, state_socket, address, counters, bytes: Vec::new() };
+        let socket = usable(self.socket)?;
+        let state_socket = self.state_socket.map(usable).transpose()?;
+        let mut sender = Sender {
+            clock,
+            session: self.session,
+            wire: Wire { socket, state_socket, address, counters, bytes: Vec::new() },
+            heartbeat: self.heartbeat,
+            emergency: self.emergency,
+            handed_over_at: None,
+        };
+        let mut statuses = self.statuses;
         let mut datagram = vec![0; DATAGRAM_BYTES_MAX];
         let mut state_line = vec![0; DATAGRAM_BYTES_MAX];
-        let (mut is_stopped, mut handed_over) = (false, None);
-        while !session.is_over(clock.now()) {
-            // Before anything is decided or sent: this program may have been stopped and the drone landed.
-            wire.ask_guardian(&mut heartbeat, &mut session, clock.now());
-            if emergency.take() {
-                session.order(DroneOrder::EmergencyStop, clock.now());
-            }
+        let mut is_stopped = false;
+        while !sender.session.is_over(clock.now()) {
             // After every event, so that a flood of one kind cannot hold up what is due.
-            session.advance(clock.now());
-            heartbeat.beat(session.duty(clock.now()), clock.now());
-            let Sent { any, all } = wire.send_all(&mut session).await;
-            if let Some(at) = handed_over.take().filter(|_| any) {
-                wire.counters.note_sticks_latency(clock.now().since(at));
-            }
-            if !all {
-                session.note_refused(clock.now());
-            }
+            sender.send_due().await;
+            let Sender { session, wire, .. } = &mut sender;
             let wait = session.next_deadline().since(clock.now()).min(BEAT_PERIOD).duration();
             // An ended control thread closes both channels; their branches are then disabled and the
             // session's watchdog lands the drone.
@@ -232,9 +226,7 @@ impl DroneClient {
                 }
                 Ok(()) = approved.changed() => {
                     let newest = *approved.borrow_and_update();
-                    session.observe_pose(newest.pose_is_airborne, newest.at);
-                    session.approve(newest.approved, newest.at, clock.now());
-                    handed_over = Some(newest.at);
+                    sender.take(newest);
                 }
                 bytes = wire.receive(&mut datagram) => {
                     let status = session.receive(bytes, clock.now());
@@ -247,8 +239,48 @@ impl DroneClient {
                 () = sleep(wait) => {}
             }
         }
-        heartbeat.end();
+        sender.heartbeat.end();
         Ok(())
+    }
+}
+
+/// What decides and sends, between two events.
+#[derive(Debug)]
+struct Sender {
+    clock: Clock,
+    session: Session,
+    wire: Wire,
+    heartbeat: Heartbeat,
+    emergency: EmergencyRequest,
+    /// When the control thread handed over the newest sticks, until they are sent.
+    handed_over_at: Option<TimeNs>,
+}
+
+impl Sender {
+    /// Obeys guardian and emergency stop, then sends what is due.
+    async fn send_due(&mut self) {
+        let Self { clock, session, wire, heartbeat, emergency, handed_over_at } = self;
+        // Before anything is decided or sent: this program may have been stopped and the drone landed.
+        wire.ask_guardian(heartbeat, session, clock.now());
+        if emergency.take() {
+            session.order(DroneOrder::EmergencyStop, clock.now());
+        }
+        session.advance(clock.now());
+        heartbeat.beat(session.sender_state(clock.now()), clock.now());
+        let Sent { any, all } = wire.send_all(session).await;
+        if let Some(at) = handed_over_at.take().filter(|_| any) {
+            wire.counters.note_sticks_latency(clock.now().since(at));
+        }
+        if !all {
+            session.note_refused(clock.now());
+        }
+    }
+
+    /// Takes sticks and pose of the control thread.
+    fn take(&mut self, newest: HandedOver) {
+        self.session.observe_pose(newest.pose_is_airborne, newest.at);
+        self.session.approve(newest.approved, newest.at, self.clock.now());
+        self.handed_over_at = Some(newest.at);
     }
 }
 

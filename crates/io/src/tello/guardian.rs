@@ -1,7 +1,7 @@
 //! Lands the drone when the program that flies it is dead, stopped or blocked.
 //!
 //! Owns the guardian's side: a process of its own with a copy of the drone's socket and two packets. The
-//! sender sends it heartbeats with its [`Duty`], which the guardian answers: a sender whose heartbeats find
+//! sender sends it heartbeats with its [`SenderState`], which the guardian answers: a sender whose heartbeats find
 //! no answer lands, too. The sender's side is `guardian::heartbeat`. When heartbeats
 //! stay away while a drone may be in the air, or the channel closes without the final message, the guardian sends
 //! neutral sticks and the order to land until the sender takes the landing over, for 15 s at most. It
@@ -40,10 +40,10 @@ const HEARD: u8 = b'h';
 /// Longest wait of the guardian for a sender that reads nothing.
 const CHANNEL_WRITE_TIMEOUT: Duration = Duration::from_millis(10);
 
-/// Duty of the sender: the byte of its heartbeat.
+/// State of the sender: the byte of its heartbeat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Duty {
+pub enum SenderState {
     /// No drone depends on the sender.
     Idle = b'i',
     /// The drone may be in the air, and the sender steers it.
@@ -54,11 +54,11 @@ pub enum Duty {
     Over = b'o',
 }
 
-impl Duty {
+impl SenderState {
     fn of(byte: u8) -> Option<Self> {
         [Self::Idle, Self::Steering, Self::Landing, Self::Over]
             .into_iter()
-            .find(|duty| *duty as u8 == byte)
+            .find(|state| *state as u8 == byte)
     }
 
     /// Whether the drone has to be landed if the sender does not go on.
@@ -96,7 +96,7 @@ pub enum WatchEnd {
 pub struct Guardian {
     post: GuardianSockets,
     clock: Clock,
-    duty: Duty,
+    state: SenderState,
     /// LANDs sent in the landing that goes on.
     landings: u32,
     /// LANDs sent so far.
@@ -125,7 +125,7 @@ impl Guardian {
         Ok(Self {
             post,
             clock: Clock::start(),
-            duty: Duty::Idle,
+            state: SenderState::Idle,
             landings: 0,
             sent: 0,
             has_ordered_landing: false,
@@ -136,14 +136,14 @@ impl Guardian {
     pub fn watch(&mut self) -> WatchEnd {
         loop {
             let listen_until =
-                self.duty.is_guarded().then(|| self.clock.now().after(HEARTBEAT_TIMEOUT));
+                self.state.is_guarded().then(|| self.clock.now().after(HEARTBEAT_TIMEOUT));
             let heard = match self.listen(listen_until) {
                 Received::Silence => self.land(),
                 heard => heard,
             };
             match heard {
                 Received::Beat | Received::Silence => {}
-                Received::End if self.duty.is_guarded() => {
+                Received::End if self.state.is_guarded() => {
                     self.send_landing();
                     return WatchEnd::Abandoned;
                 }
@@ -175,7 +175,7 @@ impl Guardian {
             loop {
                 match self.listen(Some(again_at)) {
                     // What it sent before it learned of the landing, or it does not know of it yet.
-                    Received::Beat if self.duty == Duty::Steering => {}
+                    Received::Beat if self.state == SenderState::Steering => {}
                     Received::Silence => break,
                     heard => {
                         self.landings = 0;
@@ -186,7 +186,7 @@ impl Guardian {
         }
         // The drone has been on the ground for long, whatever the last message of the sender was.
         self.landings = 0;
-        self.duty = Duty::Idle;
+        self.state = SenderState::Idle;
         Received::Silence
     }
 
@@ -203,11 +203,11 @@ impl Guardian {
             match self.post.channel.read(&mut bytes) {
                 Ok(0) => return Received::End,
                 Ok(count) => {
-                    let heard = bytes.iter().take(count).filter_map(|byte| Duty::of(*byte));
+                    let heard = bytes.iter().take(count).filter_map(|byte| SenderState::of(*byte));
                     let mut is_over = false;
-                    for duty in heard {
-                        self.duty = duty;
-                        is_over |= duty == Duty::Over;
+                    for state in heard {
+                        self.state = state;
+                        is_over |= state == SenderState::Over;
                     }
                     // A sender that is gone shows in the next reading.
                     self.post.channel.write_all(&[HEARD]).ok();

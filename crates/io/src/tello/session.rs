@@ -1,7 +1,7 @@
 //! What is sent to the drone, and when: handshake, sticks, orders and the watchdog.
 //!
 //! No clock and no socket; the session counts into shared counters. Datagrams, approvals, whether a pose is in the air,
-//! and moments come in, messages to send come out. The two protocols are `binary` and `text` behind `talk`; what is
+//! and moments come in, messages to send come out. The two protocols are `binary` and `text` behind `protocol`; what is
 //! safe to send is the same for both and decided here:
 //!
 //! - Sticks are repeated only while the control thread approves new ones; they become neutral 100 ms
@@ -32,10 +32,10 @@ use tello_flight::gate::Approved;
 
 use super::LinkCounters;
 use crate::clock::{SpanNs, TimeNs};
-use binary::BinaryTalk;
+use binary::BinaryProtocol;
 use down_detection::{AirborneSources, Rest};
-use messages::Talk;
-use text::TextTalk;
+use messages::SessionProtocol;
+use text::TextProtocol;
 
 pub(super) use guard::landing_packets;
 pub use messages::Message;
@@ -47,7 +47,7 @@ const CONNECT_PERIOD: SpanNs = SpanNs::from_ms(2000);
 const LINK_SILENCE: SpanNs = SpanNs::from_ms(2000);
 /// Period of requests for settings and values that the drone has not confirmed. With the text protocol, period of
 /// requests for the battery: the answer shows that requests arrive.
-const PING_PERIOD: SpanNs = SpanNs::from_ms(2000);
+const REQUEST_PERIOD: SpanNs = SpanNs::from_ms(2000);
 
 /// Period of stick commands (50 Hz), whether or not there are new sticks.
 const STICKS_PERIOD: SpanNs = SpanNs::from_ms(20);
@@ -79,7 +79,7 @@ const EMERGENCY_REST: SpanNs = SpanNs::from_ms(1000);
 /// One drone, from the first request for a connection to the last landing.
 #[derive(Debug)]
 pub struct Session {
-    talk: Box<dyn Talk>,
+    protocol: Box<dyn SessionProtocol>,
     /// Sticks and orders are decided but not sent.
     is_dry_run: bool,
     link: Connection,
@@ -107,13 +107,13 @@ struct TakeOffOrder {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Connection {
     /// A request that is overdue waits for the next landing.
-    Asking {
+    Disconnected {
         again_at: TimeNs,
         is_overdue: bool,
     },
     Connected {
         heard_at: TimeNs,
-        ping_at: TimeNs,
+        request_at: TimeNs,
     },
 }
 
@@ -156,21 +156,25 @@ impl Session {
         is_dry_run: bool,
         counters: Arc<LinkCounters>,
     ) -> Self {
-        let talk = BinaryTalk::new(utc_start_ns, altitude_limit_m);
-        Self::new(Box::new(talk), is_dry_run, counters)
+        let protocol = BinaryProtocol::new(utc_start_ns, altitude_limit_m);
+        Self::new(Box::new(protocol), is_dry_run, counters)
     }
 
     /// A session in the text SDK that has sent nothing yet; the state line is listened for at
     /// `state_port`.
     pub fn text(state_port: u16, is_dry_run: bool, counters: Arc<LinkCounters>) -> Self {
-        Self::new(Box::new(TextTalk::new(state_port)), is_dry_run, counters)
+        Self::new(Box::new(TextProtocol::new(state_port)), is_dry_run, counters)
     }
 
-    fn new(talk: Box<dyn Talk>, is_dry_run: bool, counters: Arc<LinkCounters>) -> Self {
+    fn new(
+        protocol: Box<dyn SessionProtocol>,
+        is_dry_run: bool,
+        counters: Arc<LinkCounters>,
+    ) -> Self {
         Self {
-            talk,
+            protocol,
             is_dry_run,
-            link: Connection::Asking { again_at: TimeNs(0), is_overdue: false },
+            link: Connection::Disconnected { again_at: TimeNs(0), is_overdue: false },
             was_connected: false,
             phase: SessionPhase::Quiet,
             take_off: None,
@@ -191,7 +195,7 @@ impl Session {
     /// constant; allocates only if the outbox grows.
     pub fn advance(&mut self, now: TimeNs) {
         self.keep_link(now);
-        self.note_rest(now);
+        self.advance_touchdown(now);
         match self.phase {
             SessionPhase::Steered { approved_at, .. }
                 if now.since(approved_at) >= CONTROL_SILENCE_LAND =>
@@ -215,7 +219,7 @@ impl Session {
                 self.send_landing(now);
             }
             SessionPhase::EmergencyStop(stop) if now >= stop.again_at => {
-                self.go_on_stopping(stop, now);
+                self.continue_emergency_stop(stop, now);
             }
             SessionPhase::Quiet
             | SessionPhase::Steered { .. }
@@ -226,48 +230,48 @@ impl Session {
         }
     }
 
-    /// Asks for a connection that is not there, and keeps one that is.
+    /// Requests a connection that is not there, and sends the periodic requests of one that is.
     fn keep_link(&mut self, now: TimeNs) {
         if let Connection::Connected { heard_at, .. } = self.link
             && now.since(heard_at) >= LINK_SILENCE
         {
             self.counters.is_connected.store(false, Ordering::Relaxed);
-            self.link = Connection::Asking { again_at: now, is_overdue: false };
+            self.link = Connection::Disconnected { again_at: now, is_overdue: false };
         }
-        let may_ask = self.may_ask(now);
+        let may_request = self.may_request(now);
         match &mut self.link {
-            Connection::Asking { again_at, is_overdue } if now >= *again_at => {
+            Connection::Disconnected { again_at, is_overdue } if now >= *again_at => {
                 *again_at = now.after(CONNECT_PERIOD);
-                *is_overdue = !may_ask;
-                if may_ask {
-                    self.talk.ask(&mut self.outbox);
+                *is_overdue = !may_request;
+                if may_request {
+                    self.protocol.request_connection(&mut self.outbox);
                 }
             }
-            Connection::Connected { ping_at, .. } if now >= *ping_at => {
-                *ping_at = now.after(PING_PERIOD);
-                if may_ask && self.may_steer() {
-                    self.talk.ping(&mut self.outbox);
+            Connection::Connected { request_at, .. } if now >= *request_at => {
+                *request_at = now.after(REQUEST_PERIOD);
+                if may_request && self.may_steer() {
+                    self.protocol.send_periodic_requests(&mut self.outbox);
                 }
             }
-            Connection::Asking { .. } | Connection::Connected { .. } => {}
+            Connection::Disconnected { .. } | Connection::Connected { .. } => {}
         }
     }
 
-    /// Whether a question may stand between what the flight needs: never between two emergency stops or two
-    /// landings; in the text SDK nor during a take-off, which it would end.
-    fn may_ask(&self, now: TimeNs) -> bool {
+    /// Whether a request may be sent between the packets of the flight: never between two emergency stops or two
+    /// landings; in the text SDK not during a take-off either, which a request would end.
+    fn may_request(&self, now: TimeNs) -> bool {
         match self.phase {
             SessionPhase::EmergencyStop(_) | SessionPhase::Landing { .. } => false,
-            _ => self.talk.may_ask(now),
+            _ => self.protocol.may_request(now),
         }
     }
 
     /// When [`Session::advance`] has something to do. Real time: no allocation, constant cost.
-    pub fn next_deadline(&self) -> TimeNs {
+    pub(crate) fn next_deadline(&self) -> TimeNs {
         let link = match self.link {
-            Connection::Asking { again_at, .. } => again_at,
-            Connection::Connected { heard_at, ping_at } => {
-                heard_at.after(LINK_SILENCE).min(ping_at)
+            Connection::Disconnected { again_at, .. } => again_at,
+            Connection::Connected { heard_at, request_at } => {
+                heard_at.after(LINK_SILENCE).min(request_at)
             }
         };
         match self.phase {
@@ -333,7 +337,7 @@ impl Session {
             DroneOrder::TakeOff => {
                 self.take_off = Some(TakeOffOrder { at: now, was_seen: false });
                 self.may_have_flown = true;
-                self.talk.begin(order, now);
+                self.protocol.begin(order, now);
                 self.send(DroneOrder::TakeOff);
                 // From here the control thread has to report, or the watchdog lands.
                 let approved = Approved::neutral();
@@ -347,7 +351,7 @@ impl Session {
     /// 50 ms. Sticks are not sent again here, since they are repeated every 20 ms anyway.
     ///
     /// Real time: no allocation, constant cost.
-    pub fn note_refused(&mut self, now: TimeNs) {
+    pub(crate) fn note_refused(&mut self, now: TimeNs) {
         let soon = now.after(REFUSED_PERIOD);
         match &mut self.phase {
             SessionPhase::Landing { again_at, .. }

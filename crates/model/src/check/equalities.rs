@@ -1,6 +1,6 @@
 //! Check of the functions of a model that must agree with others to rounding: no derivative tells of these.
 
-use super::{Check, Point, worst_of};
+use super::{Check, Point, driven_by_period, linearized_by_period};
 use crate::Vector;
 use crate::model::Model;
 
@@ -27,40 +27,33 @@ pub(super) fn check<M, const NS: usize, const NU: usize, const NO: usize, const 
     let s_next = model.step(s, u, p, *dt_s) / *dt_s;
     let effect = model.effect(u, p);
     let by_core = model.core().step(s, &effect, p, *dt_s) / *dt_s;
-    check.observe(core, worst_of(&by_core, &s_next), (&M::STATE, &[]));
+    check.compare(core, (&by_core, &s_next), (&M::STATE, &[]));
     let again = model.effect(&model.input_for(&effect, p), p);
-    check.observe(input_for, worst_of(&again, &effect), (&M::INPUT, &[]));
+    check.compare(input_for, (&again, &effect), (&M::INPUT, &[]));
     let o: Vector<NO> = model.observe(s);
     let again = model.observe(&model.at_rest(&o));
-    check.observe(at_rest, worst_of(&again, &o), (&M::OBSERVATION, &[]));
+    check.compare(at_rest, (&again, &o), (&M::OBSERVATION, &[]));
 }
 
 fn check_prepared<M, const NS: usize, const NU: usize, const NO: usize, const NP: usize>(
     check: &mut Check,
     name: &'static str,
     model: &M,
-    Point { s, u, p, dt_s }: &Point<NS, NU, NP>,
+    at: &Point<NS, NU, NP>,
 ) where
     M: Model<NS, NU, NO, NP>,
 {
+    let Point { s, u, p, dt_s } = at;
     let (states, inputs, parameters) = (&M::STATE[..], &M::INPUT[..], &M::PARAMETER[..]);
     let prepared = model.prepared(p, *dt_s);
     for period_s in [*dt_s, 2.0 * dt_s] {
         let [given, own] = [&prepared, model].map(|model| model.step(s, u, p, period_s) / period_s);
-        check.observe(name, worst_of(&given, &own), (states, &[]));
+        check.compare(name, (&given, &own), (states, &[]));
     }
-    let [given, own] = [&prepared, model].map(|model| model.linearize(s, u, p, *dt_s));
-    check.observe(name, worst_of(&(given.s_next / *dt_s), &(own.s_next / *dt_s)), (states, &[]));
-    let entry = worst_of(&(given.by_state / *dt_s), &(own.by_state / *dt_s));
-    check.observe(name, entry, (states, states));
-    let entry = worst_of(&(given.by_parameter / *dt_s), &(own.by_parameter / *dt_s));
-    check.observe(name, entry, (states, parameters));
-    let [given, own] = [&prepared, model].map(|model| model.linearize_by_input(s, u, p, *dt_s));
-    check.observe(name, worst_of(&(given.s_next / *dt_s), &(own.s_next / *dt_s)), (states, &[]));
-    let entry = worst_of(&(given.by_state / *dt_s), &(own.by_state / *dt_s));
-    check.observe(name, entry, (states, states));
-    let entry = worst_of(&(given.by_input / *dt_s), &(own.by_input / *dt_s));
-    check.observe(name, entry, (states, inputs));
+    let [given, own] = [&prepared, model].map(|model| linearized_by_period(model, at));
+    check.linearized(name, (&given, &own), (states, parameters));
+    let [given, own] = [&prepared, model].map(|model| driven_by_period(model, at));
+    check.linearized_by_input(name, (&given, &own), (states, inputs));
 }
 
 #[cfg(test)]

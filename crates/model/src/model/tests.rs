@@ -37,7 +37,7 @@ fn a_step_and_its_default_derivatives_come_together_for_estimator_and_controller
 }
 
 #[test]
-fn a_model_that_names_nothing_has_rows_all_controllable_and_no_groups() {
+fn a_model_that_names_nothing_has_rows_all_controllable_and_no_subsystems() {
     struct Count(usize);
 
     impl VisitSubsystems for Count {

@@ -52,7 +52,7 @@ pub(super) fn after(
         let found = flown.parameter_estimate().filter(|_| is_done);
         if let Some(found) = found {
             let done = FlightDone { found: &found, date: "simulated", is_simulated: true };
-            file.learn(&flight.cycle, &done)?;
+            file.update_parameters(&flight.cycle, &done)?;
             flight.cycle.take(&file)?;
         }
     }

@@ -29,7 +29,7 @@ const STALL_MAX_S: f64 = 0.4;
 /// Probability of each family that is there from the start: a set-up or a switch of the drone. 1
 const LASTING: f64 = 0.04;
 
-/// Something that is wrong in a flight: faults with a time, then, from `NoEmergency` on, what lasts for the flight.
+/// Something that is wrong in a flight: faults with a time, and what lasts for the flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
 #[value(rename_all = "snake_case")]
 #[derive(Serialize, Deserialize, JsonSchema)]
@@ -201,7 +201,52 @@ enum Effect {
 impl Family {
     /// Whether it is there from the start to the end.
     fn is_lasting(self) -> bool {
-        self >= Self::NoEmergency
+        match self {
+            Self::NoEmergency
+            | Self::LandingKeepsSticks
+            | Self::LandUnheard
+            | Self::LandingCancelled
+            | Self::FlyingFlag
+            | Self::Velocity
+            | Self::Height
+            | Self::NoAutoLand
+            | Self::HeldOutages
+            | Self::AlreadyFlying
+            | Self::FrameTurned
+            | Self::FrameMirrored
+            | Self::FrameScaled
+            | Self::HeadingTurned
+            | Self::HeadingReport => true,
+            Self::Lost
+            | Self::Silent
+            | Self::Frozen
+            | Self::Nan
+            | Self::Fixed
+            | Self::Far
+            | Self::Millimetres
+            | Self::OtherSubject
+            | Self::Still
+            | Self::Stuck
+            | Self::AxesStuck
+            | Self::Walker
+            | Self::Leaving
+            | Self::Drift
+            | Self::HeightDrift
+            | Self::HeadingDrift
+            | Self::HeadingStep
+            | Self::Noise
+            | Self::Occluded
+            | Self::Lag
+            | Self::LagRamp
+            | Self::SlowLink
+            | Self::Deaf
+            | Self::Mute
+            | Self::StuckSticks
+            | Self::LandRefused
+            | Self::Reboot
+            | Self::SecondController
+            | Self::Stall => false,
+        }
     }
 
     /// The fault with its values, or the switch.

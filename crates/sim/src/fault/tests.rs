@@ -61,7 +61,7 @@ fn a_present_fault_knows_its_onset_and_forgets_it_when_it_is_over() {
 }
 
 #[test]
-fn nonsense_is_refused() {
+fn a_fault_with_a_value_outside_of_its_range_is_refused() {
     let refusal = |fault, from_s| {
         let entry = ScriptedFault { fault, from_s, for_s: 1.0 };
         Faults::new(vec![entry]).unwrap_err().to_string()

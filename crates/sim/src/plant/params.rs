@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_refused_with_key_value_and_rule() {
+    fn a_plant_with_a_value_outside_of_its_range_is_refused_with_key_value_and_rule() {
         let refusal = |change: &dyn Fn(&mut PlantTable)| {
             let mut table = still();
             change(&mut table);

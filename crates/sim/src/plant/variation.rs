@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_refused_with_key_value_and_rule() {
+    fn a_variation_outside_of_its_range_is_refused_with_key_value_and_rule() {
         for (variation, refusal) in [
             (VariationTable { gain: 0.0, ..UNVARIED }, "gain = 0: expected 0.01..=100.0"),
             (VariationTable { lag: -1.0, ..UNVARIED }, "lag = -1: expected 0.01..=100.0"),

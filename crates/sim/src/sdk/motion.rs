@@ -97,6 +97,7 @@ fn stick(to_go: f64, gain: f64, near: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::check::amax;
     use horizon_model::rows::stick as row;
 
     use super::*;
@@ -136,7 +137,7 @@ mod tests {
             assert!((goal[pose::THETA] - FROM[pose::THETA]).abs() <= 0.0);
         }
         let turned = SdkMotion::turn(-90, &FROM).goal;
-        assert!((turned - Pose::new(1.0, 2.0, 1.5, 0.0)).amax() < 1e-12, "{turned}");
+        assert!(amax(&(turned - Pose::new(1.0, 2.0, 1.5, 0.0))) < 1e-12, "{turned}");
     }
 
     #[test]
@@ -151,7 +152,7 @@ mod tests {
             let mut expected = Sticks::zeros();
             // 0.3 per metre and what the dead zone takes.
             expected[row] = sign * (0.3 * 0.6 + 0.14);
-            assert!((u - expected).amax() < 1e-12 && reply.is_none(), "{u}, not {expected}");
+            assert!(amax(&(u - expected)) < 1e-12 && reply.is_none(), "{u}, not {expected}");
         }
         let (u, _) = SdkMotion::turn(30, &FROM).steer(&at_rest(FROM));
         assert!((u[row::YAW] - (0.5 * 30.0_f64.to_radians() + 0.14)).abs() < 1e-12, "{u}");

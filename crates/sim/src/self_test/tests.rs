@@ -1,5 +1,6 @@
 use std::f64::consts::PI;
 
+use horizon_model::check::maximum;
 use horizon_model::{Lagged, Model};
 
 use super::*;
@@ -153,5 +154,5 @@ fn flights_of_one_seed_are_flights_of_one_vehicle_each_with_its_own_sticks() {
         assert!(headings.windows(2).all(|pair| (pair[1] - pair[0]).abs() <= PI + 1e-9));
     }
     let turned = logs.iter().flat_map(|log| &log.recording.o).map(|o| o.o[pose::THETA].abs());
-    assert!(turned.fold(0.0, f64::max) > PI, "no flight turned over the wrap");
+    assert!(turned.fold(0.0, maximum) > PI, "no flight turned over the wrap");
 }

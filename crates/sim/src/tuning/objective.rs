@@ -32,7 +32,7 @@ const FAR_M: f64 = 0.5;
 
 /// A weight as written on the command line: `WHAT=NUMBER`.
 #[derive(Debug, Clone)]
-pub struct Weigh {
+pub struct WeightArgument {
     of: WeightOf,
     weight: f64,
 }
@@ -49,7 +49,7 @@ const KEYS: [(&str, WeightOf); 5] = [
     ("unfinished", |weights| &mut weights.unfinished),
 ];
 
-impl FromStr for Weigh {
+impl FromStr for WeightArgument {
     type Err = anyhow::Error;
 
     fn from_str(text: &str) -> Result<Self> {
@@ -68,9 +68,9 @@ impl FromStr for Weigh {
 
 impl Weights {
     /// The defaults with what `weigh` replaces.
-    pub fn new(weigh: &[Weigh]) -> Self {
+    pub fn new(weigh: &[WeightArgument]) -> Self {
         let mut weights = DEFAULT;
-        for Weigh { of, weight } in weigh {
+        for WeightArgument { of, weight } in weigh {
             *of(&mut weights) = *weight;
         }
         weights
@@ -171,7 +171,7 @@ mod tests {
 
     #[test]
     fn weights_of_the_command_line_replace_the_defaults() {
-        let weigh: Vec<Weigh> =
+        let weigh: Vec<WeightArgument> =
             ["distance=0", "outside=7"].map(|text| text.parse().unwrap()).to_vec();
         let expected = Weights { distance: 0.0, outside: 7.0, ..DEFAULT };
         assert_eq!(Weights::new(&weigh), expected);
@@ -180,7 +180,7 @@ mod tests {
             ("distance", "expected WHAT=NUMBER"),
             ("outside=-1", "finite and >= 0"),
         ] {
-            let error = text.parse::<Weigh>().unwrap_err().to_string();
+            let error = text.parse::<WeightArgument>().unwrap_err().to_string();
             assert!(error.contains(reason), "{error}");
         }
     }

@@ -75,8 +75,9 @@ impl Variable {
         &self.pointers
     }
 
-    /// The number at the fraction of its range, 0..=1, where the search is.
-    pub fn at(&self, fraction: f64) -> f64 {
+    /// The setting's value, in the unit of its key, at `fraction` of its range, on its linear or logarithmic scale.
+    /// `fraction`: 1, 0..=1; another gives the nearer end.
+    pub fn value_at(&self, fraction: f64) -> f64 {
         let Range { lo, hi, .. } = self.range;
         let value = match self.scale {
             Scale::Linear => lo + fraction * (hi - lo),
@@ -131,7 +132,7 @@ impl Variable {
     /// # Errors
     /// A place that is missing or holds no number.
     pub fn set(&self, document: &mut Value, fraction: f64) -> Result<()> {
-        let value = self.at(fraction);
+        let value = self.value_at(fraction);
         for pointer in &self.pointers {
             let place = document.pointer_mut(pointer).ok_or_else(|| self.missing(pointer))?;
             *place = if place.is_f64() {
@@ -187,10 +188,14 @@ mod tests {
             [("a=-2..6", Scale::Linear, 2.0), ("a=0.1..10", Scale::Logarithmic, 1.0)]
         {
             let variable = variable(text, scale);
-            assert!((variable.at(0.5) - middle).abs() < 1e-12, "{text}: {}", variable.at(0.5));
+            assert!(
+                (variable.value_at(0.5) - middle).abs() < 1e-12,
+                "{text}: {}",
+                variable.value_at(0.5)
+            );
             for k in 0..=10 {
                 let fraction = f64::from(k) / 10.0;
-                let back = variable.fraction(&json!({ "a": variable.at(fraction) })).unwrap();
+                let back = variable.fraction(&json!({ "a": variable.value_at(fraction) })).unwrap();
                 assert!((back - fraction).abs() < 1e-12, "{text}: {back} instead of {fraction}");
             }
             for outside in [-2.1, 10.1] {
@@ -208,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_refused() {
+    fn a_range_or_a_document_without_its_number_is_refused() {
         for (text, reason) in [
             ("a", "expected KEY=LO..HI"),
             ("a=1", "\"a=1\": expected KEY=LO..HI"),

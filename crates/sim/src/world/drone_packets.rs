@@ -80,7 +80,7 @@ impl World {
 
     /// The flight status that the drone sends about ten times per second; `None` while it is mute or
     /// knows no host.
-    pub fn flight_status(&self) -> Option<FlightStatus> {
+    pub(crate) fn flight_status(&self) -> Option<FlightStatus> {
         if self.is_mute() {
             return None;
         }
@@ -101,7 +101,7 @@ impl World {
 
     /// The record of the drone's log that it sends about ten times per second, once its header is acknowledged; `None`
     /// while it is mute or knows no host. It powered up at the heading `theta_start`. rad
-    pub fn log_record(&self, sequence: u16, theta_start: f64) -> Option<DronePacket> {
+    pub(crate) fn log_record(&self, sequence: u16, theta_start: f64) -> Option<DronePacket> {
         if self.is_mute() {
             return None;
         }

@@ -92,6 +92,8 @@ impl SimStart {
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::check::amax;
+
     use super::*;
     use crate::random::Purpose;
 
@@ -109,7 +111,7 @@ mod tests {
             mean += at / f64::from(FLIGHTS);
             speed_mps += velocity.x_mps.abs() / f64::from(FLIGHTS);
         }
-        assert!((mean - Pose::new(1.0, -2.0, 1.22, 0.53)).amax() < 0.01, "{mean}");
+        assert!(amax(&(mean - Pose::new(1.0, -2.0, 1.22, 0.53))) < 0.01, "{mean}");
         // The mean of |v| is sqrt(2 / pi) of its deviation.
         assert!((speed_mps - 0.8 * 0.16).abs() < 0.01, "{speed_mps}");
         let low = SimStart::Air { x: 0.0, y: 0.0, z: 0.05, theta: 0.0 };

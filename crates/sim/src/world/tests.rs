@@ -133,7 +133,7 @@ fn outages_let_the_drone_drift_to_a_stop() {
 }
 
 #[test]
-fn nonsense_is_refused_with_key_value_and_rule() {
+fn a_world_with_a_value_outside_of_its_range_is_refused_with_key_value_and_rule() {
     let refusal = |table: SimTable| World::new(&table, 0).unwrap_err().to_string();
     assert_eq!(
         refusal(SimTable { battery_pct: 101.0, ..table() }),

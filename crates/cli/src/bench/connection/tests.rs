@@ -30,7 +30,7 @@ fn person(asks_to_stop: bool) -> Console {
 /// Names and numbers of what was sent, in its order.
 fn sent(link: &BenchConnection) -> Vec<(&'static str, Option<u16>)> {
     let of = |event: &Event| match event.what {
-        What::Sent { packet, sequence, .. } => Some((packet, sequence)),
+        BenchEventKind::Sent { packet, sequence, .. } => Some((packet, sequence)),
         _ => None,
     };
     link.events().iter().filter_map(of).collect()
@@ -81,12 +81,14 @@ fn each_step_sends_its_packets_and_no_others_and_all_are_written_down() {
         let (mut link, drone) = link(Protocol::Binary);
         assert_eq!(link.take(&step, &person(false)), Ok(()), "{step}");
         assert_eq!(sent(&link), expected, "{step}");
-        assert!(matches!(&link.events()[0].what, What::Step(name) if *name == step.to_string()));
+        assert!(
+            matches!(&link.events()[0].what, BenchEventKind::Step(name) if *name == step.to_string())
+        );
         let written: Vec<String> = link
             .events()
             .iter()
             .filter_map(|event| match &event.what {
-                What::Sent { bytes, error: None, .. } => Some(bytes.clone()),
+                BenchEventKind::Sent { bytes, error: None, .. } => Some(bytes.clone()),
                 _ => None,
             })
             .collect();
@@ -106,7 +108,7 @@ fn a_second_program_is_another_socket_and_its_sticks_are_not_ours() {
     drone.send_to(&answer, ("127.0.0.1", port(&link.second))).unwrap();
     link.receive();
     let last = &link.events().last().unwrap().what;
-    assert!(matches!(last, What::AtSecond(bytes) if bytes == "ffffff"), "{last:?}");
+    assert!(matches!(last, BenchEventKind::AtSecond(bytes) if bytes == "ffffff"), "{last:?}");
 }
 
 #[test]
@@ -180,7 +182,7 @@ fn a_drone_that_reports_standing_motors_is_down_only_after_a_take_off_had_its_ti
 }
 
 #[test]
-fn an_old_status_is_none() {
+fn an_old_status_counts_as_no_status() {
     let (mut link, drone) = link(Protocol::Binary);
     report(&mut link, &drone, status(false));
     let (_, status) = link.newest.unwrap();

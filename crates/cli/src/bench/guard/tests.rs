@@ -44,28 +44,32 @@ fn received(channel: &mut UnixStream) -> Vec<u8> {
 #[test]
 fn a_check_that_starts_no_motor_needs_no_guardian() {
     let mut guard = Guard::absent();
-    for (duty, ms) in [(Duty::Steering, 0), (Duty::Steering, 2_000), (Duty::Landing, 9_000)] {
-        guard.set(duty, at(ms));
-        assert!(!guard.has_failed(), "{duty:?}");
+    for (state, ms) in
+        [(SenderState::Steering, 0), (SenderState::Steering, 2_000), (SenderState::Landing, 9_000)]
+    {
+        guard.set(state, at(ms));
+        assert!(!guard.has_failed(), "{state:?}");
     }
 }
 
 #[test]
-fn the_guardian_hears_the_duty_at_once_and_again_with_every_turn() {
+fn the_guardian_hears_the_state_of_the_bench_at_once_and_again_with_every_turn() {
     let (mut guard, mut channel) = guard();
-    for (duty, ms) in [(Duty::Idle, 0), (Duty::Steering, 5), (Duty::Landing, 10)] {
-        guard.set(duty, at(ms));
-        assert_eq!(received(&mut channel), [duty as u8]);
+    for (state, ms) in
+        [(SenderState::Idle, 0), (SenderState::Steering, 5), (SenderState::Landing, 10)]
+    {
+        guard.set(state, at(ms));
+        assert_eq!(received(&mut channel), [state as u8]);
     }
     guard.turn(at(50));
-    assert_eq!(received(&mut channel), [Duty::Landing as u8]);
+    assert_eq!(received(&mut channel), [SenderState::Landing as u8]);
     assert!(!guard.has_failed());
 }
 
 #[test]
 fn a_guardian_that_answers_lets_a_check_go_on() {
     let (mut guard, mut channel) = guard();
-    guard.set(Duty::Steering, at(0));
+    guard.set(SenderState::Steering, at(0));
     for turn in 1..100 {
         channel.write_all(&[HEARD]).unwrap();
         guard.turn(at(40 * turn));
@@ -79,7 +83,7 @@ fn a_guardian_that_has_landed_is_lost_or_is_silent_ends_the_check_for_good() {
     let lost = |channel: &mut UnixStream| channel.shutdown(std::net::Shutdown::Both).unwrap();
     for act in [landed, lost] {
         let (mut guard, mut channel) = guard();
-        guard.set(Duty::Steering, at(0));
+        guard.set(SenderState::Steering, at(0));
         act(&mut channel);
         guard.turn(at(40));
         assert!(guard.has_failed());
@@ -87,7 +91,7 @@ fn a_guardian_that_has_landed_is_lost_or_is_silent_ends_the_check_for_good() {
         assert!(guard.has_failed());
     }
     let (mut guard, _channel) = guard();
-    guard.set(Duty::Steering, at(0));
+    guard.set(SenderState::Steering, at(0));
     let silent = (1..20).find(|turn| {
         guard.turn(at(40 * turn));
         guard.has_failed()
@@ -98,11 +102,11 @@ fn a_guardian_that_has_landed_is_lost_or_is_silent_ends_the_check_for_good() {
 #[test]
 fn a_bench_that_stood_still_takes_the_drone_for_landed() {
     let (mut guard, _channel) = guard();
-    guard.set(Duty::Steering, at(0));
+    guard.set(SenderState::Steering, at(0));
     guard.turn(at(300));
     assert!(guard.has_failed());
     let (mut idle, _channel) = self::guard();
-    idle.set(Duty::Idle, at(0));
+    idle.set(SenderState::Idle, at(0));
     idle.turn(at(300));
     assert!(!idle.has_failed(), "no drone depended on it");
 }
@@ -111,5 +115,5 @@ fn a_bench_that_stood_still_takes_the_drone_for_landed() {
 fn the_guardian_receives_the_end_of_the_check() {
     let (guard, mut channel) = guard();
     drop(guard);
-    assert_eq!(received(&mut channel), [Duty::Over as u8]);
+    assert_eq!(received(&mut channel), [SenderState::Over as u8]);
 }

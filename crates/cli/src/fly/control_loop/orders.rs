@@ -2,7 +2,7 @@
 
 use tello_flight::{Fault, FaultSet, Operator, Phase};
 use tello_io::clock::{SpanNs, TimeNs};
-use tello_io::manual::{Ask, Hand};
+use tello_io::manual::{ManualInput, PersonOrder};
 
 use crate::fly::loop_times::LoopTimes;
 
@@ -77,12 +77,12 @@ fn is_take_off(order: Operator) -> bool {
 }
 
 /// What an order of the person at the controls means. A take-off with the sticks in hand does not need the cameras.
-pub(super) fn meaning(ask: Ask, hand: &Hand) -> Operator {
-    match ask {
-        Ask::TakeOff if hand.sticks.is_some() => Operator::FlyByHand,
-        Ask::TakeOff => Operator::Fly,
-        Ask::Land => Operator::Land,
-        Ask::EmergencyStop => Operator::EmergencyStop,
+pub(super) fn meaning(order: PersonOrder, input: &ManualInput) -> Operator {
+    match order {
+        PersonOrder::TakeOff if input.sticks.is_some() => Operator::FlyByHand,
+        PersonOrder::TakeOff => Operator::Fly,
+        PersonOrder::Land => Operator::Land,
+        PersonOrder::EmergencyStop => Operator::EmergencyStop,
     }
 }
 
@@ -102,13 +102,13 @@ mod tests {
 
     #[test]
     fn a_take_off_with_the_sticks_held_is_one_by_hand() {
-        let hand = |sticks| Hand { ask: None, sticks, has_expired: false };
-        let held = hand(Some(Sticks::zeros()));
-        assert_eq!(meaning(Ask::TakeOff, &held), Operator::FlyByHand);
-        assert_eq!(meaning(Ask::TakeOff, &hand(None)), Operator::Fly);
-        for hand in [held, hand(None)] {
-            assert_eq!(meaning(Ask::Land, &hand), Operator::Land);
-            assert_eq!(meaning(Ask::EmergencyStop, &hand), Operator::EmergencyStop);
+        let with_sticks = |sticks| ManualInput { order: None, sticks, has_expired: false };
+        let held = with_sticks(Some(Sticks::zeros()));
+        assert_eq!(meaning(PersonOrder::TakeOff, &held), Operator::FlyByHand);
+        assert_eq!(meaning(PersonOrder::TakeOff, &with_sticks(None)), Operator::Fly);
+        for input in [held, with_sticks(None)] {
+            assert_eq!(meaning(PersonOrder::Land, &input), Operator::Land);
+            assert_eq!(meaning(PersonOrder::EmergencyStop, &input), Operator::EmergencyStop);
         }
     }
 

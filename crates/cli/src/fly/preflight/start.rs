@@ -101,3 +101,80 @@ fn misplaced(at: &Pose, room: &RoomTable) -> String {
         ),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use tello_io::config;
+
+    use super::*;
+
+    /// First target of these tests. m, rad
+    const FIRST: [f64; 4] = [3.0, -3.0, 1.2, 0.0];
+
+    /// The check of a drone that stands at `at`, with the built-in settings after a change.
+    fn start_at(at: [f64; 4], change: impl FnOnce(&mut CycleTable)) -> Check {
+        let (mut table, _) = config::fly(None, None).unwrap();
+        change(&mut table.cycle);
+        start_check(Some(&Pose::from(at)), &table.cycle, &Pose::from(FIRST)).unwrap()
+    }
+
+    #[test]
+    fn without_a_pose_the_start_is_unknown() {
+        let (table, _) = config::fly(None, None).unwrap();
+        let check = start_check(None, &table.cycle, &Pose::from(FIRST)).unwrap();
+        assert_eq!(check.readiness, Readiness::Bad);
+        assert_eq!(check.reason, "unknown without a pose");
+    }
+
+    #[test]
+    fn a_near_wall_and_a_turned_heading_are_joined_in_one_note() {
+        let check = start_at([4.41, -3.0, 0.05, 3.1], |_| ());
+        assert_eq!(check.readiness, Readiness::Note);
+        let (near, turned) = check.reason.split_once("; turned by ").unwrap();
+        assert!(near.contains("0.59 m from the wall at the upper x of the room"), "{check}");
+        assert!(turned.starts_with("+178 degrees from the heading of the first"), "{check}");
+        assert!(turned.contains("the nose of the object is wrong"), "{check}");
+    }
+
+    #[test]
+    fn a_near_wall_or_a_turned_heading_is_noted_alone() {
+        let near = start_at([4.41, -3.0, 0.05, 0.0], |_| ());
+        assert_eq!(near.readiness, Readiness::Note);
+        assert!(near.reason.contains("leave 0.6 m") && !near.reason.contains("turned"), "{near}");
+        let turned = start_at([2.0, -3.0, 0.05, -0.61], |_| ());
+        assert_eq!(turned.readiness, Readiness::Note);
+        assert!(
+            turned.reason.contains("turned by -35") && !turned.reason.contains("wall"),
+            "{turned}"
+        );
+    }
+
+    #[test]
+    fn headings_are_compared_across_the_half_turn() {
+        let (table, _) = config::fly(None, None).unwrap();
+        let (at, first) = ([2.0, -3.0, 0.05, 3.1], [3.0, -3.0, 1.2, -3.1]);
+        let check = start_check(Some(&at.into()), &table.cycle, &first.into()).unwrap();
+        assert_eq!(check.readiness, Readiness::Good, "{check}");
+    }
+
+    #[test]
+    fn a_pose_below_the_floor_of_the_filter_is_refused_with_its_key() {
+        let check = start_at([2.0, -3.0, 0.05, 0.0], |cycle| cycle.filter.floor_m = 0.1);
+        assert_eq!(check.readiness, Readiness::Bad);
+        assert!(check.reason.contains("lower poses than 0.1 m (cycle.filter.floor_m)"), "{check}");
+    }
+
+    #[test]
+    fn a_place_outside_of_the_room_is_refused_with_the_axis() {
+        let check = start_at([2.0, -5.1, 0.05, 0.0], |_| ());
+        assert_eq!(check.readiness, Readiness::Bad);
+        assert!(check.reason.contains("outside of the room, whose y is -5.00..5.00 m"), "{check}");
+    }
+
+    #[test]
+    fn a_first_target_that_is_too_far_stays_refused() {
+        let check = start_at([-48.0, -3.0, 0.05, 0.0], |cycle| cycle.supervisor.room = None);
+        assert_eq!(check.readiness, Readiness::Never);
+        assert!(check.reason.contains("more than 50 m: are mission, room"), "{check}");
+    }
+}

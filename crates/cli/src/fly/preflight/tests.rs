@@ -250,7 +250,7 @@ fn limits_that_are_kept_to_the_digit_are_good() {
 }
 
 #[test]
-fn without_walls_that_is_reported_and_any_start_is_one() {
+fn without_a_room_the_mission_has_a_note_and_any_start_is_good() {
     let far = Found { at: Some(Pose::new(40.0, 0.0, 9.0, 0.0)), ..all_there() };
     let checks = list(&far, |table| table.cycle.supervisor.room = None);
     assert_eq!(checks[0].readiness, Readiness::Note);
@@ -259,7 +259,7 @@ fn without_walls_that_is_reported_and_any_start_is_one() {
 }
 
 #[test]
-fn a_first_target_in_another_unit_is_not_set_off_for() {
+fn a_first_target_in_another_unit_is_never_flown_to() {
     let far = Found { at: Some(Pose::new(-70.0, 0.0, 0.05, 0.0)), ..all_there() };
     let checks = list(&far, |table| table.cycle.supervisor.room = None);
     let start = checks.iter().find(|check| check.what == "start").unwrap();

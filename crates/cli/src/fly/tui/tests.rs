@@ -91,7 +91,7 @@ fn what_a_pilot_has_to_see_is_in_a_small_picture_and_in_a_large_one() {
 }
 
 #[test]
-fn no_size_is_too_small() {
+fn a_terminal_of_any_size_is_drawn() {
     for (columns, rows) in [(1, 1), (20, 5), (3, 40), (200, 2), (38, 24), (39, 24)] {
         lines(&view(true), columns, rows);
         lines(&View::new(view(true).briefing, Palette::new(true)), columns, rows);
@@ -100,7 +100,7 @@ fn no_size_is_too_small() {
 }
 
 #[test]
-fn without_colours_there_is_none() {
+fn without_colours_no_cell_is_coloured() {
     let colours = |has_colours| {
         let mut terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
         terminal.draw(|frame| draw(frame, &view(has_colours))).unwrap();

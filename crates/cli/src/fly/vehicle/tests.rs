@@ -17,7 +17,7 @@ struct Program {
 
 /// A vehicle file that does not exist yet.
 fn path(name: &str) -> PathBuf {
-    let name = format!("tello-ctl-remember-{}-{name}.json", std::process::id());
+    let name = format!("tello-ctl-vehicle-{}-{name}.json", std::process::id());
     let path = std::env::temp_dir().join(name);
     std::fs::remove_file(&path).ok();
     path
@@ -60,7 +60,7 @@ fn left(path: &Path, phase: Phase, missed: usize, has_flown: bool) -> Option<Par
         records_dropped: 0,
         found: has_flown.then(|| found(&flight)),
     };
-    remember(&arguments, &flight, &summary, &end, Clock::start());
+    save_vehicle_parameters(&arguments, &flight, &summary, &end, Clock::start());
     path.exists().then(|| ParameterFile::read(path).unwrap())
 }
 

@@ -10,7 +10,7 @@ use anyhow::{Context, Result};
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use tello_io::manual::{Act, Ask, Remote, RemoteBusy};
+use tello_io::manual::{InputAction, PersonOrder, Remote, RemoteBusy};
 
 use crate::stdio;
 
@@ -34,13 +34,13 @@ pub(super) enum PageOrder {
 }
 
 impl PageOrder {
-    fn act(self) -> Act {
+    fn action(self) -> InputAction {
         match self {
-            Self::TakeOff => Act::Ask(Ask::TakeOff),
-            Self::Land => Act::Ask(Ask::Land),
-            Self::Hold => Act::Manual,
-            Self::Automatic => Act::Automatic,
-            Self::EmergencyStop => Act::Ask(Ask::EmergencyStop),
+            Self::TakeOff => InputAction::Order(PersonOrder::TakeOff),
+            Self::Land => InputAction::Order(PersonOrder::Land),
+            Self::Hold => InputAction::Manual,
+            Self::Automatic => InputAction::Automatic,
+            Self::EmergencyStop => InputAction::Order(PersonOrder::EmergencyStop),
         }
     }
 }
@@ -113,7 +113,7 @@ impl OrderRight {
     /// The control loop has not taken earlier orders.
     pub(super) fn order(&self, order: PageOrder) -> Result<(), RemoteBusy> {
         let mut inside = self.access.inside.lock();
-        inside.remote.push(order.act())?;
+        inside.remote.push(order.action())?;
         inside.holder = (order == PageOrder::Hold).then_some(self.number);
         Ok(())
     }
@@ -126,7 +126,7 @@ impl Drop for OrderRight {
         let is_last = inside.rights == 0;
         if is_last {
             // If the queue is full the control loop stands still, and the sender's watchdog lands the drone.
-            inside.remote.push(Act::Lost).ok();
+            inside.remote.push(InputAction::Lost).ok();
         }
         if inside.holder.take_if(|holder| *holder == self.number).is_some()
             && inside.remote.is_heard()
@@ -151,15 +151,16 @@ fn digest(token: &str) -> [u8; 32] {
 mod tests {
     use tello_io::clock::{Clock, SpanNs};
     use tello_io::config;
-    use tello_io::manual::{ManualSettings, Person};
+    use tello_io::manual::{ManualControls, ManualSettings};
 
     use super::*;
 
-    fn access(clock: Clock) -> (Arc<OrderAccess>, Person) {
+    fn access(clock: Clock) -> (Arc<OrderAccess>, ManualControls) {
         let (table, _) = config::fly(None, None).unwrap();
-        let (mut person, ..) = Person::new(ManualSettings::try_from(&table.manual).unwrap());
-        let remote = person.remote(clock);
-        (Arc::new(OrderAccess::new("right", remote)), person)
+        let (mut controls, ..) =
+            ManualControls::new(ManualSettings::try_from(&table.manual).unwrap());
+        let remote = controls.remote(clock);
+        (Arc::new(OrderAccess::new("right", remote)), controls)
     }
 
     #[test]
@@ -177,32 +178,32 @@ mod tests {
     #[test]
     fn each_order_does_what_its_key_does() {
         let clock = Clock::start();
-        let (access, mut person) = access(clock);
+        let (access, mut controls) = access(clock);
         let right = access.authorize("right").unwrap();
-        for (order, ask, steers) in [
-            (PageOrder::TakeOff, Some(Ask::TakeOff), false),
+        for (page_order, order, steers) in [
+            (PageOrder::TakeOff, Some(PersonOrder::TakeOff), false),
             (PageOrder::Hold, None, true),
             (PageOrder::Automatic, None, false),
-            (PageOrder::Land, Some(Ask::Land), false),
-            (PageOrder::EmergencyStop, Some(Ask::EmergencyStop), false),
+            (PageOrder::Land, Some(PersonOrder::Land), false),
+            (PageOrder::EmergencyStop, Some(PersonOrder::EmergencyStop), false),
         ] {
-            right.order(order).unwrap();
-            let hand = person.poll(clock.now());
-            assert_eq!((hand.ask, hand.sticks.is_some()), (ask, steers), "{order:?}");
+            right.order(page_order).unwrap();
+            let input = controls.poll(clock.now());
+            assert_eq!((input.order, input.sticks.is_some()), (order, steers), "{page_order:?}");
         }
     }
 
     #[test]
     fn who_holds_from_a_page_and_closes_the_last_one_is_landed() {
         let clock = Clock::start();
-        let (access, mut person) = access(clock);
+        let (access, mut controls) = access(clock);
         let rights = [access.authorize("right").unwrap(), access.authorize("right").unwrap()];
         rights[0].order(PageOrder::Hold).unwrap();
         let later = || clock.now().after(SpanNs::from_ms(1_500));
         let [first, second] = rights;
         drop(first);
-        assert_eq!(person.poll(later()).ask, None, "another page is open");
+        assert_eq!(controls.poll(later()).order, None, "another page is open");
         drop(second);
-        assert_eq!(person.poll(later()).ask, Some(Ask::Land));
+        assert_eq!(controls.poll(later()).order, Some(PersonOrder::Land));
     }
 }

@@ -131,22 +131,8 @@ fn turn_line(turn: Turn) -> String {
 
 /// Advice on axes and nose by the displacement; `has_frame`: the settings of the source have axes.
 fn displacement_lines(displacement: &Displacement, has_frame: bool) -> Result<Vec<String>> {
-    let Displacement {
-        length_m,
-        source_axis,
-        source_off_deg,
-        object_axis,
-        object_off_deg,
-        climb_deg,
-        nose_off_deg,
-        side_deg,
-    } = *displacement;
-    let mut lines = vec![format!(
-        "It moved {length_m:.2} m: along {} of the source (off by {source_off_deg:.0} degrees), along {} of the object \
-         (off by {object_off_deg:.0}), {climb_deg:.0} degrees above the floor by these settings.",
-        source_axis.name(),
-        object_axis.name()
-    )];
+    let Displacement { climb_deg, nose_off_deg, side_deg, .. } = *displacement;
+    let mut lines = vec![measured_line(displacement)];
     if climb_deg > 60.0 {
         lines.push("If you lifted it, up is right.".into());
         return Ok(lines);
@@ -158,27 +144,62 @@ fn displacement_lines(displacement: &Displacement, has_frame: bool) -> Result<Ve
              nose is wrong; do not fly."
         ));
     }
-    let is_nose_right = nose_off_deg < NOSE_OFF_MAX_DEG;
-    if is_nose_right {
+    if is_nose_right(displacement) {
         lines.push(format!(
             "If you carried it nose first, the nose is right: the way is the heading, off by {nose_off_deg:.0} degrees."
         ));
     }
-    if !has_frame {
-        lines.push(
-            "If you lifted it, up is wrong: set the vertical axis of the system to z.".into(),
-        );
-        if !is_nose_right {
-            let text = "If you carried it nose first, the nose is wrong: the x axis of the object has to be that of the \
-                        way, define it again in the system.";
-            lines.push(text.into());
-        }
-        return Ok(lines);
+    if has_frame {
+        lines.extend(frame_lines(displacement)?);
+    } else {
+        lines.extend(system_lines(displacement));
     }
+    Ok(lines)
+}
+
+/// Whether an object that was carried nose first has its nose where the settings say.
+fn is_nose_right(displacement: &Displacement) -> bool {
+    displacement.nose_off_deg < NOSE_OFF_MAX_DEG
+}
+
+/// The displacement along the axes of the source and of the object.
+fn measured_line(displacement: &Displacement) -> String {
+    let Displacement {
+        length_m,
+        source_axis,
+        source_off_deg,
+        object_axis,
+        object_off_deg,
+        climb_deg,
+        ..
+    } = *displacement;
+    format!(
+        "It moved {length_m:.2} m: along {} of the source (off by {source_off_deg:.0} degrees), along {} of the object \
+         (off by {object_off_deg:.0}), {climb_deg:.0} degrees above the floor by these settings.",
+        source_axis.name(),
+        object_axis.name()
+    )
+}
+
+/// What to change in the motion capture system, whose axes the settings cannot turn.
+fn system_lines(displacement: &Displacement) -> Vec<String> {
+    let mut lines =
+        vec!["If you lifted it, up is wrong: set the vertical axis of the system to z.".into()];
+    if !is_nose_right(displacement) {
+        let text = "If you carried it nose first, the nose is wrong: the x axis of the object has to be that of the \
+                    way, define it again in the system.";
+        lines.push(text.into());
+    }
+    lines
+}
+
+/// What to write into the settings of the frame.
+fn frame_lines(displacement: &Displacement) -> Result<Vec<String>> {
+    let Displacement { source_axis, object_axis, object_off_deg, climb_deg, .. } = *displacement;
     let frame = FrameTable { axes: Some(axes_with_up(source_axis)), nose: None, unit: None };
     let frame = serde_json::to_string(&frame)?;
-    lines.push(format!("If you lifted it, up is wrong: write \"frame\": {frame}"));
-    if climb_deg.abs() < 30.0 && !is_nose_right {
+    let mut lines = vec![format!("If you lifted it, up is wrong: write \"frame\": {frame}")];
+    if climb_deg.abs() < 30.0 && !is_nose_right(displacement) {
         let name = object_axis.name();
         lines.push(if object_off_deg < NOSE_OFF_MAX_DEG {
             format!("If you carried it nose first, the nose is {name:?}: write \"nose\": {name:?} into \"frame\".")

@@ -1,7 +1,6 @@
 //! Closed loops over an input delay.
 
-use horizon_model::Vector;
-use horizon_model::{InputFifo, Row};
+use horizon_model::{InputFifo, Row, Vector};
 
 use super::models::Cart;
 use super::*;

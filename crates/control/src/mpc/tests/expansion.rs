@@ -1,11 +1,10 @@
 //! The expansion of the cost away from an optimum: reduced gradient and quadratic model against the true cost.
 
-use horizon_model::Vector;
 use std::f64::consts::PI;
 
-use horizon_model::HessianKind;
 use horizon_model::check::jacobian_gap;
 use horizon_model::rows::{Motion, motion};
+use horizon_model::{HessianKind, Vector};
 
 use super::super::expansion::Gain;
 use super::indefinite::{Controller, P, controller_of};

@@ -2,8 +2,7 @@
 
 use horizon_model::check::{amax, maximum};
 use horizon_model::rows::{Motion, motion};
-use horizon_model::{HessianKind, HessianRequest, differences};
-use horizon_model::{Matrix, Vector};
+use horizon_model::{HessianKind, HessianRequest, Matrix, Vector, differences};
 
 use super::expansion::{At, Inputs, STAGES, plans};
 use super::*;

@@ -1,7 +1,6 @@
 //! Two small models: a linear one, and one whose linearization overshoots.
 
-use horizon_model::{Matrix, Vector};
-use horizon_model::{Model, Row};
+use horizon_model::{Matrix, Model, Row, Vector};
 use nalgebra::Vector1;
 
 /// A cart on a rail: `x' = x + dt v`, `v' = (1 - dt drag) v + dt force`.

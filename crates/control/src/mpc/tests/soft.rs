@@ -1,8 +1,7 @@
 //! Soft constraints on the states of a plan.
 
 use horizon_model::Vector;
-use horizon_model::check::jacobian_gap;
-use horizon_model::check::{amax, maximum};
+use horizon_model::check::{amax, jacobian_gap, maximum};
 
 use super::*;
 use crate::qp::tests::case::Numbers;

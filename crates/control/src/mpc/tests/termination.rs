@@ -1,7 +1,9 @@
 //! How near to the optimum a solve ends.
 
-use super::*;
 use horizon_model::Vector;
+use horizon_model::check::maximum;
+
+use super::*;
 
 /// State (angle from upright, rate), input (acceleration of the pivot), parameter (length). The Hessian of Gauss and
 /// Newton is not that of the cost.
@@ -42,7 +44,7 @@ fn no_solve_ends_further_above_the_optimum_than_its_tolerance_allows() {
         let cost = mpc.solve(&problem, &mut || false).unwrap().cost;
         exact.plan.clone_from(&mpc.plan);
         let least = exact.solve(&problem, &mut || false).unwrap().cost;
-        worst = worst.max(cost / least - 1.0);
+        worst = maximum(worst, cost / least - 1.0);
         u = mpc.plan()[0];
         mpc.shift();
         s = model.step(&s, &u, &p, 0.04);

@@ -9,8 +9,7 @@
 //! with `ds_{k+1} = A ds + B du`. `C`, `W`, `Q` and `q` are there only if neighbouring inputs are coupled.
 //! The working set is chosen in `active_set.rs`.
 
-use horizon_model::transpose;
-use horizon_model::{Matrix, Vector};
+use horizon_model::{Matrix, Vector, transpose};
 
 use crate::qp::product::{add_mul, add_scaled, mul_sparse, tr_mul_vector};
 use crate::qp::{CostHessian, Penalty, Problem, Reason, Stage};

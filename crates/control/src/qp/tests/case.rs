@@ -1,8 +1,7 @@
 //! Random quadratic subproblems, and what makes a solution of one optimal.
 
 use horizon_model::check::{amax, maximum};
-use horizon_model::{Kinematic, Lagged, LaggedShape, Model};
-use horizon_model::{Matrix, Vector};
+use horizon_model::{Kinematic, Lagged, LaggedShape, Matrix, Model, Vector};
 
 use super::super::*;
 

@@ -1,6 +1,5 @@
-use horizon_model::Kinematic;
 use horizon_model::check::amax;
-use horizon_model::{Matrix, Vector};
+use horizon_model::{Kinematic, Matrix, Vector};
 
 use super::super::tests::{pieces, solved};
 use super::*;

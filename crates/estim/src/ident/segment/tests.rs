@@ -1,8 +1,7 @@
 //! One piece: its start, its quadratic model, and what is not finite.
 
-use horizon_model::Vector;
 use horizon_model::rows::{Motion, Pose, Sticks, gain, lag, motion, pose, stick};
-use horizon_model::{Kinematic, Lagged};
+use horizon_model::{Kinematic, Lagged, Vector};
 
 use super::*;
 use crate::loss::Loss;

@@ -1,5 +1,4 @@
-use horizon_model::Kinematic;
-use horizon_model::Vector;
+use horizon_model::{Kinematic, Vector};
 use serde_json::{Value, json};
 
 use super::*;

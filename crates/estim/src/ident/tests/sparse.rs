@@ -3,10 +3,9 @@
 //! Owns nothing of the chain's structure: it writes the matrix of all states of a piece entry by entry and leaves
 //! it to the sparse Cholesky factorization of nalgebra.
 
-use horizon_model::Vector;
 use std::convert::Infallible;
 
-use horizon_model::Model;
+use horizon_model::{Model, Vector};
 use nalgebra::DMatrix;
 use nalgebra_sparse::factorization::CscCholesky;
 use nalgebra_sparse::{CooMatrix, CscMatrix};
@@ -144,11 +143,13 @@ fn solve<const NS: usize, const NP: usize>(
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use horizon_model::{Matrix, Vector};
+    use horizon_model::Matrix;
+    use horizon_model::check::amax;
     use nalgebra::DVector;
     use proptest::strategy::{Strategy, ValueTree};
     use proptest::test_runner::TestRunner;
+
+    use super::*;
 
     const NS: usize = 3;
     const NP: usize = 2;
@@ -189,12 +190,12 @@ mod tests {
             let solution = solve(&blocks, damping).unwrap();
             let dense = (&matrix + DMatrix::identity(SIZE, SIZE) * damping).lu();
             let gradient = DVector::from_fn(SIZE, |row, _| blocks[row / NS].gradient[row % NS]);
-            let gap = (solution.column(GRADIENT) - dense.solve(&gradient).unwrap()).amax();
+            let gap = amax(&(solution.column(GRADIENT) - dense.solve(&gradient).unwrap()));
             // The damping bounds the condition number by about 100.
             assert!(gap < 1e-12, "gradient: {gap:e} with damping {damping}");
             let border =
                 DMatrix::from_fn(SIZE, NP, |row, j| blocks[row / NS].border[(row % NS, j)]);
-            let gap = (solution.columns(GRADIENT + 1, NP) - dense.solve(&border).unwrap()).amax();
+            let gap = amax(&(solution.columns(GRADIENT + 1, NP) - dense.solve(&border).unwrap()));
             assert!(gap < 1e-12, "border: {gap:e} with damping {damping}");
         }
     }

@@ -1,7 +1,6 @@
-use horizon_model::Vector;
 use horizon_model::check::{Point, amax, model_gap};
 use horizon_model::rows::{Pose, Sticks};
-use horizon_model::{Kinematic, Lagged};
+use horizon_model::{Kinematic, Lagged, Vector};
 
 use super::*;
 use crate::loss::Loss;

@@ -1,8 +1,7 @@
 //! Flights of a vehicle with lag whose parameters the estimator has to find out.
 
-use horizon_model::Lagged;
 use horizon_model::rows::{Motion, Pose, Sticks, lag, motion, pose, stick};
-use horizon_model::{Matrix, Vector};
+use horizon_model::{Lagged, Matrix, Vector};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 

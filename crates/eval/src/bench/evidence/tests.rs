@@ -5,20 +5,20 @@ use super::super::checks::checks;
 use super::super::wire;
 use super::*;
 
-fn at(t_s: f64, what: What) -> Event {
+fn at(t_s: f64, what: BenchEventKind) -> Event {
     Event { t_s, what }
 }
 
 fn sent(t_s: f64, packet: &'static str, sequence: Option<u16>) -> Event {
-    at(t_s, What::Sent { packet, sequence, bytes: String::new(), error: None })
+    at(t_s, BenchEventKind::Sent { packet, sequence, bytes: String::new(), error: None })
 }
 
 fn ack(t_s: f64, packet: &'static str, sequence: u16) -> Event {
-    at(t_s, What::Ack { packet, sequence })
+    at(t_s, BenchEventKind::Ack { packet, sequence })
 }
 
 fn version(t_s: f64, sequence: u16) -> Event {
-    at(t_s, What::Version { sequence, version: "01.04".to_owned() })
+    at(t_s, BenchEventKind::Version { sequence, version: "01.04".to_owned() })
 }
 
 /// A status of a drone that flies or stands, with its speed to the north.
@@ -30,7 +30,7 @@ fn status(t_s: f64, is_flying: bool, north_dm_s: i16) -> Event {
 }
 
 /// A check with this proof.
-fn check(proof: Proof) -> Check {
+fn check(proof: DroneEvidence) -> Check {
     checks().unwrap().into_iter().find(|check| check.proof == proof).unwrap()
 }
 
@@ -58,7 +58,7 @@ fn a_change_follows_the_first_order_of_the_newest_kind() {
 fn all_that_follows_the_ending_is_explained_by_the_ending() {
     let events = [
         status(1.0, true, 0),
-        at(2.0, What::Step(ENDING.to_owned())),
+        at(2.0, BenchEventKind::Step(ENDING.to_owned())),
         sent(2.5, "emergency", None),
         status(3.0, false, 0),
     ];
@@ -115,8 +115,9 @@ fn turns_add_up_across_half_a_turn_in_either_protocol() {
         let line = format!("yaw:{yaw_deg};tof:80;bat:83;");
         at(1.0, wire::read_state(line.as_bytes(), &mut motor, tello_io::clock::TimeNs(0)))
     });
-    let turned_deg =
-        |events: &[Event]| seen(&check(Proof::None), true, events, None)["turned_deg"].clone();
+    let turned_deg = |events: &[Event]| {
+        seen(&check(DroneEvidence::None), true, events, None)["turned_deg"].clone()
+    };
     assert_eq!(turned_deg(&text), json!(90.0));
     assert_eq!(turned_deg(&[status(1.0, true, 0)]), json!(null));
 }
@@ -136,25 +137,33 @@ fn a_drone_that_never_ran_proves_nothing_about_its_stop() {
     let by = |proof, events: &[Event], is_whole, ending| {
         seen(&check(proof), is_whole, events, ending)["is_as_expected"].clone()
     };
-    let expected = |events: &[Event], is_whole, ending| by(Proof::Down, events, is_whole, ending);
+    let expected =
+        |events: &[Event], is_whole, ending| by(DroneEvidence::Down, events, is_whole, ending);
     let (ran, stopped) = (status(1.0, true, 0), status(2.0, false, 0));
     let whole = [ran.clone(), stopped.clone()];
     assert_eq!(expected(&whole, true, None), json!(true));
     assert_eq!(expected(&whole, false, None), json!(null), "a check that was stopped");
     assert_eq!(expected(&[stopped], true, None), json!(null));
     assert_eq!(expected(std::slice::from_ref(&ran), true, None), json!(false));
-    assert_eq!(by(Proof::NotDown, &whole, true, None), json!(null), "the sticks may be inverted");
-    assert_eq!(by(Proof::NotDown, &[ran], true, None), json!(false));
+    assert_eq!(
+        by(DroneEvidence::NotDown, &whole, true, None),
+        json!(null),
+        "the sticks may be inverted"
+    );
+    assert_eq!(by(DroneEvidence::NotDown, &[ran], true, None), json!(false));
     // It ran until the ending stopped it.
     assert_eq!(expected(&whole, true, Some(ended(2.0))), json!(false));
     assert_eq!(expected(&whole, true, Some(ended(2.5))), json!(true));
-    assert_eq!(seen(&check(Proof::None), true, &whole, None)["is_as_expected"], json!(null));
+    assert_eq!(
+        seen(&check(DroneEvidence::None), true, &whole, None)["is_as_expected"],
+        json!(null)
+    );
 }
 
 #[test]
 fn every_question_has_to_be_answered() {
     let proof = |events: &[Event]| {
-        seen(&check(Proof::Answered), true, events, None)["is_as_expected"].clone()
+        seen(&check(DroneEvidence::Answered), true, events, None)["is_as_expected"].clone()
     };
     let questions = [sent(1.0, "version", Some(1)), sent(1.5, "land", Some(2))];
     assert_eq!(proof(&questions), json!(false));
@@ -175,7 +184,7 @@ fn the_record_counts_statuses_gaps_and_orders_before_the_ending() {
         sent(2.25, "land", Some(2)),
         status(2.5, false, 0),
     ];
-    let seen = seen(&check(Proof::None), true, &events, Some(ended(2.25)));
+    let seen = seen(&check(DroneEvidence::None), true, &events, Some(ended(2.25)));
     assert_eq!((&seen["statuses"], &seen["longest_gap_s"]), (&json!(4), &json!(1.25)));
     assert_eq!(seen["orders_before_the_ending"], json!(1));
     assert_eq!(seen["ending"], json!({ "began_s": 2.25, "is_down": true, "lasted_s": 0.25 }));
@@ -189,7 +198,7 @@ fn the_record_counts_statuses_gaps_and_orders_before_the_ending() {
 
 #[test]
 fn a_step_shows_the_status_before_it() {
-    let step = |t_s| at(t_s, What::Step("LAND".to_owned()));
+    let step = |t_s| at(t_s, BenchEventKind::Step("LAND".to_owned()));
     let events = [step(0.5), status(1.0, true, 3), step(1.5), status(2.0, false, 0)];
     let steps = steps(&events);
     assert_eq!(steps[0]["is_flying"], json!(null));

@@ -16,7 +16,7 @@ fn at(ms: i64) -> TimeNs {
 /// The status of a state line at a time.
 fn state(line: &str, motor: &mut Motor, ms: i64) -> Status {
     match read_state(line.as_bytes(), motor, at(ms)) {
-        What::Status(status) => status,
+        BenchEventKind::Status(status) => status,
         other => panic!("{line}: {other:?}"),
     }
 }
@@ -70,7 +70,7 @@ fn every_packet_is_read_again_in_the_binary_protocol_with_its_number() {
 #[test]
 fn a_drone_on_the_ground_may_run_its_motors() {
     let read = |status| match read(&packet(DronePacket::Status { sequence: 0, status }), BINARY) {
-        What::Status(status) => (status.is_flying, status.is_running),
+        BenchEventKind::Status(status) => (status.is_flying, status.is_running),
         other => panic!("{other:?}"),
     };
     let ground = FlightStatus::new(false);
@@ -85,7 +85,9 @@ const BINARY: Protocol = Protocol::Binary;
 fn an_acknowledgement_names_its_order() {
     for (action, name) in [(Action::Land, "land"), (Action::TakeOff, "take_off")] {
         let bytes = packet(DronePacket::Ack { action, sequence: 5 });
-        let What::Ack { packet, sequence: 5 } = read(&bytes, BINARY) else { panic!("{name}") };
+        let BenchEventKind::Ack { packet, sequence: 5 } = read(&bytes, BINARY) else {
+            panic!("{name}")
+        };
         assert_eq!(packet, name);
     }
 }
@@ -93,9 +95,11 @@ fn an_acknowledgement_names_its_order() {
 #[test]
 fn a_reply_is_a_text_in_the_text_sdk_alone() {
     let text = |protocol| read(b"ok\r\n", protocol);
-    assert!(matches!(text(Protocol::Text), What::Reply(reply) if reply == "ok"));
-    assert!(matches!(text(BINARY), What::Other(bytes) if bytes == "6f6b0d0a"));
-    assert!(matches!(read(b"\xff\x00", Protocol::Text), What::Other(bytes) if bytes == "ff00"));
+    assert!(matches!(text(Protocol::Text), BenchEventKind::Reply(reply) if reply == "ok"));
+    assert!(matches!(text(BINARY), BenchEventKind::Other(bytes) if bytes == "6f6b0d0a"));
+    assert!(
+        matches!(read(b"\xff\x00", Protocol::Text), BenchEventKind::Other(bytes) if bytes == "ff00")
+    );
 }
 
 #[test]
@@ -136,7 +140,7 @@ fn a_velocity_has_all_its_axes_or_is_absent() {
     assert_eq!(velocity("vgx:10;vgy:-20;vgz:30;"), Some([1.0, -2.0, 3.0]));
     assert_eq!(velocity("vgx:1;vgz:3;"), None);
     let garbage = read_state(b"\xcc\x01", &mut Motor::default(), at(0));
-    assert!(matches!(garbage, What::Other(bytes) if bytes == "cc01"));
+    assert!(matches!(garbage, BenchEventKind::Other(bytes) if bytes == "cc01"));
 }
 
 #[test]

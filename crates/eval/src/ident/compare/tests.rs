@@ -21,10 +21,10 @@ fn track_at(offset_m: f64) -> MotionTrack {
 }
 
 /// A flight whose causal track is 0.3 m beside the smoothed one.
-fn flight(is_lost: bool) -> Judged {
+fn flight(is_lost: bool) -> ValidationFlight {
     let smoothed = track_at(0.0);
     let steps = smoothed.pose.len();
-    Judged {
+    ValidationFlight {
         recording: Recording { u: vec![Sticks::zeros(); steps], o: smoothed.o.clone() },
         smoothed,
         causal: track_at(0.3),

@@ -3,7 +3,7 @@ use horizon_model::rows::{Pose, Sticks, pose};
 use horizon_model::{Kinematic, Model, Row};
 use tello_io::log::LogReader;
 
-use super::super::compare::{Judged, Tally};
+use super::super::compare::{Tally, ValidationFlight};
 use super::super::predict::AddErrors;
 use super::super::report::tests::fit;
 use super::super::table::IdentFileTable;
@@ -17,7 +17,7 @@ const OBSERVATION: [Row; 4] =
 struct Nothing;
 
 impl AddErrors for Nothing {
-    fn add_errors_to(&self, _: &Judged, _: &mut Tally, _: usize) {}
+    fn add_errors_to(&self, _: &ValidationFlight, _: &mut Tally, _: usize) {}
 }
 
 /// A log of five steps; x is -1.25, y is absent in the odd ones.

@@ -1,4 +1,4 @@
-use super::super::compare::{Judged, Tally};
+use super::super::compare::{Tally, ValidationFlight};
 use super::super::predict::AddErrors;
 use super::super::report::tests::fit;
 use super::*;
@@ -7,7 +7,7 @@ use super::*;
 struct Nothing;
 
 impl AddErrors for Nothing {
-    fn add_errors_to(&self, _: &Judged, _: &mut Tally, _: usize) {}
+    fn add_errors_to(&self, _: &ValidationFlight, _: &mut Tally, _: usize) {}
 }
 
 /// A fit with pieces of these logs and steps.

@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_steps_are_lived_through_and_a_long_gap_cuts() {
+    fn a_recording_goes_on_over_missing_steps_and_is_cut_at_a_long_gap() {
         let rows = [row(0, None, Some(0.5)), row(3, None, Some(0.1)), row(1000, None, None)];
         let part = longest_part(&rows);
         assert_eq!(part.len(), 2);

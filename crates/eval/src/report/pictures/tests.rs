@@ -4,7 +4,7 @@ use super::super::quantity::{Measured, Spread, Spreads};
 use super::*;
 
 /// A flight of the file `name` that took `finish_s` and was `distance_m` off at most.
-fn looked(name: &str, finish_s: Option<f64>, distance_m: f64) -> Looked {
+fn looked(name: &str, finish_s: Option<f64>, distance_m: f64) -> EvaluatedFlight {
     let flight = Flight {
         path: name.into(),
         name: name.to_owned(),
@@ -34,10 +34,10 @@ fn looked(name: &str, finish_s: Option<f64>, distance_m: f64) -> Looked {
         outages: None,
         faults: vec![],
     };
-    Looked { flight, measured: Measured::default(), row }
+    EvaluatedFlight { flight, measured: Measured::default(), row }
 }
 
-fn group(looked: Vec<Looked>) -> Group {
+fn group(looked: Vec<EvaluatedFlight>) -> Group {
     Group {
         name: "a".into(),
         judged_count: 0,
@@ -71,7 +71,7 @@ fn of_many_flights_the_fastest_the_middle_the_slowest_and_the_farthest_off_stand
 
 #[test]
 fn a_flight_without_an_end_is_shown_only_if_it_is_the_farthest_off() {
-    let mut flights: Vec<Looked> =
+    let mut flights: Vec<EvaluatedFlight> =
         ["a", "b", "c", "d"].map(|name| looked(name, Some(9.0), 0.1)).into();
     flights.push(looked("lost", None, 0.9));
     assert!(names(&group(flights.clone())).contains(&"lost"));
@@ -96,7 +96,7 @@ fn the_marks_are_the_inner_targets_of_the_first_flight_with_a_line() {
 fn a_flight_without_parameters_and_times_has_no_figures_of_them() {
     let mut one = looked("one", Some(12.5), 0.1);
     one.flight.ticks = vec![TickRow::default(); 3];
-    let names = |one: &Looked| -> Vec<String> {
+    let names = |one: &EvaluatedFlight| -> Vec<String> {
         of_flight(one, "flight-7").into_iter().map(|picture| picture.name).collect()
     };
     let always = ["space", "above", "state", "sticks"].map(|name| format!("flight-7-{name}"));

@@ -9,7 +9,7 @@ use crate::figure::{self, Figure, TimeBars, TimeLine, TimePanel, TimeSpans};
 use crate::recordings::ticks::TickRow;
 use crate::report::assessment::is_faulty;
 use crate::report::flight::Flight;
-use crate::report::group::Looked;
+use crate::report::group::EvaluatedFlight;
 
 /// The sum of inputs begins anew at the state so often, so that both fit on one axis. s
 const SUM_S: f64 = 5.0;
@@ -132,7 +132,7 @@ pub(super) fn parameters(title: &str, flight: &Flight) -> Figure {
 }
 
 /// Times of the loop, and bars for the part of the flight, the link and each fault.
-pub(super) fn the_loop(title: &str, looked: &Looked) -> Figure {
+pub(super) fn the_loop(title: &str, looked: &EvaluatedFlight) -> Figure {
     let flight = &looked.flight;
     let timing = |pick: fn(&tello_flight::cycle::Timing) -> i64| -> Vec<f64> {
         let ms =

@@ -1,3 +1,5 @@
+use horizon_model::check::{maximum, minimum};
+
 use super::*;
 use crate::cycle::FlightTable;
 use crate::cycle::sense::tests::table;
@@ -48,7 +50,7 @@ fn full_sticks_are_those_that_controller_and_gate_both_allow() {
 #[test]
 fn each_waypoint_outside_of_the_room_is_named_and_else_the_farthest_place_of_the_path() {
     let stops: Vec<f64> = flown().stops().iter().map(|at| at[pose::X]).collect();
-    let most_m = stops.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let most_m = stops.iter().copied().fold(f64::NEG_INFINITY, maximum);
     let outside = |x_max_m: f64| {
         found(|cycle| {
             if let Some(room) = &mut cycle.supervisor.room {
@@ -171,7 +173,7 @@ fn a_take_off_is_as_near_as_the_nearest_wall_beside_it_or_obstacle_in_its_climb(
 
 #[test]
 fn each_waypoint_that_is_too_low_is_named() {
-    let lowest_m = flown().stops().iter().map(|at| at[pose::Z]).fold(f64::INFINITY, f64::min);
+    let lowest_m = flown().stops().iter().map(|at| at[pose::Z]).fold(f64::INFINITY, minimum);
     let above_floor = |height_m: f64| found(|cycle| cycle.filter.floor_m = lowest_m - height_m);
     assert_eq!(above_floor(0.301), []);
     let low = above_floor(0.29);

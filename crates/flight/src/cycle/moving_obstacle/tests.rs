@@ -1,5 +1,7 @@
 use std::f64::consts::TAU;
 
+use horizon_model::check::maximum;
+
 use super::*;
 
 const DT_S: f64 = 0.02;
@@ -51,8 +53,8 @@ fn the_mean_velocity_leads_elsewhere_only_where_the_velocity_changes() {
         if t_s > 4.0
             && let Some(ahead) = obstacle.position_by_mean(1.0)
         {
-            worst_m =
-                worst_m.max((ahead.xy() - Vector3::new(0.0, 0.6 * (t_s + 1.0), 1.0).xy()).norm());
+            let apart_w = ahead.xy() - Vector3::new(0.0, 0.6 * (t_s + 1.0), 1.0).xy();
+            worst_m = maximum(worst_m, apart_w.norm());
         }
     }
     // The obstacle oscillates by 0.3 m at up to 1.9 m/s: the present velocity alone would err by up to 1.9 m.

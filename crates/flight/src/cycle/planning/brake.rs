@@ -7,7 +7,7 @@
 use horizon_control::predict;
 use horizon_model::rows::{Pose, Sticks, pos_w, pose};
 
-use super::{Known, Planner};
+use super::{PlanStart, Planner};
 use crate::cycle::Vehicle;
 use crate::supervisor::SLOW_MPS;
 
@@ -129,23 +129,23 @@ impl Brake {
 impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize, const NR: usize> Planner<M, NS, NP, NR> {
     /// Reference of a brake for a plan that begins at the pose `from`. Where the moving obstacle drives the vehicle
     /// away, the brake begins anew, if it may: else the vehicle would return to an obstacle that is forgotten.
-    pub(super) fn brake_reference(&mut self, from: &Pose, known: &Known<'_, NS, NP>) -> Pose {
+    pub(super) fn brake_reference(&mut self, from: &Pose, start: &PlanStart<'_, NS, NP>) -> Pose {
         let is_driven = |held: Pose| {
             let walls = self.walls.as_ref();
             walls.is_some_and(|walls| walls.moving_blocks_path(&pos_w(from), &pos_w(&held)))
         };
         let may_move = self.brake.order.may_move;
         if self.brake.held(from).is_none_or(|held| may_move && is_driven(held)) {
-            self.brake.begin(from, &(self.rest_by_neutral(known) - from));
+            self.brake.begin(from, &(self.rest_by_neutral(start) - from));
         }
         let next = self.model.step(&self.s_0, &Sticks::zeros(), &self.p, self.dt_s);
         self.brake.reference(from, &self.model.observe(&next), self.dt_s)
     }
 
     /// Pose at which the vehicle comes to rest if nothing but neutral sticks follows the committed ones.
-    pub(super) fn rest_by_neutral(&self, known: &Known<'_, NS, NP>) -> Pose {
+    pub(super) fn rest_by_neutral(&self, start: &PlanStart<'_, NS, NP>) -> Pose {
         let inputs = (0..self.committed.given_steps_max()).map(|k| {
-            let sticks = known.applied(known.begin_ahead() + k.cast_signed());
+            let sticks = start.applied(start.begin_ahead() + k.cast_signed());
             let is_given = |axis: usize| k < self.committed.given_steps[axis];
             Sticks::from_fn(|axis, _| if is_given(axis) { sticks[axis] } else { 0.0 })
         });

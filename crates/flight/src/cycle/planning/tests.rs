@@ -56,19 +56,19 @@ fn parameter() -> SVector<f64, { gain::COUNT }> {
     SVector::from([2.0, 1.0, 1.0, 0.0])
 }
 
-/// What is known without an outage, of the coming tick.
-fn known<'a>(
+/// The start of a plan in the coming tick, without an outage.
+fn plan_start<'a>(
     s_hat: &'a Pose,
     p_hat: &'a SVector<f64, { gain::COUNT }>,
     fifo: &'a InputFifo<4>,
-) -> Known<'a, 4, 4> {
-    Known { s_hat, p_hat, fifo, instead: None, ahead: 0, covariance: None }
+) -> PlanStart<'a, 4, 4> {
+    PlanStart { s_hat, p_hat, fifo, outage_input: None, first_period: 0, covariance: None }
 }
 
 fn plan(planner: &mut Planner<Kinematic, 4, 4, 4>, fifo: &InputFifo<4>, is_late: bool) {
     let (s_hat, p_hat) = (Pose::zeros(), parameter());
-    let known = known(&s_hat, &p_hat, fifo);
-    let report = planner.plan(&known, &mission(), &mut || is_late).unwrap();
+    let start = plan_start(&s_hat, &p_hat, fifo);
+    let report = planner.plan(&start, &mission(), &mut || is_late).unwrap();
     assert_eq!(report.has_new_plan(), !is_late, "{report:?}");
 }
 
@@ -126,10 +126,10 @@ fn in_an_outage_one_input_acts_in_place_of_all() {
         fifo.push(&Sticks::repeat(u));
     }
     let (s_hat, p_hat) = (Pose::zeros(), parameter());
-    let mut known = known(&s_hat, &p_hat, &fifo);
-    assert_eq!([-1, 0, 1].map(|ahead| known.applied(ahead)), [0.1, 0.2, 0.3].map(Sticks::repeat));
-    known.instead = Some(Sticks::zeros());
-    assert_eq!([-1, 0, 1].map(|ahead| known.applied(ahead)), [Sticks::zeros(); 3]);
+    let mut start = plan_start(&s_hat, &p_hat, &fifo);
+    assert_eq!([-1, 0, 1].map(|ahead| start.applied(ahead)), [0.1, 0.2, 0.3].map(Sticks::repeat));
+    start.outage_input = Some(Sticks::zeros());
+    assert_eq!([-1, 0, 1].map(|ahead| start.applied(ahead)), [Sticks::zeros(); 3]);
 }
 
 #[test]
@@ -138,15 +138,16 @@ fn in_an_outage_a_brake_goes_on_from_the_sticks_that_were_sent() {
     let mut fifo = fifo([0.1, 0.1, 0.04, 0.04]);
     (0..8).for_each(|_| fifo.push(&Sticks::repeat(0.3)));
     let (s_hat, p_hat) = (Pose::zeros(), parameter());
-    let known = Known { instead: Some(Sticks::repeat(-0.4)), ..known(&s_hat, &p_hat, &fifo) };
+    let start =
+        PlanStart { outage_input: Some(Sticks::repeat(-0.4)), ..plan_start(&s_hat, &p_hat, &fifo) };
     for (is_braking, last) in [(false, -0.4), (true, 0.3)] {
         let mut planner = planner(&fifo);
         planner.brake(BrakeOrder { is_on: is_braking, descends_to_m: None, may_move: true });
-        let report = planner.plan(&known, &mission(), &mut || false).unwrap();
+        let report = planner.plan(&start, &mission(), &mut || false).unwrap();
         assert!(report.has_new_plan(), "{report:?}");
         let roll: Vec<f64> = planner.u_given[..3].iter().map(|u| u[stick::ROLL]).collect();
         assert_eq!(roll, [-0.4, -0.4, last], "braking: {is_braking}");
-        assert_eq!(planner.before(&known), Sticks::repeat(last), "braking: {is_braking}");
+        assert_eq!(planner.before(&start), Sticks::repeat(last), "braking: {is_braking}");
     }
 }
 
@@ -156,12 +157,12 @@ fn a_brake_reaches_as_far_as_the_committed_sticks_lead_and_yaw_ends_with_its_own
     let mut fifo = fifo([0.1, 0.1, 0.04, 0.06]);
     (0..8).for_each(|_| fifo.push(&Sticks::repeat(0.3)));
     let (s_hat, p_hat) = (Pose::zeros(), parameter());
-    let known = known(&s_hat, &p_hat, &fifo);
+    let start = plan_start(&s_hat, &p_hat, &fifo);
     let mut planner = planner(&fifo);
     planner.brake(BrakeOrder { is_on: true, descends_to_m: None, may_move: true });
-    let report = planner.plan(&known, &mission(), &mut || false).unwrap();
+    let report = planner.plan(&start, &mission(), &mut || false).unwrap();
     assert!(report.has_new_plan(), "{report:?}");
-    let gone = planner.rest_by_neutral(&known) - planner.s_0;
+    let gone = planner.rest_by_neutral(&start) - planner.s_0;
     let [steps, one] = [3.0, 1.0].map(|steps| 0.3 * DT_S * steps);
     assert!((pos_w(&gone).xy().norm() - 2.0 * steps * 2.0_f64.sqrt()).abs() < 1e-4, "{gone}");
     let turns = [gone[pose::THETA].abs(), gone[pose::Z]];

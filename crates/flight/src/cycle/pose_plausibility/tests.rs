@@ -1,6 +1,7 @@
-use crate::time::SpanNs;
+use horizon_model::check::minimum;
 
 use super::*;
+use crate::time::SpanNs;
 
 fn filtered(o: Pose, position: Acceptance, heading: Acceptance) -> Filtered {
     Filtered { o: Some(o), position, heading }
@@ -39,7 +40,7 @@ fn a_position_that_was_repeated_is_as_old_as_when_it_was_measured() {
         plausibility.check(Some(&o), &seen, at(ms));
         plausibility.jump_m()
     };
-    let least_m = (0..=80).filter_map(|k| see(0.0, 20 * k)).fold(0.0, f64::min);
+    let least_m = (0..=80).filter_map(|k| see(0.0, 20 * k)).fold(0.0, minimum);
     assert!((least_m + 2.04).abs() < 1e-9, "{least_m} m: up to a second");
     let jump_m = see(2.5, 1620).unwrap();
     assert!((jump_m - 0.46).abs() < 1e-9, "{jump_m} m");

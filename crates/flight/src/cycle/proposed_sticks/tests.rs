@@ -1,5 +1,6 @@
 //! Sticks of a person, of a plan and of nobody, and what the gate lets through.
 
+use horizon_model::check::{amax, maximum};
 use horizon_model::rows::{pose, stick};
 
 use super::*;
@@ -37,7 +38,7 @@ fn a_person_needs_no_pose_and_takes_over_from_the_newest_sticks() {
     let (last, approved) =
         (0..20).map(|_| steer(&mut cycle, Some(Pilot::Person), &inbox)).last().unwrap();
     assert_eq!(last, Sticks::from(U_HAND));
-    assert!((approved.sticks() - last).amax() <= 0.5 / 660.0, "a step of the wire");
+    assert!(amax(&(approved.sticks() - last)) <= 0.5 / 660.0, "a step of the wire");
     // Beyond full deflection the gate refuses.
     let inbox = Inbox { manual: Some([1.1, 0.0, 0.0, 0.0]), ..inbox };
     assert_eq!(steer(&mut cycle, Some(Pilot::Person), &inbox).1, Approved::neutral());
@@ -74,7 +75,7 @@ fn in_an_outage_the_sticks_of_the_controller_are_limited_and_those_of_a_person_a
             break;
         }
         let largest = if cycle.link_is_up() { &mut largest_up } else { &mut largest_down };
-        *largest = largest.max(out.u_sent.amax());
+        *largest = maximum(*largest, amax(&out.u_sent));
     }
     let limit = table().cycle.link.unwrap().outage_stick_max.unwrap();
     assert!(largest_up > limit + 0.1, "{largest_up}");
@@ -100,7 +101,7 @@ fn the_sticks_of_the_controller_pass_on_a_fresh_pose_only() {
         let mut inbox = Inbox::new();
         inbox.open(0, now);
         let (u_proposed, approved) = steer(&mut cycle, Some(Pilot::Controller), &inbox);
-        assert!(u_proposed.amax() > 0.1, "{u_proposed}");
+        assert!(amax(&u_proposed) > 0.1, "{u_proposed}");
         assert_eq!(approved != Approved::neutral(), passes, "{pose_age_ns:?}");
     }
 }

@@ -1,3 +1,4 @@
+use horizon_model::check::maximum;
 use horizon_model::rows::stick;
 use serde_json::{Value, json};
 
@@ -83,7 +84,7 @@ fn a_pose_counts_from_its_measurement() {
         let error_m = |(step, out): (usize, &Outcome)| {
             (out.s_hat[pose::X] - (-2.0 + 0.5 * 0.02 * step as f64)).abs()
         };
-        outcomes.iter().enumerate().skip(50).map(error_m).fold(0.0, f64::max)
+        outcomes.iter().enumerate().skip(50).map(error_m).fold(0.0, maximum)
     };
     let [with, without] = [true, false].map(worst_m);
     // The sticks of the cycle do not move this vehicle, so the estimated velocity is not exact.

@@ -3,6 +3,7 @@
 //! Owns the distances within which obstacles that do not move, and the moving one, count for a flight, a take-off and a
 //! landing. The plan does not depend on the answers.
 
+use horizon_model::check::minimum;
 use nalgebra::Vector3;
 
 use super::Walls;
@@ -26,7 +27,7 @@ const APPROACH_S: f64 = 4.0;
 const PATH_REACH_S: f64 = 1.0;
 
 /// Largest speed of a person who stands and shifts weight. m/s
-const STANDS_MPS: f64 = 0.3;
+const STANDING_SPEED_MAX_MPS: f64 = 0.3;
 
 /// How far a climb, in which nothing steers, may carry the vehicle towards the moving obstacle. m
 const CLIMB_DRIFT_M: f64 = 0.3;
@@ -34,12 +35,12 @@ const CLIMB_DRIFT_M: f64 = 0.3;
 impl Walls {
     /// Whether `at_w` is inside of an obstacle that does not move.
     pub(in crate::cycle) fn is_in_fixed(&self, at_w: &Vector3<f64>) -> bool {
-        self.distance_to_fixed_m(at_w) < 0.0
+        is_within(self.distance_to_fixed_m(at_w), 0.0)
     }
 
     /// Whether `at_w` is nearer than [`BESIDE_M`] to an obstacle that does not move.
     pub(in crate::cycle) fn is_beside_fixed(&self, at_w: &Vector3<f64>) -> bool {
-        self.distance_to_fixed_m(at_w) < BESIDE_M
+        is_within(self.distance_to_fixed_m(at_w), BESIDE_M)
     }
 
     /// Whether the moving obstacle keeps the vehicle from getting from `at_w` to `to_w`, world frame, m: it is nearer
@@ -78,18 +79,19 @@ impl Walls {
         for _ in 0..PATH_POINTS_MAX {
             let point_w = at_w + path_w * (gone_m / length_m.max(f64::MIN_POSITIVE));
             let free_m = self.distance_to_fixed_m(&point_w);
-            if free_m < 0.0 || gone_m >= length_m {
-                return free_m < 0.0;
+            let is_inside = is_within(free_m, 0.0);
+            if is_inside || gone_m >= length_m {
+                return is_inside;
             }
             gone_m = (gone_m + free_m.max(PATH_SPACING_M)).min(length_m);
         }
         true
     }
 
-    /// Least distance from the obstacles that do not move; infinite without one. m
+    /// Least distance from the obstacles that do not move; infinite without one, NaN if any is. m
     fn distance_to_fixed_m(&self, at_w: &Vector3<f64>) -> f64 {
         let distances_m = self.fixed_obstacles().map(|obstacle| obstacle.distance(at_w).distance_m);
-        distances_m.fold(f64::INFINITY, f64::min)
+        distances_m.fold(f64::INFINITY, minimum)
     }
 
     /// Whether the moving obstacle, by its present velocity, comes within the margin of a vehicle that stays at `at_w`
@@ -110,7 +112,8 @@ impl Walls {
     /// Whether the moving obstacle could come within the margin of `at_w` during a landing if it turned towards it.
     pub(in crate::cycle) fn may_be_approached(&self, at_w: &Vector3<f64>) -> bool {
         let (moving_w, speed_mps) = (self.moving.position(0.0), self.moving.speed_mps());
-        let may_turn = |speed_mps: &f64| self.may_accelerate() && *speed_mps > STANDS_MPS;
+        let may_turn =
+            |speed_mps: &f64| self.may_accelerate() && *speed_mps > STANDING_SPEED_MAX_MPS;
         let Some(speed_mps) = speed_mps.filter(may_turn) else { return false };
         let is_within = |obstacle: &Obstacle| {
             let distance_m = obstacle.distance_from(at_w, moving_w.as_ref()).distance_m;
@@ -131,6 +134,11 @@ impl Walls {
             || self.fixed_obstacles().any(|it| least_m(it) < 0.0)
             || self.moving_obstacle().is_some_and(|it| least_m(it) < beside_m)
     }
+}
+
+/// Whether `distance_m` is below `limit_m`; a distance of NaN is.
+fn is_within(distance_m: f64, limit_m: f64) -> bool {
+    distance_m.is_nan() || distance_m < limit_m
 }
 
 /// Least distance of a take-off from the moving obstacle, of which plans keep `margin_m` away. m

@@ -11,8 +11,11 @@ use crate::obstacle::SignedDistance;
 /// The soft constraints `c_i(s) <= 0` of `docs/control.md`, section 3, on the states of a model with this parameter.
 #[derive(Debug)]
 pub(in crate::cycle) struct PlanWalls<'a, M, const NP: usize> {
+    /// Model of the states.
     pub(in crate::cycle) model: &'a M,
+    /// Parameter of `model`. In the units of its rows
     pub(in crate::cycle) p: &'a SVector<f64, NP>,
+    /// Walls and obstacles with their margins.
     pub(in crate::cycle) walls: &'a Walls,
 }
 
@@ -47,3 +50,6 @@ impl<M: Vehicle<NS, NP>, const NS: usize, const NP: usize> SoftConstraints<NS>
         Some(Excess { value, gradient, weight: walls.table.weight })
     }
 }
+
+#[cfg(test)]
+mod tests;

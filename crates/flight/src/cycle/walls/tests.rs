@@ -1,13 +1,7 @@
-use horizon_control::SoftConstraints;
-use horizon_model::check::jacobian_gap;
-use horizon_model::rows::{Motion, motion, pose};
-use horizon_model::{Lagged, LaggedShape};
-use nalgebra::{SVector, Vector1};
-
 use super::*;
 use crate::RoomTable;
 
-const ROOM: RoomTable =
+pub(super) const ROOM: RoomTable =
     RoomTable { x_m: [-2.0, 3.0], y_m: [-1.0, 1.0], z_m: [0.0, 2.5], stop_s: 0.8 };
 pub(super) const TABLE: WallTable = WallTable {
     weight: 100.0,
@@ -20,63 +14,11 @@ pub(super) const TABLE: WallTable = WallTable {
 };
 pub(super) const POLE: ObstacleTable =
     ObstacleTable::Cylinder { centre_m: [1.0, 0.2], radius_m: 0.2, z_m: [0.0, 2.0] };
-const BLOCK: ObstacleTable =
+pub(super) const BLOCK: ObstacleTable =
     ObstacleTable::Box { x_m: [-1.5, -1.0], y_m: [-0.5, 0.5], z_m: [0.0, 1.0] };
 
-/// Rows of `lag`.
-const P: [f64; 11] = [1.9, 0.89, 1.4, -0.06, 0.64, 0.25, 0.12, 0.07, 0.12, 0.08, 1.1];
-
-fn walls(table: Option<&WallTable>) -> Result<Option<Walls>, SettingError> {
+pub(super) fn walls(table: Option<&WallTable>) -> Result<Option<Walls>, SettingError> {
     Walls::new(table, Some(Room::try_from(&ROOM).unwrap()), &[POLE, BLOCK])
-}
-
-#[test]
-fn constraints_on_the_state_of_a_vehicle_meet_their_numeric_twins() {
-    let model = Lagged::new(LaggedShape::default()).unwrap();
-    let walls = walls(Some(&TABLE)).unwrap().unwrap();
-    let p = SVector::from(P);
-    let constraints = PlanWalls { model: &model, p: &p, walls: &walls };
-    assert_eq!(SoftConstraints::<11>::count(&constraints), 8);
-    let mut seen = [0; 8];
-    for at in [[0.5, 0.4, 0.9], [1.1, 0.3, 1.1], [-1.7, -0.6, 1.6], [-1.2, 0.1, 0.7]] {
-        let mut s = Motion::zeros();
-        (s[motion::X], s[motion::Y], s[motion::Z]) = (at[pose::X], at[pose::Y], at[pose::Z]);
-        // Without a velocity both ends of the coasting are equally near: the constraint is nonsmooth there.
-        (s[motion::V_X], s[motion::V_Y], s[motion::V_Z], s[motion::D_Y]) = (0.7, -0.2, 0.1, 0.05);
-        for (i, seen) in seen.iter_mut().enumerate() {
-            let Some(found) = constraints.excess(i, &s, 0.4) else { continue };
-            *seen += 1;
-            let value = |s: &Motion| {
-                let excess = constraints.excess(i, s, 0.4);
-                Vector1::new(excess.map_or(f64::NAN, |excess| excess.value))
-            };
-            let gap = jacobian_gap(value, &s, &found.gradient.transpose());
-            assert!(gap < 1e-8, "gap {gap:e} of constraint {i} at {at:?}");
-        }
-    }
-    // The wall at x = 3 is further away than 1 m from all of these positions.
-    assert!(seen.iter().enumerate().all(|(i, seen)| (*seen > 0) == (i != 1)), "{seen:?}");
-}
-
-#[test]
-fn the_position_at_rest_keeps_clear_of_walls_but_not_of_obstacles() {
-    let model = Lagged::new(LaggedShape::default()).unwrap();
-    let (p, mut s) = (SVector::from(P), Motion::zeros());
-    // 0.5 m before the pole and 2.7 m before the wall at x = 3; 0.64 s of its velocity bring it 1.2 m further.
-    (s[motion::X], s[motion::Y], s[motion::Z], s[motion::V_X]) = (0.3, 0.2, 1.0, 1.875);
-    let value = |coasting, i| {
-        let table = WallTable { coasting, margin_m: 1.0, growth_mps: 0.0, ..TABLE };
-        let walls = walls(Some(&table)).unwrap().unwrap();
-        let excess = PlanWalls { model: &model, p: &p, walls: &walls }.excess(i, &s, 0.4);
-        excess.map(|excess| excess.value)
-    };
-    let (wall, side, pole) = (1, 3, Room::WALLS);
-    assert_eq!(value(0.0, wall), None);
-    assert!(value(1.0, wall).is_some_and(|value| (value + 0.5).abs() < 1e-9));
-    for i in [side, pole] {
-        let change = value(1.0, i).zip(value(0.0, i)).map(|(with, without)| with - without);
-        assert!(change.is_some_and(|change| change.abs() < 1e-12), "{i}: {change:?}");
-    }
 }
 
 #[test]

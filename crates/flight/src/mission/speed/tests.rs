@@ -1,14 +1,13 @@
 //! Missions flown slower or faster than they are written.
 
-use crate::Start;
-use crate::cycle::FlightTable;
-use crate::drone::Protocol;
-
 use serde_json::Value;
 
 use super::super::tests::*;
 use super::super::*;
 use super::*;
+use crate::Start;
+use crate::cycle::FlightTable;
+use crate::drone::Protocol;
 
 fn flight(mission: Value) -> FlightTable {
     let fly: Value = serde_json::from_str(include_str!("../../../../../configs/fly.json")).unwrap();

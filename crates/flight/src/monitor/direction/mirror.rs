@@ -131,14 +131,14 @@ impl MirrorMonitor {
     }
 
     /// Takes a tick on the ground: nothing is known.
-    pub(super) fn rest(&mut self) {
+    pub(super) fn reset_on_ground(&mut self) {
         *self = Self { theta_rad: self.theta_rad, ..Self::new(self.dt_s) };
     }
 
     /// Forgets the motion and begins at rest.
-    pub(super) fn restart(&mut self) {
+    pub(super) fn reset(&mut self) {
         let Self { is_mirrored, is_over, .. } = *self;
-        self.rest();
+        self.reset_on_ground();
         (self.is_mirrored, self.is_over) = (is_mirrored, is_over);
     }
 

@@ -162,7 +162,7 @@ fn the_direction_is_shown_by_a_motion_along_the_inputs_until_the_vehicle_stands(
             monitor.update(&quiet);
         }
         assert_eq!(monitor.is_shown, expected, "{turn_rad} rad");
-        monitor.rest();
+        monitor.reset_on_ground();
         assert!(!monitor.is_shown);
     }
 }

@@ -17,7 +17,7 @@ fn a_still_pose_is_found_through_noise_and_a_moving_one_is_not_still() {
         (4e-4, 0.004, false),
         (4e-4, 0.05, false),
     ] {
-        monitors.stillness.restart();
+        monitors.stillness.reset();
         let mut still_s = None;
         for k in 0..100_u32 {
             let x_m = speed_mps * f64::from(k) * DT_S + noise_m(k, sd_m);

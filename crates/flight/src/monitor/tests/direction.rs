@@ -1,8 +1,9 @@
 //! The direction of the motion beside that of the inputs.
 
-use super::*;
 use horizon_model::check::maximum;
 use nalgebra::Complex;
+
+use super::*;
 
 #[test]
 fn a_dead_time_that_is_wrong_does_not_look_like_a_turn() {

@@ -3,6 +3,8 @@
 
 use std::fmt::Write;
 
+use nalgebra::Complex;
+
 use super::*;
 
 /// Findings every 0.2 s, recorded by the test itself (it prints what it got).
@@ -81,8 +83,6 @@ const SCRIPTS: [Script; 6] = [
         is_held: false,
     },
 ];
-
-use nalgebra::Complex;
 
 /// Flies `script` and writes what is found.
 fn fly(script: &Script, to: &mut String) {
@@ -219,17 +219,17 @@ fn the_direction_is_forgotten_on_request() {
     let mut flight = Flight::new();
     let findings = flight.fly(3.0, &Wrong { turn_rad: PI, ..RIGHT });
     assert!(findings.is_direction_wrong);
-    flight.monitors.restart_direction();
+    flight.monitors.restart_heading_and_direction();
     let findings = flight.fly(DT_S, &RIGHT);
     assert_eq!((findings.direction_error_rad, findings.is_direction_wrong), (None, false));
 }
 
 #[test]
-fn stillness_is_forgotten_on_restart() {
+fn stillness_is_forgotten_on_reset() {
     let mut stillness = StillnessMonitor::new(0.0015, DT_S);
     let here = Pose::new(1.0, 2.0, 1.0, 0.0);
     assert!((0..60).fold(None, |_, _| stillness.update(Some(&here)).all_s).is_some());
-    stillness.restart();
+    stillness.reset();
     let steps = (0..60).take_while(|_| stillness.update(Some(&here)).all_s.is_none()).count();
     assert_eq!(steps, 39, "0.8 s of poses are needed again");
 }

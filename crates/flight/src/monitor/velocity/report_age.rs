@@ -46,7 +46,7 @@ pub(super) struct ReportAge {
 
 impl ReportAge {
     /// Takes a tick on the ground: the differences are zero.
-    pub(super) fn rest(&mut self) {
+    pub(super) fn reset_on_ground(&mut self) {
         self.error_m = [Complex::default(); AXES_KINDS];
     }
 
@@ -260,7 +260,7 @@ mod tests {
             ..ReportAge::default()
         };
         assert_eq!(age.error_m(), Some(2.0));
-        age.rest();
+        age.reset_on_ground();
         assert_eq!(age.error_m(), Some(0.0));
     }
 }

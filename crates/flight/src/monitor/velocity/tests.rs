@@ -2,6 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use horizon_model::check::maximum;
 use horizon_model::rows::{Sticks, stick};
 
 use super::*;
@@ -146,7 +147,7 @@ fn along_sides(scale: f64, late: usize, drift_mps: f64) -> (f64, Option<f64>) {
         v_mps += (side - v_mps) * (1.0 - lag_decay(DT_S));
         let by_drone_mps = reported(&mut earlier_mps, v_mps);
         let (_, error_m) = see(&mut monitor, &mut at_w, v_mps * DT_S, by_drone_mps);
-        largest_m = largest_m.max(error_m);
+        largest_m = maximum(largest_m, error_m);
     }
     let refused = (0..400).find(|_| {
         let drift_w_mps = Complex::new(drift_mps, 0.0);

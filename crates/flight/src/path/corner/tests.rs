@@ -1,5 +1,6 @@
 use std::f64::consts::{FRAC_PI_2, SQRT_2};
 
+use horizon_model::check::minimum;
 use horizon_model::rows::{Pose, pose};
 
 use super::super::tests::{at, curves};
@@ -16,7 +17,7 @@ fn a_rounded_corner_passes_its_waypoint_at_the_distance_asked_for() {
         let distances_m = path.points.iter().map(|point| (point.pos_w - corner_w).norm());
         let passing_m = (path.points[path.marks[1]].pos_w - corner_w).norm();
         assert!((passing_m - 0.1).abs() < 1e-9, "{passing_m} m for a turn by {turn}");
-        assert!((distances_m.fold(f64::INFINITY, f64::min) - passing_m).abs() < 1e-9);
+        assert!((distances_m.fold(f64::INFINITY, minimum) - passing_m).abs() < 1e-9);
     }
 }
 

@@ -229,46 +229,6 @@ fn a_height_that_is_no_number_is_none_and_the_drone_decides() {
     }
 }
 
-#[test]
-fn a_take_off_is_over_four_seconds_after_its_newest_order_or_eight_if_it_was_not_seen() {
-    let mut supervisor = Fixture::new(Start::Grounded).supervisor;
-    assert!(supervisor.is_past_take_off(&CALM), "none was ordered");
-    supervisor.take_off.ordered_ns = Some(-1_000_000_000);
-    for (seen, past_ns) in [
-        (TakeOffSeen::No, 7_000_000_000),
-        (TakeOffSeen::Measured, 3_000_000_000),
-        (TakeOffSeen::Reported, 3_000_000_000),
-    ] {
-        supervisor.take_off.seen = seen;
-        for (t_ns, is_past) in [(past_ns - 1, false), (past_ns, true)] {
-            let found = supervisor.is_past_take_off(&Evidence { t_ns, ..CALM });
-            assert_eq!(found, is_past, "{seen:?}, {t_ns} ns");
-        }
-    }
-}
-
-#[test]
-fn a_take_off_is_repeated_only_while_the_drone_stands_where_it_stood_and_nobody_is_near() {
-    let repeated = |early: Evidence, later: Evidence| {
-        let mut fixture = Fixture::taking_off();
-        fixture.pass(5, &early);
-        (0..110).filter(|_| fixture.tick(&later).order == Some(DroneOrder::TakeOff)).count()
-    };
-    let moved = |by: Pose| Evidence { pose: CALM.pose.map(|at| at + by), ..CALM };
-    assert_eq!(repeated(CALM, CALM), 2, "every 3 s until the take-off takes too long");
-    for touched in [
-        moved(Pose::new(0.031, 0.0, 0.0, 0.0)),
-        moved(Pose::new(0.0, 0.0, 0.04, 0.0)),
-        moved(Pose::new(0.0, 0.0, 0.0, -0.16)),
-    ] {
-        assert_eq!(repeated(touched, CALM), 0, "{:?}", touched.pose);
-    }
-    let noisy = moved(Pose::new(0.015, 0.02, 0.015, 0.14));
-    assert_eq!(repeated(noisy, CALM), 2);
-    let near = with_obstacles(CALM, |it| it.blocks_take_off = true);
-    assert_eq!((repeated(near, near), repeated(near, CALM)), (0, 2));
-}
-
 /// In flight after a take-off, with poses at `e` that are repeated until they are lost.
 fn landing_of_a_frozen_stream(e: &Evidence) -> Fixture {
     let mut fixture = Fixture::new(Start::Grounded);

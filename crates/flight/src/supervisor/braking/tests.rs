@@ -74,7 +74,7 @@ fn a_speed_just_above_the_limit_is_braked_on_and_so_is_one_before_a_wall_that_a_
 #[test]
 fn a_mission_that_is_done_lands_a_vehicle_at_rest_and_brakes_one_that_a_person_hands_back() {
     let done = Evidence { is_mission_done: true, ..ALOFT };
-    let by_hand = Evidence { is_by_hand: true, ..done };
+    let by_hand = Evidence { hand: HandInput::Steering, ..done };
     let fast = Evidence { speed_mps: 0.8, ..done };
     let mut fixture = Fixture::flying();
     fixture.pass(20, &by_hand);
@@ -162,7 +162,7 @@ fn a_vehicle_that_does_not_get_lower_or_receives_nothing_is_landed() {
 
 #[test]
 fn a_vehicle_that_came_down_lets_somebody_past_before_it_lands_unless_a_fault_ends_the_flight() {
-    let comes = with_obstacles(DONE, |it| it.is_approached = true);
+    let comes = with_obstacles(DONE, |it| it.approach = ObstacleApproach::Predicted);
     let hidden = with_obstacles(DONE, |it| it.is_unseen = true);
     let silent = |e: Evidence| with_drone(e, |drone| drone.age_s = 2.01);
     // From the tick in which it is done on: 2 s, then 60 s, while it comes 70 s.
@@ -193,7 +193,7 @@ fn a_vehicle_that_came_down_lets_somebody_past_before_it_lands_unless_a_fault_en
 
 #[test]
 fn a_person_who_takes_over_ends_the_brake_unless_the_flight_ends_by_hand_too() {
-    let by_hand = |e: Evidence| Evidence { is_by_hand: true, ..e };
+    let by_hand = |e: Evidence| Evidence { hand: HandInput::Steering, ..e };
     let mut fixture = descending(&DONE);
     fixture.pass(3, &high(1.4, &DONE));
     let decision = fixture.run(100, &by_hand(high(1.2, &DONE)));

@@ -95,7 +95,7 @@ fn a_vehicle_that_swings_is_landed_after_four_seconds_in_sum() {
         assert_eq!(fixture.run(steps - 1, &receding(mps)).phase, Phase::Flying, "{mps} m/s");
         assert_eq!(fixture.run(3, &receding(mps)).phase, Phase::Landing, "{mps} m/s");
     }
-    let by_hand = Evidence { is_by_hand: true, ..error(2.0) };
+    let by_hand = Evidence { hand: HandInput::Steering, ..error(2.0) };
     let mut fixture = Fixture::flying();
     fixture.pass(39, &error(2.0));
     fixture.pass(60, &by_hand);
@@ -105,9 +105,9 @@ fn a_vehicle_that_swings_is_landed_after_four_seconds_in_sum() {
 
 #[test]
 fn a_lost_reference_and_too_much_speed_land_after_a_third_of_a_second() {
-    let far = with_tracking(ALOFT, |it| it.away_m = Some(1.01));
+    let far = with_tracking(ALOFT, |it| it.position_growth_m = Some(1.01));
     let fast = Evidence { speed_mps: 3.01, ..ALOFT };
-    let sunk = with_tracking(ALOFT, |it| it.sunk_m = Some(0.46));
+    let sunk = with_tracking(ALOFT, |it| it.sink_depth_m = Some(0.46));
     for (e, fault) in
         [(far, Fault::TrackingLost), (sunk, Fault::TrackingLost), (fast, Fault::TooFast)]
     {
@@ -121,20 +121,20 @@ fn a_lost_reference_and_too_much_speed_land_after_a_third_of_a_second() {
         assert!(fixture.run(3, &e).may_steer(), "{fault:?}, begun anew");
     }
     let near = with_tracking(Evidence { speed_mps: 3.0, ..ALOFT }, |it| {
-        it.away_m = Some(1.0);
-        it.sunk_m = Some(0.45);
+        it.position_growth_m = Some(1.0);
+        it.sink_depth_m = Some(0.45);
     });
     assert_eq!(after(&near), (Phase::Flying, true, vec![]));
-    let by_hand = Evidence { is_by_hand: true, ..far };
+    let by_hand = Evidence { hand: HandInput::Steering, ..far };
     assert_eq!(after(&by_hand), (Phase::Flying, true, vec![]), "a person has no reference");
 }
 
 #[test]
 fn a_vehicle_that_turns_away_while_commands_act_lands_after_one_and_a_half_seconds() {
-    let turned = with_tracking(ALOFT, |it| it.turned_rad = Some(1.01));
+    let turned = with_tracking(ALOFT, |it| it.heading_growth_rad = Some(1.01));
     let spinning = |yaw_radps: f64| {
         let lost = Evidence { outage: Some(outage(1.0, false, 0.0)), ..moving(0.0, 0.0) };
-        let mut e = with_tracking(lost, |it| it.turned_rad = Some(1.01));
+        let mut e = with_tracking(lost, |it| it.heading_growth_rad = Some(1.01));
         if let Some(motion) = &mut e.motion {
             motion.rate[pose::THETA] = yaw_radps;
         }
@@ -145,8 +145,8 @@ fn a_vehicle_that_turns_away_while_commands_act_lands_after_one_and_a_half_secon
     let out = fixture.tick(&turned);
     assert_eq!((out.phase, faults(out)), (Phase::Landing, vec![Fault::TrackingLost]));
     for held in [
-        with_tracking(turned, |it| it.turned_rad = Some(1.0)),
-        Evidence { is_by_hand: true, ..turned },
+        with_tracking(turned, |it| it.heading_growth_rad = Some(1.0)),
+        Evidence { hand: HandInput::Steering, ..turned },
         spinning(0.3),
     ] {
         assert_eq!(Fixture::flying().run(20, &held).phase, Phase::Flying, "{held:?}");
@@ -205,9 +205,10 @@ fn a_held_command_brakes_while_it_lasts() {
 #[test]
 fn a_drone_that_flies_already_is_landed_and_not_ordered_to_take_off() {
     let flies = with_drone(CALM, |drone| drone.is_flying = true);
-    for e in
-        [asks_to_fly(flies), Evidence { operator: Operator::FlyByHand, is_by_hand: true, ..flies }]
-    {
+    for e in [
+        asks_to_fly(flies),
+        Evidence { operator: Operator::FlyByHand, hand: HandInput::Steering, ..flies },
+    ] {
         let mut fixture = Fixture::new(Start::Grounded);
         let out = fixture.run(10, &e);
         assert_eq!((out.phase, out.order), (Phase::Idle, None));
@@ -289,7 +290,7 @@ fn large_inputs_that_move_nothing_land_the_vehicle() {
     let held = with_tracking(ALOFT, |it| it.pressed_s = 2.21);
     assert_eq!(after(&with_tracking(ALOFT, |it| it.pressed_s = 2.2)).0, Phase::Flying);
     assert_eq!(after(&held), (Phase::Landing, false, vec![Fault::Immobile]));
-    let by_hand = Evidence { is_by_hand: true, ..held };
+    let by_hand = Evidence { hand: HandInput::Steering, ..held };
     assert_eq!(faults(Fixture::flying().run(9, &by_hand)), [], "a person may press on");
     let mut never = Fixture::flying();
     never.supervisor.table.failsafe.pressed_s = None;
@@ -300,7 +301,8 @@ fn large_inputs_that_move_nothing_land_the_vehicle() {
 #[test]
 fn a_vehicle_that_stands_still_below_its_reference_lands() {
     let findings = Findings { still_s: Some(0.8), ..NOTHING_FOUND };
-    let stands = with_tracking(Evidence { findings, ..ALOFT }, |it| it.below_m = Some(0.21));
+    let stands =
+        with_tracking(Evidence { findings, ..ALOFT }, |it| it.height_deficit_m = Some(0.21));
     let mut fixture = Fixture::flying();
     assert_eq!(faults(fixture.run(12, &stands)), []);
     assert_eq!(faults(fixture.tick(&stands)), [Fault::Immobile]);
@@ -312,12 +314,12 @@ fn a_vehicle_that_stands_still_below_its_reference_lands() {
     assert!(!fixture.run(24, &in_outage).faults.contains(Fault::Immobile));
     assert!(fixture.tick(&in_outage).faults.contains(Fault::Immobile));
     for flies in [
-        with_tracking(stands, |it| it.below_m = Some(0.2)),
-        with_tracking(stands, |it| it.below_m = None),
+        with_tracking(stands, |it| it.height_deficit_m = Some(0.2)),
+        with_tracking(stands, |it| it.height_deficit_m = None),
         Evidence { findings: NOTHING_FOUND, ..stands },
         with_poses(stands, |it| it.is_repeated = true),
         Evidence { pose_age_s: Some(0.26), ..stands },
-        Evidence { is_by_hand: true, ..stands },
+        Evidence { hand: HandInput::Steering, ..stands },
         // A hold, in which nothing is asked of it.
         Evidence { findings: Findings { velocity: Agreement::Doubtful, ..findings }, ..stands },
     ] {
@@ -332,13 +334,13 @@ fn a_dead_time_that_is_too_long_lands_after_three_seconds() {
     assert!(fixture.run(30, &late).may_steer(), "for 2.9 s");
     let out = fixture.tick(&late);
     assert_eq!((out.phase, faults(out)), (Phase::Landing, vec![Fault::DeadTimeLong]));
-    let by_hand = Evidence { is_by_hand: true, ..late };
+    let by_hand = Evidence { hand: HandInput::Steering, ..late };
     assert_eq!(faults(Fixture::flying().run(60, &by_hand)), [], "a person sees it");
 }
 
 #[test]
 fn an_error_or_a_speed_or_an_outage_that_is_no_number_ends_the_flight() {
-    let astray = with_tracking(ALOFT, |it| it.away_m = Some(f64::NAN));
+    let astray = with_tracking(ALOFT, |it| it.position_growth_m = Some(f64::NAN));
     let fast = Evidence { speed_mps: f64::NAN, ..ALOFT };
     let long = Evidence { outage: Some(outage(f64::NAN, false, 0.0)), ..ALOFT };
     for (e, fault) in

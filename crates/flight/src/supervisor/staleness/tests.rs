@@ -110,16 +110,3 @@ fn a_repeated_pose_that_is_fresh_is_not_frozen() {
     let e = with_poses(Evidence { pose_age_s: Some(0.25), ..ALOFT }, |it| it.is_repeated = true);
     assert_eq!(faults(Fixture::flying().tick(&e)), []);
 }
-
-#[test]
-fn a_vehicle_starts_where_its_room_allows_and_anywhere_without_a_pose() {
-    let supervisor = Fixture::new(Start::Grounded).supervisor;
-    for (pose, may_start) in [
-        (Some(at(3.0, 0.1)), true),
-        (Some(at(3.01, 0.1)), false),
-        (Some(at(f64::NAN, 0.1)), false),
-        (None, true),
-    ] {
-        assert_eq!(supervisor.may_start(&Evidence { pose, ..CALM }), may_start, "{pose:?}");
-    }
-}

@@ -3,7 +3,7 @@
 use super::*;
 
 fn by_hand(e: Evidence) -> Evidence {
-    Evidence { is_by_hand: true, ..e }
+    Evidence { hand: HandInput::Steering, ..e }
 }
 
 /// No pose, and none for long.
@@ -71,7 +71,8 @@ fn a_take_off_without_a_pose_needs_a_person_who_asks_for_it() {
         (Operator::Wait, true, Phase::Idle),
     ] {
         let mut fixture = Fixture::new(Start::Grounded);
-        let decision = fixture.tick(&Evidence { operator, is_by_hand, ..on_the_ground });
+        let hand = if is_by_hand { HandInput::Steering } else { HandInput::Absent };
+        let decision = fixture.tick(&Evidence { operator, hand, ..on_the_ground });
         assert_eq!(decision.phase, phase, "{operator:?}, by hand: {is_by_hand}");
     }
     // The drone's report confirms it, and a person needs no time to settle.

@@ -35,8 +35,7 @@ fn take_off_is_not_ordered_again_ten_seconds_after_it_was_asked_for() {
 
 #[test]
 fn a_drone_that_is_silent_on_the_ground_is_not_started_by_hand_either() {
-    let by_hand =
-        Evidence { operator: Operator::FlyByHand, is_by_hand: true, is_hand_neutral: true, ..CALM };
+    let by_hand = Evidence { operator: Operator::FlyByHand, hand: HandInput::Neutral, ..CALM };
     for (age_s, phase) in [(1.9, Phase::TakingOff), (2.1, Phase::Idle)] {
         let mut fixture = Fixture::new(Start::Grounded);
         let e = with_drone(by_hand, |drone| drone.age_s = age_s);
@@ -51,7 +50,7 @@ fn nobody_steers_a_drone_that_takes_no_sticks_unless_its_report_is_old() {
         (with_drone(ALOFT, |drone| drone.takes_sticks = false), false),
         (
             Evidence {
-                is_by_hand: true,
+                hand: HandInput::Steering,
                 ..with_drone(ALOFT, |drone| {
                     (drone.takes_sticks, drone.age_s) = (false, 3.0);
                 })
@@ -367,7 +366,7 @@ fn an_emergency_stop_is_ordered_once_though_all_sources_show_the_drone_down() {
 }
 
 #[test]
-fn one_period_in_ten_may_be_missed_for_ever_and_one_in_five_may_not() {
+fn one_missed_period_per_ten_ticks_never_ends_a_flight_and_one_per_five_does() {
     for (every, ends) in [(10, false), (5, true)] {
         let mut fixture = Fixture::flying();
         for tick in 0..2000 {
@@ -375,6 +374,6 @@ fn one_period_in_ten_may_be_missed_for_ever_and_one_in_five_may_not() {
             fixture.pass(1, &Evidence { skipped, ..ALOFT });
         }
         let phase = fixture.supervisor.phase();
-        assert_eq!(phase != Phase::Flying, ends, "one in {every}: {phase:?}");
+        assert_eq!(phase != Phase::Flying, ends, "one per {every}: {phase:?}");
     }
 }

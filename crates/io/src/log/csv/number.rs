@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_finite_number_is_none() {
+    fn a_field_without_a_finite_number_has_no_value() {
         for field in ["", "-", ".", "-.", "1.2.3", "1-2", "nan", "inf", "1e999", "1 ", "0x1", "é"]
         {
             assert_eq!(number(field.as_bytes()), None, "{field:?}");
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_has_neither_sign_nor_point() {
+    fn a_step_with_a_sign_a_point_or_too_many_digits_is_refused() {
         assert_eq!(plain("4294967295").and_then(Plain::step), Some(4_294_967_295));
         for field in ["-1", "1.0", "1.", "4294967296", ""] {
             assert_eq!(plain(field).and_then(Plain::step), None, "{field:?}");

@@ -23,24 +23,27 @@ fn layout() -> Layout {
     Layout::new(settings(), axes.map(axis).into_iter())
 }
 
-fn key(layout: &mut Layout, code: KeyCode, value: i32) -> Option<Act> {
-    layout.act(&InputEvent::new(EventType::KEY.0, code.0, value).destructure())
+fn key(layout: &mut Layout, code: KeyCode, value: i32) -> Option<InputAction> {
+    layout.action(&InputEvent::new(EventType::KEY.0, code.0, value).destructure())
 }
 
-fn place(layout: &mut Layout, code: AbsoluteAxisCode, value: i32) -> Option<Act> {
-    layout.act(&InputEvent::new(EventType::ABSOLUTE.0, code.0, value).destructure())
+fn place(layout: &mut Layout, code: AbsoluteAxisCode, value: i32) -> Option<InputAction> {
+    layout.action(&InputEvent::new(EventType::ABSOLUTE.0, code.0, value).destructure())
 }
 
 #[test]
 fn keys_are_held_until_they_are_released() {
     let mut layout = layout();
     let forward = Direction::Forward;
-    assert_eq!(key(&mut layout, KeyCode::KEY_W, 1), Some(Act::Press(forward)));
-    assert_eq!(key(&mut layout, KeyCode::KEY_W, 2), Some(Act::Repeat(forward)));
+    assert_eq!(key(&mut layout, KeyCode::KEY_W, 1), Some(InputAction::Press(forward)));
+    assert_eq!(key(&mut layout, KeyCode::KEY_W, 2), Some(InputAction::Repeat(forward)));
     assert_eq!(layout.held().collect::<Vec<_>>(), [forward], "reported again and again");
-    assert_eq!(key(&mut layout, KeyCode::KEY_W, 0), Some(Act::Release(forward)));
+    assert_eq!(key(&mut layout, KeyCode::KEY_W, 0), Some(InputAction::Release(forward)));
     assert_eq!(layout.held().count(), 0);
-    assert_eq!(key(&mut layout, KeyCode::KEY_BACKSPACE, 1), Some(Act::Ask(Ask::EmergencyStop)));
+    assert_eq!(
+        key(&mut layout, KeyCode::KEY_BACKSPACE, 1),
+        Some(InputAction::Order(PersonOrder::EmergencyStop))
+    );
     assert_eq!(key(&mut layout, KeyCode::KEY_BACKSPACE, 0), None);
     assert_eq!(key(&mut layout, KeyCode::KEY_F5, 1), None);
 }
@@ -49,23 +52,23 @@ fn keys_are_held_until_they_are_released() {
 fn interrupt_lands_on_a_keyboard_that_no_terminal_sees() {
     let mut layout = layout();
     assert_eq!(key(&mut layout, KeyCode::KEY_LEFTCTRL, 1), None);
-    assert_eq!(key(&mut layout, KeyCode::KEY_C, 1), Some(Act::Ask(Ask::Land)));
+    assert_eq!(key(&mut layout, KeyCode::KEY_C, 1), Some(InputAction::Order(PersonOrder::Land)));
     assert_eq!(key(&mut layout, KeyCode::KEY_LEFTCTRL, 0), None);
-    assert_eq!(key(&mut layout, KeyCode::KEY_C, 1), Some(Act::Automatic));
+    assert_eq!(key(&mut layout, KeyCode::KEY_C, 1), Some(InputAction::Automatic));
 }
 
 #[test]
 fn buttons_act_when_they_are_pressed() {
     let mut layout = layout();
-    for (button, act) in [
-        (KeyCode::BTN_SELECT, Act::Ask(Ask::EmergencyStop)),
-        (KeyCode::BTN_START, Act::Ask(Ask::TakeOff)),
-        (KeyCode::BTN_EAST, Act::Ask(Ask::Land)),
-        (KeyCode::BTN_WEST, Act::Manual),
-        (KeyCode::BTN_NORTH, Act::Manual),
-        (KeyCode::BTN_SOUTH, Act::Automatic),
+    for (button, action) in [
+        (KeyCode::BTN_SELECT, InputAction::Order(PersonOrder::EmergencyStop)),
+        (KeyCode::BTN_START, InputAction::Order(PersonOrder::TakeOff)),
+        (KeyCode::BTN_EAST, InputAction::Order(PersonOrder::Land)),
+        (KeyCode::BTN_WEST, InputAction::Manual),
+        (KeyCode::BTN_NORTH, InputAction::Manual),
+        (KeyCode::BTN_SOUTH, InputAction::Automatic),
     ] {
-        assert_eq!(key(&mut layout, button, 1), Some(act));
+        assert_eq!(key(&mut layout, button, 1), Some(action));
         assert_eq!(key(&mut layout, button, 0), None);
     }
 }
@@ -80,7 +83,7 @@ fn sticks_reach_their_whole_way_and_rest_in_their_dead_zone() {
         (AbsoluteAxisCode::ABS_RY, stick::PITCH, -1.0),
     ] {
         for (value, fraction) in [(32_767, 1.0), (-32_768, -1.0), (0, 0.0), (3_000, 0.0)] {
-            let Some(Act::Axis(at, pushed)) = place(&mut layout, axis, value) else {
+            let Some(InputAction::Axis(at, pushed)) = place(&mut layout, axis, value) else {
                 panic!("{axis:?} at {value} is no event");
             };
             assert_eq!(at, row, "{axis:?}");
@@ -89,7 +92,8 @@ fn sticks_reach_their_whole_way_and_rest_in_their_dead_zone() {
         }
     }
     // 55 % of the way is half of the excess over the dead zone of 10 %.
-    let Some(Act::Axis(_, half)) = place(&mut layout, AbsoluteAxisCode::ABS_RX, 18_022) else {
+    let Some(InputAction::Axis(_, half)) = place(&mut layout, AbsoluteAxisCode::ABS_RX, 18_022)
+    else {
         panic!("a pushed stick is no event");
     };
     assert!((half - 0.5).abs() < 1e-3, "{half}");

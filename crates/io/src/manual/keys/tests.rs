@@ -9,81 +9,96 @@ fn typed(bytes: &[u8]) -> Vec<Typed> {
     bytes.iter().filter_map(|byte| decoder.feed(*byte)).collect()
 }
 
-fn acts(bytes: &[u8]) -> Vec<Act> {
-    let act = |typed| match typed {
-        Typed::Act(act) => Some(act),
+fn actions(bytes: &[u8]) -> Vec<InputAction> {
+    let action = |typed| match typed {
+        Typed::Action(action) => Some(action),
         Typed::CanRelease => None,
     };
-    typed(bytes).into_iter().filter_map(act).collect()
+    typed(bytes).into_iter().filter_map(action).collect()
 }
 
 #[test]
 fn letters_of_the_published_program_keep_their_meaning() {
     for (key, expected) in [
-        (b'q', Act::Ask(Ask::Land)),
-        (b't', Act::Ask(Ask::TakeOff)),
-        (b'r', Act::Ask(Ask::Land)),
-        (b'e', Act::Manual),
-        (b'c', Act::Automatic),
-        (b'w', Act::Pulse(Direction::Forward)),
-        (b's', Act::Pulse(Direction::Backward)),
-        (b'a', Act::Pulse(Direction::Left)),
-        (b'd', Act::Pulse(Direction::Right)),
-        (b'i', Act::Pulse(Direction::Up)),
-        (b'k', Act::Pulse(Direction::Down)),
-        (b'j', Act::Pulse(Direction::TurnLeft)),
-        (b'l', Act::Pulse(Direction::TurnRight)),
+        (b'q', InputAction::Order(PersonOrder::Land)),
+        (b't', InputAction::Order(PersonOrder::TakeOff)),
+        (b'r', InputAction::Order(PersonOrder::Land)),
+        (b'e', InputAction::Manual),
+        (b'c', InputAction::Automatic),
+        (b'w', InputAction::Pulse(Direction::Forward)),
+        (b's', InputAction::Pulse(Direction::Backward)),
+        (b'a', InputAction::Pulse(Direction::Left)),
+        (b'd', InputAction::Pulse(Direction::Right)),
+        (b'i', InputAction::Pulse(Direction::Up)),
+        (b'k', InputAction::Pulse(Direction::Down)),
+        (b'j', InputAction::Pulse(Direction::TurnLeft)),
+        (b'l', InputAction::Pulse(Direction::TurnRight)),
     ] {
-        assert_eq!(acts(&[key]), [expected], "{}", char::from(key));
+        assert_eq!(actions(&[key]), [expected], "{}", char::from(key));
         let upper = key.to_ascii_uppercase();
-        assert_eq!(acts(&[upper]), [expected], "caps lock must not matter: {}", char::from(upper));
+        assert_eq!(
+            actions(&[upper]),
+            [expected],
+            "caps lock must not matter: {}",
+            char::from(upper)
+        );
     }
-    assert_eq!(acts(b"xyz \r\n0123456789\t"), []);
+    assert_eq!(actions(b"xyz \r\n0123456789\t"), []);
 }
 
 #[test]
 fn backspace_stops_the_motors_at_any_place() {
-    let stop = Act::Ask(Ask::EmergencyStop);
-    assert_eq!(acts(b"\x7f"), [stop]);
-    assert_eq!(acts(b"\x08"), [stop]);
-    assert_eq!(acts(b"\x1b\x7f"), [stop], "after Escape, as with Alt held");
-    assert_eq!(acts(b"\x1b[\x7f"), [stop], "in a sequence that never ended");
-    assert_eq!(acts(b"\x1b[119;1:\x7f"), [stop]);
-    assert_eq!(acts(b"\x1b[127u"), [stop]);
-    assert_eq!(acts(b"\x1b[127;1:1u\x1b[127;1:3u"), [stop], "the release is no event");
-    assert_eq!(acts(b"\x1b[127;5u"), [stop], "with Ctrl");
+    let stop = InputAction::Order(PersonOrder::EmergencyStop);
+    assert_eq!(actions(b"\x7f"), [stop]);
+    assert_eq!(actions(b"\x08"), [stop]);
+    assert_eq!(actions(b"\x1b\x7f"), [stop], "after Escape, as with Alt held");
+    assert_eq!(actions(b"\x1b[\x7f"), [stop], "in a sequence that never ended");
+    assert_eq!(actions(b"\x1b[119;1:\x7f"), [stop]);
+    assert_eq!(actions(b"\x1b[127u"), [stop]);
+    assert_eq!(actions(b"\x1b[127;1:1u\x1b[127;1:3u"), [stop], "the release is no event");
+    assert_eq!(actions(b"\x1b[127;5u"), [stop], "with Ctrl");
 }
 
 #[test]
 fn a_key_of_another_script_counts_by_its_place_and_a_latin_letter_by_itself() {
     // Cyrillic es and tse, on the keys C and W; A of a French keyboard, on the key Q.
-    assert_eq!(acts(b"\x1b[1089::99;5u"), [Act::Ask(Ask::Land)]);
-    assert_eq!(acts(b"\x1b[1094::119u"), [Act::Press(Direction::Forward)]);
-    assert_eq!(acts(b"\x1b[1094:1062:119;2:3u"), [Act::Release(Direction::Forward)]);
-    assert_eq!(acts(b"\x1b[97::113u"), [Act::Press(Direction::Left)]);
-    assert_eq!(acts(b"\x1b[1094u"), []);
+    assert_eq!(actions(b"\x1b[1089::99;5u"), [InputAction::Order(PersonOrder::Land)]);
+    assert_eq!(actions(b"\x1b[1094::119u"), [InputAction::Press(Direction::Forward)]);
+    assert_eq!(actions(b"\x1b[1094:1062:119;2:3u"), [InputAction::Release(Direction::Forward)]);
+    assert_eq!(actions(b"\x1b[97::113u"), [InputAction::Press(Direction::Left)]);
+    assert_eq!(actions(b"\x1b[1094u"), []);
 }
 
 #[test]
 fn interrupt_lands() {
-    assert_eq!(acts(b"\x03"), [Act::Ask(Ask::Land)]);
-    assert_eq!(acts(b"\x1b[99;5u"), [Act::Ask(Ask::Land)]);
-    assert_eq!(acts(b"\x1b[99;69:1u"), [Act::Ask(Ask::Land)], "caps lock is on");
-    assert_eq!(acts(b"\x1b[99;1u"), [Act::Automatic]);
+    assert_eq!(actions(b"\x03"), [InputAction::Order(PersonOrder::Land)]);
+    assert_eq!(actions(b"\x1b[99;5u"), [InputAction::Order(PersonOrder::Land)]);
+    assert_eq!(
+        actions(b"\x1b[99;69:1u"),
+        [InputAction::Order(PersonOrder::Land)],
+        "caps lock is on"
+    );
+    assert_eq!(actions(b"\x1b[99;1u"), [InputAction::Automatic]);
 }
 
 #[test]
 fn a_terminal_that_reports_releases_holds_keys() {
-    let acts = acts(b"\x1b[119;1:1u\x1b[119;1:2u\x1b[119;1:3u");
+    let actions = actions(b"\x1b[119;1:1u\x1b[119;1:2u\x1b[119;1:3u");
     let forward = Direction::Forward;
-    assert_eq!(acts, [Act::Press(forward), Act::Repeat(forward), Act::Release(forward)]);
+    assert_eq!(
+        actions,
+        [InputAction::Press(forward), InputAction::Repeat(forward), InputAction::Release(forward)]
+    );
 }
 
 #[test]
 fn a_release_counts_with_any_modifier() {
     let backward = Direction::Backward;
-    assert_eq!(acts(b"\x1b[115u\x1b[115;5:3u"), [Act::Press(backward), Act::Release(backward)]);
-    assert_eq!(acts(b"\x1b[115;5:1u"), [], "Ctrl-S steers nothing");
+    assert_eq!(
+        actions(b"\x1b[115u\x1b[115;5:3u"),
+        [InputAction::Press(backward), InputAction::Release(backward)]
+    );
+    assert_eq!(actions(b"\x1b[115;5:1u"), [], "Ctrl-S steers nothing");
 }
 
 #[test]
@@ -94,17 +109,21 @@ fn an_answer_is_reported_and_is_no_key() {
 
 #[test]
 fn a_window_that_loses_the_keyboard_lets_go_of_all_keys() {
-    assert_eq!(acts(b"\x1b[O"), [Act::LetGo]);
-    assert_eq!(acts(b"\x1b[I"), [], "and takes none when it is back");
-    assert_eq!(acts(b"\x1b[1;2O\x1b[?O"), [], "some other key");
+    assert_eq!(actions(b"\x1b[O"), [InputAction::LetGo]);
+    assert_eq!(actions(b"\x1b[I"), [], "and takes none when it is back");
+    assert_eq!(actions(b"\x1b[1;2O\x1b[?O"), [], "some other key");
 }
 
 #[test]
 fn other_keys_send_sequences_that_are_skipped_whole() {
     // Arrows, Home, F5, Delete, a mouse report, a focus event, Alt-x.
     assert_eq!(typed(b"\x1b[A\x1b[1;2D\x1b[H\x1b[15~\x1b[3~\x1b[<0;3;7M\x1b[I\x1bx"), []);
-    assert_eq!(acts(b"\x1b[Aw"), [Act::Pulse(Direction::Forward)], "the next key counts");
-    assert_eq!(acts(b"\x1b\x1b[Bt"), [Act::Ask(Ask::TakeOff)]);
+    assert_eq!(
+        actions(b"\x1b[Aw"),
+        [InputAction::Pulse(Direction::Forward)],
+        "the next key counts"
+    );
+    assert_eq!(actions(b"\x1b\x1b[Bt"), [InputAction::Order(PersonOrder::TakeOff)]);
 }
 
 #[test]
@@ -116,12 +135,19 @@ fn function_keys_mean_nothing_in_any_terminal() {
     // F1 to F5 of the Linux console.
     assert_eq!(typed(b"\x1b[[A\x1b[[B\x1b[[C\x1b[[D\x1b[[E"), []);
     assert_eq!(
-        acts(b"\x1bOQw\x1b[[Cw"),
-        [Act::Pulse(Direction::Forward); 2],
+        actions(b"\x1bOQw\x1b[[Cw"),
+        [InputAction::Pulse(Direction::Forward); 2],
         "the next key counts"
     );
-    assert_eq!(acts(b"\x1bO\x7f\x1b[[\x03"), [Act::Ask(Ask::EmergencyStop), Act::Ask(Ask::Land)]);
-    assert_eq!(acts(b"\x1bO\x1bOQ\x1b[[\x1b[Ar"), [Act::Ask(Ask::Land)], "broken ones");
+    assert_eq!(
+        actions(b"\x1bO\x7f\x1b[[\x03"),
+        [InputAction::Order(PersonOrder::EmergencyStop), InputAction::Order(PersonOrder::Land)]
+    );
+    assert_eq!(
+        actions(b"\x1bO\x1bOQ\x1b[[\x1b[Ar"),
+        [InputAction::Order(PersonOrder::Land)],
+        "broken ones"
+    );
 }
 
 #[test]
@@ -142,10 +168,10 @@ proptest! {
         }
         for stop in [0x7f, 0x08] {
             let mut decoder = decoder.clone();
-            let stopped = Some(Typed::Act(Act::Ask(Ask::EmergencyStop)));
+            let stopped = Some(Typed::Action(InputAction::Order(PersonOrder::EmergencyStop)));
             prop_assert_eq!(decoder.feed(stop), stopped);
             // Directly behind the noise it may be the last byte of another key.
-            prop_assert_eq!(decoder.feed(b't'), Some(Typed::Act(Act::Ask(Ask::TakeOff))));
+            prop_assert_eq!(decoder.feed(b't'), Some(Typed::Action(InputAction::Order(PersonOrder::TakeOff))));
         }
     }
 }

@@ -3,7 +3,7 @@ use std::os::fd::AsFd;
 
 use rtrb::{Consumer, RingBuffer};
 
-use super::super::{Ask, Direction};
+use super::super::{Direction, PersonOrder};
 use super::*;
 
 /// An outlet into a queue of two events, its other end, and what closes it.
@@ -26,11 +26,11 @@ fn an_outlet_closes_at_the_end_of_the_flight() {
 fn an_emergency_stop_needs_neither_room_nor_a_control_loop() {
     let (mut outlet, events, ends) = outlet();
     let emergency = outlet.emergency.clone();
-    outlet.push(Source::Terminal, Act::Press(Direction::Forward));
-    outlet.push(Source::Terminal, Act::Release(Direction::Forward));
+    outlet.push(Source::Terminal, InputAction::Press(Direction::Forward));
+    outlet.push(Source::Terminal, InputAction::Release(Direction::Forward));
     assert!(!emergency.take(), "no person asked for it");
     let stuck = thread::spawn(move || {
-        outlet.push(Source::Terminal, Act::Ask(Ask::EmergencyStop));
+        outlet.push(Source::Terminal, InputAction::Order(PersonOrder::EmergencyStop));
         outlet
     });
     while !emergency.take() {
@@ -40,7 +40,7 @@ fn an_emergency_stop_needs_neither_room_nor_a_control_loop() {
     drop(events);
     let mut outlet = stuck.join().unwrap();
     assert!(outlet.is_open());
-    outlet.push(Source::Terminal, Act::Ask(Ask::EmergencyStop));
+    outlet.push(Source::Terminal, InputAction::Order(PersonOrder::EmergencyStop));
     assert!(emergency.take());
     ends.store(true, Ordering::Relaxed);
     assert!(!outlet.is_open());
@@ -50,24 +50,24 @@ fn an_emergency_stop_needs_neither_room_nor_a_control_loop() {
 fn an_event_has_its_source_and_the_time_of_its_reading() {
     let (mut outlet, mut events, _ends) = outlet();
     let before = outlet.now();
-    outlet.push(Source::Device, Act::Ask(Ask::Land));
-    let Event { at, source, act } = events.pop().unwrap();
-    assert_eq!((source, act), (Source::Device, Act::Ask(Ask::Land)));
+    outlet.push(Source::Device, InputAction::Order(PersonOrder::Land));
+    let Event { at, source, action } = events.pop().unwrap();
+    assert_eq!((source, action), (Source::Device, InputAction::Order(PersonOrder::Land)));
     assert!(before <= at && at <= outlet.now());
 }
 
 #[test]
 fn a_release_waits_for_room_and_is_not_lost() {
     let (mut outlet, mut events, _ends) = outlet();
-    let acts = [
-        Act::Press(Direction::Forward),
-        Act::Press(Direction::Left),
-        Act::Release(Direction::Forward),
-        Act::Release(Direction::Left),
+    let actions = [
+        InputAction::Press(Direction::Forward),
+        InputAction::Press(Direction::Left),
+        InputAction::Release(Direction::Forward),
+        InputAction::Release(Direction::Left),
     ];
     let writer = thread::spawn(move || {
-        for act in acts {
-            outlet.push(Source::Terminal, act);
+        for action in actions {
+            outlet.push(Source::Terminal, action);
         }
     });
     // The third event finds the queue full, until there is a look at it.
@@ -75,29 +75,29 @@ fn a_release_waits_for_room_and_is_not_lost() {
         thread::yield_now();
     }
     let mut heard = Vec::new();
-    while heard.len() < acts.len() {
+    while heard.len() < actions.len() {
         match events.pop() {
-            Ok(event) => heard.push(event.act),
+            Ok(event) => heard.push(event.action),
             Err(_) => thread::yield_now(),
         }
     }
     writer.join().unwrap();
-    assert_eq!(heard, acts);
+    assert_eq!(heard, actions);
 }
 
 #[test]
 fn a_full_queue_does_not_hold_up_the_end() {
     for closes_by_order in [true, false] {
         let (mut outlet, events, ends) = outlet();
-        outlet.push(Source::Terminal, Act::Manual);
-        outlet.push(Source::Terminal, Act::Manual);
+        outlet.push(Source::Terminal, InputAction::Manual);
+        outlet.push(Source::Terminal, InputAction::Manual);
         if closes_by_order {
             ends.store(true, Ordering::Relaxed);
         } else {
             drop(events);
         }
         // It returns.
-        outlet.push(Source::Terminal, Act::Lost);
+        outlet.push(Source::Terminal, InputAction::Lost);
     }
 }
 

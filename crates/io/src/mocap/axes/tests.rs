@@ -132,7 +132,7 @@ proptest! {
     }
 
     #[test]
-    fn distances_and_turns_stay_as_they_are(
+    fn the_mapping_of_axes_keeps_distances_and_gives_rotations(
         a in prop::array::uniform3(-9.0..9.0), b in prop::array::uniform3(-9.0..9.0),
         angles in prop::array::uniform3(-3.0..3.0),
     ) {

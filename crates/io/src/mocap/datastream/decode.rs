@@ -52,7 +52,7 @@ pub fn object_enums(body: &[u8], mut on_id: impl FnMut(u32)) -> Option<()> {
 }
 
 /// Number of the frame.
-pub fn frame_number(body: &[u8]) -> Option<u32> {
+pub(crate) fn frame_number(body: &[u8]) -> Option<u32> {
     let mut bytes = Bytes::new(body);
     let number = bytes.u32_le()?;
     bytes.end()?;
@@ -66,7 +66,7 @@ pub fn rate_hz(body: &[u8]) -> Option<f64> {
 }
 
 /// Sum of the latencies of a `LATENCY_INFO`; any number. s
-pub fn latency_s(body: &[u8]) -> Option<f64> {
+pub(crate) fn latency_s(body: &[u8]) -> Option<f64> {
     let mut bytes = Bytes::new(body);
     let mut sum_s = 0.0;
     for _ in 0..bytes.u32_le()? {
@@ -78,7 +78,7 @@ pub fn latency_s(body: &[u8]) -> Option<f64> {
 }
 
 /// Whether y points up, by an `APPLICATION_INFO`; else z does.
-pub fn is_y_up(body: &[u8]) -> Option<bool> {
+pub(crate) fn is_y_up(body: &[u8]) -> Option<bool> {
     Some(Bytes::new(body).u8()? != 0)
 }
 
@@ -102,7 +102,10 @@ pub fn subject(body: &[u8]) -> Option<(&[u8], Option<Segment>)> {
 
 /// Calls `on_segment` with each segment of a `GLOBAL_SEGMENTS` and its placement in the world, position in m. `None`:
 /// the body is malformed; segments before the defect were reported.
-pub fn global_segments(body: &[u8], mut on_segment: impl FnMut(Segment, Placement)) -> Option<()> {
+pub(crate) fn global_segments(
+    body: &[u8],
+    mut on_segment: impl FnMut(Segment, Placement),
+) -> Option<()> {
     let mut bytes = Bytes::new(body);
     let subject = bytes.u32_le()?;
     for _ in 0..bytes.u32_le()? {

@@ -3,8 +3,7 @@
 use super::decode::{NO_PARENT, TICKS_PER_S};
 use super::id;
 use super::packet::MAGIC;
-use crate::mocap::M_PER_MM;
-use crate::mocap::{Body, matrix_of_angles};
+use crate::mocap::{Body, M_PER_MM, matrix_of_angles};
 
 /// Identity of a subject's one segment.
 const SEGMENT: u32 = 1;

@@ -6,10 +6,10 @@ use crate::mocap::SourceError;
 use crate::mocap::bytes::Bytes;
 
 /// First bytes of every packet.
-pub const MAGIC: u32 = 0x1A2B_0001;
+pub(crate) const MAGIC: u32 = 0x1A2B_0001;
 
 /// Longest packet that is read, with its head: a hundred subjects of a hundred segments fit. bytes
-pub const PACKET_BYTES_MAX: usize = 1 << 20;
+pub(crate) const PACKET_BYTES_MAX: usize = 1 << 20;
 
 const HEAD_BYTES: usize = 8;
 

@@ -6,7 +6,7 @@
 
 #![deny(clippy::indexing_slicing)]
 
-use core::net::{Ipv4Addr, SocketAddrV4};
+use std::net::{Ipv4Addr, SocketAddrV4};
 
 use crate::mocap::bytes::Bytes;
 
@@ -146,7 +146,7 @@ pub fn number(body: &[u8]) -> Option<f64> {
 }
 
 /// Calls `on_body` with identity and name of each rigid body that is described. `None`: truncated or malformed.
-pub fn rigid_body_names(
+pub(crate) fn rigid_body_names(
     body: &[u8],
     version: Version,
     mut on_body: impl FnMut(i32, &[u8]),

@@ -28,7 +28,7 @@ pub(super) const BODIES: u32 = 5;
 pub(super) const LOSSES_BYTES: usize = 2 + 2;
 
 /// Longest packet that is read, without its head. bytes
-pub const PACKET_BYTES_MAX: usize = 1 << 20;
+pub(crate) const PACKET_BYTES_MAX: usize = 1 << 20;
 
 const HEAD_BYTES: usize = 8;
 

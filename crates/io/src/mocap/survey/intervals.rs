@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_and_steps_that_are_none_have_no_usual_one() {
+    fn no_steps_and_steps_of_zero_have_no_usual_step() {
         let mut intervals = Intervals::default();
         assert_eq!((intervals.usual(), intervals.missing()), (None, 0));
         assert!(intervals.mean() == 0.0 && intervals.deviation() == 0.0);

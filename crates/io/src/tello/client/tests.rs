@@ -3,7 +3,7 @@ use std::os::unix::net::UnixStream;
 
 use tokio::time::timeout;
 
-use super::super::guardian::Duty;
+use super::super::guardian::SenderState;
 use super::super::protocol::{DronePacket, FlightStatus};
 use super::super::tests::table;
 use super::super::{Protocol, TelloTable};
@@ -176,8 +176,8 @@ fn guarded(now: TimeNs) -> (DroneClient, DroneLink, UnixStream) {
         client.session.receive(&bytes, now);
     }
     client.session.order(DroneOrder::TakeOff, now);
-    assert_eq!(client.session.duty(now), Duty::Steering);
-    client.heartbeat.beat(Duty::Steering, now);
+    assert_eq!(client.session.sender_state(now), SenderState::Steering);
+    client.heartbeat.beat(SenderState::Steering, now);
     (client, link, channel.unwrap())
 }
 
@@ -187,7 +187,7 @@ async fn a_guardian_that_watches_changes_nothing() {
     let (mut client, link, _channel) = guarded(now);
     let wire = wire(&client);
     wire.ask_guardian(&mut client.heartbeat, &mut client.session, now.after(SpanNs::from_ms(40)));
-    assert_eq!(client.session.duty(now), Duty::Steering);
+    assert_eq!(client.session.sender_state(now), SenderState::Steering);
     let LinkCounters { guardian_landings, guardians_lost, .. } = &*link.counters;
     assert_eq!((guardian_landings.get(), guardians_lost.get()), (0, 0));
     assert_eq!(link.counters.longest_pause(), SpanNs::from_ms(40));
@@ -212,7 +212,7 @@ async fn a_landing_of_the_guardian_and_its_loss_are_gone_on_with_and_counted_apa
         wire.ask_guardian(&mut client.heartbeat, &mut client.session, now);
         let LinkCounters { guardian_landings, guardians_lost, .. } = &*link.counters;
         assert_eq!((guardian_landings.get(), guardians_lost.get()), counts);
-        assert_eq!(client.session.duty(now), Duty::Landing, "no stick follows");
+        assert_eq!(client.session.sender_state(now), SenderState::Landing, "no stick follows");
     }
 }
 

@@ -11,7 +11,7 @@ use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
 use super::super::Protocol;
-use super::{Duty, GuardianSockets, HEARD, LANDING_ORDERED, READY};
+use super::{GuardianSockets, HEARD, LANDING_ORDERED, READY, SenderState};
 use crate::clock::{SpanNs, TimeNs};
 
 /// Longest time between two heartbeats of a sender without other work.
@@ -19,7 +19,7 @@ pub(in crate::tello) const BEAT_PERIOD: SpanNs = SpanNs::from_ms(40);
 /// Own silence after which the guardian may have landed the drone: less than its timeout, which begins when
 /// the heartbeat arrives.
 const PAUSE_MAX: SpanNs = SpanNs::from_ms(250);
-/// Shortest time between two heartbeats with the same duty.
+/// Shortest time between two heartbeats with the same state.
 const REPEAT_AFTER: SpanNs = SpanNs::from_ms(15);
 /// Heartbeats without an answer after which the guardian counts as gone. Only the sender's own turns count, and
 /// of the time between two of them at most [`BEAT_PERIOD`]: a machine that stalls both is no silence.
@@ -48,7 +48,7 @@ pub enum GuardianReport {
 #[derive(Debug, Default)]
 pub struct Heartbeat {
     channel: Option<UnixStream>,
-    last: Option<(Duty, TimeNs)>,
+    last: Option<(SenderState, TimeNs)>,
     /// Time without an answer of the guardian while the sender had its turns.
     silence: SpanNs,
     /// Whether [`GuardianReport::Gone`] was reported.
@@ -86,20 +86,20 @@ impl Heartbeat {
         Ok(Self { channel: Some(channel), ..Self::default() })
     }
 
-    /// Reports the duty of the sender at `now`. To be called at least every 40 ms.
-    pub fn beat(&mut self, duty: Duty, now: TimeNs) {
+    /// Reports the state of the sender at `now`. To be called at least every 40 ms.
+    pub fn beat(&mut self, state: SenderState, now: TimeNs) {
         let is_news =
-            self.last.is_none_or(|(last, at)| last != duty || now.since(at) >= REPEAT_AFTER);
+            self.last.is_none_or(|(last, at)| last != state || now.since(at) >= REPEAT_AFTER);
         if !is_news {
             return;
         }
         if let Some(channel) = &mut self.channel {
             // A guardian that is gone shows in `report`; one that does not read has enough to read.
-            channel.write_all(&[duty as u8]).ok();
+            channel.write_all(&[state as u8]).ok();
             let unanswered = self.last.map_or(SpanNs(0), |(_, at)| now.since(at).min(BEAT_PERIOD));
             self.silence = SpanNs(self.silence.0.saturating_add(unanswered.0));
         }
-        self.last = Some((duty, now));
+        self.last = Some((state, now));
     }
 
     /// Newest report of the guardian up to `now`.
@@ -130,9 +130,9 @@ impl Heartbeat {
             return GuardianReport::Gone;
         }
         let has_paused =
-            self.last.is_some_and(|(duty, at)| duty.is_guarded() && now.since(at) >= PAUSE_MAX);
+            self.last.is_some_and(|(state, at)| state.is_guarded() && now.since(at) >= PAUSE_MAX);
         if has_ordered_landing || (has_paused && !has_ended) {
-            let is_steered = matches!(self.last, Some((Duty::Steering, _)));
+            let is_steered = matches!(self.last, Some((SenderState::Steering, _)));
             return GuardianReport::LandingOrdered { is_steered };
         }
         GuardianReport::Continue
@@ -140,7 +140,7 @@ impl Heartbeat {
 
     /// How long ago the last heartbeat was, if a drone depended on it.
     pub(in crate::tello) fn pause(&self, now: TimeNs) -> Option<SpanNs> {
-        self.last.and_then(|(duty, at)| duty.is_guarded().then(|| now.since(at)))
+        self.last.and_then(|(state, at)| state.is_guarded().then(|| now.since(at)))
     }
 
     /// The sender has ended as it should.
@@ -150,7 +150,7 @@ impl Heartbeat {
         let sent = channel
             .set_nonblocking(false)
             .and_then(|()| channel.set_write_timeout(Some(END_TIME)))
-            .and_then(|()| channel.write_all(&[Duty::Over as u8]));
+            .and_then(|()| channel.write_all(&[SenderState::Over as u8]));
         sent.ok();
     }
 }

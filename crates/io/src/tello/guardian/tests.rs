@@ -25,8 +25,8 @@ impl Fixture {
         fixture
     }
 
-    fn send(&mut self, duty: Duty) {
-        self.sender.write_all(&[duty as u8]).unwrap();
+    fn send(&mut self, state: SenderState) {
+        self.sender.write_all(&[state as u8]).unwrap();
     }
 
     /// What the guardian sends within `within_s`, but for its answers to heartbeats.
@@ -66,20 +66,20 @@ impl Fixture {
 #[test]
 fn silence_in_flight_lands_until_the_sender_goes_on_with_it_and_silence_then_lands_again() {
     let mut fixture = Fixture::start();
-    fixture.send(Duty::Steering);
+    fixture.send(SenderState::Steering);
     let since_s = fixture.clock.now().seconds();
     let first_s = fixture.landing(1.0);
     assert!((0.25..0.45).contains(&(first_s - since_s)), "{}", first_s - since_s);
     assert_eq!(fixture.word(0.1), Some(LANDING_ORDERED));
     // It does not know of the landing yet.
-    fixture.send(Duty::Steering);
+    fixture.send(SenderState::Steering);
     let second_s = fixture.landing(1.0);
     assert!((0.2..0.4).contains(&(second_s - first_s)), "{}", second_s - first_s);
-    fixture.send(Duty::Landing);
+    fixture.send(SenderState::Landing);
     let since_s = fixture.clock.now().seconds();
     let third_s = fixture.landing(1.0);
     assert!(third_s - since_s > 0.25, "it lands beside a sender that does: {third_s} {since_s}");
-    fixture.send(Duty::Over);
+    fixture.send(SenderState::Over);
     assert_eq!(fixture.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::Over));
     assert_eq!(fixture.packet(0.1), None);
 }
@@ -87,14 +87,14 @@ fn silence_in_flight_lands_until_the_sender_goes_on_with_it_and_silence_then_lan
 #[test]
 fn a_sender_that_goes_on_with_the_landing_is_left_alone() {
     let mut fixture = Fixture::start();
-    fixture.send(Duty::Steering);
+    fixture.send(SenderState::Steering);
     fixture.landing(1.0);
     // Two and a half times as long as between two landings of the guardian.
     for _ in 0..15 {
-        fixture.send(Duty::Landing);
+        fixture.send(SenderState::Landing);
         assert_eq!(fixture.packet(0.04), None);
     }
-    fixture.send(Duty::Over);
+    fixture.send(SenderState::Over);
     assert_eq!(fixture.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::Over));
 }
 
@@ -102,11 +102,11 @@ fn a_sender_that_goes_on_with_the_landing_is_left_alone() {
 #[ignore = "seconds of real time: in .ci/run all"]
 fn a_sender_that_steers_on_is_landed_all_the_same() {
     let mut fixture = Fixture::start();
-    fixture.send(Duty::Steering);
+    fixture.send(SenderState::Steering);
     let since_s = fixture.landing(1.0);
     let mut landings = 0;
     while fixture.clock.now().seconds() < since_s + 1.0 {
-        fixture.send(Duty::Steering);
+        fixture.send(SenderState::Steering);
         landings += usize::from(fixture.packet(0.04).is_some_and(|(_, text)| text == "land"));
     }
     assert!(landings >= 2, "{landings} more in 1 s");
@@ -115,12 +115,12 @@ fn a_sender_that_steers_on_is_landed_all_the_same() {
 #[test]
 fn every_heartbeat_is_answered_at_once_whatever_is_going_on() {
     let mut fixture = Fixture::start();
-    for duty in [Duty::Idle, Duty::Steering, Duty::Landing] {
-        fixture.send(duty);
-        assert_eq!(fixture.any_word(0.2), Some(HEARD), "{duty:?}");
+    for state in [SenderState::Idle, SenderState::Steering, SenderState::Landing] {
+        fixture.send(state);
+        assert_eq!(fixture.any_word(0.2), Some(HEARD), "{state:?}");
     }
     assert_eq!(fixture.any_word(1.0), Some(LANDING_ORDERED));
-    fixture.send(Duty::Landing);
+    fixture.send(SenderState::Landing);
     assert_eq!(fixture.any_word(0.2), Some(HEARD));
 }
 
@@ -129,7 +129,7 @@ fn a_sender_that_reads_nothing_does_not_hold_up_the_guardian() {
     let mut fixture = Fixture::start();
     fixture.sender.set_nonblocking(true).unwrap();
     for _ in 0..5_000 {
-        fixture.sender.write_all(&[Duty::Steering as u8]).ok();
+        fixture.sender.write_all(&[SenderState::Steering as u8]).ok();
         thread::yield_now();
     }
     fixture.landing(1.0);
@@ -138,7 +138,7 @@ fn a_sender_that_reads_nothing_does_not_hold_up_the_guardian() {
 #[test]
 fn the_landing_is_reported_before_it_is_ordered() {
     let mut fixture = Fixture::start();
-    fixture.send(Duty::Steering);
+    fixture.send(SenderState::Steering);
     assert_eq!(fixture.any_word(0.2), Some(HEARD));
     fixture.packet(1.0).unwrap();
     fixture.sender.set_nonblocking(true).unwrap();
@@ -148,13 +148,13 @@ fn the_landing_is_reported_before_it_is_ordered() {
 
 #[test]
 fn a_channel_that_closes_in_flight_lands_at_once() {
-    for duty in [Duty::Steering, Duty::Landing] {
+    for state in [SenderState::Steering, SenderState::Landing] {
         let mut fixture = Fixture::start();
-        fixture.send(duty);
+        fixture.send(state);
         let since_s = fixture.clock.now().seconds();
         drop(std::mem::replace(&mut fixture.sender, UnixStream::pair().unwrap().0));
         let after_s = fixture.landing(1.0) - since_s;
-        assert!(after_s < 0.2, "{duty:?}: {after_s} s");
+        assert!(after_s < 0.2, "{state:?}: {after_s} s");
         assert_eq!(fixture.end.recv_timeout(Duration::from_secs(1)), Ok(WatchEnd::Abandoned));
     }
 }
@@ -162,11 +162,11 @@ fn a_channel_that_closes_in_flight_lands_at_once() {
 #[test]
 #[ignore = "seconds of real time: in .ci/run all"]
 fn without_a_drone_in_the_air_neither_silence_nor_an_end_sends_anything_to_it() {
-    for last in [None, Some(Duty::Idle), Some(Duty::Over)] {
+    for last in [None, Some(SenderState::Idle), Some(SenderState::Over)] {
         let mut fixture = Fixture::start();
-        for duty in [Duty::Steering, Duty::Landing].into_iter().chain(last) {
+        for state in [SenderState::Steering, SenderState::Landing].into_iter().chain(last) {
             if last.is_some() {
-                fixture.send(duty);
+                fixture.send(state);
             }
         }
         assert_eq!(fixture.packet(0.5), None, "{last:?}");
@@ -184,7 +184,7 @@ fn without_a_drone_in_the_air_neither_silence_nor_an_end_sends_anything_to_it() 
 #[ignore = "15 s of real time: .ci/run all runs it"]
 fn a_sender_that_stays_silent_is_given_up_after_15_s_and_its_end_is_reported() {
     let mut fixture = Fixture::start();
-    fixture.send(Duty::Steering);
+    fixture.send(SenderState::Steering);
     let first_s = fixture.landing(1.0);
     let mut last_s = first_s;
     for _ in 1..LANDINGS_MAX {

@@ -18,7 +18,7 @@ impl Session {
     /// opposite is seen, or until there was no fresh pose for 2 s.
     pub fn observe_pose(&mut self, is_airborne: Option<bool>, now: TimeNs) {
         self.sources.observe_pose(is_airborne, now);
-        self.note_rest(now);
+        self.advance_touchdown(now);
     }
 
     /// Whether the drone may be in the air by status and pose and by what was sent to it: if in doubt, yes. Our sticks
@@ -57,7 +57,7 @@ impl Session {
     /// earlier take-off may be running.
     pub(super) fn may_take_off(&self, now: TimeNs) -> bool {
         let may_be_lost = |TakeOffOrder { at, .. }| {
-            self.talk.take_off_repeat_after().is_some_and(|after| now.since(at) >= after)
+            self.protocol.take_off_repeat_after().is_some_and(|after| now.since(at) >= after)
         };
         let is_first_or_lost = self.take_off.is_none_or(may_be_lost);
         self.may_steer() && self.sources.status(now) == Some(false) && is_first_or_lost
@@ -72,7 +72,7 @@ impl Session {
 
     /// Ends a landing or an emergency stop when the drone has been down for long enough, and resumes it when a
     /// source reports that the drone is airborne again: the source may have been missing before.
-    pub(super) fn note_rest(&mut self, now: TimeNs) {
+    pub(super) fn advance_touchdown(&mut self, now: TimeNs) {
         let is_airborne = self.sources.is_airborne(now) == Some(true);
         if let Some(take_off) = &mut self.take_off {
             take_off.was_seen |= is_airborne;

@@ -1,6 +1,6 @@
 //! The session in the binary protocol: sequence numbers, the drone's questions, its settings.
 
-use super::messages::{Message, Received, Talk};
+use super::messages::{Message, Received, SessionProtocol};
 use super::{Approved, DroneOrder};
 use crate::clock::{CivilTime, SpanNs, TimeNs};
 use crate::tello::protocol::{
@@ -20,7 +20,7 @@ const HEADING_AGE_MAX: SpanNs = SpanNs::from_ms(300);
 
 /// Numbers and open questions.
 #[derive(Debug)]
-pub(super) struct BinaryTalk {
+pub(super) struct BinaryProtocol {
     /// The wall clock at time zero. ns since 1970
     utc_start_ns: i64,
     /// Highest altitude that the drone has yet to confirm. m
@@ -37,7 +37,7 @@ pub(super) struct BinaryTalk {
     heading: Option<(f64, TimeNs)>,
 }
 
-impl BinaryTalk {
+impl BinaryProtocol {
     pub(super) fn new(utc_start_ns: i64, altitude_limit_m: Option<u16>) -> Self {
         Self {
             utc_start_ns,
@@ -61,13 +61,13 @@ impl BinaryTalk {
     }
 }
 
-impl Talk for BinaryTalk {
-    fn ask(&mut self, outbox: &mut Vec<Message>) {
+impl SessionProtocol for BinaryProtocol {
+    fn request_connection(&mut self, outbox: &mut Vec<Message>) {
         outbox.push(Message::Binary(HostPacket::ConnReq { video_port: VIDEO_PORT }));
     }
 
     /// Sends the settings until the drone has confirmed them, and queries the missing values.
-    fn ping(&mut self, outbox: &mut Vec<Message>) {
+    fn send_periodic_requests(&mut self, outbox: &mut Vec<Message>) {
         if let Some(limit_m) = self.altitude_limit_m {
             self.next_number();
             let sequence = self.sequence;
@@ -83,8 +83,8 @@ impl Talk for BinaryTalk {
         }
     }
 
-    fn greet(&mut self, outbox: &mut Vec<Message>) {
-        self.ping(outbox);
+    fn on_connected(&mut self, outbox: &mut Vec<Message>) {
+        self.send_periodic_requests(outbox);
     }
 
     fn steer(&mut self, approved: Approved, now: TimeNs, outbox: &mut Vec<Message>) {
@@ -124,7 +124,7 @@ impl Talk for BinaryTalk {
     ) -> Option<Received> {
         let packet = match DronePacket::decode(datagram) {
             Ok(packet) => packet,
-            Err(PacketError::Unread { .. }) => return Some(Received::Life),
+            Err(PacketError::Unread { .. }) => return Some(Received::OtherPacket),
             Err(_) => return None,
         };
         Some(match packet {
@@ -132,29 +132,29 @@ impl Talk for BinaryTalk {
             DronePacket::DateTimeRequest { sequence } => {
                 let time = self.civil(now);
                 outbox.push(Message::Binary(HostPacket::DateTime { sequence, time }));
-                Received::Life
+                Received::OtherPacket
             }
             DronePacket::LogHeader { sequence, header_id } => {
                 outbox.push(Message::Binary(HostPacket::LogHeaderAck { sequence, header_id }));
-                Received::Life
+                Received::OtherPacket
             }
             DronePacket::Ack { action, sequence } => {
                 if self.unacknowledged == Some((action, sequence)) {
                     self.unacknowledged = None;
                     Received::Acknowledged
                 } else {
-                    Received::Life
+                    Received::OtherPacket
                 }
             }
             DronePacket::Answer { answer, .. } => {
                 for query in &mut self.queries {
                     *query = query.filter(|query| *query != answer.query());
                 }
-                Received::Fact(answer)
+                Received::Answer(answer)
             }
             DronePacket::SettingAck { setting: Setting::AltitudeLimit, .. } => {
                 self.altitude_limit_m = None;
-                Received::Life
+                Received::OtherPacket
             }
             DronePacket::Status { status, .. } => {
                 let is_fresh = |(_, at): &(f64, TimeNs)| now.since(*at) <= HEADING_AGE_MAX;
@@ -163,9 +163,9 @@ impl Talk for BinaryTalk {
             }
             DronePacket::LogData { yaw_rad, .. } => {
                 self.heading = Some((-yaw_rad, now));
-                Received::Life
+                Received::OtherPacket
             }
-            DronePacket::WifiStrength { .. } => Received::Life,
+            DronePacket::WifiStrength { .. } => Received::OtherPacket,
         })
     }
 }
@@ -176,73 +176,78 @@ mod tests {
     use super::*;
     use crate::tello::protocol::FlightStatus;
 
-    fn receive(talk: &mut BinaryTalk, packet: DronePacket) -> Option<Received> {
-        receive_at(talk, 0, packet)
+    fn receive(protocol: &mut BinaryProtocol, packet: DronePacket) -> Option<Received> {
+        receive_at(protocol, 0, packet)
     }
 
-    fn receive_at(talk: &mut BinaryTalk, now_ms: i64, packet: DronePacket) -> Option<Received> {
-        talk.receive(&bytes(packet), ms(now_ms), &mut Vec::new())
+    fn receive_at(
+        protocol: &mut BinaryProtocol,
+        now_ms: i64,
+        packet: DronePacket,
+    ) -> Option<Received> {
+        protocol.receive(&bytes(packet), ms(now_ms), &mut Vec::new())
     }
 
     #[test]
     fn numbers_begin_again_after_the_largest() {
-        let mut talk = BinaryTalk::new(0, None);
-        talk.sequence = u16::MAX;
-        talk.begin(DroneOrder::Land, ms(0));
-        assert_eq!(talk.sequence, 0);
+        let mut protocol = BinaryProtocol::new(0, None);
+        protocol.sequence = u16::MAX;
+        protocol.begin(DroneOrder::Land, ms(0));
+        assert_eq!(protocol.sequence, 0);
     }
 
     #[test]
     fn only_the_newest_action_is_acknowledged_and_only_once() {
-        let mut talk = BinaryTalk::new(0, None);
-        talk.sequence = 7;
-        talk.order(DroneOrder::Land, &mut Vec::new());
+        let mut protocol = BinaryProtocol::new(0, None);
+        protocol.sequence = 7;
+        protocol.order(DroneOrder::Land, &mut Vec::new());
         let ack = |action, sequence| DronePacket::Ack { action, sequence };
         for (packet, expected) in [
-            (ack(Action::Land, 6), Received::Life),
-            (ack(Action::TakeOff, 7), Received::Life),
+            (ack(Action::Land, 6), Received::OtherPacket),
+            (ack(Action::TakeOff, 7), Received::OtherPacket),
             (ack(Action::Land, 7), Received::Acknowledged),
-            (ack(Action::Land, 7), Received::Life),
+            (ack(Action::Land, 7), Received::OtherPacket),
         ] {
-            assert_eq!(receive(&mut talk, packet), Some(expected), "{packet:?}");
+            assert_eq!(receive(&mut protocol, packet), Some(expected), "{packet:?}");
         }
     }
 
     #[test]
     fn only_a_take_off_that_was_not_acknowledged_may_be_lost() {
-        let mut talk = BinaryTalk::new(0, None);
-        assert_eq!(talk.take_off_repeat_after(), None);
-        talk.order(DroneOrder::TakeOff, &mut Vec::new());
-        assert_eq!(talk.take_off_repeat_after(), Some(TAKE_OFF_REPEAT_AFTER));
-        receive(&mut talk, DronePacket::Ack { action: Action::TakeOff, sequence: 0 });
-        assert_eq!(talk.take_off_repeat_after(), None);
-        talk.order(DroneOrder::Land, &mut Vec::new());
-        assert_eq!(talk.take_off_repeat_after(), None);
+        let mut protocol = BinaryProtocol::new(0, None);
+        assert_eq!(protocol.take_off_repeat_after(), None);
+        protocol.order(DroneOrder::TakeOff, &mut Vec::new());
+        assert_eq!(protocol.take_off_repeat_after(), Some(TAKE_OFF_REPEAT_AFTER));
+        receive(&mut protocol, DronePacket::Ack { action: Action::TakeOff, sequence: 0 });
+        assert_eq!(protocol.take_off_repeat_after(), None);
+        protocol.order(DroneOrder::Land, &mut Vec::new());
+        assert_eq!(protocol.take_off_repeat_after(), None);
     }
 
     #[test]
     fn a_status_has_the_heading_of_the_log_counter_clockwise_while_it_is_fresh() {
-        let mut talk = BinaryTalk::new(0, None);
+        let mut protocol = BinaryProtocol::new(0, None);
         let status = DronePacket::Status { sequence: 1, status: FlightStatus::new(true) };
-        let heading = |talk: &mut BinaryTalk, now_ms| match receive_at(talk, now_ms, status) {
-            Some(Received::Status(status)) => status.heading_rad,
-            heard => panic!("{heard:?}"),
-        };
-        assert_eq!(heading(&mut talk, 0), None, "no log");
+        let heading =
+            |protocol: &mut BinaryProtocol, now_ms| match receive_at(protocol, now_ms, status) {
+                Some(Received::Status(status)) => status.heading_rad,
+                heard => panic!("{heard:?}"),
+            };
+        assert_eq!(heading(&mut protocol, 0), None, "no log");
         let log = DronePacket::LogData { sequence: 2, tick: 77, yaw_rad: 0.5 };
-        assert_eq!(receive_at(&mut talk, 100, log), Some(Received::Life));
+        assert_eq!(receive_at(&mut protocol, 100, log), Some(Received::OtherPacket));
         let near = |got: Option<f64>| got.is_some_and(|got| (got + 0.5).abs() < 1e-6);
-        assert!(near(heading(&mut talk, 100)) && near(heading(&mut talk, 400)));
-        assert_eq!(heading(&mut talk, 401), None, "an old one");
+        assert!(near(heading(&mut protocol, 100)) && near(heading(&mut protocol, 400)));
+        assert_eq!(heading(&mut protocol, 401), None, "an old one");
     }
 
     #[test]
     fn noise_is_not_understood_and_an_emergency_stop_has_no_number() {
-        let mut talk = BinaryTalk::new(0, None);
-        assert_eq!(talk.receive(b"noise", ms(0), &mut Vec::new()), None);
+        let mut protocol = BinaryProtocol::new(0, None);
+        assert_eq!(protocol.receive(b"noise", ms(0), &mut Vec::new()), None);
         let mut outbox = Vec::new();
-        talk.order(DroneOrder::EmergencyStop, &mut outbox);
+        protocol.order(DroneOrder::EmergencyStop, &mut outbox);
         assert_eq!(outbox, [Message::Binary(HostPacket::EmergencyStop)]);
-        assert_eq!(talk.unacknowledged, None);
+        assert_eq!(protocol.unacknowledged, None);
     }
 }

@@ -1,9 +1,9 @@
-//! Hand-over of a session to the guardian: its present duty, and the packets that land the drone.
+//! Hand-over of a session to the guardian: the state of its sender, and the packets that land the drone.
 
 use horizon_model::rows::Sticks;
 
 use super::super::Protocol;
-use super::super::guardian::Duty;
+use super::super::guardian::SenderState;
 use super::super::protocol::{Action, HostPacket};
 use super::super::text::Command;
 use super::{DroneOrder, Message, Session};
@@ -33,15 +33,15 @@ pub(in crate::tello) fn landing_packets(protocol: Protocol, landings: u32) -> [V
 }
 
 impl Session {
-    /// Duty that the guardian goes on with if [`Session::advance`] is not called any more: none in a dry run. An
+    /// State by which the guardian decides if [`Session::advance`] is not called any more: `Idle` in a dry run. An
     /// emergency stop counts as a landing: neutral sticks and LAND are its next step.
-    pub(in crate::tello) fn duty(&self, now: TimeNs) -> Duty {
+    pub(in crate::tello) fn sender_state(&self, now: TimeNs) -> SenderState {
         if self.is_dry_run || !self.may_be_airborne(now) {
-            Duty::Idle
+            SenderState::Idle
         } else if self.may_steer() {
-            Duty::Steering
+            SenderState::Steering
         } else {
-            Duty::Landing
+            SenderState::Landing
         }
     }
 

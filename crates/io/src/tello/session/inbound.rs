@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 
 use super::messages::Received;
-use super::{Connection, PING_PERIOD, Session, SessionPhase};
+use super::{Connection, REQUEST_PERIOD, Session, SessionPhase};
 use crate::clock::TimeNs;
 use crate::tello::DroneStatus;
 
@@ -14,7 +14,7 @@ impl Session {
     /// grows, and for a refusal.
     pub fn receive(&mut self, datagram: &[u8], now: TimeNs) -> Option<DroneStatus> {
         let answered_from = self.outbox.len();
-        let heard = self.talk.receive(datagram, now, &mut self.outbox);
+        let heard = self.protocol.receive(datagram, now, &mut self.outbox);
         if heard == Some(Received::Refused) {
             self.counters.note_refusal(datagram);
         }
@@ -29,8 +29,8 @@ impl Session {
 
     /// Takes a state line of the text SDK, which came to a port of its own at `now`; its status, if the line has a
     /// charge and it is known whether the motors run. One that makes no sense is counted as malformed.
-    pub fn receive_state(&mut self, datagram: &[u8], now: TimeNs) -> Option<DroneStatus> {
-        let heard = self.talk.receive_state(datagram, now);
+    pub(crate) fn receive_state(&mut self, datagram: &[u8], now: TimeNs) -> Option<DroneStatus> {
+        let heard = self.protocol.receive_state(datagram, now);
         self.take(heard, now)
     }
 
@@ -45,17 +45,17 @@ impl Session {
         }
         match heard {
             // The words of a refusal are noted where they are read.
-            Received::Life | Received::Refused => {}
+            Received::OtherPacket | Received::Refused => {}
             Received::Connected => self.connect(now),
             Received::Acknowledged => self.counters.acks.count(),
-            Received::Fact(answer) => self.counters.note(answer),
+            Received::Answer(answer) => self.counters.note(answer),
             Received::Status(status) => {
                 self.sources.receive_status(&status, self.may_have_flown, now);
                 self.may_have_flown |= status.is_flying;
                 // A drone that reports knows us, should every answer be lost, or go to another port: state lines of
                 // the text SDK come in SDK mode only, in which it takes sticks.
                 self.connect(now);
-                self.note_rest(now);
+                self.advance_touchdown(now);
                 // A dry run plans as if its sticks were sent.
                 let takes_sticks = status.takes_sticks || self.is_dry_run;
                 return Some(DroneStatus { takes_sticks, ..status });
@@ -65,11 +65,12 @@ impl Session {
     }
 
     fn connect(&mut self, now: TimeNs) {
-        if matches!(self.link, Connection::Asking { .. }) {
-            self.link = Connection::Connected { heard_at: now, ping_at: now.after(PING_PERIOD) };
+        if matches!(self.link, Connection::Disconnected { .. }) {
+            self.link =
+                Connection::Connected { heard_at: now, request_at: now.after(REQUEST_PERIOD) };
             self.counters.is_connected.store(true, Ordering::Relaxed);
-            if self.may_ask(now) && self.may_steer() {
-                self.talk.greet(&mut self.outbox);
+            if self.may_request(now) && self.may_steer() {
+                self.protocol.on_connected(&mut self.outbox);
             }
         }
         self.was_connected = true;
@@ -93,14 +94,14 @@ mod tests {
     #[test]
     fn bytes_that_mean_nothing_are_counted_and_are_no_sign_of_life() {
         let mut session = binary();
-        let link = Connection::Connected { heard_at: ms(0), ping_at: ms(9_000) };
+        let link = Connection::Connected { heard_at: ms(0), request_at: ms(9_000) };
         session.link = link;
         assert_eq!(session.receive(b"noise", ms(50)), None);
         assert_eq!((session.counters.malformed.get(), session.counters.packets.get()), (1, 0));
         assert_eq!(session.link, link);
         assert!(session.receive(&status(false), ms(60)).is_some());
         assert_eq!((session.counters.malformed.get(), session.counters.packets.get()), (1, 1));
-        assert_eq!(session.link, Connection::Connected { heard_at: ms(60), ping_at: ms(9_000) });
+        assert_eq!(session.link, Connection::Connected { heard_at: ms(60), request_at: ms(9_000) });
     }
 
     #[test]

@@ -33,30 +33,30 @@ impl Message {
 /// Meaning of a datagram of the drone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Received {
-    /// The drone is there, and nothing else.
-    Life,
+    /// A packet that shows only that the drone is there.
+    OtherPacket,
     /// The request for a connection is answered.
     Connected,
     /// The newest action is answered.
     Acknowledged,
     /// An action, or something else, is refused.
     Refused,
-    /// The answer arrived.
-    Fact(Answer),
-    /// How the drone is.
+    /// The answer to a request for a value.
+    Answer(Answer),
+    /// The status of the drone.
     Status(DroneStatus),
 }
 
-/// One of the two protocols.
-pub(super) trait Talk: Debug + Send {
-    /// Asks for a connection.
-    fn ask(&mut self, outbox: &mut Vec<Message>);
+/// Messages and meanings of one of the two protocols.
+pub(super) trait SessionProtocol: Debug + Send {
+    /// Requests a connection.
+    fn request_connection(&mut self, outbox: &mut Vec<Message>);
 
-    /// Sends what is due every few seconds, on the ground and in the air.
-    fn ping(&mut self, outbox: &mut Vec<Message>);
+    /// Sends the requests that are repeated every two seconds, on the ground and in the air.
+    fn send_periodic_requests(&mut self, outbox: &mut Vec<Message>);
 
-    /// The first messages of a new connection.
-    fn greet(&mut self, outbox: &mut Vec<Message>);
+    /// Sends the first messages of a new connection.
+    fn on_connected(&mut self, outbox: &mut Vec<Message>);
 
     /// Sends sticks.
     fn steer(&mut self, approved: Approved, now: TimeNs, outbox: &mut Vec<Message>);
@@ -72,8 +72,8 @@ pub(super) trait Talk: Debug + Send {
         true
     }
 
-    /// Whether the drone may be asked something now.
-    fn may_ask(&self, _now: TimeNs) -> bool {
+    /// Whether a request may be sent now.
+    fn may_request(&self, _now: TimeNs) -> bool {
         true
     }
 
@@ -96,13 +96,13 @@ pub(super) trait Talk: Debug + Send {
 
 #[cfg(test)]
 mod tests {
-    use super::super::binary::BinaryTalk;
+    use super::super::binary::BinaryProtocol;
     use super::super::tests::ms;
-    use super::super::text::TextTalk;
+    use super::super::text::TextProtocol;
     use super::*;
 
-    fn both() -> [Box<dyn Talk>; 2] {
-        [Box::new(BinaryTalk::new(0, None)), Box::new(TextTalk::new(8890))]
+    fn both() -> [Box<dyn SessionProtocol>; 2] {
+        [Box::new(BinaryProtocol::new(0, None)), Box::new(TextProtocol::new(8890))]
     }
 
     #[test]
@@ -123,17 +123,18 @@ mod tests {
     fn a_take_off_holds_sticks_and_questions_back_in_the_text_sdk_only() {
         let [mut binary, mut text] = both();
         assert_eq!([binary.takes_sticks(ms(0)), text.takes_sticks(ms(0))], [true, false]);
-        assert!(binary.may_ask(ms(0)) && text.may_ask(ms(0)));
-        for talk in [&mut binary, &mut text] {
-            talk.begin(DroneOrder::TakeOff, ms(0));
+        assert!(binary.may_request(ms(0)) && text.may_request(ms(0)));
+        for protocol in [&mut binary, &mut text] {
+            protocol.begin(DroneOrder::TakeOff, ms(0));
         }
         assert_eq!([binary.takes_sticks(ms(1)), text.takes_sticks(ms(1))], [true, false]);
-        assert_eq!([binary.may_ask(ms(1)), text.may_ask(ms(1))], [true, false]);
+        assert_eq!([binary.may_request(ms(1)), text.may_request(ms(1))], [true, false]);
     }
 
     #[test]
     fn a_state_line_means_something_in_the_text_sdk_only() {
-        let heard = both().map(|mut talk| talk.receive_state(b"tof:10;bat:80;", ms(0)).is_some());
+        let heard =
+            both().map(|mut protocol| protocol.receive_state(b"tof:10;bat:80;", ms(0)).is_some());
         assert_eq!(heard, [false, true]);
     }
 }

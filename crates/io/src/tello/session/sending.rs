@@ -10,10 +10,10 @@ use crate::clock::TimeNs;
 impl Session {
     /// Sends sticks, if the drone has answered or reported and takes them now; never in a dry run.
     pub(super) fn send_sticks(&mut self, approved: Approved, now: TimeNs) {
-        if self.was_connected && !self.is_dry_run && self.talk.takes_sticks(now) {
+        if self.was_connected && !self.is_dry_run && self.protocol.takes_sticks(now) {
             self.may_have_flown |= approved != Approved::neutral();
             self.counters.sticks.count();
-            self.talk.steer(approved, now, &mut self.outbox);
+            self.protocol.steer(approved, now, &mut self.outbox);
         }
     }
 
@@ -21,28 +21,29 @@ impl Session {
     pub(super) fn send(&mut self, order: DroneOrder) {
         if !self.is_dry_run {
             self.counters.orders.count();
-            self.talk.order(order, &mut self.outbox);
+            self.protocol.order(order, &mut self.outbox);
         }
     }
 
     /// Neutral sticks and directly after them LAND. A request for a connection that is overdue goes before
     /// both, so that nothing stands between them: a drone that has restarted ignores LAND without one.
     pub(super) fn send_landing(&mut self, now: TimeNs) {
-        if let Connection::Asking { again_at, is_overdue: is_overdue @ true } = &mut self.link {
+        if let Connection::Disconnected { again_at, is_overdue: is_overdue @ true } = &mut self.link
+        {
             (*again_at, *is_overdue) = (now.after(CONNECT_PERIOD), false);
-            self.talk.ask(&mut self.outbox);
+            self.protocol.request_connection(&mut self.outbox);
         }
         self.send_neutral(now);
         // With a number of its own: a drone may take a known number for a copy of a landing that the
         // neutral sticks have just cancelled.
-        self.talk.begin(DroneOrder::Land, now);
+        self.protocol.begin(DroneOrder::Land, now);
         self.send(DroneOrder::Land);
     }
 
     /// Neutral sticks, whether the drone has acknowledged anything or not.
     fn send_neutral(&mut self, now: TimeNs) {
         if !self.is_dry_run {
-            self.talk.steer(Approved::neutral(), now, &mut self.outbox);
+            self.protocol.steer(Approved::neutral(), now, &mut self.outbox);
         }
     }
 
@@ -52,7 +53,7 @@ impl Session {
         let stop = EmergencyStop { since: now, again_at, at_rest: None, is_landing_next: true };
         self.phase = SessionPhase::EmergencyStop(stop);
         self.send_neutral(now);
-        self.talk.begin(DroneOrder::EmergencyStop, now);
+        self.protocol.begin(DroneOrder::EmergencyStop, now);
         for _ in 0..EMERGENCY_COPIES {
             self.send(DroneOrder::EmergencyStop);
         }
@@ -60,7 +61,7 @@ impl Session {
 
     /// The next step of the emergency-stop sequence: an emergency stop, or a landing in its turn if the emergency stop
     /// seems to have no effect.
-    pub(super) fn go_on_stopping(&mut self, stop: EmergencyStop, now: TimeNs) {
+    pub(super) fn continue_emergency_stop(&mut self, stop: EmergencyStop, now: TimeNs) {
         let is_obeyed = stop.at_rest.is_some_and(Rest::is_agreed);
         let is_landing_due = stop.is_landing_next && now.since(stop.since) >= EMERGENCY_LAND_AFTER;
         let is_landing = is_landing_due && !is_obeyed;
@@ -112,14 +113,14 @@ mod tests {
 
     #[test]
     fn an_overdue_request_goes_once_directly_before_a_landing() {
-        let asking = |is_overdue| Connection::Asking { again_at: ms(9_000), is_overdue };
+        let asking = |is_overdue| Connection::Disconnected { again_at: ms(9_000), is_overdue };
         let text = Session::text(8890, false, Arc::new(LinkCounters::default()));
         for mut session in [session(false), text] {
             session.link = asking(true);
             session.send_landing(ms(10));
             assert_eq!(waiting(&mut session), ["ask", "sticks", "land"]);
             let again_at = ms(10).after(CONNECT_PERIOD);
-            assert_eq!(session.link, Connection::Asking { again_at, is_overdue: false });
+            assert_eq!(session.link, Connection::Disconnected { again_at, is_overdue: false });
             session.send_landing(ms(20));
             assert_eq!(waiting(&mut session), ["sticks", "land"], "no longer overdue");
         }
@@ -163,7 +164,7 @@ mod tests {
             (stop(None, false), land_at, vec!["stop"], true),
         ] {
             let mut session = session(false);
-            session.go_on_stopping(stop, now);
+            session.continue_emergency_stop(stop, now);
             assert_eq!(waiting(&mut session), sent, "{stop:?}");
             let SessionPhase::EmergencyStop(next) = session.phase else { panic!("{session:?}") };
             assert_eq!(next.is_landing_next, is_landing_next, "{stop:?}");

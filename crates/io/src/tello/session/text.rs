@@ -6,7 +6,7 @@
 
 use tello_flight::drone::MOTORS_REST;
 
-use super::messages::{Message, Received, Talk};
+use super::messages::{Message, Received, SessionProtocol};
 use super::{Approved, DroneOrder};
 use crate::clock::{SpanNs, TimeNs};
 use crate::tello::DroneStatus;
@@ -30,7 +30,7 @@ pub const TOF_FLYING_M: std::ops::RangeInclusive<f64> = 0.31..=10.0;
 
 /// Newest reports of replies and state lines.
 #[derive(Debug, Default)]
-pub(super) struct TextTalk {
+pub(super) struct TextProtocol {
     /// Where the state line is to go, if not to the usual port.
     state_port: Option<u16>,
     take_off: TextTakeOff,
@@ -74,7 +74,7 @@ struct Motors {
     has_grown: bool,
 }
 
-impl TextTalk {
+impl TextProtocol {
     pub(super) fn new(state_port: u16) -> Self {
         let state_port = (state_port != STATE_PORT).then_some(state_port);
         Self { state_port, ..Self::default() }
@@ -113,13 +113,13 @@ impl TextTalk {
     }
 }
 
-impl Talk for TextTalk {
-    fn ask(&mut self, outbox: &mut Vec<Message>) {
+impl SessionProtocol for TextProtocol {
+    fn request_connection(&mut self, outbox: &mut Vec<Message>) {
         outbox.push(Message::Text(Command::Enter));
     }
 
     /// Sends the state line where it is listened for. The drone may have been started anew.
-    fn greet(&mut self, outbox: &mut Vec<Message>) {
+    fn on_connected(&mut self, outbox: &mut Vec<Message>) {
         self.has_state_line = false;
         if let Some(state) = self.state_port {
             outbox.push(Message::Text(Command::Ports { state, video: VIDEO_PORT }));
@@ -129,9 +129,9 @@ impl Talk for TextTalk {
     /// A question that every firmware answers and whose answer cannot be taken for an `ok`: state lines
     /// may arrive while the link to the drone is dead, answers do not. The ports may have been lost if no state line
     /// came.
-    fn ping(&mut self, outbox: &mut Vec<Message>) {
+    fn send_periodic_requests(&mut self, outbox: &mut Vec<Message>) {
         if !self.has_state_line {
-            self.greet(outbox);
+            self.on_connected(outbox);
         }
         outbox.push(Message::Text(Command::Query(Query::Battery)));
     }
@@ -164,7 +164,7 @@ impl Talk for TextTalk {
         }));
     }
 
-    fn may_ask(&self, now: TimeNs) -> bool {
+    fn may_request(&self, now: TimeNs) -> bool {
         !self.is_taking_off(now)
     }
 
@@ -205,7 +205,7 @@ impl Talk for TextTalk {
                 }
                 Received::Refused
             }
-            (Reply::Value, _) => Received::Life,
+            (Reply::Value, _) => Received::OtherPacket,
         })
     }
 
@@ -222,7 +222,7 @@ impl Talk for TextTalk {
             self.take_off = self.take_off.flown();
         }
         let (Some(is_flying), Some(battery_pct)) = (self.is_flying(), self.battery_pct) else {
-            return Some(Received::Life);
+            return Some(Received::OtherPacket);
         };
         Some(Received::Status(DroneStatus {
             received_at: now,

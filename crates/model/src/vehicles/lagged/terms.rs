@@ -3,14 +3,15 @@
 //! Owns the chain rule. The step and its Jacobians fill the velocity rows first; [`integrate`] then carries
 //! them into the pose, for a state and for the columns of a Jacobian alike.
 
-use crate::{Matrix, Vector};
-use nalgebra::{Matrix2, Vector2};
+mod hessian;
 
-use super::smooth::{Excess, Fraction, Limit, fraction, limit, limit_second};
+use nalgebra::Vector2;
+
+use super::smooth::{Excess, Fraction, Limit, fraction, limit};
 use super::{Lagged, LaggedShape, dead_of};
-use crate::model::{HessianKind, HessianRequest, InputHessian};
 use crate::vehicles::rows::{Motion, Sticks, lag, motion, stick};
 use crate::vehicles::world_from_sticks;
+use crate::{Matrix, Vector};
 
 /// Parameter, rows [`lag`].
 pub(super) type Parameter = Vector<{ lag::COUNT }>;
@@ -241,83 +242,6 @@ impl Terms {
         j
     }
 
-    /// Second derivatives of `w'` times [`Terms::next`] by state and input.
-    ///
-    /// `phi e`, the horizontal change, is nonlinear in `e` by its limit; `e` and the other velocities are nonlinear in
-    /// heading and sticks. With `J` the derivatives of `e`, and `by_change` and `H` the first and second ones
-    /// of `W' phi e` by `e`: `J' H J + by_change' e''`, and `J' |H| J` as the convex part.
-    #[inline]
-    pub(super) fn hessian_by_input(
-        &self,
-        model: &Lagged,
-        request: &HessianRequest<'_, { motion::COUNT }, { stick::COUNT }, { lag::COUNT }>,
-    ) -> InputHessian<{ motion::COUNT }, { stick::COUNT }> {
-        let HessianRequest { u, p, w, kind, .. } = *request;
-        // What a velocity weighs, the pose that it moves included.
-        let weight = |v: usize, at: usize| w[v] + self.after_s * w[at];
-        let w_h = Vector2::new(weight(motion::V_X, motion::X), weight(motion::V_Y, motion::Y));
-        let h = self.limit_curvature(w_h, model.shape.limit_width);
-        let h = if kind == HessianKind::Convexified { absolute(&h) } else { h };
-        let fraction = self.lags.fraction_h.value;
-        let states = [
-            (motion::THETA, fraction * quarter_turn(self.commanded_w_mps)),
-            (motion::V_X, -fraction * Vector2::x()),
-            (motion::V_Y, -fraction * Vector2::y()),
-        ];
-        let sticks = self.change_by_stick(p);
-        let (mut by_state, mut by_input_state, mut by_input) =
-            (Matrix::zeros(), Matrix::zeros(), Matrix::zeros());
-        for (j, by_j) in states {
-            let h_by_j = h * by_j;
-            for (i, by_i) in &states {
-                by_state[(*i, j)] = h_by_j.dot(by_i);
-            }
-            for (i, by_i) in &sticks {
-                by_input_state[(*i, j)] = h_by_j.dot(by_i);
-            }
-        }
-        for (j, by_j) in sticks {
-            let h_by_j = h * by_j;
-            for (i, by_i) in &sticks {
-                by_input[(*i, j)] = h_by_j.dot(by_i);
-            }
-        }
-        if kind == HessianKind::Exact {
-            let by_change = self.limited_derivative(w_h);
-            by_state[(motion::THETA, motion::THETA)] -=
-                fraction * by_change.dot(&self.commanded_w_mps);
-            for (i, by_i) in sticks {
-                by_input_state[(i, motion::THETA)] += by_change.dot(&quarter_turn(by_i));
-            }
-            let scale = fraction * p[lag::LAMBDA_H];
-            let climb =
-                weight(motion::V_Z, motion::Z) * self.lags.fraction_v.value * p[lag::LAMBDA_V];
-            let turn = weight(motion::OMEGA, motion::THETA)
-                * self.lags.fraction_a.value
-                * p[lag::LAMBDA_A];
-            for (i, by_value) in [
-                (stick::ROLL, by_change.dot(&world_from_sticks(self.heading, 0.0, scale))),
-                (stick::PITCH, by_change.dot(&world_from_sticks(self.heading, scale, 0.0))),
-                (stick::YAW, turn),
-                (stick::THROTTLE, climb),
-            ] {
-                by_input[(i, i)] += by_value * model.excess_second(u[i], p[dead_of(i)]);
-            }
-        }
-        InputHessian { by_state, by_input_state, by_input }
-    }
-
-    /// Second derivative of `W' phi e` by the change `e` before the limit.
-    #[inline]
-    fn limit_curvature(&self, w: Vector2<f64>, width: f64) -> Matrix2<f64> {
-        let e = self.change_w_mps;
-        let derivative = 2.0 * self.limit.by_ratio2 * self.per_limit2;
-        let second = 4.0 * limit_second(self.ratio2, width) * self.per_limit2 * self.per_limit2;
-        let crossed = derivative * w * e.transpose();
-        let along = Matrix2::from_diagonal_element(derivative) + second * e * e.transpose();
-        crossed + crossed.transpose() + w.dot(&e) * along
-    }
-
     /// Derivatives of the horizontal change before the limit by the sticks that drive it.
     #[inline]
     fn change_by_stick(&self, p: &Parameter) -> [(usize, Vector2<f64>); 2] {
@@ -334,21 +258,6 @@ impl Terms {
         let e = self.change_w_mps;
         let by_factor = 2.0 * self.limit.by_ratio2 * self.per_limit2 * e.dot(&by);
         self.limit.factor * by + by_factor * e
-    }
-}
-
-/// The matrix with the eigenvectors of the symmetric `h` and the absolute values of its eigenvalues.
-///
-/// It is the root of `h^2`, for which Cayley and Hamilton have a closed form at this size. In place of `h` it
-/// bounds a step along a direction of negative curvature as one along positive curvature (Dauphin et al., 2014).
-#[inline]
-fn absolute(h: &Matrix2<f64>) -> Matrix2<f64> {
-    let (square, determinant) = (h * h, h.determinant().abs());
-    let trace = (square.trace() + 2.0 * determinant).sqrt();
-    if trace > 0.0 {
-        (square + Matrix2::from_diagonal_element(determinant)) / trace
-    } else {
-        Matrix2::zeros()
     }
 }
 

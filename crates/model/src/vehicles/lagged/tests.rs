@@ -1,11 +1,10 @@
-use crate::{Matrix, Vector};
 use std::f64::consts::PI;
 
 use super::*;
-use crate::check::{Point, model_gap};
-use crate::check::{amax, maximum};
+use crate::check::{Point, amax, maximum, model_gap};
 use crate::differences;
 use crate::model::HessianKind;
+use crate::{Matrix, Vector};
 
 const DT_S: f64 = 0.02;
 
@@ -338,5 +337,5 @@ fn neutral_sticks_bring_the_vehicle_to_rest_where_coasting_says() {
     let rest = (0..1000).fold(s, |s, _| model.step(&s, &Sticks::zeros(), &p, DT_S));
     let gap = model.observe(&rest) - model.coasting(&s, &p);
     // Within half a period of the velocities.
-    assert!(gap.amax() < 0.01, "{gap}");
+    assert!(amax(&gap) < 0.01, "{gap}");
 }

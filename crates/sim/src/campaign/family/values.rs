@@ -200,6 +200,8 @@ pub(super) fn vector(random: &mut Random, low_m: f64, high_m: f64) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
+    use horizon_model::check::{maximum, minimum};
+
     use super::*;
     use crate::random::Purpose;
 
@@ -215,7 +217,7 @@ mod tests {
         let drawn: Vec<f64> = (0..COUNT).map(|_| draw(&mut random)).collect();
         let fold = |f: fn(f64, f64) -> f64, start| drawn.iter().copied().fold(start, f);
         let mean = drawn.iter().sum::<f64>() / COUNT as f64;
-        [fold(f64::min, f64::INFINITY), mean, fold(f64::max, f64::NEG_INFINITY)]
+        [fold(minimum, f64::INFINITY), mean, fold(maximum, f64::NEG_INFINITY)]
     }
 
     #[test]

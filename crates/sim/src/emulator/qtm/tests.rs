@@ -68,7 +68,7 @@ fn frames_begin_and_end_as_asked_and_one_may_be_asked_for() {
 }
 
 #[test]
-fn a_command_in_pieces_is_obeyed_once_it_is_whole_and_nonsense_ends_the_connection() {
+fn a_command_in_pieces_is_obeyed_once_it_is_whole_and_an_unknown_packet_ends_the_connection() {
     let mut session = QtmSession::default();
     let mut bytes = Vec::new();
     encode::text(kind::COMMAND, "GetCurrentFrame 6D", &mut bytes);

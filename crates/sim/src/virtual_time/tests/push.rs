@@ -1,6 +1,6 @@
 //! A vehicle that something from outside holds or carries on: it looks like a command outage.
 
-use horizon_model::check::amax;
+use horizon_model::check::{amax, maximum};
 use horizon_model::rows::{Sticks, pose};
 use tello_flight::{Fault, Phase, Start};
 use tello_io::config;
@@ -54,7 +54,7 @@ fn a_push_leaves_the_height_as_it_is() {
         let (ticks, _) = flown(push, seed, is_rigid_body);
         let off_m = |tick: &Flown| (tick.height_m - HEIGHT_M).abs();
         // From 2 s on the climb of the start is over.
-        let off_m = ticks.iter().skip(100).map(off_m).fold(0.0, f64::max);
+        let off_m = ticks.iter().skip(100).map(off_m).fold(0.0, maximum);
         assert!(off_m < 0.08, "seed {seed}, rigid body {is_rigid_body}: {off_m} m");
     }
 }
@@ -68,7 +68,7 @@ fn a_drone_that_is_held_is_pressed_by_small_sticks_only() {
         let in_outage: Vec<f64> =
             ticks.iter().filter(|tick| tick.is_outage).map(|tick| amax(&tick.u_sent)).collect();
         assert!(in_outage.len() > 100, "seed {seed}: {} ticks", in_outage.len());
-        let largest = in_outage.iter().copied().fold(0.0, f64::max);
+        let largest = in_outage.iter().copied().fold(0.0, maximum);
         assert!(largest > 0.1 && largest < 0.401, "seed {seed}: {largest}");
     }
 }

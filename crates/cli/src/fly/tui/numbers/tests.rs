@@ -31,7 +31,7 @@ fn a_gauge_fills_from_its_middle_and_never_beyond_its_ends() {
 }
 
 #[test]
-fn what_is_not_known_is_no_number() {
+fn a_value_that_is_not_known_is_shown_as_a_dash() {
     let lines = texts(&places(&Telemetry::default()));
     for name in ["at", "measured", "speed"] {
         let line = lines.iter().find(|line| line.starts_with(&format!(" {name} "))).unwrap();

@@ -1,9 +1,9 @@
+use horizon_model::check::maximum;
+use horizon_model::{InputHessian, Matrix, Vector, differences};
+
 use super::*;
 use crate::qp::Horizon;
 use crate::qp::tests::case::Numbers;
-use horizon_model::check::maximum;
-use horizon_model::{InputHessian, differences};
-use horizon_model::{Matrix, Vector};
 
 const NS: usize = 2;
 const NU: usize = 3;

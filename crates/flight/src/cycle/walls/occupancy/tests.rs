@@ -44,6 +44,20 @@ fn a_vehicle_in_flight_is_inside_of_obstacles_that_do_not_move_alone() {
 }
 
 #[test]
+fn a_position_or_a_path_that_is_no_number_counts_as_near_to_obstacles_that_do_not_move() {
+    let still = || ObstacleTable::Box { x_m: [0.0, 1.0], y_m: [0.0, 1.0], z_m: [0.0, 2.0] };
+    let free_w = Vector3::new(5.0, 5.0, 1.0);
+    for obstacles in [vec![POLE], vec![still(), POLE], vec![POLE, still()]] {
+        let walls = Walls::new(Some(&TABLE), None, &obstacles).unwrap().unwrap();
+        assert!(!walls.is_beside_fixed(&free_w) && !walls.fixed_blocks_path(&free_w, &free_w));
+        let at_w = Vector3::new(f64::NAN, 5.0, 1.0);
+        assert!(walls.is_in_fixed(&at_w) && walls.is_beside_fixed(&at_w), "{obstacles:?}");
+        assert!(walls.fixed_blocks_path(&at_w, &free_w), "{obstacles:?}");
+        assert!(walls.fixed_blocks_path(&free_w, &at_w), "{obstacles:?}");
+    }
+}
+
+#[test]
 fn a_path_is_blocked_by_an_obstacle_that_moves_between_its_ends_or_beside_one_of_them() {
     let moving = ObstacleTable::Moving { radius_m: 0.5 };
     let mut walls = Walls::new(Some(&TABLE), None, &[moving, POLE]).unwrap().unwrap();

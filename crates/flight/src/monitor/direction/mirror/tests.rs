@@ -114,9 +114,9 @@ fn the_comparison_ends_with_a_motion_in_two_directions_and_begins_anew_on_the_gr
         over_s = over_s.or(flight.monitor.is_over.then_some(t_s));
     }
     assert!(over_s.is_some_and(|s| s > CORNER_S + 0.2 && s < CORNER_S + 1.0), "{over_s:?}");
-    flight.monitor.restart();
+    flight.monitor.reset();
     assert!(flight.monitor.is_over, "poses that jump mirror no frame");
-    flight.monitor.rest();
+    flight.monitor.reset_on_ground();
     assert!(!flight.monitor.is_over);
     flight.monitor.end();
     assert!(flight.monitor.is_over);
@@ -136,9 +136,9 @@ fn a_frame_that_was_found_stays_mirrored_until_the_vehicle_stands() {
     };
     assert!((0..1000).all(|_| is_found(&mut flight.monitor)), "it hovers");
     flight.monitor.end();
-    flight.monitor.restart();
+    flight.monitor.reset();
     assert!(is_found(&mut flight.monitor), "an outage of a hovering vehicle, a jump of the poses");
-    flight.monitor.rest();
+    flight.monitor.reset_on_ground();
     assert!(!is_found(&mut flight.monitor));
 }
 

@@ -4,7 +4,7 @@ use super::*;
 
 #[test]
 fn who_comes_near_in_a_take_off_ends_it() {
-    let near = |e| with_obstacles(e, |it| it.is_approached = true);
+    let near = |e| with_obstacles(e, |it| it.approach = ObstacleApproach::Predicted);
     let deaf = with_drone(ALOFT, |drone| drone.takes_sticks = false);
     // On the ground, in the climb, and before the drone executes sticks.
     for (before, e) in [(0, CALM), (1, ALOFT), (40, deaf)] {
@@ -23,7 +23,7 @@ fn who_comes_near_in_a_take_off_ends_it() {
     }
     let unseen = with_obstacles(CALM, |it| it.is_unseen = true);
     assert_eq!(Fixture::taking_off().run(4, &unseen).phase, Phase::Landing);
-    let by_hand = Evidence { is_by_hand: true, ..near(CALM) };
+    let by_hand = Evidence { hand: HandInput::Steering, ..near(CALM) };
     assert_eq!(Fixture::taking_off().run(9, &by_hand).phase, Phase::TakingOff, "a person sees it");
     assert_eq!(faults(Fixture::flying().run(9, &near(ALOFT))), [], "it evades");
 }
@@ -76,7 +76,7 @@ fn an_obstacle_that_is_not_seen_brakes_until_it_is() {
         decision.may_steer() && !decision.is_braking && decision.faults.is_empty(),
         "{decision:?}"
     );
-    let by_hand = Evidence { is_by_hand: true, operator: Operator::FlyByHand, ..unseen };
+    let by_hand = Evidence { hand: HandInput::Steering, operator: Operator::FlyByHand, ..unseen };
     assert!(!fixture.tick(&by_hand).is_braking, "a person flies by sight");
 }
 
@@ -85,7 +85,7 @@ fn by_hand_the_distance_to_rest_warns_whatever_a_plan_would_do() {
     let mut fixture = Fixture::flying();
     let by_hand = Evidence {
         plan: PlanClearance::Clear,
-        is_by_hand: true,
+        hand: HandInput::Steering,
         operator: Operator::FlyByHand,
         ..moving(2.3, 1.0)
     };
@@ -132,7 +132,7 @@ fn a_vehicle_inside_of_an_obstacle_lands_if_a_fresh_pose_shows_it() {
     assert_eq!(after(&inside), (Phase::Landing, false, vec![Fault::ObstacleEntered]));
     let stale = Evidence { pose_age_s: Some(0.26), ..inside };
     assert_eq!(after(&stale), (Phase::Flying, false, vec![Fault::MocapStale]));
-    let by_hand = Evidence { is_by_hand: true, ..inside };
+    let by_hand = Evidence { hand: HandInput::Steering, ..inside };
     assert_eq!(after(&by_hand).0, Phase::Flying);
     let mut grounded = Fixture::new(Start::Grounded);
     let below = with_obstacles(CALM, |it| it.is_vehicle_inside = true);

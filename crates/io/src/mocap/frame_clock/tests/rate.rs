@@ -65,7 +65,7 @@ fn a_rate_that_is_called_by_its_round_number_is_measured() {
 }
 
 #[test]
-fn any_other_pace_has_no_time() {
+fn frames_at_another_rate_than_announced_have_no_time() {
     // The first three are 50 Hz behind a delay that grows by 50, 150 and 500 ms per second.
     for count_hz in [50.0 / 1.05, 50.0 / 1.15, 50.0 / 1.5, 47.0, 55.0, 80.0, 500.0] {
         let (clock, is_known, _) = announced_50(count_hz, 5.0);

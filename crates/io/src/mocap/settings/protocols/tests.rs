@@ -1,5 +1,4 @@
-use super::super::MocapSettings;
-use super::super::MocapTable;
+use super::super::{MocapSettings, MocapTable};
 
 fn error(text: &str) -> String {
     let table: MocapTable = serde_json::from_str(text).unwrap();
@@ -23,7 +22,7 @@ fn each_protocol_is_chosen_by_its_key() {
 }
 
 #[test]
-fn nonsense_is_refused_with_key_value_and_rule() {
+fn protocol_settings_that_break_a_rule_are_refused_with_key_value_and_rule() {
     assert_eq!(
         error(r#"{ "natnet": { "address": "motive", "object": "tello" } }"#),
         "natnet.address = motive: expected host:port"

@@ -22,18 +22,18 @@ fn heard(channel: &mut UnixStream) -> Vec<u8> {
 fn news_is_sent_at_once_and_the_rest_in_time() {
     let (mut heartbeat, mut channel) = pair();
     for at_ms in 0..100 {
-        heartbeat.beat(Duty::Idle, ms(at_ms));
+        heartbeat.beat(SenderState::Idle, ms(at_ms));
     }
     assert_eq!(heard(&mut channel), *b"iiiiiii");
-    heartbeat.beat(Duty::Steering, ms(100));
-    heartbeat.beat(Duty::Landing, ms(100));
+    heartbeat.beat(SenderState::Steering, ms(100));
+    heartbeat.beat(SenderState::Landing, ms(100));
     assert_eq!(heard(&mut channel), *b"sl");
 }
 
 #[test]
 fn a_landing_of_the_guardian_is_heard_once() {
     let (mut heartbeat, mut channel) = pair();
-    heartbeat.beat(Duty::Steering, ms(0));
+    heartbeat.beat(SenderState::Steering, ms(0));
     assert_eq!(heartbeat.report(ms(1)), GuardianReport::Continue);
     channel.write_all(&[LANDING_ORDERED]).unwrap();
     assert_eq!(heartbeat.report(ms(2)), GuardianReport::LandingOrdered { is_steered: true });
@@ -43,12 +43,12 @@ fn a_landing_of_the_guardian_is_heard_once() {
 #[test]
 fn a_pause_in_flight_is_a_landing_even_before_the_guardian_reports_it() {
     let (mut heartbeat, _channel) = pair();
-    heartbeat.beat(Duty::Idle, ms(0));
+    heartbeat.beat(SenderState::Idle, ms(0));
     assert_eq!(heartbeat.report(ms(5_000)), GuardianReport::Continue, "nothing was in the air");
-    for duty in [Duty::Steering, Duty::Landing] {
-        heartbeat.beat(duty, ms(10_000));
+    for state in [SenderState::Steering, SenderState::Landing] {
+        heartbeat.beat(state, ms(10_000));
         assert_eq!(heartbeat.report(ms(10_249)), GuardianReport::Continue);
-        let is_steered = duty == Duty::Steering;
+        let is_steered = state == SenderState::Steering;
         assert_eq!(heartbeat.report(ms(10_250)), GuardianReport::LandingOrdered { is_steered });
     }
     assert!(PAUSE_MAX < super::super::HEARTBEAT_TIMEOUT, "a stick could follow the landing");
@@ -57,14 +57,14 @@ fn a_pause_in_flight_is_a_landing_even_before_the_guardian_reports_it() {
 #[test]
 fn a_guardian_that_has_ended_is_missed_once() {
     let (mut heartbeat, channel) = pair();
-    heartbeat.beat(Duty::Steering, ms(0));
+    heartbeat.beat(SenderState::Steering, ms(0));
     drop(channel);
-    heartbeat.beat(Duty::Steering, ms(20));
+    heartbeat.beat(SenderState::Steering, ms(20));
     assert_eq!(heartbeat.report(ms(21)), GuardianReport::Gone);
     assert_eq!(heartbeat.report(ms(22)), GuardianReport::Continue);
     assert_eq!(heartbeat.pause(ms(30)), Some(SpanNs::from_ms(10)));
     // The sender goes on with its landing: its pauses are counted as before.
-    heartbeat.beat(Duty::Landing, ms(40));
+    heartbeat.beat(SenderState::Landing, ms(40));
     assert_eq!(heartbeat.pause(ms(50)), Some(SpanNs::from_ms(10)));
 }
 
@@ -76,7 +76,7 @@ fn missed_ms(period_ms: usize, mut answer: impl FnMut(i64, &mut UnixStream)) -> 
             GuardianReport::Gone => return Some(at_ms),
             report => assert_eq!(report, GuardianReport::Continue, "{at_ms} ms"),
         }
-        heartbeat.beat(Duty::Steering, ms(at_ms));
+        heartbeat.beat(SenderState::Steering, ms(at_ms));
         answer(at_ms, &mut channel);
     }
     None
@@ -105,11 +105,11 @@ fn a_guardian_that_does_not_answer_is_missed_within_half_a_second() {
 #[test]
 fn time_in_which_the_sender_has_no_turn_is_no_silence_of_the_guardian() {
     let (mut heartbeat, _channel) = pair();
-    heartbeat.beat(Duty::Idle, ms(0));
+    heartbeat.beat(SenderState::Idle, ms(0));
     // Something stalls both, again and again.
     for turn in 1..10 {
         assert_eq!(heartbeat.report(ms(5_000 * turn)), GuardianReport::Continue, "turn {turn}");
-        heartbeat.beat(Duty::Idle, ms(5_000 * turn));
+        heartbeat.beat(SenderState::Idle, ms(5_000 * turn));
     }
 }
 
@@ -117,21 +117,21 @@ fn time_in_which_the_sender_has_no_turn_is_no_silence_of_the_guardian() {
 fn a_guardian_that_answers_again_hears_what_the_sender_does_and_stays_missed() {
     let (mut heartbeat, mut channel) = pair();
     let missed = (0..100).find(|turn| {
-        heartbeat.beat(Duty::Steering, ms(20 * turn));
+        heartbeat.beat(SenderState::Steering, ms(20 * turn));
         heartbeat.report(ms(20 * turn)) == GuardianReport::Gone
     });
     let gone_ms = 20 * missed.unwrap();
     channel.write_all(&[HEARD]).unwrap();
-    heartbeat.beat(Duty::Landing, ms(gone_ms + 20));
+    heartbeat.beat(SenderState::Landing, ms(gone_ms + 20));
     assert_eq!(heartbeat.report(ms(gone_ms + 21)), GuardianReport::Continue, "it is missed once");
-    assert_eq!(heard(&mut channel).last(), Some(&(Duty::Landing as u8)));
+    assert_eq!(heard(&mut channel).last(), Some(&(SenderState::Landing as u8)));
 }
 
 #[test]
 fn the_end_is_the_last_word_behind_a_full_channel_too() {
     let (mut heartbeat, mut channel) = pair();
     for at_ms in 0..100_000 {
-        heartbeat.beat(Duty::Steering, ms(20 * at_ms));
+        heartbeat.beat(SenderState::Steering, ms(20 * at_ms));
     }
     let reader = std::thread::spawn(move || {
         channel.set_nonblocking(false).unwrap();
@@ -140,13 +140,13 @@ fn the_end_is_the_last_word_behind_a_full_channel_too() {
         bytes
     });
     heartbeat.end();
-    assert_eq!(reader.join().unwrap().last(), Some(&(Duty::Over as u8)));
+    assert_eq!(reader.join().unwrap().last(), Some(&(SenderState::Over as u8)));
 }
 
 #[test]
 fn without_a_guardian_there_is_nothing_to_heed() {
     let mut heartbeat = Heartbeat::default();
-    heartbeat.beat(Duty::Steering, ms(0));
+    heartbeat.beat(SenderState::Steering, ms(0));
     let pause = Some(SpanNs::from_ms(5_000));
     assert_eq!(
         (heartbeat.report(ms(5_000)), heartbeat.pause(ms(5_000))),

@@ -206,7 +206,10 @@ fn a_stop_lands_a_drone_that_only_its_own_word_puts_on_the_ground() {
         fixture.receive(now_ms, &status(false));
         fixture.run(now_ms, now_ms + 99);
         assert!(!fixture.session.is_over(ms(now_ms)), "{now_ms} ms");
-        assert_eq!(fixture.session.duty(ms(now_ms)), crate::tello::guardian::Duty::Landing);
+        assert_eq!(
+            fixture.session.sender_state(ms(now_ms)),
+            crate::tello::guardian::SenderState::Landing
+        );
     }
     fixture.receive(20_000, &status(false));
     assert!(fixture.session.is_over(ms(20_000)));

@@ -1,30 +1,30 @@
 //! The messages to the guardian, and what becomes of its landings.
 
 use super::*;
-use crate::tello::guardian::Duty;
+use crate::tello::guardian::SenderState;
 
-fn duty(fixture: &Fixture, now_ms: i64) -> Duty {
-    fixture.session.duty(ms(now_ms))
+fn sender_state(fixture: &Fixture, now_ms: i64) -> SenderState {
+    fixture.session.sender_state(ms(now_ms))
 }
 
 #[test]
 fn a_drone_that_may_be_in_the_air_is_guarded_until_it_stands() {
     let mut fixture = Fixture::connected();
-    assert_eq!(duty(&fixture, 0), Duty::Idle);
+    assert_eq!(sender_state(&fixture, 0), SenderState::Idle);
     fixture.receive(0, &status(false));
     fixture.order(10, DroneOrder::TakeOff);
-    assert_eq!(duty(&fixture, 10), Duty::Steering, "before the order is sent");
+    assert_eq!(sender_state(&fixture, 10), SenderState::Steering, "before the order is sent");
     fixture.receive(20, &status(true));
     fixture.approve(30, 0.5);
-    assert_eq!(duty(&fixture, 6_000), Duty::Steering);
+    assert_eq!(sender_state(&fixture, 6_000), SenderState::Steering);
     fixture.order(6_010, DroneOrder::Land);
-    assert_eq!(duty(&fixture, 6_010), Duty::Landing);
+    assert_eq!(sender_state(&fixture, 6_010), SenderState::Landing);
     fixture.receive(9_000, &status(false));
-    assert_eq!(duty(&fixture, 9_000), Duty::Landing, "its own word alone");
+    assert_eq!(sender_state(&fixture, 9_000), SenderState::Landing, "its own word alone");
     for now_ms in (9_100..9_500).step_by(100) {
         fixture.stand(now_ms);
     }
-    assert_eq!(duty(&fixture, 9_400), Duty::Idle);
+    assert_eq!(sender_state(&fixture, 9_400), SenderState::Idle);
 }
 
 #[test]
@@ -33,15 +33,15 @@ fn nothing_is_guarded_in_a_dry_run_and_an_emergency_stop_is_followed_by_landings
     dry.receive(0, &bytes(DronePacket::ConnAck { video_port: VIDEO_PORT }));
     dry.receive(0, &status(true));
     dry.order(10, DroneOrder::TakeOff);
-    assert_eq!(duty(&dry, 20), Duty::Idle);
+    assert_eq!(sender_state(&dry, 20), SenderState::Idle);
     let mut stopped = Fixture::connected();
     stopped.receive(0, &status(true));
     stopped.order(10, DroneOrder::EmergencyStop);
-    assert_eq!(duty(&stopped, 10), Duty::Landing);
+    assert_eq!(sender_state(&stopped, 10), SenderState::Landing);
     for now_ms in (100..1_300).step_by(100) {
         stopped.stand(now_ms);
     }
-    assert_eq!(duty(&stopped, 1_200), Duty::Idle, "it is down");
+    assert_eq!(sender_state(&stopped, 1_200), SenderState::Idle, "it is down");
 }
 
 #[test]

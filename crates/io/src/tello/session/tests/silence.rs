@@ -1,7 +1,8 @@
 //! A control thread or a sender that is late.
 
-use super::*;
 use tello_flight::drone::CONTROL_SILENCE_NEUTRAL;
+
+use super::*;
 
 #[test]
 fn sticks_that_waited_for_the_sender_have_spent_a_part_of_their_time() {

@@ -342,7 +342,7 @@ fn answers_are_asked_for_every_2_s_on_the_ground_and_in_the_air() {
 }
 
 #[test]
-fn a_drone_that_answers_sticks_is_none_the_wiser() {
+fn answers_to_sticks_neither_stop_the_sticks_nor_acknowledge_an_order() {
     let mut fixture = Text::standing();
     fixture.fly(4_000, 8_000, running(4_000));
     for now_ms in (8_000..10_000).step_by(10) {

@@ -32,7 +32,7 @@ fn the_states_of_real_drones_are_read_and_written_byte_by_byte() {
 }
 
 #[test]
-fn unknown_keys_missing_keys_and_nonsense_values_do_not_hide_the_others() {
+fn unknown_keys_missing_keys_and_malformed_values_do_not_hide_the_others() {
     let text = "wind:3;bat:77;time:;tof:nan;h:inf;vgy4;mpry:1,2;:;;yaw:x;templ:4e400;agz:-1\r\n";
     let state = StateLine::decode(text.as_bytes()).unwrap();
     assert_eq!(state, StateLine::default().with(Field::Bat, 77.0).with(Field::Agz, -1.0));

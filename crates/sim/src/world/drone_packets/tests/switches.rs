@@ -1,5 +1,6 @@
 //! Both positions of each switch of the drone, and the faults of the drone, by what it is sent.
 
+use horizon_model::check::amax;
 use horizon_model::rows::{Sticks, pose};
 use nalgebra::Vector2;
 use tello_flight::drone::Protocol;
@@ -241,7 +242,7 @@ fn a_push_adds_its_velocity_to_that_of_the_sticks_and_ends_at_the_floor() {
         assert!(pushed.pose[pose::Z].abs() < 0.05, "{}", pushed.pose);
         let velocity = |truth: Truth| Vector2::new(truth.velocity.x_mps, truth.velocity.y_mps);
         let push_mps = velocity(pushed) - velocity(free);
-        assert!((push_mps - Vector2::new(0.3, -0.5)).amax() < 1e-9, "{push_mps}");
+        assert!(amax(&(push_mps - Vector2::new(0.3, -0.5))) < 1e-9, "{push_mps}");
     }
 }
 
@@ -321,7 +322,7 @@ fn the_status_is_what_the_switches_make_of_it() {
 }
 
 #[test]
-fn nonsense_is_refused() {
+fn a_switch_with_a_value_outside_of_its_range_is_refused() {
     let refusal = |change: fn(&mut DroneTable)| {
         let mut drone = PLAIN;
         change(&mut drone);

@@ -1,4 +1,6 @@
-//! Estimate and sent sticks, from which a plan follows.
+//! What a plan starts from.
+//!
+//! Owns which inputs act between the newest estimate and the first free input of a plan.
 
 use horizon_model::InputFifo;
 use horizon_model::rows::{Sticks, pose, stick};
@@ -6,9 +8,9 @@ use nalgebra::{Matrix3, SMatrix, SVector};
 
 use crate::cycle::Vehicle;
 
-/// Estimate and sent sticks, from which the plan follows.
+/// Newest estimate, and the sent sticks that act until the first free ones of the plan.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::cycle) struct Known<'a, const NS: usize, const NP: usize> {
+pub(in crate::cycle) struct PlanStart<'a, const NS: usize, const NP: usize> {
     /// Newest estimate. In the units of the model's rows
     pub(in crate::cycle) s_hat: &'a SVector<f64, NS>,
     /// Parameter estimate. In the units of its rows
@@ -18,12 +20,12 @@ pub(in crate::cycle) struct Known<'a, const NS: usize, const NP: usize> {
     /// Sticks that were sent.
     pub(in crate::cycle) fifo: &'a InputFifo<{ stick::COUNT }>,
     /// Sticks that act in place of the sent ones in an outage; `None`: there is no outage. 1
-    pub(in crate::cycle) instead: Option<Sticks>,
+    pub(in crate::cycle) outage_input: Option<Sticks>,
     /// First period after the estimate, relative to the coming one.
-    pub(in crate::cycle) ahead: isize,
+    pub(in crate::cycle) first_period: isize,
 }
 
-impl<const NS: usize, const NP: usize> Known<'_, NS, NP> {
+impl<const NS: usize, const NP: usize> PlanStart<'_, NS, NP> {
     /// First step of the plan, seen from the coming step.
     pub(super) fn begin_ahead(&self) -> isize {
         self.fifo.known_steps().cast_signed()
@@ -31,12 +33,12 @@ impl<const NS: usize, const NP: usize> Known<'_, NS, NP> {
 
     /// Periods from the estimate, at which the mission is, to the coming one: 0, or more for a plan of the next tick.
     pub(super) fn periods_since_estimate(&self) -> usize {
-        usize::try_from(-self.ahead).unwrap_or(0)
+        usize::try_from(-self.first_period).unwrap_or(0)
     }
 
     /// The sticks that act in the step `ahead` of the coming one.
     pub(super) fn applied(&self, ahead: isize) -> Sticks {
-        self.instead.unwrap_or_else(|| self.fifo.applied(ahead))
+        self.outage_input.unwrap_or_else(|| self.fifo.applied(ahead))
     }
 
     /// Covariance of the position `after_s` after the estimate, which does not depend on the sticks until then; zero if
@@ -65,17 +67,20 @@ mod tests {
         let mut fifo = InputFifo::new(&[0.0; stick::COUNT], &Kinematic::INPUT, 0.02).unwrap();
         fifo.push(&Sticks::repeat(0.3));
         let (s_hat, p_hat) = (SVector::<f64, 4>::zeros(), SVector::<f64, 4>::zeros());
-        let known = |instead, ahead| Known {
+        let start = |outage_input, first_period| PlanStart {
             s_hat: &s_hat,
             p_hat: &p_hat,
             covariance: None,
             fifo: &fifo,
-            instead,
-            ahead,
+            outage_input,
+            first_period,
         };
-        assert_eq!(known(None, 0).applied(-1), Sticks::repeat(0.3));
-        assert_eq!(known(Some(Sticks::repeat(-0.1)), 0).applied(-1), Sticks::repeat(-0.1));
-        assert_eq!([0, -2].map(|ahead| known(None, ahead).periods_since_estimate()), [0, 2]);
-        assert_eq!(known(None, 0).covariance_after(&Kinematic, 0.3), Matrix3::zeros());
+        assert_eq!(start(None, 0).applied(-1), Sticks::repeat(0.3));
+        assert_eq!(start(Some(Sticks::repeat(-0.1)), 0).applied(-1), Sticks::repeat(-0.1));
+        assert_eq!(
+            [0, -2].map(|first_period| start(None, first_period).periods_since_estimate()),
+            [0, 2]
+        );
+        assert_eq!(start(None, 0).covariance_after(&Kinematic, 0.3), Matrix3::zeros());
     }
 }

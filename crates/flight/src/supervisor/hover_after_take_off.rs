@@ -22,9 +22,9 @@ const MOVED_TICKS: u32 = 5;
 const CLIMB_RISE_M: f64 = 0.03;
 const CLIMB_ENDED_S: f64 = 0.3;
 
-/// What is known of the take-off.
+/// Where the vehicle stood before its take-off, and whether its climb has ended.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Settling {
+pub(super) struct HoverAfterTakeOff {
     /// Where the vehicle stood, world frame. m, rad
     stood: Option<Pose>,
     /// When the take-off was confirmed; `None` if the flight began in the air. ns
@@ -38,7 +38,7 @@ pub(super) struct Settling {
     climbed: Option<(f64, i64)>,
 }
 
-impl Settling {
+impl HoverAfterTakeOff {
     /// The take-off begins at `stood`.
     pub(super) fn begin(&mut self, stood: Option<Pose>) {
         self.stood = stood;
@@ -60,25 +60,25 @@ impl Settling {
         self.risen_ns.is_none() || self.has_ended
     }
 
-    /// Notes the pose of the tick at `t_ns`, if it is fresh, and whether somebody comes near or is not seen.
+    /// Takes the pose of the tick at `t_ns`, if it is fresh, and whether somebody comes near or is not seen.
     ///
     /// Real time: no allocation, constant cost.
-    fn note(&mut self, t_ns: i64, pose: Option<Pose>, is_endangered: bool, settle_s: f64) {
+    fn update(&mut self, t_ns: i64, pose: Option<Pose>, is_endangered: bool, settle_s: f64) {
         if let Some((stood, now)) = self.stood.zip(pose) {
             let moved_w = (now - stood).fixed_rows::<3>(pose::X).into_owned();
             let turned_rad = wrap(now[pose::THETA] - stood[pose::THETA]);
-            let is_moved = moved_w.norm() > MOVED_M || turned_rad.abs() > MOVED_RAD;
-            self.moved_ticks = self.moved_ticks.saturating_add(u32::from(is_moved));
+            let is_elsewhere = is_elsewhere(moved_w.norm(), turned_rad);
+            self.moved_ticks = self.moved_ticks.saturating_add(u32::from(is_elsewhere));
             self.is_urgent |= moved_w.xy().norm() > DRIFT_MAX_M || is_endangered;
         }
-        let is_level = self.note_height(t_ns, pose);
+        let is_level = self.update_height(t_ns, pose);
         self.has_ended |= self.risen_ns.is_some_and(|risen_ns| {
             self.is_urgent && is_level || elapsed_s(risen_ns, t_ns) >= settle_s
         });
     }
 
-    /// Notes the height. Returns whether the vehicle has ended its climb.
-    fn note_height(&mut self, t_ns: i64, pose: Option<Pose>) -> bool {
+    /// Takes the height. Returns whether the vehicle has ended its climb.
+    fn update_height(&mut self, t_ns: i64, pose: Option<Pose>) -> bool {
         let Some(z_m) = pose.map(|at| at[pose::Z]) else { return false };
         let stays = |(before_m, _): &(f64, i64)| z_m - before_m < CLIMB_RISE_M;
         let climbed = self.climbed.filter(stays).unwrap_or((z_m, t_ns));
@@ -88,17 +88,22 @@ impl Settling {
     }
 }
 
+/// Whether a vehicle that is `moved_m` and `turned_rad` from where it stood was touched, or rises. m, rad
+fn is_elsewhere(moved_m: f64, turned_rad: f64) -> bool {
+    moved_m > MOVED_M || turned_rad.abs() > MOVED_RAD
+}
+
 impl Supervisor {
-    /// Updates the memory of a take-off.
-    pub(super) fn remember_settling(&mut self, e: &Evidence) {
+    /// Updates what is known of the hover.
+    pub(super) fn update_hover_after_take_off(&mut self, e: &Evidence) {
         let pose = e.pose.filter(|_| !self.is_pose_stale(e));
-        self.settling.note(e.t_ns, pose, e.obstacles.is_near_or_unseen(), self.table.settle_s);
+        self.hover.update(e.t_ns, pose, e.obstacles.is_near_or_unseen(), self.table.settle_s);
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::evidence::Phase;
+    use super::super::evidence::{ObstacleApproach, Phase};
     use super::super::tests::*;
     use super::*;
 
@@ -120,29 +125,46 @@ mod tests {
         assert_eq!(steered_after(f64::NAN), None, "no position");
     }
 
+    /// Whether a vehicle that stood at the heading `stood_rad` and was at `at` in so many ticks was moved.
+    fn was_moved(stood_rad: f64, at: Pose, ticks: u32) -> bool {
+        let mut hover = HoverAfterTakeOff::default();
+        hover.begin(Some(Pose::new(0.0, 0.0, 0.0, stood_rad)));
+        for _ in 0..ticks {
+            hover.update(CALM.t_ns, Some(at), false, 1.0);
+        }
+        hover.was_moved()
+    }
+
     #[test]
     fn a_vehicle_was_moved_if_it_was_elsewhere_in_five_ticks() {
-        let was_moved = |stood_rad: f64, at: Pose, ticks: u32| {
-            let mut settling = Settling::default();
-            settling.begin(Some(Pose::new(0.0, 0.0, 0.0, stood_rad)));
-            for _ in 0..ticks {
-                settling.note(CALM.t_ns, Some(at), false, 1.0);
-            }
-            settling.was_moved()
-        };
         let beside = |x_m: f64| Pose::new(x_m, 0.0, 0.0, 3.0);
-        let turned = |theta_rad: f64| Pose::new(0.0, 0.0, 0.0, theta_rad);
         assert!(was_moved(3.0, beside(MOVED_M.next_up()), 5));
         assert!(!was_moved(3.0, beside(MOVED_M), 99) && !was_moved(3.0, beside(0.2), 4));
-        assert!(!was_moved(0.0, turned(MOVED_RAD), 99) && was_moved(0.0, turned(-0.151), 5));
-        assert!(was_moved(3.0, turned(-3.1), 5) && !was_moved(3.0, turned(-3.2), 99));
+    }
+
+    #[test]
+    fn a_vehicle_was_moved_if_it_was_turned_in_five_ticks() {
+        let turned = |theta_rad: f64| Pose::new(0.0, 0.0, 0.0, theta_rad);
+        assert!(was_moved(0.0, turned(-0.151), 5) && !was_moved(0.0, turned(-0.151), 4));
+        assert!(!was_moved(0.0, turned(0.149), 99));
+        assert!(was_moved(3.0, turned(-3.1), 5) && !was_moved(3.0, turned(-3.2), 99), "wrapped");
+    }
+
+    #[test]
+    fn a_vehicle_at_the_limits_of_position_and_heading_is_not_elsewhere() {
+        // No wrapped angle equals the limit: `wrap` returns multiples of 2^-51.
+        for turned_rad in [MOVED_RAD, -MOVED_RAD] {
+            assert!(!is_elsewhere(MOVED_M, turned_rad));
+            assert!(is_elsewhere(0.0, turned_rad.signum() * MOVED_RAD.next_up()));
+        }
+        assert!(is_elsewhere(MOVED_M.next_up(), 0.0));
     }
 
     #[test]
     fn a_vehicle_that_is_approached_is_steered_when_its_climb_has_ended_and_stays_so() {
         let mut fixture = Fixture::taking_off();
         fixture.pass(2, &ALOFT);
-        let near = with_obstacles(ALOFT, |it| it.is_approached = true);
+        let near = with_obstacles(ALOFT, |it| it.approach = ObstacleApproach::Predicted);
         let after = (0..60).find(|_| fixture.tick(&near).may_steer());
         assert_eq!(after, Some(1), "0.3 s after its height was first seen");
         let rises = Evidence { pose: Some(Pose::new(0.0, 0.0, 1.3, 0.0)), ..ALOFT };
@@ -154,7 +176,7 @@ mod tests {
         let mut fixture = Fixture::taking_off();
         let blind = Evidence { pose: CALM.pose, pose_age_s: Some(0.6), ..ALOFT };
         assert_eq!(fixture.tick(&blind).phase, Phase::Flying, "by the drone's report");
-        fixture.pass(8, &with_obstacles(blind, |it| it.is_approached = true));
+        fixture.pass(8, &with_obstacles(blind, |it| it.approach = ObstacleApproach::Predicted));
         for k in 0..3 {
             let rising = Some(Pose::new(0.0, 0.0, 0.5 + 0.04 * f64::from(k), 0.0));
             assert!(!fixture.tick(&Evidence { pose: rising, ..ALOFT }).may_steer(), "tick {k}");
@@ -165,15 +187,15 @@ mod tests {
     fn a_vehicle_that_drifts_in_its_climb_is_steered_when_that_has_ended() {
         // 0.33 m/s until 1.5 s after it was confirmed, by poses of 20 ms.
         let steered_ms = |climb_s: f64, settle_s: f64| {
-            let mut settling = Settling::default();
-            settling.begin(Some(Pose::zeros()));
-            settling.confirm(0);
+            let mut hover = HoverAfterTakeOff::default();
+            hover.begin(Some(Pose::zeros()));
+            hover.confirm(0);
             (0..500_i32).map(|k| 20 * k).find(|ms| {
                 let t_s = 1e-3 * f64::from(*ms);
                 let at = Pose::new(0.5, 0.0, 0.5 + 0.33 * t_s.min(climb_s), 0.0);
                 let e = Evidence { pose: Some(at), t_ns: i64::from(*ms) * 1_000_000, ..ALOFT };
-                settling.note(e.t_ns, e.pose, false, settle_s);
-                settling.is_over()
+                hover.update(e.t_ns, e.pose, false, settle_s);
+                hover.is_over()
             })
         };
         let level_ms = steered_ms(1.5, 4.0).unwrap();
@@ -184,13 +206,13 @@ mod tests {
     #[test]
     fn a_vehicle_that_rises_by_the_limit_itself_still_climbs() {
         for (risen_m, is_over) in [(CLIMB_RISE_M.next_down(), true), (CLIMB_RISE_M, false)] {
-            let mut settling = Settling::default();
-            settling.begin(Some(Pose::new(1.0, 0.0, 0.0, 0.0)));
-            settling.confirm(0);
+            let mut hover = HoverAfterTakeOff::default();
+            hover.begin(Some(Pose::new(1.0, 0.0, 0.0, 0.0)));
+            hover.confirm(0);
             let mut over_at = |z_m: f64, t_ns: i64| {
                 let pose = Some(Pose::new(0.0, 0.0, z_m, 0.0));
-                settling.note(t_ns, pose, false, 9.0);
-                settling.is_over()
+                hover.update(t_ns, pose, false, 9.0);
+                hover.is_over()
             };
             assert!(!over_at(0.0, 0));
             assert_eq!(over_at(risen_m, 300_000_000), is_over, "{risen_m} m");
@@ -200,15 +222,15 @@ mod tests {
     #[test]
     fn a_drift_is_measured_from_where_the_vehicle_stood() {
         for (x_m, y_m, is_over) in [(1.2, -2.2, false), (1.0, -2.31, true), (0.69, -2.0, true)] {
-            let mut settling = Settling::default();
-            settling.begin(Some(Pose::new(1.0, -2.0, 0.0, 0.0)));
-            settling.confirm(0);
+            let mut hover = HoverAfterTakeOff::default();
+            hover.begin(Some(Pose::new(1.0, -2.0, 0.0, 0.0)));
+            hover.confirm(0);
             let at = Some(Pose::new(x_m, y_m, 1.0, 0.0));
             let [early, later] = [0, 300_000_000].map(|t_ns| Evidence { pose: at, t_ns, ..ALOFT });
-            settling.note(early.t_ns, early.pose, false, 1.0);
-            assert!(!settling.is_over(), "nothing shows that it does not climb");
-            settling.note(later.t_ns, later.pose, false, 1.0);
-            assert_eq!(settling.is_over(), is_over, "{x_m}, {y_m} m");
+            hover.update(early.t_ns, early.pose, false, 1.0);
+            assert!(!hover.is_over(), "nothing shows that it does not climb");
+            hover.update(later.t_ns, later.pose, false, 1.0);
+            assert_eq!(hover.is_over(), is_over, "{x_m}, {y_m} m");
         }
     }
 }

@@ -1,11 +1,9 @@
 //! The arrival cost against a Kalman filter, which knows the same by other means.
 
-use horizon_model::{Matrix, Vector};
 use std::ops::Range;
 
-use horizon_model::check::amax;
-use horizon_model::check::jacobian_gap;
-use horizon_model::{Bounds, Row};
+use horizon_model::check::{amax, jacobian_gap};
+use horizon_model::{Bounds, Matrix, Row, Vector};
 use nalgebra::{DMatrix, DVector};
 
 use super::*;
@@ -190,7 +188,7 @@ impl Kalman {
 
 #[test]
 fn the_information_on_the_parameter_is_the_schur_complement() {
-    let mut arrival = Arrival::<NS, NP>::new(C_0, NEVER_S, DT_S, None);
+    let mut arrival = ArrivalCost::<NS, NP>::new(C_0, NEVER_S, DT_S, None);
     arrival.hessian_ss = Matrix::from_row_slice(&[4.0, 1.0, 0.0, 1.0, 3.0, 0.5, 0.0, 0.5, 2.0]);
     arrival.hessian_sp = Matrix::from_row_slice(&[1.0, 0.0, -0.5, 0.3, 0.2, 1.0]);
     arrival.hessian_pp = Matrix::from_row_slice(&[5.0, 0.4, 0.4, 6.0]);
@@ -228,7 +226,7 @@ fn joint(s: &State, p: &Parameter) -> Vector<ALL> {
 }
 
 /// The information matrix of state and parameter.
-fn information(arrival: &Arrival<NS, NP>) -> Matrix<ALL, ALL> {
+fn information(arrival: &ArrivalCost<NS, NP>) -> Matrix<ALL, ALL> {
     let mut h = Matrix::<ALL, ALL>::zeros();
     h.fixed_view_mut::<NS, NS>(0, 0).copy_from(&arrival.hessian_ss);
     h.fixed_view_mut::<NS, NP>(0, NS).copy_from(&arrival.hessian_sp);
@@ -238,7 +236,7 @@ fn information(arrival: &Arrival<NS, NP>) -> Matrix<ALL, ALL> {
 }
 
 /// Information about the parameter while nothing else is known of the state.
-fn marginal(arrival: &Arrival<NS, NP>) -> Matrix<NP, NP> {
+fn marginal(arrival: &ArrivalCost<NS, NP>) -> Matrix<NP, NP> {
     let hessian_ss = arrival.hessian_ss.try_inverse().unwrap();
     let b = arrival.hessian_sp;
     arrival.hessian_pp - b.transpose() * hessian_ss * b
@@ -324,7 +322,7 @@ fn forgetting_mixes_the_information_of_the_window_with_the_prior() {
     let gap = amax(&(information(&forgetting) - expected)) / amax(&expected);
     assert!(gap < 1e-14, "information gap {gap:e}");
     let (s, p) = (State::new(0.1, 0.2, 0.3), Parameter::new(2.0, -1.0));
-    let at = |arrival: &Arrival<NS, NP>| {
+    let at = |arrival: &ArrivalCost<NS, NP>| {
         let (by_s, by_p) = arrival.gradient(&s, &p);
         joint(&by_s, &by_p)
     };

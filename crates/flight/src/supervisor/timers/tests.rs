@@ -13,7 +13,7 @@ fn lands(e: &Evidence, ticks: u32) -> bool {
 }
 
 #[test]
-fn one_missed_period_in_eleven_never_ends_a_flight() {
+fn one_missed_period_per_ten_ticks_never_ends_a_flight() {
     // The missed one is the eleventh of ten ticks.
     let late = Evidence { skipped: 1, ..ALOFT };
     assert_eq!([9, 10].map(|ticks| lands(&late, ticks)), [true, false]);

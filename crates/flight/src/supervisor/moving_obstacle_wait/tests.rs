@@ -4,10 +4,10 @@ use super::super::tests::*;
 use super::super::*;
 
 #[test]
-fn an_obstacle_that_comes_near_is_let_past_before_the_landing_for_a_minute_at_most() {
+fn a_landing_waits_for_an_obstacle_that_comes_near_for_a_minute_at_most() {
     let done = Evidence { is_mission_done: true, ..ALOFT };
-    let comes = with_obstacles(done, |it| it.is_approached = true);
-    let walks = with_obstacles(done, |it| it.may_be_approached = true);
+    let comes = with_obstacles(done, |it| it.approach = ObstacleApproach::Predicted);
+    let walks = with_obstacles(done, |it| it.approach = ObstacleApproach::Possible);
     let hidden = with_obstacles(done, |it| it.is_unseen = true);
     let ends_after = |evidence: &dyn Fn(usize) -> Evidence| {
         let mut fixture = Fixture::flying();
@@ -38,7 +38,10 @@ fn nobody_takes_off_where_the_moving_obstacle_was_near_within_four_seconds() {
         faults(fixture.tick(e)).contains(&Fault::StartMisplaced)
     };
     assert!(!stays_down(&mut fixture, &CALM));
-    assert!(stays_down(&mut fixture, &with_obstacles(CALM, |it| it.may_be_approached = true)));
+    assert!(stays_down(
+        &mut fixture,
+        &with_obstacles(CALM, |it| it.approach = ObstacleApproach::Possible)
+    ));
     // 0.1 s a tick.
     let free_after = (0..50).find(|_| !stays_down(&mut fixture, &CALM));
     assert_eq!(free_after, Some(39), "4 s");
@@ -47,10 +50,10 @@ fn nobody_takes_off_where_the_moving_obstacle_was_near_within_four_seconds() {
 #[test]
 fn an_obstacle_came_near_in_the_four_seconds_after_it_did_and_not_by_walking_beside() {
     let mut fixture = Fixture::flying();
-    fixture.pass(1, &with_obstacles(ALOFT, |it| it.may_be_approached = true));
+    fixture.pass(1, &with_obstacles(ALOFT, |it| it.approach = ObstacleApproach::Possible));
     assert!(!fixture.supervisor.was_approached(fixture.t_ns), "it only walks near");
     let came_ns = fixture.t_ns;
-    fixture.pass(1, &with_obstacles(ALOFT, |it| it.is_approached = true));
+    fixture.pass(1, &with_obstacles(ALOFT, |it| it.approach = ObstacleApproach::Predicted));
     let after_ms = [0, 3999, 4000, 9000];
     let found = after_ms.map(|ms| fixture.supervisor.was_approached(came_ns + ms * 1_000_000));
     assert_eq!(found, [true, true, false, false]);
@@ -58,7 +61,7 @@ fn an_obstacle_came_near_in_the_four_seconds_after_it_did_and_not_by_walking_bes
 
 #[test]
 fn somebody_who_paces_beside_the_vehicle_explains_twenty_seconds_and_is_believed_again_later() {
-    let comes = with_obstacles(ALOFT, |it| it.is_approached = true);
+    let comes = with_obstacles(ALOFT, |it| it.approach = ObstacleApproach::Predicted);
     let mut fixture = Fixture::flying();
     let mut counted = |ticks: u32, e: &Evidence| {
         let was_approached = |_: &u32| {
@@ -67,7 +70,7 @@ fn somebody_who_paces_beside_the_vehicle_explains_twenty_seconds_and_is_believed
         };
         (0..ticks).filter(was_approached).count()
     };
-    let by_hand = Evidence { is_by_hand: true, ..comes };
+    let by_hand = Evidence { hand: HandInput::Steering, ..comes };
     counted(600, &by_hand);
     let believed = counted(600, &comes);
     assert!((199..=203).contains(&believed), "{believed} ticks of 0.1 s");

@@ -75,7 +75,7 @@ impl ArrivalTable {
 
 /// `Gamma(s, p) = 1/2 |(s, p) - mean|^2_H`: never negative, and zero at the mean.
 #[derive(Debug, Clone)]
-pub(crate) struct Arrival<const NS: usize, const NP: usize> {
+pub(crate) struct ArrivalCost<const NS: usize, const NP: usize> {
     partition: Option<Partition<NS, NP>>,
     c_0: Vector<NS>,
     /// Fraction of the information that is left after one step. 1, in (0, 1]
@@ -90,8 +90,8 @@ pub(crate) struct Arrival<const NS: usize, const NP: usize> {
     hessian_pp: Matrix<NP, NP>,
 }
 
-impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
-    /// An arrival cost without information; [`Arrival::start`] comes before all else.
+impl<const NS: usize, const NP: usize> ArrivalCost<NS, NP> {
+    /// An arrival cost without information; [`ArrivalCost::start`] comes before all else.
     ///
     /// It takes the subsystems of `partition` one by one.
     pub(crate) fn new(
@@ -239,7 +239,7 @@ impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
 }
 
 #[cfg(test)]
-impl<const NS: usize, const NP: usize> Arrival<NS, NP> {
+impl<const NS: usize, const NP: usize> ArrivalCost<NS, NP> {
     pub(crate) fn undivided(self) -> Self {
         Self { partition: None, ..self }
     }
@@ -285,7 +285,9 @@ pub(crate) struct Marginal<const NS: usize, const NP: usize> {
     pub(crate) block: Block<NS, NP>,
     /// Rows of the parameter.
     pub(crate) parameter_block: ReducedSystem<NP>,
+    /// Step of the state to the minimum. Unit of each row
     pub(crate) s_step: Vector<NS>,
+    /// Step of the parameter to the minimum. Unit of each row
     pub(crate) p_step: Vector<NP>,
 }
 

@@ -3,10 +3,9 @@
 //! Owns the tally over many identifications. Where the data come from, and how they are identified, is
 //! the caller's.
 
-use horizon_model::Vector;
 use std::ops::Range;
 
-use horizon_model::Model;
+use horizon_model::{Model, Vector};
 use rayon::prelude::*;
 use thiserror::Error;
 

@@ -1,9 +1,8 @@
-use horizon_model::Vector;
 use std::convert::Infallible;
 use std::f64::consts::TAU;
 
-use horizon_model::Kinematic;
 use horizon_model::rows::{Pose, Sticks};
+use horizon_model::{Kinematic, Vector};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 

@@ -1,18 +1,20 @@
-//! What the supervisor remembers from tick to tick: the timers of the conditions, failed solves and missed periods,
+//! State of the supervisor from tick to tick: the timers of the conditions, failed solves and missed periods,
 //! the signs that the take-off order was received, and the height of the ground.
 //!
-//! Owns the order in which this memory is updated. What follows from a condition stands in `conditions.rs`.
+//! Owns the timers and the order of the updates. What follows from a condition stands in `conditions.rs`.
 
 use horizon_model::rows::pose;
 
+use super::condition_timer::{HoldTimer, LeakyTimer, ReportTimer};
 use super::conditions::is_confirmed;
 use super::evidence::{Evidence, Phase};
-use super::{Supervisor, TakeOffSeen, exceeds};
+use super::take_off::TakeOffSeen;
+use super::{Supervisor, exceeds};
 use crate::forgetting::LeakySum;
 use crate::time::SpanNs;
 
-/// Missed periods subtracted from their sum at each tick: one missed period in eleven never ends a flight. periods per
-/// tick
+/// Missed periods subtracted from their sum at each tick: one missed period per ten ticks never ends a flight.
+/// periods per tick
 const LATE_LEAK: f64 = 0.1;
 
 /// Failures subtracted from their sum at each tick without a failure, off the ground: one failed solve in three never
@@ -25,22 +27,65 @@ const HEADING_OFF_REFERENCE_RAD: f64 = 1.0;
 /// Yaw rate above which a vehicle in an outage is turning: then its heading counts in an outage, too. rad/s
 const TURNING_RADPS: f64 = 0.3;
 
+/// For how long each of these conditions has held.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Timers {
+    /// In flight the drone reports that it stands.
+    pub(super) reports_standing: ReportTimer,
+    /// The drone reports its charge as critical.
+    pub(super) battery_critical: ReportTimer,
+    /// In the take-off the pose is still while the drone reports that it climbs.
+    pub(super) still_in_climb: HoldTimer,
+    /// The drone reports that it flies and no measurement shows that it rises.
+    pub(super) not_rising: HoldTimer,
+    /// The mission is done.
+    pub(super) mission_done: HoldTimer,
+    /// The vehicle that the controller flies is too far from its reference.
+    pub(super) off_reference: HoldTimer,
+    /// The vehicle's velocity is far from that of its reference.
+    pub(super) velocity_off_reference: LeakyTimer,
+    /// Plans are blocked.
+    pub(super) blocked: LeakyTimer,
+    /// The pose is still below the reference: the vehicle seems to stand on something.
+    pub(super) standing_below_reference: HoldTimer,
+    /// The heading is far from that of the reference.
+    pub(super) heading_off_reference: HoldTimer,
+    /// The vehicle is too fast.
+    pub(super) too_fast: HoldTimer,
+    /// The dead time is too long.
+    pub(super) dead_time_long: HoldTimer,
+    /// The sticks in a person's hand are neutral.
+    pub(super) hand_neutral: HoldTimer,
+    /// The sticks are neutral while the vehicle is outside of the room or too fast.
+    pub(super) hand_neutral_in_danger: HoldTimer,
+    /// The vehicle brakes before a landing.
+    pub(super) braking: HoldTimer,
+    /// The moving obstacle came near within the last seconds.
+    pub(super) approached: LeakyTimer,
+    /// The drone reports that it flies, without an order to take off.
+    pub(super) flying_unordered: ReportTimer,
+    /// There is a command outage that the drone does not confirm.
+    pub(super) outage_unconfirmed: HoldTimer,
+    /// The moving obstacle comes near, or its position is unknown, while the vehicle cannot evade it yet.
+    pub(super) obstacle_near: HoldTimer,
+}
+
 impl Supervisor {
-    /// Updates the whole memory.
-    pub(super) fn remember(&mut self, e: &Evidence) {
+    /// Updates timers, sums and evidence by those of this tick.
+    pub(super) fn update_timers(&mut self, e: &Evidence) {
         self.began_ns.get_or_insert(e.t_ns);
-        self.remember_failures(e);
-        self.remember_ground_and_take_off(e);
-        self.remember_landing(e);
-        self.remember_reports(e);
-        self.remember_climb(e);
-        self.remember_flight(e);
-        self.remember_settling(e);
-        self.remember_obstacle(e);
+        self.update_failure_sums(e);
+        self.update_take_off_evidence(e);
+        self.update_landing_confirmation(e);
+        self.update_report_timers(e);
+        self.update_climb_timers(e);
+        self.update_flight_timers(e);
+        self.update_hover_after_take_off(e);
+        self.update_obstacle_timers(e);
     }
 
     /// Updates the failures of solvers and the missed periods.
-    fn remember_failures(&mut self, e: &Evidence) {
+    fn update_failure_sums(&mut self, e: &Evidence) {
         let has_failed = e.has_estimator_failed || self.is_without_plan(e);
         match self.phase {
             _ if has_failed => self.failures.add(1.0),
@@ -52,7 +97,7 @@ impl Supervisor {
     }
 
     /// Updates the heights on the ground, and what has been seen of the take-off.
-    fn remember_ground_and_take_off(&mut self, e: &Evidence) {
+    fn update_take_off_evidence(&mut self, e: &Evidence) {
         let reports_flying = self.drone_reports_flying(e);
         let is_standing = self.phase == Phase::Idle && reports_flying != Some(true);
         if is_standing && !self.is_pose_stale(e) {
@@ -71,7 +116,7 @@ impl Supervisor {
     }
 
     /// Updates for how long the drone has reported something.
-    fn remember_reports(&mut self, e: &Evidence) {
+    fn update_report_timers(&mut self, e: &Evidence) {
         let reported_ns = e.drone.map(|drone| e.t_ns - SpanNs::from_seconds(drone.age_s).0);
         self.timers.flying_unordered.update(self.reports_flight_before_order(e), reported_ns);
         // After a report that the drone flies, a report that it stands is newer. Before, it may be an old one.
@@ -91,7 +136,7 @@ impl Supervisor {
     }
 
     /// Updates for how long a vehicle that takes off has risen by one source and not by another.
-    fn remember_climb(&mut self, e: &Evidence) {
+    fn update_climb_timers(&mut self, e: &Evidence) {
         let climbs_still = self.phase == Phase::TakingOff
             && e.findings.still_s.is_some()
             && self.drone_has_risen(e);
@@ -100,29 +145,31 @@ impl Supervisor {
     }
 
     /// Updates the timers of the faults of a flight and of the end of the mission.
-    fn remember_flight(&mut self, e: &Evidence) {
-        let is_done = e.is_mission_done && !e.is_by_hand;
+    fn update_flight_timers(&mut self, e: &Evidence) {
+        let is_done = e.is_mission_done && !e.is_by_hand();
         self.timers.mission_done.update(is_done, e.t_ns);
         let is_flying = self.is_flying();
-        let is_left_to_controller = is_flying && !e.is_by_hand;
+        let is_left_to_controller = is_flying && !e.is_by_hand();
         let is_off = is_left_to_controller && self.is_off_reference(e);
         self.timers.off_reference.update(is_off, e.t_ns);
-        self.remember_velocity_off_reference(e);
+        self.update_velocity_off_reference(e);
         self.timers.standing_below_reference.update(self.seems_to_stand(e), e.t_ns);
         // In an outage the reference may turn while the vehicle does not.
         let is_turning =
             e.motion.is_some_and(|motion| motion.rate[pose::THETA].abs() > TURNING_RADPS);
         let heading_counts = is_left_to_controller && (e.outage.is_none() || is_turning);
         let is_heading_off = heading_counts
-            && e.tracking.turned_rad.is_some_and(|rad| exceeds(rad, HEADING_OFF_REFERENCE_RAD));
+            && e.tracking
+                .heading_growth_rad
+                .is_some_and(|rad| exceeds(rad, HEADING_OFF_REFERENCE_RAD));
         self.timers.heading_off_reference.update(is_heading_off, e.t_ns);
         let is_fast = is_flying && exceeds(e.speed_mps, self.table.failsafe.speed_mps);
         self.timers.too_fast.update(is_fast, e.t_ns);
         let is_long = is_left_to_controller && e.is_dead_time_long;
         self.timers.dead_time_long.update(is_long, e.t_ns);
-        self.remember_idle_hand(e, is_fast);
-        self.remember_blocked(e);
-        self.remember_stuck(e);
+        self.update_idle_hand_timers(e, is_fast);
+        self.update_blocked_timer(e);
+        self.update_stuck_detection(e);
         let is_unconfirmed = is_flying && e.outage.is_some() && !is_confirmed(&e.findings);
         self.timers.outage_unconfirmed.update(is_unconfirmed, e.t_ns);
     }
