@@ -162,7 +162,8 @@ fn worst_of<const M: usize, const N: usize>(given: &Matrix<M, N>, numeric: &Matr
 ///
 /// Checked are the four Jacobians, that of [`Model::coasting`], those of [`Model::linearize`] and
 /// [`Model::linearize_by_input`], the Hessians if the model has them, the rows behind [`Model::CONTROLLABLE`], which
-/// neither inputs nor controllable rows may move, and [`Model::subsystems`], which must not be coupled. Derivatives are compared with central differences.
+/// neither inputs nor controllable rows may move, and [`Model::subsystems`], which must not be coupled. Derivatives are
+/// compared with central differences.
 ///
 /// Functions that must agree with others are compared with these: [`Model::prepared`] with the model, `core` with the
 /// step at the effective input, `effect` of `input_for` with the effect, and the observation of [`Model::at_rest`] with

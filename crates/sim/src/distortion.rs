@@ -54,8 +54,8 @@ impl Distortion {
         }
     }
 
-    /// Another object in the place of the drone, or a measurement that is wrong by a way, a velocity, a frame, a heading
-    /// or noise.
+    /// Another object in the place of the drone, or a measurement that is wrong by a way, a velocity, a frame, a
+    /// heading or noise.
     fn distort(&mut self, o: &mut Pose, present: &Present) {
         let (at, elapsed_s) = (present.pose_onset, present.elapsed_s);
         match present.fault {

@@ -10,8 +10,8 @@
 pub mod encode;
 pub mod packet;
 
+use core::net::SocketAddrV4;
 use std::collections::BTreeMap;
-use std::net::SocketAddrV4;
 use std::time::Duration;
 
 use packet::{FrameEnd, ServerInfo, Version, id};

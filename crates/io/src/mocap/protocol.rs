@@ -4,8 +4,8 @@
 //! one body and turns it into our frame; a survey takes all. What a new protocol takes is listed in `ARCHITECTURE.md`.
 //! Measurement times, repeated frames, statistics, queue and connections are shared by all.
 
+use core::net::SocketAddrV4;
 use std::fmt::Debug;
-use std::net::SocketAddrV4;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 

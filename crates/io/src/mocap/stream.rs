@@ -3,7 +3,7 @@
 //! Owns what all sources have in common: the order of frames, their measurement times and their statistics.
 //! Pure, so that virtual time and sockets use it.
 
-use std::net::SocketAddrV4;
+use core::net::SocketAddrV4;
 use std::time::Duration;
 
 use horizon_model::rows::{Pose, pos_w};

@@ -1,5 +1,5 @@
-//! A quadratic problem solved by hand, and the choice of the Hessian where an active bound hides a direction of negative
-//! curvature.
+//! A quadratic problem solved by hand, and the choice of the Hessian where an active bound hides a direction of
+//! negative curvature.
 
 use horizon_model::check::maximum;
 use horizon_model::{HessianKind, HessianRequest, InputHessian, Matrix, Model, Vector};

@@ -75,13 +75,13 @@ fn an_iteration_limit_is_reported_and_is_no_error() {
     table.map.solver.iterations_max = 1;
     let result = fit(&fixtures::job(&table, &logs)).unwrap();
     assert!(!result.has_converged);
-    let said = result
+    let is_reported = result
         .fit
         .verdict
         .iter()
         .chain(&result.fit.refused)
         .any(|why| why.contains("the solver did not converge"));
-    assert!(said, "{:?}, {:?}", result.fit.verdict, result.fit.refused);
+    assert!(is_reported, "{:?}, {:?}", result.fit.verdict, result.fit.refused);
 }
 
 #[test]

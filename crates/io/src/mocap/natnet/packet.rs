@@ -6,7 +6,7 @@
 
 #![deny(clippy::indexing_slicing)]
 
-use std::net::{Ipv4Addr, SocketAddrV4};
+use core::net::{Ipv4Addr, SocketAddrV4};
 
 use crate::mocap::bytes::Bytes;
 
