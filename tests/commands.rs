@@ -228,7 +228,7 @@ fn a_dry_run_plans_and_sends_nothing() {
     interrupt(&child);
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-    assert!(text(&output).contains("result        dry run ended\n"), "{}", text(&output));
+    assert!(text(&output).contains("\"is_dry_run\":true"), "{}", text(&output));
     let (heights, _) = heights(&folder.join("flight.mcap"));
     assert!(heights.iter().all(|(_, z)| *z < 0.1), "the drone moved: {}", text(&output));
     let mut log = LogReader::open(&folder.join("flight.mcap")).unwrap().select(&["/control/plan"]);

@@ -101,7 +101,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
         // A drone of its own for each check, as if it had been switched off and on.
         let emulator = arguments.sim.then(|| simulate(arguments, &mut table)).transpose()?;
         let settings = TelloSettings::try_from(&table).map_err(|error| error.under("tello"))?;
-        let _lock = Lock::take(&table)?;
+        let _lock = Lock::drone(&table)?;
         let mut link = BenchConnection::bind(&settings, check.site)?;
         stdio::note(described(number, check));
         let verdict = run_check(check, &mut link, &console, &table, &arguments.report)?;

@@ -187,7 +187,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Verdict> {
     } else {
         None
     };
-    let _lock = Lock::take(&table.tello)?;
+    let _drone = Lock::drone(&table.tello)?;
+    // A dry run may watch the object of a flight.
+    let _object = (!arguments.dry_run).then(|| Lock::object(&table.mocap)).transpose()?;
     preflight::probe(arguments, &table)?;
     let orders = preflight::arm(arguments, &table, &flight)?;
     signals::block()?;

@@ -29,7 +29,7 @@ pub(crate) fn tracks(title: &str, seen: &[SeenFlights<'_>]) -> Figure {
     tracks_among(title, seen, &[])
 }
 
-/// [`tracks`] among obstacles, each a closed polyline of x and y in the world frame. m
+/// `tracks` among obstacles, each a closed polyline of x and y in the world frame. m
 pub fn tracks_among(
     title: &str,
     seen: &[SeenFlights<'_>],

@@ -62,7 +62,7 @@ pub struct MocapClient {
 impl MocapClient {
     /// A client that is not yet connected, and the receiver of its sightings.
     ///
-    /// The queue between them holds [`QUEUE_SIGHTINGS`]; a sighting that finds it full is dropped and counted.
+    /// The queue between them holds `QUEUE_SIGHTINGS`; a sighting that finds it full is dropped and counted.
     /// Allocates the queue.
     pub fn new(settings: MocapSettings, clock: Clock) -> (Self, MocapFeed) {
         let (producer, consumer) = RingBuffer::new(QUEUE_SIGHTINGS);

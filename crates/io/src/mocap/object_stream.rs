@@ -82,7 +82,7 @@ fn object(bytes: &[u8]) -> Option<Body<'_>> {
 /// Appends a block of `size` bytes with as many of `bodies` as fit, at most 255; none if `size` is below the head.
 /// Returns their number.
 ///
-/// A longer name is cut to [`NAME_BYTES_MAX`] bytes.
+/// A longer name is cut to `NAME_BYTES_MAX` bytes.
 pub fn encode_block(frame: u32, bodies: &[Body<'_>], size: usize, to: &mut Vec<u8>) -> usize {
     let begin = to.len();
     let fitting = size.saturating_sub(HEAD_BYTES) / (ITEM_HEAD_BYTES + OBJECT_BYTES);

@@ -20,6 +20,8 @@ const OVERTAKEN_MAX: i64 = 20;
 
 /// Two places of one frame further apart are those of two objects. m
 const ONE_PLACE_M: f64 = 0.1;
+/// As much more for each frame between them: 3 m/s at 30 Hz. m
+const FRAME_MOVE_M: f64 = 0.1;
 /// Age of a frame of unknown time when it came: more than a tick is late.
 const UNDATED_AGE: SpanNs = SpanNs(SIGHTING_AGE_MAX.0 + SpanNs::from_ms(1_000).0);
 
@@ -44,7 +46,7 @@ struct FrameOrder {
     measured_at: TimeNs,
     /// When the last sighting came, also on an earlier connection.
     received_at: Option<TimeNs>,
-    /// When a frame last placed the object twice.
+    /// When a frame, or two frames shortly after each other, last placed the object twice.
     doubled_at: Option<TimeNs>,
 }
 
@@ -129,23 +131,18 @@ impl FrameOrder {
     ) -> Option<Sighting> {
         let SourceFrame { number, rate_hz, latency, pose, .. } = frame;
         let back = self.last_frame.map(|last| last.saturating_sub(number));
-        match back {
-            Some(0) => {
-                counters.repeated.count();
-                let is_elsewhere =
-                    |(last, now): (Pose, Pose)| (pos_w(&now) - pos_w(&last)).norm() > ONE_PLACE_M;
-                if self.last_pose.zip(pose).is_some_and(is_elsewhere) {
-                    counters.doubled.count();
-                    self.doubled_at = Some(received_at);
-                }
-                return None;
+        if let Some(back @ 0..=OVERTAKEN_MAX) = back {
+            if back == 0 { &counters.repeated } else { &counters.overtaken }.count();
+            let one_place_m = ONE_PLACE_M + back as f64 * FRAME_MOVE_M;
+            let is_elsewhere =
+                |(last, now): (Pose, Pose)| (pos_w(&now) - pos_w(&last)).norm() > one_place_m;
+            if self.last_pose.zip(pose).is_some_and(is_elsewhere) {
+                counters.doubled.count();
+                self.doubled_at = Some(received_at);
             }
-            Some(1..=OVERTAKEN_MAX) => {
-                counters.overtaken.count();
-                return None;
-            }
-            _ => (self.last_frame, self.last_pose) = (Some(number), pose),
+            return None;
         }
+        (self.last_frame, self.last_pose) = (Some(number), pose);
         let sent_at = received_at.after(SpanNs(latency.0.saturating_neg()));
         let known = self.clock.measured_at(&frame, sent_at);
         counters.note_clock(self.clock.is_confirmed(), self.clock.count_hz());
@@ -292,6 +289,24 @@ mod tests {
         assert_eq!(seen(100, 200, Some(1.02)), 100);
         assert_eq!(seen(200, 300, Some(1.5)), 1, "the first cannot be known");
         assert_eq!(seen(300, 400, None), 51);
+    }
+
+    #[test]
+    fn a_second_source_that_is_a_few_numbers_ahead_replaces_no_frames_unseen() {
+        // (numbers ahead, further on in m, poses seen of 100)
+        for (ahead, further_m, expected) in [(3, 0.35, 100), (3, 0.45, 1), (20, 2.2, 1)] {
+            let (mut stream, counters) = (relay(), MocapCounters::default());
+            let mut seen = 0;
+            for frame in 0..100 {
+                let (number, x_m) = (frame + ahead, 1.0 + further_m);
+                let text = format!("{number} 100.0 tello 0 {x_m} 2 3 0 0 0.5\n");
+                let at = TimeNs(0).after(SpanNs::from_ms(10 * frame));
+                let take = |sighting: Sighting| seen += i64::from(sighting.pose.is_some());
+                stream.push((text + &line(frame, 100.0)).as_bytes(), at, &counters, take).unwrap();
+            }
+            assert_eq!(seen, expected, "{ahead} ahead, {further_m} m further on");
+            assert_eq!(counters.overtaken.get(), 100);
+        }
     }
 
     #[test]

@@ -20,6 +20,7 @@ mod binary;
 mod down_detection;
 mod guard;
 mod inbound;
+mod landing_repetition;
 mod messages;
 mod sending;
 mod text;
@@ -27,13 +28,14 @@ mod text;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use tello_flight::drone::{CONTROL_SILENCE_NEUTRAL, DroneOrder, LAND_PERIOD, TAKE_OFF_TAIL};
+use tello_flight::drone::{CONTROL_SILENCE_NEUTRAL, DroneOrder, TAKE_OFF_TAIL};
 use tello_flight::gate::Approved;
 
 use super::LinkCounters;
 use crate::clock::{SpanNs, TimeNs};
 use binary::BinaryProtocol;
 use down_detection::{AirborneSources, Rest};
+use landing_repetition::LandingRepetition;
 use messages::SessionProtocol;
 use text::TextProtocol;
 
@@ -124,7 +126,7 @@ enum SessionPhase {
     /// The control thread steers.
     Steered { approved: Approved, approved_at: TimeNs, again_at: TimeNs },
     /// The landing is repeated until the drone has been down for a while.
-    Landing { again_at: TimeNs, at_rest: Option<Rest> },
+    Landing { repetition: LandingRepetition, at_rest: Option<Rest> },
     /// The landing ended, and with it the flight: only another landing or an emergency stop may be
     /// ordered. The landing is resumed, at `again_at` or later, if a source reports that the drone is airborne.
     Landed { again_at: TimeNs },
@@ -191,7 +193,7 @@ impl Session {
         self.outbox.drain(..)
     }
 
-    /// Does what is due at `now`. To be called after every event and at [`Session::next_deadline`]. Real time:
+    /// Does what is due at `now`. To be called after every event and at `Session::next_deadline`. Real time:
     /// constant; allocates only if the outbox grows.
     pub fn advance(&mut self, now: TimeNs) {
         self.keep_link(now);
@@ -213,10 +215,10 @@ impl Session {
                 self.phase = SessionPhase::Steered { approved, approved_at, again_at };
                 self.send_sticks(approved, now);
             }
-            SessionPhase::Landing { again_at, at_rest } if now >= again_at => {
-                let again_at = now.after(LAND_PERIOD);
-                self.phase = SessionPhase::Landing { again_at, at_rest };
-                self.send_landing(now);
+            SessionPhase::Landing { mut repetition, at_rest } if now >= repetition.again_at => {
+                let has_neutral = repetition.take(now);
+                self.phase = SessionPhase::Landing { repetition, at_rest };
+                self.send_landing(has_neutral, now);
             }
             SessionPhase::EmergencyStop(stop) if now >= stop.again_at => {
                 self.continue_emergency_stop(stop, now);
@@ -276,11 +278,11 @@ impl Session {
         };
         match self.phase {
             SessionPhase::Quiet | SessionPhase::Landed { .. } | SessionPhase::MotorsStopped => link,
-            SessionPhase::Landing { again_at, at_rest: Some(rest) } => {
-                link.min(again_at).min(rest.is_over_at(LAND_REST))
+            SessionPhase::Landing { repetition, at_rest } => {
+                let over_at = at_rest.map(|rest| rest.is_over_at(LAND_REST));
+                link.min(repetition.again_at).min(over_at.unwrap_or(link))
             }
             SessionPhase::Steered { again_at, .. }
-            | SessionPhase::Landing { again_at, .. }
             | SessionPhase::EmergencyStop(EmergencyStop { again_at, .. }) => link.min(again_at),
         }
     }
@@ -354,7 +356,7 @@ impl Session {
     pub(crate) fn note_refused(&mut self, now: TimeNs) {
         let soon = now.after(REFUSED_PERIOD);
         match &mut self.phase {
-            SessionPhase::Landing { again_at, .. }
+            SessionPhase::Landing { repetition: LandingRepetition { again_at, .. }, .. }
             | SessionPhase::EmergencyStop(EmergencyStop { again_at, .. }) => {
                 *again_at = soon.min(*again_at);
             }
@@ -383,7 +385,8 @@ impl Session {
         // A caller that orders it in every period must not shorten the time between two of them.
         let again_at =
             if let SessionPhase::Landed { again_at } = self.phase { again_at } else { now };
-        self.phase = SessionPhase::Landing { again_at, at_rest: None };
+        let repetition = LandingRepetition::begin(now, again_at);
+        self.phase = SessionPhase::Landing { repetition, at_rest: None };
         self.advance(now);
     }
 }

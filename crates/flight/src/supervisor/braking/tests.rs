@@ -150,7 +150,7 @@ fn a_vehicle_that_does_not_get_lower_or_receives_nothing_is_landed() {
         ("comes down", DONE, 0.04, 23),
         ("stands on something", DONE, 0.0, 15),
         ("hardly sinks", DONE, 0.005, 15),
-        ("sinks slowly", DONE, 0.0095, 95),
+        ("sinks slowly", DONE, 0.008, 95),
         ("never becomes slow", drifts, 0.04, 15),
         ("an outage", Evidence { outage: Some(released), ..DONE }, 0.04, 1),
     ] {

@@ -65,8 +65,8 @@ impl Fault {
                 "the drone refuses to start (battery, heat, tilt); another object is tracked in its place"
             }
             Self::LandingTimeout => {
-                "Wi-Fi is interrupted; another object is tracked in its place; z of the motion capture is not up (mocap \
-                 watch)"
+                "Wi-Fi is interrupted; another program or app steers the drone; another object is tracked in its place; z \
+                 of the motion capture is not up (mocap watch)"
             }
             Self::PersonGone => "nobody steers: hand back to the controller or land",
             _ => return None,

@@ -40,7 +40,7 @@ pub struct Packets {
 
 impl Packets {
     /// Calls `on_packet` with kind and body, without the head, of each packet that `piece` completes; the rest is kept
-    /// for the next piece. Allocates only if more is kept than ever before: at most a packet of [`PACKET_BYTES_MAX`]
+    /// for the next piece. Allocates only if more is kept than ever before: at most a packet of `PACKET_BYTES_MAX`
     /// and a piece.
     ///
     /// # Errors

@@ -3,6 +3,7 @@
 use tello_flight::drone::TAKE_OFF_UNSEEN;
 
 use super::down_detection::Rest;
+use super::landing_repetition::LandingRepetition;
 use super::{
     DroneOrder, EMERGENCY_REST, LAND_REST, LAST_LANDING_TIME, Session, SessionPhase, TAKE_OFF_TIME,
     TakeOffOrder,
@@ -83,14 +84,15 @@ impl Session {
         let is_over =
             |rest: Option<Rest>, hold| rest.is_some_and(|rest| now >= rest.is_over_at(hold));
         match &mut self.phase {
-            SessionPhase::Landing { again_at, at_rest } => {
+            SessionPhase::Landing { repetition, at_rest } => {
                 *at_rest = rest(*at_rest);
                 if is_over(*at_rest, LAND_REST) {
-                    self.phase = SessionPhase::Landed { again_at: *again_at };
+                    self.phase = SessionPhase::Landed { again_at: repetition.again_at };
                 }
             }
             SessionPhase::Landed { again_at } if is_airborne => {
-                self.phase = SessionPhase::Landing { again_at: *again_at, at_rest: None };
+                let repetition = LandingRepetition::begin(now, *again_at);
+                self.phase = SessionPhase::Landing { repetition, at_rest: None };
             }
             SessionPhase::EmergencyStop(stop) => {
                 stop.at_rest = rest(stop.at_rest);
@@ -191,7 +193,8 @@ mod tests {
     fn without_any_source_what_was_sent_decides() {
         let steered =
             SessionPhase::Steered { approved: approved(0.5), approved_at: ms(0), again_at: ms(0) };
-        let landing = SessionPhase::Landing { again_at: ms(0), at_rest: None };
+        let repetition = LandingRepetition::begin(ms(0), ms(0));
+        let landing = SessionPhase::Landing { repetition, at_rest: None };
         let landed = SessionPhase::Landed { again_at: ms(0) };
         for (phase, reported, may_have_flown, was_connected, expected) in [
             (SessionPhase::Quiet, None, false, true, false),

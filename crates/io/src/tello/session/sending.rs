@@ -25,15 +25,17 @@ impl Session {
         }
     }
 
-    /// Neutral sticks and directly after them LAND. A request for a connection that is overdue goes before
-    /// both, so that nothing stands between them: a drone that has restarted ignores LAND without one.
-    pub(super) fn send_landing(&mut self, now: TimeNs) {
+    /// LAND, and neutral sticks directly before it if `has_neutral`. A request for a connection that is overdue goes
+    /// before both, so that nothing stands between them: a drone that has restarted ignores LAND without one.
+    pub(super) fn send_landing(&mut self, has_neutral: bool, now: TimeNs) {
         if let Connection::Disconnected { again_at, is_overdue: is_overdue @ true } = &mut self.link
         {
             (*again_at, *is_overdue) = (now.after(CONNECT_PERIOD), false);
             self.protocol.request_connection(&mut self.outbox);
         }
-        self.send_neutral(now);
+        if has_neutral {
+            self.send_neutral(now);
+        }
         // With a number of its own: a drone may take a known number for a copy of a landing that the
         // neutral sticks have just cancelled.
         self.protocol.begin(DroneOrder::Land, now);
@@ -71,7 +73,7 @@ impl Session {
             ..stop
         });
         if is_landing {
-            self.send_landing(now);
+            self.send_landing(true, now);
         } else {
             self.send(DroneOrder::EmergencyStop);
         }
@@ -117,11 +119,11 @@ mod tests {
         let text = Session::text(8890, false, Arc::new(LinkCounters::default()));
         for mut session in [session(false), text] {
             session.link = asking(true);
-            session.send_landing(ms(10));
+            session.send_landing(true, ms(10));
             assert_eq!(waiting(&mut session), ["ask", "sticks", "land"]);
             let again_at = ms(10).after(CONNECT_PERIOD);
             assert_eq!(session.link, Connection::Disconnected { again_at, is_overdue: false });
-            session.send_landing(ms(20));
+            session.send_landing(true, ms(20));
             assert_eq!(waiting(&mut session), ["sticks", "land"], "no longer overdue");
         }
     }
@@ -139,7 +141,7 @@ mod tests {
         let mut dry = self::session(true);
         dry.was_connected = true;
         dry.send_sticks(approved(0.5), ms(0));
-        dry.send_landing(ms(0));
+        dry.send_landing(true, ms(0));
         dry.emergency_stop(ms(0));
         assert_eq!((waiting(&mut dry), dry.counters.orders.get()), (Vec::new(), 0));
     }

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn every_landing_follows_neutral_sticks_directly() {
+fn neutral_sticks_go_directly_before_a_landing_but_not_before_every_one() {
     let mut fixture = Fixture::connected();
     fixture.receive(0, &status(true));
     fixture.approve(0, 0.5);
@@ -17,11 +17,12 @@ fn every_landing_follows_neutral_sticks_directly() {
         let Message::Binary(HostPacket::Sticks { u, .. }) = message else { return false };
         *u == Sticks::zeros()
     };
-    assert_eq!(sent.len(), 6, "{sent:?}");
-    for (pair, sequence) in sent.chunks(2).zip(1..) {
-        let land = Message::Binary(HostPacket::Action { action: Action::Land, sequence });
-        assert!(is_neutral(&pair[0]) && pair[1] == land, "{pair:?}, number {sequence}");
+    let land = |sequence| Message::Binary(HostPacket::Action { action: Action::Land, sequence });
+    let [first, second, alone] = sent.chunks(2).collect::<Vec<_>>()[..] else { panic!("{sent:?}") };
+    for (pair, sequence) in [first, second].into_iter().zip(1..) {
+        assert!(is_neutral(&pair[0]) && pair[1] == land(sequence), "{pair:?}, number {sequence}");
     }
+    assert_eq!(alone, [land(3)]);
     assert_eq!(fixture.session.counters.sticks.get(), 1, "these are no sticks of the flight");
 }
 
@@ -280,4 +281,14 @@ fn a_drone_that_has_landed_and_connects_again_is_sent_nothing_but_the_request() 
     fixture.run(2_100, 4_050);
     assert!(fixture.session.counters.is_connected());
     assert_eq!(fixture.sent, [(2_001, Sent::ConnReq)], "no setting, which may end a landing");
+}
+
+#[test]
+fn a_standing_drone_gets_sticks_before_the_first_landing() {
+    let mut fixture = Fixture::connected();
+    fixture.receive(0, &status(false));
+    fixture.approve(1, 0.0);
+    fixture.receive(2, &status(false));
+    fixture.approve(21, 0.0);
+    assert_eq!(fixture.times(is_roll), [1, 21]);
 }

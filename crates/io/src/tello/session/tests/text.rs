@@ -5,16 +5,17 @@ mod take_off;
 use super::*;
 use crate::tello::text::{Command, Query};
 
-/// A session in the text SDK and the story of what it sent.
+/// A session in the text SDK and the story of what it sent, but for the landings that only a burst adds.
 struct Text {
     session: Session,
     sent: Vec<(i64, String)>,
+    landings: Landings,
 }
 
 impl Text {
     fn new() -> Self {
         let session = Session::text(8890, false, Arc::new(LinkCounters::default()));
-        Self { session, sent: Vec::new() }
+        Self { session, sent: Vec::new(), landings: Landings::default() }
     }
 
     /// Connected at 0 ms to a drone that stands, watched for 4 s; what was sent is forgotten.
@@ -28,13 +29,15 @@ impl Text {
         fixture
     }
 
-    /// Takes what is to be sent. Neutral sticks and the `land` behind them are one entry.
+    /// Takes what is to be sent. Neutral sticks and the `land` directly behind them are one entry.
     fn note(&mut self, now_ms: i64) {
         for message in self.session.drain() {
             let Message::Text(command) = message else { panic!("{message:?} in the text SDK") };
             if command == Command::Land {
-                let before = self.sent.pop();
-                assert_eq!(before, Some((now_ms, "rc 0 0 0 0".into())), "directly before LAND");
+                self.sent.pop_if(|(at_ms, text)| *at_ms == now_ms && text == "rc 0 0 0 0");
+                if !self.landings.keep(now_ms) {
+                    continue;
+                }
             }
             self.sent.push((now_ms, command.to_string()));
         }
