@@ -142,7 +142,7 @@ fn is_confirmed(
 ) -> Result<bool> {
     // Enter typed too early would end the connection.
     console.forget_lines();
-    let Ok(found) = link.connect(console) else { return is_stopped(link) };
+    let Ok(found) = link.connect(console) else { return unconfirmed(link) };
     if found.is_none() {
         bail!(
             "no status from {address}: is this computer in the drone's Wi-Fi, and no other program connected?"
@@ -157,7 +157,7 @@ fn is_confirmed(
         return Ok(false);
     }
     // The question may have stood there for long.
-    let Ok(found) = link.connect(console) else { return is_stopped(link) };
+    let Ok(found) = link.connect(console) else { return unconfirmed(link) };
     let Some(status) = found else {
         bail!("the drone sends no status any more: is it still switched on and its Wi-Fi joined?");
     };
@@ -167,9 +167,8 @@ fn is_confirmed(
     Ok(true)
 }
 
-/// Why the drone was not asked any further: the person has stopped it, which is no confirmation, or the guardian is
-/// lost.
-fn is_stopped(link: &BenchConnection) -> Result<bool> {
+/// No confirmation, since the person has stopped the connection; an error if it ended for the guardian.
+fn unconfirmed(link: &BenchConnection) -> Result<bool> {
     if link.has_lost_guardian() {
         bail!("the process tello-guardian was ended or stopped: no motor starts without it");
     }

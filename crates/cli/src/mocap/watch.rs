@@ -1,8 +1,8 @@
 //! `tello-ctl mocap watch`: where one object is in our frame, where up is and which way it points.
 
 mod advice;
+mod turn;
 
-use std::f64::consts::FRAC_PI_2;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -21,18 +21,13 @@ use tokio::signal::ctrl_c;
 use tokio::time::timeout;
 
 use self::advice::print_advice;
+use self::turn::{HeadingTurn, Turn};
 use super::rate;
 use super::source::{self, SourceArgument};
 use crate::{Verdict, stdio};
 
 /// Shortest displacement that gives a direction. m
 pub(super) const DISPLACEMENT_MIN_M: f64 = 0.1;
-
-/// Smallest change of the heading that is a turn by hand, not how a person carries. deg
-const TURN_MIN_DEG: f64 = 30.0;
-
-/// Beyond it, between one place and the next, the side of a turn is not seen. rad
-const TURN_STEP_MAX_RAD: f64 = FRAC_PI_2;
 
 /// Largest distance of a vehicle in a room from the origin, along one axis. m
 const PLACE_MAX_M: f64 = 100.0;
@@ -150,8 +145,7 @@ pub(super) async fn run(arguments: &Arguments) -> Result<Verdict> {
     })
     .await;
     result?;
-    let watched =
-        Watched { turn: turn.shown(), ..watched(&table, &settings, &survey, clock.now()) };
+    let watched = watched(&table, &settings, &survey, turn.shown(), clock.now());
     if arguments.json {
         stdio::line(json!(watched))?;
     } else {
@@ -180,9 +174,9 @@ fn track<'a>(survey: &'a Survey, object: &str) -> Option<&'a SurveyTrack> {
 
 fn seen(track: &SurveyTrack, axes: &Axes, now: TimeNs) -> Option<WatchedPose> {
     let [_, newest] = track.places?;
-    let ([x_m, y_m, z_m], [r00, _, _, r10, _, _, _, _, r22]) = axes.place(&newest);
+    let ([x_m, y_m, z_m], [.., r22]) = axes.place(&newest);
     let age_s = track.seen_at.map_or(0.0, |at| now.since(at).seconds());
-    let heading_deg = r10.atan2(r00).to_degrees();
+    let heading_deg = heading_rad(&newest, axes).to_degrees();
     let tilt_deg = r22.clamp(-1.0, 1.0).acos().to_degrees();
     Some(WatchedPose { x_m, y_m, z_m, heading_deg, tilt_deg, age_s })
 }
@@ -248,44 +242,13 @@ fn heading_rad(at: &Placement, axes: &Axes) -> f64 {
     r10.atan2(r00)
 }
 
-/// A turn about the vertical.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Turn {
-    /// By this angle, whole turns included; positive to the left. deg
-    By(f64),
-    /// Between two places so much that it may have been to the other side.
-    Unseen,
-}
-
-/// Sum of the turns between one place and the next.
-#[derive(Debug, Default)]
-struct HeadingTurn {
-    /// Newest heading. rad
-    theta_rad: Option<f64>,
-    /// Since the first heading; positive to the left. rad
-    turned_rad: f64,
-    is_unseen: bool,
-}
-
-impl HeadingTurn {
-    fn observe(&mut self, theta_rad: f64) {
-        let Some(before_rad) = self.theta_rad.replace(theta_rad) else { return };
-        let step_rad = wrap(theta_rad - before_rad);
-        self.turned_rad += step_rad;
-        self.is_unseen |= step_rad.abs() > TURN_STEP_MAX_RAD;
-    }
-
-    /// The turn; `None` below [`TURN_MIN_DEG`].
-    fn shown(&self) -> Option<Turn> {
-        let turned_deg = self.turned_rad.to_degrees();
-        if self.is_unseen {
-            return Some(Turn::Unseen);
-        }
-        (turned_deg.abs() > TURN_MIN_DEG).then_some(Turn::By(turned_deg))
-    }
-}
-
-fn watched(table: &MocapTable, settings: &MocapSettings, survey: &Survey, now: TimeNs) -> Watched {
+fn watched(
+    table: &MocapTable,
+    settings: &MocapSettings,
+    survey: &Survey,
+    turn: Option<Turn>,
+    now: TimeNs,
+) -> Watched {
     let (object, axes) = (settings.object(), settings.axes());
     let track = track(survey, object);
     let report = track.map(|track| track.report_at(now)).unwrap_or_default();
@@ -294,7 +257,7 @@ fn watched(table: &MocapTable, settings: &MocapSettings, survey: &Survey, now: T
         report,
         now: track.and_then(|track| seen(track, &axes, now)),
         displacement: track.and_then(|track| displacement(track, &axes)),
-        turn: None,
+        turn,
         trouble: survey.trouble.clone(),
         refused: refused(survey),
         settings: table.clone(),
@@ -322,6 +285,8 @@ fn line(survey: &Survey, object: &str, axes: &Axes, now: TimeNs) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
     use tello_io::mocap::{FrameTable, Unit};
 
     use super::advice::axes_with_up;
@@ -360,27 +325,6 @@ mod tests {
         let axes = Axes::new(Some(&table), Unit::Metre).unwrap();
         assert!(displacement(&track, &axes).unwrap().climb_deg > 85.0);
         assert!(displacement(&track_to([0.05, 0.0, 0.0]), &Axes::ours()).is_none(), "too short");
-    }
-
-    /// Turn of an object whose headings were these, one after the other.
-    fn turn_by(headings_deg: &[f64]) -> Option<Turn> {
-        let mut turn = HeadingTurn::default();
-        for heading_deg in headings_deg {
-            turn.observe(wrap(heading_deg.to_radians()));
-        }
-        turn.shown()
-    }
-
-    #[test]
-    fn a_turn_by_hand_is_the_sum_of_what_was_seen_of_it() {
-        assert_eq!(turn_by(&[0.0, 20.0]), None);
-        for expected_deg in [-200.0, -90.0, 120.0, 250.0, 400.0] {
-            let parts = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
-            let turn = turn_by(&parts.map(|part| 170.0 + part * expected_deg));
-            let is_right = matches!(turn, Some(Turn::By(deg)) if (deg - expected_deg).abs() < 1e-9);
-            assert!(is_right, "{expected_deg} degrees: {turn:?}");
-        }
-        assert_eq!(turn_by(&[0.0, 100.0]), Some(Turn::Unseen));
     }
 
     #[test]

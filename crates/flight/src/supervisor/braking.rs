@@ -85,12 +85,12 @@ impl Supervisor {
             self.descent = None;
             return;
         };
-        let at_m = at[pose::Z];
+        let (at_m, is_waiting) = (at[pose::Z], self.is_waiting(e));
         let progresses = match self.descent {
             None => e.speed_mps <= SLOW_MPS,
-            Some(descent) => at_m <= descent.at_m - PROGRESS_M || self.is_waiting(e),
+            Some(descent) => at_m <= descent.at_m - PROGRESS_M || is_waiting,
         };
-        if self.is_waiting(e) {
+        if is_waiting {
             self.timers.braking = HoldTimer::default();
             self.timers.braking.update(true, e.t_ns);
         }

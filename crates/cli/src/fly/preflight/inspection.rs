@@ -66,7 +66,7 @@ async fn look_at_links(table: &FlyTable) -> Result<Found> {
     let (tello, mut drone) = DroneClient::bind(&settings, clock, true)?;
     let (mocap, tello) = (tokio::spawn(sources.run(stop.clone())), tokio::spawn(tello.run(stop)));
     let (mut at, mut moving_at, mut status) = (None, None, None);
-    let mut is_done = false;
+    let (mut is_flying, mut is_done) = (false, false);
     while !is_done {
         sleep(LOOK_PERIOD).await;
         while let Ok(sighting) = feed.sightings.pop() {
@@ -79,7 +79,7 @@ async fn look_at_links(table: &FlyTable) -> Result<Found> {
         let looked_s = clock.now().seconds();
         let has_poses = at.is_some() && (moving_feed.is_none() || moving_at.is_some());
         let has_all = has_poses && status.is_some() && feed.counters.report().has_clock;
-        let is_flying = status.is_some_and(|status| status.is_flying);
+        is_flying = status.is_some_and(|status| status.is_flying);
         is_done = is_flying || looked_s >= if has_all { LOOK_MIN_S } else { LOOK_MAX_S };
     }
     stopper.stop();
@@ -87,7 +87,6 @@ async fn look_at_links(table: &FlyTable) -> Result<Found> {
     tello.await??;
     let mut mocap_trouble = mocap_trouble(table, &feed.counters);
     // A drone that flies is landed at once: nobody waits for names.
-    let is_flying = status.is_some_and(|status| status.is_flying);
     if !is_flying && at.is_none() && feed.counters.report().other_object > 0 {
         mocap_trouble += &streamed(table, clock).await?;
     }

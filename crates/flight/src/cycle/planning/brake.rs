@@ -72,6 +72,7 @@ impl Start {
 }
 
 impl Brake {
+    /// Obeys `order`; where the brake began and holds the vehicle is forgotten when it ends.
     pub(super) fn set(&mut self, order: BrakeOrder) {
         *self = if order.is_on { Self { order, ..*self } } else { Self::default() };
     }
